@@ -1,0 +1,35 @@
+#include "common/cli.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "common/errors.hpp"
+#include "common/version.hpp"
+
+namespace tether {
+
+int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& body) {
+  const auto complain = [&app](const char* what) {
+    std::fflush(stdout);
+    fmt::print(stderr, "{}: error: {}\n", app.get_name(), what);
+  };
+  try {
+    app.parse(argc, argv);
+    return body();
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitOk : kExitUsage;
+  } catch (const UsageError& error) {
+    complain(error.what());
+    return kExitUsage;
+  } catch (const std::exception& error) {
+    complain(error.what());
+    return kExitFailed;
+  }
+}
+
+void add_version(CLI::App& app) {
+  app.set_version_flag("--version", fmt::format("{} {}", app.get_name(), kVersion));
+}
+
+}  // namespace tether

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+namespace tether {
+
+/// Exit codes of all programs.
+enum ExitCode : int { kExitOk = 0, kExitFailed = 1, kExitUsage = 2 };
+
+/// Parses the command line and runs `body`, which returns the exit code. Anything wrong with the
+/// command line, and every UsageError, exits with kExitUsage; other exceptions with kExitFailed;
+/// both after one message on stderr.
+int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& body);
+
+/// `--version` and house style for a program or subcommand.
+void add_version(CLI::App& app);
+
+}  // namespace tether

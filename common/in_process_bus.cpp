@@ -1,0 +1,32 @@
+#include "common/in_process_bus.hpp"
+
+#include <utility>
+
+namespace tether {
+
+void InProcessBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
+  if (receivers(channel).empty()) return;
+  loop_.at(loop_.now(), Priority::delivery,
+           [this, name = std::string(channel),
+            data = std::vector<std::uint8_t>(bytes.begin(), bytes.end())](Instant) {
+             for (Subscription* s : receivers(name)) s->handler({name, data});
+           });
+}
+
+void InProcessBus::subscribe(const std::string& channel_regex, int, Handler handler) {
+  subscriptions_.push_back(
+      std::make_unique<Subscription>(Subscription{std::regex(channel_regex), std::move(handler)}));
+  receivers_.clear();
+}
+
+const InProcessBus::Receivers& InProcessBus::receivers(std::string_view channel) {
+  const auto known = receivers_.find(channel);
+  if (known != receivers_.end()) return known->second;
+  Receivers found;
+  for (const auto& s : subscriptions_) {
+    if (std::regex_match(channel.begin(), channel.end(), s->channel)) found.push_back(s.get());
+  }
+  return receivers_.emplace(std::string(channel), std::move(found)).first->second;
+}
+
+}  // namespace tether

@@ -1,0 +1,82 @@
+#include "common/lcm_bus.hpp"
+
+#include <fmt/format.h>
+
+#include <lcm/lcm-cpp.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "common/lcm_url.hpp"
+
+namespace tether {
+namespace {
+
+// LCM reports a header-only packet as a message of about 4 GiB.
+constexpr std::uint32_t kMaxMessageBytes = 1U << 28;
+
+std::string unreachable(const std::string& url) {
+  const std::string group = multicast_group(url);
+  if (group.empty()) {
+    return fmt::format("cannot reach the LCM network {}: is its TCP service running there?", url);
+  }
+  return fmt::format(
+      "cannot reach the LCM network {}: this machine has no route for multicast to {}. For traffic "
+      "within this host:\n  sudo ip link set lo up && sudo ip route add {}/32 dev lo",
+      url, group, group);
+}
+
+}  // namespace
+
+struct LcmBus::Subscription {
+  LcmBus* bus;
+  Handler handler;
+
+  void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel) noexcept {
+    if (buffer->data_size > kMaxMessageBytes) {
+      ++bus->malformed_;
+      return;
+    }
+    try {
+      handler({channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size}});
+    } catch (...) {
+      if (!bus->handler_error_) bus->handler_error_ = std::current_exception();
+    }
+  }
+};
+
+LcmBus::LcmBus(const std::string& url, EventLoop& loop)
+    : url_(checked_lcm_url(url)), lcm_(std::make_unique<lcm::LCM>(url_)) {
+  if (!lcm_->good() || lcm_->getFileno() < 0) throw std::runtime_error(unreachable(url_));
+  loop.add_fd(lcm_->getFileno(), [this](Instant) { handle_pending(); });
+}
+
+LcmBus::~LcmBus() = default;
+
+void LcmBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
+  const int result =
+      lcm_->publish(std::string(channel), bytes.data(), static_cast<unsigned int>(bytes.size()));
+  if (result < 0) ++publish_failures_;
+}
+
+void LcmBus::subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) {
+  subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
+  lcm::Subscription* subscription =
+      lcm_->subscribe(channel_regex, &Subscription::on_message, subscriptions_.back().get());
+  if (subscription == nullptr) {
+    throw std::runtime_error(fmt::format("cannot subscribe to {} on {}", channel_regex, url_));
+  }
+  subscription->setQueueCapacity(queue_capacity);
+}
+
+void LcmBus::handle_pending() {
+  // Bounded, so that timers run on time under a flood of messages.
+  constexpr int kBurst = 64;
+  for (int i = 0; i < kBurst; ++i) {
+    const int handled = lcm_->handleTimeout(0);
+    if (handler_error_) std::rethrow_exception(std::exchange(handler_error_, nullptr));
+    if (handled < 0) throw std::runtime_error(fmt::format("lost the LCM network {}", url_));
+    if (handled == 0) return;
+  }
+}
+
+}  // namespace tether

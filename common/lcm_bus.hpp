@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <exception>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/bus.hpp"
+#include "common/event_loop.hpp"
+
+namespace lcm {
+class LCM;
+}
+
+namespace tether {
+
+/// A real LCM network, driven by an event loop. Handlers run in the loop's thread; an exception
+/// from one is carried past LCM's C frames and rethrown to the loop.
+///
+/// LCM has no authentication, and two crafted fragments can crash any LCM program
+/// (LCM pull request 628): keep the port on a trusted or isolated network.
+class LcmBus final : public Bus {
+ public:
+  /// Throws UsageError for a malformed URL, std::runtime_error, with the command that mends it,
+  /// where the network cannot be reached. `loop` must outlive the bus.
+  LcmBus(const std::string& url, EventLoop& loop);
+  ~LcmBus() override;
+
+  void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
+  void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) override;
+
+  /// Messages that LCM handed over with an impossible size (garbage on the port).
+  std::uint64_t malformed() const { return malformed_; }
+  /// Messages that LCM refused to send.
+  std::uint64_t publish_failures() const { return publish_failures_; }
+
+  const std::string& url() const { return url_; }
+
+ private:
+  struct Subscription;
+  void handle_pending();
+
+  std::string url_;
+  std::unique_ptr<lcm::LCM> lcm_;
+  std::vector<std::unique_ptr<Subscription>> subscriptions_;
+  std::uint64_t malformed_ = 0;
+  std::uint64_t publish_failures_ = 0;
+  std::exception_ptr handler_error_;
+};
+
+}  // namespace tether

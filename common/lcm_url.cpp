@@ -1,0 +1,85 @@
+#include "common/lcm_url.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cstdint>
+#include <regex>
+
+#include "common/errors.hpp"
+
+namespace tether {
+namespace {
+
+constexpr char kAllowed[] =
+    "allowed: udpm://GROUP:PORT[?ttl=N&recv_buf_size=N] with GROUP in 224.0.0.0-239.255.255.255, "
+    "such as udpm://239.255.76.67:7667?ttl=0, or tcpq://HOST:PORT";
+
+[[noreturn]] void refuse(const std::string& url, const std::string& why) {
+  throw UsageError(fmt::format("LCM URL \"{}\": {} ({})", url, why, kAllowed));
+}
+
+// -1 if `text` is not a whole number.
+std::int64_t whole_number(const std::string& text) {
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} && end == text.data() + text.size() ? value : -1;
+}
+
+void check_group(const std::string& url, const std::string& host) {
+  in_addr address{};
+  if (inet_pton(AF_INET, host.c_str(), &address) != 1) {
+    refuse(url, fmt::format("\"{}\" is not an IPv4 address", host));
+  }
+  if (!IN_MULTICAST(ntohl(address.s_addr))) {
+    refuse(url, fmt::format("{} is not a multicast group", host));
+  }
+}
+
+// Returns whether recv_buf_size is among the options.
+bool check_options(const std::string& url, std::string options) {
+  bool has_buffer = false;
+  while (!options.empty()) {
+    const auto end = options.find('&');
+    const std::string option = options.substr(0, end);
+    options = end == std::string::npos ? "" : options.substr(end + 1);
+    const auto equals = option.find('=');
+    const std::string key = option.substr(0, equals);
+    const std::int64_t value =
+        equals == std::string::npos ? -1 : whole_number(option.substr(equals + 1));
+    const bool is_ttl = key == "ttl" && value >= 0 && value <= 255;
+    const bool is_buffer = key == "recv_buf_size" && value > 0 && value <= INT32_MAX;
+    if (!is_ttl && !is_buffer) refuse(url, fmt::format("bad option \"{}\"", option));
+    has_buffer = has_buffer || is_buffer;
+  }
+  return has_buffer;
+}
+
+}  // namespace
+
+std::string checked_lcm_url(const std::string& url) {
+  static const std::regex kPattern("(udpm|tcpq)://([^:/?]*)(?::([^?/]*))?(?:\\?(.*))?");
+  std::smatch part;
+  if (!std::regex_match(url, part, kPattern)) refuse(url, "not an LCM URL that Tether can use");
+  const std::string scheme = part[1], host = part[2], port = part[3], options = part[4];
+  if (host.empty()) refuse(url, scheme == "udpm" ? "no multicast group" : "no host");
+  if (!part[3].matched) refuse(url, "no port");
+  if (const std::int64_t number = whole_number(port); number < 1 || number > 65535) {
+    refuse(url, fmt::format("port \"{}\" is not a number from 1 to 65535", port));
+  }
+  if (scheme == "tcpq") {
+    if (!options.empty()) refuse(url, "tcpq has no options");
+    return url;
+  }
+  check_group(url, host);
+  if (check_options(url, options)) return url;
+  return url + (options.empty() ? (part[4].matched ? "" : "?") : "&") + "recv_buf_size=2097152";
+}
+
+std::string multicast_group(const std::string& url) {
+  if (!url.starts_with("udpm://")) return "";
+  return url.substr(7, url.find(':', 7) - 7);
+}
+
+}  // namespace tether

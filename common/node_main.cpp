@@ -1,0 +1,126 @@
+#include "common/node_main.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <cstdio>
+#include <optional>
+#include <tether/clock_t.hpp>
+#include <vector>
+
+#include "common/channel_names.hpp"
+#include "common/cli.hpp"
+#include "common/lcm_bus.hpp"
+#include "common/lcm_url.hpp"
+#include "common/message_io.hpp"
+#include "common/real_time_loop.hpp"
+
+namespace tether {
+namespace {
+
+struct Options {
+  std::string scenario_file;
+  std::vector<std::string> overrides;
+  std::string lcm_url = kDefaultLcmUrl;
+  std::string control_lcm_url;
+  std::optional<std::int64_t> start_utime_us;
+};
+
+/// A clock that differs by more than this is another run's.
+constexpr Duration kClockJump = std::chrono::milliseconds{500};
+
+/// Follows SIM/CLOCK: sets the loop's time at the first message, stops the loop at a jump.
+class ClockFollower {
+ public:
+  ClockFollower(RealTimeLoop& loop, Bus& bus) : loop_(loop) {
+    subscribe<clock_t>(bus, ChannelNames("AGV").clock, 1, undecodable_,
+                       [this](const clock_t& m) { on_clock(from_utime(m.utime)); });
+  }
+
+  /// Blocks until the first clock message; false if a signal came first.
+  bool wait() {
+    loop_.run();
+    return following_;
+  }
+  bool jumped() const { return jumped_; }
+
+ private:
+  void on_clock(Instant now) {
+    const Duration difference = now - loop_.now();
+    if (!following_) {
+      loop_.set_now(now);
+      following_ = true;
+      loop_.stop();
+    } else if (difference > kClockJump || difference < -kClockJump) {
+      jumped_ = true;
+      loop_.stop();
+    }
+  }
+
+  RealTimeLoop& loop_;
+  std::int64_t undecodable_ = 0;
+  bool following_ = false;
+  bool jumped_ = false;
+};
+
+enum class End { signal, clock_jumped };
+
+End run_once(const NodeProgram& program, const Options& options, const Scenario& scenario) {
+  RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()));
+  LcmBus bus(options.lcm_url, loop);
+  std::optional<LcmBus> control_bus;
+  if (!options.control_lcm_url.empty()) control_bus.emplace(options.control_lcm_url, loop);
+
+  std::optional<ClockFollower> clock;
+  if (!options.start_utime_us && !program.owns_clock) {
+    clock.emplace(loop, bus);
+    fmt::print(stderr, "{}: waiting for SIM/CLOCK on {}\n", program.name, bus.url());
+    if (!clock->wait()) return End::signal;
+  }
+
+  const auto node =
+      program.make({scenario, loop, bus, control_bus ? static_cast<Bus&>(*control_bus) : bus});
+  fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
+             bus.url());
+  loop.run();
+  if (clock && clock->jumped()) {
+    fmt::print(stderr, "{}: SIM/CLOCK jumped: starting over\n", program.name);
+    return End::clock_jumped;
+  }
+  node->finish();
+  if (loop.slips() > 0) {
+    fmt::print(stderr, "{}: {} deadline slips, worst lateness {:.1f} ms\n", program.name,
+               loop.slips(), to_milliseconds(loop.lateness_max()));
+  }
+  return End::signal;
+}
+
+}  // namespace
+
+int node_main(int argc, char** argv, const NodeProgram& program) {
+  Options options;
+  CLI::App app(program.description, program.name);
+  add_version(app);
+  app.add_option("scenario", options.scenario_file, "scenario file (TOML)")->required();
+  app.add_option("--set", options.overrides, "override a scenario key: KEY=VALUE (repeatable)")
+      ->allow_extra_args(false);
+  app.add_option("--lcm-url", options.lcm_url, "LCM network")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  if (program.joins_two_networks) {
+    app.add_option("--control-lcm-url", options.control_lcm_url,
+                   "LCM network of the controller's side [the same]; on one host use another port");
+  }
+  app.add_option("--start-utime", options.start_utime_us,
+                 program.owns_clock
+                     ? "wall-clock time of t = 0, microseconds since 1970 [now]"
+                     : "wall-clock time of t = 0, microseconds since 1970 [follow SIM/CLOCK]");
+  return run_cli(app, argc, argv, [&] {
+    const Scenario scenario = load_scenario(options.scenario_file, options.overrides);
+    while (run_once(program, options, scenario) == End::clock_jumped) {
+    }
+    return kExitOk;
+  });
+}
+
+}  // namespace tether

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "common/bus.hpp"
+#include "common/event_loop.hpp"
+#include "common/node.hpp"
+#include "common/scenario.hpp"
+
+namespace tether {
+
+/// What a node's program hands to its node.
+struct NodeContext {
+  const Scenario& scenario;
+  EventLoop& loop;
+  Bus& bus;  ///< the vehicle's side of the network
+  Bus&
+      control_bus;  ///< the controller's side; the same bus unless --control-lcm-url says otherwise
+};
+
+struct NodeProgram {
+  std::string name;                 ///< "tether-sim"
+  std::string description;          ///< first line of --help
+  bool joins_two_networks = false;  ///< has --control-lcm-url
+  bool owns_clock = false;  ///< without --start-utime: starts the run's clock instead of following
+  std::function<std::unique_ptr<Node>(const NodeContext&)> make;
+};
+
+/// The main() of every node: options, scenario, real-time loop, LCM, orderly end on SIGINT and
+/// SIGTERM. Without --start-utime the node waits for SIM/CLOCK and takes the run's time from it
+/// (and starts over if that clock jumps, as when a simulator is started anew or a log is played
+/// again); the simulator itself starts a run at once.
+int node_main(int argc, char** argv, const NodeProgram& program);
+
+}  // namespace tether

@@ -1,0 +1,30 @@
+#include "common/random.hpp"
+
+namespace tether {
+namespace {
+
+// FNV-1a, 64 bit (Fowler, Noll, Vo; draft-eastlake-fnv).
+std::uint64_t hash_name(std::string_view name) {
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  for (const char c : name) {
+    hash ^= static_cast<unsigned char>(c);
+    hash *= 0x100000001b3ULL;
+  }
+  return hash;
+}
+
+// Finalizer of SplitMix64 (Steele, Lea, Flood, OOPSLA 2014): spreads nearby seeds apart.
+std::uint64_t mix(std::uint64_t z) {
+  z += 0x9e3779b97f4a7c15ULL;
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
+  return z ^ (z >> 31);
+}
+
+}  // namespace
+
+RandomEngine random_stream(std::uint64_t seed, std::string_view name) {
+  return RandomEngine{mix(mix(seed) ^ hash_name(name))};
+}
+
+}  // namespace tether

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <ctime>
+#include <vector>
+
+#include "common/event_loop.hpp"
+#include "common/timer_queue.hpp"
+
+namespace tether {
+
+/// Real time: epoll with an absolute timerfd on CLOCK_MONOTONIC, so that periods do not drift.
+/// SIGINT and SIGTERM end run() cleanly (they are blocked for the process from construction on).
+///
+/// The run's clock is anchored to the wall clock once, at construction: all nodes of a run get the
+/// same `start_utime_us` and so agree on t = 0, and a node that is restarted in the middle of a
+/// run joins at the right time.
+class RealTimeLoop final : public EventLoop {
+ public:
+  /// `start_utime_us`: the wall-clock time (µs since 1970) of the run's t = 0.
+  explicit RealTimeLoop(std::int64_t start_utime_us);
+  ~RealTimeLoop() override;
+
+  Instant now() const override;
+  void at(Instant when, Priority priority, Task task) override;
+  void every(Instant first, Duration period, Priority priority, Task task) override;
+  void add_fd(int fd, Task task) override;
+  /// Before `fd` is closed.
+  void remove_fd(int fd);
+  void stop() override { stopped_ = true; }
+  std::uint64_t slips() const override { return slips_; }
+
+  /// Largest lateness of any periodic task so far.
+  Duration lateness_max() const { return lateness_max_; }
+
+  /// Moves the clock so that now() is `now`; for nodes that follow another node's clock, before
+  /// they schedule anything.
+  void set_now(Instant now);
+
+  /// Runs until stop(), a termination signal, or `end`.
+  void run_until(Instant end);
+  void run() { run_until(Instant::max()); }
+
+  /// The termination signal that ended run(), 0 if none did.
+  int signal() const { return signal_; }
+
+  /// The wall clock now, µs since 1970.
+  static std::int64_t wall_utime_us();
+
+ private:
+  struct Descriptor {
+    int fd;
+    Task task;
+  };
+  void run_due_timers(Instant end);
+  void wait(Instant until);
+  void arm(Instant until);
+  void read_signal();
+
+  TimerQueue timers_;
+  std::vector<Descriptor> descriptors_;
+  std::int64_t start_monotonic_ns_ = 0;
+  int epoll_fd_ = -1;
+  int timer_fd_ = -1;
+  int signal_fd_ = -1;
+  int signal_ = 0;
+  bool stopped_ = false;
+  std::uint64_t slips_ = 0;
+  Duration lateness_max_{0};
+};
+
+}  // namespace tether

@@ -1,0 +1,263 @@
+#include "common/scenario.hpp"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <numeric>
+#include <set>
+#include <sstream>
+
+#include "common/errors.hpp"
+#include "common/scenario_keys.hpp"
+
+namespace tether {
+namespace {
+
+/// Where a value was given: "paper.toml:12" or "--set".
+using Place = std::string;
+
+std::size_t edit_distance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+std::string last_part(const std::string& key) { return key.substr(key.rfind('.') + 1); }
+
+[[noreturn]] void refuse_unknown(const Place& place, const std::string& key) {
+  const auto& keys = scenario_keys();
+  const auto nearest =
+      std::min_element(keys.begin(), keys.end(), [&key](const auto& a, const auto& b) {
+        return edit_distance(a.name, key) < edit_distance(b.name, key);
+      });
+  const auto same_name = std::find_if(keys.begin(), keys.end(), [&key](const auto& k) {
+    return last_part(k.name) == last_part(key);
+  });
+  const auto& hint =
+      edit_distance(nearest->name, key) > 3 && same_name != keys.end() ? same_name : nearest;
+  throw UsageError(fmt::format(
+      "{}: unknown key \"{}\" (did you mean \"{}\"? `tether run --keys` lists all keys)", place,
+      key, hint->name));
+}
+
+/// Applies values to a scenario and remembers which keys were given where.
+class Loader {
+ public:
+  void apply_table(const toml::table& table, const std::string& prefix, const std::string& file) {
+    for (const auto& [name, node] : table) {
+      const std::string key = prefix + std::string(name.str());
+      if (const auto* inner = node.as_table()) {
+        apply_table(*inner, key + ".", file);
+      } else {
+        apply(key, node, fmt::format("{}:{}", file, node.source().begin.line));
+      }
+    }
+  }
+
+  void apply_override(const std::string& text) {
+    const auto equals = text.find('=');
+    if (equals == std::string::npos || equals == 0) {
+      throw UsageError(fmt::format("--set {}: expected KEY=VALUE", text));
+    }
+    const std::string key = text.substr(0, equals);
+    const toml::table parsed = parse_value(text, text.substr(equals + 1));
+    for (const std::string& target : expand(key)) {
+      apply(target, *parsed.get("value"), "--set " + text);
+      overridden_.insert(target);
+    }
+  }
+
+  Scenario finish(const std::string& file) {
+    resolve_sojourn_times("channel.uplink.", scenario_.channel.uplink, file);
+    resolve_sojourn_times("channel.downlink.", scenario_.channel.downlink, file);
+    check_model_fits_overrides("channel.uplink.", scenario_.channel.uplink);
+    check_model_fits_overrides("channel.downlink.", scenario_.channel.downlink);
+    check_combinations(file);
+    return scenario_;
+  }
+
+ private:
+  void apply(const std::string& key, const toml::node& node, const Place& place) {
+    const auto& keys = scenario_keys();
+    const auto found = std::find_if(keys.begin(), keys.end(),
+                                    [&key](const ScenarioKey& k) { return k.name == key; });
+    if (found == keys.end()) refuse_unknown(place, key);
+    const auto value = to_value(node);
+    if (!value || !found->set(scenario_, *value)) {
+      std::ostringstream shown;
+      shown << toml::node_view<const toml::node>(&node);
+      throw UsageError(fmt::format("{}: {} = {} is not allowed: must be {} ({})", place, key,
+                                   shown.str(), found->allowed, found->meaning));
+    }
+    given_.insert(key);
+  }
+
+  static std::optional<ScenarioValue> to_value(const toml::node& node) {
+    if (const auto* v = node.as_boolean()) return v->get();
+    if (const auto* v = node.as_integer()) return v->get();
+    if (const auto* v = node.as_floating_point()) return v->get();
+    if (const auto* v = node.as_string()) return v->get();
+    return std::nullopt;
+  }
+
+  static toml::table parse_value(const std::string& option, const std::string& value) {
+    try {
+      if (value.find('\n') == std::string::npos) return toml::parse("value = " + value);
+      throw UsageError(fmt::format("--set {}: the value must be one line", option));
+    } catch (const toml::parse_error&) {
+      // Quotes around strings may be left out: --set controller.law=pid.
+      if (value.empty() || value.find_first_of("\"'\n[]{}") != std::string::npos) {
+        throw UsageError(fmt::format("--set {}: cannot read the value", option));
+      }
+      return toml::table{{"value", value}};
+    }
+  }
+
+  /// channel.prr stands for channel.uplink.prr and channel.downlink.prr.
+  static std::vector<std::string> expand(const std::string& key) {
+    const std::string prefix = "channel.";
+    const std::string rest = key.starts_with(prefix) ? key.substr(prefix.size()) : "";
+    if (rest.empty() || rest == "shared_state" || rest.starts_with("uplink.") ||
+        rest.starts_with("downlink.")) {
+      return {key};
+    }
+    return {prefix + "uplink." + rest, prefix + "downlink." + rest};
+  }
+
+  void resolve_sojourn_times(const std::string& prefix, LinkConfig& link,
+                             const std::string& file) {
+    if (!link.p_bad && !link.mean_cycle_s) return;
+    const std::string stationary =
+        fmt::format("{0}markov.p_bad and {0}markov.mean_cycle_s", prefix);
+    if (!link.p_bad || !link.mean_cycle_s) {
+      throw UsageError(fmt::format("{}: {} go together", file, stationary));
+    }
+    if (given_.contains(prefix + "markov.mean_good_s") ||
+        given_.contains(prefix + "markov.mean_bad_s")) {
+      throw UsageError(fmt::format("{}: give either {}, or {}markov.mean_good_s and mean_bad_s",
+                                   file, stationary, prefix));
+    }
+    const double mean_bad_s = *link.p_bad * *link.mean_cycle_s;
+    set_derived(prefix + "markov.mean_bad_s", mean_bad_s, stationary, file);
+    set_derived(prefix + "markov.mean_good_s", *link.mean_cycle_s - mean_bad_s, stationary, file);
+    link.p_bad.reset();
+    link.mean_cycle_s.reset();
+  }
+
+  /// Sets what follows from other keys, within the same limits as if it had been given.
+  void set_derived(const std::string& key, double value, const std::string& from,
+                   const std::string& file) {
+    const auto& keys = scenario_keys();
+    const auto found = std::find_if(keys.begin(), keys.end(),
+                                    [&key](const ScenarioKey& k) { return k.name == key; });
+    if (!found->set(scenario_, value)) {
+      throw UsageError(fmt::format("{}: {} give {} = {}, which is not allowed: must be {}", file,
+                                   from, key, value, found->allowed));
+    }
+  }
+
+  /// An override that the link's model ignores is a mistake, not a wish.
+  void check_model_fits_overrides(const std::string& prefix, const LinkConfig& link) const {
+    const bool markov = link.model == LinkConfig::Model::markov;
+    for (const std::string& key : overridden_) {
+      const bool fixed_key = key == prefix + "prr" || key == prefix + "delay_ms";
+      const bool markov_key = key.starts_with(prefix + "markov.");
+      if ((fixed_key && markov) || (markov_key && !markov)) {
+        throw UsageError(fmt::format("--set {} has no effect: {}model is \"{}\"", key, prefix,
+                                     markov ? "markov" : "fixed"));
+      }
+    }
+  }
+
+  void check_combinations(const std::string& file) const {
+    if (scenario_.channel.shared_state &&
+        scenario_.channel.uplink.model != scenario_.channel.downlink.model) {
+      throw UsageError(fmt::format(
+          "{}: channel.shared_state = true needs the same model for uplink and downlink", file));
+    }
+    const auto& vehicle = scenario_.vehicle;
+    const double reach = std::hypot(vehicle.chassis_length_m, vehicle.chassis_width_m);
+    const double inside = scenario_.world.half_extent_m - reach;
+    if (std::abs(vehicle.start_x_m) > inside || std::abs(vehicle.start_y_m) > inside) {
+      throw UsageError(fmt::format(
+          "{}: the vehicle starts at ({}, {}) m, in or beyond the walls: vehicle.start_x_m and "
+          "start_y_m must be within ±{:.2f} m for world.half_extent_m = {}",
+          file, vehicle.start_x_m, vehicle.start_y_m, inside, scenario_.world.half_extent_m));
+    }
+  }
+
+  Scenario scenario_;
+  std::set<std::string> given_;
+  std::set<std::string> overridden_;
+};
+
+std::string to_toml(const ScenarioValue& value) {
+  std::ostringstream text;
+  std::visit([&text](const auto& v) { text << toml::value(v); }, value);
+  return text.str();
+}
+
+}  // namespace
+
+Scenario parse_scenario(const std::string& toml, const std::string& name,
+                        const std::vector<std::string>& overrides) {
+  Loader loader;
+  try {
+    loader.apply_table(toml::parse(toml, name), "", name);
+  } catch (const toml::parse_error& error) {
+    throw UsageError(
+        fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
+  }
+  for (const std::string& text : overrides) loader.apply_override(text);
+  return loader.finish(name);
+}
+
+Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  if (in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();
+  if (!in.is_open() || in.bad() || !text) {
+    throw UsageError(fmt::format("cannot read the scenario file \"{}\"", file));
+  }
+  return parse_scenario(text.str(), file, overrides);
+}
+
+std::string to_toml(const Scenario& scenario) {
+  std::string text, section;
+  for (const ScenarioKey& key : scenario_keys()) {
+    const auto value = key.get(scenario);
+    if (!value) continue;
+    const auto dot = key.name.rfind('.');
+    if (key.name.substr(0, dot) != section) {
+      section = key.name.substr(0, dot);
+      text += fmt::format("{}[{}]\n", text.empty() ? "" : "\n", section);
+    }
+    text += fmt::format("{} = {}\n", key.name.substr(dot + 1), to_toml(*value));
+  }
+  return text;
+}
+
+std::string describe_scenario_keys() {
+  const Scenario defaults;
+  std::string text;
+  for (const ScenarioKey& key : scenario_keys()) {
+    const auto value = key.get(defaults);
+    text += fmt::format("{} = {}\n    {}; {}\n", key.name, value ? to_toml(*value) : "(not set)",
+                        key.meaning, key.allowed);
+  }
+  return text;
+}
+
+}  // namespace tether

@@ -1,0 +1,113 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/figure_eight.hpp"
+#include "common/vehicle_config.hpp"
+
+namespace tether {
+
+/// One state of a channel.
+struct ChannelStateConfig {
+  double prr = 1.0;       ///< packet reception ratio, 0..1
+  double delay_ms = 0.0;  ///< constant delay of the packets received in this state
+};
+
+/// One direction of the network.
+struct LinkConfig {
+  enum class Model { fixed, markov };
+
+  Model model = Model::fixed;
+  ChannelStateConfig fixed;            ///< model = fixed: the one state
+  ChannelStateConfig good{1.0, 0.0};   ///< model = markov
+  ChannelStateConfig bad{0.5, 500.0};  ///< model = markov
+  double mean_good_s = 24.0;           ///< mean sojourn time in the good state
+  double mean_bad_s = 8.0;             ///< mean sojourn time in the bad state
+  std::optional<double> p_bad;         ///< instead: stationary P[bad] and …
+  std::optional<double> mean_cycle_s;  ///< … mean time from one bad spell to the next
+  std::int64_t queue_limit = 100'000;  ///< packets under way; more are dropped
+};
+
+/// All that a run depends on. Defaults are here and nowhere else; scenario_keys.cpp names the keys,
+/// their units and ranges; scenarios/paper.toml is the paper's setting, commented.
+struct Scenario {
+  struct Run {
+    double duration_s = 62.0;
+    std::uint64_t seed = 1;
+    double truth_rate_hz = 50.0;   ///< SIM/TRUTH messages and rows of trajectory.csv
+    double report_period_s = 1.0;  ///< NET/… and …/COUNTERS
+  };
+  struct Vehicle : VehicleConfig {
+    enum class Plant { ode };
+    Plant plant = Plant::ode;
+    std::string name = "AGV";  ///< first part of its LCM channels
+  };
+  struct Sensor {
+    double rate_hz = 20.0;
+    double position_noise_m = 0.0;  ///< standard deviation, each axis, white
+    double yaw_noise_rad = 0.0;     ///< standard deviation, white
+    double latency_ms = 0.0;        ///< from measurement to publication
+  };
+  struct Path {
+    enum class Kind { figure_eight };
+    Kind kind = Kind::figure_eight;
+    FigureEight::Config figure_eight;
+  };
+  struct Gains {
+    double p = 0.0;
+    double i = 0.0;
+    double d = 0.0;
+    double limit = 0.0;  ///< saturation of the output, ±
+  };
+  struct Controller {
+    enum class Law { pid };
+    enum class Trigger { event, timer };
+    Law law = Law::pid;
+    double tau_s = 2.0;  ///< look-ahead τ
+    Trigger trigger = Trigger::event;
+    double rate_hz = 20.0;        ///< trigger = timer: commands per second
+    double pose_timeout_s = 1.0;  ///< a pose older than this stops the vehicle; 0 = never
+    Gains v{0.4661, 0.0, 0.1989, 8.0};
+    Gains omega{0.2970, 0.0, 0.0674, 2.0};
+    double derivative_filter_s = 0.1;  ///< time constant of the filter before the D term
+  };
+  struct Actuator {
+    enum class Policy { hold, zero };
+    Policy policy = Policy::hold;
+    double timeout_s = 0.5;  ///< policy = zero: without a new command for this long, stop
+  };
+  struct Channel {
+    bool shared_state = false;  ///< both directions follow the uplink's state process
+    LinkConfig uplink;
+    LinkConfig downlink;
+  };
+
+  Run run;
+  WorldConfig world;
+  Vehicle vehicle;
+  Sensor sensor;
+  Path path;
+  Controller controller;
+  Actuator actuator;
+  Channel channel;
+};
+
+/// Reads a scenario file over the defaults, then applies `overrides` ("key=value", in TOML's
+/// notation; quotes around strings may be left out; channel.X means channel.uplink.X and
+/// channel.downlink.X) in order. Throws UsageError that names file, line, key and what is allowed.
+Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides);
+
+/// The same from text; `name` stands in for the file in messages.
+Scenario parse_scenario(const std::string& toml, const std::string& name,
+                        const std::vector<std::string>& overrides = {});
+
+/// The resolved scenario as TOML: every key, and reading it gives the same scenario again.
+std::string to_toml(const Scenario& scenario);
+
+/// A table of all keys with their defaults, allowed values and meaning, for people.
+std::string describe_scenario_keys();
+
+}  // namespace tether

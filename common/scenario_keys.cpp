@@ -1,0 +1,307 @@
+#include "common/scenario_keys.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+#include <limits>
+#include <regex>
+#include <type_traits>
+#include <utility>
+
+namespace tether {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Allowed finite numbers: [low, high], without low itself if `open`.
+struct Range {
+  double low = -kInfinity;
+  double high = kInfinity;
+  bool open = false;
+
+  bool contains(double x) const {
+    return std::isfinite(x) && (open ? x > low : x >= low) && x <= high;
+  }
+  std::string text(const char* noun) const {
+    if (std::isinf(low)) return fmt::format("a finite {}", noun);
+    if (std::isinf(high)) return fmt::format("a finite {} {} {}", noun, open ? ">" : ">=", low);
+    return fmt::format("a {} in {}{}, {}]", noun, open ? "(" : "[", low, high);
+  }
+};
+
+constexpr Range kAny{};
+constexpr Range kPositive{0.0, kInfinity, true};
+constexpr Range kNotNegative{0.0, kInfinity, false};
+constexpr Range kRatio{0.0, 1.0, false};
+constexpr Range kRate{0.0, 1000.0, true};  // Hz: the physics step is 1 ms
+constexpr Range kSojourn{1e-3, 1e9, false};
+
+template <class Enum>
+using Names = std::vector<std::pair<std::string, Enum>>;
+
+std::optional<double> as_double(const ScenarioValue& value) {
+  if (const auto* d = std::get_if<double>(&value)) return *d;
+  if (const auto* i = std::get_if<std::int64_t>(&value)) return static_cast<double>(*i);
+  return std::nullopt;
+}
+
+/// Collects keys; `field` is a function from (const) Scenario& to the (const) member's reference.
+class KeyTable {
+ public:
+  template <class Field>
+  void number(std::string name, Field field, Range range, std::string meaning) {
+    add(
+        std::move(name), range.text("number"), std::move(meaning),
+        [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
+        [field, range](Scenario& s, const ScenarioValue& value) {
+          const auto x = as_double(value);
+          if (!x || !range.contains(*x)) return false;
+          field(s) = *x;
+          return true;
+        });
+  }
+
+  template <class Field>
+  void optional_number(std::string name, Field field, Range range, std::string meaning) {
+    add(
+        std::move(name), range.text("number"), std::move(meaning),
+        [field](const Scenario& s) {
+          const std::optional<double>& x = field(s);
+          return x ? std::optional<ScenarioValue>(*x) : std::nullopt;
+        },
+        [field, range](Scenario& s, const ScenarioValue& value) {
+          const auto x = as_double(value);
+          if (!x || !range.contains(*x)) return false;
+          field(s) = *x;
+          return true;
+        });
+  }
+
+  template <class Field>
+  void whole_number(std::string name, Field field, std::int64_t low, std::string meaning) {
+    const Range range{static_cast<double>(low), kInfinity, false};
+    add(
+        std::move(name), range.text("whole number"), std::move(meaning),
+        [field](const Scenario& s) {
+          return std::optional<ScenarioValue>(static_cast<std::int64_t>(field(s)));
+        },
+        [field, low](Scenario& s, const ScenarioValue& value) {
+          const auto* x = std::get_if<std::int64_t>(&value);
+          if (x == nullptr || *x < low) return false;
+          field(s) = static_cast<std::remove_reference_t<decltype(field(s))>>(*x);
+          return true;
+        });
+  }
+
+  template <class Field>
+  void boolean(std::string name, Field field, std::string meaning) {
+    add(
+        std::move(name), "true or false", std::move(meaning),
+        [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
+        [field](Scenario& s, const ScenarioValue& value) {
+          const auto* x = std::get_if<bool>(&value);
+          if (x == nullptr) return false;
+          field(s) = *x;
+          return true;
+        });
+  }
+
+  template <class Enum, class Field>
+  void choice(std::string name, Field field, const Names<Enum>& names, std::string meaning) {
+    std::vector<std::string> quoted;
+    for (const auto& [text, unused] : names) quoted.push_back("\"" + text + "\"");
+    add(
+        std::move(name), fmt::format("{}", fmt::join(quoted, " or ")), std::move(meaning),
+        [field, names](const Scenario& s) {
+          for (const auto& [text, value] : names) {
+            if (value == field(s)) return std::optional<ScenarioValue>(text);
+          }
+          return std::optional<ScenarioValue>();
+        },
+        [field, names](Scenario& s, const ScenarioValue& value) {
+          const auto* wanted = std::get_if<std::string>(&value);
+          for (const auto& [text, option] : names) {
+            if (wanted == nullptr || text != *wanted) continue;
+            field(s) = option;
+            return true;
+          }
+          return false;
+        });
+  }
+
+  template <class Field>
+  void identifier(std::string name, Field field, std::string meaning) {
+    add(
+        std::move(name), "letters, digits, '-' and '_', at most 32", std::move(meaning),
+        [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
+        [field](Scenario& s, const ScenarioValue& value) {
+          static const std::regex kPattern("[A-Za-z0-9_-]{1,32}");
+          const auto* x = std::get_if<std::string>(&value);
+          if (x == nullptr || !std::regex_match(*x, kPattern)) return false;
+          field(s) = *x;
+          return true;
+        });
+  }
+
+  std::vector<ScenarioKey> take() { return std::move(keys_); }
+
+ private:
+  void add(std::string name, std::string allowed, std::string meaning,
+           decltype(ScenarioKey::get) get, decltype(ScenarioKey::set) set) {
+    keys_.push_back(
+        {std::move(name), std::move(allowed), std::move(meaning), std::move(get), std::move(set)});
+  }
+
+  std::vector<ScenarioKey> keys_;
+};
+
+// One line a key: the member, reachable through a const and a mutable scenario alike.
+#define TETHER_FIELD(member) \
+  [](auto& s) -> auto& { return s.member; }
+
+void add_run_and_world(KeyTable& t) {
+  t.number("run.duration_s", TETHER_FIELD(run.duration_s), {0.0, 1e6, true}, "length of the run");
+  t.whole_number("run.seed", TETHER_FIELD(run.seed), 0, "seed of all random streams");
+  t.number("run.truth_rate_hz", TETHER_FIELD(run.truth_rate_hz), kRate,
+           "SIM/TRUTH messages and trajectory rows per second");
+  t.number("run.report_period_s", TETHER_FIELD(run.report_period_s), {0.01, 1e6, false},
+           "between link reports, and between counter reports");
+  t.number("world.half_extent_m", TETHER_FIELD(world.half_extent_m), {3.0, 1e4, false},
+           "walls stand at x and y = ±this");
+  t.number("world.friction", TETHER_FIELD(world.friction), kPositive,
+           "Coulomb friction coefficient of tyres on the floor");
+  t.number("world.wall_friction", TETHER_FIELD(world.wall_friction), kNotNegative,
+           "Coulomb friction coefficient of the body on walls");
+  t.number("world.gravity_mps2", TETHER_FIELD(world.gravity_mps2), kPositive, "gravity");
+}
+
+void add_vehicle(KeyTable& t) {
+  using Plant = Scenario::Vehicle::Plant;
+  t.choice<Plant>("vehicle.plant", TETHER_FIELD(vehicle.plant), {{"ode", Plant::ode}},
+                  "physics of the vehicle");
+  t.identifier("vehicle.name", TETHER_FIELD(vehicle.name), "first part of its LCM channels");
+#define TETHER_LENGTH(key, meaning) \
+  t.number("vehicle." #key, TETHER_FIELD(vehicle.key), kPositive, meaning)
+  TETHER_LENGTH(chassis_length_m, "chassis box along x");
+  TETHER_LENGTH(chassis_width_m, "chassis box along y");
+  TETHER_LENGTH(chassis_height_m, "chassis box along z");
+  TETHER_LENGTH(chassis_mass_kg, "chassis box without caster");
+  TETHER_LENGTH(wheel_radius_m, "drive wheels");
+  TETHER_LENGTH(wheel_width_m, "drive wheels");
+  TETHER_LENGTH(wheel_mass_kg, "each drive wheel");
+  TETHER_LENGTH(track_m, "between the wheels' centres");
+  t.number("vehicle.axle_x_m", TETHER_FIELD(vehicle.axle_x_m), kAny,
+           "drive axle, relative to the chassis centre");
+  t.number("vehicle.caster_x_m", TETHER_FIELD(vehicle.caster_x_m), kAny,
+           "caster ball, relative to the chassis centre");
+  TETHER_LENGTH(caster_radius_m, "caster ball");
+  TETHER_LENGTH(caster_mass_kg, "caster ball");
+  TETHER_LENGTH(max_wheel_torque_Nm, "torque limit of each wheel's speed servo");
+  TETHER_LENGTH(max_wheel_acceleration_mps2, "slew rate of each wheel's rim speed");
+  TETHER_LENGTH(max_wheel_speed_mps, "rim speed limit; both wheels are scaled together");
+#undef TETHER_LENGTH
+  t.number("vehicle.start_x_m", TETHER_FIELD(vehicle.start_x_m), kAny, "axle midpoint at t = 0");
+  t.number("vehicle.start_y_m", TETHER_FIELD(vehicle.start_y_m), kAny, "axle midpoint at t = 0");
+  t.number("vehicle.start_yaw_rad", TETHER_FIELD(vehicle.start_yaw_rad), kAny, "heading at t = 0");
+}
+
+void add_sensor_and_path(KeyTable& t) {
+  t.number("sensor.rate_hz", TETHER_FIELD(sensor.rate_hz), kRate, "poses per second");
+  t.number("sensor.position_noise_m", TETHER_FIELD(sensor.position_noise_m), kNotNegative,
+           "standard deviation of white noise on x and y");
+  t.number("sensor.yaw_noise_rad", TETHER_FIELD(sensor.yaw_noise_rad), kNotNegative,
+           "standard deviation of white noise on yaw");
+  t.number("sensor.latency_ms", TETHER_FIELD(sensor.latency_ms), {0.0, 1e6, false},
+           "from measurement to publication");
+  using Kind = Scenario::Path::Kind;
+  t.choice<Kind>("path.kind", TETHER_FIELD(path.kind), {{"figure_eight", Kind::figure_eight}},
+                 "reference path");
+  t.number("path.amplitude_m", TETHER_FIELD(path.figure_eight.amplitude_m), kPositive,
+           "half length of the figure eight");
+  t.number("path.rate_radps", TETHER_FIELD(path.figure_eight.rate_radps), kPositive,
+           "one eight takes 2*pi/this seconds");
+  t.number("path.rotation_rad", TETHER_FIELD(path.figure_eight.rotation_rad), kAny,
+           "of the eight's long axis against +x");
+}
+
+void add_controller_and_actuator(KeyTable& t) {
+  using Controller = Scenario::Controller;
+  t.choice<Controller::Law>("controller.law", TETHER_FIELD(controller.law),
+                            {{"pid", Controller::Law::pid}}, "control law");
+  t.number("controller.tau_s", TETHER_FIELD(controller.tau_s), kNotNegative, "look-ahead");
+  t.choice<Controller::Trigger>(
+      "controller.trigger", TETHER_FIELD(controller.trigger),
+      {{"event", Controller::Trigger::event}, {"timer", Controller::Trigger::timer}},
+      "a command per pose that arrives, or at a rate");
+  t.number("controller.rate_hz", TETHER_FIELD(controller.rate_hz), kRate,
+           "trigger = timer: commands per second");
+  t.number("controller.pose_timeout_s", TETHER_FIELD(controller.pose_timeout_s), kNotNegative,
+           "a pose older than this stops the vehicle; 0 = never");
+  t.number("controller.derivative_filter_s", TETHER_FIELD(controller.derivative_filter_s),
+           kNotNegative, "time constant of the low-pass before the D terms");
+#define TETHER_GAINS(axis, unit)                                                               \
+  t.number("controller." #axis ".p", TETHER_FIELD(controller.axis.p), kNotNegative, "P gain"); \
+  t.number("controller." #axis ".i", TETHER_FIELD(controller.axis.i), kNotNegative, "I gain"); \
+  t.number("controller." #axis ".d", TETHER_FIELD(controller.axis.d), kNotNegative, "D gain"); \
+  t.number("controller." #axis ".limit", TETHER_FIELD(controller.axis.limit), kPositive,       \
+           "saturation of the output, ± " unit)
+  TETHER_GAINS(v, "m/s");
+  TETHER_GAINS(omega, "rad/s");
+#undef TETHER_GAINS
+  using Policy = Scenario::Actuator::Policy;
+  t.choice<Policy>("actuator.policy", TETHER_FIELD(actuator.policy),
+                   {{"hold", Policy::hold}, {"zero", Policy::zero}},
+                   "hold the last command, or stop after a timeout");
+  t.number("actuator.timeout_s", TETHER_FIELD(actuator.timeout_s), kPositive,
+           "policy = zero: stop when no new command came for this long");
+}
+
+template <class Select>
+void add_link(KeyTable& t, const std::string& prefix, Select link) {
+#define TETHER_LINK(member) \
+  [link](auto& s) -> auto& { return link(s).member; }
+  using Model = LinkConfig::Model;
+  t.choice<Model>(prefix + "model", TETHER_LINK(model),
+                  {{"fixed", Model::fixed}, {"markov", Model::markov}}, "state process");
+  t.number(prefix + "prr", TETHER_LINK(fixed.prr), kRatio, "model = fixed: packet reception ratio");
+  t.number(prefix + "delay_ms", TETHER_LINK(fixed.delay_ms), {0.0, 1e6, false},
+           "model = fixed: delay");
+  t.whole_number(prefix + "queue_limit", TETHER_LINK(queue_limit), 1,
+                 "packets under way; more are dropped and counted");
+  t.number(prefix + "markov.good.prr", TETHER_LINK(good.prr), kRatio, "in the good state");
+  t.number(prefix + "markov.good.delay_ms", TETHER_LINK(good.delay_ms), {0.0, 1e6, false},
+           "in the good state");
+  t.number(prefix + "markov.bad.prr", TETHER_LINK(bad.prr), kRatio, "in the bad state");
+  t.number(prefix + "markov.bad.delay_ms", TETHER_LINK(bad.delay_ms), {0.0, 1e6, false},
+           "in the bad state");
+  t.number(prefix + "markov.mean_good_s", TETHER_LINK(mean_good_s), kSojourn,
+           "mean sojourn time in the good state");
+  t.number(prefix + "markov.mean_bad_s", TETHER_LINK(mean_bad_s), kSojourn,
+           "mean sojourn time in the bad state");
+  t.optional_number(prefix + "markov.p_bad", TETHER_LINK(p_bad), {1e-6, 1.0 - 1e-6, false},
+                    "instead of the sojourn times: stationary probability of the bad state ...");
+  t.optional_number(prefix + "markov.mean_cycle_s", TETHER_LINK(mean_cycle_s), kSojourn,
+                    "... and mean time from one bad spell to the next");
+#undef TETHER_LINK
+}
+
+}  // namespace
+
+const std::vector<ScenarioKey>& scenario_keys() {
+  static const std::vector<ScenarioKey> keys = [] {
+    KeyTable t;
+    add_run_and_world(t);
+    add_vehicle(t);
+    add_sensor_and_path(t);
+    add_controller_and_actuator(t);
+    t.boolean("channel.shared_state", TETHER_FIELD(channel.shared_state),
+              "both directions follow the uplink's state process");
+    add_link(t, "channel.uplink.", TETHER_FIELD(channel.uplink));
+    add_link(t, "channel.downlink.", TETHER_FIELD(channel.downlink));
+    return t.take();
+  }();
+  return keys;
+}
+
+}  // namespace tether

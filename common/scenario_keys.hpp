@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/scenario.hpp"
+
+namespace tether {
+
+/// A value of a scenario key, as TOML has it.
+using ScenarioValue = std::variant<bool, std::int64_t, double, std::string>;
+
+/// One key of the scenario file: the single place that knows its name, type, range and meaning.
+struct ScenarioKey {
+  std::string name;     ///< dotted, such as "channel.uplink.prr"
+  std::string allowed;  ///< for messages: "a number in [0, 1]"
+  std::string meaning;  ///< one line, with unit
+  /// nullopt: not set, left out of the resolved scenario.
+  std::function<std::optional<ScenarioValue>(const Scenario&)> get;
+  /// False if `value` is of the wrong type or out of range; then nothing changes.
+  std::function<bool(Scenario&, const ScenarioValue&)> set;
+};
+
+/// All keys, in the order of the resolved scenario file.
+const std::vector<ScenarioKey>& scenario_keys();
+
+}  // namespace tether
