@@ -36,6 +36,9 @@ class EventLoop {
   /// Calls `task` whenever `fd` is readable. Virtual time has no file descriptors and throws.
   virtual void add_fd(int fd, Task task) = 0;
 
+  /// Stops watching `fd`; before it is closed.
+  virtual void remove_fd(int fd) = 0;
+
   /// Makes run_until() return after the current task.
   virtual void stop() = 0;
 

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <lcm/lcm-cpp.hpp>
+#include <regex>
 #include <stdexcept>
 #include <utility>
 
+#include "common/errors.hpp"
 #include "common/lcm_url.hpp"
 
 namespace tether {
@@ -31,26 +33,27 @@ struct LcmBus::Subscription {
   LcmBus* bus;
   Handler handler;
 
-  void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel) noexcept {
+  static void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel,
+                         Subscription* self) noexcept {
     if (buffer->data_size > kMaxMessageBytes) {
-      ++bus->malformed_;
+      ++self->bus->malformed_;
       return;
     }
     try {
-      handler({channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size}});
+      self->handler({channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size}});
     } catch (...) {
-      if (!bus->handler_error_) bus->handler_error_ = std::current_exception();
+      if (!self->bus->handler_error_) self->bus->handler_error_ = std::current_exception();
     }
   }
 };
 
 LcmBus::LcmBus(const std::string& url, EventLoop& loop)
-    : url_(checked_lcm_url(url)), lcm_(std::make_unique<lcm::LCM>(url_)) {
+    : loop_(loop), url_(checked_lcm_url(url)), lcm_(std::make_unique<lcm::LCM>(url_)) {
   if (!lcm_->good() || lcm_->getFileno() < 0) throw std::runtime_error(unreachable(url_));
   loop.add_fd(lcm_->getFileno(), [this](Instant) { handle_pending(); });
 }
 
-LcmBus::~LcmBus() = default;
+LcmBus::~LcmBus() { loop_.remove_fd(lcm_->getFileno()); }
 
 void LcmBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
   const int result =
@@ -59,9 +62,17 @@ void LcmBus::publish(std::string_view channel, std::span<const std::uint8_t> byt
 }
 
 void LcmBus::subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) {
+  // LCM 1.3.1 returns a subscription that crashes for a pattern that it cannot compile.
+  try {
+    const std::regex check(channel_regex);
+  } catch (const std::regex_error&) {
+    throw UsageError(
+        fmt::format("channel pattern \"{}\" is not a regular expression", channel_regex));
+  }
   subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
-  lcm::Subscription* subscription =
-      lcm_->subscribe(channel_regex, &Subscription::on_message, subscriptions_.back().get());
+  // LCM puts ^ and $ around the pattern, which bind to the outer alternatives of "A|B" only.
+  lcm::Subscription* subscription = lcm_->subscribeFunction(
+      "(?:" + channel_regex + ")", &Subscription::on_message, subscriptions_.back().get());
   if (subscription == nullptr) {
     throw std::runtime_error(fmt::format("cannot subscribe to {} on {}", channel_regex, url_));
   }

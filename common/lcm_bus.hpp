@@ -41,6 +41,7 @@ class LcmBus final : public Bus {
   struct Subscription;
   void handle_pending();
 
+  EventLoop& loop_;
   std::string url_;
   std::unique_ptr<lcm::LCM> lcm_;
   std::vector<std::unique_ptr<Subscription>> subscriptions_;

@@ -40,10 +40,11 @@ void check_group(const std::string& url, const std::string& host) {
 // Returns whether recv_buf_size is among the options.
 bool check_options(const std::string& url, std::string options) {
   bool has_buffer = false;
-  while (!options.empty()) {
+  for (bool more = !options.empty(); more;) {
     const auto end = options.find('&');
     const std::string option = options.substr(0, end);
-    options = end == std::string::npos ? "" : options.substr(end + 1);
+    more = end != std::string::npos;
+    if (more) options.erase(0, end + 1);
     const auto equals = option.find('=');
     const std::string key = option.substr(0, equals);
     const std::int64_t value =

@@ -114,7 +114,8 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
   app.add_option("--start-utime", options.start_utime_us,
                  program.owns_clock
                      ? "wall-clock time of t = 0, microseconds since 1970 [now]"
-                     : "wall-clock time of t = 0, microseconds since 1970 [follow SIM/CLOCK]");
+                     : "wall-clock time of t = 0, microseconds since 1970 [follow SIM/CLOCK]")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{4'000'000'000'000'000}));
   return run_cli(app, argc, argv, [&] {
     const Scenario scenario = load_scenario(options.scenario_file, options.overrides);
     while (run_once(program, options, scenario) == End::clock_jumped) {

@@ -23,6 +23,21 @@ std::int64_t read_clock_ns(clockid_t id) {
   return t.tv_sec * kNanosecondsPerSecond + t.tv_nsec;
 }
 
+/// What to add to the wall clock to get CLOCK_MONOTONIC. The two cannot be read at once: the best
+/// of a few tries is one that was not interrupted.
+std::int64_t wall_to_monotonic_ns() {
+  std::int64_t best_gap_ns = INT64_MAX, best_ns = 0;
+  for (int i = 0; i < 5; ++i) {
+    const std::int64_t before_ns = read_clock_ns(CLOCK_MONOTONIC);
+    const std::int64_t wall_ns = read_clock_ns(CLOCK_REALTIME);
+    const std::int64_t gap_ns = read_clock_ns(CLOCK_MONOTONIC) - before_ns;
+    if (gap_ns >= best_gap_ns) continue;
+    best_gap_ns = gap_ns;
+    best_ns = before_ns + gap_ns / 2 - wall_ns;
+  }
+  return best_ns;
+}
+
 void watch(int epoll_fd, int fd) {
   epoll_event event{};
   event.events = EPOLLIN;
@@ -33,9 +48,7 @@ void watch(int epoll_fd, int fd) {
 }  // namespace
 
 RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us) {
-  const std::int64_t wall_to_monotonic_ns =
-      read_clock_ns(CLOCK_MONOTONIC) - read_clock_ns(CLOCK_REALTIME);
-  start_monotonic_ns_ = start_utime_us * 1000 + wall_to_monotonic_ns;
+  start_monotonic_ns_ = start_utime_us * 1000 + wall_to_monotonic_ns();
 
   sigset_t signals;
   sigemptyset(&signals);

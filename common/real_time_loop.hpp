@@ -25,8 +25,7 @@ class RealTimeLoop final : public EventLoop {
   void at(Instant when, Priority priority, Task task) override;
   void every(Instant first, Duration period, Priority priority, Task task) override;
   void add_fd(int fd, Task task) override;
-  /// Before `fd` is closed.
-  void remove_fd(int fd);
+  void remove_fd(int fd) override;
   void stop() override { stopped_ = true; }
   std::uint64_t slips() const override { return slips_; }
 

@@ -4,6 +4,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <numeric>
@@ -59,6 +60,13 @@ class Loader {
     for (const auto& [name, node] : table) {
       const std::string key = prefix + std::string(name.str());
       if (const auto* inner = node.as_table()) {
+        const auto& keys = scenario_keys();
+        // A misspelt section with keys is refused at its first key.
+        if (inner->empty() && std::none_of(keys.begin(), keys.end(), [&key](const ScenarioKey& k) {
+              return k.name.starts_with(key + ".");
+            })) {
+          refuse_unknown(fmt::format("{}:{}", file, node.source().begin.line), key);
+        }
         apply_table(*inner, key + ".", file);
       } else {
         apply(key, node, fmt::format("{}:{}", file, node.source().begin.line));
@@ -71,7 +79,7 @@ class Loader {
     if (equals == std::string::npos || equals == 0) {
       throw UsageError(fmt::format("--set {}: expected KEY=VALUE", text));
     }
-    const std::string key = text.substr(0, equals);
+    const std::string key = text.substr(0, text.find_last_not_of(' ', equals - 1) + 1);
     const toml::table parsed = parse_value(text, text.substr(equals + 1));
     for (const std::string& target : expand(key)) {
       apply(target, *parsed.get("value"), "--set " + text);
@@ -79,9 +87,15 @@ class Loader {
     }
   }
 
+  /// Turns stationary probabilities into sojourn times; after the file, and again after the
+  /// overrides, which beat what the file says in either form.
+  void resolve_sojourn_times(const std::string& source) {
+    resolve_sojourn_times("channel.uplink.", scenario_.channel.uplink, source);
+    resolve_sojourn_times("channel.downlink.", scenario_.channel.downlink, source);
+    given_.clear();
+  }
+
   Scenario finish(const std::string& file) {
-    resolve_sojourn_times("channel.uplink.", scenario_.channel.uplink, file);
-    resolve_sojourn_times("channel.downlink.", scenario_.channel.downlink, file);
     check_model_fits_overrides("channel.uplink.", scenario_.channel.uplink);
     check_model_fits_overrides("channel.downlink.", scenario_.channel.downlink);
     check_combinations(file);
@@ -117,6 +131,12 @@ class Loader {
       if (value.find('\n') == std::string::npos) return toml::parse("value = " + value);
       throw UsageError(fmt::format("--set {}: the value must be one line", option));
     } catch (const toml::parse_error&) {
+      // Numbers may be written as elsewhere than in TOML: .49 for 0.49.
+      double number = 0.0;
+      const auto [end, failed] = std::from_chars(value.data(), value.data() + value.size(), number);
+      if (failed == std::errc{} && end == value.data() + value.size()) {
+        return toml::table{{"value", number}};
+      }
       // Quotes around strings may be left out: --set controller.law=pid.
       if (value.empty() || value.find_first_of("\"'\n[]{}") != std::string::npos) {
         throw UsageError(fmt::format("--set {}: cannot read the value", option));
@@ -137,21 +157,21 @@ class Loader {
   }
 
   void resolve_sojourn_times(const std::string& prefix, LinkConfig& link,
-                             const std::string& file) {
+                             const std::string& source) {
     if (!link.p_bad && !link.mean_cycle_s) return;
     const std::string stationary =
         fmt::format("{0}markov.p_bad and {0}markov.mean_cycle_s", prefix);
-    if (!link.p_bad || !link.mean_cycle_s) {
-      throw UsageError(fmt::format("{}: {} go together", file, stationary));
-    }
     if (given_.contains(prefix + "markov.mean_good_s") ||
         given_.contains(prefix + "markov.mean_bad_s")) {
       throw UsageError(fmt::format("{}: give either {}, or {}markov.mean_good_s and mean_bad_s",
-                                   file, stationary, prefix));
+                                   source, stationary, prefix));
     }
-    const double mean_bad_s = *link.p_bad * *link.mean_cycle_s;
-    set_derived(prefix + "markov.mean_bad_s", mean_bad_s, stationary, file);
-    set_derived(prefix + "markov.mean_good_s", *link.mean_cycle_s - mean_bad_s, stationary, file);
+    // One of the two alone keeps the other as it was.
+    const double old_cycle_s = link.mean_good_s + link.mean_bad_s;
+    const double cycle_s = link.mean_cycle_s.value_or(old_cycle_s);
+    const double mean_bad_s = link.p_bad.value_or(link.mean_bad_s / old_cycle_s) * cycle_s;
+    set_derived(prefix + "markov.mean_bad_s", mean_bad_s, stationary, source);
+    set_derived(prefix + "markov.mean_good_s", cycle_s - mean_bad_s, stationary, source);
     link.p_bad.reset();
     link.mean_cycle_s.reset();
   }
@@ -188,6 +208,12 @@ class Loader {
           "{}: channel.shared_state = true needs the same model for uplink and downlink", file));
     }
     const auto& vehicle = scenario_.vehicle;
+    for (const char* taken : {"CTRL", "NET", "SIM", "CAN"}) {
+      if (!vehicle.name.starts_with(taken)) continue;
+      throw UsageError(fmt::format(
+          "{}: vehicle.name = \"{}\" is not allowed: channels {}... have another meaning", file,
+          vehicle.name, taken));
+    }
     const double reach = std::hypot(vehicle.chassis_length_m, vehicle.chassis_width_m);
     const double inside = scenario_.world.half_extent_m - reach;
     if (std::abs(vehicle.start_x_m) > inside || std::abs(vehicle.start_y_m) > inside) {
@@ -220,7 +246,9 @@ Scenario parse_scenario(const std::string& toml, const std::string& name,
     throw UsageError(
         fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
   }
+  loader.resolve_sojourn_times(name);
   for (const std::string& text : overrides) loader.apply_override(text);
+  loader.resolve_sojourn_times("--set");
   return loader.finish(name);
 }
 

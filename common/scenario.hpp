@@ -70,8 +70,8 @@ struct Scenario {
     Trigger trigger = Trigger::event;
     double rate_hz = 20.0;        ///< trigger = timer: commands per second
     double pose_timeout_s = 1.0;  ///< a pose older than this stops the vehicle; 0 = never
-    Gains v{0.4661, 0.0, 0.1989, 8.0};
-    Gains omega{0.2970, 0.0, 0.0674, 2.0};
+    Gains v{0.49, 0.0, 0.15, 8.0};
+    Gains omega{0.295, 0.0, 0.14, 2.0};
     double derivative_filter_s = 0.1;  ///< time constant of the filter before the D term
   };
   struct Actuator {

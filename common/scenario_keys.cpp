@@ -50,9 +50,9 @@ std::optional<double> as_double(const ScenarioValue& value) {
 class KeyTable {
  public:
   template <class Field>
-  void number(std::string name, Field field, Range range, std::string meaning) {
+  void number(const std::string& name, Field field, Range range, const std::string& meaning) {
     add(
-        std::move(name), range.text("number"), std::move(meaning),
+        std::move(name), range.text("number"), meaning,
         [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
         [field, range](Scenario& s, const ScenarioValue& value) {
           const auto x = as_double(value);
@@ -63,9 +63,10 @@ class KeyTable {
   }
 
   template <class Field>
-  void optional_number(std::string name, Field field, Range range, std::string meaning) {
+  void optional_number(const std::string& name, Field field, Range range,
+                       const std::string& meaning) {
     add(
-        std::move(name), range.text("number"), std::move(meaning),
+        std::move(name), range.text("number"), meaning,
         [field](const Scenario& s) {
           const std::optional<double>& x = field(s);
           return x ? std::optional<ScenarioValue>(*x) : std::nullopt;
@@ -79,10 +80,11 @@ class KeyTable {
   }
 
   template <class Field>
-  void whole_number(std::string name, Field field, std::int64_t low, std::string meaning) {
+  void whole_number(const std::string& name, Field field, std::int64_t low,
+                    const std::string& meaning) {
     const Range range{static_cast<double>(low), kInfinity, false};
     add(
-        std::move(name), range.text("whole number"), std::move(meaning),
+        std::move(name), range.text("whole number"), meaning,
         [field](const Scenario& s) {
           return std::optional<ScenarioValue>(static_cast<std::int64_t>(field(s)));
         },
@@ -95,9 +97,9 @@ class KeyTable {
   }
 
   template <class Field>
-  void boolean(std::string name, Field field, std::string meaning) {
+  void boolean(const std::string& name, Field field, const std::string& meaning) {
     add(
-        std::move(name), "true or false", std::move(meaning),
+        std::move(name), "true or false", meaning,
         [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
         [field](Scenario& s, const ScenarioValue& value) {
           const auto* x = std::get_if<bool>(&value);
@@ -108,11 +110,12 @@ class KeyTable {
   }
 
   template <class Enum, class Field>
-  void choice(std::string name, Field field, const Names<Enum>& names, std::string meaning) {
+  void choice(const std::string& name, Field field, const Names<Enum>& names,
+              const std::string& meaning) {
     std::vector<std::string> quoted;
     for (const auto& [text, unused] : names) quoted.push_back("\"" + text + "\"");
     add(
-        std::move(name), fmt::format("{}", fmt::join(quoted, " or ")), std::move(meaning),
+        std::move(name), fmt::format("{}", fmt::join(quoted, " or ")), meaning,
         [field, names](const Scenario& s) {
           for (const auto& [text, value] : names) {
             if (value == field(s)) return std::optional<ScenarioValue>(text);
@@ -131,9 +134,9 @@ class KeyTable {
   }
 
   template <class Field>
-  void identifier(std::string name, Field field, std::string meaning) {
+  void identifier(const std::string& name, Field field, const std::string& meaning) {
     add(
-        std::move(name), "letters, digits, '-' and '_', at most 32", std::move(meaning),
+        std::move(name), "letters, digits, '-' and '_', at most 32", meaning,
         [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
         [field](Scenario& s, const ScenarioValue& value) {
           static const std::regex kPattern("[A-Za-z0-9_-]{1,32}");
@@ -147,10 +150,9 @@ class KeyTable {
   std::vector<ScenarioKey> take() { return std::move(keys_); }
 
  private:
-  void add(std::string name, std::string allowed, std::string meaning,
+  void add(const std::string& name, std::string allowed, const std::string& meaning,
            decltype(ScenarioKey::get) get, decltype(ScenarioKey::set) set) {
-    keys_.push_back(
-        {std::move(name), std::move(allowed), std::move(meaning), std::move(get), std::move(set)});
+    keys_.push_back({std::move(name), std::move(allowed), meaning, std::move(get), std::move(set)});
   }
 
   std::vector<ScenarioKey> keys_;

@@ -16,8 +16,8 @@ namespace tether {
 /// - `duplicated`: the newest accepted one again;
 /// - `reordered`: numbered and stamped no later than the newest accepted one;
 /// - `time_backwards`: numbered later but stamped earlier than the newest accepted one.
-/// The same or a lower number with a later stamp is a publisher that started anew: accepted, and counted in
-/// `restarts`. `missed` counts the numbers skipped so far (lost or still on the way).
+/// The same or a lower number with a later stamp is a publisher that started anew: accepted, and
+/// counted in `restarts`. `missed` counts the numbers skipped so far (lost or still on the way).
 class StreamGuard {
  public:
   struct Config {

@@ -11,7 +11,8 @@ void VirtualLoop::at(Instant when, Priority priority, Task task) {
 }
 
 void VirtualLoop::every(Instant first, Duration period, Priority priority, Task task) {
-  timers_.add_periodic(TimerQueue::not_before(now_, first, period), period, priority, std::move(task));
+  timers_.add_periodic(TimerQueue::not_before(now_, first, period), period, priority,
+                       std::move(task));
 }
 
 void VirtualLoop::add_fd(int, Task) {

@@ -13,6 +13,7 @@ class VirtualLoop final : public EventLoop {
   void at(Instant when, Priority priority, Task task) override;
   void every(Instant first, Duration period, Priority priority, Task task) override;
   [[noreturn]] void add_fd(int fd, Task task) override;
+  void remove_fd(int) override {}
   void stop() override { stopped_ = true; }
   std::uint64_t slips() const override { return 0; }
 

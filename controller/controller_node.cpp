@@ -87,7 +87,7 @@ void ControllerNode::send(Instant now, const Twist& twist, bool stopped) {
   report.distance_error_m = law_.errors().distance_m;
   report.v_mps = twist.v_mps;
   report.omega_radps = twist.omega_radps;
-  report.pose_timed_out = stopped;
+  report.pose_timed_out = stopped ? 1 : 0;
   publish(bus_, channels_.control_report, report);
 }
 
