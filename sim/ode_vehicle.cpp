@@ -1,0 +1,106 @@
+#include "sim/ode_vehicle.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "sim/ode_world.hpp"
+
+namespace tether {
+namespace {
+
+double approach(double from, double to, double max_change) {
+  return from + std::clamp(to - from, -max_change, max_change);
+}
+
+void require(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(std::string("vehicle or world: ") + what);
+}
+
+void check(const VehicleConfig& v, const WorldConfig& w, double step_s) {
+  // Written so that NaN fails too.
+  require(v.chassis_length_m > 0 && v.chassis_width_m > 0 && v.chassis_height_m > 0,
+          "the chassis needs a positive length, width and height");
+  require(v.chassis_mass_kg > 0 && v.wheel_mass_kg > 0 && v.caster_mass_kg >= 0,
+          "masses must be positive (the caster's may be 0)");
+  require(v.wheel_radius_m > 0 && v.wheel_width_m > 0 && v.caster_radius_m > 0,
+          "wheel and caster need positive dimensions");
+  require(v.track_m > 0, "the track must be positive");
+  require(
+      v.max_wheel_torque_Nm > 0 && v.max_wheel_acceleration_mps2 > 0 && v.max_wheel_speed_mps > 0,
+      "wheel torque, acceleration and speed limits must be positive");
+  require(w.half_extent_m > 0 && w.friction >= 0 && w.wall_friction >= 0 && w.gravity_mps2 > 0,
+          "walls need a positive distance, friction must not be negative, gravity positive");
+  require(is_finite(Pose2{v.start_x_m, v.start_y_m, v.start_yaw_rad}),
+          "the start pose must be finite");
+  require(std::max(std::abs(v.start_x_m), std::abs(v.start_y_m)) < w.half_extent_m,
+          "the start must lie between the walls");
+  require(step_s > 0, "the physics step must be positive");
+}
+
+}  // namespace
+
+struct OdeVehicle::World : OdeWorld {
+  using OdeWorld::OdeWorld;
+};
+
+OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldConfig& world, Duration step)
+    : config_(vehicle), step_s_(to_seconds(step)) {
+  check(vehicle, world, step_s_);
+  world_ = std::make_unique<World>(vehicle, world, step_s_);
+  read_state();
+}
+
+OdeVehicle::~OdeVehicle() = default;
+
+void OdeVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
+  if (!std::isfinite(rim_speeds.left_mps) || !std::isfinite(rim_speeds.right_mps)) {
+    throw std::invalid_argument("OdeVehicle: a wheel target is not finite");
+  }
+  commands_ = saturate(rim_speeds, config_.max_wheel_speed_mps);
+}
+
+void OdeVehicle::step() {
+  prepare_ode_thread();
+  const double max_change_mps = config_.max_wheel_acceleration_mps2 * step_s_;
+  servo_targets_.left_mps = approach(servo_targets_.left_mps, commands_.left_mps, max_change_mps);
+  servo_targets_.right_mps =
+      approach(servo_targets_.right_mps, commands_.right_mps, max_change_mps);
+
+  const std::uint64_t complaints_before = ode_complaints_of_this_thread();
+  world_->step(servo_targets_);
+  solver_complaints_ += ode_complaints_of_this_thread() - complaints_before;
+
+  read_state();
+  // The joint's rate is constant during a step, so this sum is the angle itself.
+  state_.left_wheel_angle_rad += state_.rim_speeds.left_mps / config_.wheel_radius_m * step_s_;
+  state_.right_wheel_angle_rad += state_.rim_speeds.right_mps / config_.wheel_radius_m * step_s_;
+}
+
+void OdeVehicle::read_state() {
+  const dBodyID chassis = world_->chassis();
+  const auto& axle = world_->axle_in_chassis_m();
+  const dReal* r = dBodyGetRotation(chassis);
+  const dReal* position = dBodyGetPosition(chassis);
+  const dReal* velocity = dBodyGetLinearVel(chassis);
+  const dReal* spin = dBodyGetAngularVel(chassis);
+  dVector3 arm;
+  dMultiply0_331(arm, r, axle.data());
+  state_.pose.x_m = position[0] + arm[0];
+  state_.pose.y_m = position[1] + arm[1];
+  state_.height_m = position[2] + arm[2];
+  state_.pose.yaw_rad = std::atan2(r[4], r[0]);
+  state_.pitch_rad = -std::asin(std::clamp(r[8], -1.0, 1.0));
+  state_.roll_rad = std::atan2(r[9], r[10]);
+
+  const double vx = velocity[0] + spin[1] * arm[2] - spin[2] * arm[1];
+  const double vy = velocity[1] + spin[2] * arm[0] - spin[0] * arm[2];
+  const double heading = std::hypot(r[0], r[4]);
+  state_.twist.v_mps = heading > 0.0 ? (vx * r[0] + vy * r[4]) / heading : 0.0;
+  state_.twist.omega_radps = spin[2];
+  state_.rim_speeds = world_->rim_speeds();
+  state_.wall_contact = world_->wall_contact();
+}
+
+}  // namespace tether

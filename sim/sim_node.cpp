@@ -1,0 +1,148 @@
+#include "sim/sim_node.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <tether/clock_t.hpp>
+#include <tether/ground_truth_t.hpp>
+#include <tether/pose_t.hpp>
+#include <tether/twist_t.hpp>
+
+#include "common/diff_drive.hpp"
+#include "common/message_io.hpp"
+
+namespace tether {
+namespace {
+
+constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
+
+}  // namespace
+
+SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
+    : loop_(loop),
+      bus_(bus),
+      channels_(scenario.vehicle.name),
+      end_(kStart + from_seconds(scenario.run.duration_s)),
+      sensor_latency_(from_seconds(scenario.sensor.latency_ms * 1e-3)),
+      track_m_(scenario.vehicle.track_m),
+      path_(scenario.path.figure_eight),
+      vehicle_(scenario.vehicle, scenario.world, kStep),
+      actuator_(scenario.actuator),
+      sensor_(scenario.sensor,
+              random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/pose")),
+      world_time_(std::max(kStart, loop.now())),
+      counters_(loop, bus, "sim", channels_.sim_counters,
+                from_seconds(scenario.run.report_period_s),
+                [this](CounterList& out) { list_counters(out); }) {
+  metrics_.start(error_m());
+  subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_,
+                     [this](const twist_t& m) {
+                       on_command(from_utime(m.utime), m.seq, {m.v_mps, m.omega_radps});
+                     });
+  loop.every(kStart + kStep, kStep, Priority::physics, [this](Instant now) { step(now); });
+  loop.every(kStart, from_seconds(1.0 / scenario.sensor.rate_hz), Priority::node,
+             [this](Instant now) { sample_pose(now); });
+  loop.every(kStart, kClockPeriod, Priority::observer, [this](Instant now) { publish_clock(now); });
+  loop.every(kStart, from_seconds(1.0 / scenario.run.truth_rate_hz), Priority::observer,
+             [this](Instant) { publish_truth(); });
+}
+
+void SimNode::on_command(Instant stamp, std::int64_t seq, const Twist& twist) {
+  if (!is_finite(twist)) {
+    ++non_finite_;
+    return;
+  }
+  const Instant now = loop_.now();
+  if (guard_.accept(now, stamp, seq)) arrived_.push_back({now, twist});
+}
+
+void SimNode::take_commands(Instant until) {
+  auto next = arrived_.begin();
+  for (; next != arrived_.end() && next->arrival <= until; ++next) {
+    actuator_.on_command(next->arrival, next->twist);
+  }
+  arrived_.erase(arrived_.begin(), next);
+}
+
+void SimNode::step(Instant now) {
+  if (now > end_) return;
+  const Instant from = now - kStep;
+  if (!arrived_.empty()) take_commands(from);
+  vehicle_.set_wheel_targets(to_wheel_speeds(actuator_.in_force(from), track_m_));
+  vehicle_.step();
+  world_time_ = now;
+  metrics_.add(to_seconds(kStep), error_m(), vehicle_.state().wall_contact);
+}
+
+void SimNode::sample_pose(Instant now) {
+  if (now > end_) return;
+  const Pose2 measured = sensor_.measure(vehicle_.state().pose);
+  pose_t message{};
+  message.utime = to_utime(world_time_);
+  message.seq = pose_seq_++;
+  message.x_m = measured.x_m;
+  message.y_m = measured.y_m;
+  message.yaw_rad = measured.yaw_rad;
+  if (sensor_latency_ == Duration{0}) {
+    publish(bus_, channels_.vehicle_pose, message);
+  } else {
+    loop_.at(now + sensor_latency_, Priority::node,
+             [this, message](Instant) { publish(bus_, channels_.vehicle_pose, message); });
+  }
+}
+
+void SimNode::publish_clock(Instant now) {
+  clock_t message{};
+  message.utime = to_utime(now);
+  message.seq = clock_seq_++;
+  message.rate = 1.0;
+  publish(bus_, channels_.clock, message);
+}
+
+void SimNode::publish_truth() {
+  if (truth_seq_ > 0 && last_truth_ == world_time_) return;
+  last_truth_ = world_time_;
+  const VehicleState& s = vehicle_.state();
+  const FigureEight::Point reference = this->reference();
+  ground_truth_t message{};
+  message.utime = to_utime(world_time_);
+  message.seq = truth_seq_++;
+  message.x_m = s.pose.x_m;
+  message.y_m = s.pose.y_m;
+  message.yaw_rad = s.pose.yaw_rad;
+  message.v_mps = s.twist.v_mps;
+  message.omega_radps = s.twist.omega_radps;
+  message.left_rim_mps = s.rim_speeds.left_mps;
+  message.right_rim_mps = s.rim_speeds.right_mps;
+  message.x_ref_m = reference.x_m;
+  message.y_ref_m = reference.y_m;
+  message.error_m = metrics_.error_m();
+  message.epsilon_m = metrics_.epsilon_m();
+  message.rmse_m = metrics_.rmse_m();
+  message.max_error_m = metrics_.max_error_m();
+  message.wall_contact_s = metrics_.wall_contact_s();
+  message.wall_contact = s.wall_contact ? 1 : 0;
+  publish(bus_, channels_.truth, message);
+}
+
+FigureEight::Point SimNode::reference() const { return path_.at(to_seconds(world_time_)); }
+
+double SimNode::error_m() const {
+  const FigureEight::Point reference = this->reference();
+  const Pose2& pose = vehicle_.state().pose;
+  return std::hypot(reference.x_m - pose.x_m, reference.y_m - pose.y_m);
+}
+
+void SimNode::finish() {
+  publish_truth();
+  counters_.publish_now();
+}
+
+void SimNode::list_counters(CounterList& out) const {
+  guard_.list("command", out);
+  out.emplace_back("command.undecodable", undecodable_);
+  out.emplace_back("command.non_finite", non_finite_);
+  out.emplace_back("physics.solver_complaints",
+                   static_cast<std::int64_t>(vehicle_.solver_complaints()));
+}
+
+}  // namespace tether

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/bus.hpp"
+#include "common/channel_names.hpp"
+#include "common/counter_reporter.hpp"
+#include "common/event_loop.hpp"
+#include "common/figure_eight.hpp"
+#include "common/node.hpp"
+#include "common/scenario.hpp"
+#include "common/stream_guard.hpp"
+#include "sim/actuator.hpp"
+#include "sim/metrics.hpp"
+#include "sim/ode_vehicle.hpp"
+#include "sim/pose_sensor.hpp"
+
+namespace tether {
+
+/// The vehicle side: physics at 1 kHz, AGV/POSE out, AGV/CMD_VEL in, the truth on SIM/TRUTH and
+/// the run's clock on SIM/CLOCK.
+///
+/// Each step [t, t + 1 ms) uses the twist in force at t. A command therefore acts from the first
+/// step that starts at or after its arrival. Commands that are undecodable, non-finite, duplicated,
+/// late or stamped in the future are counted and otherwise ignored; they refresh nothing.
+///
+/// From run.duration_s on the world stands still and the metrics are final.
+class SimNode final : public Node {
+ public:
+  static constexpr Duration kStep = std::chrono::milliseconds{1};
+
+  SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus);
+
+  /// Publishes the final truth and counters.
+  void finish() override;
+
+  const OdeVehicle& vehicle() const { return vehicle_; }
+  const Metrics& metrics() const { return metrics_; }
+
+ private:
+  void on_command(Instant stamp, std::int64_t seq, const Twist& twist);
+  void take_commands(Instant until);
+  void step(Instant now);
+  void sample_pose(Instant now);
+  void publish_clock(Instant now);
+  void publish_truth();
+  FigureEight::Point reference() const;
+  double error_m() const;
+  void list_counters(CounterList& out) const;
+
+  EventLoop& loop_;
+  Bus& bus_;
+  ChannelNames channels_;
+  Instant end_;
+  Duration sensor_latency_;
+  double track_m_;
+  FigureEight path_;
+  OdeVehicle vehicle_;
+  Actuator actuator_;
+  PoseSensor sensor_;
+  Metrics metrics_;
+  StreamGuard guard_;
+
+  struct ArrivedCommand {
+    Instant arrival;
+    Twist twist;
+  };
+  std::vector<ArrivedCommand> arrived_;  // not in force yet: a step that began earlier is to come
+  Instant world_time_ = kStart;          // of the vehicle's state
+  Instant last_truth_ = kStart;
+  std::int64_t pose_seq_ = 0;
+  std::int64_t truth_seq_ = 0;
+  std::int64_t clock_seq_ = 0;
+  std::int64_t undecodable_ = 0;
+  std::int64_t non_finite_ = 0;
+  CounterReporter counters_;
+};
+
+}  // namespace tether
