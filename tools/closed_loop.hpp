@@ -1,0 +1,55 @@
+#pragma once
+
+#include "common/in_process_bus.hpp"
+#include "common/scenario.hpp"
+#include "common/virtual_loop.hpp"
+#include "controller/controller_node.hpp"
+#include "netem/netem_node.hpp"
+#include "sim/sim_node.hpp"
+
+namespace tether {
+
+/// The whole loop in one process, one thread and virtual time: what `tether run` runs. Instances
+/// share nothing, so any number may run in as many threads.
+class ClosedLoop {
+ public:
+  explicit ClosedLoop(const Scenario& scenario)
+      : scenario_(scenario),
+        bus_(loop_),
+        sim_(scenario, loop_, bus_),
+        netem_(scenario, loop_, bus_, bus_),
+        controller_(scenario, loop_, bus_) {}
+
+  /// For observers, which subscribe before the run.
+  Bus& bus() { return bus_; }
+  EventLoop& loop() { return loop_; }
+
+  /// Runs to the scenario's end; the nodes' final reports included.
+  void run() {
+    run_until(kStart + from_seconds(scenario_.run.duration_s));
+    finish();
+  }
+
+  /// Runs a part, for callers that show progress; finish() after the last.
+  void run_until(Instant end) { loop_.run_until(end); }
+  void finish() {
+    for (Node* node : {static_cast<Node*>(&sim_), static_cast<Node*>(&netem_),
+                       static_cast<Node*>(&controller_)}) {
+      node->finish();
+    }
+    loop_.run_until(loop_.now());  // delivers the final reports
+  }
+
+  const SimNode& sim() const { return sim_; }
+  const NetemNode& netem() const { return netem_; }
+
+ private:
+  Scenario scenario_;
+  VirtualLoop loop_;
+  InProcessBus bus_;
+  SimNode sim_;
+  NetemNode netem_;
+  ControllerNode controller_;
+};
+
+}  // namespace tether

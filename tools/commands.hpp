@@ -1,0 +1,19 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace tether {
+
+/// What the chosen subcommand does, returning the exit code; main() calls it after parsing.
+using Action = std::function<int()>;
+
+// Each adds one subcommand of `tether`, with its options, and sets `action` when it is chosen.
+// `tether` and `action` outlive the parsing and the action.
+void add_run_command(CLI::App& tether, Action& action);
+void add_live_command(CLI::App& tether, Action& action);
+void add_echo_command(CLI::App& tether, Action& action);
+void add_log_command(CLI::App& tether, Action& action);
+void add_spy_command(CLI::App& tether, Action& action);
+
+}  // namespace tether

@@ -1,0 +1,145 @@
+#include "tools/live_session.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <stdexcept>
+#include <system_error>
+
+#include "common/cli.hpp"
+#include "tools/process.hpp"
+
+namespace tether {
+namespace {
+
+/// Time for all nodes to start before t = 0.
+constexpr std::int64_t kLeadTime_us = 1'500'000;
+constexpr Duration kStatusPeriod = std::chrono::milliseconds{500};
+constexpr Duration kRestartDelay = std::chrono::milliseconds{300};
+constexpr Duration kShutDownPatience = std::chrono::seconds{3};
+/// Time for the nodes' last messages to arrive.
+constexpr Duration kLinger = std::chrono::milliseconds{200};
+constexpr int kMaxRestarts = 20;
+
+double prr(const link_report_t& link) {
+  return link.offered > 0 ? 1.0 - static_cast<double>(link.lost + link.overflowed) /
+                                      static_cast<double>(link.offered)
+                          : 1.0;
+}
+
+}  // namespace
+
+LiveSession::LiveSession(const Options& options, const Scenario& scenario)
+    : show_status_(options.show_status && isatty(STDERR_FILENO) != 0),
+      end_(kStart + from_seconds(scenario.run.duration_s)),
+      loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us),
+      bus_(options.lcm_url, loop_),
+      observer_(scenario, loop_, bus_) {
+  if (!options.out.empty()) {
+    folder_.emplace(options.out);
+    folder_->record(loop_, bus_);
+  }
+  const std::int64_t start_utime_us = RealTimeLoop::wall_utime_us() - to_utime(loop_.now());
+  for (const char* name : {"tether-controller", "tether-netem", "tether-sim"}) {
+    add_child(options, name, start_utime_us);
+  }
+}
+
+void LiveSession::add_child(const Options& options, const std::string& name,
+                            std::int64_t start_utime_us) {
+  const std::string program = (executable_folder() / name).string();
+  if (access(program.c_str(), X_OK) != 0) {
+    throw std::runtime_error(fmt::format("cannot start {}: {}; tether expects its nodes beside it",
+                                         program, std::generic_category().message(errno)));
+  }
+  std::vector<std::string> command{program, options.scenario_file,
+                                   "--lcm-url=" + options.lcm_url,
+                                   fmt::format("--start-utime={}", start_utime_us)};
+  for (const std::string& text : options.overrides) command.push_back("--set=" + text);
+
+  children_.push_back(std::make_unique<Child>());
+  Child& child = *children_.back();
+  child.name = name;
+  child.process = std::make_unique<NodeProcess>(
+      loop_, std::move(command), [this](const std::string& line) { say(line); },
+      [this, &child](int code) { on_child_exit(child, code); });
+}
+
+void LiveSession::run() {
+  for (auto& child : children_) child->process->start();
+  loop_.every(loop_.now(), kStatusPeriod, Priority::observer, [this](Instant) { show_status(); });
+  loop_.run_until(end_ + kLinger);
+  end_ = std::min(end_, loop_.now());
+  shut_down();
+  if (!failure_.empty()) throw std::runtime_error(failure_);
+  if (observer_.truth().utime > 0) return;
+  throw std::runtime_error(
+      interrupted() ? "no result: ended before t = 0"
+                    : fmt::format("no result: no SIM/TRUTH from tether-sim was heard on {}; does a "
+                                  "firewall stop multicast?",
+                                  bus_.url()));
+}
+
+void LiveSession::on_child_exit(Child& child, int code) {
+  if (ending_) {
+    if (!any_running()) loop_.stop();
+    return;
+  }
+  const bool refused = code == kExitUsage || code == 127;
+  if (refused || restarts_ >= kMaxRestarts) {
+    failure_ = refused ? fmt::format("{} did not start (exit code {})", child.name, code)
+                       : fmt::format("{} ended again (exit code {}): giving up after {} restarts",
+                                     child.name, code, restarts_);
+    loop_.stop();
+    return;
+  }
+  ++restarts_;
+  say(fmt::format(
+      "t = {:.1f} s: {} ended with {}; starting it again", to_seconds(loop_.now()), child.name,
+      code > 128 ? fmt::format("signal {}", code - 128) : fmt::format("exit code {}", code)));
+  loop_.at(loop_.now() + kRestartDelay, Priority::node, [this, &child](Instant) {
+    if (!ending_) child.process->start();
+  });
+}
+
+void LiveSession::shut_down() {
+  ending_ = true;
+  for (auto& child : children_) child->process->send_signal(SIGTERM);
+  if (any_running()) loop_.run_until(loop_.now() + kShutDownPatience);
+  for (auto& child : children_) child->process->send_signal(SIGKILL);
+  loop_.run_until(loop_.now() + kLinger);
+  if (show_status_) fmt::print(stderr, "\r\033[K");
+}
+
+bool LiveSession::any_running() const {
+  for (const auto& child : children_) {
+    if (child->process->running()) return true;
+  }
+  return false;
+}
+
+void LiveSession::say(const std::string& line) {
+  fmt::print(stderr, "{}{}\n", show_status_ ? "\r\033[K" : "", line);
+}
+
+void LiveSession::show_status() {
+  const double period_s = to_seconds(kStatusPeriod);
+  const auto rate = [period_s](std::int64_t now, std::int64_t& last) {
+    const double per_second = static_cast<double>(now - last) / period_s;
+    last = now;
+    return per_second;
+  };
+  const double poses_hz = rate(observer_.poses_received(), last_poses_);
+  const double commands_hz = rate(observer_.commands_received(), last_commands_);
+  if (!show_status_) return;
+  fmt::print(stderr,
+             "\r\033[Kt {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s",
+             to_seconds(loop_.now()), observer_.truth().epsilon_m, prr(observer_.uplink()),
+             poses_hz, prr(observer_.downlink()), commands_hz);
+  std::fflush(stderr);
+}
+
+}  // namespace tether

@@ -1,0 +1,100 @@
+#include "tools/output_folder.hpp"
+
+#include <fmt/format.h>
+#include <fmt/os.h>
+
+#include <fstream>
+#include <lcm/lcm-cpp.hpp>
+#include <stdexcept>
+
+#include "common/errors.hpp"
+#include "common/version.hpp"
+#include "tools/path_figure.hpp"
+
+namespace fs = std::filesystem;
+
+namespace tether {
+namespace {
+
+constexpr std::uintmax_t kEventHeaderBytes = 28;  // sync, number, time stamp, two lengths
+
+void write_file(const fs::path& file, const std::string& text) {
+  std::ofstream out(file, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw std::runtime_error(fmt::format("cannot write \"{}\"", file.string()));
+}
+
+std::string trajectory_csv(const std::vector<TrajectoryRow>& rows) {
+  std::string text = "t_s,x_m,y_m,yaw_rad,x_ref_m,y_ref_m,error_m,uplink_state,downlink_state\n";
+  for (const TrajectoryRow& r : rows) {
+    text += fmt::format("{:.6f},{},{},{},{},{},{},{},{}\n", r.t_s, r.x_m, r.y_m, r.yaw_rad,
+                        r.x_ref_m, r.y_ref_m, r.error_m, r.uplink_state, r.downlink_state);
+  }
+  return text;
+}
+
+}  // namespace
+
+EventLogWriter::EventLogWriter(const fs::path& file, EventLoop& loop, Bus& bus)
+    : file_(file), loop_(loop), log_(std::make_unique<lcm::LogFile>(file.string(), "w")) {
+  if (!log_->good()) throw UsageError(fmt::format("cannot write \"{}\"", file.string()));
+  bus.subscribe(".*", kDeepQueue, [this](const Message& message) { write(message); });
+}
+
+EventLogWriter::~EventLogWriter() = default;
+
+void EventLogWriter::write(const Message& message) {
+  if (!log_) return;
+  lcm::LogEvent event{};
+  event.eventnum = events_++;
+  event.timestamp = to_utime(loop_.now());
+  event.channel = std::string(message.channel);
+  event.datalen = static_cast<std::int32_t>(message.bytes.size());
+  // LCM's signature lacks a const; it only reads.
+  event.data = const_cast<std::uint8_t*>(message.bytes.data());
+  if (log_->writeEvent(&event) != 0) failed_ = true;
+  bytes_ += kEventHeaderBytes + message.channel.size() + message.bytes.size();
+}
+
+void EventLogWriter::close() {
+  if (!log_) return;
+  log_.reset();
+  std::error_code error;
+  // LCM does not say whether its last buffer reached the disk; the size does.
+  if (failed_ || fs::file_size(file_, error) != bytes_) {
+    throw std::runtime_error(
+        fmt::format("\"{}\" is incomplete: is the disk full?", file_.string()));
+  }
+}
+
+OutputFolder::OutputFolder(const fs::path& folder) : folder_(folder) {
+  std::error_code error;
+  fs::create_directories(folder_, error);
+  if (error || !fs::is_directory(folder_)) {
+    throw UsageError(fmt::format("--out: cannot create the folder \"{}\": {}", folder_.string(),
+                                 error ? error.message() : "a file of that name is in the way"));
+  }
+  const bool ours = fs::exists(folder_ / "scenario.toml") || fs::exists(folder_ / "run.lcmlog");
+  if (!ours && !fs::is_empty(folder_)) {
+    throw UsageError(fmt::format("--out: \"{}\" holds other files; name a new or empty folder",
+                                 folder_.string()));
+  }
+  fs::remove(folder_ / "summary.json", error);
+}
+
+void OutputFolder::record(EventLoop& loop, Bus& bus) {
+  log_ = std::make_unique<EventLogWriter>(folder_ / "run.lcmlog", loop, bus);
+}
+
+void OutputFolder::write(const Scenario& scenario, const RunObserver& run,
+                         const std::string& summary_json) {
+  write_file(folder_ / "scenario.toml",
+             fmt::format("# Resolved scenario, tether {}\n\n{}", kVersion, to_toml(scenario)));
+  write_file(folder_ / "trajectory.csv", trajectory_csv(run.trajectory()));
+  if (log_) log_->close();
+  draw_path_figure(folder_, scenario, run.truth().epsilon_m);
+  write_file(folder_ / "summary.json", summary_json + "\n");
+}
+
+}  // namespace tether

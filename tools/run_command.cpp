@@ -1,0 +1,108 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/cli.hpp"
+#include "common/errors.hpp"
+#include "tools/closed_loop.hpp"
+#include "tools/commands.hpp"
+#include "tools/output_folder.hpp"
+#include "tools/run_observer.hpp"
+#include "tools/run_summary.hpp"
+
+namespace tether {
+namespace {
+
+struct Options {
+  std::string scenario_file;
+  std::vector<std::string> overrides;
+  std::optional<std::uint64_t> seed;
+  std::string out;
+  bool json = false;
+  bool keys = false;
+};
+
+double wall_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Runs to the end; on a terminal, shows how far it is when it takes longer than a second.
+void run_with_progress(ClosedLoop& loop, Instant end) {
+  const bool show = isatty(STDERR_FILENO) != 0;
+  const double start_s = wall_seconds();
+  double shown_s = start_s;
+  for (Instant t = kStart; t < end; t = std::min(end, t + std::chrono::seconds{1})) {
+    loop.run_until(t);
+    const double now_s = wall_seconds();
+    if (!show || now_s - shown_s < 1.0) continue;
+    shown_s = now_s;
+    const double share = to_seconds(t) / to_seconds(end);
+    fmt::print(stderr, "\r\033[K{:.0f} of {:.0f} s simulated, about {:.0f} s to go", to_seconds(t),
+               to_seconds(end), (now_s - start_s) * (1.0 / share - 1.0));
+  }
+  loop.run_until(end);
+  loop.finish();
+  if (shown_s > start_s) fmt::print(stderr, "\r\033[K");
+}
+
+int run(const Options& options) {
+  if (options.keys) {
+    fmt::print("{}", describe_scenario_keys());
+    return kExitOk;
+  }
+  if (options.scenario_file.empty()) throw UsageError("run: name a scenario file (see --help)");
+  std::vector<std::string> overrides = options.overrides;
+  if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
+  const Scenario scenario = load_scenario(options.scenario_file, overrides);
+
+  std::optional<OutputFolder> folder;
+  if (!options.out.empty()) folder.emplace(options.out);
+
+  const double start_s = wall_seconds();
+  ClosedLoop loop(scenario);
+  RunObserver observer(scenario, loop.loop(), loop.bus());
+  if (folder) folder->record(loop.loop(), loop.bus());
+  const Instant end = kStart + from_seconds(scenario.run.duration_s);
+  run_with_progress(loop, end);
+
+  const RunSummary summary{.wall_time_s = wall_seconds() - start_s,
+                           .sim_time_s = to_seconds(end),
+                           .aoi_mean_s = observer.aoi_mean_s(end)};
+  const std::string json = to_json(scenario, observer, summary);
+  if (folder) folder->write(scenario, observer, json);
+  if (options.json) {
+    fmt::print("{}\n", json);
+  } else {
+    fmt::print("{}", to_text(scenario, observer, summary));
+    if (folder) fmt::print("{:<9} {}\n", "picture", (folder->path() / "path.png").string());
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& tether, Action& action) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = tether.add_subcommand("run", "One run in virtual time: deterministic");
+  command->add_option("scenario", options->scenario_file, "scenario file (TOML)");
+  command
+      ->add_option("--set", options->overrides,
+                   "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
+      ->allow_extra_args(false);
+  command->add_option("--seed", options->seed, "override run.seed");
+  command->add_option(
+      "--out", options->out,
+      "folder for scenario.toml, summary.json, trajectory.csv, run.lcmlog, path.png, "
+      "path.svg [none]");
+  command->add_flag("--json", options->json, "print the summary as one JSON object");
+  command->add_flag("--keys", options->keys, "list all scenario keys with units and defaults");
+  command->callback([options, &action] { action = [options] { return run(*options); }; });
+}
+
+}  // namespace tether

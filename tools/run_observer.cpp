@@ -1,0 +1,59 @@
+#include "tools/run_observer.hpp"
+
+#include <algorithm>
+#include <tether/pose_t.hpp>
+
+#include "common/channel_names.hpp"
+#include "common/message_io.hpp"
+
+namespace tether {
+
+RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus) : loop_(loop) {
+  const ChannelNames channels(scenario.vehicle.name);
+  subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
+                            [this](const ground_truth_t& m) { on_truth(m); });
+  subscribe<link_report_t>(bus, channels.uplink_report, kDeepQueue, undecodable_,
+                           [this](const link_report_t& m) { uplink_ = m; });
+  subscribe<link_report_t>(bus, channels.downlink_report, kDeepQueue, undecodable_,
+                           [this](const link_report_t& m) { downlink_ = m; });
+  for (const std::string& channel :
+       {channels.sim_counters, channels.net_counters, channels.control_counters}) {
+    subscribe<counters_t>(bus, channel, kDeepQueue, undecodable_, [this](const counters_t& m) {
+      for (std::size_t i = 0; i < m.name.size(); ++i) {
+        counters_[m.node + "." + m.name[i]] = m.value[i];
+      }
+    });
+  }
+  subscribe<pose_t>(bus, channels.control_pose, kDeepQueue, undecodable_,
+                    [this](const pose_t& m) { on_pose(from_utime(m.utime)); });
+  bus.subscribe(channels.vehicle_command, kDeepQueue,
+                [this](const Message&) { ++commands_received_; });
+}
+
+void RunObserver::on_truth(const ground_truth_t& m) {
+  if (m.seq <= truth_.seq) trajectory_.clear();
+  truth_ = m;
+  trajectory_.push_back({static_cast<double>(m.utime) * 1e-6, m.x_m, m.y_m, m.yaw_rad, m.x_ref_m,
+                         m.y_ref_m, m.error_m, uplink_.state, downlink_.state});
+}
+
+void RunObserver::on_pose(Instant stamp) {
+  ++poses_received_;
+  const Instant now = loop_.now();
+  age_integral_s2_ = age_integral_s2(now);
+  last_pose_arrival_ = now;
+  newest_pose_stamp_ = std::clamp(stamp, newest_pose_stamp_, std::max(now, newest_pose_stamp_));
+}
+
+double RunObserver::age_integral_s2(Instant until) const {
+  const double from_age_s = to_seconds(last_pose_arrival_ - newest_pose_stamp_);
+  const double to_age_s = to_seconds(until - newest_pose_stamp_);
+  return age_integral_s2_ + 0.5 * (to_age_s * to_age_s - from_age_s * from_age_s);
+}
+
+double RunObserver::aoi_mean_s(Instant now) const {
+  const double elapsed_s = to_seconds(now);
+  return elapsed_s > 0.0 ? age_integral_s2(now) / elapsed_s : 0.0;
+}
+
+}  // namespace tether

@@ -1,0 +1,95 @@
+#include "tools/run_summary.hpp"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "common/version.hpp"
+
+namespace tether {
+namespace {
+
+double reception_ratio(const link_report_t& link) {
+  return 1.0 - static_cast<double>(link.lost + link.overflowed) / static_cast<double>(link.offered);
+}
+
+nlohmann::ordered_json link_json(const link_report_t& link) {
+  nlohmann::ordered_json json;
+  json["sent"] = link.offered;
+  json["delivered"] = link.delivered;
+  json["lost"] = link.lost;
+  json["overflowed"] = link.overflowed;
+  json["in_flight"] = link.in_flight;
+  json["prr"] = nullptr;
+  if (link.offered > 0) json["prr"] = reception_ratio(link);
+  json["delay_ms_mean"] = link.delay_ms_mean;
+  json["delay_ms_p50"] = link.delay_ms_p50;
+  json["delay_ms_p99"] = link.delay_ms_p99;
+  json["delay_ms_max"] = link.delay_ms_max;
+  return json;
+}
+
+std::string link_text(const char* name, const link_report_t& link) {
+  if (link.offered == 0) return fmt::format("{:<9} nothing sent\n", name);
+  return fmt::format(
+      "{:<9} {} sent, {} delivered, {} lost (PRR {:.3f}), delay mean {:.1f} ms, p99 {:.1f} ms\n",
+      name, link.offered, link.delivered, link.lost + link.overflowed, reception_ratio(link),
+      link.delay_ms_mean, link.delay_ms_p99);
+}
+
+double real_time_factor(const RunSummary& s) {
+  return s.wall_time_s > 0.0 ? s.sim_time_s / s.wall_time_s : 0.0;
+}
+
+/// Counters of what must not happen in a healthy run.
+bool is_trouble(const std::string& name) {
+  for (const char* ordinary :
+       {".accepted", ".missed", ".sent", ".offered", ".delivered", ".lost"}) {
+    if (name.ends_with(ordinary)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
+  const ground_truth_t& truth = run.truth();
+  nlohmann::ordered_json json;
+  json["epsilon_m"] = truth.epsilon_m;
+  json["rmse_m"] = truth.rmse_m;
+  json["max_error_m"] = truth.max_error_m;
+  json["wall_contact_s"] = truth.wall_contact_s;
+  json["collision"] = truth.wall_contact_s > 0.0;
+  json["sim_time_s"] = summary.sim_time_s;
+  json["wall_time_s"] = summary.wall_time_s;
+  json["real_time_factor"] = real_time_factor(summary);
+  json["seed"] = scenario.run.seed;
+  json["version"] = kVersion;
+  json["uplink"] = link_json(run.uplink());
+  json["downlink"] = link_json(run.downlink());
+  json["aoi_ms_mean"] = summary.aoi_mean_s * 1e3;
+  json["counters"] = run.counters();
+  return json.dump(2);
+}
+
+std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
+  const ground_truth_t& truth = run.truth();
+  std::string text =
+      fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
+                  truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
+  text += link_text("uplink", run.uplink());
+  text += link_text("downlink", run.downlink());
+  text += fmt::format("{:<9} mean age of the controller's pose {:.0f} ms\n", "age",
+                      summary.aoi_mean_s * 1e3);
+  text += fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), seed {}\n",
+                      "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
+                      scenario.run.seed);
+  for (const auto& [name, value] : run.counters()) {
+    if (value > 0 && is_trouble(name)) {
+      text += fmt::format("{:<9} {} = {}\n", "counter", name, value);
+    }
+  }
+  return text;
+}
+
+}  // namespace tether

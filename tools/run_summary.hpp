@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+
+#include "common/scenario.hpp"
+#include "tools/run_observer.hpp"
+
+namespace tether {
+
+/// What a run tells its user, on the terminal, as JSON and in summary.json.
+struct RunSummary {
+  double wall_time_s = 0.0;
+  double sim_time_s = 0.0;
+  double aoi_mean_s = 0.0;
+};
+
+/// One JSON object (docs/outputs.md lists the keys).
+std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);
+
+/// A few lines for people.
+std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);
+
+}  // namespace tether
