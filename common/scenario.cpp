@@ -35,7 +35,20 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return row.back();
 }
 
+std::string trimmed(const std::string& text) {
+  const auto first = text.find_first_not_of(' ');
+  return first == std::string::npos ? ""
+                                    : text.substr(first, text.find_last_not_of(' ') - first + 1);
+}
+
 std::string last_part(const std::string& key) { return key.substr(key.rfind('.') + 1); }
+
+const ScenarioKey* find_key(const std::string& name) {
+  const auto& keys = scenario_keys();
+  const auto found = std::find_if(keys.begin(), keys.end(),
+                                  [&name](const ScenarioKey& k) { return k.name == name; });
+  return found == keys.end() ? nullptr : &*found;
+}
 
 [[noreturn]] void refuse_unknown(const Place& place, const std::string& key) {
   const auto& keys = scenario_keys();
@@ -79,9 +92,10 @@ class Loader {
     if (equals == std::string::npos || equals == 0) {
       throw UsageError(fmt::format("--set {}: expected KEY=VALUE", text));
     }
-    const std::string key = text.substr(0, text.find_last_not_of(' ', equals - 1) + 1);
-    const toml::table parsed = parse_value(text, text.substr(equals + 1));
+    const std::string key = trimmed(text.substr(0, equals));
+    const toml::table parsed = parse_value(text, trimmed(text.substr(equals + 1)));
     for (const std::string& target : expand(key)) {
+      if (find_key(target) == nullptr) refuse_unknown("--set " + text, key);
       apply(target, *parsed.get("value"), "--set " + text);
       overridden_.insert(target);
     }
@@ -104,10 +118,8 @@ class Loader {
 
  private:
   void apply(const std::string& key, const toml::node& node, const Place& place) {
-    const auto& keys = scenario_keys();
-    const auto found = std::find_if(keys.begin(), keys.end(),
-                                    [&key](const ScenarioKey& k) { return k.name == key; });
-    if (found == keys.end()) refuse_unknown(place, key);
+    const ScenarioKey* found = find_key(key);
+    if (found == nullptr) refuse_unknown(place, key);
     const auto value = to_value(node);
     if (!value || !found->set(scenario_, *value)) {
       std::ostringstream shown;
@@ -179,9 +191,7 @@ class Loader {
   /// Sets what follows from other keys, within the same limits as if it had been given.
   void set_derived(const std::string& key, double value, const std::string& from,
                    const std::string& file) {
-    const auto& keys = scenario_keys();
-    const auto found = std::find_if(keys.begin(), keys.end(),
-                                    [&key](const ScenarioKey& k) { return k.name == key; });
+    const ScenarioKey* found = find_key(key);
     if (!found->set(scenario_, value)) {
       throw UsageError(fmt::format("{}: {} give {} = {}, which is not allowed: must be {}", file,
                                    from, key, value, found->allowed));
@@ -229,10 +239,14 @@ class Loader {
   std::set<std::string> overridden_;
 };
 
+/// As TOML: the shortest text that reads as the same value.
 std::string to_toml(const ScenarioValue& value) {
-  std::ostringstream text;
-  std::visit([&text](const auto& v) { text << toml::value(v); }, value);
-  return text.str();
+  if (const auto* text = std::get_if<std::string>(&value)) return fmt::format("\"{}\"", *text);
+  std::string text = std::visit([](const auto& v) { return fmt::format("{}", v); }, value);
+  if (std::holds_alternative<double>(value) && text.find_first_of(".e") == std::string::npos) {
+    text += ".0";
+  }
+  return text;
 }
 
 }  // namespace

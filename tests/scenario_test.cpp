@@ -1,0 +1,291 @@
+#include "common/scenario.hpp"
+
+#include <gmock/gmock.h>
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <ostream>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include "common/errors.hpp"
+#include "common/scenario_keys.hpp"
+
+namespace tether {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+
+Scenario parse(const std::string& toml, const std::vector<std::string>& overrides = {}) {
+  return parse_scenario(toml, "test.toml", overrides);
+}
+
+/// What the user reads when `toml` with `overrides` is refused.
+std::string refusal(const std::string& toml, const std::vector<std::string>& overrides = {}) {
+  try {
+    parse(toml, overrides);
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+std::string text_of(const std::optional<ScenarioValue>& value) {
+  if (!value) return "(not set)";
+  if (const auto* b = std::get_if<bool>(&*value)) return *b ? "true" : "false";
+  if (const auto* i = std::get_if<std::int64_t>(&*value)) return std::to_string(*i);
+  if (const auto* s = std::get_if<std::string>(&*value)) return *s;
+  return "bits " + std::to_string(std::bit_cast<std::uint64_t>(std::get<double>(*value)));
+}
+
+/// All keys with their values, bit by bit.
+std::vector<std::string> contents(const Scenario& scenario) {
+  std::vector<std::string> lines;
+  for (const ScenarioKey& key : scenario_keys()) {
+    lines.push_back(key.name + " = " + text_of(key.get(scenario)));
+  }
+  return lines;
+}
+
+/// Allowed values for `key`, likely and unlikely ones, without its default.
+std::vector<ScenarioValue> other_values(const ScenarioKey& key) {
+  std::vector<ScenarioValue> candidates{
+      true, false, 0.25, 0.5, 1.5, 5.5, std::int64_t{7}, std::string("AGV7")};
+  const std::regex quoted("\"([^\"]*)\"");
+  for (std::sregex_iterator i(key.allowed.begin(), key.allowed.end(), quoted), end; i != end; ++i) {
+    candidates.emplace_back((*i)[1].str());
+  }
+  const Scenario defaults;
+  std::vector<ScenarioValue> allowed;
+  for (const ScenarioValue& candidate : candidates) {
+    Scenario s;
+    if (key.set(s, candidate) && key.get(s) != key.get(defaults)) allowed.push_back(candidate);
+  }
+  return allowed;
+}
+
+/// A choice of one has no other value.
+bool is_only_choice(const ScenarioKey& key) {
+  return key.allowed.starts_with('"') && key.allowed.find(" or ") == std::string::npos;
+}
+
+TEST(Scenario, AnEmptyTextGivesTheDefaults) {
+  EXPECT_EQ(contents(parse("")), contents(Scenario{}));
+}
+
+TEST(Scenario, EveryKeyCanBeSetAndChangesNothingElse) {
+  const Scenario defaults;
+  for (const ScenarioKey& key : scenario_keys()) {
+    if (is_only_choice(key)) continue;
+    const auto values = other_values(key);
+    ASSERT_FALSE(values.empty()) << key.name;
+    Scenario changed;
+    ASSERT_TRUE(key.set(changed, values.front())) << key.name;
+    for (const ScenarioKey& other : scenario_keys()) {
+      EXPECT_EQ(other.get(changed) != other.get(defaults), other.name == key.name)
+          << "set " << key.name << ", look at " << other.name;
+    }
+  }
+}
+
+TEST(Scenario, EveryDefaultIsAnAllowedValue) {
+  const Scenario defaults;
+  for (const ScenarioKey& key : scenario_keys()) {
+    const auto value = key.get(defaults);
+    Scenario s;
+    EXPECT_TRUE(!value || key.set(s, *value)) << key.name;
+  }
+}
+
+TEST(Scenario, OneOfEverythingIsReadFromAFile) {
+  Scenario wanted;
+  for (const ScenarioKey& key : scenario_keys()) {
+    // These are given instead of the sojourn times; tests of their own follow.
+    if (key.name.ends_with(".p_bad") || key.name.ends_with(".mean_cycle_s")) continue;
+    if (!is_only_choice(key)) key.set(wanted, other_values(key).front());
+  }
+  EXPECT_EQ(contents(parse(to_toml(wanted))), contents(wanted));
+  EXPECT_NE(contents(wanted), contents(Scenario{}));
+}
+
+TEST(Scenario, TheResolvedTextGivesTheSameScenarioBitByBit) {
+  Scenario odd;
+  odd.run.duration_s = 0.1 + 0.2;
+  odd.run.seed = INT64_MAX;
+  odd.vehicle.start_x_m = -0.0;
+  odd.vehicle.start_yaw_rad = -1.0 / 3.0;
+  odd.vehicle.axle_x_m = std::numeric_limits<double>::lowest();
+  odd.vehicle.caster_x_m = std::numeric_limits<double>::max();
+  odd.sensor.position_noise_m = std::numeric_limits<double>::denorm_min();
+  odd.sensor.yaw_noise_rad = std::numeric_limits<double>::min();
+  odd.world.friction = std::nextafter(1.0, 2.0);
+  odd.path.figure_eight.amplitude_m = 1e22;
+  odd.controller.tau_s = 9007199254740993.0;
+  odd.channel.uplink.model = LinkConfig::Model::markov;
+  odd.channel.uplink.mean_good_s = 1.0 / 7.0;
+  EXPECT_EQ(contents(parse(to_toml(odd))), contents(odd));
+  EXPECT_EQ(to_toml(parse(to_toml(odd))), to_toml(odd));
+}
+
+TEST(Scenario, WholeNumbersServeAsNumbersButNotTheOtherWayRound) {
+  EXPECT_EQ(parse("[sensor]\nrate_hz = 5").sensor.rate_hz, 5.0);
+  EXPECT_THAT(refusal("[run]\nseed = 5.0"), HasSubstr("a finite whole number >= 0"));
+}
+
+TEST(Scenario, TablesMayBeWrittenInAnyOfTomlsWays) {
+  EXPECT_EQ(parse("sensor = { rate_hz = 5.0 }").sensor.rate_hz, 5.0);
+  EXPECT_EQ(parse("sensor.rate_hz = 5.0").sensor.rate_hz, 5.0);
+  EXPECT_EQ(parse("[channel]\nuplink.prr = 0.5").channel.uplink.fixed.prr, 0.5);
+}
+
+TEST(Scenario, AMisspeltKeyIsRefusedWithAGuess) {
+  EXPECT_THAT(refusal("[run]\nseed = 1\n\n[sensor]\nrate_hertz = 5.0"),
+              AllOf(StartsWith("test.toml:5: "), HasSubstr("unknown key \"sensor.rate_hertz\"")));
+  EXPECT_THAT(refusal("[sensor]\nrate_hs = 5.0"), HasSubstr("did you mean \"sensor.rate_hz\"?"));
+  EXPECT_THAT(refusal("[chanel.uplink]\nprr = 0.5"),
+              HasSubstr("did you mean \"channel.uplink.prr\"?"));
+  EXPECT_THAT(refusal("[vehicle]\nhalf_extent_m = 5.0"),
+              HasSubstr("did you mean \"world.half_extent_m\"?"));
+  EXPECT_THAT(refusal("rum = 1"), HasSubstr("unknown key \"rum\""));
+  EXPECT_THAT(refusal("[sensro]"), HasSubstr("unknown key \"sensro\""));
+  EXPECT_THAT(refusal("[[run]]\nseed = 1"), HasSubstr("unknown key \"run\""));
+}
+
+struct BadValue {
+  const char* section;
+  const char* line;
+  const char* key;
+  const char* allowed;
+};
+
+void PrintTo(const BadValue& bad, std::ostream* out) { *out << bad.section << ": " << bad.line; }
+
+struct ScenarioBadValue : testing::TestWithParam<BadValue> {};
+
+TEST_P(ScenarioBadValue, IsRefusedWithFileLineKeyValueAndWhatIsAllowed) {
+  const auto& [section, line, key, allowed] = GetParam();
+  const std::string text = "# a comment\n[" + std::string(section) + "]\n" + line + "\n";
+  const std::string message = refusal(text);
+  EXPECT_THAT(message, StartsWith("test.toml:3: " + std::string(key) + " = "));
+  EXPECT_THAT(message, HasSubstr(std::string("is not allowed: must be ") + allowed + " ("));
+}
+
+constexpr BadValue kBadValues[] = {
+    {"sensor", "rate_hz = -1.0", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "rate_hz = 0", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "rate_hz = 1000.0000001", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "rate_hz = nan", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "rate_hz = inf", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "rate_hz = \"20\"", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "rate_hz = true", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "rate_hz = [20.0]", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "rate_hz = 2025-01-01", "sensor.rate_hz", "a number in (0, 1000]"},
+    {"sensor", "position_noise_m = -1e-9", "sensor.position_noise_m", "a finite number >= 0"},
+    {"vehicle", "start_x_m = -inf", "vehicle.start_x_m", "a finite number"},
+    {"vehicle", "start_x_m = nan", "vehicle.start_x_m", "a finite number"},
+    {"vehicle", "track_m = 0.0", "vehicle.track_m", "a finite number > 0"},
+    {"vehicle", "name = \"AGV 7\"", "vehicle.name", "letters, digits, '-' and '_', at most 32"},
+    {"vehicle", "name = \"\"", "vehicle.name", "letters, digits, '-' and '_', at most 32"},
+    {"vehicle", "name = 7", "vehicle.name", "letters, digits, '-' and '_', at most 32"},
+    {"run", "seed = -1", "run.seed", "a finite whole number >= 0"},
+    {"run", "duration_s = 0.0", "run.duration_s", "a number in (0, 1000000]"},
+    {"channel", "shared_state = 1", "channel.shared_state", "true or false"},
+    {"channel.uplink", "prr = 1.2", "channel.uplink.prr", "a number in [0, 1]"},
+    {"channel.uplink", "prr = -0.1", "channel.uplink.prr", "a number in [0, 1]"},
+    {"channel.downlink", "prr = nan", "channel.downlink.prr", "a number in [0, 1]"},
+    {"channel.downlink", "model = \"Markov\"", "channel.downlink.model", "\"fixed\" or \"markov\""},
+    {"channel.downlink", "queue_limit = 0", "channel.downlink.queue_limit",
+     "a finite whole number >= 1"},
+    {"channel.downlink.markov", "mean_bad_s = 0.0", "channel.downlink.markov.mean_bad_s",
+     "a number in [0.001, 1000000000]"},
+    {"actuator", "policy = \"keep\"", "actuator.policy", "\"hold\" or \"zero\""},
+};
+
+INSTANTIATE_TEST_SUITE_P(Scenario, ScenarioBadValue, testing::ValuesIn(kBadValues));
+
+TEST(Scenario, ASyntaxErrorNamesFileAndLine) {
+  EXPECT_THAT(refusal("[run]\nseed = \n"), StartsWith("test.toml:2: "));
+  EXPECT_THAT(refusal("[run\n"), StartsWith("test.toml:1: "));
+}
+
+TEST(Scenario, ADuplicateKeyIsRefused) {
+  EXPECT_THAT(refusal("[run]\nseed = 1\nseed = 2\n"),
+              AllOf(StartsWith("test.toml:3: "), HasSubstr("seed")));
+  EXPECT_THAT(refusal("[run]\nseed = 1\n[run]\n"), StartsWith("test.toml:3: "));
+}
+
+TEST(Scenario, TheVehicleMustStartWithinTheWalls) {
+  EXPECT_THAT(refusal("[vehicle]\nstart_x_m = 20.0"),
+              AllOf(StartsWith("test.toml: "), HasSubstr("vehicle.start_x_m"),
+                    HasSubstr("world.half_extent_m = 22")));
+  EXPECT_EQ(refusal("[vehicle]\nstart_x_m = 20.0\n[world]\nhalf_extent_m = 23.0"), "accepted");
+}
+
+TEST(Scenario, ASharedStateNeedsTheSameModelInBothDirections) {
+  const std::string one = "[channel]\nshared_state = true\nuplink.model = \"markov\"\n";
+  EXPECT_THAT(refusal(one), HasSubstr("channel.shared_state = true needs the same model"));
+  EXPECT_EQ(refusal(one + "downlink.model = \"markov\""), "accepted");
+}
+
+struct ScenarioSojournTimes : testing::Test {
+  std::string markov(const std::string& keys) {
+    return "[channel.uplink]\nmodel = \"markov\"\n[channel.uplink.markov]\n" + keys;
+  }
+};
+
+TEST_F(ScenarioSojournTimes, FollowFromTheStationaryProbabilityAndTheCycle) {
+  const LinkConfig link = parse(markov("p_bad = 0.25\nmean_cycle_s = 8.0")).channel.uplink;
+  EXPECT_DOUBLE_EQ(link.mean_bad_s, 2.0);
+  EXPECT_DOUBLE_EQ(link.mean_good_s, 6.0);
+}
+
+TEST_F(ScenarioSojournTimes, AreWhatTheResolvedScenarioHolds) {
+  const Scenario s = parse(markov("p_bad = 0.3\nmean_cycle_s = 0.7"));
+  EXPECT_THAT(to_toml(s), AllOf(Not(HasSubstr("p_bad")), Not(HasSubstr("mean_cycle_s"))));
+  EXPECT_EQ(contents(parse(to_toml(s))), contents(s));
+}
+
+TEST_F(ScenarioSojournTimes, OneOfProbabilityAndCycleKeepsTheOther) {
+  // The defaults are 24 s good and 8 s bad: P[bad] = 0.25 in a cycle of 32 s.
+  const Scenario other_share = parse_scenario(markov("p_bad = 0.5"), "test.toml");
+  EXPECT_DOUBLE_EQ(other_share.channel.uplink.mean_bad_s, 16.0);
+  EXPECT_DOUBLE_EQ(other_share.channel.uplink.mean_good_s, 16.0);
+  const Scenario other_cycle = parse_scenario(markov("mean_cycle_s = 4.0"), "test.toml");
+  EXPECT_DOUBLE_EQ(other_cycle.channel.uplink.mean_bad_s, 1.0);
+  EXPECT_DOUBLE_EQ(other_cycle.channel.uplink.mean_good_s, 3.0);
+}
+
+TEST_F(ScenarioSojournTimes, AnOverrideBeatsTheFileInEitherForm) {
+  const Scenario by_share = parse_scenario(markov("mean_good_s = 6.0\nmean_bad_s = 2.0"),
+                                           "test.toml", {"channel.uplink.markov.p_bad=0.5"});
+  EXPECT_DOUBLE_EQ(by_share.channel.uplink.mean_bad_s, 4.0);
+  const Scenario by_time = parse_scenario(markov("p_bad = 0.25\nmean_cycle_s = 8.0"), "test.toml",
+                                          {"channel.uplink.markov.mean_bad_s=5"});
+  EXPECT_DOUBLE_EQ(by_time.channel.uplink.mean_bad_s, 5.0);
+  EXPECT_DOUBLE_EQ(by_time.channel.uplink.mean_good_s, 6.0);
+}
+
+TEST_F(ScenarioSojournTimes, AreGivenInOneWayOnly) {
+  for (const char* other : {"mean_good_s = 6.0", "mean_bad_s = 2.0"}) {
+    EXPECT_THAT(refusal(markov("p_bad = 0.25\nmean_cycle_s = 8.0\n" + std::string(other))),
+                AllOf(StartsWith("test.toml: give either "), HasSubstr("markov.p_bad"),
+                      HasSubstr("channel.uplink.markov.mean_good_s")));
+  }
+}
+
+TEST_F(ScenarioSojournTimes, ThatFollowAreLimitedAsIfTheyHadBeenGiven) {
+  EXPECT_THAT(refusal(markov("p_bad = 0.001\nmean_cycle_s = 0.5")),
+              AllOf(HasSubstr("channel.uplink.markov.mean_bad_s = 0.0005"),
+                    HasSubstr("must be a number in [0.001, 1000000000]")));
+}
+
+}  // namespace
+}  // namespace tether
