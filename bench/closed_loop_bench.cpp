@@ -1,0 +1,88 @@
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "sim/ode_world.hpp"
+#include "tools/closed_loop.hpp"
+
+// A whole closed-loop run without file output, against its floor: bare ODE stepping of the
+// identical world with the identical servo targets. Both are timed in turn, A B A B …, so that the
+// ratio holds while the machine's speed drifts.
+
+namespace tether {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+Scenario paper(const std::vector<std::string>& overrides) {
+  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+}
+
+/// What the servos were told, step by step.
+std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
+  std::vector<WheelSpeeds> targets;
+  ClosedLoop loop(scenario);
+  loop.loop().every(kStart + SimNode::kStep, SimNode::kStep, Priority::observer,
+                    [&](Instant) { targets.push_back(loop.sim().vehicle().servo_targets()); });
+  loop.run();
+  return targets;
+}
+
+double seconds_of(const std::function<void()>& work) {
+  const auto start = SteadyClock::now();
+  work();
+  return std::chrono::duration<double>(SteadyClock::now() - start).count();
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+void whole_run(benchmark::State& state, const std::vector<std::string>& overrides) {
+  const Scenario scenario = paper(overrides);
+  const std::vector<WheelSpeeds> targets = record_servo_targets(scenario);
+  const auto bare = [&] {
+    OdeWorld world(scenario.vehicle, scenario.world, to_seconds(SimNode::kStep));
+    for (const WheelSpeeds& t : targets) world.step(t);
+    benchmark::DoNotOptimize(world.rim_speeds());
+  };
+  const auto loop = [&] {
+    ClosedLoop closed_loop(scenario);
+    closed_loop.run();
+    benchmark::DoNotOptimize(closed_loop.sim().metrics().epsilon_m());
+  };
+
+  std::vector<double> bare_s, loop_s, ratio;
+  for (auto unused : state) {
+    (void)unused;
+    bare_s.push_back(seconds_of(bare));
+    loop_s.push_back(seconds_of(loop));
+    ratio.push_back(loop_s.back() / bare_s.back());
+    state.SetIterationTime(loop_s.back());
+  }
+  state.counters["bare_ode_us_per_step"] =
+      median(bare_s) * 1e6 / static_cast<double>(targets.size());
+  state.counters["loop_over_bare_ode"] = median(ratio);
+  state.counters["real_time_factor"] = scenario.run.duration_s / median(loop_s);
+}
+
+BENCHMARK_CAPTURE(whole_run, paper_1_Hz, std::vector<std::string>{})
+    ->UseManualTime()
+    ->Iterations(25)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(whole_run, pose_and_command_20_Hz, std::vector<std::string>{"sensor.rate_hz=20"})
+    ->UseManualTime()
+    ->Iterations(25)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(whole_run, at_the_walls_prr_0_1, std::vector<std::string>{"channel.prr=0.1"})
+    ->UseManualTime()
+    ->Iterations(25)
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace tether
