@@ -1,0 +1,17 @@
+#!/usr/bin/env bash
+# Installs what is missing, builds, and runs the paper's scenario: see README.md.
+set -euo pipefail
+cd "$(dirname "$0")"
+
+./setup.sh
+[ -f build/release/build.ninja ] || cmake --preset release
+cmake --build --preset release --target tether
+
+build/release/bin/tether run scenarios/paper.toml --out out/paper
+cat <<'TEXT'
+
+Try next:
+  build/release/bin/tether run scenarios/paper.toml --set channel.prr=0.45     # a bad network
+  build/release/bin/tether live scenarios/paper.toml                           # real time, over LCM
+  build/release/bin/tether run --keys                                          # all that can be set
+TEXT

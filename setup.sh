@@ -1,0 +1,46 @@
+#!/usr/bin/env bash
+# Installs, with apt, what is missing of Tether's Debian packages; says nothing if nothing is.
+#   ./setup.sh          what building and running need
+#   ./setup.sh tests    that, and what the tests need
+set -euo pipefail
+
+packages=(
+    # compiler and build
+    g++ cmake ninja-build pkg-config git ca-certificates
+    # libraries
+    liblcm-dev liblcm-bin libode-dev libboost-dev libcli11-dev libfmt-dev
+    libtomlplusplus-dev nlohmann-json3-dev libgtest-dev libgmock-dev libbenchmark-dev
+    # figures, and lcm-spy with plots
+    gnuplot-nox liblcm-java libjchart2d-java openjdk-17-jdk openjdk-17-jre
+    # network set-up
+    iproute2
+)
+if [ "${1:-}" = tests ]; then
+    packages+=(
+        clang-format clang-tidy                     # lint
+        xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
+        procps util-linux python3                   # process tests
+    )
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+    [ "$(dpkg-query --show --showformat='${db:Status-Status}' "$package" 2>/dev/null)" = installed ] ||
+        missing+=("$package")
+done
+[ ${#missing[@]} -gt 0 ] || exit 0
+
+sudo=()
+if [ "$(id -u)" != 0 ]; then
+    command -v sudo >/dev/null || {
+        echo "setup.sh: missing packages, and neither root nor sudo. As root: apt-get install ${missing[*]}" >&2
+        exit 1
+    }
+    sudo=(sudo)
+fi
+echo "Installing: ${missing[*]}"
+export DEBIAN_FRONTEND=noninteractive
+"${sudo[@]}" apt-get update -qq
+"${sudo[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -y -qq --no-install-recommends "${missing[@]}" |
+    awk '/^Setting up/ { n++; printf "\r  %d packages set up", n; fflush() } END { print "" }'
