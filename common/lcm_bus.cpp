@@ -1,6 +1,9 @@
 #include "common/lcm_bus.hpp"
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <lcm/lcm-cpp.hpp>
 #include <regex>
@@ -9,6 +12,7 @@
 
 #include "common/errors.hpp"
 #include "common/lcm_url.hpp"
+#include "common/system_error.hpp"
 
 namespace tether {
 namespace {
@@ -27,7 +31,29 @@ std::string unreachable(const std::string& url) {
       url, group, group);
 }
 
+/// Whether the kernel has a route to the URL's multicast group. Asked before LCM is, which would
+/// print advice of its own for other tools.
+bool has_route(const std::string& group) {
+  if (group.empty()) return true;
+  const int fd =
+      check_system_call("opening a socket", socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(9);
+  inet_pton(AF_INET, group.c_str(), &address.sin_addr);
+  const bool reachable =
+      connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  close(fd);
+  return reachable;
+}
+
 }  // namespace
+
+std::string reachable_lcm_url(const std::string& url) {
+  std::string checked = checked_lcm_url(url);
+  if (!has_route(multicast_group(checked))) throw std::runtime_error(unreachable(checked));
+  return checked;
+}
 
 struct LcmBus::Subscription {
   LcmBus* bus;
@@ -48,7 +74,7 @@ struct LcmBus::Subscription {
 };
 
 LcmBus::LcmBus(const std::string& url, EventLoop& loop)
-    : loop_(loop), url_(checked_lcm_url(url)), lcm_(std::make_unique<lcm::LCM>(url_)) {
+    : loop_(loop), url_(reachable_lcm_url(url)), lcm_(std::make_unique<lcm::LCM>(url_)) {
   if (!lcm_->good() || lcm_->getFileno() < 0) throw std::runtime_error(unreachable(url_));
   loop.add_fd(lcm_->getFileno(), [this](Instant) { handle_pending(); });
 }

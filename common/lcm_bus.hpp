@@ -15,6 +15,10 @@ class LCM;
 
 namespace tether {
 
+/// checked_lcm_url(), and the kernel has a route there. Throws UsageError for a malformed URL,
+/// std::runtime_error with the command that mends it where there is no route.
+std::string reachable_lcm_url(const std::string& url);
+
 /// A real LCM network, driven by an event loop. Handlers run in the loop's thread; an exception
 /// from one is carried past LCM's C frames and rethrown to the loop.
 ///
@@ -22,8 +26,7 @@ namespace tether {
 /// (LCM pull request 628): keep the port on a trusted or isolated network.
 class LcmBus final : public Bus {
  public:
-  /// Throws UsageError for a malformed URL, std::runtime_error, with the command that mends it,
-  /// where the network cannot be reached. `loop` must outlive the bus.
+  /// Throws as reachable_lcm_url() does. `loop` must outlive the bus.
   LcmBus(const std::string& url, EventLoop& loop);
   ~LcmBus() override;
 

@@ -18,13 +18,15 @@ struct Twist {
   double omega_radps = 0.0;  ///< yaw rate, counter-clockwise positive
 };
 
-inline bool is_finite(const Pose2& p) {
-  return std::isfinite(p.x_m) && std::isfinite(p.y_m) && std::isfinite(p.yaw_rad);
-}
+/// Numbers from the network beyond this are as useless as NaN: arithmetic on them would overflow.
+inline constexpr double kLargestUsable = 1e9;
 
-inline bool is_finite(const Twist& u) {
-  return std::isfinite(u.v_mps) && std::isfinite(u.omega_radps);
+/// False for NaN, infinities and magnitudes from kLargestUsable on.
+inline bool is_usable(double x) { return std::abs(x) < kLargestUsable; }
+inline bool is_usable(const Pose2& p) {
+  return is_usable(p.x_m) && is_usable(p.y_m) && is_usable(p.yaw_rad);
 }
+inline bool is_usable(const Twist& u) { return is_usable(u.v_mps) && is_usable(u.omega_radps); }
 
 /// The same angle in (−π, π]. Finite input only.
 inline double wrap_angle(double angle_rad) {

@@ -28,7 +28,7 @@ ControllerNode::ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& b
 }
 
 void ControllerNode::on_pose(Instant stamp, std::int64_t seq, const Pose2& pose) {
-  if (!is_finite(pose)) {
+  if (!is_usable(pose)) {
     ++non_finite_;
     return;
   }
@@ -62,7 +62,13 @@ void ControllerNode::decide() {
     law_.reset();
     send(now, {}, true);
   } else {
-    send(now, law_.step(pose_, now), false);
+    Twist twist = law_.step(pose_, now);
+    if (!is_usable(twist)) {  // no input is known to lead here; NaN must not leave, nor stay inside
+      ++unusable_commands_;
+      law_.reset();
+      twist = {};
+    }
+    send(now, twist, false);
   }
 }
 
@@ -98,6 +104,7 @@ void ControllerNode::list_counters(CounterList& out) const {
   out.emplace_back("pose.undecodable", undecodable_);
   out.emplace_back("pose.non_finite", non_finite_);
   out.emplace_back("pose.timeouts", pose_timeouts_);
+  out.emplace_back("command.unusable", unusable_commands_);
   out.emplace_back("command.sent", commands_);
 }
 

@@ -23,8 +23,8 @@ namespace tether {
 /// zero twist, timer sends zero twists; the law starts afresh with the next pose. A pose that
 /// arrives too old already is answered by a zero twist. pose_timeout_s = 0: never (the paper).
 ///
-/// Poses that are undecodable, non-finite, duplicated, late or stamped in the future are counted
-/// and otherwise ignored; they refresh nothing.
+/// Poses that are undecodable, non-finite (or beyond ±1e9), duplicated, late or stamped in the
+/// future are counted and otherwise ignored; they refresh nothing.
 class ControllerNode final : public Node {
  public:
   ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& bus);
@@ -57,6 +57,7 @@ class ControllerNode final : public Node {
   std::int64_t non_finite_ = 0;
   std::int64_t commands_ = 0;
   std::int64_t pose_timeouts_ = 0;
+  std::int64_t unusable_commands_ = 0;
   CounterReporter counters_;
 };
 

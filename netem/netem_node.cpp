@@ -22,6 +22,11 @@ NetemNode::NetemNode(const Scenario& scenario, EventLoop& loop, Bus& vehicle_bus
   const Duration period = from_seconds(scenario.run.report_period_s);
   start(uplink_, vehicle_bus, channels_.vehicle_pose, period);
   start(downlink_, control_bus, channels_.control_command, period);
+  if (&control_bus != &vehicle_bus) {
+    vehicle_bus.subscribe(channels_.clock, 1, [&control_bus](const Message& message) {
+      control_bus.publish(message.channel, message.bytes);
+    });
+  }
 }
 
 void NetemNode::start(Direction& direction, Bus& in, const std::string& in_channel,

@@ -18,7 +18,7 @@ namespace tether {
 /// every run.report_period_s and at each change of a channel's state.
 class NetemNode final : public Node {
  public:
-  /// Both sides may be the same bus; else reports go to both.
+  /// Both sides may be the same bus; else reports go to both, and SIM/CLOCK is passed on as it is.
   NetemNode(const Scenario& scenario, EventLoop& loop, Bus& vehicle_bus, Bus& control_bus);
 
   /// Publishes the final reports.

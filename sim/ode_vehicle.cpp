@@ -32,7 +32,7 @@ void check(const VehicleConfig& v, const WorldConfig& w, double step_s) {
       "wheel torque, acceleration and speed limits must be positive");
   require(w.half_extent_m > 0 && w.friction >= 0 && w.wall_friction >= 0 && w.gravity_mps2 > 0,
           "walls need a positive distance, friction must not be negative, gravity positive");
-  require(is_finite(Pose2{v.start_x_m, v.start_y_m, v.start_yaw_rad}),
+  require(is_usable(Pose2{v.start_x_m, v.start_y_m, v.start_yaw_rad}),
           "the start pose must be finite");
   require(std::max(std::abs(v.start_x_m), std::abs(v.start_y_m)) < w.half_extent_m,
           "the start must lie between the walls");

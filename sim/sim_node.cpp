@@ -47,7 +47,7 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
 }
 
 void SimNode::on_command(Instant stamp, std::int64_t seq, const Twist& twist) {
-  if (!is_finite(twist)) {
+  if (!is_usable(twist)) {
     ++non_finite_;
     return;
   }

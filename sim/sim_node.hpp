@@ -22,8 +22,9 @@ namespace tether {
 /// the run's clock on SIM/CLOCK.
 ///
 /// Each step [t, t + 1 ms) uses the twist in force at t. A command therefore acts from the first
-/// step that starts at or after its arrival. Commands that are undecodable, non-finite, duplicated,
-/// late or stamped in the future are counted and otherwise ignored; they refresh nothing.
+/// step that starts at or after its arrival. Commands that are undecodable, non-finite (or beyond
+/// ±1e9), duplicated, late or stamped in the future are counted and otherwise ignored; they refresh
+/// nothing.
 ///
 /// From run.duration_s on the world stands still and the metrics are final.
 class SimNode final : public Node {

@@ -158,9 +158,10 @@ TEST_F(ControllerNodeTest, NonFinitePosesAreCountedAndIgnored) {
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0, kNaN, 0.0, 0.0));
   world.publish_at(at_s(2), "CTRL/POSE", pose(at_s(2), 1, 0.0, kInf, 0.0));
   world.publish_at(at_s(3), "CTRL/POSE", pose(at_s(3), 2, 0.0, 0.0, -kInf));
+  world.publish_at(at_s(3), "CTRL/POSE", pose(at_s(3), 3, 1.7e308, -1.7e308, 0.0));
   world.loop.run_until(at_s(3.5));
   EXPECT_TRUE(commands.empty());
-  EXPECT_EQ(count("pose.non_finite"), 3);
+  EXPECT_EQ(count("pose.non_finite"), 4);
   EXPECT_EQ(count("pose.accepted"), 0);
 }
 

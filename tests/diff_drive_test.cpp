@@ -77,13 +77,13 @@ TEST(WrapAngle, GivesTheSameDirectionAboveMinusPiAndUpToPi) {
 TEST(IsFinite, OneBadNumberSpoilsPoseAndTwist) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
-  EXPECT_TRUE(is_finite(Pose2{1.0, 2.0, 3.0}));
-  EXPECT_FALSE(is_finite(Pose2{kNan, 2.0, 3.0}));
-  EXPECT_FALSE(is_finite(Pose2{1.0, -kInf, 3.0}));
-  EXPECT_FALSE(is_finite(Pose2{1.0, 2.0, kNan}));
-  EXPECT_TRUE(is_finite(Twist{1.0, 2.0}));
-  EXPECT_FALSE(is_finite(Twist{kInf, 2.0}));
-  EXPECT_FALSE(is_finite(Twist{1.0, kNan}));
+  EXPECT_TRUE(is_usable(Pose2{1.0, 2.0, 3.0}));
+  EXPECT_FALSE(is_usable(Pose2{kNan, 2.0, 3.0}));
+  EXPECT_FALSE(is_usable(Pose2{1.0, -kInf, 3.0}));
+  EXPECT_FALSE(is_usable(Pose2{1.0, 2.0, kNan}));
+  EXPECT_TRUE(is_usable(Twist{1.0, 2.0}));
+  EXPECT_FALSE(is_usable(Twist{kInf, 2.0}));
+  EXPECT_FALSE(is_usable(Twist{1.0, kNan}));
 }
 
 }  // namespace
