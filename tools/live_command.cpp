@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -37,16 +36,11 @@ int live(Options options) {
   const double end_s = to_seconds(session.end());
   const RunSummary summary{.wall_time_s = end_s,
                            .sim_time_s = static_cast<double>(run.truth().utime) * 1e-6,
-                           .aoi_mean_s = run.aoi_mean_s(session.end())};
-  auto result = nlohmann::ordered_json::parse(to_json(scenario, run, summary));
-  result["node_restarts"] = session.restarts();
-  const std::string json = result.dump(2);
+                           .aoi_mean_s = run.aoi_mean_s(session.end()),
+                           .node_restarts = session.restarts()};
+  const std::string json = to_json(scenario, run, summary);
   if (session.folder()) session.folder()->write(scenario, run, json);
   fmt::print("{}", options.json ? json + "\n" : to_text(scenario, run, summary));
-  if (!options.json && session.restarts() > 0) {
-    fmt::print("{:<9} {} node restarts: the result is not that of an undisturbed run\n", "note",
-               session.restarts());
-  }
   if (!options.json && session.folder()) {
     fmt::print("{:<9} {}\n", "picture", (session.folder()->path() / "path.png").string());
   }

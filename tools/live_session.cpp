@@ -55,8 +55,7 @@ void LiveSession::add_child(const Options& options, const std::string& name,
     throw std::runtime_error(fmt::format("cannot start {}: {}; tether expects its nodes beside it",
                                          program, std::generic_category().message(errno)));
   }
-  std::vector<std::string> command{program, options.scenario_file,
-                                   "--lcm-url=" + options.lcm_url,
+  std::vector<std::string> command{program, options.scenario_file, "--lcm-url=" + options.lcm_url,
                                    fmt::format("--start-utime={}", start_utime_us)};
   for (const std::string& text : options.overrides) command.push_back("--set=" + text);
 
@@ -135,6 +134,11 @@ void LiveSession::show_status() {
   const double poses_hz = rate(observer_.poses_received(), last_poses_);
   const double commands_hz = rate(observer_.commands_received(), last_commands_);
   if (!show_status_) return;
+  if (loop_.now() < kStart) {
+    fmt::print(stderr, "\r\033[Kstarting");
+    std::fflush(stderr);
+    return;
+  }
   fmt::print(stderr,
              "\r\033[Kt {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s",
              to_seconds(loop_.now()), observer_.truth().epsilon_m, prr(observer_.uplink()),

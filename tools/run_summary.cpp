@@ -68,8 +68,10 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   json["uplink"] = link_json(run.uplink());
   json["downlink"] = link_json(run.downlink());
   json["aoi_ms_mean"] = summary.aoi_mean_s * 1e3;
+  json["node_restarts"] = summary.node_restarts;
   json["counters"] = run.counters();
-  return json.dump(2);
+  // Names come from the network and may be no UTF-8.
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
 std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
@@ -84,6 +86,10 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   text += fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), seed {}\n",
                       "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
                       scenario.run.seed);
+  if (summary.node_restarts > 0) {
+    text += fmt::format("{:<9} {} node restarts: the result is not that of an undisturbed run\n",
+                        "note", summary.node_restarts);
+  }
   for (const auto& [name, value] : run.counters()) {
     if (value > 0 && is_trouble(name)) {
       text += fmt::format("{:<9} {} = {}\n", "counter", name, value);

@@ -12,6 +12,7 @@ struct RunSummary {
   double wall_time_s = 0.0;
   double sim_time_s = 0.0;
   double aoi_mean_s = 0.0;
+  int node_restarts = 0;  ///< live runs: how often a node died and was started again
 };
 
 /// One JSON object (docs/outputs.md lists the keys).
