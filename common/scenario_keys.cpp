@@ -52,7 +52,7 @@ class KeyTable {
   template <class Field>
   void number(const std::string& name, Field field, Range range, const std::string& meaning) {
     add(
-        std::move(name), range.text("number"), meaning,
+        name, range.text("number"), meaning,
         [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
         [field, range](Scenario& s, const ScenarioValue& value) {
           const auto x = as_double(value);
@@ -66,7 +66,7 @@ class KeyTable {
   void optional_number(const std::string& name, Field field, Range range,
                        const std::string& meaning) {
     add(
-        std::move(name), range.text("number"), meaning,
+        name, range.text("number"), meaning,
         [field](const Scenario& s) {
           const std::optional<double>& x = field(s);
           return x ? std::optional<ScenarioValue>(*x) : std::nullopt;
@@ -84,7 +84,7 @@ class KeyTable {
                     const std::string& meaning) {
     const Range range{static_cast<double>(low), kInfinity, false};
     add(
-        std::move(name), range.text("whole number"), meaning,
+        name, range.text("whole number"), meaning,
         [field](const Scenario& s) {
           return std::optional<ScenarioValue>(static_cast<std::int64_t>(field(s)));
         },
@@ -99,7 +99,7 @@ class KeyTable {
   template <class Field>
   void boolean(const std::string& name, Field field, const std::string& meaning) {
     add(
-        std::move(name), "true or false", meaning,
+        name, "true or false", meaning,
         [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
         [field](Scenario& s, const ScenarioValue& value) {
           const auto* x = std::get_if<bool>(&value);
@@ -115,7 +115,7 @@ class KeyTable {
     std::vector<std::string> quoted;
     for (const auto& [text, unused] : names) quoted.push_back("\"" + text + "\"");
     add(
-        std::move(name), fmt::format("{}", fmt::join(quoted, " or ")), meaning,
+        name, fmt::format("{}", fmt::join(quoted, " or ")), meaning,
         [field, names](const Scenario& s) {
           for (const auto& [text, value] : names) {
             if (value == field(s)) return std::optional<ScenarioValue>(text);
@@ -136,7 +136,7 @@ class KeyTable {
   template <class Field>
   void identifier(const std::string& name, Field field, const std::string& meaning) {
     add(
-        std::move(name), "letters, digits, '-' and '_', at most 32", meaning,
+        name, "letters, digits, '-' and '_', at most 32", meaning,
         [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
         [field](Scenario& s, const ScenarioValue& value) {
           static const std::regex kPattern("[A-Za-z0-9_-]{1,32}");
@@ -152,15 +152,14 @@ class KeyTable {
  private:
   void add(const std::string& name, std::string allowed, const std::string& meaning,
            decltype(ScenarioKey::get) get, decltype(ScenarioKey::set) set) {
-    keys_.push_back({std::move(name), std::move(allowed), meaning, std::move(get), std::move(set)});
+    keys_.push_back({name, std::move(allowed), meaning, std::move(get), std::move(set)});
   }
 
   std::vector<ScenarioKey> keys_;
 };
 
 // One line a key: the member, reachable through a const and a mutable scenario alike.
-#define TETHER_FIELD(member) \
-  [](auto& s) -> auto& { return s.member; }
+#define TETHER_FIELD(member) ([](auto& s) -> auto& { return s.member; })
 
 void add_run_and_world(KeyTable& t) {
   t.number("run.duration_s", TETHER_FIELD(run.duration_s), {0.0, 1e6, true}, "length of the run");
@@ -261,8 +260,7 @@ void add_controller_and_actuator(KeyTable& t) {
 
 template <class Select>
 void add_link(KeyTable& t, const std::string& prefix, Select link) {
-#define TETHER_LINK(member) \
-  [link](auto& s) -> auto& { return link(s).member; }
+#define TETHER_LINK(member) ([link](auto& s) -> auto& { return link(s).member; })
   using Model = LinkConfig::Model;
   t.choice<Model>(prefix + "model", TETHER_LINK(model),
                   {{"fixed", Model::fixed}, {"markov", Model::markov}}, "state process");

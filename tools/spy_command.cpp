@@ -35,7 +35,7 @@ fs::path find_java() {
   const std::string path = environment("PATH");
   for (std::size_t begin = 0; begin <= path.size();) {
     const std::size_t end = std::min(path.find(':', begin), path.size());
-    const fs::path candidate = fs::path(path.substr(begin, end - begin)) / "java";
+    fs::path candidate = fs::path(path.substr(begin, end - begin)) / "java";
     if (access(candidate.c_str(), X_OK) == 0) return candidate;
     begin = end + 1;
   }
