@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <stdexcept>
 
 #include "common/errors.hpp"
 #include "common/version.hpp"
@@ -16,10 +17,17 @@ int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& bo
   };
   try {
     app.parse(argc, argv);
-    return body();
+    const int code = body();
+    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+      throw std::runtime_error("cannot write to standard output");
+    }
+    return code;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kExitOk : kExitUsage;
   } catch (const UsageError& error) {
+    complain(error.what());
+    return kExitUsage;
+  } catch (const std::invalid_argument& error) {
     complain(error.what());
     return kExitUsage;
   } catch (const std::exception& error) {

@@ -10,8 +10,9 @@ namespace tether {
 enum ExitCode : int { kExitOk = 0, kExitFailed = 1, kExitUsage = 2 };
 
 /// Parses the command line and runs `body`, which returns the exit code. Anything wrong with the
-/// command line, and every UsageError, exits with kExitUsage; other exceptions with kExitFailed;
-/// both after one message on stderr.
+/// command line, every UsageError, and std::invalid_argument (a configuration that a component
+/// refuses) exits with kExitUsage; other exceptions, and output that cannot be written, with
+/// kExitFailed; both after one message on stderr.
 int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& body);
 
 /// `--version` and house style for a program or subcommand.

@@ -25,6 +25,9 @@ class EventLoop {
 
   virtual Instant now() const = 0;
 
+  /// Intended run seconds per wall second; 0 = as fast as possible.
+  virtual double rate() const = 0;
+
   /// Runs `task` once at `when`, or as soon as possible if that has passed.
   virtual void at(Instant when, Priority priority, Task task) = 0;
 

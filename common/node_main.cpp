@@ -28,6 +28,8 @@ struct Options {
 
 /// A clock that differs by more than this is another run's.
 constexpr Duration kClockJump = std::chrono::milliseconds{500};
+/// … if so many messages in a row say so; a single one may be a stray.
+constexpr int kClockJumpMessages = 3;
 
 /// Follows SIM/CLOCK: sets the loop's time at the first message, stops the loop at a jump.
 class ClockFollower {
@@ -51,7 +53,9 @@ class ClockFollower {
       loop_.set_now(now);
       following_ = true;
       loop_.stop();
-    } else if (difference > kClockJump || difference < -kClockJump) {
+    } else if (difference <= kClockJump && difference >= -kClockJump) {
+      disagreements_ = 0;
+    } else if (++disagreements_ >= kClockJumpMessages) {
       jumped_ = true;
       loop_.stop();
     }
@@ -61,6 +65,7 @@ class ClockFollower {
   std::int64_t undecodable_ = 0;
   bool following_ = false;
   bool jumped_ = false;
+  int disagreements_ = 0;
 };
 
 enum class End { signal, clock_jumped };

@@ -22,6 +22,7 @@ class RealTimeLoop final : public EventLoop {
   ~RealTimeLoop() override;
 
   Instant now() const override;
+  double rate() const override { return 1.0; }
   void at(Instant when, Priority priority, Task task) override;
   void every(Instant first, Duration period, Priority priority, Task task) override;
   void add_fd(int fd, Task task) override;

@@ -97,21 +97,21 @@ class Loader {
     for (const std::string& target : expand(key)) {
       if (find_key(target) == nullptr) refuse_unknown("--set " + text, key);
       apply(target, *parsed.get("value"), "--set " + text);
-      overridden_.insert(target);
     }
   }
 
-  /// Turns stationary probabilities into sojourn times; after the file, and again after the
-  /// overrides, which beat what the file says in either form.
-  void resolve_sojourn_times(const std::string& source) {
-    resolve_sojourn_times("channel.uplink.", scenario_.channel.uplink, source);
-    resolve_sojourn_times("channel.downlink.", scenario_.channel.downlink, source);
+  /// Ends a level of settings, the file or the overrides: checks that each has an effect and turns
+  /// stationary probabilities into sojourn times, so that the next level beats them in either form.
+  void end_level(const std::string& source) {
+    Scenario::Channel& channel = scenario_.channel;
+    check_effect("channel.uplink.", channel.uplink, source);
+    check_effect("channel.downlink.", channel.downlink, source);
+    resolve_sojourn_times("channel.uplink.", channel.uplink, source);
+    resolve_sojourn_times("channel.downlink.", channel.downlink, source);
     given_.clear();
   }
 
   Scenario finish(const std::string& file) {
-    check_model_fits_overrides("channel.uplink.", scenario_.channel.uplink);
-    check_model_fits_overrides("channel.downlink.", scenario_.channel.downlink);
     check_combinations(file);
     return scenario_;
   }
@@ -198,14 +198,16 @@ class Loader {
     }
   }
 
-  /// An override that the link's model ignores is a mistake, not a wish.
-  void check_model_fits_overrides(const std::string& prefix, const LinkConfig& link) const {
+  /// A setting that the link's model ignores is a mistake, not a wish: one forgotten line would
+  /// turn a bad network into a perfect one.
+  void check_effect(const std::string& prefix, const LinkConfig& link,
+                    const std::string& source) const {
     const bool markov = link.model == LinkConfig::Model::markov;
-    for (const std::string& key : overridden_) {
+    for (const std::string& key : given_) {
       const bool fixed_key = key == prefix + "prr" || key == prefix + "delay_ms";
       const bool markov_key = key.starts_with(prefix + "markov.");
       if ((fixed_key && markov) || (markov_key && !markov)) {
-        throw UsageError(fmt::format("--set {} has no effect: {}model is \"{}\"", key, prefix,
+        throw UsageError(fmt::format("{}: {} has no effect: {}model is \"{}\"", source, key, prefix,
                                      markov ? "markov" : "fixed"));
       }
     }
@@ -217,6 +219,14 @@ class Loader {
       throw UsageError(fmt::format(
           "{}: channel.shared_state = true needs the same model for uplink and downlink", file));
     }
+    const auto& [shared, uplink, downlink] = scenario_.channel;
+    if (shared && uplink.model == LinkConfig::Model::markov &&
+        (uplink.mean_good_s != downlink.mean_good_s || uplink.mean_bad_s != downlink.mean_bad_s)) {
+      throw UsageError(fmt::format(
+          "{}: channel.shared_state = true needs the same sojourn times for uplink and downlink "
+          "(set channel.markov.… for both)",
+          file));
+    }
     const auto& vehicle = scenario_.vehicle;
     for (const char* taken : {"CTRL", "NET", "SIM", "CAN"}) {
       if (!vehicle.name.starts_with(taken)) continue;
@@ -226,6 +236,10 @@ class Loader {
     }
     const double reach = std::hypot(vehicle.chassis_length_m, vehicle.chassis_width_m);
     const double inside = scenario_.world.half_extent_m - reach;
+    if (inside < 0.0) {
+      throw UsageError(fmt::format("{}: the vehicle does not fit between walls at ±{} m", file,
+                                   scenario_.world.half_extent_m));
+    }
     if (std::abs(vehicle.start_x_m) > inside || std::abs(vehicle.start_y_m) > inside) {
       throw UsageError(fmt::format(
           "{}: the vehicle starts at ({}, {}) m, in or beyond the walls: vehicle.start_x_m and "
@@ -235,9 +249,20 @@ class Loader {
   }
 
   Scenario scenario_;
-  std::set<std::string> given_;
-  std::set<std::string> overridden_;
+  std::set<std::string> given_;  // at this level
 };
+
+/// False for the keys of a channel model that is not chosen.
+bool in_effect(const Scenario& scenario, const std::string& key) {
+  for (const auto& [prefix, link] :
+       {std::pair<std::string, const LinkConfig&>{"channel.uplink.", scenario.channel.uplink},
+        {"channel.downlink.", scenario.channel.downlink}}) {
+    const bool markov = link.model == LinkConfig::Model::markov;
+    if (key.starts_with(prefix + "markov.")) return markov;
+    if (key == prefix + "prr" || key == prefix + "delay_ms") return !markov;
+  }
+  return true;
+}
 
 /// As TOML: the shortest text that reads as the same value.
 std::string to_toml(const ScenarioValue& value) {
@@ -260,9 +285,9 @@ Scenario parse_scenario(const std::string& toml, const std::string& name,
     throw UsageError(
         fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
   }
-  loader.resolve_sojourn_times(name);
+  loader.end_level(name);
   for (const std::string& text : overrides) loader.apply_override(text);
-  loader.resolve_sojourn_times("--set");
+  loader.end_level("--set");
   return loader.finish(name);
 }
 
@@ -280,7 +305,7 @@ std::string to_toml(const Scenario& scenario) {
   std::string text, section;
   for (const ScenarioKey& key : scenario_keys()) {
     const auto value = key.get(scenario);
-    if (!value) continue;
+    if (!value || !in_effect(scenario, key.name)) continue;
     const auto dot = key.name.rfind('.');
     if (key.name.substr(0, dot) != section) {
       section = key.name.substr(0, dot);

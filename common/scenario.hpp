@@ -70,8 +70,8 @@ struct Scenario {
     Trigger trigger = Trigger::event;
     double rate_hz = 20.0;        ///< trigger = timer: commands per second
     double pose_timeout_s = 1.0;  ///< a pose older than this stops the vehicle; 0 = never
-    Gains v{0.49, 0.0, 0.15, 8.0};
-    Gains omega{0.295, 0.0, 0.14, 2.0};
+    Gains v{0.495, 0.0, 0.15, 8.0};
+    Gains omega{0.2925, 0.0, 0.16, 2.0};
     double derivative_filter_s = 0.1;  ///< time constant of the filter before the D term
   };
   struct Actuator {
@@ -104,7 +104,8 @@ Scenario load_scenario(const std::string& file, const std::vector<std::string>& 
 Scenario parse_scenario(const std::string& toml, const std::string& name,
                         const std::vector<std::string>& overrides = {});
 
-/// The resolved scenario as TOML: every key, and reading it gives the same scenario again.
+/// The resolved scenario as TOML: every key that has an effect, and reading it gives the same run
+/// again.
 std::string to_toml(const Scenario& scenario);
 
 /// A table of all keys with their defaults, allowed values and meaning, for people.

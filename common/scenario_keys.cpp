@@ -30,12 +30,16 @@ struct Range {
   }
 };
 
-constexpr Range kAny{};
-constexpr Range kPositive{0.0, kInfinity, true};
-constexpr Range kNotNegative{0.0, kInfinity, false};
+// Physical ranges, wide but such that nothing overflows within them.
 constexpr Range kRatio{0.0, 1.0, false};
-constexpr Range kRate{0.0, 1000.0, true};  // Hz: the physics step is 1 ms
+constexpr Range kRate{1e-3, 1000.0, false};  // Hz: the physics step is 1 ms
 constexpr Range kSojourn{1e-3, 1e9, false};
+constexpr Range kLength{1e-3, 100.0, false};
+constexpr Range kMass{1e-3, 1e5, false};
+constexpr Range kOffset{-100.0, 100.0, false};
+constexpr Range kNotNegative{0.0, 1e6, false};
+constexpr Range kPositive{1e-3, 1e6, false};
+constexpr Range kFriction{0.0, 100.0, false};
 
 template <class Enum>
 using Names = std::vector<std::pair<std::string, Enum>>;
@@ -170,11 +174,11 @@ void add_run_and_world(KeyTable& t) {
            "between link reports, and between counter reports");
   t.number("world.half_extent_m", TETHER_FIELD(world.half_extent_m), {3.0, 1e4, false},
            "walls stand at x and y = ±this");
-  t.number("world.friction", TETHER_FIELD(world.friction), kPositive,
+  t.number("world.friction", TETHER_FIELD(world.friction), kFriction,
            "Coulomb friction coefficient of tyres on the floor");
-  t.number("world.wall_friction", TETHER_FIELD(world.wall_friction), kNotNegative,
+  t.number("world.wall_friction", TETHER_FIELD(world.wall_friction), kFriction,
            "Coulomb friction coefficient of the body on walls");
-  t.number("world.gravity_mps2", TETHER_FIELD(world.gravity_mps2), kPositive, "gravity");
+  t.number("world.gravity_mps2", TETHER_FIELD(world.gravity_mps2), {0.1, 100.0, false}, "gravity");
 }
 
 void add_vehicle(KeyTable& t) {
@@ -182,29 +186,32 @@ void add_vehicle(KeyTable& t) {
   t.choice<Plant>("vehicle.plant", TETHER_FIELD(vehicle.plant), {{"ode", Plant::ode}},
                   "physics of the vehicle");
   t.identifier("vehicle.name", TETHER_FIELD(vehicle.name), "first part of its LCM channels");
-#define TETHER_LENGTH(key, meaning) \
-  t.number("vehicle." #key, TETHER_FIELD(vehicle.key), kPositive, meaning)
-  TETHER_LENGTH(chassis_length_m, "chassis box along x");
-  TETHER_LENGTH(chassis_width_m, "chassis box along y");
-  TETHER_LENGTH(chassis_height_m, "chassis box along z");
-  TETHER_LENGTH(chassis_mass_kg, "chassis box without caster");
-  TETHER_LENGTH(wheel_radius_m, "drive wheels");
-  TETHER_LENGTH(wheel_width_m, "drive wheels");
-  TETHER_LENGTH(wheel_mass_kg, "each drive wheel");
-  TETHER_LENGTH(track_m, "between the wheels' centres");
-  t.number("vehicle.axle_x_m", TETHER_FIELD(vehicle.axle_x_m), kAny,
+#define TETHER_SIZE(key, range, meaning) \
+  t.number("vehicle." #key, TETHER_FIELD(vehicle.key), range, meaning)
+  TETHER_SIZE(chassis_length_m, kLength, "chassis box along x");
+  TETHER_SIZE(chassis_width_m, kLength, "chassis box along y");
+  TETHER_SIZE(chassis_height_m, kLength, "chassis box along z");
+  TETHER_SIZE(chassis_mass_kg, kMass, "chassis box without caster");
+  TETHER_SIZE(wheel_radius_m, kLength, "drive wheels");
+  TETHER_SIZE(wheel_width_m, kLength, "drive wheels");
+  TETHER_SIZE(wheel_mass_kg, kMass, "each drive wheel");
+  TETHER_SIZE(track_m, kLength, "between the wheels' centres");
+  t.number("vehicle.axle_x_m", TETHER_FIELD(vehicle.axle_x_m), kOffset,
            "drive axle, relative to the chassis centre");
-  t.number("vehicle.caster_x_m", TETHER_FIELD(vehicle.caster_x_m), kAny,
+  t.number("vehicle.caster_x_m", TETHER_FIELD(vehicle.caster_x_m), kOffset,
            "caster ball, relative to the chassis centre");
-  TETHER_LENGTH(caster_radius_m, "caster ball");
-  TETHER_LENGTH(caster_mass_kg, "caster ball");
-  TETHER_LENGTH(max_wheel_torque_Nm, "torque limit of each wheel's speed servo");
-  TETHER_LENGTH(max_wheel_acceleration_mps2, "slew rate of each wheel's rim speed");
-  TETHER_LENGTH(max_wheel_speed_mps, "rim speed limit; both wheels are scaled together");
-#undef TETHER_LENGTH
-  t.number("vehicle.start_x_m", TETHER_FIELD(vehicle.start_x_m), kAny, "axle midpoint at t = 0");
-  t.number("vehicle.start_y_m", TETHER_FIELD(vehicle.start_y_m), kAny, "axle midpoint at t = 0");
-  t.number("vehicle.start_yaw_rad", TETHER_FIELD(vehicle.start_yaw_rad), kAny, "heading at t = 0");
+  TETHER_SIZE(caster_radius_m, kLength, "caster ball");
+  TETHER_SIZE(caster_mass_kg, kMass, "caster ball");
+  TETHER_SIZE(max_wheel_torque_Nm, kPositive, "torque limit of each wheel's speed servo");
+  TETHER_SIZE(max_wheel_acceleration_mps2, kPositive, "slew rate of each wheel's rim speed");
+  TETHER_SIZE(max_wheel_speed_mps, kPositive, "rim speed limit; both wheels are scaled together");
+#undef TETHER_SIZE
+  t.number("vehicle.start_x_m", TETHER_FIELD(vehicle.start_x_m), {-1e4, 1e4, false},
+           "axle midpoint at t = 0");
+  t.number("vehicle.start_y_m", TETHER_FIELD(vehicle.start_y_m), {-1e4, 1e4, false},
+           "axle midpoint at t = 0");
+  t.number("vehicle.start_yaw_rad", TETHER_FIELD(vehicle.start_yaw_rad), kOffset,
+           "heading at t = 0");
 }
 
 void add_sensor_and_path(KeyTable& t) {
@@ -218,11 +225,11 @@ void add_sensor_and_path(KeyTable& t) {
   using Kind = Scenario::Path::Kind;
   t.choice<Kind>("path.kind", TETHER_FIELD(path.kind), {{"figure_eight", Kind::figure_eight}},
                  "reference path");
-  t.number("path.amplitude_m", TETHER_FIELD(path.figure_eight.amplitude_m), kPositive,
+  t.number("path.amplitude_m", TETHER_FIELD(path.figure_eight.amplitude_m), {1e-3, 1e4, false},
            "half length of the figure eight");
-  t.number("path.rate_radps", TETHER_FIELD(path.figure_eight.rate_radps), kPositive,
+  t.number("path.rate_radps", TETHER_FIELD(path.figure_eight.rate_radps), {1e-6, 100.0, false},
            "one eight takes 2*pi/this seconds");
-  t.number("path.rotation_rad", TETHER_FIELD(path.figure_eight.rotation_rad), kAny,
+  t.number("path.rotation_rad", TETHER_FIELD(path.figure_eight.rotation_rad), kOffset,
            "of the eight's long axis against +x");
 }
 

@@ -7,6 +7,10 @@ bool StreamGuard::accept(Instant now, Instant stamp, std::int64_t seq) {
     ++counters_.invalid_seq;
     return false;
   }
+  if (stamp < kStart) {
+    ++counters_.before_start;
+    return false;
+  }
   if (stamp > now + config_.max_ahead) {
     ++counters_.from_future;
     return false;
@@ -40,6 +44,7 @@ void StreamGuard::list(const std::string& prefix, CounterList& out) const {
   out.emplace_back(prefix + ".time_backwards", counters_.time_backwards);
   out.emplace_back(prefix + ".from_future", counters_.from_future);
   out.emplace_back(prefix + ".invalid_seq", counters_.invalid_seq);
+  out.emplace_back(prefix + ".before_start", counters_.before_start);
   out.emplace_back(prefix + ".restarts", counters_.restarts);
   out.emplace_back(prefix + ".missed", counters_.missed);
 }

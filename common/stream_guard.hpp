@@ -13,6 +13,7 @@ namespace tether {
 /// - `from_future`: stamped more than `max_ahead` after `now` (a wrong clock would otherwise make
 ///   every later message look old);
 /// - `invalid_seq`: numbered below zero;
+/// - `before_start`: stamped before t = 0, so of another run;
 /// - `duplicated`: the newest accepted one again;
 /// - `reordered`: numbered and stamped no later than the newest accepted one;
 /// - `time_backwards`: numbered later but stamped earlier than the newest accepted one.
@@ -30,6 +31,7 @@ class StreamGuard {
     std::int64_t time_backwards = 0;
     std::int64_t from_future = 0;
     std::int64_t invalid_seq = 0;
+    std::int64_t before_start = 0;
     std::int64_t restarts = 0;
     std::int64_t missed = 0;
   };

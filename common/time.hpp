@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cassert>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -26,12 +27,15 @@ using Instant = RunClock::time_point;
 /// The run's start, t = 0.
 inline constexpr Instant kStart{};
 
-/// Nearest nanosecond to `seconds` (|seconds| < 2.9e11, finite).
-inline Duration from_seconds(double seconds) { return Duration{std::llround(seconds * 1e9)}; }
+/// Nearest nanosecond to `seconds`; |seconds| <= 4e9 (127 years), which callers ensure.
+inline Duration from_seconds(double seconds) {
+  assert(std::abs(seconds) <= 4e9);
+  return Duration{std::llround(seconds * 1e9)};
+}
 
-constexpr double to_seconds(Duration d) { return static_cast<double>(d.count()) * 1e-9; }
+constexpr double to_seconds(Duration d) { return static_cast<double>(d.count()) / 1e9; }
 constexpr double to_seconds(Instant t) { return to_seconds(t.time_since_epoch()); }
-constexpr double to_milliseconds(Duration d) { return static_cast<double>(d.count()) * 1e-6; }
+constexpr double to_milliseconds(Duration d) { return static_cast<double>(d.count()) / 1e6; }
 
 /// LCM's time stamp: microseconds of run time, rounded down.
 constexpr std::int64_t to_utime(Instant t) {

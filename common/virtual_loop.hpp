@@ -10,6 +10,7 @@ namespace tether {
 class VirtualLoop final : public EventLoop {
  public:
   Instant now() const override { return now_; }
+  double rate() const override { return 0.0; }
   void at(Instant when, Priority priority, Task task) override;
   void every(Instant first, Duration period, Priority priority, Task task) override;
   [[noreturn]] void add_fd(int fd, Task task) override;

@@ -9,7 +9,7 @@ namespace tether {
 /// integration: the integral stands still while the output is saturated and the error would push
 /// it further (Åström & Hägglund, PID Controllers, 2nd ed., section 3.5).
 ///
-/// The first step after construction or reset() has no derivative.
+/// The first step after construction or reset() has neither derivative nor integral, whatever dt.
 class Pid {
  public:
   struct Config {

@@ -94,7 +94,7 @@ void SimNode::publish_clock(Instant now) {
   clock_t message{};
   message.utime = to_utime(now);
   message.seq = clock_seq_++;
-  message.rate = 1.0;
+  message.rate = loop_.rate();
   publish(bus_, channels_.clock, message);
 }
 

@@ -87,7 +87,7 @@ TEST(Pid, ResetMakesTheNextStepAFirstOne) {
   pid.step(1.0, 0.1);
   pid.step(2.0, 0.1);
   pid.reset();
-  EXPECT_DOUBLE_EQ(pid.step(3.0, 0.0), 3.0);
+  EXPECT_DOUBLE_EQ(pid.step(3.0, 20.0), 3.0);  // the 20 s before it do not count
 }
 
 Scenario::Controller proportional() {

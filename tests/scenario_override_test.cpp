@@ -99,8 +99,8 @@ TEST(ScenarioOverride, IsRefusedWithItsOwnTextAndWhatIsAllowed) {
               AllOf(StartsWith("--set channel.downlink.prr=1.2: "), HasSubstr("[0, 1]")));
   EXPECT_THAT(refusal({"channel.ulpink.prr=0.5"}),
               AllOf(HasSubstr("unknown key"), HasSubstr("channel.uplink.prr")));
-  EXPECT_THAT(refusal({"sensor.rate_hz=-1"}), HasSubstr("must be a number in (0, 1000]"));
-  EXPECT_THAT(refusal({"sensor.rate_hz=nan"}), HasSubstr("must be a number in (0, 1000]"));
+  EXPECT_THAT(refusal({"sensor.rate_hz=-1"}), HasSubstr("must be a number in [0.001, 1000]"));
+  EXPECT_THAT(refusal({"sensor.rate_hz=nan"}), HasSubstr("must be a number in [0.001, 1000]"));
   EXPECT_THAT(refusal({"run.duration_s=inf"}), HasSubstr("must be a number in (0, 1000000]"));
   EXPECT_THAT(refusal({"actuator.policy=levitate"}), HasSubstr("\"hold\" or \"zero\""));
   EXPECT_THAT(refusal({"vehicle.name=CTRL"}), HasSubstr("channels CTRL... have another meaning"));
@@ -121,6 +121,35 @@ TEST(ScenarioOverride, ThatTheChannelModelIgnoresIsRefused) {
   EXPECT_THAT(refusal({"channel.uplink.markov.bad.prr=0.5"}),
               AllOf(HasSubstr("has no effect"), HasSubstr("model is \"fixed\"")));
   EXPECT_EQ(refusal({"channel.downlink.prr=0.5"}, markov), "accepted");
+}
+
+TEST(Scenario, AKeyInTheFileThatTheChannelModelIgnoresIsRefused) {
+  EXPECT_THAT(refusal({}, "[channel.uplink]\nmarkov.p_bad = 0.9\nmarkov.mean_cycle_s = 4.0"),
+              AllOf(StartsWith("test.toml: channel.uplink.markov."), HasSubstr("has no effect")));
+  EXPECT_THAT(refusal({}, "[channel.uplink]\nmodel = \"markov\"\nprr = 0.1"),
+              AllOf(StartsWith("test.toml: channel.uplink.prr"), HasSubstr("has no effect")));
+  // What the file set before an override chose another model is no mistake.
+  EXPECT_EQ(refusal({"channel.uplink.model=markov"}, "[channel.uplink]\nprr = 0.1"), "accepted");
+}
+
+TEST(Scenario, ASharedStateNeedsTheSameSojournTimesInBothDirections) {
+  const std::vector<std::string> shared{"channel.shared_state=true", "channel.model=markov"};
+  auto differing = shared, same = shared;
+  differing.push_back("channel.downlink.markov.mean_bad_s=1");
+  same.push_back("channel.markov.mean_bad_s=1");
+  EXPECT_THAT(refusal(differing), HasSubstr("the same sojourn times"));
+  EXPECT_EQ(refusal(same), "accepted");
+}
+
+TEST(ScenarioKeys, ValuesThatWouldOverflowTimeOrPhysicsAreRefused) {
+  for (const char* text :
+       {"sensor.rate_hz=1e-10", "run.truth_rate_hz=1e-12", "controller.rate_hz=1e-11",
+        "actuator.timeout_s=1e10", "controller.pose_timeout_s=1e10", "path.rate_radps=1e308",
+        "path.amplitude_m=1e308", "vehicle.chassis_mass_kg=1e308", "vehicle.wheel_mass_kg=1e-300",
+        "vehicle.track_m=1e200", "vehicle.caster_x_m=1e300", "vehicle.wheel_radius_m=1e-200",
+        "world.gravity_mps2=1e308"}) {
+    EXPECT_THAT(refusal({text}), HasSubstr("must be a number in ")) << text;
+  }
 }
 
 TEST(ScenarioFile, ThatCannotBeReadIsRefusedByName) {

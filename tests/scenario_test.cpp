@@ -110,6 +110,8 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
   for (const ScenarioKey& key : scenario_keys()) {
     // These are given instead of the sojourn times; tests of their own follow.
     if (key.name.ends_with(".p_bad") || key.name.ends_with(".mean_cycle_s")) continue;
+    // Both directions become Markov channels, where the fixed state has no effect.
+    if (key.name.ends_with("link.prr") || key.name.ends_with("link.delay_ms")) continue;
     if (!is_only_choice(key)) key.set(wanted, other_values(key).front());
   }
   EXPECT_EQ(contents(parse(to_toml(wanted))), contents(wanted));
@@ -122,13 +124,13 @@ TEST(Scenario, TheResolvedTextGivesTheSameScenarioBitByBit) {
   odd.run.seed = INT64_MAX;
   odd.vehicle.start_x_m = -0.0;
   odd.vehicle.start_yaw_rad = -1.0 / 3.0;
-  odd.vehicle.axle_x_m = std::numeric_limits<double>::lowest();
-  odd.vehicle.caster_x_m = std::numeric_limits<double>::max();
+  odd.vehicle.axle_x_m = std::nextafter(-100.0, 0.0);
+  odd.vehicle.caster_x_m = std::nextafter(100.0, 0.0);
   odd.sensor.position_noise_m = std::numeric_limits<double>::denorm_min();
   odd.sensor.yaw_noise_rad = std::numeric_limits<double>::min();
   odd.world.friction = std::nextafter(1.0, 2.0);
-  odd.path.figure_eight.amplitude_m = 1e22;
-  odd.controller.tau_s = 9007199254740993.0;
+  odd.path.figure_eight.amplitude_m = 1e4 / 3.0;
+  odd.controller.tau_s = 999999.99999999988;
   odd.channel.uplink.model = LinkConfig::Model::markov;
   odd.channel.uplink.mean_good_s = 1.0 / 7.0;
   EXPECT_EQ(contents(parse(to_toml(odd))), contents(odd));
@@ -179,19 +181,19 @@ TEST_P(ScenarioBadValue, IsRefusedWithFileLineKeyValueAndWhatIsAllowed) {
 }
 
 constexpr BadValue kBadValues[] = {
-    {"sensor", "rate_hz = -1.0", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "rate_hz = 0", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "rate_hz = 1000.0000001", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "rate_hz = nan", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "rate_hz = inf", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "rate_hz = \"20\"", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "rate_hz = true", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "rate_hz = [20.0]", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "rate_hz = 2025-01-01", "sensor.rate_hz", "a number in (0, 1000]"},
-    {"sensor", "position_noise_m = -1e-9", "sensor.position_noise_m", "a finite number >= 0"},
-    {"vehicle", "start_x_m = -inf", "vehicle.start_x_m", "a finite number"},
-    {"vehicle", "start_x_m = nan", "vehicle.start_x_m", "a finite number"},
-    {"vehicle", "track_m = 0.0", "vehicle.track_m", "a finite number > 0"},
+    {"sensor", "rate_hz = -1.0", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "rate_hz = 0", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "rate_hz = 1000.0000001", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "rate_hz = nan", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "rate_hz = inf", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "rate_hz = \"20\"", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "rate_hz = true", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "rate_hz = [20.0]", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "rate_hz = 2025-01-01", "sensor.rate_hz", "a number in [0.001, 1000]"},
+    {"sensor", "position_noise_m = -1e-9", "sensor.position_noise_m", "a number in [0, 1000000]"},
+    {"vehicle", "start_x_m = -inf", "vehicle.start_x_m", "a number in [-10000, 10000]"},
+    {"vehicle", "start_x_m = nan", "vehicle.start_x_m", "a number in [-10000, 10000]"},
+    {"vehicle", "track_m = 0.0", "vehicle.track_m", "a number in [0.001, 100]"},
     {"vehicle", "name = \"AGV 7\"", "vehicle.name", "letters, digits, '-' and '_', at most 32"},
     {"vehicle", "name = \"\"", "vehicle.name", "letters, digits, '-' and '_', at most 32"},
     {"vehicle", "name = 7", "vehicle.name", "letters, digits, '-' and '_', at most 32"},

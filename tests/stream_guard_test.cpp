@@ -43,9 +43,14 @@ TEST_F(StreamGuardTest, CountsNothingBeforeTheFirstMessage) {
   EXPECT_EQ(guard.counters().accepted, 0);
 }
 
-TEST_F(StreamGuardTest, TheFirstMessageMayHaveAnyNumberAndAnyAge) {
-  EXPECT_TRUE(accept(-1h, 1'000'000));
+TEST_F(StreamGuardTest, TheFirstMessageMayHaveAnyNumberAndBeAsOldAsTheRun) {
+  EXPECT_TRUE(accept(0s, 1'000'000));
   EXPECT_THAT(counted(), ElementsAre(Pair("pose.accepted", 1)));
+}
+
+TEST_F(StreamGuardTest, RejectsAMessageStampedBeforeTheRunsStart) {
+  EXPECT_FALSE(accept(-1ns, 0));
+  EXPECT_THAT(counted(), ElementsAre(Pair("pose.before_start", 1)));
 }
 
 TEST_F(StreamGuardTest, AcceptsAMessageStampedExactlyTheLimitAhead) {
@@ -156,7 +161,8 @@ TEST_F(StreamGuardTest, AStampFromTheFutureBecomesAcceptableWithTime) {
 
 TEST_F(StreamGuardTest, ExtremesOfTheWireDoNotOverflow) {
   EXPECT_FALSE(guard.accept(now, from_utime(INT64_MAX), INT64_MAX));
-  EXPECT_TRUE(guard.accept(now, from_utime(INT64_MIN), 0));
+  EXPECT_FALSE(guard.accept(now, from_utime(INT64_MIN), 0));
+  EXPECT_TRUE(accept(0s, 0));
   EXPECT_TRUE(accept(1s, INT64_MAX));
   EXPECT_EQ(guard.counters().missed, INT64_MAX - 1);
   EXPECT_TRUE(accept(2s, 0));
@@ -172,7 +178,8 @@ TEST_F(StreamGuardTest, ListsEveryCounterUnderItsPrefix) {
   for (const auto& [name, value] : all) names += name + " ";
   EXPECT_EQ(names,
             "before command.accepted command.duplicated command.reordered command.time_backwards "
-            "command.from_future command.invalid_seq command.restarts command.missed ");
+            "command.from_future command.invalid_seq command.before_start command.restarts "
+            "command.missed ");
 }
 
 }  // namespace
