@@ -7,6 +7,7 @@
 
 #include "sim/ode_world.hpp"
 #include "tools/closed_loop.hpp"
+#include "tools/run_observer.hpp"
 
 // A whole closed-loop run without file output, against its floor: bare ODE stepping of the
 // identical world with the identical servo targets. Both are timed in turn, A B A B …, so that the
@@ -53,6 +54,7 @@ void whole_run(benchmark::State& state, const std::vector<std::string>& override
   };
   const auto loop = [&] {
     ClosedLoop closed_loop(scenario);
+    const RunObserver observer(scenario, closed_loop.loop(), closed_loop.bus());
     closed_loop.run();
     benchmark::DoNotOptimize(closed_loop.sim().metrics().epsilon_m());
   };

@@ -39,7 +39,7 @@ std::string contents(const fs::path& file) {
 
 /// A whole run with its files, as `tether run --out` does it.
 void run_into(const fs::path& path, const Scenario& scenario) {
-  OutputFolder folder(path);
+  OutputFolder folder(path, scenario);
   ClosedLoop loop(scenario);
   RunObserver observer(scenario, loop.loop(), loop.bus());
   folder.record(loop.loop(), loop.bus());
@@ -138,8 +138,23 @@ TEST(RunObserver, AgeOfInformationOfAPeriodicPoseIsHalfThePeriodPlusTheDelay) {
 TEST(OutputFolder, RefusesAFolderWithForeignFilesAndLeavesThemAlone) {
   const Folder folder;
   std::ofstream(folder.path / "thesis.tex") << "precious";
-  EXPECT_THROW(OutputFolder{folder.path}, UsageError);
+  EXPECT_THROW(OutputFolder(folder.path, Scenario{}), UsageError);
   EXPECT_EQ(contents(folder.path / "thesis.tex"), "precious");
+  EXPECT_FALSE(fs::exists(folder.path / "scenario.toml"));
+}
+
+TEST(OutputFolder, RefusesAFolderWithAScenarioWrittenByHand) {
+  const Folder folder;
+  std::ofstream(folder.path / "scenario.toml") << "[run]\nseed = 5  # mine\n";
+  EXPECT_THROW(OutputFolder(folder.path, Scenario{}), UsageError);
+  EXPECT_EQ(contents(folder.path / "scenario.toml"), "[run]\nseed = 5  # mine\n");
+}
+
+TEST(OutputFolder, RefusesAnEarlierRunsFolderToWhichAFileWasAdded) {
+  const Folder folder;
+  run_into(folder.path, paper({"run.duration_s=1"}));
+  std::ofstream(folder.path / "notes.txt") << "precious";
+  EXPECT_THROW(OutputFolder(folder.path, Scenario{}), UsageError);
 }
 
 TEST(OutputFolder, ReplacesAnEarlierRunsResults) {

@@ -138,9 +138,19 @@ def live_starts_nothing_for_a_bad_scenario(test):
     test.say(text.splitlines()[-1])
 
 
+def tether_finds_the_programs_beside_it(test):
+    for node in NODES:
+        direct = test.run(test.bin / node, "--version", seconds=5).out()
+        check(direct.startswith(f"{node} "), f"{node} --version says: {direct}")
+        through = test.run(test.bin / "tether", node.removeprefix("tether-"), "--version", seconds=5)
+        check(through.out() == direct, f"tether {node} says: {through.out()}{through.err()}")
+    refused(test, 2, ["nonsense"], test.bin / "tether", "nonsense")
+
+
 main(
     bad_urls,
     unreachable_network,
     bad_scenarios,
     live_starts_nothing_for_a_bad_scenario,
+    tether_finds_the_programs_beside_it,
 )

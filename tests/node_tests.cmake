@@ -5,6 +5,4 @@ tether_add_test(NAME sim_test SOURCES sim_node_test.cpp LIBS tether_sim_core)
 tether_add_test(NAME closed_loop_test SOURCES closed_loop_test.cpp
   LIBS tether_closed_loop tether_tools_core LABELS loop)
 tether_add_test(NAME baseline_test SOURCES baseline_test.cpp LIBS tether_closed_loop LABELS slow)
-if(EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/plant_test.cpp)
-  tether_add_test(NAME plant_test SOURCES plant_test.cpp LIBS tether_sim_core)
-endif()
+tether_add_test(NAME plant_test SOURCES plant_test.cpp LIBS tether_sim_core)

@@ -38,6 +38,7 @@ int live(Options options) {
                            .sim_time_s = static_cast<double>(run.truth().utime) * 1e-6,
                            .aoi_mean_s = run.aoi_mean_s(session.end()),
                            .node_restarts = session.restarts()};
+  check_finite(run);
   const std::string json = to_json(scenario, run, summary);
   if (session.folder()) session.folder()->write(scenario, run, json);
   fmt::print("{}", options.json ? json + "\n" : to_text(scenario, run, summary));
@@ -60,7 +61,8 @@ void add_live_command(CLI::App& tether, Action& action) {
       ->add_option("--set", options->session.overrides,
                    "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
       ->allow_extra_args(false);
-  command->add_option("--seed", options->seed, "override run.seed");
+  command->add_option("--seed", options->seed, "override run.seed")
+      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
   command->add_option("--lcm-url", options->session.lcm_url, "LCM network")
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();

@@ -39,7 +39,7 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
       bus_(options.lcm_url, loop_),
       observer_(scenario, loop_, bus_) {
   if (!options.out.empty()) {
-    folder_.emplace(options.out);
+    folder_.emplace(options.out, scenario);
     folder_->record(loop_, bus_);
   }
   const std::int64_t start_utime_us = RealTimeLoop::wall_utime_us() - to_utime(loop_.now());

@@ -1,9 +1,32 @@
+#include <unistd.h>
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
 #include "common/cli.hpp"
 #include "tools/commands.hpp"
+#include "tools/process.hpp"
+
+namespace {
+
+/// `tether X …` is `tether-X …` where a program of that name lies beside this one.
+void become_sibling(int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return;
+  const std::string sibling =
+      (tether::executable_folder() / ("tether-" + std::string(argv[1]))).string();
+  std::vector<std::string> command(argv + 1, argv + argc);
+  command.front() = sibling;
+  if (access(sibling.c_str(), X_OK) == 0) execv(sibling.c_str(), tether::to_argv(command).data());
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   using namespace tether;
+  become_sibling(argc, argv);
   CLI::App app("Tether: how much delay and loss does a remotely controlled AGV survive?", "tether");
+  app.footer("Also: tether sim, tether netem, tether controller; the nodes of a live run.");
   add_version(app);
   app.require_subcommand(1);
   Action action;
@@ -12,5 +35,10 @@ int main(int argc, char** argv) {
   add_spy_command(app, action);
   add_echo_command(app, action);
   add_log_command(app, action);
+  const auto is_named = [&](const CLI::App* command) { return command->check_name(argv[1]); };
+  if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_named).empty()) {
+    std::fprintf(stderr, "tether: error: there is no command \"%s\"; see tether --help\n", argv[1]);
+    return kExitUsage;
+  }
   return run_cli(app, argc, argv, [&action] { return action(); });
 }

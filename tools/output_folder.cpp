@@ -5,11 +5,13 @@
 
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
+#include <set>
 #include <stdexcept>
 
 #include "common/errors.hpp"
 #include "common/version.hpp"
 #include "tools/path_figure.hpp"
+#include "tools/process.hpp"
 
 namespace fs = std::filesystem;
 
@@ -23,6 +25,29 @@ void write_file(const fs::path& file, const std::string& text) {
   out << text;
   out.close();
   if (!out) throw std::runtime_error(fmt::format("cannot write \"{}\"", file.string()));
+}
+
+/// First words of a scenario.toml that OutputFolder wrote.
+const std::string kScenarioHeader = "# Resolved scenario, tether ";
+
+void check_nothing_foreign(const fs::path& folder) {
+  static const std::set<std::string> kOurs{"scenario.toml", "summary.json", "trajectory.csv",
+                                           "run.lcmlog",    "path.gp",      "path.svg",
+                                           "path.png"};
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    std::string first_line;
+    if (name == "scenario.toml") std::getline(std::ifstream(entry.path()) >> std::ws, first_line);
+    const bool written_by_hand =
+        name == "scenario.toml" && !first_line.starts_with(kScenarioHeader);
+    const bool no_run = !fs::exists(folder / "scenario.toml");
+    if (!kOurs.contains(name) || written_by_hand || no_run) {
+      throw UsageError(
+          fmt::format("--out: \"{}\" holds \"{}\", which is not an earlier run's; name a new or "
+                      "empty folder",
+                      folder.string(), name));
+    }
+  }
 }
 
 std::string trajectory_csv(const std::vector<TrajectoryRow>& rows) {
@@ -68,19 +93,20 @@ void EventLogWriter::close() {
   }
 }
 
-OutputFolder::OutputFolder(const fs::path& folder) : folder_(folder) {
+OutputFolder::OutputFolder(const fs::path& folder, const Scenario& scenario) : folder_(folder) {
+  if (find_program("gnuplot").empty()) {
+    throw std::runtime_error("--out draws with gnuplot, which is missing: apt install gnuplot-nox");
+  }
   std::error_code error;
   fs::create_directories(folder_, error);
   if (error || !fs::is_directory(folder_)) {
     throw UsageError(fmt::format("--out: cannot create the folder \"{}\": {}", folder_.string(),
                                  error ? error.message() : "a file of that name is in the way"));
   }
-  const bool ours = fs::exists(folder_ / "scenario.toml") || fs::exists(folder_ / "run.lcmlog");
-  if (!ours && !fs::is_empty(folder_)) {
-    throw UsageError(fmt::format("--out: \"{}\" holds other files; name a new or empty folder",
-                                 folder_.string()));
-  }
+  check_nothing_foreign(folder_);
   fs::remove(folder_ / "summary.json", error);
+  write_file(folder_ / "scenario.toml",
+             kScenarioHeader + std::string(kVersion) + "\n\n" + to_toml(scenario));
 }
 
 void OutputFolder::record(EventLoop& loop, Bus& bus) {
@@ -89,8 +115,6 @@ void OutputFolder::record(EventLoop& loop, Bus& bus) {
 
 void OutputFolder::write(const Scenario& scenario, const RunObserver& run,
                          const std::string& summary_json) {
-  write_file(folder_ / "scenario.toml",
-             fmt::format("# Resolved scenario, tether {}\n\n{}", kVersion, to_toml(scenario)));
   write_file(folder_ / "trajectory.csv", trajectory_csv(run.trajectory()));
   if (log_) log_->close();
   draw_path_figure(folder_, scenario, run.truth().epsilon_m);

@@ -43,17 +43,18 @@ class EventLogWriter {
 /// The folder of a run's results: run.lcmlog while it runs, the rest when it is over.
 class OutputFolder {
  public:
-  /// Creates the folder, or takes one that is empty or holds an earlier run's results, which are
-  /// replaced. Throws UsageError for anything else, so that no foreign file is lost.
-  explicit OutputFolder(const std::filesystem::path& folder);
+  /// Creates the folder, or takes one that is empty or holds nothing but an earlier run's results,
+  /// which are replaced, and writes scenario.toml. Throws UsageError for anything else, so that no
+  /// foreign file is lost, and where gnuplot is missing, before any time is spent on the run.
+  OutputFolder(const std::filesystem::path& folder, const Scenario& scenario);
 
   const std::filesystem::path& path() const { return folder_; }
 
   /// Starts run.lcmlog.
   void record(EventLoop& loop, Bus& bus);
 
-  /// Writes scenario.toml, trajectory.csv and path.{gp,svg,png}, closes run.lcmlog, and writes
-  /// summary.json last: its presence says that the folder is complete.
+  /// Writes trajectory.csv and path.{gp,svg,png}, closes run.lcmlog, and writes summary.json last:
+  /// its presence says that the folder is complete.
   void write(const Scenario& scenario, const RunObserver& run, const std::string& summary_json);
 
  private:

@@ -3,7 +3,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
+#include <cstdlib>
 
 #include "common/system_error.hpp"
 
@@ -31,6 +33,18 @@ int run_process(const std::vector<std::string>& command, const std::filesystem::
     if (errno != EINTR) check_system_call("waiting for " + command.front(), -1);
   }
   return WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+}
+
+std::filesystem::path find_program(const std::string& name) {
+  const char* variable = std::getenv("PATH");
+  const std::string path = variable == nullptr ? "" : variable;
+  for (std::size_t begin = 0; begin <= path.size();) {
+    const std::size_t end = std::min(path.find(':', begin), path.size());
+    std::filesystem::path candidate = std::filesystem::path(path.substr(begin, end - begin)) / name;
+    if (access(candidate.c_str(), X_OK) == 0) return candidate;
+    begin = end + 1;
+  }
+  return {};
 }
 
 std::filesystem::path executable_folder() {

@@ -10,6 +10,9 @@ namespace tether {
 /// there is no such program; 128 + signal if a signal ended it.
 int run_process(const std::vector<std::string>& command, const std::filesystem::path& folder);
 
+/// Where `name` lies in PATH; empty if nowhere.
+std::filesystem::path find_program(const std::string& name);
+
 /// The folder of the running executable: programs of the project lie side by side.
 std::filesystem::path executable_folder();
 

@@ -62,7 +62,7 @@ int run(const Options& options) {
   const Scenario scenario = load_scenario(options.scenario_file, overrides);
 
   std::optional<OutputFolder> folder;
-  if (!options.out.empty()) folder.emplace(options.out);
+  if (!options.out.empty()) folder.emplace(options.out, scenario);
 
   const double start_s = wall_seconds();
   ClosedLoop loop(scenario);
@@ -74,6 +74,7 @@ int run(const Options& options) {
   const RunSummary summary{.wall_time_s = wall_seconds() - start_s,
                            .sim_time_s = to_seconds(end),
                            .aoi_mean_s = observer.aoi_mean_s(end)};
+  check_finite(observer);
   const std::string json = to_json(scenario, observer, summary);
   if (folder) folder->write(scenario, observer, json);
   if (options.json) {
@@ -95,7 +96,8 @@ void add_run_command(CLI::App& tether, Action& action) {
       ->add_option("--set", options->overrides,
                    "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
       ->allow_extra_args(false);
-  command->add_option("--seed", options->seed, "override run.seed");
+  command->add_option("--seed", options->seed, "override run.seed")
+      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
   command->add_option(
       "--out", options->out,
       "folder for scenario.toml, summary.json, trajectory.csv, run.lcmlog, path.png, "

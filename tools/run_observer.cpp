@@ -5,6 +5,7 @@
 
 #include "common/channel_names.hpp"
 #include "common/message_io.hpp"
+#include "common/pose.hpp"
 
 namespace tether {
 
@@ -13,9 +14,13 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus) : 
   subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
                             [this](const ground_truth_t& m) { on_truth(m); });
   subscribe<link_report_t>(bus, channels.uplink_report, kDeepQueue, undecodable_,
-                           [this](const link_report_t& m) { uplink_ = m; });
+                           [this](const link_report_t& m) {
+                             if (accept(uplink_guard_, m.utime, m.seq)) uplink_ = m;
+                           });
   subscribe<link_report_t>(bus, channels.downlink_report, kDeepQueue, undecodable_,
-                           [this](const link_report_t& m) { downlink_ = m; });
+                           [this](const link_report_t& m) {
+                             if (accept(downlink_guard_, m.utime, m.seq)) downlink_ = m;
+                           });
   for (const std::string& channel :
        {channels.sim_counters, channels.net_counters, channels.control_counters}) {
     subscribe<counters_t>(bus, channel, kDeepQueue, undecodable_, [this](const counters_t& m) {
@@ -30,8 +35,22 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus) : 
                 [this](const Message&) { ++commands_received_; });
 }
 
+bool RunObserver::accept(StreamGuard& guard, std::int64_t utime, std::int64_t seq) {
+  const bool accepted = guard.accept(loop_.now(), from_utime(utime), seq);
+  if (!accepted) ++rejected_;
+  return accepted;
+}
+
 void RunObserver::on_truth(const ground_truth_t& m) {
-  if (m.seq <= truth_.seq) trajectory_.clear();
+  const bool usable =
+      is_usable(Pose2{m.x_m, m.y_m, m.yaw_rad}) && is_usable(m.error_m) && is_usable(m.epsilon_m);
+  if (!usable) {
+    ++rejected_;
+    return;
+  }
+  const std::int64_t restarts = truth_guard_.counters().restarts;
+  if (!accept(truth_guard_, m.utime, m.seq)) return;
+  if (truth_guard_.counters().restarts > restarts) trajectory_.clear();
   truth_ = m;
   trajectory_.push_back({static_cast<double>(m.utime) * 1e-6, m.x_m, m.y_m, m.yaw_rad, m.x_ref_m,
                          m.y_ref_m, m.error_m, uplink_.state, downlink_.state});
@@ -43,6 +62,13 @@ void RunObserver::on_pose(Instant stamp) {
   age_integral_s2_ = age_integral_s2(now);
   last_pose_arrival_ = now;
   newest_pose_stamp_ = std::clamp(stamp, newest_pose_stamp_, std::max(now, newest_pose_stamp_));
+}
+
+std::map<std::string, std::int64_t> RunObserver::counters() const {
+  auto counters = counters_;
+  counters["observer.undecodable"] = undecodable_;
+  counters["observer.rejected"] = rejected_;
+  return counters;
 }
 
 double RunObserver::age_integral_s2(Instant until) const {

@@ -11,6 +11,7 @@
 #include "common/bus.hpp"
 #include "common/event_loop.hpp"
 #include "common/scenario.hpp"
+#include "common/stream_guard.hpp"
 
 namespace tether {
 
@@ -32,8 +33,10 @@ class RunObserver {
   const ground_truth_t& truth() const { return truth_; }
   const link_report_t& uplink() const { return uplink_; }
   const link_report_t& downlink() const { return downlink_; }
-  /// "node.counter" → value, as last reported.
-  const std::map<std::string, std::int64_t>& counters() const { return counters_; }
+  /// "node.counter" → value, as last reported; and what this observer itself could not decode
+  /// ("observer.undecodable") or would not believe ("observer.rejected": duplicated, late,
+  /// non-finite truth or link reports).
+  std::map<std::string, std::int64_t> counters() const;
 
   const std::vector<TrajectoryRow>& trajectory() const { return trajectory_; }
 
@@ -45,6 +48,7 @@ class RunObserver {
   double aoi_mean_s(Instant now) const;
 
  private:
+  bool accept(StreamGuard& guard, std::int64_t utime, std::int64_t seq);
   void on_truth(const ground_truth_t& truth);
   void on_pose(Instant stamp);
   double age_integral_s2(Instant until) const;
@@ -55,7 +59,11 @@ class RunObserver {
   link_report_t downlink_{};
   std::map<std::string, std::int64_t> counters_;
   std::vector<TrajectoryRow> trajectory_;
+  StreamGuard truth_guard_;
+  StreamGuard uplink_guard_;
+  StreamGuard downlink_guard_;
   std::int64_t undecodable_ = 0;
+  std::int64_t rejected_ = 0;
   std::int64_t poses_received_ = 0;
   std::int64_t commands_received_ = 0;
 

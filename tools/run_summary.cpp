@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 
 #include "common/version.hpp"
 
@@ -52,6 +54,13 @@ bool is_trouble(const std::string& name) {
 
 }  // namespace
 
+void check_finite(const RunObserver& run) {
+  const ground_truth_t& truth = run.truth();
+  if (std::isfinite(truth.epsilon_m) && std::isfinite(truth.rmse_m)) return;
+  throw std::runtime_error(
+      fmt::format("the run is invalid: its error came out as {} m", truth.epsilon_m));
+}
+
 std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
   const ground_truth_t& truth = run.truth();
   nlohmann::ordered_json json;
@@ -90,7 +99,8 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
     text += fmt::format("{:<9} {} node restarts: the result is not that of an undisturbed run\n",
                         "note", summary.node_restarts);
   }
-  for (const auto& [name, value] : run.counters()) {
+  const auto counters = run.counters();
+  for (const auto& [name, value] : counters) {
     if (value > 0 && is_trouble(name)) {
       text += fmt::format("{:<9} {} = {}\n", "counter", name, value);
     }

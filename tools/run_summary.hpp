@@ -15,6 +15,9 @@ struct RunSummary {
   int node_restarts = 0;  ///< live runs: how often a node died and was started again
 };
 
+/// Throws if the run's result is not a number: then it is invalid and has no summary.
+void check_finite(const RunObserver& run);
+
 /// One JSON object (docs/outputs.md lists the keys).
 std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);
 

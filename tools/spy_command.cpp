@@ -14,6 +14,7 @@
 #include "common/errors.hpp"
 #include "common/lcm_url.hpp"
 #include "tools/commands.hpp"
+#include "tools/process.hpp"
 
 namespace tether {
 namespace {
@@ -32,14 +33,9 @@ std::string environment(const char* name) {
 
 /// The `java` that execvp() would find.
 fs::path find_java() {
-  const std::string path = environment("PATH");
-  for (std::size_t begin = 0; begin <= path.size();) {
-    const std::size_t end = std::min(path.find(':', begin), path.size());
-    fs::path candidate = fs::path(path.substr(begin, end - begin)) / "java";
-    if (access(candidate.c_str(), X_OK) == 0) return candidate;
-    begin = end + 1;
-  }
-  missing("java", "default-jre");
+  fs::path java = find_program("java");
+  if (java.empty()) missing("java", "default-jre");
+  return java;
 }
 
 /// Debian's "headless" Java runs programs, but opens no windows.
