@@ -122,7 +122,7 @@ class Attack:
         for utime in (self.now_us() + 60_000_000, INT64_MAX, self.now_us() * 1000):
             self.message("from the future", "CTRL/POSE", POSE.encode(utime=utime, seq=10**6))
             self.message("from the future", "AGV/CMD_VEL", TWIST.encode(utime=utime, seq=10**6))
-        for utime in (0, -1, INT64_MIN):
+        for utime in (0, 1, 2, -1, INT64_MIN):
             for seq in (0, 10**6, INT64_MAX):
                 self.message("from the past", "CTRL/POSE", POSE.encode(utime=utime, seq=seq))
                 self.message("from the past", "AGV/CMD_VEL", TWIST.encode(utime=utime, seq=seq))
@@ -208,7 +208,8 @@ def nodes_live_on(test):
             "non_finite": 6,
             "from_future": 3,
             "reordered": 5,
-            "time_backwards": 3,
+            "time_backwards": 2,
+            "before_start": 3,
             "duplicated": 5,
             "invalid_seq": 2,
             "restarts": 1,
