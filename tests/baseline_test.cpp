@@ -42,8 +42,8 @@ TEST(PaperBaseline, EpsilonWithoutImpairmentIsAboutOnePointEightMetres) {
 
 TEST(PaperBaseline, EpsilonRisesWithDelayAndStaysBelowTwoPointThreeMetres) {
   double previous = 0.0;
-  for (const char* delay :
-       {"0", "5", "10", "25", "50", "100", "150", "200", "250", "300", "350", "400", "450", "500"}) {
+  for (const char* delay : {"0", "5", "10", "25", "50", "100", "150", "200", "250", "300", "350",
+                            "400", "450", "500"}) {
     const double e = epsilon_m({std::string("channel.delay_ms=") + delay});
     EXPECT_GT(e, previous) << delay << " ms";
     EXPECT_GE(e, 1.7) << delay << " ms";
