@@ -58,12 +58,7 @@ class KeyTable {
     add(
         name, range.text("number"), meaning,
         [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
-        [field, range](Scenario& s, const ScenarioValue& value) {
-          const auto x = as_double(value);
-          if (!x || !range.contains(*x)) return false;
-          field(s) = *x;
-          return true;
-        });
+        number_setter(field, range));
   }
 
   template <class Field>
@@ -75,12 +70,7 @@ class KeyTable {
           const std::optional<double>& x = field(s);
           return x ? std::optional<ScenarioValue>(*x) : std::nullopt;
         },
-        [field, range](Scenario& s, const ScenarioValue& value) {
-          const auto x = as_double(value);
-          if (!x || !range.contains(*x)) return false;
-          field(s) = *x;
-          return true;
-        });
+        number_setter(field, range));
   }
 
   template <class Field>
@@ -154,6 +144,16 @@ class KeyTable {
   std::vector<ScenarioKey> take() { return std::move(keys_); }
 
  private:
+  template <class Field>
+  static decltype(ScenarioKey::set) number_setter(Field field, Range range) {
+    return [field, range](Scenario& s, const ScenarioValue& value) {
+      const auto x = as_double(value);
+      if (!x || !range.contains(*x)) return false;
+      field(s) = *x;
+      return true;
+    };
+  }
+
   void add(const std::string& name, std::string allowed, const std::string& meaning,
            decltype(ScenarioKey::get) get, decltype(ScenarioKey::set) set) {
     keys_.push_back({name, std::move(allowed), meaning, std::move(get), std::move(set)});

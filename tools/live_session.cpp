@@ -11,6 +11,7 @@
 
 #include "common/cli.hpp"
 #include "tools/process.hpp"
+#include "tools/run_summary.hpp"
 
 namespace tether {
 namespace {
@@ -24,11 +25,7 @@ constexpr Duration kShutDownPatience = std::chrono::seconds{3};
 constexpr Duration kLinger = std::chrono::milliseconds{200};
 constexpr int kMaxRestarts = 20;
 
-double prr(const link_report_t& link) {
-  return link.offered > 0 ? 1.0 - static_cast<double>(link.lost + link.overflowed) /
-                                      static_cast<double>(link.offered)
-                          : 1.0;
-}
+double prr(const link_report_t& link) { return link.offered > 0 ? reception_ratio(link) : 1.0; }
 
 }  // namespace
 

@@ -11,10 +11,6 @@
 namespace tether {
 namespace {
 
-double reception_ratio(const link_report_t& link) {
-  return 1.0 - static_cast<double>(link.lost + link.overflowed) / static_cast<double>(link.offered);
-}
-
 nlohmann::ordered_json link_json(const link_report_t& link) {
   nlohmann::ordered_json json;
   json["sent"] = link.offered;
@@ -53,6 +49,10 @@ bool is_trouble(const std::string& name) {
 }
 
 }  // namespace
+
+double reception_ratio(const link_report_t& link) {
+  return 1.0 - static_cast<double>(link.lost + link.overflowed) / static_cast<double>(link.offered);
+}
 
 void check_finite(const RunObserver& run) {
   const ground_truth_t& truth = run.truth();

@@ -15,6 +15,9 @@ struct RunSummary {
   int node_restarts = 0;  ///< live runs: how often a node died and was started again
 };
 
+/// Share of the offered packets that were not lost; NaN before the first.
+double reception_ratio(const link_report_t& link);
+
 /// Throws if the run's result is not a number: then it is invalid and has no summary.
 void check_finite(const RunObserver& run);
 
