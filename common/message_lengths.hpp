@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <span>
 #include <tether/counters_t.hpp>
+#include <tether/drivetrain_state_t.hpp>
 #include <tether/link_report_t.hpp>
+#include <tether/wheel_feedback_t.hpp>
 #include <type_traits>
 
 namespace tether {
@@ -71,6 +73,18 @@ inline bool lengths_fit<counters_t>(std::span<const std::uint8_t> bytes) {
   const std::int32_t count = check.read_count(4 + 1 + 8);  // of an empty name and its value
   for (std::int32_t i = 0; i < count; ++i) check.skip_string();
   return check.ok();
+}
+
+template <>
+inline bool lengths_fit<drivetrain_state_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kBeforeStrings = 8 + 8 + 8 + 4;
+  return LengthCheck(bytes).skip(kBeforeStrings).skip_string().skip_string().skip_string().ok();
+}
+
+template <>
+inline bool lengths_fit<wheel_feedback_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kBeforeStrings = 8 + 8 + 8 + 1 + 6 * 8 + 2 * 8 + 4 * 4;
+  return LengthCheck(bytes).skip(kBeforeStrings).skip_string().skip_string().ok();
 }
 
 }  // namespace tether

@@ -6,10 +6,17 @@
 #include <tether/clock_t.hpp>
 #include <tether/controller_report_t.hpp>
 #include <tether/counters_t.hpp>
+#include <tether/drive_fault_t.hpp>
+#include <tether/drive_request_t.hpp>
+#include <tether/drivetrain_state_t.hpp>
 #include <tether/ground_truth_t.hpp>
 #include <tether/link_report_t.hpp>
+#include <tether/odometry_t.hpp>
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
+#include <tether/wheel_feedback_t.hpp>
+#include <tether/wheel_states_t.hpp>
+#include <tether/wheel_targets_t.hpp>
 #include <type_traits>
 #include <utility>
 
@@ -63,6 +70,48 @@ void visit_fields(const controller_report_t& m, Visitor&& visit) {
 template <class Visitor>
 void visit_fields(const counters_t& m, Visitor&& visit) {
   FIELD(utime), FIELD(seq), FIELD(node), FIELD(count), FIELD(name), FIELD(value);
+}
+
+template <class Visitor>
+void visit_fields(const drive_request_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(request);
+}
+
+template <class Visitor>
+void visit_fields(const drivetrain_state_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(state), FIELD(state_name), FIELD(reason), FIELD(bus),
+      FIELD(command_age_s), FIELD(v_mps), FIELD(omega_radps), FIELD(disarms);
+}
+
+template <class Visitor>
+void visit_fields(const wheel_feedback_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(fresh), FIELD(left_age_s), FIELD(right_age_s),
+      FIELD(left_angle_rad), FIELD(right_angle_rad), FIELD(left_rim_mps), FIELD(right_rim_mps),
+      FIELD(left_position_counts), FIELD(right_position_counts), FIELD(left_statusword),
+      FIELD(right_statusword), FIELD(left_error_code), FIELD(right_error_code), FIELD(left_state),
+      FIELD(right_state);
+}
+
+template <class Visitor>
+void visit_fields(const odometry_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(x_m), FIELD(y_m), FIELD(yaw_rad), FIELD(v_mps),
+      FIELD(omega_radps), FIELD(distance_m);
+}
+
+template <class Visitor>
+void visit_fields(const wheel_states_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(left_angle_rad), FIELD(right_angle_rad), FIELD(left_speed_radps),
+      FIELD(right_speed_radps);
+}
+
+template <class Visitor>
+void visit_fields(const wheel_targets_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(left_speed_radps), FIELD(right_speed_radps);
+}
+
+template <class Visitor>
+void visit_fields(const drive_fault_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(node), FIELD(kind), FIELD(value);
 }
 
 #undef FIELD
@@ -129,9 +178,11 @@ struct CsvFormat {
 
 const std::vector<MessageType>& message_types() {
   static const std::vector<MessageType> kTypes = {
-      describe<pose_t>(),         describe<twist_t>(),       describe<clock_t>(),
-      describe<ground_truth_t>(), describe<link_report_t>(), describe<controller_report_t>(),
-      describe<counters_t>(),
+      describe<pose_t>(),           describe<twist_t>(),         describe<clock_t>(),
+      describe<ground_truth_t>(),   describe<link_report_t>(),   describe<controller_report_t>(),
+      describe<counters_t>(),       describe<drive_request_t>(), describe<drivetrain_state_t>(),
+      describe<wheel_feedback_t>(), describe<odometry_t>(),      describe<wheel_states_t>(),
+      describe<wheel_targets_t>(),  describe<drive_fault_t>(),
   };
   return kTypes;
 }
