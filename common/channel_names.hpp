@@ -16,6 +16,14 @@ struct ChannelNames {
     control_command = "CTRL" + suffix + "/CMD_VEL";
     control_report = "CTRL" + suffix + "/REPORT";
     control_counters = "CTRL" + suffix + "/COUNTERS";
+    const std::string can = "CAN" + suffix;
+    can_request = can + "/REQUEST";
+    can_inject = can + "/INJECT";
+    can_state = can + "/STATE";
+    can_wheels = can + "/WHEELS";
+    can_odometry = can + "/ODOMETRY";
+    can_counters = can + "/COUNTERS";
+    drive_counters = can + "/DRIVE_COUNTERS";
   }
 
   std::string vehicle_pose;
@@ -24,6 +32,15 @@ struct ChannelNames {
   std::string control_command;
   std::string control_report;
   std::string control_counters;
+  std::string can_request;  ///< operator → bridge
+  std::string can_inject;   ///< tester → emulated drives
+  std::string can_state;    ///< bridge's reports …
+  std::string can_wheels;
+  std::string can_odometry;
+  std::string can_counters;
+  std::string drive_counters;                       ///< emulated drives' reports
+  std::string wheel_states = "SIM/WHEELS";          ///< simulator → emulated drives
+  std::string wheel_targets = "SIM/WHEEL_TARGETS";  ///< emulated drives → simulator
   std::string uplink_report = "NET/UPLINK";
   std::string downlink_report = "NET/DOWNLINK";
   std::string net_counters = "NET/COUNTERS";

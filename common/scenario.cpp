@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <numeric>
 #include <set>
@@ -102,7 +103,12 @@ class Loader {
 
   /// Ends a level of settings, the file or the overrides: checks that each has an effect and turns
   /// stationary probabilities into sojourn times, so that the next level beats them in either form.
-  void end_level(const std::string& source) {
+  /// Names of files are relative to `folder`.
+  void end_level(const std::string& source, const std::filesystem::path& folder) {
+    if (given_.contains("can.drivetrain")) {
+      auto& file = scenario_.can.drivetrain_file;
+      file = (folder / file).lexically_normal().string();
+    }
     Scenario::Channel& channel = scenario_.channel;
     check_effect("channel.uplink.", channel.uplink, source);
     check_effect("channel.downlink.", channel.downlink, source);
@@ -213,7 +219,30 @@ class Loader {
     }
   }
 
+  void check_can(const std::string& file) const {
+    const Scenario::Can& can = scenario_.can;
+    if (can.drivetrain_file.empty()) {
+      throw UsageError(fmt::format(
+          "{}: vehicle.drivetrain = \"can\" needs can.drivetrain, a file of drivetrains/", file));
+    }
+    if (can.disarm_ms <= can.stale_ms || can.stale_ms < 2.0 * can.cycle_ms) {
+      throw UsageError(
+          fmt::format("{}: must be 2 * can.cycle_ms <= can.stale_ms < can.disarm_ms; "
+                      "they are {}, {} and {} ms",
+                      file, can.cycle_ms, can.stale_ms, can.disarm_ms));
+    }
+    if (can.max_deceleration_mps2 < can.max_acceleration_mps2 ||
+        can.max_yaw_deceleration_radps2 < can.max_yaw_acceleration_radps2) {
+      throw UsageError(fmt::format(
+          "{}: stopping must not be weaker than accelerating: can.max_deceleration_mps2 "
+          "= {} and can.max_yaw_deceleration_radps2 = {} must be at least {} and {}",
+          file, can.max_deceleration_mps2, can.max_yaw_deceleration_radps2,
+          can.max_acceleration_mps2, can.max_yaw_acceleration_radps2));
+    }
+  }
+
   void check_combinations(const std::string& file) const {
+    if (scenario_.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) check_can(file);
     if (scenario_.channel.shared_state &&
         scenario_.channel.uplink.model != scenario_.channel.downlink.model) {
       throw UsageError(fmt::format(
@@ -252,8 +281,11 @@ class Loader {
   std::set<std::string> given_;  // at this level
 };
 
-/// False for the keys of a channel model that is not chosen.
+/// False for the keys of a channel model or drivetrain that is not chosen.
 bool in_effect(const Scenario& scenario, const std::string& key) {
+  if (key.starts_with("can.")) {
+    return scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can;
+  }
   for (const auto& [prefix, link] :
        {std::pair<std::string, const LinkConfig&>{"channel.uplink.", scenario.channel.uplink},
         {"channel.downlink.", scenario.channel.downlink}}) {
@@ -285,9 +317,9 @@ Scenario parse_scenario(const std::string& toml, const std::string& name,
     throw UsageError(
         fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
   }
-  loader.end_level(name);
+  loader.end_level(name, std::filesystem::path(name).parent_path());
   for (const std::string& text : overrides) loader.apply_override(text);
-  loader.end_level("--set");
+  loader.end_level("--set", {});
   return loader.finish(name);
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <regex>
@@ -141,6 +142,26 @@ class KeyTable {
         });
   }
 
+  /// Names of files and interfaces; empty: not set.
+  template <class Field>
+  void text(const std::string& name, Field field, const std::string& meaning) {
+    add(
+        name, "printable text without quotes and backslashes", meaning,
+        [field](const Scenario& s) {
+          const std::string& x = field(s);
+          return x.empty() ? std::nullopt : std::optional<ScenarioValue>(x);
+        },
+        [field](Scenario& s, const ScenarioValue& value) {
+          const auto* x = std::get_if<std::string>(&value);
+          const auto bad = [](unsigned char c) {
+            return c < 0x20 || c == 0x7F || c == '"' || c == '\\';
+          };
+          if (x == nullptr || x->empty() || std::any_of(x->begin(), x->end(), bad)) return false;
+          field(s) = *x;
+          return true;
+        });
+  }
+
   std::vector<ScenarioKey> take() { return std::move(keys_); }
 
  private:
@@ -167,6 +188,8 @@ class KeyTable {
 
 void add_run_and_world(KeyTable& t) {
   t.number("run.duration_s", TETHER_FIELD(run.duration_s), {0.0, 1e6, true}, "length of the run");
+  t.number("run.lead_s", TETHER_FIELD(run.lead_s), {0.0, 1e3, false},
+           "the loop lives this long before the path starts; the vehicle stands");
   t.whole_number("run.seed", TETHER_FIELD(run.seed), 0, "seed of all random streams");
   t.number("run.truth_rate_hz", TETHER_FIELD(run.truth_rate_hz), kRate,
            "SIM/TRUTH messages and trajectory rows per second");
@@ -185,6 +208,10 @@ void add_vehicle(KeyTable& t) {
   using Plant = Scenario::Vehicle::Plant;
   t.choice<Plant>("vehicle.plant", TETHER_FIELD(vehicle.plant), {{"ode", Plant::ode}},
                   "physics of the vehicle");
+  using Drivetrain = Scenario::Vehicle::Drivetrain;
+  t.choice<Drivetrain>("vehicle.drivetrain", TETHER_FIELD(vehicle.drivetrain),
+                       {{"direct", Drivetrain::direct}, {"can", Drivetrain::can}},
+                       "what turns commands into wheel speeds: the simulator, or drives on CAN");
   t.identifier("vehicle.name", TETHER_FIELD(vehicle.name), "first part of its LCM channels");
 #define TETHER_SIZE(key, range, meaning) \
   t.number("vehicle." #key, TETHER_FIELD(vehicle.key), range, meaning)
@@ -265,6 +292,55 @@ void add_controller_and_actuator(KeyTable& t) {
            "policy = zero: stop when no new command came for this long");
 }
 
+void add_can(KeyTable& t) {
+  using Can = Scenario::Can;
+  t.text("can.drivetrain", TETHER_FIELD(can.drivetrain_file),
+         "what is on the bus: a file of drivetrains/, relative to the scenario file");
+  t.text("can.interface", TETHER_FIELD(can.interface), "live: SocketCAN interface");
+  t.number("can.bit_rate_bps", TETHER_FIELD(can.bit_rate_bps), {10e3, 1e6, false},
+           "of the simulated bus, and for the bus load");
+  t.boolean("can.emulate_drives", TETHER_FIELD(can.emulate_drives),
+            "live: start tether-can-drive; false where real drives are on the bus");
+  t.choice<Can::Wheels>("can.wheels", TETHER_FIELD(can.wheels),
+                        {{"sim", Can::Wheels::sim}, {"model", Can::Wheels::model}},
+                        "what emulated drives turn: the simulator's wheels or a simple model");
+  t.choice<Can::Arm>("can.arm", TETHER_FIELD(can.arm),
+                     {{"once", Can::Arm::once}, {"never", Can::Arm::never}},
+                     "the run arms the drivetrain once, or leaves it to an operator");
+  constexpr Range kDeadline{1.0, 10e3, false};
+  t.number("can.cycle_ms", TETHER_FIELD(can.cycle_ms), {1.0, 100.0, false},
+           "control cycle: SYNC and setpoints");
+  t.number("can.stale_ms", TETHER_FIELD(can.stale_ms), kDeadline,
+           "a command older than this: ramp to zero");
+  t.number("can.disarm_ms", TETHER_FIELD(can.disarm_ms), kDeadline,
+           "a command older than this: quick stop and disarm");
+#define TETHER_LIMIT(key, meaning) t.number("can." #key, TETHER_FIELD(can.key), kPositive, meaning)
+  TETHER_LIMIT(max_speed_mps, "forward");
+  TETHER_LIMIT(max_reverse_mps, "backward");
+  TETHER_LIMIT(max_yaw_rate_radps, "either way");
+  TETHER_LIMIT(max_acceleration_mps2, "away from standstill");
+  TETHER_LIMIT(max_deceleration_mps2, "towards standstill; at least the acceleration");
+  TETHER_LIMIT(max_yaw_acceleration_radps2, "away from standstill");
+  TETHER_LIMIT(max_yaw_deceleration_radps2, "towards standstill; at least the acceleration");
+  TETHER_LIMIT(max_jerk_mps3, "change of acceleration per second");
+  TETHER_LIMIT(max_yaw_jerk_radps3, "change of yaw acceleration per second");
+#undef TETHER_LIMIT
+  t.choice<Can::Inject>("can.inject", TETHER_FIELD(can.inject),
+                        {{"none", Can::Inject::none},
+                         {"fault", Can::Inject::fault},
+                         {"reboot", Can::Inject::reboot},
+                         {"silence", Can::Inject::silence},
+                         {"sdo_abort", Can::Inject::sdo_abort},
+                         {"encoder_freeze", Can::Inject::encoder_freeze},
+                         {"wheel_slip", Can::Inject::wheel_slip}},
+                        "a fault of the emulated drives");
+  t.whole_number("can.inject_node", TETHER_FIELD(can.inject_node), 0,
+                 "the drive's node id; 0 = all");
+  t.number("can.inject_at_s", TETHER_FIELD(can.inject_at_s), {-1e3, 1e6, false}, "when");
+  t.number("can.inject_value", TETHER_FIELD(can.inject_value), {0.0, 65535.0, false},
+           "error code, seconds, object or share: see lcmtypes/tether_drive_fault.lcm");
+}
+
 template <class Select>
 void add_link(KeyTable& t, const std::string& prefix, Select link) {
 #define TETHER_LINK(member) ([link](auto& s) -> auto& { return link(s).member; })
@@ -302,6 +378,7 @@ const std::vector<ScenarioKey>& scenario_keys() {
     add_vehicle(t);
     add_sensor_and_path(t);
     add_controller_and_actuator(t);
+    add_can(t);
     t.boolean("channel.shared_state", TETHER_FIELD(channel.shared_state),
               "both directions follow the uplink's state process");
     add_link(t, "channel.uplink.", TETHER_FIELD(channel.uplink));

@@ -7,7 +7,7 @@ bool StreamGuard::accept(Instant now, Instant stamp, std::int64_t seq) {
     ++counters_.invalid_seq;
     return false;
   }
-  if (stamp < kStart) {
+  if (stamp < config_.earliest) {
     ++counters_.before_start;
     return false;
   }

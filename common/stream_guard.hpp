@@ -13,7 +13,7 @@ namespace tether {
 /// - `from_future`: stamped more than `max_ahead` after `now` (a wrong clock would otherwise make
 ///   every later message look old);
 /// - `invalid_seq`: numbered below zero;
-/// - `before_start`: stamped before t = 0, so of another run;
+/// - `before_start`: stamped before `earliest`, so of another run;
 /// - `duplicated`: the newest accepted one again;
 /// - `reordered`: numbered and stamped no later than the newest accepted one;
 /// - `time_backwards`: numbered later but stamped earlier than the newest accepted one.
@@ -23,6 +23,7 @@ class StreamGuard {
  public:
   struct Config {
     Duration max_ahead = std::chrono::seconds{1};
+    Instant earliest = kStart;  ///< the run's start, earlier by its lead time
   };
   struct Counters {
     std::int64_t accepted = 0;

@@ -37,6 +37,11 @@ constexpr double to_seconds(Duration d) { return static_cast<double>(d.count()) 
 constexpr double to_seconds(Instant t) { return to_seconds(t.time_since_epoch()); }
 constexpr double to_milliseconds(Duration d) { return static_cast<double>(d.count()) / 1e6; }
 
+/// First tick of `period` within a lead of `lead` before t = 0: t = 0 itself is on the same grid.
+constexpr Instant first_tick(Duration lead, Duration period) {
+  return kStart - (lead / period) * period;
+}
+
 /// LCM's time stamp: microseconds of run time, rounded down.
 constexpr std::int64_t to_utime(Instant t) {
   return std::chrono::floor<std::chrono::microseconds>(t.time_since_epoch()).count();

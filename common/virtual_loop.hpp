@@ -9,6 +9,8 @@ namespace tether {
 /// run in order of (time, priority, insertion), in the calling thread.
 class VirtualLoop final : public EventLoop {
  public:
+  explicit VirtualLoop(Instant start = kStart) : now_(start) {}
+
   Instant now() const override { return now_; }
   double rate() const override { return 0.0; }
   void at(Instant when, Priority priority, Task task) override;
@@ -24,7 +26,7 @@ class VirtualLoop final : public EventLoop {
 
  private:
   TimerQueue timers_;
-  Instant now_ = kStart;
+  Instant now_;
   bool stopped_ = false;
 };
 

@@ -15,6 +15,7 @@ ControllerNode::ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& b
       config_(scenario.controller),
       pose_timeout_(from_seconds(config_.pose_timeout_s)),
       law_(config_, FigureEight(scenario.path.figure_eight)),
+      guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
       counters_(loop, bus, "controller", channels_.control_counters,
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
@@ -22,7 +23,8 @@ ControllerNode::ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& b
     on_pose(from_utime(m.utime), m.seq, {m.x_m, m.y_m, m.yaw_rad});
   });
   if (config_.trigger == Scenario::Controller::Trigger::timer) {
-    loop.every(kStart, from_seconds(1.0 / config_.rate_hz), Priority::node,
+    const Duration period = from_seconds(1.0 / config_.rate_hz);
+    loop.every(first_tick(from_seconds(scenario.run.lead_s), period), period, Priority::node,
                [this](Instant) { decide(); });
   }
 }
@@ -55,7 +57,7 @@ bool ControllerNode::timed_out(Instant now) const {
 
 void ControllerNode::decide() {
   const Instant now = loop_.now();
-  if (!have_pose_) {
+  if (!have_pose_ || now < kStart) {
     send(now, {}, false);
   } else if (timed_out(now)) {
     ++pose_timeouts_;

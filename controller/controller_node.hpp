@@ -18,7 +18,8 @@ namespace tether {
 /// `trigger = event`: one command per accepted pose. `trigger = timer`: commands at
 /// controller.rate_hz from t = 0 on, from the newest pose.
 ///
-/// Before the first pose: event sends nothing, timer sends zero twists. When the newest pose is
+/// Before the first pose: event sends nothing, timer sends zero twists. Before t = 0, in the run's
+/// lead: zero twists. When the newest pose is
 /// controller.pose_timeout_s old or older (age by its time stamp, so delay counts): event sends one
 /// zero twist, timer sends zero twists; the law starts afresh with the next pose. A pose that
 /// arrives too old already is answered by a zero twist. pose_timeout_s = 0: never (the paper).

@@ -29,19 +29,27 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
       actuator_(scenario.actuator),
       sensor_(scenario.sensor,
               random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/pose")),
+      guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
       world_time_(std::max(kStart, loop.now())),
       counters_(loop, bus, "sim", channels_.sim_counters,
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
   metrics_.start(error_m());
-  subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_,
-                     [this](const twist_t& m) {
-                       on_command(from_utime(m.utime), m.seq, {m.v_mps, m.omega_radps});
-                     });
   loop.every(kStart + kStep, kStep, Priority::physics, [this](Instant now) { step(now); });
-  loop.every(kStart, from_seconds(1.0 / scenario.sensor.rate_hz), Priority::node,
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    drives_.emplace(scenario, loop, bus, vehicle_);
+  } else {
+    subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_,
+                       [this](const twist_t& m) {
+                         on_command(from_utime(m.utime), m.seq, {m.v_mps, m.omega_radps});
+                       });
+  }
+  const Duration lead = from_seconds(scenario.run.lead_s);
+  const Duration pose_period = from_seconds(1.0 / scenario.sensor.rate_hz);
+  loop.every(first_tick(lead, pose_period), pose_period, Priority::node,
              [this](Instant now) { sample_pose(now); });
-  loop.every(kStart, kClockPeriod, Priority::observer, [this](Instant now) { publish_clock(now); });
+  loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
+             [this](Instant now) { publish_clock(now); });
   loop.every(kStart, from_seconds(1.0 / scenario.run.truth_rate_hz), Priority::observer,
              [this](Instant) { publish_truth(); });
 }
@@ -66,18 +74,23 @@ void SimNode::take_commands(Instant until) {
 void SimNode::step(Instant now) {
   if (now > end_) return;
   const Instant from = now - kStep;
-  if (!arrived_.empty()) take_commands(from);
-  vehicle_.set_wheel_targets(to_wheel_speeds(actuator_.in_force(from), track_m_));
+  vehicle_.set_wheel_targets(wheel_targets(from));
   vehicle_.step();
   world_time_ = now;
   metrics_.add(to_seconds(kStep), error_m(), vehicle_.state().wall_contact);
+}
+
+WheelSpeeds SimNode::wheel_targets(Instant from) {
+  if (drives_) return drives_->in_force(from);
+  if (!arrived_.empty()) take_commands(from);
+  return to_wheel_speeds(actuator_.in_force(from), track_m_);
 }
 
 void SimNode::sample_pose(Instant now) {
   if (now > end_) return;
   const Pose2 measured = sensor_.measure(vehicle_.state().pose);
   pose_t message{};
-  message.utime = to_utime(world_time_);
+  message.utime = to_utime(std::min(world_time_, now));
   message.seq = pose_seq_++;
   message.x_m = measured.x_m;
   message.y_m = measured.y_m;
@@ -141,6 +154,7 @@ void SimNode::list_counters(CounterList& out) const {
   guard_.list("command", out);
   out.emplace_back("command.undecodable", undecodable_);
   out.emplace_back("command.non_finite", non_finite_);
+  if (drives_) drives_->list(out);
   out.emplace_back("physics.solver_complaints",
                    static_cast<std::int64_t>(vehicle_.solver_complaints()));
 }

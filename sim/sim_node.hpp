@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "common/bus.hpp"
@@ -15,6 +16,7 @@
 #include "sim/metrics.hpp"
 #include "sim/ode_vehicle.hpp"
 #include "sim/pose_sensor.hpp"
+#include "sim/wheel_coupling.hpp"
 
 namespace tether {
 
@@ -26,7 +28,11 @@ namespace tether {
 /// ±1e9), duplicated, late or stamped in the future are counted and otherwise ignored; they refresh
 /// nothing.
 ///
-/// From run.duration_s on the world stands still and the metrics are final.
+/// With vehicle.drivetrain = can, commands are the CAN bridge's business and the wheels follow
+/// emulated drives (WheelCoupling).
+///
+/// During the lead (run.lead_s before t = 0) poses and the clock flow and the vehicle stands. From
+/// run.duration_s on the world stands still and the metrics are final.
 class SimNode final : public Node {
  public:
   static constexpr Duration kStep = std::chrono::milliseconds{1};
@@ -43,6 +49,7 @@ class SimNode final : public Node {
   void on_command(Instant stamp, std::int64_t seq, const Twist& twist);
   void take_commands(Instant until);
   void step(Instant now);
+  WheelSpeeds wheel_targets(Instant from);
   void sample_pose(Instant now);
   void publish_clock(Instant now);
   void publish_truth();
@@ -59,6 +66,7 @@ class SimNode final : public Node {
   FigureEight path_;
   OdeVehicle vehicle_;
   Actuator actuator_;
+  std::optional<WheelCoupling> drives_;  ///< instead of the actuator
   PoseSensor sensor_;
   Metrics metrics_;
   StreamGuard guard_;
