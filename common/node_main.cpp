@@ -70,6 +70,13 @@ class ClockFollower {
 
 enum class End { signal, clock_jumped };
 
+/// Lets the loop go on until the node has ended in good order.
+void wind_down(Node& node, RealTimeLoop& loop) {
+  constexpr Duration kPoll = std::chrono::milliseconds{10};
+  const Instant deadline = loop.now() + kWindDownLimit;
+  while (!node.wind_down() && loop.now() < deadline) loop.run_until(loop.now() + kPoll);
+}
+
 End run_once(const NodeProgram& program, const Options& options, const Scenario& scenario) {
   RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()));
   LcmBus bus(options.lcm_url, loop);
@@ -88,6 +95,7 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
              bus.url());
   loop.run();
+  wind_down(*node, loop);
   if (clock && clock->jumped()) {
     fmt::print(stderr, "{}: SIM/CLOCK jumped: starting over\n", program.name);
     return End::clock_jumped;

@@ -20,6 +20,9 @@ struct NodeContext {
       control_bus;  ///< the controller's side; the same bus unless --control-lcm-url says otherwise
 };
 
+/// How long a node may take to wind down (Node::wind_down).
+inline constexpr Duration kWindDownLimit = std::chrono::seconds{3};
+
 struct NodeProgram {
   std::string name;                 ///< "tether-sim"
   std::string description;          ///< first line of --help
@@ -31,7 +34,8 @@ struct NodeProgram {
 /// The main() of every node: options, scenario, real-time loop, LCM, orderly end on SIGINT and
 /// SIGTERM. Without --start-utime the node waits for SIM/CLOCK and takes the run's time from it
 /// (and starts over if that clock jumps, as when a simulator is started anew or a log is played
-/// again); the simulator itself starts a run at once.
+/// again); the simulator itself starts a run at once. A node that has to wind down does so before
+/// the program ends or starts over, whatever further signals come.
 int node_main(int argc, char** argv, const NodeProgram& program);
 
 }  // namespace tether

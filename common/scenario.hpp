@@ -105,6 +105,7 @@ struct Scenario {
     /// Who presses "arm": once = the run itself, as soon as the drivetrain is ready; never = an
     /// operator (`tether can arm`).
     Arm arm = Arm::once;
+    double coupling_ms = 5.0;  ///< between messages of emulated drives and simulated wheels
     double cycle_ms = 20.0;    ///< of the control loop: SYNC and setpoints
     double stale_ms = 200.0;   ///< a command older than this: ramp to zero
     double disarm_ms = 500.0;  ///< a command older than this: quick stop and disarm

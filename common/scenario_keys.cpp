@@ -304,6 +304,8 @@ void add_can(KeyTable& t) {
   t.choice<Can::Wheels>("can.wheels", TETHER_FIELD(can.wheels),
                         {{"sim", Can::Wheels::sim}, {"model", Can::Wheels::model}},
                         "what emulated drives turn: the simulator's wheels or a simple model");
+  t.number("can.coupling_ms", TETHER_FIELD(can.coupling_ms), {1.0, 50.0, false},
+           "between messages of emulated drives and simulated wheels");
   t.choice<Can::Arm>("can.arm", TETHER_FIELD(can.arm),
                      {{"once", Can::Arm::once}, {"never", Can::Arm::never}},
                      "the run arms the drivetrain once, or leaves it to an operator");

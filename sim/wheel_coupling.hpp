@@ -13,14 +13,14 @@
 
 namespace tether {
 
-/// Lets emulated drives turn the simulated wheels: SIM/WHEEL_TARGETS in, SIM/WHEELS out.
+/// Lets emulated drives turn the simulated wheels: SIM/WHEEL_TARGETS in, SIM/WHEELS out every
+/// can.coupling_ms.
 ///
 /// The newest target holds; without a new one for kTimeout (the drives' process died: their
 /// spring-applied brakes close) and before the first, the target is zero. Undecodable, non-finite
 /// and late targets are counted and refresh nothing.
 class WheelCoupling {
  public:
-  static constexpr Duration kPeriod = std::chrono::milliseconds{2};  ///< of SIM/WHEELS
   static constexpr Duration kTimeout = std::chrono::milliseconds{100};
 
   /// `vehicle`, `loop` and `bus` must outlive the coupling.

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <tether/twist_t.hpp>
+#include <vector>
+
+#include "can_bridge/can_port.hpp"
+#include "can_bridge/drive_profile.hpp"
+#include "can_bridge/drivetrain_config.hpp"
+#include "can_bridge/odometry.hpp"
+#include "can_bridge/safety_core.hpp"
+#include "can_bridge/transmit_whitelist.hpp"
+#include "common/bus.hpp"
+#include "common/channel_names.hpp"
+#include "common/counter_reporter.hpp"
+#include "common/event_loop.hpp"
+#include "common/node.hpp"
+#include "common/scenario.hpp"
+
+namespace tether {
+
+/// The bridge between LCM and the drives: AGV/CMD_VEL and CAN/REQUEST in, CAN frames out and in,
+/// CAN/STATE, CAN/WHEELS and CAN/ODOMETRY out in every control cycle, CAN/COUNTERS every
+/// run.report_period_s. It translates; what may move is SafetyCore's decision.
+///
+/// A control cycle takes place every can.cycle_ms from the run's beginning (t = −run.lead_s) on, in
+/// this order: decide, tell the profile, collect its frames, pass them through the
+/// TransmitWhitelist, send. All frames leave in here, heartbeat and SYNC included: when this loop
+/// hangs, the bus falls silent and the drives' watchdogs stop the vehicle.
+///
+/// Cycles that the loop missed are not made up for: only the newest sends ("cycle.slips" counts the
+/// others). Frames that arrive before the first cycle are ignored.
+class CanBridgeNode final : public Node {
+ public:
+  CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config, EventLoop& loop, Bus& bus,
+                CanPort& port);
+  /// With a profile of the caller's, instead of the one that `config` names.
+  CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config, EventLoop& loop, Bus& bus,
+                CanPort& port, std::unique_ptr<DriveProfile> profile);
+
+  /// Quick stop, standstill, power off; then nothing is sent any more. True when all that is done,
+  /// or after SafetyCore::kLeaveWait.
+  bool wind_down() override;
+
+  /// Publishes the final counters.
+  void finish() override;
+
+ private:
+  void on_command(const twist_t& message);
+  void on_frame(const CanFrame& frame);
+  void on_cycle(Instant scheduled);
+  void act(const Decision& decision, Instant now);
+  void publish_state(const Decision& decision, Instant now);
+  void publish_wheels(const DrivetrainSnapshot& drives, Instant now);
+  void publish_odometry(Instant now);
+  void list_counters(CounterList& out) const;
+
+  EventLoop& loop_;
+  Bus& bus_;
+  CanPort& port_;
+  ChannelNames channels_;
+  std::unique_ptr<DriveProfile> profile_;
+  SafetyCore safety_;
+  TransmitWhitelist whitelist_;
+  Odometry odometry_;
+  Duration cycle_;
+  double wheel_radius_m_;
+
+  bool started_ = false;
+  bool left_ = false;
+  std::vector<CanFrame> frames_;
+  std::int64_t cycles_ = 0;
+  std::int64_t cycle_slips_ = 0;
+  std::int64_t undecodable_commands_ = 0;
+  std::int64_t undecodable_requests_ = 0;
+  CounterReporter counters_;
+};
+
+}  // namespace tether

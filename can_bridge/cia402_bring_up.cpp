@@ -1,0 +1,168 @@
+// Cia402Profile: the stages from start() to standby.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "can_bridge/canopen.hpp"
+#include "can_bridge/cia402_profile.hpp"
+
+namespace tether {
+namespace {
+
+using canopen::NmtState;
+
+constexpr Duration kSecureTimeout = std::chrono::seconds(2);
+
+}  // namespace
+
+void Cia402Profile::start(Instant) { restart(); }
+
+void Cia402Profile::restart() {
+  bool any_running = false;
+  for (Node& node : nodes_) {
+    node.running = commanding_ && node.state == NmtState::operational;
+    any_running = any_running || node.running;
+  }
+  commanding_ = any_running;
+  released_ = {};
+  needs_restart_ = false;
+  fault_axis_.reset();
+  enter(any_running ? Stage::securing : Stage::listening);
+}
+
+void Cia402Profile::listen(Instant now) {
+  if (std::ranges::any_of(nodes_, &Node::running)) {
+    commanding_ = true;
+    enter(Stage::securing);
+    return;
+  }
+  // One and a half periods: a heartbeat of a running drive falls into it.
+  if (in_stage(now) >= std::chrono::milliseconds(config_.drive_heartbeat_ms) * 3 / 2) {
+    begin_configuration();
+  }
+}
+
+void Cia402Profile::secure(Instant now) {
+  bool all_released = true;
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    all_released = all_released && (released_[i] || !node_of(axes_[i].node()).running);
+  }
+  if (all_released || in_stage(now) >= kSecureTimeout) begin_configuration();
+}
+
+void Cia402Profile::begin_configuration() {
+  commanding_ = false;
+  for (cia402::Axis& axis : axes_) axis.begin();
+  for (Node& node : nodes_) {
+    node.state.reset();
+    node.startup.begin();
+  }
+  enter(Stage::configuring);
+}
+
+void Cia402Profile::configure(Instant now, std::vector<CanFrame>& service) {
+  bool all_done = true;
+  std::string refusals;
+  for (Node& node : nodes_) {
+    node.startup.tick(now, service);
+    all_done = all_done && node.startup.done();
+    if (node.startup.refusal().empty()) continue;
+    refusals += (refusals.empty() ? "" : "; ") + node.startup.refusal();
+  }
+  if (!refusals.empty()) {
+    refuse(refusals);
+  } else if (all_done) {
+    beats_ = 0;
+    enter(Stage::beating);
+  }
+}
+
+void Cia402Profile::start_nodes(Instant now, std::vector<CanFrame>& nmt) {
+  for (Node& node : nodes_) {
+    node.state.reset();
+    nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::start, node.id));
+  }
+  nmt_start_at_ = now;
+  commanding_ = true;
+  released_ = {};
+  enter(Stage::activating);
+}
+
+void Cia402Profile::activate(Instant now, std::vector<CanFrame>& nmt) {
+  const bool operational = std::ranges::all_of(
+      nodes_, [](const Node& node) { return node.state == NmtState::operational; });
+  if (operational && all_fresh(now)) {
+    enter(Stage::settling);
+    return;
+  }
+  if (in_stage(now) >= step_timeout() + heartbeat_timeout()) {
+    refuse(waiting_for(now) + (operational ? "" : ": check the CAN wiring"));
+    return;
+  }
+  // The frame may have been lost.
+  if (now - nmt_start_at_ >= heartbeat_timeout()) {
+    nmt_start_at_ = now;
+    for (const Node& node : nodes_) {
+      if (node.state == NmtState::operational) continue;
+      nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::start, node.id));
+    }
+  }
+}
+
+void Cia402Profile::settle(Instant now) {
+  bool ready = true;
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    const cia402::Axis& axis = axes_[i];
+    if (axis.age(now) >= step_timeout()) {
+      refuse(feedback_text(i));
+      return;
+    }
+    ready = ready && axis.fresh(now) && axis.standing(now) && axis.confirmed_off();
+  }
+  if (!ready) return;
+  released_ = {true, true};
+  enter(Stage::standby);
+}
+
+std::string Cia402Profile::waiting_for(Instant now) const {
+  switch (stage_) {
+    case Stage::idle:
+      return "not started";
+    case Stage::listening:
+      return "listening for drives that are running already";
+    case Stage::securing:
+      return "braking drives that are running already";
+    case Stage::configuring: {
+      std::string all;
+      for (const Node& node : nodes_) {
+        all += (all.empty() ? "" : "; ") + node.startup.progress();
+      }
+      return all;
+    }
+    case Stage::beating:
+      return "letting the drives know the bridge's heartbeat";
+    case Stage::activating:
+      for (const Node& node : nodes_) {
+        if (node.state != NmtState::operational) {
+          return fmt::format("{}: not operational after NMT start", node.name);
+        }
+      }
+      break;
+    case Stage::clearing:
+      return "resetting the drives' faults";
+    default:
+      break;
+  }
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    const cia402::Axis& axis = axes_[i];
+    if (!axis.fresh(now)) return feedback_text(i);
+    if (!axis.standing(now)) return axis.name() + ": waiting until its wheel stands";
+    if (!axis.confirmed_off()) {
+      return fmt::format("{}: in {}, waiting until its power stage is off", axis.name(),
+                         canopen::to_string(axis.state()));
+    }
+  }
+  return "";
+}
+
+}  // namespace tether

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "can_bridge/drivetrain_config.hpp"
+
+namespace tether {
+
+/// Where the parts of a DrivetrainConfig stand in their file; lists run parallel to the config's.
+struct DrivetrainSource {
+  std::string file;
+  std::uint32_t bridge_line = 1;
+  std::uint32_t drives_line = 1;
+  std::array<std::uint32_t, 2> axis_lines{1, 1};
+  std::vector<std::uint32_t> setup_lines;
+  std::vector<std::uint32_t> watchdog_lines;
+  std::vector<std::uint32_t> pdo_lines;
+};
+
+/// Refuses a CiA 402 drivetrain that reads well and cannot work, or not safely: values that no PDO
+/// carries, drives that nothing stops when the bridge dies, time-outs that trip by themselves.
+/// Throws UsageError with file and line.
+void check_cia402(const DrivetrainConfig& config, const DrivetrainSource& source);
+
+}  // namespace tether
