@@ -70,7 +70,8 @@ CanDriveNode::CanDriveNode(const Scenario& scenario, const DrivetrainConfig& con
   subscribe_to_faults(scenario);
   const Instant first = first_instant(scenario);
   const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
-  loop_.every(first, kTick, Priority::delivery, [this](Instant) { tick(); });
+  const Duration tick_period = loop_.rate() > 0.0 ? kRealTimeTick : kTick;
+  loop_.every(first, tick_period, Priority::delivery, [this](Instant) { tick(); });
   if (standalone_) {
     loop_.every(first, coupling, Priority::delivery, [this](Instant) { publish_wheels(); });
   } else {

@@ -39,6 +39,8 @@ namespace tether {
 class CanDriveNode final : public Node {
  public:
   static constexpr Duration kTick = std::chrono::milliseconds{1};
+  /// In real time waking up costs more than the work; frames are answered at once all the same.
+  static constexpr Duration kRealTimeTick = std::chrono::milliseconds{5};
   static constexpr Duration kWheelTimeout = std::chrono::milliseconds{100};
 
   /// Everything handed in by reference must outlive the node, but for scenario and config.

@@ -9,11 +9,15 @@
 
 #include "common/diff_drive.hpp"
 #include "common/message_io.hpp"
+#include "common/timer_queue.hpp"
 
 namespace tether {
 namespace {
 
 constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
+/// In real time the world moves at least this often: to wake up for each step costs more than the
+/// step itself. Whoever looks at the world in between moves it up to then first.
+constexpr Duration kRealTimeBatch = std::chrono::milliseconds{5};
 
 }  // namespace
 
@@ -30,14 +34,22 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
       sensor_(scenario.sensor,
               random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/pose")),
       guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
-      world_time_(std::max(kStart, loop.now())),
+      next_step_(TimerQueue::not_before(loop.now(), kStart + kStep, kStep)),
+      world_time_(std::max(kStart, next_step_ - kStep)),
       counters_(loop, bus, "sim", channels_.sim_counters,
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
   metrics_.start(error_m());
-  loop.every(kStart + kStep, kStep, Priority::physics, [this](Instant now) { step(now); });
+  const Duration batch = loop.rate() > 0.0 ? kRealTimeBatch : kStep;
+  loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
   if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
     drives_.emplace(scenario, loop, bus, vehicle_);
+    const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
+    loop.every(first_tick(from_seconds(scenario.run.lead_s), coupling), coupling, Priority::physics,
+               [this](Instant now) {
+                 advance(now);
+                 drives_->publish_wheels(now);
+               });
   } else {
     subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_,
                        [this](const twist_t& m) {
@@ -51,7 +63,10 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
   loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
              [this](Instant now) { publish_clock(now); });
   loop.every(kStart, from_seconds(1.0 / scenario.run.truth_rate_hz), Priority::observer,
-             [this](Instant) { publish_truth(); });
+             [this](Instant now) {
+               advance(now);
+               publish_truth();
+             });
 }
 
 void SimNode::on_command(Instant stamp, std::int64_t seq, const Twist& twist) {
@@ -71,8 +86,14 @@ void SimNode::take_commands(Instant until) {
   arrived_.erase(arrived_.begin(), next);
 }
 
+void SimNode::advance(Instant until) {
+  while (next_step_ <= std::min(until, end_)) {
+    step(next_step_);
+    next_step_ += kStep;
+  }
+}
+
 void SimNode::step(Instant now) {
-  if (now > end_) return;
   const Instant from = now - kStep;
   vehicle_.set_wheel_targets(wheel_targets(from));
   vehicle_.step();
@@ -88,6 +109,7 @@ WheelSpeeds SimNode::wheel_targets(Instant from) {
 
 void SimNode::sample_pose(Instant now) {
   if (now > end_) return;
+  advance(now);
   const Pose2 measured = sensor_.measure(vehicle_.state().pose);
   pose_t message{};
   message.utime = to_utime(std::min(world_time_, now));
@@ -146,6 +168,7 @@ double SimNode::error_m() const {
 }
 
 void SimNode::finish() {
+  advance(loop_.now());
   publish_truth();
   counters_.publish_now();
 }

@@ -48,6 +48,7 @@ class SimNode final : public Node {
  private:
   void on_command(Instant stamp, std::int64_t seq, const Twist& twist);
   void take_commands(Instant until);
+  void advance(Instant until);
   void step(Instant now);
   WheelSpeeds wheel_targets(Instant from);
   void sample_pose(Instant now);
@@ -76,7 +77,8 @@ class SimNode final : public Node {
     Twist twist;
   };
   std::vector<ArrivedCommand> arrived_;  // not in force yet: a step that began earlier is to come
-  Instant world_time_ = kStart;          // of the vehicle's state
+  Instant next_step_;
+  Instant world_time_ = kStart;  // of the vehicle's state
   Instant last_truth_ = kStart;
   std::int64_t pose_seq_ = 0;
   std::int64_t truth_seq_ = 0;

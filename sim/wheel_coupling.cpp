@@ -28,9 +28,6 @@ WheelCoupling::WheelCoupling(const Scenario& scenario, EventLoop& loop, Bus& bus
         arrival_ = loop_.now();
         any_ = true;
       });
-  const Duration period = from_seconds(scenario.can.coupling_ms * 1e-3);
-  loop.every(first_tick(from_seconds(scenario.run.lead_s), period), period, Priority::physics,
-             [this](Instant now) { publish_wheels(now); });
 }
 
 WheelSpeeds WheelCoupling::in_force(Instant now) const {

@@ -13,8 +13,8 @@
 
 namespace tether {
 
-/// Lets emulated drives turn the simulated wheels: SIM/WHEEL_TARGETS in, SIM/WHEELS out every
-/// can.coupling_ms.
+/// Lets emulated drives turn the simulated wheels: SIM/WHEEL_TARGETS in, SIM/WHEELS out
+/// every can.coupling_ms, when the owner says so.
 ///
 /// The newest target holds; without a new one for kTimeout (the drives' process died: their
 /// spring-applied brakes close) and before the first, the target is zero. Undecodable, non-finite
@@ -31,11 +31,12 @@ class WheelCoupling {
   /// The rim speeds to hold at `now`.
   WheelSpeeds in_force(Instant now) const;
 
+  /// SIM/WHEELS, as the vehicle is at `now`.
+  void publish_wheels(Instant now);
+
   void list(CounterList& out) const;
 
  private:
-  void publish_wheels(Instant now);
-
   EventLoop& loop_;
   Bus& bus_;
   const OdeVehicle& vehicle_;
