@@ -4,61 +4,25 @@
 
 #include <filesystem>
 #include <fstream>
-#include <functional>
-#include <iterator>
 #include <string>
 #include <thread>
 
 #include "common/errors.hpp"
-#include "tools/output_folder.hpp"
-#include "tools/run_observer.hpp"
-#include "tools/run_summary.hpp"
+#include "tests/run_files.hpp"
 
 namespace fs = std::filesystem;
 
 namespace tether {
 namespace {
 
+using testing::contents;
+using testing::Files;
+using testing::Folder;
+using testing::run_and_hash;
+using testing::run_into;
+
 Scenario paper(const std::vector<std::string>& overrides = {}) {
   return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
-}
-
-struct Folder {
-  fs::path path;
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "tether-loop-XXXXXX").string();
-    path = mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path); }
-};
-
-std::string contents(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-/// A whole run with its files, as `tether run --out` does it.
-void run_into(const fs::path& path, const Scenario& scenario) {
-  OutputFolder folder(path, scenario);
-  ClosedLoop loop(scenario);
-  RunObserver observer(scenario, loop.loop(), loop.bus());
-  folder.record(loop.loop(), loop.bus());
-  loop.run();
-  folder.write(scenario, observer, to_json(scenario, observer, {}));
-}
-
-struct Files {
-  std::size_t log_hash, trajectory_hash;
-  std::uintmax_t log_size;
-  bool operator==(const Files&) const = default;
-};
-
-Files run_and_hash(const Scenario& scenario) {
-  const Folder folder;
-  run_into(folder.path, scenario);
-  const std::string log = contents(folder.path / "run.lcmlog");
-  return {std::hash<std::string>{}(log),
-          std::hash<std::string>{}(contents(folder.path / "trajectory.csv")), log.size()};
 }
 
 /// Noise, loss, delay and both Markov channels at once.

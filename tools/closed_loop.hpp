@@ -1,11 +1,14 @@
 #pragma once
 
+#include <memory>
+
 #include "common/in_process_bus.hpp"
 #include "common/scenario.hpp"
 #include "common/virtual_loop.hpp"
 #include "controller/controller_node.hpp"
 #include "netem/netem_node.hpp"
 #include "sim/sim_node.hpp"
+#include "tools/can_loop.hpp"
 
 namespace tether {
 
@@ -15,10 +18,15 @@ class ClosedLoop {
  public:
   explicit ClosedLoop(const Scenario& scenario)
       : scenario_(scenario),
+        loop_(kStart - from_seconds(scenario.run.lead_s)),
         bus_(loop_),
         sim_(scenario, loop_, bus_),
         netem_(scenario, loop_, bus_, bus_),
-        controller_(scenario, loop_, bus_) {}
+        controller_(scenario, loop_, bus_) {
+    if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+      can_ = std::make_unique<CanLoop>(scenario, loop_, bus_);
+    }
+  }
 
   /// For observers, which subscribe before the run.
   Bus& bus() { return bus_; }
@@ -37,11 +45,14 @@ class ClosedLoop {
                        static_cast<Node*>(&controller_)}) {
       node->finish();
     }
+    if (can_) can_->finish();
     loop_.run_until(loop_.now());  // delivers the final reports
   }
 
   const SimNode& sim() const { return sim_; }
   const NetemNode& netem() const { return netem_; }
+  /// Null with a direct drivetrain.
+  CanLoop* can() { return can_.get(); }
 
  private:
   Scenario scenario_;
@@ -50,6 +61,7 @@ class ClosedLoop {
   SimNode sim_;
   NetemNode netem_;
   ControllerNode controller_;
+  std::unique_ptr<CanLoop> can_;
 };
 
 }  // namespace tether

@@ -15,5 +15,6 @@ void add_live_command(CLI::App& tether, Action& action);
 void add_echo_command(CLI::App& tether, Action& action);
 void add_log_command(CLI::App& tether, Action& action);
 void add_spy_command(CLI::App& tether, Action& action);
+void add_can_command(CLI::App& tether, Action& action);
 
 }  // namespace tether

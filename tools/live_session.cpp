@@ -10,20 +10,32 @@
 #include <system_error>
 
 #include "common/cli.hpp"
+#include "common/node_main.hpp"
 #include "tools/process.hpp"
 #include "tools/run_summary.hpp"
 
 namespace tether {
 namespace {
 
-/// Time for all nodes to start before t = 0.
+/// Time for all nodes to start before the run's lead, and so before t = 0.
 constexpr std::int64_t kLeadTime_us = 1'500'000;
 constexpr Duration kStatusPeriod = std::chrono::milliseconds{500};
 constexpr Duration kRestartDelay = std::chrono::milliseconds{300};
-constexpr Duration kShutDownPatience = std::chrono::seconds{3};
+constexpr Duration kShutDownPatience = kWindDownLimit + std::chrono::seconds{1};
 /// Time for the nodes' last messages to arrive.
 constexpr Duration kLinger = std::chrono::milliseconds{200};
 constexpr int kMaxRestarts = 20;
+
+/// In the order in which they end: the bridge still has to stop its drives, and these need wheels.
+std::vector<std::string> programs(const Scenario& scenario) {
+  std::vector<std::string> names{"tether-controller", "tether-netem"};
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    names.emplace_back("tether-can-bridge");
+    if (scenario.can.emulate_drives) names.emplace_back("tether-can-drive");
+  }
+  names.emplace_back("tether-sim");
+  return names;
+}
 
 double prr(const link_report_t& link) { return link.offered > 0 ? reception_ratio(link) : 1.0; }
 
@@ -32,17 +44,17 @@ double prr(const link_report_t& link) { return link.offered > 0 ? reception_rati
 LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     : show_status_(options.show_status && isatty(STDERR_FILENO) != 0),
       end_(kStart + from_seconds(scenario.run.duration_s)),
-      loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us),
+      loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us +
+            to_utime(kStart + from_seconds(scenario.run.lead_s))),
       bus_(options.lcm_url, loop_),
-      observer_(scenario, loop_, bus_) {
+      observer_(scenario, loop_, bus_),
+      operator_(scenario, loop_, bus_) {
   if (!options.out.empty()) {
     folder_.emplace(options.out, scenario);
     folder_->record(loop_, bus_);
   }
   const std::int64_t start_utime_us = RealTimeLoop::wall_utime_us() - to_utime(loop_.now());
-  for (const char* name : {"tether-controller", "tether-netem", "tether-sim"}) {
-    add_child(options, name, start_utime_us);
-  }
+  for (const std::string& name : programs(scenario)) add_child(options, name, start_utime_us);
 }
 
 void LiveSession::add_child(const Options& options, const std::string& name,
@@ -81,7 +93,7 @@ void LiveSession::run() {
 
 void LiveSession::on_child_exit(Child& child, int code) {
   if (ending_) {
-    if (!any_running()) loop_.stop();
+    if (&child == ending_child_) loop_.stop();
     return;
   }
   const bool refused = code == kExitUsage || code == 127;
@@ -103,22 +115,24 @@ void LiveSession::on_child_exit(Child& child, int code) {
 
 void LiveSession::shut_down() {
   ending_ = true;
-  for (auto& child : children_) child->process->send_signal(SIGTERM);
-  if (any_running()) loop_.run_until(loop_.now() + kShutDownPatience);
+  for (auto& child : children_) {
+    ending_child_ = child.get();
+    child->process->send_signal(SIGTERM);
+    if (child->process->running()) loop_.run_until(loop_.now() + kShutDownPatience);
+  }
   for (auto& child : children_) child->process->send_signal(SIGKILL);
   loop_.run_until(loop_.now() + kLinger);
   if (show_status_) fmt::print(stderr, "\r\033[K");
 }
 
-bool LiveSession::any_running() const {
-  for (const auto& child : children_) {
-    if (child->process->running()) return true;
-  }
-  return false;
-}
-
 void LiveSession::say(const std::string& line) {
   fmt::print(stderr, "{}{}\n", show_status_ ? "\r\033[K" : "", line);
+}
+
+std::string LiveSession::drives() const {
+  if (!observer_.drivetrain()) return "";
+  const drivetrain_state_t& state = observer_.drivetrain()->state();
+  return fmt::format("   drives {}", state.seq > 0 ? state.state_name : "silent");
 }
 
 void LiveSession::show_status() {
@@ -132,14 +146,15 @@ void LiveSession::show_status() {
   const double commands_hz = rate(observer_.commands_received(), last_commands_);
   if (!show_status_) return;
   if (loop_.now() < kStart) {
-    fmt::print(stderr, "\r\033[Kstarting");
+    fmt::print(stderr, "\r\033[Kstarting{}", drives());
     std::fflush(stderr);
     return;
   }
-  fmt::print(stderr,
-             "\r\033[Kt {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s",
-             to_seconds(loop_.now()), observer_.truth().epsilon_m, prr(observer_.uplink()),
-             poses_hz, prr(observer_.downlink()), commands_hz);
+  fmt::print(
+      stderr,
+      "\r\033[Kt {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s{}",
+      to_seconds(loop_.now()), observer_.truth().epsilon_m, prr(observer_.uplink()), poses_hz,
+      prr(observer_.downlink()), commands_hz, drives());
   std::fflush(stderr);
 }
 

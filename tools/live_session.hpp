@@ -9,13 +9,15 @@
 #include "common/lcm_bus.hpp"
 #include "common/real_time_loop.hpp"
 #include "common/scenario.hpp"
+#include "tools/arm_operator.hpp"
 #include "tools/node_process.hpp"
 #include "tools/output_folder.hpp"
 #include "tools/run_observer.hpp"
 
 namespace tether {
 
-/// A live run: starts sim, netem and controller as processes on one LCM network, watches them and
+/// A live run: starts sim, netem, controller and, with drives on CAN, bridge and emulated drives as
+/// processes on one LCM network, arms the drives, watches them and
 /// their messages, and ends them in order. A node that dies is started again and joins the run at
 /// the right time (the run says how often that happened); a node that refuses to start ends it.
 class LiveSession {
@@ -51,14 +53,16 @@ class LiveSession {
   void say(const std::string& line);
   void show_status();
   void shut_down();
-  bool any_running() const;
+  std::string drives() const;
 
   bool show_status_;
   bool ending_ = false;
+  const Child* ending_child_ = nullptr;
   Instant end_;
   RealTimeLoop loop_;
   LcmBus bus_;
   RunObserver observer_;
+  ArmOperator operator_;
   std::optional<OutputFolder> folder_;
   std::vector<std::unique_ptr<Child>> children_;
   int restarts_ = 0;

@@ -26,7 +26,7 @@ int main(int argc, char** argv) {
   using namespace tether;
   become_sibling(argc, argv);
   CLI::App app("Tether: how much delay and loss does a remotely controlled AGV survive?", "tether");
-  app.footer("Also: tether sim, tether netem, tether controller; the nodes of a live run.");
+  app.footer("Also: tether sim, netem, controller, can-bridge and can-drive; the nodes of a live run.");
   add_version(app);
   app.require_subcommand(1);
   Action action;
@@ -35,6 +35,7 @@ int main(int argc, char** argv) {
   add_spy_command(app, action);
   add_echo_command(app, action);
   add_log_command(app, action);
+  add_can_command(app, action);
   const auto is_named = [&](const CLI::App* command) { return command->check_name(argv[1]); };
   if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_named).empty()) {
     std::fprintf(stderr, "tether: error: there is no command \"%s\"; see tether --help\n", argv[1]);

@@ -26,6 +26,8 @@ class NodeProcess {
 
   void start();
   bool running() const { return pid_ > 0; }
+  /// −1 while it does not run.
+  pid_t pid() const { return pid_; }
   void send_signal(int signal) const;
 
  private:

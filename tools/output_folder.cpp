@@ -31,9 +31,9 @@ void write_file(const fs::path& file, const std::string& text) {
 const std::string kScenarioHeader = "# Resolved scenario, tether ";
 
 void check_nothing_foreign(const fs::path& folder) {
-  static const std::set<std::string> kOurs{"scenario.toml", "summary.json", "trajectory.csv",
-                                           "run.lcmlog",    "path.gp",      "path.svg",
-                                           "path.png"};
+  static const std::set<std::string> kOurs{"scenario.toml", "summary.json",   "trajectory.csv",
+                                           "run.lcmlog",    "path.gp",        "path.svg",
+                                           "path.png",      "drivetrain.toml"};
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
     std::string first_line;
@@ -48,6 +48,20 @@ void check_nothing_foreign(const fs::path& folder) {
                       folder.string(), name));
     }
   }
+}
+
+/// The scenario with its drivetrain's file copied into `folder`.
+Scenario with_drivetrain_beside(Scenario scenario, const fs::path& folder) {
+  if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) return scenario;
+  std::ifstream in(scenario.can.drivetrain_file, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (!in || text.empty()) {
+    throw UsageError(
+        fmt::format("cannot read the drivetrain file \"{}\"", scenario.can.drivetrain_file));
+  }
+  write_file(folder / "drivetrain.toml", text);
+  scenario.can.drivetrain_file = "drivetrain.toml";
+  return scenario;
 }
 
 std::string trajectory_csv(const std::vector<TrajectoryRow>& rows) {
@@ -105,8 +119,9 @@ OutputFolder::OutputFolder(const fs::path& folder, const Scenario& scenario) : f
   }
   check_nothing_foreign(folder_);
   fs::remove(folder_ / "summary.json", error);
+  const Scenario resolved = with_drivetrain_beside(scenario, folder_);
   write_file(folder_ / "scenario.toml",
-             kScenarioHeader + std::string(kVersion) + "\n\n" + to_toml(scenario));
+             kScenarioHeader + std::string(kVersion) + "\n\n" + to_toml(resolved));
 }
 
 void OutputFolder::record(EventLoop& loop, Bus& bus) {

@@ -9,7 +9,16 @@
 
 namespace tether {
 
-RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus) : loop_(loop) {
+namespace {
+
+StreamGuard::Config from_lead(const Scenario& scenario) {
+  return {.earliest = kStart - from_seconds(scenario.run.lead_s)};
+}
+
+}  // namespace
+
+RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
+    : loop_(loop), uplink_guard_(from_lead(scenario)), downlink_guard_(from_lead(scenario)) {
   const ChannelNames channels(scenario.vehicle.name);
   subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
                             [this](const ground_truth_t& m) { on_truth(m); });
@@ -21,8 +30,13 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus) : 
                            [this](const link_report_t& m) {
                              if (accept(downlink_guard_, m.utime, m.seq)) downlink_ = m;
                            });
-  for (const std::string& channel :
-       {channels.sim_counters, channels.net_counters, channels.control_counters}) {
+  std::vector<std::string> reports{channels.sim_counters, channels.net_counters,
+                                   channels.control_counters};
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    drivetrain_.emplace(scenario, loop, bus);
+    reports.insert(reports.end(), {channels.can_counters, channels.drive_counters});
+  }
+  for (const std::string& channel : reports) {
     subscribe<counters_t>(bus, channel, kDeepQueue, undecodable_, [this](const counters_t& m) {
       for (std::size_t i = 0; i < m.name.size(); ++i) {
         counters_[m.node + "." + m.name[i]] = m.value[i];
@@ -59,6 +73,7 @@ void RunObserver::on_truth(const ground_truth_t& m) {
 void RunObserver::on_pose(Instant stamp) {
   ++poses_received_;
   const Instant now = loop_.now();
+  if (now < kStart) return;  // of the lead
   age_integral_s2_ = age_integral_s2(now);
   last_pose_arrival_ = now;
   newest_pose_stamp_ = std::clamp(stamp, newest_pose_stamp_, std::max(now, newest_pose_stamp_));

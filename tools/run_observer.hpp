@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <tether/counters_t.hpp>
 #include <tether/ground_truth_t.hpp>
@@ -12,6 +13,7 @@
 #include "common/event_loop.hpp"
 #include "common/scenario.hpp"
 #include "common/stream_guard.hpp"
+#include "tools/drivetrain_observer.hpp"
 
 namespace tether {
 
@@ -40,6 +42,9 @@ class RunObserver {
 
   const std::vector<TrajectoryRow>& trajectory() const { return trajectory_; }
 
+  /// What the CAN bridge reported; nullopt with a direct drivetrain.
+  const std::optional<DrivetrainObserver>& drivetrain() const { return drivetrain_; }
+
   std::int64_t poses_received() const { return poses_received_; }
   std::int64_t commands_received() const { return commands_received_; }
 
@@ -58,6 +63,7 @@ class RunObserver {
   link_report_t uplink_{};
   link_report_t downlink_{};
   std::map<std::string, std::int64_t> counters_;
+  std::optional<DrivetrainObserver> drivetrain_;
   std::vector<TrajectoryRow> trajectory_;
   StreamGuard truth_guard_;
   StreamGuard uplink_guard_;

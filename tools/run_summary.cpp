@@ -39,10 +39,46 @@ double real_time_factor(const RunSummary& s) {
   return s.wall_time_s > 0.0 ? s.sim_time_s / s.wall_time_s : 0.0;
 }
 
+nlohmann::ordered_json drivetrain_json(const DrivetrainObserver& d) {
+  nlohmann::ordered_json json;
+  json["state"] = d.state().state_name;
+  json["reason"] = d.state().reason;
+  json["ever_armed"] = d.ever_armed();
+  json["armed_s"] = d.armed_s();
+  json["disarms"] = d.state().disarms;
+  json["stopped_at_s"] = nullptr;
+  if (!d.stop_reason().empty()) json["stopped_at_s"] = d.stopped_at_s();
+  json["stop_reason"] = d.stop_reason();
+  json["odometry_distance_m"] = d.odometry_distance_m();
+  json["true_distance_m"] = d.true_distance_m();
+  json["odometry_error_m"] = d.odometry_error_m();
+  return json;
+}
+
+std::string drivetrain_text(const DrivetrainObserver& d) {
+  std::string text;
+  if (!d.ever_armed()) {
+    text = fmt::format("{:<9} never armed: {}: {}\n", "drives", d.state().state_name,
+                       d.state().reason);
+  } else {
+    text =
+        fmt::format("{:<9} {}, armed for {:.1f} s\n", "drives", d.state().state_name, d.armed_s());
+  }
+  if (!d.stop_reason().empty()) {
+    text += fmt::format("{:<9} at {:.2f} s: {}\n", "stopped", d.stopped_at_s(), d.stop_reason());
+  }
+  return text + fmt::format("{:<9} {:.2f} m of {:.2f} m ({:+.2f} %), {:.2f} m off at the end\n",
+                            "odometry", d.odometry_distance_m(), d.true_distance_m(),
+                            d.true_distance_m() > 0.0
+                                ? 100.0 * (d.odometry_distance_m() / d.true_distance_m() - 1.0)
+                                : 0.0,
+                            d.odometry_error_m());
+}
+
 /// Counters of what must not happen in a healthy run.
 bool is_trouble(const std::string& name) {
   for (const char* ordinary :
-       {".accepted", ".missed", ".sent", ".offered", ".delivered", ".lost"}) {
+       {".accepted", ".missed", ".sent", ".received", ".boots", ".offered", ".delivered", ".lost"}) {
     if (name.ends_with(ordinary)) return false;
   }
   return true;
@@ -77,6 +113,7 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   json["uplink"] = link_json(run.uplink());
   json["downlink"] = link_json(run.downlink());
   json["aoi_ms_mean"] = summary.aoi_mean_s * 1e3;
+  if (run.drivetrain()) json["drivetrain"] = drivetrain_json(*run.drivetrain());
   json["node_restarts"] = summary.node_restarts;
   json["counters"] = run.counters();
   // Names come from the network and may be no UTF-8.
@@ -92,6 +129,7 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   text += link_text("downlink", run.downlink());
   text += fmt::format("{:<9} mean age of the controller's pose {:.0f} ms\n", "age",
                       summary.aoi_mean_s * 1e3);
+  if (run.drivetrain()) text += drivetrain_text(*run.drivetrain());
   text += fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), seed {}\n",
                       "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
                       scenario.run.seed);

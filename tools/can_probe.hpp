@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tether {
+
+struct CanProbeOptions {
+  std::string interface = "can0";
+  std::vector<int> nodes;       ///< 1…127; empty: those of the drivetrain file
+  std::string drivetrain_file;  ///< empty: only look
+};
+
+/// Looks at the drives on a bus and prints what it finds; changes nothing, moves nothing. Exit
+/// code 0: all nodes answer and fit the file.
+int can_probe(const CanProbeOptions& options);
+
+}  // namespace tether
