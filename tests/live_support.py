@@ -5,6 +5,7 @@ The wire format is written out here a second time, from lcmtypes/*.lcm and LCM's
 that these tests also check that a foreign program can take part.
 """
 
+import bisect
 import contextlib
 import ctypes
 import pathlib
@@ -204,7 +205,8 @@ class Network:
 
     def messages(self, channel, since=0.0):
         """All decodable messages that arrived after the wall-clock time `since`."""
-        return [m for m in list(self._heard.get(channel, [])) if m.arrival > since]
+        heard = list(self._heard.get(channel, []))
+        return heard[bisect.bisect_right(heard, since, key=lambda m: m.arrival) :]
 
     def last(self, channel, since=0.0):
         messages = self._heard.get(channel, [])

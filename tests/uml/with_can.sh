@@ -1,0 +1,75 @@
+#!/usr/bin/env bash
+# Runs a command in a network of its own that has CAN, as root of that network: lo with a multicast
+# route for LCM, vcan0 and vcan1 (up), and whatever interfaces the command makes itself.
+#   with_can.sh COMMAND ARGS...
+# Natively where this kernel can do it, else in User-Mode Linux, which needs neither root nor KVM:
+# a Linux kernel as a process, whose root file system is this machine's own, with this user's
+# rights; one CPU, 1 GB; /dev, /run, $HOME and $TMPDIR are its own.
+# The first line of output says where it runs. Exit code: the command's; 1 if it could not be run
+# or did not end in time.
+#   TETHER_CAN_TIMEOUT  seconds after which everything is killed (300)
+#   TETHER_CAN_RESULTS  an existing folder for files that outlive the command: $TMPDIR does not
+set -euo pipefail
+here=$(dirname "$(readlink -f "$0")")
+timeout_s=${TETHER_CAN_TIMEOUT:-300}
+# Debian's tools first: its python3 is the one that has python3-can.
+export PATH=/usr/sbin:/usr/bin:/sbin:/bin:$PATH
+
+isolate() { # unshare's options and command; for others than root in a user namespace
+    local user=()
+    [ "$(id -u)" = 0 ] || user=(--user --map-root-user)
+    exec setpriv --pdeathsig KILL unshare "${user[@]}" "$@"
+}
+
+native_has_can() { # and, for all tests, serial-line CAN, which wants the machine's root
+    [ "$(id -u)" = 0 ] || return 1
+    (isolate --net "$here/can_network.sh" ip link add type vxcan) >/dev/null 2>&1 || return 1
+    [ -d /sys/module/slcan ] || modprobe --quiet slcan
+}
+
+run_native() {
+    echo "can: native vcan"
+    isolate --net "$here/can_network.sh" timeout --kill-after=5 "$timeout_s" "$@"
+}
+
+run_in_uml() {
+    job=$(mktemp -d)
+    trap '[ -z "${uml_pid:-}" ] || kill -KILL "$uml_pid" 2>/dev/null || true; wait 2>/dev/null; rm -rf "$job"' EXIT
+    trap 'exit 1' HUP INT TERM
+    export -p >"$job/environment"
+    printf '%q ' "$@" >"$job/command"
+
+    # Its memory is a file: best in a tmpfs that is large enough and may be executed from.
+    memory=/dev/shm
+    if [ "$(df --output=avail /dev/shm 2>/dev/null | tail -n 1)" -lt 1100000 ] ||
+        findmnt --noheadings --output OPTIONS --target /dev/shm | grep --quiet noexec; then
+        memory=$job
+    fi
+    echo "can: User-Mode Linux $("$uml" --version)"
+    # The process namespace dies as a whole: with this script, or at the end of the time.
+    (isolate --pid --fork --kill-child -- timeout --kill-after=1 "$timeout_s" \
+        env --chdir=/ TMPDIR="$memory" "$uml" rootfstype=hostfs rootflags=/ rw mem=1024M \
+        uml_dir="$job/" con=null con0=null,fd:3 ssl=null ssl0=null,fd:1 quiet \
+        init="$here/guest_init.py" tether_job="$job" </dev/null 3>"$job/kernel_log") &
+    uml_pid=$!
+    wait "$uml_pid" || true
+    uml_pid=
+    if [ ! -s "$job/exit_code" ]; then
+        echo "with_can.sh: User-Mode Linux ended before the command, or after $timeout_s s" >&2
+        tail -n 20 "$job/kernel_log" >&2
+        exit 1
+    fi
+    exit "$(cat "$job/exit_code")"
+}
+
+if [ $# = 0 ]; then
+    echo "usage: with_can.sh COMMAND ARGS..." >&2
+    exit 1
+elif native_has_can; then
+    run_native "$@"
+elif uml=$(command -v linux.uml); then
+    run_in_uml "$@"
+else
+    echo "no vcan in this kernel and no User-Mode Linux: install user-mode-linux" >&2
+    exit 1
+fi
