@@ -74,8 +74,10 @@ target_link_libraries(socket_can_test PRIVATE
   tether_can_bus fmt::fmt tether_options GTest::gmock GTest::gtest_main)
 set_target_properties(socket_can_test PROPERTIES
   RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
-tether_add_can_test(NAME can_harness_test SCRIPT can_harness_test.py TIMEOUT 120)
+tether_add_can_test(NAME can_harness_test SCRIPT can_harness_test.py TIMEOUT 180)
 tether_add_can_test(NAME socket_can_test PROGRAM socket_can_test TIMEOUT 180)
+
+tether_add_can_test(NAME can_hil_test SCRIPT can_hil_test.py TIMEOUT 200)
 
 # --- in-process bus and closed loop over CAN
 tether_add_test(NAME in_process_can_test SOURCES in_process_can_test.cpp LIBS tether_can_bus)

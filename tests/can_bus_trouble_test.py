@@ -1,0 +1,214 @@
+#!/usr/bin/env -S python3 -B
+"""A bus that goes away or misbehaves while the vehicle drives: it stops, the state names the bus,
+nothing moves again because the bus came back, and no old setpoint comes out of a queue.
+Usage: can_bus_trouble_test.py BIN_DIR"""
+
+import contextlib
+import time
+import types
+
+from can_drivetrain import NODES, SCENARIO, Drivetrain, moves, rpdo1
+from can_support import CanBus, SerialAdapter, bridged, create_vcan, ip
+from live_support import check, main, wait_until
+
+SPEED_MPS = 1.0
+STATE_LIMIT_S = 0.4  # until CAN/STATE says so: at the latest when feedback is 100 ms old
+# The drives notice after 100 ms (no setpoint) or 250 ms (no heartbeat), then brake with 4 m/s².
+STAND_LIMIT_S = 1.0
+RPDOS = tuple(map(rpdo1, NODES))
+
+
+class OnAdapter(Drivetrain):
+    """The bridge on a serial-line adapter can0; the drives on vcan0, which is the same bus."""
+
+    def _start(self, program):
+        if program != "tether-can-bridge":
+            return super()._start(program)
+        options = ("--set", "can.interface=can0", "--start-utime", self.start_utime)
+        return self.test.start(program, SCENARIO, *options)
+
+
+@contextlib.contextmanager
+def drivetrain_on_adapter(test):
+    adapter = SerialAdapter("can0")
+    try:
+        with CanBus() as far, OnAdapter(test) as d:
+            bridged(adapter, far)
+            yield adapter, d
+    finally:
+        adapter.stall(False)
+        adapter.close()
+
+
+def counters(d, channel):
+    """As of now: they come once a second."""
+    since = time.time()
+    wait_until(3, lambda: d.network.last(channel, since), channel)
+    return d.network.counters(channel)
+
+
+def wait_bus(d, bus, since, seconds=5):
+    return d.wait_for("CAN/STATE", lambda m: m.bus == bus, seconds, f"bus {bus}", since)
+
+
+def check_stops(d, begin, what, reason, bus):
+    """FAULT, quickly, with this reason, and the wheels stand, though commands to drive go on."""
+    left = d.wait_for("CAN/STATE", lambda m: m.state_name != "armed", 5, what, begin)
+    stand = d.wait_standstill(begin) - begin
+    fault = d.wait_state("fault", 5, begin)
+    left_s = left.arrival - begin
+    d.test.say(
+        f"measured: {what} at {SPEED_MPS} m/s: disarmed after {left_s * 1e3:.0f} ms, "
+        f"wheels stand after {stand * 1e3:.0f} ms"
+    )
+    wait_bus(d, bus, begin)
+    check(reason in fault.reason, f"{what}: reason {fault.reason!r}")
+    check(fault.disarms == 1, f"{what}: {fault.disarms} disarms")
+    check(left_s < STATE_LIMIT_S, f"{what}: disarmed after {left_s:.3f} s")
+    check(stand < STAND_LIMIT_S, f"{what}: wheels stood after {stand:.3f} s")
+
+
+def check_stays(d, seconds, state, what):
+    """The state is held and the wheels stand, while commands to drive come in."""
+    begin = time.time()
+    time.sleep(seconds)
+    check(d.sent[-1][0] > begin and d.sent[-1][1] != 0.0, "no command to drive")
+    names = {m.state_name for m in d.network.messages("CAN/STATE", begin)}
+    check(names == {state}, f"{what}: states {names}, not {state}")
+    d.check_still(begin, what)
+
+
+def check_arms_again(d, what):
+    """RESET leads to disarmed and no further, though commands to drive come in; only then ARM, with
+    a zero command, leads to driving."""
+    reset = d.request("reset")
+    d.wait_state("disarmed", 15, since=reset)
+    check_stays(d, 0.5, "disarmed", f"{what}, after RESET")
+    d.check_still(reset, f"{what}, after RESET")
+    names = set(d.states(reset))
+    check(names <= {"fault", "starting", "disarmed"}, f"{what}: states after RESET: {names}")
+    arm = time.time()
+    d.arm()
+    d.drive(SPEED_MPS)
+    return reset, arm
+
+
+def adapter_setpoints(adapter, since, until=1e99):
+    """RPDO1s that reached the bus, as CanBus would have them."""
+    for arrival, text in list(adapter.frames):
+        if since < arrival < until and text[0] == "t" and int(text[1:4], 16) in RPDOS:
+            data = bytes.fromhex(text[5:])
+            yield types.SimpleNamespace(arbitration_id=int(text[1:4], 16), data=data, timestamp=arrival)
+
+
+def check_none_moves(setpoints, what):
+    setpoints = list(setpoints)
+    moving = [f for f in setpoints if moves(f)]
+    check(not moving, f"{what}: {len(moving)} of {len(setpoints)} setpoints move a wheel")
+    return len(setpoints)
+
+
+def the_interface_goes_down_and_up(test):
+    with Drivetrain(test) as d, CanBus() as bus:
+        d.bring_up(SPEED_MPS)
+        ip("set vcan0 down")
+        check_stops(d, bus.frames()[-1].timestamp, "interface down", "CAN interface down", "down")
+        reset = d.request("reset")
+        d.wait_state("fault", 5, reset, "reset refused: the CAN interface is down")
+        up = time.time()
+        ip("set vcan0 up")
+        wait_bus(d, "up", up)
+        check_stays(d, 1.0, "fault", "after the interface came up")
+        reset, arm = check_arms_again(d, "interface down and up")
+        frames = [f for identifier in RPDOS for f in bus.frames(identifier, up)]
+        count = check_none_moves([f for f in frames if f.timestamp < arm], "before ARM")
+        check(count > 10, "no setpoints to look at")
+        check(any(map(moves, frames)), "no setpoints that move after ARM")
+        for channel in ("CAN/COUNTERS", "CAN/DRIVE_COUNTERS"):
+            check(counters(d, channel)["can.reopened"] == 0, f"{channel}: reopened")
+
+
+def the_interface_is_deleted_and_made_again(test):
+    with Drivetrain(test) as d:
+        with CanBus() as bus:
+            d.bring_up(SPEED_MPS)
+            ip("del vcan0")
+            begin = bus.frames()[-1].timestamp
+        check_stops(d, begin, "interface deleted", "CAN interface", "absent")
+        time.sleep(0.5)
+        up = time.time()
+        create_vcan("vcan0")
+        with CanBus() as bus:
+            wait_bus(d, "up", up)
+            check_stays(d, 1.0, "fault", "after the interface was made again")
+            reset, arm = check_arms_again(d, "interface made again")
+            frames = [f for identifier in RPDOS for f in bus.frames(identifier)]
+            check(check_none_moves([f for f in frames if f.timestamp < arm], "before ARM") > 10, "no setpoints")
+            check(any(map(moves, frames)), "no setpoints that move after ARM")
+        for channel in ("CAN/COUNTERS", "CAN/DRIVE_COUNTERS"):
+            reopened = counters(d, channel)["can.reopened"]
+            check(reopened == 1, f"{channel}: reopened {reopened} times")
+        check(d.drives.running() and d.bridge.running(), "a program has ended")
+
+
+def the_controller_is_error_passive_then_off(test):
+    with drivetrain_on_adapter(test) as (adapter, d):
+        d.start_drives()
+        d.start_bridge()
+        d.hold(0.0)
+        d.wait_state("disarmed", 15)
+        # Error-passive: no arming, but what is armed goes on.
+        since = time.time()
+        adapter.error_passive()
+        d.wait_state("disarmed", 5, since, "error-passive: check wiring")
+        d.request("arm")
+        d.wait_state("disarmed", 5, since, "arming refused: the CAN bus is error-passive")
+        adapter.error_active()
+        wait_bus(d, "up", time.time())
+        d.arm()
+        d.drive(SPEED_MPS)
+        since = time.time()
+        adapter.error_passive()
+        wait_bus(d, "error-passive", since)
+        time.sleep(0.3)
+        check(d.states(since) == ["armed"], f"error-passive: {d.states(since)}")
+        adapter.error_active()
+        wait_bus(d, "up", time.time())
+
+        off = time.time()
+        adapter.bus_off()
+        check_stops(d, off, "bus-off", "CAN bus-off", "bus-off")
+        check_stays(d, 0.5, "fault", "bus-off")
+        active = time.time()
+        adapter.error_active()
+        check_stays(d, 1.0, "fault", "error-active again after bus-off")
+        check_none_moves(adapter_setpoints(adapter, off + 0.1), "during bus-off")
+        reset, arm = check_arms_again(d, "bus-off")
+        check(check_none_moves(adapter_setpoints(adapter, active, arm), "after bus-off") > 10, "no setpoints")
+        check(counters(d, "CAN/COUNTERS")["can.restarts"] == 1, "not one restart")
+
+
+def the_adapter_stalls(test):
+    with drivetrain_on_adapter(test) as (adapter, d):
+        d.bring_up(SPEED_MPS)
+        stall = time.time()
+        adapter.stall()
+        check_stops(d, stall, "adapter stalls", "", "stalled")
+        check_stays(d, 0.5, "fault", "adapter stalls")
+        go_on = time.time()
+        adapter.stall(False)
+        check_stays(d, 1.0, "fault", "adapter works again")
+        late = list(adapter_setpoints(adapter, go_on))
+        test.say(f"after the stall: {len(late)} setpoints, {[moves(f) for f in late[:12]]}")
+        reset, arm = check_arms_again(d, "stall")
+        late = list(adapter_setpoints(adapter, go_on, arm))
+        check(len(late) > 10, "no setpoints")
+        check_none_moves(late, "more than 100 ms old, after the stall")
+
+
+main(
+    the_interface_goes_down_and_up,
+    the_interface_is_deleted_and_made_again,
+    the_controller_is_error_passive_then_off,
+    the_adapter_stalls,
+)

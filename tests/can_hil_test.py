@@ -1,0 +1,52 @@
+#!/usr/bin/env python3
+"""Hardware in the loop: `tether live scenarios/hil_vcan.toml` drives the path through SocketCAN,
+as well as the same controller does without CAN."""
+
+import json
+
+import live_support
+from can_support import Candump, integer
+from live_support import SOURCE, check
+
+SCENARIO = str(SOURCE / "scenarios" / "hil_vcan.toml")
+
+
+def run_json(test, *arguments, seconds):
+    done = test.run("tether", *arguments, "--json", seconds=seconds)
+    check(done.process.returncode == 0, f"exit code {done.process.returncode}")
+    return json.loads(done.out())
+
+
+def the_error_is_that_of_the_direct_run_and_odometry_that_of_the_truth(test):
+    direct = run_json(test, "run", SCENARIO, "--set=vehicle.drivetrain=direct", seconds=60)
+    record = Candump(test, "hil")
+    live = run_json(test, "live", SCENARIO, seconds=100)
+    frames = {0x201: [], 0x202: [], 0x77F: []}
+    for line in record.stop().read_text().splitlines():
+        identifier, _, data = line.split()[2].partition("#")
+        if len(identifier) == 3 and int(identifier, 16) in frames:
+            frames[int(identifier, 16)].append(bytes.fromhex(data))
+    drives = live["drivetrain"]
+    ratio = live["epsilon_m"] / direct["epsilon_m"]
+    test.say(
+        f"measured: error {live['epsilon_m']:.3f} m over CAN, {direct['epsilon_m']:.3f} m direct; "
+        f"odometry {drives['odometry_distance_m']:.2f} m of {drives['true_distance_m']:.2f} m"
+    )
+    check(live["node_restarts"] == 0, f"{live['node_restarts']} nodes died")
+    check(drives["disarms"] == 0, f"stopped: {drives['stop_reason']}")
+    check(direct["epsilon_m"] > 1.0, "the direct run did not drive")
+    check(abs(ratio - 1.0) <= 0.03, f"the errors' ratio is {ratio:.4f}")
+    distance_ratio = drives["odometry_distance_m"] / drives["true_distance_m"]
+    check(drives["true_distance_m"] > 100.0, "the vehicle did not drive")
+    check(abs(distance_ratio - 1.0) <= 0.01, f"odometry's ratio is {distance_ratio:.4f}")
+    # It went over the wire: both wheels got speeds, one of them mounted the other way round.
+    for node, sign in ((1, 1), (2, -1)):
+        setpoints = frames[0x200 + node]
+        check(len(setpoints) > 2000, f"{len(setpoints)} setpoints for node {node}")
+        fastest = max(sign * integer(data, 2) for data in setpoints)
+        check(fastest > 12000 * 2.0 / (2 * 3.1416 * 0.4), f"node {node} got at most {fastest}")
+    check(len(frames[0x77F]) > 600, f"{len(frames[0x77F])} heartbeats of the bridge")
+
+
+if __name__ == "__main__":
+    live_support.main(the_error_is_that_of_the_direct_run_and_odometry_that_of_the_truth)
