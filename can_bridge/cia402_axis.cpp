@@ -53,7 +53,7 @@ void Axis::receive(const PdoMap::Field& field, std::int64_t value, Instant now) 
       status_confirms_ = true;
       break;
     case Signal::actual_velocity:
-      speed_radps_ = config_.sign * static_cast<double>(value) * kTurn_rad /
+      speed_radps_ = static_cast<double>(config_.sign * value) * kTurn_rad /
                      config_.actual_velocity_per_rps.value();
       speed_stamp_ = now;
       speed_confirms_ = true;

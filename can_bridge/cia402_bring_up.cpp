@@ -162,7 +162,7 @@ std::string Cia402Profile::waiting_for(Instant now) const {
                          canopen::to_string(axis.state()));
     }
   }
-  return "";
+  return "checking that the wheels stand";
 }
 
 }  // namespace tether

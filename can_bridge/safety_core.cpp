@@ -53,6 +53,7 @@ Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanSta
     begin_quick_stop(now, latched() ? latched_reason() : "the bridge is being shut down");
   }
   advance(now, drives);
+  purge_bus();
 
   Decision decision;
   decision.state = state(drives);
@@ -79,6 +80,8 @@ void SafetyCore::watch_bus(CanState bus) {
   if (worst == CanState::bus_off || worst == CanState::stalled) bus_was_jammed_ = true;
   // An interface that was taken down, or away, has no frames left.
   if (bus == CanState::down || bus == CanState::absent) bus_was_jammed_ = false;
+  if (bus != CanState::down) restart_unfinished_ = false;
+  if (worst == CanState::stalled && !purged_) purge_due_ = purged_ = true;
   switch (worst) {
     case CanState::up:
     case CanState::error_passive:
@@ -94,6 +97,13 @@ void SafetyCore::watch_bus(CanState bus) {
     case CanState::absent:
       return latch_fault("CAN interface absent: plug the adapter in");
   }
+}
+
+void SafetyCore::purge_bus() {
+  // A stop is more urgent.
+  if (!purge_due_ || action_ != Decision::Action::none) return;
+  purge_due_ = false;
+  action_ = Decision::Action::restart_bus;
 }
 
 void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {

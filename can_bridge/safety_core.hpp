@@ -59,6 +59,8 @@ struct Decision {
 ///   wheel that does not turn as told (FollowMonitor), a bus that is bus-off, stalled, down or
 ///   absent, or the loop itself standing still for longer than `disarm` → quick stop and latched
 ///   FAULT until RESET.
+/// - A bus that stalls is restarted at once, so that the setpoints which wait in its queue never
+///   get out: once until the next RESET, for what is sent after that moves nothing.
 /// - RESET leads to STARTING or DISARMED, never to ARMED. It is refused while the vehicle stops,
 ///   while the e-stop is pressed, and while the bus is not up; a bus that was off or stalled is
 ///   restarted first, so that no old frame is left in a queue. error-passive is reported, not
@@ -118,6 +120,7 @@ class SafetyCore {
 
   void watch_own_loop(Instant now);
   void watch_bus(CanState bus);
+  void purge_bus();
   void watch_drives(Instant now, const DrivetrainSnapshot& drives);
 
   void handle(DriveRequest request, Instant now, const DrivetrainSnapshot& drives, CanState bus);
@@ -166,6 +169,9 @@ class SafetyCore {
 
   CanState worst_bus_ = CanState::up;   ///< since the last cycle
   bool bus_was_jammed_ = false;         ///< old frames may wait in its queues
+  bool purge_due_ = false;              ///< setpoints may: to be thrown away
+  bool purged_ = false;                 ///< since the last RESET
+  bool restart_unfinished_ = false;     ///< by the bridge: down, and not up again
   std::optional<Instant> reset_since_;  ///< waiting for a restarted bus
   std::optional<Instant> last_cycle_;
   std::optional<Instant> leaving_since_;

@@ -82,9 +82,9 @@ void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState b
     notice_ = "reset refused: the vehicle is still stopping";
   } else if (estop_pressed_) {
     notice_ = "reset refused: the e-stop is pressed: release it first";
-  } else if (bus == CanState::down || bus == CanState::absent) {
+  } else if (bus == CanState::absent || (bus == CanState::down && !restart_unfinished_)) {
     notice_ = fmt::format("reset refused: the CAN interface is {}", to_string(bus));
-  } else if (bus_was_jammed_) {
+  } else if (bus_was_jammed_ || restart_unfinished_) {
     notice_ = "reset: restarting the CAN interface";
     action_ = Decision::Action::restart_bus;
     reset_since_ = now;
@@ -94,12 +94,14 @@ void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState b
 }
 
 void SafetyCore::on_bus_restarted(bool done, const std::string& why) {
+  purge_due_ = false;
   if (done) {
     bus_was_jammed_ = false;
-  } else {
-    notice_ = "reset refused: " + why;
-    reset_since_.reset();
+    return;
   }
+  restart_unfinished_ = worst_bus_ == CanState::down;
+  notice_ = (reset_since_ ? "reset refused: " : "") + why;
+  reset_since_.reset();
 }
 
 void SafetyCore::wait_for_restarted_bus(Instant now, CanState bus) {
@@ -118,6 +120,7 @@ void SafetyCore::finish_reset() {
   estop_latched_ = false;
   fault_latched_ = false;
   bus_was_jammed_ = false;
+  purged_ = false;
   reset_since_.reset();
   fault_reason_.clear();
   stop_reason_.clear();
