@@ -24,6 +24,7 @@ struct Options {
   std::string lcm_url = kDefaultLcmUrl;
   std::string control_lcm_url;
   std::optional<std::int64_t> start_utime_us;
+  double speed = 1.0;
 };
 
 /// A clock that differs by more than this is another run's.
@@ -78,7 +79,7 @@ void wind_down(Node& node, RealTimeLoop& loop) {
 }
 
 End run_once(const NodeProgram& program, const Options& options, const Scenario& scenario) {
-  RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()));
+  RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()), options.speed);
   LcmBus bus(options.lcm_url, loop);
   std::optional<LcmBus> control_bus;
   if (!options.control_lcm_url.empty()) control_bus.emplace(options.control_lcm_url, loop);
@@ -129,6 +130,10 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
                      ? "wall-clock time of t = 0, microseconds since 1970 [now]"
                      : "wall-clock time of t = 0, microseconds since 1970 [follow SIM/CLOCK]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{4'000'000'000'000'000}));
+  app.add_option("--speed", options.speed,
+                 "run seconds per wall second; below 1 is slow motion, the same for all nodes")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
   return run_cli(app, argc, argv, [&] {
     const Scenario scenario = load_scenario(options.scenario_file, options.overrides);
     while (run_once(program, options, scenario) == End::clock_jumped) {

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
+#include <cmath>
 #include <csignal>
 #include <utility>
 
@@ -47,7 +49,8 @@ void watch(int epoll_fd, int fd) {
 
 }  // namespace
 
-RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us) {
+RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us, double speed) : speed_(speed) {
+  assert(speed > 0.0);
   start_monotonic_ns_ = start_utime_us * 1000 + wall_to_monotonic_ns();
 
   sigset_t signals;
@@ -73,11 +76,18 @@ RealTimeLoop::~RealTimeLoop() {
 std::int64_t RealTimeLoop::wall_utime_us() { return read_clock_ns(CLOCK_REALTIME) / 1000; }
 
 Instant RealTimeLoop::now() const {
-  return Instant{Duration{read_clock_ns(CLOCK_MONOTONIC) - start_monotonic_ns_}};
+  const std::int64_t wall_ns = read_clock_ns(CLOCK_MONOTONIC) - start_monotonic_ns_;
+  if (speed_ == 1.0) return Instant{Duration{wall_ns}};
+  return Instant{Duration{std::llround(static_cast<double>(wall_ns) * speed_)}};
 }
 
 void RealTimeLoop::set_now(Instant now) {
-  start_monotonic_ns_ = read_clock_ns(CLOCK_MONOTONIC) - now.time_since_epoch().count();
+  start_monotonic_ns_ = read_clock_ns(CLOCK_MONOTONIC) - wall_ns(now.time_since_epoch());
+}
+
+std::int64_t RealTimeLoop::wall_ns(Duration run_time) const {
+  if (speed_ == 1.0) return run_time.count();
+  return std::llround(static_cast<double>(run_time.count()) / speed_);
 }
 
 void RealTimeLoop::at(Instant when, Priority priority, Task task) {
@@ -147,7 +157,7 @@ void RealTimeLoop::arm(Instant until) {
   if (until != Instant::max()) {
     // An absolute time of zero would disarm the timer; one nanosecond is as much in the past.
     const std::int64_t ns =
-        std::max<std::int64_t>(1, until.time_since_epoch().count() + start_monotonic_ns_);
+        std::max<std::int64_t>(1, wall_ns(until.time_since_epoch()) + start_monotonic_ns_);
     spec.it_value.tv_sec = ns / kNanosecondsPerSecond;
     spec.it_value.tv_nsec = ns % kNanosecondsPerSecond;
   }

@@ -9,8 +9,9 @@
 
 namespace tether {
 
-/// Real time: epoll with an absolute timerfd on CLOCK_MONOTONIC, so that periods do not drift.
-/// SIGINT and SIGTERM end run() cleanly (they are blocked for the process from construction on).
+/// Real time (or slow motion): epoll with an absolute timerfd on CLOCK_MONOTONIC, so that periods
+/// do not drift. SIGINT and SIGTERM end run() cleanly (they are blocked for the process from
+/// construction on).
 ///
 /// The run's clock is anchored to the wall clock once, at construction: all nodes of a run get the
 /// same `start_utime_us` and so agree on t = 0, and a node that is restarted in the middle of a
@@ -18,11 +19,13 @@ namespace tether {
 class RealTimeLoop final : public EventLoop {
  public:
   /// `start_utime_us`: the wall-clock time (µs since 1970) of the run's t = 0.
-  explicit RealTimeLoop(std::int64_t start_utime_us);
+  /// `speed`: run seconds per wall second, > 0. Below 1 is slow motion, for machines that cannot
+  /// keep up; every deadline stretches with it, for all nodes of a run alike.
+  explicit RealTimeLoop(std::int64_t start_utime_us, double speed = 1.0);
   ~RealTimeLoop() override;
 
   Instant now() const override;
-  double rate() const override { return 1.0; }
+  double rate() const override { return speed_; }
   void at(Instant when, Priority priority, Task task) override;
   void every(Instant first, Duration period, Priority priority, Task task) override;
   void add_fd(int fd, Task task) override;
@@ -55,10 +58,12 @@ class RealTimeLoop final : public EventLoop {
   void run_due_timers(Instant end);
   void wait(Instant until);
   void arm(Instant until);
+  std::int64_t wall_ns(Duration run_time) const;
   void read_signal();
 
   TimerQueue timers_;
   std::vector<Descriptor> descriptors_;
+  double speed_;
   std::int64_t start_monotonic_ns_ = 0;
   int epoll_fd_ = -1;
   int timer_fd_ = -1;

@@ -65,6 +65,24 @@ TEST_F(RealTimeLoopTest, PeriodicTasksDoNotDriftAndAreNeverEarly) {
   }
 }
 
+TEST(RealTimeLoopInSlowMotion, TakesSoManyTimesLongerAndKeepsTheRunsOwnTime) {
+  RealTimeLoop slow(RealTimeLoop::wall_utime_us(), 0.1);
+  EXPECT_EQ(slow.rate(), 0.1);
+  slow.set_now(kStart + 7s);
+  const auto began = std::chrono::steady_clock::now();
+  std::vector<Instant> instants;
+  slow.every(kStart + 7005ms, 5ms, Priority::node, [&](Instant scheduled) {
+    EXPECT_GE(slow.now(), scheduled);
+    instants.push_back(scheduled);
+    if (instants.size() == 3) slow.stop();
+  });
+  slow.run_until(kStart + 9s);
+  const auto took = std::chrono::steady_clock::now() - began;
+  EXPECT_THAT(instants, ElementsAre(kStart + 7005ms, kStart + 7010ms, kStart + 7015ms));
+  EXPECT_GE(took, 149ms);
+  EXPECT_LT(slow.now(), kStart + 8s);  // ten seconds of wall time at most
+}
+
 TEST_F(RealTimeLoopTest, EveryMissedPeriodIsDeliveredAndLatenessCountsAsSlips) {
   const Instant first = loop.now() + 10ms;
   std::vector<Instant> instants;

@@ -34,7 +34,7 @@ int live(Options options) {
 
   const RunObserver& run = session.observer();
   const double end_s = to_seconds(session.end());
-  const RunSummary summary{.wall_time_s = end_s,
+  const RunSummary summary{.wall_time_s = end_s / options.session.speed,
                            .sim_time_s = static_cast<double>(run.truth().utime) * 1e-6,
                            .aoi_mean_s = run.aoi_mean_s(session.end()),
                            .node_restarts = session.restarts()};
@@ -67,6 +67,11 @@ void add_live_command(CLI::App& tether, Action& action) {
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
   command->add_option("--duration", options->duration_s, "override run.duration_s, seconds");
+  command
+      ->add_option("--speed", options->session.speed,
+                   "run seconds per wall second; below 1 is slow motion, for slow machines")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
   command->add_option("--out", options->session.out,
                       "folder for the same results as `tether run` writes [none]");
   command->add_flag("--json", options->json, "print the summary as one JSON object");

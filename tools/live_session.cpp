@@ -45,7 +45,8 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     : show_status_(options.show_status && isatty(STDERR_FILENO) != 0),
       end_(kStart + from_seconds(scenario.run.duration_s)),
       loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us +
-            to_utime(kStart + from_seconds(scenario.run.lead_s))),
+                to_utime(kStart + from_seconds(scenario.run.lead_s / options.speed)),
+            options.speed),
       bus_(options.lcm_url, loop_),
       observer_(scenario, loop_, bus_),
       operator_(scenario, loop_, bus_) {
@@ -53,7 +54,9 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     folder_.emplace(options.out, scenario);
     folder_->record(loop_, bus_);
   }
-  const std::int64_t start_utime_us = RealTimeLoop::wall_utime_us() - to_utime(loop_.now());
+  const std::int64_t start_utime_us =
+      RealTimeLoop::wall_utime_us() -
+      to_utime(kStart + from_seconds(to_seconds(loop_.now()) / options.speed));
   for (const std::string& name : programs(scenario)) add_child(options, name, start_utime_us);
 }
 
@@ -65,7 +68,8 @@ void LiveSession::add_child(const Options& options, const std::string& name,
                                          program, std::generic_category().message(errno)));
   }
   std::vector<std::string> command{program, options.scenario_file, "--lcm-url=" + options.lcm_url,
-                                   fmt::format("--start-utime={}", start_utime_us)};
+                                   fmt::format("--start-utime={}", start_utime_us),
+                                   fmt::format("--speed={}", options.speed)};
   for (const std::string& text : options.overrides) command.push_back("--set=" + text);
 
   children_.push_back(std::make_unique<Child>());

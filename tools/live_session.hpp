@@ -27,6 +27,7 @@ class LiveSession {
     std::vector<std::string> overrides;  ///< passed on to the nodes
     std::string lcm_url;
     std::string out;          ///< folder for results; empty for none
+    double speed = 1.0;       ///< run seconds per wall second
     bool show_status = true;  ///< status line on stderr
   };
 
