@@ -26,6 +26,7 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
       bus_(bus),
       channels_(scenario.vehicle.name),
       end_(kStart + from_seconds(scenario.run.duration_s)),
+      world_end_(end_),
       sensor_latency_(from_seconds(scenario.sensor.latency_ms * 1e-3)),
       track_m_(scenario.vehicle.track_m),
       path_(scenario.path.figure_eight),
@@ -43,6 +44,7 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
   const Duration batch = loop.rate() > 0.0 ? kRealTimeBatch : kStep;
   loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
   if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    world_end_ = Instant::max();
     drives_.emplace(scenario, loop, bus, vehicle_);
     const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
     loop.every(first_tick(from_seconds(scenario.run.lead_s), coupling), coupling, Priority::physics,
@@ -87,7 +89,8 @@ void SimNode::take_commands(Instant until) {
 }
 
 void SimNode::advance(Instant until) {
-  while (next_step_ <= std::min(until, end_)) {
+  while (next_step_ <= std::min(until, world_end_)) {
+    if (next_step_ > end_) publish_truth();  // the last one
     step(next_step_);
     next_step_ += kStep;
   }
@@ -98,7 +101,7 @@ void SimNode::step(Instant now) {
   vehicle_.set_wheel_targets(wheel_targets(from));
   vehicle_.step();
   world_time_ = now;
-  metrics_.add(to_seconds(kStep), error_m(), vehicle_.state().wall_contact);
+  if (now <= end_) metrics_.add(to_seconds(kStep), error_m(), vehicle_.state().wall_contact);
 }
 
 WheelSpeeds SimNode::wheel_targets(Instant from) {
@@ -134,7 +137,7 @@ void SimNode::publish_clock(Instant now) {
 }
 
 void SimNode::publish_truth() {
-  if (truth_seq_ > 0 && last_truth_ == world_time_) return;
+  if (world_time_ > end_ || (truth_seq_ > 0 && last_truth_ == world_time_)) return;
   last_truth_ = world_time_;
   const VehicleState& s = vehicle_.state();
   const FigureEight::Point reference = this->reference();

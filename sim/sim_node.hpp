@@ -32,7 +32,8 @@ namespace tether {
 /// emulated drives (WheelCoupling).
 ///
 /// During the lead (run.lead_s before t = 0) poses and the clock flow and the vehicle stands. From
-/// run.duration_s on the world stands still and the metrics are final.
+/// run.duration_s on there are no poses, and truth and metrics are final. The world stands still
+/// then; with drives on CAN it goes on, so that they can be brought to a stop.
 class SimNode final : public Node {
  public:
   static constexpr Duration kStep = std::chrono::milliseconds{1};
@@ -61,7 +62,8 @@ class SimNode final : public Node {
   EventLoop& loop_;
   Bus& bus_;
   ChannelNames channels_;
-  Instant end_;
+  Instant end_;        // of truth and metrics
+  Instant world_end_;  // of motion
   Duration sensor_latency_;
   double track_m_;
   FigureEight path_;

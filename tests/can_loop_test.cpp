@@ -212,6 +212,21 @@ TEST(CanLoop, SomeOfTheseSeedsDoStopTheVehicleAndSomeDoNot) {
   EXPECT_LT(stopped, 10);
 }
 
+TEST(CanLoop, AfterTheRunsEndTheWorldGoesOnUntilTheDrivesHaveStoppedAndNothingOfItCounts) {
+  const Scenario scenario = hil({"run.duration_s=5"});
+  ClosedLoop loop(scenario);
+  RunObserver observer(scenario, loop.loop(), loop.bus());
+  loop.run_until(at_s(5));
+  const Metrics at_end = loop.sim().metrics();
+  ASSERT_GT(loop.sim().vehicle().state().twist.v_mps, 1.0);
+  loop.run_until(at_s(9));
+  EXPECT_NEAR(loop.sim().vehicle().state().twist.v_mps, 0.0, 0.02);
+  EXPECT_EQ(loop.sim().metrics().epsilon_m(), at_end.epsilon_m());
+  EXPECT_EQ(observer.truth().utime, 5'000'000);
+  EXPECT_EQ(observer.drivetrain()->state().utime, 5'000'000);
+  EXPECT_EQ(observer.drivetrain()->stop_reason(), "");
+}
+
 TEST(CanLoop, WithoutALeadTheVehicleIsNeverArmedBecauseTheControllerAlreadyDrives) {
   const Drive run(hil({"run.lead_s=0", "run.duration_s=5"}));
   EXPECT_FALSE(run.observer.drivetrain()->ever_armed());

@@ -11,6 +11,7 @@ namespace tether {
 
 DrivetrainObserver::DrivetrainObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
     : loop_(loop),
+      end_utime_(to_utime(kStart + from_seconds(scenario.run.duration_s))),
       state_guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
       odometry_guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
       true_x_m_(scenario.vehicle.start_x_m),
@@ -20,7 +21,8 @@ DrivetrainObserver::DrivetrainObserver(const Scenario& scenario, EventLoop& loop
                                 [this](const drivetrain_state_t& m) { on_state(m); });
   subscribe<odometry_t>(
       bus, channels.can_odometry, kDeepQueue, undecodable_, [this](const odometry_t& m) {
-        const bool usable = is_usable(Pose2{m.x_m, m.y_m, m.yaw_rad}) && is_usable(m.distance_m);
+        const bool usable = m.utime <= end_utime_ && is_usable(Pose2{m.x_m, m.y_m, m.yaw_rad}) &&
+                            is_usable(m.distance_m);
         if (usable && odometry_guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) {
           odometry_ = m;
         }
@@ -30,6 +32,7 @@ DrivetrainObserver::DrivetrainObserver(const Scenario& scenario, EventLoop& loop
 }
 
 void DrivetrainObserver::on_state(const drivetrain_state_t& m) {
+  if (m.utime > end_utime_) return;
   if (!state_guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) return;
   const bool was_armed = state_.state == drivetrain_state_t::ARMED;
   const bool armed = m.state == drivetrain_state_t::ARMED;

@@ -14,7 +14,8 @@
 namespace tether {
 
 /// Watches the CAN drivetrain of a run on the bus: was it armed, how often was it stopped and why,
-/// and how well does the wheels' odometry agree with the truth.
+/// and how well does the wheels' odometry agree with the truth. What comes after run.duration_s,
+/// when live drives are brought to a stop, does not count.
 class DrivetrainObserver {
  public:
   DrivetrainObserver(const Scenario& scenario, EventLoop& loop, Bus& bus);
@@ -43,6 +44,7 @@ class DrivetrainObserver {
   void on_truth(const ground_truth_t& m);
 
   EventLoop& loop_;
+  std::int64_t end_utime_;
   StreamGuard state_guard_;
   StreamGuard odometry_guard_;
   StreamGuard truth_guard_;
