@@ -7,6 +7,7 @@
 #include <tether/wheel_feedback_t.hpp>
 #include <utility>
 
+#include "can_bridge/drivetrain_checks.hpp"
 #include "common/message_io.hpp"
 
 namespace tether {
@@ -60,6 +61,7 @@ CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& c
       counters_(loop, bus, "can_bridge", channels_.can_counters,
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
+  check_cycle(config, scenario.can.cycle_ms);
   subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_commands_,
                      [this](const twist_t& m) { on_command(m); });
   subscribe<drive_request_t>(bus, channels_.can_request, kDeepQueue, undecodable_requests_,
@@ -130,7 +132,12 @@ void CanBridgeNode::act(const Decision& decision, Instant now) {
   frames_.clear();
   profile_->tick(now, frames_);
   for (CanFrame& frame : frames_) {
-    if (whitelist_.pass(frame, decision.may_move)) port_.send(frame);
+    // Suspended or starved since the decision: what is left of it is of the past.
+    if (loop_.now() - now >= cycle_) {
+      ++late_frames_;
+    } else if (whitelist_.pass(frame, decision.may_move)) {
+      port_.send(frame);
+    }
   }
 }
 
@@ -210,6 +217,7 @@ void CanBridgeNode::list_counters(CounterList& out) const {
   out.emplace_back("drive.intruder_frames", drive.intruder_frames);
   out.emplace_back("tx.denied", whitelist_.counters().denied);
   out.emplace_back("tx.zeroed", whitelist_.counters().zeroed);
+  out.emplace_back("tx.late", late_frames_);
   out.emplace_back("odometry.reanchored", odometry_.reanchored());
   out.emplace_back("cycle.slips", cycle_slips_);
 }

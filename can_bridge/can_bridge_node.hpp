@@ -30,7 +30,8 @@ namespace tether {
 /// hangs, the bus falls silent and the drives' watchdogs stop the vehicle.
 ///
 /// Cycles that the loop missed are not made up for: only the newest sends ("cycle.slips" counts the
-/// others). Frames that arrive before the first cycle are ignored.
+/// others). Nor does a cycle that is held up send anything when its period is over ("tx.late").
+/// Frames that arrive before the first cycle are ignored.
 class CanBridgeNode final : public Node {
  public:
   CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config, EventLoop& loop, Bus& bus,
@@ -72,6 +73,7 @@ class CanBridgeNode final : public Node {
   std::vector<CanFrame> frames_;
   std::int64_t cycles_ = 0;
   std::int64_t cycle_slips_ = 0;
+  std::int64_t late_frames_ = 0;
   std::int64_t undecodable_commands_ = 0;
   std::int64_t undecodable_requests_ = 0;
   CounterReporter counters_;

@@ -146,21 +146,23 @@ std::optional<CanLink> CanLinkMonitor::query() const {
   return parse_link(message);
 }
 
-bool CanLinkMonitor::drain(int index) const {
-  bool deleted = false;
+CanLinkMonitor::Changes CanLinkMonitor::drain(int index) const {
+  Changes changes;
   Answer answer;
   for (;;) {
     answer.size = recv(events_fd_, answer.bytes.data(), answer.bytes.size(), 0);
     // ENOBUFS: so many changes that some were lost. query() tells what came of them.
     if (answer.size < 0 && (errno == EINTR || errno == ENOBUFS)) continue;
-    if (answer.size <= 0) return deleted;
+    if (answer.size <= 0) return changes;
     auto left = static_cast<unsigned int>(answer.size);
     const auto* m = reinterpret_cast<const nlmsghdr*>(answer.bytes.data());
     for (; NLMSG_OK(m, left); m = NLMSG_NEXT(m, left)) {
-      if (m->nlmsg_type != RTM_DELLINK || m->nlmsg_len < NLMSG_LENGTH(sizeof(ifinfomsg))) continue;
+      if (m->nlmsg_len < NLMSG_LENGTH(sizeof(ifinfomsg))) continue;
       const auto info = read_as<ifinfomsg>(NLMSG_DATA(m));
       // A bridge reports with its own family that a link left it.
-      deleted |= info.ifi_family == AF_UNSPEC && info.ifi_index == index;
+      if (info.ifi_family != AF_UNSPEC || info.ifi_index != index) continue;
+      if (m->nlmsg_type == RTM_DELLINK) changes.deleted = true;
+      if (m->nlmsg_type == RTM_NEWLINK && (info.ifi_flags & IFF_UP) == 0) changes.was_down = true;
     }
   }
 }

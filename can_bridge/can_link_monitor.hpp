@@ -38,8 +38,13 @@ class CanLinkMonitor {
   /// Readable when a link of this machine may have changed: then call drain().
   int fd() const { return events_fd_; }
 
-  /// Reads all that is readable; whether the interface of that index was deleted meanwhile.
-  bool drain(int index) const;
+  /// What has befallen an interface; perhaps it is over already.
+  struct Changes {
+    bool deleted = false;
+    bool was_down = false;
+  };
+  /// Reads all that is readable; what it says of the interface of that index.
+  Changes drain(int index) const;
 
   /// Takes the interface up or down; needs CAP_NET_ADMIN. 0, or the errno why not.
   int set_up(int index, bool up) const;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string_view>
 #include <utility>
 
@@ -258,6 +259,27 @@ class Checker {
 
 void check_cia402(const DrivetrainConfig& config, const DrivetrainSource& source) {
   Checker(config, source).run();
+}
+
+void check_cycle(const DrivetrainConfig& config, double cycle_ms) {
+  if (config.profile != DrivetrainConfig::Profile::cia402) return;
+  const auto demand = [&](const char* key, double timeout_ms, double period_ms) {
+    if (timeout_ms >= 3.0 * period_ms) return;
+    throw UsageError(fmt::format(
+        "can.cycle_ms = {:g} is not allowed with drivetrain \"{}\": {} = {:g} has to be at least "
+        "three times the {:g} ms that pass between frames, or one lost frame stops the vehicle",
+        cycle_ms, config.name, key, timeout_ms, period_ms));
+  };
+  const double beat_ms = std::ceil(config.heartbeat_ms / cycle_ms) * cycle_ms;
+  for (const WatchdogConfig& watchdog : config.watchdogs) {
+    demand("watchdog.timeout_ms", watchdog.timeout_ms, beat_ms);
+  }
+  demand("drives.feedback_timeout_ms", config.feedback_timeout_ms, cycle_ms);
+  for (const PdoConfig& pdo : config.pdos) {
+    if (!pdo.transmit && pdo.event_timer_ms != 0) {
+      demand("pdo.event_timer_ms", pdo.event_timer_ms, cycle_ms);
+    }
+  }
 }
 
 }  // namespace tether

@@ -25,4 +25,9 @@ struct DrivetrainSource {
 /// Throws UsageError with file and line.
 void check_cia402(const DrivetrainConfig& config, const DrivetrainSource& source);
 
+/// Refuses a control cycle (can.cycle_ms) so slow that the drives' and the bridge's own time-outs
+/// would trip when one frame is lost: each has to outlast three of what it waits for. Throws
+/// UsageError.
+void check_cycle(const DrivetrainConfig& config, double cycle_ms);
+
 }  // namespace tether

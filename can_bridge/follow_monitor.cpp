@@ -32,9 +32,11 @@ std::string FollowMonitor::update(Instant now, const Twist& setpoint,
     sums.ahead_m = std::max(0.0, sums.ahead_m - behind_m - allowed_m);
     if (trouble.empty() && std::max(sums.behind_m, sums.ahead_m) >= kLimit_m) {
       trouble = fmt::format(
-          "the {} wheel does not follow: told {:.2f} m/s, reports {:.2f} m/s: check encoder, "
-          "brake, sign and whether it is blocked",
-          i == 0 ? "left" : "right", wanted_mps, wheels[i].speed_radps * wheel_radius_m_);
+          "the {} wheel does not follow: told {:.2f} m/s, last reported {:.2f} m/s, {:.2f} m {} "
+          "beyond what is allowed: check encoder, brake, sign and whether it is blocked",
+          i == 0 ? "left" : "right", wanted_mps, wheels[i].speed_radps * wheel_radius_m_,
+          std::max(sums.behind_m, sums.ahead_m),
+          (sums.behind_m >= sums.ahead_m) == (wanted_mps >= 0.0) ? "behind" : "ahead");
     }
   }
   last_ = sample;

@@ -27,6 +27,7 @@ void SafetyCore::handle(DriveRequest request, Instant now, const DrivetrainSnaps
       return;
     case DriveRequest::estop_release:
       estop_pressed_ = false;
+      notice_.clear();
       return;
     case DriveRequest::reset:
       return reset(now, drives, bus);
@@ -97,6 +98,7 @@ void SafetyCore::on_bus_restarted(bool done, const std::string& why) {
   purge_due_ = false;
   if (done) {
     bus_was_jammed_ = false;
+    worst_bus_ = CanState::up;  // what was before counts no more
     return;
   }
   restart_unfinished_ = worst_bus_ == CanState::down;

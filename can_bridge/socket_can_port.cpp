@@ -97,7 +97,7 @@ SocketCanPort::SocketCanPort(const std::string& interface, EventLoop& loop)
   open(*link);
   set_state();
   counters_.state_changes = 0;
-  loop_.add_fd(monitor_.fd(), [this](Instant) { follow_link(monitor_.drain(link_.index)); });
+  loop_.add_fd(monitor_.fd(), [this](Instant) { on_link_change(); });
 }
 
 SocketCanPort::~SocketCanPort() {
@@ -261,6 +261,16 @@ void SocketCanPort::on_error_frame(const can_frame& frame) {
   set_state();
 }
 
+void SocketCanPort::on_link_change() {
+  const CanLinkMonitor::Changes changes = monitor_.drain(link_.index);
+  if (changes.was_down) {  // perhaps for a moment only
+    link_.up = false;
+    forget_failures();
+    set_state();
+  }
+  follow_link(changes.deleted);
+}
+
 CanLink::Controller SocketCanPort::follow_link(bool deleted) {
   const std::optional<CanLink> link = monitor_.query();
   if (fd_ >= 0 && (deleted || !link || link->index != link_.index)) close_socket();
@@ -333,7 +343,7 @@ bool SocketCanPort::restart(std::string& why) {
         interface_, std::strerror(error),
         error == EPERM ? ", or give this program CAP_NET_ADMIN" : "");
   }
-  follow_link(false);
+  follow_link(monitor_.drain(link_.index).deleted);  // that it was down is no news
   return error == 0;
 }
 

@@ -33,7 +33,8 @@ namespace tether {
 /// - stalled: for more than kStallTime no frame could be handed over although it was tried. Frames
 ///   that were accepted before still wait, and would go out, late, when the bus recovers: call
 ///   restart() at once. Left by restart(), or when a frame is accepted again.
-/// - down, absent: followed by rtnetlink. An interface that is created again is opened again, with
+/// - down, absent: followed by rtnetlink. That it was down is reported even if it was for a moment,
+///   but not for the port's own restart(). An interface that is created again is opened again, with
 ///   the same filters (can.reopened).
 class SocketCanPort final : public CanPort {
  public:
@@ -80,6 +81,7 @@ class SocketCanPort final : public CanPort {
   void accept(const can_frame& frame);
   void on_error_frame(const can_frame& frame);
   void on_failed_send(int error);
+  void on_link_change();
   CanLink::Controller follow_link(bool deleted);
   void forget_failures();
   void set_state();

@@ -33,7 +33,7 @@ class WheelModel {
 
   double angle_rad() const { return angle_rad_; }
   double speed_radps() const { return speed_radps_; }
-  double torque_Nm() const { return torque_Nm_; }
+  double torque_nm() const { return torque_Nm_; }
 
  private:
   void substep(double target_radps, double dt_s);

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,6 +17,7 @@ namespace tether::testing {
 /// A bus end that keeps what is sent.
 struct FakePort final : CanPort {
   std::vector<CanFrame> sent;
+  std::function<void()> on_send;
   FrameHandler frame_handler;
   StateHandler state_handler;
   CanState now = CanState::up;
@@ -24,6 +26,7 @@ struct FakePort final : CanPort {
 
   bool send(const CanFrame& frame) override {
     sent.push_back(frame);
+    if (on_send) on_send();
     return true;
   }
   void on_frame(std::vector<CanFilter>, FrameHandler handler) override {

@@ -305,6 +305,17 @@ TEST_F(LateCanBridgeTest, MissedCyclesAreNotMadeUpFor) {
   EXPECT_EQ(profile->ticks.back(), at_ms(490));
 }
 
+TEST_F(LateCanBridgeTest, ACycleThatIsHeldUpWhileItSendsSendsNoMoreAfterItsPeriod) {
+  for (const double held_up_ms : {19.999999, 20.0, 1200.0}) {
+    const Instant start = loop.time = loop.time + std::chrono::seconds{2};
+    port.sent.clear();
+    port.on_send = [&] { loop.time = start + from_seconds(held_up_ms * 1e-3); };
+    loop.task(start);
+    // Of a heartbeat and a setpoint; the first was on its way in time.
+    EXPECT_EQ(port.sent.size(), held_up_ms < 20.0 ? 2U : 1U) << held_up_ms;
+  }
+}
+
 TEST_F(LateCanBridgeTest, ABridgeThatStoodStillForLongNeedsAReset) {
   std::vector<Seen<drivetrain_state_t>> states;
   world.collect("CAN/STATE", states);

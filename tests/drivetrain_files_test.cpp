@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "can_bridge/drivetrain_checks.hpp"
 #include "can_bridge/drivetrain_config.hpp"
+#include "common/errors.hpp"
 
 namespace tether {
 namespace {
@@ -26,6 +28,32 @@ TEST(ShippedDrivetrains, AllLoadAndHaveANameOfTheirOwn) {
   }
   EXPECT_GE(files, 4);
   EXPECT_EQ(names.size(), static_cast<std::size_t>(files));
+}
+
+TEST(ControlCycle, OutlastsOneLostFrameInEveryTimeOut) {
+  using ::testing::HasSubstr;
+  DrivetrainConfig c = shipped("two_node_cia402.toml");
+  check_cycle(c, 1.0);
+  check_cycle(c, 20.0);
+  check_cycle(c, 33.0);
+  const auto refusal = [&](double cycle_ms) -> std::string {
+    try {
+      check_cycle(c, cycle_ms);
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_THAT(refusal(34.0), HasSubstr("can.cycle_ms = 34"));
+  EXPECT_THAT(refusal(34.0), HasSubstr("drives.feedback_timeout_ms = 100"));
+  c.feedback_timeout_ms = 1000;
+  EXPECT_THAT(refusal(34.0), HasSubstr("pdo.event_timer_ms = 100"));
+  c.pdos[0].event_timer_ms = c.pdos[1].event_timer_ms = 0;  // not watched
+  EXPECT_EQ(refusal(34.0), "accepted");
+  // Heartbeats of 60 ms leave every 84 ms, the third after 252.
+  EXPECT_THAT(refusal(42.0), HasSubstr("watchdog.timeout_ms = 250"));
+  c.profile = Profile::agilex_v2;
+  EXPECT_EQ(refusal(42.0), "accepted");
 }
 
 TEST(ShippedDrivetrains, TwoNodesDriveOneWheelEachAndTheRightOneIsMirrored) {

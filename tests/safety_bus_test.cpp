@@ -90,6 +90,7 @@ TEST_F(Bus, ThatStallsAfterAResetIsRestartedAgain) {
     EXPECT_EQ(cycle_after(kCycle).action, Action::restart_bus);
     core.on_bus_restarted(true, "");
     bus = CanState::up;
+    cycle_after(kCycle);
     request(DriveRequest::reset);
     EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
   }

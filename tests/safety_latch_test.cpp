@@ -56,6 +56,9 @@ TEST_F(EStop, ResetIsRefusedWhilePressed) {
   expect_reason("reset refused: the e-stop is pressed");
   cycle_after(kCycle);
   EXPECT_EQ(last.state, BridgeState::estop);
+  request(DriveRequest::estop_release);
+  cycle_after(kCycle);
+  expect_reason("released: reset to go on");
 }
 
 TEST_F(EStop, ReleaseAndResetLeadToDisarmed) {

@@ -129,6 +129,20 @@ TEST_F(VirtualBus, SurvivesDownAndUpOnTheSameSocket) {
   EXPECT_EQ(node.counter("can.send_dropped"), 1);
 }
 
+TEST_F(VirtualBus, ReportsThatItWasDownForAMoment) {
+  Node node("vcan7");
+  Peer peer("vcan7");
+  peer.send(CAN_ERR_BUSOFF | CAN_ERR_FLAG, std::vector<std::uint8_t>(8));
+  ASSERT_TRUE(node.until_state(CanState::bus_off));
+  sh("ip link set vcan7 down && ip link set vcan7 up");  // nobody looks meanwhile
+  ASSERT_TRUE(node.until_state(CanState::up));
+  EXPECT_TRUE(node.port.send(frame_with(0x201, 1)));
+  sh("ip link set vcan7 down && ip link set vcan7 up");
+  node.run(50ms);
+  EXPECT_THAT(node.states, ElementsAre(CanState::bus_off, CanState::down, CanState::up,
+                                       CanState::down, CanState::up));
+}
+
 TEST_F(VirtualBus, IsUsableOnAnInterfaceThatComesUpLater) {
   sh("ip link set vcan7 down");
   Node node("vcan7");
