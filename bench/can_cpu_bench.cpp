@@ -40,6 +40,10 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
+constexpr seconds kSettle{1};
+constexpr seconds kWindow{10};
+constexpr int kTries = 5;
+
 /// One end of the pair of sockets.
 class LocalPort final : public CanPort {
  public:
@@ -164,36 +168,56 @@ class Driver {
   std::int64_t undecodable_ = 0;
 };
 
-/// Percent of one CPU, from CPU time: another load on the machine hardly counts.
+struct Load {
+  double bridge_percent = 0.0;
+  double drives_percent = 0.0;
+};
+
+/// Of 10 s of driving, in percent of one CPU; from CPU time, so that another load on the machine
+/// hardly counts. Throws if the vehicle did not drive all the time.
+Load load_while_driving(const Scenario& scenario) {
+  const std::int64_t start_utime_us =
+      RealTimeLoop::wall_utime_us() + to_utime(kStart + from_seconds(scenario.run.lead_s + 0.5));
+  std::array<int, 2> ends{};
+  check_system_call("opening sockets", socketpair(AF_UNIX, SOCK_DGRAM, 0, ends.data()));
+  const auto drives = ChildNode::start<CanDriveNode>(scenario, start_utime_us, ends[0]);
+  const auto bridge = ChildNode::start<CanBridgeNode>(scenario, start_utime_us, ends[1]);
+  for (const int fd : ends) close(fd);
+  Driver driver(scenario, start_utime_us);
+
+  driver.run_to(kStart + kSettle);
+  driver.check_armed();
+  const std::array<double, 2> before_s{bridge.cpu_seconds(), drives.cpu_seconds()};
+  driver.run_to(kStart + kSettle + kWindow);
+  driver.check_armed();
+  const double percent = 100.0 / std::chrono::duration<double>(kWindow).count();
+  return {percent * (bridge.cpu_seconds() - before_s[0]),
+          percent * (drives.cpu_seconds() - before_s[1])};
+}
+
+/// A busy machine may stop the vehicle: tried again then, a few times.
+Load patient_load(const Scenario& scenario) {
+  for (int tries_left = kTries - 1;; --tries_left) {
+    try {
+      return load_while_driving(scenario);
+    } catch (const std::exception& error) {
+      if (tries_left == 0) throw;
+      fmt::print(stderr, "once more, because {}\n", error.what());
+    }
+  }
+}
+
 void cpu_load(benchmark::State& state) {
-  const auto cycle_ms = state.range(0);
   const Scenario scenario = load_scenario(
       TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml",
-      {fmt::format("can.cycle_ms={}", cycle_ms), "can.wheels=model", "can.coupling_ms=50"});
+      {fmt::format("can.cycle_ms={}", state.range(0)), "can.wheels=model", "can.coupling_ms=50"});
   if (bench::charges_whole_ticks()) state.SetLabel("this kernel charges whole ticks: no figure");
   for (auto unused : state) {
     (void)unused;
-    const std::int64_t start_utime_us =
-        RealTimeLoop::wall_utime_us() + to_utime(kStart + from_seconds(scenario.run.lead_s + 0.5));
-    std::array<int, 2> ends{};
-    check_system_call("opening sockets", socketpair(AF_UNIX, SOCK_DGRAM, 0, ends.data()));
-    const auto drives = ChildNode::start<CanDriveNode>(scenario, start_utime_us, ends[0]);
-    const auto bridge = ChildNode::start<CanBridgeNode>(scenario, start_utime_us, ends[1]);
-    for (const int fd : ends) close(fd);
-    Driver driver(scenario, start_utime_us);
-
-    constexpr seconds kSettle{1}, kWindow{10};
-    driver.run_to(kStart + kSettle);
-    driver.check_armed();
-    const std::array<double, 2> before{bridge.cpu_seconds(), drives.cpu_seconds()};
-    driver.run_to(kStart + kSettle + kWindow);
-    driver.check_armed();
-    const auto percent = [&](double used_s) {
-      return 100.0 * used_s / std::chrono::duration<double>(kWindow).count();
-    };
+    const Load load = patient_load(scenario);
     state.SetIterationTime(std::chrono::duration<double>(kWindow).count());
-    state.counters["bridge_percent"] = percent(bridge.cpu_seconds() - before[0]);
-    state.counters["drives_percent"] = percent(drives.cpu_seconds() - before[1]);
+    state.counters["bridge_percent"] = load.bridge_percent;
+    state.counters["drives_percent"] = load.drives_percent;
   }
 }
 BENCHMARK(cpu_load)

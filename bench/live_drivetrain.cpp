@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <tether/drive_request_t.hpp>
 #include <tether/twist_t.hpp>
+#include <utility>
 
 #include "can_bridge/canopen.hpp"
 #include "common/lcm_url.hpp"
@@ -101,13 +102,12 @@ LiveDrivetrain::Traffic LiveDrivetrain::drive_for(Duration time) {
   Traffic sum;
   while (loop_.now() < end) {
     ensure_armed();
-    while (everything.receive(0)) {  // from before this slice of time
-    }
-    const Instant start = loop_.now();
+    const std::int64_t start_ns = wall_ns();
     run_for(milliseconds{100});
-    const double elapsed_s = to_seconds(loop_.now() - start);
-    Traffic slice{0, 0, elapsed_s};
+    const std::int64_t end_ns = wall_ns();
+    Traffic slice{0, 0, static_cast<double>(end_ns - start_ns) * 1e-9};
     while (const auto stamped = everything.receive(0)) {
+      if (stamped->wall_ns < start_ns || stamped->wall_ns >= end_ns) continue;
       ++slice.frames;
       slice.bits += 55 + 10 * stamped->frame.size;
     }

@@ -12,7 +12,7 @@ import time
 import can
 
 from can_support import DRIVE_FAULT, DRIVE_REQUEST, Candump, integer
-from live_support import SOURCE, TWIST, check, wait_until
+from live_support import SOURCE, TWIST, Failure, check, wait_until
 
 SCENARIO = SOURCE / "scenarios" / "hil_vcan.toml"
 TWO_NODES = SOURCE / "drivetrains" / "two_node_cia402.toml"
@@ -131,6 +131,20 @@ def changed_file(test, name, source, *changes):
     return path
 
 
+def patient_file(test):
+    """The two-node drivetrain with longer deadlines: for tests that start programs, or pass frames
+    on, while wheels turn, and so make a slow machine late."""
+    return changed_file(
+        test,
+        "patient.toml",
+        TWO_NODES,
+        ("event_timer_ms = 100", "event_timer_ms = 400"),
+        ("feedback_timeout_ms = 100", "feedback_timeout_ms = 400"),
+        ("heartbeat_timeout_ms = 300", "heartbeat_timeout_ms = 900"),
+        ("timeout_ms = 250", "timeout_ms = 600"),
+    )
+
+
 class Drivetrain:
     """The programs are started one by one; commands are sent from hold() on."""
 
@@ -155,7 +169,7 @@ class Drivetrain:
         self._closed = True
         self._thread.join()
 
-    def _start(self, program):
+    def _start(self, program, *options):
         return self.test.start(
             program,
             SCENARIO,
@@ -163,6 +177,7 @@ class Drivetrain:
             *("--set", "can.wheels=model"),
             *("--set", f"can.coupling_ms={COUPLING_MS}"),
             *("--start-utime", self.start_utime),
+            *options,
         )
 
     def start_drives(self):
@@ -195,7 +210,9 @@ class Drivetrain:
             time.sleep(max(0.0, due - time.monotonic()))
             if (command := self._command) is not None:
                 self.sent.append((time.time(), *command))
-                self._send("AGV/CMD_VEL", TWIST, v_mps=command[0], omega_radps=command[1])
+                v_mps, omega_radps = command
+                twist = {"pose_utime": -1, "v_mps": v_mps, "omega_radps": omega_radps}
+                self._send("AGV/CMD_VEL", TWIST, **twist)
 
     def hold(self, v_mps, omega_radps=0.0):
         """Sends this twist at 25 Hz from now on."""
@@ -209,11 +226,10 @@ class Drivetrain:
 
     # --- operator
 
-    def _send(self, channel, kind, **values):
+    def _send(self, channel, lcm_type, **values):
         seq = self._seqs[channel] = self._seqs.get(channel, -1) + 1
         utime = int(time.time() * 1e6) - self.start_utime
-        payload = kind.encode(utime=utime, seq=seq, **({"pose_utime": -1} if kind is TWIST else {}), **values)
-        self.network.send(channel, payload)
+        self.network.send(channel, lcm_type.encode(utime=utime, seq=seq, **values))
 
     def request(self, name):
         """When it was sent."""
@@ -253,7 +269,13 @@ class Drivetrain:
         def found():
             return next((m for m in self.network.messages(channel, since) if condition(m)), None)
 
-        return wait_until(seconds, found, f"{what}; {self.now()}")
+        return self._wait(seconds, found, what)
+
+    def _wait(self, seconds, condition, what):
+        try:
+            return wait_until(seconds, condition, what)
+        except Failure as failure:
+            raise Failure(f"{failure}; {self.now()}") from None
 
     def wait_state(self, name, seconds=5, since=None, reason=""):
         """The first CAN/STATE message with this state, and this in its reason."""
@@ -269,7 +291,9 @@ class Drivetrain:
 
     def now(self):
         last = self.state()
-        return f"last state {last.state_name!r}: {last.reason}" if last else "no state yet"
+        if not last:
+            return "no state yet"
+        return f"{time.time() - last.arrival:.2f} s ago {last.state_name!r}: {last.reason}"
 
     def wait_standstill(self, since, seconds=5):
         """When both wheels came to rest after `since`: the first of a fifth of a second of
@@ -286,9 +310,11 @@ class Drivetrain:
                     return still
             return None
 
-        return wait_until(seconds, rest, f"standstill; {self.now()}")
+        return self._wait(seconds, rest, "standstill")
 
     def check_still(self, since, what):
-        """Neither wheel has turned since, nor was it told to."""
-        moved = [m for m in self.network.messages("SIM/WHEELS", since) if max(map(abs, rim_speeds(m))) > STANDING_MPS]
+        """Neither wheel has turned since."""
+        messages = self.network.messages("SIM/WHEELS", since)
+        check(len(messages) > 5, f"{what}: only {len(messages)} messages on the wheels")
+        moved = [m for m in messages if max(map(abs, rim_speeds(m))) > STANDING_MPS]
         check(not moved, f"{what}: wheels turned: {moved and rim_speeds(moved[0])}")

@@ -3,12 +3,18 @@
 as well as the same controller does without CAN."""
 
 import json
+import os
 
 import live_support
 from can_support import Candump, integer
 from live_support import SOURCE, check
 
 SCENARIO = str(SOURCE / "scenarios" / "hil_vcan.toml")
+# User-Mode Linux takes 30 us for a system call, too long for six processes in real time: there,
+# slow motion, and the first turns only.
+NATIVE = os.environ.get("TETHER_CAN_KERNEL") == "native"
+SPEED, DURATION_S = (1.0, 62) if NATIVE else (0.25, 20)
+LENGTH = f"--set=run.duration_s={DURATION_S}"
 
 
 def run_json(test, *arguments, seconds):
@@ -18,9 +24,10 @@ def run_json(test, *arguments, seconds):
 
 
 def the_error_is_that_of_the_direct_run_and_odometry_that_of_the_truth(test):
-    direct = run_json(test, "run", SCENARIO, "--set=vehicle.drivetrain=direct", seconds=60)
+    test.network.close()  # to hear all of it costs more than to drive
+    direct = run_json(test, "run", SCENARIO, "--set=vehicle.drivetrain=direct", LENGTH, seconds=60)
     record = Candump(test, "hil")
-    live = run_json(test, "live", SCENARIO, seconds=100)
+    live = run_json(test, "live", SCENARIO, f"--speed={SPEED}", LENGTH, seconds=200)
     frames = {0x201: [], 0x202: [], 0x77F: []}
     for line in record.stop().read_text().splitlines():
         identifier, _, data = line.split()[2].partition("#")
@@ -37,15 +44,15 @@ def the_error_is_that_of_the_direct_run_and_odometry_that_of_the_truth(test):
     check(direct["epsilon_m"] > 1.0, "the direct run did not drive")
     check(abs(ratio - 1.0) <= 0.03, f"the errors' ratio is {ratio:.4f}")
     distance_ratio = drives["odometry_distance_m"] / drives["true_distance_m"]
-    check(drives["true_distance_m"] > 100.0, "the vehicle did not drive")
+    check(drives["true_distance_m"] > 1.5 * DURATION_S, "the vehicle did not drive")
     check(abs(distance_ratio - 1.0) <= 0.01, f"odometry's ratio is {distance_ratio:.4f}")
     # It went over the wire: both wheels got speeds, one of them mounted the other way round.
     for node, sign in ((1, 1), (2, -1)):
         setpoints = frames[0x200 + node]
-        check(len(setpoints) > 2000, f"{len(setpoints)} setpoints for node {node}")
+        check(len(setpoints) > 40 * DURATION_S, f"{len(setpoints)} setpoints for node {node}")
         fastest = max(sign * integer(data, 2) for data in setpoints)
         check(fastest > 12000 * 2.0 / (2 * 3.1416 * 0.4), f"node {node} got at most {fastest}")
-    check(len(frames[0x77F]) > 600, f"{len(frames[0x77F])} heartbeats of the bridge")
+    check(len(frames[0x77F]) > 12 * DURATION_S, f"{len(frames[0x77F])} heartbeats of the bridge")
 
 
 if __name__ == "__main__":

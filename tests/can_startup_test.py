@@ -76,7 +76,8 @@ def check_configuration(frames, node):
     """From its reset to its start; returns the times of both."""
     resets = [f for f in frames if f.nmt == (0x81, node)]
     starts = [f for f in frames if f.nmt == (0x01, node)]
-    check(len(resets) == len(starts) == 1, f"node {node}: {len(resets)} resets, {len(starts)} starts")
+    counts = len(resets), len(starts)
+    check(counts == (1, 1), f"node {node}: {counts} NMT resets and starts")
     reset, start = resets[0].time, starts[0].time
     boots = [f.time for f in frames if f.id == heartbeat(node) and f.state == 0 and f.time > reset]
     asked = [f for f in frames if f.id == 0x600 + node]
@@ -226,10 +227,11 @@ class SdoDrive:
         bus.on_frame(self._on_frame)
 
     def _on_frame(self, frame):
-        if frame.arbitration_id == NMT and bytes(frame.data) in (bytes([0x81, self.node]), b"\x81\x00"):
+        data = bytes(frame.data)
+        if frame.arbitration_id == NMT and data == bytes([0x81, self.node]):
             self._objects = {b"\x00\x10\x00": (0x00020192).to_bytes(4, "little")}
             self._bus.send(heartbeat(self.node), b"\0")
-        elif frame.arbitration_id == 0x600 + self.node and (answer := self._answer(bytes(frame.data))):
+        elif frame.arbitration_id == 0x600 + self.node and (answer := self._answer(data)):
             self._bus.send(0x580 + self.node, answer)
 
     def _answer(self, request):
@@ -240,25 +242,28 @@ class SdoDrive:
             self._objects[name] = request[4:]
             honest = b"\x60" + name + bytes(4)
         else:
-            stored = self._objects.get(b"\x60\x60\x00" if name == b"\x61\x60\x00" else name, bytes(4))
-            honest = b"\x43" + name + stored
+            kept = b"\x60\x60\x00" if name == b"\x61\x60\x00" else name  # 6061 shows 6060
+            honest = b"\x43" + name + self._objects.get(kept, bytes(4))
         return self.trouble(request, honest)
 
 
 CONSUMER = b"\x16\x10\x01"  # 1016:1
 # What the second drive does when its heartbeat consumer is written or read -> what the reason says.
 TROUBLES = {
-    "is silent": (lambda request, answer: None, ["no answer", "200 ms", "0x1016:1"]),
+    "is silent": (
+        lambda answer, reads: None,
+        ["no answer", "200 ms", "0x1016:1"],
+    ),
     "answers for another object": (
-        lambda request, answer: answer[:1] + b"\x17\x10\x00" + answer[4:],
+        lambda answer, reads: answer[:1] + b"\x17\x10\x00" + answer[4:],
         ["no answer", "0x1016:1"],
     ),
     "answers with a segmented transfer": (
-        lambda request, answer: b"\x41" + answer[1:4] + b"\x08\0\0\0" if request[0] == 0x40 else answer,
+        lambda answer, reads: b"\x41" + answer[1:4] + b"\x08\0\0\0" if reads else answer,
         ["segmented", "0x1016:1"],
     ),
     "does not keep what is written": (
-        lambda request, answer: answer[:4] + bytes(4) if request[0] == 0x40 else answer,
+        lambda answer, reads: answer[:4] + bytes(4) if reads else answer,
         ["no drive-side watchdog", "0x1016:1", "reads 0x0 instead of 0x7F00FA"],
     ),
 }
@@ -271,7 +276,7 @@ def drives_that_answer_wrongly_are_refused(test):
         drives = {node: SdoDrive(bus, node) for node in NODES}
         for i, (what, (trouble, reason)) in enumerate(TROUBLES.items()):
             drives[2].trouble = lambda request, answer, t=trouble: (
-                t(request, answer) if request[1:4] == CONSUMER else answer
+                t(answer, request[0] == 0x40) if request[1:4] == CONSUMER else answer
             )
             since = time.time()
             if i == 0:

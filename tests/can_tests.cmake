@@ -36,16 +36,18 @@ tether_add_test(NAME can_safety_test
 tether_add_test(NAME can_bridge_node_test SOURCES can_bridge_node_test.cpp
   LIBS tether_can_bridge_core)
 # Label mutation: takes each safety rule out and checks that one of the tests above notices.
-set(mutation_libraries tether_can_bridge_core tether_can_profiles tether_can_protocol tether_common
-  fmt::fmt GTest::gtest_main GTest::gmock GTest::gtest lcm::lcm)
-list(TRANSFORM mutation_libraries REPLACE "(.+)" "$<TARGET_LINKER_FILE:\\1>")
-list(JOIN mutation_libraries "," mutation_libraries)
-add_test(NAME safety_mutations COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/mutation/safety_mutations.py
-  --build ${CMAKE_BINARY_DIR}
-  --objects can_safety_test=$<JOIN:$<TARGET_OBJECTS:can_safety_test>,$<COMMA>>
-  --objects can_bridge_node_test=$<JOIN:$<TARGET_OBJECTS:can_bridge_node_test>,$<COMMA>>
-  --link ${mutation_libraries})
-set_tests_properties(safety_mutations PROPERTIES LABELS mutation TIMEOUT 1500)
+if(NOT TETHER_SANITIZE)
+  set(mutation_libraries tether_can_bridge_core tether_can_profiles tether_can_protocol tether_common
+    fmt::fmt GTest::gtest_main GTest::gmock GTest::gtest lcm::lcm)
+  list(TRANSFORM mutation_libraries REPLACE "(.+)" "$<TARGET_LINKER_FILE:\\1>")
+  list(JOIN mutation_libraries "," mutation_libraries)
+  add_test(NAME safety_mutations COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/mutation/safety_mutations.py
+    --build ${CMAKE_BINARY_DIR}
+    --objects can_safety_test=$<JOIN:$<TARGET_OBJECTS:can_safety_test>,$<COMMA>>
+    --objects can_bridge_node_test=$<JOIN:$<TARGET_OBJECTS:can_bridge_node_test>,$<COMMA>>
+    --link ${mutation_libraries})
+  set_tests_properties(safety_mutations PROPERTIES LABELS mutation TIMEOUT 1500)
+endif()
 
 # --- SocketCAN and vcan (label vcan)
 # tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds): runs `file BIN_DIR`
@@ -76,8 +78,16 @@ set_target_properties(socket_can_test PROPERTIES
   RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
 tether_add_can_test(NAME can_harness_test SCRIPT can_harness_test.py TIMEOUT 180)
 tether_add_can_test(NAME socket_can_test PROGRAM socket_can_test TIMEOUT 180)
-
-tether_add_can_test(NAME can_hil_test SCRIPT can_hil_test.py TIMEOUT 200)
+tether_add_can_test(NAME can_startup_test SCRIPT can_startup_test.py TIMEOUT 180)
+tether_add_can_test(NAME can_motion_test SCRIPT can_motion_test.py TIMEOUT 150)
+tether_add_can_test(NAME can_failure_test SCRIPT can_failure_test.py TIMEOUT 200)
+tether_add_can_test(NAME can_bus_trouble_test SCRIPT can_bus_trouble_test.py TIMEOUT 200)
+tether_add_can_test(NAME can_bad_input_test SCRIPT can_bad_input_test.py TIMEOUT 200)
+tether_add_can_test(NAME can_bad_command_test SCRIPT can_bad_command_test.py TIMEOUT 200)
+tether_add_can_test(NAME can_replay_test SCRIPT can_replay_test.py TIMEOUT 200)
+tether_add_can_test(NAME can_tools_test SCRIPT can_tools_test.py TIMEOUT 200)
+tether_add_can_test(NAME can_hil_test SCRIPT can_hil_test.py TIMEOUT 300)
+tether_add_script_test(NAME can_bad_config_test SCRIPT can_bad_config_test.py TIMEOUT 60)
 
 # --- in-process bus and closed loop over CAN
 tether_add_test(NAME in_process_can_test SOURCES in_process_can_test.cpp LIBS tether_can_bus)

@@ -1,0 +1,215 @@
+#!/usr/bin/env -S python3 -B
+"""What others send on the bus to the bridge and the drives that is broken, forged or random.
+Usage: can_bad_input_test.py BIN_DIR"""
+
+import subprocess
+import time
+
+from can_drivetrain import SCENARIO, Drivetrain, patient_file, rim_speeds
+from live_support import check, main, wait_until
+
+SPEED_MPS = 0.5
+
+
+class Patient(Drivetrain):
+    """Programs are started while it drives: nothing is late that soon."""
+
+    def __init__(self, test):
+        super().__init__(test, patient_file(test))
+
+    def _start(self, program, *options):
+        patience = ("--set", "can.stale_ms=1000", "--set", "can.disarm_ms=2000")
+        return super()._start(program, *patience, *options)
+
+
+def cansend(*frames):
+    """Each as cansend writes it: "201#0F00"."""
+    for frame in frames:
+        done = subprocess.run(["cansend", "vcan0", frame], capture_output=True, text=True)
+        check(done.returncode == 0, f"cansend {frame}: {done.stdout}{done.stderr}")
+
+
+def counters(d, channel="CAN/COUNTERS"):
+    """As of now: they come once a second."""
+    since = time.time()
+    wait_until(3, lambda: d.network.last(channel, since), channel)
+    return d.network.counters(channel)
+
+
+def check_unimpressed(d, since, what):
+    """It was armed and drove all the time."""
+    check(d.states(since) == ["armed"], f"{what}: {d.states(since)}: {d.now()}")
+    speeds = [s for m in d.network.messages("SIM/WHEELS", since) for s in rim_speeds(m)]
+    check(speeds and all(abs(s - SPEED_MPS) < 0.03 for s in speeds), f"{what}: wheels {min(speeds)} to {max(speeds)} m/s")
+
+
+def check_runs(d):
+    check(d.bridge.running(), "the bridge has ended")
+    check(d.drives.running(), "the drives have ended")
+
+
+def reset_and_arm(d):
+    """The wheels stand until ARM."""
+    d.hold(0.0)
+    reset = d.request("reset")
+    d.wait_state("disarmed", 15, reset)
+    time.sleep(0.3)
+    d.check_still(reset, "RESET")
+    check("armed" not in d.states(reset), "RESET armed")
+    d.arm()
+
+
+# Nothing of these is a frame of this drivetrain: of other formats, or of other senders.
+FOREIGN = {
+    "remote frames": ("181#R", "201#R", "000#R", "77F#R", "701#R8"),
+    "29-bit frames": ("00000000#0201", "00000201#0F00E8030000", "0000077F#04", "00000701#00", "00000181#0000"),
+    "CAN FD frames": ("201##10F00E8030000", "000##10201", "181##10000", "201##1" + "FF" * 64),
+    "others' frames": ("203#0F00E8030000", "703#00", "7FF#", "123#DEADBEEF", "083#0075810000000000"),
+    # CAN_ERR_PROT and CAN_ERR_BUSERROR, CAN_ERR_ACK; no state of the controller
+    "bus errors": ("20000088#0000000000000000", "20000020#0000000000000000"),
+}
+# Frames of the drives, by identifier, that are none by length or content.
+GARBLED = {
+    "feedback": ("181#", "181#27", "181#2706000000", "281#00", "182#2706", "282#0011223344556677"),
+    "heartbeats": ("701#", "701#0505", "702#55"),
+    "emergencies": ("081#", "081#3081", "082#30811100000000"),
+}
+
+
+def broken_frames(test):
+    """State, speed and setpoints stay what they are; the counters tell."""
+    with Patient(test) as d:
+        d.bring_up(SPEED_MPS)
+        before = counters(d)
+        for what, frames in FOREIGN.items():
+            since = time.time()
+            cansend(*frames)
+            time.sleep(0.2)
+            check_unimpressed(d, since, what)
+        between = counters(d)
+        for name in ("drive.rejected_frames", "drive.intruder_frames", "can.malformed"):
+            check(between[name] == before[name], f"{name} rose by others' frames")
+        count = 0
+        for what, frames in GARBLED.items():
+            since = time.time()
+            cansend(*frames)
+            time.sleep(0.2)
+            check_unimpressed(d, since, f"garbled {what}")
+            count += len(frames)
+        rejected = counters(d)["drive.rejected_frames"] - between["drive.rejected_frames"]
+        check(rejected == count, f"{rejected} of {count} garbled frames were counted")
+        check_runs(d)
+
+
+def error_frames(test):
+    """Error-passive is shown, bus-off believed: a virtual bus has no controller to ask."""
+    with Patient(test) as d:
+        d.bring_up(SPEED_MPS)
+        before = counters(d)["can.error_frames"]
+        since = time.time()
+        cansend("20000004#0000000000000000")
+        cansend("20000004#0030000000000000")
+        d.wait_for("CAN/STATE", lambda m: m.bus == "error-passive", 5, "error-passive", since)
+        cansend("20000004#0040000000000000")
+        d.wait_for("CAN/STATE", lambda m: m.bus == "up", 5, "up", time.time())
+        check_unimpressed(d, since, "error-passive")
+        off = time.time()
+        cansend("20000040#0000000000000000")
+        d.wait_state("fault", 5, off, "CAN bus-off")
+        d.wait_standstill(off)
+        risen = counters(d)["can.error_frames"] - before
+        check(risen == 4, f"{risen} of 4 error frames were counted")
+        reset_and_arm(d)
+
+
+def random_frames(test):
+    """Nothing crashes, nothing moves by itself, and in the end it can be armed again."""
+    with Patient(test) as d:
+        d.bring_up()
+        # 29-bit: all the same to an armed vehicle.
+        d.drive(SPEED_MPS)
+        since = time.time()
+        cangen = ("/usr/bin/cangen", "vcan0", "-g", "1", "-I", "r", "-L", "r", "-D", "r")
+        test.run(*cangen, "-n", "500", "-e", seconds=30)
+        check_unimpressed(d, since, "random 29-bit frames")
+        # 11-bit ones: among them commands to the drives. Then of all formats, then remote frames.
+        d.hold(0.0)
+        d.wait_standstill(time.time())
+        d.request("disarm")
+        d.wait_state("disarmed")
+        before = counters(d)
+        since = time.time()
+        test.run(*cangen, "-n", "3000", seconds=60)
+        test.run(*cangen, "-n", "500", "-m", seconds=60)
+        test.run(*cangen, "-n", "300", "-R", seconds=60)
+        d.check_still(since, "random frames")
+        check("armed" not in d.states(since), f"random frames: {d.states(since)}")
+        after = counters(d)
+        risen = {name: after[name] - before[name] for name in ("drive.rejected_frames", "drive.intruder_frames")}
+        test.say(f"3800 random frames: {risen}, then {d.now()}")
+        check(all(risen.values()), f"not all counted: {risen}")
+        check_runs(d)
+        reset_and_arm(d)
+        d.drive(SPEED_MPS)
+
+
+def intruders(test):
+    """Frames that only one master may send: detected, named, and the vehicle stops."""
+    cases = {
+        "a setpoint": ("201#0F00E8030000", "0x201"),
+        "a short setpoint": ("202#0F00", "0x202"),
+        "an NMT stop": ("000#0200", "0x000"),
+        "a second heartbeat of the master": ("77F#05", "0x77F"),
+        "a second SYNC": ("080#", "0x080"),
+    }
+    with Patient(test) as d:
+        d.bring_up()
+        short = counters(d, "CAN/DRIVE_COUNTERS")["node2.rpdo_too_short"]
+        for what, (frame, identifier) in cases.items():
+            d.drive(SPEED_MPS)
+            before = counters(d)["drive.intruder_frames"]
+            begin = time.time()
+            cansend(frame)
+            fault = d.wait_state("fault", 5, begin, f"another sender uses {identifier}: only one master may command")
+            check("somebody else commands these drives: " in fault.reason, fault.reason)
+            stopping = d.wait_for("CAN/STATE", lambda m: m.state_name != "armed", 5, what, begin)
+            stand = d.wait_standstill(begin)
+            test.say(
+                f"measured: {what} of an intruder at {SPEED_MPS} m/s: disarmed after "
+                f"{(stopping.arrival - begin) * 1e3:.0f} ms (with cansend's start), wheels stand after "
+                f"{(stand - begin) * 1e3:.0f} ms"
+            )
+            check(stand - begin < 1.5, f"{what}: wheels stood after {stand - begin:.3f} s")
+            time.sleep(0.3)
+            d.check_still(stand, what)
+            risen = counters(d)["drive.intruder_frames"] - before
+            check(risen == 1, f"{what}: counted {risen} times")
+            reset_and_arm(d)
+        short = counters(d, "CAN/DRIVE_COUNTERS")["node2.rpdo_too_short"] - short
+        check(short == 1, f"the drive counted {short} short setpoints")
+
+
+def refused(test, code, texts, *command):
+    """The command ends at once with `code` and a message on stderr that contains all `texts`."""
+    program = test.run(*command, seconds=15)
+    said = " ".join(str(part) for part in command)
+    check(program.process.returncode == code, f"{said}: exit code {program.process.returncode}")
+    for text in texts:
+        check(text in program.err(), f"{said}: no {text!r} in:\n{program.err()}")
+    return program.err().strip().splitlines()[-1]
+
+
+def missing_interface(test):
+    """Exit code 1, with the command that mends it."""
+    for program in ("tether-can-bridge", "tether-can-drive"):
+        for interface, fix in {
+            "vcan9": "ip link add dev vcan9 type vcan && ip link set vcan9 up",
+            "can9": "ip link set can9 up type can bitrate 500000",
+        }.items():
+            setting = ("--set", f"can.interface={interface}", "--start-utime", "1")
+            message = refused(test, 1, [f"no CAN interface {interface}", fix], program, SCENARIO, *setting)
+    test.say(f"no interface: {message}")
+    refused(test, 1, ["lo", "cannot be used for CAN"], program, SCENARIO, "--set", "can.interface=lo", "--start-utime", "1")
+
+
+main(missing_interface, broken_frames, error_frames, random_frames, intruders)

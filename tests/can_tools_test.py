@@ -1,0 +1,185 @@
+#!/usr/bin/env -S python3 -B
+"""An operator's and a technician's commands, `tether can …`, on a running drivetrain: what they do,
+say and return. Usage: can_tools_test.py BIN_DIR"""
+
+import math
+import re
+import time
+
+from can_drivetrain import NODES, TWO_NODES, Drivetrain, Record, changed_file, patient_file
+from live_support import check, main
+
+SPEED_MPS = 0.5
+
+
+class Operator(Drivetrain):
+    """Programs are started while it drives: nothing is late that soon."""
+
+    def __init__(self, test):
+        super().__init__(test, patient_file(test))
+
+    def _start(self, program, *options):
+        patience = ("--set", "can.stale_ms=1000", "--set", "can.disarm_ms=2000")
+        return super()._start(program, *patience, *options)
+
+    def tether(self, *arguments, code=0, out=(), err=()):
+        """Runs `tether can …`; the exit code and texts in its output are as said."""
+        begin = time.time()
+        program = self.test.run("tether", "can", *arguments, seconds=30)
+        said = f"tether can {' '.join(map(str, arguments))}"
+        whole = f"{said}: exit code {program.process.returncode}\n{program.out()}{program.err()}"
+        check(program.process.returncode == code, whole)
+        for text in out:
+            check(text in program.out(), f"no {text!r}: {whole}")
+        for text in err:
+            check(text in program.err(), f"no {text!r}: {whole}")
+        self.test.say(f"{said} ({time.time() - begin:.1f} s): {program.out().splitlines()[:1]}")
+        return program.out()
+
+
+def requests(test):
+    with Operator(test) as d:
+        d.start_drives()
+        d.start_bridge()
+        d.wait_state("disarmed", 20)
+        # No command yet, then one that is not zero: refused, and why.
+        d.tether("arm", code=1, out=["disarmed: arming refused: there is no command yet"])
+        d.hold(SPEED_MPS)
+        d.tether("arm", code=1, out=["disarmed: arming refused: the newest command is not zero (0.500 m/s"])
+        d.hold(0.0)
+        time.sleep(0.1)
+        d.tether("arm", out=["armed"])
+        check(d.state().state_name == "armed", "not armed")
+        d.tether("arm")
+
+        d.drive(SPEED_MPS)
+        since = time.time()
+        d.tether("disarm", out=["disarmed: disarmed by request"])
+        check(d.states(since) == ["armed", "stopping", "disarmed"], f"disarm: {d.states(since)}")
+        d.wait_standstill(since)
+        d.hold(0.0)
+        time.sleep(0.1)
+
+        d.tether("arm", out=["armed"])
+        d.drive(SPEED_MPS)
+        since = time.time()
+        d.tether("estop", out=["estop: e-stop pressed: release it, then reset"])
+        d.wait_standstill(since)
+        since = time.time()
+        d.tether("reset", code=1, out=["reset refused: the e-stop is pressed: release it first"])
+        d.tether("arm", code=1, out=["estop: "])
+        d.tether("release", out=["estop: e-stop released: reset to go on"])
+        d.tether("reset", out=["disarmed: ready to be armed"])
+        d.check_still(since, "estop, release, reset")
+        check(set(d.states(since)) <= {"estop", "starting", "disarmed"}, f"{d.states(since)}")
+
+
+def status(test):
+    with Operator(test) as d:
+        d.bring_up(SPEED_MPS)
+        text = d.tether("status")
+        lines = {line.split()[0]: line for line in text.splitlines()}
+        keys = ["state", "bus", "setpoint", "disarms", "left", "right", "odometry"]
+        check(list(lines) == keys, f"status:\n{text}")
+        check(re.fullmatch(r"state +armed", lines["state"]), text)
+        check(re.fullmatch(r"bus +up", lines["bus"]), text)
+        check("+0.500 m/s, +0.000 rad/s; newest command" in lines["setpoint"], text)
+        for side in ("left", "right"):
+            speed = float(re.search(r"([+-][\d.]+) m/s", lines[side])[1])
+            check(abs(speed - SPEED_MPS) < 0.03, text)
+            check("OperationEnabled (0x" in lines[side] and " ms ago" in lines[side], text)
+            turns = float(re.search(r"([\d.]+) turns", lines[side])[1])
+            counts = int(re.search(r"(\d+) counts", lines[side])[1])
+            check(abs(turns - counts / 81920) < 0.01 and turns > 0.05, text)
+        driven = float(re.search(r"([\d.]+) m driven", lines["odometry"])[1])
+        check(abs(driven - turns * 2 * math.pi * 0.4) < 0.05, text)
+
+
+def faults(test):
+    with Operator(test) as d:
+        d.bring_up(SPEED_MPS)
+        since = time.time()
+        d.tether("inject", "fault", "--node", 2, "--value", 0x2310, out=["injected"])
+        d.wait_state("fault", 5, since, "right drive (node 2)")
+        d.wait_state("fault", 5, since, "0x2310 (continuous over-current: wheel blocked, or load too heavy)")
+        d.wait_standstill(since)
+        d.tether("status", out=["state     fault: right drive (node 2)", "error 0x2310"])
+        d.tether("arm", code=1, out=["arming refused: a fault is latched: mend it, then reset"])
+        d.tether("reset", out=["disarmed: ready to be armed"])
+        d.tether("inject", "fault", "--node", 5, code=1, out=["refused: the emulated drives have no such node"])
+        d.tether("inject", "sleep", code=2, err=["kind", "sleep", "silence"])
+        # A RESET that cannot succeed.
+        d.tether("inject", "silence", "--node", 1, out=["injected"])
+        d.wait_state("fault", 5, since, "left drive (node 1): no heartbeat for")
+        d.tether("reset", code=1, out=["refused: left drive (node 1): no boot-up message within"])
+        d.tether("inject", "none", out=["injected"])
+        d.tether("reset", out=["disarmed: ready to be armed"])
+
+
+def nobody_is_there(test):
+    with Operator(test) as d:
+        d.tether("status", code=1, err=["no CAN/STATE on udpm://", "is tether-can-bridge running"])
+        d.tether("arm", "--vehicle", "AGV7", code=1, err=["no CAN7/STATE", 'vehicle "AGV7"'])
+        d.tether("inject", "fault", code=1, err=["no CAN/DRIVE_COUNTERS", "is tether-can-drive running"])
+        d.tether("dance", code=2)
+
+
+# --- probe
+
+SDO_UPLOAD, SDO_UPLOAD_SEGMENT, SDO_ABORT = 0x40, (0x60, 0x70), 0x80
+
+
+def check_only_reads(record, what):
+    """By what the drives did not send: expedited or segmented uploads, or their abort."""
+    beats = [0x700 + node for node in NODES]
+    answers = [0x580 + node for node in NODES]
+    asked = [f for f in record.frames() if f.arbitration_id not in (*beats, *answers)]
+    check(asked, f"{what}: nothing was asked")
+    for f in asked:
+        check(0x601 <= f.arbitration_id <= 0x67F and len(f.data) == 8, f"{what} sent {f}")
+        check(f.data[0] in (SDO_UPLOAD, *SDO_UPLOAD_SEGMENT, SDO_ABORT), f"{what} sent {f}")
+    return asked
+
+
+def probe(test):
+    with Operator(test) as d:
+        record = Record(test, "probe")
+        d.start_drives()
+        d.tether("probe", "--interface", "vcan0", code=2, err=["whom to probe? Give --node or --drivetrain"])
+        text = d.tether("probe", "--interface", "vcan0", "--node", 1, "--node", 2)
+        for node in NODES:
+            check(f"node {node}: answers" in text, text)
+        check("0x1000:00" in text and "0x6041:00" in text and "SwitchOnDisabled" in text, text)
+        d.tether("probe", "--interface", "vcan0", "--drivetrain", TWO_NODES,
+                 out=['"two CiA 402 drives, profile velocity" fits', "0x60FF:00"])
+        wrong = changed_file(test, "wrong.toml", TWO_NODES, ("0x6083:00 u32", "0x6090:00 u32"))
+        text = d.tether("probe", "--interface", "vcan0", "--drivetrain", wrong, code=1,
+                        out=["does NOT fit: see PROBLEM above"])
+        line = next(line for line in text.splitlines() if "0x6090:00" in line)
+        check("PROBLEM" in line and "no such object" in line and "the file needs it" in line, line)
+        # An absent node, with hints; on an empty bus, too.
+        d.tether("probe", "--interface", "vcan0", "--node", 9, code=1,
+                 out=["node 9: does not answer (no heartbeat)", "Nobody was heard on this bus. Check: supply"])
+        record.stop()
+        asked = check_only_reads(record, "probe")
+        test.say(f"probe: {len(asked)} requests, all SDO uploads")
+        d.tether("probe", "--interface", "vcan9", "--node", 1, code=1, err=["no CAN interface vcan9", "ip link add"])
+        d.tether("probe", "--interface", "vcan0", "--drivetrain", "nowhere.toml", code=2, err=['"nowhere.toml"'])
+
+
+def probe_of_a_configured_drivetrain(test):
+    """Changes nothing: the bridge, which takes no notice of answers that it did not ask for, does not
+    fault of it but names the other sender."""
+    with Operator(test) as d:
+        d.bring_up()
+        d.request("disarm")
+        d.wait_state("disarmed")
+        since = time.time()
+        d.tether("probe", "--interface", "vcan0", "--node", 1, out=["node 1: answers, heartbeat: operational"])
+        d.tether("probe", "--interface", "vcan0", "--node", 9, code=1,
+                 out=["node 9: does not answer", "Heard on this bus: nodes 1, 2, 127"])
+        check(set(d.states(since)) == {"disarmed"}, f"probe: {d.states(since)}")
+        check("0x601 from another sender" in d.state().reason, d.state().reason)
+
+
+main(requests, status, faults, nobody_is_there, probe, probe_of_a_configured_drivetrain)
