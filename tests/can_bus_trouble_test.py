@@ -7,10 +7,11 @@ import contextlib
 import fcntl
 import socket
 import struct
+import subprocess
 import time
 import types
 
-from can_drivetrain import NODES, Drivetrain, Record, moves, patient_file, rpdo1
+from can_drivetrain import NODES, Drivetrain, Record, moves, patient_file, rpdo1, tpdo1
 from can_support import CanBus, SerialAdapter, bridged, create_vcan, ip
 from live_support import check, main, wait_until
 
@@ -183,6 +184,35 @@ def the_interface_is_deleted_and_made_again(test):
         check(d.drives.running() and d.bridge.running(), "a program has ended")
 
 
+class BehindGateway(Drivetrain):
+    """The bridge on vcan0, the drives on vcan1; the kernel's gateway is the cable between them."""
+
+    def _start(self, program, *options):
+        interface = "vcan0" if program == "tether-can-bridge" else "vcan1"
+        return super()._start(program, "--set", f"can.interface={interface}", *options)
+
+
+def plug_in():
+    for a, b in (("vcan0", "vcan1"), ("vcan1", "vcan0")):
+        subprocess.run(["cangw", "-A", "-s", a, "-d", b, "-e"], check=True)
+
+
+def the_cable_is_pulled(test):
+    plug_in()
+    with BehindGateway(test) as d:
+        record = Record(test, "cable_pulled")
+        d.bring_up(SPEED_MPS)
+        subprocess.run(["cangw", "-F"], check=True)
+        time.sleep(0.1)
+        record.stop()
+        begin = record.frames(*map(tpdo1, NODES))[-1].timestamp  # the last to come through
+        check_stops(d, begin, "cable pulled", "CAN plug", "up")
+        plug_in()
+        check_stays(d, 1.0, "fault", "cable plugged in")
+        check_arms_again(d, "cable pulled")
+    subprocess.run(["cangw", "-F"], check=True)
+
+
 def the_controller_is_error_passive_then_off(test):
     with drivetrain_on_adapter(test) as (adapter, d):
         d.start_drives()
@@ -241,6 +271,7 @@ def the_adapter_stalls(test):
 main(
     the_interface_goes_down_and_up,
     the_interface_is_deleted_and_made_again,
+    the_cable_is_pulled,
     the_controller_is_error_passive_then_off,
     the_adapter_stalls,
 )

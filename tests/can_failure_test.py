@@ -140,6 +140,30 @@ def bridge_killed(test):
     no_motion(record, restarted, armed)
 
 
+def bridge_ended(test):
+    """SIGTERM while it drives: it stops the drives, switches them off, then falls silent."""
+    record = Record(test, "bridge_ended")
+    with Drivetrain(test) as agv:
+        agv.bring_up(SPEED_MPS)
+        asked = time.time()
+        agv.bridge.kill(signal.SIGTERM)
+        code = agv.bridge.wait(5)
+        ended = time.time()
+        stands = agv.wait_standstill(asked)
+        measured(test, "SIGTERM of the bridge -> wheels stand", stands - asked, 0.04 + BRAKING_S)
+        check(code == 0, f"exit code {code}")
+        time.sleep(1.0)
+        record.stop()
+    for node in NODES:
+        check(not record.frames(emcy(node), since=asked, until=ended), f"node {node}: EMCY")
+        words = steps(controlword(f) for f in record.frames(rpdo1(node), since=asked))
+        check([w for w in words if w != 0x0F] == [0x02, 0x00], f"node {node}: controlwords {words}")
+        states = steps(map(drive_state, record.frames(tpdo1(node), since=asked)))
+        want = ["operation enabled", "quick stop active", "switch on disabled"]
+        check(states[: len(want)] == want, f"node {node}: {states}")
+    check(stands < last_of_bridge(record, ended + 1), "it fell silent before the wheels stood")
+
+
 def a_new_bridge_first_stops_what_moves(test):
     """With drives whose watchdog takes a second, so that they still run when the next one comes."""
     slow = (
@@ -308,6 +332,7 @@ main(
     commands_stop,
     bridge_suspended,
     bridge_killed,
+    bridge_ended,
     a_new_bridge_first_stops_what_moves,
     drives_killed,
     a_drive_reboots,
