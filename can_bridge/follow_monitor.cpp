@@ -30,12 +30,12 @@ std::string FollowMonitor::update(Instant now, const Twist& setpoint,
     Sums& sums = sums_[i];
     sums.behind_m = std::max(0.0, sums.behind_m + behind_m - allowed_m);
     sums.ahead_m = std::max(0.0, sums.ahead_m - behind_m - allowed_m);
-    if (trouble.empty() && std::max(sums.behind_m, sums.ahead_m) >= kLimit_m) {
+    const double worst_m = std::max(sums.behind_m, sums.ahead_m);
+    if (trouble.empty() && worst_m >= kLimit_m) {
       trouble = fmt::format(
           "the {} wheel does not follow: told {:.2f} m/s, last reported {:.2f} m/s, {:.2f} m {} "
           "beyond what is allowed: check encoder, brake, sign and whether it is blocked",
-          i == 0 ? "left" : "right", wanted_mps, wheels[i].speed_radps * wheel_radius_m_,
-          std::max(sums.behind_m, sums.ahead_m),
+          i == 0 ? "left" : "right", wanted_mps, wheels[i].speed_radps * wheel_radius_m_, worst_m,
           (sums.behind_m >= sums.ahead_m) == (wanted_mps >= 0.0) ? "behind" : "ahead");
     }
   }
