@@ -67,7 +67,8 @@ function(tether_add_can_test)
   file(MAKE_DIRECTORY ${results})
   add_test(NAME ${T_NAME} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/uml/with_can.sh ${command})
   math(EXPR timeout "${T_TIMEOUT} + 20")  # with_can.sh's own comes first, and says more
-  set_tests_properties(${T_NAME} PROPERTIES LABELS vcan RUN_SERIAL TRUE TIMEOUT ${timeout}
+  set_tests_properties(${T_NAME} PROPERTIES LABELS vcan TIMEOUT ${timeout}
+    RESOURCE_LOCK processor_of_uml COST 300
     ENVIRONMENT "TETHER_CAN_TIMEOUT=${T_TIMEOUT};TETHER_CAN_RESULTS=${results}")
 endfunction()
 

@@ -26,7 +26,8 @@ int main(int argc, char** argv) {
   using namespace tether;
   become_sibling(argc, argv);
   CLI::App app("Tether: how much delay and loss does a remotely controlled AGV survive?", "tether");
-  app.footer("Also: tether sim, netem, controller, can-bridge and can-drive; the nodes of a live run.");
+  app.footer(
+      "Also: tether sim, netem, controller, can-bridge and can-drive; the nodes of a live run.");
   add_version(app);
   app.require_subcommand(1);
   Action action;

@@ -77,8 +77,8 @@ std::string drivetrain_text(const DrivetrainObserver& d) {
 
 /// Counters of what must not happen in a healthy run.
 bool is_trouble(const std::string& name) {
-  for (const char* ordinary :
-       {".accepted", ".missed", ".sent", ".received", ".boots", ".offered", ".delivered", ".lost"}) {
+  for (const char* ordinary : {".accepted", ".missed", ".sent", ".received", ".boots", ".offered",
+                               ".delivered", ".lost"}) {
     if (name.ends_with(ordinary)) return false;
   }
   return true;
