@@ -104,6 +104,7 @@ void AgilexV2Profile::stop(StopKind kind) {
 }
 
 void AgilexV2Profile::reset_fault() {
+  intruder_.clear();
   if (phase_ != DrivePhase::faulted && phase_ != DrivePhase::refused) return;
   enter(DrivePhase::starting, "waiting for the chassis");
   clear_errors_ = true;
@@ -150,13 +151,19 @@ void AgilexV2Profile::on_frame(const CanFrame& frame, Instant now) {
     case agilex::kMotionCommand:
     case agilex::kModeCommand:
     case agilex::kClearCommand:
-      // Own frames never come back.
-      ++counters_.intruder_frames;
-      intruder_ = fmt::format("0x{:03X} from another sender", frame.id);
+      on_intruder(frame.id);  // own frames never come back
       break;
     default:
       break;
   }
+}
+
+void AgilexV2Profile::on_intruder(std::uint32_t id) {
+  ++counters_.intruder_frames;
+  intruder_ = fmt::format("0x{:03X} from another sender", id);
+  // The first reason stays; and who was refused does not command anything.
+  if (phase_ == DrivePhase::faulted || phase_ == DrivePhase::refused) return;
+  fault(fmt::format("another sender uses 0x{:03X}: only one master may command", id));
 }
 
 void AgilexV2Profile::on_odometry(const agilex::Odometry& odometry, Instant now) {
@@ -282,7 +289,8 @@ bool AgilexV2Profile::bring_to_standby(Instant now, bool brake_first, std::vecto
   // In remote control it is somebody else who drives.
   if (state_stamp_ && state_.mode != Mode::can) return true;
   out.push_back(agilex::encode(agilex::kMotionCommand, agilex::Motion{}));
-  if (!brake_first || standstill(now) || lasts(now, kBrakeLimit_ms)) {
+  const bool stands = standstill(now) && now >= standstill_from_;
+  if (!brake_first || stands || lasts(now, kBrakeLimit_ms)) {
     repeat(now, agilex::mode_frame(Mode::standby), out);
   }
   return false;

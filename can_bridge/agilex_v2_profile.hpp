@@ -24,7 +24,8 @@ namespace tether {
 ///   no harder brake than its own ramp. StopKind::disable leaves the first part out.
 /// - faulted: exception or emergency stop in 0x211, remote control taking over, silence for
 ///   feedback_timeout_ms, a way that jumps by more than a metre (the chassis restarted), time-out
-///   of a mode change. While faulted it is braked and put into standby.
+///   of a mode change, a motion, mode or clearing command of another sender. While faulted it is
+///   braked and put into standby.
 /// - reset_fault(): sends 0x441 until the exception is gone, at most step_timeout_ms.
 ///
 /// Watchdog: the chassis stops when 0x111 stays away for 500 ms (manual); nothing to set or check.
@@ -43,6 +44,7 @@ class AgilexV2Profile final : public DriveProfile {
   void set_command(const Twist& twist) override;
   void enable() override;
   void stop(StopKind kind) override;
+  void distrust_standstill(Instant until) override { standstill_from_ = until; }
   void reset_fault() override;
   DrivetrainSnapshot snapshot(Instant now) const override;
   Counters counters() const override { return counters_; }
@@ -51,6 +53,7 @@ class AgilexV2Profile final : public DriveProfile {
  private:
   void enter(DrivePhase phase, std::string reason = "");
   void fault(std::string reason) { enter(DrivePhase::faulted, std::move(reason)); }
+  void on_intruder(std::uint32_t id);
   void on_odometry(const agilex::Odometry& odometry, Instant now);
 
   void tick_starting(Instant now, std::vector<CanFrame>& out);
@@ -80,6 +83,7 @@ class AgilexV2Profile final : public DriveProfile {
   std::optional<Instant> repeated_;  // when repeat() last sent, in this phase
   bool clear_errors_ = false;        // in `starting`
   StopKind stop_kind_ = StopKind::quick;
+  Instant standstill_from_ = Instant::min();  // before that, none is believed
   agilex::Motion command_;
 
   std::optional<Instant> state_stamp_, motion_stamp_, odometry_stamp_;

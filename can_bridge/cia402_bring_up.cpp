@@ -10,44 +10,96 @@ namespace tether {
 namespace {
 
 using canopen::NmtState;
+using Verdict = cia402::StandstillInquiry::Verdict;
 
-constexpr Duration kSecureTimeout = std::chrono::seconds(2);
+/// For slow brakes, too.
+constexpr Duration kSecureTimeout = std::chrono::seconds(5);
+/// Of a running drive that says nothing about its wheel.
+constexpr Duration kBlindBraking = std::chrono::seconds(2);
+
+/// One and a half periods: each living drive's heartbeat falls into it.
+Duration listening_time(const DrivetrainConfig& config) {
+  return std::chrono::milliseconds(config.drive_heartbeat_ms) * 3 / 2;
+}
 
 }  // namespace
 
 void Cia402Profile::start(Instant) { restart(); }
 
 void Cia402Profile::restart() {
-  bool any_running = false;
+  bool any_running = false, any_heard = false;
   for (Node& node : nodes_) {
+    node.heard = node.state && node.state != NmtState::boot_up;
     node.running = commanding_ && node.state == NmtState::operational;
+    any_heard = any_heard || node.heard;
     any_running = any_running || node.running;
+    node.inquiry.begin();
   }
   commanding_ = any_running;
   released_ = {};
   needs_restart_ = false;
   fault_axis_.reset();
-  enter(any_running ? Stage::securing : Stage::listening);
+  enter(any_heard ? Stage::securing : Stage::listening);
 }
 
 void Cia402Profile::listen(Instant now) {
-  if (std::ranges::any_of(nodes_, &Node::running)) {
-    commanding_ = true;
+  if (std::ranges::any_of(nodes_, &Node::heard)) {
     enter(Stage::securing);
-    return;
-  }
-  // One and a half periods: a heartbeat of a running drive falls into it.
-  if (in_stage(now) >= std::chrono::milliseconds(config_.drive_heartbeat_ms) * 3 / 2) {
+  } else if (in_stage(now) >= listening_time(config_)) {
     begin_configuration();
+  }
+  commanding_ = std::ranges::any_of(nodes_, &Node::running);
+}
+
+void Cia402Profile::secure(Instant now, std::vector<CanFrame>& service) {
+  commanding_ = commanding_ || std::ranges::any_of(nodes_, &Node::running);
+  bool all_safe = in_stage(now) >= listening_time(config_);
+  bool all_known = true;
+  for (Node& node : nodes_) {
+    if (!node.heard) continue;
+    node.inquiry.tick(now, service);
+    all_safe = all_safe && may_be_reset(node, now);
+    all_known = all_known && node.inquiry.verdict() != Verdict::unknown;
+  }
+  if (all_safe) {
+    begin_configuration();
+  } else if (all_known && in_stage(now) >= kSecureTimeout) {
+    refuse(turning_text(now));
   }
 }
 
-void Cia402Profile::secure(Instant now) {
-  bool all_released = true;
+bool Cia402Profile::may_be_reset(const Node& node, Instant now) const {
+  const Verdict verdict = node.inquiry.verdict();
+  if (verdict != Verdict::silent) return verdict == Verdict::standing;
+  if (!node.running) return true;
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    all_released = all_released && (released_[i] || !node_of(axes_[i].node()).running);
+    if (axes_[i].node() != node.id) continue;
+    const bool safe = axes_[i].fresh(now) ? released_[i] && axes_[i].standing(now)
+                                          : in_stage(now) >= kBlindBraking;
+    if (!safe) return false;
   }
-  if (all_released || in_stage(now) >= kSecureTimeout) begin_configuration();
+  return true;
+}
+
+std::string Cia402Profile::turning_text(Instant now) const {
+  std::string all;
+  for (const Node& node : nodes_) {
+    if (!node.heard || may_be_reset(node, now)) continue;
+    std::string name = node.name;
+    double speed_radps = 0.0;
+    if (const auto& wheel = node.inquiry.fastest()) {
+      name = axes_[wheel->axis].name();
+      speed_radps = wheel->speed_radps;
+    }
+    if (node.inquiry.verdict() == Verdict::silent) {
+      for (const cia402::Axis& axis : axes_) {
+        if (axis.node() == node.id) speed_radps = axis.feedback().speed_radps;
+      }
+    }
+    all += fmt::format("{}{}: still turns at {:.2f} m/s after {:g} s", all.empty() ? "" : "; ",
+                       name, speed_radps * wheel_radius_m_, to_seconds(kSecureTimeout));
+  }
+  return all + ": check its brake and load; it is not reset while it turns, stop stays commanded";
 }
 
 void Cia402Profile::begin_configuration() {
@@ -55,6 +107,7 @@ void Cia402Profile::begin_configuration() {
   for (cia402::Axis& axis : axes_) axis.begin();
   for (Node& node : nodes_) {
     node.state.reset();
+    node.heard = node.running = false;
     node.startup.begin();
   }
   enter(Stage::configuring);

@@ -8,6 +8,7 @@
 #include "can_bridge/canopen.hpp"
 #include "can_bridge/cia402_startup.hpp"
 #include "can_bridge/cia402_texts.hpp"
+#include "can_bridge/sdo_upload.hpp"
 #include "common/diff_drive.hpp"
 
 namespace tether {
@@ -57,11 +58,14 @@ void Cia402Profile::on_frame(const CanFrame& frame, Instant now) {
     case Sender::Kind::sync:
     case Sender::Kind::master_heartbeat:
     case Sender::Kind::setpoint:
-    case Sender::Kind::sdo_request:
       on_intruder(frame.id, sender.kind);
       break;
+    case Sender::Kind::sdo_request:
+      // Who reads does not command.
+      if (!is_upload_request(frame)) on_intruder(frame.id, sender.kind);
+      break;
     case Sender::Kind::sdo_response:
-      if (!node_of(sender.node).startup.on_sdo(frame)) ++counters_.rejected_frames;
+      on_sdo(frame, node_of(sender.node));
       break;
     case Sender::Kind::heartbeat:
       on_heartbeat(frame, node_of(sender.node), now);
@@ -87,6 +91,12 @@ void Cia402Profile::on_intruder(std::uint32_t id, Sender::Kind kind) {
         kind == Sender::Kind::nmt);
 }
 
+void Cia402Profile::on_sdo(const CanFrame& frame, Node& node) {
+  const bool expected =
+      stage_ == Stage::securing ? node.inquiry.on_sdo(frame) : node.startup.on_sdo(frame);
+  if (!expected) ++counters_.rejected_frames;
+}
+
 std::string Cia402Profile::intruder() const {
   std::string ids;
   for (const std::uint32_t id : intruders_) {
@@ -109,6 +119,7 @@ void Cia402Profile::on_heartbeat(const CanFrame& frame, Node& node, Instant now)
     return;
   }
   node.heartbeat_stamp = now;
+  node.heard = true;
   if (state == NmtState::operational) {
     node.running = true;
   } else if (supervised()) {
@@ -119,7 +130,7 @@ void Cia402Profile::on_heartbeat(const CanFrame& frame, Node& node, Instant now)
 }
 
 void Cia402Profile::on_boot_up(Node& node) {
-  node.running = false;
+  node.heard = node.running = false;
   for (cia402::Axis& axis : axes_) {
     if (axis.node() == node.id) axis.reanchor();
   }
@@ -136,6 +147,7 @@ void Cia402Profile::on_emergency(const CanFrame& frame, Node& node) {
     ++counters_.rejected_frames;
     return;
   }
+  node.heard = true;
   const auto code = static_cast<std::uint16_t>(canopen::read_integer(frame.data.data(), 2, false));
   for (cia402::Axis& axis : axes_) {
     if (axis.node() == node.id) axis.on_emergency(code);
@@ -158,7 +170,7 @@ void Cia402Profile::on_feedback(const CanFrame& frame, Node& node, Instant now) 
     ++counters_.rejected_frames;
     return;
   }
-  if (stage_ == Stage::listening) node.running = true;
+  node.heard = node.running = true;
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     if (axes_[i].node() == node.id) check_axis(i);
   }

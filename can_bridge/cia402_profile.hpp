@@ -10,6 +10,7 @@
 #include "can_bridge/cia402_identifiers.hpp"
 #include "can_bridge/cia402_node_startup.hpp"
 #include "can_bridge/cia402_pdo.hpp"
+#include "can_bridge/cia402_standstill.hpp"
 #include "can_bridge/cia402_texts.hpp"
 #include "can_bridge/drive_profile.hpp"
 #include "can_bridge/drivetrain_config.hpp"
@@ -20,11 +21,18 @@ namespace tether {
 /// nodes, or both axes on one node; objects, sizes, scales, signs and watchdogs as the drivetrain
 /// file says.
 ///
-/// Way to `standby`: drives that are running already are braked first (their heartbeats are
-/// listened for); NMT reset, boot-up message, SDO configuration (cia402::startup_steps), two
-/// heartbeats of the bridge (a drive watches over them only from the first one on, CiA 301,
-/// 7.5.2.19), NMT start; then all drives' heartbeats must say "operational", all feedback must be
-/// fresh, the power stages off and the wheels standing.
+/// Way to `standby`: drives that are there already are braked first; NMT reset, boot-up message,
+/// SDO configuration (cia402::startup_steps), two heartbeats of the bridge (a drive watches over
+/// them only from the first one on, CiA 301, 7.5.2.19), NMT start; then all drives' heartbeats must
+/// say "operational", all feedback must be fresh, the power stages off and the wheels standing.
+///
+/// A reset switches a drive's power stage off, so that its wheel may roll on: no drive is reset
+/// while a wheel is known to turn. A node that was heard in any NMT state, unless it has just
+/// booted, is asked by SDO until its wheels stand (cia402::StandstillInquiry); an operational one
+/// gets quick stop commands meanwhile. After 5 s: `refused`, the quick stop stays commanded, and
+/// reset_fault() tries again. A node that answers no SDO cannot be asked: an operational one may be
+/// reset when its feedback says that it stands or, without feedback, after 2 s of quick stop
+/// commands, any other at once.
 ///
 /// Each tick sends, in this order: NMT command if one is due, setpoints (RPDOs), SYNC, the bridge's
 /// heartbeat as due, SDO requests. Setpoints and SYNC are sent only once the drives are configured,
@@ -37,6 +45,9 @@ namespace tether {
 /// of operation, another sender of what only the bridge may send. Then reset_fault() clears faults
 /// with a rising edge of controlword bit 7, or starts up again where the drive's configuration may
 /// be lost.
+///
+/// Others may read objects by SDO at any time. intruder() tells of whoever did more since the last
+/// reset_fault().
 ///
 /// Before the first frame: `starting`, wheels not valid.
 class Cia402Profile final : public DriveProfile {
@@ -56,6 +67,7 @@ class Cia402Profile final : public DriveProfile {
   /// in all other phases the power stages are off or on their way to it. A stop that takes longer
   /// than 5 s stays commanded and says so in the reason.
   void stop(StopKind kind) override;
+  void distrust_standstill(Instant until) override { standstill_from_ = until; }
   void reset_fault() override;
   DrivetrainSnapshot snapshot(Instant now) const override;
   Counters counters() const override { return counters_; }
@@ -67,8 +79,8 @@ class Cia402Profile final : public DriveProfile {
  private:
   enum class Stage {
     idle,         // before start()
-    listening,    // for drives that are running already
-    securing,     // braking those
+    listening,    // for drives that are there already
+    securing,     // until the wheels of those stand
     configuring,  // reset, boot-up, SDO
     beating,      // the drives get to know the bridge's heartbeat
     activating,   // NMT start, until all drives are operational and send feedback
@@ -83,14 +95,20 @@ class Cia402Profile final : public DriveProfile {
   };
   struct Node {
     Node(const DrivetrainConfig& config, std::uint8_t number)
-        : id(number), name(cia402::node_name(config, number)), startup(config, number) {}
+        : id(number),
+          name(cia402::node_name(config, number)),
+          startup(config, number),
+          inquiry(config, number) {}
 
     std::uint8_t id;
     std::string name;
     cia402::NodeStartup startup;
+    cia402::StandstillInquiry inquiry;
     std::optional<canopen::NmtState> state;  // of the newest heartbeat
     Instant heartbeat_stamp{};
-    bool running = false;  // was heard operational before it was reset
+    // Before it is reset:
+    bool heard = false;    // in any NMT state, and not booted since
+    bool running = false;  // operational
   };
   /// Which of two causes of one fault is told.
   enum class Cause { feedback, other };
@@ -98,6 +116,7 @@ class Cia402Profile final : public DriveProfile {
   // cia402_profile.cpp: frames and setpoints
   Node& node_of(std::uint8_t id);
   void on_intruder(std::uint32_t id, cia402::Sender::Kind kind);
+  void on_sdo(const CanFrame& frame, Node& node);
   void on_heartbeat(const CanFrame& frame, Node& node, Instant now);
   void on_boot_up(Node& node);
   void on_emergency(const CanFrame& frame, Node& node);
@@ -109,7 +128,9 @@ class Cia402Profile final : public DriveProfile {
   // cia402_bring_up.cpp: from start() to standby
   void restart();
   void listen(Instant now);
-  void secure(Instant now);
+  void secure(Instant now, std::vector<CanFrame>& service);
+  bool may_be_reset(const Node& node, Instant now) const;
+  std::string turning_text(Instant now) const;
   void begin_configuration();
   void configure(Instant now, std::vector<CanFrame>& service);
   void start_nodes(Instant now, std::vector<CanFrame>& nmt);
@@ -160,9 +181,10 @@ class Cia402Profile final : public DriveProfile {
   bool commanding_ = false;         // setpoints and SYNC are sent
   std::array<bool, 2> released_{};  // braked; the power stage may go off
   StopKind stop_kind_ = StopKind::quick;
-  bool braking_ = false;          // `stopping`: before the power stages go off
-  bool reset_edge_ = false;       // `clearing`: controlword bit 7 is set
-  std::array<int, 2> climbed_{};  // `enabling`: highest state reached
+  Instant standstill_from_ = Instant::min();  // before that, none is believed
+  bool braking_ = false;                      // `stopping`: before the power stages go off
+  bool reset_edge_ = false;                   // `clearing`: controlword bit 7 is set
+  std::array<int, 2> climbed_{};              // `enabling`: highest state reached
   std::array<Instant, 2> climbed_at_{};
   Instant nmt_start_at_{};
   Twist command_;

@@ -143,7 +143,7 @@ void Cia402Profile::advance(Instant now, std::vector<CanFrame>& nmt,
       listen(now);
       break;
     case Stage::securing:
-      secure(now);
+      secure(now, service);
       break;
     case Stage::configuring:
       configure(now, service);
@@ -191,6 +191,7 @@ void Cia402Profile::stop(StopKind kind) {
 }
 
 void Cia402Profile::reset_fault() {
+  intruders_.clear();
   if (stage_ == Stage::refused || (stage_ == Stage::faulted && needs_restart_)) {
     restart();
   } else if (stage_ == Stage::faulted) {
@@ -233,7 +234,8 @@ void Cia402Profile::brake(Instant now) {
   if (braking_) {
     const bool first = in_stage(now) == Duration{0};
     const bool at_once = first && stop_kind_ == StopKind::disable;
-    bool still = at_once || !first;  // a quick stop is sent at least once
+    // A quick stop is sent at least once.
+    bool still = at_once || (!first && now >= standstill_from_);
     for (const cia402::Axis& axis : axes_) {
       still = still && (at_once ? axis.standing(now) : axis.confirmed_standing(now));
     }
@@ -313,7 +315,8 @@ std::uint16_t Cia402Profile::stop_controlword(std::size_t i, Instant now) {
   const cia402::Axis& axis = axes_[i];
   if (!released_[i] && is_stop(axis.controlword())) {
     released_[i] = axis.confirmed_off() || axis.confirmed_state() == DriveState::not_ready ||
-                   axis.confirmed_state() == DriveState::fault || axis.confirmed_standing(now);
+                   axis.confirmed_state() == DriveState::fault ||
+                   (axis.confirmed_standing(now) && now >= standstill_from_);
   }
   return released_[i] ? canopen::kControlDisableVoltage : canopen::kControlQuickStop;
 }

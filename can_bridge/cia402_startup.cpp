@@ -137,6 +137,11 @@ std::vector<SdoStep> startup_steps(const DrivetrainConfig& config, std::uint8_t 
   }
   steps.push_back(
       write_and_read({0x1017, 0, 2, false}, config.drive_heartbeat_ms, "heartbeat producer"));
+  for (const WatchdogConfig& watchdog : config.watchdogs) {
+    if (watchdog.node != node || !watchdog.reaction) continue;
+    steps.push_back(
+        write_and_read(*watchdog.reaction, watchdog.reaction_value, "reaction of the watchdog"));
+  }
   for (const SetupWrite& setup : config.setup) {
     if (setup.node != node) continue;
     steps.push_back(write_and_read(setup.object, setup.value, setup.meaning));

@@ -40,9 +40,10 @@ struct SdoStep {
 std::vector<std::uint8_t> drive_nodes(const DrivetrainConfig& config);
 
 /// Everything that start-up does to `node` after its boot-up message, in this order: device type,
-/// watchdogs, heartbeat producer (0x1017), setup objects, PDOs, mode of operation. A PDO is
-/// switched off, cleared, mapped, counted, timed and switched on (CiA 301, 7.5.2.36), then all of
-/// it is read back; one that is `preset` is only read back, except for its event timer.
+/// watchdogs, heartbeat producer (0x1017), the watchdogs' reactions, setup objects, PDOs, mode of
+/// operation. A PDO is switched off, cleared, mapped, counted, timed and switched on (CiA
+/// 301, 7.5.2.36), then all of it is read back; one that is `preset` is only read back, except for
+/// its event timer.
 std::vector<SdoStep> startup_steps(const DrivetrainConfig& config, std::uint8_t node);
 
 }  // namespace tether::cia402

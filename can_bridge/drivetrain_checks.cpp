@@ -212,6 +212,16 @@ class Checker {
           watchdog.object.sub == write.object.sub) {
         refuse_object("is written from [[watchdog]]");
       }
+      if (watchdog.node == write.node && watchdog.reaction &&
+          watchdog.reaction->index == write.object.index &&
+          watchdog.reaction->sub == write.object.sub) {
+        refuse_object("is written from watchdog.reaction");
+      }
+    }
+    if (is_no_reaction(write.object, write.value)) {
+      refuse_object(
+          "value = 0 means that the drive runs on when the bridge is lost (1 fault, 2 "
+          "power off, 3 quick stop)");
     }
     for (const AxisConfig& axis : c_.axes) {
       if (axis.node != write.node) continue;
@@ -256,6 +266,14 @@ class Checker {
 };
 
 }  // namespace
+
+bool is_no_reaction(const ObjectRef& object, std::int64_t value) {
+  constexpr int kAbortConnectionOption = 0x6007;
+  constexpr int kAxisStep = 0x800;
+  constexpr int kLastOfProfile = 0x9FFF;
+  return value == 0 && object.index >= kAbortConnectionOption && object.index <= kLastOfProfile &&
+         (object.index - kAbortConnectionOption) % kAxisStep == 0;
+}
 
 void check_cia402(const DrivetrainConfig& config, const DrivetrainSource& source) {
   Checker(config, source).run();

@@ -25,6 +25,10 @@ struct DrivetrainSource {
 /// Throws UsageError with file and line.
 void check_cia402(const DrivetrainConfig& config, const DrivetrainSource& source);
 
+/// Whether `value` in `object` lets a drive run on without its master: 0x6007 (abort connection
+/// option, also of a second axis) = 0.
+bool is_no_reaction(const ObjectRef& object, std::int64_t value);
+
 /// Refuses a control cycle (can.cycle_ms) so slow that the drives' and the bridge's own time-outs
 /// would trip when one frame is lost: each has to outlast three of what it waits for. Throws
 /// UsageError.

@@ -3,22 +3,18 @@
 #include <fmt/format.h>
 #include <toml++/toml.h>
 
-#include <charconv>
 #include <fstream>
 #include <optional>
 #include <sstream>
 #include <string_view>
 
 #include "can_bridge/drivetrain_checks.hpp"
+#include "can_bridge/drivetrain_objects.hpp"
 #include "can_bridge/toml_reader.hpp"
 #include "common/errors.hpp"
 
 namespace tether {
 namespace {
-
-constexpr const char* kObjectForm =
-    "an object such as \"0x60FF:00 i32\" (index from 0x1000, subindex, type: i8, u8, i16, u16, i32 "
-    "or u32)";
 
 struct NamedObject {
   const char* name;
@@ -35,49 +31,13 @@ constexpr std::array<NamedObject, 8> kObjects{{
     {"error_code", &AxisConfig::error_code},
 }};
 
-std::optional<unsigned> read_hex(std::string_view text, std::size_t max_digits) {
-  unsigned value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, 16);
-  const bool whole = error == std::errc{} && end == text.data() + text.size();
-  return whole && text.size() <= max_digits ? std::optional(value) : std::nullopt;
-}
-
-/// "0x60FF:00 i32"; the subindex is hexadecimal, as in manuals.
-std::optional<ObjectRef> read_object(std::string_view text) {
-  if (!text.starts_with("0x") && !text.starts_with("0X")) return std::nullopt;
-  const auto colon = text.find(':');
-  const auto space = text.find(' ');
-  if (colon == std::string_view::npos || space == std::string_view::npos || space < colon) {
-    return std::nullopt;
-  }
-  const auto index = read_hex(text.substr(2, colon - 2), 4);
-  const auto sub = read_hex(text.substr(colon + 1, space - colon - 1), 2);
-  const std::string_view type = text.substr(space + 1);
-  if (!index || *index < 0x1000 || !sub || type.size() < 2) return std::nullopt;
-  ObjectRef object{static_cast<std::uint16_t>(*index), static_cast<std::uint8_t>(*sub), 0,
-                   type.front() == 'i'};
-  if (type.front() != 'i' && type.front() != 'u') return std::nullopt;
-  const std::string_view bits = type.substr(1);
-  if (bits == "8") object.bytes = 1;
-  if (bits == "16") object.bytes = 2;
-  if (bits == "32") object.bytes = 4;
-  return object.bytes == 0 ? std::nullopt : std::optional(object);
-}
-
-/// The smallest and the largest value that fits.
-std::pair<std::int64_t, std::int64_t> limits(const ObjectRef& object) {
-  const std::int64_t range = std::int64_t{1} << (8 * object.bytes);
-  return object.is_signed ? std::pair(-range / 2, range / 2 - 1)
-                          : std::pair(std::int64_t{0}, range - 1);
-}
-
 /// Reads one file. Order matters: PDOs name the axes' objects.
 class Parser {
  public:
   Parser(const toml::table& top, const std::string& file)
       : top_(top, file, "",
              {"name", "profile", "bridge", "drives", "chassis", "left", "right", "setup",
-              "watchdog", "pdo"}) {
+              "watchdog", "pdo", "emulation"}) {
     source_.file = file;
   }
 
@@ -86,7 +46,7 @@ class Parser {
     top_.text("name", config_.name, "for people");
     read_profile();
     if (config_.profile == DrivetrainConfig::Profile::agilex_v2) {
-      refuse_sections({"bridge", "left", "right", "setup", "watchdog", "pdo"});
+      refuse_sections({"bridge", "left", "right", "setup", "watchdog", "pdo", "emulation"});
       read_chassis();
       read_drives(
           {"feedback_timeout_ms", "boot_timeout_ms", "step_timeout_ms", "standstill_radps"});
@@ -101,6 +61,7 @@ class Parser {
     read_list("setup", &Parser::read_setup);
     read_list("watchdog", &Parser::read_watchdog);
     read_list("pdo", &Parser::read_pdo);
+    read_emulation();
     check_cia402(config_, source_);
     return config_;
   }
@@ -164,6 +125,14 @@ class Parser {
     r.number("standstill_radps", c.standstill_radps, 1e-4, 1.0, "wheels slower than this stand");
   }
 
+  void read_emulation() {
+    const toml::node* const node = top_.find("emulation");
+    if (node == nullptr) return;
+    const TomlReader r(table(*node, "emulation"), source_.file, "emulation", {"brake"});
+    r.flag("brake", config_.emulated_brake,
+           "a brake holds emulated wheels whose power stage is off; false: they coast");
+  }
+
   void read_chassis() {
     const std::string allowed = "a section [chassis] with wheel_radius_m and track_m";
     const TomlReader r(table(top_.require("chassis", allowed), "chassis"), source_.file, "chassis",
@@ -207,7 +176,7 @@ class Parser {
 
   static ObjectRef read_object(const TomlReader& r, const std::string& key,
                                const toml::node& node) {
-    const auto object = tether::read_object(node.value_or(std::string_view{}));
+    const auto object = parse_object(node.value_or(std::string_view{}));
     if (!object) r.refuse(key, node, kObjectForm);
     return *object;
   }
@@ -249,7 +218,7 @@ class Parser {
                        {"node", "object", "value", "required", "meaning"});
     SetupWrite write;
     write.object = read_object(r, "object", r.require("object", kObjectForm));
-    const auto [min, max] = limits(write.object);
+    const auto [min, max] = object_limits(write.object);
     r.require("value", "a whole number");
     r.integer("value", write.value, min, max, "what fits " + to_string(write.object));
     r.flag("required", write.required, "false: a drive without this object is good enough");
@@ -263,7 +232,8 @@ class Parser {
   }
 
   void read_watchdog(const toml::table& table) {
-    const TomlReader r(table, source_.file, "watchdog", {"node", "kind", "object", "timeout_ms"});
+    const TomlReader r(table, source_.file, "watchdog",
+                       {"node", "kind", "object", "timeout_ms", "reaction", "reaction_value"});
     WatchdogConfig watchdog;
     const std::string allowed = "\"heartbeat_consumer\" or \"milliseconds\"";
     const toml::node& kind = r.require("kind", allowed);
@@ -280,10 +250,43 @@ class Parser {
         "silence of the bridge that stops the drive; 0 would be no watchdog";
     r.require("timeout_ms", fmt::format("a whole number from 30 to 1000 ({})", meaning));
     r.integer("timeout_ms", watchdog.timeout_ms, 30, 1000, meaning);
+    read_reaction(r, watchdog);
     for (const std::int64_t node : read_nodes(r)) {
       watchdog.node = static_cast<std::uint8_t>(node);
       config_.watchdogs.push_back(watchdog);
       source_.watchdog_lines.push_back(r.line());
+    }
+  }
+
+  static void read_reaction(const TomlReader& r, WatchdogConfig& watchdog) {
+    const std::string allowed =
+        "the object that says what the drive does without heartbeat, such as \"0x6007:00 i16\", "
+        "with reaction_value, or \"fixed\" where the drive's manual says that it stops and has no "
+        "choice";
+    const bool consumer = watchdog.kind == WatchdogConfig::Kind::heartbeat_consumer;
+    if (consumer) r.require("reaction", allowed);
+    const toml::node* const reaction = r.find("reaction");
+    const std::string text = reaction == nullptr ? "fixed" : reaction->value_or(std::string{});
+    if (text == "fixed") {
+      if (const toml::node* const value = r.find("reaction_value")) {
+        r.refuse_at(
+            value->source().begin.line,
+            "watchdog.reaction_value needs watchdog.reaction = \"INDEX:SUBINDEX TYPE\", the "
+            "object that it is written to");
+      }
+      return;
+    }
+    watchdog.reaction = parse_object(text);
+    if (!watchdog.reaction) r.refuse("reaction", *reaction, allowed);
+    const auto [min, max] = object_limits(*watchdog.reaction);
+    const char* const meaning = "0x6007: 1 fault, 2 power off, 3 quick stop";
+    const toml::node& value = r.require(
+        "reaction_value", fmt::format("a whole number, see the drive's manual ({})", meaning));
+    r.integer("reaction_value", watchdog.reaction_value, min, max,
+              "what fits " + to_string(*watchdog.reaction));
+    if (is_no_reaction(*watchdog.reaction, watchdog.reaction_value)) {
+      r.refuse("reaction_value", value,
+               fmt::format("a reaction that stops the wheels ({}); 0 is none", meaning));
     }
   }
 
@@ -327,7 +330,7 @@ class Parser {
   /// "left.statusword"; "statusword" where the node has one axis only; or an object.
   ObjectRef read_mapped(const TomlReader& r, const toml::node& node, std::uint8_t can_node) const {
     const std::string text = node.value_or(std::string{});
-    if (const auto object = tether::read_object(text)) return *object;
+    if (const auto object = parse_object(text)) return *object;
     const auto dot = text.find('.');
     const std::string side = dot == std::string::npos ? "" : text.substr(0, dot);
     const std::string name = dot == std::string::npos ? text : text.substr(dot + 1);
@@ -359,11 +362,6 @@ class Parser {
 };
 
 }  // namespace
-
-std::string to_string(const ObjectRef& object) {
-  return fmt::format("0x{:04X}:{:02X} {}{}", object.index, object.sub, object.is_signed ? 'i' : 'u',
-                     8 * object.bytes);
-}
 
 DrivetrainConfig parse_drivetrain(const std::string& toml, const std::string& name) {
   try {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -58,7 +59,8 @@ struct SetupWrite {
 };
 
 /// A drive-side watchdog: what stops the wheels when the bridge or the cable dies. Each node needs
-/// at least one that was set and read back non-zero.
+/// at least one that was set and read back non-zero. A heartbeat consumer by itself only notices:
+/// files have to say what the drive does then.
 struct WatchdogConfig {
   enum class Kind {
     heartbeat_consumer,  ///< CiA 301 0x1016: value is (master node << 16) | milliseconds
@@ -68,6 +70,10 @@ struct WatchdogConfig {
   Kind kind = Kind::heartbeat_consumer;
   ObjectRef object{0x1016, 1, 4, false};
   std::uint16_t timeout_ms = 250;
+  /// What the drive does when it misses the bridge: start-up writes `reaction_value` to this object
+  /// and reads it back, and a drive that refuses is not armed. nullopt: the drive has no choice.
+  std::optional<ObjectRef> reaction{};
+  std::int64_t reaction_value = 0;
 };
 
 /// A process data object. Its mapping is written at start-up (switch off, clear, map, count,
@@ -109,6 +115,8 @@ struct DrivetrainConfig {
   std::vector<SetupWrite> setup;   ///< in this order
   std::vector<WatchdogConfig> watchdogs;
   std::vector<PdoConfig> pdos;
+  /// Of the emulated drives: a brake holds wheels whose power stage is off; else they coast.
+  bool emulated_brake = true;
 
   // agilex_v2: the chassis' own figures, by which it turns twists into wheel speeds
   double chassis_wheel_radius_m = 0.4;

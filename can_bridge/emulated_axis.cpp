@@ -5,6 +5,12 @@
 
 namespace tether {
 
+void EmulatedAxis::power_up() {
+  const double coasting = brake_ ? 0.0 : setpoint_;
+  *this = EmulatedAxis(brake_);
+  setpoint_ = coasting;
+}
+
 void EmulatedAxis::write_control(std::uint16_t word) {
   const std::uint16_t risen = word & static_cast<std::uint16_t>(~control_);
   if ((risen & canopen::kControlFaultReset) != 0) reset_edge_ = true;
@@ -16,7 +22,7 @@ void EmulatedAxis::enter(State state) {
   state_ = state;
   written_ = false;
   reset_edge_ = false;
-  if (!powered()) setpoint_ = 0.0;
+  if (!powered() && brake_) setpoint_ = 0.0;
 }
 
 void EmulatedAxis::trip(std::uint16_t error_code) {
@@ -51,6 +57,7 @@ void EmulatedAxis::tick(const Settings& settings, Duration dt) {
   if (state_ == State::not_ready) {
     self_test_left_ -= dt;
     if (self_test_left_ <= Duration{0}) enter(State::switch_on_disabled);
+    move(settings, to_seconds(dt));
     judge(settings);
     return;
   }
@@ -131,7 +138,10 @@ void EmulatedAxis::finish_fault_reaction(const Settings& s) {
 }
 
 void EmulatedAxis::move(const Settings& s, double dt_s) {
-  if (!powered()) return;
+  if (!powered()) {
+    ramp_to(0.0, s.friction, s.friction, dt_s);
+    return;
+  }
   if (state_ == State::operation_enabled) {
     const bool stopping = halted() || !commands_enable();
     const double target = stopping ? 0.0 : std::clamp(s.target, -s.max_speed, s.max_speed);

@@ -16,9 +16,12 @@ namespace tether {
 /// write: fault reset (rising edge of bit 7), and leaving QuickStopActive for OperationEnabled.
 /// From SwitchOnDisabled only "shutdown" leads on, so that nothing moves again by itself.
 ///
-/// The setpoint is zero whenever the power stage is off; a spring-applied brake holds then.
+/// Power stage off: a spring-applied brake holds the wheel, and the setpoint is zero; without brake
+/// it coasts, and the setpoint is the speed that friction leaves it.
 class EmulatedAxis {
  public:
+  explicit EmulatedAxis(bool brake = true) : brake_(brake) {}
+
   static constexpr int kProfileVelocity = 3;  ///< the one mode of operation (0x6060) there is
   /// From power-on to SwitchOnDisabled: the drive's self test.
   static constexpr Duration kSelfTest = std::chrono::milliseconds{20};
@@ -37,10 +40,11 @@ class EmulatedAxis {
     int quick_stop_option = 2;
     int fault_reaction_option = 2;  ///< 0x605E: 0 power off at once; 1, 2 ramp 6084, 6085
     double actual = 0.0;            ///< measured speed
+    double friction = 1.0;          ///< slows down a wheel that coasts
   };
 
   /// Power-on or reset: NotReadyToSwitchOn, everything forgotten.
-  void power_up() { *this = EmulatedAxis(); }
+  void power_up();
 
   /// A write of the controlword, by SDO or PDO.
   void write_control(std::uint16_t word);
@@ -57,7 +61,7 @@ class EmulatedAxis {
 
   canopen::DriveState state() const { return state_; }
   std::uint16_t statusword() const;
-  /// Ramped setpoint of the speed servo.
+  /// Ramped setpoint of the speed servo, or the speed of a wheel that coasts.
   double setpoint() const { return setpoint_; }
   std::uint16_t error_code() const { return error_code_; }  ///< 0x603F: of the fault; 0 none
   bool powered() const {
@@ -85,6 +89,7 @@ class EmulatedAxis {
   void ramp_to(double target, double acceleration, double deceleration, double dt_s);
   void judge(const Settings& s);
 
+  bool brake_;
   State state_ = State::not_ready;
   Duration self_test_left_ = kSelfTest;
   std::uint16_t control_ = 0;

@@ -29,7 +29,9 @@ EmulatedNode::EmulatedNode(const DrivetrainConfig& config, std::uint8_t node, In
       sdo_(node, objects_.dictionary, [this](Handle h, std::int64_t v) { return write(h, v); }),
       pdos_(objects_.dictionary, *this),
       watch_(objects_.dictionary, objects_.heartbeat_consumers, objects_.watchdogs) {
-  for (const AxisObjects& axis : objects_.axes) axes_.push_back({axis, {}, {}});
+  for (const AxisObjects& axis : objects_.axes) {
+    axes_.push_back({axis, EmulatedAxis(config.emulated_brake), {}});
+  }
   boot(now, true);
 }
 

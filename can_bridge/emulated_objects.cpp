@@ -32,6 +32,9 @@ class Builder {
     assert(!out_.axes.empty());
     share_error_code();
     add_watchdogs();
+    for (const WatchdogConfig& watchdog : config_.watchdogs) {
+      if (watchdog.node == node_ && watchdog.reaction) mention(*watchdog.reaction);
+    }
     for (const SetupWrite& write : config_.setup) {
       if (write.node == node_) mention(write.object);
     }

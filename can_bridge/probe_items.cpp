@@ -145,6 +145,10 @@ void add_file(List& list, const DrivetrainConfig& config, std::uint8_t node) {
               Need::required,
               consumer ? (std::int64_t{config.master_node} << 16 | watchdog.timeout_ms)
                        : watchdog.timeout_ms});
+    if (watchdog.reaction) {
+      list.add({*watchdog.reaction, "watchdog's reaction", Kind::number, Need::required,
+                watchdog.reaction_value});
+    }
   }
   list.add({{0x1017, 0, 2, false},
             "heartbeat, every",

@@ -1,11 +1,12 @@
 #include "can_bridge/agilex_v2_profile.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
-#include "common/errors.hpp"
 #include "tests/agilex_v2_rig.hpp"
 
 namespace tether {
@@ -55,6 +56,7 @@ class Bridge {
     tick();
     ASSERT_EQ(phase(), DrivePhase::enabled);
   }
+  Instant now() const { return now_; }
   DrivePhase phase() const { return snapshot().phase; }
   std::string reason() const { return snapshot().reason; }
   /// As of the last tick.
@@ -67,12 +69,6 @@ class Bridge {
 };
 
 const CanFrame kZero = agilex::encode(0x111, agilex::Motion{});
-
-TEST(AgilexProfile, AVehicleOfOtherDimensionsIsRefused) {
-  EXPECT_NO_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m * 1.009, kTrack_m));
-  EXPECT_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m * 1.011, kTrack_m), UsageError);
-  EXPECT_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m, kTrack_m * 0.989), UsageError);
-}
 
 TEST(AgilexProfile, WaitsForAllThreeReportsAndSendsNothingMeanwhile) {
   AgilexV2Profile profile(agilex_chassis(), kRadius_m, kTrack_m);
@@ -185,6 +181,15 @@ TEST(AgilexProfile, AWheelThatNeverStandsEndsBrakingAfter3Seconds) {
   EXPECT_EQ(count(b.tick_for(3000), 0x421), 0);
   EXPECT_EQ(newest(b.tick(), 0x421), agilex::mode_frame(Mode::standby));
   EXPECT_EQ(b.phase(), DrivePhase::stopping);
+}
+
+TEST(AgilexProfile, AStandstillThatIsNotToBeBelievedDoesNotEndBraking) {
+  Bridge b;
+  b.to_enabled();
+  b.profile.distrust_standstill(b.now() + std::chrono::milliseconds{1000});
+  b.profile.stop(StopKind::quick);
+  EXPECT_EQ(count(b.tick_for(900), 0x421), 0);
+  EXPECT_EQ(newest(b.tick_for(200), 0x421), agilex::mode_frame(Mode::standby));
 }
 
 TEST(AgilexProfile, DisableLeavesTheBrakingOut) {
@@ -310,13 +315,24 @@ TEST(AgilexProfile, CanModeThatNobodyAskedForIsAFault) {
   EXPECT_THAT(b.reason(), HasSubstr("without having been armed"));
 }
 
-TEST(AgilexProfile, CommandsOfOthersAreIntruders) {
-  Bridge b;
-  b.tick();
-  EXPECT_EQ(b.profile.intruder(), "");
-  b.profile.on_frame(agilex::encode(0x111, agilex::Motion{100, 0}), kStart);
-  EXPECT_EQ(b.profile.counters().intruder_frames, 1);
-  EXPECT_EQ(b.profile.intruder(), "0x111 from another sender");
+TEST(AgilexProfile, WhoCommandsBesidesTheBridgeStopsTheChassisUntilAReset) {
+  for (const std::uint32_t id : {0x111u, 0x421u, 0x441u}) {
+    Bridge b;
+    b.to_enabled();
+    b.profile.on_frame(CanFrame::make(id, {1, 0, 0, 0, 0, 0, 0, 0}), kStart);
+    const std::string name = fmt::format("0x{:03X}", id);
+    EXPECT_EQ(b.reason(), "another sender uses " + name + ": only one master may command");
+    EXPECT_EQ(newest(b.tick(), 0x111), kZero);
+    EXPECT_EQ(b.profile.counters().intruder_frames, 1);
+    EXPECT_EQ(b.profile.intruder(), name + " from another sender");
+    b.state.mode = Mode::standby;
+    b.tick_for(200);
+    EXPECT_EQ(b.phase(), DrivePhase::faulted);
+    b.profile.reset_fault();
+    EXPECT_EQ(b.profile.intruder(), "");
+    b.tick_for(200);
+    EXPECT_EQ(b.phase(), DrivePhase::standby);
+  }
 }
 
 TEST(AgilexProfile, MalformedReportsAreCountedAndRefreshNothing) {

@@ -4,6 +4,10 @@
 
 #include <cstdint>
 
+#include "can_bridge/agilex_v2_profile.hpp"
+#include "common/errors.hpp"
+#include "tests/agilex_v2_rig.hpp"
+
 namespace tether {
 namespace {
 
@@ -48,6 +52,15 @@ TEST(AgilexFrames, WrongLengthsAndUnknownStatesAreRefused) {
   EXPECT_FALSE(agilex::decode_motion(CanFrame::make(0x221, {0, 1, 0, 0})));
   EXPECT_FALSE(agilex::decode_odometry(CanFrame::make(0x311, {0, 1, 0, 0})));
   EXPECT_FALSE(agilex::decode_motor(CanFrame::make(0x251, {})));
+}
+
+TEST(AgilexProfile, AVehicleOfOtherDimensionsIsRefused) {
+  using testing::agilex_chassis;
+  using testing::kRadius_m;
+  using testing::kTrack_m;
+  EXPECT_NO_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m * 1.009, kTrack_m));
+  EXPECT_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m * 1.011, kTrack_m), UsageError);
+  EXPECT_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m, kTrack_m * 0.989), UsageError);
 }
 
 }  // namespace

@@ -150,6 +150,8 @@ TEST(Probe, ShowsWhatStartUpWillChange) {
   EXPECT_EQ(watchdog->value, "0x00000000 (off)");
   EXPECT_EQ(watchdog->remark, "start-up sets 0x007F00FA (node 0x7F, 250 ms)");
   EXPECT_EQ(watchdog->verdict, Verdict::note);
+  EXPECT_EQ(run.row(0, "0x6007:00")->name, "watchdog's reaction");
+  EXPECT_EQ(run.row(0, "0x6007:00")->remark, "start-up sets 3");
   EXPECT_EQ(run.row(0, "0x6083:00")->remark, "start-up sets 14400");
   EXPECT_EQ(run.row(0, "0x60FF:00")->verdict, Verdict::fits);
 }

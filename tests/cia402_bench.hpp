@@ -76,15 +76,20 @@ class Bench {
     sent.clear();
     profile.tick(now, sent);
     std::vector<CanFrame> replies;
+    bool synced = !config.sync;
     for (const CanFrame& f : sent) {
       log.push_back(f);
       for (FakeDrive& d : drives) d.on_frame(f, replies);
       if (f.id == canopen::kSync) {
+        synced = true;
         for (FakeDrive& d : drives) d.cycle(replies);
       }
     }
     if (!config.sync) {
       for (FakeDrive& d : drives) d.cycle(replies);
+    }
+    if (!synced) {
+      for (FakeDrive& d : drives) d.cycle_alone();
     }
     if (++cycles_ % 5 == 0) {
       for (const FakeDrive& d : drives) d.heartbeat(replies);

@@ -28,18 +28,33 @@ TEST_P(Intruder, WhoCommandsBesidesTheBridgeStopsBothWheels) {
 INSTANTIATE_TEST_SUITE_P(Identifiers, Intruder,
                          ::testing::Values(0x000, 0x080, 0x201, 0x202, 0x301, 0x502, 0x77F));
 
-TEST(Cia402Intruder, AToolThatReadsObjectsIsOnlyCounted) {
+TEST(Cia402Intruder, AToolThatReadsObjectsDoesNotCommand) {
   Bench bench;
   bench.drive({1.0, 0.0});
   bench.deliver(CanFrame::make(0x601, {0x40, 0x00, 0x10, 0, 0, 0, 0, 0}));
   bench.deliver(CanFrame::make(0x581, {0x43, 0x00, 0x10, 0, 0, 0, 0, 0}));
-  bench.deliver(CanFrame::make(0x602, {0x40, 0x00, 0x10, 0, 0, 0, 0, 0}));
-  bench.deliver(CanFrame::make(0x602, {0x40, 0x00, 0x10, 0, 0, 0, 0, 0}));
+  bench.deliver(CanFrame::make(0x602, {0x40, 0x08, 0x10, 0, 0, 0, 0, 0}));
+  bench.deliver(CanFrame::make(0x602, {0x60, 0, 0, 0, 0, 0, 0, 0}));
+  bench.deliver(CanFrame::make(0x602, {0x70, 0, 0, 0, 0, 0, 0, 0}));
   bench.cycle();
   EXPECT_EQ(bench.phase(), DrivePhase::enabled);
-  EXPECT_EQ(bench.profile.counters().intruder_frames, 3);
+  EXPECT_EQ(bench.profile.counters().intruder_frames, 0);
   EXPECT_EQ(bench.profile.counters().rejected_frames, 0);
-  EXPECT_EQ(bench.profile.intruder(), "0x601, 0x602 from another sender");
+  EXPECT_EQ(bench.profile.intruder(), "");
+}
+
+TEST(Cia402Intruder, AToolThatWritesObjectsIsToldOfUntilTheNextReset) {
+  Bench bench;
+  bench.to_standby();
+  bench.deliver(CanFrame::make(0x602, {0x2B, 0x17, 0x10, 0, 0x64, 0, 0, 0}));
+  bench.deliver(CanFrame::make(0x602, {0x2B, 0x17, 0x10, 0, 0x64, 0, 0, 0}));
+  bench.cycle();
+  EXPECT_EQ(bench.phase(), DrivePhase::standby);
+  EXPECT_EQ(bench.profile.counters().intruder_frames, 2);
+  EXPECT_EQ(bench.profile.intruder(), "0x602 from another sender");
+  bench.profile.reset_fault();
+  EXPECT_EQ(bench.profile.intruder(), "");
+  EXPECT_EQ(bench.profile.counters().intruder_frames, 2);
 }
 
 TEST(Cia402Intruder, AnotherMasterAtStartUpIsFoundBeforeAnythingIsCommanded) {

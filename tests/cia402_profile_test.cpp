@@ -79,19 +79,6 @@ TEST(Cia402Profile, DrivesThatAreRunningAreResetOnlyOnceTheyStand) {
   EXPECT_EQ(speed_before_reset, 0);
 }
 
-TEST(Cia402Profile, RunningDrivesThatDoNotBrakeAreResetAfterTwoSeconds) {
-  Bench first;
-  first.drive({1.0, 0.0});
-  Bench bench;
-  bench.drives = first.drives;
-  for (testing::FakeDrive& d : bench.drives) d.axes[0].ramp = 0;
-  bench.profile.start(bench.now);
-  bench.run(milliseconds(1900));
-  EXPECT_EQ(bench.left().resets, first.left().resets);
-  bench.run(milliseconds(400));
-  EXPECT_EQ(bench.left().resets, first.left().resets + 1);
-}
-
 TEST(Cia402Profile, FeedbackAloneShowsThatADriveIsRunning) {
   Bench bench;
   bench.profile.start(bench.now);
@@ -101,18 +88,6 @@ TEST(Cia402Profile, FeedbackAloneShowsThatADriveIsRunning) {
   bench.cycle();
   EXPECT_EQ(bench.controlword(0x201), 0x0002);
   EXPECT_EQ(bench.left().resets, 0);
-}
-
-TEST(Cia402Profile, ADriveThatIsNotRunningDelaysNothing) {
-  Bench first;
-  first.drive({1.0, 0.0});
-  Bench bench;
-  bench.drives = first.drives;
-  bench.right().nmt = canopen::NmtState::pre_operational;
-  bench.profile.start(bench.now);
-  EXPECT_TRUE(bench.run_until([&] { return bench.left().resets > first.left().resets; },
-                              milliseconds(600)));
-  EXPECT_EQ(bench.reason().find("braking"), std::string::npos);
 }
 
 TEST(Cia402Profile, ANewStartForgetsTheOldFeedback) {

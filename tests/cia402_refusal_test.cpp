@@ -97,6 +97,25 @@ TEST(Cia402Refusal, AWatchdogThatReadsBackZeroIsNone) {
               ::testing::HasSubstr("0x1016:1 (heartbeat consumer) reads 0x0 instead of 0x7F00FA"));
 }
 
+TEST(Cia402Refusal, AWatchdogWhoseReactionCannotBeSetIsRefused) {
+  DrivetrainConfig config = two_nodes();
+  std::erase_if(config.setup, [](const SetupWrite& s) { return s.object.index == 0x6007; });
+  for (WatchdogConfig& w : config.watchdogs) {
+    w.reaction = ObjectRef{0x6007, 0, 2, true};
+    w.reaction_value = 3;
+  }
+  Bench good(config);
+  good.to_standby();
+  EXPECT_EQ(good.left().object(0x6007, 0), 3);
+  Bench bench(config);
+  bench.left().clamps[{0x6007, 0}] = 0;
+  bench.profile.start(bench.now);
+  ASSERT_TRUE(bench.reach(DrivePhase::refused));
+  EXPECT_EQ(bench.reason(),
+            "left drive (node 1): 0x6007:0 (reaction of the watchdog) reads 0 instead of 3: "
+            "correct the drivetrain file to what the drive allows, see its manual");
+}
+
 TEST(Cia402Refusal, AWatchdogOfZeroMillisecondsIsNone) {
   DrivetrainConfig config = two_nodes();
   config.watchdogs[0].timeout_ms = 0;

@@ -59,6 +59,22 @@ TEST_P(QuickStop, KeepsTheQuickStopCommandedWhileOneWheelTurns) {
 
 INSTANTIATE_TEST_SUITE_P(OptionCodes, QuickStop, ::testing::Values(2, 6));
 
+TEST(Cia402Profile, AStandstillThatIsNotToBeBelievedSwitchesNoPowerStageOff) {
+  Bench bench;
+  bench.drive({1.0, 0.0}, milliseconds(600));
+  const Instant until = bench.now + milliseconds(1500);
+  bench.profile.distrust_standstill(until);
+  bench.profile.stop(StopKind::quick);
+  while (bench.now + milliseconds(100) < until) {
+    bench.cycle();
+    ASSERT_EQ(bench.controlword(0x201), 0x0002);
+    ASSERT_EQ(bench.controlword(0x202), 0x0002);
+  }
+  EXPECT_EQ(bench.left_axis().speed, 0);
+  EXPECT_EQ(bench.phase(), DrivePhase::stopping);
+  EXPECT_TRUE(bench.reach(DrivePhase::standby, milliseconds(300))) << bench.reason();
+}
+
 TEST(Cia402Profile, TheTargetIsZeroFromTheFirstCycleOfAStopOn) {
   Bench bench;
   bench.drive({1.0, 0.0});

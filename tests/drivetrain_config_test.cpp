@@ -25,7 +25,8 @@ struct Toml {
   std::string setup =
       "[[setup]]\nnode = [1, 2]\nobject = \"0x605A:00 i16\"\nvalue = 2\nmeaning = \"quick stop\"\n";
   std::string watchdog =
-      "[[watchdog]]\nnode = [1, 2]\nkind = \"heartbeat_consumer\"\ntimeout_ms = 250\n";
+      "[[watchdog]]\nnode = [1, 2]\nkind = \"heartbeat_consumer\"\ntimeout_ms = 250\n"
+      "reaction = \"0x6007:00 i16\"\nreaction_value = 3\n";
   std::string rpdo =
       "[[pdo]]\nnode = [1, 2]\nrpdo = 1\ntransmission = 1\n"
       "objects = [\"controlword\", \"target_velocity\"]\n";
@@ -80,7 +81,7 @@ TEST(DrivetrainFile, RatiosAreWholeNumbersOrFractions) {
 TEST(DrivetrainFile, SetupKeepsItsOrderNodeByNode) {
   Toml toml;
   toml.setup +=
-      "[[setup]]\nnode = 2\nobject = \"0x6007:00 i16\"\nvalue = -1\nrequired = false\n"
+      "[[setup]]\nnode = 2\nobject = \"0x605E:00 i16\"\nvalue = -1\nrequired = false\n"
       "meaning = \"last\"\n";
   const DrivetrainConfig c = parse(toml);
   ASSERT_EQ(c.setup.size(), 3U);
@@ -144,7 +145,7 @@ const Bad kReading[] = {
      "test.toml:2: profile = 'vesc' is not allowed: must be \"cia402\" or \"agilex_v2\""},
     {"UnknownSection", &Toml::bridge, "[bridge]", "[brigde]",
      "test.toml:3: unknown key \"brigde\": allowed are name, profile, bridge, drives, chassis, "
-     "left, right, setup, watchdog, pdo"},
+     "left, right, setup, watchdog, pdo, emulation"},
     {"UnknownKey", &Toml::bridge, "heartbeat_ms", "heartbeat",
      "test.toml:4: unknown key \"bridge.heartbeat\": allowed are node, heartbeat_ms, sync"},
     {"WrongType", &Toml::bridge, "60", "60.0",
@@ -195,19 +196,19 @@ const Bad kReading[] = {
      "test.toml:26: watchdog.kind = 'none' is not allowed: must be \"heartbeat_consumer\" or "
      "\"milliseconds\""},
     {"NeitherRpdoNorTpdo", &Toml::rpdo, "rpdo = 1\n", "",
-     "test.toml:28: pdo needs either rpdo = 1…4 (bridge to drive) or tpdo = 1…4 (drive to bridge)"},
+     "test.toml:30: pdo needs either rpdo = 1…4 (bridge to drive) or tpdo = 1…4 (drive to bridge)"},
     {"FifthPdo", &Toml::rpdo, "rpdo = 1", "rpdo = 5",
-     "test.toml:30: pdo.rpdo = 5 is not allowed: must be a whole number from 1 to 4 (number of the "
+     "test.toml:32: pdo.rpdo = 5 is not allowed: must be a whole number from 1 to 4 (number of the "
      "PDO)"},
     {"ReservedTransmission", &Toml::rpdo, "transmission = 1", "transmission = 241",
-     "test.toml:31: pdo.transmission = 241 is not allowed: must be 1 to 240 (at every n-th SYNC), "
+     "test.toml:33: pdo.transmission = 241 is not allowed: must be 1 to 240 (at every n-th SYNC), "
      "254 or 255 (at once)"},
     {"MisspeltObject", &Toml::rpdo, "\"controlword\"", "\"contrlword\"",
-     "test.toml:32: pdo.objects = 'contrlword' is not allowed: must be the name of an axis' "
+     "test.toml:34: pdo.objects = 'contrlword' is not allowed: must be the name of an axis' "
      "object, such as \"left.controlword\", or an object such as \"0x60FF:00 i32\" (index from "
      "0x1000, subindex, type: i8, u8, i16, u16, i32 or u32)"},
     {"ObjectOfAnotherNode", &Toml::rpdo, "\"controlword\"", "\"left.controlword\"",
-     "test.toml:32: pdo.objects = 'left.controlword' is not allowed: must be an object of an axis "
+     "test.toml:34: pdo.objects = 'left.controlword' is not allowed: must be an object of an axis "
      "on node 2"},
     {"NotToml", &Toml::head, "name = \"test\"", "name = test",
      "test.toml:1: Error while parsing boolean: expected 'true', saw 'te'"},
@@ -217,9 +218,9 @@ INSTANTIATE_TEST_SUITE_P(Reading, BadDrivetrain, ::testing::ValuesIn(kReading),
 
 const Bad kMeaning[] = {
     {"TooLongPdo", &Toml::tpdo1, "\"actual_velocity\"", "\"actual_velocity\", \"actual_position\"",
-     "test.toml:33: TPDO1 of node 1 has 10 bytes of objects: a CAN frame carries at most 8"},
+     "test.toml:35: TPDO1 of node 1 has 10 bytes of objects: a CAN frame carries at most 8"},
     {"SamePdoTwice", &Toml::tpdo2, "tpdo = 2", "tpdo = 1",
-     "test.toml:38: TPDO1 of node 1 is described twice, first in line 33"},
+     "test.toml:40: TPDO1 of node 1 is described twice, first in line 35"},
     {"NoControlword", &Toml::rpdo, "\"controlword\", ", "",
      "test.toml:7: no RPDO of node 1 carries left.controlword (0x6040:00 u16)"},
     {"NoSetpoint", &Toml::rpdo, ", \"target_velocity\"", "",
@@ -233,7 +234,7 @@ const Bad kMeaning[] = {
     {"PdosOfOneNodeOnly", &Toml::tpdo2, "[1, 2]", "1",
      "test.toml:13: no TPDO of node 2 carries right.actual_position (0x6064:00 i32)"},
     {"SetpointOfAnotherSize", &Toml::rpdo, "\"target_velocity\"", "\"0x60FF:00 i16\"",
-     "test.toml:28: RPDO1 of node 1 carries 0x60FF:00 i16, for which the bridge has no value: "
+     "test.toml:30: RPDO1 of node 1 carries 0x60FF:00 i16, for which the bridge has no value: "
      "RPDOs may carry controlword and target_velocity of an axis of their node"},
     {"UnguardedNode", &Toml::watchdog, "[1, 2]", "1",
      "test.toml:13: node 2 (right axis) has no [[watchdog]]: nothing would stop its wheel when the "
@@ -248,16 +249,16 @@ const Bad kMeaning[] = {
      "test.toml:5: drives.heartbeat_timeout_ms = 299 is not allowed: must be at least 300, three "
      "times drives.heartbeat_ms, or one lost frame stops the vehicle"},
     {"NobodySendsSync", &Toml::bridge, "heartbeat_ms = 60", "sync = false",
-     "test.toml:28: RPDO1 of node 1 has transmission = 1, but bridge.sync = false: nobody sends "
+     "test.toml:30: RPDO1 of node 1 has transmission = 1, but bridge.sync = false: nobody sends "
      "SYNC (use 254 or 255)"},
     {"SilentWhenNothingChanges", &Toml::tpdo1, "transmission = 1", "transmission = 255",
-     "test.toml:33: TPDO1 of node 1 is sent only when something changes, and silence would look "
+     "test.toml:35: TPDO1 of node 1 is sent only when something changes, and silence would look "
      "like a dead drive: give event_timer_ms, or transmission = 1"},
     {"TooRareFeedback", &Toml::tpdo1, "transmission = 1", "transmission = 255\nevent_timer_ms = 51",
-     "test.toml:33: TPDO1 of node 1 has event_timer_ms = 51: must be at most 50, half of "
+     "test.toml:35: TPDO1 of node 1 has event_timer_ms = 51: must be at most 50, half of "
      "drives.feedback_timeout_ms, or one lost frame stops the vehicle"},
     {"DeadlineWithoutTime", &Toml::rpdo, "transmission = 1", "event_timer_required = true",
-     "test.toml:28: RPDO1 of node 1 has event_timer_required without event_timer_ms"},
+     "test.toml:30: RPDO1 of node 1 has event_timer_required without event_timer_ms"},
     {"BridgeWithADrivesId", &Toml::bridge, "heartbeat_ms = 60", "node = 2",
      "test.toml:13: right.node = 2 is the bridge's own (bridge.node): each participant needs a "
      "node id of its own"},
@@ -288,6 +289,13 @@ TEST(DrivetrainFile, EveryMalformedObjectIsRefused) {
     EXPECT_EQ(refusal(toml.text()),
               fmt::format("test.toml:21: setup.object = '{}' is not allowed: {}", object, kObject));
   }
+}
+
+TEST(DrivetrainFile, EmulatedWheelsMayCoast) {
+  Toml toml;
+  EXPECT_TRUE(parse(toml).emulated_brake);
+  toml.tpdo2 += "[emulation]\nbrake = false\n";
+  EXPECT_FALSE(parse(toml).emulated_brake);
 }
 
 /// Both axes on node 1, the right one's objects as given.
@@ -338,7 +346,7 @@ TEST(TwoAxesOfOneNode, MustBeToldApartByEverythingElse) {
 TEST(TwoAxesOfOneNode, NeedASideBeforeTheNameOfAnObject) {
   EXPECT_EQ(refusal(replaced(one_node("object_offset = 0x800\n"), "\"left.controlword\"",
                              "\"controlword\"")),
-            "test.toml:28: pdo.objects = 'controlword' is not allowed: must be "
+            "test.toml:30: pdo.objects = 'controlword' is not allowed: must be "
             "\"left.controlword\" or \"right.controlword\": both axes are on node 1");
 }
 

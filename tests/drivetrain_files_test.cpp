@@ -73,6 +73,16 @@ TEST(ShippedDrivetrains, TwoNodesDriveOneWheelEachAndTheRightOneIsMirrored) {
   EXPECT_EQ(c.watchdogs[1].node, 2);
   EXPECT_EQ(c.watchdogs[1].object, (ObjectRef{0x1016, 1, 4, false}));
   EXPECT_EQ(c.watchdogs[1].timeout_ms, 250);
+  EXPECT_TRUE(c.emulated_brake);
+}
+
+TEST(ShippedDrivetrains, WhatWatchesTheHeartbeatBrakesByQuickStop) {
+  for (const char* const file : {"two_node_cia402.toml", "dual_axis_cia402.toml"}) {
+    for (const WatchdogConfig& watchdog : shipped(file).watchdogs) {
+      EXPECT_EQ(watchdog.reaction, (ObjectRef{0x6007, 0, 2, true})) << file;
+      EXPECT_EQ(watchdog.reaction_value, 3) << file;
+    }
+  }
 }
 
 TEST(ShippedDrivetrains, TwoNodesHaveTheUsualProcessDataEach) {

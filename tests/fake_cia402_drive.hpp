@@ -15,8 +15,8 @@
 namespace tether::testing {
 
 /// A scripted CANopen node with CiA 402 axes: an object dictionary, PDOs as that maps them, the
-/// state machine, and speeds that move by `ramp` units a cycle. What goes wrong is said by its
-/// public members.
+/// state machine, and speeds that move by `ramp` units a cycle; not operational, it brakes. What
+/// goes wrong is said by its public members.
 class FakeDrive {
  public:
   using Key = std::pair<std::uint16_t, std::uint8_t>;
@@ -61,6 +61,7 @@ class FakeDrive {
   std::vector<Axis> axes;
   canopen::NmtState nmt = canopen::NmtState::operational;
   int resets = 0;
+  std::int64_t fastest_reset = 0;  // speed of the fastest wheel that was reset
 
   std::int64_t object(std::uint16_t index, std::uint8_t sub) const {
     const auto found = values_.find({index, sub});
@@ -85,7 +86,7 @@ class FakeDrive {
     if (nmt == canopen::NmtState::operational) {
       for (Axis& axis : axes) run(axis);
     } else {
-      for (Axis& axis : axes) axis.speed = 0;
+      for (Axis& axis : axes) brake(axis);
     }
     publish_objects();
     if (nmt != canopen::NmtState::operational || silent || !send_feedback) return;
@@ -95,6 +96,13 @@ class FakeDrive {
       out.push_back(tpdo(static_cast<std::uint16_t>(0x1A00 + n),
                          static_cast<std::uint32_t>(object(comm, 1))));
     }
+  }
+
+  /// A control cycle in which no SYNC came: only a drive without master moves, namely brakes.
+  void cycle_alone() {
+    if (nmt == canopen::NmtState::operational) return;
+    for (Axis& axis : axes) brake(axis);
+    publish_objects();
   }
 
   void heartbeat(std::vector<CanFrame>& out) const {
@@ -134,6 +142,7 @@ class FakeDrive {
   void on_nmt(std::uint8_t command, std::vector<CanFrame>& out) {
     if (command == 0x81) {
       ++resets;
+      for (const Axis& axis : axes) fastest_reset = std::max(fastest_reset, std::abs(axis.speed));
       if (boots) reboot(out);
     } else if (command == 0x01) {
       nmt = canopen::NmtState::operational;
@@ -230,6 +239,17 @@ class FakeDrive {
         s <= DriveState::operation_enabled)
       s = before;
     move(axis);
+  }
+
+  /// Without master: quick stop.
+  static void brake(Axis& axis) {
+    using canopen::DriveState;
+    if (axis.state == DriveState::operation_enabled) axis.state = DriveState::quick_stop_active;
+    axis.speed += std::clamp(-axis.speed, -axis.ramp, axis.ramp);
+    axis.position += axis.speed;
+    if (axis.state == DriveState::quick_stop_active && axis.speed == 0) {
+      axis.state = DriveState::switch_on_disabled;
+    }
   }
 
   void move(Axis& axis) const {
