@@ -1,6 +1,8 @@
 #include "can_bridge/can_bridge_node.hpp"
 #include "can_bridge/can_node.hpp"
 
+static_assert(tether::SafetyCore::kLongestLeave < tether::kWindDownLimit);
+
 // AGV/CMD_VEL ──▶ freshness, limits ──▶ drive profile ──▶ CAN ──▶ CAN/STATE, WHEELS, ODOMETRY
 int main(int argc, char** argv) {
   using namespace tether;

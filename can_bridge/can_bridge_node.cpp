@@ -1,5 +1,9 @@
 #include "can_bridge/can_bridge_node.hpp"
 
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <stdexcept>
 #include <string>
 #include <tether/drive_request_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
@@ -62,6 +66,9 @@ CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& c
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
   check_cycle(config, scenario.can.cycle_ms);
+  if (const std::string warning = port.warning(); !warning.empty()) {
+    fmt::print(stderr, "tether-can-bridge: warning: {}\n", warning);
+  }
   subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_commands_,
                      [this](const twist_t& m) { on_command(m); });
   subscribe<drive_request_t>(bus, channels_.can_request, kDeepQueue, undecodable_requests_,
@@ -113,6 +120,7 @@ void CanBridgeNode::act(const Decision& decision, Instant now) {
       profile_->enable();
       break;
     case Decision::Action::quick_stop:
+      if (decision.distrust_until) profile_->distrust_standstill(*decision.distrust_until);
       profile_->stop(StopKind::quick);
       break;
     case Decision::Action::disable:
@@ -205,7 +213,10 @@ bool CanBridgeNode::wind_down() {
   return left_;
 }
 
-void CanBridgeNode::finish() { counters_.publish_now(); }
+void CanBridgeNode::finish() {
+  counters_.publish_now();
+  if (const std::string left = safety_.left_behind(); !left.empty()) throw std::runtime_error(left);
+}
 
 void CanBridgeNode::list_counters(CounterList& out) const {
   safety_.list(out);

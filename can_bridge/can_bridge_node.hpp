@@ -41,10 +41,11 @@ class CanBridgeNode final : public Node {
                 CanPort& port, std::unique_ptr<DriveProfile> profile);
 
   /// Quick stop, standstill, power off; then nothing is sent any more. True when all that is done,
-  /// or after SafetyCore::kLeaveWait.
+  /// or after SafetyCore::leave_wait().
   bool wind_down() override;
 
-  /// Publishes the final counters.
+  /// Publishes the final counters. Throws std::runtime_error that tells the speed if after
+  /// wind_down() wheels still turn or power is on.
   void finish() override;
 
  private:

@@ -1,10 +1,15 @@
 #include "can_bridge/can_drive_node.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <set>
+#include <string>
 #include <tether/drive_fault_t.hpp>
 #include <tether/wheel_states_t.hpp>
 #include <tether/wheel_targets_t.hpp>
 
+#include "common/errors.hpp"
 #include "common/message_io.hpp"
 
 namespace tether {
@@ -38,6 +43,14 @@ DriveFault::Kind kind_of(Scenario::Can::Inject inject) {
       return DriveFault::Kind::wheel_slip;
   }
   return DriveFault::Kind::none;
+}
+
+void check_inject_node(std::int64_t node, const std::vector<int>& nodes) {
+  if (node == 0 || std::find(nodes.begin(), nodes.end(), node) != nodes.end()) return;
+  std::string allowed = "0 (all)";
+  for (const int id : std::set<int>(nodes.begin(), nodes.end())) allowed += fmt::format(", {}", id);
+  throw UsageError(fmt::format("can.inject_node = {}: the drivetrain has no such node; allowed: {}",
+                               node, allowed));
 }
 
 bool is_usable(const WheelStates& wheels) {
@@ -90,6 +103,7 @@ void CanDriveNode::subscribe_to_faults(const Scenario& scenario) {
                            });
   const Scenario::Can& can = scenario.can;
   if (can.inject == Scenario::Can::Inject::none) return;
+  check_inject_node(can.inject_node, nodes_);
   loop_.at(kStart + from_seconds(can.inject_at_s), Priority::delivery,
            [this, node = static_cast<std::int32_t>(can.inject_node), kind = kind_of(can.inject),
             value = can.inject_value](Instant) {

@@ -35,7 +35,7 @@ namespace tether {
 ///
 /// Faults come from the scenario (can.inject…, once at can.inject_at_s) and from CAN/INJECT; a
 /// request of unknown kind, with an unusable value or for a node that is not there is counted and
-/// ignored.
+/// ignored. A can.inject_node that the drivetrain has not is a UsageError.
 class CanDriveNode final : public Node {
  public:
   static constexpr Duration kTick = std::chrono::milliseconds{1};

@@ -168,10 +168,17 @@ CanLinkMonitor::Changes CanLinkMonitor::drain(int index) const {
 }
 
 int CanLinkMonitor::set_up(int index, bool up) const {
+  return change(index, up ? IFF_UP : 0, IFF_UP);
+}
+
+// The kernel asks for the permission before it looks at what is to be changed.
+bool CanLinkMonitor::may_change(int index) const { return change(index, 0, 0) == 0; }
+
+int CanLinkMonitor::change(int index, unsigned int flags, unsigned int which) const {
   LinkRequest request(RTM_NEWLINK, NLM_F_ACK);
   request.info.ifi_index = index;
-  request.info.ifi_flags = up ? IFF_UP : 0;
-  request.info.ifi_change = IFF_UP;
+  request.info.ifi_flags = flags;
+  request.info.ifi_change = which;
   Answer answer;
   exchange(request_fd_, request, answer);
   const auto* message = reinterpret_cast<const nlmsghdr*>(answer.bytes.data());

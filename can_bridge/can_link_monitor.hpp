@@ -48,8 +48,12 @@ class CanLinkMonitor {
 
   /// Takes the interface up or down; needs CAP_NET_ADMIN. 0, or the errno why not.
   int set_up(int index, bool up) const;
+  /// Whether set_up() is permitted; changes nothing.
+  bool may_change(int index) const;
 
  private:
+  int change(int index, unsigned int flags, unsigned int which) const;
+
   std::string interface_;
   int events_fd_ = -1;
   int request_fd_ = -1;

@@ -51,6 +51,10 @@ class CanPort {
   /// `why` says what an operator has to do.
   virtual bool restart(std::string& why) = 0;
 
+  /// What will be missing in trouble and should be known at the start: restart() is not permitted.
+  /// "" if nothing.
+  virtual std::string warning() const { return ""; }
+
   /// Appends "can.sent", "can.received", "can.send_dropped", "can.rx_overflow"…
   virtual void list(CounterList& out) const = 0;
 

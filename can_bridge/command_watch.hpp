@@ -19,7 +19,7 @@ namespace tether {
 /// decided half a second ago says nothing of the present. Stamp and arrival are two hosts' clocks.
 /// A sender's clock that is behind by d makes every command look d older: the vehicle stops early
 /// or refuses to arm. One that is ahead hides up to d of the network's delay, but never of the time
-/// since the arrival.
+/// since the arrival; beyond the guard's max_ahead (SafetyCore: 50 ms or less) it is rejected.
 class CommandWatch {
  public:
   explicit CommandWatch(const StreamGuard::Config& config) : guard_(config) {}

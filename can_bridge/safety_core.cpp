@@ -15,7 +15,7 @@ double whole_ms(Duration d) { return std::floor(to_milliseconds(d)); }
 
 SafetyCore::SafetyCore(const Config& config)
     : config_(config),
-      commands_({StreamGuard::Config{}.max_ahead, config.earliest}),
+      commands_({std::min(kMaxAhead, config.stale / 2), config.earliest}),
       request_guard_(config.earliest),
       limiter_(config.limits),
       monitor_(config.limits.track_m, config.wheel_radius_m) {
@@ -59,6 +59,7 @@ Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanSta
   decision.state = state(drives);
   decision.reason = reason(decision.state, now, drives, bus);
   decision.action = action_;
+  if (action_ == Decision::Action::quick_stop) decision.distrust_until = distrust_until_;
   decision.may_move = motion_ == Motion::following || motion_ == Motion::ramping;
   if (decision.may_move) decision.twist = limiter_.twist();
   return decision;
@@ -110,6 +111,9 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
   const DrivePhase phase = drives.phase;
   if (phase != last_phase_) notice_.clear();  // what was refused then may be granted now
   last_phase_ = phase;
+  turning_ = drives.feedback_fresh && !drives.standstill;
+  fastest_rim_mps_ = config_.wheel_radius_m * std::max(std::abs(drives.wheels[0].speed_radps),
+                                                       std::abs(drives.wheels[1].speed_radps));
   if (phase == DrivePhase::faulted) {
     latch_fault(drives.reason, Cause::drives);
     // The profile may learn the error code, or what lies behind missing feedback, only later.
@@ -130,9 +134,12 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
   } else if (!drives.feedback_fresh) {
     latch_fault("wheel feedback is missing: check the drives, the CAN plug and the bus load",
                 Cause::drives);
+    feedback_lies_ = true;
   } else if (motion_ != Motion::enabling) {
     const std::string trouble = monitor_.update(now, limiter_.twist(), drives.wheels);
-    if (!trouble.empty()) latch_fault(trouble);
+    if (trouble.empty()) return;
+    latch_fault(trouble);
+    feedback_lies_ = true;
   }
 }
 
@@ -154,7 +161,15 @@ void SafetyCore::begin_quick_stop(Instant now, const std::string& why) {
   motion_since_ = now;
   disable_sent_ = false;
   stop_overdue_ = false;
+  distrust_until_.reset();
+  if (feedback_lies_) distrust_until_ = now + braking_time(limiter_.twist()) + kDistrustMargin;
   stop_reason_ = why;
+}
+
+Duration SafetyCore::braking_time(const Twist& from) const {
+  return from_seconds(
+      std::max(std::abs(from.v_mps) / config_.limits.max_deceleration_mps2,
+               std::abs(from.omega_radps) / config_.limits.max_yaw_deceleration_radps2));
 }
 
 void SafetyCore::advance(Instant now, const DrivetrainSnapshot& drives) {
@@ -163,11 +178,7 @@ void SafetyCore::advance(Instant now, const DrivetrainSnapshot& drives) {
       return;
     case Motion::enabling:
       if (drives.phase == DrivePhase::enabled) {
-        motion_ = Motion::following;
-        motion_since_ = now;
-        limiter_.reset();
-        monitor_.reset();
-        follow(now);
+        begin_following(now);
       } else if (now - motion_since_ >= kEnableTimeout) {
         begin_quick_stop(now, "arming failed: the drives did not switch on: " + drives.reason);
       }
@@ -182,6 +193,23 @@ void SafetyCore::advance(Instant now, const DrivetrainSnapshot& drives) {
       break;
   }
   if (motion_ == Motion::stopping) finish_stop(now, drives);
+}
+
+void SafetyCore::begin_following(Instant now) {
+  // What was zero when ARM was pressed may be so no more: nothing shall start by itself.
+  if (commands_.age(now).value_or(Duration::max()) >= config_.stale) {
+    begin_quick_stop(now, "the command was not fresh when the drives were on: arm again");
+    return;
+  }
+  if (!commands_.is_zero()) {
+    begin_quick_stop(now, "the command was not zero when the drives were on: arm again");
+    return;
+  }
+  motion_ = Motion::following;
+  motion_since_ = now;
+  limiter_.reset();
+  monitor_.reset();
+  follow(now);
 }
 
 void SafetyCore::follow(Instant now) {
@@ -206,6 +234,7 @@ void SafetyCore::ramp_down(Instant now, const DrivetrainSnapshot& drives) {
     motion_since_ = now;
     disable_sent_ = true;
     stop_overdue_ = false;
+    distrust_until_.reset();
     action_ = Decision::Action::disable;
   } else if (now - *setpoint_zero_since_ >= kStandstillWait) {
     begin_quick_stop(now, "the wheels still turned after the ramp to zero");
@@ -213,6 +242,7 @@ void SafetyCore::ramp_down(Instant now, const DrivetrainSnapshot& drives) {
 }
 
 void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
+  const bool believed = !distrust_until_ || now >= *distrust_until_;
   switch (drives.phase) {
     case DrivePhase::starting:
     case DrivePhase::refused:
@@ -232,13 +262,14 @@ void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
       if (!disable_sent_) action_ = Decision::Action::quick_stop;
       break;
     case DrivePhase::stopping:
-      if (drives.standstill && drives.feedback_fresh && !disable_sent_) {
+      if (drives.standstill && drives.feedback_fresh && believed && !disable_sent_) {
         disable_sent_ = true;
         action_ = Decision::Action::disable;
       }
       break;
   }
-  if (now - motion_since_ >= kStopTimeout && !stop_overdue_) {
+  const Instant since = drives.standstill ? distrust_until_.value_or(motion_since_) : motion_since_;
+  if (now - since >= kStopTimeout && !stop_overdue_) {
     stop_overdue_ = true;
     latch_fault(drives.standstill ? "the drives do not confirm that their power is off"
                                   : "the wheels still turn after a quick stop: use the hard-wired "
@@ -252,12 +283,21 @@ void SafetyCore::leave(Instant now) {
 
 bool SafetyCore::has_left(Instant now) const {
   if (!leaving_since_) return false;
-  if (now - *leaving_since_ >= kLeaveWait) return true;
+  if (now - *leaving_since_ >= leave_wait()) return true;
   const bool a_cycle_since = last_cycle_ && *last_cycle_ > *leaving_since_;
-  const bool powered_off = last_phase_ != DrivePhase::enabling &&
-                           last_phase_ != DrivePhase::enabled &&
-                           last_phase_ != DrivePhase::stopping;
-  return a_cycle_since && motion_ == Motion::idle && powered_off;
+  return a_cycle_since && motion_ == Motion::idle && !powered() && !turning_;
+}
+
+Duration SafetyCore::leave_wait() const {
+  const TwistLimits& limits = config_.limits;
+  const Twist fastest{std::max(limits.max_speed_mps, limits.max_reverse_mps),
+                      limits.max_yaw_rate_radps};
+  return std::min(braking_time(fastest) + kLeaveMargin, kLongestLeave);
+}
+
+bool SafetyCore::powered() const {
+  return last_phase_ == DrivePhase::enabling || last_phase_ == DrivePhase::enabled ||
+         last_phase_ == DrivePhase::stopping;
 }
 
 }  // namespace tether

@@ -38,6 +38,8 @@ struct Decision {
   Twist twist;  ///< setpoint in force; zero unless may_move
   /// Whether a non-zero setpoint may leave: following commands, or on the ramp down from there.
   bool may_move = false;
+  /// With quick_stop, where wheel feedback is known to lie: until then, standstill is not believed.
+  std::optional<Instant> distrust_until;
 };
 
 /// Decides, once per control cycle, whether and how the vehicle may move. Pure: time, commands,
@@ -45,11 +47,12 @@ struct Decision {
 ///
 /// Rules
 /// - Arming takes an ARM request (each acts once, see RequestGuard) and a fresh command that is
-///   zero; from DISARMED only, with drives in standby, wheels at standstill and a healthy bus. A
-///   refused ARM is used up and leaves its reason.
+///   zero, both when it is asked for and when the drives are on (else they are switched off again);
+///   from DISARMED only, with drives in standby, wheels at standstill and a healthy bus. A refused
+///   ARM is used up and leaves its reason.
+/// - Commands stamped more than min(kMaxAhead, stale/2) after the bridge's own clock are rejected.
 /// - Armed: a command of age `stale` (CommandWatch) or older → ramp to zero; a fresh one resumes.
-/// Of
-///   age `disarm` or older → quick stop and disarm: only ARM with a zero command goes on from
+///   Of age `disarm` or older → quick stop and disarm: only ARM with a zero command goes on from
 ///   there.
 /// - DISARM: ramp to zero, wait for standstill (at most kStandstillWait, then quick stop), power
 ///   off.
@@ -60,12 +63,16 @@ struct Decision {
 ///   absent, or the loop itself standing still for longer than `disarm` → quick stop and latched
 ///   FAULT until RESET.
 /// - A bus that stalls is restarted at once, so that the setpoints which wait in its queue never
-///   get out: once until the next RESET, for what is sent after that moves nothing.
-/// - RESET leads to STARTING or DISARMED, never to ARMED. It is refused while the vehicle stops,
-///   while the e-stop is pressed, and while the bus is not up; a bus that was off or stalled is
-///   restarted first, so that no old frame is left in a queue. error-passive is reported, not
-///   latched; but no arming meanwhile.
-/// - Power stages are switched off only at standstill, or by drives that fault.
+///   get out: once until the next RESET, for what is sent after that moves nothing. Where that
+///   fails, the reason says so until RESET.
+/// - RESET leads to STARTING or DISARMED, never to ARMED. It is refused while the vehicle stops or
+///   fresh feedback says that its wheels turn, while the e-stop is pressed, and while the bus is
+///   not up; a bus that was off or stalled is restarted first, so that no old frame is left in a
+///   queue. error-passive is reported, not latched; but no arming meanwhile.
+/// - Power stages are switched off only at standstill, or by drives that fault. Feedback that was
+///   missing or of a wheel that does not follow may show standstill at full speed: after that they
+///   stay on, braking, for as long as the ramp from the last setpoint takes (|v|/deceleration or
+///   |ω|/yaw deceleration, the longer) and kDistrustMargin.
 /// - leave(): quick stop, standstill, power off; no arming any more.
 ///
 /// Before the first cycle: STARTING, zero. This is software, no safety function: an emergency stop
@@ -87,9 +94,11 @@ class SafetyCore {
   static constexpr Duration kEnableTimeout = std::chrono::seconds{5};
   /// How long a RESET waits for a restarted bus to come up.
   static constexpr Duration kBusRestartWait = std::chrono::seconds{1};
-  /// leave(): how long to wait for standstill and power off before falling silent, upon which the
-  /// drives' watchdogs act.
-  static constexpr Duration kLeaveWait = std::chrono::seconds{2};
+  static constexpr Duration kMaxAhead = std::chrono::milliseconds{50};
+  static constexpr Duration kDistrustMargin = std::chrono::milliseconds{500};
+  /// See leave_wait().
+  static constexpr Duration kLeaveMargin = std::chrono::seconds{2};
+  static constexpr Duration kLongestLeave = std::chrono::seconds{20};
 
   explicit SafetyCore(const Config& config);
 
@@ -106,8 +115,13 @@ class SafetyCore {
 
   /// The program ends: stop and power off, from the next cycle on.
   void leave(Instant now);
-  /// Nothing is left to do after leave(), or kLeaveWait is over.
+  /// After leave(): power is off and no wheel is known to turn, or leave_wait() is over.
   bool has_left(Instant now) const;
+  /// leave(): how long to wait for that before falling silent, upon which the drives' watchdogs
+  /// act: the ramp from the largest speed or yaw rate and kLeaveMargin, at most kLongestLeave.
+  Duration leave_wait() const;
+  /// After leave(): what is not in order, such as "the wheels turn at 1.20 m/s …"; "" if nothing.
+  std::string left_behind() const;
 
   std::optional<Duration> command_age(Instant now) const { return commands_.age(now); }
   std::int64_t disarms() const { return disarms_; }
@@ -131,12 +145,14 @@ class SafetyCore {
   void wait_for_restarted_bus(Instant now, CanState bus);
 
   void advance(Instant now, const DrivetrainSnapshot& drives);
+  void begin_following(Instant now);
   void follow(Instant now);
   void ramp_down(Instant now, const DrivetrainSnapshot& drives);
   void finish_stop(Instant now, const DrivetrainSnapshot& drives);
   void begin_quick_stop(Instant now, const std::string& why);
   void count_disarm();
   void latch_fault(const std::string& reason, Cause cause = Cause::bridge);
+  Duration braking_time(const Twist& from) const;
 
   BridgeState state(const DrivetrainSnapshot& drives) const;
   std::string reason(BridgeState state, Instant now, const DrivetrainSnapshot& drives,
@@ -144,6 +160,7 @@ class SafetyCore {
   std::string armed_reason(Instant now) const;
   std::string latched_reason() const;
   bool latched() const { return estop_latched_ || fault_latched_; }
+  bool powered() const;
 
   Config config_;
   CommandWatch commands_;
@@ -157,6 +174,8 @@ class SafetyCore {
   std::optional<Instant> setpoint_zero_since_;  ///< ramping
   bool disable_sent_ = false;                   ///< stopping
   bool stop_overdue_ = false;                   ///< stopping
+  bool feedback_lies_ = false;                  ///< since the last ARM
+  std::optional<Instant> distrust_until_;       ///< stopping
   Decision::Action action_ = Decision::Action::none;
 
   bool estop_pressed_ = false;
@@ -164,8 +183,9 @@ class SafetyCore {
   bool fault_latched_ = false;
   Cause fault_cause_ = Cause::bridge;
   std::string fault_reason_;
-  std::string stop_reason_;  ///< of the last stop
-  std::string notice_;       ///< why the last request was refused
+  std::string purge_failure_;  ///< why old setpoints may still wait in the bus; until RESET
+  std::string stop_reason_;    ///< of the last stop
+  std::string notice_;         ///< why the last request was refused
 
   CanState worst_bus_ = CanState::up;   ///< since the last cycle
   bool bus_was_jammed_ = false;         ///< old frames may wait in its queues
@@ -176,6 +196,8 @@ class SafetyCore {
   std::optional<Instant> last_cycle_;
   std::optional<Instant> leaving_since_;
   DrivePhase last_phase_ = DrivePhase::starting;
+  bool turning_ = false;  ///< by fresh feedback of the last cycle
+  double fastest_rim_mps_ = 0.0;
   std::int64_t disarms_ = 0;
 };
 

@@ -101,11 +101,26 @@ std::string SafetyCore::armed_reason(Instant now) const {
 }
 
 std::string SafetyCore::latched_reason() const {
-  if (!estop_latched_) return fault_reason_;
+  const std::string fault =
+      purge_failure_.empty()
+          ? fault_reason_
+          : fmt::format("{}; setpoints of before may still come out when the bus recovers: {}",
+                        fault_reason_, purge_failure_);
+  if (!estop_latched_) return fault;
   std::string text =
       estop_pressed_ ? "e-stop pressed: release it, then reset" : "e-stop released: reset to go on";
-  if (fault_latched_) text += "; besides: " + fault_reason_;
+  if (fault_latched_) text += "; besides: " + fault;
   return text;
+}
+
+std::string SafetyCore::left_behind() const {
+  if (!leaving_since_ || !(powered() || turning_)) return "";
+  return fmt::format(
+      "the bridge ends although {}, power stages {}: the drives' own watchdogs have to stop the "
+      "vehicle: use the hard-wired emergency stop",
+      turning_ ? fmt::format("the wheels turn at {:.2f} m/s", fastest_rim_mps_)
+               : "standstill and power off are not confirmed",
+      powered() ? "on" : "off");
 }
 
 }  // namespace tether

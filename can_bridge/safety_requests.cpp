@@ -43,6 +43,7 @@ void SafetyCore::arm(Instant now, const DrivetrainSnapshot& drives, CanState bus
   }
   notice_.clear();
   stop_reason_.clear();
+  feedback_lies_ = false;
   motion_ = Motion::enabling;
   motion_since_ = now;
   action_ = Decision::Action::enable;
@@ -83,6 +84,8 @@ void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState b
     notice_ = "reset refused: the vehicle is still stopping";
   } else if (estop_pressed_) {
     notice_ = "reset refused: the e-stop is pressed: release it first";
+  } else if (drives.feedback_fresh && !drives.standstill) {
+    notice_ = "reset refused: the wheels are still turning: wait for standstill";
   } else if (bus == CanState::absent || (bus == CanState::down && !restart_unfinished_)) {
     notice_ = fmt::format("reset refused: the CAN interface is {}", to_string(bus));
   } else if (bus_was_jammed_ || restart_unfinished_) {
@@ -102,7 +105,11 @@ void SafetyCore::on_bus_restarted(bool done, const std::string& why) {
     return;
   }
   restart_unfinished_ = worst_bus_ == CanState::down;
-  notice_ = (reset_since_ ? "reset refused: " : "") + why;
+  if (reset_since_) {
+    notice_ = "reset refused: " + why;
+  } else {
+    purge_failure_ = why;
+  }
   reset_since_.reset();
 }
 
@@ -125,6 +132,7 @@ void SafetyCore::finish_reset() {
   purged_ = false;
   reset_since_.reset();
   fault_reason_.clear();
+  purge_failure_.clear();
   stop_reason_.clear();
   notice_.clear();
 }

@@ -347,6 +347,16 @@ bool SocketCanPort::restart(std::string& why) {
   return error == 0;
 }
 
+std::string SocketCanPort::warning() const {
+  if (interface_.starts_with("vcan") || interface_.starts_with("vxcan")) return "";
+  if (fd_ < 0 || monitor_.may_change(link_.index)) return "";
+  return fmt::format(
+      "cannot restart {0} after a stall: speeds that wait in its queue would still come out when "
+      "the bus recovers: give this program CAP_NET_ADMIN (as root: setcap cap_net_admin+ep "
+      "<path of tether-can-bridge>)",
+      interface_);
+}
+
 void SocketCanPort::list(CounterList& out) const {
   const Counters& c = counters_;
   out.emplace_back("can.sent", c.sent);

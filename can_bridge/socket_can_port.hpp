@@ -55,6 +55,9 @@ class SocketCanPort final : public CanPort {
   /// then stay down, with empty queues, until it answers at a later restart().
   bool restart(std::string& why) override;
 
+  /// Without CAP_NET_ADMIN; "" for a virtual bus, which never stalls.
+  std::string warning() const override;
+
   /// Appends can.sent, can.received, can.send_dropped, can.rx_overflow (frames), can.malformed
   /// (frames of impossible length), can.error_frames, can.error_frames_unconfirmed, can.restarts,
   /// can.reopened, can.state_changes.

@@ -20,8 +20,8 @@ struct NodeContext {
       control_bus;  ///< the controller's side; the same bus unless --control-lcm-url says otherwise
 };
 
-/// How long a node may take to wind down (Node::wind_down).
-inline constexpr Duration kWindDownLimit = std::chrono::seconds{3};
+/// How long a node may take to wind down (Node::wind_down), at the very most.
+inline constexpr Duration kWindDownLimit = std::chrono::seconds{21};
 
 struct NodeProgram {
   std::string name;                 ///< "tether-sim"

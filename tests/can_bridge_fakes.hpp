@@ -23,6 +23,7 @@ struct FakePort final : CanPort {
   CanState now = CanState::up;
   int restarts = 0;
   bool can_restart = true;
+  std::string warned;
 
   bool send(const CanFrame& frame) override {
     sent.push_back(frame);
@@ -40,6 +41,7 @@ struct FakePort final : CanPort {
     if (can_restart) now = CanState::up;
     return can_restart;
   }
+  std::string warning() const override { return warned; }
   void list(CounterList& out) const override {
     out.emplace_back("can.sent", static_cast<std::int64_t>(sent.size()));
   }
@@ -59,6 +61,9 @@ struct FakeProfile final : DriveProfile {
   Twist command;
   std::int32_t forced_mmps = 0;
   std::string seen_intruder;
+  std::vector<StopKind> stops;
+  std::vector<Instant> distrusted_until;
+  int fault_resets = 0;
 
   FakeProfile() { now.standstill = now.feedback_fresh = true; }
   std::vector<CanFilter> filters() const override { return {CanFilter{0x181}}; }
@@ -79,8 +84,15 @@ struct FakeProfile final : DriveProfile {
   }
   void set_command(const Twist& t) override { command = t; }
   void enable() override { now.phase = DrivePhase::enabling; }
-  void stop(StopKind) override { now.phase = DrivePhase::stopping; }
-  void reset_fault() override { now.phase = DrivePhase::starting; }
+  void stop(StopKind kind) override {
+    stops.push_back(kind);
+    now.phase = DrivePhase::stopping;
+  }
+  void distrust_standstill(Instant until) override { distrusted_until.push_back(until); }
+  void reset_fault() override {
+    ++fault_resets;
+    now.phase = DrivePhase::starting;
+  }
   DrivetrainSnapshot snapshot(Instant) const override { return now; }
   Counters counters() const override { return {3, 4}; }
   std::string intruder() const override { return seen_intruder; }

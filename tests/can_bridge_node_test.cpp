@@ -23,7 +23,6 @@ using testing::counter;
 using testing::drivetrain;
 using testing::FakePort;
 using testing::FakeProfile;
-using testing::LateLoop;
 using testing::Seen;
 using testing::setpoint_mmps;
 using testing::twist;
@@ -176,6 +175,61 @@ TEST_F(CanBridgeNodeTest, RequestsReachTheSafetyCore) {
   EXPECT_EQ(state().state, drivetrain_state_t::ESTOP);
 }
 
+TEST_F(CanBridgeNodeTest, ADisarmRampsThenTellsTheDrivesToSwitchOff) {
+  start();
+  steer(4.0, 0.8);
+  request_at(at_s(2.0), drive_request_t::DISARM);
+  world.loop.run_until(at_s(3.0));
+  EXPECT_EQ(profile->stops, std::vector<StopKind>{StopKind::disable});
+  EXPECT_EQ(state().state, drivetrain_state_t::DISARMED);
+}
+
+TEST_F(CanBridgeNodeTest, AnEStopLeavesNoSpeedBehindInTheProfile) {
+  start();
+  steer(4.0, 0.8);
+  request_at(at_s(2.0), drive_request_t::ESTOP);
+  world.loop.run_until(at_s(1.98));
+  ASSERT_NEAR(profile->command.v_mps, 0.8, 1e-9);
+  world.loop.run_until(at_s(2.02));
+  EXPECT_EQ(profile->stops, std::vector<StopKind>{StopKind::quick});
+  EXPECT_EQ(profile->command.v_mps, 0.0);
+  EXPECT_TRUE(profile->distrusted_until.empty()) << "its feedback is sound";
+}
+
+TEST_F(CanBridgeNodeTest, AResetReachesTheDrives) {
+  start();
+  world.loop.at(at_ms(105), Priority::node, [this](Instant) {
+    profile->now.phase = DrivePhase::faulted;
+    profile->now.reason = "left drive: fault";
+  });
+  request_at(at_ms(150), drive_request_t::RESET);
+  world.loop.run_until(at_ms(140));
+  EXPECT_EQ(profile->fault_resets, 0);
+  world.loop.run_until(at_ms(300));
+  EXPECT_EQ(profile->fault_resets, 1);
+  EXPECT_EQ(state().state, drivetrain_state_t::DISARMED);
+}
+
+TEST_F(CanBridgeNodeTest, AStopForLostFeedbackTellsTheProfileHowLongNotToBelieveStandstill) {
+  start();
+  steer(4.0, 0.75);
+  world.loop.at(at_ms(1990), Priority::node,
+                [this](Instant) { profile->now.feedback_fresh = false; });
+  world.loop.run_until(at_s(2.0));
+  EXPECT_EQ(profile->stops, std::vector<StopKind>{StopKind::quick});
+  // 0.75 m/s at 1.5 m/s², and the margin.
+  ASSERT_FALSE(profile->distrusted_until.empty());
+  EXPECT_EQ(profile->distrusted_until.back(), at_s(3.0));
+}
+
+TEST_F(CanBridgeNodeTest, APortThatCouldNotBeRestartedIsWarnedOfAtTheStart) {
+  ::testing::internal::CaptureStderr();
+  port.warned = "cannot restart can0 after a stall";
+  start();
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(),
+            "tether-can-bridge: warning: cannot restart can0 after a stall\n");
+}
+
 TEST_F(CanBridgeNodeTest, ABusThatFailsBetweenTwoCyclesLatches) {
   start();
   world.loop.at(at_ms(105), Priority::node, [this](Instant) { port.change(CanState::bus_off); });
@@ -273,56 +327,29 @@ TEST_F(CanBridgeNodeTest, WindsDownByStoppingThenFallsSilent) {
   EXPECT_EQ(port.sent.size(), sent);
 }
 
-struct LateCanBridgeTest : ::testing::Test {
-  Scenario scenario;
-  LateLoop loop;
-  VirtualWorld world;
-  FakePort port;
-  FakeProfile* profile = nullptr;
-  std::unique_ptr<CanBridgeNode> node;
-
-  LateCanBridgeTest() {
-    auto owned = std::make_unique<FakeProfile>();
-    profile = owned.get();
-    node = std::make_unique<CanBridgeNode>(scenario, drivetrain(), loop, world.bus, port,
-                                           std::move(owned));
-    loop.wake_up_at(kStart);
+TEST_F(CanBridgeNodeTest, EndsWithAnErrorThatTellsTheSpeedIfTheWheelsStillTurn) {
+  start();
+  steer(2.0, 0.8);
+  world.loop.at(at_s(1.0), Priority::node, [this](Instant) {
+    profile->now.standstill = false;
+    profile->now.wheels[0].speed_radps = 2.0;
+  });
+  world.loop.run_until(at_s(2.0));
+  EXPECT_FALSE(node->wind_down());
+  for (double t = 2.1; t < 5.95; t += 0.1) {
+    world.loop.run_until(at_s(t));
+    ASSERT_FALSE(node->wind_down()) << t;
   }
-  std::size_t cycles() const { return profile->ticks.size(); }
-};
-
-TEST_F(LateCanBridgeTest, ALateCycleOfLessThanAPeriodIsOrdinary) {
-  loop.wake_up_at(at_ms(39.999999));
-  EXPECT_EQ(cycles(), 2U);
-}
-
-TEST_F(LateCanBridgeTest, MissedCyclesAreNotMadeUpFor) {
-  loop.wake_up_at(at_ms(40));  // 20 and 40 ms are due
-  EXPECT_EQ(cycles(), 2U);
-  loop.wake_up_at(at_ms(490));
-  EXPECT_EQ(cycles(), 3U);
-  EXPECT_EQ(port.sent.size(), 6U);
-  EXPECT_EQ(profile->ticks.back(), at_ms(490));
-}
-
-TEST_F(LateCanBridgeTest, ACycleThatIsHeldUpWhileItSendsSendsNoMoreAfterItsPeriod) {
-  for (const double held_up_ms : {19.999999, 20.0, 1200.0}) {
-    const Instant start = loop.time = loop.time + std::chrono::seconds{2};
-    port.sent.clear();
-    port.on_send = [&] { loop.time = start + from_seconds(held_up_ms * 1e-3); };
-    loop.task(start);
-    // Of a heartbeat and a setpoint; the first was on its way in time.
-    EXPECT_EQ(port.sent.size(), held_up_ms < 20.0 ? 2U : 1U) << held_up_ms;
+  world.loop.run_until(at_s(6.0));  // 3 m/s at 1.5 m/s², and 2 s
+  EXPECT_TRUE(node->wind_down());
+  try {
+    node->finish();
+    ADD_FAILURE() << "ended as if all were well";
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find("the wheels turn at 0.80 m/s, power stages on"),
+              std::string::npos)
+        << e.what();
   }
-}
-
-TEST_F(LateCanBridgeTest, ABridgeThatStoodStillForLongNeedsAReset) {
-  std::vector<Seen<drivetrain_state_t>> states;
-  world.collect("CAN/STATE", states);
-  loop.wake_up_at(at_ms(700));
-  world.loop.run_until(kStart);
-  EXPECT_EQ(states.back().message.state, drivetrain_state_t::FAULT);
-  EXPECT_NE(states.back().message.reason.find("stood still for 700 ms"), std::string::npos);
 }
 
 }  // namespace

@@ -49,8 +49,27 @@ TEST_F(FollowMonitorTest, AFrozenWheelIsNoticedTheSoonerTheFasterItShouldTurn) {
   EXPECT_NE(trouble.find("the right wheel does not follow: told 2.80 m/s"), std::string::npos);
   monitor.reset();
   monitor.update(now, {}, wheels);
-  EXPECT_EQ(time_to_trouble({-0.3, 0.0}, 0.0, -0.3), milliseconds{1380});
+  EXPECT_EQ(time_to_trouble({-0.3, 0.0}, 0.0, -0.3), milliseconds{1320});
   EXPECT_NE(trouble.find("the left wheel"), std::string::npos);
+}
+
+TEST_F(FollowMonitorTest, ASlowWheelThatIsFrozenIsNoticedWithinSeconds) {
+  EXPECT_LE(time_to_trouble({0.1, 0.0}, 0.1, 0.0), milliseconds{5020});
+  EXPECT_NE(trouble.find("the right wheel does not follow: told 0.10 m/s"), std::string::npos);
+  monitor.reset();
+  monitor.update(now, {}, wheels);
+  EXPECT_EQ(time_to_trouble({0.028, 0.0}, 0.028, 0.0), seconds{100}) << "as good as none";
+}
+
+TEST_F(FollowMonitorTest, AWheelThatCreepsWhileItShouldStandIsNoticedWithinSeconds) {
+  EXPECT_LE(time_to_trouble({}, 0.1, 0.0), milliseconds{3160});
+  EXPECT_NE(trouble.find("the left wheel does not follow: told 0.00 m/s"), std::string::npos);
+  monitor.reset();
+  monitor.update(now, {}, wheels);
+  EXPECT_LE(time_to_trouble({}, 0.0, -0.05), milliseconds{8360});
+  monitor.reset();
+  monitor.update(now, {}, wheels);
+  EXPECT_EQ(time_to_trouble({}, 0.019, -0.019), seconds{100});
 }
 
 TEST_F(FollowMonitorTest, AWheelOfWrongSignOrThatRunsAwayIsNoticed) {

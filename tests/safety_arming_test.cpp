@@ -147,6 +147,74 @@ TEST_F(Arming, IsRefusedWhileTheBusIsErrorPassive) {
   expect_refused("error-passive");
 }
 
+TEST_F(Arming, IsTakenBackWhenTheCommandIsNotZeroOnceTheDrivesAreOn) {
+  command(0.0);
+  request(DriveRequest::arm);
+  cycle();
+  for (int i = 0; i < 2; ++i) {
+    keep_commanding(1, 0.5);
+    expect_no_motion();
+  }
+  EXPECT_EQ(last.action, Action::quick_stop);
+  EXPECT_EQ(last.state, BridgeState::stopping);
+  keep_commanding(3, 0.5);
+  EXPECT_EQ(last.state, BridgeState::disarmed);
+  expect_reason("the command was not zero when the drives were on: arm again");
+  EXPECT_EQ(core.disarms(), 0) << "it never was armed";
+  arm();
+}
+
+TEST_F(Arming, IsTakenBackWhenTheZeroCommandIsStaleOnceTheDrivesAreOn) {
+  for (const Duration age : {kStale - kTick, kStale}) {
+    command(0.0);
+    const Instant commanded = now;
+    request(DriveRequest::arm);
+    ASSERT_EQ(cycle().state, BridgeState::arming);
+    cycle_after(kCycle);
+    now = commanded + age;
+    cycle();
+    if (age < kStale) {
+      EXPECT_EQ(last.state, BridgeState::armed);
+      request(DriveRequest::disarm);
+      for (int i = 0; i < 3; ++i) cycle_after(kCycle);
+    } else {
+      EXPECT_EQ(last.action, Action::quick_stop);
+      expect_reason("not fresh when the drives were on");
+    }
+  }
+}
+
+TEST_F(Arming, DrivesThatRestartWhileTheySwitchOnLatchAFault) {
+  drives_obey = false;
+  command(0.0);
+  request(DriveRequest::arm);
+  cycle();
+  drives.phase = DrivePhase::starting;
+  drives.reason = "rebooted";
+  cycle_after(kCycle);
+  EXPECT_EQ(last.state, BridgeState::fault);
+  expect_reason("left operation by themselves: rebooted");
+  drives.phase = DrivePhase::enabled;
+  cycle_after(kCycle);
+  EXPECT_EQ(last.action, Action::quick_stop);
+}
+
+TEST_F(Arming, IsRefusedRightBehindADisarmWhileTheDrivesHaveNotYetMoved) {
+  drives_obey = false;  // still in standby, though told to switch on
+  command(0.0);
+  request(DriveRequest::arm);
+  cycle();
+  now += kCycle;
+  request(DriveRequest::disarm);
+  request(DriveRequest::arm);
+  cycle();
+  EXPECT_EQ(last.state, BridgeState::stopping);
+  EXPECT_EQ(last.action, Action::quick_stop);
+  cycle_after(kCycle);
+  EXPECT_EQ(last.state, BridgeState::disarmed);
+  expect_reason("the vehicle is still stopping");
+}
+
 TEST_F(Arming, IsGivenUpWhenTheDrivesDoNotSwitchOn) {
   drives_obey = false;
   command(0.0);

@@ -130,6 +130,31 @@ TEST_F(Bus, ThatCannotBeRestartedSaysWhatToDo) {
   EXPECT_EQ(cycle_after(kCycle).action, Action::reset_fault);
 }
 
+TEST_F(Bus, WhoseQueueCouldNotBeEmptiedSaysSoUntilTheReset) {
+  drive(1.0);
+  bus = CanState::stalled;
+  cycle_after(kCycle);
+  EXPECT_EQ(cycle_after(kCycle).action, Action::restart_bus);
+  core.on_bus_restarted(false, "restarting can0 failed: give CAP_NET_ADMIN");
+  drives.phase = DrivePhase::faulted;  // one phase after another: they clear what was refused
+  cycle_after(kCycle);
+  drives.phase = DrivePhase::starting;
+  cycle_after(kCycle);
+  bus = CanState::up;
+  drives.standstill = true;
+  drives.phase = DrivePhase::standby;
+  for (int i = 0; i < 10; ++i) cycle_after(kCycle);
+  EXPECT_EQ(last.state, BridgeState::fault);
+  expect_reason("CAN bus stalled");
+  expect_reason("may still come out when the bus recovers: restarting can0 failed: give CAP");
+  request(DriveRequest::reset);
+  cycle_after(kCycle);
+  core.on_bus_restarted(true, "");
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
+  bus = CanState::bus_off;  // another matter
+  EXPECT_EQ(cycle_after(kCycle).reason.find("recovers"), std::string::npos);
+}
+
 TEST_F(Bus, ThatStaysOffAfterARestartIsNotReset) {
   bus = CanState::bus_off;
   cycle();
@@ -241,9 +266,53 @@ TEST_F(Leaving, DoesNotWaitForever) {
   core.leave(now);
   const Instant began = now;
   cycle_after(kCycle);
-  now = began + SafetyCore::kLeaveWait - kTick;
+  EXPECT_EQ(core.leave_wait(), seconds{4}) << "3 m/s at 1.5 m/s2, and 2 s";
+  now = began + seconds{4} - kTick;
   EXPECT_FALSE(core.has_left(now));
-  now = began + SafetyCore::kLeaveWait;
+  now = began + seconds{4};
+  EXPECT_TRUE(core.has_left(now));
+}
+
+TEST_F(Leaving, WaitsLongerForVehiclesThatTakeLongerToStopButNotForever) {
+  SafetyCore::Config slow = config();
+  slow.limits.max_yaw_rate_radps = 18.0;
+  EXPECT_EQ(SafetyCore{slow}.leave_wait(), seconds{8}) << "18 rad/s at 3 rad/s2, and 2 s";
+  slow.limits.max_reverse_mps = 15.0;
+  EXPECT_EQ(SafetyCore{slow}.leave_wait(), seconds{12}) << "15 m/s at 1.5 m/s2, and 2 s";
+  slow.limits.max_speed_mps = 100.0;
+  EXPECT_EQ(SafetyCore{slow}.leave_wait(), seconds{20});
+}
+
+TEST_F(Leaving, TellsOfWheelsThatStillTurnAndOfPowerThatIsStillOn) {
+  drive(1.0);
+  EXPECT_EQ(core.left_behind(), "") << "nobody leaves";
+  core.leave(now);
+  drives.wheels[1].speed_radps = -3.0;
+  cycle_after(kCycle);
+  EXPECT_NE(core.left_behind().find("the wheels turn at 1.20 m/s, power stages on"),
+            std::string::npos)
+      << core.left_behind();
+  drives_obey = false;
+  drives.phase = DrivePhase::stopping;
+  drives.standstill = true;
+  cycle_after(kCycle);
+  EXPECT_NE(core.left_behind().find("not confirmed, power stages on"), std::string::npos)
+      << core.left_behind();
+  drives.phase = DrivePhase::standby;
+  cycle_after(kCycle);
+  EXPECT_EQ(core.left_behind(), "");
+}
+
+TEST_F(Leaving, WaitsForWheelsThatRollAfterTheDrivesFaulted) {
+  drive(1.0);
+  drives.phase = DrivePhase::faulted;
+  cycle_after(kCycle);
+  core.leave(now);
+  cycle_after(kCycle);
+  EXPECT_FALSE(core.has_left(now));
+  EXPECT_NE(core.left_behind().find("power stages off"), std::string::npos);
+  drives.standstill = true;
+  cycle_after(kCycle);
   EXPECT_TRUE(core.has_left(now));
 }
 

@@ -134,9 +134,30 @@ TEST_F(Following, ACommandDelayedInTheNetworkDoesNotCountAsFresh) {
 
 TEST_F(Following, AStampAheadOfOurClockAgesFromItsArrival) {
   drive(1.0);
-  core.on_command(now, now + milliseconds{900}, command_seq++, {1.0, 0.0});
-  cycle_after(kStale);
+  now += kCycle;
+  core.on_command(now, now + milliseconds{50}, command_seq++, {1.0, 0.0});
+  cycle_after(kStale - kTick);
+  EXPECT_EQ(last.twist.v_mps, 1.0);
+  cycle_after(kTick);
   EXPECT_LT(last.twist.v_mps, 1.0);
+}
+
+TEST_F(Following, AStampMoreThan50MsAheadIsRejected) {
+  drive(1.0);
+  now += milliseconds{190};
+  core.on_command(now, now + milliseconds{50} + kTick, command_seq++, {1.0, 0.0});
+  cycle_after(milliseconds{10});
+  EXPECT_LT(last.twist.v_mps, 1.0) << "200 ms after the last good command";
+}
+
+TEST_F(Following, WithAShortStaleTimeAStampMayBeAheadByHalfOfIt) {
+  for (const Duration ahead : {milliseconds{30} + Duration{0}, milliseconds{30} + kTick}) {
+    SafetyCore::Config strict = config();
+    strict.stale = milliseconds{60};
+    core = SafetyCore{strict};
+    core.on_command(now, now + ahead, 0, {});
+    EXPECT_EQ(core.command_age(now).has_value(), ahead == milliseconds{30});
+  }
 }
 
 TEST_F(Following, CommandsThatAreNotNumbersRefreshNothing) {

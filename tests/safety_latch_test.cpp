@@ -160,6 +160,28 @@ TEST_F(Fault, ResetIsNotArm) {
   arm();
 }
 
+TEST_F(Fault, AResetIsRefusedWhileTheWheelsAreKnownToTurn) {
+  drive(1.0);
+  fail("left drive: fault");
+  cycle_after(kCycle);
+  request(DriveRequest::reset);
+  cycle_after(kCycle);
+  EXPECT_EQ(last.action, Action::none);
+  EXPECT_EQ(last.state, BridgeState::fault);
+  expect_reason("reset refused: the wheels are still turning");
+  drives.standstill = true;
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).action, Action::reset_fault);
+}
+
+TEST_F(Fault, AResetWithoutFeedbackIsPossibleSoThatDrivesCanStartAnew) {
+  fail("right drive: no heartbeat");
+  drives.standstill = drives.feedback_fresh = false;
+  cycle_after(kCycle);
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).action, Action::reset_fault);
+}
+
 TEST_F(Fault, AnArmTogetherWithTheResetDoesNotArm) {
   fail("fault");
   cycle();

@@ -2,8 +2,13 @@
 // machine.
 #include <gmock/gmock.h>
 #include <linux/can/error.h>
+#include <linux/capability.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <array>
 #include <chrono>
+#include <thread>
 
 #include "can_bridge/socket_can_port.hpp"
 #include "can_peers.hpp"
@@ -74,6 +79,30 @@ TEST_F(VirtualBus, PassesElevenBitDataFramesThatMatchAndNothingElse) {
   EXPECT_EQ(node.counter("can.received"), 2);
   EXPECT_EQ(node.counter("can.error_frames"), 0);
   EXPECT_EQ(node.port.state(), CanState::up);
+}
+
+/// Without CAP_NET_ADMIN, in a thread of its own: what the port warns of.
+std::string warning_of_the_powerless(const std::string& interface) {
+  std::string warning;
+  std::thread([&] {
+    __user_cap_header_struct header{_LINUX_CAPABILITY_VERSION_3, 0};
+    std::array<__user_cap_data_struct, 2> data{};
+    syscall(SYS_capget, &header, data.data());
+    data[0].effective &= ~(1U << CAP_NET_ADMIN);
+    ASSERT_EQ(syscall(SYS_capset, &header, data.data()), 0);
+    RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+    warning = SocketCanPort(interface, loop).warning();
+  }).join();
+  return warning;
+}
+
+TEST_F(VirtualBus, WarnsThatAStalledAdapterCannotBeRestartedWithoutTheCapability) {
+  sh("ip link add dev bus7 type vcan && ip link set bus7 up");  // by its name an adapter
+  EXPECT_EQ(Node("bus7").port.warning(), "");
+  EXPECT_THAT(warning_of_the_powerless("bus7"),
+              AllOf(HasSubstr("cannot restart bus7 after a stall"), HasSubstr("CAP_NET_ADMIN")));
+  EXPECT_EQ(warning_of_the_powerless("vcan7"), "") << "a virtual bus never stalls";
+  sh("ip link del bus7");
 }
 
 TEST_F(VirtualBus, ReceivesNothingBeforeItsFiltersAreSet) {
