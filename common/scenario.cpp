@@ -239,6 +239,13 @@ class Loader {
           file, can.max_deceleration_mps2, can.max_yaw_deceleration_radps2,
           can.max_acceleration_mps2, can.max_yaw_acceleration_radps2));
     }
+    if (can.inject == Scenario::Can::Inject::wheel_slip &&
+        !(can.inject_value > 0.0 && can.inject_value <= 1.0)) {
+      throw UsageError(fmt::format(
+          "{}: can.inject = \"wheel_slip\" with can.inject_value = {}: must be the share of the "
+          "motion that is lost, above 0, up to 1",
+          file, can.inject_value));
+    }
   }
 
   void check_combinations(const std::string& file) const {

@@ -86,4 +86,43 @@ def bad_options(test):
     test.say(f"{len(cases)} bad settings refused; such as: {message}")
 
 
-main(bad_drivetrains, bad_options)
+def bad_injections(test):
+    """They would do nothing, silently."""
+    cases = {
+        ("can.inject=fault", "can.inject_node=300"): ["can.inject_node = 300", "allowed: 0 (all), 1, 2"],
+        ("can.inject=wheel_slip",): ["wheel_slip", "can.inject_value = 0", "above 0, up to 1"],
+        ("can.inject=wheel_slip", "can.inject_value=2"): ["can.inject_value = 2", "up to 1"],
+    }
+    for settings, texts in cases.items():
+        options = [part for s in settings for part in ("--set", s)]
+        refused(test, 2, texts, "tether", "run", HIL, *options)
+
+
+def slow_motion_of_real_drives(test):
+    """The bridge's deadlines would take longer, but not what the vehicle does meanwhile."""
+    text = ["--speed 0.5: slow motion stretches the bridge's time-outs: only with can.emulate_drives = true"]
+    real = ("--set", "can.emulate_drives=false", "--start-utime", "1", "--speed", "0.5")
+    refused(test, 2, text, "tether-can-bridge", HIL, *real)
+    emulated = test.run("tether-can-bridge", HIL, "--set", "can.interface=vcan9", *real[2:])
+    check("slow motion" not in emulated.err(), emulated.err())
+
+
+def a_node_that_cannot_start_ends_a_live_run(test):
+    """Without a CAN interface; it is not tried again and again."""
+    program = test.run("tether", "live", HIL, "--set", "can.interface=vcan9", seconds=15)
+    check(program.process.returncode == 1, f"exit code {program.process.returncode}\n{program.err()}")
+    errors = [line for line in program.err().splitlines() if ": error: " in line]
+    check("starting it again" not in program.err(), program.err())
+    nodes = [line.split(":")[0] for line in errors if not line.startswith("tether:")]
+    check(nodes and len(nodes) == len(set(nodes)), f"repeated: {errors}")
+    check("did not start (exit code 1)" in errors[-1], errors[-1])
+    test.say(errors[0])
+
+
+main(
+    bad_drivetrains,
+    bad_options,
+    bad_injections,
+    slow_motion_of_real_drives,
+    a_node_that_cannot_start_ends_a_live_run,
+)

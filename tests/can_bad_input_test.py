@@ -5,7 +5,7 @@ Usage: can_bad_input_test.py BIN_DIR"""
 import subprocess
 import time
 
-from can_drivetrain import SCENARIO, Drivetrain, patient_file, rim_speeds
+from can_drivetrain import SCENARIO, WHEEL_RADIUS_M, Drivetrain, patient_file, rim_speeds
 from live_support import check, main, wait_until
 
 SPEED_MPS = 0.5
@@ -153,6 +153,36 @@ def random_frames(test):
         d.drive(SPEED_MPS)
 
 
+def random_frames_while_armed(test):
+    """At most a twitch before FAULT; then the wheels stand, and the bridge says what they do."""
+    with Patient(test) as d:
+        d.bring_up()
+        before = counters(d)["drive.intruder_frames"]
+        first = d.network.last("SIM/WHEELS")
+        since = time.time()
+        test.run("/usr/bin/cangen", "vcan0", "-g", "1", "-I", "r", "-L", "r", "-D", "r", "-n", "3000", seconds=60)
+        time.sleep(1.2)
+        check_runs(d)
+        risen = counters(d)["drive.intruder_frames"] - before
+        check(risen > 0, "no intruder was counted")
+        states = d.network.messages("CAN/STATE", since)
+        stopped = next((m.arrival for m in states if m.state_name != "armed"), time.time())
+        wheels = d.network.messages("SIM/WHEELS", since)
+        moved = {0: 0.0, 1: 0.0}
+        for m in wheels:
+            ways = (m.left_angle_rad - first.left_angle_rad, m.right_angle_rad - first.right_angle_rad)
+            for when in (0, 1) if m.arrival <= stopped else (1,):
+                moved[when] = max(moved[when], *(abs(w) * WHEEL_RADIUS_M for w in ways))
+        test.say(f"3000 random frames while armed: {moved[0] * 1e3:.1f} mm before, {moved[1] * 1e3:.1f} mm in all; {risen} intruders; {d.now()}")
+        check(moved[0] <= 0.005, f"moved {moved[0]} m without FAULT")
+        state = d.state()
+        check(time.time() - state.arrival < 0.5, "CAN/STATE is silent")
+        check(state.state_name == "fault" and "somebody else commands these drives" in state.reason, d.now())
+        d.check_still(time.time() - 0.5, "after the random frames")
+        reset_and_arm(d)
+        d.drive(SPEED_MPS)
+
+
 def intruders(test):
     """Frames that only one master may send: detected, named, and the vehicle stops."""
     cases = {
@@ -212,4 +242,4 @@ def missing_interface(test):
     refused(test, 1, ["lo", "cannot be used for CAN"], program, SCENARIO, "--set", "can.interface=lo", "--start-utime", "1")
 
 
-main(missing_interface, broken_frames, error_frames, random_frames, intruders)
+main(missing_interface, broken_frames, error_frames, random_frames, random_frames_while_armed, intruders)

@@ -202,6 +202,29 @@ def a_new_bridge_first_stops_what_moves(test):
     check(stands < resets[0], "the drives were reset before the wheels stood")
 
 
+def a_new_bridge_resets_nothing_that_rolls(test):
+    """It comes when the drives have lost their master and brake by themselves, pre-operational and
+    so without feedback; a reset would switch their power stages off."""
+    fast_mps = 3.0
+    record = Record(test, "bridge_restarted_fast")
+    with Drivetrain(test) as agv:
+        agv.bring_up(fast_mps)
+        killed = time.time()
+        agv.bridge.kill()
+        time.sleep(0.3)
+        agv.start_bridge()
+        agv.wait_state("disarmed", 15, since=killed)
+        stands = agv.wait_standstill(killed)
+        measured(test, f"SIGKILL of the bridge at {fast_mps} m/s, a new one after 0.3 s -> wheels stand", stands - killed, 0.1 + fast_mps / 4.0)
+        check(agv.states(killed + 0.1) == ["starting", "disarmed"], f"{agv.states(killed + 0.1)}")
+        agv.check_still(stands + 0.1, "after the bridge was started again")
+        record.stop()
+    resets = [f.timestamp for f in record.frames(NMT, since=killed) if f.data[0] in (0x81, 0x82)]
+    check(resets, "the drives were not reset")
+    test.say(f"first NMT reset {resets[0] - stands:.3f} s after the standstill")
+    check(stands < resets[0], f"the drives were reset {stands - resets[0]:.3f} s before the wheels stood")
+
+
 def drives_killed(test):
     with Drivetrain(test) as agv:
         agv.bring_up(SPEED_MPS)
@@ -334,6 +357,7 @@ main(
     bridge_killed,
     bridge_ended,
     a_new_bridge_first_stops_what_moves,
+    a_new_bridge_resets_nothing_that_rolls,
     drives_killed,
     a_drive_reboots,
     a_drive_trips,

@@ -6,15 +6,17 @@ tether_add_test(NAME can_profile_test
   SOURCES sdo_client_test.cpp cia402_axis_test.cpp cia402_startup_test.cpp
     cia402_refusal_test.cpp cia402_profile_test.cpp cia402_stop_test.cpp cia402_fault_test.cpp
     cia402_reset_test.cpp cia402_intruder_test.cpp cia402_layout_test.cpp
+    cia402_standstill_test.cpp
   LIBS tether_can_profiles)
 
 # --- configuration and AgileX
 tether_add_test(NAME drivetrain_config_test
-  SOURCES drivetrain_config_test.cpp drivetrain_files_test.cpp
+  SOURCES drivetrain_config_test.cpp drivetrain_files_test.cpp drivetrain_reaction_test.cpp
   LIBS tether_can_protocol fmt::fmt)
 tether_add_test(NAME can_probe_test SOURCES can_probe_test.cpp sdo_upload_test.cpp
   LIBS tether_can_protocol tether_can_emulation)
-tether_add_test(NAME can_request_test SOURCES can_request_test.cpp LIBS tether_tools_core)
+tether_add_test(NAME can_request_test SOURCES can_request_test.cpp twist_drive_test.cpp
+  LIBS tether_tools_core)
 tether_add_test(NAME agilex_v2_test
   SOURCES agilex_v2_test.cpp agilex_v2_profile_test.cpp emulated_agilex_v2_test.cpp
   LIBS tether_can_profiles tether_can_emulation)
@@ -24,16 +26,19 @@ tether_add_test(NAME emulated_drive_test
   SOURCES emulated_axis_test.cpp emulated_fault_test.cpp emulated_layout_test.cpp
     emulated_node_test.cpp emulated_objects_test.cpp emulated_pdo_test.cpp emulated_wheel_test.cpp
   LIBS tether_can_emulation)
-tether_add_test(NAME emulated_bring_up_test SOURCES emulated_bring_up_test.cpp
+tether_add_test(NAME emulated_bring_up_test
+  SOURCES emulated_bring_up_test.cpp emulated_restart_test.cpp
   LIBS tether_can_profiles tether_can_emulation)
 tether_add_test(NAME can_drive_node_test SOURCES can_drive_node_test.cpp LIBS tether_can_drive_core)
 
 # --- safety core and bridge node
 tether_add_test(NAME can_safety_test
   SOURCES twist_limiter_test.cpp safety_arming_test.cpp safety_core_test.cpp safety_latch_test.cpp
+    safety_again_test.cpp
     safety_bus_test.cpp safety_inputs_test.cpp follow_monitor_test.cpp odometry_test.cpp
   LIBS tether_can_bridge_core)
-tether_add_test(NAME can_bridge_node_test SOURCES can_bridge_node_test.cpp
+tether_add_test(NAME can_bridge_node_test
+  SOURCES can_bridge_node_test.cpp can_bridge_late_test.cpp
   LIBS tether_can_bridge_core)
 # Label mutation: takes each safety rule out and checks that one of the tests above notices.
 if(NOT TETHER_SANITIZE)
@@ -48,6 +53,9 @@ if(NOT TETHER_SANITIZE)
     --link ${mutation_libraries})
   set_tests_properties(safety_mutations PROPERTIES LABELS mutation TIMEOUT 1500)
 endif()
+
+tether_add_test(NAME can_golden_test SOURCES can_golden_test.cpp
+  LIBS tether_can_bridge_core tether_can_drive_core tether_can_bus fmt::fmt)
 
 # --- SocketCAN and vcan (label vcan)
 # tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds): runs `file BIN_DIR`

@@ -6,7 +6,9 @@
 #include <tether/drive_request_t.hpp>
 #include <vector>
 
+#include "common/errors.hpp"
 #include "common/lcm_url.hpp"
+#include "tools/can_drive.hpp"
 #include "tools/can_operator.hpp"
 #include "tools/can_probe.hpp"
 #include "tools/commands.hpp"
@@ -19,6 +21,7 @@ struct Options {
   std::int32_t node = 0;
   std::string kind;
   double value = 0.0;
+  CanDriveOptions drive;
   CanProbeOptions probe;
 };
 using SharedOptions = std::shared_ptr<Options>;
@@ -67,13 +70,35 @@ void add_inject(CLI::App& can, const SharedOptions& options, Action& action) {
   command
       ->add_option("--value", options->value,
                    "fault: error code; silence: seconds, 0 for good; sdo_abort: object index, 0 "
-                   "for all; wheel_slip: share 0..1")
+                   "for all; wheel_slip: share, above 0, up to 1")
       ->capture_default_str();
   command->callback([options, &action] {
     action = [options] {
+      if (options->kind == "wheel_slip" && !(options->value > 0.0 && options->value <= 1.0)) {
+        throw UsageError(
+            "wheel_slip needs --value, the share of the motion that is lost: above 0, up to 1");
+      }
       return can_inject(options->op, options->node, fault_kinds().at(options->kind),
                         options->value);
     };
+  });
+}
+
+void add_drive(CLI::App& can, const SharedOptions& options, Action& action) {
+  CLI::App* const command = add_operator_command(can, options, "drive",
+                                                 "Command one twist for a time, once somebody has "
+                                                 "armed; for tests of a vehicle. Ctrl-C stops");
+  command->add_option("--v-mps", options->drive.twist.v_mps, "forward speed")
+      ->check(CLI::Range(-20.0, 20.0))
+      ->capture_default_str();
+  command->add_option("--omega-radps", options->drive.twist.omega_radps, "yaw rate, left positive")
+      ->check(CLI::Range(-10.0, 10.0))
+      ->capture_default_str();
+  command->add_option("--for-s", options->drive.for_s, "how long, seconds")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  command->callback([options, &action] {
+    action = [options] { return can_drive(options->op, options->drive); };
   });
 }
 
@@ -106,6 +131,7 @@ void add_can_command(CLI::App& tether, Action& action) {
               "Release the e-stop; moves nothing, a reset has to follow");
   add_request(*can, options, action, "reset", drive_request_t::RESET,
               "Clear latched faults; does not arm");
+  add_drive(*can, options, action);
   add_inject(*can, options, action);
   add_operator_command(*can, options, "status", "State, wheels and odometry, once")
       ->callback([options, &action] { action = [options] { return can_status(options->op); }; });

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <functional>
 #include <numbers>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <tether/counters_t.hpp>
 #include <tether/drive_fault_t.hpp>
@@ -20,6 +22,7 @@
 #include "common/message_io.hpp"
 #include "common/real_time_loop.hpp"
 #include "tools/request_outcome.hpp"
+#include "tools/twist_drive.hpp"
 
 namespace tether {
 namespace {
@@ -77,14 +80,22 @@ class Ear {
   LcmBus bus;
 };
 
-std::string state_line(const drivetrain_state_t& state) {
-  return fmt::format("{}{}{}", state.state_name, state.reason.empty() ? "" : ": ", state.reason);
-}
-
 std::int64_t counter(const counters_t& counters, const std::string& name) {
   const auto found = std::find(counters.name.begin(), counters.name.end(), name);
   if (found == counters.name.end()) return 0;
   return counters.value.at(static_cast<std::size_t>(found - counters.name.begin()));
+}
+
+/// Whom a fault may be for: the emulated drives count by node, "node2.rpdos".
+std::string nodes(const counters_t& counters) {
+  std::set<int> ids;
+  for (const std::string& name : counters.name) {
+    int id = 0;
+    if (std::sscanf(name.c_str(), "node%d.", &id) == 1) ids.insert(id);
+  }
+  std::string text = "0 (all)";
+  for (const int id : ids) text += fmt::format(", {}", id);
+  return text;
 }
 
 std::string age_text(double age_s) {
@@ -150,10 +161,11 @@ int can_inject(const CanOperatorOptions& options, std::int32_t node, std::int32_
     fmt::print("injected\n");
     return kExitOk;
   }
-  fmt::print("{}\n",
-             counter(*counters, "inject.refused") > refused
-                 ? "refused: the emulated drives have no such node"
-                 : "not taken: see inject.… in the emulated drives' counters (tether echo)");
+  if (counter(*counters, "inject.refused") > refused) {
+    fmt::print("refused: the emulated drives have no such node; allowed: {}\n", nodes(*counters));
+  } else {
+    fmt::print("not taken: see inject.… in the emulated drives' counters (tether echo)\n");
+  }
   return kExitFailed;
 }
 

@@ -76,7 +76,11 @@ void LiveSession::add_child(const Options& options, const std::string& name,
   Child& child = *children_.back();
   child.name = name;
   child.process = std::make_unique<NodeProcess>(
-      loop_, std::move(command), [this](const std::string& line) { say(line); },
+      loop_, std::move(command),
+      [this, &child](const std::string& line) {
+        if (line.starts_with(child.name + ": running, ")) child.has_run = true;
+        say(line);
+      },
       [this, &child](int code) { on_child_exit(child, code); });
 }
 
@@ -100,7 +104,8 @@ void LiveSession::on_child_exit(Child& child, int code) {
     if (&child == ending_child_) loop_.stop();
     return;
   }
-  const bool refused = code == kExitUsage || code == 127;
+  // What stops a node at its very start would stop it again: it has said what. A signal may not.
+  const bool refused = code == kExitUsage || code == 127 || (code == kExitFailed && !child.has_run);
   if (refused || restarts_ >= kMaxRestarts) {
     failure_ = refused ? fmt::format("{} did not start (exit code {})", child.name, code)
                        : fmt::format("{} ended again (exit code {}): giving up after {} restarts",

@@ -19,7 +19,8 @@ namespace tether {
 /// A live run: starts sim, netem, controller and, with drives on CAN, bridge and emulated drives as
 /// processes on one LCM network, arms the drives, watches them and
 /// their messages, and ends them in order. A node that dies is started again and joins the run at
-/// the right time (the run says how often that happened); a node that refuses to start ends it.
+/// the right time (the run says how often that happened); a node that refuses to start, or fails
+/// before it ran for the first time, ends it.
 class LiveSession {
  public:
   struct Options {
@@ -48,6 +49,7 @@ class LiveSession {
   struct Child {
     std::string name;
     std::unique_ptr<NodeProcess> process;
+    bool has_run = false;
   };
   void add_child(const Options& options, const std::string& name, std::int64_t start_utime_us);
   void on_child_exit(Child& child, int code);

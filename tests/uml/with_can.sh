@@ -2,6 +2,7 @@
 # Runs a command in a network of its own that has CAN, as root of that network: lo with a multicast
 # route for LCM, vcan0 and vcan1 (up), and whatever interfaces the command makes itself.
 #   with_can.sh COMMAND ARGS...
+#   with_can.sh --where     only says where it would run
 # Natively where this kernel can do it, else in User-Mode Linux, which needs neither root nor KVM:
 # a Linux kernel as a process, whose root file system is this machine's own, with this user's
 # rights; one CPU, 1 GB; /dev, /run, $HOME and $TMPDIR are its own.
@@ -28,8 +29,11 @@ native_has_can() { # and, for all tests, serial-line CAN, which wants the machin
     [ -d /sys/module/slcan ] || modprobe --quiet slcan
 }
 
+say_native() { echo "can: native vcan"; }
+say_uml() { echo "can: User-Mode Linux $("$uml" --version)"; }
+
 run_native() {
-    echo "can: native vcan"
+    say_native
     export TETHER_CAN_KERNEL=native
     isolate --net "$here/can_network.sh" timeout --kill-after=5 "$timeout_s" "$@"
 }
@@ -48,7 +52,7 @@ run_in_uml() {
         findmnt --noheadings --output OPTIONS --target /dev/shm | grep --quiet noexec; then
         memory=$job
     fi
-    echo "can: User-Mode Linux $("$uml" --version)"
+    say_uml
     # On one of this machine's processors: its kernel and its processes take turns anyway, and to
     # wake each other on another processor is slow. Before other work where that is allowed.
     run=(taskset --cpu-list "$(taskset --cpu-list --pid $$ | sed 's/.*[^0-9]//')")
@@ -70,11 +74,13 @@ run_in_uml() {
 }
 
 if [ $# = 0 ]; then
-    echo "usage: with_can.sh COMMAND ARGS..." >&2
+    echo "usage: with_can.sh COMMAND ARGS... | --where" >&2
     exit 1
 elif native_has_can; then
+    [ "$1" != --where ] || { say_native; exit; }
     run_native "$@"
 elif uml=$(command -v linux.uml); then
+    [ "$1" != --where ] || { say_uml; exit; }
     run_in_uml "$@"
 else
     echo "no vcan in this kernel and no User-Mode Linux: install user-mode-linux" >&2
