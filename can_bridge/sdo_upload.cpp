@@ -8,7 +8,7 @@ namespace {
 constexpr std::uint8_t kInitiate = 0x40;  // request, and specifier of its answer
 constexpr std::uint8_t kSegment = 0x60;   // request; the answer's specifier is 0
 constexpr std::uint8_t kToggle = 0x10;
-constexpr std::uint8_t kAbort = 0x80;
+constexpr std::uint8_t kAbortTransfer = 0x80;
 constexpr std::uint8_t kSpecifier = 0xE0;
 
 }  // namespace
@@ -21,7 +21,7 @@ void SdoUpload::on_frame(const CanFrame& frame) {
   if (result_ || !sent_ || frame.id != canopen::kSdoResponse + node_ || frame.size != 8) return;
   const std::uint8_t command = frame.data[0];
   const bool names_object = (frame.data[1] | frame.data[2] << 8) == index_ && frame.data[3] == sub_;
-  if (command == kAbort) {
+  if (command == kAbortTransfer) {
     if (!names_object) return;
     end(Result::Outcome::aborted);
     result_->abort_code =
