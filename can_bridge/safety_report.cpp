@@ -101,7 +101,7 @@ std::string SafetyCore::armed_reason(Instant now) const {
 }
 
 std::string SafetyCore::latched_reason() const {
-  const std::string fault =
+  std::string fault =
       purge_failure_.empty()
           ? fault_reason_
           : fmt::format("{}; setpoints of before may still come out when the bus recovers: {}",

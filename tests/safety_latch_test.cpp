@@ -90,6 +90,21 @@ TEST_F(EStop, ResetIsRefusedWhileStillStopping) {
   EXPECT_EQ(cycle_after(kCycle).state, BridgeState::estop);
 }
 
+TEST_F(EStop, ResetIsRefusedUntilThePowerIsOffThoughTheWheelsStand) {
+  drive(1.0);
+  request(DriveRequest::estop);
+  cycle_after(kCycle);
+  request(DriveRequest::estop_release);
+  drives_obey = false;
+  drives.standstill = true;
+  EXPECT_EQ(cycle_after(kCycle).action, Action::disable);
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::stopping);
+  drives.phase = DrivePhase::standby;
+  cycle_after(kCycle);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::estop);
+}
+
 TEST_F(EStop, BeatsAnArmThatArrivedJustBefore) {
   command(0.0);
   request(DriveRequest::arm);
