@@ -129,6 +129,10 @@ def live_starts_nothing_for_a_bad_scenario(test):
     text = refused(test, 1, ["no good", "did not start (exit code 2)"], tether, "live", PAPER)
     test.say(text.splitlines()[-1])
     put_nodes("exit 1")
+    text = refused(test, 1, ["did not start (exit code 1)"], tether, "live", PAPER)
+    test.say(text.splitlines()[-1])
+    # One that ran, and then always fails, is started again, but not forever.
+    put_nodes('echo "$(basename "$0"): running, t = 0" >&2; exit 1')
     text = refused(test, 1, ["giving up after 20 restarts"], tether, "live", PAPER)
     test.say(text.splitlines()[-1])
     for name in NODES:
