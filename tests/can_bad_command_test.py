@@ -7,39 +7,16 @@ import time
 
 from can_drivetrain import Drivetrain, patient_file, rim_speeds
 from can_support import DRIVE_REQUEST
-from live_support import TWIST, check, main, wait_until
+from live_support import TWIST, check, main
 
 SPEED_MPS = 0.5
-
-
-def counters(d, channel="CAN/COUNTERS"):
-    """As of now: they come once a second."""
-    since = time.time()
-    wait_until(3, lambda: d.network.last(channel, since), channel)
-    return d.network.counters(channel)
-
-
-def check_unimpressed(d, since, what):
-    """It was armed and drove all the time."""
-    check(d.states(since) == ["armed"], f"{what}: {d.states(since)}: {d.now()}")
-    speeds = [s for m in d.network.messages("SIM/WHEELS", since) for s in rim_speeds(m)]
-    check(speeds and all(abs(s - SPEED_MPS) < 0.03 for s in speeds), f"{what}: wheels {min(speeds)} to {max(speeds)} m/s")
-
-
-def check_runs(d):
-    check(d.bridge.running(), "the bridge has ended")
-    check(d.drives.running(), "the drives have ended")
 
 
 class Controller(Drivetrain):
     """Its commands may be spoilt: spoil(fields) returns what is sent instead."""
 
     spoil = None
-    settings = ()
-
-    def _start(self, program, *options):
-        settings = (f"can.{s}" for s in ("max_speed_mps=2", *self.settings))
-        return super()._start(program, *(part for s in settings for part in ("--set", s)), *options)
+    settings = ("can.max_speed_mps=2",)
 
     def _send(self, channel, kind, **values):
         if kind is not TWIST or self.spoil is None:
@@ -95,7 +72,7 @@ def bad_commands(test):
         d.bring_up()
         for what, (spoil, counter) in cases.items():
             d.drive(SPEED_MPS)
-            before = counters(d)
+            before = d.counters()
             begin = time.time()
             d.spoil = spoil
             d.wait_state("disarmed", 5, begin, "the newest command was")
@@ -107,18 +84,18 @@ def bad_commands(test):
             fastest = max(max(map(abs, rim_speeds(m))) for m in d.network.messages("SIM/WHEELS", begin))
             check(fastest < SPEED_MPS + 0.03, f"{what}: a wheel reached {fastest} m/s")
             d.spoil = None
-            after = counters(d)
+            after = d.counters()
             check(after[counter] > before[counter] + 3, f"{what}: {counter} did not rise")
             d.arm()
-        check_runs(d)
+        d.check_runs()
 
 
 def bad_commands_among_good_ones(test):
     """Change nothing. One beyond the limits is followed as far as the limits go."""
     with Controller(test, patient_file(test)) as d:
-        d.settings = ("stale_ms=1000", "disarm_ms=2000")  # so many messages make this process late
+        d.settings += ("can.stale_ms=1000", "can.disarm_ms=2000")  # so many messages make this process late
         d.bring_up(SPEED_MPS)
-        before = counters(d)
+        before = d.counters()
 
         def mixed(fields):
             yield from numbers(fields)
@@ -131,9 +108,9 @@ def bad_commands_among_good_ones(test):
         since = time.time()
         d.spoil = mixed
         time.sleep(1.5)
-        check_unimpressed(d, since, "bad commands among good ones")
+        d.check_unimpressed(since, SPEED_MPS, "bad commands among good ones")
         d.spoil = None
-        after = counters(d)
+        after = d.counters()
         for name in ("non_finite", "undecodable", "duplicated", "from_future", "reordered"):
             check(after[f"command.{name}"] > before[f"command.{name}"] + 10, f"command.{name} did not rise")
 
@@ -164,7 +141,7 @@ def bad_requests(test):
             d.network.send("CAN/REQUEST", payload)
             return payload
 
-        before = counters(d)
+        before = d.counters()
         since = time.time()
         send(-1.5, seq=1)
         send(+1.5, seq=2)
@@ -176,7 +153,7 @@ def bad_requests(test):
             d.network.send("CAN/REQUEST", broken)
         time.sleep(0.5)
         check(d.states(since) == ["disarmed"], f"bad requests: {d.states(since)}")
-        after = counters(d)
+        after = d.counters()
         wanted = {"stale": 1, "from_future": 1, "invalid_seq": 1, "unknown": 4, "undecodable": 4}
         for name, count in wanted.items():
             risen = after[f"request.{name}"] - before[f"request.{name}"]

@@ -5,8 +5,8 @@ Usage: can_bad_input_test.py BIN_DIR"""
 import subprocess
 import time
 
-from can_drivetrain import SCENARIO, WHEEL_RADIUS_M, Drivetrain, patient_file, rim_speeds
-from live_support import check, main, wait_until
+from can_drivetrain import SCENARIO, WHEEL_RADIUS_M, Drivetrain, patient_file
+from live_support import check, main
 
 SPEED_MPS = 0.5
 
@@ -14,12 +14,10 @@ SPEED_MPS = 0.5
 class Patient(Drivetrain):
     """Programs are started while it drives: nothing is late that soon."""
 
+    settings = ("can.stale_ms=1000", "can.disarm_ms=2000")
+
     def __init__(self, test):
         super().__init__(test, patient_file(test))
-
-    def _start(self, program, *options):
-        patience = ("--set", "can.stale_ms=1000", "--set", "can.disarm_ms=2000")
-        return super()._start(program, *patience, *options)
 
 
 def cansend(*frames):
@@ -27,25 +25,6 @@ def cansend(*frames):
     for frame in frames:
         done = subprocess.run(["cansend", "vcan0", frame], capture_output=True, text=True)
         check(done.returncode == 0, f"cansend {frame}: {done.stdout}{done.stderr}")
-
-
-def counters(d, channel="CAN/COUNTERS"):
-    """As of now: they come once a second."""
-    since = time.time()
-    wait_until(3, lambda: d.network.last(channel, since), channel)
-    return d.network.counters(channel)
-
-
-def check_unimpressed(d, since, what):
-    """It was armed and drove all the time."""
-    check(d.states(since) == ["armed"], f"{what}: {d.states(since)}: {d.now()}")
-    speeds = [s for m in d.network.messages("SIM/WHEELS", since) for s in rim_speeds(m)]
-    check(speeds and all(abs(s - SPEED_MPS) < 0.03 for s in speeds), f"{what}: wheels {min(speeds)} to {max(speeds)} m/s")
-
-
-def check_runs(d):
-    check(d.bridge.running(), "the bridge has ended")
-    check(d.drives.running(), "the drives have ended")
 
 
 def reset_and_arm(d):
@@ -80,13 +59,13 @@ def broken_frames(test):
     """State, speed and setpoints stay what they are; the counters tell."""
     with Patient(test) as d:
         d.bring_up(SPEED_MPS)
-        before = counters(d)
+        before = d.counters()
         for what, frames in FOREIGN.items():
             since = time.time()
             cansend(*frames)
             time.sleep(0.2)
-            check_unimpressed(d, since, what)
-        between = counters(d)
+            d.check_unimpressed(since, SPEED_MPS, what)
+        between = d.counters()
         for name in ("drive.rejected_frames", "drive.intruder_frames", "can.malformed"):
             check(between[name] == before[name], f"{name} rose by others' frames")
         count = 0
@@ -94,30 +73,30 @@ def broken_frames(test):
             since = time.time()
             cansend(*frames)
             time.sleep(0.2)
-            check_unimpressed(d, since, f"garbled {what}")
+            d.check_unimpressed(since, SPEED_MPS, f"garbled {what}")
             count += len(frames)
-        rejected = counters(d)["drive.rejected_frames"] - between["drive.rejected_frames"]
+        rejected = d.counters()["drive.rejected_frames"] - between["drive.rejected_frames"]
         check(rejected == count, f"{rejected} of {count} garbled frames were counted")
-        check_runs(d)
+        d.check_runs()
 
 
 def error_frames(test):
     """Error-passive is shown, bus-off believed: a virtual bus has no controller to ask."""
     with Patient(test) as d:
         d.bring_up(SPEED_MPS)
-        before = counters(d)["can.error_frames"]
+        before = d.counters()["can.error_frames"]
         since = time.time()
         cansend("20000004#0000000000000000")
         cansend("20000004#0030000000000000")
         d.wait_for("CAN/STATE", lambda m: m.bus == "error-passive", 5, "error-passive", since)
         cansend("20000004#0040000000000000")
         d.wait_for("CAN/STATE", lambda m: m.bus == "up", 5, "up", time.time())
-        check_unimpressed(d, since, "error-passive")
+        d.check_unimpressed(since, SPEED_MPS, "error-passive")
         off = time.time()
         cansend("20000040#0000000000000000")
         d.wait_state("fault", 5, off, "CAN bus-off")
         d.wait_standstill(off)
-        risen = counters(d)["can.error_frames"] - before
+        risen = d.counters()["can.error_frames"] - before
         check(risen == 4, f"{risen} of 4 error frames were counted")
         reset_and_arm(d)
 
@@ -131,24 +110,24 @@ def random_frames(test):
         since = time.time()
         cangen = ("/usr/bin/cangen", "vcan0", "-g", "1", "-I", "r", "-L", "r", "-D", "r")
         test.run(*cangen, "-n", "500", "-e", seconds=30)
-        check_unimpressed(d, since, "random 29-bit frames")
+        d.check_unimpressed(since, SPEED_MPS, "random 29-bit frames")
         # 11-bit ones: among them commands to the drives. Then of all formats, then remote frames.
         d.hold(0.0)
         d.wait_standstill(time.time())
         d.request("disarm")
         d.wait_state("disarmed")
-        before = counters(d)
+        before = d.counters()
         since = time.time()
         test.run(*cangen, "-n", "3000", seconds=60)
         test.run(*cangen, "-n", "500", "-m", seconds=60)
         test.run(*cangen, "-n", "300", "-R", seconds=60)
         d.check_still(since, "random frames")
         check("armed" not in d.states(since), f"random frames: {d.states(since)}")
-        after = counters(d)
+        after = d.counters()
         risen = {name: after[name] - before[name] for name in ("drive.rejected_frames", "drive.intruder_frames")}
         test.say(f"3800 random frames: {risen}, then {d.now()}")
         check(all(risen.values()), f"not all counted: {risen}")
-        check_runs(d)
+        d.check_runs()
         reset_and_arm(d)
         d.drive(SPEED_MPS)
 
@@ -157,13 +136,13 @@ def random_frames_while_armed(test):
     """At most a twitch before FAULT; then the wheels stand, and the bridge says what they do."""
     with Patient(test) as d:
         d.bring_up()
-        before = counters(d)["drive.intruder_frames"]
+        before = d.counters()["drive.intruder_frames"]
         first = d.network.last("SIM/WHEELS")
         since = time.time()
         test.run("/usr/bin/cangen", "vcan0", "-g", "1", "-I", "r", "-L", "r", "-D", "r", "-n", "3000", seconds=60)
         time.sleep(1.2)
-        check_runs(d)
-        risen = counters(d)["drive.intruder_frames"] - before
+        d.check_runs()
+        risen = d.counters()["drive.intruder_frames"] - before
         check(risen > 0, "no intruder was counted")
         states = d.network.messages("CAN/STATE", since)
         stopped = next((m.arrival for m in states if m.state_name != "armed"), time.time())
@@ -194,10 +173,10 @@ def intruders(test):
     }
     with Patient(test) as d:
         d.bring_up()
-        short = counters(d, "CAN/DRIVE_COUNTERS")["node2.rpdo_too_short"]
+        short = d.counters("CAN/DRIVE_COUNTERS")["node2.rpdo_too_short"]
         for what, (frame, identifier) in cases.items():
             d.drive(SPEED_MPS)
-            before = counters(d)["drive.intruder_frames"]
+            before = d.counters()["drive.intruder_frames"]
             begin = time.time()
             cansend(frame)
             fault = d.wait_state("fault", 5, begin, f"another sender uses {identifier}: only one master may command")
@@ -212,10 +191,10 @@ def intruders(test):
             check(stand - begin < 1.5, f"{what}: wheels stood after {stand - begin:.3f} s")
             time.sleep(0.3)
             d.check_still(stand, what)
-            risen = counters(d)["drive.intruder_frames"] - before
+            risen = d.counters()["drive.intruder_frames"] - before
             check(risen == 1, f"{what}: counted {risen} times")
             reset_and_arm(d)
-        short = counters(d, "CAN/DRIVE_COUNTERS")["node2.rpdo_too_short"] - short
+        short = d.counters("CAN/DRIVE_COUNTERS")["node2.rpdo_too_short"] - short
         check(short == 1, f"the drive counted {short} short setpoints")
 
 

@@ -149,6 +149,7 @@ class Drivetrain:
     """The programs are started one by one; commands are sent from hold() on."""
 
     PERIOD_S = 0.04
+    settings = ()  # of the scenario, such as "can.max_speed_mps=2"
 
     def __init__(self, test, drivetrain=TWO_NODES):
         self.test = test
@@ -169,16 +170,16 @@ class Drivetrain:
         self._closed = True
         self._thread.join()
 
-    def _start(self, program, *options):
-        return self.test.start(
-            program,
-            SCENARIO,
-            *("--set", f"can.drivetrain={self.drivetrain}"),
-            *("--set", "can.wheels=model"),
-            *("--set", f"can.coupling_ms={COUPLING_MS}"),
-            *("--start-utime", self.start_utime),
-            *options,
+    def _start(self, program, *settings):
+        settings = (
+            f"can.drivetrain={self.drivetrain}",
+            "can.wheels=model",
+            f"can.coupling_ms={COUPLING_MS}",
+            *self.settings,
+            *settings,
         )
+        options = (part for setting in settings for part in ("--set", setting))
+        return self.test.start(program, SCENARIO, *options, "--start-utime", self.start_utime)
 
     def start_drives(self):
         since = time.time()
@@ -289,6 +290,12 @@ class Drivetrain:
     def state(self):
         return self.network.last("CAN/STATE")
 
+    def counters(self, channel="CAN/COUNTERS"):
+        """As of now: they come once a second."""
+        since = time.time()
+        wait_until(3, lambda: self.network.last(channel, since), channel)
+        return self.network.counters(channel)
+
     def now(self):
         last = self.state()
         if not last:
@@ -318,3 +325,16 @@ class Drivetrain:
         check(len(messages) > 5, f"{what}: only {len(messages)} messages on the wheels")
         moved = [m for m in messages if max(map(abs, rim_speeds(m))) > STANDING_MPS]
         check(not moved, f"{what}: wheels turned: {moved and rim_speeds(moved[0])}")
+
+    def check_unimpressed(self, since, speed_mps, what):
+        """It was armed and drove at this speed all the time."""
+        check(self.states(since) == ["armed"], f"{what}: {self.states(since)}: {self.now()}")
+        messages = self.network.messages("SIM/WHEELS", since)
+        speeds = [s for m in messages for s in rim_speeds(m)]
+        check(speeds, f"{what}: no messages on the wheels")
+        told = f"wheels {min(speeds)} to {max(speeds)} m/s"
+        check(all(abs(s - speed_mps) < 0.03 for s in speeds), f"{what}: {told}")
+
+    def check_runs(self):
+        check(self.bridge.running(), "the bridge has ended")
+        check(self.drives.running(), "the drives have ended")

@@ -67,6 +67,14 @@ def drives_stop_by_themselves(record, since, until):
         check(0.15 < lost - last < 0.35 + SLACK_S, f"node {node}: 8130 after {lost - last} s")
 
 
+def drives_again(agv):
+    """Only ARM with a zero command leads to driving; when that began."""
+    armed = time.time()
+    agv.arm()
+    agv.drive(SPEED_MPS)
+    return armed
+
+
 def last_of_bridge(record, until):
     return record.frames(*CONTROL, until=until)[-1].timestamp
 
@@ -105,9 +113,7 @@ def bridge_suspended(test):
         check(states[-3:] == ["fault", "starting", "disarmed"], f"{states}")
         check("arming" not in states, f"{states}")
         agv.check_still(stands + 0.1, "after the bridge was resumed")
-        armed = time.time()
-        agv.arm()
-        agv.drive(SPEED_MPS)
+        armed = drives_again(agv)
         record.stop()
     drives_stop_by_themselves(record, last_of_bridge(record, stopped + 0.05), resumed)
     no_motion(record, resumed, armed)
@@ -132,9 +138,7 @@ def bridge_killed(test):
         time.sleep(0.5)
         check(agv.states(restarted) == ["starting", "disarmed"], f"{agv.states(restarted)}")
         agv.check_still(stands + 0.1, "after the bridge was started again")
-        armed = time.time()
-        agv.arm()
-        agv.drive(SPEED_MPS)
+        armed = drives_again(agv)
         record.stop()
     drives_stop_by_themselves(record, last_of_bridge(record, killed + 0.05), restarted)
     no_motion(record, restarted, armed)
@@ -264,9 +268,7 @@ def a_drive_reboots(test):
         agv.check_still(stands + 0.1, "after a drive rebooted")
         states = agv.states(fault.arrival - 0.001)
         check(states == ["fault", "starting", "disarmed"], f"{states}")
-        armed = time.time()
-        agv.arm()
-        agv.drive(SPEED_MPS)
+        armed = drives_again(agv)
         record.stop()
     check(record.frames(heartbeat(1), since=injected)[0].data == b"\0", "no boot-up message")
     check(not [f for f in record.frames(NMT, since=injected, until=reset)], "NMT before the reset")
@@ -296,9 +298,7 @@ def a_drive_trips(test):
         reset = agv.request("reset")
         agv.wait_state("disarmed", since=reset)
         agv.check_still(stands + 0.1, "after a fault")
-        armed = time.time()
-        agv.arm()
-        agv.drive(SPEED_MPS)
+        armed = drives_again(agv)
         record.stop()
     codes = emergency_codes(record, 2, injected)
     check(codes == [0x2310, 0], f"EMCY {[hex(c) for c in codes]}")
@@ -339,9 +339,7 @@ def the_emergency_stop_latches(test):
         agv.wait_state("disarmed", since=asked, reason="arming refused: the newest command is not")
         time.sleep(0.3)
         agv.check_still(stands + 0.1, "after the emergency stop")
-        armed = time.time()
-        agv.arm()
-        agv.drive(SPEED_MPS)
+        armed = drives_again(agv)
         record.stop()
     for node in NODES:
         frames = record.frames(rpdo1(node), since=pressed, until=armed)

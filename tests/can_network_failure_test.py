@@ -21,6 +21,12 @@ class Loop(Drivetrain):
     """Poses of a vehicle that stays where it is go through the relay to the controller, which
     therefore wants to catch up with its path; what it commands comes back through the relay."""
 
+    settings = (
+        f"run.lead_s={LEAD_S}",
+        f"can.max_speed_mps={SPEED_MPS}",
+        "can.max_yaw_rate_radps=0.05",
+    )
+
     def __init__(self, test):
         super().__init__(test)
         self.start_utime = int((time.time() + LEAD_S) * 1e6)
@@ -36,12 +42,6 @@ class Loop(Drivetrain):
             due = max(due + POSE_PERIOD_S, time.monotonic())
             time.sleep(max(0.0, due - time.monotonic()))
             self._send("AGV/POSE", POSE)
-
-    def _start(self, program, *options):
-        limits = {"max_speed_mps": SPEED_MPS, "max_yaw_rate_radps": 0.05}
-        for key, value in limits.items():
-            options += ("--set", f"can.{key}={value}")
-        return super()._start(program, "--set", f"run.lead_s={LEAD_S}", *options)
 
     def start_programs(self):
         self.programs = {

@@ -42,13 +42,16 @@ FAULT = (
 
 
 class Recorded(Drivetrain):
+    settings = (
+        f"can.cycle_ms={CYCLE_S * 1e3}",
+        "can.stale_ms=1000",
+        "can.disarm_ms=2000",
+        f"run.lead_s={LEAD_S}",
+    )
+
     def __init__(self, test):
         super().__init__(test, patient_file(test))
         self.drives_start_utime = self.start_utime
-
-    def _start(self, program, *options):
-        settings = (f"can.cycle_ms={CYCLE_S * 1e3}", "can.stale_ms=1000", "can.disarm_ms=2000", f"run.lead_s={LEAD_S}")
-        return super()._start(program, *(part for s in settings for part in ("--set", s)), *options)
 
     def inject(self, *fault):
         """The drives are in a run of their own: they are on before the bridge's begins."""

@@ -60,7 +60,7 @@ tether_add_test(NAME can_golden_test SOURCES can_golden_test.cpp
 # --- SocketCAN and vcan (label vcan)
 # tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds): runs `file BIN_DIR`
 # or the program where CAN interfaces can be made (uml/with_can.sh). What it writes to
-# $TETHER_CAN_RESULTS stays in the build folder's can_results/.
+# $TETHER_CAN_RESULTS stays in the build folder's can_results/. Labels vcan and where they run.
 function(tether_add_can_test)
   cmake_parse_arguments(T "" "NAME;SCRIPT;PROGRAM;TIMEOUT" "" ${ARGN})
   if(T_PROGRAM)
@@ -74,11 +74,21 @@ function(tether_add_can_test)
   set(results ${CMAKE_BINARY_DIR}/can_results/${T_NAME})
   file(MAKE_DIRECTORY ${results})
   add_test(NAME ${T_NAME} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/uml/with_can.sh ${command})
-  math(EXPR timeout "${T_TIMEOUT} + 20")  # with_can.sh's own comes first, and says more
-  set_tests_properties(${T_NAME} PROPERTIES LABELS vcan TIMEOUT ${timeout}
+  math(EXPR own "3 * ${T_TIMEOUT}")  # parts that met a pause of this machine are run again
+  math(EXPR timeout "${own} + 20")  # with_can.sh's own comes first, and says more
+  set_tests_properties(${T_NAME} PROPERTIES LABELS "vcan;${can_kernel}" TIMEOUT ${timeout}
     RESOURCE_LOCK processor_of_uml COST 300
-    ENVIRONMENT "TETHER_CAN_TIMEOUT=${T_TIMEOUT};TETHER_CAN_RESULTS=${results}")
+    ENVIRONMENT "TETHER_CAN_TIMEOUT=${own};TETHER_CAN_RESULTS=${results}")
 endfunction()
+
+# Where they run is a label too: native or uml; none, if they cannot run here and will fail.
+execute_process(COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/uml/with_can.sh --where
+  OUTPUT_VARIABLE can_kernel ERROR_QUIET)
+string(REGEX MATCH "native|User-Mode" can_kernel "${can_kernel}")
+string(REPLACE "User-Mode" "uml" can_kernel "${can_kernel}")
+if(NOT can_kernel)
+  set(can_kernel none)
+endif()
 
 add_executable(socket_can_test socket_can_test.cpp socket_can_controller_test.cpp)
 target_link_libraries(socket_can_test PRIVATE

@@ -24,14 +24,10 @@ SPEED_MPS = 0.5
 class Operator(Drivetrain):
     """Programs are started while it drives: nothing is late that soon."""
 
+    settings = ("can.stale_ms=1000", "can.disarm_ms=2000")
+
     def __init__(self, test):
         super().__init__(test, patient_file(test))
-
-    limits = ()
-
-    def _start(self, program, *options):
-        patience = ("--set", "can.stale_ms=1000", "--set", "can.disarm_ms=2000")
-        return super()._start(program, *patience, *self.limits, *options)
 
     def tether(self, *arguments, code=0, out=(), err=()):
         """Runs `tether can …`; the exit code and texts in its output are as said."""
@@ -133,7 +129,7 @@ def faults(test):
 def drive(test):
     """One twist for a time, by nobody but this command; zero before ARM and after all that happens."""
     with Operator(test) as d:
-        d.limits = ("--set", "can.max_speed_mps=0.5")
+        d.settings += ("can.max_speed_mps=0.5",)
 
         def begin(*arguments):
             """Until it drives."""
