@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "common/errors.hpp"
+#include "common/scenario_channel_checks.hpp"
 #include "common/scenario_keys.hpp"
 
 namespace tether {
@@ -109,11 +110,17 @@ class Loader {
       auto& file = scenario_.can.drivetrain_file;
       file = (folder / file).lexically_normal().string();
     }
+    const ChannelLevel level{
+        source, folder, [this](const std::string& key) { return given_.contains(key); },
+        [this, &source](const std::string& key, double value, const std::string& from) {
+          set_derived(key, value, from, source);
+        }};
     Scenario::Channel& channel = scenario_.channel;
-    check_effect("channel.uplink.", channel.uplink, source);
-    check_effect("channel.downlink.", channel.downlink, source);
-    resolve_sojourn_times("channel.uplink.", channel.uplink, source);
-    resolve_sojourn_times("channel.downlink.", channel.downlink, source);
+    for (auto* link : {&channel.uplink, &channel.downlink}) {
+      const std::string prefix = link == &channel.uplink ? "channel.uplink." : "channel.downlink.";
+      check_effect(prefix, *link, source);
+      resolve_link(prefix, *link, level);
+    }
     given_.clear();
   }
 
@@ -141,7 +148,30 @@ class Loader {
     if (const auto* v = node.as_integer()) return v->get();
     if (const auto* v = node.as_floating_point()) return v->get();
     if (const auto* v = node.as_string()) return v->get();
+    if (const auto* v = node.as_array()) return to_lists(*v);
     return std::nullopt;
+  }
+
+  static std::optional<NumberList> to_numbers(const toml::array& array) {
+    NumberList numbers;
+    for (const toml::node& entry : array) {
+      const auto number = entry.value<double>();
+      if (!number || !entry.is_number()) return std::nullopt;
+      numbers.push_back(*number);
+    }
+    return numbers;
+  }
+
+  static std::optional<ScenarioValue> to_lists(const toml::array& array) {
+    if (const auto numbers = to_numbers(array)) return *numbers;
+    NumberRows rows;
+    for (const toml::node& entry : array) {
+      const auto* row = entry.as_array();
+      const auto numbers = row == nullptr ? std::nullopt : to_numbers(*row);
+      if (!numbers) return std::nullopt;
+      rows.push_back(*numbers);
+    }
+    return rows;
   }
 
   static toml::table parse_value(const std::string& option, const std::string& value) {
@@ -174,26 +204,6 @@ class Loader {
     return {prefix + "uplink." + rest, prefix + "downlink." + rest};
   }
 
-  void resolve_sojourn_times(const std::string& prefix, LinkConfig& link,
-                             const std::string& source) {
-    if (!link.p_bad && !link.mean_cycle_s) return;
-    const std::string stationary =
-        fmt::format("{0}markov.p_bad and {0}markov.mean_cycle_s", prefix);
-    if (given_.contains(prefix + "markov.mean_good_s") ||
-        given_.contains(prefix + "markov.mean_bad_s")) {
-      throw UsageError(fmt::format("{}: give either {}, or {}markov.mean_good_s and mean_bad_s",
-                                   source, stationary, prefix));
-    }
-    // One of the two alone keeps the other as it was.
-    const double old_cycle_s = link.mean_good_s + link.mean_bad_s;
-    const double cycle_s = link.mean_cycle_s.value_or(old_cycle_s);
-    const double mean_bad_s = link.p_bad.value_or(link.mean_bad_s / old_cycle_s) * cycle_s;
-    set_derived(prefix + "markov.mean_bad_s", mean_bad_s, stationary, source);
-    set_derived(prefix + "markov.mean_good_s", cycle_s - mean_bad_s, stationary, source);
-    link.p_bad.reset();
-    link.mean_cycle_s.reset();
-  }
-
   /// Sets what follows from other keys, within the same limits as if it had been given.
   void set_derived(const std::string& key, double value, const std::string& from,
                    const std::string& file) {
@@ -208,14 +218,11 @@ class Loader {
   /// turn a bad network into a perfect one.
   void check_effect(const std::string& prefix, const LinkConfig& link,
                     const std::string& source) const {
-    const bool markov = link.model == LinkConfig::Model::markov;
     for (const std::string& key : given_) {
-      const bool fixed_key = key == prefix + "prr" || key == prefix + "delay_ms";
-      const bool markov_key = key.starts_with(prefix + "markov.");
-      if ((fixed_key && markov) || (markov_key && !markov)) {
-        throw UsageError(fmt::format("{}: {} has no effect: {}model is \"{}\"", source, key, prefix,
-                                     markov ? "markov" : "fixed"));
-      }
+      if (!key.starts_with(prefix)) continue;
+      const std::string why = why_no_effect(prefix, link, key.substr(prefix.size()));
+      if (why.empty()) continue;
+      throw UsageError(fmt::format("{}: {} has no effect: {}", source, key, why));
     }
   }
 
@@ -250,19 +257,7 @@ class Loader {
 
   void check_combinations(const std::string& file) const {
     if (scenario_.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) check_can(file);
-    if (scenario_.channel.shared_state &&
-        scenario_.channel.uplink.model != scenario_.channel.downlink.model) {
-      throw UsageError(fmt::format(
-          "{}: channel.shared_state = true needs the same model for uplink and downlink", file));
-    }
-    const auto& [shared, uplink, downlink] = scenario_.channel;
-    if (shared && uplink.model == LinkConfig::Model::markov &&
-        (uplink.mean_good_s != downlink.mean_good_s || uplink.mean_bad_s != downlink.mean_bad_s)) {
-      throw UsageError(fmt::format(
-          "{}: channel.shared_state = true needs the same sojourn times for uplink and downlink "
-          "(set channel.markov.… for both)",
-          file));
-    }
+    check_channel(scenario_.channel, file);
     const auto& vehicle = scenario_.vehicle;
     for (const char* taken : {"CTRL", "NET", "SIM", "CAN"}) {
       if (!vehicle.name.starts_with(taken)) continue;
@@ -288,29 +283,45 @@ class Loader {
   std::set<std::string> given_;  // at this level
 };
 
-/// False for the keys of a channel model or drivetrain that is not chosen.
-bool in_effect(const Scenario& scenario, const std::string& key) {
-  if (key.starts_with("can.")) {
+/// False for keys of what is not chosen, and of a link's stages that are off.
+bool in_effect(const Scenario& scenario, const ScenarioKey& key) {
+  if (key.name.starts_with("can.")) {
     return scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can;
   }
+  static const Scenario kDefaults;
   for (const auto& [prefix, link] :
        {std::pair<std::string, const LinkConfig&>{"channel.uplink.", scenario.channel.uplink},
         {"channel.downlink.", scenario.channel.downlink}}) {
-    const bool markov = link.model == LinkConfig::Model::markov;
-    if (key.starts_with(prefix + "markov.")) return markov;
-    if (key == prefix + "prr" || key == prefix + "delay_ms") return !markov;
+    if (!key.name.starts_with(prefix)) continue;
+    const std::string part = key.name.substr(prefix.size());
+    const bool is_switch = part == "loss" || part == "in_order" || part == "jitter.law" ||
+                           part.ends_with(".probability") || part == "rate.bits_per_s" ||
+                           part == "slot.period_ms";
+    if (is_switch && key.get(scenario) == key.get(kDefaults)) return false;
+    return why_no_effect(prefix, link, part).empty();
   }
   return true;
 }
 
 /// As TOML: the shortest text that reads as the same value.
+std::string to_toml(double value) {
+  const std::string text = fmt::format("{}", value);
+  return text.find_first_of(".e") == std::string::npos ? text + ".0" : text;
+}
+
+template <class Entry>
+std::string to_toml(const std::vector<Entry>& list) {
+  std::string text;
+  for (const Entry& entry : list) text += (text.empty() ? "" : ", ") + to_toml(entry);
+  return "[" + text + "]";
+}
+
+std::string to_toml(const std::string& text) { return fmt::format("\"{}\"", text); }
+std::string to_toml(std::int64_t value) { return fmt::format("{}", value); }
+std::string to_toml(bool value) { return value ? "true" : "false"; }
+
 std::string to_toml(const ScenarioValue& value) {
-  if (const auto* text = std::get_if<std::string>(&value)) return fmt::format("\"{}\"", *text);
-  std::string text = std::visit([](const auto& v) { return fmt::format("{}", v); }, value);
-  if (std::holds_alternative<double>(value) && text.find_first_of(".e") == std::string::npos) {
-    text += ".0";
-  }
-  return text;
+  return std::visit([](const auto& v) { return to_toml(v); }, value);
 }
 
 }  // namespace
@@ -344,7 +355,7 @@ std::string to_toml(const Scenario& scenario) {
   std::string text, section;
   for (const ScenarioKey& key : scenario_keys()) {
     const auto value = key.get(scenario);
-    if (!value || !in_effect(scenario, key.name)) continue;
+    if (!value || !in_effect(scenario, key)) continue;
     const auto dot = key.name.rfind('.');
     if (key.name.substr(0, dot) != section) {
       section = key.name.substr(0, dot);

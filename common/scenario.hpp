@@ -1,35 +1,14 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/figure_eight.hpp"
+#include "common/link_config.hpp"
 #include "common/vehicle_config.hpp"
 
 namespace tether {
-
-/// One state of a channel.
-struct ChannelStateConfig {
-  double prr = 1.0;       ///< packet reception ratio, 0..1
-  double delay_ms = 0.0;  ///< constant delay of the packets received in this state
-};
-
-/// One direction of the network.
-struct LinkConfig {
-  enum class Model { fixed, markov };
-
-  Model model = Model::fixed;
-  ChannelStateConfig fixed;            ///< model = fixed: the one state
-  ChannelStateConfig good{1.0, 0.0};   ///< model = markov
-  ChannelStateConfig bad{0.5, 500.0};  ///< model = markov
-  double mean_good_s = 24.0;           ///< mean sojourn time in the good state
-  double mean_bad_s = 8.0;             ///< mean sojourn time in the bad state
-  std::optional<double> p_bad;         ///< instead: stationary P[bad] and …
-  std::optional<double> mean_cycle_s;  ///< … mean time from one bad spell to the next
-  std::int64_t queue_limit = 100'000;  ///< packets under way; more are dropped
-};
 
 /// All that a run depends on. Defaults are here and nowhere else; scenario_keys.cpp names the keys,
 /// their units and ranges; scenarios/paper.toml is the paper's setting, commented.

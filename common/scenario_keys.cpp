@@ -1,190 +1,19 @@
 #include "common/scenario_keys.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <regex>
-#include <type_traits>
-#include <utility>
+#include "common/scenario_channel_keys.hpp"
+#include "common/scenario_key_table.hpp"
 
 namespace tether {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-/// Allowed finite numbers: [low, high], without low itself if `open`.
-struct Range {
-  double low = -kInfinity;
-  double high = kInfinity;
-  bool open = false;
-
-  bool contains(double x) const {
-    return std::isfinite(x) && (open ? x > low : x >= low) && x <= high;
-  }
-  std::string text(const char* noun) const {
-    if (std::isinf(low)) return fmt::format("a finite {}", noun);
-    if (std::isinf(high)) return fmt::format("a finite {} {} {}", noun, open ? ">" : ">=", low);
-    return fmt::format("a {} in {}{}, {}]", noun, open ? "(" : "[", low, high);
-  }
-};
-
 // Physical ranges, wide but such that nothing overflows within them.
-constexpr Range kRatio{0.0, 1.0, false};
 constexpr Range kRate{1e-3, 1000.0, false};  // Hz: the physics step is 1 ms
-constexpr Range kSojourn{1e-3, 1e9, false};
 constexpr Range kLength{1e-3, 100.0, false};
 constexpr Range kMass{1e-3, 1e5, false};
 constexpr Range kOffset{-100.0, 100.0, false};
 constexpr Range kNotNegative{0.0, 1e6, false};
 constexpr Range kPositive{1e-3, 1e6, false};
 constexpr Range kFriction{0.0, 100.0, false};
-
-template <class Enum>
-using Names = std::vector<std::pair<std::string, Enum>>;
-
-std::optional<double> as_double(const ScenarioValue& value) {
-  if (const auto* d = std::get_if<double>(&value)) return *d;
-  if (const auto* i = std::get_if<std::int64_t>(&value)) return static_cast<double>(*i);
-  return std::nullopt;
-}
-
-/// Collects keys; `field` is a function from (const) Scenario& to the (const) member's reference.
-class KeyTable {
- public:
-  template <class Field>
-  void number(const std::string& name, Field field, Range range, const std::string& meaning) {
-    add(
-        name, range.text("number"), meaning,
-        [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
-        number_setter(field, range));
-  }
-
-  template <class Field>
-  void optional_number(const std::string& name, Field field, Range range,
-                       const std::string& meaning) {
-    add(
-        name, range.text("number"), meaning,
-        [field](const Scenario& s) {
-          const std::optional<double>& x = field(s);
-          return x ? std::optional<ScenarioValue>(*x) : std::nullopt;
-        },
-        number_setter(field, range));
-  }
-
-  template <class Field>
-  void whole_number(const std::string& name, Field field, std::int64_t low,
-                    const std::string& meaning) {
-    const Range range{static_cast<double>(low), kInfinity, false};
-    add(
-        name, range.text("whole number"), meaning,
-        [field](const Scenario& s) {
-          return std::optional<ScenarioValue>(static_cast<std::int64_t>(field(s)));
-        },
-        [field, low](Scenario& s, const ScenarioValue& value) {
-          const auto* x = std::get_if<std::int64_t>(&value);
-          if (x == nullptr || *x < low) return false;
-          field(s) = static_cast<std::remove_reference_t<decltype(field(s))>>(*x);
-          return true;
-        });
-  }
-
-  template <class Field>
-  void boolean(const std::string& name, Field field, const std::string& meaning) {
-    add(
-        name, "true or false", meaning,
-        [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
-        [field](Scenario& s, const ScenarioValue& value) {
-          const auto* x = std::get_if<bool>(&value);
-          if (x == nullptr) return false;
-          field(s) = *x;
-          return true;
-        });
-  }
-
-  template <class Enum, class Field>
-  void choice(const std::string& name, Field field, const Names<Enum>& names,
-              const std::string& meaning) {
-    std::vector<std::string> quoted;
-    for (const auto& [text, unused] : names) quoted.push_back("\"" + text + "\"");
-    add(
-        name, fmt::format("{}", fmt::join(quoted, " or ")), meaning,
-        [field, names](const Scenario& s) {
-          for (const auto& [text, value] : names) {
-            if (value == field(s)) return std::optional<ScenarioValue>(text);
-          }
-          return std::optional<ScenarioValue>();
-        },
-        [field, names](Scenario& s, const ScenarioValue& value) {
-          const auto* wanted = std::get_if<std::string>(&value);
-          for (const auto& [text, option] : names) {
-            if (wanted == nullptr || text != *wanted) continue;
-            field(s) = option;
-            return true;
-          }
-          return false;
-        });
-  }
-
-  template <class Field>
-  void identifier(const std::string& name, Field field, const std::string& meaning) {
-    add(
-        name, "letters, digits, '-' and '_', at most 32", meaning,
-        [field](const Scenario& s) { return std::optional<ScenarioValue>(field(s)); },
-        [field](Scenario& s, const ScenarioValue& value) {
-          static const std::regex kPattern("[A-Za-z0-9_-]{1,32}");
-          const auto* x = std::get_if<std::string>(&value);
-          if (x == nullptr || !std::regex_match(*x, kPattern)) return false;
-          field(s) = *x;
-          return true;
-        });
-  }
-
-  /// Names of files and interfaces; empty: not set.
-  template <class Field>
-  void text(const std::string& name, Field field, const std::string& meaning) {
-    add(
-        name, "printable text without quotes and backslashes", meaning,
-        [field](const Scenario& s) {
-          const std::string& x = field(s);
-          return x.empty() ? std::nullopt : std::optional<ScenarioValue>(x);
-        },
-        [field](Scenario& s, const ScenarioValue& value) {
-          const auto* x = std::get_if<std::string>(&value);
-          const auto bad = [](unsigned char c) {
-            return c < 0x20 || c == 0x7F || c == '"' || c == '\\';
-          };
-          if (x == nullptr || x->empty() || std::any_of(x->begin(), x->end(), bad)) return false;
-          field(s) = *x;
-          return true;
-        });
-  }
-
-  std::vector<ScenarioKey> take() { return std::move(keys_); }
-
- private:
-  template <class Field>
-  static decltype(ScenarioKey::set) number_setter(Field field, Range range) {
-    return [field, range](Scenario& s, const ScenarioValue& value) {
-      const auto x = as_double(value);
-      if (!x || !range.contains(*x)) return false;
-      field(s) = *x;
-      return true;
-    };
-  }
-
-  void add(const std::string& name, std::string allowed, const std::string& meaning,
-           decltype(ScenarioKey::get) get, decltype(ScenarioKey::set) set) {
-    keys_.push_back({name, std::move(allowed), meaning, std::move(get), std::move(set)});
-  }
-
-  std::vector<ScenarioKey> keys_;
-};
-
-// One line a key: the member, reachable through a const and a mutable scenario alike.
-#define TETHER_FIELD(member) ([](auto& s) -> auto& { return s.member; })
 
 void add_run_and_world(KeyTable& t) {
   t.number("run.duration_s", TETHER_FIELD(run.duration_s), {0.0, 1e6, true}, "length of the run");
@@ -343,34 +172,6 @@ void add_can(KeyTable& t) {
            "error code, seconds, object or share: see lcmtypes/tether_drive_fault.lcm");
 }
 
-template <class Select>
-void add_link(KeyTable& t, const std::string& prefix, Select link) {
-#define TETHER_LINK(member) ([link](auto& s) -> auto& { return link(s).member; })
-  using Model = LinkConfig::Model;
-  t.choice<Model>(prefix + "model", TETHER_LINK(model),
-                  {{"fixed", Model::fixed}, {"markov", Model::markov}}, "state process");
-  t.number(prefix + "prr", TETHER_LINK(fixed.prr), kRatio, "model = fixed: packet reception ratio");
-  t.number(prefix + "delay_ms", TETHER_LINK(fixed.delay_ms), {0.0, 1e6, false},
-           "model = fixed: delay");
-  t.whole_number(prefix + "queue_limit", TETHER_LINK(queue_limit), 1,
-                 "packets under way; more are dropped and counted");
-  t.number(prefix + "markov.good.prr", TETHER_LINK(good.prr), kRatio, "in the good state");
-  t.number(prefix + "markov.good.delay_ms", TETHER_LINK(good.delay_ms), {0.0, 1e6, false},
-           "in the good state");
-  t.number(prefix + "markov.bad.prr", TETHER_LINK(bad.prr), kRatio, "in the bad state");
-  t.number(prefix + "markov.bad.delay_ms", TETHER_LINK(bad.delay_ms), {0.0, 1e6, false},
-           "in the bad state");
-  t.number(prefix + "markov.mean_good_s", TETHER_LINK(mean_good_s), kSojourn,
-           "mean sojourn time in the good state");
-  t.number(prefix + "markov.mean_bad_s", TETHER_LINK(mean_bad_s), kSojourn,
-           "mean sojourn time in the bad state");
-  t.optional_number(prefix + "markov.p_bad", TETHER_LINK(p_bad), {1e-6, 1.0 - 1e-6, false},
-                    "instead of the sojourn times: stationary probability of the bad state ...");
-  t.optional_number(prefix + "markov.mean_cycle_s", TETHER_LINK(mean_cycle_s), kSojourn,
-                    "... and mean time from one bad spell to the next");
-#undef TETHER_LINK
-}
-
 }  // namespace
 
 const std::vector<ScenarioKey>& scenario_keys() {
@@ -381,10 +182,7 @@ const std::vector<ScenarioKey>& scenario_keys() {
     add_sensor_and_path(t);
     add_controller_and_actuator(t);
     add_can(t);
-    t.boolean("channel.shared_state", TETHER_FIELD(channel.shared_state),
-              "both directions follow the uplink's state process");
-    add_link(t, "channel.uplink.", TETHER_FIELD(channel.uplink));
-    add_link(t, "channel.downlink.", TETHER_FIELD(channel.downlink));
+    add_channel_keys(t);
     return t.take();
   }();
   return keys;

@@ -11,8 +11,11 @@
 
 namespace tether {
 
+using NumberList = std::vector<double>;
+using NumberRows = std::vector<NumberList>;
+
 /// A value of a scenario key, as TOML has it.
-using ScenarioValue = std::variant<bool, std::int64_t, double, std::string>;
+using ScenarioValue = std::variant<bool, std::int64_t, double, std::string, NumberList, NumberRows>;
 
 /// One key of the scenario file: the single place that knows its name, type, range and meaning.
 struct ScenarioKey {

@@ -6,80 +6,104 @@
 
 namespace tether {
 
-struct Link::Later {
-  bool operator()(const Entry& a, const Entry& b) const {
-    return a.departure != b.departure ? a.departure > b.departure : a.number > b.number;
-  }
-};
+using Outcome = PacketFate::Outcome;
 
-Link::Link(const Config& config, std::shared_ptr<StateProcess> state, RandomEngine loss)
-    : config_(config), state_(std::move(state)), loss_(loss) {}
+Link::Link(const LinkConfig& config, std::shared_ptr<ChannelProcess> process,
+           const LinkStreams& streams, const std::vector<double>& delay_table_ms)
+    : config_(config),
+      process_(std::move(process)),
+      outages_(config.outages),
+      state_loss_(streams("loss")),
+      loss_(config.loss, streams("random_loss")) {
+  if (config.corrupt.probability > 0.0) corruption_.emplace(config.corrupt, streams("corrupt"));
+  if (config.rate.bits_per_s > 0.0) rate_.emplace(config.rate);
+  if (config.reorder.probability > 0.0) reordering_.emplace(config.reorder, streams("reorder"));
+  if (config.slot.period_ms > 0.0) slots_.emplace(config.slot, streams("slot"));
+  const bool copies = config.duplicate_probability > 0.0;
+  if (copies) duplication_.emplace(config.duplicate_probability, streams("duplicate"));
+  if (config.jitter.law == JitterConfig::Law::none) return;
+  const DelayLaw law(config.jitter, delay_table_ms);
+  const double correlation = config.jitter.correlation;
+  jitter_.emplace(law, correlation, streams("delay"));
+  if (copies) copy_jitter_.emplace(law, correlation, streams("copy_delay"));
+}
 
-const ChannelStateConfig& Link::parameters() const {
-  return config_.states[static_cast<std::size_t>(state_->state())];
+Link::Luck Link::draw(const LinkCondition& condition) {
+  Luck luck;
+  luck.lost = boost::random::uniform_01<double>()(state_loss_) >= condition.prr;
+  if (loss_.toss()) luck.lost = true;
+  if (corruption_) luck.damage = corruption_->next();
+  if (duplication_) luck.duplicate = duplication_->toss();
+  if (jitter_) luck.jitter = jitter_->next();
+  if (copy_jitter_) luck.copy_jitter = copy_jitter_->next();
+  if (reordering_) luck.skips_delay = reordering_->skips_delay();
+  return luck;
+}
+
+PacketFate::Outcome Link::entry(Instant now, const Luck& luck) const {
+  if (outages_.out(now)) return Outcome::outage;
+  return luck.lost ? Outcome::lost : Outcome::under_way;
 }
 
 Instant Link::push(Instant now, Packet packet) {
-  state_->advance(now);
-  const std::int64_t number = counters_.offered++;
-  const double luck = boost::random::uniform_01<double>()(loss_);
-  if (luck >= parameters().prr) {
-    ++counters_.lost;
-    return Instant::max();
+  const LinkCondition condition = process_->on_packet(now);
+  const Luck luck = draw(condition);
+  copy_departure_ = Instant::max();
+  PacketFate fate;
+  fate.number = counters_.offered++;
+  fate.arrival = now;
+  fate.state = process_->state();
+  fate.outcome = entry(now, luck);
+  if (fate.outcome == Outcome::under_way) {
+    fate.corrupted = corruption_ && corruption_->apply(luck.damage, packet.bytes);
+    fate.reordered = luck.skips_delay;
+    counters_.corrupted += fate.corrupted ? 1 : 0;
+    counters_.reordered += fate.reordered ? 1 : 0;
+    counters_.duplicated += luck.duplicate ? 1 : 0;
+    const auto delay = [&](Duration jitter) {
+      return luck.skips_delay ? Duration{0} : std::max(Duration{0}, condition.delay + jitter);
+    };
+    std::optional<Packet> copy;
+    if (luck.duplicate) copy = packet;
+    const auto departure = send(now, delay(luck.jitter), std::move(packet));
+    fate.departure = departure.value_or(Instant::max());
+    if (!departure) fate.outcome = Outcome::overflowed;
+    if (copy) {
+      const auto later = send(now, delay(luck.copy_jitter), *std::move(copy));
+      fate.duplicated = later.has_value();
+      copy_departure_ = later.value_or(Instant::max());
+    }
   }
-  if (in_flight() >= config_.queue_limit) {
+  counters_.outage_dropped += fate.outcome == Outcome::outage ? 1 : 0;
+  counters_.lost += fate.outcome == Outcome::lost ? 1 : 0;
+  if (observer_) observer_(fate);
+  return fate.departure;
+}
+
+std::optional<Instant> Link::send(Instant now, Duration delay, Packet&& packet) {
+  const bool room = in_flight() < config_.queue_limit;
+  const std::optional<Instant> through = !room   ? std::nullopt
+                                         : rate_ ? rate_->pass(now, packet.bytes.size())
+                                                 : std::optional(now);
+  if (!through) {
     ++counters_.overflowed;
-    return Instant::max();
+    return std::nullopt;
   }
-  const Instant departure = now + from_seconds(parameters().delay_ms * 1e-3);
-  queue_.push_back({departure, number, now, std::move(packet)});
-  std::push_heap(queue_.begin(), queue_.end(), Later{});
+  Instant departure = *through + delay;
+  if (config_.in_order) departure = latest_departure_ = std::max(departure, latest_departure_);
+  if (slots_) departure = slots_->place(now, departure);
+  queue_.push(now, departure, std::move(packet));
   return departure;
 }
 
-Instant Link::next_event() const {
-  return queue_.empty() ? Instant::max() : queue_.front().departure;
-}
-
 void Link::pop_ready(Instant now, const std::function<void(const Packet&)>& deliver) {
-  while (next_event() <= now) {
-    std::pop_heap(queue_.begin(), queue_.end(), Later{});
-    const Entry entry = std::move(queue_.back());
-    queue_.pop_back();
+  PacketQueue::Ready ready;
+  while (queue_.pop(now, ready)) {
     ++counters_.delivered;
-    counters_.delivered_bytes += static_cast<std::int64_t>(entry.packet.bytes.size());
-    delays_.add(now - entry.arrival);
-    deliver(entry.packet);
+    counters_.delivered_bytes += static_cast<std::int64_t>(ready.packet.bytes.size());
+    delays_.add(now - ready.arrival);
+    deliver(ready.packet);
   }
-}
-
-namespace {
-
-Link::Config link_config(const LinkConfig& c) {
-  if (c.model == LinkConfig::Model::fixed) return {{c.fixed, c.fixed}, c.queue_limit};
-  return {{c.good, c.bad}, c.queue_limit};
-}
-
-std::shared_ptr<StateProcess> state_process(const LinkConfig& c, RandomEngine random) {
-  return std::make_shared<StateProcess>(
-      c.model == LinkConfig::Model::fixed
-          ? StateProcess::fixed()
-          : StateProcess::markov(c.mean_good_s, c.mean_bad_s, random));
-}
-
-}  // namespace
-
-LinkPair make_links(const Scenario& scenario) {
-  const Scenario::Channel& channel = scenario.channel;
-  const auto stream = [&scenario](const std::string& purpose) {
-    return random_stream(scenario.run.seed, scenario.vehicle.name + "/" + purpose);
-  };
-  const auto uplink_state = state_process(channel.uplink, stream("uplink/state"));
-  const auto downlink_state = channel.shared_state
-                                  ? uplink_state
-                                  : state_process(channel.downlink, stream("downlink/state"));
-  return {Link(link_config(channel.uplink), uplink_state, stream("uplink/loss")),
-          Link(link_config(channel.downlink), downlink_state, stream("downlink/loss"))};
 }
 
 }  // namespace tether

@@ -1,87 +1,133 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
-#include <vector>
+#include <string_view>
 
 #include "common/random.hpp"
 #include "common/scenario.hpp"
 #include "common/time.hpp"
+#include "netem/channel_process.hpp"
 #include "netem/delay_histogram.hpp"
-#include "netem/state_process.hpp"
+#include "netem/delay_law.hpp"
+#include "netem/packet_models.hpp"
+#include "netem/packet_queue.hpp"
 
 namespace tether {
 
-/// Raw bytes on their way, never decoded.
-struct Packet {
-  std::string channel;  ///< under which they leave the link
-  std::vector<std::uint8_t> bytes;
+/// A random stream of one link for one purpose, such as "loss".
+using LinkStreams = std::function<RandomEngine(std::string_view purpose)>;
+
+/// What became of a packet when it was offered, for statistics.
+struct PacketFate {
+  enum class Outcome { under_way, outage, lost, overflowed };
+
+  std::int64_t number = 0;  ///< from 0, of those offered to the link
+  Instant arrival;
+  Outcome outcome = Outcome::under_way;
+  Instant departure = Instant::max();  ///< under_way: when it leaves
+  int state = 0;                       ///< ChannelProcess::state() after on_packet()
+  bool corrupted = false;
+  bool duplicated = false;  ///< a copy got into the link as well
+  bool reordered = false;   ///< skipped its delay
 };
 
-/// One direction of the network: a packet is lost with probability 1 − PRR of the channel's state
-/// on arrival, or leaves after that state's delay. Packets may overtake each other when the delay
-/// falls. Pure: time and randomness are arguments; one random draw per packet, whatever the PRR,
-/// so that the n-th packet's luck is the same for every controller and every PRR.
+/// One direction of the network. A packet that is offered passes these stages:
+///   1. outage: during one, nothing enters the link;
+///   2. state loss: lost with probability 1 − PRR of what the ChannelProcess says of it;
+///   3. independent loss;
+///   4. corruption: some bits are flipped;
+///   5. duplication: from here on a copy goes the same way, right behind;
+///   6. room: dropped if queue_limit packets are under way;
+///   7. rate: waits for a bottleneck, or is dropped at its full queue;
+///   8. delay: the process's plus the jitter law's, never negative together; a copy has a jitter of
+///      its own;
+///   9. order: now and then a packet skips stage 8 (reordering), or none leaves before those
+///      offered earlier (in order); with neither, packets overtake each other when delays fall;
+///  10. slots: waits for the next release.
+///
+/// Pure: time and randomness are arguments. Common random numbers: every stage has its own stream
+/// and draws a fixed number of times per packet offered, so that the fate of the n-th packet
+/// depends on seed, link, n and time, not on the other stages, nor on who sends or listens.
 class Link {
  public:
-  struct Config {
-    std::array<ChannelStateConfig, 2> states;  ///< indexed by StateProcess::state()
-    std::int64_t queue_limit = 100'000;
-  };
-  /// offered = lost + overflowed + delivered + in_flight, at any time.
+  /// offered + duplicated = outage_dropped + lost + overflowed + delivered + in_flight, always.
   struct Counters {
     std::int64_t offered = 0;
-    std::int64_t lost = 0;
-    std::int64_t overflowed = 0;
+    std::int64_t duplicated = 0;  ///< copies made
+    std::int64_t outage_dropped = 0;
+    std::int64_t lost = 0;        ///< by the state or independently
+    std::int64_t overflowed = 0;  ///< no room in the link or before the bottleneck
     std::int64_t delivered = 0;
     std::int64_t delivered_bytes = 0;
+    // Of those that got through stage 3:
+    std::int64_t corrupted = 0;
+    std::int64_t reordered = 0;
   };
+  using Observer = std::function<void(const PacketFate&)>;
 
-  /// `state` may be shared between links.
-  Link(const Config& config, std::shared_ptr<StateProcess> state, RandomEngine loss);
+  /// `process` may be shared between links. `config`: its stages; the model is the process's
+  /// matter. `delay_table_ms`: load_delay_table(config.jitter).
+  Link(const LinkConfig& config, std::shared_ptr<ChannelProcess> process,
+       const LinkStreams& streams, const std::vector<double>& delay_table_ms = {});
 
   /// Returns when the packet leaves; Instant::max() if it never does.
   Instant push(Instant now, Packet packet);
 
+  /// When the copy of the packet that was pushed last leaves; Instant::max() if there is none.
+  Instant copy_departure() const { return copy_departure_; }
+
   /// When the next packet leaves; Instant::max() if none is under way.
-  Instant next_event() const;
+  Instant next_event() const { return queue_.next_departure(); }
 
   /// Hands over every packet due by `now`, in order of departure, then of arrival.
   void pop_ready(Instant now, const std::function<void(const Packet&)>& deliver);
 
+  /// Is told each packet's fate from now on, at the end of push().
+  void set_observer(Observer observer) { observer_ = std::move(observer); }
+
   const Counters& counters() const { return counters_; }
   std::int64_t in_flight() const { return static_cast<std::int64_t>(queue_.size()); }
-  /// Sojourn times of the delivered packets.
+  /// Sojourn times of the delivered packets, copies included.
   const DelayHistogram& delays() const { return delays_; }
-  StateProcess& state() { return *state_; }
-  const ChannelStateConfig& parameters() const;
+  ChannelProcess& process() { return *process_; }
+  const ChannelProcess& process() const { return *process_; }
 
  private:
-  struct Entry {
-    Instant departure;
-    std::int64_t number;
-    Instant arrival;
-    Packet packet;
+  /// What the stages' streams have in store for one packet.
+  struct Luck {
+    bool lost = false;
+    Corruption::Damage damage;
+    bool duplicate = false;
+    Duration jitter{0};
+    Duration copy_jitter{0};
+    bool skips_delay = false;
   };
-  struct Later;
+  Luck draw(const LinkCondition& condition);
+  PacketFate::Outcome entry(Instant now, const Luck& luck) const;
+  std::optional<Instant> send(Instant now, Duration delay, Packet&& packet);
 
-  Config config_;
-  std::shared_ptr<StateProcess> state_;
-  RandomEngine loss_;
-  std::vector<Entry> queue_;  // a heap, earliest departure first
+  LinkConfig config_;
+  std::shared_ptr<ChannelProcess> process_;
+  OutageSchedule outages_;
+  RandomEngine state_loss_;
+  Coin loss_;
+  std::optional<Corruption> corruption_;
+  std::optional<Coin> duplication_;
+  std::optional<RateLimit> rate_;
+  std::optional<DelaySequence> jitter_;
+  std::optional<DelaySequence> copy_jitter_;
+  std::optional<Reordering> reordering_;
+  std::optional<SlotSchedule> slots_;
+  Instant latest_departure_ = Instant::min();
+  Instant copy_departure_ = Instant::max();
+  PacketQueue queue_;
   Counters counters_;
   DelayHistogram delays_;
+  Observer observer_;
 };
-
-/// Builds the two links of a scenario, each with its own random streams, or with the uplink's state
-/// for both where channel.shared_state says so.
-struct LinkPair {
-  Link uplink;
-  Link downlink;
-};
-LinkPair make_links(const Scenario& scenario);
 
 }  // namespace tether

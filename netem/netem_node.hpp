@@ -9,13 +9,15 @@
 #include "common/event_loop.hpp"
 #include "common/node.hpp"
 #include "common/scenario.hpp"
-#include "netem/link.hpp"
+#include "netem/make_links.hpp"
 
 namespace tether {
 
 /// The relay between the two sides of the network: AGV/POSE → uplink → CTRL/POSE, and
 /// CTRL/CMD_VEL → downlink → AGV/CMD_VEL, as raw bytes. Reports on NET/UPLINK and NET/DOWNLINK
-/// every run.report_period_s and at each change of a channel's state.
+/// every run.report_period_s and at each change of a channel's state. Only for models that need the
+/// vehicle's position does it decode AGV/POSE, before the uplink takes it; what cannot be decoded
+/// is counted.
 class NetemNode final : public Node {
  public:
   /// Both sides may be the same bus; else reports go to both, and SIM/CLOCK is passed on as it is.
@@ -37,7 +39,9 @@ class NetemNode final : public Node {
     std::int64_t report_seq = 0;
   };
   void start(Direction& direction, Bus& in, const std::string& in_channel, Duration period);
+  void watch_position(Bus& vehicle_bus);
   void on_packet(Direction& direction, const Message& message);
+  void deliver_at(Direction& direction, Instant departure);
   void deliver(Direction& direction, Instant now);
   void watch_state(Direction& direction);
   void report(Direction& direction);
@@ -47,6 +51,8 @@ class NetemNode final : public Node {
   Bus& vehicle_bus_;
   Bus& control_bus_;
   LinkPair links_;
+  bool wants_position_;
+  std::int64_t undecodable_positions_ = 0;
   ChannelNames channels_;
   Direction uplink_;
   Direction downlink_;

@@ -4,7 +4,7 @@
 #include <tether/link_report_t.hpp>
 
 #include "netem/delay_histogram.hpp"
-#include "netem/link.hpp"
+#include "netem/make_links.hpp"
 #include "netem/netem_node.hpp"
 #include "netem/state_process.hpp"
 #include "tests/virtual_world.hpp"
@@ -26,9 +26,13 @@ std::vector<int> pop(Link& link, Instant now) {
   return values;
 }
 
+RandomEngine streams(std::string_view purpose) { return random_stream(1, purpose); }
+
 Link fixed_link(double prr, double delay_ms, std::int64_t queue_limit = 1000) {
-  return Link({{ChannelStateConfig{prr, delay_ms}, ChannelStateConfig{prr, delay_ms}}, queue_limit},
-              std::make_shared<StateProcess>(StateProcess::fixed()), random_stream(1, "loss"));
+  LinkConfig config;
+  config.queue_limit = queue_limit;
+  const LinkCondition condition{prr, from_seconds(delay_ms * 1e-3)};
+  return {config, std::make_shared<FixedProcess>(condition), streams};
 }
 
 void expect_balance(const Link& link) {
@@ -142,8 +146,8 @@ TEST(Link, PacketsOvertakeWhenTheDelayFalls) {
       std::make_shared<StateProcess>(StateProcess::markov(1.0, 1.0, random_stream(2, "state")));
   while (state->state() != StateProcess::kBad) state->advance(state->next_transition());
   const Instant good_from = state->next_transition();
-  Link link({{ChannelStateConfig{1.0, 0.0}, ChannelStateConfig{1.0, 500.0}}, 100}, state,
-            random_stream(1, "loss"));
+  const LinkCondition good{}, bad{1.0, std::chrono::milliseconds{500}};
+  Link link(LinkConfig{}, std::make_shared<MarkovProcess>(state, std::array{good, bad}), streams);
   link.push(good_from - Duration{1}, packet(1));  // in the bad state: 500 ms
   link.push(good_from, packet(2));                // in the good state: at once
   EXPECT_EQ(pop(link, good_from), std::vector<int>{2});
@@ -211,8 +215,9 @@ TEST(MakeLinks, SharedStateIsOneProcessIndependentStateAreTwo) {
   for (bool shared : {false, true}) {
     scenario.channel.shared_state = shared;
     LinkPair links = make_links(scenario);
-    EXPECT_EQ(links.uplink.state().next_transition() == links.downlink.state().next_transition(),
-              shared);
+    EXPECT_EQ(
+        links.uplink.process().next_transition() == links.downlink.process().next_transition(),
+        shared);
   }
 }
 
@@ -336,6 +341,39 @@ TEST_F(NetemNodeTest, ReportsEveryPeriodAndAtEachChangeOfState) {
   }
   EXPECT_GT(changes, 50U);  // 100 expected
   EXPECT_EQ(uplink.size(), 101U + changes);
+}
+
+TEST_F(NetemNodeTest, FeedsAMapWithThePositionBeforeThePoseIsSent) {
+  scenario = parse_scenario("", "test.toml",
+                            {"channel.uplink.model=map", "world.half_extent_m=2000",
+                             "channel.uplink.map.access_points=[[0, 0]]"});
+  const auto node = start();
+  for (int i = 0; i < 200; ++i) {  // far away in every second
+    const double x_m = i % 2 == 0 ? 1.0 : 1000.0;
+    world.publish_at(at_s(i), "AGV/POSE", testing::pose(at_s(i), i, x_m));
+  }
+  world.publish_bytes_at(at_s(200), "AGV/POSE", {1, 2, 3});
+  world.loop.run_until(at_s(201));
+  EXPECT_EQ(node->uplink().counters().offered, 201);
+  EXPECT_NEAR(static_cast<double>(node->uplink().counters().lost), 100.0, 5.0);
+}
+
+TEST_F(NetemNodeTest, DeliversCopiesAtTheirOwnTime) {
+  scenario = parse_scenario("", "test.toml",
+                            {"channel.uplink.duplicate.probability=1",
+                             "channel.uplink.rate.bits_per_s=8e3"});  // a byte a millisecond
+  std::vector<Instant> arrivals;
+  world.bus.subscribe("CTRL/POSE", kDeepQueue,
+                      [&](const Message&) { arrivals.push_back(world.loop.now()); });
+  const auto node = start();
+  world.publish_bytes_at(at_s(1), "AGV/POSE", std::vector<std::uint8_t>(10));
+  world.loop.run_until(at_s(2));
+  node->finish();
+  world.loop.run_until(at_s(2));
+  EXPECT_EQ(arrivals, (std::vector<Instant>{at_s(1.01), at_s(1.02)}));
+  const link_report_t& r = uplink.back().message;
+  EXPECT_EQ(r.offered, 2);
+  EXPECT_EQ(r.offered, r.lost + r.overflowed + r.delivered + r.in_flight);
 }
 
 TEST_F(NetemNodeTest, JoinsTwoNetworks) {

@@ -1,9 +1,25 @@
 tether_add_test(NAME controller_test SOURCES controller_node_test.cpp pid_test.cpp
   LIBS tether_controller_core)
-tether_add_test(NAME netem_test SOURCES netem_test.cpp LIBS tether_netem_core)
+tether_add_test(NAME netem_test
+  SOURCES
+    loss_statistics.cpp
+    netem_chain_test.cpp
+    netem_delay_test.cpp
+    netem_fate_test.cpp
+    netem_loss_test.cpp
+    netem_slots_test.cpp
+    netem_stages_test.cpp
+    netem_test.cpp
+  LIBS tether_netem_core)
 tether_add_test(NAME sim_test SOURCES sim_node_test.cpp wheel_coupling_test.cpp
   LIBS tether_sim_core)
-tether_add_test(NAME closed_loop_test SOURCES closed_loop_test.cpp
+tether_add_test(NAME closed_loop_test SOURCES closed_loop_test.cpp netem_loop_test.cpp
   LIBS tether_closed_loop tether_tools_core LABELS loop)
 tether_add_test(NAME baseline_test SOURCES baseline_test.cpp LIBS tether_closed_loop LABELS slow)
 tether_add_test(NAME plant_test SOURCES plant_test.cpp LIBS tether_sim_core)
+tether_add_test(NAME netem_statistics_test SOURCES netem_statistics_test.cpp netem_check_test.cpp
+  LIBS tether_netem_statistics)
+tether_add_test(NAME netem_fit_test SOURCES netem_fit_test.cpp LIBS tether_netem_statistics
+  LABELS slow)
+tether_add_test(NAME netem_playback_test SOURCES netem_trace_test.cpp netem_map_test.cpp
+  LIBS tether_netem_playback)

@@ -8,3 +8,5 @@ tether_add_script_test(NAME echo_test SCRIPT echo_test.sh LABELS live TIMEOUT 12
 tether_add_script_test(NAME log_test SCRIPT log_test.sh LABELS live TIMEOUT 60)
 tether_add_script_test(NAME logger_test SCRIPT logger_test.sh LABELS live TIMEOUT 180)
 tether_add_script_test(NAME spy_test SCRIPT spy_test.sh LABELS live TIMEOUT 180)
+tether_add_test(NAME netem_fit_files_test SOURCES netem_fit_files_test.cpp
+  LIBS tether_netem_fit_files tether_tools_core)

@@ -16,5 +16,6 @@ void add_echo_command(CLI::App& tether, Action& action);
 void add_log_command(CLI::App& tether, Action& action);
 void add_spy_command(CLI::App& tether, Action& action);
 void add_can_command(CLI::App& tether, Action& action);
+void add_netem_command(CLI::App& tether, Action& action);
 
 }  // namespace tether

@@ -64,6 +64,16 @@ Scenario with_drivetrain_beside(Scenario scenario, const fs::path& folder) {
   return scenario;
 }
 
+/// The scenario with full names of the files that its channel reads.
+Scenario with_absolute_names(Scenario scenario) {
+  for (LinkConfig* link : {&scenario.channel.uplink, &scenario.channel.downlink}) {
+    for (std::string* file : {&link->jitter.file, &link->trace.file, &link->map.file}) {
+      if (!file->empty()) *file = fs::absolute(*file).string();
+    }
+  }
+  return scenario;
+}
+
 std::string trajectory_csv(const std::vector<TrajectoryRow>& rows) {
   std::string text = "t_s,x_m,y_m,yaw_rad,x_ref_m,y_ref_m,error_m,uplink_state,downlink_state\n";
   for (const TrajectoryRow& r : rows) {
@@ -119,7 +129,7 @@ OutputFolder::OutputFolder(const fs::path& folder, const Scenario& scenario) : f
   }
   check_nothing_foreign(folder_);
   fs::remove(folder_ / "summary.json", error);
-  const Scenario resolved = with_drivetrain_beside(scenario, folder_);
+  const Scenario resolved = with_drivetrain_beside(with_absolute_names(scenario), folder_);
   write_file(folder_ / "scenario.toml",
              kScenarioHeader + std::string(kVersion) + "\n\n" + to_toml(resolved));
 }

@@ -1,0 +1,128 @@
+#include <benchmark/benchmark.h>
+
+#include <string>
+#include <vector>
+
+#include "netem/make_links.hpp"
+
+// Cost of a packet in a link: offered, carried, delivered, in virtual time. Each model and each
+// stage alone, then all together; a packet of 80 bytes every millisecond.
+
+namespace tether {
+namespace {
+
+constexpr std::size_t kBytes = 80;
+
+void one_packet(benchmark::State& state, const std::vector<std::string>& keys) {
+  LinkPair links = make_links(parse_scenario("", "bench", keys));
+  Link& link = links.uplink;
+  const std::function<void(const Packet&)> drop = [](const Packet&) {};
+  Instant now = kStart;
+  std::vector<std::uint8_t> bytes(kBytes);
+  for (auto _ : state) {
+    now += std::chrono::milliseconds{1};
+    benchmark::DoNotOptimize(link.push(now, {"CTRL/POSE", bytes}));
+    link.pop_ready(now, drop);
+  }
+  state.SetItemsProcessed(state.iterations());
+  state.counters["in_flight"] = static_cast<double>(link.in_flight());
+}
+
+/// What the above costs without a link: making and freeing a packet.
+void caller_alone(benchmark::State& state) {
+  const std::vector<std::uint8_t> bytes(kBytes);
+  for (auto _ : state) {
+    Packet packet{"CTRL/POSE", bytes};
+    benchmark::DoNotOptimize(packet.bytes.data());
+  }
+}
+BENCHMARK(caller_alone);
+
+/// With so many packets under way: delays of a constant and of a scattering law.
+void crowded(benchmark::State& state, const char* law) {
+  const auto packets = static_cast<double>(state.range(0));
+  std::vector<std::string> keys{"channel.uplink.delay_ms=" + std::to_string(packets)};
+  if (std::string(law) != "none") {
+    keys.push_back("channel.uplink.jitter.sd_ms=" + std::to_string(0.2 * packets));
+    keys.push_back(std::string("channel.uplink.jitter.law=") + law);
+  }
+  keys.emplace_back("channel.uplink.queue_limit=1000000");
+  LinkPair links = make_links(parse_scenario("", "bench", keys));
+  Link& link = links.uplink;
+  const std::function<void(const Packet&)> drop = [](const Packet&) {};
+  Instant now = kStart;
+  const std::vector<std::uint8_t> bytes(kBytes);
+  const auto step = [&] {
+    now += std::chrono::milliseconds{1};
+    link.push(now, {"CTRL/POSE", bytes});
+    link.pop_ready(now, drop);
+  };
+  for (double i = 0.0; i < 2.0 * packets; i += 1.0) step();
+  for (auto _ : state) step();
+  state.SetItemsProcessed(state.iterations());
+  state.counters["in_flight"] = static_cast<double>(link.in_flight());
+}
+
+std::string up(const std::string& key) { return "channel.uplink." + key; }
+
+std::vector<std::string> jitter(const std::string& law) {
+  return {up("jitter.law=" + law), up("jitter.mean_ms=10"), up("jitter.sd_ms=4"),
+          up("jitter.correlation=0.5")};
+}
+
+struct Case {
+  std::string name;
+  std::vector<std::string> keys;
+};
+
+std::vector<Case> cases() {
+  std::vector<Case> list{
+      {"fixed", {}},
+      {"markov", {up("model=markov")}},
+      {"gilbert_elliott",
+       {up("model=gilbert_elliott"), up("gilbert_elliott.p=0.02"), up("gilbert_elliott.r=0.1")}},
+      {"four_state", {up("model=four_state"), up("four_state.p13=0.05")}},
+      {"chain_in_time",
+       {up("model=chain"), up("chain.prr=[1, 0.5, 0]"),
+        up("chain.rates_per_s=[[0, 1, 1], [1, 0, 1], [1, 1, 0]]")}},
+      {"chain_per_packet",
+       {up("model=chain"), up("chain.prr=[1, 0.5, 0]"),
+        up("chain.probabilities=[[0.9, 0.1, 0], [0, 0.9, 0.1], [0.1, 0, 0.9]]")}},
+      {"loss", {up("loss=0.1")}},
+      {"corrupt", {up("corrupt.probability=0.1")}},
+      {"duplicate", {up("duplicate.probability=0.1")}},
+      {"rate", {up("rate.bits_per_s=1e6")}},
+      {"reorder", {up("reorder.probability=0.1"), up("delay_ms=10")}},
+      {"in_order", {up("in_order=true"), up("delay_ms=10")}},
+      {"slot", {up("slot.period_ms=10")}},
+      {"slot_with_limit", {up("slot.period_ms=10"), up("slot.packets=12")}},
+      {"outages", {up("outages=[[1, 2], [3, 4]]")}}};
+  for (const char* law : {"uniform", "normal", "pareto", "paretonormal", "gamma"}) {
+    list.push_back({std::string("jitter_") + law, jitter(law)});
+  }
+  list.push_back({"jitter_table", {up("jitter.law=table"), up("jitter.table_ms=[0, 1, 2, 9]")}});
+  Case all{"everything", jitter("gamma")};
+  for (const char* key :
+       {"model=gilbert_elliott", "gilbert_elliott.p=0.02", "gilbert_elliott.r=0.1", "loss=0.01",
+        "corrupt.probability=0.1", "duplicate.probability=0.1", "rate.bits_per_s=1e6",
+        "reorder.probability=0.1", "slot.period_ms=10", "outages=[[1, 2]]"}) {
+    all.keys.push_back(up(key));
+  }
+  list.push_back(all);
+  return list;
+}
+
+const bool kRegistered = [] {
+  for (const Case& c : cases()) {
+    benchmark::RegisterBenchmark(("packet/" + c.name).c_str(), one_packet, c.keys);
+  }
+  for (const char* law : {"none", "uniform"}) {
+    benchmark::RegisterBenchmark((std::string("crowded/jitter_") + law).c_str(), crowded, law)
+        ->Arg(1000)
+        ->Arg(100'000);
+  }
+  return true;
+}();
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,134 @@
+#include "netem/channel_check.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace tether {
+namespace {
+
+// Rounding of times to nanoseconds, and of sums.
+constexpr double kSlack_s = 2e-9;
+constexpr double kSlack = 1e-12;
+
+Verdict judge(double configured, const Estimate& achieved, double slack, double widest) {
+  if (std::isnan(achieved.value)) return Verdict::too_short;
+  if (configured < achieved.low - slack || configured > achieved.high + slack) {
+    return Verdict::outside;
+  }
+  return 0.5 * (achieved.high - achieved.low) <= widest ? Verdict::ok : Verdict::too_short;
+}
+
+class Checker {
+ public:
+  Checker(const ChannelExpectation& expected, const LossRecord& loss, const DelayStatistics& delays,
+          const SojournStatistics* sojourns, const ChannelCheckOptions& options)
+      : expected_(expected), loss_(loss), delays_(delays), sojourns_(sojourns), o_(options) {
+    const std::size_t states = sojourns != nullptr ? expected.states().size() : 0;
+    const auto quantities = static_cast<double>(3 + states + DelayStatistics::kQuantiles.size());
+    confidence_ = 1.0 - o_.false_alarm / quantities;
+  }
+
+  std::vector<ChannelCheck> run() {
+    check_losses();
+    if (sojourns_ != nullptr) check_sojourns();
+    check_delays();
+    return std::move(checks_);
+  }
+
+ private:
+  void check_losses() {
+    const LossSpread& spread = expected_.spread();
+    const double prr = expected_.prr(), burst = expected_.mean_burst();
+    const double lag1 = expected_.lag1_correlation();
+    const Estimate achieved = loss_.prr(confidence_, spread);
+    const double rarer = std::min(prr, 1.0 - prr);
+    // A channel that loses nothing, or everything, is right as long as none does otherwise.
+    const double widest = rarer > 0.0 ? o_.precision * rarer : o_.precision;
+    checks_.push_back({"PRR", "", prr, achieved, judge(prr, achieved, kSlack, widest)});
+    const bool irregular = expected_.sojourn_unit() == ChannelExpectation::Unit::seconds &&
+                           loss_.interval_variation() > o_.most_interval_variation;
+    const auto add = [&](const char* quantity, const char* unit, double configured,
+                         const Estimate& estimate, double widest_half) {
+      if (!std::isfinite(configured)) return;
+      Verdict verdict = judge(configured, estimate, kSlack, widest_half);
+      if (achieved.effective_samples < o_.least_samples) verdict = Verdict::too_short;
+      if (irregular) verdict = Verdict::not_comparable;
+      checks_.push_back({quantity, unit, configured, estimate, verdict});
+    };
+    add("mean loss burst", "packets", burst, loss_.mean_burst(confidence_, spread),
+        o_.precision * burst);
+    add("lag-1 correlation", "", lag1, loss_.lag1_correlation(confidence_, spread), o_.precision);
+  }
+
+  void check_sojourns() {
+    const bool seconds = expected_.sojourn_unit() == ChannelExpectation::Unit::seconds;
+    for (std::size_t s = 0; s < expected_.states().size(); ++s) {
+      const double configured = expected_.mean_sojourn(s);
+      if (!std::isfinite(configured) || expected_.stationary()[s] <= 0.0) continue;
+      const Estimate achieved = sojourns_->mean(s, confidence_);
+      Verdict verdict = judge(configured, achieved, kSlack * configured, o_.precision * configured);
+      // Without a departure there is no estimate, but there is a lower bound.
+      if (configured < achieved.low) verdict = Verdict::outside;
+      checks_.push_back({fmt::format("mean sojourn, {}", expected_.states()[s].name),
+                         seconds ? "s" : "packets", configured, achieved, verdict});
+    }
+  }
+
+  void check_delays() {
+    for (const double q : DelayStatistics::kQuantiles) {
+      const double configured_s = expected_.delay_quantile(q);
+      if (std::isnan(configured_s)) continue;
+      Estimate achieved = delays_.quantile(q, confidence_, expected_.delay_vif(q));
+      Verdict verdict =
+          judge(configured_s, achieved, kSlack_s, std::max(kSlack_s, o_.precision * configured_s));
+      if (achieved.effective_samples < o_.least_samples) verdict = Verdict::too_short;
+      for (double* x : {&achieved.value, &achieved.low, &achieved.high}) *x *= 1e3;
+      checks_.push_back(
+          {fmt::format("delay p{:.0f}", 100.0 * q), "ms", 1e3 * configured_s, achieved, verdict});
+    }
+  }
+
+  const ChannelExpectation& expected_;
+  const LossRecord& loss_;
+  const DelayStatistics& delays_;
+  const SojournStatistics* sojourns_;
+  const ChannelCheckOptions& o_;
+  double confidence_ = 0.0;
+  std::vector<ChannelCheck> checks_;
+};
+
+}  // namespace
+
+std::string to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::ok:
+      return "ok";
+    case Verdict::outside:
+      return "outside";
+    case Verdict::too_short:
+      return "too short to say";
+    case Verdict::not_comparable:
+      return "not comparable";
+  }
+  return "";
+}
+
+std::vector<ChannelCheck> compare_channel(const ChannelExpectation& expected,
+                                          const LossRecord& loss, const DelayStatistics& delays,
+                                          const SojournStatistics* sojourns,
+                                          const ChannelCheckOptions& options) {
+  return Checker(expected, loss, delays, sojourns, options).run();
+}
+
+Verdict overall(const std::vector<ChannelCheck>& checks) {
+  const auto any = [&](Verdict v) {
+    return std::any_of(checks.begin(), checks.end(),
+                       [v](const ChannelCheck& c) { return c.verdict == v; });
+  };
+  if (any(Verdict::outside)) return Verdict::outside;
+  return any(Verdict::too_short) ? Verdict::too_short : Verdict::ok;
+}
+
+}  // namespace tether

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace tether {
+
+/// A packet that arrived.
+struct Reception {
+  std::int64_t seq = 0;
+  double time_s = 0.0;  ///< of arrival, by any clock
+  /// From sending to arrival; NaN if unknown.
+  double delay_s = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// A packet that was sent.
+struct PacketFate {
+  double time_s = 0.0;
+  bool lost = false;
+  double delay_s = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// What a channel did to a stream of packets, in the order of sending.
+struct FateLog {
+  /// Stretches of consecutive packets; a new one begins where the sender started anew.
+  std::vector<std::vector<PacketFate>> segments;
+  /// The sender is periodic: the times are replaced by multiples of its period.
+  bool periodic = false;
+  double interval_s = 0.0;      ///< mean time between packets; 0 below two
+  std::int64_t duplicated = 0;  ///< arrivals of a number that had arrived
+  std::int64_t reordered = 0;   ///< arrivals after a higher number
+
+  std::int64_t packets() const;
+  std::int64_t lost() const;
+};
+
+/// Sequence numbers that go back by more than this, or ahead by more than kMostLost, are a sender's
+/// that started anew.
+inline constexpr std::int64_t kMostReordered = 1000;
+inline constexpr std::int64_t kMostLost = 1'000'000;
+
+/// Which packets were lost, from the numbers of those that arrived, in the order of arrival: every
+/// number between the first and the last of a segment that never came. (Losses before the first and
+/// after the last arrival cannot be seen.) Lost packets get times between their neighbours'.
+///
+/// A sender is taken for periodic if the median of its intervals, per sequence number, and three
+/// quarters of them are within 25 % of the mean interval: arrival times, which delays disturb, are
+/// then replaced by the sequence number times the mean interval.
+FateLog fates_from_receptions(const std::vector<Reception>& receptions);
+
+/// The same where the fates are known: completes the log's interval and periodicity from the times
+/// of `packets`, which are in the order of sending.
+FateLog fates_from_packets(std::vector<PacketFate> packets);
+
+}  // namespace tether

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "common/scenario.hpp"
+#include "netem/link.hpp"
+
+namespace tether {
+
+/// The two links of a scenario, each with its own random streams, "<vehicle>/uplink/<purpose>" and
+/// "<vehicle>/downlink/<purpose>"; with the uplink's state for both where channel.shared_state says
+/// so. Reads the files that the models name. Throws UsageError for those, and for a chain without a
+/// single stationary distribution.
+struct LinkPair {
+  Link uplink;
+  Link downlink;
+};
+LinkPair make_links(const Scenario& scenario);
+
+/// The streams of one link; `name` is "uplink" or "downlink".
+LinkStreams link_streams(const Scenario& scenario, const std::string& name);
+
+/// What decides a link's conditions. `prefix`, such as "channel.uplink.", is for messages.
+std::shared_ptr<ChannelProcess> make_process(const LinkConfig& config, const std::string& prefix,
+                                             const LinkStreams& streams);
+
+}  // namespace tether
