@@ -10,6 +10,7 @@
 #include "common/node.hpp"
 #include "common/scenario.hpp"
 #include "netem/make_links.hpp"
+#include "netem/running_link.hpp"
 
 namespace tether {
 
@@ -26,37 +27,27 @@ class NetemNode final : public Node {
   /// Publishes the final reports.
   void finish() override;
 
-  const Link& uplink() const { return links_.uplink; }
-  const Link& downlink() const { return links_.downlink; }
+  const Link& uplink() const { return uplink_.link(); }
+  const Link& downlink() const { return downlink_.link(); }
 
  private:
-  struct Direction {
-    std::string name;
-    Link& link;
-    Bus& out;
-    std::string out_channel;
-    std::string report_channel;
-    std::int64_t report_seq = 0;
-  };
-  void start(Direction& direction, Bus& in, const std::string& in_channel, Duration period);
-  void watch_position(Bus& vehicle_bus);
-  void on_packet(Direction& direction, const Message& message);
-  void deliver_at(Direction& direction, Instant departure);
-  void deliver(Direction& direction, Instant now);
-  void watch_state(Direction& direction);
-  void report(Direction& direction);
+  NetemNode(const Scenario& scenario, LinkPair links, EventLoop& loop, Bus& vehicle_bus,
+            Bus& control_bus);
+  RunningLink::Report report_on(const std::string& channel);
+  static void connect(Bus& in, const std::string& in_channel, RunningLink& link,
+                      const std::string& out_channel);
+  void watch_position();
   void list_counters(CounterList& out) const;
 
   EventLoop& loop_;
   Bus& vehicle_bus_;
   Bus& control_bus_;
-  LinkPair links_;
   bool wants_position_;
   std::int64_t undecodable_positions_ = 0;
   ChannelNames channels_;
-  Direction uplink_;
-  Direction downlink_;
   CounterReporter counters_;
+  RunningLink uplink_;
+  RunningLink downlink_;
 };
 
 }  // namespace tether
