@@ -1,8 +1,18 @@
 #include "common/in_process_bus.hpp"
 
+#include <regex>
 #include <utility>
 
 namespace tether {
+
+struct InProcessBus::Subscription {
+  std::regex channel;
+  Handler handler;
+};
+
+InProcessBus::InProcessBus(EventLoop& loop) : loop_(loop) {}
+
+InProcessBus::~InProcessBus() = default;
 
 void InProcessBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
   if (receivers(channel).empty()) return;

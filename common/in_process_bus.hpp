@@ -2,7 +2,6 @@
 
 #include <map>
 #include <memory>
-#include <regex>
 #include <string>
 #include <vector>
 
@@ -16,17 +15,15 @@ namespace tether {
 class InProcessBus final : public Bus {
  public:
   /// `loop` must outlive the bus.
-  explicit InProcessBus(EventLoop& loop) : loop_(loop) {}
+  explicit InProcessBus(EventLoop& loop);
+  ~InProcessBus() override;
 
   void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
   /// Queues are unbounded here: `queue_capacity` has no effect.
   void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) override;
 
  private:
-  struct Subscription {
-    std::regex channel;
-    Handler handler;
-  };
+  struct Subscription;
   using Receivers = std::vector<Subscription*>;
   const Receivers& receivers(std::string_view channel);
 
