@@ -38,16 +38,24 @@ class LcmBus final : public Bus {
   /// Messages that LCM refused to send.
   std::uint64_t publish_failures() const { return publish_failures_; }
 
+  /// Datagrams (a message is one, or one per 64 KiB) that the kernel dropped because this process
+  /// did not read them in time; udpm only.
+  std::int64_t datagrams_dropped() const;
+  /// All of these.
+  void list_counters(CounterList& out) const override;
+
   const std::string& url() const { return url_; }
 
  private:
   struct Subscription;
   void handle_pending();
+  std::vector<int> sockets_since(const std::vector<int>& before) const;
 
   EventLoop& loop_;
   std::string url_;
   std::unique_ptr<lcm::LCM> lcm_;
   std::vector<std::unique_ptr<Subscription>> subscriptions_;
+  std::vector<int> sockets_;  // on which LCM receives
   std::uint64_t malformed_ = 0;
   std::uint64_t publish_failures_ = 0;
   std::exception_ptr handler_error_;
