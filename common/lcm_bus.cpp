@@ -78,7 +78,14 @@ struct LcmBus::Subscription {
 
 LcmBus::LcmBus(const std::string& url, EventLoop& loop)
     : loop_(loop), url_(reachable_lcm_url(url)), lcm_(std::make_unique<lcm::LCM>(url_)) {
+  // LCM makes its receiving socket when it is first asked for its descriptor.
+  const std::vector<int> before = udp_sockets(lcm_port(url_));
   if (!lcm_->good() || lcm_->getFileno() < 0) throw std::runtime_error(unreachable(url_));
+  if (!multicast_group(url_).empty()) {
+    const std::vector<int> now = udp_sockets(lcm_port(url_));
+    std::set_difference(now.begin(), now.end(), before.begin(), before.end(),
+                        std::back_inserter(sockets_));
+  }
   loop.add_fd(lcm_->getFileno(), [this](Instant) { handle_pending(); });
 }
 
@@ -99,8 +106,6 @@ void LcmBus::subscribe(const std::string& channel_regex, int queue_capacity, Han
         fmt::format("channel pattern \"{}\" is not a regular expression", channel_regex));
   }
   subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
-  // LCM makes its receiving socket at the first subscription.
-  const std::vector<int> before = sockets_.empty() ? udp_sockets(lcm_port(url_)) : sockets_;
   // LCM puts ^ and $ around the pattern, which bind to the outer alternatives of "A|B" only.
   lcm::Subscription* subscription = lcm_->subscribeFunction(
       "(?:" + channel_regex + ")", &Subscription::on_message, subscriptions_.back().get());
@@ -108,7 +113,6 @@ void LcmBus::subscribe(const std::string& channel_regex, int queue_capacity, Han
     throw std::runtime_error(fmt::format("cannot subscribe to {} on {}", channel_regex, url_));
   }
   subscription->setQueueCapacity(queue_capacity);
-  if (sockets_.empty()) sockets_ = sockets_since(before);
 }
 
 std::int64_t LcmBus::datagrams_dropped() const { return dropped_datagrams(sockets_); }
@@ -117,15 +121,6 @@ void LcmBus::list_counters(CounterList& out) const {
   out.emplace_back("datagrams_dropped", datagrams_dropped());
   out.emplace_back("malformed", static_cast<std::int64_t>(malformed_));
   out.emplace_back("publish_failures", static_cast<std::int64_t>(publish_failures_));
-}
-
-std::vector<int> LcmBus::sockets_since(const std::vector<int>& before) const {
-  std::vector<int> added;
-  if (multicast_group(url_).empty()) return added;
-  const std::vector<int> now = udp_sockets(lcm_port(url_));
-  std::set_difference(now.begin(), now.end(), before.begin(), before.end(),
-                      std::back_inserter(added));
-  return added;
 }
 
 void LcmBus::handle_pending() {

@@ -49,7 +49,6 @@ class LcmBus final : public Bus {
  private:
   struct Subscription;
   void handle_pending();
-  std::vector<int> sockets_since(const std::vector<int>& before) const;
 
   EventLoop& loop_;
   std::string url_;
