@@ -6,6 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "common/counters.hpp"
+
 namespace tether {
 
 /// One message as it travels: a channel name and LCM-encoded bytes.
@@ -29,6 +31,9 @@ class Bus {
   /// may wait unhandled (LCM drops the newest beyond it); consumers that want only the latest say
   /// 1, relays and recorders a large number. Subscribe before the loop runs, never in a handler.
   virtual void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) = 0;
+
+  /// Appends what went wrong on this network so far, for reports.
+  virtual void list_counters(CounterList&) const {}
 
  protected:
   Bus() = default;

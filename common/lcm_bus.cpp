@@ -5,6 +5,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <iterator>
 #include <lcm/lcm-cpp.hpp>
 #include <regex>
 #include <stdexcept>
@@ -13,6 +15,7 @@
 #include "common/errors.hpp"
 #include "common/lcm_url.hpp"
 #include "common/system_error.hpp"
+#include "common/udp_sockets.hpp"
 
 namespace tether {
 namespace {
@@ -75,7 +78,14 @@ struct LcmBus::Subscription {
 
 LcmBus::LcmBus(const std::string& url, EventLoop& loop)
     : loop_(loop), url_(reachable_lcm_url(url)), lcm_(std::make_unique<lcm::LCM>(url_)) {
+  // LCM makes its receiving socket when it is first asked for its descriptor.
+  const std::vector<int> before = udp_sockets(lcm_port(url_));
   if (!lcm_->good() || lcm_->getFileno() < 0) throw std::runtime_error(unreachable(url_));
+  if (!multicast_group(url_).empty()) {
+    const std::vector<int> now = udp_sockets(lcm_port(url_));
+    std::set_difference(now.begin(), now.end(), before.begin(), before.end(),
+                        std::back_inserter(sockets_));
+  }
   loop.add_fd(lcm_->getFileno(), [this](Instant) { handle_pending(); });
 }
 
@@ -103,6 +113,14 @@ void LcmBus::subscribe(const std::string& channel_regex, int queue_capacity, Han
     throw std::runtime_error(fmt::format("cannot subscribe to {} on {}", channel_regex, url_));
   }
   subscription->setQueueCapacity(queue_capacity);
+}
+
+std::int64_t LcmBus::datagrams_dropped() const { return dropped_datagrams(sockets_); }
+
+void LcmBus::list_counters(CounterList& out) const {
+  out.emplace_back("datagrams_dropped", datagrams_dropped());
+  out.emplace_back("malformed", static_cast<std::int64_t>(malformed_));
+  out.emplace_back("publish_failures", static_cast<std::int64_t>(publish_failures_));
 }
 
 void LcmBus::handle_pending() {

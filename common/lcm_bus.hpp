@@ -38,6 +38,12 @@ class LcmBus final : public Bus {
   /// Messages that LCM refused to send.
   std::uint64_t publish_failures() const { return publish_failures_; }
 
+  /// Datagrams (a message is one, or one per 64 KiB) that the kernel dropped because this process
+  /// did not read them in time; udpm only.
+  std::int64_t datagrams_dropped() const;
+  /// All of these.
+  void list_counters(CounterList& out) const override;
+
   const std::string& url() const { return url_; }
 
  private:
@@ -48,6 +54,7 @@ class LcmBus final : public Bus {
   std::string url_;
   std::unique_ptr<lcm::LCM> lcm_;
   std::vector<std::unique_ptr<Subscription>> subscriptions_;
+  std::vector<int> sockets_;  // on which LCM receives
   std::uint64_t malformed_ = 0;
   std::uint64_t publish_failures_ = 0;
   std::exception_ptr handler_error_;

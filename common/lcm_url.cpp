@@ -83,4 +83,8 @@ std::string multicast_group(const std::string& url) {
   return url.substr(7, url.find(':', 7) - 7);
 }
 
+std::uint16_t lcm_port(const std::string& url) {
+  return static_cast<std::uint16_t>(std::stoul(url.substr(url.rfind(':') + 1)));
+}
+
 }  // namespace tether

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 namespace tether {
@@ -16,5 +17,8 @@ std::string checked_lcm_url(const std::string& url);
 
 /// The multicast group of a checked udpm URL ("239.255.76.67"), empty for tcpq.
 std::string multicast_group(const std::string& url);
+
+/// The port of a checked URL.
+std::uint16_t lcm_port(const std::string& url);
 
 }  // namespace tether

@@ -103,7 +103,8 @@ struct LinkConfig {
   TraceConfig trace;
   MapConfig map;
 
-  std::int64_t queue_limit = 100'000;  ///< packets under way; more are dropped
+  std::int64_t queue_limit = 100'000;          ///< packets under way; more are dropped
+  std::int64_t queue_limit_bytes = 1LL << 28;  ///< the same in bytes of payload
   /// No packet enters between t1 and t2 (t1 <= t < t2), seconds since the run's start; ascending.
   std::vector<std::vector<double>> outages;
   double loss = 0.0;  ///< of packets that the channel let through, independent of each other

@@ -4,12 +4,15 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <map>
+#include <memory>
 #include <optional>
 #include <tether/clock_t.hpp>
 #include <vector>
 
 #include "common/channel_names.hpp"
 #include "common/cli.hpp"
+#include "common/errors.hpp"
 #include "common/lcm_bus.hpp"
 #include "common/lcm_url.hpp"
 #include "common/message_io.hpp"
@@ -25,6 +28,7 @@ struct Options {
   std::string control_lcm_url;
   std::optional<std::int64_t> start_utime_us;
   double speed = 1.0;
+  bool stands_alone = false;
 };
 
 /// A clock that differs by more than this is another run's.
@@ -69,6 +73,23 @@ class ClockFollower {
   int disagreements_ = 0;
 };
 
+/// All networks of a program.
+class Networks {
+ public:
+  explicit Networks(RealTimeLoop& loop) : loop_(loop) {}
+
+  LcmBus& at(const std::string& url) {
+    const std::string checked = checked_lcm_url(url);
+    const auto found = open_.find(checked);
+    if (found != open_.end()) return *found->second;
+    return *open_.emplace(checked, std::make_unique<LcmBus>(checked, loop_)).first->second;
+  }
+
+ private:
+  RealTimeLoop& loop_;
+  std::map<std::string, std::unique_ptr<LcmBus>> open_;
+};
+
 enum class End { signal, clock_jumped };
 
 /// Lets the loop go on until the node has ended in good order.
@@ -80,19 +101,20 @@ void wind_down(Node& node, RealTimeLoop& loop) {
 
 End run_once(const NodeProgram& program, const Options& options, const Scenario& scenario) {
   RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()), options.speed);
-  LcmBus bus(options.lcm_url, loop);
-  std::optional<LcmBus> control_bus;
-  if (!options.control_lcm_url.empty()) control_bus.emplace(options.control_lcm_url, loop);
+  Networks networks(loop);
+  LcmBus& bus = networks.at(options.lcm_url);
+  Bus& control_bus = options.control_lcm_url.empty() ? bus : networks.at(options.control_lcm_url);
 
   std::optional<ClockFollower> clock;
-  if (!options.start_utime_us && !program.owns_clock) {
+  if (!options.start_utime_us && !program.owns_clock && !options.stands_alone) {
     clock.emplace(loop, bus);
     fmt::print(stderr, "{}: waiting for SIM/CLOCK on {}\n", program.name, bus.url());
     if (!clock->wait()) return End::signal;
   }
 
   const auto node =
-      program.make({scenario, loop, bus, control_bus ? static_cast<Bus&>(*control_bus) : bus});
+      program.make({scenario, loop, bus, control_bus,
+                    [&networks](const std::string& url) -> Bus& { return networks.at(url); }});
   fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
              bus.url());
   loop.run();
@@ -109,13 +131,24 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   return End::signal;
 }
 
+Scenario scenario_of(const Options& options) {
+  if (!options.stands_alone && options.scenario_file.empty()) {
+    throw UsageError("scenario is required");
+  }
+  if (options.stands_alone && !options.control_lcm_url.empty()) {
+    throw UsageError("--control-lcm-url has no effect with --rule: rules name their networks");
+  }
+  return options.scenario_file.empty() ? parse_scenario("", "defaults", options.overrides)
+                                       : load_scenario(options.scenario_file, options.overrides);
+}
+
 }  // namespace
 
 int node_main(int argc, char** argv, const NodeProgram& program) {
   Options options;
   CLI::App app(program.description, program.name);
   add_version(app);
-  app.add_option("scenario", options.scenario_file, "scenario file (TOML)")->required();
+  app.add_option("scenario", options.scenario_file, "scenario file (TOML)");
   app.add_option("--set", options.overrides, "override a scenario key: KEY=VALUE (repeatable)")
       ->allow_extra_args(false);
   app.add_option("--lcm-url", options.lcm_url, "LCM network")
@@ -134,8 +167,11 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
                  "run seconds per wall second; below 1 is slow motion, the same for all nodes")
       ->check(CLI::Range(0.01, 1.0))
       ->capture_default_str();
+  program.own.add(app);
   return run_cli(app, argc, argv, [&] {
-    const Scenario scenario = load_scenario(options.scenario_file, options.overrides);
+    options.stands_alone = program.own.stand_alone();
+    const Scenario scenario = scenario_of(options);
+    program.own.check(scenario, options.lcm_url);
     while (run_once(program, options, scenario) == End::clock_jumped) {
     }
     return kExitOk;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
 #include <string>
@@ -18,10 +19,23 @@ struct NodeContext {
   Bus& bus;  ///< the vehicle's side of the network
   Bus&
       control_bus;  ///< the controller's side; the same bus unless --control-lcm-url says otherwise
+  /// The network of a URL, opened the first time that it is asked for; --lcm-url's is `bus`.
+  std::function<Bus&(const std::string& url)> network_at;
 };
 
 /// How long a node may take to wind down (Node::wind_down), at the very most.
 inline constexpr Duration kWindDownLimit = std::chrono::seconds{21};
+
+/// Options of one program alone, which may make it stand alone: it then needs no scenario, joins no
+/// run but starts a clock of its own, and has no --control-lcm-url.
+struct OwnOptions {
+  std::function<void(CLI::App&)> add = [](CLI::App&) {};
+  /// Asked after parsing.
+  std::function<bool()> stand_alone = [] { return false; };
+  /// Throws UsageError for what is wrong with them; before any network is opened.
+  std::function<void(const Scenario&, const std::string& lcm_url)> check =
+      [](const Scenario&, const std::string&) {};
+};
 
 struct NodeProgram {
   std::string name;                 ///< "tether-sim"
@@ -29,6 +43,7 @@ struct NodeProgram {
   bool joins_two_networks = false;  ///< has --control-lcm-url
   bool owns_clock = false;  ///< without --start-utime: starts the run's clock instead of following
   std::function<std::unique_ptr<Node>(const NodeContext&)> make;
+  OwnOptions own{};
 };
 
 /// The main() of every node: options, scenario, real-time loop, LCM, orderly end on SIGINT and

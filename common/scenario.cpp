@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <numeric>
 #include <set>
 #include <sstream>
@@ -45,15 +46,33 @@ std::string trimmed(const std::string& text) {
 
 std::string last_part(const std::string& key) { return key.substr(key.rfind('.') + 1); }
 
+constexpr char kLinks[] = "channel.links.";
+
+/// "sat" for "channel.links.sat.prr" and "channel.links.sat"; empty for keys of something else.
+std::string link_name(const std::string& key) {
+  if (!key.starts_with(kLinks)) return "";
+  const auto begin = std::string(kLinks).size();
+  return key.substr(begin, key.find('.', begin) - begin);
+}
+
+/// The keys among which this one is to be looked up.
+const std::vector<ScenarioKey>& keys_beside(const std::string& key) {
+  const std::string name = link_name(key);
+  if (name.empty()) return scenario_keys();
+  static std::map<std::string, std::vector<ScenarioKey>> known;
+  const auto found = known.find(name);
+  return found != known.end() ? found->second : known[name] = named_link_keys(name);
+}
+
 const ScenarioKey* find_key(const std::string& name) {
-  const auto& keys = scenario_keys();
+  const auto& keys = keys_beside(name);
   const auto found = std::find_if(keys.begin(), keys.end(),
                                   [&name](const ScenarioKey& k) { return k.name == name; });
   return found == keys.end() ? nullptr : &*found;
 }
 
 [[noreturn]] void refuse_unknown(const Place& place, const std::string& key) {
-  const auto& keys = scenario_keys();
+  const auto& keys = keys_beside(key);
   const auto nearest =
       std::min_element(keys.begin(), keys.end(), [&key](const auto& a, const auto& b) {
         return edit_distance(a.name, key) < edit_distance(b.name, key);
@@ -75,13 +94,15 @@ class Loader {
     for (const auto& [name, node] : table) {
       const std::string key = prefix + std::string(name.str());
       if (const auto* inner = node.as_table()) {
-        const auto& keys = scenario_keys();
+        const Place place = fmt::format("{}:{}", file, node.source().begin.line);
+        const auto& keys = keys_beside(key);
         // A misspelt section with keys is refused at its first key.
-        if (inner->empty() && std::none_of(keys.begin(), keys.end(), [&key](const ScenarioKey& k) {
-              return k.name.starts_with(key + ".");
-            })) {
-          refuse_unknown(fmt::format("{}:{}", file, node.source().begin.line), key);
+        if (inner->empty() && key + "." != kLinks &&
+            std::none_of(keys.begin(), keys.end(),
+                         [&key](const ScenarioKey& k) { return k.name.starts_with(key + "."); })) {
+          refuse_unknown(place, key);
         }
+        make_link(key, place);
         apply_table(*inner, key + ".", file);
       } else {
         apply(key, node, fmt::format("{}:{}", file, node.source().begin.line));
@@ -115,12 +136,11 @@ class Loader {
         [this, &source](const std::string& key, double value, const std::string& from) {
           set_derived(key, value, from, source);
         }};
-    Scenario::Channel& channel = scenario_.channel;
-    for (auto* link : {&channel.uplink, &channel.downlink}) {
-      const std::string prefix = link == &channel.uplink ? "channel.uplink." : "channel.downlink.";
-      check_effect(prefix, *link, source);
-      resolve_link(prefix, *link, level);
-    }
+    scenario_.channel.for_each_link([&](const std::string& name, LinkConfig& link) {
+      const std::string prefix = "channel." + name + ".";
+      check_effect(prefix, link, source);
+      resolve_link(prefix, link, level);
+    });
     given_.clear();
   }
 
@@ -130,9 +150,21 @@ class Loader {
   }
 
  private:
+  /// The link that a key or a table is of, if it is of one by name.
+  void make_link(const std::string& key, const Place& place) {
+    const std::string name = link_name(key);
+    if (!key.starts_with(kLinks)) return;
+    const std::string why = why_no_link_name(name, scenario_.channel);
+    if (!why.empty()) {
+      throw UsageError(fmt::format("{}: link name \"{}\" is not allowed: {}", place, name, why));
+    }
+    scenario_.channel.links.try_emplace(name);
+  }
+
   void apply(const std::string& key, const toml::node& node, const Place& place) {
     const ScenarioKey* found = find_key(key);
     if (found == nullptr) refuse_unknown(place, key);
+    make_link(key, place);
     const auto value = to_value(node);
     if (!value || !found->set(scenario_, *value)) {
       std::ostringstream shown;
@@ -198,7 +230,7 @@ class Loader {
     const std::string prefix = "channel.";
     const std::string rest = key.starts_with(prefix) ? key.substr(prefix.size()) : "";
     if (rest.empty() || rest == "shared_state" || rest.starts_with("uplink.") ||
-        rest.starts_with("downlink.")) {
+        rest.starts_with("downlink.") || rest.starts_with("links.")) {
       return {key};
     }
     return {prefix + "uplink." + rest, prefix + "downlink." + rest};
@@ -283,47 +315,6 @@ class Loader {
   std::set<std::string> given_;  // at this level
 };
 
-/// False for keys of what is not chosen, and of a link's stages that are off.
-bool in_effect(const Scenario& scenario, const ScenarioKey& key) {
-  if (key.name.starts_with("can.")) {
-    return scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can;
-  }
-  static const Scenario kDefaults;
-  for (const auto& [prefix, link] :
-       {std::pair<std::string, const LinkConfig&>{"channel.uplink.", scenario.channel.uplink},
-        {"channel.downlink.", scenario.channel.downlink}}) {
-    if (!key.name.starts_with(prefix)) continue;
-    const std::string part = key.name.substr(prefix.size());
-    const bool is_switch = part == "loss" || part == "in_order" || part == "jitter.law" ||
-                           part.ends_with(".probability") || part == "rate.bits_per_s" ||
-                           part == "slot.period_ms";
-    if (is_switch && key.get(scenario) == key.get(kDefaults)) return false;
-    return why_no_effect(prefix, link, part).empty();
-  }
-  return true;
-}
-
-/// As TOML: the shortest text that reads as the same value.
-std::string to_toml(double value) {
-  const std::string text = fmt::format("{}", value);
-  return text.find_first_of(".e") == std::string::npos ? text + ".0" : text;
-}
-
-template <class Entry>
-std::string to_toml(const std::vector<Entry>& list) {
-  std::string text;
-  for (const Entry& entry : list) text += (text.empty() ? "" : ", ") + to_toml(entry);
-  return "[" + text + "]";
-}
-
-std::string to_toml(const std::string& text) { return fmt::format("\"{}\"", text); }
-std::string to_toml(std::int64_t value) { return fmt::format("{}", value); }
-std::string to_toml(bool value) { return value ? "true" : "false"; }
-
-std::string to_toml(const ScenarioValue& value) {
-  return std::visit([](const auto& v) { return to_toml(v); }, value);
-}
-
 }  // namespace
 
 Scenario parse_scenario(const std::string& toml, const std::string& name,
@@ -349,32 +340,6 @@ Scenario load_scenario(const std::string& file, const std::vector<std::string>& 
     throw UsageError(fmt::format("cannot read the scenario file \"{}\"", file));
   }
   return parse_scenario(text.str(), file, overrides);
-}
-
-std::string to_toml(const Scenario& scenario) {
-  std::string text, section;
-  for (const ScenarioKey& key : scenario_keys()) {
-    const auto value = key.get(scenario);
-    if (!value || !in_effect(scenario, key)) continue;
-    const auto dot = key.name.rfind('.');
-    if (key.name.substr(0, dot) != section) {
-      section = key.name.substr(0, dot);
-      text += fmt::format("{}[{}]\n", text.empty() ? "" : "\n", section);
-    }
-    text += fmt::format("{} = {}\n", key.name.substr(dot + 1), to_toml(*value));
-  }
-  return text;
-}
-
-std::string describe_scenario_keys() {
-  const Scenario defaults;
-  std::string text;
-  for (const ScenarioKey& key : scenario_keys()) {
-    const auto value = key.get(defaults);
-    text += fmt::format("{} = {}\n    {}; {}\n", key.name, value ? to_toml(*value) : "(not set)",
-                        key.meaning, key.allowed);
-  }
-  return text;
 }
 
 }  // namespace tether

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -68,6 +69,25 @@ struct Scenario {
     bool shared_state = false;  ///< both directions follow the uplink's state process
     LinkConfig uplink;
     LinkConfig downlink;
+    std::map<std::string, LinkConfig> links;  ///< [channel.links.NAME]: for rules of tether-netem
+
+    /// Calls f(name, link) for each link: "uplink", "downlink", "links.NAME". Their keys begin with
+    /// "channel.<name>.".
+    template <class Function>
+    void for_each_link(Function f) {
+      for_each_link(*this, f);
+    }
+    template <class Function>
+    void for_each_link(Function f) const {
+      for_each_link(*this, f);
+    }
+
+   private:
+    static void for_each_link(auto& channel, auto& f) {
+      f(std::string("uplink"), channel.uplink);
+      f(std::string("downlink"), channel.downlink);
+      for (auto& [name, link] : channel.links) f("links." + name, link);
+    }
   };
 
   /// vehicle.drivetrain = can: the bridge, its limits and time-outs, the bus (docs/drivetrain.md).
@@ -117,7 +137,7 @@ struct Scenario {
 
 /// Reads a scenario file over the defaults, then applies `overrides` ("key=value", in TOML's
 /// notation; quotes around strings may be left out; channel.X means channel.uplink.X and
-/// channel.downlink.X) in order. Throws UsageError that names file, line, key and what is allowed.
+/// channel.downlink.X; channel.links.NAME.X makes the link where there is none) in order. Throws UsageError that names file, line, key and what is allowed.
 Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides);
 
 /// The same from text; `name` stands in for the file in messages.

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <numeric>
+#include <regex>
 #include <utility>
 
 #include "common/errors.hpp"
@@ -121,8 +123,8 @@ void resolve_burst(const std::string& prefix, LinkConfig& link, const ChannelLev
 
 class LinkChecker {
  public:
-  LinkChecker(const std::string& prefix, const LinkConfig& link, const std::string& source)
-      : prefix_(prefix), link_(link), source_(source) {}
+  LinkChecker(std::string prefix, const LinkConfig& link, const std::string& source)
+      : prefix_(std::move(prefix)), link_(link), source_(source) {}
 
   void check() const {
     if (link_.model == Model::gilbert_elliott) check_gilbert_elliott();
@@ -248,14 +250,14 @@ class LinkChecker {
     }
   }
 
-  const std::string& prefix_;
+  const std::string prefix_;
   const LinkConfig& link_;
   const std::string& source_;
 };
 
 void check_shared_state(const Scenario::Channel& channel, const std::string& source) {
-  const auto& [shared, uplink, downlink] = channel;
-  if (!shared) return;
+  const LinkConfig &uplink = channel.uplink, &downlink = channel.downlink;
+  if (!channel.shared_state) return;
   if (uplink.model != downlink.model) {
     throw UsageError(fmt::format(
         "{}: channel.shared_state = true needs the same model for uplink and downlink", source));
@@ -315,9 +317,32 @@ void resolve_link(const std::string& prefix, LinkConfig& link, const ChannelLeve
   }
 }
 
+std::string why_no_link_name(const std::string& name, const Scenario::Channel& channel) {
+  static const std::regex kPattern("[A-Za-z0-9_-]{1,32}");
+  if (!std::regex_match(name, kPattern)) {
+    return "must be letters, digits, '-' and '_', at most 32";
+  }
+  const auto upper = [](std::string text) {
+    std::transform(text.begin(), text.end(), text.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    return text;
+  };
+  const std::string report = upper(name);
+  for (const char* taken : {"UPLINK", "DOWNLINK", "COUNTERS"}) {
+    if (report == taken) return fmt::format("channel NET/{} has another meaning", taken);
+  }
+  for (const auto& [other, unused] : channel.links) {
+    if (other == name || upper(other) != report) continue;
+    return fmt::format("differs from \"{}\" only in case: both would report on NET/{}", other,
+                       report);
+  }
+  return "";
+}
+
 void check_channel(const Scenario::Channel& channel, const std::string& source) {
-  LinkChecker("channel.uplink.", channel.uplink, source).check();
-  LinkChecker("channel.downlink.", channel.downlink, source).check();
+  channel.for_each_link([&source](const std::string& name, const LinkConfig& link) {
+    LinkChecker("channel." + name + ".", link, source).check();
+  });
   check_shared_state(channel, source);
 }
 

@@ -9,7 +9,7 @@
 namespace tether {
 
 /// What makes a key of a link useless, such as `channel.uplink.model is "fixed"`; empty if the key
-/// has an effect. `prefix` is "channel.uplink." or "channel.downlink.", `part` what follows it.
+/// has an effect. `prefix` is "channel.uplink." and so on, `part` what follows it.
 std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
                           const std::string& part);
 
@@ -26,6 +26,9 @@ struct ChannelLevel {
 /// mean_burst. Completes names of files. Throws UsageError for what contradicts itself or cannot
 /// be.
 void resolve_link(const std::string& prefix, LinkConfig& link, const ChannelLevel& level);
+
+/// Why a link of [channel.links] cannot have this name; empty if it can. Its reports are on NET/NAME.
+std::string why_no_link_name(const std::string& name, const Scenario::Channel& channel);
 
 /// Checks what several keys together must fulfil. Throws UsageError.
 void check_channel(const Scenario::Channel& channel, const std::string& source);

@@ -7,7 +7,7 @@ constexpr Range kDelay{0.0, 1e6, false};    // ms
 constexpr Range kSigned{-1e6, 1e6, false};  // ms
 
 // Keys of the link itself come before those of its parts: that is the order of TOML's sections.
-void add_link_itself(KeyTable& t, const std::string& prefix, LinkSelect link) {
+void add_link_itself(KeyTable& t, const std::string& prefix, const LinkSelect& link) {
   using Model = LinkConfig::Model;
   t.choice<Model>(prefix + "model", TETHER_LINK(model),
                   {{"fixed", Model::fixed},
@@ -23,6 +23,8 @@ void add_link_itself(KeyTable& t, const std::string& prefix, LinkSelect link) {
            "model = fixed, gilbert_elliott, four_state: delay");
   t.whole_number(prefix + "queue_limit", TETHER_LINK(queue_limit), 1,
                  "packets under way; more are dropped and counted");
+  t.whole_number(prefix + "queue_limit_bytes", TETHER_LINK(queue_limit_bytes), 1,
+                 "the same in bytes of payload");
   t.rows(prefix + "outages", TETHER_LINK(outages), {-1e6, 1e9, false},
          "[[t1, t2], ...]: no packet enters at t1 <= t < t2, seconds since the run's start");
   t.number(prefix + "loss", TETHER_LINK(loss), kRatio,
@@ -31,7 +33,7 @@ void add_link_itself(KeyTable& t, const std::string& prefix, LinkSelect link) {
             "no packet overtakes another: it waits until those before it have left");
 }
 
-void add_models(KeyTable& t, const std::string& prefix, LinkSelect link) {
+void add_models(KeyTable& t, const std::string& prefix, const LinkSelect& link) {
   t.number(prefix + "markov.good.prr", TETHER_LINK(good.prr), kRatio, "in the good state");
   t.number(prefix + "markov.good.delay_ms", TETHER_LINK(good.delay_ms), kDelay,
            "in the good state");
@@ -77,7 +79,7 @@ void add_models(KeyTable& t, const std::string& prefix, LinkSelect link) {
            "probabilities: time between steps; 0 = one per packet");
 }
 
-void add_jitter(KeyTable& t, const std::string& prefix, LinkSelect link) {
+void add_jitter(KeyTable& t, const std::string& prefix, const LinkSelect& link) {
   using Law = JitterConfig::Law;
   t.choice<Law>(prefix + "jitter.law", TETHER_LINK(jitter.law),
                 {{"none", Law::none},
@@ -102,7 +104,7 @@ void add_jitter(KeyTable& t, const std::string& prefix, LinkSelect link) {
            "of successive packets' normal scores");
 }
 
-void add_stages(KeyTable& t, const std::string& prefix, LinkSelect link) {
+void add_stages(KeyTable& t, const std::string& prefix, const LinkSelect& link) {
   t.number(prefix + "corrupt.probability", TETHER_LINK(corrupt.probability), kRatio,
            "that a packet is damaged");
   t.whole_number(prefix + "corrupt.bits", TETHER_LINK(corrupt.bits), 1,
@@ -135,14 +137,15 @@ void add_stages(KeyTable& t, const std::string& prefix, LinkSelect link) {
 void add_channel_keys(KeyTable& t) {
   t.boolean("channel.shared_state", TETHER_FIELD(channel.shared_state),
             "both directions follow the uplink's state process");
-  for (const bool uplink : {true, false}) {
-    const std::string prefix = uplink ? "channel.uplink." : "channel.downlink.";
-    const LinkSelect link{uplink};
-    add_link_itself(t, prefix, link);
-    add_models(t, prefix, link);
-    add_trace_and_map_keys(t, prefix, link);
-    add_stages(t, prefix, link);
-  }
+  add_link_keys(t, "channel.uplink.", {LinkSelect::Which::uplink, ""});
+  add_link_keys(t, "channel.downlink.", {LinkSelect::Which::downlink, ""});
+}
+
+void add_link_keys(KeyTable& t, const std::string& prefix, const LinkSelect& link) {
+  add_link_itself(t, prefix, link);
+  add_models(t, prefix, link);
+  add_trace_and_map_keys(t, prefix, link);
+  add_stages(t, prefix, link);
 }
 
 }  // namespace tether

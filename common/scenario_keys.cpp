@@ -188,4 +188,10 @@ const std::vector<ScenarioKey>& scenario_keys() {
   return keys;
 }
 
+std::vector<ScenarioKey> named_link_keys(const std::string& name) {
+  KeyTable t;
+  add_link_keys(t, "channel.links." + name + ".", {LinkSelect::Which::by_name, name});
+  return t.take();
+}
+
 }  // namespace tether

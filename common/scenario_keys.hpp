@@ -28,7 +28,10 @@ struct ScenarioKey {
   std::function<bool(Scenario&, const ScenarioValue&)> set;
 };
 
-/// All keys, in the order of the resolved scenario file.
+/// All keys but those of links by name, in the order of the resolved scenario file.
 const std::vector<ScenarioKey>& scenario_keys();
+
+/// The keys of [channel.links.NAME]: those of [channel.uplink], with that prefix.
+std::vector<ScenarioKey> named_link_keys(const std::string& name);
 
 }  // namespace tether

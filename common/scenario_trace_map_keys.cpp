@@ -5,7 +5,7 @@ namespace {
 
 constexpr Range kPosition{-1e6, 1e6, false};  // m, dB, ms
 
-void add_trace_keys(KeyTable& t, const std::string& trace, LinkSelect link) {
+void add_trace_keys(KeyTable& t, const std::string& trace, const LinkSelect& link) {
   using Interpolation = TraceConfig::Interpolation;
   using AtEnd = TraceConfig::AtEnd;
   t.text(trace + "file", TETHER_LINK(trace.file),
@@ -19,7 +19,7 @@ void add_trace_keys(KeyTable& t, const std::string& trace, LinkSelect link) {
                     "the trace's time at the run's start; its first row's if not given");
 }
 
-void add_map_keys(KeyTable& t, const std::string& map, LinkSelect link) {
+void add_map_keys(KeyTable& t, const std::string& map, const LinkSelect& link) {
   t.text(map + "file", TETHER_LINK(map.file), "Esri ASCII raster of SNR in dB; or ...");
   t.rows(map + "access_points", TETHER_LINK(map.access_points), kPosition,
          "... [[x_m, y_m], ...] or [[x_m, y_m, snr_1m_db], ...]");
@@ -46,7 +46,7 @@ void add_map_keys(KeyTable& t, const std::string& map, LinkSelect link) {
 
 }  // namespace
 
-void add_trace_and_map_keys(KeyTable& t, const std::string& prefix, LinkSelect link) {
+void add_trace_and_map_keys(KeyTable& t, const std::string& prefix, const LinkSelect& link) {
   add_trace_keys(t, prefix + "trace.", link);
   add_map_keys(t, prefix + "map.", link);
 }

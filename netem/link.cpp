@@ -81,7 +81,8 @@ Instant Link::push(Instant now, Packet packet) {
 }
 
 std::optional<Instant> Link::send(Instant now, Duration delay, Packet&& packet) {
-  const bool room = in_flight() < config_.queue_limit;
+  const auto bytes = static_cast<std::int64_t>(queue_.bytes() + packet.bytes.size());
+  const bool room = in_flight() < config_.queue_limit && bytes <= config_.queue_limit_bytes;
   const std::optional<Instant> through = !room   ? std::nullopt
                                          : rate_ ? rate_->pass(now, packet.bytes.size())
                                                  : std::optional(now);

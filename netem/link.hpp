@@ -41,7 +41,7 @@ struct PacketFate {
 ///   3. independent loss;
 ///   4. corruption: some bits are flipped;
 ///   5. duplication: from here on a copy goes the same way, right behind;
-///   6. room: dropped if queue_limit packets are under way;
+///   6. room: dropped if queue_limit packets are under way, or too many bytes with this one;
 ///   7. rate: waits for a bottleneck, or is dropped at its full queue;
 ///   8. delay: the process's plus the jitter law's, never negative together; a copy has a jitter of
 ///      its own;

@@ -1,5 +1,6 @@
 #include "netem/make_links.hpp"
 
+#include <optional>
 #include <utility>
 
 #include "netem/four_state.hpp"
@@ -102,7 +103,8 @@ std::shared_ptr<ChannelProcess> make_process(const LinkConfig& config, const std
 }
 
 LinkPair make_links(const Scenario& scenario) {
-  const auto& [shared, up, down] = scenario.channel;
+  const bool shared = scenario.channel.shared_state;
+  const LinkConfig &up = scenario.channel.uplink, &down = scenario.channel.downlink;
   const std::string up_prefix = "channel.uplink.", down_prefix = "channel.downlink.";
   const LinkStreams up_streams = link_streams(scenario, "uplink");
   const LinkStreams down_streams = link_streams(scenario, "downlink");
@@ -114,6 +116,24 @@ LinkPair make_links(const Scenario& scenario) {
       same ? up_process : make_process(down, down_prefix, down_streams, down_clocks);
   return {Link(up, up_process, up_streams, load_delay_table(up.jitter)),
           Link(down, down_process, down_streams, load_delay_table(down.jitter))};
+}
+
+std::vector<Link> make_links(const Scenario& scenario, const std::vector<std::string>& names) {
+  std::optional<LinkPair> pair;
+  std::vector<Link> links;
+  for (const std::string& name : names) {
+    if (name == "uplink" || name == "downlink") {
+      if (!pair) pair.emplace(make_links(scenario));
+      links.push_back(std::move(name == "uplink" ? pair->uplink : pair->downlink));
+    } else {
+      const LinkConfig& config = scenario.channel.links.at(name);
+      const LinkStreams streams = link_streams(scenario, "links/" + name);
+      const std::string prefix = "channel.links." + name + ".";
+      links.emplace_back(config, make_process(config, prefix, streams), streams,
+                         load_delay_table(config.jitter));
+    }
+  }
+  return links;
 }
 
 }  // namespace tether

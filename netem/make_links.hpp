@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/scenario.hpp"
 #include "netem/link.hpp"
@@ -18,7 +19,12 @@ struct LinkPair {
 };
 LinkPair make_links(const Scenario& scenario);
 
-/// The streams of one link; `name` is "uplink" or "downlink".
+/// Those of a scenario's links that are named, in this order; `names` are "uplink", "downlink" and
+/// those in scenario.channel.links, each at most once. The latter have the random streams
+/// "<vehicle>/links/<name>/<purpose>". Throws as make_links() does.
+std::vector<Link> make_links(const Scenario& scenario, const std::vector<std::string>& names);
+
+/// The streams of one link; `name` is "uplink", "downlink" or "links/<name>".
 LinkStreams link_streams(const Scenario& scenario, const std::string& name);
 
 /// What decides a link's conditions. `prefix`, such as "channel.uplink.", is for messages.

@@ -6,6 +6,7 @@
 namespace tether {
 
 void PacketQueue::push(Instant arrival, Instant departure, Packet&& packet) {
+  bytes_ += packet.bytes.size();
   std::size_t place = places_.size();
   if (free_.empty()) {
     places_.push_back({arrival, std::move(packet)});
@@ -27,6 +28,7 @@ bool PacketQueue::pop(Instant now, Ready& ready) {
   free_.push_back(place);
   ready.arrival = places_[place].arrival;
   ready.packet = std::move(places_[place].packet);
+  bytes_ -= ready.packet.bytes.size();
   return true;
 }
 

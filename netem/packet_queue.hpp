@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@ namespace tether {
 struct Packet {
   std::string channel;  ///< under which they leave the link
   std::vector<std::uint8_t> bytes;
+  std::size_t destination = 0;  ///< where to, for links that lead to several networks
 };
 
 /// Packets under way, in order of departure, then of arrival in the queue. Memory grows with the
@@ -34,6 +36,8 @@ class PacketQueue {
   bool pop(Instant now, Ready& ready);
 
   std::size_t size() const { return heap_.size(); }
+  /// Payload of those in it.
+  std::size_t bytes() const { return bytes_; }
 
  private:
   // Small, so that reordering the heap moves no packets.
@@ -52,6 +56,7 @@ class PacketQueue {
   std::vector<Ready> places_;
   std::vector<std::size_t> free_;
   std::uint64_t pushed_ = 0;
+  std::size_t bytes_ = 0;
 };
 
 }  // namespace tether

@@ -9,3 +9,4 @@ tether_add_script_test(NAME live_two_networks_test SCRIPT live_two_networks_test
 tether_add_script_test(NAME live_bad_input_test SCRIPT live_bad_input_test.py LABELS live
   TIMEOUT 120)
 tether_add_script_test(NAME live_hostile_test SCRIPT live_hostile_test.py LABELS live TIMEOUT 120)
+tether_add_script_test(NAME live_relay_test SCRIPT live_relay_test.py LABELS live TIMEOUT 120)

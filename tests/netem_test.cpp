@@ -40,6 +40,25 @@ void expect_balance(const Link& link) {
   EXPECT_EQ(c.offered, c.lost + c.overflowed + c.delivered + link.in_flight());
 }
 
+TEST(Link, DropsAndCountsWhatIsTooManyBytesUnderWay) {
+  LinkConfig config;
+  config.queue_limit_bytes = 1000;
+  Link link(config, std::make_shared<FixedProcess>(LinkCondition{1.0, std::chrono::seconds{1}}),
+            streams);
+  const auto push = [&link](double t_s, std::size_t bytes) {
+    return link.push(at_s(t_s), {"X", std::vector<std::uint8_t>(bytes)}) != Instant::max();
+  };
+  EXPECT_TRUE(push(0.0, 600));
+  EXPECT_FALSE(push(0.1, 401));
+  EXPECT_TRUE(push(0.2, 400));
+  EXPECT_FALSE(push(0.3, 1));
+  EXPECT_TRUE(push(0.4, 0));
+  link.pop_ready(at_s(1.0), [](const Packet&) {});
+  EXPECT_TRUE(push(1.1, 600));
+  EXPECT_EQ(link.counters().overflowed, 2);
+  expect_balance(link);
+}
+
 // ---------------------------------------------------------------------------- state process
 
 TEST(StateProcess, FixedStaysGoodForever) {

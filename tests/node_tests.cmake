@@ -11,6 +11,9 @@ tether_add_test(NAME netem_test
     netem_stages_test.cpp
     netem_test.cpp
   LIBS tether_netem_core)
+tether_add_test(NAME relay_test
+  SOURCES echo_filter_test.cpp relay_node_test.cpp relay_rule_test.cpp
+  LIBS tether_netem_core)
 tether_add_test(NAME sim_test SOURCES sim_node_test.cpp wheel_coupling_test.cpp
   LIBS tether_sim_core)
 tether_add_test(NAME closed_loop_test SOURCES closed_loop_test.cpp netem_loop_test.cpp

@@ -197,6 +197,48 @@ TEST(ScenarioChannel, ASharedStateNeedsAModelThatMovesInTime) {
   EXPECT_THAT(with(unequal), HasSubstr("needs the same matrix"));
 }
 
+TEST(ScenarioChannel, LinksByNameHaveTheKeysOfTheUplink) {
+  const Scenario s = parse(
+      "[channel.links.sat]\nmodel = \"gilbert_elliott\"\ngilbert_elliott = { prr = 0.8, mean_burst "
+      "= "
+      "4.0 }\n[channel.links.lan]\n",
+      {"channel.links.sat.delay_ms=270", "channel.links.new.loss=0.25", "channel.prr=0.5"});
+  ASSERT_EQ(s.channel.links.size(), 3U);
+  const LinkConfig& sat = s.channel.links.at("sat");
+  EXPECT_EQ(sat.model, LinkConfig::Model::gilbert_elliott);
+  EXPECT_DOUBLE_EQ(*sat.gilbert_elliott.r, 0.25);
+  EXPECT_EQ(sat.fixed.delay_ms, 270.0);
+  EXPECT_EQ(s.channel.links.at("lan").fixed.prr, 1.0);  // channel.X: uplink and downlink only
+  EXPECT_EQ(s.channel.links.at("new").loss, 0.25);
+  const std::string text = to_toml(s);
+  EXPECT_THAT(text, AllOf(HasSubstr("[channel.links.lan]\n"), HasSubstr("[channel.links.sat]\n")));
+  const Scenario again = parse(text);
+  EXPECT_EQ(to_toml(again), text);
+  EXPECT_EQ(again.channel.links.size(), 3U);
+}
+
+TEST(ScenarioChannel, WhatIsWrongWithLinksByNameIsRefused) {
+  const Refused cases[] = {
+      {"[channel.links.sat]\nprx = 1",
+       "\"channel.links.sat.prx\" (did you mean "
+       "\"channel.links.sat.prr\"?"},
+      {"[channel.links.sat]\nprr = 2",
+       "channel.links.sat.prr = 2 is not allowed: must be a number in"},
+      {"[channel.links.sat]\nmodel = \"chain\"\nprr = 0.5",
+       "channel.links.sat.prr has no effect: channel.links.sat.model is \"chain\""},
+      {"[channel.links.sat]\nmodel = \"chain\"", "needs channel.links.sat.chain.prr"},
+      {"[channel.links]\nsat = 3", "unknown key \"channel.links.sat\""},
+      {"[channel.links.\"a b\"]\nprr = 1", "link name \"a b\" is not allowed: must be letters"},
+      {"[channel.links.Uplink]", "link name \"Uplink\" is not allowed: channel NET/UPLINK has"},
+      {"[channel.links.counters]", "channel NET/COUNTERS has another meaning"},
+      {"[channel.links.sat]\n[channel.links.SAT]", "only in case: both would report on NET/SAT"}};
+  for (const Refused& c : cases) {
+    EXPECT_THAT(refusal(c.lines), AllOf(HasSubstr("test.toml:"), HasSubstr(c.message))) << c.lines;
+  }
+  EXPECT_THAT(refusal("", {"channel.links.sat.prx=1"}), HasSubstr("channel.links.sat.prr"));
+  EXPECT_EQ(refusal("[channel.links]"), "accepted");
+}
+
 TEST(ScenarioChannel, NamesOfFilesStartFromTheScenario) {
   const std::string text = "[channel.uplink.jitter]\nlaw = \"table\"\nfile = \"../delays.txt\"";
   EXPECT_EQ(parse_scenario(text, "scenarios/a.toml").channel.uplink.jitter.file, "delays.txt");

@@ -66,11 +66,11 @@ Scenario with_drivetrain_beside(Scenario scenario, const fs::path& folder) {
 
 /// The scenario with full names of the files that its channel reads.
 Scenario with_absolute_names(Scenario scenario) {
-  for (LinkConfig* link : {&scenario.channel.uplink, &scenario.channel.downlink}) {
-    for (std::string* file : {&link->jitter.file, &link->trace.file, &link->map.file}) {
+  scenario.channel.for_each_link([](const std::string&, LinkConfig& link) {
+    for (std::string* file : {&link.jitter.file, &link.trace.file, &link.map.file}) {
       if (!file->empty()) *file = fs::absolute(*file).string();
     }
-  }
+  });
   return scenario;
 }
 

@@ -1,0 +1,262 @@
+#include "netem/relay_node.hpp"
+
+#include <gmock/gmock.h>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <tether/counters_t.hpp>
+#include <tether/link_report_t.hpp>
+#include <utility>
+#include <vector>
+
+#include "common/virtual_loop.hpp"
+#include "tests/virtual_world.hpp"
+
+namespace tether {
+namespace {
+
+using testing::at_ms;
+using testing::at_s;
+using testing::counter;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+const std::string kOwn = "udpm://239.255.76.67:7667?ttl=0";
+const std::string kOther = "udpm://239.255.76.67:7668?ttl=0";
+
+/// A relay between networks in virtual time. A network's traffic is written as "CHANNEL=bytes".
+class Relay {
+ public:
+  using Bytes = std::vector<std::uint8_t>;
+
+  explicit Relay(const std::vector<std::string>& rules, std::vector<std::string> overrides = {},
+                 const std::string& toml = "") {
+    const Scenario scenario = parse_scenario(toml, "test.toml", overrides);
+    const auto parsed = parse_relay_rules(rules, kOwn, scenario);
+    const auto network_at = [this](const std::string& url) -> Bus& { return at(url); };
+    at(kOwn + "&recv_buf_size=2097152").subscribe("NET/COUNTERS", 1, [this](const Message& m) {
+      decode(m.bytes, counters);
+    });
+    node = std::make_unique<RelayNode>(scenario, parsed, loop, kOwn + "&recv_buf_size=2097152",
+                                       network_at);
+    for (const auto& [url, bus] : buses_) {
+      bus->subscribe("(?!NET/).*", kDeepQueue, [this, to = &seen[url]](const Message& m) {
+        std::string text(m.channel);
+        text += "=" + std::string(m.bytes.begin(), m.bytes.end());
+        to->push_back(text);
+        when.push_back(loop.now());
+      });
+    }
+  }
+
+  void send(Instant when, const std::string& url, const std::string& channel, Bytes bytes) {
+    loop.at(when, Priority::node, [this, url, channel, bytes = std::move(bytes)](Instant) {
+      at(url).publish(channel, bytes);
+    });
+  }
+  void send(Instant when, const std::string& url, const std::string& channel,
+            const std::string& text) {
+    send(when, url, channel, Bytes(text.begin(), text.end()));
+  }
+  void run(Instant end = at_s(10)) { loop.run_until(end); }
+
+  InProcessBus& at(const std::string& url) {
+    auto& bus = buses_[network_address(url)];
+    if (!bus) bus = std::make_unique<InProcessBus>(loop);
+    return *bus;
+  }
+  const std::vector<std::string>& on(const std::string& url) { return seen[network_address(url)]; }
+
+  VirtualLoop loop;
+  std::map<std::string, std::vector<std::string>> seen;
+  std::vector<Instant> when;
+  counters_t counters{};
+  std::unique_ptr<RelayNode> node;
+
+ private:
+  std::map<std::string, std::unique_ptr<InProcessBus>> buses_;
+};
+
+TEST(RelayNode, CarriesWhatTheRuleIsAboutUnderItsNewName) {
+  Relay relay({"CAM_(.*) -> " + kOther + ":FAR/$1 via sat"}, {"channel.links.sat.delay_ms=300"});
+  relay.send(at_s(1), kOwn, "CAM_LEFT", "a");
+  relay.send(at_s(1), kOwn, "XCAM_LEFT", "b");
+  relay.send(at_s(1), kOther, "CAM_LEFT", "c");
+  relay.run();
+  EXPECT_THAT(relay.on(kOwn), ElementsAre("CAM_LEFT=a", "XCAM_LEFT=b"));
+  EXPECT_THAT(relay.on(kOther), ElementsAre("CAM_LEFT=c", "FAR/LEFT=a"));
+  EXPECT_EQ(relay.when.back(), at_ms(1300));
+}
+
+TEST(RelayNode, BytesArePassedOnWhateverTheyAre) {
+  Relay relay({"X(.*) -> " + kOther + ":Y$1 via uplink"});
+  const std::string strange = "X \xc3\xa4/\t{}%" + std::string(50, 'n');
+  relay.send(at_s(1), kOwn, strange, std::string());
+  relay.send(at_s(2), kOwn, "X", std::string(300'000, '\xff'));
+  relay.run();
+  EXPECT_THAT(relay.on(kOther),
+              ElementsAre("Y" + strange.substr(1) + "=", "Y=" + std::string(300'000, '\xff')));
+}
+
+TEST(RelayNode, ChannelsOfEqualNameCanBeBridgedBothWays) {
+  Relay relay({"FOO -> " + kOther + " via uplink", kOther + ":FOO -> FOO via downlink"},
+              {"channel.delay_ms=20"});
+  relay.send(at_s(1), kOwn, "FOO", "a");
+  relay.send(at_s(2), kOther, "FOO", "b");
+  relay.run();
+  EXPECT_THAT(relay.on(kOwn), ElementsAre("FOO=a", "FOO=b"));
+  EXPECT_THAT(relay.on(kOther), ElementsAre("FOO=a", "FOO=b"));
+  EXPECT_EQ(counter(relay.counters, "own.recognised"), 2);
+}
+
+TEST(RelayNode, AConstantHeartbeatFromBothSidesIsNotEaten) {
+  Relay relay({"BEAT -> " + kOther + " via uplink", kOther + ":BEAT -> BEAT via downlink"},
+              {"channel.delay_ms=20"});
+  for (int i = 0; i < 500; ++i) {
+    relay.send(at_ms(10 * i), kOwn, "BEAT", "same");
+    relay.send(at_ms(10 * i), kOther, "BEAT", "same");
+  }
+  relay.run();
+  EXPECT_EQ(relay.on(kOwn).size(), 1000U);
+  EXPECT_EQ(relay.on(kOther).size(), 1000U);
+  EXPECT_EQ(relay.node->link("uplink").counters().offered, 500);
+  EXPECT_EQ(relay.node->link("downlink").counters().offered, 500);
+}
+
+TEST(RelayNode, CopiesAndLatePacketsDoNotComeBack) {
+  Relay relay({"FOO -> " + kOther + " via uplink", kOther + ":FOO -> FOO via downlink"},
+              {"channel.delay_ms=700", "channel.duplicate.probability=1",
+               "channel.jitter.law=uniform", "channel.jitter.sd_ms=300"});
+  for (int i = 0; i < 100; ++i) relay.send(at_ms(10 * i), kOwn, "FOO", "same");
+  relay.run();
+  EXPECT_EQ(relay.on(kOther).size(), 200U);
+  EXPECT_EQ(relay.on(kOwn).size(), 100U);
+  EXPECT_EQ(relay.node->link("downlink").counters().offered, 0);
+}
+
+TEST(RelayNode, RulesThatFeedEachOtherInOneNetworkDoNot) {
+  Relay relay({"A -> B via uplink", "B -> A via downlink"});
+  relay.send(at_s(1), kOwn, "A", "1");
+  relay.send(at_s(2), kOwn, "B", "2");
+  relay.run();
+  EXPECT_THAT(relay.on(kOwn), ElementsAre("A=1", "B=1", "B=2", "A=2"));
+}
+
+TEST(RelayNode, ANameThatStaysOrThatNoChannelCanHaveIsRefusedAndCounted) {
+  Relay relay({"(A*)(B?) -> $1 via uplink", "L -> " + std::string(64, 'x') + " via uplink"});
+  relay.send(at_s(1), kOwn, "AA", "stays");
+  relay.send(at_s(2), kOwn, "B", "has no name");
+  relay.send(at_s(3), kOwn, "AB", "passes");
+  relay.send(at_s(4), kOwn, "L", "too long");
+  relay.run();
+  EXPECT_EQ(relay.on(kOwn).size(), 5U);
+  EXPECT_EQ(relay.on(kOwn)[3], "A=passes");
+  EXPECT_EQ(counter(relay.counters, "names.refused"), 3);
+  EXPECT_EQ(counter(relay.counters, "heard"), 4);
+}
+
+TEST(RelayNode, EveryRuleThatIsAboutAMessageTakesItOnce) {
+  Relay relay({"FO(.*) -> " + kOther + ":X$1 via uplink", "F(.)\\1 -> " + kOther + ":Y$1 via sat",
+               "FOO -> Z via downlink"},
+              {"channel.links.sat.delay_ms=1"});
+  relay.send(at_s(1), kOwn, "FOO", "1");
+  relay.send(at_s(2), kOwn, "FOX", "2");
+  relay.run();
+  EXPECT_THAT(relay.on(kOther), ElementsAre("XO=1", "YO=1", "XX=2"));
+  EXPECT_THAT(relay.on(kOwn), ElementsAre("FOO=1", "Z=1", "FOX=2"));
+}
+
+TEST(RelayNode, RulesMayShareALinkToSeveralNetworks) {
+  Relay relay(
+      {"A -> " + kOther + " via uplink", "A -> udpm://239.255.76.67:7669?ttl=0:B via uplink"},
+      {"channel.uplink.queue_limit=1", "channel.uplink.delay_ms=10"});
+  relay.send(at_s(1), kOwn, "A", "1");
+  relay.run();
+  EXPECT_THAT(relay.on(kOther), ElementsAre("A=1"));
+  EXPECT_THAT(relay.on("udpm://239.255.76.67:7669?ttl=0"), IsEmpty());
+  EXPECT_EQ(relay.node->link("uplink").counters().overflowed, 1);
+}
+
+TEST(RelayNode, ReportsEveryLinkAndDoesNotRelayItsReports) {
+  Relay relay({".* -> " + kOther + ":FROM/$& via sat", "X -> Y via uplink"},
+              {"channel.links.sat.prr=0.5", "channel.links.sat.delay_ms=7"});
+  std::vector<link_report_t> reports;
+  std::int64_t undecodable = 0;
+  subscribe<link_report_t>(relay.at(kOwn), "NET/(SAT|UPLINK)", 1, undecodable,
+                           [&reports](const link_report_t& m) { reports.push_back(m); });
+  relay.send(at_s(1), kOwn, "FOO", "1");
+  relay.run();
+  ASSERT_GE(reports.size(), 20U);
+  EXPECT_EQ(reports[0].link, "sat");
+  EXPECT_EQ(reports[0].state_prr, 0.5);
+  EXPECT_EQ(reports[1].link, "uplink");
+  EXPECT_EQ(relay.node->link("sat").counters().offered, 1);
+  EXPECT_EQ(counter(relay.counters, "sat.offered"), 1);
+  EXPECT_EQ(undecodable, 0);
+}
+
+TEST(RelayNode, CountsBalanceOnALossyLink) {
+  Relay relay({"F.* -> " + kOther + ":G via sat"},
+              {"channel.links.sat.prr=0.7", "channel.links.sat.queue_limit=40",
+               "channel.links.sat.delay_ms=100"});
+  for (int i = 0; i < 2000; ++i) relay.send(at_ms(2 * i), kOwn, "F" + std::to_string(i), "x");
+  relay.run(at_s(20));
+  const Link::Counters& c = relay.node->link("sat").counters();
+  EXPECT_EQ(c.offered, 2000);
+  EXPECT_EQ(c.offered, c.lost + c.overflowed + c.delivered);
+  EXPECT_GT(c.overflowed, 0);
+  EXPECT_NEAR(static_cast<double>(c.lost), 600, 4 * 20.5);  // binomial, 4 standard deviations
+  EXPECT_EQ(relay.on(kOther).size(), static_cast<std::size_t>(c.delivered));
+}
+
+RelayIntake::Entry entry(std::size_t bytes) { return {0, {"X", std::vector<std::uint8_t>(bytes)}}; }
+
+TEST(RelayIntake, HoldsSoManyPacketsAndCountsTheRest) {
+  RelayIntake intake(2, 1000);
+  EXPECT_TRUE(intake.push(entry(1)));
+  EXPECT_TRUE(intake.push(entry(2)));
+  EXPECT_FALSE(intake.push(entry(3)));
+  EXPECT_EQ(intake.dropped(), 1);
+  EXPECT_EQ(intake.pop().packet.bytes.size(), 1U);
+  EXPECT_TRUE(intake.push(entry(4)));
+  EXPECT_EQ(intake.pop().packet.bytes.size(), 2U);
+  EXPECT_EQ(intake.pop().packet.bytes.size(), 4U);
+  EXPECT_TRUE(intake.empty());
+}
+
+TEST(RelayIntake, HoldsSoManyBytesAndCountsTheRest) {
+  RelayIntake intake(100, 1000);
+  EXPECT_TRUE(intake.push(entry(600)));
+  EXPECT_FALSE(intake.push(entry(401)));
+  EXPECT_TRUE(intake.push(entry(400)));
+  EXPECT_FALSE(intake.push(entry(1)));
+  EXPECT_TRUE(intake.push(entry(0)));
+  intake.pop();
+  EXPECT_TRUE(intake.push(entry(600)));
+  EXPECT_EQ(intake.dropped(), 2);
+}
+
+TEST(RelayNode, AnotherLinkChangesNothingOfTheFirst) {
+  const std::vector<std::string> base{"channel.links.sat.prr=0.5"};
+  std::vector<std::string> more = base;
+  more.insert(more.end(), {"channel.links.lan.prr=0.5", "channel.uplink.prr=0.5"});
+  Relay alone({"F -> G via sat"}, base);
+  Relay beside({"F -> H via lan", "F -> I via uplink", "F -> G via sat"}, more);
+  for (Relay* relay : {&alone, &beside}) {
+    for (int i = 0; i < 200; ++i) relay->send(at_ms(10 * i), kOwn, "F", std::to_string(i));
+    relay->run();
+  }
+  const auto passed = [](Relay& relay) {
+    std::vector<std::string> some;
+    for (const std::string& text : relay.on(kOwn)) {
+      if (text[0] == 'G') some.push_back(text);
+    }
+    return some;
+  };
+  EXPECT_GT(passed(alone).size(), 50U);
+  EXPECT_EQ(passed(alone), passed(beside));
+}
+
+}  // namespace
+}  // namespace tether
