@@ -3,285 +3,18 @@
 #include <fmt/format.h>
 #include <toml++/toml.h>
 
-#include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <numeric>
-#include <set>
 #include <sstream>
 
+#include "common/channel_settings.hpp"
 #include "common/errors.hpp"
 #include "common/scenario_channel_checks.hpp"
 #include "common/scenario_keys.hpp"
+#include "common/scenario_loader.hpp"
 
 namespace tether {
 namespace {
-
-/// Where a value was given: "paper.toml:12" or "--set".
-using Place = std::string;
-
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row.back();
-}
-
-std::string trimmed(const std::string& text) {
-  const auto first = text.find_first_not_of(' ');
-  return first == std::string::npos ? ""
-                                    : text.substr(first, text.find_last_not_of(' ') - first + 1);
-}
-
-std::string last_part(const std::string& key) { return key.substr(key.rfind('.') + 1); }
-
-const ScenarioKey* find_key(const std::string& name) {
-  const auto& keys = scenario_keys();
-  const auto found = std::find_if(keys.begin(), keys.end(),
-                                  [&name](const ScenarioKey& k) { return k.name == name; });
-  return found == keys.end() ? nullptr : &*found;
-}
-
-[[noreturn]] void refuse_unknown(const Place& place, const std::string& key) {
-  const auto& keys = scenario_keys();
-  const auto nearest =
-      std::min_element(keys.begin(), keys.end(), [&key](const auto& a, const auto& b) {
-        return edit_distance(a.name, key) < edit_distance(b.name, key);
-      });
-  const auto same_name = std::find_if(keys.begin(), keys.end(), [&key](const auto& k) {
-    return last_part(k.name) == last_part(key);
-  });
-  const auto& hint =
-      edit_distance(nearest->name, key) > 3 && same_name != keys.end() ? same_name : nearest;
-  throw UsageError(fmt::format(
-      "{}: unknown key \"{}\" (did you mean \"{}\"? `tether run --keys` lists all keys)", place,
-      key, hint->name));
-}
-
-/// Applies values to a scenario and remembers which keys were given where.
-class Loader {
- public:
-  void apply_table(const toml::table& table, const std::string& prefix, const std::string& file) {
-    for (const auto& [name, node] : table) {
-      const std::string key = prefix + std::string(name.str());
-      if (const auto* inner = node.as_table()) {
-        const auto& keys = scenario_keys();
-        // A misspelt section with keys is refused at its first key.
-        if (inner->empty() && std::none_of(keys.begin(), keys.end(), [&key](const ScenarioKey& k) {
-              return k.name.starts_with(key + ".");
-            })) {
-          refuse_unknown(fmt::format("{}:{}", file, node.source().begin.line), key);
-        }
-        apply_table(*inner, key + ".", file);
-      } else {
-        apply(key, node, fmt::format("{}:{}", file, node.source().begin.line));
-      }
-    }
-  }
-
-  void apply_override(const std::string& text) {
-    const auto equals = text.find('=');
-    if (equals == std::string::npos || equals == 0) {
-      throw UsageError(fmt::format("--set {}: expected KEY=VALUE", text));
-    }
-    const std::string key = trimmed(text.substr(0, equals));
-    const toml::table parsed = parse_value(text, trimmed(text.substr(equals + 1)));
-    for (const std::string& target : expand(key)) {
-      if (find_key(target) == nullptr) refuse_unknown("--set " + text, key);
-      apply(target, *parsed.get("value"), "--set " + text);
-    }
-  }
-
-  /// Ends a level of settings, the file or the overrides: checks that each has an effect and turns
-  /// stationary probabilities into sojourn times, so that the next level beats them in either form.
-  /// Names of files are relative to `folder`.
-  void end_level(const std::string& source, const std::filesystem::path& folder) {
-    if (given_.contains("can.drivetrain")) {
-      auto& file = scenario_.can.drivetrain_file;
-      file = (folder / file).lexically_normal().string();
-    }
-    const ChannelLevel level{
-        source, folder, [this](const std::string& key) { return given_.contains(key); },
-        [this, &source](const std::string& key, double value, const std::string& from) {
-          set_derived(key, value, from, source);
-        }};
-    Scenario::Channel& channel = scenario_.channel;
-    for (auto* link : {&channel.uplink, &channel.downlink}) {
-      const std::string prefix = link == &channel.uplink ? "channel.uplink." : "channel.downlink.";
-      check_effect(prefix, *link, source);
-      resolve_link(prefix, *link, level);
-    }
-    given_.clear();
-  }
-
-  Scenario finish(const std::string& file) {
-    check_combinations(file);
-    return scenario_;
-  }
-
- private:
-  void apply(const std::string& key, const toml::node& node, const Place& place) {
-    const ScenarioKey* found = find_key(key);
-    if (found == nullptr) refuse_unknown(place, key);
-    const auto value = to_value(node);
-    if (!value || !found->set(scenario_, *value)) {
-      std::ostringstream shown;
-      shown << toml::node_view<const toml::node>(&node);
-      throw UsageError(fmt::format("{}: {} = {} is not allowed: must be {} ({})", place, key,
-                                   shown.str(), found->allowed, found->meaning));
-    }
-    given_.insert(key);
-  }
-
-  static std::optional<ScenarioValue> to_value(const toml::node& node) {
-    if (const auto* v = node.as_boolean()) return v->get();
-    if (const auto* v = node.as_integer()) return v->get();
-    if (const auto* v = node.as_floating_point()) return v->get();
-    if (const auto* v = node.as_string()) return v->get();
-    if (const auto* v = node.as_array()) return to_lists(*v);
-    return std::nullopt;
-  }
-
-  static std::optional<NumberList> to_numbers(const toml::array& array) {
-    NumberList numbers;
-    for (const toml::node& entry : array) {
-      const auto number = entry.value<double>();
-      if (!number || !entry.is_number()) return std::nullopt;
-      numbers.push_back(*number);
-    }
-    return numbers;
-  }
-
-  static std::optional<ScenarioValue> to_lists(const toml::array& array) {
-    if (const auto numbers = to_numbers(array)) return *numbers;
-    NumberRows rows;
-    for (const toml::node& entry : array) {
-      const auto* row = entry.as_array();
-      const auto numbers = row == nullptr ? std::nullopt : to_numbers(*row);
-      if (!numbers) return std::nullopt;
-      rows.push_back(*numbers);
-    }
-    return rows;
-  }
-
-  static toml::table parse_value(const std::string& option, const std::string& value) {
-    try {
-      if (value.find('\n') == std::string::npos) return toml::parse("value = " + value);
-      throw UsageError(fmt::format("--set {}: the value must be one line", option));
-    } catch (const toml::parse_error&) {
-      // Numbers may be written as elsewhere than in TOML: .49 for 0.49.
-      double number = 0.0;
-      const auto [end, failed] = std::from_chars(value.data(), value.data() + value.size(), number);
-      if (failed == std::errc{} && end == value.data() + value.size()) {
-        return toml::table{{"value", number}};
-      }
-      // Quotes around strings may be left out: --set controller.law=pid.
-      if (value.empty() || value.find_first_of("\"'\n[]{}") != std::string::npos) {
-        throw UsageError(fmt::format("--set {}: cannot read the value", option));
-      }
-      return toml::table{{"value", value}};
-    }
-  }
-
-  /// channel.prr stands for channel.uplink.prr and channel.downlink.prr.
-  static std::vector<std::string> expand(const std::string& key) {
-    const std::string prefix = "channel.";
-    const std::string rest = key.starts_with(prefix) ? key.substr(prefix.size()) : "";
-    if (rest.empty() || rest == "shared_state" || rest.starts_with("uplink.") ||
-        rest.starts_with("downlink.")) {
-      return {key};
-    }
-    return {prefix + "uplink." + rest, prefix + "downlink." + rest};
-  }
-
-  /// Sets what follows from other keys, within the same limits as if it had been given.
-  void set_derived(const std::string& key, double value, const std::string& from,
-                   const std::string& file) {
-    const ScenarioKey* found = find_key(key);
-    if (!found->set(scenario_, value)) {
-      throw UsageError(fmt::format("{}: {} give {} = {}, which is not allowed: must be {}", file,
-                                   from, key, value, found->allowed));
-    }
-  }
-
-  /// A setting that the link's model ignores is a mistake, not a wish: one forgotten line would
-  /// turn a bad network into a perfect one.
-  void check_effect(const std::string& prefix, const LinkConfig& link,
-                    const std::string& source) const {
-    for (const std::string& key : given_) {
-      if (!key.starts_with(prefix)) continue;
-      const std::string why = why_no_effect(prefix, link, key.substr(prefix.size()));
-      if (why.empty()) continue;
-      throw UsageError(fmt::format("{}: {} has no effect: {}", source, key, why));
-    }
-  }
-
-  void check_can(const std::string& file) const {
-    const Scenario::Can& can = scenario_.can;
-    if (can.drivetrain_file.empty()) {
-      throw UsageError(fmt::format(
-          "{}: vehicle.drivetrain = \"can\" needs can.drivetrain, a file of drivetrains/", file));
-    }
-    if (can.disarm_ms <= can.stale_ms || can.stale_ms < 2.0 * can.cycle_ms) {
-      throw UsageError(
-          fmt::format("{}: must be 2 * can.cycle_ms <= can.stale_ms < can.disarm_ms; "
-                      "they are {}, {} and {} ms",
-                      file, can.cycle_ms, can.stale_ms, can.disarm_ms));
-    }
-    if (can.max_deceleration_mps2 < can.max_acceleration_mps2 ||
-        can.max_yaw_deceleration_radps2 < can.max_yaw_acceleration_radps2) {
-      throw UsageError(fmt::format(
-          "{}: stopping must not be weaker than accelerating: can.max_deceleration_mps2 "
-          "= {} and can.max_yaw_deceleration_radps2 = {} must be at least {} and {}",
-          file, can.max_deceleration_mps2, can.max_yaw_deceleration_radps2,
-          can.max_acceleration_mps2, can.max_yaw_acceleration_radps2));
-    }
-    if (can.inject == Scenario::Can::Inject::wheel_slip &&
-        !(can.inject_value > 0.0 && can.inject_value <= 1.0)) {
-      throw UsageError(fmt::format(
-          "{}: can.inject = \"wheel_slip\" with can.inject_value = {}: must be the share of the "
-          "motion that is lost, above 0, up to 1",
-          file, can.inject_value));
-    }
-  }
-
-  void check_combinations(const std::string& file) const {
-    if (scenario_.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) check_can(file);
-    check_channel(scenario_.channel, file);
-    const auto& vehicle = scenario_.vehicle;
-    for (const char* taken : {"CTRL", "NET", "SIM", "CAN"}) {
-      if (!vehicle.name.starts_with(taken)) continue;
-      throw UsageError(fmt::format(
-          "{}: vehicle.name = \"{}\" is not allowed: channels {}... have another meaning", file,
-          vehicle.name, taken));
-    }
-    const double reach = std::hypot(vehicle.chassis_length_m, vehicle.chassis_width_m);
-    const double inside = scenario_.world.half_extent_m - reach;
-    if (inside < 0.0) {
-      throw UsageError(fmt::format("{}: the vehicle does not fit between walls at ±{} m", file,
-                                   scenario_.world.half_extent_m));
-    }
-    if (std::abs(vehicle.start_x_m) > inside || std::abs(vehicle.start_y_m) > inside) {
-      throw UsageError(fmt::format(
-          "{}: the vehicle starts at ({}, {}) m, in or beyond the walls: vehicle.start_x_m and "
-          "start_y_m must be within ±{:.2f} m for world.half_extent_m = {}",
-          file, vehicle.start_x_m, vehicle.start_y_m, inside, scenario_.world.half_extent_m));
-    }
-  }
-
-  Scenario scenario_;
-  std::set<std::string> given_;  // at this level
-};
 
 /// False for keys of what is not chosen, and of a link's stages that are off.
 bool in_effect(const Scenario& scenario, const ScenarioKey& key) {
@@ -320,15 +53,28 @@ std::string to_toml(const std::string& text) { return fmt::format("\"{}\"", text
 std::string to_toml(std::int64_t value) { return fmt::format("{}", value); }
 std::string to_toml(bool value) { return value ? "true" : "false"; }
 
-std::string to_toml(const ScenarioValue& value) {
-  return std::visit([](const auto& v) { return to_toml(v); }, value);
+/// A setting of a change as a TOML string.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) out += c == '"' || c == '\\' ? std::string{'\\', c} : std::string{c};
+  return out + "\"";
+}
+
+std::string to_toml(const Scenario::Channel::Change& change) {
+  std::string list;
+  for (const std::string& text : change.settings) list += (list.empty() ? "" : ", ") + quoted(text);
+  return fmt::format("\n[[channel.change]]\nat_s = {}\nset = [{}]\n", to_toml(change.at_s), list);
 }
 
 }  // namespace
 
+std::string to_toml(const ScenarioValue& value) {
+  return std::visit([](const auto& v) { return to_toml(v); }, value);
+}
+
 Scenario parse_scenario(const std::string& toml, const std::string& name,
                         const std::vector<std::string>& overrides) {
-  Loader loader;
+  ScenarioLoader loader;
   try {
     loader.apply_table(toml::parse(toml, name), "", name);
   } catch (const toml::parse_error& error) {
@@ -336,9 +82,11 @@ Scenario parse_scenario(const std::string& toml, const std::string& name,
         fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
   }
   loader.end_level(name, std::filesystem::path(name).parent_path());
-  for (const std::string& text : overrides) loader.apply_override(text);
+  for (const std::string& text : overrides) loader.apply_override(text, "--set " + text);
   loader.end_level("--set", {});
-  return loader.finish(name);
+  const Scenario scenario = loader.finish(name);
+  check_changes(scenario, name);
+  return scenario;
 }
 
 Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides) {
@@ -363,6 +111,7 @@ std::string to_toml(const Scenario& scenario) {
     }
     text += fmt::format("{} = {}\n", key.name.substr(dot + 1), to_toml(*value));
   }
+  for (const Scenario::Channel::Change& change : scenario.channel.changes) text += to_toml(change);
   return text;
 }
 
@@ -374,7 +123,10 @@ std::string describe_scenario_keys() {
     text += fmt::format("{} = {}\n    {}; {}\n", key.name, value ? to_toml(*value) : "(not set)",
                         key.meaning, key.allowed);
   }
-  return text;
+  return text +
+         "[[channel.change]] at_s = SECONDS, set = [\"KEY=VALUE\", ...]\n"
+         "    other settings of the channel from at_s on, all at once; KEY without \"channel.\"; "
+         "times ascend\n";
 }
 
 }  // namespace tether

@@ -68,6 +68,13 @@ struct Scenario {
     bool shared_state = false;  ///< both directions follow the uplink's state process
     LinkConfig uplink;
     LinkConfig downlink;
+
+    /// Other settings from some time on: common/channel_settings.hpp.
+    struct Change {
+      double at_s = 0.0;
+      std::vector<std::string> settings;  ///< "KEY=VALUE", keys without "channel."
+    };
+    std::vector<Change> changes;  ///< in order of time
   };
 
   /// vehicle.drivetrain = can: the bridge, its limits and time-outs, the bus (docs/drivetrain.md).
@@ -117,7 +124,8 @@ struct Scenario {
 
 /// Reads a scenario file over the defaults, then applies `overrides` ("key=value", in TOML's
 /// notation; quotes around strings may be left out; channel.X means channel.uplink.X and
-/// channel.downlink.X) in order. Throws UsageError that names file, line, key and what is allowed.
+/// channel.downlink.X) in order. Each of channel.change is checked against the settings that are in
+/// force by then. Throws UsageError that names file, line, key and what is allowed.
 Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides);
 
 /// The same from text; `name` stands in for the file in messages.

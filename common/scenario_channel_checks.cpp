@@ -254,8 +254,8 @@ class LinkChecker {
 };
 
 void check_shared_state(const Scenario::Channel& channel, const std::string& source) {
-  const auto& [shared, uplink, downlink] = channel;
-  if (!shared) return;
+  const LinkConfig &uplink = channel.uplink, &downlink = channel.downlink;
+  if (!channel.shared_state) return;
   if (uplink.model != downlink.model) {
     throw UsageError(fmt::format(
         "{}: channel.shared_state = true needs the same model for uplink and downlink", source));
