@@ -4,6 +4,7 @@
 #include <string>
 
 #include "common/scenario.hpp"
+#include "netem/channel_models.hpp"
 #include "netem/link.hpp"
 
 namespace tether {
@@ -17,9 +18,8 @@ struct LinkPair {
   Link downlink;
 };
 LinkPair make_links(const Scenario& scenario);
-
-/// The streams of one link; `name` is "uplink" or "downlink".
-LinkStreams link_streams(const Scenario& scenario, const std::string& name);
+/// The same with models that have been made already.
+LinkPair make_links(const Scenario& scenario, const ChannelModels& models);
 
 /// What decides a link's conditions. `prefix`, such as "channel.uplink.", is for messages.
 std::shared_ptr<ChannelProcess> make_process(const LinkConfig& config, const std::string& prefix,
