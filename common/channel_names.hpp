@@ -44,6 +44,8 @@ struct ChannelNames {
   std::string uplink_report = "NET/UPLINK";
   std::string downlink_report = "NET/DOWNLINK";
   std::string net_counters = "NET/COUNTERS";
+  std::string net_set = "NET/SET";            ///< anybody → relay
+  std::string net_settings = "NET/SETTINGS";  ///< the relay's answers
   std::string clock = "SIM/CLOCK";
   std::string truth = "SIM/TRUTH";
   std::string sim_counters = "SIM/COUNTERS";

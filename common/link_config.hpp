@@ -14,6 +14,8 @@ namespace tether {
 struct ChannelStateConfig {
   double prr = 1.0;       ///< packet reception ratio, 0..1
   double delay_ms = 0.0;  ///< constant delay of the packets received in this state
+
+  bool operator==(const ChannelStateConfig&) const = default;
 };
 
 /// netem/gilbert_elliott.hpp. A link with this model gives p and r, or prr and mean_burst.
@@ -24,6 +26,8 @@ struct GilbertElliottConfig {
   double one_minus_k = 0.0;          ///< loss probability in the good state
   std::optional<double> prr;         ///< instead: reception ratio and …
   std::optional<double> mean_burst;  ///< … mean length of loss bursts, packets
+
+  bool operator==(const GilbertElliottConfig&) const = default;
 };
 
 /// netem/four_state.hpp: probabilities per packet, names as in tc-netem(8).
@@ -33,6 +37,8 @@ struct FourStateConfig {
   double p32 = 0.0;
   double p23 = 1.0;
   double p14 = 0.0;
+
+  bool operator==(const FourStateConfig&) const = default;
 };
 
 /// netem/markov_chain.hpp: as many states as `prr` has entries.
@@ -45,6 +51,8 @@ struct ChainConfig {
   /// … or probabilities of a step; each row sums to 1.
   std::vector<std::vector<double>> probabilities;
   double step_s = 0.0;  ///< probabilities: time between steps; 0 = a step per packet
+
+  bool operator==(const ChainConfig&) const = default;
 };
 
 /// netem/delay_law.hpp: what is added to the state's delay. The sum is never negative.
@@ -58,16 +66,22 @@ struct JitterConfig {
   std::vector<double> table_ms;  ///< table: quantiles at equally spaced probabilities 0 … 1
   std::string file;              ///< table: instead, a file of observed delays in ms, one a line
   double correlation = 0.0;      ///< of the normal scores of successive packets
+
+  bool operator==(const JitterConfig&) const = default;
 };
 
 struct ReorderConfig {
   double probability = 0.0;  ///< that a packet skips its delay and so overtakes
   std::int64_t gap = 1;      ///< at most one packet in so many
+
+  bool operator==(const ReorderConfig&) const = default;
 };
 
 struct CorruptConfig {
   double probability = 0.0;  ///< that a packet is damaged
   std::int64_t bits = 1;     ///< bits flipped in a damaged packet, all different
+
+  bool operator==(const CorruptConfig&) const = default;
 };
 
 struct RateConfig {
@@ -75,12 +89,16 @@ struct RateConfig {
   std::int64_t queue_packets = 1000;  ///< waiting or being sent; more are dropped
   std::int64_t queue_bytes = 0;       ///< the same in bytes, overhead included; 0: no limit
   std::int64_t overhead_bytes = 0;    ///< added to each packet's length; may be negative
+
+  bool operator==(const RateConfig&) const = default;
 };
 
 struct SlotConfig {
   double period_ms = 0.0;    ///< between slots in which packets are released; 0: no slots
   double jitter_ms = 0.0;    ///< each slot begins later by up to this, uniformly; <= period_ms
   std::int64_t packets = 0;  ///< released per slot at most; 0: no limit
+
+  bool operator==(const SlotConfig&) const = default;
 };
 
 /// One direction of the network: what decides its conditions (the model), then the stages that a
@@ -118,6 +136,8 @@ struct LinkConfig {
 
   /// As scenario files have it.
   std::string model_name() const;
+
+  bool operator==(const LinkConfig&) const = default;
 };
 
 }  // namespace tether

@@ -22,6 +22,8 @@ struct MapConfig {
   std::vector<std::vector<double>> prr_curve;  ///< instead: [[snr_db, prr], …], linear between
   double delay_ms = 0.0;
   std::vector<std::vector<double>> delay_curve;  ///< instead: [[snr_db, delay_ms], …]
+
+  bool operator==(const MapConfig&) const = default;
 };
 
 }  // namespace tether

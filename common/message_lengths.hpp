@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <tether/channel_setting_result_t.hpp>
+#include <tether/channel_setting_t.hpp>
 #include <tether/counters_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
 #include <tether/link_report_t.hpp>
@@ -72,6 +74,30 @@ inline bool lengths_fit<counters_t>(std::span<const std::uint8_t> bytes) {
   check.skip(kFingerprintUtimeSeq).skip_string();
   const std::int32_t count = check.read_count(4 + 1 + 8);  // of an empty name and its value
   for (std::int32_t i = 0; i < count; ++i) check.skip_string();
+  return check.ok();
+}
+
+/// Two arrays of strings of the same length.
+inline void skip_settings(LengthCheck& check) {
+  const std::int32_t count = check.read_count(2 * (4 + 1));  // of two empty strings
+  for (std::int32_t i = 0; i < 2 * count; ++i) check.skip_string();
+}
+
+template <>
+inline bool lengths_fit<channel_setting_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kFingerprintUtimeSeq = 24;
+  LengthCheck check(bytes);
+  check.skip(kFingerprintUtimeSeq);
+  skip_settings(check);
+  return check.ok();
+}
+
+template <>
+inline bool lengths_fit<channel_setting_result_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kBeforeReason = 8 + 4 * 8 + 1;
+  LengthCheck check(bytes);
+  check.skip(kBeforeReason).skip_string();
+  skip_settings(check);
   return check.ok();
 }
 

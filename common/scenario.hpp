@@ -71,6 +71,13 @@ struct Scenario {
     LinkConfig downlink;
     std::map<std::string, LinkConfig> links;  ///< [channel.links.NAME]: for rules of tether-netem
 
+    /// Other settings from some time on: common/channel_settings.hpp.
+    struct Change {
+      double at_s = 0.0;
+      std::vector<std::string> settings;  ///< "KEY=VALUE", keys without "channel."
+    };
+    std::vector<Change> changes;  ///< in order of time
+
     /// Calls f(name, link) for each link: "uplink", "downlink", "links.NAME". Their keys begin with
     /// "channel.<name>.".
     template <class Function>
@@ -137,7 +144,9 @@ struct Scenario {
 
 /// Reads a scenario file over the defaults, then applies `overrides` ("key=value", in TOML's
 /// notation; quotes around strings may be left out; channel.X means channel.uplink.X and
-/// channel.downlink.X; channel.links.NAME.X makes the link where there is none) in order. Throws UsageError that names file, line, key and what is allowed.
+/// channel.downlink.X; channel.links.NAME.X makes the link where there is none) in order. Each of
+/// channel.change is checked against the settings that are in force by then. Throws UsageError that
+/// names file, line, key and what is allowed.
 Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides);
 
 /// The same from text; `name` stands in for the file in messages.

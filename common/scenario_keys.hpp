@@ -28,6 +28,9 @@ struct ScenarioKey {
   std::function<bool(Scenario&, const ScenarioValue&)> set;
 };
 
+/// As TOML has it: the shortest text that reads as the same value.
+std::string to_toml(const ScenarioValue& value);
+
 /// All keys but those of links by name, in the order of the resolved scenario file.
 const std::vector<ScenarioKey>& scenario_keys();
 

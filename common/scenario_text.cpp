@@ -47,11 +47,24 @@ std::string to_toml(const std::string& text) { return fmt::format("\"{}\"", text
 std::string to_toml(std::int64_t value) { return fmt::format("{}", value); }
 std::string to_toml(bool value) { return value ? "true" : "false"; }
 
-std::string to_toml(const ScenarioValue& value) {
-  return std::visit([](const auto& v) { return to_toml(v); }, value);
+/// A setting of a change as a TOML string.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) out += c == '"' || c == '\\' ? std::string{'\\', c} : std::string{c};
+  return out + "\"";
+}
+
+std::string to_toml(const Scenario::Channel::Change& change) {
+  std::string list;
+  for (const std::string& text : change.settings) list += (list.empty() ? "" : ", ") + quoted(text);
+  return fmt::format("\n[[channel.change]]\nat_s = {}\nset = [{}]\n", to_toml(change.at_s), list);
 }
 
 }  // namespace
+
+std::string to_toml(const ScenarioValue& value) {
+  return std::visit([](const auto& v) { return to_toml(v); }, value);
+}
 
 std::string to_toml(const Scenario& scenario) {
   std::vector<ScenarioKey> keys = scenario_keys();
@@ -69,6 +82,7 @@ std::string to_toml(const Scenario& scenario) {
     }
     text += fmt::format("{} = {}\n", key.name.substr(dot + 1), to_toml(*value));
   }
+  for (const Scenario::Channel::Change& change : scenario.channel.changes) text += to_toml(change);
   return text;
 }
 
@@ -82,7 +96,10 @@ std::string describe_scenario_keys() {
   }
   text +=
       "channel.links.NAME.*\n    a link of that name, for rules of tether-netem; the keys of "
-      "channel.uplink\n";
+      "channel.uplink\n"
+      "[[channel.change]] at_s = SECONDS, set = [\"KEY=VALUE\", ...]\n"
+      "    other settings of the channel from at_s on, all at once; KEY without \"channel.\"; "
+      "times ascend\n";
   return text;
 }
 

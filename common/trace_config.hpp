@@ -16,6 +16,8 @@ struct TraceConfig {
   /// hold: the last row stays; loop: from the last row's time on, the trace begins again.
   AtEnd at_end = AtEnd::hold;
   std::optional<double> start_s;  ///< the trace's time at t = 0; unset: that of its first row
+
+  bool operator==(const TraceConfig&) const = default;
 };
 
 }  // namespace tether

@@ -199,6 +199,12 @@ DelaySequence::DelaySequence(const DelayLaw& law, double correlation, RandomEngi
       renew_(std::sqrt(1.0 - correlation * correlation)),
       random_(random) {}
 
+void DelaySequence::set(const DelayLaw& law, double correlation) {
+  law_ = law;
+  keep_ = correlation;
+  renew_ = std::sqrt(1.0 - correlation * correlation);
+}
+
 Duration DelaySequence::next() {
   constexpr double kLongest_s = 1e6;
   const double fresh = draw_normal_score(random_);

@@ -63,6 +63,12 @@ class DelaySequence {
   /// May be negative; within ±1e6 s.
   Duration next();
 
+  /// Another law and correlation from the next packet on; the normal scores go on.
+  void set(const DelayLaw& law, double correlation);
+  const DelayLaw& law() const { return law_; }
+  /// Passes over the draws of so many packets, before the first.
+  void skip(std::int64_t packets) { random_.discard(static_cast<std::uint64_t>(packets)); }
+
  private:
   DelayLaw law_;
   double keep_;

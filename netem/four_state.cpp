@@ -25,6 +25,10 @@ int next_state(const FourState& m, int state, double luck) {
 FourStateProcess::FourStateProcess(const FourState& model, Duration delay, RandomEngine random)
     : model_(model), delay_(delay), random_(random) {}
 
+FourStateProcess::FourStateProcess(const FourState& model, Duration delay,
+                                   const FourStateProcess& before)
+    : model_(model), delay_(delay), random_(before.random_), state_(before.state_) {}
+
 LinkCondition FourStateProcess::on_packet(Instant) {
   state_ = next_state(model_, state_, boost::random::uniform_01<double>()(random_));
   return condition();

@@ -27,6 +27,8 @@ class FourStateProcess final : public ChannelProcess {
  public:
   /// `delay`: of the packets that get through.
   FourStateProcess(const FourState& model, Duration delay, RandomEngine random);
+  /// Goes on in the state and with the stream of `before`.
+  FourStateProcess(const FourState& model, Duration delay, const FourStateProcess& before);
 
   void advance(Instant) override {}
   LinkCondition on_packet(Instant now) override;

@@ -15,6 +15,10 @@ GilbertElliottProcess::GilbertElliottProcess(const GilbertElliott& model, Durati
                                              RandomEngine random)
     : model_(model), delay_(delay), random_(random) {}
 
+GilbertElliottProcess::GilbertElliottProcess(const GilbertElliott& model, Duration delay,
+                                             const GilbertElliottProcess& before)
+    : model_(model), delay_(delay), random_(before.random_), bad_(before.bad_) {}
+
 LinkCondition GilbertElliottProcess::on_packet(Instant) {
   const LinkCondition met = condition();
   const double luck = boost::random::uniform_01<double>()(random_);

@@ -34,6 +34,9 @@ class GilbertElliottProcess final : public ChannelProcess {
  public:
   /// `delay`: of the packets that get through, in both states.
   GilbertElliottProcess(const GilbertElliott& model, Duration delay, RandomEngine random);
+  /// Goes on in the state and with the stream of `before`.
+  GilbertElliottProcess(const GilbertElliott& model, Duration delay,
+                        const GilbertElliottProcess& before);
 
   void advance(Instant) override {}
   LinkCondition on_packet(Instant now) override;

@@ -12,14 +12,10 @@
 #include "common/time.hpp"
 #include "netem/channel_process.hpp"
 #include "netem/delay_histogram.hpp"
-#include "netem/delay_law.hpp"
-#include "netem/packet_models.hpp"
+#include "netem/link_stages.hpp"
 #include "netem/packet_queue.hpp"
 
 namespace tether {
-
-/// A random stream of one link for one purpose, such as "loss".
-using LinkStreams = std::function<RandomEngine(std::string_view purpose)>;
 
 /// What became of a packet when it was offered, for statistics.
 struct PacketFate {
@@ -74,6 +70,26 @@ class Link {
   Link(const LinkConfig& config, std::shared_ptr<ChannelProcess> process,
        const LinkStreams& streams, const std::vector<double>& delay_table_ms = {});
 
+  /// Other settings, ready for apply(): all that can fail has been done.
+  struct Change {
+    LinkStages stages;
+    std::shared_ptr<ChannelProcess> process;
+  };
+  /// `process` is what decides the conditions from then on, the present one if that stays. The rest
+  /// as for the constructor; `delay_table_ms` is used only if config.jitter becomes another.
+  Change prepare(const LinkConfig& config, std::shared_ptr<ChannelProcess> process,
+                 const LinkStreams& streams, const std::vector<double>& delay_table_ms) const;
+
+  /// From the next packet on, other settings. `change` was prepared since the latest push().
+  ///
+  /// Packets under way stay so and leave when they would have left; counters, delays and the
+  /// numbers of packets go on. The luck of the n-th packet in each stage stays a function of seed,
+  /// link and n, and the state of a process in time one of seed, t and the settings at t: runs that
+  /// differ in their changes meet the same network where they have the same settings. Only what
+  /// remembers packets (LinkStages::renewed(), processes per packet) depends on earlier settings.
+  /// With in_order no packet overtakes those that are under way, whatever they were offered under.
+  void apply(Change change);
+
   /// Returns when the packet leaves; Instant::max() if it never does.
   Instant push(Instant now, Packet packet);
 
@@ -97,31 +113,12 @@ class Link {
   const ChannelProcess& process() const { return *process_; }
 
  private:
-  /// What the stages' streams have in store for one packet.
-  struct Luck {
-    bool lost = false;
-    Corruption::Damage damage;
-    bool duplicate = false;
-    Duration jitter{0};
-    Duration copy_jitter{0};
-    bool skips_delay = false;
-  };
-  Luck draw(const LinkCondition& condition);
+  using Luck = LinkStages::Luck;
   PacketFate::Outcome entry(Instant now, const Luck& luck) const;
   std::optional<Instant> send(Instant now, Duration delay, Packet&& packet);
 
-  LinkConfig config_;
+  LinkStages stages_;
   std::shared_ptr<ChannelProcess> process_;
-  OutageSchedule outages_;
-  RandomEngine state_loss_;
-  Coin loss_;
-  std::optional<Corruption> corruption_;
-  std::optional<Coin> duplication_;
-  std::optional<RateLimit> rate_;
-  std::optional<DelaySequence> jitter_;
-  std::optional<DelaySequence> copy_jitter_;
-  std::optional<Reordering> reordering_;
-  std::optional<SlotSchedule> slots_;
   Instant latest_departure_ = Instant::min();
   Instant copy_departure_ = Instant::max();
   PacketQueue queue_;

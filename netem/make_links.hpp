@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/scenario.hpp"
+#include "netem/channel_models.hpp"
 #include "netem/link.hpp"
 
 namespace tether {
@@ -18,14 +19,13 @@ struct LinkPair {
   Link downlink;
 };
 LinkPair make_links(const Scenario& scenario);
+/// The same with models that have been made already.
+LinkPair make_links(const Scenario& scenario, const ChannelModels& models);
 
 /// Those of a scenario's links that are named, in this order; `names` are "uplink", "downlink" and
 /// those in scenario.channel.links, each at most once. The latter have the random streams
 /// "<vehicle>/links/<name>/<purpose>". Throws as make_links() does.
 std::vector<Link> make_links(const Scenario& scenario, const std::vector<std::string>& names);
-
-/// The streams of one link; `name` is "uplink", "downlink" or "links/<name>".
-LinkStreams link_streams(const Scenario& scenario, const std::string& name);
 
 /// What decides a link's conditions. `prefix`, such as "channel.uplink.", is for messages.
 std::shared_ptr<ChannelProcess> make_process(const LinkConfig& config, const std::string& prefix,

@@ -79,10 +79,10 @@ void MapProcess::on_position(double x_m, double y_m, Instant now) {
   if (!(std::abs(x_m) <= kFarthest_m && std::abs(y_m) <= kFarthest_m)) return;
   const std::size_t before = nearest_;
   move_to(x_m, y_m);
-  if (knows_position_ && nearest_ != before) {
+  if (position_ && nearest_ != before) {
     handover_until_ = now_ + from_seconds(config_.handover_s);
   }
-  knows_position_ = true;
+  position_ = {x_m, y_m};
 }
 
 LinkCondition MapProcess::condition() const {

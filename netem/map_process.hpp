@@ -38,6 +38,12 @@ class MapProcess final : public ChannelProcess {
   /// The end of a handover; Instant::max() if there is none.
   Instant next_transition() const override;
 
+  /// Where the vehicle was last; nullopt before the first position.
+  struct Position {
+    double x_m, y_m;
+  };
+  std::optional<Position> position() const { return position_; }
+
   /// At a position; dB.
   double snr_db(double x_m, double y_m) const;
   LinkCondition condition_at_snr(double snr_db) const;
@@ -57,7 +63,7 @@ class MapProcess final : public ChannelProcess {
   std::size_t nearest_ = 0;
   Instant now_ = Instant::min();
   Instant handover_until_ = Instant::min();
-  bool knows_position_ = false;
+  std::optional<Position> position_;
   LinkCondition condition_;
 };
 

@@ -167,6 +167,14 @@ PacketChainProcess::PacketChainProcess(const Matrix& probabilities,
   for (const auto& row : probabilities) cumulative_.push_back(running_sum(row, kNone));
 }
 
+PacketChainProcess::PacketChainProcess(const Matrix& probabilities,
+                                       std::vector<LinkCondition> conditions,
+                                       const std::string& key, const PacketChainProcess& before)
+    : PacketChainProcess(probabilities, std::move(conditions), key, before.random_) {
+  random_ = before.random_;
+  state_ = before.state_;
+}
+
 LinkCondition PacketChainProcess::on_packet(Instant) {
   const LinkCondition met = condition();
   state_ = pick(cumulative_[static_cast<std::size_t>(state_)], uniform(random_));

@@ -80,7 +80,11 @@ class PacketChainProcess final : public ChannelProcess {
   /// As ChainClock::from_probabilities().
   PacketChainProcess(const Matrix& probabilities, std::vector<LinkCondition> conditions,
                      const std::string& key, RandomEngine random);
+  /// Goes on in the state and with the stream of `before`, which has as many states.
+  PacketChainProcess(const Matrix& probabilities, std::vector<LinkCondition> conditions,
+                     const std::string& key, const PacketChainProcess& before);
 
+  std::size_t states() const { return conditions_.size(); }
   void advance(Instant) override {}
   LinkCondition on_packet(Instant now) override;
   LinkCondition condition() const override { return conditions_[static_cast<std::size_t>(state_)]; }

@@ -17,10 +17,14 @@ RunningLink::Deliver publish_on(Bus& bus) {
 }  // namespace
 
 NetemNode::NetemNode(const Scenario& scenario, EventLoop& loop, Bus& vehicle_bus, Bus& control_bus)
-    : NetemNode(scenario, make_links(scenario), loop, vehicle_bus, control_bus) {}
+    : NetemNode(scenario, make_models(scenario), loop, vehicle_bus, control_bus) {}
 
-NetemNode::NetemNode(const Scenario& scenario, LinkPair links, EventLoop& loop, Bus& vehicle_bus,
-                     Bus& control_bus)
+NetemNode::NetemNode(const Scenario& scenario, const ChannelModels& models, EventLoop& loop,
+                     Bus& vehicle_bus, Bus& control_bus)
+    : NetemNode(scenario, models, make_links(scenario, models), loop, vehicle_bus, control_bus) {}
+
+NetemNode::NetemNode(const Scenario& scenario, const ChannelModels& models, LinkPair links,
+                     EventLoop& loop, Bus& vehicle_bus, Bus& control_bus)
     : loop_(loop),
       vehicle_bus_(vehicle_bus),
       control_bus_(control_bus),
@@ -34,7 +38,12 @@ NetemNode::NetemNode(const Scenario& scenario, LinkPair links, EventLoop& loop, 
               publish_on(control_bus), report_on(channels_.uplink_report)),
       downlink_("downlink", std::move(links.downlink), loop,
                 from_seconds(scenario.run.report_period_s), publish_on(vehicle_bus),
-                report_on(channels_.downlink_report)) {
+                report_on(channels_.downlink_report)),
+      control_(scenario, models),
+      requests_(
+          loop, {&vehicle_bus, &control_bus}, channels_,
+          [this](const std::vector<std::string>& settings) { return change_settings(settings); }) {
+  schedule_changes(scenario);
   watch_position();
   connect(vehicle_bus, channels_.vehicle_pose, uplink_, channels_.control_pose);
   connect(control_bus, channels_.control_command, downlink_, channels_.vehicle_command);
@@ -60,18 +69,43 @@ void NetemNode::connect(Bus& in, const std::string& in_channel, RunningLink& lin
 }
 
 void NetemNode::watch_position() {
-  if (!wants_position_) return;
-  subscribe<pose_t>(vehicle_bus_, channels_.vehicle_pose, kDeepQueue, undecodable_positions_,
-                    [this](const pose_t& pose) {
-                      if (!std::isfinite(pose.x_m) || !std::isfinite(pose.y_m)) {
-                        ++undecodable_positions_;
-                        return;
-                      }
-                      const Instant now = loop_.now();
-                      for (RunningLink* running : {&uplink_, &downlink_}) {
-                        running->link().process().on_position(pose.x_m, pose.y_m, now);
-                      }
-                    });
+  vehicle_bus_.subscribe(channels_.vehicle_pose, kDeepQueue, [this](const Message& message) {
+    if (!wants_position_) return;
+    pose_t pose{};
+    if (!decode(message.bytes, pose) || !std::isfinite(pose.x_m) || !std::isfinite(pose.y_m)) {
+      ++undecodable_positions_;
+      return;
+    }
+    for (RunningLink* running : {&uplink_, &downlink_}) {
+      running->link().process().on_position(pose.x_m, pose.y_m, loop_.now());
+    }
+  });
+}
+
+bool NetemNode::wants_position() const {
+  return uplink().process().wants_position() || downlink().process().wants_position();
+}
+
+void NetemNode::schedule_changes(const Scenario& scenario) {
+  try_changes(scenario);
+  std::int64_t seq = 0;
+  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+    // Before anything else that is sent at this instant.
+    loop_.at(kStart + from_seconds(change.at_s), Priority::physics,
+             [this, request = setting_request(0, seq++, change.settings)](Instant) mutable {
+               request.utime = to_utime(loop_.now());
+               publish(vehicle_bus_, channels_.net_set, request);
+             });
+  }
+}
+
+std::vector<ChannelSetting> NetemNode::change_settings(const std::vector<std::string>& settings) {
+  if (settings.empty()) return channel_settings(control_.in_force());
+  const auto changed = control_.change(settings, loop_.now(), uplink_.link(), downlink_.link());
+  wants_position_ = wants_position();
+  uplink_.changed();
+  downlink_.changed();
+  return changed;
 }
 
 void NetemNode::finish() {
@@ -84,6 +118,7 @@ void NetemNode::list_counters(CounterList& out) const {
   uplink_.list_counters(out);
   downlink_.list_counters(out);
   if (wants_position_) out.emplace_back("undecodable_positions", undecodable_positions_);
+  requests_.list_counters(out);
 }
 
 }  // namespace tether

@@ -9,14 +9,18 @@
 #include "common/event_loop.hpp"
 #include "common/node.hpp"
 #include "common/scenario.hpp"
+#include "netem/channel_control.hpp"
 #include "netem/make_links.hpp"
 #include "netem/running_link.hpp"
+#include "netem/setting_requests.hpp"
 
 namespace tether {
 
 /// The relay between the two sides of the network: AGV/POSE → uplink → CTRL/POSE, and
 /// CTRL/CMD_VEL → downlink → AGV/CMD_VEL, as raw bytes. Reports on NET/UPLINK and NET/DOWNLINK
-/// every run.report_period_s and at each change of a channel's state. Only for models that need the
+/// every run.report_period_s and at each change of a channel's state or settings. Takes other
+/// settings from NET/SET, from either side, and answers on NET/SETTINGS; publishes those of
+/// channel.change there itself, at their times. Only for models that need the
 /// vehicle's position does it decode AGV/POSE, before the uplink takes it; what cannot be decoded
 /// is counted.
 class NetemNode final : public Node {
@@ -31,12 +35,17 @@ class NetemNode final : public Node {
   const Link& downlink() const { return downlink_.link(); }
 
  private:
-  NetemNode(const Scenario& scenario, LinkPair links, EventLoop& loop, Bus& vehicle_bus,
-            Bus& control_bus);
+  NetemNode(const Scenario& scenario, const ChannelModels& models, EventLoop& loop,
+            Bus& vehicle_bus, Bus& control_bus);
+  NetemNode(const Scenario& scenario, const ChannelModels& models, LinkPair links, EventLoop& loop,
+            Bus& vehicle_bus, Bus& control_bus);
   RunningLink::Report report_on(const std::string& channel);
   static void connect(Bus& in, const std::string& in_channel, RunningLink& link,
                       const std::string& out_channel);
   void watch_position();
+  bool wants_position() const;
+  void schedule_changes(const Scenario& scenario);
+  std::vector<ChannelSetting> change_settings(const std::vector<std::string>& settings);
   void list_counters(CounterList& out) const;
 
   EventLoop& loop_;
@@ -48,6 +57,8 @@ class NetemNode final : public Node {
   CounterReporter counters_;
   RunningLink uplink_;
   RunningLink downlink_;
+  ChannelControl control_;
+  SettingRequests requests_;
 };
 
 }  // namespace tether

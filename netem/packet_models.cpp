@@ -48,6 +48,16 @@ bool Corruption::apply(const Damage& damage, std::vector<std::uint8_t>& bytes) c
   return true;
 }
 
+void Corruption::set(const CorruptConfig& config) {
+  bits_ = config.bits;
+  coin_.set(config.probability);
+}
+
+void Corruption::skip(std::int64_t packets) {
+  coin_.skip(packets);
+  where_.discard(static_cast<std::uint64_t>(packets));
+}
+
 // -------------------------------------------------------------------------------- reordering
 
 Reordering::Reordering(const ReorderConfig& config, RandomEngine random)
@@ -59,6 +69,11 @@ bool Reordering::skips_delay() {
   if (!lucky || since_last_ < gap_) return false;
   since_last_ = 0;
   return true;
+}
+
+void Reordering::set(const ReorderConfig& config) {
+  gap_ = config.gap;
+  coin_.set(config.probability);
 }
 
 // -------------------------------------------------------------------------------- rate

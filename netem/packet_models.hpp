@@ -23,6 +23,11 @@ class Coin {
 
   bool toss();
 
+  /// Another probability from the next packet on.
+  void set(double probability) { probability_ = probability; }
+  /// Passes over the draws of so many packets.
+  void skip(std::int64_t packets) { random_.discard(static_cast<std::uint64_t>(packets)); }
+
  private:
   double probability_;
   RandomEngine random_;
@@ -44,6 +49,9 @@ class Corruption {
   /// Flips the bits. False if there was nothing to flip.
   bool apply(const Damage& damage, std::vector<std::uint8_t>& bytes) const;
 
+  void set(const CorruptConfig& config);
+  void skip(std::int64_t packets);
+
  private:
   std::int64_t bits_;
   Coin coin_;
@@ -58,6 +66,9 @@ class Reordering {
   Reordering(const ReorderConfig& config, RandomEngine random);
 
   bool skips_delay();
+
+  void set(const ReorderConfig& config);
+  void skip(std::int64_t packets) { coin_.skip(packets); }
 
  private:
   std::int64_t gap_;
@@ -75,6 +86,9 @@ class RateLimit {
   /// When a packet that arrives at `now` is through; nullopt if it is dropped. `now` never goes
   /// back.
   std::optional<Instant> pass(Instant now, std::size_t bytes);
+
+  /// Another rate and queue for packets from now on; those that wait stay as they are.
+  void set(const RateConfig& config) { config_ = config; }
 
  private:
   struct Waiting {

@@ -20,6 +20,12 @@ void PacketQueue::push(Instant arrival, Instant departure, Packet&& packet) {
   std::push_heap(heap_.begin(), heap_.end(), Later{});
 }
 
+Instant PacketQueue::last_departure() const {
+  Instant last = Instant::min();
+  for (const Key& key : heap_) last = std::max(last, key.departure);
+  return last;
+}
+
 bool PacketQueue::pop(Instant now, Ready& ready) {
   if (heap_.empty() || heap_.front().departure > now) return false;
   std::pop_heap(heap_.begin(), heap_.end(), Later{});

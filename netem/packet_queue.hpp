@@ -32,6 +32,9 @@ class PacketQueue {
     return heap_.empty() ? Instant::max() : heap_.front().departure;
   }
 
+  /// Of the last to leave; Instant::min() if empty. Looks at every packet.
+  Instant last_departure() const;
+
   /// Takes out the first, into `ready`, if it is due by `now`; else returns false.
   bool pop(Instant now, Ready& ready);
 

@@ -33,10 +33,18 @@ void RunningLink::deliver_at(Instant departure) {
 
 void RunningLink::deliver_ready() { link_.pop_ready(loop_.now(), deliver_); }
 
+void RunningLink::changed() {
+  ++watch_;
+  link_.process().advance(loop_.now());
+  watch_state();
+  report();
+}
+
 void RunningLink::watch_state() {
   const Instant next = link_.process().next_transition();
   if (next == Instant::max()) return;
-  loop_.at(next, Priority::observer, [this](Instant scheduled) {
+  loop_.at(next, Priority::observer, [this, watch = watch_](Instant scheduled) {
+    if (watch != watch_) return;
     link_.process().advance(scheduled);
     report();
     watch_state();

@@ -27,6 +27,9 @@ class RunningLink {
   /// Offers a packet to the link now.
   void take(Packet packet);
 
+  /// The link has got other settings: watches its channel's state anew, and reports now.
+  void changed();
+
   /// Makes and hands over a report now.
   void report();
 
@@ -48,6 +51,7 @@ class RunningLink {
   Deliver deliver_;
   Report report_;
   std::int64_t report_seq_ = 0;
+  std::int64_t watch_ = 0;  // the one that counts; tasks of earlier ones do nothing
 };
 
 }  // namespace tether

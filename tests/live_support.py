@@ -88,12 +88,22 @@ class LcmType:
         return struct.pack(">Q", ((value << 1) | (value >> 63)) & (1 << 64) - 1)
 
     def encode(self, **values):
-        """Missing fields are zero. Not for types with strings or arrays."""
-        formats = "".join(self.FORMATS[kind] for _, kind, _ in self.fields)
+        """Missing fields are zero or empty."""
         unknown = values.keys() - {field for field, _, _ in self.fields}
         assert not unknown, unknown
-        numbers = [values.get(field, 0) for field, _, _ in self.fields]
-        return self.fingerprint + struct.pack(">" + formats, *numbers)
+
+        def one(kind, value):
+            if kind == "string":
+                text = value.encode() + b"\0"
+                return struct.pack(">i", len(text)) + text
+            return struct.pack(">" + self.FORMATS[kind], value)
+
+        data = self.fingerprint
+        for field, kind, size in self.fields:
+            empty = [] if size else "" if kind == "string" else 0
+            value = values.get(field, empty)
+            data += b"".join(one(kind, item) for item in (value if size else [value]))
+        return data
 
     def decode(self, data):
         """None for anything that is not exactly one message of this type."""
@@ -123,6 +133,8 @@ class LcmType:
         return message if position == len(data) else None
 
 
+CHANNEL_SETTING = LcmType("channel_setting")
+CHANNEL_SETTING_RESULT = LcmType("channel_setting_result")
 CLOCK = LcmType("clock")
 CONTROLLER_REPORT = LcmType("controller_report")
 COUNTERS = LcmType("counters")
@@ -140,6 +152,8 @@ TYPES = {
     "NET/UPLINK": LINK_REPORT,
     "NET/DOWNLINK": LINK_REPORT,
     "NET/COUNTERS": COUNTERS,
+    "NET/SET": CHANNEL_SETTING,
+    "NET/SETTINGS": CHANNEL_SETTING_RESULT,
     "SIM/CLOCK": CLOCK,
     "SIM/TRUTH": GROUND_TRUTH,
     "SIM/COUNTERS": COUNTERS,

@@ -6,6 +6,8 @@ tether_add_script_test(NAME live_survival_test SCRIPT live_survival_test.py LABE
   TIMEOUT 180)
 tether_add_script_test(NAME live_two_networks_test SCRIPT live_two_networks_test.py LABELS live
   TIMEOUT 60)
+tether_add_script_test(NAME live_netem_set_test SCRIPT live_netem_set_test.py LABELS live
+  TIMEOUT 120)
 tether_add_script_test(NAME live_bad_input_test SCRIPT live_bad_input_test.py LABELS live
   TIMEOUT 120)
 tether_add_script_test(NAME live_hostile_test SCRIPT live_hostile_test.py LABELS live TIMEOUT 120)

@@ -7,6 +7,8 @@
 #include <limits>
 #include <random>
 #include <string>
+#include <tether/channel_setting_result_t.hpp>
+#include <tether/channel_setting_t.hpp>
 #include <tether/clock_t.hpp>
 #include <tether/controller_report_t.hpp>
 #include <tether/counters_t.hpp>
@@ -65,11 +67,33 @@ counters_t sample() {
   return message;
 }
 
+template <>
+channel_setting_t sample() {
+  channel_setting_t message{};
+  message.utime = 3;
+  message.count = 2;
+  message.key = {"downlink.prr", ""};
+  message.value = {"0.45", "fixed"};
+  return message;
+}
+
+template <>
+channel_setting_result_t sample() {
+  channel_setting_result_t message{};
+  message.request_seq = 9;
+  message.reason = "because";
+  message.count = 1;
+  message.key = {"downlink.prr"};
+  message.value = {"0.45"};
+  return message;
+}
+
 template <class LcmType>
 struct MessageIo : testing::Test {};
 
-using AllTypes = testing::Types<clock_t, controller_report_t, counters_t, ground_truth_t,
-                                link_report_t, pose_t, twist_t>;
+using AllTypes =
+    testing::Types<channel_setting_t, channel_setting_result_t, clock_t, controller_report_t,
+                   counters_t, ground_truth_t, link_report_t, pose_t, twist_t>;
 TYPED_TEST_SUITE(MessageIo, AllTypes);
 
 TYPED_TEST(MessageIo, AMessageSurvivesEncodingAndDecoding) {
@@ -125,6 +149,8 @@ TYPED_TEST(MessageIo, AnotherTypeIsRefused) {
   const Bytes bytes = encode(sample<TypeParam>());
   int accepted_by = 0;
   const auto offer = [&](auto message) { accepted_by += decode(bytes, message) ? 1 : 0; };
+  offer(channel_setting_t{});
+  offer(channel_setting_result_t{});
   offer(clock_t{});
   offer(controller_report_t{});
   offer(counters_t{});
@@ -177,6 +203,26 @@ TEST(MessageIoLengths, AnImpossibleStringLengthInsideAnArrayIsRefused) {
     put_int32(bytes, 36, length);
     counters_t counters{};
     EXPECT_FALSE(decode(bytes, counters)) << length;
+  }
+}
+
+// Settings: the count is at 24, the first key's length at 28; of a result, the reason's length at
+// 41, "because" and its zero behind it, then the count.
+TEST(MessageIoLengths, ImpossibleLengthsOfSettingsAreRefused) {
+  for (const std::int32_t length : kImpossibleLengths) {
+    for (const std::size_t offset : {24U, 28U}) {
+      Bytes bytes = encode(sample<channel_setting_t>());
+      put_int32(bytes, offset, length);
+      channel_setting_t setting{};
+      EXPECT_FALSE(decode(bytes, setting)) << length << " at " << offset;
+      EXPECT_LT(setting.key.capacity(), 100U);
+    }
+    for (const std::size_t offset : {41U, 53U, 57U}) {
+      Bytes bytes = encode(sample<channel_setting_result_t>());
+      put_int32(bytes, offset, length);
+      channel_setting_result_t result{};
+      EXPECT_FALSE(decode(bytes, result)) << length << " at " << offset;
+    }
   }
 }
 

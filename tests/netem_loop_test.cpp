@@ -22,7 +22,14 @@ using testing::counter;
 using Arrivals = std::vector<std::pair<std::int64_t, std::int64_t>>;
 
 struct LoopRun {
-  explicit LoopRun(const Scenario& scenario) : loop(scenario) {
+  /// `request`: settings that are asked for at 10 s.
+  explicit LoopRun(const Scenario& scenario, const std::vector<std::string>& request = {})
+      : loop(scenario) {
+    if (!request.empty()) {
+      loop.loop().at(kStart + std::chrono::seconds{10}, Priority::node, [=, this](Instant) {
+        publish(loop.bus(), "NET/SET", setting_request(1, 1, request));
+      });
+    }
     collect<pose_t>("CTRL/POSE", poses);
     collect<twist_t>("AGV/CMD_VEL", commands);
     for (const char* channel : {"CTRL/COUNTERS", "SIM/COUNTERS", "CAN/COUNTERS"}) {
@@ -92,6 +99,34 @@ TEST(CommonRandomNumbers, MoreModelsDownlinkChangeNothingUplink) {
   const LoopRun more(paper(kBadNetwork, {"channel.downlink.duplicate.probability=0.3",
                                          "channel.downlink.reorder.probability=0.2"}));
   EXPECT_EQ(plain.poses, more.poses);
+}
+
+Arrivals during(const Arrivals& all, std::int64_t first, std::int64_t last) {
+  Arrivals part;
+  for (const auto& arrival : all) {
+    if (arrival.first >= first && arrival.first < last) part.push_back(arrival);
+  }
+  return part;
+}
+
+TEST(ChannelChange, MeetsBeforeAndAfterWhatRunsWithTheseSettingsMeet) {
+  const std::vector<std::string> worse{"channel.uplink.markov.bad.prr=0.1",
+                                       "channel.uplink.loss=0.3"};
+  const LoopRun plain(paper(kBadNetwork)), bad(paper(kBadNetwork, worse));
+  const LoopRun changed(
+      paper(kBadNetwork,
+            {"channel.change=[{at_s=20, set=['uplink.markov.bad.prr=0.1', 'uplink.loss=0.3']}]"}));
+  constexpr std::int64_t kChange = 400;  // poses at 20 Hz
+  EXPECT_EQ(during(changed.poses, 0, kChange), during(plain.poses, 0, kChange));
+  EXPECT_EQ(during(changed.poses, kChange, 9999), during(bad.poses, kChange, 9999));
+  EXPECT_NE(during(changed.poses, kChange, 9999), during(plain.poses, kChange, 9999));
+}
+
+TEST(ChannelChange, ThatIsRefusedInTheMiddleOfARunLeavesItAsItWas) {
+  const LoopRun plain(paper(kBadNetwork));
+  LoopRun asked(paper(kBadNetwork), {"uplink.loss=0.9", "downlink.prr=0.5"});
+  EXPECT_EQ(asked.poses, plain.poses);
+  EXPECT_EQ(asked.commands, plain.commands);
 }
 
 const std::vector<std::string> kDamage{

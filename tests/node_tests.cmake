@@ -4,9 +4,12 @@ tether_add_test(NAME netem_test
   SOURCES
     loss_statistics.cpp
     netem_chain_test.cpp
+    netem_change_test.cpp
     netem_delay_test.cpp
     netem_fate_test.cpp
     netem_loss_test.cpp
+    netem_refusal_test.cpp
+    netem_set_test.cpp
     netem_slots_test.cpp
     netem_stages_test.cpp
     netem_test.cpp

@@ -20,7 +20,7 @@ void become_sibling(int argc, char** argv) {
   if (access(sibling.c_str(), X_OK) == 0) execv(sibling.c_str(), tether::to_argv(command).data());
 }
 
-/// `tether netem fit …` is this program's own, `tether netem SCENARIO …` the node.
+/// `tether netem fit …` and its like are this program's own, `tether netem SCENARIO …` the node.
 bool is_own_subcommand(CLI::App& app, int argc, char** argv) {
   if (argc < 3) return false;
   for (CLI::App* command : app.get_subcommands({})) {

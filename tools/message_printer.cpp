@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <tether/channel_setting_result_t.hpp>
+#include <tether/channel_setting_t.hpp>
 #include <tether/clock_t.hpp>
 #include <tether/controller_report_t.hpp>
 #include <tether/counters_t.hpp>
@@ -114,6 +116,17 @@ void visit_fields(const drive_fault_t& m, Visitor&& visit) {
   FIELD(utime), FIELD(seq), FIELD(node), FIELD(kind), FIELD(value);
 }
 
+template <class Visitor>
+void visit_fields(const channel_setting_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(count), FIELD(key), FIELD(value);
+}
+
+template <class Visitor>
+void visit_fields(const channel_setting_result_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(request_utime), FIELD(request_seq), FIELD(applied), FIELD(reason);
+  FIELD(count), FIELD(key), FIELD(value);
+}
+
 #undef FIELD
 
 // LCM's booleans are int8_t in C++; none of the project's types has an int8_t of another meaning.
@@ -178,11 +191,22 @@ struct CsvFormat {
 
 const std::vector<MessageType>& message_types() {
   static const std::vector<MessageType> kTypes = {
-      describe<pose_t>(),           describe<twist_t>(),         describe<clock_t>(),
-      describe<ground_truth_t>(),   describe<link_report_t>(),   describe<controller_report_t>(),
-      describe<counters_t>(),       describe<drive_request_t>(), describe<drivetrain_state_t>(),
-      describe<wheel_feedback_t>(), describe<odometry_t>(),      describe<wheel_states_t>(),
-      describe<wheel_targets_t>(),  describe<drive_fault_t>(),
+      describe<pose_t>(),
+      describe<twist_t>(),
+      describe<clock_t>(),
+      describe<ground_truth_t>(),
+      describe<link_report_t>(),
+      describe<controller_report_t>(),
+      describe<counters_t>(),
+      describe<drive_request_t>(),
+      describe<drivetrain_state_t>(),
+      describe<wheel_feedback_t>(),
+      describe<odometry_t>(),
+      describe<wheel_states_t>(),
+      describe<wheel_targets_t>(),
+      describe<drive_fault_t>(),
+      describe<channel_setting_t>(),
+      describe<channel_setting_result_t>(),
   };
   return kTypes;
 }

@@ -4,13 +4,16 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/cli.hpp"
 #include "common/errors.hpp"
+#include "common/lcm_url.hpp"
 #include "netem/fit_report.hpp"
 #include "tools/commands.hpp"
 #include "tools/message_printer.hpp"
 #include "tools/netem_fit.hpp"
+#include "tools/netem_settings.hpp"
 #include "tools/text_output.hpp"
 
 namespace tether {
@@ -70,12 +73,46 @@ void add_fit(CLI::App& netem, Action& action) {
   command->callback([options, &action] { action = [options] { return fit(*options); }; });
 }
 
+struct SettingOptions {
+  std::string lcm_url = kDefaultLcmUrl;
+  std::vector<std::string> settings;
+};
+
+CLI::App* add_setting_command(CLI::App& netem, SettingOptions& options, const char* name,
+                              const char* what) {
+  CLI::App* const command = netem.add_subcommand(name, what);
+  command->add_option("--lcm-url", options.lcm_url, "LCM network")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  return command;
+}
+
+void add_set_and_show(CLI::App& netem, Action& action) {
+  auto options = std::make_shared<SettingOptions>();
+  CLI::App* const set = add_setting_command(
+      netem, *options, "set",
+      "Give a running relay other settings of its channel, all at once. Exit code 1 if it refuses");
+  set->add_option("settings", options->settings,
+                  "KEY=VALUE as in tether run --set, without \"channel.\": downlink.prr=0.45; "
+                  "prr=0.45 sets both links; files are the relay's")
+      ->required();
+  set->callback([options, &action] {
+    action = [options] { return netem_set(options->lcm_url, options->settings); };
+  });
+  add_setting_command(netem, *options, "show",
+                      "Settings of a running relay's channel that differ from the defaults")
+      ->callback(
+          [options, &action] { action = [options] { return netem_show(options->lcm_url); }; });
+}
+
 }  // namespace
 
 void add_netem_command(CLI::App& tether, Action& action) {
-  CLI::App* const netem = tether.add_subcommand("netem", "Models of the network");
+  CLI::App* const netem =
+      tether.add_subcommand("netem", "The network: models, and a running relay's settings");
   netem->require_subcommand(1);
   add_fit(*netem, action);
+  add_set_and_show(*netem, action);
 }
 
 }  // namespace tether

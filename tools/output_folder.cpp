@@ -8,6 +8,8 @@
 #include <set>
 #include <stdexcept>
 
+#include "common/channel_settings.hpp"
+#include "common/channel_settings.hpp"
 #include "common/errors.hpp"
 #include "common/version.hpp"
 #include "tools/path_figure.hpp"
@@ -71,6 +73,9 @@ Scenario with_absolute_names(Scenario scenario) {
       if (!file->empty()) *file = fs::absolute(*file).string();
     }
   });
+  for (Scenario::Channel::Change& change : scenario.channel.changes) {
+    for (std::string& text : change.settings) text = setting_in_folder(text, fs::current_path());
+  }
   return scenario;
 }
 

@@ -1,0 +1,92 @@
+#include "common/channel_settings.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <functional>
+#include <regex>
+
+#include "common/errors.hpp"
+#include "common/scenario_keys.hpp"
+#include "common/scenario_loader.hpp"
+
+namespace tether {
+namespace {
+
+const std::string kPrefix = "channel.";
+
+/// Those of the channel's keys that `which` selects and that are set, with their values.
+std::vector<ChannelSetting> select(const Scenario& scenario,
+                                   const std::function<bool(const ScenarioKey&)>& which) {
+  std::vector<ChannelSetting> found;
+  for (const ScenarioKey& key : scenario_keys()) {
+    const auto value = key.get(scenario);
+    if (!value || !key.name.starts_with(kPrefix) || !which(key)) continue;
+    found.push_back({key.name.substr(kPrefix.size()), to_toml(*value)});
+  }
+  return found;
+}
+
+void apply(ScenarioLoader& loader, const std::string& setting, const std::string& place) {
+  if (setting.find('=') != std::string::npos && setting.find('=') > kLongestSettingKey) {
+    throw UsageError(fmt::format("{}...: a key has at most {} characters",
+                                 place.substr(0, place.size() - setting.size() + 20),
+                                 kLongestSettingKey));
+  }
+  const bool is_whole = setting.starts_with(kPrefix);
+  loader.apply_override(is_whole ? setting : kPrefix + setting, place);
+}
+
+}  // namespace
+
+ChannelChange change_channel(const Scenario& in_force, const std::vector<std::string>& settings,
+                             const std::string& source) {
+  Scenario start = in_force;
+  start.channel.changes.clear();  // not for changes to change
+  ScenarioLoader loader(start);
+  const std::string before = source.empty() ? "" : source + ": ";
+  for (const std::string& text : settings) apply(loader, text, before + text);
+  const std::set<std::string> given = loader.given();
+  if (given.contains("channel.change")) {
+    throw UsageError(before + "channel.change cannot be changed by a change");
+  }
+  const std::string level = source.empty() ? "settings" : source;
+  loader.end_level(level, {});
+  ChannelChange change{loader.finish(level), {}};
+  change.scenario.channel.changes = in_force.channel.changes;
+  change.settings = select(change.scenario, [&](const ScenarioKey& key) {
+    return given.contains(key.name) || key.get(change.scenario) != key.get(in_force);
+  });
+  return change;
+}
+
+std::string setting_in_folder(const std::string& setting, const std::filesystem::path& folder) {
+  static const std::regex kFile(R"( *([^ =]*\.file) *= *["']?([^"']*?)["']? *)");
+  std::smatch part;
+  if (!std::regex_match(setting, part, kFile)) return setting;
+  const std::filesystem::path file = folder / part[2].str();
+  return fmt::format("{}=\"{}\"", part[1].str(), file.lexically_normal().string());
+}
+
+std::vector<ChannelSetting> channel_settings(const Scenario& scenario) {
+  static const Scenario kDefaults;
+  return select(scenario, [&scenario](const ScenarioKey& key) {
+    return key.get(scenario) != key.get(kDefaults);
+  });
+}
+
+void check_changes(const Scenario& scenario, const std::string& file) {
+  Scenario in_force = scenario;
+  double earliest_s = -INFINITY;
+  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+    const std::string source = fmt::format("{}: channel.change at {} s", file, change.at_s);
+    if (change.at_s < earliest_s) {
+      throw UsageError(
+          fmt::format("{} comes after the one at {} s: times must ascend", source, earliest_s));
+    }
+    earliest_s = change.at_s;
+    in_force = change_channel(in_force, change.settings, source).scenario;
+  }
+}
+
+}  // namespace tether

@@ -1,0 +1,245 @@
+#include "netem/channel_models.hpp"
+
+#include <array>
+#include <utility>
+
+#include "netem/four_state.hpp"
+#include "netem/gilbert_elliott.hpp"
+#include "netem/map_process.hpp"
+#include "netem/trace_process.hpp"
+
+namespace tether {
+namespace {
+
+using Model = LinkConfig::Model;
+using ProcessPtr = std::shared_ptr<ChannelProcess>;
+
+Duration from_ms(double ms) { return from_seconds(ms * 1e-3); }
+
+LinkCondition condition(const ChannelStateConfig& state) {
+  return {state.prr, from_ms(state.delay_ms)};
+}
+
+std::vector<LinkCondition> conditions(const ChainConfig& chain) {
+  std::vector<LinkCondition> list;
+  for (std::size_t i = 0; i < chain.prr.size(); ++i) {
+    list.push_back({chain.prr[i], from_ms(chain.delay_ms.empty() ? 0.0 : chain.delay_ms[i])});
+  }
+  return list;
+}
+
+bool same_model(const LinkConfig* before, const LinkConfig& after) {
+  return before != nullptr && before->model == after.model;
+}
+
+bool same_moves(const ChainConfig& a, const ChainConfig& b) {
+  return a.prr.size() == b.prr.size() && a.rates_per_s == b.rates_per_s &&
+         a.probabilities == b.probabilities && a.step_s == b.step_s;
+}
+
+/// Makes the model of one link, from what is there already where that goes on.
+class ModelMaker {
+ public:
+  ModelMaker(const LinkConfig& config, std::string prefix, LinkStreams streams)
+      : config_(config), prefix_(std::move(prefix)), streams_(std::move(streams)) {}
+
+  /// `model`: in use under `config`, for `offered` packets so far.
+  ModelMaker& goes_on_from(const LinkModel& model, const LinkConfig& config, std::int64_t offered,
+                           Instant now) {
+    old_ = &model;
+    before_ = &config;
+    offered_ = offered;
+    now_ = now;
+    return *this;
+  }
+
+  void make_clocks(LinkModel& model) const {
+    const bool same = same_model(before_, config_);
+    if (config_.model == Model::markov) {
+      const bool keep = same && before_->mean_good_s == config_.mean_good_s &&
+                        before_->mean_bad_s == config_.mean_bad_s;
+      model.markov = keep ? old_->markov
+                          : moved_on(StateProcess::markov(config_.mean_good_s, config_.mean_bad_s,
+                                                          streams_("state")));
+    }
+    const ChainConfig& chain = config_.chain;
+    if (config_.model != Model::chain) return;
+    if (same && same_moves(before_->chain, chain)) {
+      model.chain = old_->chain;
+    } else if (!chain.rates_per_s.empty()) {
+      model.chain = moved_on(ChainClock::from_rates(
+          chain.rates_per_s, prefix_ + "chain.rates_per_s", streams_("state")));
+    } else if (chain.step_s > 0.0) {
+      model.chain = moved_on(ChainClock::from_probabilities(
+          chain.probabilities, chain.step_s, prefix_ + "chain.probabilities", streams_("state")));
+    }
+  }
+
+  void make_process(LinkModel& model) const {
+    switch (config_.model) {
+      case Model::fixed:
+        model.process = std::make_shared<FixedProcess>(condition(config_.fixed));
+        break;
+      case Model::markov:
+        model.process = std::make_shared<MarkovProcess>(
+            model.markov, std::array{condition(config_.good), condition(config_.bad)});
+        break;
+      case Model::gilbert_elliott:
+        model.process = gilbert_elliott();
+        break;
+      case Model::four_state:
+        model.process = four_state();
+        break;
+      case Model::chain:
+        model.process = model.chain
+                            ? std::make_shared<ChainProcess>(model.chain, conditions(config_.chain))
+                            : packet_chain();
+        break;
+      case Model::trace:
+        model.process = trace();
+        break;
+      case Model::map:
+        model.process = map();
+        break;
+    }
+    if (before_ != nullptr) model.process->advance(now_);
+  }
+
+ private:
+  template <class Clock>
+  std::shared_ptr<Clock> moved_on(Clock clock) const {
+    if (before_ != nullptr) clock.advance(now_);
+    return std::make_shared<Clock>(std::move(clock));
+  }
+
+  /// What `Process` the link has now; null if another.
+  template <class Process>
+  std::shared_ptr<Process> present() const {
+    return before_ == nullptr ? nullptr : std::dynamic_pointer_cast<Process>(old_->process);
+  }
+
+  /// "state", from the draw for the next packet on.
+  RandomEngine packet_stream() const {
+    RandomEngine random = streams_("state");
+    random.discard(static_cast<std::uint64_t>(offered_));
+    return random;
+  }
+
+  ProcessPtr gilbert_elliott() const {
+    const GilbertElliottConfig& c = config_.gilbert_elliott;
+    const GilbertElliott model{c.p.value(), c.r.value(), c.one_minus_h, c.one_minus_k};
+    const Duration delay = from_ms(config_.fixed.delay_ms);
+    if (const auto old = present<GilbertElliottProcess>()) {
+      return std::make_shared<GilbertElliottProcess>(model, delay, *old);
+    }
+    return std::make_shared<GilbertElliottProcess>(model, delay, packet_stream());
+  }
+
+  ProcessPtr four_state() const {
+    const FourStateConfig& c = config_.four_state;
+    const double p13 = c.p13.value();
+    const FourState model{p13, c.p31.value_or(1.0 - p13), c.p32, c.p23, c.p14};
+    const Duration delay = from_ms(config_.fixed.delay_ms);
+    if (const auto old = present<FourStateProcess>()) {
+      return std::make_shared<FourStateProcess>(model, delay, *old);
+    }
+    return std::make_shared<FourStateProcess>(model, delay, packet_stream());
+  }
+
+  ProcessPtr packet_chain() const {
+    const ChainConfig& c = config_.chain;
+    const std::string key = prefix_ + "chain.probabilities";
+    const auto old = present<PacketChainProcess>();
+    if (old && old->states() == c.prr.size()) {
+      return std::make_shared<PacketChainProcess>(c.probabilities, conditions(c), key, *old);
+    }
+    return std::make_shared<PacketChainProcess>(c.probabilities, conditions(c), key,
+                                                packet_stream());
+  }
+
+  ProcessPtr trace() const {
+    if (same_model(before_, config_) && before_->trace == config_.trace) return old_->process;
+    return make_trace_process(config_.trace, prefix_ + "trace.");
+  }
+
+  ProcessPtr map() const {
+    if (same_model(before_, config_) && before_->map == config_.map) return old_->process;
+    const ProcessPtr made = make_map_process(config_.map, prefix_ + "map.", streams_("shadowing"));
+    const auto old = present<MapProcess>();
+    if (const auto where = old ? old->position() : std::nullopt) {
+      made->on_position(where->x_m, where->y_m, now_);
+    }
+    return made;
+  }
+
+  const LinkConfig& config_;
+  std::string prefix_;
+  LinkStreams streams_;
+  const LinkModel* old_ = nullptr;
+  const LinkConfig* before_ = nullptr;
+  std::int64_t offered_ = 0;
+  Instant now_{};
+};
+
+/// Both links' models; the downlink's from the uplink's where they share the state.
+ChannelModels make_both(const Scenario::Channel& channel, const ModelMaker& up,
+                        const ModelMaker& down) {
+  ChannelModels models;
+  up.make_clocks(models.uplink);
+  up.make_process(models.uplink);
+  const Model model = channel.uplink.model;
+  if (channel.shared_state && (model == Model::trace || model == Model::map)) {
+    models.downlink = models.uplink;
+    return models;
+  }
+  if (channel.shared_state) {
+    models.downlink.markov = models.uplink.markov;
+    models.downlink.chain = models.uplink.chain;
+  } else {
+    down.make_clocks(models.downlink);
+  }
+  down.make_process(models.downlink);
+  return models;
+}
+
+ModelMaker maker(const Scenario& scenario, bool uplink) {
+  const std::string name = uplink ? "uplink" : "downlink";
+  const LinkConfig& config = uplink ? scenario.channel.uplink : scenario.channel.downlink;
+  return {config, "channel." + name + ".", link_streams(scenario, name)};
+}
+
+}  // namespace
+
+LinkStreams link_streams(const Scenario& scenario, const std::string& name) {
+  const std::string link = scenario.vehicle.name + "/" + name + "/";
+  return [seed = scenario.run.seed, link](std::string_view purpose) {
+    return random_stream(seed, link + std::string(purpose));
+  };
+}
+
+LinkModel make_model(const LinkConfig& config, const std::string& prefix,
+                     const LinkStreams& streams) {
+  LinkModel model;
+  const ModelMaker make(config, prefix, streams);
+  make.make_clocks(model);
+  make.make_process(model);
+  return model;
+}
+
+ChannelModels make_models(const Scenario& scenario) {
+  return make_both(scenario.channel, maker(scenario, true), maker(scenario, false));
+}
+
+ChannelModels renew_models(const ChannelModels& models, const Scenario& before,
+                           const Scenario& after, const ChannelMoment& moment) {
+  ModelMaker up = maker(after, true), down = maker(after, false);
+  const auto& [now, up_offered, down_offered] = moment;
+  up.goes_on_from(models.uplink, before.channel.uplink, up_offered, now);
+  // A state that the links shared until now is the uplink's: not the downlink's to go on from.
+  static const LinkConfig kNone;
+  const bool parts = before.channel.shared_state && !after.channel.shared_state;
+  down.goes_on_from(models.downlink, parts ? kNone : before.channel.downlink, down_offered, now);
+  return make_both(after.channel, up, down);
+}
+
+}  // namespace tether

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tether {
+
+// Each asks the relay that is running on an LCM network, waits for its answer for at most 3 s,
+// prints to standard output and returns the exit code. std::runtime_error says that there is no
+// relay, UsageError what is wrong with a setting that is not "KEY=VALUE".
+
+/// Other settings for the channel, all at once. 0: they are in force; 1: refused.
+int netem_set(const std::string& lcm_url, const std::vector<std::string>& settings);
+
+/// Shows the settings in force that differ from the defaults.
+int netem_show(const std::string& lcm_url);
+
+}  // namespace tether
