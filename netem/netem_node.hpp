@@ -28,6 +28,9 @@ class NetemNode final : public Node {
 
   const Link& uplink() const { return links_.uplink; }
   const Link& downlink() const { return links_.downlink; }
+  /// For observers.
+  Link& uplink() { return links_.uplink; }
+  Link& downlink() { return links_.downlink; }
 
  private:
   struct Direction {

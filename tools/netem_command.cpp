@@ -76,6 +76,7 @@ void add_netem_command(CLI::App& tether, Action& action) {
   CLI::App* const netem = tether.add_subcommand("netem", "Models of the network");
   netem->require_subcommand(1);
   add_fit(*netem, action);
+  add_netem_scenario_commands(*netem, action);
 }
 
 }  // namespace tether
