@@ -285,7 +285,8 @@ double ChannelExpectation::delay_vif(double q) const {
   const double quantile_s = delay_quantile(q);
   if (std::isnan(quantile_s)) return 1.0;
   const double share = delay_cdf(quantile_s);
-  if (!(share > 0.0 && share < 1.0)) return 1.0;
+  constexpr double kRounding = 1e-12;
+  if (!(share > kRounding && share < 1.0 - kRounding)) return 1.0 + more_delay_vif_;
   // The ratio's linearisation: received·(1[delay <= quantile] − share), whose mean is 0.
   const std::size_t n = states_.size();
   DenseMatrix mean(n, 1);
@@ -297,7 +298,8 @@ double ChannelExpectation::delay_vif(double q) const {
     within += stationary_[s] * (square - mean(s, 0) * mean(s, 0));
   }
   const double variance = within + asymptotic_covariance(transition_, stationary_, mean)(0, 0);
-  return variance / ((1.0 - loss_) * share * (1.0 - share)) + more_delay_vif_;
+  const double vif = variance / ((1.0 - loss_) * share * (1.0 - share));
+  return std::max(1.0, vif) + more_delay_vif_;
 }
 
 bool ChannelExpectation::delay_is_constant() const {

@@ -102,7 +102,7 @@ class ChannelExpectation {
   double delay_quantile(double q) const;
   /// Every received packet has the same delay, to 2 ns.
   bool delay_is_constant() const;
-  /// Of the share of received packets whose delay is at most delay_quantile(q), for
+  /// Of the share of received packets whose delay is at most delay_quantile(q), at least 1, for
   /// DelayStatistics::quantile().
   double delay_vif(double q) const;
 

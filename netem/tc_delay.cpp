@@ -17,9 +17,9 @@ using Model = LinkConfig::Model;
 // (4/3)(Y − 1.5), P[Y > y] = y^−3, cut at 4; measured on Debian 12's pareto.dist: mean −0.0335,
 // standard deviation 0.820 (uncut 1.1547). Paretonormal: 0.25 Z + 0.75 of that; −0.0253, 0.834
 // (uncut 1.05177).
-constexpr double kParetoSd = 1.1547005383792515;  // 2/√3
-constexpr double kParetonormalSd = 1.0517719;     // of 0.25 Z + (Y − 1.5)
-constexpr double kMostJitter_ms = 2147.483647;    // the kernel cuts J there
+constexpr double kParetoSd = 1.1547005383792515;       // 2/√3
+constexpr double kParetonormalSd = 1.051771923566881;  // of 0.25 Z + (Y − 1.5)
+constexpr double kMostJitter_ms = 2147.483647;         // the kernel cuts J there
 
 /// The delay that the model adds in all states; nullopt if it differs.
 std::optional<double> only_delay_ms(const LinkConfig& link) {

@@ -23,3 +23,6 @@ tether_add_test(NAME netem_fit_test SOURCES netem_fit_test.cpp LIBS tether_netem
   LABELS slow)
 tether_add_test(NAME netem_playback_test SOURCES netem_trace_test.cpp netem_map_test.cpp
   LIBS tether_netem_playback)
+tether_add_test(NAME netem_link_check_test SOURCES netem_link_check_test.cpp
+  LIBS tether_netem_check LABELS slow)
+tether_add_test(NAME tc_export_test SOURCES tc_export_test.cpp LIBS tether_netem_check)
