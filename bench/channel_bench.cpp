@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "netem/delay_law.hpp"
+#include "netem/link_monitor.hpp"
 #include "netem/make_links.hpp"
 
 // Cost of a packet in a link: offered, carried, delivered, in virtual time. Each model and each
@@ -37,6 +39,27 @@ void caller_alone(benchmark::State& state) {
   }
 }
 BENCHMARK(caller_alone);
+
+/// What watching a link costs: fates as the link told them, told to a monitor.
+void monitor(benchmark::State& state, const std::vector<std::string>& keys) {
+  const Scenario scenario = parse_scenario("", "bench", keys);
+  LinkPair links = make_links(scenario);
+  std::vector<PacketFate> fates;
+  links.uplink.set_observer([&fates](const PacketFate& fate) { fates.push_back(fate); });
+  for (int n = 0; n < 100'000; ++n) {
+    const Instant now = kStart + n * std::chrono::milliseconds{50};
+    links.uplink.push(now, {"", std::vector<std::uint8_t>(kBytes)});
+    links.uplink.pop_ready(now, [](const Packet&) {});
+  }
+  const LinkConfig& link = scenario.channel.uplink;
+  LinkMonitor monitor(expect_link(link, load_delay_table(link.jitter), pose_traffic(scenario)));
+  std::size_t next = 0;
+  for (auto _ : state) {
+    monitor.on_packet(fates[next]);
+    if (++next == fates.size()) next = 0;
+  }
+  state.SetItemsProcessed(state.iterations());
+}
 
 /// With so many packets under way: delays of a constant and of a scattering law.
 void crowded(benchmark::State& state, const char* law) {
@@ -115,6 +138,10 @@ std::vector<Case> cases() {
 const bool kRegistered = [] {
   for (const Case& c : cases()) {
     benchmark::RegisterBenchmark(("packet/" + c.name).c_str(), one_packet, c.keys);
+  }
+  for (const Case& c : cases()) {
+    if (c.name != "fixed" && c.name != "gilbert_elliott" && c.name != "jitter_gamma") continue;
+    benchmark::RegisterBenchmark(("monitor/" + c.name).c_str(), monitor, c.keys);
   }
   for (const char* law : {"none", "uniform"}) {
     benchmark::RegisterBenchmark((std::string("crowded/jitter_") + law).c_str(), crowded, law)

@@ -15,20 +15,24 @@ enum class Verdict {
   ok,              ///< the configured value lies within an interval narrow enough to mean something
   outside,         ///< it does not lie within the interval: model or program is wrong
   too_short,       ///< it does, but the interval is too wide to mean anything
-  not_comparable,  ///< the model makes no prediction, such as of bursts under irregular traffic
+  not_comparable,  ///< nothing predicts the value, such as of bursts under irregular traffic
 };
+/// "ok", "outside", "too short", "not comparable".
 std::string to_string(Verdict verdict);
 
 /// One quantity of a channel, as configured and as it came out.
 struct ChannelCheck {
-  std::string quantity;  ///< "PRR", "mean loss burst", "lag-1 correlation", "delay p99", …
-  std::string unit;      ///< "", "packets", "s", "ms"
-  double configured = 0.0;
-  Estimate achieved;
+  std::string quantity;     ///< "PRR", "mean loss burst", "lag-1 correlation", "delay p99", …
+  std::string unit;         ///< "", "packets", "s", "ms"
+  double configured = 0.0;  ///< NaN: nothing predicts it
+  Estimate achieved;        ///< with the interval that is shown; the verdict's own is wider
   Verdict verdict = Verdict::ok;
+  std::string reason;  ///< why it is not comparable, or what else to know; often empty
 };
 
 struct ChannelCheckOptions {
+  /// Of the intervals that are shown.
+  double shown_confidence = 0.95;
   /// Probability that a right channel gets any "outside" at all in a report. Shared equally among
   /// its quantities (Bonferroni), so that each interval's level is 1 −
   /// false_alarm/quantities: 99.99 % for ten of them.
@@ -50,7 +54,7 @@ std::vector<ChannelCheck> compare_channel(const ChannelExpectation& expected,
                                           const SojournStatistics* sojourns,
                                           const ChannelCheckOptions& options = {});
 
-/// outside if any is; else too_short if any is; else ok.
+/// outside if any is; else too_short if any is; else ok; not_comparable if nothing is comparable.
 Verdict overall(const std::vector<ChannelCheck>& checks);
 
 }  // namespace tether

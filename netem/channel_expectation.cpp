@@ -88,16 +88,29 @@ ChannelExpectation::ChannelExpectation(DenseMatrix transition, std::vector<Expec
         "statistics depend on where it begins");
   }
   for (std::size_t s = 0; s < n; ++s) {
-    const double loss = 1.0 - states_[s].prr;
-    loss_ += stationary_[s] * loss;
-    for (std::size_t t = 0; t < n; ++t) {
-      loss_pair_ += stationary_[s] * loss * transition_(s, t) * (1.0 - states_[t].prr);
-    }
     double leave = 0.0;
     for (std::size_t t = 0; t < n; ++t) leave += t == s ? 0.0 : transition_(s, t);
     sojourns_.push_back(leave > 0.0 ? 1.0 / leave : kInfinity);
   }
+  predict_losses();
+}
+
+void ChannelExpectation::predict_losses() {
+  loss_ = loss_pair_ = 0.0;
+  for (std::size_t s = 0; s < states_.size(); ++s) {
+    const double loss = 1.0 - states_[s].prr;
+    loss_ += stationary_[s] * loss;
+    for (std::size_t t = 0; t < states_.size(); ++t) {
+      loss_pair_ += stationary_[s] * loss * transition_(s, t) * (1.0 - states_[t].prr);
+    }
+  }
   spread_ = make_spread();
+}
+
+void ChannelExpectation::lose_independently(double probability) {
+  if (probability == 0.0) return;
+  for (ExpectedState& state : states_) state.prr *= 1.0 - probability;
+  predict_losses();
 }
 
 ChannelExpectation ChannelExpectation::independent(double prr, DelayCdf delay) {
@@ -165,6 +178,40 @@ ChannelExpectation ChannelExpectation::process(const DenseMatrix& rates, double 
     double out = 0.0;
     for (std::size_t j = 0; j < rates.columns(); ++j) out += i == j ? 0.0 : rates(i, j);
     e.sojourns_[i] = out > 0.0 ? 1.0 / out : kInfinity;
+  }
+  e.unit_ = Unit::seconds;
+  return e;
+}
+
+ChannelExpectation ChannelExpectation::stepped(const DenseMatrix& probabilities, double step_s,
+                                               double interval_s,
+                                               std::vector<ExpectedState> states) {
+  const std::size_t n = probabilities.rows();
+  // Rows as exact as they can be: powers would multiply what they lack to 1.
+  DenseMatrix step = probabilities, power(n, n);
+  for (std::size_t i = 0; i < n; ++i) {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < n; ++j) sum += step(i, j);
+    for (std::size_t j = 0; j < n; ++j) step(i, j) /= sum;
+    power(i, i) = 1.0;
+  }
+  constexpr double kRounding = 1e-9;  // of an interval that is a whole number of steps
+  const double steps = interval_s / step_s;
+  const double whole = std::floor(steps + kRounding);
+  const double more = std::max(0.0, steps - whole);
+  DenseMatrix square = step;
+  for (double left = whole; left > 0.0; left = std::floor(0.5 * left)) {
+    if (std::fmod(left, 2.0) == 1.0) power = product(power, square);
+    square = product(square, square);
+  }
+  const DenseMatrix next = product(power, step);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = 0; j < n; ++j) power(i, j) += more * (next(i, j) - power(i, j));
+  }
+  ChannelExpectation e(power, std::move(states));
+  for (std::size_t i = 0; i < n; ++i) {
+    const double leave = 1.0 - step(i, i);
+    e.sojourns_[i] = leave > 0.0 ? step_s / leave : kInfinity;
   }
   e.unit_ = Unit::seconds;
   return e;
@@ -238,7 +285,8 @@ double ChannelExpectation::delay_vif(double q) const {
   const double quantile_s = delay_quantile(q);
   if (std::isnan(quantile_s)) return 1.0;
   const double share = delay_cdf(quantile_s);
-  if (!(share > 0.0 && share < 1.0)) return 1.0;
+  constexpr double kRounding = 1e-12;
+  if (!(share > kRounding && share < 1.0 - kRounding)) return 1.0 + more_delay_vif_;
   // The ratio's linearisation: received·(1[delay <= quantile] − share), whose mean is 0.
   const std::size_t n = states_.size();
   DenseMatrix mean(n, 1);
@@ -250,7 +298,16 @@ double ChannelExpectation::delay_vif(double q) const {
     within += stationary_[s] * (square - mean(s, 0) * mean(s, 0));
   }
   const double variance = within + asymptotic_covariance(transition_, stationary_, mean)(0, 0);
-  return variance / ((1.0 - loss_) * share * (1.0 - share));
+  const double vif = variance / ((1.0 - loss_) * share * (1.0 - share));
+  return std::max(1.0, vif) + more_delay_vif_;
+}
+
+bool ChannelExpectation::delay_is_constant() const {
+  const double middle_s = delay_quantile(0.5);
+  if (std::isnan(middle_s)) return false;
+  constexpr double kSlack_s = 2e-9, kRounding = 1e-12;
+  return delay_cdf(middle_s - kSlack_s) <= kRounding &&
+         delay_cdf(middle_s + kSlack_s) >= 1.0 - kRounding;
 }
 
 }  // namespace tether

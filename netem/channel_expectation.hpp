@@ -66,6 +66,20 @@ class ChannelExpectation {
   static ChannelExpectation process(const DenseMatrix& rates, double interval_s,
                                     std::vector<ExpectedState> states);
 
+  /// A chain that steps at the multiples of `step_s`, seen every `interval_s`. With
+  /// Δ/step = m + f, 0 <= f < 1, successive packets are m or m + 1 steps apart, the latter in a
+  /// share f: M = (1 − f)P^m + f·P^(m+1), which is exact for P₂ and, for f > 0, an upper bound for
+  /// the spread of positively correlated losses.
+  static ChannelExpectation stepped(const DenseMatrix& probabilities, double step_s,
+                                    double interval_s, std::vector<ExpectedState> states);
+
+  /// Packets that the states let through are lost with this probability, independently.
+  void lose_independently(double probability);
+
+  /// The delays within a state are correlated, so that their quantiles' variance inflation factors
+  /// are up to `vif` larger than the states alone would make them.
+  void add_delay_vif(double vif) { more_delay_vif_ += vif; }
+
   double prr() const { return 1.0 - loss_; }
   /// Packets; NaN if nothing is ever lost, infinite if everything is.
   double mean_burst() const;
@@ -86,12 +100,15 @@ class ChannelExpectation {
   /// The smallest delay that a share `q`, 0 < q < 1, of the received packets does not exceed, to
   /// 1e-12 of its value; s. NaN if nothing is received or the quantile is beyond 10⁶ s.
   double delay_quantile(double q) const;
-  /// Of the share of received packets whose delay is at most delay_quantile(q), for
+  /// Every received packet has the same delay, to 2 ns.
+  bool delay_is_constant() const;
+  /// Of the share of received packets whose delay is at most delay_quantile(q), at least 1, for
   /// DelayStatistics::quantile().
   double delay_vif(double q) const;
 
  private:
   ChannelExpectation(DenseMatrix transition, std::vector<ExpectedState> states);
+  void predict_losses();
   LossSpread make_spread() const;
 
   DenseMatrix transition_;
@@ -101,6 +118,7 @@ class ChannelExpectation {
   Unit unit_ = Unit::packets;
   double loss_ = 0.0;
   double loss_pair_ = 0.0;  // P₂
+  double more_delay_vif_ = 0.0;
   LossSpread spread_;
 };
 

@@ -28,6 +28,8 @@ void DelayStatistics::add(Duration delay) {
   bin.high_ns = bin.count == 0 ? ns : std::max(bin.high_ns, ns);
   bin.sum_ns += static_cast<double>(ns);
   ++bin.count;
+  shortest_ns_ = count_ == 0 ? ns : std::min(shortest_ns_, ns);
+  longest_ns_ = std::max(longest_ns_, ns);
   ++count_;
   sum_ns_ += static_cast<double>(ns);
   if (count_ > kPilot) {

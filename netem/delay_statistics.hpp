@@ -33,6 +33,9 @@ class DelayStatistics {
   std::int64_t count() const { return count_; }
   /// s; NaN without delays.
   double mean_s() const;
+  /// s; 0 without delays.
+  double shortest_s() const { return static_cast<double>(shortest_ns_) * 1e-9; }
+  double longest_s() const { return static_cast<double>(longest_ns_) * 1e-9; }
 
   /// The quantile q, 0 < q < 1, in seconds.
   Estimate quantile(double q, double confidence, double vif) const;
@@ -61,6 +64,7 @@ class DelayStatistics {
   std::vector<std::vector<Bin>> octaves_;
   std::int64_t count_ = 0;
   double sum_ns_ = 0.0;
+  std::int64_t shortest_ns_ = 0, longest_ns_ = 0;
   std::vector<std::int64_t> pilot_;
   std::array<Indicator, kQuantiles.size()> indicators_;
 };

@@ -33,6 +33,9 @@ class NetemNode final : public Node {
 
   const Link& uplink() const { return uplink_.link(); }
   const Link& downlink() const { return downlink_.link(); }
+  /// For observers.
+  Link& uplink() { return uplink_.link(); }
+  Link& downlink() { return downlink_.link(); }
 
  private:
   NetemNode(const Scenario& scenario, const ChannelModels& models, EventLoop& loop,

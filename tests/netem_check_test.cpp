@@ -192,7 +192,7 @@ TEST(ChannelCheck, NoticesEachKindOfDeviation) {
   EXPECT_EQ(verdict_on(slow, "PRR"), Verdict::ok);
   EXPECT_EQ(verdict_on(slow, "mean loss burst"), Verdict::outside);
   EXPECT_EQ(verdict_on(slow, "lag-1 correlation"), Verdict::outside);
-  EXPECT_EQ(verdict_on(slow, "mean sojourn, bad"), Verdict::outside);
+  EXPECT_EQ(verdict_on(slow, "mean sojourn (bad)"), Verdict::outside);
   // A delay that is wrong by 1 %.
   const auto late = check(kModel, simulate(kModel, kBadDelay * 101 / 100, 1, kPackets), 0.08);
   EXPECT_EQ(verdict_on(late, "delay p99"), Verdict::outside);

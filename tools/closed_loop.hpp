@@ -51,6 +51,7 @@ class ClosedLoop {
 
   const SimNode& sim() const { return sim_; }
   const NetemNode& netem() const { return netem_; }
+  NetemNode& netem() { return netem_; }
   /// Null with a direct drivetrain.
   CanLoop* can() { return can_.get(); }
 

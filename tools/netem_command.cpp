@@ -113,6 +113,7 @@ void add_netem_command(CLI::App& tether, Action& action) {
   netem->require_subcommand(1);
   add_fit(*netem, action);
   add_set_and_show(*netem, action);
+  add_netem_scenario_commands(*netem, action);
 }
 
 }  // namespace tether

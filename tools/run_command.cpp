@@ -67,13 +67,15 @@ int run(const Options& options) {
   const double start_s = wall_seconds();
   ClosedLoop loop(scenario);
   RunObserver observer(scenario, loop.loop(), loop.bus());
+  const ChannelWatch channel(scenario, loop.loop(), loop.netem().uplink(), loop.netem().downlink());
   if (folder) folder->record(loop.loop(), loop.bus());
   const Instant end = kStart + from_seconds(scenario.run.duration_s);
   run_with_progress(loop, end);
 
   const RunSummary summary{.wall_time_s = wall_seconds() - start_s,
                            .sim_time_s = to_seconds(end),
-                           .aoi_mean_s = observer.aoi_mean_s(end)};
+                           .aoi_mean_s = observer.aoi_mean_s(end),
+                           .channel = channel.report(end)};
   check_finite(observer);
   const std::string json = to_json(scenario, observer, summary);
   if (folder) folder->write(scenario, observer, json);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "common/version.hpp"
+#include "tools/channel_report.hpp"
 
 namespace tether {
 namespace {
@@ -112,6 +113,10 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   json["version"] = kVersion;
   json["uplink"] = link_json(run.uplink());
   json["downlink"] = link_json(run.downlink());
+  if (summary.channel) {
+    json["uplink"].update(to_json(summary.channel->uplink));
+    json["downlink"].update(to_json(summary.channel->downlink));
+  }
   json["aoi_ms_mean"] = summary.aoi_mean_s * 1e3;
   if (run.drivetrain()) json["drivetrain"] = drivetrain_json(*run.drivetrain());
   json["node_restarts"] = summary.node_restarts;
@@ -126,7 +131,9 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
       fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
                   truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
   text += link_text("uplink", run.uplink());
+  if (summary.channel) text += to_text(summary.channel->uplink);
   text += link_text("downlink", run.downlink());
+  if (summary.channel) text += to_text(summary.channel->downlink);
   text += fmt::format("{:<9} mean age of the controller's pose {:.0f} ms\n", "age",
                       summary.aoi_mean_s * 1e3);
   if (run.drivetrain()) text += drivetrain_text(*run.drivetrain());

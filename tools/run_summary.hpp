@@ -1,8 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "common/scenario.hpp"
+#include "netem/channel_watch.hpp"
 #include "tools/run_observer.hpp"
 
 namespace tether {
@@ -13,6 +15,7 @@ struct RunSummary {
   double sim_time_s = 0.0;
   double aoi_mean_s = 0.0;
   int node_restarts = 0;  ///< live runs: how often a node died and was started again
+  std::optional<ChannelReport> channel = {};  ///< of runs in virtual time
 };
 
 /// Share of the offered packets that were not lost; NaN before the first.
