@@ -10,3 +10,4 @@ tether_add_script_test(NAME logger_test SCRIPT logger_test.sh LABELS live TIMEOU
 tether_add_script_test(NAME spy_test SCRIPT spy_test.sh LABELS live TIMEOUT 180)
 tether_add_test(NAME netem_fit_files_test SOURCES netem_fit_files_test.cpp
   LIBS tether_netem_fit_files tether_tools_core)
+tether_add_test(NAME channel_figure_test SOURCES channel_figure_test.cpp LIBS tether_tools_core)

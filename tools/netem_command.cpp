@@ -77,6 +77,7 @@ void add_netem_command(CLI::App& tether, Action& action) {
   netem->require_subcommand(1);
   add_fit(*netem, action);
   add_netem_scenario_commands(*netem, action);
+  add_netem_plot_command(*netem, action);
 }
 
 }  // namespace tether
