@@ -12,3 +12,4 @@ tether_add_test(NAME netem_fit_files_test SOURCES netem_fit_files_test.cpp
   LIBS tether_netem_fit_files tether_tools_core)
 tether_add_script_test(NAME netem_commands_test SCRIPT netem_commands_test.py LABELS live
   TIMEOUT 120)
+tether_add_test(NAME channel_figure_test SOURCES channel_figure_test.cpp LIBS tether_tools_core)

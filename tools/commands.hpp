@@ -19,5 +19,6 @@ void add_can_command(CLI::App& tether, Action& action);
 void add_netem_command(CLI::App& tether, Action& action);
 /// `tether netem check` and `tether netem export-tc`.
 void add_netem_scenario_commands(CLI::App& netem, Action& action);
+void add_netem_plot_command(CLI::App& netem, Action& action);
 
 }  // namespace tether

@@ -114,6 +114,7 @@ void add_netem_command(CLI::App& tether, Action& action) {
   add_fit(*netem, action);
   add_set_and_show(*netem, action);
   add_netem_scenario_commands(*netem, action);
+  add_netem_plot_command(*netem, action);
 }
 
 }  // namespace tether

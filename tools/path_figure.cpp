@@ -2,11 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-#include <stdexcept>
 #include <string>
 
-#include "tools/process.hpp"
+#include "tools/gnuplot.hpp"
 
 namespace tether {
 namespace {
@@ -22,7 +20,6 @@ std::string channel_text(const char* name, const LinkConfig& link) {
 
 std::string variables(const Scenario& scenario, double epsilon_m) {
   return fmt::format(
-      "# Run in this folder: gnuplot path.gp\n"
       "title_text = \"ε = {:.2f} m   ({}; {}; seed {})\"\n"
       "wall = {}\n",
       epsilon_m, channel_text("up", scenario.channel.uplink),
@@ -60,18 +57,7 @@ set output
 
 void draw_path_figure(const std::filesystem::path& folder, const Scenario& scenario,
                       double epsilon_m) {
-  std::ofstream out(folder / "path.gp");
-  out << variables(scenario, epsilon_m) << kScript;
-  out.close();
-  if (!out) throw std::runtime_error(fmt::format("cannot write \"{}/path.gp\"", folder.string()));
-  const int code = run_process({"gnuplot", "path.gp"}, folder);
-  if (code == 127) {
-    throw std::runtime_error("cannot draw the path: gnuplot is missing; apt install gnuplot-nox");
-  }
-  if (code != 0) {
-    throw std::runtime_error(
-        fmt::format("gnuplot failed on \"{}/path.gp\" with exit code {}", folder.string(), code));
-  }
+  run_gnuplot(folder, "path.gp", variables(scenario, epsilon_m) + kScript);
 }
 
 }  // namespace tether
