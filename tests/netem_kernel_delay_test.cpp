@@ -43,6 +43,10 @@ std::vector<std::string> normal(double delay_ms, double sd_ms) {
 
 struct KernelDelay : ::testing::Test {
   static void SetUpTestSuite();
+  void SetUp() override {
+    ASSERT_EQ(run.received(), static_cast<std::int64_t>(kLanes * kPackets));
+    ASSERT_GE(lateness(kDelay_ms).size(), 1000U) << "this machine paused all the time";
+  }
   /// In ms, as the kernel delayed the packets of the lane.
   static std::vector<double> kernel(Lane lane);
   /// How much later than after `delay_ms` the kernel released packets with a constant delay, of
@@ -67,8 +71,7 @@ void KernelDelay::SetUpTestSuite() {
   qdiscs.add(fmt::format("parent 1:2 handle 20: netem limit 100000 delay {}ms {}ms", kDelay_ms,
                          kUniform_ms));
   qdiscs.add(
-      fmt::format("parent 1:3 handle 30: netem limit 100000 delay {}ms {}ms "
-                  "distribution normal",
+      fmt::format("parent 1:3 handle 30: netem limit 100000 delay {}ms {}ms distribution normal",
                   kDelay_ms, kNormal_ms));
   run = UdpProbe().send_paced(kLanes * kPackets, std::chrono::microseconds{200}, kLanes);
   const auto counts = qdiscs.counts();
@@ -82,7 +85,6 @@ void KernelDelay::SetUpTestSuite() {
   const std::int64_t took_ns = run.sent_ns.back() - run.sent_ns.front();
   fmt::print("{:.1f} s, {:.2f} % of them in pauses\n", static_cast<double>(took_ns) * 1e-9,
              100.0 * static_cast<double>(paused_ns) / static_cast<double>(took_ns));
-  ASSERT_GE(lateness(kDelay_ms).size(), 1000U) << "this machine paused all the time";
 }
 
 double to_ms(std::int64_t ns) { return static_cast<double>(ns) * 1e-6; }
