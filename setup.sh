@@ -20,7 +20,7 @@ if [ "${1:-}" = tests ]; then
         clang-format clang-tidy                     # lint
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         procps util-linux python3                   # process tests
-        user-mode-linux can-utils python3-can tshark # tests on a CAN bus
+        user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
     )
 fi
 

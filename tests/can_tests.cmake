@@ -58,11 +58,19 @@ tether_add_test(NAME can_golden_test SOURCES can_golden_test.cpp
   LIBS tether_can_bridge_core tether_can_drive_core tether_can_bus fmt::fmt)
 
 # --- SocketCAN and vcan (label vcan)
-# tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds): runs `file BIN_DIR`
-# or the program where CAN interfaces can be made (uml/with_can.sh). What it writes to
-# $TETHER_CAN_RESULTS stays in the build folder's can_results/. Labels vcan and where they run.
+# tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds [NETEM]): runs
+# `file BIN_DIR` or the program where CAN interfaces can be made, or with NETEM where tc has netem
+# (uml/with_can.sh). What it writes to $TETHER_CAN_RESULTS stays in the build folder's can_results/.
+# Labels vcan or kernel, and where they run.
 function(tether_add_can_test)
-  cmake_parse_arguments(T "" "NAME;SCRIPT;PROGRAM;TIMEOUT" "" ${ARGN})
+  cmake_parse_arguments(T "NETEM" "NAME;SCRIPT;PROGRAM;TIMEOUT" "" ${ARGN})
+  if(T_NETEM)
+    set(network --netem)
+    set(labels kernel ${netem_kernel})
+  else()
+    set(network)
+    set(labels vcan ${can_kernel})
+  endif()
   if(T_PROGRAM)
     set(command $<TARGET_FILE:${T_PROGRAM}>)
   else()
@@ -73,22 +81,28 @@ function(tether_add_can_test)
   endif()
   set(results ${CMAKE_BINARY_DIR}/can_results/${T_NAME})
   file(MAKE_DIRECTORY ${results})
-  add_test(NAME ${T_NAME} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/uml/with_can.sh ${command})
+  add_test(NAME ${T_NAME} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/uml/with_can.sh
+    ${network} ${command})
   math(EXPR own "3 * ${T_TIMEOUT}")  # parts that met a pause of this machine are run again
   math(EXPR timeout "${own} + 20")  # with_can.sh's own comes first, and says more
-  set_tests_properties(${T_NAME} PROPERTIES LABELS "vcan;${can_kernel}" TIMEOUT ${timeout}
+  set_tests_properties(${T_NAME} PROPERTIES LABELS "${labels}" TIMEOUT ${timeout}
     RESOURCE_LOCK processor_of_uml COST 300
     ENVIRONMENT "TETHER_CAN_TIMEOUT=${own};TETHER_CAN_RESULTS=${results}")
 endfunction()
 
 # Where they run is a label too: native or uml; none, if they cannot run here and will fail.
-execute_process(COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/uml/with_can.sh --where
-  OUTPUT_VARIABLE can_kernel ERROR_QUIET)
-string(REGEX MATCH "native|User-Mode" can_kernel "${can_kernel}")
-string(REPLACE "User-Mode" "uml" can_kernel "${can_kernel}")
-if(NOT can_kernel)
-  set(can_kernel none)
-endif()
+function(tether_find_kernel variable)
+  execute_process(COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/uml/with_can.sh ${ARGN} --where
+    OUTPUT_VARIABLE kernel ERROR_QUIET)
+  string(REGEX MATCH "native|User-Mode" kernel "${kernel}")
+  string(REPLACE "User-Mode" "uml" kernel "${kernel}")
+  if(NOT kernel)
+    set(kernel none)
+  endif()
+  set(${variable} ${kernel} PARENT_SCOPE)
+endfunction()
+tether_find_kernel(can_kernel)
+tether_find_kernel(netem_kernel --netem)
 
 add_executable(socket_can_test socket_can_test.cpp socket_can_controller_test.cpp)
 target_link_libraries(socket_can_test PRIVATE

@@ -14,7 +14,10 @@ import termios
 import traceback
 from subprocess import PIPE, STDOUT, Popen
 
-MODULES = ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan", "slcan", "can-gw")
+MODULES = {
+    "vcan": ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan", "slcan", "can-gw"),
+    "netem": ("sch_netem", "sch_prio"),
+}
 
 FINIT_MODULE = 313  # on x86-64, the only machine that User-Mode Linux has
 POWER_OFF = 0x4321FEDC  # linux/reboot.h
@@ -49,13 +52,14 @@ def load_modules():
     folder = f"/usr/lib/uml/modules/{os.uname().release}/"
     with open(folder + "modules.dep") as dependencies:
         files = {m[2]: m[1] for m in re.finditer(r"^(\S*/(\S+)\.ko):", dependencies.read(), re.M)}
-    for name in MODULES:
+    for name in MODULES[os.environ["tether_network"]]:
         with open(folder + files[name], "rb") as module:
             checked(libc.syscall(FINIT_MODULE, module.fileno(), b"", 0), f"loading {name}")
 
 
 def run_command(job):
-    network = os.path.join(os.path.dirname(os.path.realpath(__file__)), "can_network.sh")
+    folder = os.path.dirname(os.path.realpath(__file__))
+    network = f"{folder}/{os.environ['tether_network']}_network.sh"
     script = f"""
         . {job}/environment && cd "$PWD" &&
         export HOME=/run/home TMPDIR=/run/tmp TETHER_OWN_NETWORK=yes &&

@@ -3,6 +3,7 @@
 # route for LCM, vcan0 and vcan1 (up), and whatever interfaces the command makes itself.
 #   with_can.sh COMMAND ARGS...
 #   with_can.sh --where     only says where it would run
+#   with_can.sh --netem …   either, in a network that has tc's netem instead, and lo alone
 # Natively where this kernel can do it, else in User-Mode Linux, which needs neither root nor KVM:
 # a Linux kernel as a process, whose root file system is this machine's own, with this user's
 # rights; one CPU, 1 GB; /dev, /run, $HOME and $TMPDIR are its own.
@@ -14,6 +15,11 @@
 set -euo pipefail
 here=$(dirname "$(readlink -f "$0")")
 timeout_s=${TETHER_CAN_TIMEOUT:-300}
+network=vcan
+if [ "${1:-}" = --netem ]; then
+    network=netem
+    shift
+fi
 # Debian's tools first: its python3 is the one that has python3-can.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin:$PATH
 
@@ -23,19 +29,24 @@ isolate() { # unshare's options and command; for others than root in a user name
     exec setpriv --pdeathsig KILL unshare "${user[@]}" "$@"
 }
 
-native_has_can() { # and, for all tests, serial-line CAN, which wants the machine's root
+native_has_vcan() { # and, for all tests, serial-line CAN, which wants the machine's root
     [ "$(id -u)" = 0 ] || return 1
-    (isolate --net "$here/can_network.sh" ip link add type vxcan) >/dev/null 2>&1 || return 1
+    (isolate --net "$here/vcan_network.sh" ip link add type vxcan) >/dev/null 2>&1 || return 1
     [ -d /sys/module/slcan ] || modprobe --quiet slcan
 }
 
-say_native() { echo "can: native vcan"; }
-say_uml() { echo "can: User-Mode Linux $("$uml" --version)"; }
+native_has_netem() {
+    (isolate --net sh -c "tc qdisc add dev lo root handle 1: prio &&
+        tc qdisc add dev lo parent 1:1 netem delay 1ms") >/dev/null 2>&1
+}
+
+say_native() { echo "$network: native, Linux $(uname -r)"; }
+say_uml() { echo "$network: User-Mode Linux $("$uml" --version)"; }
 
 run_native() {
     say_native
     export TETHER_CAN_KERNEL=native
-    isolate --net "$here/can_network.sh" timeout --kill-after=5 "$timeout_s" "$@"
+    isolate --net "$here/${network}_network.sh" timeout --kill-after=5 "$timeout_s" "$@"
 }
 
 run_in_uml() {
@@ -61,7 +72,8 @@ run_in_uml() {
     (isolate --pid --fork --kill-child -- timeout --kill-after=1 "$timeout_s" \
         "${run[@]}" env --chdir=/ TMPDIR="$memory" "$uml" rootfstype=hostfs rootflags=/ rw mem=1024M \
         uml_dir="$job/" con=null con0=null,fd:3 ssl=null ssl0=null,fd:1 quiet \
-        init="$here/guest_init.py" tether_job="$job" </dev/null 3>"$job/kernel_log") &
+        init="$here/guest_init.py" tether_job="$job" tether_network="$network" \
+        </dev/null 3>"$job/kernel_log") &
     uml_pid=$!
     wait "$uml_pid" || true
     uml_pid=
@@ -74,15 +86,18 @@ run_in_uml() {
 }
 
 if [ $# = 0 ]; then
-    echo "usage: with_can.sh COMMAND ARGS... | --where" >&2
+    echo "usage: with_can.sh [--netem] COMMAND ARGS... | --where" >&2
     exit 1
-elif native_has_can; then
+elif [ "$network" = netem ] && ! command -v tc >/dev/null; then
+    echo "no tc: install iproute2" >&2
+    exit 1
+elif "native_has_$network"; then
     [ "$1" != --where ] || { say_native; exit; }
     run_native "$@"
 elif uml=$(command -v linux.uml); then
     [ "$1" != --where ] || { say_uml; exit; }
     run_in_uml "$@"
 else
-    echo "no vcan in this kernel and no User-Mode Linux: install user-mode-linux" >&2
+    echo "no $network in this kernel and no User-Mode Linux: install user-mode-linux" >&2
     exit 1
 fi
