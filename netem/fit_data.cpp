@@ -7,14 +7,14 @@
 namespace tether {
 namespace {
 
-using Segment = std::vector<PacketFate>;
+using Segment = std::vector<LoggedPacket>;
 
 /// The packets of one segment, from its arrivals sorted by number, without duplicates.
 Segment fill_gaps(const std::vector<Reception>& arrivals) {
   Segment segment;
   for (const Reception& r : arrivals) {
     if (!segment.empty()) {
-      const PacketFate before = segment.back();
+      const LoggedPacket before = segment.back();
       const std::int64_t steps =
           r.seq - arrivals[0].seq - static_cast<std::int64_t>(segment.size()) + 1;
       for (std::int64_t k = 1; k < steps; ++k) {
@@ -36,7 +36,7 @@ double quantile(std::vector<double>& values, double q) {
 /// Arrival times that went back, by reordering, are set to the latest before.
 void make_monotone(Segment& segment) {
   double latest_s = segment.front().time_s;
-  for (PacketFate& p : segment) p.time_s = latest_s = std::max(latest_s, p.time_s);
+  for (LoggedPacket& p : segment) p.time_s = latest_s = std::max(latest_s, p.time_s);
 }
 
 void regularise(FateLog& log) {
@@ -75,7 +75,7 @@ std::int64_t FateLog::packets() const {
 std::int64_t FateLog::lost() const {
   std::int64_t sum = 0;
   for (const Segment& s : segments) {
-    sum += std::count_if(s.begin(), s.end(), [](const PacketFate& p) { return p.lost; });
+    sum += std::count_if(s.begin(), s.end(), [](const LoggedPacket& p) { return p.lost; });
   }
   return sum;
 }
@@ -112,7 +112,7 @@ FateLog fates_from_receptions(const std::vector<Reception>& receptions) {
   return log;
 }
 
-FateLog fates_from_packets(std::vector<PacketFate> packets) {
+FateLog fates_from_packets(std::vector<LoggedPacket> packets) {
   FateLog log;
   if (packets.empty()) return log;
   log.segments.push_back(std::move(packets));

@@ -15,7 +15,7 @@ struct Reception {
 };
 
 /// A packet that was sent.
-struct PacketFate {
+struct LoggedPacket {
   double time_s = 0.0;
   bool lost = false;
   double delay_s = std::numeric_limits<double>::quiet_NaN();
@@ -24,7 +24,7 @@ struct PacketFate {
 /// What a channel did to a stream of packets, in the order of sending.
 struct FateLog {
   /// Stretches of consecutive packets; a new one begins where the sender started anew.
-  std::vector<std::vector<PacketFate>> segments;
+  std::vector<std::vector<LoggedPacket>> segments;
   /// The sender is periodic: the times are replaced by multiples of its period.
   bool periodic = false;
   double interval_s = 0.0;      ///< mean time between packets; 0 below two
@@ -51,6 +51,6 @@ FateLog fates_from_receptions(const std::vector<Reception>& receptions);
 
 /// The same where the fates are known: completes the log's interval and periodicity from the times
 /// of `packets`, which are in the order of sending.
-FateLog fates_from_packets(std::vector<PacketFate> packets);
+FateLog fates_from_packets(std::vector<LoggedPacket> packets);
 
 }  // namespace tether

@@ -163,7 +163,7 @@ std::optional<MarkovFit> fit_markov(const FateLog& log, const RunLog& runs, cons
 double mean_delay(const FateLog& log) {
   double sum = 0.0, count = 0.0;
   for (const auto& segment : log.segments) {
-    for (const PacketFate& p : segment) {
+    for (const LoggedPacket& p : segment) {
       if (p.lost || std::isnan(p.delay_s)) continue;
       sum += p.delay_s;
       count += 1.0;
@@ -177,7 +177,7 @@ void add_delays(const FateLog& log, MarkovFit& fit) {
   double sums[2] = {0.0, 0.0}, weights[2] = {0.0, 0.0};
   std::size_t i = 0;
   for (const auto& segment : log.segments) {
-    for (const PacketFate& p : segment) {
+    for (const LoggedPacket& p : segment) {
       const double w[2] = {1.0 - bad[i], bad[i]};
       ++i;
       if (p.lost || std::isnan(p.delay_s)) continue;
@@ -218,7 +218,7 @@ GoodnessOfFit test_choice(const FateLog& log, const ChannelFit& fit, RandomEngin
   FateBits observed;
   for (const auto& segment : log.segments) {
     auto& out = observed.emplace_back();
-    for (const PacketFate& p : segment) out.push_back(p.lost ? 1 : 0);
+    for (const LoggedPacket& p : segment) out.push_back(p.lost ? 1 : 0);
   }
   const GilbertElliott& g = fit.candidates[fit.best].model;
   const double pi_bad = g.p > 0.0 ? g.p / (g.p + g.r) : 0.0;

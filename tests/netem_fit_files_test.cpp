@@ -46,7 +46,7 @@ std::string fates(const FitInput& input) {
   std::string word;
   for (const auto& segment : input.log.segments) {
     if (!word.empty()) word += '|';
-    for (const PacketFate& p : segment) word += p.lost ? 'x' : '.';
+    for (const LoggedPacket& p : segment) word += p.lost ? 'x' : '.';
   }
   return word;
 }

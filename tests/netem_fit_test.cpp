@@ -22,13 +22,13 @@ using testing::gilbert_elliott;
 using testing::uniform;
 
 FateLog log_of(Chain chain, int packets, double interval_s = 0.05) {
-  std::vector<PacketFate> fates;
+  std::vector<LoggedPacket> fates;
   for (int i = 0; i < packets; ++i) fates.push_back({i * interval_s, chain.next_is_lost()});
   return fates_from_packets(std::move(fates));
 }
 
 FateLog log_of(const std::vector<int>& fates) {
-  std::vector<PacketFate> packets;
+  std::vector<LoggedPacket> packets;
   for (int lost : fates) packets.push_back({0.05 * static_cast<double>(packets.size()), lost == 1});
   return fates_from_packets(std::move(packets));
 }
@@ -211,7 +211,7 @@ TEST(FitChannel, RecoversAProcessInTimeFromIrregularPackets) {
   int covers[4] = {}, chosen = 0;
   for (std::uint64_t seed = 1; seed <= kLogs; ++seed) {
     RandomEngine random(seed);
-    std::vector<PacketFate> packets;
+    std::vector<LoggedPacket> packets;
     bool bad = false;
     double t = 0.0, until = 0.0;
     for (int i = 0; i < 15000; ++i) {
@@ -241,7 +241,7 @@ TEST(FitChannel, RecoversAProcessInTimeFromIrregularPackets) {
 TEST(FitChannel, FindsTheDelayOfEachState) {
   const MarkovModel truth{1.0, 0.2, 4.0, 2.0};
   Chain chain = gilbert_elliott(sampled(truth, 0.05), 1);
-  std::vector<PacketFate> packets;
+  std::vector<LoggedPacket> packets;
   for (int i = 0; i < 20000; ++i) {
     const double delay_s = chain.state == 1 ? 0.2 : 0.01;
     const bool lost = chain.next_is_lost();

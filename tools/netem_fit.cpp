@@ -26,7 +26,7 @@ double delay_of(const CsvTable& table) {
 }
 
 FateLog read_packets(CsvTable& table) {
-  std::vector<PacketFate> packets;
+  std::vector<LoggedPacket> packets;
   while (table.next_row()) {
     const std::string_view lost = table.cell("lost");
     if (lost != "0" && lost != "1") table.refuse("lost", "0 or 1");
