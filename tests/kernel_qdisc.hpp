@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -32,7 +33,13 @@ struct QdiscCounts {
 /// the object is.
 class LoQdiscs {
  public:
-  LoQdiscs() = default;
+  /// Refuses to touch a machine's own lo.
+  LoQdiscs() {
+    if (std::getenv("TETHER_CAN_KERNEL") == nullptr) {
+      throw std::runtime_error(
+          "wants a network of its own: run it in tests/uml/with_can.sh --netem");
+    }
+  }
   ~LoQdiscs() {
     if (any_) tc("qdisc del dev lo root");
   }
