@@ -276,6 +276,13 @@ void check_shared_state(const Scenario::Channel& channel, const std::string& sou
     throw UsageError(fmt::format(
         "{}: channel.shared_state = true needs the same matrix for uplink and downlink", source));
   }
+  if ((uplink.model == Model::trace && uplink.trace != downlink.trace) ||
+      (uplink.model == Model::map && uplink.map != downlink.map)) {
+    throw UsageError(
+        fmt::format("{0}: channel.shared_state = true needs the same {1} for uplink and downlink "
+                    "(set channel.{1}.… for both)",
+                    source, uplink.model_name()));
+  }
   const bool per_packet =
       uplink.model == Model::gilbert_elliott || uplink.model == Model::four_state ||
       (uplink.model == Model::chain && !up.probabilities.empty() && up.step_s == 0.0);

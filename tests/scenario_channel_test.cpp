@@ -195,6 +195,11 @@ TEST(ScenarioChannel, ASharedStateNeedsAModelThatMovesInTime) {
   auto unequal = chain;
   unequal.emplace_back("channel.uplink.chain.rates_per_s=[[0, 2], [1, 0]]");
   EXPECT_THAT(with(unequal), HasSubstr("needs the same matrix"));
+  const std::vector<std::string> map{"channel.model=map", "channel.map.access_points=[[0, 0]]"};
+  EXPECT_EQ(with(map), "accepted");
+  auto elsewhere = map;
+  elsewhere.emplace_back("channel.uplink.map.access_points=[[5, 0]]");
+  EXPECT_THAT(with(elsewhere), HasSubstr("needs the same map for uplink and downlink"));
 }
 
 TEST(ScenarioChannel, LinksByNameHaveTheKeysOfTheUplink) {
