@@ -47,7 +47,7 @@ std::vector<ChannelCheck> LinkMonitor::checks(Instant end,
   } else {
     checks = open_checks(options.shown_confidence);
   }
-  leave_open(checks);
+  leave_open(checks, options.shown_confidence);
   return checks;
 }
 
@@ -70,11 +70,14 @@ std::vector<ChannelCheck> LinkMonitor::open_checks(double confidence) const {
   return checks;
 }
 
-void LinkMonitor::leave_open(std::vector<ChannelCheck>& checks) const {
-  const auto open = [](ChannelCheck& check, const std::string& reason) {
+void LinkMonitor::leave_open(std::vector<ChannelCheck>& checks, double confidence) const {
+  // Where the model predicts no value, it predicts no spread either.
+  const std::vector<ChannelCheck> measured = open_checks(confidence);
+  const auto open = [&measured](ChannelCheck& check, const std::string& reason) {
     if (reason.empty()) return;
-    check.configured = std::numeric_limits<double>::quiet_NaN();
-    check.verdict = Verdict::not_comparable;
+    for (const ChannelCheck& m : measured) {
+      if (m.quantity == check.quantity) check = m;
+    }
     check.reason = reason;
   };
   for (ChannelCheck& check : checks) {

@@ -35,8 +35,9 @@ class LinkMonitor {
   std::vector<ChannelCheck> checks(Instant end, const ChannelCheckOptions& options = {}) const;
 
  private:
+  /// As measured: with intervals by the packets' own correlation, and no verdict.
   std::vector<ChannelCheck> open_checks(double confidence) const;
-  void leave_open(std::vector<ChannelCheck>& checks) const;
+  void leave_open(std::vector<ChannelCheck>& checks, double confidence) const;
 
   LinkExpectation expected_;
   LossRecord loss_;

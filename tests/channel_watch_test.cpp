@@ -134,9 +134,9 @@ TEST(ChannelReport, WhatIsOutsideHasARowInTheSummary) {
       to_text(link),
       "          channel as configured: delay p50\n"
       "          NOT AS CONFIGURED\n"
-      "          quantity                      configured    achieved  95 % interval           "
+      "          quantity                        configured    achieved  95 % interval           "
       "verdict\n"
-      "          PRR                                  0.8         0.9  0.89 … 0.91             "
+      "          PRR                                    0.8         0.9  0.89 … 0.91             "
       "outside\n");
   EXPECT_EQ(to_json(link)["channel_check"], "outside");
 }

@@ -56,6 +56,7 @@ def bad_input_is_refused(test):
         (["check"], "scenario is required"),
         (["check", "nothing.toml"], "nothing.toml"),
         (["check", PAPER, "--packets", "0"], "--packets"),
+        (["check", PAPER, "--packets", "1000000000", "--set", "sensor.rate_hz=0.1"], "at most 4"),
         (["check", PAPER, *set_keys("channel.prr=2")], "channel.prr"),
         (["export-tc"], "scenario is required"),
         (["export-tc", PAPER, "--interface", "eth0; reboot"], "--interface"),
@@ -65,25 +66,23 @@ def bad_input_is_refused(test):
         check(what in err, f"no '{what}' in: {err}")
 
 
+JITTER = "channel.jitter.mean_ms=30 channel.jitter.sd_ms=10 channel.jitter.law="
 EXPORTS = [
-    ["channel.prr=0.45", "channel.delay_ms=100"],
-    ["channel.jitter.law=uniform", "channel.jitter.mean_ms=9.5", "channel.jitter.sd_ms=5",
-     "channel.in_order=true"],
-    ["channel.model=gilbert_elliott", "channel.gilbert_elliott.prr=0.8",
-     "channel.gilbert_elliott.mean_burst=4", "channel.jitter.law=pareto",
-     "channel.jitter.mean_ms=30", "channel.jitter.sd_ms=10", "channel.duplicate.probability=0.02",
-     "channel.corrupt.probability=1e-5", "channel.rate.bits_per_s=1e6",
-     "channel.reorder.probability=0.25", "channel.reorder.gap=5"],
-    ["channel.model=four_state", "channel.four_state.p13=0.02", "channel.four_state.p31=0.3",
-     "channel.jitter.law=paretonormal", "channel.jitter.mean_ms=30", "channel.jitter.sd_ms=10"],
-    ["channel.jitter.law=normal", "channel.jitter.mean_ms=30", "channel.jitter.sd_ms=10"],
-]  # fmt: skip
+    "channel.prr=0.45 channel.delay_ms=100",
+    JITTER + "normal",
+    JITTER + "uniform channel.in_order=true channel.corrupt.probability=1e-5",
+    JITTER + "pareto channel.reorder.probability=0.25 channel.reorder.gap=5",
+    JITTER + "paretonormal channel.rate.bits_per_s=1e6 channel.duplicate.probability=0.02",
+    "channel.model=gilbert_elliott channel.gilbert_elliott.prr=0.8 "
+    "channel.gilbert_elliott.mean_burst=4",
+    "channel.model=four_state channel.four_state.p13=0.02 channel.four_state.p31=0.3",
+]
 
 
 def export_is_a_script_that_tc_understands(test):
     tc = shutil.which("tc") or shutil.which("tc", path="/usr/sbin:/sbin")
     for keys in EXPORTS:
-        out, err = netem(test, 0, "export-tc", PAPER, "--interface", "lo", *set_keys(*keys))
+        out, err = netem(test, 0, "export-tc", PAPER, "--interface", "lo", *set_keys(*keys.split()))
         check(err == "", err)
         commands = [line for line in out.splitlines() if not line.startswith("#")]
         check(len(commands) == 2, out)

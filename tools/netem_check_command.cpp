@@ -11,6 +11,7 @@
 
 #include "common/channel_names.hpp"
 #include "common/cli.hpp"
+#include "common/errors.hpp"
 #include "netem/channel_watch.hpp"
 #include "netem/tc_export.hpp"
 #include "tools/channel_report.hpp"
@@ -77,8 +78,20 @@ nlohmann::ordered_json json_of(const ChannelReport::Direction& link, const LinkT
   return json;
 }
 
+/// Times are counted in nanoseconds.
+void check_length(const Options& options, const Scenario& scenario) {
+  constexpr double kLongest_s = 4e9;
+  for (const LinkTraffic& traffic : {pose_traffic(scenario), command_traffic(scenario, false)}) {
+    if (static_cast<double>(options.packets) * traffic.interval_s <= kLongest_s) continue;
+    throw UsageError(fmt::format("--packets {}: at one packet every {:g} s, must be at most {:.0f}",
+                                 options.packets, traffic.interval_s,
+                                 kLongest_s / traffic.interval_s));
+  }
+}
+
 int check(const Options& options) {
   const Scenario scenario = load(options);
+  check_length(options, scenario);
   ChannelReport report;
   {
     Progress progress(2 * options.packets);
