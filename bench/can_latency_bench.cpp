@@ -1,22 +1,20 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <memory>
 #include <stdexcept>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "bench/can_tap.hpp"
 #include "bench/cpu_time.hpp"
 #include "bench/live_drivetrain.hpp"
+#include "bench/samples.hpp"
 
 // Latencies and loads of the CAN bridge as a process, on a real (virtual) CAN interface and a real
 // LCM network, with a bare SocketCAN echo in the same run. Needs vcan0 and vcan1 and runs through
@@ -31,6 +29,7 @@ namespace {
 
 using bench::CanTap;
 using bench::LiveDrivetrain;
+using bench::Samples;
 using bench::wall_ns;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
@@ -64,30 +63,6 @@ LiveDrivetrain& drivetrain(std::int64_t cycle_ms) {
   running->ensure_armed();
   return *running;
 }
-
-/// Times of single events, in ns.
-class Samples {
- public:
-  void add(std::int64_t ns) { ns_.push_back(ns); }
-  std::size_t size() const { return ns_.size(); }
-  /// Nearest rank, ms.
-  double percentile_ms(double share) {
-    std::sort(ns_.begin(), ns_.end());
-    const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(ns_.size())));
-    return static_cast<double>(ns_.at(std::max<std::size_t>(rank, 1) - 1)) * 1e-6;
-  }
-  void report(benchmark::State& state) {
-    if (ns_.empty()) throw std::runtime_error("nothing was measured");
-    state.SetIterationTime(percentile_ms(0.50) * 1e-3);
-    state.counters["p50_ms"] = percentile_ms(0.50);
-    state.counters["p99_ms"] = percentile_ms(0.99);
-    state.counters["max_ms"] = percentile_ms(1.0);
-    state.counters["samples"] = static_cast<double>(ns_.size());
-  }
-
- private:
-  std::vector<std::int64_t> ns_;
-};
 
 /// As many samples as wanted, or as there is time for.
 template <class Measure>

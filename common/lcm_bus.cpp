@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -78,18 +79,27 @@ struct LcmBus::Subscription {
 
 LcmBus::LcmBus(const std::string& url, EventLoop& loop)
     : loop_(loop), url_(reachable_lcm_url(url)), lcm_(std::make_unique<lcm::LCM>(url_)) {
+  if (!lcm_->good()) throw std::runtime_error(unreachable(url_));
+  if (multicast_group(url_).empty()) listen();  // whether a TCP service is there shows only now
+}
+
+LcmBus::~LcmBus() {
+  if (fd_ >= 0) loop_.remove_fd(fd_);
+}
+
+void LcmBus::listen() {
+  if (fd_ >= 0) return;
   // LCM makes its receiving socket when it is first asked for its descriptor.
   const std::vector<int> before = udp_sockets(lcm_port(url_));
-  if (!lcm_->good() || lcm_->getFileno() < 0) throw std::runtime_error(unreachable(url_));
+  fd_ = lcm_->getFileno();
+  if (fd_ < 0) throw std::runtime_error(unreachable(url_));
   if (!multicast_group(url_).empty()) {
     const std::vector<int> now = udp_sockets(lcm_port(url_));
     std::set_difference(now.begin(), now.end(), before.begin(), before.end(),
                         std::back_inserter(sockets_));
   }
-  loop.add_fd(lcm_->getFileno(), [this](Instant) { handle_pending(); });
+  loop_.add_fd(fd_, [this](Instant) { handle_pending(); });
 }
-
-LcmBus::~LcmBus() { loop_.remove_fd(lcm_->getFileno()); }
 
 void LcmBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
   const int result =
@@ -105,6 +115,7 @@ void LcmBus::subscribe(const std::string& channel_regex, int queue_capacity, Han
     throw UsageError(
         fmt::format("channel pattern \"{}\" is not a regular expression", channel_regex));
   }
+  listen();
   subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
   // LCM puts ^ and $ around the pattern, which bind to the outer alternatives of "A|B" only.
   lcm::Subscription* subscription = lcm_->subscribeFunction(
@@ -130,7 +141,9 @@ void LcmBus::handle_pending() {
     const int handled = lcm_->handleTimeout(0);
     if (handler_error_) std::rethrow_exception(std::exchange(handler_error_, nullptr));
     if (handled < 0) throw std::runtime_error(fmt::format("lost the LCM network {}", url_));
-    if (handled == 0) return;
+    // LCM's pipe has a byte in it for as long as messages wait.
+    int waiting = 0;
+    if (handled == 0 || (ioctl(fd_, FIONREAD, &waiting) == 0 && waiting == 0)) return;
   }
 }
 

@@ -22,6 +22,8 @@ std::string reachable_lcm_url(const std::string& url);
 /// A real LCM network, driven by an event loop. Handlers run in the loop's thread; an exception
 /// from one is carried past LCM's C frames and rethrown to the loop.
 ///
+/// A bus that nobody subscribes to does not receive.
+///
 /// LCM has no authentication, and two crafted fragments can crash any LCM program
 /// (LCM pull request 628): keep the port on a trusted or isolated network.
 class LcmBus final : public Bus {
@@ -48,12 +50,14 @@ class LcmBus final : public Bus {
 
  private:
   struct Subscription;
+  void listen();
   void handle_pending();
 
   EventLoop& loop_;
   std::string url_;
   std::unique_ptr<lcm::LCM> lcm_;
   std::vector<std::unique_ptr<Subscription>> subscriptions_;
+  int fd_ = -1;               // readable when messages wait; −1 until the first subscription
   std::vector<int> sockets_;  // on which LCM receives
   std::uint64_t malformed_ = 0;
   std::uint64_t publish_failures_ = 0;

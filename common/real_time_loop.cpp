@@ -144,6 +144,7 @@ void RealTimeLoop::wait(Instant until) {
     const int fd = events[static_cast<std::size_t>(i)].data.fd;
     if (fd == signal_fd_) read_signal();
     // The timerfd needs no read: arming it again clears it.
+    if (fd == timer_fd_) armed_ns_ = kNotArmed;
     const auto found = std::find_if(descriptors_.begin(), descriptors_.end(),
                                     [fd](const Descriptor& d) { return d.fd == fd; });
     if (found == descriptors_.end()) continue;
@@ -153,16 +154,18 @@ void RealTimeLoop::wait(Instant until) {
 }
 
 void RealTimeLoop::arm(Instant until) {
-  itimerspec spec{};
+  std::int64_t ns = 0;  // never
   if (until != Instant::max()) {
     // An absolute time of zero would disarm the timer; one nanosecond is as much in the past.
-    const std::int64_t ns =
-        std::max<std::int64_t>(1, wall_ns(until.time_since_epoch()) + start_monotonic_ns_);
-    spec.it_value.tv_sec = ns / kNanosecondsPerSecond;
-    spec.it_value.tv_nsec = ns % kNanosecondsPerSecond;
+    ns = std::max<std::int64_t>(1, wall_ns(until.time_since_epoch()) + start_monotonic_ns_);
   }
+  if (ns == armed_ns_) return;
+  itimerspec spec{};
+  spec.it_value.tv_sec = ns / kNanosecondsPerSecond;
+  spec.it_value.tv_nsec = ns % kNanosecondsPerSecond;
   check_system_call("arming the timer",
                     timerfd_settime(timer_fd_, TFD_TIMER_ABSTIME, &spec, nullptr));
+  armed_ns_ = ns;
 }
 
 void RealTimeLoop::read_signal() {

@@ -64,6 +64,8 @@ class RealTimeLoop final : public EventLoop {
   TimerQueue timers_;
   std::vector<Descriptor> descriptors_;
   double speed_;
+  static constexpr std::int64_t kNotArmed = -1;
+  std::int64_t armed_ns_ = kNotArmed;  // what the timer is set to; 0: never
   std::int64_t start_monotonic_ns_ = 0;
   int epoll_fd_ = -1;
   int timer_fd_ = -1;

@@ -1,0 +1,253 @@
+#include <benchmark/benchmark.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <ctime>
+#include <exception>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "bench/live_relay.hpp"
+#include "bench/samples.hpp"
+
+// tether-netem --rule as a process between two real LCM networks, beside plain LCM in the same run.
+// Needs a multicast route: tests/in_own_network.sh. It reports, and fails only if nothing is
+// measured.
+
+namespace tether {
+namespace {
+
+using bench::LiveRelay;
+using bench::Samples;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+/// As many messages under way at most: 64 of 300 kB would overflow the sockets.
+std::uint32_t window(std::size_t bytes) { return bytes > 10'000 ? 4 : 64; }
+
+/// Messages per second from publishing to handling, with no more than a window under way; by way of
+/// the relay, or without it.
+class Throughput {
+ public:
+  Throughput(LiveRelay& relay, bool relayed, std::size_t bytes)
+      : relay_(relay), relayed_(relayed), bytes_(bytes), window_(window(bytes)) {
+    const auto heard = [this](std::uint32_t number, std::int64_t) { on_heard(number); };
+    relayed ? relay_.on_far(heard) : relay_.on_plain(heard);
+  }
+  ~Throughput() {
+    relay_.on_far(nullptr);
+    relay_.on_plain(nullptr);
+  }
+  Throughput(const Throughput&) = delete;
+  Throughput& operator=(const Throughput&) = delete;
+
+  double per_s(Duration time) {
+    const std::int64_t start_ns = LiveRelay::now_ns();
+    std::uint32_t before = 0;
+    going_ = true;
+    const Instant end = relay_.loop().now() + time;
+    while (relay_.loop().now() < end) {
+      fill();
+      relay_.run_for(std::min<Duration>(milliseconds{200}, end - relay_.loop().now()));
+      if (next_ == before) skip();
+      before = next_;
+    }
+    const double elapsed_s = static_cast<double>(LiveRelay::now_ns() - start_ns) * 1e-9;
+    const std::uint32_t heard = heard_;
+    going_ = false;
+    relay_.run_for(milliseconds{300}, [this] { return next_ == sent_; });
+    skip();
+    return heard / elapsed_s;
+  }
+  std::uint32_t lost() const { return lost_; }
+  std::uint32_t heard() const { return heard_; }
+
+ private:
+  /// What has not been heard is lost.
+  void skip() {
+    lost_ += sent_ - next_;
+    next_ = sent_;
+  }
+  void on_heard(std::uint32_t number) {
+    lost_ += number - next_;
+    next_ = number + 1;
+    ++heard_;
+    fill();
+  }
+  void fill() {
+    while (going_ && sent_ - next_ < window_) {
+      relayed_ ? relay_.send(sent_, bytes_) : relay_.send_plain(sent_, bytes_);
+      ++sent_;
+    }
+  }
+
+  LiveRelay& relay_;
+  bool relayed_;
+  std::size_t bytes_;
+  std::uint32_t window_;
+  bool going_ = false;
+  std::uint32_t sent_ = 0;
+  std::uint32_t next_ = 0;  // to be heard
+  std::uint32_t heard_ = 0;
+  std::uint32_t lost_ = 0;
+};
+
+/// Relayed and plain in turn; medians.
+void throughput(benchmark::State& state) {
+  const auto bytes = static_cast<std::size_t>(state.range(0));
+  constexpr int kPairs = 7;
+  for (auto unused : state) {
+    (void)unused;
+    LiveRelay relay({});
+    std::vector<double> plain, relayed, ratio;
+    double lost = 0.0, messages = 0.0, cpu_s = 0.0;
+    for (int i = 0; i < kPairs; ++i) {
+      for (const bool way : {false, true}) {
+        Throughput direction(relay, way, bytes);
+        const double cpu_before_s = relay.cpu_s();
+        (way ? relayed : plain).push_back(direction.per_s(seconds{1}));
+        lost += direction.lost();
+        if (!way) continue;
+        messages += direction.heard();
+        cpu_s += relay.cpu_s() - cpu_before_s;
+      }
+      ratio.push_back(relayed.back() / plain.back());
+    }
+    const auto median = [](std::vector<double> values) {
+      std::sort(values.begin(), values.end());
+      return values[values.size() / 2];
+    };
+    if (median(relayed) <= 0.0) throw std::runtime_error("nothing was relayed");
+    state.SetIterationTime(1.0 / median(relayed));
+    state.counters["plain_per_s"] = median(plain);
+    state.counters["relayed_per_s"] = median(relayed);
+    state.counters["ratio"] = median(ratio);
+    state.counters["relay_cpu_us"] = 1e6 * cpu_s / messages;
+    state.counters["lost"] = lost;
+  }
+}
+
+/// How late a bare thread wakes that sleeps until every full millisecond.
+class Sleeper {
+ public:
+  Sleeper() : thread_([this] { run(); }) {}
+  ~Sleeper() { lateness(); }
+  Sleeper(const Sleeper&) = delete;
+  Sleeper& operator=(const Sleeper&) = delete;
+
+  /// Ends it.
+  Samples& lateness() {
+    done_ = true;
+    if (thread_.joinable()) thread_.join();
+    return lateness_;
+  }
+
+ private:
+  void run() {
+    std::int64_t due_ns = LiveRelay::now_ns();
+    while (!done_) {
+      due_ns += 1'000'000;
+      const timespec due{due_ns / 1'000'000'000, due_ns % 1'000'000'000};
+      clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr);
+      const std::int64_t now_ns = LiveRelay::now_ns();
+      lateness_.add(now_ns - due_ns);
+      due_ns = std::max(due_ns, now_ns - 1'000'000);
+    }
+  }
+
+  std::atomic<bool> done_{false};
+  Samples lateness_;
+  std::thread thread_;
+};
+
+/// At 1 kHz: a hop (from publishing to handling, no relay) and the relayed way.
+struct Latencies {
+  Samples hop;
+  Samples relayed;  ///< from publishing to handling on the other network
+  Samples added;    ///< from handling on the first network to handling on the other
+  Samples sleeper;
+};
+
+Latencies measure_latencies(double delay_ms) {
+  Sleeper sleeper;
+  Latencies result;
+  std::map<std::uint32_t, std::int64_t> sent, near;
+  std::uint32_t number = 0;
+  bool sending = true;
+  LiveRelay relay({fmt::format("channel.uplink.delay_ms={}", delay_ms)});
+  relay.on_near([&](std::uint32_t number, std::int64_t when_ns) {
+    near[number] = when_ns;
+    result.hop.add(when_ns - sent[number]);
+  });
+  relay.on_far([&](std::uint32_t number, std::int64_t when_ns) {
+    result.relayed.add(when_ns - sent[number]);
+    if (near.contains(number)) result.added.add(when_ns - near[number]);
+  });
+  relay.loop().every(relay.loop().now(), milliseconds{1}, Priority::node, [&](Instant) {
+    if (!sending) return;
+    sent[number] = LiveRelay::now_ns();
+    relay.send(number++, 100);
+  });
+  relay.run_for(seconds{10});
+  sending = false;
+  relay.run_for(milliseconds{200});
+  relay.on_near(nullptr);
+  relay.on_far(nullptr);
+  result.sleeper = sleeper.lateness();
+  return result;
+}
+
+void latency(benchmark::State& state) {
+  const auto delay_ms = static_cast<double>(state.range(0));
+  for (auto unused : state) {
+    (void)unused;
+    Latencies l = measure_latencies(delay_ms);
+    if (l.added.size() == 0) throw std::runtime_error("nothing was relayed");
+    state.SetIterationTime(l.relayed.percentile_ms(0.5) * 1e-3);
+    state.counters["hop_p50_ms"] = l.hop.percentile_ms(0.5);
+    state.counters["hop_p99_ms"] = l.hop.percentile_ms(0.99);
+    state.counters["added_p50_ms"] =
+        l.relayed.percentile_ms(0.5) - l.hop.percentile_ms(0.5) - delay_ms;
+    state.counters["error_p50_ms"] = l.added.percentile_ms(0.5) - delay_ms;
+    state.counters["error_p99_ms"] = l.added.percentile_ms(0.99) - delay_ms;
+    state.counters["sleep_p50_ms"] = l.sleeper.percentile_ms(0.5);
+    state.counters["sleep_p99_ms"] = l.sleeper.percentile_ms(0.99);
+    state.counters["samples"] = static_cast<double>(l.added.size());
+  }
+}
+
+BENCHMARK(throughput)
+    ->ArgName("bytes")
+    ->Arg(100)
+    ->Arg(10'000)
+    ->Arg(300'000)
+    ->Iterations(1)
+    ->UseManualTime()
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK(latency)
+    ->ArgName("delay_ms")
+    ->Arg(0)
+    ->Arg(10)
+    ->Iterations(1)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace tether
+
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  try {
+    return benchmark::RunSpecifiedBenchmarks() > 0 ? 0 : 1;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "relay_bench: {}\n", error.what());
+    return 1;
+  }
+}
