@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <functional>
+#include <limits>
 #include <regex>
 
 #include "common/errors.hpp"
@@ -77,7 +77,7 @@ std::vector<ChannelSetting> channel_settings(const Scenario& scenario) {
 
 void check_changes(const Scenario& scenario, const std::string& file) {
   Scenario in_force = scenario;
-  double earliest_s = -INFINITY;
+  double earliest_s = -std::numeric_limits<double>::infinity();
   for (const Scenario::Channel::Change& change : scenario.channel.changes) {
     const std::string source = fmt::format("{}: channel.change at {} s", file, change.at_s);
     if (change.at_s < earliest_s) {

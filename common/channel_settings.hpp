@@ -33,7 +33,8 @@ struct ChannelChange {
 ChannelChange change_channel(const Scenario& in_force, const std::vector<std::string>& settings,
                              const std::string& source = "");
 
-/// A setting that names a file, with the name in `folder` unless it is absolute; others as they are.
+/// A setting that names a file, with the name in `folder` unless it is absolute; others as they
+/// are.
 std::string setting_in_folder(const std::string& setting, const std::filesystem::path& folder);
 
 /// The settings that differ from the defaults, in the order of `tether run --keys`.

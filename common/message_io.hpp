@@ -26,7 +26,7 @@ void publish(Bus& bus, std::string_view channel, const LcmType& message) {
 /// see message_lengths.hpp).
 template <class LcmType>
 bool decode(std::span<const std::uint8_t> bytes, LcmType& message) noexcept {
-  constexpr std::size_t kMaxBytes = 1 << 16;  // ours are below 1 KiB
+  constexpr std::size_t kMaxBytes = 1 << 16;  // most of ours are below 1 KiB
   if (bytes.size() > kMaxBytes || !lengths_fit<LcmType>(bytes)) return false;
   try {
     const int size = static_cast<int>(bytes.size());

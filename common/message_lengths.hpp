@@ -79,7 +79,8 @@ inline bool lengths_fit<counters_t>(std::span<const std::uint8_t> bytes) {
 
 /// Two arrays of strings of the same length.
 inline void skip_settings(LengthCheck& check) {
-  const std::int32_t count = check.read_count(2 * (4 + 1));  // of two empty strings
+  constexpr std::size_t kTwoEmptyStrings = 4 + 1 + 4 + 1;
+  const std::int32_t count = check.read_count(kTwoEmptyStrings);
   for (std::int32_t i = 0; i < 2 * count; ++i) check.skip_string();
 }
 

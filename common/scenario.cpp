@@ -27,7 +27,7 @@ Scenario parse_scenario(const std::string& toml, const std::string& name,
   loader.end_level(name, std::filesystem::path(name).parent_path());
   for (const std::string& text : overrides) loader.apply_override(text, "--set " + text);
   loader.end_level("--set", {});
-  const Scenario scenario = loader.finish(name);
+  Scenario scenario = loader.finish(name);
   check_changes(scenario, name);
   return scenario;
 }

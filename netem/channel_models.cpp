@@ -164,7 +164,7 @@ class ModelMaker {
 
   ProcessPtr map() const {
     if (same_model(before_, config_) && before_->map == config_.map) return old_->process;
-    const ProcessPtr made = make_map_process(config_.map, prefix_ + "map.", streams_("shadowing"));
+    ProcessPtr made = make_map_process(config_.map, prefix_ + "map.", streams_("shadowing"));
     const auto old = present<MapProcess>();
     if (const auto where = old ? old->position() : std::nullopt) {
       made->on_position(where->x_m, where->y_m, now_);

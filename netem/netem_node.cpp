@@ -101,7 +101,7 @@ void NetemNode::schedule_changes(const Scenario& scenario) {
 
 std::vector<ChannelSetting> NetemNode::change_settings(const std::vector<std::string>& settings) {
   if (settings.empty()) return channel_settings(control_.in_force());
-  const auto changed = control_.change(settings, loop_.now(), uplink_.link(), downlink_.link());
+  auto changed = control_.change(settings, loop_.now(), uplink_.link(), downlink_.link());
   wants_position_ = wants_position();
   uplink_.changed();
   downlink_.changed();

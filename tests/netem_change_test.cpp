@@ -161,6 +161,17 @@ TEST(Change, OfProbabilitiesPerPacketGoesOnInTheStateAndWithTheStream) {
   }
 }
 
+TEST(Change, ToAModelPerPacketBeginsWithTheDrawsOfThePacketsNumber) {
+  // Where p + r = 1, draws between 0.3 and 0.7 lead to the good state from both.
+  const Settings gilbert{"uplink.model=gilbert_elliott", "uplink.gilbert_elliott.p=0.3",
+                         "uplink.gilbert_elliott.r=0.7"};
+  const auto plain = uplink_fates(gilbert);
+  const auto fates = uplink_fates(
+      gilbert, {{kChange, {"uplink.model=fixed"}}, {2000, {"uplink.model=gilbert_elliott"}}});
+  expect_same(fates, uplink_fates({}), kChange, 2000);
+  expect_same(fates, plain, 2100, kPackets);
+}
+
 TEST(Change, OfASharedStateIsForBothLinksOrNone) {
   const Settings shared{"shared_state=true", "model=markov", "markov.mean_good_s=0.3",
                         "markov.mean_bad_s=0.1"};

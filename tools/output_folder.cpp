@@ -9,7 +9,6 @@
 #include <stdexcept>
 
 #include "common/channel_settings.hpp"
-#include "common/channel_settings.hpp"
 #include "common/errors.hpp"
 #include "common/version.hpp"
 #include "tools/path_figure.hpp"
