@@ -70,7 +70,7 @@ std::size_t allocated_bytes() {
 TEST(Link, AHundredThousandPacketsUnderWayTakeTheMemoryThatTheDocumentsSay) {
   constexpr std::int64_t kPackets = 100'000;
   constexpr std::size_t kPayload = 1000;
-  constexpr double kPerPacket = 300.0;  // docs/performance.md; twice for vectors that just grew
+  constexpr double kPerPacket = 300.0;  // docs/performance.md: 135; more where a vector has just grown
   Link link = fixed_link(1.0, 1000.0, kPackets);
   const std::size_t before = allocated_bytes();
   for (std::int64_t i = 0; i < kPackets + 500; ++i) {
