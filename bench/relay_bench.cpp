@@ -189,7 +189,9 @@ Latencies measure_latencies(double delay_ms) {
     result.relayed.add(when_ns - sent[number]);
     if (near.contains(number)) result.added.add(when_ns - near[number]);
   });
-  relay.loop().every(relay.loop().now(), milliseconds{1}, Priority::node, [&](Instant) {
+  // No divisor of the delay, lest all departures meet arrivals.
+  constexpr std::chrono::microseconds kPeriod{1030};
+  relay.loop().every(relay.loop().now(), kPeriod, Priority::node, [&](Instant) {
     if (!sending) return;
     sent[number] = LiveRelay::now_ns();
     relay.send(number++, 100);

@@ -58,6 +58,7 @@ class RealTimeLoop final : public EventLoop {
   void run_due_timers(Instant end);
   void wait(Instant until);
   void arm(Instant until);
+  void on_timer();
   std::int64_t wall_ns(Duration run_time) const;
   void read_signal();
 
@@ -66,6 +67,8 @@ class RealTimeLoop final : public EventLoop {
   double speed_;
   static constexpr std::int64_t kNotArmed = -1;
   std::int64_t armed_ns_ = kNotArmed;  // what the timer is set to; 0: never
+  bool asleep_ = false;                // it was set to a time that had not come
+  std::int64_t wake_lead_ns_ = 0;      // the timer is set earlier by this
   std::int64_t start_monotonic_ns_ = 0;
   int epoll_fd_ = -1;
   int timer_fd_ = -1;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <regex>
 #include <utility>
@@ -217,7 +218,7 @@ class LinkChecker {
   }
 
   void check_outages() const {
-    double free_from = -INFINITY;
+    double free_from = -std::numeric_limits<double>::infinity();
     for (const auto& outage : link_.outages) {
       if (outage.size() != 2 || !(outage[0] < outage[1]) || outage[0] < free_from) {
         refuse("{}outages must be [[t1, t2], ...] with t1 < t2 <= the next t1", prefix_);
@@ -300,7 +301,7 @@ std::string LinkConfig::model_name() const { return kModelNames[static_cast<std:
 
 std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
                           const std::string& part) {
-  const auto model_is = fmt::format("{}model is \"{}\"", prefix, link.model_name());
+  std::string model_is = fmt::format("{}model is \"{}\"", prefix, link.model_name());
   if (part == "prr" && link.model != Model::fixed) return model_is;
   if (part == "delay_ms" && link.model != Model::fixed && link.model != Model::gilbert_elliott &&
       link.model != Model::four_state) {

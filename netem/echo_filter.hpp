@@ -1,10 +1,10 @@
 #pragma once
 
-#include <compare>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <tuple>
 
 #include "common/bus.hpp"
 #include "common/time.hpp"
@@ -50,7 +50,10 @@ class EchoFilter {
     std::size_t channel;  // hashes
     std::size_t bytes;
     std::size_t length;
-    auto operator<=>(const Key&) const = default;
+    bool operator<(const Key& other) const {
+      return std::tie(network, channel, bytes, length) <
+             std::tie(other.network, other.channel, other.bytes, other.length);
+    }
   };
   /// Of one key: how many of its records are still to be heard, and how many were.
   struct Count {

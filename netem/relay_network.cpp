@@ -66,11 +66,13 @@ RelayNetwork::Routes RelayNetwork::make_routes(std::string_view channel) const {
 }
 
 std::string RelayNetwork::joint_pattern() const {
-  // Groups are numbered anew in a joint pattern, so that references to them would break.
-  static const std::regex kReference("\\\\[1-9]");
+  // LCM's expressions are not ECMAScript's, and one that it cannot compile crashes it. Of escapes
+  // and classes, only those that both have go to LCM; references break in a joint pattern.
+  static const std::regex kCommon(
+      R"((?:[^\\\[]|\\[dDwWsSbB]|\\[^A-Za-z0-9]|\[\^?[^\]\\^][^\]\\]*\])*)");
   std::string joint;
   for (const Rule& rule : rules_) {
-    if (rules_.size() > 1 && std::regex_search(rule.pattern, kReference)) return ".*";
+    if (!std::regex_match(rule.pattern, kCommon)) return ".*";
     joint += (joint.empty() ? "(?:" : "|(?:") + rule.pattern + ")";
   }
   return joint;

@@ -27,7 +27,8 @@ TYPES["NET/SAT"] = LINK_REPORT
 
 
 class Raw:
-    """Hears and sends any bytes on one LCM port, in fragments too; but for the relay's reports and LCM's own test."""
+    """Hears and sends any bytes on one LCM port, in fragments too. Deaf to the relay's reports and
+    to LCM's own test."""
 
     FRAGMENT = 65487  # bytes of payload, as LCM has it
 
@@ -135,7 +136,9 @@ class Relay:
 
 
 def any_type_is_renamed_and_passed_on(test):
-    relay = Relay(test, "CAM_(.*) → {there}:FAR/$1 via uplink")
+    # The second pattern is one that LCM would crash on.
+    odd = "\\u0051[^] -> {there}:ODD via uplink"
+    relay = Relay(test, "CAM_(.*) → {there}:FAR/$1 via uplink", odd)
     sent = {
         "CAM_LEFT": os.urandom(100),
         "CAM_": b"",
@@ -147,14 +150,17 @@ def any_type_is_renamed_and_passed_on(test):
         relay.here.send(channel, payload)
         relay.here.send("X" + channel[1:], payload)
     wait_until(10, lambda: len(relay.there.heard) >= len(sent), "all messages on the other side")
+    relay.here.send("Q1", b"odd")
+    wait_until(10, lambda: len(relay.there.heard) > len(sent), "the odd one on the other side")
     expected = [("FAR/" + channel[4:], payload) for channel, payload in sent.items()]
+    expected.append(("ODD", b"odd"))
     names = [(channel, len(payload)) for channel, payload in relay.there.heard]
     check(sorted(relay.there.heard) == sorted(expected), f"heard under new names: {names}")
     said = relay.program.err()
     rule = '"CAM_(.*)" on 239.255.76.67:7667 → as "FAR/$1" on 239.255.76.67:7668, via uplink'
     check(f"tether-netem: rule: {rule}\n" in said, said)
     end = relay.end()
-    check(end["heard"] == end["uplink.delivered"] == len(sent), end)
+    check(end["heard"] == end["uplink.delivered"] == len(expected), end)
     test.say(f"{len(sent)} messages of up to 300 kB are byte-identical: {end}")
 
 
