@@ -7,10 +7,10 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <regex>
 #include <utility>
 
 #include "common/errors.hpp"
+#include "common/scenario_key_table.hpp"
 
 namespace tether {
 namespace {
@@ -326,17 +326,14 @@ void resolve_link(const std::string& prefix, LinkConfig& link, const ChannelLeve
 }
 
 std::string why_no_link_name(const std::string& name, const Scenario::Channel& channel) {
-  static const std::regex kPattern("[A-Za-z0-9_-]{1,32}");
-  if (!std::regex_match(name, kPattern)) {
-    return "must be letters, digits, '-' and '_', at most 32";
-  }
+  if (!is_identifier(name)) return "must be letters, digits, '-' and '_', at most 32";
   const auto upper = [](std::string text) {
     std::transform(text.begin(), text.end(), text.begin(),
                    [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
     return text;
   };
   const std::string report = upper(name);
-  for (const char* taken : {"UPLINK", "DOWNLINK", "COUNTERS"}) {
+  for (const char* taken : {"UPLINK", "DOWNLINK", "COUNTERS", "SET", "SETTINGS"}) {
     if (report == taken) return fmt::format("channel NET/{} has another meaning", taken);
   }
   for (const auto& [other, unused] : channel.links) {

@@ -35,14 +35,6 @@ bool is_text(const std::string& text) {
   return !text.empty() && std::none_of(text.begin(), text.end(), bad);
 }
 
-bool is_identifier(const std::string& text) {
-  const auto good = [](unsigned char c) {
-    return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '_' ||
-           c == '-';
-  };
-  return !text.empty() && text.size() <= 32 && std::all_of(text.begin(), text.end(), good);
-}
-
 template <class T>
 Set number_setter(const KeyTable::Field<T>& field, Range range) {
   return [field, range](Scenario& s, const ScenarioValue& value) {
@@ -63,6 +55,14 @@ Set text_setter(const KeyTable::Field<std::string>& field, bool (*allowed)(const
 }
 
 }  // namespace
+
+bool is_identifier(const std::string& text) {
+  const auto good = [](unsigned char c) {
+    return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '_' ||
+           c == '-';
+  };
+  return !text.empty() && text.size() <= 32 && std::all_of(text.begin(), text.end(), good);
+}
 
 bool Range::contains(double x) const {
   return std::isfinite(x) && (open ? x > low : x >= low) && x <= high;

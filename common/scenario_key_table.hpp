@@ -33,6 +33,9 @@ inline constexpr Range kSojourn{1e-3, 1e9, false};
 template <class Enum>
 using Names = std::vector<std::pair<std::string, Enum>>;
 
+/// Letters, digits, '-' and '_', at most 32, and at least one.
+bool is_identifier(const std::string& text);
+
 /// Collects keys.
 class KeyTable {
  public:

@@ -236,6 +236,7 @@ TEST(ScenarioChannel, WhatIsWrongWithLinksByNameIsRefused) {
       {"[channel.links.\"a b\"]\nprr = 1", "link name \"a b\" is not allowed: must be letters"},
       {"[channel.links.Uplink]", "link name \"Uplink\" is not allowed: channel NET/UPLINK has"},
       {"[channel.links.counters]", "channel NET/COUNTERS has another meaning"},
+      {"[channel.links.set]", "channel NET/SET has another meaning"},
       {"[channel.links.sat]\n[channel.links.SAT]", "only in case: both would report on NET/SAT"}};
   for (const Refused& c : cases) {
     EXPECT_THAT(refusal(c.lines), AllOf(HasSubstr("test.toml:"), HasSubstr(c.message))) << c.lines;
