@@ -137,7 +137,8 @@ struct Scenario {
 
 /// Reads a scenario file over the defaults, then applies `overrides` ("key=value", in TOML's
 /// notation; quotes around strings may be left out; channel.X means channel.uplink.X and
-/// channel.downlink.X; channel.links.NAME.X makes the link where there is none) in order. Throws UsageError that names file, line, key and what is allowed.
+/// channel.downlink.X; channel.links.NAME.X makes the link where there is none) in order. Throws
+/// UsageError that names file, line, key and what is allowed.
 Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides);
 
 /// The same from text; `name` stands in for the file in messages.

@@ -27,7 +27,8 @@ struct ChannelLevel {
 /// be.
 void resolve_link(const std::string& prefix, LinkConfig& link, const ChannelLevel& level);
 
-/// Why a link of [channel.links] cannot have this name; empty if it can. Its reports are on NET/NAME.
+/// Why a link of [channel.links] cannot have this name; empty if it can. Its reports are on
+/// NET/NAME.
 std::string why_no_link_name(const std::string& name, const Scenario::Channel& channel);
 
 /// Checks what several keys together must fulfil. Throws UsageError.
