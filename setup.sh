@@ -18,6 +18,7 @@ packages=(
 if [ "${1:-}" = tests ]; then
     packages+=(
         clang-format clang-tidy                     # lint
+        clang libclang-rt-14-dev                    # the sanitizers' build, by a second compiler
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         procps util-linux python3                   # process tests
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem

@@ -9,7 +9,7 @@ for preset in asan release; do
     [ -f "build/$preset/build.ninja" ] || cmake --preset "$preset"
     cmake --build --preset "$preset"
 done
-# Under the sanitizers: all logic, then what meets real sockets and hostile traffic.
+# Under the sanitizers, by Clang: all logic, then what meets real sockets and hostile traffic.
 ctest --preset asan --parallel "$jobs" --label-exclude 'live|slow|bench|lint'
 ctest --preset asan --tests-regex '^(lcm_bus_test|RealTimeLoop.*|live_hostile_test|log_test)$'
 ctest --preset release --parallel "$jobs"

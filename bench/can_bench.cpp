@@ -9,6 +9,7 @@
 #include <tether/twist_t.hpp>
 #include <vector>
 
+#include "bench/smoke.hpp"
 #include "bench/timed_world.hpp"
 #include "can_bridge/can_bridge_node.hpp"
 #include "can_bridge/can_drive_node.hpp"
@@ -64,7 +65,10 @@ void whole_run_over_can(benchmark::State& state) {
   state.counters["real_time_factor"] =
       (with_can.run.lead_s + with_can.run.duration_s) / median(can_s);
 }
-BENCHMARK(whole_run_over_can)->UseManualTime()->Iterations(15)->Unit(benchmark::kMillisecond);
+BENCHMARK(whole_run_over_can)
+    ->UseManualTime()
+    ->Iterations(bench::rounds(15))
+    ->Unit(benchmark::kMillisecond);
 
 /// Bridge, bus and emulated drives with wheels of their own, armed, driving a curve.
 class Drivetrain {

@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "bench/cpu_time.hpp"
+#include "bench/smoke.hpp"
 #include "can_bridge/can_bridge_node.hpp"
 #include "can_bridge/can_drive_node.hpp"
 #include "common/lcm_bus.hpp"
@@ -41,7 +42,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr seconds kSettle{1};
-constexpr seconds kWindow{10};
+const seconds kWindow = bench::window(seconds{10});
 constexpr int kTries = 5;
 
 /// One end of the pair of sockets.

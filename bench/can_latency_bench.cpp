@@ -15,6 +15,7 @@
 #include "bench/cpu_time.hpp"
 #include "bench/live_drivetrain.hpp"
 #include "bench/samples.hpp"
+#include "bench/smoke.hpp"
 
 // Latencies and loads of the CAN bridge as a process, on a real (virtual) CAN interface and a real
 // LCM network, with a bare SocketCAN echo in the same run. Needs vcan0 and vcan1 and runs through
@@ -66,23 +67,26 @@ LiveDrivetrain& drivetrain(std::int64_t cycle_ms) {
 
 /// As many samples as wanted, or as there is time for.
 template <class Measure>
-void latency(benchmark::State& state, std::size_t wanted, const Measure& measure) {
+void latency(benchmark::State& state, int wanted, const Measure& measure) {
   LiveDrivetrain& live = drivetrain(state.range(0));
   for (auto unused : state) {
     (void)unused;
     Samples samples;
     const std::int64_t deadline_ns = wall_ns() + kPatience_ns;
-    while (samples.size() < wanted && wall_ns() < deadline_ns) samples.add(measure(live));
+    while (samples.size() < static_cast<std::size_t>(wanted) && wall_ns() < deadline_ns)
+      samples.add(measure(live));
     samples.report(state);
   }
 }
 
 void command_in_frame_out(benchmark::State& state) {
-  latency(state, 120, [](LiveDrivetrain& live) { return live.command_to_frame_ns(); });
+  latency(state, bench::rounds(120),
+          [](LiveDrivetrain& live) { return live.command_to_frame_ns(); });
 }
 
 void frame_in_report_out(benchmark::State& state) {
-  latency(state, 300, [](LiveDrivetrain& live) { return live.frame_to_report_ns(); });
+  latency(state, bench::rounds(300),
+          [](LiveDrivetrain& live) { return live.frame_to_report_ns(); });
 }
 
 /// Frames and bits of 5 s. Commands and reports flow as ever.
@@ -90,7 +94,7 @@ void bus_traffic(benchmark::State& state) {
   LiveDrivetrain& live = drivetrain(state.range(0));
   for (auto unused : state) {
     (void)unused;
-    const LiveDrivetrain::Traffic traffic = live.drive_for(seconds{5});
+    const LiveDrivetrain::Traffic traffic = live.drive_for(bench::window(seconds{5}));
     if (traffic.frames == 0) throw std::runtime_error("no frames on the bus");
     state.SetIterationTime(traffic.elapsed_s);
     state.counters["frames_per_s"] = static_cast<double>(traffic.frames) / traffic.elapsed_s;
@@ -108,7 +112,7 @@ void cpu_load(benchmark::State& state) {
     const std::array<double, 2> before{bench::cpu_seconds(live.bridge_pid()),
                                        bench::cpu_seconds(live.drive_pid())};
     const std::int64_t start_ns = wall_ns();
-    live.drive_for(seconds{10});
+    live.drive_for(bench::window(seconds{10}));
     const double elapsed_s = static_cast<double>(wall_ns() - start_ns) * 1e-9;
     const auto percent = [&](double used_s) { return 100.0 * used_s / elapsed_s; };
     state.SetIterationTime(elapsed_s);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/smoke.hpp"
 #include "sim/ode_world.hpp"
 #include "tools/closed_loop.hpp"
 #include "tools/run_observer.hpp"
@@ -75,15 +76,15 @@ void whole_run(benchmark::State& state, const std::vector<std::string>& override
 
 BENCHMARK_CAPTURE(whole_run, paper_1_Hz, std::vector<std::string>{})
     ->UseManualTime()
-    ->Iterations(25)
+    ->Iterations(bench::rounds(25))
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(whole_run, pose_and_command_20_Hz, std::vector<std::string>{"sensor.rate_hz=20"})
     ->UseManualTime()
-    ->Iterations(25)
+    ->Iterations(bench::rounds(25))
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(whole_run, at_the_walls_prr_0_1, std::vector<std::string>{"channel.prr=0.1"})
     ->UseManualTime()
-    ->Iterations(25)
+    ->Iterations(bench::rounds(25))
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace

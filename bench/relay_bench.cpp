@@ -15,6 +15,7 @@
 
 #include "bench/live_relay.hpp"
 #include "bench/samples.hpp"
+#include "bench/smoke.hpp"
 
 // tether-netem --rule as a process between two real LCM networks, beside plain LCM in the same run.
 // Needs a multicast route: tests/in_own_network.sh. It reports, and fails only if nothing is
@@ -101,7 +102,7 @@ class Throughput {
 /// Relayed and plain in turn; medians.
 void throughput(benchmark::State& state) {
   const auto bytes = static_cast<std::size_t>(state.range(0));
-  constexpr int kPairs = 7;
+  const int kPairs = bench::rounds(7);
   for (auto unused : state) {
     (void)unused;
     LiveRelay relay({});
@@ -196,7 +197,7 @@ Latencies measure_latencies(double delay_ms) {
     sent[number] = LiveRelay::now_ns();
     relay.send(number++, 100);
   });
-  relay.run_for(seconds{10});
+  relay.run_for(bench::window(seconds{10}));
   sending = false;
   relay.run_for(milliseconds{200});
   relay.on_near(nullptr);

@@ -4,9 +4,9 @@
 
 #include <functional>
 #include <limits>
-#include <regex>
 
 #include "common/errors.hpp"
+#include "common/pattern.hpp"
 #include "common/scenario_keys.hpp"
 #include "common/scenario_loader.hpp"
 
@@ -61,11 +61,11 @@ ChannelChange change_channel(const Scenario& in_force, const std::vector<std::st
 }
 
 std::string setting_in_folder(const std::string& setting, const std::filesystem::path& folder) {
-  static const std::regex kFile(R"( *([^ =]*\.file) *= *["']?([^"']*?)["']? *)");
-  std::smatch part;
-  if (!std::regex_match(setting, part, kFile)) return setting;
-  const std::filesystem::path file = folder / part[2].str();
-  return fmt::format("{}=\"{}\"", part[1].str(), file.lexically_normal().string());
+  static const Pattern kFile(R"( *([^ =]*\.file) *= *["']?([^"']*?)["']? *)");
+  const auto part = kFile.groups(setting);
+  if (!part) return setting;
+  const std::filesystem::path file = folder / part->at(1);
+  return fmt::format("{}=\"{}\"", part->at(0), file.lexically_normal().string());
 }
 
 std::vector<ChannelSetting> channel_settings(const Scenario& scenario) {

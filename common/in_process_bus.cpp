@@ -1,12 +1,13 @@
 #include "common/in_process_bus.hpp"
 
-#include <regex>
 #include <utility>
+
+#include "common/pattern.hpp"
 
 namespace tether {
 
 struct InProcessBus::Subscription {
-  std::regex channel;
+  Pattern channel;
   Handler handler;
 };
 
@@ -25,7 +26,7 @@ void InProcessBus::publish(std::string_view channel, std::span<const std::uint8_
 
 void InProcessBus::subscribe(const std::string& channel_regex, int, Handler handler) {
   subscriptions_.push_back(
-      std::make_unique<Subscription>(Subscription{std::regex(channel_regex), std::move(handler)}));
+      std::make_unique<Subscription>(Subscription{Pattern(channel_regex), std::move(handler)}));
   receivers_.clear();
 }
 
@@ -34,7 +35,7 @@ const InProcessBus::Receivers& InProcessBus::receivers(std::string_view channel)
   if (known != receivers_.end()) return known->second;
   Receivers found;
   for (const auto& s : subscriptions_) {
-    if (std::regex_match(channel.begin(), channel.end(), s->channel)) found.push_back(s.get());
+    if (s->channel.matches(channel)) found.push_back(s.get());
   }
   return receivers_.emplace(std::string(channel), std::move(found)).first->second;
 }

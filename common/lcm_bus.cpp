@@ -9,12 +9,12 @@
 #include <algorithm>
 #include <iterator>
 #include <lcm/lcm-cpp.hpp>
-#include <regex>
 #include <stdexcept>
 #include <utility>
 
 #include "common/errors.hpp"
 #include "common/lcm_url.hpp"
+#include "common/pattern.hpp"
 #include "common/system_error.hpp"
 #include "common/udp_sockets.hpp"
 
@@ -109,12 +109,7 @@ void LcmBus::publish(std::string_view channel, std::span<const std::uint8_t> byt
 
 void LcmBus::subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) {
   // LCM 1.3.1 returns a subscription that crashes for a pattern that it cannot compile.
-  try {
-    const std::regex check(channel_regex);
-  } catch (const std::regex_error&) {
-    throw UsageError(
-        fmt::format("channel pattern \"{}\" is not a regular expression", channel_regex));
-  }
+  const Pattern check(channel_regex);
   listen();
   subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
   // LCM puts ^ and $ around the pattern, which bind to the outer alternatives of "A|B" only.

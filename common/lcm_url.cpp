@@ -5,9 +5,9 @@
 
 #include <charconv>
 #include <cstdint>
-#include <regex>
 
 #include "common/errors.hpp"
+#include "common/pattern.hpp"
 
 namespace tether {
 namespace {
@@ -60,12 +60,13 @@ bool check_options(const std::string& url, std::string options) {
 }  // namespace
 
 std::string checked_lcm_url(const std::string& url) {
-  static const std::regex kPattern("(udpm|tcpq)://([^:/?]*)(?::([^?/]*))?(?:\\?(.*))?");
-  std::smatch part;
-  if (!std::regex_match(url, part, kPattern)) refuse(url, "not an LCM URL that Tether can use");
-  const std::string scheme = part[1], host = part[2], port = part[3], options = part[4];
+  static const Pattern kPattern("(udpm|tcpq)://([^:/?]*)(?::([^?/]*))?(?:\\?(.*))?");
+  const auto part = kPattern.groups(url);
+  if (!part) refuse(url, "not an LCM URL that Tether can use");
+  const std::string &scheme = part->at(0), &host = part->at(1), &port = part->at(2),
+                    &options = part->at(3);
   if (host.empty()) refuse(url, scheme == "udpm" ? "no multicast group" : "no host");
-  if (!part[3].matched) refuse(url, "no port");
+  if (port.empty()) refuse(url, "no port");
   if (const std::int64_t number = whole_number(port); number < 1 || number > 65535) {
     refuse(url, fmt::format("port \"{}\" is not a number from 1 to 65535", port));
   }
@@ -75,7 +76,8 @@ std::string checked_lcm_url(const std::string& url) {
   }
   check_group(url, host);
   if (check_options(url, options)) return url;
-  return url + (options.empty() ? (part[4].matched ? "" : "?") : "&") + "recv_buf_size=2097152";
+  const bool has_mark = url.find('?') != std::string::npos;
+  return url + (options.empty() ? (has_mark ? "" : "?") : "&") + "recv_buf_size=2097152";
 }
 
 std::string multicast_group(const std::string& url) {

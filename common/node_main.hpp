@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
 #include <string>
@@ -9,6 +8,10 @@
 #include "common/event_loop.hpp"
 #include "common/node.hpp"
 #include "common/scenario.hpp"
+
+namespace CLI {
+class App;
+}
 
 namespace tether {
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <boost/random/uniform_01.hpp>
 #include <cstdint>
 #include <random>
 #include <string_view>
@@ -13,5 +14,10 @@ using RandomEngine = std::mt19937_64;
 /// An independent stream for one purpose of a run, derived from the run's seed and a name such as
 /// "AGV/uplink/loss". Adding a stream, or draws to one, changes no other.
 RandomEngine random_stream(std::uint64_t seed, std::string_view name);
+
+/// The next number of a uniform distribution on [0, 1).
+inline double uniform_01(RandomEngine& random) {
+  return boost::random::uniform_01<double>()(random);
+}
 
 }  // namespace tether

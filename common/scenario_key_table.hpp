@@ -44,7 +44,7 @@ class KeyTable {
   template <class T>
   struct Field {
     template <class F>
-    Field(F f) : read(f), write(f) {}
+    Field(F f) : read(f), write(f) {}  // NOLINT(google-explicit-constructor)
     std::function<const T&(const Scenario&)> read;
     std::function<T&(Scenario&)> write;
   };

@@ -21,7 +21,6 @@ using Law = JitterConfig::Law;
 // long double inside Boost.Math would cost five times as much for digits that nobody sees.
 using Fast = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
 
-constexpr double kMaxScore = 8.3;           // of 52-bit uniform numbers: Φ(−8.3) < 2^−53
 constexpr std::size_t kScoreSteps = 16384;  // of a tabulated law
 constexpr std::size_t kMaxTable = 1'000'000;
 

@@ -8,6 +8,9 @@
 
 namespace tether {
 
+/// What 52-bit uniform numbers give: Φ(−8.3) < 2^−53.
+inline constexpr double kMaxScore = 8.3;
+
 /// A law of delays, as the function that turns a normal score z (a standard normal deviate) into a
 /// delay: x(z) = Q(Φ(z)), Q the law's quantile function. Never decreases in z.
 ///
@@ -23,8 +26,8 @@ namespace tether {
 /// - gamma: shape (m/s)², scale s²/m; m > 0.
 /// - table: Q linear between the given quantiles at probabilities 0, 1/(n−1) … 1; m and s shift and
 ///   scale nothing.
-/// All but normal and table are tabulated over z in ±8.3, with relative errors below 1e-4 of Q or
-/// of s, whichever is less strict.
+/// All but normal and table are tabulated over z in ±kMaxScore, with relative errors below 1e-4 of
+/// Q or of s, whichever is less strict.
 class DelayLaw {
  public:
   /// `config.law` is not none; scenario loading has checked the rest. `table_ms` are the quantiles

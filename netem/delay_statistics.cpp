@@ -10,19 +10,20 @@
 namespace tether {
 namespace {
 
-// Values below 2^kBits have a bin each; above, every power of two is cut into 2^(kBits-1) bins.
-constexpr int kBits = 9;
-constexpr std::size_t kHalf = 1U << (kBits - 1);
+// Values below 2^kFineBits have a bin each; above, every power of two is cut into 2^(kFineBits-1)
+// bins.
+constexpr int kFineBits = 9;
+constexpr std::size_t kFineHalf = 1U << (kFineBits - 1);
 
 }  // namespace
 
 void DelayStatistics::add(Duration delay) {
   const std::int64_t ns = std::max<std::int64_t>(0, delay.count());
   const int shift =
-      std::max(0, static_cast<int>(std::bit_width(static_cast<std::uint64_t>(ns))) - kBits);
+      std::max(0, static_cast<int>(std::bit_width(static_cast<std::uint64_t>(ns))) - kFineBits);
   const auto octave = static_cast<std::size_t>(shift);
   if (octaves_.size() <= octave) octaves_.resize(octave + 1);
-  if (octaves_[octave].empty()) octaves_[octave].resize(2 * kHalf);
+  if (octaves_[octave].empty()) octaves_[octave].resize(2 * kFineHalf);
   Bin& bin = octaves_[octave][static_cast<std::size_t>(ns >> shift)];
   bin.low_ns = bin.count == 0 ? ns : std::min(bin.low_ns, ns);
   bin.high_ns = bin.count == 0 ? ns : std::max(bin.high_ns, ns);

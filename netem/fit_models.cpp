@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/random/uniform_01.hpp>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -16,7 +15,7 @@
 namespace tether {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 double logit(double p) { return std::log(p / (1.0 - p)); }
 double logistic(double u) { return 1.0 / (1.0 + std::exp(-u)); }
@@ -68,9 +67,12 @@ ModelFit maximise_over(std::string name, const Coordinates& coordinates,
       continue;
     }
     const double u = maximum.at[next];
-    FitParameter p{
-        c.name, all[i], kNaN, 0.0, c.probability ? 1.0 : std::numeric_limits<double>::infinity(),
-        false};
+    FitParameter p{c.name,
+                   all[i],
+                   kUnknown,
+                   0.0,
+                   c.probability ? 1.0 : std::numeric_limits<double>::infinity(),
+                   false};
     if (maximum.covariance.rows() > 0) {
       const double sd = std::sqrt(maximum.covariance(next, next));
       p.standard_error = c.slope(u) * sd;
@@ -91,7 +93,7 @@ PacketFit fit_independent(std::int64_t packets, std::int64_t lost) {
   fit.name = "independent losses";
   fit.model = {0.0, 1.0, 1.0, p};
   fit.free_parameters = 1;
-  const double standard_error = k > 0.0 && k < n ? std::sqrt(p * (1.0 - p) / n) : kNaN;
+  const double standard_error = k > 0.0 && k < n ? std::sqrt(p * (1.0 - p) / n) : kUnknown;
   fit.parameters = {{"1-prr", p, standard_error, e.low, e.high, false}};
   fit.log_likelihood = (k > 0.0 ? k * std::log(p) : 0.0) + (k < n ? (n - k) * std::log1p(-p) : 0.0);
   return fit;
@@ -169,7 +171,7 @@ double mean_delay(const FateLog& log) {
       count += 1.0;
     }
   }
-  return count > 0.0 ? sum / count : kNaN;
+  return count > 0.0 ? sum / count : kUnknown;
 }
 
 void add_delays(const FateLog& log, MarkovFit& fit) {
@@ -187,11 +189,9 @@ void add_delays(const FateLog& log, MarkovFit& fit) {
       }
     }
   }
-  fit.delay_good_s = weights[0] > 0.0 ? sums[0] / weights[0] : kNaN;
-  fit.delay_bad_s = weights[1] > 0.0 ? sums[1] / weights[1] : kNaN;
+  fit.delay_good_s = weights[0] > 0.0 ? sums[0] / weights[0] : kUnknown;
+  fit.delay_bad_s = weights[1] > 0.0 ? sums[1] / weights[1] : kUnknown;
 }
-
-double uniform(RandomEngine& random) { return boost::random::uniform_01<double>()(random); }
 
 /// A log of the same packets whose state moves from good to bad with p and back with r; both may
 /// depend on the time since the packet before.
@@ -202,13 +202,13 @@ FateBits simulate(const FateLog& log, const GilbertElliott& loss, double pi_bad,
   for (const auto& segment : log.segments) {
     auto& out = bits.emplace_back();
     out.reserve(segment.size());
-    bool bad = uniform(random) < pi_bad;
+    bool bad = uniform_01(random) < pi_bad;
     for (std::size_t i = 0; i < segment.size(); ++i) {
       if (i > 0) {
         const auto [p, r] = steps(segment[i].time_s - segment[i - 1].time_s);
-        if (uniform(random) < (bad ? r : p)) bad = !bad;
+        if (uniform_01(random) < (bad ? r : p)) bad = !bad;
       }
-      out.push_back(uniform(random) < (bad ? loss.one_minus_h : loss.one_minus_k) ? 1 : 0);
+      out.push_back(uniform_01(random) < (bad ? loss.one_minus_h : loss.one_minus_k) ? 1 : 0);
     }
   }
   return bits;

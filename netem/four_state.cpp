@@ -1,7 +1,5 @@
 #include "netem/four_state.hpp"
 
-#include <boost/random/uniform_01.hpp>
-
 namespace tether {
 namespace {
 
@@ -30,7 +28,7 @@ FourStateProcess::FourStateProcess(const FourState& model, Duration delay,
     : model_(model), delay_(delay), random_(before.random_), state_(before.state_) {}
 
 LinkCondition FourStateProcess::on_packet(Instant) {
-  state_ = next_state(model_, state_, boost::random::uniform_01<double>()(random_));
+  state_ = next_state(model_, state_, uniform_01(random_));
   return condition();
 }
 

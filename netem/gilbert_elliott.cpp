@@ -1,7 +1,6 @@
 #include "netem/gilbert_elliott.hpp"
 
 #include <algorithm>
-#include <boost/random/uniform_01.hpp>
 
 namespace tether {
 
@@ -21,7 +20,7 @@ GilbertElliottProcess::GilbertElliottProcess(const GilbertElliott& model, Durati
 
 LinkCondition GilbertElliottProcess::on_packet(Instant) {
   const LinkCondition met = condition();
-  const double luck = boost::random::uniform_01<double>()(random_);
+  const double luck = uniform_01(random_);
   if (luck < (bad_ ? model_.r : model_.p)) bad_ = !bad_;
   return met;
 }

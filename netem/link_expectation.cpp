@@ -17,8 +17,6 @@ namespace {
 
 using Model = LinkConfig::Model;
 
-constexpr double kMaxScore = 8.3;  // DelaySequence draws none beyond
-
 /// P[x(z) <= value_s] for a standard normal z, where x never decreases.
 double share_up_to(const DelayLaw& law, double value_s) {
   if (law.at_score(kMaxScore) <= value_s) return 1.0;

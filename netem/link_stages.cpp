@@ -1,7 +1,5 @@
 #include "netem/link_stages.hpp"
 
-#include <boost/random/uniform_01.hpp>
-
 namespace tether {
 namespace {
 
@@ -83,7 +81,7 @@ void LinkStages::set_jitter(const LinkStreams& streams, const std::vector<double
 
 LinkStages::Luck LinkStages::draw(double prr) {
   Luck luck;
-  luck.lost = boost::random::uniform_01<double>()(state_loss_) >= prr;
+  luck.lost = uniform_01(state_loss_) >= prr;
   if (loss_ && loss_->toss()) luck.lost = true;
   if (corruption) luck.damage = corruption->next();
   if (duplication_) luck.duplicate = duplication_->toss();

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/random/uniform_01.hpp>
 #include <cmath>
 #include <utility>
 
@@ -11,8 +10,6 @@
 
 namespace tether {
 namespace {
-
-double uniform(RandomEngine& random) { return boost::random::uniform_01<double>()(random); }
 
 /// Index of the first entry above `luck` * the last one.
 int pick(const std::vector<double>& cumulative, double luck) {
@@ -75,7 +72,7 @@ std::vector<double> stationary_or_throw(const Matrix& moves, const std::string& 
 }
 
 int draw_state(const std::vector<double>& share, RandomEngine& random) {
-  return pick(running_sum(share, kNone), uniform(random));
+  return pick(running_sum(share, kNone), uniform_01(random));
 }
 
 }  // namespace
@@ -132,7 +129,7 @@ ChainClock ChainClock::from_probabilities(const Matrix& probabilities, double st
 
 void ChainClock::advance(Instant now) {
   while (until_ <= now) {
-    state_ = pick(cumulative_[static_cast<std::size_t>(state_)], uniform(random_));
+    state_ = pick(cumulative_[static_cast<std::size_t>(state_)], uniform_01(random_));
     draw_sojourn(until_);
   }
 }
@@ -140,7 +137,7 @@ void ChainClock::advance(Instant now) {
 void ChainClock::draw_sojourn(Instant from) {
   constexpr double kLongest_s = 1e9;  // keeps the sum of a run's sojourns within nanosecond range
   const double leave = leave_[static_cast<std::size_t>(state_)];
-  const double luck = 1.0 - uniform(random_);  // in (0, 1]
+  const double luck = 1.0 - uniform_01(random_);  // in (0, 1]
   if (leave <= 0.0) {
     until_ = Instant::max();
     return;
@@ -177,7 +174,7 @@ PacketChainProcess::PacketChainProcess(const Matrix& probabilities,
 
 LinkCondition PacketChainProcess::on_packet(Instant) {
   const LinkCondition met = condition();
-  state_ = pick(cumulative_[static_cast<std::size_t>(state_)], uniform(random_));
+  state_ = pick(cumulative_[static_cast<std::size_t>(state_)], uniform_01(random_));
   return met;
 }
 

@@ -1,7 +1,6 @@
 #include "netem/packet_models.hpp"
 
 #include <algorithm>
-#include <boost/random/uniform_01.hpp>
 #include <iterator>
 
 namespace tether {
@@ -19,9 +18,7 @@ RandomEngine engine_from(RandomEngine& random) { return RandomEngine{random()}; 
 
 }  // namespace
 
-bool Coin::toss() {
-  return probability_ > 0.0 && boost::random::uniform_01<double>()(random_) < probability_;
-}
+bool Coin::toss() { return probability_ > 0.0 && uniform_01(random_) < probability_; }
 
 // -------------------------------------------------------------------------------- corruption
 

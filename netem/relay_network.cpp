@@ -3,8 +3,9 @@
 #include <lcm/lcm.h>
 
 #include <algorithm>
-#include <regex>
 #include <utility>
+
+#include "common/pattern.hpp"
 
 namespace tether {
 namespace {
@@ -68,11 +69,11 @@ RelayNetwork::Routes RelayNetwork::make_routes(std::string_view channel) const {
 std::string RelayNetwork::joint_pattern() const {
   // LCM's expressions are not ECMAScript's, and one that it cannot compile crashes it. Of escapes
   // and classes, only those that both have go to LCM; references break in a joint pattern.
-  static const std::regex kCommon(
+  static const Pattern kCommon(
       R"((?:[^\\\[]|\\[dDwWsSbB]|\\[^A-Za-z0-9]|\[\^?[^\]\\^][^\]\\]*\])*)");
   std::string joint;
   for (const Rule& rule : rules_) {
-    if (!std::regex_match(rule.pattern, kCommon)) return ".*";
+    if (!kCommon.matches(rule.pattern)) return ".*";
     joint += (joint.empty() ? "(?:" : "|(?:") + rule.pattern + ")";
   }
   return joint;

@@ -9,6 +9,7 @@
 
 #include "common/errors.hpp"
 #include "common/lcm_url.hpp"
+#include "common/text.hpp"
 
 namespace tether {
 namespace {
@@ -18,12 +19,6 @@ constexpr char kSameName[] = "$&";
 
 [[noreturn]] void refuse(const std::string& rule, const std::string& why) {
   throw UsageError(fmt::format("--rule \"{}\": {} (such as --rule '{}')", rule, why, kExample));
-}
-
-std::string trimmed(std::string_view text) {
-  const auto first = text.find_first_not_of(" \t");
-  if (first == std::string_view::npos) return "";
-  return std::string(text.substr(first, text.find_last_not_of(" \t") - first + 1));
 }
 
 /// One of the two sides of the arrow.
@@ -64,7 +59,8 @@ std::pair<std::string, std::string> split_at_arrow(const std::string& rule,
     }
   }
   if (found == std::string::npos) refuse(rule, "no arrow, -> or →");
-  return {trimmed(text.substr(0, found)), trimmed(text.substr(found + length))};
+  return {std::string(trimmed(text.substr(0, found))),
+          std::string(trimmed(text.substr(found + length)))};
 }
 
 /// Whether each $… of a replacement means something to this pattern, as ECMAScript has it.
@@ -85,9 +81,9 @@ void check_rename(const std::string& rule, const std::string& rename, std::size_
 
 std::size_t count_groups(const std::string& rule, const std::string& pattern) {
   try {
-    return std::regex(pattern).mark_count();
-  } catch (const std::regex_error&) {
-    refuse(rule, fmt::format("\"{}\" is not a regular expression", pattern));
+    return Pattern(pattern).group_count();
+  } catch (const UsageError& error) {
+    refuse(rule, error.what());
   }
 }
 
@@ -199,9 +195,7 @@ std::string to_text(const RelayRule& rule) {
 ChannelMap::ChannelMap(const RelayRule& rule) : pattern_(rule.pattern), rename_(rule.rename) {}
 
 std::optional<std::string> ChannelMap::map(std::string_view channel) const {
-  std::match_results<std::string_view::const_iterator> match;
-  if (!std::regex_match(channel.begin(), channel.end(), match, pattern_)) return std::nullopt;
-  return match.format(rename_);
+  return pattern_.replaced(channel, rename_);
 }
 
 }  // namespace tether

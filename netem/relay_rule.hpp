@@ -1,11 +1,11 @@
 #pragma once
 
 #include <optional>
-#include <regex>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "common/pattern.hpp"
 #include "common/scenario.hpp"
 
 namespace tether {
@@ -50,7 +50,7 @@ class ChannelMap {
   std::optional<std::string> map(std::string_view channel) const;
 
  private:
-  std::regex pattern_;
+  Pattern pattern_;
   std::string rename_;
 };
 

@@ -1,6 +1,5 @@
 #include "netem/shadowing.hpp"
 
-#include <boost/random/uniform_01.hpp>
 #include <cassert>
 #include <cmath>
 #include <numbers>
@@ -10,7 +9,7 @@ namespace tether {
 Shadowing::Shadowing(double sd_db, double distance_m, RandomEngine& random)
     : amplitude_db_(sd_db * std::sqrt(2.0 / kWaves)) {
   assert(sd_db >= 0.0 && distance_m > 0.0);
-  const auto uniform = [&random] { return boost::random::uniform_01<double>()(random); };
+  const auto uniform = [&random] { return uniform_01(random); };
   for (int i = 0; i < kWaves; ++i) {
     const double rest = 1.0 - (i + uniform()) / kWaves;  // in (0, 1]
     const double k = std::sqrt(1.0 / (rest * rest) - 1.0) / distance_m;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <boost/random/exponential_distribution.hpp>
-#include <boost/random/uniform_01.hpp>
 
 namespace tether {
 
@@ -14,7 +13,7 @@ StateProcess StateProcess::markov(double mean_good_s, double mean_bad_s, RandomE
   process.mean_s_[kBad] = mean_bad_s;
   process.random_ = random;
   const double p_bad = mean_bad_s / (mean_good_s + mean_bad_s);
-  process.state_ = boost::random::uniform_01<double>()(process.random_) < p_bad ? kBad : kGood;
+  process.state_ = uniform_01(process.random_) < p_bad ? kBad : kGood;
   process.until_ = kStart + process.draw_sojourn();  // memoryless: no need to know when it began
   return process;
 }

@@ -12,7 +12,7 @@ tether_add_test(NAME can_profile_test
 # --- configuration and AgileX
 tether_add_test(NAME drivetrain_config_test
   SOURCES drivetrain_config_test.cpp drivetrain_files_test.cpp drivetrain_reaction_test.cpp
-  LIBS tether_can_protocol fmt::fmt)
+  LIBS tether_can_protocol)
 tether_add_test(NAME can_probe_test SOURCES can_probe_test.cpp sdo_upload_test.cpp
   LIBS tether_can_protocol tether_can_emulation)
 tether_add_test(NAME can_request_test SOURCES can_request_test.cpp twist_drive_test.cpp
@@ -43,7 +43,7 @@ tether_add_test(NAME can_bridge_node_test
 # Label mutation: takes each safety rule out and checks that one of the tests above notices.
 if(NOT TETHER_SANITIZE)
   set(mutation_libraries tether_can_bridge_core tether_can_profiles tether_can_protocol tether_common
-    fmt::fmt GTest::gtest_main GTest::gmock GTest::gtest lcm::lcm)
+    GTest::gtest_main GTest::gmock GTest::gtest lcm::lcm)
   list(TRANSFORM mutation_libraries REPLACE "(.+)" "$<TARGET_LINKER_FILE:\\1>")
   list(JOIN mutation_libraries "," mutation_libraries)
   add_test(NAME safety_mutations COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/mutation/safety_mutations.py
@@ -55,7 +55,7 @@ if(NOT TETHER_SANITIZE)
 endif()
 
 tether_add_test(NAME can_golden_test SOURCES can_golden_test.cpp
-  LIBS tether_can_bridge_core tether_can_drive_core tether_can_bus fmt::fmt)
+  LIBS tether_can_bridge_core tether_can_drive_core tether_can_bus)
 
 # --- SocketCAN and vcan (label vcan)
 # tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds [NETEM]): runs
@@ -106,7 +106,7 @@ tether_find_kernel(netem_kernel --netem)
 
 add_executable(socket_can_test socket_can_test.cpp socket_can_controller_test.cpp)
 target_link_libraries(socket_can_test PRIVATE
-  tether_can_bus fmt::fmt tether_options GTest::gmock GTest::gtest_main)
+  tether_can_bus tether_options GTest::gmock GTest::gtest_main)
 set_target_properties(socket_can_test PROPERTIES
   RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
 tether_add_can_test(NAME can_harness_test SCRIPT can_harness_test.py TIMEOUT 180)

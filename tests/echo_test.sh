@@ -80,7 +80,7 @@ refuses() {
     [ "$status" = "$code" ] || fail "tether $*: exit code $status, not $code: $(cat refused.err)"
     grep -Fq -- "$text" refused.err || fail "tether $*: no \"$text\" in: $(cat refused.err)"
 }
-refuses 2 'channel regex "AGV/["' echo 'AGV/['
+refuses 2 'channel: "AGV/[" is not a regular expression' echo 'AGV/['
 refuses 2 'no port' echo --lcm-url udpm://239.255.76.67
 refuses 2 '--count' echo --count 0
 refuses 2 '--duration' echo --duration -1

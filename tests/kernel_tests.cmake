@@ -9,7 +9,7 @@ add_executable(netem_kernel_test
   netem_kernel_loss_test.cpp
   two_sample.cpp
   udp_probe.cpp)
-target_link_libraries(netem_kernel_test PRIVATE tether_netem_core fmt::fmt
+target_link_libraries(netem_kernel_test PRIVATE tether_netem_core
   nlohmann_json::nlohmann_json tether_options GTest::gmock GTest::gtest_main)
 set_target_properties(netem_kernel_test PROPERTIES
   RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)

@@ -53,7 +53,7 @@ constexpr BadUrl kBadUrls[] = {
     {"udpm://:7667", "no multicast group"},
     {"udpm://239.255.76.67", "no port"},
     {"udpm://239.255.76.67?ttl=0", "no port"},
-    {"udpm://239.255.76.67:", "port \"\" is not a number from 1 to 65535"},
+    {"udpm://239.255.76.67:", "no port"},
     {"udpm://239.255.76.67:0", "port \"0\" is not a number from 1 to 65535"},
     {"udpm://239.255.76.67:65536", "port \"65536\" is not a number from 1 to 65535"},
     {"udpm://239.255.76.67:-1", "port \"-1\" is not a number from 1 to 65535"},

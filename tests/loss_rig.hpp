@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <boost/random/uniform_01.hpp>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -17,8 +16,6 @@ namespace tether::testing {
 inline constexpr Duration kInterval = std::chrono::milliseconds{50};
 inline constexpr LossSpread kIndependent{};
 
-inline double uniform(RandomEngine& random) { return boost::random::uniform_01<double>()(random); }
-
 /// A chain, stepped by this test's own code.
 struct Chain {
   std::vector<std::vector<double>> transition;
@@ -27,8 +24,8 @@ struct Chain {
   std::size_t state = 0;
 
   bool next_is_lost() {
-    const bool lost = uniform(random) < loss[state];
-    double luck = uniform(random);
+    const bool lost = uniform_01(random) < loss[state];
+    double luck = uniform_01(random);
     std::size_t next = 0;
     while (next + 1 < loss.size() && luck >= transition[state][next]) {
       luck -= transition[state][next++];
@@ -41,7 +38,7 @@ struct Chain {
 inline Chain gilbert_elliott(const GilbertElliott& m, std::uint64_t seed) {
   Chain chain{
       {{1.0 - m.p, m.p}, {m.r, 1.0 - m.r}}, {m.one_minus_k, m.one_minus_h}, RandomEngine(seed), 0};
-  chain.state = uniform(chain.random) < m.p / (m.p + m.r) ? 1 : 0;
+  chain.state = uniform_01(chain.random) < m.p / (m.p + m.r) ? 1 : 0;
   return chain;
 }
 

@@ -63,8 +63,9 @@ TEST(MessageTypes, AreThoseOfTheLcmFilesFieldByField) {
   const auto files = lcm_files();
   EXPECT_EQ(files.size(), message_types().size());
   for (const auto& [name, fields] : files) {
-    const auto known = std::find_if(message_types().begin(), message_types().end(),
-                                    [&](const MessageType& t) { return t.name == name; });
+    const auto known =
+        std::find_if(message_types().begin(), message_types().end(),
+                     [&name = name](const MessageType& t) { return t.name == name; });
     ASSERT_NE(known, message_types().end()) << name;
     EXPECT_EQ(known->field_names, fields) << name;
   }

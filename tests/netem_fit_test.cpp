@@ -19,7 +19,6 @@ namespace {
 
 using testing::Chain;
 using testing::gilbert_elliott;
-using testing::uniform;
 
 FateLog log_of(Chain chain, int packets, double interval_s = 0.05) {
   std::vector<LoggedPacket> fates;
@@ -222,7 +221,7 @@ TEST(FitChannel, RecoversAProcessInTimeFromIrregularPackets) {
         const double mean = bad ? truth.mean_bad_s : truth.mean_good_s;
         until += boost::random::exponential_distribution<double>(1.0 / mean)(random);
       }
-      packets.push_back({t, uniform(random) >= (bad ? truth.prr_bad : truth.prr_good)});
+      packets.push_back({t, uniform_01(random) >= (bad ? truth.prr_bad : truth.prr_good)});
     }
     const ChannelFit fit = fit_channel(fates_from_packets(packets), RandomEngine(seed));
     ASSERT_TRUE(fit.markov.has_value());

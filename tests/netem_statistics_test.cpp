@@ -23,7 +23,6 @@ using testing::gilbert_elliott;
 using testing::kIndependent;
 using testing::kInterval;
 using testing::record_of;
-using testing::uniform;
 
 // ---------------------------------------------------------------------------- intervals
 

@@ -1,3 +1,4 @@
+#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -16,7 +17,7 @@
 namespace tether {
 namespace {
 
-struct Options {
+struct CanCommandOptions {
   CanOperatorOptions op{kDefaultLcmUrl, "AGV"};
   std::int32_t node = 0;
   std::string kind;
@@ -24,7 +25,7 @@ struct Options {
   CanDriveOptions drive;
   CanProbeOptions probe;
 };
-using SharedOptions = std::shared_ptr<Options>;
+using SharedOptions = std::shared_ptr<CanCommandOptions>;
 
 CLI::App* add_operator_command(CLI::App& can, const SharedOptions& options, const char* name,
                                const char* what) {
@@ -119,7 +120,7 @@ void add_probe(CLI::App& can, const SharedOptions& options, Action& action) {
 }  // namespace
 
 void add_can_command(CLI::App& tether, Action& action) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<CanCommandOptions>();
   CLI::App* const can = tether.add_subcommand("can", "The CAN drivetrain: arm, stop, look, test")
                             ->require_subcommand(1);
   add_request(*can, options, action, "arm", drive_request_t::ARM,

@@ -22,7 +22,7 @@
 namespace tether {
 namespace {
 
-constexpr Duration kHello = std::chrono::seconds{2};  // a bridge reports at 50 Hz
+constexpr Duration kFirstReport = std::chrono::seconds{2};  // a bridge reports at 50 Hz
 constexpr Duration kListen = std::chrono::milliseconds{300};
 
 class DriveSession {
@@ -64,8 +64,8 @@ class DriveSession {
   /// Until the bridge's clock is known, and at least for a moment: is somebody else sending?
   void greet() {
     const Instant begin = loop_.now();
-    while (loop_.now() < begin + kListen || (!clock_ && loop_.now() < begin + kHello)) {
-      loop_.run_until(begin + (loop_.now() < begin + kListen ? kListen : kHello));
+    while (loop_.now() < begin + kListen || (!clock_ && loop_.now() < begin + kFirstReport)) {
+      loop_.run_until(begin + (loop_.now() < begin + kListen ? kListen : kFirstReport));
       if (loop_.signal() != 0) throw std::runtime_error("interrupted");
     }
     if (!clock_) {

@@ -27,8 +27,8 @@
 namespace tether {
 namespace {
 
-constexpr Duration kHello = std::chrono::seconds{2};             // a bridge reports at 50 Hz
-constexpr Duration kPatience = std::chrono::seconds{10};         // start-up of slow drives
+constexpr Duration kBridgeHello = std::chrono::seconds{2};       // a bridge reports at 50 Hz
+constexpr Duration kAnswerTime = std::chrono::seconds{10};       // start-up of slow drives
 constexpr Duration kCounters = std::chrono::milliseconds{2500};  // reported every second
 
 /// Listens on one LCM network until something has been heard.
@@ -119,7 +119,7 @@ int can_request(const CanOperatorOptions& options, std::int32_t request) {
   std::optional<drivetrain_state_t> state;
   ear.hear<drivetrain_state_t>(ear.channels.can_state,
                                [&](const drivetrain_state_t& m) { state = m; });
-  if (!ear.wait(kHello, [&] { return state.has_value(); })) {
+  if (!ear.wait(kBridgeHello, [&] { return state.has_value(); })) {
     ear.miss(ear.channels.can_state, "tether-can-bridge");
   }
   drive_request_t message{};
@@ -133,7 +133,7 @@ int can_request(const CanOperatorOptions& options, std::int32_t request) {
     if (state->utime <= message.utime) return RequestOutcome::pending;
     return judge_request(request, *state, from_utime(state->utime) - from_utime(message.utime));
   };
-  ear.wait(kPatience, [&] { return outcome() != RequestOutcome::pending; });
+  ear.wait(kAnswerTime, [&] { return outcome() != RequestOutcome::pending; });
   fmt::print("{}\n", state_line(*state));
   return outcome() == RequestOutcome::reached ? kExitOk : kExitFailed;
 }
@@ -179,7 +179,7 @@ int can_status(const CanOperatorOptions& options) {
   ear.hear<wheel_feedback_t>(ear.channels.can_wheels,
                              [&](const wheel_feedback_t& m) { wheels = m; });
   ear.hear<odometry_t>(ear.channels.can_odometry, [&](const odometry_t& m) { odometry = m; });
-  ear.wait(kHello, [&] { return state && wheels && odometry; });
+  ear.wait(kBridgeHello, [&] { return state && wheels && odometry; });
   if (!state) ear.miss(ear.channels.can_state, "tether-can-bridge");
 
   fmt::print("{:<9} {}\n", "state", state_line(*state));

@@ -4,10 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <stdexcept>
 
 #include "tools/gnuplot.hpp"
+#include "tools/write_file.hpp"
 
 namespace tether {
 namespace {
@@ -16,13 +15,6 @@ using Outcome = PacketFate::Outcome;
 
 constexpr std::size_t kRow = 100;  // packets
 constexpr int kSteps = 1000;       // of a distribution
-
-void write_file(const std::filesystem::path& file, const std::string& text) {
-  std::ofstream out(file);
-  out << text;
-  out.close();
-  if (!out) throw std::runtime_error(fmt::format("cannot write \"{}\"", file.string()));
-}
 
 bool received(const PacketFate& fate) { return fate.outcome == Outcome::under_way; }
 

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
@@ -7,7 +8,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <regex>
 #include <stdexcept>
 #include <string>
 
@@ -16,6 +16,7 @@
 #include "common/errors.hpp"
 #include "common/lcm_bus.hpp"
 #include "common/lcm_url.hpp"
+#include "common/pattern.hpp"
 #include "common/real_time_loop.hpp"
 #include "tools/commands.hpp"
 #include "tools/message_printer.hpp"
@@ -33,14 +34,12 @@ struct EchoOptions {
   bool quiet = false;
 };
 
-std::regex checked_regex(const std::string& text) {
+Pattern checked_pattern(const std::string& text) {
   try {
-    return std::regex(text);
-  } catch (const std::regex_error& error) {
+    return Pattern(text);
+  } catch (const UsageError& error) {
     throw UsageError(
-        fmt::format("channel regex \"{}\": {}; it must match whole names, such as "
-                    "\"AGV/.*\"",
-                    text, error.what()));
+        fmt::format("channel: {}; it must match whole names, such as \"AGV/.*\"", error.what()));
   }
 }
 
@@ -50,7 +49,7 @@ class Echo {
  public:
   Echo(const EchoOptions& options, RealTimeLoop& loop)
       : options_(options),
-        regex_(checked_regex(options.channel_regex)),
+        pattern_(checked_pattern(options.channel_regex)),
         url_(reachable_lcm_url(options.lcm_url)),
         lcm_(url_),
         loop_(loop) {
@@ -116,13 +115,13 @@ class Echo {
     if (options_.channel_regex == ".*") return true;
     const auto known = wanted_.find(channel);
     if (known != wanted_.end()) return known->second;
-    const bool matches = std::regex_match(channel, regex_);
+    const bool matches = pattern_.matches(channel);
     if (wanted_.size() < ChannelTable::kMaxChannels) wanted_.emplace(channel, matches);
     return matches;
   }
 
   EchoOptions options_;
-  std::regex regex_;
+  Pattern pattern_;
   std::string url_;
   lcm::LCM lcm_;
   RealTimeLoop& loop_;

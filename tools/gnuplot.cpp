@@ -2,20 +2,17 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
 #include <stdexcept>
 
 #include "tools/process.hpp"
+#include "tools/write_file.hpp"
 
 namespace tether {
 
 void run_gnuplot(const std::filesystem::path& folder, const std::string& name,
                  const std::string& script) {
   const std::string file = (folder / name).string();
-  std::ofstream out(file);
-  out << "# Run in this folder: gnuplot " << name << "\n" << script;
-  out.close();
-  if (!out) throw std::runtime_error(fmt::format("cannot write \"{}\"", file));
+  write_file(file, fmt::format("# Run in this folder: gnuplot {}\n{}", name, script));
   const int code = run_process({"gnuplot", name}, folder);
   if (code == 127) {
     throw std::runtime_error("cannot draw: gnuplot is missing; apt install gnuplot-nox");

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,14 +15,14 @@
 namespace tether {
 namespace {
 
-struct Options {
+struct LiveOptions {
   LiveSession::Options session;
   std::optional<std::uint64_t> seed;
   std::optional<double> duration_s;
   bool json = false;
 };
 
-int live(Options options) {
+int live(LiveOptions options) {
   if (options.seed) {
     options.session.overrides.push_back(fmt::format("run.seed={}", *options.seed));
   }
@@ -51,7 +52,7 @@ int live(Options options) {
 }  // namespace
 
 void add_live_command(CLI::App& tether, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<LiveOptions>();
   options->session.lcm_url = kDefaultLcmUrl;
   CLI::App* command = tether.add_subcommand(
       "live", "The loop as processes in real time over LCM; Ctrl-C ends it cleanly");

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -21,7 +22,7 @@
 namespace tether {
 namespace {
 
-struct Options {
+struct CheckOptions {
   std::string scenario_file;
   std::vector<std::string> overrides;
   std::optional<std::uint64_t> seed;
@@ -30,7 +31,7 @@ struct Options {
   std::string interface = "eth0";
 };
 
-Scenario load(const Options& options) {
+Scenario load(const CheckOptions& options) {
   std::vector<std::string> overrides = options.overrides;
   if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
   return load_scenario(options.scenario_file, overrides);
@@ -79,7 +80,7 @@ nlohmann::ordered_json json_of(const ChannelReport::Direction& link, const LinkT
 }
 
 /// Times are counted in nanoseconds.
-void check_length(const Options& options, const Scenario& scenario) {
+void check_length(const CheckOptions& options, const Scenario& scenario) {
   constexpr double kLongest_s = 4e9;
   for (const LinkTraffic& traffic : {pose_traffic(scenario), command_traffic(scenario, false)}) {
     if (static_cast<double>(options.packets) * traffic.interval_s <= kLongest_s) continue;
@@ -89,7 +90,7 @@ void check_length(const Options& options, const Scenario& scenario) {
   }
 }
 
-int check(const Options& options) {
+int check(const CheckOptions& options) {
   const Scenario scenario = load(options);
   check_length(options, scenario);
   ChannelReport report;
@@ -137,7 +138,7 @@ std::string commented(const TcExport& link) {
   return text;
 }
 
-int export_tc_commands(const Options& options) {
+int export_tc_commands(const CheckOptions& options) {
   const Scenario scenario = load(options);
   const ChannelNames channels(scenario.vehicle.name);
   TextOutput out;
@@ -157,7 +158,7 @@ int export_tc_commands(const Options& options) {
   return kExitOk;
 }
 
-void add_scenario_options(CLI::App& command, Options& options) {
+void add_scenario_options(CLI::App& command, CheckOptions& options) {
   command.add_option("scenario", options.scenario_file, "scenario file (TOML)")->required();
   command
       .add_option("--set", options.overrides,
@@ -168,7 +169,7 @@ void add_scenario_options(CLI::App& command, Options& options) {
 }  // namespace
 
 void add_netem_scenario_commands(CLI::App& netem, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CheckOptions>();
   CLI::App* const check_command = netem.add_subcommand(
       "check",
       "Sends packets through a scenario's links, without vehicle and controller, and compares what "

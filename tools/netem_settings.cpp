@@ -19,7 +19,7 @@
 namespace tether {
 namespace {
 
-constexpr Duration kPatience = std::chrono::seconds{3};
+constexpr Duration kSettingPatience = std::chrono::seconds{3};
 constexpr Duration kAskAgain = std::chrono::milliseconds{500};  // requests may get lost, too
 
 /// Asks the relay on one network and waits for its answers.
@@ -36,7 +36,7 @@ class RelayTalk {
   channel_setting_result_t ask(std::int64_t utime, const std::vector<std::string>& settings) {
     asked_ = setting_request(utime, RealTimeLoop::wall_utime_us(), settings);
     answer_.reset();
-    const Instant end = loop_.now() + kPatience;
+    const Instant end = loop_.now() + kSettingPatience;
     while (!answer_ && loop_.now() < end) {
       publish(bus_, channels_.net_set, asked_);
       loop_.run_until(std::min(end, loop_.now() + kAskAgain));

@@ -13,6 +13,7 @@
 #include "common/version.hpp"
 #include "tools/path_figure.hpp"
 #include "tools/process.hpp"
+#include "tools/write_file.hpp"
 
 namespace fs = std::filesystem;
 
@@ -20,13 +21,6 @@ namespace tether {
 namespace {
 
 constexpr std::uintmax_t kEventHeaderBytes = 28;  // sync, number, time stamp, two lengths
-
-void write_file(const fs::path& file, const std::string& text) {
-  std::ofstream out(file, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw std::runtime_error(fmt::format("cannot write \"{}\"", file.string()));
-}
 
 /// First words of a scenario.toml that OutputFolder wrote.
 const std::string kScenarioHeader = "# Resolved scenario, tether ";

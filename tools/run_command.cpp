@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <memory>
@@ -19,7 +20,7 @@
 namespace tether {
 namespace {
 
-struct Options {
+struct RunOptions {
   std::string scenario_file;
   std::vector<std::string> overrides;
   std::optional<std::uint64_t> seed;
@@ -51,7 +52,7 @@ void run_with_progress(ClosedLoop& loop, Instant end) {
   if (shown_s > start_s) fmt::print(stderr, "\r\033[K");
 }
 
-int run(const Options& options) {
+int run(const RunOptions& options) {
   if (options.keys) {
     fmt::print("{}", describe_scenario_keys());
     return kExitOk;
@@ -91,7 +92,7 @@ int run(const Options& options) {
 }  // namespace
 
 void add_run_command(CLI::App& tether, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RunOptions>();
   CLI::App* command = tether.add_subcommand("run", "One run in virtual time: deterministic");
   command->add_option("scenario", options->scenario_file, "scenario file (TOML)");
   command
