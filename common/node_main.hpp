@@ -9,7 +9,7 @@
 #include "common/node.hpp"
 #include "common/scenario.hpp"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming)
 class App;
 }
 

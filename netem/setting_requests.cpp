@@ -12,8 +12,10 @@ namespace {
 constexpr std::size_t kRemembered = 64;
 constexpr std::size_t kLongestValue = 1000;  // a message's decoder takes 64 KiB at most
 
-std::string cut(const std::string& text) {
-  return text.size() <= kLongestValue ? text : text.substr(0, kLongestValue) + "...";
+std::string cut(std::string text) {
+  if (text.size() <= kLongestValue) return text;
+  text.resize(kLongestValue);
+  return text + "...";
 }
 
 }  // namespace

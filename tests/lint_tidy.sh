@@ -16,8 +16,10 @@ python3 - "$build" >"$commands/compile_commands.json" <<'EOF'
 import json, re, sys
 with open(sys.argv[1] + "/compile_commands.json") as file:
     commands = [c for c in json.load(file) if "cmake_pch" not in c["file"]]
-for c in commands:
+folders = set(re.findall(r"-I\S+|-isystem \S+", " ".join(c["command"] for c in commands)))
+for c in commands:  # sources that are checked together need the folders of any of them
     c["command"] = re.sub(r" -Winvalid-pch -include \S*cmake_pch\.hxx", "", c["command"])
+    c["command"] += " " + " ".join(sorted(folders))
 json.dump(commands, sys.stdout)
 EOF
 
@@ -25,12 +27,14 @@ tidy() { # BUILD_DIR COMMANDS SOURCES...
     local build=$1 commands=$2 job status=0
     shift 2
     job=$(mktemp -d "$build/tidy_XXXXXX")
-    mkdir "$job/$(dirname "$1")" # where a file lies decides with which options it is compiled
-    local together="$job/$(dirname "$1")/together.cpp"
-    printf "#include \"$PWD/%s\"\n" "$@" >"$together"
-    clang-tidy -p "$commands" --quiet --checks=-bugprone-suspicious-include \
-        --header-filter="^$PWD/[a-z_]+/[^/]*\.[ch]pp\$" "$together" >"$job/found" 2>&1 || status=1
-    if grep --quiet 'clang-diagnostic-error' "$job/found" && [ $# -gt 1 ]; then
+    if [ $# -gt 1 ]; then
+        mkdir "$job/$(dirname "$1")" # where a file lies decides with which options it is compiled
+        local together="$job/$(dirname "$1")/together.cpp"
+        printf "#include \"$PWD/%s\"\n" "$@" >"$together"
+        clang-tidy -p "$commands" --quiet --checks=-bugprone-suspicious-include \
+            --header-filter="^$PWD/[a-z_]+/[^/]*\.[ch]pp\$" "$together" >"$job/found" 2>&1 || status=1
+    fi
+    if [ $# = 1 ] || grep --quiet 'clang-diagnostic-error' "$job/found"; then
         status=0
         clang-tidy -p "$commands" --quiet "$@" >"$job/found" 2>&1 || status=1
     fi
@@ -41,7 +45,7 @@ tidy() { # BUILD_DIR COMMANDS SOURCES...
 export -f tidy
 
 for folder in common sim controller netem can_bridge tools bench; do
-    find "$folder" -name '*.cpp' ! -name '*main.cpp' | sort | xargs --max-args=12
-    find "$folder" -name '*main.cpp' | sort | xargs --max-args=1
+    find "$folder" -name '*.cpp' ! -name '*main.cpp' ! -name '*_bench.cpp' | sort | xargs --max-args=12
+    find "$folder" -name '*main.cpp' -o -name '*_bench.cpp' | sort | xargs --max-args=1
 done | grep . | xargs --max-procs="$(nproc)" -I '{}' bash -c "tidy '$build' '$commands' {}"
 echo "clang-tidy: clean"
