@@ -43,8 +43,9 @@ tether_add_test(NAME can_bridge_node_test
 # Label mutation: takes each safety rule out and checks that one of the tests above notices.
 if(NOT TETHER_SANITIZE)
   set(mutation_libraries tether_can_bridge_core tether_can_profiles tether_can_protocol tether_common
-    GTest::gtest_main GTest::gmock GTest::gtest lcm::lcm)
+    fmt::fmt GTest::gtest_main GTest::gmock GTest::gtest lcm::lcm)
   list(TRANSFORM mutation_libraries REPLACE "(.+)" "$<TARGET_LINKER_FILE:\\1>")
+  list(APPEND mutation_libraries ${TOMLPLUSPLUS_LINK_LIBRARIES})
   list(JOIN mutation_libraries "," mutation_libraries)
   add_test(NAME safety_mutations COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/mutation/safety_mutations.py
     --build ${CMAKE_BINARY_DIR}
