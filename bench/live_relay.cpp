@@ -7,6 +7,7 @@
 #include <cstring>
 #include <ctime>
 #include <stdexcept>
+#include <utility>
 
 #include "tools/process.hpp"
 
@@ -19,7 +20,6 @@ LiveRelay::LiveRelay(const std::vector<std::string>& overrides)
       far_(kFar, loop_),
       plain_out_(kPlain, loop_),
       plain_(kPlain, loop_) {
-  listen(near_, near_heard_);
   listen(far_, far_heard_);
   listen(plain_, plain_heard_);
   std::vector<std::string> command{(executable_folder() / "tether-netem").string(),
@@ -47,6 +47,11 @@ LiveRelay::~LiveRelay() {
   relay_->send_signal(SIGINT);
   const Instant end = loop_.now() + std::chrono::seconds{5};
   while (relay_->running() && loop_.now() < end) loop_.run_until(end);
+}
+
+void LiveRelay::on_near(Heard heard) {
+  near_heard_ = std::move(heard);
+  if (!std::exchange(hears_near_, true)) listen(near_, near_heard_);
 }
 
 void LiveRelay::listen(LcmBus& bus, Heard& heard) {

@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <cstdio>
-#include <map>
 #include <memory>
 #include <optional>
 #include <tether/clock_t.hpp>
@@ -74,23 +73,6 @@ class ClockFollower {
   int disagreements_ = 0;
 };
 
-/// All networks of a program.
-class Networks {
- public:
-  explicit Networks(RealTimeLoop& loop) : loop_(loop) {}
-
-  LcmBus& at(const std::string& url) {
-    const std::string checked = checked_lcm_url(url);
-    const auto found = open_.find(checked);
-    if (found != open_.end()) return *found->second;
-    return *open_.emplace(checked, std::make_unique<LcmBus>(checked, loop_)).first->second;
-  }
-
- private:
-  RealTimeLoop& loop_;
-  std::map<std::string, std::unique_ptr<LcmBus>> open_;
-};
-
 enum class End { signal, clock_jumped };
 
 /// Lets the loop go on until the node has ended in good order.
@@ -102,9 +84,13 @@ void wind_down(Node& node, RealTimeLoop& loop) {
 
 End run_once(const NodeProgram& program, const Options& options, const Scenario& scenario) {
   RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()), options.speed);
-  Networks networks(loop);
-  LcmBus& bus = networks.at(options.lcm_url);
-  Bus& control_bus = options.control_lcm_url.empty() ? bus : networks.at(options.control_lcm_url);
+  LcmBus bus(options.lcm_url, loop);
+  std::optional<LcmBus> other;
+  if (!options.control_lcm_url.empty() &&
+      checked_lcm_url(options.control_lcm_url) != checked_lcm_url(options.lcm_url)) {
+    other.emplace(options.control_lcm_url, loop);
+  }
+  Bus& control_bus = other ? *other : bus;
 
   std::optional<ClockFollower> clock;
   if (!options.start_utime_us && !program.owns_clock && !options.stands_alone) {
@@ -113,9 +99,7 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
     if (!clock->wait()) return End::signal;
   }
 
-  const auto node =
-      program.make({scenario, loop, bus, control_bus,
-                    [&networks](const std::string& url) -> Bus& { return networks.at(url); }});
+  const auto node = program.make({scenario, loop, bus, control_bus});
   fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
              bus.url());
   loop.run();

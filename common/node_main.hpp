@@ -22,8 +22,6 @@ struct NodeContext {
   Bus& bus;  ///< the vehicle's side of the network
   Bus&
       control_bus;  ///< the controller's side; the same bus unless --control-lcm-url says otherwise
-  /// The network of a URL, opened the first time that it is asked for; --lcm-url's is `bus`.
-  std::function<Bus&(const std::string& url)> network_at;
 };
 
 /// How long a node may take to wind down (Node::wind_down), at the very most.

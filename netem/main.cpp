@@ -7,6 +7,7 @@
 
 #include "common/lcm_url.hpp"
 #include "common/node_main.hpp"
+#include "common/udpm_bus.hpp"
 #include "netem/netem_node.hpp"
 #include "netem/relay_node.hpp"
 
@@ -39,7 +40,9 @@ int main(int argc, char** argv) {
     if (rules.empty()) {
       return std::make_unique<NetemNode>(c.scenario, c.loop, c.bus, c.control_bus);
     }
-    return std::make_unique<RelayNode>(c.scenario, rules, c.loop, own_url, c.network_at);
+    return std::make_unique<RelayNode>(
+        c.scenario, rules, c.loop, own_url,
+        [&loop = c.loop](const std::string& url) { return std::make_unique<UdpmBus>(url, loop); });
   };
   return node_main(argc, argv,
                    {.name = "tether-netem",

@@ -1,11 +1,8 @@
 #include "netem/relay_network.hpp"
 
-#include <lcm/lcm.h>
-
-#include <algorithm>
 #include <utility>
 
-#include "common/pattern.hpp"
+#include "common/lcm_datagrams.hpp"
 
 namespace tether {
 namespace {
@@ -14,37 +11,21 @@ namespace {
 constexpr std::size_t kKnownChannels = 10'000;
 
 bool can_be_a_channel(const std::string& name) {
-  return !name.empty() && name.size() <= LCM_MAX_CHANNEL_NAME_LENGTH &&
-         name.find('\0') == std::string::npos;
+  return !name.empty() && name.size() <= kMaxChannelBytes && name.find('\0') == std::string::npos;
 }
 
 }  // namespace
 
-RelayNetwork::RelayNetwork(std::size_t number, Bus& bus, EventLoop& loop, EchoFilter& echoes)
-    : number_(number), bus_(bus), loop_(loop), echoes_(echoes) {}
-
 void RelayNetwork::add_rule(const RelayRule& rule, std::size_t link, std::size_t destination) {
-  rules_.push_back({rule.pattern, ChannelMap(rule), link, destination});
+  rules_.push_back({ChannelMap(rule), link, destination});
 }
 
 void RelayNetwork::listen(Take take) {
   if (rules_.empty()) return;
-  bus_.subscribe(joint_pattern(), kDeepQueue, [this, take = std::move(take)](const Message& m) {
+  bus_->subscribe(".*", kDeepQueue, [this, take = std::move(take)](const Message& m) {
     const Routes& to = routes(m.channel);
-    if (!to.empty() && !echoes_.heard(loop_.now(), number_, m)) take(m, to);
+    if (!to.empty()) take(m, to);
   });
-}
-
-void RelayNetwork::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
-  if (!rules_.empty() && !routes(channel).empty()) {
-    echoes_.published(loop_.now(), number_, {channel, bytes});
-  }
-  bus_.publish(channel, bytes);
-}
-
-void RelayNetwork::subscribe(const std::string& channel_regex, int queue_capacity,
-                             Handler handler) {
-  bus_.subscribe(channel_regex, queue_capacity, std::move(handler));
 }
 
 const RelayNetwork::Routes& RelayNetwork::routes(std::string_view channel) {
@@ -64,19 +45,6 @@ RelayNetwork::Routes RelayNetwork::make_routes(std::string_view channel) const {
     made.push_back({rule.link, rule.destination, *std::move(name)});
   }
   return made;
-}
-
-std::string RelayNetwork::joint_pattern() const {
-  // LCM's expressions are not ECMAScript's, and one that it cannot compile crashes it. Of escapes
-  // and classes, only those that both have go to LCM; references break in a joint pattern.
-  static const Pattern kCommon(
-      R"((?:[^\\\[]|\\[dDwWsSbB]|\\[^A-Za-z0-9]|\[\^?[^\]\\^][^\]\\]*\])*)");
-  std::string joint;
-  for (const Rule& rule : rules_) {
-    if (!kCommon.matches(rule.pattern)) return ".*";
-    joint += (joint.empty() ? "(?:" : "|(?:") + rule.pattern + ")";
-  }
-  return joint;
 }
 
 }  // namespace tether

@@ -4,13 +4,13 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/bus.hpp"
-#include "common/event_loop.hpp"
-#include "netem/echo_filter.hpp"
 #include "netem/relay_rule.hpp"
 
 namespace tether {
@@ -22,28 +22,27 @@ struct Route {
   std::string channel;          ///< empty: no channel can have the name that the rule makes
 };
 
-/// One of the networks that a relay joins: publishes so that the relay will know its own messages,
-/// and hands over everybody else's that a rule is about, each once, with its routes.
-class RelayNetwork final : public Bus {
+/// One of the networks that a relay joins: hands over what others send and a rule is about, each
+/// message once, with its routes.
+class RelayNetwork {
  public:
   /// `message` lives as long as the call.
   using Take = std::function<void(const Message& message, const std::vector<Route>& routes)>;
 
-  /// All must outlive the network. `number`: of this network, for `echoes` and routes.
-  RelayNetwork(std::size_t number, Bus& bus, EventLoop& loop, EchoFilter& echoes);
+  /// `bus` must not hear what it publishes itself. `number`: of this network, for routes.
+  RelayNetwork(std::size_t number, std::unique_ptr<Bus> bus)
+      : number_(number), bus_(std::move(bus)) {}
 
   /// Before listen().
   void add_rule(const RelayRule& rule, std::size_t link, std::size_t destination);
   /// Hears what the rules are about from now on; without rules, nothing.
   void listen(Take take);
 
-  void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
-  void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) override;
-  void list_counters(CounterList& out) const override { bus_.list_counters(out); }
+  Bus& bus() { return *bus_; }
+  const Bus& bus() const { return *bus_; }
 
  private:
   struct Rule {
-    std::string pattern;
     ChannelMap names;
     std::size_t link;
     std::size_t destination;
@@ -52,13 +51,9 @@ class RelayNetwork final : public Bus {
 
   const Routes& routes(std::string_view channel);
   Routes make_routes(std::string_view channel) const;
-  /// One pattern for all rules, so that a message that several are about comes once.
-  std::string joint_pattern() const;
 
   std::size_t number_;
-  Bus& bus_;
-  EventLoop& loop_;
-  EchoFilter& echoes_;
+  std::unique_ptr<Bus> bus_;
   std::vector<Rule> rules_;
   std::map<std::string, Routes, std::less<>> known_;  // per channel
 };

@@ -10,16 +10,6 @@
 namespace tether {
 namespace {
 
-constexpr Duration kEchoMemory = std::chrono::seconds{10};
-constexpr std::size_t kEchoCapacity = 1 << 18;
-constexpr std::size_t kIntakeBytes = 1 << 26;
-
-/// So few at a time, a fraction of what one look at LCM brings: under a flood, messages then wait
-/// here, where drops are counted, and not in LCM.
-constexpr int kBurst = 16;
-/// Long enough for the loop to look at LCM in between.
-constexpr Duration kPause = std::chrono::microseconds{20};
-
 std::string report_channel(std::string link) {
   std::transform(link.begin(), link.end(), link.begin(),
                  [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
@@ -31,9 +21,7 @@ std::string report_channel(std::string link) {
 RelayNode::RelayNode(const Scenario& scenario, const std::vector<RelayRule>& rules, EventLoop& loop,
                      const std::string& own_url, const NetworkAt& network_at)
     : loop_(loop),
-      echoes_(kEchoMemory, kEchoCapacity),
-      intake_(kDeepQueue, kIntakeBytes),
-      counters_(loop, networks_[add_network(own_url, network_at)], "netem",
+      counters_(loop, networks_[add_network(own_url, network_at)].bus(), "netem",
                 ChannelNames(scenario.vehicle.name).net_counters,
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
@@ -52,7 +40,7 @@ RelayNode::RelayNode(const Scenario& scenario, const std::vector<RelayRule>& rul
 
 std::size_t RelayNode::add_network(const std::string& url, const NetworkAt& network_at) {
   const auto [found, added] = network_numbers_.try_emplace(url, networks_.size());
-  if (added) networks_.emplace_back(found->second, network_at(url), loop_, echoes_);
+  if (added) networks_.emplace_back(found->second, network_at(url));
   return found->second;
 }
 
@@ -66,10 +54,10 @@ void RelayNode::add_links(const Scenario& scenario, const std::vector<RelayRule>
     links_.emplace_back(
         names[i], std::move(links[i]), loop_, from_seconds(scenario.run.report_period_s),
         [this](const Packet& packet) {
-          networks_[packet.destination].publish(packet.channel, packet.bytes);
+          networks_[packet.destination].bus().publish(packet.channel, packet.bytes);
         },
         [this, channel = report_channel(names[i])](const link_report_t& report) {
-          publish(networks_.front(), channel, report);
+          publish(networks_.front().bus(), channel, report);
         });
   }
 }
@@ -81,23 +69,8 @@ void RelayNode::take(const Message& message, const std::vector<Route>& routes) {
       ++refused_names_;
       continue;
     }
-    intake_.push(
-        {route.link,
-         {route.channel, {message.bytes.begin(), message.bytes.end()}, route.destination}});
-  }
-  if (at_work_ || intake_.empty()) return;
-  at_work_ = true;
-  loop_.at(loop_.now(), Priority::delivery, [this](Instant) { work(); });
-}
-
-void RelayNode::work() {
-  for (int i = 0; i < kBurst && !intake_.empty(); ++i) {
-    RelayIntake::Entry entry = intake_.pop();
-    links_[entry.link].take(std::move(entry.packet));
-  }
-  at_work_ = !intake_.empty();
-  if (at_work_) {
-    loop_.at(loop_.now() + kPause, Priority::delivery, [this](Instant) { work(); });
+    links_[route.link].take(
+        {route.channel, {message.bytes.begin(), message.bytes.end()}, route.destination});
   }
 }
 
@@ -110,14 +83,9 @@ void RelayNode::list_counters(CounterList& out) const {
   for (const RunningLink& link : links_) link.list_counters(out);
   out.emplace_back("heard", heard_);
   out.emplace_back("names.refused", refused_names_);
-  out.emplace_back("intake.waiting", static_cast<std::int64_t>(intake_.size()));
-  out.emplace_back("intake.dropped", intake_.dropped());
-  out.emplace_back("own.recognised", echoes_.counters().recognised);
-  out.emplace_back("own.unheard", echoes_.counters().unheard);
-  out.emplace_back("own.forgotten", echoes_.counters().forgotten);
   for (const auto& [url, number] : network_numbers_) {
     CounterList of_network;
-    networks_[number].list_counters(of_network);
+    networks_[number].bus().list_counters(of_network);
     for (auto& [name, value] : of_network) {
       out.emplace_back(network_address(url) + "." + name, value);
     }

@@ -4,6 +4,7 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -12,9 +13,7 @@
 #include "common/event_loop.hpp"
 #include "common/node.hpp"
 #include "common/scenario.hpp"
-#include "netem/echo_filter.hpp"
 #include "netem/make_links.hpp"
-#include "netem/relay_intake.hpp"
 #include "netem/relay_network.hpp"
 #include "netem/relay_rule.hpp"
 #include "netem/running_link.hpp"
@@ -25,12 +24,13 @@ namespace tether {
 /// bytes. Never takes what it has published itself. Reports each link that a rule names on NET/LINK
 /// (in capitals) and its counters on NET/COUNTERS, on its own network, every run.report_period_s.
 ///
-/// heard = names.refused + intake.dropped + all links' offered (without their copies) + what waits
-/// in the intake, always; "heard" counts a message once for each rule that is about it.
+/// heard = names.refused + all links' offered (without their copies), always; "heard" counts a
+/// message once for each rule that is about it.
 class RelayNode final : public Node {
  public:
-  /// Opens the network of a URL, the first time that it is asked for it.
-  using NetworkAt = std::function<Bus&(const std::string& url)>;
+  /// Opens the network of a URL, as a bus that does not hear what it publishes itself. Asked once
+  /// for each.
+  using NetworkAt = std::function<std::unique_ptr<Bus>(const std::string& url)>;
 
   /// `own_url`: as checked_lcm_url() gives it. `rules`: of parse_relay_rules().
   RelayNode(const Scenario& scenario, const std::vector<RelayRule>& rules, EventLoop& loop,
@@ -46,13 +46,9 @@ class RelayNode final : public Node {
   std::size_t add_network(const std::string& url, const NetworkAt& network_at);
   void add_links(const Scenario& scenario, const std::vector<RelayRule>& rules);
   void take(const Message& message, const std::vector<Route>& routes);
-  void work();
   void list_counters(CounterList& out) const;
 
   EventLoop& loop_;
-  EchoFilter echoes_;
-  RelayIntake intake_;
-  bool at_work_ = false;  // a task to empty the intake is scheduled
   std::int64_t heard_ = 0;
   std::int64_t refused_names_ = 0;
   std::map<std::string, std::size_t> network_numbers_;  // by URL

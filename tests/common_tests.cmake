@@ -5,6 +5,7 @@ tether_add_test(NAME common_test
     diff_drive_test.cpp
     figure_eight_test.cpp
     in_process_bus_test.cpp
+    lcm_datagrams_test.cpp
     lcm_url_test.cpp
     message_io_test.cpp
     random_test.cpp
@@ -23,7 +24,7 @@ tether_add_test(NAME real_time_loop_test
   LABELS live)
 
 # Real LCM, in a network of its own: one CTest for the whole program.
-add_executable(lcm_bus_test lcm_bus_test.cpp)
+add_executable(lcm_bus_test lcm_bus_test.cpp udpm_bus_test.cpp)
 target_link_libraries(lcm_bus_test PRIVATE tether_common tether_options
   GTest::gmock GTest::gtest_main)
 set_target_properties(lcm_bus_test PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)

@@ -181,11 +181,8 @@ def equal_names_are_bridged_both_ways(test):
     time.sleep(0.5)
     end = relay.end()
     uplink, downlink = end["uplink.offered"], end["downlink.offered"]
-    own = uplink + end["uplink.duplicated"] + downlink + end["downlink.duplicated"]
-    test.say(f"{uplink} and {downlink} messages offered, {own} own ones recognised")
+    test.say(f"{uplink} and {downlink} messages offered: {end}")
     check((uplink, downlink) == (count + 1, count), "some fed back, or some were eaten")
-    check(end["own.recognised"] == own, end)
-    check(end["own.unheard"] == end["own.forgotten"] == 0, end)
     here, there = len(relay.here.heard), len(relay.there.heard)
     check(here == count + 1 + end["downlink.delivered"], f"{here} heard here: {end}")
     check(there == count + end["uplink.delivered"], f"{there} heard there: {end}")
@@ -226,7 +223,7 @@ def overload_is_counted(test):
     relay.program.kill(signal.SIGCONT)
     dropped = "239.255.76.67:7667.datagrams_dropped"
     relay.wait_for(
-        lambda c: c["heard"] + c[dropped] >= count and c["intake.waiting"] == 0,
+        lambda c: c["heard"] + c[dropped] >= count,
         "every message counted",
     )
     end = relay.end()

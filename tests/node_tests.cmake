@@ -16,7 +16,7 @@ tether_add_test(NAME netem_test
     netem_test.cpp
   LIBS tether_netem_core)
 tether_add_test(NAME relay_test
-  SOURCES echo_filter_test.cpp relay_node_test.cpp relay_rule_test.cpp
+  SOURCES relay_node_test.cpp relay_rule_test.cpp
   LIBS tether_netem_core)
 tether_add_test(NAME sim_test SOURCES sim_node_test.cpp wheel_coupling_test.cpp
   LIBS tether_sim_core)
