@@ -9,19 +9,18 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/lcm_url.hpp"
 #include "tools/process.hpp"
 
 namespace tether::bench {
 
 LiveRelay::LiveRelay(const std::vector<std::string>& overrides)
     : loop_(RealTimeLoop::wall_utime_us()),
-      out_(kNear, loop_),
+      lines_{Line{{kPlain, loop_}, {kPlain, loop_}}, Line{{kBareNear, loop_}, {kBareFar, loop_}},
+             Line{{kNear, loop_}, {kFar, loop_}}},
       near_(kNear, loop_),
-      far_(kFar, loop_),
-      plain_out_(kPlain, loop_),
-      plain_(kPlain, loop_) {
-  listen(far_, far_heard_);
-  listen(plain_, plain_heard_);
+      forwarder_(checked_lcm_url(kBareNear), checked_lcm_url(kBareFar)) {
+  for (Line& line : lines_) listen(line.in, line.heard);
   std::vector<std::string> command{(executable_folder() / "tether-netem").string(),
                                    fmt::format("--lcm-url={}", kNear),
                                    fmt::format("--rule={} -> {} via uplink", kChannel, kFar)};
@@ -43,7 +42,8 @@ LiveRelay::LiveRelay(const std::vector<std::string>& overrides)
 
 LiveRelay::~LiveRelay() {
   ending_ = true;
-  near_heard_ = far_heard_ = plain_heard_ = nullptr;
+  near_heard_ = nullptr;
+  for (Line& line : lines_) line.heard = nullptr;
   relay_->send_signal(SIGINT);
   const Instant end = loop_.now() + std::chrono::seconds{5};
   while (relay_->running() && loop_.now() < end) loop_.run_until(end);
@@ -62,10 +62,10 @@ void LiveRelay::listen(LcmBus& bus, Heard& heard) {
   });
 }
 
-void LiveRelay::send(LcmBus& bus, std::uint32_t number, std::size_t bytes) {
+void LiveRelay::send(Way way, std::uint32_t number, std::size_t bytes) {
   bytes_.resize(bytes);
   std::memcpy(bytes_.data(), &number, sizeof number);
-  bus.publish(kChannel, bytes_);
+  line(way).out.publish(kChannel, bytes_);
 }
 
 void LiveRelay::run_for(Duration time, const std::function<bool()>& done) {

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "bench/bare_forwarder.hpp"
 #include "bench/cpu_time.hpp"
 #include "common/lcm_bus.hpp"
 #include "common/real_time_loop.hpp"
@@ -13,9 +15,13 @@
 
 namespace tether::bench {
 
+/// How messages go from this process and back: over one LCM network; from one to another through a
+/// bare forwarder; or through tether-netem.
+enum class Way : std::uint8_t { plain, bare, relayed };
+
 /// tether-netem as a process that relays DATA from one LCM network to another, and this process,
-/// which sends on the first and listens on both; and on a third, which the relay is not on. The
-/// channel's overrides apply to the rule's link.
+/// which sends on the first and listens on both; and beside it the two ways without it, each on
+/// networks of its own. The channel's overrides apply to the rule's link.
 ///
 /// Everything throws std::runtime_error, with what the process wrote, if it ends.
 class LiveRelay {
@@ -23,6 +29,8 @@ class LiveRelay {
   static constexpr char kNear[] = "udpm://239.255.76.67:7667?ttl=0";
   static constexpr char kFar[] = "udpm://239.255.76.67:7668?ttl=0";
   static constexpr char kPlain[] = "udpm://239.255.76.67:7669?ttl=0";
+  static constexpr char kBareNear[] = "udpm://239.255.76.67:7670?ttl=0";
+  static constexpr char kBareFar[] = "udpm://239.255.76.67:7671?ttl=0";
   static constexpr char kChannel[] = "DATA";
   /// A message's number, when it was heard, on now_ns()'s clock.
   using Heard = std::function<void(std::uint32_t number, std::int64_t when_ns)>;
@@ -32,14 +40,13 @@ class LiveRelay {
   LiveRelay(const LiveRelay&) = delete;
   LiveRelay& operator=(const LiveRelay&) = delete;
 
-  /// Sends a message of `bytes`, at least 4, to the relay or on the third network.
-  void send(std::uint32_t number, std::size_t bytes) { send(out_, number, bytes); }
-  void send_plain(std::uint32_t number, std::size_t bytes) { send(plain_out_, number, bytes); }
-  /// Is told of each message from now on; null for nobody. Listening on the first network starts
-  /// with the first call: it costs as much as listening on the far one.
+  /// Sends a message of `bytes`, at least 4.
+  void send(Way way, std::uint32_t number, std::size_t bytes);
+  /// Is told of each message that has gone that way from now on; null for nobody.
+  void on_heard(Way way, Heard heard) { line(way).heard = std::move(heard); }
+  /// Likewise of messages to the relay. Listening there starts with the first call: it costs as
+  /// much as listening on the far network.
   void on_near(Heard heard);
-  void on_far(Heard heard) { far_heard_ = std::move(heard); }
-  void on_plain(Heard heard) { plain_heard_ = std::move(heard); }
 
   /// Lives for `time`, or until `done`.
   void run_for(
@@ -52,18 +59,21 @@ class LiveRelay {
   static std::int64_t now_ns();
 
  private:
+  /// Where messages enter a way, and where they come out.
+  struct Line {
+    LcmBus out;
+    LcmBus in;
+    Heard heard{};
+  };
+
+  Line& line(Way way) { return lines_[static_cast<std::size_t>(way)]; }
   static void listen(LcmBus& bus, Heard& heard);
-  void send(LcmBus& bus, std::uint32_t number, std::size_t bytes);
 
   RealTimeLoop loop_;
-  LcmBus out_;
+  std::array<Line, 3> lines_;  // by Way
   LcmBus near_;
-  LcmBus far_;
-  LcmBus plain_out_;
-  LcmBus plain_;
   Heard near_heard_;
-  Heard far_heard_;
-  Heard plain_heard_;
+  BareForwarder forwarder_;
   std::vector<std::uint8_t> bytes_;
   std::string said_;
   bool hears_near_ = false;

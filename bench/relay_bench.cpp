@@ -17,7 +17,8 @@
 #include "bench/samples.hpp"
 #include "bench/smoke.hpp"
 
-// tether-netem --rule as a process between two real LCM networks, beside plain LCM in the same run.
+// tether-netem --rule as a process between two real LCM networks, beside plain LCM and a bare
+// forwarder in the same run.
 // Needs a multicast route: tests/in_own_network.sh. It reports, and fails only if nothing is
 // measured.
 
@@ -26,25 +27,21 @@ namespace {
 
 using bench::LiveRelay;
 using bench::Samples;
+using bench::Way;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 /// As many messages under way at most: 64 of 300 kB would overflow the sockets.
 std::uint32_t window(std::size_t bytes) { return bytes > 10'000 ? 4 : 64; }
 
-/// Messages per second from publishing to handling, with no more than a window under way; by way of
-/// the relay, or without it.
+/// Messages per second from publishing to handling, with no more than a window under way.
 class Throughput {
  public:
-  Throughput(LiveRelay& relay, bool relayed, std::size_t bytes)
-      : relay_(relay), relayed_(relayed), bytes_(bytes), window_(window(bytes)) {
-    const auto heard = [this](std::uint32_t number, std::int64_t) { on_heard(number); };
-    relayed ? relay_.on_far(heard) : relay_.on_plain(heard);
+  Throughput(LiveRelay& relay, Way way, std::size_t bytes)
+      : relay_(relay), way_(way), bytes_(bytes), window_(window(bytes)) {
+    relay_.on_heard(way_, [this](std::uint32_t number, std::int64_t) { on_heard(number); });
   }
-  ~Throughput() {
-    relay_.on_far(nullptr);
-    relay_.on_plain(nullptr);
-  }
+  ~Throughput() { relay_.on_heard(way_, nullptr); }
   Throughput(const Throughput&) = delete;
   Throughput& operator=(const Throughput&) = delete;
 
@@ -83,13 +80,13 @@ class Throughput {
   }
   void fill() {
     while (going_ && sent_ - next_ < window_) {
-      relayed_ ? relay_.send(sent_, bytes_) : relay_.send_plain(sent_, bytes_);
+      relay_.send(way_, sent_, bytes_);
       ++sent_;
     }
   }
 
   LiveRelay& relay_;
-  bool relayed_;
+  Way way_;
   std::size_t bytes_;
   std::uint32_t window_;
   bool going_ = false;
@@ -99,36 +96,42 @@ class Throughput {
   std::uint32_t lost_ = 0;
 };
 
-/// Relayed and plain in turn; medians.
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+/// The three ways in turn; medians.
 void throughput(benchmark::State& state) {
   const auto bytes = static_cast<std::size_t>(state.range(0));
-  const int kPairs = bench::rounds(7);
   for (auto unused : state) {
     (void)unused;
     LiveRelay relay({});
-    std::vector<double> plain, relayed, ratio;
+    std::vector<double> plain, bare, relayed, over_plain, over_bare;
     double lost = 0.0, messages = 0.0, cpu_s = 0.0;
-    for (int i = 0; i < kPairs; ++i) {
-      for (const bool way : {false, true}) {
-        Throughput direction(relay, way, bytes);
-        const double cpu_before_s = relay.cpu_s();
-        (way ? relayed : plain).push_back(direction.per_s(seconds{1}));
-        lost += direction.lost();
-        if (!way) continue;
-        messages += direction.heard();
-        cpu_s += relay.cpu_s() - cpu_before_s;
-      }
-      ratio.push_back(relayed.back() / plain.back());
-    }
-    const auto median = [](std::vector<double> values) {
-      std::sort(values.begin(), values.end());
-      return values[values.size() / 2];
+    const auto measure = [&](Way way, std::vector<double>& per_s) {
+      Throughput direction(relay, way, bytes);
+      const double cpu_before_s = relay.cpu_s();
+      per_s.push_back(direction.per_s(seconds{1}));
+      lost += direction.lost();
+      if (way != Way::relayed) return;
+      messages += direction.heard();
+      cpu_s += relay.cpu_s() - cpu_before_s;
     };
+    for (int i = 0; i < bench::rounds(7); ++i) {
+      measure(Way::plain, plain);
+      measure(Way::bare, bare);
+      measure(Way::relayed, relayed);
+      over_plain.push_back(relayed.back() / plain.back());
+      over_bare.push_back(relayed.back() / bare.back());
+    }
     if (median(relayed) <= 0.0) throw std::runtime_error("nothing was relayed");
     state.SetIterationTime(1.0 / median(relayed));
     state.counters["plain_per_s"] = median(plain);
+    state.counters["bare_per_s"] = median(bare);
     state.counters["relayed_per_s"] = median(relayed);
-    state.counters["ratio"] = median(ratio);
+    state.counters["over_plain"] = median(over_plain);
+    state.counters["over_bare"] = median(over_bare);
     state.counters["relay_cpu_us"] = 1e6 * cpu_s / messages;
     state.counters["lost"] = lost;
   }
@@ -186,7 +189,7 @@ Latencies measure_latencies(double delay_ms) {
     near[number] = when_ns;
     result.hop.add(when_ns - sent[number]);
   });
-  relay.on_far([&](std::uint32_t number, std::int64_t when_ns) {
+  relay.on_heard(Way::relayed, [&](std::uint32_t number, std::int64_t when_ns) {
     result.relayed.add(when_ns - sent[number]);
     if (near.contains(number)) result.added.add(when_ns - near[number]);
   });
@@ -195,13 +198,13 @@ Latencies measure_latencies(double delay_ms) {
   relay.loop().every(relay.loop().now(), kPeriod, Priority::node, [&](Instant) {
     if (!sending) return;
     sent[number] = LiveRelay::now_ns();
-    relay.send(number++, 100);
+    relay.send(Way::relayed, number++, 100);
   });
   relay.run_for(bench::window(seconds{10}));
   sending = false;
   relay.run_for(milliseconds{200});
   relay.on_near(nullptr);
-  relay.on_far(nullptr);
+  relay.on_heard(Way::relayed, nullptr);
   result.sleeper = sleeper.lateness();
   return result;
 }

@@ -89,9 +89,9 @@ std::uint16_t lcm_port(const std::string& url) {
   return static_cast<std::uint16_t>(std::stoul(url.substr(url.rfind(':') + 1)));
 }
 
-std::int64_t lcm_option(const std::string& url, const std::string& key, std::int64_t otherwise) {
+std::int64_t lcm_option(const std::string& url, const std::string& key) {
   const auto found = url.find(key + "=");
-  return found == std::string::npos ? otherwise : std::stoll(url.substr(found + key.size() + 1));
+  return found == std::string::npos ? 0 : std::stoll(url.substr(found + key.size() + 1));
 }
 
 }  // namespace tether

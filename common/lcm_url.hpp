@@ -21,7 +21,7 @@ std::string multicast_group(const std::string& url);
 /// The port of a checked URL.
 std::uint16_t lcm_port(const std::string& url);
 
-/// "ttl" or "recv_buf_size" of a checked URL.
-std::int64_t lcm_option(const std::string& url, const std::string& key, std::int64_t otherwise);
+/// "ttl" (0 if absent) or "recv_buf_size" of a checked udpm URL.
+std::int64_t lcm_option(const std::string& url, const std::string& key);
 
 }  // namespace tether

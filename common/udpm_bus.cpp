@@ -1,6 +1,5 @@
 #include "common/udpm_bus.hpp"
 
-#include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -20,54 +19,8 @@ constexpr std::size_t kDatagrams = 32;         // received at once
 constexpr std::size_t kDatagramBytes = 65536;  // the longest of UDP has 65507
 constexpr char kSelfTest[] = "LCM_SELF_TEST";  // LCM instances talking to themselves
 
-int udp_socket() {
-  return check_system_call("opening a UDP socket", socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-}
-
-template <class Value>
-void set_option(int fd, int level, int name, const Value& value, const std::string& what) {
-  check_system_call(what, setsockopt(fd, level, name, &value, sizeof value));
-}
-
-sockaddr_in address_of(in_addr_t ip, std::uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  address.sin_addr.s_addr = ip;
-  return address;
-}
-
 std::uint64_t one_number(const sockaddr_in& address) {
   return std::uint64_t{address.sin_addr.s_addr} << 16 | address.sin_port;
-}
-
-/// Connected to the group, so that its own address is settled.
-int open_sender(const std::string& url) {
-  const int fd = udp_socket();
-  set_option(fd, IPPROTO_IP, IP_MULTICAST_TTL, static_cast<int>(lcm_option(url, "ttl", 0)),
-             "setting the multicast TTL");
-  const sockaddr_in group = address_of(inet_addr(multicast_group(url).c_str()), lcm_port(url));
-  check_system_call("reaching " + url,
-                    connect(fd, reinterpret_cast<const sockaddr*>(&group), sizeof group));
-  return fd;
-}
-
-int open_receiver(const std::string& url) {
-  const int fd = udp_socket();
-  // As LCM does, so that any number of programs hear the same port.
-  set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1, "sharing the port");
-  set_option(fd, SOL_SOCKET, SO_REUSEPORT, 1, "sharing the port");
-  set_option(fd, SOL_SOCKET, SO_RCVBUF, static_cast<int>(lcm_option(url, "recv_buf_size", 1 << 21)),
-             "setting the receive buffer");
-  // Unlike LCM 1.3, which hears every group on its port.
-  set_option(fd, IPPROTO_IP, IP_MULTICAST_ALL, 0, "choosing the multicast group");
-  const sockaddr_in any = address_of(htonl(INADDR_ANY), lcm_port(url));
-  check_system_call("binding to the port of " + url,
-                    bind(fd, reinterpret_cast<const sockaddr*>(&any), sizeof any));
-  ip_mreq group{};
-  group.imr_multiaddr.s_addr = inet_addr(multicast_group(url).c_str());
-  set_option(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, group, "joining " + url);
-  return fd;
 }
 
 }  // namespace
@@ -108,7 +61,7 @@ class UdpmBus::Batch {
 UdpmBus::UdpmBus(const std::string& url, EventLoop& loop)
     : loop_(loop), url_(reachable_lcm_url(url)) {
   assert(!multicast_group(url_).empty());
-  sending_fd_ = open_sender(url_);
+  sending_fd_ = open_udpm_sender(url_);
   sockaddr_in own{};
   socklen_t size = sizeof own;
   check_system_call("asking for the own address",
@@ -149,7 +102,7 @@ void UdpmBus::subscribe(const std::string& channel_regex, int, Handler handler) 
 void UdpmBus::listen() {
   if (receiving_fd_ >= 0) return;
   batch_ = std::make_unique<Batch>();
-  receiving_fd_ = open_receiver(url_);
+  receiving_fd_ = open_udpm_receiver(url_);
   loop_.add_fd(receiving_fd_, [this](Instant) { receive(); });
 }
 
