@@ -154,13 +154,13 @@ void RealTimeLoop::wait(Instant until) {
 }
 
 void RealTimeLoop::on_timer() {
-  // Follows the lower decile of how long the kernel takes to wake this process, so that the wait
+  // Follows the lower quartile of how long the kernel takes to wake this process, so that the wait
   // ends when it should and not that much later. Who wakes early goes on waiting, awake.
-  constexpr std::int64_t kStep_ns = 500, kMax_ns = 50'000;
+  constexpr std::int64_t kStep_ns = 500, kMax_ns = 100'000;
   const std::int64_t took_ns = read_clock_ns(CLOCK_MONOTONIC) - armed_ns_;
   armed_ns_ = kNotArmed;
   if (!asleep_) return;
-  wake_lead_ns_ += took_ns > wake_lead_ns_ ? kStep_ns : -9 * kStep_ns;
+  wake_lead_ns_ += took_ns > wake_lead_ns_ ? kStep_ns : -3 * kStep_ns;
   wake_lead_ns_ = std::clamp<std::int64_t>(wake_lead_ns_, 0, kMax_ns);
 }
 
