@@ -15,6 +15,7 @@
 #include "common/errors.hpp"
 #include "common/scenario_channel_checks.hpp"
 #include "common/scenario_keys.hpp"
+#include "common/text.hpp"
 
 namespace tether {
 namespace {
@@ -34,12 +35,6 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return row.back();
 }
 
-std::string trimmed(const std::string& text) {
-  const auto first = text.find_first_not_of(' ');
-  return first == std::string::npos ? ""
-                                    : text.substr(first, text.find_last_not_of(' ') - first + 1);
-}
-
 std::string last_part(const std::string& key) { return key.substr(key.rfind('.') + 1); }
 
 constexpr char kLinks[] = "channel.links.";
@@ -55,7 +50,7 @@ std::string link_name(const std::string& key) {
 const std::vector<ScenarioKey>& keys_beside(const std::string& key) {
   const std::string name = link_name(key);
   if (name.empty()) return scenario_keys();
-  static std::map<std::string, std::vector<ScenarioKey>> known;
+  static thread_local std::map<std::string, std::vector<ScenarioKey>> known;
   const auto found = known.find(name);
   return found != known.end() ? found->second : known[name] = named_link_keys(name);
 }
@@ -136,17 +131,6 @@ toml::table parse_value(const std::string& value, const std::string& place) {
 constexpr const char* kChanges = "channel.change";
 constexpr double kLatestChange_s = 1e6;
 
-/// channel.prr stands for channel.uplink.prr and channel.downlink.prr.
-std::vector<std::string> expand(const std::string& key) {
-  const std::string prefix = "channel.";
-  const std::string rest = key.starts_with(prefix) ? key.substr(prefix.size()) : "";
-  if (rest.empty() || rest == "shared_state" || rest.starts_with("uplink.") ||
-      rest.starts_with("downlink.") || rest.starts_with("links.")) {
-    return {key};
-  }
-  return {prefix + "uplink." + rest, prefix + "downlink." + rest};
-}
-
 /// One table of channel.change; nullopt if anything in it is not as it must be.
 std::optional<Scenario::Channel::Change> to_change(const toml::node& node) {
   const auto* table = node.as_table();
@@ -165,6 +149,16 @@ std::optional<Scenario::Channel::Change> to_change(const toml::node& node) {
 }
 
 }  // namespace
+
+std::vector<std::string> keys_meant_by(const std::string& key) {
+  const std::string prefix = "channel.";
+  const std::string rest = key.starts_with(prefix) ? key.substr(prefix.size()) : "";
+  if (rest.empty() || rest == "shared_state" || rest.starts_with("uplink.") ||
+      rest.starts_with("downlink.") || rest.starts_with("links.")) {
+    return {key};
+  }
+  return {prefix + "uplink." + rest, prefix + "downlink." + rest};
+}
 
 void ScenarioLoader::apply_table(const toml::table& table, const std::string& prefix,
                                  const std::string& file) {
@@ -192,10 +186,10 @@ void ScenarioLoader::apply_override(const std::string& text, const std::string& 
   if (equals == std::string::npos || equals == 0) {
     throw UsageError(fmt::format("{}: expected KEY=VALUE", place));
   }
-  const std::string key = trimmed(text.substr(0, equals));
-  const toml::table parsed = parse_value(trimmed(text.substr(equals + 1)), place);
+  const std::string key = std::string(trimmed(text.substr(0, equals)));
+  const toml::table parsed = parse_value(std::string(trimmed(text.substr(equals + 1))), place);
   if (key == kChanges) return read_changes(*parsed.get("value"), place);
-  for (const std::string& target : expand(key)) {
+  for (const std::string& target : keys_meant_by(key)) {
     if (find_key(target) == nullptr) refuse_unknown(place, key);
     apply(target, *parsed.get("value"), place);
   }

@@ -11,6 +11,10 @@
 
 namespace tether {
 
+/// The keys that an override's key stands for: channel.prr is channel.uplink.prr and
+/// channel.downlink.prr.
+std::vector<std::string> keys_meant_by(const std::string& key);
+
 /// Applies values to a scenario, level by level (the file, then the overrides), and remembers which
 /// keys were given where. All functions throw UsageError for what is wrong with a value, with
 /// `place`, where it was given ("paper.toml:12" or "--set prr=2"), the key and what is allowed.
@@ -50,5 +54,8 @@ class ScenarioLoader {
   Scenario scenario_;
   std::set<std::string> given_;  // at this level
 };
+
+/// What a scenario file says over the defaults; its level is ended. Throws UsageError.
+ScenarioLoader start_from_file(const std::string& file);
 
 }  // namespace tether

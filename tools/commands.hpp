@@ -11,6 +11,8 @@ using Action = std::function<int()>;
 // Each adds one subcommand of `tether`, with its options, and sets `action` when it is chosen.
 // `tether` and `action` outlive the parsing and the action.
 void add_run_command(CLI::App& tether, Action& action);
+void add_sweep_command(CLI::App& tether, Action& action);
+void add_merge_command(CLI::App& tether, Action& action);
 void add_live_command(CLI::App& tether, Action& action);
 void add_echo_command(CLI::App& tether, Action& action);
 void add_log_command(CLI::App& tether, Action& action);

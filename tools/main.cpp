@@ -43,6 +43,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   Action action;
   add_run_command(app, action);
+  add_sweep_command(app, action);
+  add_merge_command(app, action);
   add_live_command(app, action);
   add_spy_command(app, action);
   add_echo_command(app, action);

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/scenario.hpp"
+
+namespace tether {
+
+/// A scenario key and what it is set to, as TOML has it.
+struct KeyValue {
+  std::string key;
+  std::string value;
+
+  bool operator==(const KeyValue&) const = default;
+};
+
+/// One point of the grid.
+struct Arm {
+  std::vector<KeyValue> settings;  ///< of the grid's keys, in the file's order
+  Scenario scenario;               ///< run.seed is each run's own
+
+  /// "channel.prr = 0.45, controller.tau_s = 2"; "all runs" without a grid.
+  std::string text() const;
+};
+
+/// Seeds are added, a batch at a time, until the 95 % interval of a metric's mean is narrow enough.
+struct Precision {
+  std::string metric;       ///< one of RunResult's
+  double half_width = 0.0;  ///< in the metric's unit
+  std::size_t most_seeds = 0;
+  std::size_t batch = 10;  ///< at least 10: below that an interval says little
+};
+
+/// How `tether report` draws a sweep.
+struct FigureChoice {
+  enum class Kind : std::uint8_t { curve, heatmap, trajectories, risk_map };
+  Kind kind = Kind::curve;
+  std::string x;       ///< curve, heatmap: the key along the x axis
+  std::string y;       ///< heatmap: the key along the y axis; curve: of the series, if any
+  std::string metric;  ///< what is drawn
+  std::string title;
+};
+
+/// An experiment file (docs/experiments.md): which runs a sweep has.
+struct Experiment {
+  std::string name;
+  std::vector<std::string> keys;     ///< of the grid
+  std::vector<Arm> arms;             ///< the last axis varies fastest; never empty
+  std::vector<std::uint64_t> seeds;  ///< of every arm; with `precision`, the first that are needed
+  std::optional<Precision> precision;
+  /// The n-th runs of all arms have one seed, and so the same packet fates. If not, every run of
+  /// the sweep has a seed of its own.
+  bool common_random_numbers = true;
+  /// The rows of trajectory that are kept of each run; 0: none.
+  double trajectory_period_s = 0.0;
+  std::optional<FigureChoice> figure;
+
+  /// Of an arm's n-th run; and back: nullopt if the arm has no such seed.
+  std::uint64_t seed(std::size_t arm, std::size_t n) const;
+  std::optional<std::size_t> number(std::size_t arm, std::uint64_t seed) const;
+
+ private:
+  std::uint64_t stride() const;
+};
+
+/// Reads the file and its scenario; `overrides` ("KEY=VALUE") apply on top of both to keys that the
+/// grid does not vary. Throws UsageError that names file, line, key and what is allowed.
+Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides = {});
+
+}  // namespace tether
