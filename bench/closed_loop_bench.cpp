@@ -12,7 +12,8 @@
 
 // A whole closed-loop run without file output, against its floor: bare ODE stepping of the
 // identical world with the identical servo targets. Both are timed in turn, A B A B …, so that the
-// ratio holds while the machine's speed drifts.
+// ratio holds while the machine's speed drifts. The kinematic plant's whole run is compared with
+// ODE's in the same way.
 
 namespace tether {
 namespace {
@@ -45,6 +46,13 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+void run_loop(const Scenario& scenario) {
+  ClosedLoop closed_loop(scenario);
+  const RunObserver observer(scenario, closed_loop.loop(), closed_loop.bus());
+  closed_loop.run();
+  benchmark::DoNotOptimize(closed_loop.sim().metrics().epsilon_m());
+}
+
 void whole_run(benchmark::State& state, const std::vector<std::string>& overrides) {
   const Scenario scenario = paper(overrides);
   const std::vector<WheelSpeeds> targets = record_servo_targets(scenario);
@@ -53,12 +61,7 @@ void whole_run(benchmark::State& state, const std::vector<std::string>& override
     for (const WheelSpeeds& t : targets) world.step(t);
     benchmark::DoNotOptimize(world.rim_speeds());
   };
-  const auto loop = [&] {
-    ClosedLoop closed_loop(scenario);
-    const RunObserver observer(scenario, closed_loop.loop(), closed_loop.bus());
-    closed_loop.run();
-    benchmark::DoNotOptimize(closed_loop.sim().metrics().epsilon_m());
-  };
+  const auto loop = [&] { run_loop(scenario); };
 
   std::vector<double> bare_s, loop_s, ratio;
   for (auto unused : state) {
@@ -83,6 +86,33 @@ BENCHMARK_CAPTURE(whole_run, pose_and_command_20_Hz, std::vector<std::string>{"s
     ->Iterations(bench::rounds(25))
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(whole_run, at_the_walls_prr_0_1, std::vector<std::string>{"channel.prr=0.1"})
+    ->UseManualTime()
+    ->Iterations(bench::rounds(25))
+    ->Unit(benchmark::kMillisecond);
+
+void kinematic_run(benchmark::State& state, std::vector<std::string> overrides) {
+  const Scenario ode = paper(overrides);
+  overrides.emplace_back("vehicle.plant=kinematic");
+  const Scenario kinematic = paper(overrides);
+
+  std::vector<double> ode_s, kinematic_s, ratio;
+  for (auto unused : state) {
+    (void)unused;
+    ode_s.push_back(seconds_of([&] { run_loop(ode); }));
+    kinematic_s.push_back(seconds_of([&] { run_loop(kinematic); }));
+    ratio.push_back(ode_s.back() / kinematic_s.back());
+    state.SetIterationTime(kinematic_s.back());
+  }
+  state.counters["ode_loop_ms"] = median(ode_s) * 1e3;
+  state.counters["speedup_over_ode"] = median(ratio);
+  state.counters["real_time_factor"] = kinematic.run.duration_s / median(kinematic_s);
+}
+
+BENCHMARK_CAPTURE(kinematic_run, paper_1_Hz, std::vector<std::string>{})
+    ->UseManualTime()
+    ->Iterations(bench::rounds(25))
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(kinematic_run, at_the_walls_prr_0_1, std::vector<std::string>{"channel.prr=0.1"})
     ->UseManualTime()
     ->Iterations(bench::rounds(25))
     ->Unit(benchmark::kMillisecond);

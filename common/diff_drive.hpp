@@ -34,4 +34,12 @@ inline WheelSpeeds saturate(const WheelSpeeds& w, double max_mps) {
   return {w.left_mps * scale, w.right_mps * scale};
 }
 
+/// Moves each wheel towards its target, by at most `max_change_mps`.
+inline WheelSpeeds approach(const WheelSpeeds& from, const WheelSpeeds& to, double max_change_mps) {
+  const auto nearer = [max_change_mps](double a, double b) {
+    return a + std::clamp(b - a, -max_change_mps, max_change_mps);
+  };
+  return {nearer(from.left_mps, to.left_mps), nearer(from.right_mps, to.right_mps)};
+}
+
 }  // namespace tether

@@ -24,9 +24,11 @@ struct Scenario {
     double report_period_s = 1.0;  ///< NET/… and …/COUNTERS
   };
   struct Vehicle : VehicleConfig {
-    enum class Plant { ode };
+    enum class Plant { ode, kinematic };
     enum class Drivetrain { direct, can };
     Plant plant = Plant::ode;
+    /// As the key has it.
+    const char* plant_name() const { return plant == Plant::kinematic ? "kinematic" : "ode"; }
     /// What turns commands into wheel speeds: the simulator itself, or drives on a CAN bus.
     Drivetrain drivetrain = Drivetrain::direct;
     std::string name = "AGV";  ///< first part of its LCM channels

@@ -35,8 +35,9 @@ void add_run_and_world(KeyTable& t) {
 
 void add_vehicle(KeyTable& t) {
   using Plant = Scenario::Vehicle::Plant;
-  t.choice<Plant>("vehicle.plant", TETHER_FIELD(vehicle.plant), {{"ode", Plant::ode}},
-                  "physics of the vehicle");
+  t.choice<Plant>("vehicle.plant", TETHER_FIELD(vehicle.plant),
+                  {{"ode", Plant::ode}, {"kinematic", Plant::kinematic}},
+                  "physics of the vehicle: rigid bodies, or rolling without slip (fast)");
   using Drivetrain = Scenario::Vehicle::Drivetrain;
   t.choice<Drivetrain>("vehicle.drivetrain", TETHER_FIELD(vehicle.drivetrain),
                        {{"direct", Drivetrain::direct}, {"can", Drivetrain::can}},
@@ -186,6 +187,17 @@ const std::vector<ScenarioKey>& scenario_keys() {
     return t.take();
   }();
   return keys;
+}
+
+std::string why_plant_ignores(const Scenario& scenario, const std::string& key) {
+  if (scenario.vehicle.plant != Scenario::Vehicle::Plant::kinematic) return "";
+  for (const char* ignored :
+       {"world.friction", "world.gravity_mps2", "vehicle.chassis_height_m",
+        "vehicle.chassis_mass_kg", "vehicle.wheel_mass_kg", "vehicle.caster_x_m",
+        "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.max_wheel_torque_Nm"}) {
+    if (key == ignored) return "vehicle.plant is \"kinematic\"";
+  }
+  return "";
 }
 
 std::vector<ScenarioKey> named_link_keys(const std::string& name) {

@@ -34,6 +34,9 @@ std::string to_toml(const ScenarioValue& value);
 /// All keys but those of links by name, in the order of the resolved scenario file.
 const std::vector<ScenarioKey>& scenario_keys();
 
+/// `vehicle.plant is "kinematic"` for keys that the chosen plant ignores; empty for all others.
+std::string why_plant_ignores(const Scenario& scenario, const std::string& key);
+
 /// The keys of [channel.links.NAME]: those of [channel.uplink], with that prefix.
 std::vector<ScenarioKey> named_link_keys(const std::string& name);
 

@@ -200,6 +200,7 @@ void ScenarioLoader::end_level(const std::string& source, const std::filesystem:
     auto& file = scenario_.can.drivetrain_file;
     file = (folder / file).lexically_normal().string();
   }
+  check_plant(source);
   const ChannelLevel level{
       source, folder, [this](const std::string& key) { return given_.contains(key); },
       [this, &source](const std::string& key, double value, const std::string& from) {
@@ -282,6 +283,15 @@ void ScenarioLoader::check_effect(const std::string& prefix, const LinkConfig& l
   for (const std::string& key : given_) {
     if (!key.starts_with(prefix)) continue;
     const std::string why = why_no_effect(prefix, link, key.substr(prefix.size()));
+    if (why.empty()) continue;
+    throw UsageError(fmt::format("{}: {} has no effect: {}", source, key, why));
+  }
+}
+
+/// The same for masses and friction where nothing has any.
+void ScenarioLoader::check_plant(const std::string& source) const {
+  for (const std::string& key : given_) {
+    const std::string why = why_plant_ignores(scenario_, key);
     if (why.empty()) continue;
     throw UsageError(fmt::format("{}: {} has no effect: {}", source, key, why));
   }

@@ -48,6 +48,7 @@ class ScenarioLoader {
                    const std::string& file);
   void check_effect(const std::string& prefix, const LinkConfig& link,
                     const std::string& source) const;
+  void check_plant(const std::string& source) const;
   void check_can(const std::string& file) const;
   void check_combinations(const std::string& file) const;
 

@@ -6,18 +6,19 @@
 namespace tether {
 
 /// The truth's summary. ε is the paper's metric: the time-mean of the distance to the reference,
-/// ε = 1/(t1 − t0) ∫ ‖p*(t) − p(t)‖ dt, by the trapezoidal rule over the physics steps.
+/// ε = 1/(t1 − t0) ∫ ‖p*(t) − p(t)‖ dt, by the trapezoidal rule over the times at
+/// which it is told the error.
 class Metrics {
  public:
   /// The error at the start, before any time has passed.
   void start(double error_m) { last_error_m_ = max_error_m_ = error_m; }
 
-  /// `dt_s` later the error is `error_m`; `wall_contact` tells of the time in between.
-  void add(double dt_s, double error_m, bool wall_contact) {
+  /// `dt_s` later the error is `error_m`; for `wall_contact_s` of it the vehicle touched a wall.
+  void add(double dt_s, double error_m, double wall_contact_s) {
     elapsed_s_ += dt_s;
     error_integral_ += 0.5 * (last_error_m_ + error_m) * dt_s;
     square_integral_ += 0.5 * (last_error_m_ * last_error_m_ + error_m * error_m) * dt_s;
-    if (wall_contact) wall_contact_s_ += dt_s;
+    wall_contact_s_ += wall_contact_s;
     max_error_m_ = std::max(max_error_m_, error_m);
     last_error_m_ = error_m;
   }

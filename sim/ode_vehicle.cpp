@@ -10,10 +10,6 @@
 namespace tether {
 namespace {
 
-double approach(double from, double to, double max_change) {
-  return from + std::clamp(to - from, -max_change, max_change);
-}
-
 void require(bool good, const char* what) {
   if (!good) throw std::invalid_argument(std::string("vehicle or world: ") + what);
 }
@@ -64,9 +60,7 @@ void OdeVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
 void OdeVehicle::step() {
   prepare_ode_thread();
   const double max_change_mps = config_.max_wheel_acceleration_mps2 * step_s_;
-  servo_targets_.left_mps = approach(servo_targets_.left_mps, commands_.left_mps, max_change_mps);
-  servo_targets_.right_mps =
-      approach(servo_targets_.right_mps, commands_.right_mps, max_change_mps);
+  servo_targets_ = approach(servo_targets_, commands_, max_change_mps);
 
   const std::uint64_t complaints_before = ode_complaints_of_this_thread();
   world_->step(servo_targets_);

@@ -18,6 +18,20 @@ constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
 /// In real time the world moves at least this often: to wake up for each step costs more than the
 /// step itself. Whoever looks at the world in between moves it up to then first.
 constexpr Duration kRealTimeBatch = std::chrono::milliseconds{5};
+/// The same for the kinematic plant in virtual time, whose step costs less than an event.
+constexpr Duration kKinematicBatch = std::chrono::milliseconds{20};
+/// The error of the kinematic plant is looked at this often: to compute the reference costs more
+/// than a step. ε is then off by less than 1 µm (docs/physics.md).
+constexpr Duration kKinematicMetrics = std::chrono::milliseconds{10};
+
+bool is_kinematic(const Scenario& scenario) {
+  return scenario.vehicle.plant == Scenario::Vehicle::Plant::kinematic;
+}
+
+Duration batch_of(const Scenario& scenario, const EventLoop& loop) {
+  if (loop.rate() > 0.0) return kRealTimeBatch;
+  return is_kinematic(scenario) ? kKinematicBatch : SimNode::kStep;
+}
 
 }  // namespace
 
@@ -30,7 +44,8 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
       sensor_latency_(from_seconds(scenario.sensor.latency_ms * 1e-3)),
       track_m_(scenario.vehicle.track_m),
       path_(scenario.path.figure_eight),
-      vehicle_(scenario.vehicle, scenario.world, kStep),
+      vehicle_(make_plant(scenario.vehicle, scenario.world, kStep)),
+      metrics_step_(is_kinematic(scenario) ? kKinematicMetrics : kStep),
       actuator_(scenario.actuator),
       sensor_(scenario.sensor,
               random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/pose")),
@@ -41,11 +56,11 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
   metrics_.start(error_m());
-  const Duration batch = loop.rate() > 0.0 ? kRealTimeBatch : kStep;
+  const Duration batch = batch_of(scenario, loop);
   loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
   if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
     world_end_ = Instant::max();
-    drives_.emplace(scenario, loop, bus, vehicle_);
+    drives_.emplace(scenario, loop, bus, *vehicle_);
     const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
     loop.every(first_tick(from_seconds(scenario.run.lead_s), coupling), coupling, Priority::physics,
                [this](Instant now) {
@@ -98,10 +113,19 @@ void SimNode::advance(Instant until) {
 
 void SimNode::step(Instant now) {
   const Instant from = now - kStep;
-  vehicle_.set_wheel_targets(wheel_targets(from));
-  vehicle_.step();
+  vehicle_->set_wheel_targets(wheel_targets(from));
+  vehicle_->step();
   world_time_ = now;
-  if (now <= end_) metrics_.add(to_seconds(kStep), error_m(), vehicle_.state().wall_contact);
+  if (now <= end_) measure(now);
+}
+
+void SimNode::measure(Instant now) {
+  unmeasured_ += kStep;
+  if (vehicle_->state().wall_contact) unmeasured_contact_ += kStep;
+  const bool is_last = now + kStep > end_;
+  if (unmeasured_ < metrics_step_ && !is_last) return;
+  metrics_.add(to_seconds(unmeasured_), error_m(), to_seconds(unmeasured_contact_));
+  unmeasured_ = unmeasured_contact_ = Duration{0};
 }
 
 WheelSpeeds SimNode::wheel_targets(Instant from) {
@@ -113,7 +137,7 @@ WheelSpeeds SimNode::wheel_targets(Instant from) {
 void SimNode::sample_pose(Instant now) {
   if (now > end_) return;
   advance(now);
-  const Pose2 measured = sensor_.measure(vehicle_.state().pose);
+  const Pose2 measured = sensor_.measure(vehicle_->state().pose);
   pose_t message{};
   message.utime = to_utime(std::min(world_time_, now));
   message.seq = pose_seq_++;
@@ -139,7 +163,7 @@ void SimNode::publish_clock(Instant now) {
 void SimNode::publish_truth() {
   if (world_time_ > end_ || (truth_seq_ > 0 && last_truth_ == world_time_)) return;
   last_truth_ = world_time_;
-  const VehicleState& s = vehicle_.state();
+  const VehicleState& s = vehicle_->state();
   const FigureEight::Point reference = this->reference();
   ground_truth_t message{};
   message.utime = to_utime(world_time_);
@@ -153,7 +177,7 @@ void SimNode::publish_truth() {
   message.right_rim_mps = s.rim_speeds.right_mps;
   message.x_ref_m = reference.x_m;
   message.y_ref_m = reference.y_m;
-  message.error_m = metrics_.error_m();
+  message.error_m = error_m();
   message.epsilon_m = metrics_.epsilon_m();
   message.rmse_m = metrics_.rmse_m();
   message.max_error_m = metrics_.max_error_m();
@@ -166,7 +190,7 @@ FigureEight::Point SimNode::reference() const { return path_.at(to_seconds(world
 
 double SimNode::error_m() const {
   const FigureEight::Point reference = this->reference();
-  const Pose2& pose = vehicle_.state().pose;
+  const Pose2& pose = vehicle_->state().pose;
   return std::hypot(reference.x_m - pose.x_m, reference.y_m - pose.y_m);
 }
 
@@ -182,7 +206,7 @@ void SimNode::list_counters(CounterList& out) const {
   out.emplace_back("command.non_finite", non_finite_);
   if (drives_) drives_->list(out);
   out.emplace_back("physics.solver_complaints",
-                   static_cast<std::int64_t>(vehicle_.solver_complaints()));
+                   static_cast<std::int64_t>(vehicle_->solver_complaints()));
 }
 
 }  // namespace tether

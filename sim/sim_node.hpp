@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -14,7 +15,7 @@
 #include "common/stream_guard.hpp"
 #include "sim/actuator.hpp"
 #include "sim/metrics.hpp"
-#include "sim/ode_vehicle.hpp"
+#include "sim/plant.hpp"
 #include "sim/pose_sensor.hpp"
 #include "sim/wheel_coupling.hpp"
 
@@ -31,6 +32,9 @@ namespace tether {
 /// With vehicle.drivetrain = can, commands are the CAN bridge's business and the wheels follow
 /// emulated drives (WheelCoupling).
 ///
+/// With the kinematic plant, the metrics look at every tenth step, and vehicle() lags behind the
+/// loop by less than 20 ms in virtual time; messages show the vehicle as it is when they are sent.
+///
 /// During the lead (run.lead_s before t = 0) poses and the clock flow and the vehicle stands. From
 /// run.duration_s on there are no poses, and truth and metrics are final. The world stands still
 /// then; with drives on CAN it goes on, so that they can be brought to a stop.
@@ -43,7 +47,7 @@ class SimNode final : public Node {
   /// Publishes the final truth and counters.
   void finish() override;
 
-  const OdeVehicle& vehicle() const { return vehicle_; }
+  const Plant& vehicle() const { return *vehicle_; }
   const Metrics& metrics() const { return metrics_; }
 
  private:
@@ -51,6 +55,7 @@ class SimNode final : public Node {
   void take_commands(Instant until);
   void advance(Instant until);
   void step(Instant now);
+  void measure(Instant now);
   WheelSpeeds wheel_targets(Instant from);
   void sample_pose(Instant now);
   void publish_clock(Instant now);
@@ -67,7 +72,8 @@ class SimNode final : public Node {
   Duration sensor_latency_;
   double track_m_;
   FigureEight path_;
-  OdeVehicle vehicle_;
+  std::unique_ptr<Plant> vehicle_;
+  Duration metrics_step_;
   Actuator actuator_;
   std::optional<WheelCoupling> drives_;  ///< instead of the actuator
   PoseSensor sensor_;
@@ -82,6 +88,8 @@ class SimNode final : public Node {
   Instant next_step_;
   Instant world_time_ = kStart;  // of the vehicle's state
   Instant last_truth_ = kStart;
+  Duration unmeasured_{0};          // since the last addition to the metrics
+  Duration unmeasured_contact_{0};  // of it, at a wall
   std::int64_t pose_seq_ = 0;
   std::int64_t truth_seq_ = 0;
   std::int64_t clock_seq_ = 0;

@@ -9,7 +9,7 @@
 namespace tether {
 
 WheelCoupling::WheelCoupling(const Scenario& scenario, EventLoop& loop, Bus& bus,
-                             const OdeVehicle& vehicle)
+                             const Plant& vehicle)
     : loop_(loop),
       bus_(bus),
       vehicle_(vehicle),

@@ -9,7 +9,7 @@
 #include "common/event_loop.hpp"
 #include "common/scenario.hpp"
 #include "common/stream_guard.hpp"
-#include "sim/ode_vehicle.hpp"
+#include "sim/plant.hpp"
 
 namespace tether {
 
@@ -24,7 +24,7 @@ class WheelCoupling {
   static constexpr Duration kTimeout = std::chrono::milliseconds{100};
 
   /// `vehicle`, `loop` and `bus` must outlive the coupling.
-  WheelCoupling(const Scenario& scenario, EventLoop& loop, Bus& bus, const OdeVehicle& vehicle);
+  WheelCoupling(const Scenario& scenario, EventLoop& loop, Bus& bus, const Plant& vehicle);
   WheelCoupling(const WheelCoupling&) = delete;
   WheelCoupling& operator=(const WheelCoupling&) = delete;
 
@@ -39,7 +39,7 @@ class WheelCoupling {
  private:
   EventLoop& loop_;
   Bus& bus_;
-  const OdeVehicle& vehicle_;
+  const Plant& vehicle_;
   std::string states_channel_;
   double wheel_radius_m_;
   StreamGuard guard_;

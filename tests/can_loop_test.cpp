@@ -15,7 +15,7 @@
 #include "tools/run_observer.hpp"
 
 // The whole loop through the CAN drivetrain in virtual time: the shipping controller, relay, bridge
-// and emulated drives, ODE wheels and their encoders.
+// and emulated drives, simulated wheels and their encoders.
 
 namespace tether {
 namespace {
@@ -225,6 +225,17 @@ TEST(CanLoop, AfterTheRunsEndTheWorldGoesOnUntilTheDrivesHaveStoppedAndNothingOf
   EXPECT_EQ(observer.truth().utime, 5'000'000);
   EXPECT_EQ(observer.drivetrain()->state().utime, 5'000'000);
   EXPECT_EQ(observer.drivetrain()->stop_reason(), "");
+}
+
+TEST(CanLoop, DrivesTurnTheKinematicPlantsWheelsAsTheyTurnOdes) {
+  const Drive ode(hil({"run.duration_s=20"}));
+  const Drive kinematic(hil({"run.duration_s=20", "vehicle.plant=kinematic"}));
+  EXPECT_EQ(kinematic.observer.drivetrain()->state().disarms, 0);
+  EXPECT_GT(kinematic.observer.drivetrain()->true_distance_m(), 20.0);
+  // Nothing slips; a report is a cycle of 20 ms old, in which 3 m/s go 0.06 m.
+  EXPECT_LT(kinematic.observer.drivetrain()->odometry_error_m(), 0.08);
+  EXPECT_NEAR(kinematic.observer.truth().x_m, ode.observer.truth().x_m, 0.05);
+  EXPECT_NEAR(kinematic.observer.truth().y_m, ode.observer.truth().y_m, 0.05);
 }
 
 TEST(CanLoop, WithoutALeadTheVehicleIsNeverArmedBecauseTheControllerAlreadyDrives) {

@@ -124,6 +124,8 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
     if (key.name.ends_with(".p_bad") || key.name.ends_with(".mean_cycle_s")) continue;
     // Both directions become Markov channels, where the fixed state has no effect.
     if (key.name.ends_with("link.prr") || key.name.ends_with("link.delay_ms")) continue;
+    // The kinematic plant has no masses and no friction on the floor; tests of its own follow.
+    if (key.name == "vehicle.plant") continue;
     // Models and stages of a channel depend on each other; tests of their own follow elsewhere.
     if (key.name.starts_with("channel.") && key.name.find(".markov.") == std::string::npos &&
         !key.name.ends_with(".model") && !key.name.ends_with(".queue_limit")) {
@@ -207,6 +209,13 @@ TEST(Scenario, StoppingIsNeverWeakerThanAccelerating) {
 
 TEST(Scenario, WithoutDrivesOnCanTheResolvedTextNamesNone) {
   EXPECT_THAT(to_toml(parse("[can]\nstale_ms = 100.0")), Not(HasSubstr("[can]")));
+}
+
+TEST(Scenario, ThePlantIsOdeOrKinematic) {
+  EXPECT_EQ(parse("[vehicle]\nplant = \"kinematic\"").vehicle.plant,
+            Scenario::Vehicle::Plant::kinematic);
+  EXPECT_THAT(refusal("[vehicle]\nplant = \"bullet\""),
+              HasSubstr("must be \"ode\" or \"kinematic\""));
 }
 
 TEST(Scenario, AMisspeltKeyIsRefusedWithAGuess) {

@@ -104,7 +104,7 @@ TEST(PoseSensor, NoisyYawStaysWrapped) {
 TEST(Metrics, EpsilonIsTheTimeMeanOfTheError) {
   Metrics m;
   m.start(0.0);
-  for (int i = 1; i <= 1000; ++i) m.add(0.001, 2.0 * i / 1000.0, false);  // a ramp from 0 to 2
+  for (int i = 1; i <= 1000; ++i) m.add(0.001, 2.0 * i / 1000.0, 0.0);  // a ramp from 0 to 2
   EXPECT_NEAR(m.epsilon_m(), 1.0, 1e-12);
   EXPECT_NEAR(m.rmse_m(), 2.0 / std::sqrt(3.0), 1e-6);
   EXPECT_DOUBLE_EQ(m.max_error_m(), 2.0);
@@ -120,7 +120,7 @@ TEST(Metrics, BeforeAnyTimeHasPassedEpsilonIsTheErrorNow) {
 TEST(Metrics, CountsTimeAtTheWalls) {
   Metrics m;
   m.start(0.0);
-  for (int i = 0; i < 10; ++i) m.add(0.001, 0.0, i < 4);
+  for (int i = 0; i < 10; ++i) m.add(0.001, 0.0, i < 4 ? 0.001 : 0.0);
   EXPECT_NEAR(m.wall_contact_s(), 0.004, 1e-12);
 }
 

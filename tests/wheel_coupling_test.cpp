@@ -7,6 +7,7 @@
 #include <tether/wheel_targets_t.hpp>
 #include <vector>
 
+#include "sim/ode_vehicle.hpp"
 #include "tests/virtual_world.hpp"
 
 namespace tether {

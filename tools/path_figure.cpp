@@ -18,11 +18,17 @@ std::string channel_text(const char* name, const LinkConfig& link) {
                      link.good.delay_ms, link.bad.delay_ms);
 }
 
+/// ODE is what figures are expected to come from; another plant says so.
+std::string plant_text(const Scenario& scenario) {
+  const bool is_ode = scenario.vehicle.plant == Scenario::Vehicle::Plant::ode;
+  return is_ode ? "" : fmt::format("{} plant; ", scenario.vehicle.plant_name());
+}
+
 std::string variables(const Scenario& scenario, double epsilon_m) {
   return fmt::format(
-      "title_text = \"ε = {:.2f} m   ({}; {}; seed {})\"\n"
+      "title_text = \"ε = {:.2f} m   ({}{}; {}; seed {})\"\n"
       "wall = {}\n",
-      epsilon_m, channel_text("up", scenario.channel.uplink),
+      epsilon_m, plant_text(scenario), channel_text("up", scenario.channel.uplink),
       channel_text("down", scenario.channel.downlink), scenario.run.seed,
       scenario.world.half_extent_m);
 }

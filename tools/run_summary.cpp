@@ -109,6 +109,7 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   json["sim_time_s"] = summary.sim_time_s;
   json["wall_time_s"] = summary.wall_time_s;
   json["real_time_factor"] = real_time_factor(summary);
+  json["plant"] = scenario.vehicle.plant_name();
   json["seed"] = scenario.run.seed;
   json["version"] = kVersion;
   json["uplink"] = link_json(run.uplink());
@@ -137,9 +138,10 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   text += fmt::format("{:<9} mean age of the controller's pose {:.0f} ms\n", "age",
                       summary.aoi_mean_s * 1e3);
   if (run.drivetrain()) text += drivetrain_text(*run.drivetrain());
-  text += fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), seed {}\n",
-                      "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
-                      scenario.run.seed);
+  text +=
+      fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), {} plant, seed {}\n",
+                  "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
+                  scenario.vehicle.plant_name(), scenario.run.seed);
   if (summary.node_restarts > 0) {
     text += fmt::format("{:<9} {} node restarts: the result is not that of an undisturbed run\n",
                         "note", summary.node_restarts);
