@@ -1,7 +1,17 @@
-#Tests of the statistics and figures of experiments.
-tether_add_test(NAME experiment_statistics_test SOURCES experiment_statistics_test.cpp LIBS
-                    tether_experiment_statistics)
-    tether_add_test(NAME experiment_comparison_test SOURCES experiment_comparison_test.cpp LIBS
-                        tether_experiment_statistics)
+# Tests of experiments: sweeps, statistics, figures, reports.
+tether_add_test(NAME experiment_test SOURCES experiment_test.cpp run_store_test.cpp
+  sweep_schedule_test.cpp LIBS tether_experiment)
+tether_add_test(NAME sweep_test SOURCES sweep_test.cpp LIBS tether_experiment LABELS loop)
+tether_add_test(NAME experiment_statistics_test
+  SOURCES experiment_statistics_test.cpp experiment_comparison_test.cpp
+  LIBS tether_experiment_statistics)
 tether_add_test(NAME experiment_figures_test SOURCES experiment_figures_test.cpp
   LIBS tether_experiment_figures)
+
+# Real processes, but nothing in them depends on wall time.
+add_test(NAME sweep_survival_test COMMAND
+  ${CMAKE_CURRENT_SOURCE_DIR}/sweep_survival_test.py ${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
+set_tests_properties(sweep_survival_test PROPERTIES LABELS loop TIMEOUT 300)
+add_test(NAME slurm_test COMMAND
+  ${CMAKE_CURRENT_SOURCE_DIR}/slurm_test.py ${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
+set_tests_properties(slurm_test PROPERTIES LABELS live TIMEOUT 400)

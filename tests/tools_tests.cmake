@@ -13,8 +13,3 @@ tether_add_test(NAME netem_fit_files_test SOURCES netem_fit_files_test.cpp
 tether_add_script_test(NAME netem_commands_test SCRIPT netem_commands_test.py LABELS live
   TIMEOUT 120)
 tether_add_test(NAME channel_figure_test SOURCES channel_figure_test.cpp LIBS tether_tools_core)
-
-# Experiments.
-tether_add_test(NAME experiment_test SOURCES experiment_test.cpp run_store_test.cpp
-  sweep_schedule_test.cpp LIBS tether_experiment)
-tether_add_test(NAME sweep_test SOURCES sweep_test.cpp LIBS tether_experiment LABELS loop)

@@ -13,6 +13,8 @@ using Action = std::function<int()>;
 void add_run_command(CLI::App& tether, Action& action);
 void add_sweep_command(CLI::App& tether, Action& action);
 void add_merge_command(CLI::App& tether, Action& action);
+void add_report_command(CLI::App& tether, Action& action);
+void add_reproduce_command(CLI::App& tether, Action& action);
 void add_live_command(CLI::App& tether, Action& action);
 void add_echo_command(CLI::App& tether, Action& action);
 void add_log_command(CLI::App& tether, Action& action);

@@ -45,6 +45,8 @@ int main(int argc, char** argv) {
   add_run_command(app, action);
   add_sweep_command(app, action);
   add_merge_command(app, action);
+  add_report_command(app, action);
+  add_reproduce_command(app, action);
   add_live_command(app, action);
   add_spy_command(app, action);
   add_echo_command(app, action);

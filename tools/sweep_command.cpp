@@ -1,27 +1,20 @@
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <atomic>
 #include <chrono>
-#include <csignal>
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "common/cli.hpp"
 #include "common/errors.hpp"
-#include "common/system_error.hpp"
 #include "tools/commands.hpp"
 #include "tools/experiment/experiment.hpp"
-#include "tools/experiment/sweep.hpp"
 #include "tools/experiment/sweep_export.hpp"
 #include "tools/experiment/sweep_progress.hpp"
+#include "tools/sweep_session.hpp"
 #include "tools/text_output.hpp"
 
 namespace tether {
@@ -37,56 +30,6 @@ struct SweepCommandOptions {
   std::string shard = "1/1";
   bool dry_run = false;
 };
-
-std::atomic<bool> stop{false};
-
-double mean_half_width(const std::vector<double>& v) {
-  double m = 0, q = 0;
-  for (double x : v) m += x / v.size();
-  for (double x : v) q += (x - m) * (x - m);
-  return 2 * std::sqrt(q / (v.size() - 1) / v.size());
-}
-
-/// Ctrl-C and SIGTERM end the sweep after the runs under way.
-void stop_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop = true; };
-  action.sa_flags = static_cast<int>(SA_RESETHAND);  // a second one ends it at once
-  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
-}
-
-/// Keeps another process from sweeping into the same database at the same time.
-class SweepLock {
- public:
-  explicit SweepLock(const fs::path& database) : file_(database.string() + ".lock") {
-    fd_ = check_system_call("making " + file_,
-                            open(file_.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666));
-    if (flock(fd_, LOCK_EX | LOCK_NB) == 0) return;
-    close(fd_);
-    throw UsageError(fmt::format("another process is sweeping into {}", database.string()));
-  }
-  ~SweepLock() {
-    unlink(file_.c_str());
-    close(fd_);
-  }
-  SweepLock(const SweepLock&) = delete;
-  SweepLock& operator=(const SweepLock&) = delete;
-
- private:
-  std::string file_;
-  int fd_ = -1;
-};
-
-fs::path made_folder(const std::string& out, const Experiment& experiment) {
-  fs::path folder = out.empty() ? fs::path("out") / experiment.name : fs::path(out);
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (!fs::is_directory(folder)) {
-    throw UsageError(fmt::format("cannot make the folder {}: {}", folder.string(),
-                                 error ? error.message() : "it is a file"));
-  }
-  return folder;
-}
 
 /// How long a run takes, from up to three arms.
 double seconds_per_run(const Experiment& experiment) {
@@ -133,27 +76,17 @@ int sweep(const SweepCommandOptions& options) {
   }
   const Experiment experiment = load_experiment(options.experiment_file, options.overrides);
   const Shard shard = shard_of(options.shard);
-  const std::size_t jobs =
-      options.jobs.value_or(std::max<std::size_t>(1, std::thread::hardware_concurrency()));
+  const std::size_t jobs = options.jobs.value_or(default_jobs());
   if (options.dry_run) return say_plan(experiment, shard, jobs);
 
-  const fs::path database = database_in(made_folder(options.out, experiment), shard);
-  const SweepLock lock(database);
-  RunStore store = RunStore::begin(database, experiment, shard);
-  const std::size_t before = store.size();
-  if (before > 0) fmt::print(stderr, "{} has {} runs already\n", database.string(), before);
-  stop_on_signals();
-  ProgressBar bar;
-  const SweepOptions how{jobs, mean_half_width, [&bar](const SweepProgress& p) { bar.show(p); },
-                         run_once};
-  const bool is_complete = run_sweep(experiment, shard, store, how, stop);
-  bar.end();
-  const std::size_t failures = store.failures();
-  fmt::print("{} runs in {}{}\n", store.size(), database.string(),
-             failures == 0
+  const fs::path folder =
+      options.out.empty() ? fs::path("out") / experiment.name : fs::path(options.out);
+  const SweepOutcome outcome = sweep_into(folder, experiment, shard, jobs);
+  fmt::print("{} runs in {}{}\n", outcome.runs, outcome.database.string(),
+             outcome.failed == 0
                  ? ""
-                 : fmt::format(", of which {} failed (see `tether sweep export`)", failures));
-  if (is_complete) return kExitOk;
+                 : fmt::format(", of which {} failed (see `tether sweep export`)", outcome.failed));
+  if (outcome.is_complete) return kExitOk;
   fmt::print(stderr, "stopped; the same command goes on from here\n");
   return kExitFailed;
 }

@@ -98,14 +98,16 @@ toml::table parse_file(const std::string& file) {
   }
 }
 
-/// seeds = 50, or a list.
-std::vector<std::uint64_t> read_seeds(const Section& file) {
+/// seeds = 50, or a list; `quick`: quick_seeds, if there are.
+std::vector<std::uint64_t> read_seeds(const Section& file, bool quick) {
   std::vector<std::uint64_t> seeds;
   const toml::node* node = file.get("seeds");
   const auto* list = node == nullptr ? nullptr : node->as_array();
   if (list == nullptr) {
     if (node == nullptr) file.refuse("seeds", "given: how many, or a list of them");
-    const auto count = static_cast<std::uint64_t>(file.whole("seeds", 1, 1));
+    const std::int64_t all = file.whole("seeds", 1, 1);
+    const std::int64_t few = file.whole("quick_seeds", 1, all);
+    const auto count = static_cast<std::uint64_t>(quick ? std::min(few, all) : all);
     for (std::uint64_t seed = 1; seed <= count; ++seed) seeds.push_back(seed);
     return seeds;
   }
@@ -267,10 +269,11 @@ std::uint64_t Experiment::stride() const {
   return *std::max_element(seeds.begin(), seeds.end()) + 1;
 }
 
-Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides) {
+Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides,
+                           bool quick) {
   const toml::table table = parse_file(file);
   const Section section(table, "", file,
-                        {"name", "scenario", "seeds", "common_random_numbers",
+                        {"name", "scenario", "seeds", "quick_seeds", "common_random_numbers",
                          "trajectory_period_s", "set", "grid", "zip", "precision", "figure"});
   const std::filesystem::path path(file);
   Experiment experiment;
@@ -283,7 +286,7 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
       experiment.seeds.push_back(n);
     }
   } else {
-    experiment.seeds = read_seeds(section);
+    experiment.seeds = read_seeds(section, quick);
   }
   experiment.common_random_numbers = section.boolean("common_random_numbers", true);
   experiment.trajectory_period_s = section.number("trajectory_period_s", 0.0, 1e6, 0.0);

@@ -68,7 +68,9 @@ struct Experiment {
 };
 
 /// Reads the file and its scenario; `overrides` ("KEY=VALUE") apply on top of both to keys that the
-/// grid does not vary. Throws UsageError that names file, line, key and what is allowed.
-Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides = {});
+/// grid does not vary. `quick`: with no more than the file's quick_seeds. Throws UsageError that
+/// names file, line, key and what is allowed.
+Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides = {},
+                           bool quick = false);
 
 }  // namespace tether

@@ -22,7 +22,7 @@ std::string csv_cell(const std::string& text);
 std::string seeds_note(std::size_t least, std::size_t most, std::size_t failed);
 
 /// The least and most of what was added, if anything.
-struct Range {
+struct LeastMost {
   double low = std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
   void add(double value) {  // NaN changes nothing

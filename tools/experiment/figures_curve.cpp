@@ -43,7 +43,7 @@ constexpr char kCommands[] = R"gnuplot(
 
 // What the axes must hold, and how far runs may spread around their point.
 struct Extent {
-  Range x, y;
+  LeastMost x, y;
   double least_positive = std::numeric_limits<double>::infinity();
   double nearest_x = std::numeric_limits<double>::infinity();
   std::size_t least = static_cast<std::size_t>(-1), most = 0, failed = 0;

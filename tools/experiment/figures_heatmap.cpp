@@ -72,7 +72,7 @@ std::string tics(const char* axis, const Values& values, double each_cm, bool ac
 
 struct Cells {
   Values x, y;
-  Range mean;
+  LeastMost mean;
   std::size_t least = static_cast<std::size_t>(-1), most = 0, failed = 0;
   bool missing = false, tied = false, best = false;
 

@@ -116,7 +116,7 @@ std::string turn_shades(const std::vector<TimeSpan>& turns) {
 }
 
 std::string ranges(const std::vector<RiskPoint>& points) {
-  Range mean, top, time, n;
+  LeastMost mean, top, time, n;
   for (const RiskPoint& p : points) {
     time.add(p.time_s);
     n.add(static_cast<double>(p.n));

@@ -7,22 +7,12 @@
 #include <set>
 
 #include "common/errors.hpp"
+#include "tools/experiment/figure_script.hpp"
 
 namespace tether {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// As RFC 4180 has it.
-std::string csv_cell(const std::string& text) {
-  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"') quoted += '"';
-    quoted += c;
-  }
-  return quoted + "\"";
-}
 
 std::vector<fs::path> databases_of(const std::vector<fs::path>& given) {
   std::vector<fs::path> files;

@@ -1,0 +1,114 @@
+#include "tools/experiment/report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/errors.hpp"
+#include "tools/experiment/sweep_data.hpp"
+#include "tools/experiment/sweep_export.hpp"
+#include "tools/experiment/sweep_figure.hpp"
+#include "tools/write_file.hpp"
+
+namespace tether {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::uint64_t kBootstrapSeed = 1;
+
+std::string number(double value) {
+  return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
+}
+
+std::vector<std::vector<std::string>> table_of(const RunStore& store, const std::string& metric) {
+  const SweepData data(store, metric);
+  std::vector<std::string> head = store.keys();
+  for (const char* column : {"n", "failed", "mean [95 %]", "sd", "median [95 %]", "5 %", "95 %",
+                             "largest", "minus the first [95 %]"}) {
+    head.emplace_back(column);
+  }
+  std::vector<std::vector<std::string>> table{head};
+  for (const SweepData::ArmData& arm : data.arms()) {
+    std::vector<std::string> row;
+    for (const KeyValue& setting : arm.settings) row.push_back(setting.value);
+    const Summary& s = arm.summary;
+    const bool has_interval = std::isfinite(s.median_interval.low);
+    const auto difference =
+        paired_difference(arm.runs, data.arms().front().runs, kConfidence, kBootstrapSeed);
+    for (const std::string& cell :
+         {std::to_string(s.n), std::to_string(s.left_out), mean_text(s), number(s.sd),
+          number(s.median) + (has_interval ? " " + interval_text(s.median_interval) : ""),
+          number(s.q05), number(s.q95), number(s.max), mean_text(difference.difference)}) {
+      row.push_back(cell);
+    }
+    table.push_back(row);
+  }
+  return table;
+}
+
+std::vector<fs::path> databases_below(const fs::path& folder) {
+  std::vector<fs::path> files;
+  if (fs::exists(database_of(folder))) return {database_of(folder)};
+  if (fs::is_directory(folder)) {
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (entry.is_directory() && fs::exists(database_of(entry.path()))) {
+        files.push_back(database_of(entry.path()));
+      }
+    }
+  }
+  std::sort(files.begin(), files.end());
+  if (files.empty()) {
+    throw UsageError(
+        fmt::format("no sweep in {}: there is no runs.sqlite in it or below", folder.string()));
+  }
+  return files;
+}
+
+void add_results(const RunStore& store, RiskDefinition risk, PaperResults& results) {
+  const std::string name = store.name();
+  if (name == "f2_prr") results.prr.emplace(store, "epsilon_m");
+  if (name == "f3_delay") results.delay.emplace(store, "epsilon_m");
+  if (name == "f4_tau") results.heatmap.emplace(store, "epsilon_m");
+  if (name == "f5_risk") results.risk = risk_points(store, risk);
+}
+
+}  // namespace
+
+ReportSection make_section(const RunStore& store, const fs::path& folder, RiskDefinition risk) {
+  ReportSection section;
+  const auto figure = store.figure();
+  section.name = store.name();
+  section.title = figure && !figure->title.empty() ? figure->title : store.name();
+  section.version = store.version();
+  section.plant = store.plant();
+  section.seeds = store.identity().at("seeds");
+  const auto arms = store.arms();
+  section.scenario = arms.front().scenario;
+  section.wall_time_s = store.wall_time_s();
+  section.runs = store.size();
+  section.failed = store.failures();
+  section.planned = store.planned_runs();
+  section.is_complete = store.is_complete();
+  if (draw_sweep_figure(store, folder, risk)) section.figure = store.name();
+  section.table = table_of(store, figure ? figure->metric : "epsilon_m");
+  return section;
+}
+
+Report write_report(const fs::path& folder, RiskDefinition risk) {
+  Report report;
+  PaperResults results;
+  for (const fs::path& file : databases_below(folder)) {
+    const RunStore store = RunStore::open(file);
+    report.sections.push_back(make_section(store, folder, risk));
+    add_results(store, risk, results);
+  }
+  report.title = report.sections.size() == 1 ? report.sections.front().title
+                                             : "AGV control over a lossy, delayed network";
+  report.claims = judge_claims(results);
+  write_file(folder / "report.html", to_html(report, folder));
+  write_file(folder / "report.md", to_markdown(report));
+  return report;
+}
+
+}  // namespace tether

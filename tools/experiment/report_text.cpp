@@ -1,0 +1,181 @@
+#include <fmt/format.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "tools/experiment/report.hpp"
+#include "tools/experiment/sweep_progress.hpp"
+
+namespace tether {
+namespace {
+
+constexpr char kStyle[] = R"(
+body { font: 16px/1.5 sans-serif; color: #222; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
+h1 { line-height: 1.2 } h2 { margin-top: 3rem }
+img { max-width: 34rem; width: 100%; display: block }
+table { border-collapse: collapse; font-size: .85rem; margin: 1rem 0 }
+th, td { border-bottom: 1px solid #ccc; padding: .25rem .6rem; text-align: left; vertical-align: top }
+td.number { text-align: right; white-space: nowrap }
+.facts { color: #555; font-size: .9rem }
+.verdict { white-space: nowrap; font-weight: bold }
+.reproduced { color: #00664b } .not { color: #a03c00 } .undecided { color: #555 }
+pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: .8rem }
+.scroll { overflow-x: auto }
+)";
+
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
+    }
+  }
+  return out;
+}
+
+/// A file as the address of an image.
+std::string data_url(const std::filesystem::path& svg) {
+  std::ifstream in(svg, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  std::string url = "data:image/svg+xml,";
+  for (const char c : text.str()) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool is_plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+                          (c >= '0' && c <= '9') ||
+                          std::string_view(" -_.,:;=/()").find(c) != std::string_view::npos;
+    url += is_plain ? std::string(1, c) : fmt::format("%{:02X}", byte);
+  }
+  return url;
+}
+
+const char* class_of(Claim::Verdict verdict) {
+  switch (verdict) {
+    case Claim::Verdict::reproduced:
+      return "reproduced";
+    case Claim::Verdict::not_reproduced:
+      return "not";
+    case Claim::Verdict::undecided:
+      break;
+  }
+  return "undecided";
+}
+
+std::string facts(const ReportSection& s) {
+  std::string runs = fmt::format("{} runs", s.runs);
+  if (!s.is_complete) runs += fmt::format(" of {} (not complete)", s.planned);
+  if (s.failed > 0) runs += fmt::format(", {} failed", s.failed);
+  return fmt::format("{}: {}, seeds {}, plant {}, tether {}, {} of wall time", s.name, runs,
+                     s.seeds, s.plant, s.version, format_duration(s.wall_time_s));
+}
+
+std::string html_of(const ReportSection& s, const std::filesystem::path& folder) {
+  std::string html = fmt::format("<h2 id=\"{0}\">{1}</h2>\n", escaped(s.name), escaped(s.title));
+  if (!s.figure.empty()) {
+    html += fmt::format("<img alt=\"{}\" src=\"{}\">\n", escaped(s.title),
+                        data_url(folder / (s.figure + ".svg")));
+  }
+  html += fmt::format("<p class=\"facts\">{}", escaped(facts(s)));
+  if (!s.figure.empty()) {
+    html += fmt::format(". Data, script and print files: {0}.csv, {0}.gp, {0}.pdf, {0}.png",
+                        escaped(s.figure));
+  }
+  html += "</p>\n<details><summary>All numbers</summary><div class=\"scroll\"><table>\n";
+  for (const auto& row : s.table) {
+    const bool is_head = &row == &s.table.front();
+    html += "<tr>";
+    for (const std::string& cell : row) {
+      html += (is_head ? "<th>" : "<td class=\"number\">") + escaped(cell);
+    }
+    html += "</tr>\n";
+  }
+  return html + fmt::format(
+                    "</table></div></details>\n<details><summary>Scenario (of the first "
+                    "combination)</summary><pre>{}</pre></details>\n",
+                    escaped(s.scenario));
+}
+
+std::string markdown_cell(std::string text) {
+  for (std::size_t i = text.find('|'); i != std::string::npos; i = text.find('|', i + 2)) {
+    text.insert(i, "\\");
+  }
+  return text;
+}
+
+std::string markdown_row(const std::vector<std::string>& cells) {
+  std::string row = "|";
+  for (const std::string& cell : cells) row += " " + markdown_cell(cell) + " |";
+  return row + "\n";
+}
+
+std::string rule(std::size_t columns) {
+  std::string row = "|";
+  for (std::size_t i = 0; i < columns; ++i) row += "-|";
+  return row + "\n";
+}
+
+}  // namespace
+
+std::string to_html(const Report& report, const std::filesystem::path& folder) {
+  std::string html = fmt::format(
+      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<title>{0}</title>\n"
+      "<style>{1}</style></head><body>\n<h1>{0}</h1>\n",
+      escaped(report.title), kStyle);
+  if (!report.claims.empty()) {
+    html +=
+        "<h2>What the paper says, and what came out</h2>\n<p>Bragato et al., PIMRC 2025. "
+        "Intervals hold 95 %; n is the number of runs.</p>\n"
+        "<table id=\"claims\"><tr><th>Figure</th><th>Paper</th><th>Here</th><th>Verdict</th>"
+        "</tr>\n";
+    for (const Claim& claim : report.claims) {
+      html += fmt::format(
+          "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"verdict {}\">{}</td></tr>\n",
+          escaped(claim.figure), escaped(claim.paper),
+          escaped(claim.ours + (claim.reason.empty() ? "" : ". " + claim.reason)),
+          class_of(claim.verdict), to_text(claim.verdict));
+    }
+    html += "</table>\n";
+  }
+  for (const ReportSection& section : report.sections) html += html_of(section, folder);
+  return html + "</body></html>\n";
+}
+
+std::string to_markdown(const Report& report) {
+  std::string text = fmt::format("# {}\n", report.title);
+  if (!report.claims.empty()) {
+    text +=
+        "\n## What the paper says, and what came out\n\nBragato et al., PIMRC 2025. Intervals "
+        "hold 95 %; n is the number of runs.\n\n";
+    text += markdown_row({"Figure", "Paper", "Here", "Verdict"}) + rule(4);
+    for (const Claim& claim : report.claims) {
+      text += markdown_row({claim.figure, claim.paper,
+                            claim.ours + (claim.reason.empty() ? "" : ". " + claim.reason),
+                            to_text(claim.verdict)});
+    }
+  }
+  for (const ReportSection& s : report.sections) {
+    text += fmt::format("\n## {}\n\n", s.title);
+    if (!s.figure.empty()) text += fmt::format("![{}]({}.png)\n\n", s.title, s.figure);
+    text += facts(s) + "\n\n";
+    for (const auto& row : s.table) {
+      text += markdown_row(row);
+      if (&row == &s.table.front()) text += rule(row.size());
+    }
+  }
+  return text;
+}
+
+}  // namespace tether

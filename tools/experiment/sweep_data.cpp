@@ -1,0 +1,99 @@
+#include "tools/experiment/sweep_data.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <set>
+
+namespace tether {
+
+namespace {
+
+constexpr std::uint64_t kBootstrapSeed = 1;
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+bool is_same(double a, double b) { return std::abs(a - b) <= 1e-9; }
+
+}  // namespace
+
+SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_(metric) {
+  const std::size_t number = metric_number(metric).value();
+  for (const auto& arm : store.arms()) arms_.push_back({arm.settings, {}, {}});
+  store.for_each([&](const StoredRun& run) {
+    arms_.at(run.arm).runs.push_back({run.seed, run.result.metrics[number]});
+  });
+  for (ArmData& arm : arms_) {
+    arm.summary = summarize(values_of(arm.runs), kConfidence, kBootstrapSeed);
+  }
+}
+
+std::string SweepData::text(std::size_t arm, const std::string& key) const {
+  for (const KeyValue& setting : arms_[arm].settings) {
+    if (setting.key == key) return setting.value;
+  }
+  return "";
+}
+
+double SweepData::number(std::size_t arm, const std::string& key) const {
+  const std::string text = this->text(arm, key);
+  double value = kNone;
+  const auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return failed == std::errc{} && end == text.data() + text.size() ? value : kNone;
+}
+
+std::optional<std::size_t> SweepData::find(
+    const std::vector<std::pair<std::string, double>>& values) const {
+  for (std::size_t arm = 0; arm < arms_.size(); ++arm) {
+    const bool fits = std::all_of(values.begin(), values.end(), [&](const auto& value) {
+      return is_same(number(arm, value.first), value.second);
+    });
+    if (fits) return arm;
+  }
+  return std::nullopt;
+}
+
+std::vector<std::size_t> SweepData::where(const std::string& key, double value) const {
+  std::vector<std::size_t> found;
+  for (std::size_t arm = 0; arm < arms_.size(); ++arm) {
+    if (is_same(number(arm, key), value)) found.push_back(arm);
+  }
+  return found;
+}
+
+std::vector<double> SweepData::values(const std::string& key) const {
+  std::set<double> values;
+  for (std::size_t arm = 0; arm < arms_.size(); ++arm) {
+    if (const double x = number(arm, key); std::isfinite(x)) values.insert(x);
+  }
+  return {values.begin(), values.end()};
+}
+
+std::pair<std::size_t, std::size_t> SweepData::seeds() const {
+  std::size_t least = std::numeric_limits<std::size_t>::max(), most = 0;
+  for (const ArmData& arm : arms_) {
+    least = std::min(least, arm.runs.size());
+    most = std::max(most, arm.runs.size());
+  }
+  return {least, most};
+}
+
+std::vector<double> values_of(const std::vector<SeededValue>& runs) {
+  std::vector<double> values;
+  for (const SeededValue& run : runs) values.push_back(run.value);
+  return values;
+}
+
+std::string interval_text(const Interval& interval) {
+  return fmt::format("[{:.4g}, {:.4g}]", interval.low, interval.high);
+}
+
+std::string mean_text(const Summary& summary) {
+  if (summary.n == 0) return "-";
+  if (!std::isfinite(summary.mean_interval.low)) return fmt::format("{:.4g}", summary.mean);
+  return fmt::format("{:.4g} {}", summary.mean, interval_text(summary.mean_interval));
+}
+
+}  // namespace tether

@@ -1,0 +1,174 @@
+#include "tools/experiment/sweep_figure.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "common/scenario.hpp"
+#include "tools/experiment/figures.hpp"
+#include "tools/experiment/sweep_data.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::uint64_t kBootstrapSeed = 1;
+constexpr std::size_t kMostPanels = 6;
+
+Scenario scenario_of(const RunStore& store, std::size_t arm) {
+  return parse_scenario(store.arms().at(arm).scenario, "the sweep's scenario");
+}
+
+FigureText text_of(const RunStore& store) {
+  FigureText text;
+  text.title = store.figure()->title;
+  text.plant = store.plant();
+  text.scenario = store.name();
+  return text;
+}
+
+void draw_curve_of(const RunStore& store, const FigureChoice& choice,
+                   const std::filesystem::path& folder) {
+  CurveFigure figure;
+  figure.text = text_of(store);
+  figure.x_label = label_of_key(choice.x);
+  figure.y_label = label_of_metric(choice.metric);
+  const SweepData data(store, choice.metric);
+  std::map<std::string, std::size_t> series;  // place by the value of choice.y
+  for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
+    const std::string name = data.text(arm, choice.y);
+    const auto [place, is_new] = series.emplace(name, figure.series.size());
+    if (is_new) {
+      figure.series.push_back({choice.y.empty() ? "" : label_of_key(choice.y) + " " + name, {}});
+    }
+    figure.series[place->second].points.push_back(
+        curve_point(data.number(arm, choice.x), values_of(data.arms()[arm].runs), kBootstrapSeed));
+  }
+  for (CurveSeries& one : figure.series) {
+    std::sort(one.points.begin(), one.points.end(),
+              [](const CurvePoint& a, const CurvePoint& b) { return a.x < b.x; });
+  }
+  draw_curve(folder, store.name(), figure);
+}
+
+void draw_heatmap_of(const RunStore& store, const FigureChoice& choice,
+                     const std::filesystem::path& folder) {
+  HeatmapFigure figure;
+  figure.text = text_of(store);
+  figure.x_label = label_of_key(choice.x);
+  figure.y_label = label_of_key(choice.y);
+  figure.value_label = "mean " + label_of_metric(choice.metric);
+  const SweepData data(store, choice.metric);
+  for (const double x : data.values(choice.x)) {
+    const std::vector<std::size_t> column = data.where(choice.x, x);
+    std::vector<std::vector<SeededValue>> runs;
+    for (const std::size_t arm : column) runs.push_back(data.arms()[arm].runs);
+    const BestArm best = ties_of_best(runs, kConfidence, kBootstrapSeed);
+    for (std::size_t i = 0; i < column.size(); ++i) {
+      const Summary& summary = data.arms()[column[i]].summary;
+      HeatCell cell{x,
+                    data.number(column[i], choice.y),
+                    summary.mean,
+                    summary.n,
+                    summary.left_out,
+                    HeatCell::Mark::none};
+      if (best.tied[i]) cell.mark = HeatCell::Mark::tied;
+      if (best.best == i) cell.mark = HeatCell::Mark::best;
+      figure.cells.push_back(cell);
+    }
+  }
+  draw_heatmap(folder, store.name(), figure);
+}
+
+void draw_trajectories_of(const RunStore& store, const std::filesystem::path& folder) {
+  TrajectoryFigure figure;
+  figure.text = text_of(store);
+  figure.half_extent_m = scenario_of(store, 0).world.half_extent_m;
+  const auto arms = store.arms();
+  std::size_t next_arm = 0;  // the first run of each
+  store.for_each(
+      [&](const StoredRun& run) {
+        const bool is_drawn = run.arm < next_arm || !run.result.failure.empty();
+        if (is_drawn || figure.panels.size() == kMostPanels) return;
+        next_arm = run.arm + 1;
+        TrajectoryPanel panel;
+        panel.title = "ε = " + fmt::format("{:.1f} m", run.result.metrics[0]);
+        for (auto setting = arms[run.arm].settings.rbegin();
+             setting != arms[run.arm].settings.rend(); ++setting) {
+          panel.title =
+              fmt::format("{} {}, {}", label_of_key(setting->key), setting->value, panel.title);
+        }
+        for (const TrajectoryPoint& row : run.result.trajectory) {
+          panel.planned.push_back(
+              {static_cast<double>(row.x_ref_m), static_cast<double>(row.y_ref_m)});
+          panel.actual.push_back({static_cast<double>(row.x_m), static_cast<double>(row.y_m)});
+        }
+        figure.note = fmt::format("one run each, seed {}", run.seed);
+        figure.panels.push_back(std::move(panel));
+      },
+      true);
+  draw_trajectories(folder, store.name(), figure);
+}
+
+void draw_risk_map_of(const RunStore& store, const std::filesystem::path& folder,
+                      RiskDefinition definition) {
+  RiskMapFigure figure;
+  figure.text = text_of(store);
+  figure.half_extent_m = scenario_of(store, 0).world.half_extent_m;
+  figure.failed = store.failures();
+  figure.points = risk_points(store, definition);
+  figure.turns = sharp_turns(figure.points);
+  switch (definition) {
+    case RiskDefinition::whole_run:
+      figure.value_label = "mean ε of runs in B here [m]";
+      break;
+    case RiskDefinition::next_10_s:
+      figure.value_label = "mean error, next 10 s [m]";
+      break;
+    case RiskDefinition::now:
+      figure.value_label = "mean error [m]";
+      break;
+  }
+  draw_risk_map(folder, store.name(), figure);
+}
+
+}  // namespace
+
+bool draw_sweep_figure(const RunStore& store, const std::filesystem::path& folder,
+                       RiskDefinition risk) {
+  const auto choice = store.figure();
+  if (!choice || store.size() == 0) return false;
+  switch (choice->kind) {
+    case FigureChoice::Kind::curve:
+      draw_curve_of(store, *choice, folder);
+      break;
+    case FigureChoice::Kind::heatmap:
+      draw_heatmap_of(store, *choice, folder);
+      break;
+    case FigureChoice::Kind::trajectories:
+      draw_trajectories_of(store, folder);
+      break;
+    case FigureChoice::Kind::risk_map:
+      draw_risk_map_of(store, folder, risk);
+      break;
+  }
+  return true;
+}
+
+std::string label_of_key(const std::string& key) {
+  if (key.starts_with("channel.") && key.ends_with("prr")) return "PRR";
+  if (key.starts_with("channel.") && key.ends_with("delay_ms")) return "δ [ms]";
+  if (key == "controller.tau_s") return "τ [s]";
+  return key;
+}
+
+std::string label_of_metric(const std::string& metric) {
+  if (metric == "epsilon_m") return "ε [m]";
+  if (metric == "rmse_m") return "rms error [m]";
+  if (metric == "max_error_m") return "largest error [m]";
+  if (metric == "wall_contact_s") return "time at the walls [s]";
+  return metric;
+}
+
+}  // namespace tether

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "tools/experiment/risk.hpp"
+#include "tools/experiment/run_store.hpp"
+
+namespace tether {
+
+/// Draws what the sweep's [figure] asks for into `folder` as the sweep's name and .svg, .pdf, .png,
+/// .csv and .gp; returns false, and draws nothing, if it has no figure or no runs.
+bool draw_sweep_figure(const RunStore& store, const std::filesystem::path& folder,
+                       RiskDefinition risk = RiskDefinition::whole_run);
+
+/// "PRR", "δ [ms]", "τ [s]" or the key itself.
+std::string label_of_key(const std::string& key);
+/// "ε [m]", "rms error [m]"…
+std::string label_of_metric(const std::string& metric);
+
+}  // namespace tether
