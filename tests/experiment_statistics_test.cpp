@@ -164,7 +164,7 @@ TEST(MedianIntervalTest, CoversTheMedianAtLeastNominally) {
   EXPECT_GT(covered, kDataSets * (0.95 - 3.0 * share_sd(0.95, kDataSets)));
 }
 
-// Batches of ten up to 200 until the half width is within a fifth of the mean.
+// Batches of ten up to 200 until the half width is within 30 % of the mean.
 template <typename Law>
 double coverage_when_stopped(const Law& law, int data_sets) {
   RandomEngine random = random_stream(2, "stopping");
@@ -176,17 +176,17 @@ double coverage_when_stopped(const Law& law, int data_sets) {
       const std::vector<double> batch = sample(law, kLeastSeeds, random);
       values.insert(values.end(), batch.begin(), batch.end());
       s = summarize(values, 0.95, static_cast<std::uint64_t>(i));
-    } while (values.size() < 200 && !(half_width(s.mean_interval) <= 0.2 * s.mean));
+    } while (values.size() < 200 && !(half_width(s.mean_interval) <= 0.3 * s.mean));
     covered += contains(s.mean_interval, law.mean()) ? 1 : 0;
   }
   return static_cast<double>(covered) / data_sets;
 }
 
-constexpr int kStoppings = 400;
+constexpr int kStoppings = 200;
 
 TEST(MeanIntervalTest, CoversLessWhenItDecidesWhenToStop) {
-  expect_coverage(coverage_when_stopped(LogNormal(), kStoppings), 0.903, kStoppings);
-  expect_coverage(coverage_when_stopped(EightyTwenty(), kStoppings), 0.839, kStoppings);
+  expect_coverage(coverage_when_stopped(LogNormal(), kStoppings), 0.868, kStoppings);
+  expect_coverage(coverage_when_stopped(EightyTwenty(), kStoppings), 0.848, kStoppings);
 }
 
 }  // namespace

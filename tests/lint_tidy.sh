@@ -28,11 +28,11 @@ tidy() { # BUILD_DIR COMMANDS SOURCES...
     shift 2
     job=$(mktemp -d "$build/tidy_XXXXXX")
     if [ $# -gt 1 ]; then
-        mkdir "$job/$(dirname "$1")" # where a file lies decides with which options it is compiled
+        mkdir -p "$job/$(dirname "$1")" # where a file lies decides with which options it is compiled
         local together="$job/$(dirname "$1")/together.cpp"
         printf "#include \"$PWD/%s\"\n" "$@" >"$together"
         clang-tidy -p "$commands" --quiet --checks=-bugprone-suspicious-include \
-            --header-filter="^$PWD/[a-z_]+/[^/]*\.[ch]pp\$" "$together" >"$job/found" 2>&1 || status=1
+            --header-filter="^$PWD/[a-z_/]+/[^/]*\.[ch]pp\$" "$together" >"$job/found" 2>&1 || status=1
     fi
     if [ $# = 1 ] || grep --quiet 'clang-diagnostic-error' "$job/found"; then
         status=0

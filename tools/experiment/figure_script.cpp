@@ -88,11 +88,12 @@ std::vector<std::string> caption_lines(const FigureText& text, const std::string
     std::istringstream words(part);
     std::string word, line;
     while (words >> word) {
-      if (!line.empty() && text_cm(line + " " + word) > text.width_cm - 0.3) {
+      if (!line.empty() && text_cm(line) + text_cm(word) > text.width_cm - 0.4) {
         lines.push_back(line);
         line.clear();
       }
-      line += (line.empty() ? "" : " ") + word;
+      if (!line.empty()) line += " ";
+      line += word;
     }
     if (!line.empty()) lines.push_back(line);
   }
@@ -151,16 +152,15 @@ std::string FigureFrame::variables(const std::string& stem, double height_cm) co
     commands += "set label 1001 title_text at screen 0.5, 1 - 0.27 / height_cm center noenhanced; ";
   }
   commands += caption() + legend(height_cm);
-  return texts() + fmt::format(
-                       "stem = {}\ndata = {}\ntitle_text = {}\nwidth_cm = {:.3f}\nheight_cm = "
-                       "{:.3f}\ntop_cm = {:.3f}\n"
-                       "bottom_cm = {:.3f}\ndecoration = {}\n",
-                       gnuplot_text(stem), gnuplot_text(stem + ".csv"), gnuplot_text(text_.title),
-                       text_.width_cm, height_cm, top_cm(), bottom_cm(), gnuplot_text(commands));
+  const std::string own = fmt::format(
+      "stem = {}\ndata = {}\ntitle_text = {}\nwidth_cm = {:.3f}\nheight_cm = {:.3f}\n"
+      "top_cm = {:.3f}\nbottom_cm = {:.3f}\ndecoration = {}\n",
+      gnuplot_text(stem), gnuplot_text(stem + ".csv"), gnuplot_text(text_.title), text_.width_cm,
+      height_cm, top_cm(), bottom_cm(), gnuplot_text(commands));
+  return texts() + own;
 }
 
-// Texts are variables of their own, because gnuplot 5.4 misreads quotes within quotes within
-// quotes.
+// Variables of their own, because gnuplot 5.4 misreads quotes within quotes within quotes.
 std::string FigureFrame::texts() const {
   std::string variables;
   for (std::size_t i = 0; i < lines_.size(); ++i) {

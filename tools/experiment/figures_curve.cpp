@@ -47,7 +47,7 @@ struct Extent {
   double least_positive = std::numeric_limits<double>::infinity();
   double nearest_x = std::numeric_limits<double>::infinity();
   std::size_t least = static_cast<std::size_t>(-1), most = 0, failed = 0;
-  bool lonely_interval = false;
+  bool intervals = false, lonely_interval = false;
 
   void add_y(double value) {
     if (!std::isfinite(value)) return;
@@ -83,6 +83,7 @@ Extent extent_of(const CurveFigure& figure) {
       e.failed += p.runs.size() - n;
       const bool before = i > 0 && has_interval(series.points[i - 1]);
       const bool after = i + 1 < series.points.size() && has_interval(series.points[i + 1]);
+      e.intervals = e.intervals || has_interval(p);
       e.lonely_interval = e.lonely_interval || (has_interval(p) && !before && !after);
     }
   }
@@ -130,16 +131,19 @@ std::string axes(const CurveFigure& figure, const Extent& e) {
 }
 
 // Of one series, what is what; of several, their names.
-std::vector<LegendEntry> legend_of(const CurveFigure& figure) {
+std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
   using Sample = LegendEntry::Sample;
   const auto line = [](std::size_t s) { return fmt::format("lw 1.5 lc rgb \"#{}\"", kColours[s]); };
   std::vector<LegendEntry> entries;
   if (figure.series.size() == 1) {
     const std::string colour = kColours[0];
-    return {{Sample::point, "ps 0.28 lc rgb \"#70" + colour + "\"", "run"},
-            {Sample::linespoint, line(0), "mean"},
-            {Sample::area, "fs solid noborder fc rgb \"#b0" + colour + "\"",
-             fmt::format("its {:g} % interval", 100.0 * figure.confidence)}};
+    entries = {{Sample::point, "ps 0.28 lc rgb \"#70" + colour + "\"", "run"},
+               {Sample::linespoint, line(0), "mean"}};
+    if (intervals) {
+      entries.push_back({Sample::area, "fs solid noborder fc rgb \"#b0" + colour + "\"",
+                         fmt::format("its {:g} % interval", 100.0 * figure.confidence)});
+    }
+    return entries;
   }
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
     entries.push_back({Sample::linespoint, line(s), figure.series[s].name});
@@ -163,11 +167,12 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
     throw std::invalid_argument("a curve needs a point and at most 7 series");
   }
   std::string note = seeds_note(e.least, e.most, e.failed);
-  if (count > 1) {
+  if (count > 1 && e.intervals) {
     note += fmt::format(". Dots: runs; lines: means; bands: their {:g} % intervals",
                         100.0 * figure.confidence);
   }
-  const FigureFrame frame(figure.text, note, legend_of(figure), FigureFrame::Legend::above);
+  const FigureFrame frame(figure.text, note, legend_of(figure, e.intervals),
+                          FigureFrame::Legend::above);
   std::string variables = frame.variables(stem, figure.text.height_cm);
   variables += axes(figure, e);
   variables += "colours = \"";

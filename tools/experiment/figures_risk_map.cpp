@@ -96,8 +96,8 @@ std::string arrows(const std::vector<RiskPoint>& path) {
     const std::string way =
         fmt::format("from {:.4f},{:.4f} to {:.4f},{:.4f}", from.x_m, from.y_m,
                     to.x_m + reach_m * (to.x_m - from.x_m), to.y_m + reach_m * (to.y_m - from.y_m));
-    for (const char* look :
-         {"0.05,26,90 lw 1.5 lc rgb \"#ffffff\"", "0.036,22,90 lw 0.5 lc rgb \"#000000\""}) {
+    for (const char* look : {"0.025,27,90 fixed lw 1 lc rgb \"#ffffff\"",
+                             "0.023,22,90 fixed lw 0.5 lc rgb \"#000000\""}) {
       commands += fmt::format("set arrow {} front head filled size screen {}; ", way, look);
     }
   }
@@ -156,9 +156,14 @@ std::string note_of(const RiskMapFigure& figure) {
 
 std::vector<LegendEntry> legend_of(const RiskMapFigure& figure) {
   using Sample = LegendEntry::Sample;
-  std::vector<LegendEntry> entries{{Sample::line, "lw 1.5 lc rgb \"#0072b2\"", "mean"},
-                                   {Sample::area, "fs solid noborder fc rgb \"#990072b2\"",
-                                    fmt::format("its {:g} % interval", 100.0 * figure.confidence)}};
+  std::vector<LegendEntry> entries{{Sample::line, "lw 1.5 lc rgb \"#0072b2\"", "mean"}};
+  const auto has_interval = [](const RiskPoint& p) {
+    return std::isfinite(half_width(p.interval));
+  };
+  if (std::any_of(figure.points.begin(), figure.points.end(), has_interval)) {
+    entries.push_back({Sample::area, "fs solid noborder fc rgb \"#990072b2\"",
+                       fmt::format("its {:g} % interval", 100.0 * figure.confidence)});
+  }
   if (!figure.turns.empty()) {
     entries.push_back({Sample::area, "fs solid noborder fc rgb \"#dddddd\"", "turn"});
   }
