@@ -223,7 +223,9 @@ double ChannelExpectation::mean_burst() const {
 
 double ChannelExpectation::lag1_correlation() const {
   if (!(loss_ > 0.0 && loss_ < 1.0)) return kNaN;
-  return (loss_pair_ - loss_ * loss_) / (loss_ * (1.0 - loss_));
+  const double correlation = (loss_pair_ - loss_ * loss_) / (loss_ * (1.0 - loss_));
+  constexpr double kRounding = 1e-12;
+  return std::abs(correlation) < kRounding ? 0.0 : correlation;
 }
 
 // The chain of (state, lost, was the one before lost) carries both functions: lost, and lost twice.
