@@ -228,6 +228,12 @@ double ChannelExpectation::lag1_correlation() const {
   return std::abs(correlation) < kRounding ? 0.0 : correlation;
 }
 
+double ChannelExpectation::changes_per_s() const {
+  double sum = 0.0;
+  for (std::size_t s = 0; s < states_.size(); ++s) sum += stationary_[s] / sojourns_[s];
+  return unit_ == Unit::seconds ? sum : 0.0;
+}
+
 // The chain of (state, lost, was the one before lost) carries both functions: lost, and lost twice.
 LossSpread ChannelExpectation::make_spread() const {
   const std::size_t n = states_.size();
