@@ -68,6 +68,13 @@ TEST(ReadTrace, TakesColumnsInAnyOrderAndIgnoresOthers) {
   EXPECT_EQ(t.rows[0].delay, Duration{0});
 }
 
+TEST(ReadTrace, TakesAByteOrderMarkAndQuotes) {
+  const Trace t = trace("\xef\xbb\xbf\"time_s\", \"prr\"\r\n0,\"0.25\"\r\n\"1\",1\r\n");
+  ASSERT_EQ(t.rows.size(), 2U);
+  EXPECT_EQ(t.rows[0].prr, 0.25);
+  EXPECT_EQ(refusal("time_s,prr\n0,\"\n"), "t.csv:2: prr = \"\"\" must be a finite number");
+}
+
 TEST(ReadTrace, LostPacketsNeedNoDelay) {
   const Trace t = trace("time_s,lost,delay_ms\n0,0,5\n1,1,\n2,0,7\n");
   EXPECT_TRUE(t.of_fates);
@@ -93,7 +100,7 @@ TEST(ReadTrace, RowsWithoutADelayGetOneBetweenTheirNeighbours) {
 
 TEST(ReadTrace, RefusesWithFileAndLine) {
   const std::vector<std::pair<std::string, std::string>> cases{
-      {"", "t.csv:0: no header line"},
+      {"", "t.csv:1: no header line"},
       {"time_s,prr\n", "t.csv:1: no rows below the header"},
       {"t,prr\n0,1\n", "t.csv:1: the header must name a column time_s"},
       {"time_s,x\n0,1\n",
