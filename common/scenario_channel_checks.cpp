@@ -19,7 +19,8 @@ using Model = LinkConfig::Model;
 using Law = JitterConfig::Law;
 
 constexpr std::size_t kMaxStates = 64;
-constexpr double kRounding = 1e-9;  // of probabilities written in decimal
+constexpr double kShortest_s = 1e-3;  // stay in a state of a chain in time; as kSojourn
+constexpr double kRounding = 1e-9;    // of probabilities written in decimal
 
 constexpr const char* kModelNames[] = {"fixed", "markov", "gilbert_elliott", "four_state", "chain",
                                        "trace", "map"};
@@ -185,6 +186,10 @@ class LinkChecker {
     if (chain.rates_per_s.empty() == chain.probabilities.empty()) {
       refuse("{0}model = \"chain\" needs one of {1}rates_per_s and {1}probabilities", prefix_, key);
     }
+    if (chain.step_s > 0.0 && chain.step_s < kShortest_s) {
+      refuse("{}step_s = {} must be 0 (a step per packet) or at least {}", key, chain.step_s,
+             kShortest_s);
+    }
     const bool rates = chain.probabilities.empty();
     const auto& matrix = rates ? chain.rates_per_s : chain.probabilities;
     const std::string name = key + (rates ? "rates_per_s" : "probabilities");
@@ -205,15 +210,22 @@ class LinkChecker {
       if (std::abs(sum - 1.0) <= kRounding) return;
       refuse("{}: row {} must sum to 1, not {}", name, i + 1, sum);
     }
-    double largest = 0.0;
+    double largest = 0.0, out = 0.0;
     for (std::size_t j = 0; j < n; ++j) {
       largest = std::max(largest, std::abs(row[j]));
+      out += j == i ? 0.0 : row[j];
       if (j == i || row[j] >= 0.0) continue;
       refuse("{}: row {}, column {}: {} must not be negative", name, i + 1, j + 1, row[j]);
     }
     if (row[i] != 0.0 && std::abs(sum) > kRounding * largest) {
       refuse("{}: row {}: the diagonal, {}, must be 0 or minus the sum of the row's other entries",
              name, i + 1, row[i]);
+    }
+    if (out * kShortest_s > 1.0 + kRounding) {
+      refuse(
+          "{}: row {}: the rates sum to {} per s, but the mean stay in a state must be at least "
+          "{} s",
+          name, i + 1, out, kShortest_s);
     }
   }
 

@@ -71,12 +71,12 @@ void add_models(KeyTable& t, const std::string& prefix, const LinkSelect& link) 
   const std::string chain = prefix + "chain.";
   t.list(chain + "prr", TETHER_LINK(chain.prr), kRatio, "packet reception ratio of each state");
   t.list(chain + "delay_ms", TETHER_LINK(chain.delay_ms), kDelay, "delay in each state");
-  t.rows(chain + "rates_per_s", TETHER_LINK(chain.rates_per_s), {-1e6, 1e6, false},
-         "rates from row to column; or ...");
+  t.rows(chain + "rates_per_s", TETHER_LINK(chain.rates_per_s), {-1e3, 1e3, false},
+         "rates from row to column, at most 1000 out of a state; or ...");
   t.rows(chain + "probabilities", TETHER_LINK(chain.probabilities), kRatio,
          "... probabilities of a step from row to column");
   t.number(chain + "step_s", TETHER_LINK(chain.step_s), {0.0, 1e6, false},
-           "probabilities: time between steps; 0 = one per packet");
+           "probabilities: time between steps, at least 0.001; 0 = one per packet");
 }
 
 void add_jitter(KeyTable& t, const std::string& prefix, const LinkSelect& link) {

@@ -12,6 +12,8 @@ namespace {
 // Rounding of times to nanoseconds, and of sums.
 constexpr double kSlack_s = 2e-9;
 constexpr double kSlack = 1e-12;
+// The share of a state that is left for good, with the rounding of its computation.
+constexpr double kNever = 1e-12;
 
 Verdict judge(double configured, const Estimate& achieved, double slack, double widest) {
   if (std::isnan(achieved.value)) return Verdict::too_short;
@@ -82,7 +84,7 @@ class Checker {
     const bool seconds = expected_.sojourn_unit() == ChannelExpectation::Unit::seconds;
     for (std::size_t s = 0; s < expected_.states().size(); ++s) {
       const double configured = expected_.mean_sojourn(s);
-      if (!std::isfinite(configured) || expected_.stationary()[s] <= 0.0) continue;
+      if (!std::isfinite(configured) || expected_.stationary()[s] <= kNever) continue;
       const Estimate achieved = sojourns_->mean(s, confidence_);
       Verdict verdict = judge(configured, achieved, kSlack * configured, o_.precision * configured);
       // Without a departure there is no estimate, but there is a lower bound.
@@ -94,14 +96,17 @@ class Checker {
   }
 
   void check_delays() {
+    // A quantile of or near 0 cannot be the measure of its own interval; the law's spread can.
+    const double spread_s = expected_.delay_quantile(0.99) - expected_.delay_quantile(0.5);
     for (const double q : DelayStatistics::kQuantiles) {
       const double configured_s = expected_.delay_quantile(q);
       if (std::isnan(configured_s)) continue;
       const double vif = expected_.delay_vif(q);
       const Estimate achieved = delays_.quantile(q, confidence_, vif);
       Estimate shown = delays_.quantile(q, o_.shown_confidence, vif);
+      const double scale_s = std::max(configured_s, 0.5 * spread_s);
       Verdict verdict =
-          judge(configured_s, achieved, kSlack_s, std::max(kSlack_s, o_.precision * configured_s));
+          judge(configured_s, achieved, kSlack_s, std::max(kSlack_s, o_.precision * scale_s));
       if (achieved.effective_samples < o_.least_samples) verdict = Verdict::too_short;
       if (expected_.delay_is_constant() && delays_.count() > 0) {
         // As with the PRR: right as long as no packet's is different.

@@ -38,7 +38,8 @@ struct ChannelCheckOptions {
   /// false_alarm/quantities: 99.99 % for ten of them.
   double false_alarm = 1e-3;
   /// "ok" requires an interval whose half-width is at most this share of the configured value (of
-  /// the rarer fate's probability for the PRR; of 1 for correlations).
+  /// the rarer fate's probability for the PRR; of 1 for correlations; for delays of half the
+  /// distance from their median to p99 if that is more).
   double precision = 0.25;
   /// With fewer effective samples than this, only the PRR is judged: variances are asymptotic.
   double least_samples = 30.0;

@@ -223,7 +223,15 @@ double ChannelExpectation::mean_burst() const {
 
 double ChannelExpectation::lag1_correlation() const {
   if (!(loss_ > 0.0 && loss_ < 1.0)) return kNaN;
-  return (loss_pair_ - loss_ * loss_) / (loss_ * (1.0 - loss_));
+  const double correlation = (loss_pair_ - loss_ * loss_) / (loss_ * (1.0 - loss_));
+  constexpr double kRounding = 1e-12;
+  return std::abs(correlation) < kRounding ? 0.0 : correlation;
+}
+
+double ChannelExpectation::changes_per_s() const {
+  double sum = 0.0;
+  for (std::size_t s = 0; s < states_.size(); ++s) sum += stationary_[s] / sojourns_[s];
+  return unit_ == Unit::seconds ? sum : 0.0;
 }
 
 // The chain of (state, lost, was the one before lost) carries both functions: lost, and lost twice.

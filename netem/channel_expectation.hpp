@@ -94,6 +94,8 @@ class ChannelExpectation {
   /// Mean sojourn time; infinite if the state is never left.
   double mean_sojourn(std::size_t state) const { return sojourns_[state]; }
   Unit sojourn_unit() const { return unit_; }
+  /// Mean number of changes of state per second; 0 for models that move by packets.
+  double changes_per_s() const;
 
   /// P[delay <= delay_s] of all received packets; 0 if there are none.
   double delay_cdf(double delay_s) const;

@@ -101,7 +101,7 @@ ChannelReport try_channel(const Scenario& scenario, const ChannelTrial& trial) {
   LinkPair links = make_links(scenario);
   Stream up(links.uplink, scenario.channel.uplink, pose_traffic(scenario));
   Stream down(links.downlink, scenario.channel.downlink, command_traffic(scenario, false));
-  constexpr std::int64_t kBetweenReports = 100'000;
+  constexpr std::int64_t kBetweenReports = 1000;
   Instant now = kStart;
   while (std::min(up.offered, down.offered) < trial.packets) {
     const bool up_next =

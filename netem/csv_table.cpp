@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -13,11 +14,16 @@
 namespace tether {
 namespace {
 
+std::string_view unquoted(std::string_view cell) {
+  const bool quoted = cell.size() >= 2 && cell.front() == '"' && cell.back() == '"';
+  return quoted ? trimmed(cell.substr(1, cell.size() - 2)) : cell;
+}
+
 std::vector<std::string_view> split(std::string_view line) {
   std::vector<std::string_view> cells;
   for (;;) {
     const auto comma = line.find(',');
-    cells.push_back(trimmed(line.substr(0, comma)));
+    cells.push_back(unquoted(trimmed(line.substr(0, comma))));
     if (comma == std::string_view::npos) return cells;
     line.remove_prefix(comma + 1);
   }
@@ -47,7 +53,10 @@ CsvTable::CsvTable(std::istream& in, std::string name) : in_(in), name_(std::mov
 
 bool CsvTable::next_line() {
   while (std::getline(in_, line_)) {
-    ++line_number_;
+    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+    if (++line_number_ == 1 && line_.starts_with(kByteOrderMark)) {
+      line_.erase(0, kByteOrderMark.size());
+    }
     const std::string_view content = trimmed(line_);
     if (!content.empty() && content.front() != '#') return true;
   }
@@ -80,7 +89,7 @@ void CsvTable::refuse(const std::string& column, const std::string& allowed) con
 }
 
 void CsvTable::fail(const std::string& reason) const {
-  throw UsageError(fmt::format("{}:{}: {}", name_, line_number_, reason));
+  throw UsageError(fmt::format("{}:{}: {}", name_, std::max(1, line_number_), reason));
 }
 
 }  // namespace tether

@@ -10,8 +10,9 @@
 
 namespace tether {
 
-/// A CSV file with a header line, row by row: cells between commas, blanks around them ignored, no
-/// quotes. Empty lines and lines that begin with '#' do not count. Every error is a UsageError that
+/// A CSV file with a header line, row by row: cells between commas, blanks around them and double
+/// quotes around those ignored (a comma between quotes separates all the same), as is a byte order
+/// mark. Empty lines and lines that begin with '#' do not count. Every error is a UsageError that
 /// begins "name:line: ".
 class CsvTable {
  public:

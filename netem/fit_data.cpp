@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "netem/reception_runs.hpp"
+
 namespace tether {
 namespace {
 
@@ -82,9 +84,14 @@ std::int64_t FateLog::lost() const {
 
 FateLog fates_from_receptions(const std::vector<Reception>& receptions) {
   FateLog log;
-  std::vector<Reception> arrivals;
-  std::int64_t highest = 0;
-  const auto finish_segment = [&] {
+  ReceptionRuns divided = divide_into_runs(receptions);
+  log.implausible = divided.implausible;
+  for (std::vector<Reception>& arrivals : divided.runs) {
+    std::int64_t highest = arrivals.empty() ? 0 : arrivals.front().seq;
+    for (const Reception& r : arrivals) {
+      if (r.seq < highest) ++log.reordered;
+      highest = std::max(highest, r.seq);
+    }
     const auto by_number = [](const Reception& a, const Reception& b) { return a.seq < b.seq; };
     const auto same = [](const Reception& a, const Reception& b) { return a.seq == b.seq; };
     std::stable_sort(arrivals.begin(), arrivals.end(), by_number);
@@ -92,22 +99,7 @@ FateLog fates_from_receptions(const std::vector<Reception>& receptions) {
     log.duplicated += arrivals.end() - end;
     arrivals.erase(end, arrivals.end());
     if (!arrivals.empty()) log.segments.push_back(fill_gaps(arrivals));
-    arrivals.clear();
-  };
-  for (const Reception& r : receptions) {
-    // Compared without differences of far numbers, which may overflow.
-    if (!arrivals.empty() && (r.seq < highest - kMostReordered || r.seq - kMostLost > highest)) {
-      finish_segment();
-    }
-    if (arrivals.empty()) {
-      highest = r.seq;
-    } else if (r.seq < highest) {
-      ++log.reordered;
-    }
-    highest = std::max(highest, r.seq);
-    arrivals.push_back(r);
   }
-  finish_segment();
   regularise(log);
   return log;
 }

@@ -30,19 +30,18 @@ struct FateLog {
   double interval_s = 0.0;      ///< mean time between packets; 0 below two
   std::int64_t duplicated = 0;  ///< arrivals of a number that had arrived
   std::int64_t reordered = 0;   ///< arrivals after a higher number
+  /// Arrivals whose number does not fit the times, left out; see divide_into_runs().
+  std::int64_t implausible = 0;
 
   std::int64_t packets() const;
   std::int64_t lost() const;
 };
 
-/// Sequence numbers that go back by more than this, or ahead by more than kMostLost, are a sender's
-/// that started anew.
-inline constexpr std::int64_t kMostReordered = 1000;
-inline constexpr std::int64_t kMostLost = 1'000'000;
-
 /// Which packets were lost, from the numbers of those that arrived, in the order of arrival: every
-/// number between the first and the last of a segment that never came. (Losses before the first and
-/// after the last arrival cannot be seen.) Lost packets get times between their neighbours'.
+/// number between the first and the last of a segment that never came. Segments are a sender's
+/// runs, see divide_into_runs(); what was lost from one to the next is not known. (Losses before
+/// the first and after the last arrival cannot be seen.) Lost packets get times between their
+/// neighbours'.
 ///
 /// A sender is taken for periodic if the median of its intervals, per sequence number, and three
 /// quarters of them are within 25 % of the mean interval: arrival times, which delays disturb, are

@@ -5,6 +5,21 @@
 
 namespace tether {
 
+namespace {
+
+/// Below this a probability is the rounding of 0.
+constexpr double kRounding = 1e-9;
+
+bool is_left_to_chance(double share) { return share > kRounding && share < 1.0 - kRounding; }
+
+/// Of successive fates, by the probability `a` of one of them and `k` that it follows itself.
+double correlation_of(double k, double a) {
+  a = std::min(a, 1.0 - 1e-12);
+  return (k - a) / (1.0 - a);
+}
+
+}  // namespace
+
 LossSpread loss_spread(double p, double p2, double var_p, double cov, double var_p2) {
   LossSpread spread;
   if (!(p > 0.0 && p < 1.0)) return spread;
@@ -13,15 +28,20 @@ LossSpread loss_spread(double p, double p2, double var_p, double cov, double var
   };
   spread.vif = var_p / (p * (1.0 - p));
   const double c = p2 / p;
-  if (c > 0.0 && c < 1.0) {
+  if (is_left_to_chance(c)) {
     spread.burst_vif = variance(-p2 / (p * p), 1.0 / p) * p / (c * (1.0 - c));
   }
+  // k = (p2 + b)/a with b = 0 of losses, b = 1 - 2p of receptions.
+  const bool of_losses = p <= 0.5;
   const double a = std::min(p, 1.0 - p);
-  const double k = (p <= 0.5 ? p2 : 1.0 - 2.0 * p + p2) / a;
-  if (k > 0.0 && k < 1.0) {
-    const double v = p * (1.0 - p);
-    const double by_p = (-2.0 * p * v - (p2 - p * p) * (1.0 - 2.0 * p)) / (v * v);
-    spread.lag1_vif = variance(by_p, 1.0 / v) * (1.0 - a) * (1.0 - a) * a / (k * (1.0 - k));
+  const double k = (of_losses ? p2 : 1.0 - 2.0 * p + p2) / a;
+  if (!is_left_to_chance(k)) return spread;
+  const double by_p = (of_losses ? -k : k - 2.0) / a, by_p2 = 1.0 / a;
+  const double var_k = variance(by_p, by_p2);
+  spread.lag1_vif = var_k * a / (k * (1.0 - k));
+  const double cov_k_a = (of_losses ? 1.0 : -1.0) * (by_p * var_p + by_p2 * cov);
+  if (var_k > 0.0 && var_p > 0.0) {
+    spread.lag1_with_share = std::clamp(cov_k_a / std::sqrt(var_k * var_p), -1.0, 1.0);
   }
   return spread;
 }
@@ -95,10 +115,20 @@ Estimate LossRecord::lag1_correlation(double confidence, const LossSpread& sprea
       bursts_ + (begins_lost_ ? 0 : 1) - (current_burst_ > 0 ? 1 : 0);
   const std::int64_t runs = of_losses ? bursts_ : received_runs;
   const auto events = static_cast<double>(count);
-  const double a = events / static_cast<double>(packets_);
-  Estimate e = share(static_cast<double>(count - runs) / events, events, confidence,
-                     spread.lag1_vif, spread.degrees_of_freedom);
-  for (double* x : {&e.value, &e.low, &e.high}) *x = (*x - a) / (1.0 - a);
+  const auto n = static_cast<double>(packets_);
+  const Estimate k = share(static_cast<double>(count - runs) / events, events, confidence,
+                           spread.lag1_vif, spread.degrees_of_freedom);
+  const Estimate a = share(events / n, n, confidence, spread.vif, spread.degrees_of_freedom);
+  Estimate e{correlation_of(k.value, a.value), 0.0, 0.0, k.effective_samples};
+  // It grows with k and falls with a: what helps one hinders the other.
+  const auto distance = [&](double k_bound, double a_bound) {
+    const double by_k = std::abs(e.value - correlation_of(k_bound, a.value));
+    const double by_a = std::abs(e.value - correlation_of(k.value, a_bound));
+    return std::sqrt(
+        std::max(0.0, by_k * by_k + by_a * by_a - 2.0 * spread.lag1_with_share * by_k * by_a));
+  };
+  e.low = std::max(-1.0, e.value - distance(k.low, a.high));
+  e.high = std::min(1.0, e.value + distance(k.high, a.low));
   return e;
 }
 

@@ -17,7 +17,9 @@ namespace tether {
 struct LossSpread {
   double vif = 1.0;        ///< of the share of lost packets
   double burst_vif = 1.0;  ///< of the share of lost packets that the next one follows into loss
-  double lag1_vif = 1.0;   ///< of the lag-1 correlation; see loss_spread()
+  double lag1_vif = 1.0;   ///< of the share of the rarer fate's packets that the same fate follows
+  /// Correlation of the estimates of that share and of the rarer fate's probability; -1..1.
+  double lag1_with_share = 0.0;
   /// Degrees of freedom of these variances: infinite if known, else intervals use Student's t.
   double degrees_of_freedom = std::numeric_limits<double>::infinity();
   /// False if the sequence is too short, against its correlation time, to estimate its spread.
@@ -31,8 +33,9 @@ struct LossSpread {
 ///   burst_vif = n·Var(ĉ)·p/(c(1 − c)).
 /// - Lag-1 correlation = (p2 − p²)/(p(1 − p)) = (k − a)/(1 − a), where a is the probability of the
 ///   rarer fate (lost or received) and k that it is followed by itself, a share of n·a packets;
-///   lag1_vif = n·Var(correlation)·(1 − a)²·a/(k(1 − k)).
-/// Written as shares they get intervals that hold for few events, too.
+///   lag1_vif = n·Var(k̂)·a/(k(1 − k)).
+/// Written as shares they get intervals that hold for few events, too. A share of 0 or 1, to 1e-9,
+/// leaves nothing to chance; its factor is 1.
 LossSpread loss_spread(double p, double p2, double var_p, double cov, double var_p2);
 
 /// What a sequence of packets suffered: packet reception ratio, loss bursts and their lengths, and
@@ -66,7 +69,9 @@ class LossRecord {
   Estimate prr(double confidence, const LossSpread& spread) const;
   /// Mean number of packets in a loss burst: lost/bursts.
   Estimate mean_burst(double confidence, const LossSpread& spread) const;
-  /// Correlation of successive packets' losses; no value if all or none are lost.
+  /// Correlation of successive packets' losses; no value if all or none are lost. The intervals of
+  /// k and a, see loss_spread(), are combined by the method of variance estimates recovery (Donner
+  /// & Zou, Statistical Methods in Medical Research 21, 2012), which holds where k is 0 or 1, too.
   Estimate lag1_correlation(double confidence, const LossSpread& spread) const;
 
   /// The spread as the packets themselves show it (batch means, see BatchMeans, and the delta

@@ -10,9 +10,11 @@ namespace tether {
 
 /// Recorded conditions of a channel.
 ///
-/// CSV with a header line: time_s (strictly increasing, to the nanosecond), then delay_ms (>= 0; 0
-/// if there is no such column) and one of prr (0..1) and lost (0 or 1); at least one of the three.
-/// Other columns are ignored. A packet log with a row for each packet that was sent is such a
+/// CSV with a header line: time_s (strictly increasing, to the nanosecond), then delay_ms (>= 0)
+/// and one of prr (0..1) and lost (0 or 1); at least one of the three. A row of PRR 0 may leave
+/// delay_ms empty: its delay is interpolated in time between the nearest rows before and after that
+/// have one, or is that of the only such neighbour. Without any delay all are 0. Other columns are
+/// ignored. A packet log with a row for each packet that was sent is such a
 /// trace, and so is a table of conditions by the second.
 struct Trace {
   struct Row {

@@ -33,6 +33,10 @@ TraceProcess::TraceProcess(Trace trace, const TraceConfig& config, const std::st
     throw UsageError(
         fmt::format("{}at_end = \"loop\" needs a trace of two rows or more", key_prefix));
   }
+  if (loop_) {
+    const Duration last = trace_.rows.back().since_first;
+    round_ = last + (last - trace_.rows[trace_.rows.size() - 2].since_first);
+  }
   advance(kStart);
   now_ = Instant::min();  // runs may begin before t = 0
 }
@@ -58,27 +62,27 @@ void TraceProcess::advance(Instant now) {
   if (now < now_) return;
   now_ = now;
   const auto& rows = trace_.rows;
-  const Duration length = rows.back().since_first;
   Duration phase = now.time_since_epoch() + start_;
   if (loop_) {
-    phase %= length;
-    if (phase < Duration{0}) phase += length;
+    phase %= round_;
+    if (phase < Duration{0}) phase += round_;
   }
   find_row(phase);
   const Trace::Row& row = rows[row_];
   condition_ = {row.prr, row.delay};
   const bool is_last = row_ + 1 == rows.size();
   const bool is_before_first = phase < row.since_first;
+  const bool stays = is_before_first || (is_last && !loop_);
+  const Duration end = is_last ? round_ : rows[row_ + 1].since_first;
   until_ = Instant::max();
   if (interpolation_ == TraceConfig::Interpolation::step) {
     if (is_before_first) until_ = now + (row.since_first - phase);
-    if (!is_before_first && !is_last) until_ = now + (rows[row_ + 1].since_first - phase);
+    if (!stays) until_ = now + (end - phase);
     return;
   }
-  if (is_last || is_before_first) return;
-  const Trace::Row& next = rows[row_ + 1];
-  const double share =
-      to_seconds(phase - row.since_first) / to_seconds(next.since_first - row.since_first);
+  if (stays) return;
+  const Trace::Row& next = rows[is_last ? 0 : row_ + 1];
+  const double share = to_seconds(phase - row.since_first) / to_seconds(end - row.since_first);
   if (!trace_.of_fates) condition_.prr += share * (next.prr - row.prr);
   condition_.delay += from_seconds(share * to_seconds(next.delay - row.delay));
 }

@@ -13,9 +13,11 @@ namespace tether {
 ///
 /// The trace's time at the run's start is config.start_s, or its first row's. Before its first row
 /// the first row holds (at_end = loop: so does the end of the round before). at_end = loop repeats
-/// the time from the first to the last row; the last row itself then only says when.
+/// all rows, of which the last lasts as long as the one before it: N rows, one a second, make a
+/// round of N seconds.
 ///
-/// interpolation = linear moves delay and PRR evenly between rows; recorded fates (column "lost")
+/// interpolation = linear moves delay and PRR evenly between rows, also from the last of a round to
+/// the first of the next; recorded fates (column "lost")
 /// always hold until the next row. In a trace of single packets use step: a packet then gets the
 /// fate of the latest packet recorded before it.
 class TraceProcess final : public ChannelProcess {
@@ -35,7 +37,8 @@ class TraceProcess final : public ChannelProcess {
   Trace trace_;
   TraceConfig::Interpolation interpolation_;
   bool loop_;
-  Duration start_;  // since the first row, at t = 0
+  Duration round_{0};  // of a loop
+  Duration start_;     // since the first row, at t = 0
   Instant now_ = Instant::min();
   Instant until_ = Instant::max();
   std::size_t row_ = 0;

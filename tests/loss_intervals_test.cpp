@@ -68,6 +68,28 @@ TEST(LossIntervals, OfAKnownModelCoverTheTruthAsOftenAsTheySay) {
   }
 }
 
+// The interval of the correlation is then all that of the fate's frequency.
+TEST(LossIntervals, CoverTheTruthWhereTheRarerFateNeverFollowsItself) {
+  constexpr int kRuns = 1000, kPackets = 10000;
+  const GilbertElliott losses{1.0 / 9.0, 1.0, 1.0, 0.0}, receptions{1.0, 3.0 / 7.0, 1.0, 0.0};
+  const GilbertElliott almost{0.1, 0.999, 1.0, 0.0};
+  for (const GilbertElliott& m : {losses, receptions, almost}) {
+    const ChannelExpectation e = ChannelExpectation::gilbert_elliott(m);
+    const std::string name = "p = " + std::to_string(m.p);
+    int prr = 0, burst = 0, lag1 = 0;
+    for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+      Chain chain = gilbert_elliott(m, seed);
+      const LossRecord r = record_of([&] { return chain.next_is_lost(); }, kPackets);
+      prr += covers(r.prr(0.95, e.spread()), e.prr()) ? 0 : 1;
+      burst += covers(r.mean_burst(0.95, e.spread()), e.mean_burst()) ? 0 : 1;
+      lag1 += covers(r.lag1_correlation(0.95, e.spread()), e.lag1_correlation()) ? 0 : 1;
+    }
+    expect_misses(prr, name.c_str(), "PRR");
+    expect_misses(lag1, name.c_str(), "lag 1");
+    EXPECT_LE(burst, 84) << name;  // always 1 where losses are apart
+  }
+}
+
 TEST(LossIntervals, WithoutVarianceInflationAreFarTooNarrow) {
   const GilbertElliott m{0.01, 0.05, 1.0, 0.0};  // VIF 32
   const double prr = ChannelExpectation::gilbert_elliott(m).prr();

@@ -1,10 +1,13 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <tether/pose_t.hpp>
 #include <vector>
@@ -66,6 +69,39 @@ TEST(ReadFitCsv, AllPacketsWithTheirFate) {
   EXPECT_EQ(fates(input), ".x.");
   EXPECT_DOUBLE_EQ(input.log.interval_s, 1.0);
   EXPECT_DOUBLE_EQ(input.log.segments[0][2].delay_s, 0.006);
+}
+
+/// 1000 arrivals at 10 Hz; `number` says which they claim to be.
+std::string numbered(const std::function<int(int)>& number) {
+  std::string text = "seq,time_s\n";
+  for (int i = 0; i < 1000; ++i) text += fmt::format("{},{}\n", number(i), 0.1 * i);
+  return text;
+}
+
+TEST(ReadFitCsv, SaysWhatIsLeftOut) {
+  EXPECT_EQ(csv(numbered([](int i) { return i % 400; })).notes,
+            std::vector<std::string>{
+                "the sender began anew 2 times; what was lost in between is not known"});
+  EXPECT_EQ(csv(numbered([](int i) { return i == 500 ? 50'000 : i; })).notes,
+            std::vector<std::string>{"1 arrival left out: sequence number or time does not fit the "
+                                     "others (damaged?)"});
+}
+
+TEST(ReadFitCsv, RefusesNumbersThatDoNotFitTheTimes) {
+  const auto message = [](const std::function<int(int)>& number) -> std::string {
+    try {
+      csv(numbered(number));
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(message([](int i) { return i % 10 == 5 ? i + 50'000 : i; }),
+            "f.csv: the sequence numbers do not fit the times: 100 of 1000 arrivals belong to no "
+            "run of numbers");
+  EXPECT_EQ(message([](int) { return 7; }),
+            "f.csv: the sequence numbers do not fit the times: 999 of 1000 arrivals have a number "
+            "that had arrived");
 }
 
 TEST(ReadFitCsv, RefusesWithFileAndLine) {

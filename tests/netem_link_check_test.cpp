@@ -46,6 +46,17 @@ const std::map<std::string, Keys> kComparable{
      {"channel.model=four_state", "channel.four_state.p13=0.03", "channel.four_state.p31=0.3",
       "channel.four_state.p32=0.2", "channel.four_state.p23=0.5", "channel.four_state.p14=0.02",
       "channel.loss=0.1"}},
+    {"losses apart",
+     {"channel.model=gilbert_elliott", "channel.gilbert_elliott.prr=0.9",
+      "channel.gilbert_elliott.mean_burst=1"}},
+    {"receptions apart",
+     {"channel.model=gilbert_elliott", "channel.gilbert_elliott.p=1",
+      "channel.gilbert_elliott.r=0.42857"}},
+    {"shortest bursts",
+     {"channel.model=gilbert_elliott", "channel.gilbert_elliott.prr=0.3",
+      "channel.gilbert_elliott.mean_burst=2.3334"}},
+    {"lost alone",
+     {"channel.model=four_state", "channel.four_state.p13=0", "channel.four_state.p14=0.1"}},
     {"chain by packets",
      {"channel.model=chain", "channel.chain.prr=[1, 0.8, 0.1]",
       "channel.chain.delay_ms=[5, 20, 90]",
@@ -69,6 +80,8 @@ const std::map<std::string, Keys> kComparable{
       "channel.prr=0.9"}},
     {"normal, cut at zero",
      {"channel.jitter.law=normal", "channel.jitter.mean_ms=10", "channel.jitter.sd_ms=20"}},
+    {"normal, half of it cut",
+     {"channel.jitter.law=normal", "channel.jitter.mean_ms=0", "channel.jitter.sd_ms=5"}},
     {"pareto",
      {"channel.jitter.law=pareto", "channel.jitter.mean_ms=30", "channel.jitter.sd_ms=10"}},
     {"paretonormal",
@@ -128,6 +141,29 @@ TEST(LinkCheck, IntervalsOfEveryModelCoverTheTruthAsOftenAsTheySay) {
       EXPECT_GE(misses["PRR"], 1);  // else they would be far too wide
     }
   }
+}
+
+// 600 reports of right links, each of which has anything outside with a probability of 0.001 at
+// most: 0.6 expected, 5 or more with a probability of 0.0004.
+TEST(LinkCheck, FlagsNoLinkWhoseRarerFateNeverFollowsItself) {
+  constexpr int kSeeds = 60;
+  const Keys never_back{"channel.model=four_state", "channel.four_state.p13=0.3",
+                        "channel.four_state.p31=0", "channel.four_state.p32=0.5",
+                        "channel.four_state.p23=1", "channel.four_state.p14=0"};
+  int outside = 0;
+  for (const Keys& keys :
+       {kComparable.at("losses apart"), kComparable.at("receptions apart"),
+        kComparable.at("shortest bursts"), kComparable.at("lost alone"), never_back}) {
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+      const ChannelReport report = try_channel(scenario_of(keys, seed), {20'000, {}});
+      for (const auto* link : {&report.uplink, &report.downlink}) {
+        const Verdict verdict = overall(link->checks);
+        outside += verdict == Verdict::outside ? 1 : 0;
+        EXPECT_NE(verdict, Verdict::too_short) << keys[0] << " " << keys[1] << ", seed " << seed;
+      }
+    }
+  }
+  EXPECT_LE(outside, 4);
 }
 
 LinkMonitor monitor_told(const Keys& keys) {

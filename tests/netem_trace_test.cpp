@@ -68,6 +68,13 @@ TEST(ReadTrace, TakesColumnsInAnyOrderAndIgnoresOthers) {
   EXPECT_EQ(t.rows[0].delay, Duration{0});
 }
 
+TEST(ReadTrace, TakesAByteOrderMarkAndQuotes) {
+  const Trace t = trace("\xef\xbb\xbf\"time_s\", \"prr\"\r\n0,\"0.25\"\r\n\"1\",1\r\n");
+  ASSERT_EQ(t.rows.size(), 2U);
+  EXPECT_EQ(t.rows[0].prr, 0.25);
+  EXPECT_EQ(refusal("time_s,prr\n0,\"\n"), "t.csv:2: prr = \"\"\" must be a finite number");
+}
+
 TEST(ReadTrace, LostPacketsNeedNoDelay) {
   const Trace t = trace("time_s,lost,delay_ms\n0,0,5\n1,1,\n2,0,7\n");
   EXPECT_TRUE(t.of_fates);
@@ -75,9 +82,25 @@ TEST(ReadTrace, LostPacketsNeedNoDelay) {
   EXPECT_EQ(t.rows[2].delay, milliseconds{7});
 }
 
+TEST(ReadTrace, RowsWithoutADelayGetOneBetweenTheirNeighbours) {
+  const auto delays_ms = [](const std::string& text) {
+    std::vector<double> all;
+    for (const Trace::Row& row : trace(text).rows) all.push_back(1e3 * to_seconds(row.delay));
+    return all;
+  };
+  using Delays = std::vector<double>;
+  EXPECT_EQ(delays_ms("time_s,delay_ms,lost\n0,50,0\n1,50,0\n2,,1\n3,50,0\n"),
+            (Delays{50, 50, 50, 50}));
+  EXPECT_EQ(delays_ms("time_s,delay_ms,prr\n0,10,1\n1,,0\n3,,0\n4,50,0.5\n5,0,0\n6,20,1\n"),
+            (Delays{10, 20, 40, 50, 0, 20}));
+  EXPECT_EQ(delays_ms("time_s,delay_ms,lost\n0,,1\n1,,1\n2,30,0\n3,40,0\n4,,1\n5,,1\n"),
+            (Delays{30, 30, 30, 40, 40, 40}));
+  EXPECT_EQ(delays_ms("time_s,delay_ms,lost\n0,,1\n1,,1\n"), (Delays{0, 0}));
+}
+
 TEST(ReadTrace, RefusesWithFileAndLine) {
   const std::vector<std::pair<std::string, std::string>> cases{
-      {"", "t.csv:0: no header line"},
+      {"", "t.csv:1: no header line"},
       {"time_s,prr\n", "t.csv:1: no rows below the header"},
       {"t,prr\n0,1\n", "t.csv:1: the header must name a column time_s"},
       {"time_s,x\n0,1\n",
@@ -136,15 +159,37 @@ TEST(TraceProcess, StartsWhereToldTo) {
   EXPECT_THROW(TraceProcess(trace("time_s,prr\n1e9,1\n"), late, ""), UsageError);
 }
 
-TEST(TraceProcess, ALoopRepeatsTheTimeFromFirstToLastRow) {
+TEST(TraceProcess, ALoopPlaysItsLastRowAsLongAsTheOneBefore) {
   TraceProcess p(trace(kThreeRows), kStepLoop, "");
   EXPECT_EQ(at(p, 299), condition(0.5, 40));
   EXPECT_EQ(p.next_transition(), at_ms(300));
-  EXPECT_EQ(at(p, 300), condition(1.0, 20));
-  EXPECT_EQ(p.next_transition(), at_ms(400));
-  EXPECT_EQ(at(p, 300 * 1000 + 250), condition(0.5, 40));
+  EXPECT_EQ(at(p, 300), condition(0.0, 0));
+  EXPECT_EQ(p.next_transition(), at_ms(500));
+  p.advance(at_ms(500) - Duration{1});
+  EXPECT_EQ(p.condition(), condition(0.0, 0));
+  EXPECT_EQ(at(p, 500), condition(1.0, 20));
+  EXPECT_EQ(p.next_transition(), at_ms(600));
+  EXPECT_EQ(at(p, 500 * 1000 + 250), condition(0.5, 40));
   TraceProcess before(trace(kThreeRows), kStepLoop, "");
-  EXPECT_EQ(at(before, -100), condition(0.5, 40));  // as if it had been running already
+  EXPECT_EQ(at(before, -100), condition(0.0, 0));  // as if it had been running already
+  EXPECT_EQ(before.next_transition(), kStart);
+}
+
+TEST(TraceProcess, ALoopPlaysEachRowOfASecondForASecond) {
+  TraceProcess p(trace("time_s,delay_ms,prr\n0,10,1\n1,10,1\n2,10,0\n"), kStepLoop, "");
+  int lost = 0;
+  for (int ms = 0; ms < 30'000; ms += 100) lost += at(p, ms).prr == 0.0 ? 1 : 0;
+  EXPECT_EQ(lost, 100);
+}
+
+TEST(TraceProcess, ALinearLoopMovesFromItsLastRowToItsFirst) {
+  TraceConfig loop = kLinear;
+  loop.at_end = TraceConfig::AtEnd::loop;
+  TraceProcess p(trace(kThreeRows), loop, "");
+  EXPECT_EQ(at(p, 200), condition(0.25, 20));
+  EXPECT_EQ(at(p, 300), condition(0.0, 0));
+  EXPECT_EQ(at(p, 400), condition(0.5, 10));
+  EXPECT_EQ(at(p, 500), condition(1.0, 20));
 }
 
 TEST(TraceProcess, ALoopOfOneRowIsRefused) {
@@ -199,6 +244,11 @@ TEST(TraceProcess, LinearInterpolatesNoFates) {
   TraceProcess p(trace("time_s,lost,delay_ms\n0,0,10\n1,1,20\n2,0,30\n"), kLinear, "");
   EXPECT_EQ(at(p, 500), condition(1.0, 15));
   EXPECT_EQ(at(p, 1500).prr, 0.0);
+}
+
+TEST(TraceProcess, LinearInventsNoDelayWhereNothingArrived) {
+  TraceProcess p(trace("time_s,delay_ms,lost\n0,50,0\n1,50,0\n2,,1\n3,50,0\n"), kLinear, "");
+  for (int ms = 0; ms < 3000; ms += 100) EXPECT_EQ(at(p, ms).delay, milliseconds{50}) << ms;
 }
 
 TEST(MakeTraceProcess, NeedsAFile) {

@@ -34,13 +34,13 @@ std::string with_unit(const std::string& quantity, const std::string& unit) {
 std::string row_of(const ChannelCheck& c) {
   std::string verdict = to_string(c.verdict);
   if (!c.reason.empty()) verdict += ": " + c.reason;
-  return fmt::format("{:<30}{:>12}{:>12}  {:<24}{}", with_unit(c.quantity, c.unit),
+  return fmt::format("{:<30} {:>11} {:>11}  {:<23} {}", with_unit(c.quantity, c.unit),
                      text_of(c.configured), text_of(c.achieved.value), interval_of(c.achieved),
                      verdict);
 }
 
 std::string header() {
-  return fmt::format("{:<30}{:>12}{:>12}  {:<24}{}", "quantity", "configured", "achieved",
+  return fmt::format("{:<30} {:>11} {:>11}  {:<23} {}", "quantity", "configured", "achieved",
                      "95 % interval", "verdict");
 }
 

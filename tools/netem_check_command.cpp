@@ -2,7 +2,9 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,6 +16,8 @@
 #include "common/cli.hpp"
 #include "common/errors.hpp"
 #include "netem/channel_watch.hpp"
+#include "netem/delay_law.hpp"
+#include "netem/link_expectation.hpp"
 #include "netem/tc_export.hpp"
 #include "tools/channel_report.hpp"
 #include "tools/commands.hpp"
@@ -90,9 +94,30 @@ void check_length(const CheckOptions& options, const Scenario& scenario) {
   }
 }
 
+/// A model in time takes every change of state, also of those that no packet meets.
+void announce_work(const CheckOptions& options, const Scenario& scenario) {
+  constexpr double kNoticed = 1e8;  // 6 s of work
+  double changes = 0.0;
+  for (const auto& [link, traffic] :
+       {std::pair{&scenario.channel.uplink, pose_traffic(scenario)},
+        std::pair{&scenario.channel.downlink, command_traffic(scenario, false)}}) {
+    const LinkExpectation expected = expect_link(*link, load_delay_table(link->jitter), traffic);
+    if (!expected.channel) continue;
+    changes += expected.channel->changes_per_s() * traffic.interval_s *
+               static_cast<double>(options.packets);
+  }
+  if (changes < kNoticed) return;
+  const double few = static_cast<double>(options.packets) * kNoticed / changes;
+  fmt::print(stderr,
+             "tether: the links change state some {:.1g} times between these packets, which takes "
+             "its time; --packets {:.0f} take seconds\n",
+             changes, std::max(1.0, std::floor(few)));
+}
+
 int check(const CheckOptions& options) {
   const Scenario scenario = load(options);
   check_length(options, scenario);
+  announce_work(options, scenario);
   ChannelReport report;
   {
     Progress progress(2 * options.packets);

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <map>
 #include <set>
+#include <stdexcept>
 #include <string_view>
 
 #include "common/errors.hpp"
@@ -39,14 +40,35 @@ FateLog read_packets(CsvTable& table) {
   return fates_from_packets(std::move(packets));
 }
 
+/// "1 duplicate", "3 duplicates".
+std::string counted(std::int64_t count, const char* one, const char* many) {
+  return fmt::format("{} {}", count, count == 1 ? one : many);
+}
+
 std::vector<std::string> notes_on(const FateLog& log) {
   std::vector<std::string> notes;
   if (log.segments.size() > 1) {
-    notes.push_back(fmt::format("the sender started anew {} times", log.segments.size() - 1));
+    notes.push_back(
+        fmt::format("the sender began anew {}; what was lost in between is not known",
+                    counted(static_cast<std::int64_t>(log.segments.size()) - 1, "time", "times")));
   }
-  if (log.duplicated > 0) notes.push_back(fmt::format("{} duplicates left out", log.duplicated));
+  if (log.implausible > 0) {
+    notes.push_back(counted(log.implausible, "arrival", "arrivals") +
+                    " left out: sequence number or time does not fit the others (damaged?)");
+  }
+  if (log.duplicated > 0) {
+    notes.push_back(counted(log.duplicated, "duplicate", "duplicates") + " left out");
+  }
   if (log.reordered > 0) notes.push_back(fmt::format("{} arrived out of order", log.reordered));
   return notes;
+}
+
+std::string describe_damage(const std::vector<LogDamage>& damage) {
+  std::uint64_t bytes = 0;
+  for (const LogDamage& d : damage) bytes += d.size_bytes;
+  return fmt::format(
+      "the log is damaged in {}, {} bytes in all; what is missing there counts as lost",
+      counted(static_cast<std::int64_t>(damage.size()), "place", "places"), bytes);
 }
 
 /// One channel of an event log.
@@ -57,24 +79,40 @@ struct LogStream {
 
 }  // namespace
 
+FitInput fit_input_from(const std::vector<Reception>& receptions, const std::string& description,
+                        const std::vector<std::string>& findings) {
+  FitInput input{fates_from_receptions(receptions), description, {}};
+  std::string reasons;
+  for (const std::string& finding : findings) reasons += "; " + finding;
+  const auto refuse = [&](std::int64_t count, const char* what) {
+    throw std::runtime_error(
+        fmt::format("{}: the sequence numbers do not fit the times: {} of {} arrivals {}",
+                    description, count, receptions.size(), what) +
+        reasons);
+  };
+  const auto arrivals = static_cast<double>(receptions.size());
+  if (static_cast<double>(input.log.implausible) > kMostImplausible * arrivals) {
+    refuse(input.log.implausible, "belong to no run of numbers");
+  }
+  if (static_cast<double>(input.log.duplicated) > kMostCopies * arrivals) {
+    refuse(input.log.duplicated, "have a number that had arrived");
+  }
+  input.notes = notes_on(input.log);
+  input.notes.insert(input.notes.end(), findings.begin(), findings.end());
+  return input;
+}
+
 FitInput read_fit_csv(std::istream& in, const std::string& name) {
   CsvTable table(in, name);
   if (!table.has("time_s") || (!table.has("seq") && !table.has("lost"))) {
     table.fail("the header must name the columns seq and time_s, or time_s and lost");
   }
-  FitInput input;
-  input.description = name;
-  if (table.has("lost")) {
-    input.log = read_packets(table);
-  } else {
-    std::vector<Reception> receptions;
-    while (table.next_row()) {
-      receptions.push_back({table.whole_number("seq"), table.number("time_s"), delay_of(table)});
-    }
-    input.log = fates_from_receptions(receptions);
+  if (table.has("lost")) return {read_packets(table), name, {}};
+  std::vector<Reception> receptions;
+  while (table.next_row()) {
+    receptions.push_back({table.whole_number("seq"), table.number("time_s"), delay_of(table)});
   }
-  input.notes = notes_on(input.log);
-  return input;
+  return fit_input_from(receptions, name);
 }
 
 FitInput read_fit_log(std::istream& in, const std::string& name, const std::string& channel) {
@@ -114,21 +152,14 @@ FitInput read_fit_log(std::istream& in, const std::string& name, const std::stri
   }
   const std::string& chosen = numbered.begin()->first;
   const LogStream& stream = streams[chosen];
-  FitInput input{fates_from_receptions(stream.receptions),
-                 fmt::format("{}, channel {}", name, printable(chosen)),
-                 {}};
-  input.notes = notes_on(input.log);
+  std::vector<std::string> findings;
   if (stream.without_number > 0) {
-    input.notes.push_back(
+    findings.push_back(
         fmt::format("{} messages without a sequence number left out", stream.without_number));
   }
-  if (!reader.damage().empty()) {
-    input.notes.push_back(
-        fmt::format("the log is damaged in {} places; what is missing there counts "
-                    "as lost",
-                    reader.damage().size()));
-  }
-  return input;
+  if (!reader.damage().empty()) findings.push_back(describe_damage(reader.damage()));
+  return fit_input_from(stream.receptions, fmt::format("{}, channel {}", name, printable(chosen)),
+                        findings);
 }
 
 FitInput read_fit_input(const std::string& path, const FitSelection& selection) {

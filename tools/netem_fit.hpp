@@ -35,10 +35,17 @@ struct FitInput {
 ///   delay_ms may follow (empty if unknown), others are ignored; so are empty lines and lines
 ///   beginning with '#'.
 ///
-/// Throws UsageError, with file and line or byte, for what cannot be read.
+/// Throws UsageError, with file and line or byte, for what cannot be read, and std::runtime_error
+/// for a log whose sequence numbers do not fit its times: more than kMostImplausible of them, or
+/// more than kMostCopies of the arrivals with a number that had arrived.
 FitInput read_fit_input(const std::string& path, const FitSelection& selection);
 
+inline constexpr double kMostImplausible = 0.05, kMostCopies = 0.67;
+
 /// The parts of read_fit_input(); `name` stands for the file in messages.
+/// `findings` become notes, or part of the refusal.
+FitInput fit_input_from(const std::vector<Reception>& receptions, const std::string& description,
+                        const std::vector<std::string>& findings = {});
 FitInput read_fit_csv(std::istream& in, const std::string& name);
 FitInput read_fit_pcap(std::istream& in, const std::string& name, const std::string& sender);
 FitInput read_fit_log(std::istream& in, const std::string& name, const std::string& channel);

@@ -161,16 +161,7 @@ FitInput read_fit_pcap(std::istream& in, const std::string& name, const std::str
                                  fmt::join(names, ", ")));
   }
   const auto& [chosen, receptions] = *senders.begin();
-  FitInput input{
-      fates_from_receptions(receptions), fmt::format("{}, LCM messages from {}", name, chosen), {}};
-  if (input.log.segments.size() > 1) {
-    input.notes.push_back(
-        fmt::format("the sender started anew {} times", input.log.segments.size() - 1));
-  }
-  if (input.log.duplicated > 0) {
-    input.notes.push_back(fmt::format("{} duplicates left out", input.log.duplicated));
-  }
-  return input;
+  return fit_input_from(receptions, fmt::format("{}, LCM messages from {}", name, chosen));
 }
 
 }  // namespace tether
