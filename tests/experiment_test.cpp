@@ -159,7 +159,7 @@ most_seeds = 200
 )");
   ASSERT_TRUE(experiment.precision);
   EXPECT_EQ(experiment.precision->metric, "rmse_m");
-  EXPECT_EQ(experiment.precision->batch, 10U);
+  EXPECT_EQ(experiment.precision->batch, 20U);
   EXPECT_THAT(experiment.seeds, SizeIs(200));
 }
 
@@ -235,7 +235,7 @@ INSTANTIATE_TEST_SUITE_P(
             "PrecisionWithoutWidth", "[precision]\nmost_seeds = 20", {"half_width must be given"}},
         BadFile{"FewerSeedsThanABatch",
                 "[precision]\nhalf_width = 1\nmost_seeds = 5",
-                {"e.toml:4", "from 10"}},
+                {"e.toml:4", "from 20"}},
         BadFile{"UnknownMetric",
                 "[precision]\nmetric = \"eps\"\nhalf_width = 1\nmost_seeds = 50",
                 {"e.toml:3", "epsilon_m, rmse_m"}},

@@ -194,31 +194,20 @@ void judge_best_tau(const SweepData& heatmap, double prr, double tau_s, const st
   claims.push_back(claim);
 }
 
-double mean_risk(const std::vector<RiskPoint>& points, double from_s, double to_s) {
-  double sum = 0.0, n = 0.0;
-  for (const RiskPoint& point : points) {
-    if (point.time_s < from_s || point.time_s >= to_s || !std::isfinite(point.mean)) continue;
-    sum += point.mean * static_cast<double>(point.n);
-    n += static_cast<double>(point.n);
-  }
-  return n > 0.0 ? sum / n : std::nan("");
-}
-
-void judge_risk(const std::vector<RiskPoint>& points, std::vector<Claim>& claims) {
-  const double end_s = points.back().time_s;
-  const double first = mean_risk(points, 0.0, end_s / 3.0);
-  const double middle = mean_risk(points, end_s / 3.0, 2.0 * end_s / 3.0);
-  const double last = mean_risk(points, 2.0 * end_s / 3.0, end_s + 1.0);
-  const auto lowest = std::min_element(points.begin(), points.end(),
-                                       [](const auto& a, const auto& b) { return a.n < b.n; });
-  const bool falls = first > middle && middle > last;
-  claims.push_back(
-      {"F5", "the risk falls along the path and is high before the first turns",
-       fmt::format(
-           "mean ε of the runs in B there: {:.1f} m in the first third of the path, {:.1f} m "
-           "in the second, {:.1f} m in the last (n ≥ {} a point)",
-           first, middle, last, lowest->n),
-       falls ? Verdict::reproduced : Verdict::not_reproduced, ""});
+void judge_risk(const RiskFall& risk, std::vector<Claim>& claims) {
+  const Interval& second = risk.fall[0];
+  const Interval& last = risk.fall[1];
+  Claim claim{
+      "F5", "the risk falls along the path and is high before the first turns",
+      fmt::format("mean ε of the runs in B there: {:.1f} m in the first third of the path, "
+                  "{:.1f} m in the second, {:.1f} m in the last; lower than the first by {} "
+                  "and {} m (n = {})",
+                  risk.thirds[0], risk.thirds[1], risk.thirds[2], interval_text(second),
+                  interval_text(last), risk.runs),
+      Verdict::undecided, ""};
+  if (second.low > 0.0 && last.low > 0.0) claim.verdict = Verdict::reproduced;
+  if (second.high < 0.0 || last.high < 0.0) claim.verdict = Verdict::not_reproduced;
+  claims.push_back(claim);
 }
 
 }  // namespace
@@ -250,7 +239,7 @@ std::vector<Claim> judge_claims(const PaperResults& results) {
     judge_best_tau(*results.heatmap, 0.65, 2.0, "at PRR 0.65 the best τ is 2 s", claims);
     judge_best_tau(*results.heatmap, 0.45, 3.0, "at PRR 0.45 the best τ is 3 s", claims);
   }
-  if (!results.risk.empty()) judge_risk(results.risk, claims);
+  if (results.risk) judge_risk(*results.risk, claims);
   return claims;
 }
 

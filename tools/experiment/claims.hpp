@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/experiment/figures.hpp"
+#include "tools/experiment/risk.hpp"
 #include "tools/experiment/sweep_data.hpp"
 
 namespace tether {
@@ -28,7 +28,7 @@ struct PaperResults {
   std::optional<SweepData> prr;      ///< F2: ε by channel.prr
   std::optional<SweepData> delay;    ///< F3: ε by channel.delay_ms
   std::optional<SweepData> heatmap;  ///< F4: ε by channel.prr and controller.tau_s
-  std::vector<RiskPoint> risk;       ///< F5
+  std::optional<RiskFall> risk;      ///< F5
 };
 
 /// All of the paper's claims that the results let us judge, in the order of its figures. A claim

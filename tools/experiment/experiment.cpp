@@ -15,12 +15,14 @@
 #include "common/scenario_loader.hpp"
 #include "tools/experiment/grid.hpp"
 #include "tools/experiment/run_result.hpp"
+#include "tools/experiment/statistics.hpp"
 
 namespace tether {
 namespace {
 
 constexpr std::int64_t kMostSeeds = 1'000'000;
-constexpr std::size_t kSmallestBatch = 10;
+constexpr std::size_t kSmallestBatch = kLeastSeeds;
+constexpr std::int64_t kDefaultBatch = 20;
 
 /// A table of the experiment file, which must have these keys and no others.
 class Section {
@@ -142,8 +144,7 @@ std::optional<Precision> read_precision(const Section& file, const std::string& 
   precision.metric = section.metric("metric");
   precision.half_width = section.number("half_width", 1e-12, 1e12, 0.0);
   if (precision.half_width == 0.0) section.refuse("half_width", "given, in the metric's unit");
-  precision.batch =
-      static_cast<std::size_t>(section.whole("batch", kSmallestBatch, kSmallestBatch));
+  precision.batch = static_cast<std::size_t>(section.whole("batch", kSmallestBatch, kDefaultBatch));
   precision.most_seeds = static_cast<std::size_t>(
       section.whole("most_seeds", static_cast<std::int64_t>(precision.batch), 0));
   if (precision.most_seeds == 0) section.refuse("most_seeds", "given: seeds of an arm at most");

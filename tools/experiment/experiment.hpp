@@ -32,7 +32,7 @@ struct Precision {
   std::string metric;       ///< one of RunResult's
   double half_width = 0.0;  ///< in the metric's unit
   std::size_t most_seeds = 0;
-  std::size_t batch = 10;  ///< at least 10: below that an interval says little
+  std::size_t batch = 20;  ///< at least 10: below that an interval says little
 };
 
 /// How `tether report` draws a sweep.

@@ -70,7 +70,7 @@ void add_results(const RunStore& store, RiskDefinition risk, PaperResults& resul
   if (name == "f2_prr") results.prr.emplace(store, "epsilon_m");
   if (name == "f3_delay") results.delay.emplace(store, "epsilon_m");
   if (name == "f4_tau") results.heatmap.emplace(store, "epsilon_m");
-  if (name == "f5_risk") results.risk = risk_points(store, risk);
+  if (name == "f5_risk") results.risk = risk_fall(store, risk);
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -21,5 +23,14 @@ enum class RiskDefinition : std::uint8_t {
 /// planned position was here; one point for each kept row of trajectory. Runs that failed are in
 /// none.
 std::vector<RiskPoint> risk_points(const RunStore& store, RiskDefinition definition);
+
+/// The risk in the first, second and last third of the path, and how far it falls from the first:
+/// intervals by the bootstrap (percentiles) over whole runs, since a run's points hang together.
+struct RiskFall {
+  std::array<double, 3> thirds{};
+  std::array<Interval, 2> fall;  ///< first − second, first − last
+  std::size_t runs = 0;
+};
+RiskFall risk_fall(const RunStore& store, RiskDefinition definition);
 
 }  // namespace tether
