@@ -44,7 +44,8 @@ class Relay {
     node = std::make_unique<RelayNode>(scenario, parsed, loop, kOwn + "&recv_buf_size=2097152",
                                        network_at);
     for (const auto& [url, bus] : buses_) {
-      bus->subscribe("(?!NET/).*", kDeepQueue, [this, to = &seen[url]](const Message& m) {
+      bus->subscribe(".*", kDeepQueue, [this, to = &seen[url]](const Message& m) {
+        if (m.channel.starts_with("NET/")) return;
         std::string text(m.channel);
         text += "=" + std::string(m.bytes.begin(), m.bytes.end());
         to->push_back(text);
@@ -159,13 +160,13 @@ TEST(RelayNode, ANameThatStaysOrThatNoChannelCanHaveIsRefusedAndCounted) {
 }
 
 TEST(RelayNode, EveryRuleThatIsAboutAMessageTakesItOnce) {
-  Relay relay({"FO(.*) -> " + kOther + ":X$1 via uplink", "F(.)\\1 -> " + kOther + ":Y$1 via sat",
+  Relay relay({"FO(.*) -> " + kOther + ":X$1 via uplink", "F(O+) -> " + kOther + ":Y$1 via sat",
                "FOO -> Z via downlink"},
               {"channel.links.sat.delay_ms=1"});
   relay.send(at_s(1), kOwn, "FOO", "1");
   relay.send(at_s(2), kOwn, "FOX", "2");
   relay.run();
-  EXPECT_THAT(relay.on(kOther), ElementsAre("XO=1", "YO=1", "XX=2"));
+  EXPECT_THAT(relay.on(kOther), ElementsAre("XO=1", "YOO=1", "XX=2"));
   EXPECT_THAT(relay.on(kOwn), ElementsAre("FOO=1", "Z=1", "FOX=2"));
 }
 
