@@ -63,7 +63,7 @@ std::pair<std::string, std::string> split_at_arrow(const std::string& rule,
           std::string(trimmed(text.substr(found + length)))};
 }
 
-/// Whether each $… of a replacement means something to this pattern, as ECMAScript has it.
+/// Whether each $… of a replacement means something to this pattern.
 void check_rename(const std::string& rule, const std::string& rename, std::size_t groups) {
   for (auto at = rename.find('$'); at != std::string::npos; at = rename.find('$', at + 2)) {
     const std::string next = rename.substr(at + 1, 1);
@@ -183,6 +183,15 @@ std::vector<RelayRule> parse_relay_rules(const std::vector<std::string>& texts,
     check_networks(text, rules.back(), urls);
   }
   return rules;
+}
+
+ChannelUse use_of(const std::vector<RelayRule>& rules) {
+  ChannelUse use{{}, true};
+  for (const RelayRule& rule : rules) {
+    const bool known = std::find(use.links.begin(), use.links.end(), rule.link) != use.links.end();
+    if (!known) use.links.push_back(rule.link);
+  }
+  return use;
 }
 
 std::string to_text(const RelayRule& rule) {
