@@ -46,7 +46,8 @@ class ModelMaker {
   ModelMaker(const Scenario& scenario, const std::string& name)
       : config_(link_config(scenario, name)),
         prefix_(link_key(name)),
-        streams_(link_streams(scenario, name)) {}
+        streams_(link_streams(scenario, name)),
+        seed_(scenario.run.seed) {}
 
   /// `model`: in use under `config`, for `offered` packets so far.
   ModelMaker& goes_on_from(const LinkModel& model, const LinkConfig& config, std::int64_t offered,
@@ -169,7 +170,11 @@ class ModelMaker {
 
   ProcessPtr map() const {
     if (same_model(before_, config_) && before_->map == config_.map) return old_->process;
-    ProcessPtr made = make_map_process(config_.map, prefix_ + "map.", streams_("shadowing"));
+    // What stands in the way does so for every link: the streams are not the link's.
+    ProcessPtr made =
+        make_map_process(config_.map, prefix_ + "map.", [seed = seed_](std::string_view place) {
+          return random_stream(seed, "shadowing/" + std::string(place));
+        });
     const auto old = present<MapProcess>();
     if (const auto where = old ? old->position() : std::nullopt) {
       made->on_position(where->x_m, where->y_m, now_);
@@ -180,6 +185,7 @@ class ModelMaker {
   const LinkConfig& config_;
   std::string prefix_;
   LinkStreams streams_;
+  std::uint64_t seed_;
   const LinkModel* old_ = nullptr;
   const LinkConfig* before_ = nullptr;
   std::int64_t offered_ = 0;
