@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/errors.hpp"
+#include "common/lcm_datagrams.hpp"
 #include "common/lcm_url.hpp"
 #include "common/text.hpp"
 
@@ -135,6 +136,10 @@ RelayRule parse_rule(const std::string& text, const std::string& own_url,
   rule.destination_url = to.url.empty() ? own_url : to.url;
   rule.rename = to.name.empty() ? kSameName : to.name;
   rule.link = trimmed(text.substr(via + 5));
+  if (rule.rename.find('$') == std::string::npos && rule.rename.size() > kMaxChannelBytes) {
+    refuse(text, fmt::format("\"{}\" is too long for a channel: at most {} bytes", rule.rename,
+                             kMaxChannelBytes));
+  }
   check_rename(text, rule.rename, count_groups(text, rule.pattern));
   check_link(text, rule.link, scenario);
   check_loop(text, rule);

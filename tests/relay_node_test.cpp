@@ -151,7 +151,7 @@ TEST(RelayNode, RulesThatFeedEachOtherInOneNetworkDoNot) {
 }
 
 TEST(RelayNode, ANameThatStaysOrThatNoChannelCanHaveIsRefusedAndCounted) {
-  Relay relay({"(A*)(B?) -> $1 via uplink", "L -> " + std::string(64, 'x') + " via uplink"});
+  Relay relay({"(A*)(B?) -> $1 via uplink", "(L) -> $1" + std::string(63, 'x') + " via uplink"});
   relay.send(at_s(1), kOwn, "AA", "stays");
   relay.send(at_s(2), kOwn, "B", "has no name");
   relay.send(at_s(3), kOwn, "AB", "passes");
