@@ -80,6 +80,7 @@ void MapProcess::on_position(double x_m, double y_m, Instant now) {
   advance(now);
   constexpr double kFarthest_m = 1e9;  // positions come from the network: keep the last good one
   if (!(std::abs(x_m) <= kFarthest_m && std::abs(y_m) <= kFarthest_m)) return;
+  if (position_ && position_->x_m == x_m && position_->y_m == y_m) return;  // nothing is another
   const std::size_t before = nearest_;
   move_to(x_m, y_m);
   if (position_ && nearest_ != before) {
