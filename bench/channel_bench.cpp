@@ -1,5 +1,7 @@
 #include <benchmark/benchmark.h>
 
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -39,6 +41,23 @@ void caller_alone(benchmark::State& state) {
   }
 }
 BENCHMARK(caller_alone);
+
+/// What a position of the vehicle costs a link of model map, at each of which it is elsewhere or
+/// where it was. Once a pose, not once a packet.
+void position(benchmark::State& state, double step_m) {
+  LinkPair links =
+      make_links(parse_scenario("", "bench",
+                                {"channel.model=map", "channel.map.access_points=[[0, 0], [50, 0]]",
+                                 "channel.map.shadowing_sd_db=6"}));
+  double x_m = 0.0;
+  for (auto _ : state) {
+    x_m += step_m;
+    links.uplink.process().on_position(x_m, 3.0, kStart);
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+BENCHMARK_CAPTURE(position, map_moving, 0.01);
+BENCHMARK_CAPTURE(position, map_standing, 0.0);
 
 /// What watching a link costs: fates as the link told them, told to a monitor.
 void monitor(benchmark::State& state, const std::vector<std::string>& keys) {
@@ -93,6 +112,15 @@ std::vector<std::string> jitter(const std::string& law) {
           up("jitter.correlation=0.5")};
 }
 
+/// A recording of 1000 s, a row every second, played again and again.
+std::string trace_file() {
+  const auto file = std::filesystem::temp_directory_path() / "tether-channel-bench.csv";
+  std::ofstream out(file);
+  out << "time_s,delay_ms,prr\n";
+  for (int i = 0; i <= 1000; ++i) out << i << ',' << i % 7 << ',' << 0.1 * (i % 11) << '\n';
+  return file.string();
+}
+
 struct Case {
   std::string name;
   std::vector<std::string> keys;
@@ -111,6 +139,9 @@ std::vector<Case> cases() {
       {"chain_per_packet",
        {up("model=chain"), up("chain.prr=[1, 0.5, 0]"),
         up("chain.probabilities=[[0.9, 0.1, 0], [0, 0.9, 0.1], [0.1, 0, 0.9]]")}},
+      {"trace", {up("model=trace"), up("trace.file=" + trace_file()), up("trace.at_end=loop")}},
+      {"map",
+       {up("model=map"), up("map.access_points=[[0, 0], [50, 0]]"), up("map.shadowing_sd_db=6")}},
       {"loss", {up("loss=0.1")}},
       {"corrupt", {up("corrupt.probability=0.1")}},
       {"duplicate", {up("duplicate.probability=0.1")}},

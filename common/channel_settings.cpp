@@ -15,11 +15,22 @@ namespace {
 
 const std::string kPrefix = "channel.";
 
+/// With those of its links by name that `scenario` has, at their defaults unless they are there.
+Scenario with_links_of(const Scenario& scenario, Scenario other) {
+  for (const auto& [name, link] : scenario.channel.links) other.channel.links.try_emplace(name);
+  return other;
+}
+
 /// Those of the channel's keys that `which` selects and that are set, with their values.
 std::vector<ChannelSetting> select(const Scenario& scenario,
                                    const std::function<bool(const ScenarioKey&)>& which) {
+  std::vector<ScenarioKey> keys = scenario_keys();
+  for (const auto& [name, link] : scenario.channel.links) {
+    const std::vector<ScenarioKey> more = named_link_keys(name);
+    keys.insert(keys.end(), more.begin(), more.end());
+  }
   std::vector<ChannelSetting> found;
-  for (const ScenarioKey& key : scenario_keys()) {
+  for (const ScenarioKey& key : keys) {
     const auto value = key.get(scenario);
     if (!value || !key.name.starts_with(kPrefix) || !which(key)) continue;
     found.push_back({key.name.substr(kPrefix.size()), to_toml(*value)});
@@ -54,8 +65,9 @@ ChannelChange change_channel(const Scenario& in_force, const std::vector<std::st
   loader.end_level(level, {});
   ChannelChange change{loader.finish(level), {}};
   change.scenario.channel.changes = in_force.channel.changes;
+  const Scenario before_change = with_links_of(change.scenario, in_force);
   change.settings = select(change.scenario, [&](const ScenarioKey& key) {
-    return given.contains(key.name) || key.get(change.scenario) != key.get(in_force);
+    return given.contains(key.name) || key.get(change.scenario) != key.get(before_change);
   });
   return change;
 }
@@ -69,10 +81,9 @@ std::string setting_in_folder(const std::string& setting, const std::filesystem:
 }
 
 std::vector<ChannelSetting> channel_settings(const Scenario& scenario) {
-  static const Scenario kDefaults;
-  return select(scenario, [&scenario](const ScenarioKey& key) {
-    return key.get(scenario) != key.get(kDefaults);
-  });
+  const Scenario defaults = with_links_of(scenario, {});
+  return select(scenario,
+                [&](const ScenarioKey& key) { return key.get(scenario) != key.get(defaults); });
 }
 
 void check_changes(const Scenario& scenario, const std::string& file) {

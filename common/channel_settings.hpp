@@ -37,7 +37,8 @@ ChannelChange change_channel(const Scenario& in_force, const std::vector<std::st
 /// are.
 std::string setting_in_folder(const std::string& setting, const std::filesystem::path& folder);
 
-/// The settings that differ from the defaults, in the order of `tether run --keys`.
+/// The settings that differ from the defaults, in the order of `tether run --keys`, then those of
+/// links by name.
 std::vector<ChannelSetting> channel_settings(const Scenario& scenario);
 
 /// Checks each of channel.change against the settings in force by then. Throws UsageError.

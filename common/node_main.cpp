@@ -156,7 +156,7 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
   return run_cli(app, argc, argv, [&] {
     options.stands_alone = program.own.stand_alone();
     const Scenario scenario = scenario_of(options);
-    program.own.check(scenario, options.lcm_url);
+    program.own.check(scenario, options.lcm_url, options.overrides);
     while (run_once(program, options, scenario) == End::clock_jumped) {
     }
     return kExitOk;

@@ -3,6 +3,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/bus.hpp"
 #include "common/event_loop.hpp"
@@ -33,9 +34,11 @@ struct OwnOptions {
   std::function<void(CLI::App&)> add = [](CLI::App&) {};
   /// Asked after parsing.
   std::function<bool()> stand_alone = [] { return false; };
-  /// Throws UsageError for what is wrong with them; before any network is opened.
-  std::function<void(const Scenario&, const std::string& lcm_url)> check =
-      [](const Scenario&, const std::string&) {};
+  /// Throws UsageError for what is wrong with them; before any network is opened. `overrides`: the
+  /// values of --set.
+  std::function<void(const Scenario&, const std::string& lcm_url,
+                     const std::vector<std::string>& overrides)>
+      check = [](const Scenario&, const std::string&, const std::vector<std::string>&) {};
 };
 
 struct NodeProgram {

@@ -20,41 +20,56 @@ void check_files(const LinkConfig& config) {
   }
 }
 
-Link::Change prepare(const Link& link, const LinkConfig& before, const LinkConfig& after,
-                     const LinkModel& model, const LinkStreams& streams) {
+Link::Change prepare(const Link& link, const Scenario& before, const Scenario& after,
+                     const ChannelModels& models, const std::string& name) {
+  const LinkConfig& config = link_config(after, name);
   std::vector<double> table_ms;
-  if (after.jitter != before.jitter) table_ms = load_delay_table(after.jitter);
-  return link.prepare(after, model.process, streams, table_ms);
+  if (config.jitter != link_config(before, name).jitter) table_ms = load_delay_table(after, name);
+  return link.prepare(config, models.of(name).process, link_streams(before, name), table_ms);
 }
 
 }  // namespace
 
-std::vector<ChannelSetting> ChannelControl::change(const std::vector<std::string>& settings,
-                                                   Instant now, Link& uplink, Link& downlink) {
-  ChannelChange wanted = change_channel(in_force_, settings);
-  const Scenario::Channel &before = in_force_.channel, &after = wanted.scenario.channel;
-  check_files(after.uplink);
-  check_files(after.downlink);
-  ChannelModels models =
-      renew_models(models_, in_force_, wanted.scenario,
-                   {now, uplink.counters().offered, downlink.counters().offered});
-  Link::Change up = prepare(uplink, before.uplink, after.uplink, models.uplink,
-                            link_streams(in_force_, "uplink"));
-  Link::Change down = prepare(downlink, before.downlink, after.downlink, models.downlink,
-                              link_streams(in_force_, "downlink"));
-  // Nothing fails from here on.
-  uplink.apply(std::move(up));
-  downlink.apply(std::move(down));
-  models_ = std::move(models);
-  in_force_ = std::move(wanted.scenario);
-  return std::move(wanted.settings);
+std::vector<ChannelSetting> ChannelControl::settings() const {
+  return use_.select(channel_settings(in_force_));
 }
 
-void try_changes(const Scenario& scenario) {
+std::vector<ChannelSetting> ChannelControl::change(const std::vector<std::string>& settings,
+                                                   Instant now, const std::vector<Link*>& links) {
+  for (const std::string& setting : settings) use_.check(setting);
+  ChannelChange wanted = change_channel(in_force_, settings);
+  use_.check_models(wanted.scenario);
+  wanted.scenario.channel.for_each_link(
+      [](const std::string&, const LinkConfig& link) { check_files(link); });
+  ChannelMoment moment{now, {}};
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    moment.offered[use_.links[i]] = links[i]->counters().offered;
+  }
+  ChannelModels models = renew_models(models_, in_force_, wanted.scenario, moment);
+  std::vector<Link::Change> changes;
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    changes.push_back(prepare(*links[i], in_force_, wanted.scenario, models, use_.links[i]));
+  }
+  // Nothing fails from here on.
+  for (std::size_t i = 0; i < links.size(); ++i) links[i]->apply(std::move(changes[i]));
+  models_ = std::move(models);
+  in_force_ = std::move(wanted.scenario);
+  return use_.select(std::move(wanted.settings));
+}
+
+void try_changes(const Scenario& scenario, const ChannelUse& use) {
   Scenario in_force = scenario;
   for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+    for (const std::string& setting : change.settings) {
+      try {
+        use.check(setting);
+      } catch (const UsageError& error) {
+        throw UsageError(fmt::format("channel.change at {} s: {}", change.at_s, error.what()));
+      }
+    }
     in_force = change_channel(in_force, change.settings).scenario;
-    make_links(in_force);
+    use.check_models(in_force);
+    make_links(in_force, make_models(in_force, use.links), use.links);
   }
 }
 

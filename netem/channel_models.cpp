@@ -3,6 +3,7 @@
 #include <array>
 #include <utility>
 
+#include "netem/channel_use.hpp"
 #include "netem/four_state.hpp"
 #include "netem/gilbert_elliott.hpp"
 #include "netem/map_process.hpp"
@@ -37,11 +38,16 @@ bool same_moves(const ChainConfig& a, const ChainConfig& b) {
          a.probabilities == b.probabilities && a.step_s == b.step_s;
 }
 
+bool is_of_pair(const std::string& name) { return name == "uplink" || name == "downlink"; }
+
 /// Makes the model of one link, from what is there already where that goes on.
 class ModelMaker {
  public:
-  ModelMaker(const LinkConfig& config, std::string prefix, LinkStreams streams)
-      : config_(config), prefix_(std::move(prefix)), streams_(std::move(streams)) {}
+  ModelMaker(const Scenario& scenario, const std::string& name)
+      : config_(link_config(scenario, name)),
+        prefix_(link_key(name)),
+        streams_(link_streams(scenario, name)),
+        seed_(scenario.run.seed) {}
 
   /// `model`: in use under `config`, for `offered` packets so far.
   ModelMaker& goes_on_from(const LinkModel& model, const LinkConfig& config, std::int64_t offered,
@@ -164,7 +170,11 @@ class ModelMaker {
 
   ProcessPtr map() const {
     if (same_model(before_, config_) && before_->map == config_.map) return old_->process;
-    ProcessPtr made = make_map_process(config_.map, prefix_ + "map.", streams_("shadowing"));
+    // What stands in the way does so for every link: the streams are not the link's.
+    ProcessPtr made =
+        make_map_process(config_.map, prefix_ + "map.", [seed = seed_](std::string_view place) {
+          return random_stream(seed, "shadowing/" + std::string(place));
+        });
     const auto old = present<MapProcess>();
     if (const auto where = old ? old->position() : std::nullopt) {
       made->on_position(where->x_m, where->y_m, now_);
@@ -175,6 +185,7 @@ class ModelMaker {
   const LinkConfig& config_;
   std::string prefix_;
   LinkStreams streams_;
+  std::uint64_t seed_;
   const LinkModel* old_ = nullptr;
   const LinkConfig* before_ = nullptr;
   std::int64_t offered_ = 0;
@@ -182,15 +193,14 @@ class ModelMaker {
 };
 
 /// Both links' models; the downlink's from the uplink's where they share the state.
-ChannelModels make_both(const Scenario::Channel& channel, const ModelMaker& up,
-                        const ModelMaker& down) {
-  ChannelModels models;
+void make_pair(const Scenario::Channel& channel, const ModelMaker& up, const ModelMaker& down,
+               ChannelModels& models) {
   up.make_clocks(models.uplink);
   up.make_process(models.uplink);
   const Model model = channel.uplink.model;
   if (channel.shared_state && (model == Model::trace || model == Model::map)) {
     models.downlink = models.uplink;
-    return models;
+    return;
   }
   if (channel.shared_state) {
     models.downlink.markov = models.uplink.markov;
@@ -199,47 +209,58 @@ ChannelModels make_both(const Scenario::Channel& channel, const ModelMaker& up,
     down.make_clocks(models.downlink);
   }
   down.make_process(models.downlink);
-  return models;
-}
-
-ModelMaker maker(const Scenario& scenario, bool uplink) {
-  const std::string name = uplink ? "uplink" : "downlink";
-  const LinkConfig& config = uplink ? scenario.channel.uplink : scenario.channel.downlink;
-  return {config, "channel." + name + ".", link_streams(scenario, name)};
 }
 
 }  // namespace
 
+const LinkModel& ChannelModels::of(const std::string& name) const {
+  return name == "uplink" ? uplink : name == "downlink" ? downlink : links.at(name);
+}
+
 LinkStreams link_streams(const Scenario& scenario, const std::string& name) {
-  const std::string link = scenario.vehicle.name + "/" + name + "/";
+  const std::string link =
+      scenario.vehicle.name + (is_of_pair(name) ? "/" : "/links/") + name + "/";
   return [seed = scenario.run.seed, link](std::string_view purpose) {
     return random_stream(seed, link + std::string(purpose));
   };
 }
 
-LinkModel make_model(const LinkConfig& config, const std::string& prefix,
-                     const LinkStreams& streams) {
-  LinkModel model;
-  const ModelMaker make(config, prefix, streams);
-  make.make_clocks(model);
-  make.make_process(model);
-  return model;
-}
-
-ChannelModels make_models(const Scenario& scenario) {
-  return make_both(scenario.channel, maker(scenario, true), maker(scenario, false));
+ChannelModels make_models(const Scenario& scenario, const std::vector<std::string>& names) {
+  ChannelModels models;
+  for (const std::string& name : names) {
+    if (!is_of_pair(name)) {
+      const ModelMaker make(scenario, name);
+      make.make_clocks(models.links[name]);
+      make.make_process(models.links[name]);
+    } else if (!models.uplink.process) {
+      make_pair(scenario.channel, {scenario, "uplink"}, {scenario, "downlink"}, models);
+    }
+  }
+  return models;
 }
 
 ChannelModels renew_models(const ChannelModels& models, const Scenario& before,
                            const Scenario& after, const ChannelMoment& moment) {
-  ModelMaker up = maker(after, true), down = maker(after, false);
-  const auto& [now, up_offered, down_offered] = moment;
-  up.goes_on_from(models.uplink, before.channel.uplink, up_offered, now);
-  // A state that the links shared until now is the uplink's: not the downlink's to go on from.
   static const LinkConfig kNone;
-  const bool parts = before.channel.shared_state && !after.channel.shared_state;
-  down.goes_on_from(models.downlink, parts ? kNone : before.channel.downlink, down_offered, now);
-  return make_both(after.channel, up, down);
+  const auto maker = [&](const std::string& name, bool parts) {
+    ModelMaker make(after, name);
+    const auto offered = moment.offered.find(name);
+    make.goes_on_from(models.of(name), parts ? kNone : link_config(before, name),
+                      offered == moment.offered.end() ? 0 : offered->second, moment.now);
+    return make;
+  };
+  ChannelModels made;
+  if (models.uplink.process) {
+    // A state that the links shared until now is the uplink's: not the downlink's to go on from.
+    const bool parts = before.channel.shared_state && !after.channel.shared_state;
+    make_pair(after.channel, maker("uplink", false), maker("downlink", parts), made);
+  }
+  for (const auto& [name, model] : models.links) {
+    const ModelMaker make = maker(name, false);
+    make.make_clocks(made.links[name]);
+    make.make_process(made.links[name]);
+  }
+  return made;
 }
 
 }  // namespace tether

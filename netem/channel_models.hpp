@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/scenario.hpp"
 #include "netem/channel_process.hpp"
@@ -20,23 +22,27 @@ struct LinkModel {
   std::shared_ptr<ChannelProcess> process;
 };
 
-/// Of both links. With channel.shared_state both have the same clock, or the same process where it
-/// is a trace or a map.
+/// Of some of a channel's links. With channel.shared_state up- and downlink have the same clock, or
+/// the same process where it is a trace or a map.
 struct ChannelModels {
-  LinkModel uplink;
+  LinkModel uplink;  ///< of these two both or none
   LinkModel downlink;
+  std::map<std::string, LinkModel> links;  ///< of [channel.links]
+
+  const LinkModel& of(const std::string& name) const;
 };
 
 /// Where a channel is when its settings change.
 struct ChannelMoment {
   Instant now;
-  std::int64_t uplink_offered = 0;  ///< packets so far
-  std::int64_t downlink_offered = 0;
+  std::map<std::string, std::int64_t> offered;  ///< packets so far, by link; none: 0
 };
 
+/// Of those links of the scenario that are named: "uplink", "downlink", names of [channel.links].
 /// Reads the files that the models name. Throws UsageError for those, and for a chain without a
 /// single stationary distribution.
-ChannelModels make_models(const Scenario& scenario);
+ChannelModels make_models(const Scenario& scenario,
+                          const std::vector<std::string>& names = {"uplink", "downlink"});
 
 /// The models of scenario `after`, where those of `before` are in use; throws as make_models().
 ///
@@ -53,12 +59,8 @@ ChannelModels make_models(const Scenario& scenario);
 ChannelModels renew_models(const ChannelModels& models, const Scenario& before,
                            const Scenario& after, const ChannelMoment& moment);
 
-/// One link's own model. `prefix`, such as "channel.uplink.", is for messages.
-LinkModel make_model(const LinkConfig& config, const std::string& prefix,
-                     const LinkStreams& streams);
-
-/// The streams of one link, "<vehicle>/<name>/<purpose>"; `name` is "uplink", "downlink" or
-/// "links/<name>".
+/// The streams of one link, "<vehicle>/uplink/<purpose>", "<vehicle>/downlink/<purpose>" or
+/// "<vehicle>/links/<name>/<purpose>".
 LinkStreams link_streams(const Scenario& scenario, const std::string& name);
 
 }  // namespace tether

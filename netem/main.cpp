@@ -28,9 +28,11 @@ int main(int argc, char** argv) {
             ->allow_extra_args(false);
       },
       [&texts] { return !texts.empty(); },
-      [&](const Scenario& scenario, const std::string& lcm_url) {
+      [&](const Scenario& scenario, const std::string& lcm_url,
+          const std::vector<std::string>& overrides) {
         if (texts.empty()) return;
         rules = parse_relay_rules(texts, lcm_url, scenario);
+        check_overrides(use_of(rules), overrides);
         own_url = checked_lcm_url(lcm_url);
         for (const RelayRule& rule : rules) {
           fmt::print(stderr, "tether-netem: rule: {}\n", to_text(rule));

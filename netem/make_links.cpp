@@ -1,13 +1,27 @@
 #include "netem/make_links.hpp"
 
-#include <optional>
-#include <utility>
+#include <fmt/format.h>
+
+#include "common/errors.hpp"
+#include "netem/channel_use.hpp"
 
 namespace tether {
+namespace {
 
-std::shared_ptr<ChannelProcess> make_process(const LinkConfig& config, const std::string& prefix,
-                                             const LinkStreams& streams) {
-  return make_model(config, prefix, streams).process;
+Link make_link(const Scenario& scenario, const ChannelModels& models, const std::string& name) {
+  const LinkConfig& config = link_config(scenario, name);
+  return {config, models.of(name).process, link_streams(scenario, name),
+          load_delay_table(scenario, name)};
+}
+
+}  // namespace
+
+std::vector<double> load_delay_table(const Scenario& scenario, const std::string& name) {
+  try {
+    return load_delay_table(link_config(scenario, name).jitter);
+  } catch (const UsageError& error) {
+    throw UsageError(fmt::format("{}jitter.file: {}", link_key(name), error.what()));
+  }
 }
 
 LinkPair make_links(const Scenario& scenario) {
@@ -15,28 +29,13 @@ LinkPair make_links(const Scenario& scenario) {
 }
 
 LinkPair make_links(const Scenario& scenario, const ChannelModels& models) {
-  const LinkConfig &up = scenario.channel.uplink, &down = scenario.channel.downlink;
-  return {Link(up, models.uplink.process, link_streams(scenario, "uplink"),
-               load_delay_table(up.jitter)),
-          Link(down, models.downlink.process, link_streams(scenario, "downlink"),
-               load_delay_table(down.jitter))};
+  return {make_link(scenario, models, "uplink"), make_link(scenario, models, "downlink")};
 }
 
-std::vector<Link> make_links(const Scenario& scenario, const std::vector<std::string>& names) {
-  std::optional<LinkPair> pair;
+std::vector<Link> make_links(const Scenario& scenario, const ChannelModels& models,
+                             const std::vector<std::string>& names) {
   std::vector<Link> links;
-  for (const std::string& name : names) {
-    if (name == "uplink" || name == "downlink") {
-      if (!pair) pair.emplace(make_links(scenario));
-      links.push_back(std::move(name == "uplink" ? pair->uplink : pair->downlink));
-    } else {
-      const LinkConfig& config = scenario.channel.links.at(name);
-      const LinkStreams streams = link_streams(scenario, "links/" + name);
-      const std::string prefix = "channel.links." + name + ".";
-      links.emplace_back(config, make_process(config, prefix, streams), streams,
-                         load_delay_table(config.jitter));
-    }
-  }
+  for (const std::string& name : names) links.push_back(make_link(scenario, models, name));
   return links;
 }
 

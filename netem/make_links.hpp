@@ -1,6 +1,5 @@
 #pragma once
 
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -22,13 +21,13 @@ LinkPair make_links(const Scenario& scenario);
 /// The same with models that have been made already.
 LinkPair make_links(const Scenario& scenario, const ChannelModels& models);
 
-/// Those of a scenario's links that are named, in this order; `names` are "uplink", "downlink" and
-/// those in scenario.channel.links, each at most once. The latter have the random streams
-/// "<vehicle>/links/<name>/<purpose>". Throws as make_links() does.
-std::vector<Link> make_links(const Scenario& scenario, const std::vector<std::string>& names);
+/// load_delay_table() for a link by its name; messages name its key.
+std::vector<double> load_delay_table(const Scenario& scenario, const std::string& name);
 
-/// What decides a link's conditions. `prefix`, such as "channel.uplink.", is for messages.
-std::shared_ptr<ChannelProcess> make_process(const LinkConfig& config, const std::string& prefix,
-                                             const LinkStreams& streams);
+/// Those of a scenario's links that are named, in this order; `names` are "uplink", "downlink" and
+/// those in scenario.channel.links, each at most once, and `models` made for them. The latter have
+/// the random streams "<vehicle>/links/<name>/<purpose>". Throws as make_links() does.
+std::vector<Link> make_links(const Scenario& scenario, const ChannelModels& models,
+                             const std::vector<std::string>& names);
 
 }  // namespace tether

@@ -12,7 +12,7 @@
 namespace tether {
 
 MapProcess::MapProcess(const MapConfig& config, std::optional<PositionMap> grid,
-                       const std::string& key_prefix, RandomEngine shadowing)
+                       const std::string& key_prefix, const ShadowingStreams& shadowing)
     : config_(config), grid_(std::move(grid)) {
   for (const auto& point : config.access_points) {
     if (point.size() != 2 && point.size() != 3) {
@@ -31,9 +31,12 @@ MapProcess::MapProcess(const MapConfig& config, std::optional<PositionMap> grid,
   if (!config.delay_curve.empty()) {
     delay_curve_.emplace(config.delay_curve, 0.0, 1e6, key_prefix + "delay_curve");
   }
-  for (std::size_t i = 0; i < std::max<std::size_t>(1, access_points_.size()); ++i) {
-    shadowing_.emplace_back(config.shadowing_sd_db, config.shadowing_distance_m, shadowing);
-  }
+  const auto add_shadowing = [&](const std::string& place) {
+    RandomEngine random = shadowing(place);
+    shadowing_.emplace_back(config.shadowing_sd_db, config.shadowing_distance_m, random);
+  };
+  if (grid_) add_shadowing("grid");
+  for (const AccessPoint& ap : access_points_) add_shadowing(fmt::format("{},{}", ap.x_m, ap.y_m));
   move_to(0.0, 0.0);
 }
 
@@ -77,6 +80,7 @@ void MapProcess::on_position(double x_m, double y_m, Instant now) {
   advance(now);
   constexpr double kFarthest_m = 1e9;  // positions come from the network: keep the last good one
   if (!(std::abs(x_m) <= kFarthest_m && std::abs(y_m) <= kFarthest_m)) return;
+  if (position_ && position_->x_m == x_m && position_->y_m == y_m) return;  // nothing is another
   const std::size_t before = nearest_;
   move_to(x_m, y_m);
   if (position_ && nearest_ != before) {
@@ -95,9 +99,13 @@ Instant MapProcess::next_transition() const {
 
 std::shared_ptr<ChannelProcess> make_map_process(const MapConfig& config,
                                                  const std::string& key_prefix,
-                                                 RandomEngine shadowing) {
+                                                 const ShadowingStreams& shadowing) {
   std::optional<PositionMap> grid;
-  if (!config.file.empty()) grid = PositionMap::load(config.file);
+  try {
+    if (!config.file.empty()) grid = PositionMap::load(config.file);
+  } catch (const UsageError& error) {
+    throw UsageError(fmt::format("{}file: {}", key_prefix, error.what()));
+  }
   return std::make_shared<MapProcess>(config, std::move(grid), key_prefix, shadowing);
 }
 

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/map_config.hpp"
@@ -13,14 +15,17 @@
 
 namespace tether {
 
+/// The random stream of the shadowing around an access point ("<x_m>,<y_m>") or of a grid ("grid").
+using ShadowingStreams = std::function<RandomEngine(std::string_view place)>;
+
 /// Conditions by the vehicle's position; (0, 0) until the first one is known.
 ///
 /// SNR in dB, of a grid (config.file) or of the nearest access point at distance d (never below
 /// 1 m): snr_1m_db − 10·n·log10(d/1 m), n the path-loss exponent (Rappaport, Wireless
 /// Communications, section 4.9); plus shadowing, a field of its own for each access point, one
-/// realisation a run. PRR and delay are functions of the SNR: logistic (or config.prr_curve), and
-/// constant (or config.delay_curve). When another access point becomes the nearest, nothing gets
-/// through for handover_s.
+/// realisation a run: both directions between two places have the same (reciprocity). PRR and delay
+/// are functions of the SNR: logistic (or config.prr_curve), and constant (or config.delay_curve).
+/// When another access point becomes the nearest, nothing gets through for handover_s.
 ///
 /// state(): which access point, in the order of the scenario; 0 for grids.
 class MapProcess final : public ChannelProcess {
@@ -28,7 +33,7 @@ class MapProcess final : public ChannelProcess {
   /// Takes `grid` in place of config.access_points if there is one. Throws UsageError, naming
   /// `key_prefix`, for what makes no sense in `config`.
   MapProcess(const MapConfig& config, std::optional<PositionMap> grid,
-             const std::string& key_prefix, RandomEngine shadowing);
+             const std::string& key_prefix, const ShadowingStreams& shadowing);
 
   void advance(Instant now) override;
   void on_position(double x_m, double y_m, Instant now) override;
@@ -71,6 +76,6 @@ class MapProcess final : public ChannelProcess {
 /// `config`; `key_prefix`, such as "channel.uplink.map.", is for messages about keys.
 std::shared_ptr<ChannelProcess> make_map_process(const MapConfig& config,
                                                  const std::string& key_prefix,
-                                                 RandomEngine shadowing);
+                                                 const ShadowingStreams& shadowing);
 
 }  // namespace tether

@@ -39,11 +39,8 @@ NetemNode::NetemNode(const Scenario& scenario, const ChannelModels& models, Link
       downlink_("downlink", std::move(links.downlink), loop,
                 from_seconds(scenario.run.report_period_s), publish_on(vehicle_bus),
                 report_on(channels_.downlink_report)),
-      control_(scenario, models),
-      requests_(
-          loop, {&vehicle_bus, &control_bus}, channels_,
-          [this](const std::vector<std::string>& settings) { return change_settings(settings); }) {
-  schedule_changes(scenario);
+      settings_(scenario, models, kVehicleLinks, {&uplink_, &downlink_}, loop,
+                {{&vehicle_bus, &control_bus}}, [this] { wants_position_ = wants_position(); }) {
   watch_position();
   connect(vehicle_bus, channels_.vehicle_pose, uplink_, channels_.control_pose);
   connect(control_bus, channels_.control_command, downlink_, channels_.vehicle_command);
@@ -86,28 +83,6 @@ bool NetemNode::wants_position() const {
   return uplink().process().wants_position() || downlink().process().wants_position();
 }
 
-void NetemNode::schedule_changes(const Scenario& scenario) {
-  try_changes(scenario);
-  std::int64_t seq = 0;
-  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
-    // Before anything else that is sent at this instant.
-    loop_.at(kStart + from_seconds(change.at_s), Priority::physics,
-             [this, request = setting_request(0, seq++, change.settings)](Instant) mutable {
-               request.utime = to_utime(loop_.now());
-               publish(vehicle_bus_, channels_.net_set, request);
-             });
-  }
-}
-
-std::vector<ChannelSetting> NetemNode::change_settings(const std::vector<std::string>& settings) {
-  if (settings.empty()) return channel_settings(control_.in_force());
-  auto changed = control_.change(settings, loop_.now(), uplink_.link(), downlink_.link());
-  wants_position_ = wants_position();
-  uplink_.changed();
-  downlink_.changed();
-  return changed;
-}
-
 void NetemNode::finish() {
   uplink_.report();
   downlink_.report();
@@ -118,7 +93,7 @@ void NetemNode::list_counters(CounterList& out) const {
   uplink_.list_counters(out);
   downlink_.list_counters(out);
   if (wants_position_) out.emplace_back("undecodable_positions", undecodable_positions_);
-  requests_.list_counters(out);
+  settings_.list_counters(out);
 }
 
 }  // namespace tether

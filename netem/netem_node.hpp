@@ -9,10 +9,9 @@
 #include "common/event_loop.hpp"
 #include "common/node.hpp"
 #include "common/scenario.hpp"
-#include "netem/channel_control.hpp"
+#include "netem/live_settings.hpp"
 #include "netem/make_links.hpp"
 #include "netem/running_link.hpp"
-#include "netem/setting_requests.hpp"
 
 namespace tether {
 
@@ -47,8 +46,6 @@ class NetemNode final : public Node {
                       const std::string& out_channel);
   void watch_position();
   bool wants_position() const;
-  void schedule_changes(const Scenario& scenario);
-  std::vector<ChannelSetting> change_settings(const std::vector<std::string>& settings);
   void list_counters(CounterList& out) const;
 
   EventLoop& loop_;
@@ -60,8 +57,7 @@ class NetemNode final : public Node {
   CounterReporter counters_;
   RunningLink uplink_;
   RunningLink downlink_;
-  ChannelControl control_;
-  SettingRequests requests_;
+  LiveSettings settings_;
 };
 
 }  // namespace tether

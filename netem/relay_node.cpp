@@ -45,21 +45,24 @@ std::size_t RelayNode::add_network(const std::string& url, const NetworkAt& netw
 }
 
 void RelayNode::add_links(const Scenario& scenario, const std::vector<RelayRule>& rules) {
-  std::vector<std::string> names;
-  for (const RelayRule& rule : rules) {
-    if (link_numbers_.try_emplace(rule.link, names.size()).second) names.push_back(rule.link);
-  }
-  std::vector<Link> links = make_links(scenario, names);
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    links_.emplace_back(
-        names[i], std::move(links[i]), loop_, from_seconds(scenario.run.report_period_s),
+  const ChannelUse use = use_of(rules);
+  ChannelModels models = make_models(scenario, use.links);
+  std::vector<Link> links = make_links(scenario, models, use.links);
+  std::vector<RunningLink*> running;
+  for (std::size_t i = 0; i < use.links.size(); ++i) {
+    const std::string& name = use.links[i];
+    link_numbers_[name] = i;
+    running.push_back(&links_.emplace_back(
+        name, std::move(links[i]), loop_, from_seconds(scenario.run.report_period_s),
         [this](const Packet& packet) {
           networks_[packet.destination].bus().publish(packet.channel, packet.bytes);
         },
-        [this, channel = report_channel(names[i])](const link_report_t& report) {
+        [this, channel = report_channel(name)](const link_report_t& report) {
           publish(networks_.front().bus(), channel, report);
-        });
+        }));
   }
+  settings_.emplace(scenario, std::move(models), use, std::move(running), loop_,
+                    LiveSettings::Networks{.buses = {&networks_.front().bus()}, .hear_us = false});
 }
 
 void RelayNode::take(const Message& message, const std::vector<Route>& routes) {
@@ -83,6 +86,7 @@ void RelayNode::list_counters(CounterList& out) const {
   for (const RunningLink& link : links_) link.list_counters(out);
   out.emplace_back("heard", heard_);
   out.emplace_back("names.refused", refused_names_);
+  settings_->list_counters(out);
   for (const auto& [url, number] : network_numbers_) {
     CounterList of_network;
     networks_[number].bus().list_counters(of_network);

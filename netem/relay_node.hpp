@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "common/event_loop.hpp"
 #include "common/node.hpp"
 #include "common/scenario.hpp"
+#include "netem/live_settings.hpp"
 #include "netem/make_links.hpp"
 #include "netem/relay_network.hpp"
 #include "netem/relay_rule.hpp"
@@ -23,6 +25,8 @@ namespace tether {
 /// The relay for any LCM traffic: carries what the rules say through the scenario's links, as raw
 /// bytes. Never takes what it has published itself. Reports each link that a rule names on NET/LINK
 /// (in capitals) and its counters on NET/COUNTERS, on its own network, every run.report_period_s.
+/// There it also takes other settings for these links from NET/SET, answers on NET/SETTINGS, and
+/// publishes those of channel.change, at their times since its start.
 ///
 /// heard = names.refused + all links' offered (without their copies), always; "heard" counts a
 /// message once for each rule that is about it.
@@ -55,6 +59,7 @@ class RelayNode final : public Node {
   std::deque<RelayNetwork> networks_;                   // the first is the relay's own
   std::map<std::string, std::size_t> link_numbers_;
   std::deque<RunningLink> links_;
+  std::optional<LiveSettings> settings_;  // as soon as there are links
   CounterReporter counters_;
 };
 

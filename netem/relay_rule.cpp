@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/errors.hpp"
+#include "common/lcm_datagrams.hpp"
 #include "common/lcm_url.hpp"
 #include "common/text.hpp"
 
@@ -63,7 +64,7 @@ std::pair<std::string, std::string> split_at_arrow(const std::string& rule,
           std::string(trimmed(text.substr(found + length)))};
 }
 
-/// Whether each $… of a replacement means something to this pattern, as ECMAScript has it.
+/// Whether each $… of a replacement means something to this pattern.
 void check_rename(const std::string& rule, const std::string& rename, std::size_t groups) {
   for (auto at = rename.find('$'); at != std::string::npos; at = rename.find('$', at + 2)) {
     const std::string next = rename.substr(at + 1, 1);
@@ -135,6 +136,10 @@ RelayRule parse_rule(const std::string& text, const std::string& own_url,
   rule.destination_url = to.url.empty() ? own_url : to.url;
   rule.rename = to.name.empty() ? kSameName : to.name;
   rule.link = trimmed(text.substr(via + 5));
+  if (rule.rename.find('$') == std::string::npos && rule.rename.size() > kMaxChannelBytes) {
+    refuse(text, fmt::format("\"{}\" is too long for a channel: at most {} bytes", rule.rename,
+                             kMaxChannelBytes));
+  }
   check_rename(text, rule.rename, count_groups(text, rule.pattern));
   check_link(text, rule.link, scenario);
   check_loop(text, rule);
@@ -183,6 +188,15 @@ std::vector<RelayRule> parse_relay_rules(const std::vector<std::string>& texts,
     check_networks(text, rules.back(), urls);
   }
   return rules;
+}
+
+ChannelUse use_of(const std::vector<RelayRule>& rules) {
+  ChannelUse use{{}, true};
+  for (const RelayRule& rule : rules) {
+    const bool known = std::find(use.links.begin(), use.links.end(), rule.link) != use.links.end();
+    if (!known) use.links.push_back(rule.link);
+  }
+  return use;
 }
 
 std::string to_text(const RelayRule& rule) {

@@ -7,6 +7,7 @@
 
 #include "common/pattern.hpp"
 #include "common/scenario.hpp"
+#include "netem/channel_use.hpp"
 
 namespace tether {
 
@@ -14,9 +15,10 @@ namespace tether {
 ///
 ///     [SRC_URL:]REGEX → [DST_URL:]RENAME via LINK        (or ->)
 ///
-/// Whatever appears on SRC_URL under a channel that REGEX matches as a whole (ECMAScript) leaves on
-/// DST_URL as RENAME ($1 … for what the groups matched, $& for all) when it has passed LINK.
-/// Without a URL: the relay's own network. Without RENAME (DST_URL alone): under the same name.
+/// Whatever appears on SRC_URL under a channel that REGEX matches as a whole (common/pattern.hpp)
+/// leaves on DST_URL as RENAME ($1 … for what the groups matched, $& for all) when it has passed
+/// LINK. Without a URL: the relay's own network. Without RENAME (DST_URL alone): under the same
+/// name.
 ///
 /// A part that begins with "udpm://" is a URL up to its second colon, the one before the port being
 /// the first; everything behind it is the pattern, colons too. The arrow stands there once.
@@ -34,6 +36,9 @@ struct RelayRule {
 /// that LCM cannot tell apart.
 std::vector<RelayRule> parse_relay_rules(const std::vector<std::string>& texts,
                                          const std::string& own_url, const Scenario& scenario);
+
+/// The links that the rules use, in their order.
+ChannelUse use_of(const std::vector<RelayRule>& rules);
 
 /// The rule as it was understood, on a line.
 std::string to_text(const RelayRule& rule);

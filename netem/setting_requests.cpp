@@ -29,11 +29,11 @@ SettingRequests::SettingRequests(EventLoop& loop, std::vector<Bus*> buses,
   buses_.erase(std::unique(buses_.begin(), buses_.end()), buses_.end());
   for (Bus* bus : buses_) {
     subscribe<channel_setting_t>(*bus, channels.net_set, kDeepQueue, undecodable_,
-                                 [this](const channel_setting_t& m) { on_request(m); });
+                                 [this](const channel_setting_t& m) { take(m); });
   }
 }
 
-void SettingRequests::on_request(const channel_setting_t& request) {
+void SettingRequests::take(const channel_setting_t& request) {
   const auto known = std::find_if(answered_.begin(), answered_.end(), [&](const auto& result) {
     return result.request_utime == request.utime && result.request_seq == request.seq;
   });

@@ -31,11 +31,13 @@ class SettingRequests {
   SettingRequests(const SettingRequests&) = delete;
   SettingRequests& operator=(const SettingRequests&) = delete;
 
+  /// A request that came another way than from the buses.
+  void take(const channel_setting_t& request);
+
   /// "settings.applied" and so on; only those that happened.
   void list_counters(CounterList& out) const;
 
  private:
-  void on_request(const channel_setting_t& request);
   void answer(channel_setting_result_t result);
 
   EventLoop& loop_;

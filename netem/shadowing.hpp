@@ -24,7 +24,7 @@ class Shadowing {
   /// 3·kWaves draws. sd_db >= 0, distance_m > 0.
   Shadowing(double sd_db, double distance_m, RandomEngine& random);
 
-  /// About 5 µs.
+  /// About 5 µs: for positions, not for packets.
   double at(double x_m, double y_m) const;
 
  private:

@@ -23,7 +23,7 @@ struct ChannelRig {
       : links(make_links(scenario, models)), control(scenario, models) {}
 
   std::vector<ChannelSetting> change(const Settings& settings, Instant now) {
-    return control.change(settings, now, links.uplink, links.downlink);
+    return control.change(settings, now, {&links.uplink, &links.downlink});
   }
   /// The reason why it is refused; "accepted" if it is not.
   std::string refusal(const Settings& settings, Instant now = kStart) {

@@ -8,6 +8,7 @@ tether_add_test(NAME common_test
     lcm_datagrams_test.cpp
     lcm_url_test.cpp
     message_io_test.cpp
+    pattern_test.cpp
     random_test.cpp
     scenario_change_test.cpp
     scenario_channel_test.cpp

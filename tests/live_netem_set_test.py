@@ -144,6 +144,39 @@ def follows_its_scenario(test):
     check(answers[0].applied and answers[0].key == ["downlink.prr"], f"{answers[0]}")
 
 
+def a_relay_with_rules_takes_them_for_its_links(test):
+    network = test.network
+    scenario = test.work / "rules.toml"
+    scenario.write_text('[[channel.change]]\nat_s = 0.0\nset = ["links.sat.delay_ms=20"]\n')
+    rules = ["--rule=PING -> PONG via uplink", "--rule=PING -> FAR via sat"]
+    options = ["--set=channel.links.sat.prr=0.9", "--set=run.report_period_s=0.1"]
+    test.start("tether-netem", scenario, *rules, *options)
+    wait_until(5, lambda: network.counters("NET/COUNTERS").get("settings.applied") == 1, "a change")
+    asked = len(network.messages("NET/SET"))
+    check(asked == 1, f"{asked} requests of the scenario's on NET/SET")
+
+    code, said, _ = netem(test, "set", "uplink.prr=0", "links.sat.prr=1")
+    check(code == 0 and said.endswith("  uplink.prr = 0.0\n  links.sat.prr = 1.0\n"), said)
+    for _ in range(10):
+        network.send("PING", b"x")
+    wait_until(
+        3, lambda: network.counters("NET/COUNTERS").get("sat.delivered") == 10, "what sat carries"
+    )
+    counters = network.counters("NET/COUNTERS")
+    check(counters["uplink.lost"] == counters["uplink.offered"] == 10, f"{counters}")
+    code, shown, _ = netem(test, "show")
+    check(
+        code == 0 and shown.endswith(":\n  uplink.prr = 0.0\n  links.sat.delay_ms = 20.0\n"), shown
+    )
+    for setting in ("downlink.prr=0.45", "links.foo.prr=0.2"):
+        code, said, _ = netem(test, "set", setting)
+        why = f"{setting} has no effect: the rules use no link but uplink, sat"
+        check(code == 1 and said == f"refused, nothing has changed: {why}\n", said)
+        relay = test.run("tether-netem", *rules, *options, f"--set=channel.{setting}", seconds=5)
+        check(relay.process.returncode == 2, f"exit code {relay.process.returncode}")
+        check(f"--set channel.{why}\n" in relay.err(), relay.err())
+
+
 main(
     stops_and_lets_pass_what_it_is_told,
     refuses_with_the_reason,
@@ -151,4 +184,5 @@ main(
     takes_anybodys_message_once,
     takes_a_recorded_runs_changes,
     follows_its_scenario,
+    a_relay_with_rules_takes_them_for_its_links,
 )

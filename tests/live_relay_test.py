@@ -136,8 +136,7 @@ class Relay:
 
 
 def any_type_is_renamed_and_passed_on(test):
-    # The second pattern is one that LCM would crash on.
-    odd = "\\u0051[^] -> {there}:ODD via uplink"
+    odd = "\\x{{51}}\\C -> {there}:ODD via uplink"  # Q and any byte
     relay = Relay(test, "CAM_(.*) → {there}:FAR/$1 via uplink", odd)
     sent = {
         "CAM_LEFT": os.urandom(100),
@@ -234,9 +233,20 @@ def overload_is_counted(test):
     check(end["uplink.delivered"] == end["heard"], end)
 
 
+def no_name_stops_it(test):
+    relay = Relay(test, "(a+)+$ -> {there}:HOSTILE via uplink", "OK -> {there} via uplink")
+    relay.here.send("a" * 40 + "!", b"2^40 ways to divide the letters")
+    relay.here.send("OK", b"passes")
+    wait_until(10, lambda: relay.there.count("OK"), "a message after the hostile one")
+    relay.here.send("a" * 40, b"matches")
+    wait_until(10, lambda: relay.there.count("HOSTILE"), "the one that the rule is about")
+    check(relay.end()["heard"] == 2, "two messages are of the rules")
+
+
 main(
     any_type_is_renamed_and_passed_on,
     equal_names_are_bridged_both_ways,
     a_lossy_link_balances,
     overload_is_counted,
+    no_name_stops_it,
 )

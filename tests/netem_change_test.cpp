@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -199,6 +200,31 @@ TEST(Change, OfASharedStateIsForBothLinksOrNone) {
     ASSERT_EQ(rig.links.uplink.process().state(), expected.state()) << t;
     ASSERT_EQ(rig.links.downlink.process().state(), own.state()) << t;
   }
+}
+
+TEST(Map, BothDirectionsMeetTheSameShadowingAndEachPacketItsOwnLuck) {
+  ChannelRig rig(channel({"model=map", "map.access_points=[[0, 0], [80, 0]]",
+                          "map.shadowing_sd_db=8", "map.snr50_db=22"}));
+  ChannelProcess &up = rig.links.uplink.process(), &down = rig.links.downlink.process();
+  ASSERT_NE(&up, &down);
+  double least = 1.0, most = 0.0;
+  for (int i = 0; i < 200; ++i) {
+    up.on_position(i, 0.5 * i, at_ms(i));
+    down.on_position(i, 0.5 * i, at_ms(i));
+    EXPECT_EQ(up.condition(), down.condition());
+    least = std::min(least, up.condition().prr);
+    most = std::max(most, up.condition().prr);
+  }
+  EXPECT_LT(least, 0.2);
+  EXPECT_GT(most, 0.8);
+  rig.change({"map.prr_curve=[[-100, 0.5], [100, 0.5]]"}, at_ms(200));
+  int apart = 0;
+  for (int i = 0; i < 100; ++i) {
+    const bool up_lost = rig.links.uplink.push(at_ms(201 + i), {"X", {}}) == Instant::max();
+    const bool down_lost = rig.links.downlink.push(at_ms(201 + i), {"X", {}}) == Instant::max();
+    apart += up_lost != down_lost ? 1 : 0;
+  }
+  EXPECT_NEAR(apart, 50, 25);  // binomial, 5 standard deviations
 }
 
 TEST(Change, OfAMapKnowsWhereTheVehicleIs) {

@@ -118,6 +118,16 @@ TEST(NetemNodeSettings, ThatAreRefusedAreAnsweredWithTheReasonAndReportNothing) 
   EXPECT_EQ(counter(relay.counters.back().message, "settings.applied"), -1);
 }
 
+TEST(NetemNodeSettings, OfLinksThatItDoesNotHaveAreRefused) {
+  Relay relay({"channel.links.foo.prr=0.5"});
+  relay.ask_at(at_s(1), {"links.foo.prr=0.2"});
+  relay.world.loop.run_until(at_s(2));
+  ASSERT_EQ(relay.answers.size(), 1U);
+  EXPECT_FALSE(relay.answers[0].message.applied);
+  EXPECT_EQ(relay.answers[0].message.reason,
+            "links.foo.prr=0.2 has no effect: the relay has no link but uplink, downlink");
+}
+
 TEST(NetemNodeSettings, OfARequestThatComesAgainAreAnsweredAgainAndAppliedOnce) {
   Relay relay;
   const auto first = setting_request(5, 1, {"uplink.prr=0.3"});

@@ -32,7 +32,7 @@ tether_add_test(NAME loss_intervals_test SOURCES loss_intervals_test.cpp
 tether_add_test(NAME netem_fit_test SOURCES netem_fit_test.cpp LIBS tether_netem_statistics
   LABELS slow)
 tether_add_test(NAME netem_playback_test SOURCES netem_trace_test.cpp netem_map_test.cpp
-  LIBS tether_netem_playback)
+  LIBS tether_netem_playback tether_common)
 tether_add_test(NAME netem_link_check_test SOURCES netem_link_check_test.cpp
   LIBS tether_netem_check LABELS slow)
 tether_add_test(NAME tc_export_test SOURCES tc_export_test.cpp LIBS tether_netem_check)

@@ -5,11 +5,14 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <tether/channel_setting_result_t.hpp>
+#include <tether/channel_setting_t.hpp>
 #include <tether/counters_t.hpp>
 #include <tether/link_report_t.hpp>
 #include <utility>
 #include <vector>
 
+#include "common/errors.hpp"
 #include "common/virtual_loop.hpp"
 #include "tests/peer_bus.hpp"
 #include "tests/virtual_world.hpp"
@@ -21,6 +24,7 @@ using testing::at_ms;
 using testing::at_s;
 using testing::counter;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 const std::string kOwn = "udpm://239.255.76.67:7667?ttl=0";
@@ -44,7 +48,8 @@ class Relay {
     node = std::make_unique<RelayNode>(scenario, parsed, loop, kOwn + "&recv_buf_size=2097152",
                                        network_at);
     for (const auto& [url, bus] : buses_) {
-      bus->subscribe("(?!NET/).*", kDeepQueue, [this, to = &seen[url]](const Message& m) {
+      bus->subscribe(".*", kDeepQueue, [this, to = &seen[url]](const Message& m) {
+        if (m.channel.starts_with("NET/")) return;
         std::string text(m.channel);
         text += "=" + std::string(m.bytes.begin(), m.bytes.end());
         to->push_back(text);
@@ -146,7 +151,7 @@ TEST(RelayNode, RulesThatFeedEachOtherInOneNetworkDoNot) {
 }
 
 TEST(RelayNode, ANameThatStaysOrThatNoChannelCanHaveIsRefusedAndCounted) {
-  Relay relay({"(A*)(B?) -> $1 via uplink", "L -> " + std::string(64, 'x') + " via uplink"});
+  Relay relay({"(A*)(B?) -> $1 via uplink", "(L) -> $1" + std::string(63, 'x') + " via uplink"});
   relay.send(at_s(1), kOwn, "AA", "stays");
   relay.send(at_s(2), kOwn, "B", "has no name");
   relay.send(at_s(3), kOwn, "AB", "passes");
@@ -159,13 +164,13 @@ TEST(RelayNode, ANameThatStaysOrThatNoChannelCanHaveIsRefusedAndCounted) {
 }
 
 TEST(RelayNode, EveryRuleThatIsAboutAMessageTakesItOnce) {
-  Relay relay({"FO(.*) -> " + kOther + ":X$1 via uplink", "F(.)\\1 -> " + kOther + ":Y$1 via sat",
+  Relay relay({"FO(.*) -> " + kOther + ":X$1 via uplink", "F(O+) -> " + kOther + ":Y$1 via sat",
                "FOO -> Z via downlink"},
               {"channel.links.sat.delay_ms=1"});
   relay.send(at_s(1), kOwn, "FOO", "1");
   relay.send(at_s(2), kOwn, "FOX", "2");
   relay.run();
-  EXPECT_THAT(relay.on(kOther), ElementsAre("XO=1", "YO=1", "XX=2"));
+  EXPECT_THAT(relay.on(kOther), ElementsAre("XO=1", "YOO=1", "XX=2"));
   EXPECT_THAT(relay.on(kOwn), ElementsAre("FOO=1", "Z=1", "FOX=2"));
 }
 
@@ -196,6 +201,88 @@ TEST(RelayNode, ReportsEveryLinkAndDoesNotRelayItsReports) {
   EXPECT_EQ(relay.node->link("sat").counters().offered, 1);
   EXPECT_EQ(counter(relay.counters, "sat.offered"), 1);
   EXPECT_EQ(undecodable, 0);
+}
+
+/// What a relay answers to settings, asked for one second after the other from 1 s on.
+std::vector<channel_setting_result_t> answers(Relay& relay,
+                                              const std::vector<std::vector<std::string>>& asked) {
+  std::vector<channel_setting_result_t> heard;
+  std::int64_t undecodable = 0;
+  subscribe<channel_setting_result_t>(
+      relay.at(kOwn), "NET/SETTINGS", kDeepQueue, undecodable,
+      [&heard](const channel_setting_result_t& m) { heard.push_back(m); });
+  for (std::size_t i = 0; i < asked.size(); ++i) {
+    const Instant when = at_s(1.0 + static_cast<double>(i));
+    relay.loop.at(when, Priority::node, [&relay, when, settings = asked[i]](Instant) {
+      publish(relay.at(kOwn), "NET/SET", setting_request(to_utime(when), 0, settings));
+    });
+  }
+  relay.run(at_s(1.5 + static_cast<double>(asked.size())));
+  return heard;
+}
+
+TEST(RelayNodeSettings, OfLinksThatItsRulesUseAreInForceAtOnce) {
+  Relay relay({"F -> G via sat", "F -> H via uplink"}, {"channel.links.sat.delay_ms=1"});
+  for (int i = 1; i <= 4; ++i) relay.send(at_ms(1000 * i - 100), kOwn, "F", std::to_string(i));
+  const auto heard = answers(relay, {{"links.sat.prr=0", "links.sat.delay_ms=2"}, {"prr=0"}, {}});
+  ASSERT_EQ(heard.size(), 3U);
+  EXPECT_TRUE(heard[0].applied);
+  EXPECT_EQ(heard[0].utime, 1'000'000);
+  EXPECT_THAT(heard[0].key, ElementsAre("links.sat.prr", "links.sat.delay_ms"));
+  EXPECT_THAT(heard[0].value, ElementsAre("0.0", "2.0"));
+  EXPECT_THAT(heard[1].key, ElementsAre("uplink.prr"));  // there is no downlink
+  EXPECT_THAT(heard[2].key, ElementsAre("uplink.prr", "links.sat.prr", "links.sat.delay_ms"));
+  EXPECT_THAT(relay.on(kOwn), ElementsAre("F=1", "H=1", "G=1", "F=2", "H=2", "F=3", "F=4"));
+  EXPECT_EQ(counter(relay.counters, "settings.applied"), 2);
+}
+
+TEST(RelayNodeSettings, OfOtherLinksAreRefusedWithThoseInUse) {
+  Relay relay({"F -> G via sat", "F -> H via uplink"}, {"channel.links.sat.delay_ms=1"});
+  const auto heard =
+      answers(relay, {{"uplink.prr=0", "downlink.prr=0"},
+                      {"links.foo.prr=0.2"},
+                      {"links.sat.prrr=0"},
+                      {"links.sat.model=map", "links.sat.map.access_points=[[0, 0]]"},
+                      {}});
+  ASSERT_EQ(heard.size(), 5U);
+  for (int i = 0; i < 4; ++i) EXPECT_FALSE(heard[static_cast<std::size_t>(i)].applied) << i;
+  EXPECT_EQ(heard[0].reason, "downlink.prr=0 has no effect: the rules use no link but sat, uplink");
+  EXPECT_EQ(heard[1].reason,
+            "links.foo.prr=0.2 has no effect: the rules use no link but sat, uplink");
+  EXPECT_THAT(heard[2].reason, HasSubstr("unknown key \"channel.links.sat.prrr\""));
+  EXPECT_THAT(heard[3].reason, HasSubstr("rules decode nothing"));
+  EXPECT_THAT(heard[4].key, ElementsAre("links.sat.delay_ms"));
+}
+
+TEST(RelayNodeSettings, OfTheScenariosChangesAreAskedForAndInForceOnce) {
+  Relay relay({"F -> G via uplink"}, {},
+              "[[channel.change]]\nat_s = 1.0\nset = [\"uplink.prr=0\"]\n"
+              "[[channel.change]]\nat_s = 3.0\nset = [\"uplink.prr=1\"]\n");
+  std::vector<channel_setting_t> requests;
+  std::int64_t undecodable = 0;
+  subscribe<channel_setting_t>(relay.at(kOwn), "NET/SET", kDeepQueue, undecodable,
+                               [&](const channel_setting_t& m) { requests.push_back(m); });
+  for (int i = 0; i < 40; ++i) relay.send(at_ms(100 * i), kOwn, "F", std::to_string(i));
+  const auto heard = answers(relay, {});
+  relay.run();
+  ASSERT_EQ(requests.size(), 2U);
+  EXPECT_EQ(requests[1].utime, 3'000'000);
+  EXPECT_EQ(counter(relay.counters, "settings.applied"), 2);
+  EXPECT_EQ(counter(relay.counters, "settings.repeated"), -1);
+  EXPECT_EQ(relay.node->link("uplink").counters().lost, 20);
+  EXPECT_EQ(relay.on(kOwn).size(), 60U);
+}
+
+TEST(RelayNodeSettings, OfAChangeThatNoRuleMeetsAreRefusedBeforeTheStart) {
+  try {
+    Relay({"F -> G via uplink"}, {},
+          "[[channel.change]]\nat_s = 1.0\nset = [\"downlink.prr=0\"]\n");
+    ADD_FAILURE() << "accepted";
+  } catch (const UsageError& error) {
+    EXPECT_STREQ(error.what(),
+                 "channel.change at 1 s: downlink.prr=0 has no effect: the rules use "
+                 "no link but uplink");
+  }
 }
 
 TEST(RelayNode, CountsBalanceOnALossyLink) {

@@ -124,6 +124,12 @@ TEST(RelayRule, WhatIsMalformedIsRefusedInOneLineWithAnExample) {
   EXPECT_THAT(refusal({"A -> B via uplink"}, "tcpq://localhost:7700"), HasSubstr("udpm:// only"));
 }
 
+TEST(RelayRule, ANameThatIsTooLongForAChannelIsRefused) {
+  EXPECT_THAT(refusal({"F -> " + std::string(64, 'x') + " via uplink"}),
+              HasSubstr("xxx\" is too long for a channel: at most 63 bytes"));
+  EXPECT_EQ(refusal({"F -> " + std::string(63, 'x') + " via uplink"}), "accepted");
+}
+
 TEST(RelayRule, AnObviousLoopIsRefused) {
   for (const char* rule :
        {"FOO -> FOO via uplink", "F.* -> FOO via uplink", ".* -> X via uplink",

@@ -147,7 +147,7 @@ void add_echo_command(CLI::App& tether, Action& action) {
       "echo", "Print LCM messages, decoded, and per channel: rate, losses, jitter");
   command
       ->add_option("channel", options->channel_regex,
-                   "channels to print: a regular expression (ECMAScript) for the whole name")
+                   "channels to print: a regular expression (RE2) for the whole name")
       ->capture_default_str();
   command->add_option("--lcm-url", options->lcm_url, "LCM network")
       ->envname("LCM_DEFAULT_URL")
