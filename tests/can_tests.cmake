@@ -45,7 +45,7 @@ if(NOT TETHER_SANITIZE)
   set(mutation_libraries tether_can_bridge_core tether_can_profiles tether_can_protocol tether_common
     fmt::fmt GTest::gtest_main GTest::gmock GTest::gtest lcm::lcm)
   list(TRANSFORM mutation_libraries REPLACE "(.+)" "$<TARGET_LINKER_FILE:\\1>")
-  list(APPEND mutation_libraries ${TOMLPLUSPLUS_LINK_LIBRARIES})
+  list(APPEND mutation_libraries ${TOMLPLUSPLUS_LINK_LIBRARIES} ${RE2_LINK_LIBRARIES})
   list(JOIN mutation_libraries "," mutation_libraries)
   add_test(NAME safety_mutations COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/mutation/safety_mutations.py
     --build ${CMAKE_BINARY_DIR}
@@ -77,8 +77,11 @@ function(tether_add_can_test)
   else()
     set(command ${CMAKE_CURRENT_SOURCE_DIR}/${T_SCRIPT} ${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
   endif()
-  if(TETHER_SANITIZE)
-    return()  # AddressSanitizer's shadow is larger than User-Mode Linux's address space
+  if(TETHER_SANITIZE)  # AddressSanitizer's shadow is larger than User-Mode Linux's address space
+    if(T_PROGRAM)
+      set_target_properties(${T_PROGRAM} PROPERTIES EXCLUDE_FROM_ALL TRUE)
+    endif()
+    return()
   endif()
   set(results ${CMAKE_BINARY_DIR}/can_results/${T_NAME})
   file(MAKE_DIRECTORY ${results})

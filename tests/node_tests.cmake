@@ -29,7 +29,8 @@ tether_add_test(NAME netem_statistics_test SOURCES netem_statistics_test.cpp net
   LIBS tether_netem_statistics)
 tether_add_test(NAME loss_intervals_test SOURCES loss_intervals_test.cpp
   LIBS tether_netem_statistics LABELS slow)
-tether_add_test(NAME netem_fit_test SOURCES netem_fit_test.cpp LIBS tether_netem_statistics
+tether_add_test(NAME netem_fit_test SOURCES netem_fit_test.cpp netem_fit_data_test.cpp
+  LIBS tether_netem_statistics
   LABELS slow)
 tether_add_test(NAME netem_playback_test SOURCES netem_trace_test.cpp netem_map_test.cpp
   LIBS tether_netem_playback tether_common)

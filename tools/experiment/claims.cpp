@@ -76,12 +76,16 @@ void judge_singles(const SweepData& prr, std::vector<Claim>& claims) {
     }
   }
   if (n == 0) return;
-  const bool is_good = largest >= 28.0 && largest <= 31.0;
+  constexpr std::size_t kEnough = 100;  // fewer may have no such run among them by chance
+  Verdict verdict = Verdict::not_reproduced;
+  if (largest >= 28.0 && largest <= 31.0) verdict = Verdict::reproduced;
+  if (largest < 28.0 && n < kEnough) verdict = Verdict::undecided;
   claims.push_back(
       {"F2", "single runs on the plateau reach 28 to 31 m",
        fmt::format("the largest of {} runs is {:.1f} m; {} are at 28 m or above", n, largest, high),
-       is_good ? Verdict::reproduced : Verdict::not_reproduced,
-       is_good ? "" : "extremes depend on the walls and on the number of runs"});
+       verdict,
+       verdict == Verdict::reproduced ? ""
+                                      : "extremes depend on the walls and on the number of runs"});
 }
 
 /// Falls to both sides of its peak, beyond what chance does.
@@ -99,14 +103,17 @@ void judge_bell(const SweepData& prr, std::vector<Claim>& claims) {
   };
   const auto left = drop(*least), right = drop(*most);
   const double x = prr.number(peak, kPrr);
-  const bool is_bell = left.separated && right.separated && x > 0.15 && x < 0.45;
+  const bool falls = left.separated && right.separated;
+  const bool is_inside = x > 0.15 && x < 0.45;
+  Verdict verdict = falls && is_inside ? Verdict::reproduced : Verdict::not_reproduced;
+  if (is_inside && !falls) verdict = Verdict::undecided;
   claims.push_back(
       {"F2", "bell shape: largest between PRR 0.15 and 0.45, lower on both sides",
        fmt::format("largest at PRR {:g}: {}; higher than at {:g} by {} m, than at {:g} "
                    "by {} m (paired)",
                    x, value_text(top.summary), values.front(), mean_text(left.difference),
                    values.back(), mean_text(right.difference)),
-       is_bell ? Verdict::reproduced : Verdict::not_reproduced, ""});
+       verdict, verdict == Verdict::undecided ? "more seeds are needed to tell" : ""});
 }
 
 void judge_delay(const SweepData& delay, std::vector<Claim>& claims) {

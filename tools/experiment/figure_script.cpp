@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "tools/gnuplot.hpp"
@@ -112,6 +113,10 @@ std::string gnuplot_text(const std::string& text) {
 }
 
 std::string csv_cell(const std::string& text) {
+  const auto is_plain = [](char c) {
+    return static_cast<unsigned char>(c) >= ' ' && c != ',' && c != '"';
+  };
+  if (std::all_of(text.begin(), text.end(), is_plain)) return text;
   std::string cell = "\"";
   for (const char c : text) {
     if (c == '"') cell += '"';

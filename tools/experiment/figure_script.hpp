@@ -15,7 +15,7 @@ namespace tether {
 
 /// A literal for gnuplot, in single quotes: nothing in it is expanded.
 std::string gnuplot_text(const std::string& text);
-/// A cell of a .csv.
+/// A cell of a .csv, in quotes where it needs them; control characters become blanks.
 std::string csv_cell(const std::string& text);
 
 /// "n = 50 seeds a point", "n = 20–50 seeds a point"; and how many failed, if any did.

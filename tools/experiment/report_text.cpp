@@ -62,6 +62,10 @@ std::string data_url(const std::filesystem::path& svg) {
   return url;
 }
 
+std::string with_reason(const Claim& claim) {
+  return claim.ours + (claim.reason.empty() ? "" : ": " + claim.reason);
+}
+
 const char* class_of(Claim::Verdict verdict) {
   switch (verdict) {
     case Claim::Verdict::reproduced:
@@ -143,8 +147,7 @@ std::string to_html(const Report& report, const std::filesystem::path& folder) {
     for (const Claim& claim : report.claims) {
       html += fmt::format(
           "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"verdict {}\">{}</td></tr>\n",
-          escaped(claim.figure), escaped(claim.paper),
-          escaped(claim.ours + (claim.reason.empty() ? "" : ". " + claim.reason)),
+          escaped(claim.figure), escaped(claim.paper), escaped(with_reason(claim)),
           class_of(claim.verdict), to_text(claim.verdict));
     }
     html += "</table>\n";
@@ -161,9 +164,7 @@ std::string to_markdown(const Report& report) {
         "hold 95 %; n is the number of runs.\n\n";
     text += markdown_row({"Figure", "Paper", "Here", "Verdict"}) + rule(4);
     for (const Claim& claim : report.claims) {
-      text += markdown_row({claim.figure, claim.paper,
-                            claim.ours + (claim.reason.empty() ? "" : ". " + claim.reason),
-                            to_text(claim.verdict)});
+      text += markdown_row({claim.figure, claim.paper, with_reason(claim), to_text(claim.verdict)});
     }
   }
   for (const ReportSection& s : report.sections) {

@@ -1,0 +1,158 @@
+#include "tools/experiment/claims.hpp"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <filesystem>
+
+#include "tools/experiment/run_store.hpp"
+
+namespace tether {
+namespace {
+
+using testing::HasSubstr;
+using Verdict = Claim::Verdict;
+
+/// ε of the n-th run at two values of the grid.
+using Epsilon = std::function<double(double x, double y, std::size_t n)>;
+
+class Claims : public testing::Test {
+ protected:
+  /// A sweep with made-up results.
+  SweepData data(const std::vector<std::string>& keys, const std::vector<std::vector<double>>& grid,
+                 std::size_t seeds, const Epsilon& epsilon) {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    const auto folder = std::filesystem::path(testing::TempDir()) / "claims";
+    std::filesystem::create_directories(folder);
+    const auto file = folder / fmt::format("{}{}.sqlite", test->name(), stores_++);
+    std::filesystem::remove(file);
+    Experiment e;
+    e.name = "made_up";
+    e.keys = keys;
+    for (const auto& point : grid) {
+      Arm arm;
+      for (std::size_t i = 0; i < keys.size(); ++i) {
+        arm.settings.push_back({keys[i], fmt::format("{}", point[i])});
+      }
+      e.arms.push_back(arm);
+    }
+    for (std::size_t n = 1; n <= seeds; ++n) e.seeds.push_back(n);
+    RunStore store = RunStore::begin(file, e, {});
+    std::vector<StoredRun> runs;
+    for (std::size_t arm = 0; arm < grid.size(); ++arm) {
+      for (std::size_t n = 1; n <= seeds; ++n) {
+        RunResult result;
+        result.metrics.fill(0.0);
+        result.metrics[0] = epsilon(grid[arm][0], grid[arm].back(), n);
+        runs.push_back({arm, n, result});
+      }
+    }
+    store.add(runs);
+    return {store, "epsilon_m"};
+  }
+  SweepData by_prr(const Epsilon& epsilon, std::size_t seeds = 20) {
+    std::vector<std::vector<double>> grid;
+    for (const double prr : {0.05, 0.1, 0.2, 0.3, 0.4, 0.85, 1.0}) grid.push_back({prr});
+    return data({"channel.prr"}, grid, seeds, epsilon);
+  }
+  static Claim find(const std::vector<Claim>& claims, const std::string& paper) {
+    for (const Claim& claim : claims) {
+      if (claim.paper.find(paper) != std::string::npos) return claim;
+    }
+    ADD_FAILURE() << "no claim about " << paper;
+    return {};
+  }
+
+ private:
+  int stores_ = 0;
+};
+
+/// Within ±0.5 m.
+double spread(std::size_t n) { return 0.1 * static_cast<double>(n % 11) - 0.5; }
+
+double as_in_the_paper(double prr, double, std::size_t n) {
+  if (prr <= 0.1) return 15.0 + spread(n);
+  if (prr <= 0.4) return n == 7 ? 29.0 : 22.0 + spread(n);
+  return prr < 1.0 ? 2.0 + 0.1 * spread(n) : 1.8;
+}
+
+TEST_F(Claims, AreReproducedByThePapersOwnNumbers) {
+  PaperResults results;
+  results.prr.emplace(by_prr(as_in_the_paper));
+  const auto claims = judge_claims(results);
+  EXPECT_GE(claims.size(), 6U);
+  for (const Claim& claim : claims) {
+    EXPECT_EQ(claim.verdict, Verdict::reproduced) << claim.paper << ": " << claim.ours;
+  }
+}
+
+TEST_F(Claims, AreNotReproducedByOtherNumbers) {
+  PaperResults results;
+  results.prr.emplace(
+      by_prr([](double prr, double, std::size_t n) { return 5.0 + prr + 0.1 * spread(n); }));
+  for (const Claim& claim : judge_claims(results)) {
+    EXPECT_EQ(claim.verdict, Verdict::not_reproduced) << claim.paper << ": " << claim.ours;
+  }
+}
+
+TEST_F(Claims, AreUndecidedWhereTheIntervalReachesBeyondThem) {
+  PaperResults results;
+  results.prr.emplace(by_prr(
+      [](double prr, double, std::size_t n) {
+        return prr == 0.85 ? (n % 4 == 0 ? 8.0 : 1.0) : as_in_the_paper(prr, 0.0, n);
+      },
+      12));
+  const Claim claim = find(judge_claims(results), "PRR 0.85");
+  EXPECT_EQ(claim.verdict, Verdict::undecided);
+  EXPECT_THAT(claim.ours, HasSubstr("n = 12"));
+  EXPECT_NE(claim.reason, "");
+}
+
+TEST_F(Claims, AboutDelayWantARiseInAStraightLine) {
+  const auto judge = [this](const Epsilon& epsilon) {
+    PaperResults results;
+    results.delay.emplace(
+        data({"channel.delay_ms"}, {{0}, {100}, {200}, {300}, {400}, {500}}, 6, epsilon));
+    return find(judge_claims(results), "rises with").verdict;
+  };
+  EXPECT_EQ(judge([](double ms, double, std::size_t) { return 1.8 + 0.0006 * ms; }),
+            Verdict::reproduced);
+  EXPECT_EQ(judge([](double ms, double, std::size_t) { return 1.8 - 0.0006 * ms; }),
+            Verdict::not_reproduced);
+  EXPECT_EQ(judge([](double ms, double, std::size_t) { return ms > 450 ? 2.1 : 1.8; }),
+            Verdict::not_reproduced);
+}
+
+TEST_F(Claims, AboutTheBestLookAheadNeedItToBeSeparated) {
+  std::vector<std::vector<double>> grid;
+  for (const double prr : {0.45, 0.65, 1.0}) {
+    for (const double tau : {1.0, 2.0, 3.0}) grid.push_back({prr, tau});
+  }
+  PaperResults results;
+  results.heatmap.emplace(data(
+      {"channel.prr", "controller.tau_s"}, grid, 12, [](double prr, double tau, std::size_t n) {
+        if (prr == 1.0) return 1.8 + std::abs(tau - 2.0);                      // clear
+        if (prr == 0.65) return 10.0 + std::abs(tau - 1.0) + 0.1 * spread(n);  // clear, and 1 s
+        return 20.0 + spread(static_cast<std::size_t>(tau * 5.0) + 3 * n);     // flat
+      }));
+  const auto claims = judge_claims(results);
+  EXPECT_EQ(find(claims, "at PRR 1 ").verdict, Verdict::reproduced);
+  EXPECT_EQ(find(claims, "at PRR 0.65").verdict, Verdict::not_reproduced);
+  EXPECT_EQ(find(claims, "at PRR 0.45").verdict, Verdict::undecided);
+}
+
+TEST_F(Claims, AboutTheRiskNeedAFallBeyondChance) {
+  const auto judge = [](const RiskFall& risk) {
+    PaperResults results;
+    results.risk = risk;
+    return judge_claims(results).front().verdict;
+  };
+  EXPECT_EQ(judge({{12, 8, 6}, {{{1, 7}, {2, 10}}}, 50}), Verdict::reproduced);
+  EXPECT_EQ(judge({{12, 8, 6}, {{{-1, 9}, {2, 10}}}, 50}), Verdict::undecided);
+  EXPECT_EQ(judge({{6, 8, 12}, {{{-4, -1}, {-9, -2}}}, 50}), Verdict::not_reproduced);
+}
+
+TEST_F(Claims, AreNotJudgedWithoutResults) { EXPECT_TRUE(judge_claims({}).empty()); }
+
+}  // namespace
+}  // namespace tether
