@@ -22,6 +22,8 @@ if [ "${1:-}" = tests ]; then
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         procps util-linux python3                   # process tests
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
+        slurm-wlm munge                             # sweeps on a cluster
+        chromium                                    # a report's screenshot
     )
 fi
 
