@@ -33,7 +33,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-double resident_MB() {
+double resident_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
@@ -117,7 +117,7 @@ void memory(benchmark::State& state) {
     (void)unused;
     state.SetIterationTime(seconds_of([&] { sweep(experiment, 2); }));
   }
-  state.counters["resident_MB"] = resident_MB();
+  state.counters["resident_MB"] = resident_mb();
 }
 
 BENCHMARK(memory)

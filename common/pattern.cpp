@@ -79,7 +79,8 @@ std::optional<std::string> Pattern::replaced(std::string_view text,
   if (!found) return std::nullopt;
   std::string made;
   for (std::size_t i = 0; i < replacement.size(); ++i) {
-    const char next = replacement[i] == '$' && i + 1 < replacement.size() ? replacement[i + 1] : 0;
+    const char next =
+        replacement[i] == '$' && i + 1 < replacement.size() ? replacement[i + 1] : '\0';
     if (next == '$') {
       made += '$';
       ++i;

@@ -73,7 +73,6 @@ void make_folder(const fs::path& folder) {
 }
 
 double mean_half_width(const std::vector<double>& results) {
-  constexpr std::uint64_t kBootstrapSeed = 1;
   return half_width(mean_interval(results, kConfidence, kBootstrapSeed));
 }
 

@@ -8,29 +8,29 @@
 namespace tether {
 namespace {
 
-using Verdict = Claim::Verdict;
 constexpr char kPrr[] = "channel.prr";
 constexpr char kDelay[] = "channel.delay_ms";
 constexpr char kTau[] = "controller.tau_s";
-constexpr std::uint64_t kBootstrapSeed = 1;
 
 /// Whether the mean lies within [low, high]; undecided if its interval also allows the contrary.
-Verdict judge_mean(const Summary& summary, double low, double high) {
+Claim::Verdict judge_mean(const Summary& summary, double low, double high) {
   const bool is_within = summary.mean >= low && summary.mean <= high;
   const Interval& i = summary.mean_interval;
-  if (!std::isfinite(i.low)) return is_within ? Verdict::reproduced : Verdict::not_reproduced;
+  if (!std::isfinite(i.low))
+    return is_within ? Claim::Verdict::reproduced : Claim::Verdict::not_reproduced;
   const bool all_within = i.low >= low && i.high <= high;
   const bool all_beyond = i.high < low || i.low > high;
-  if (all_within) return Verdict::reproduced;
-  return all_beyond ? Verdict::not_reproduced : Verdict::undecided;
+  if (all_within) return Claim::Verdict::reproduced;
+  return all_beyond ? Claim::Verdict::not_reproduced : Claim::Verdict::undecided;
 }
 
-Verdict worst(Verdict a, Verdict b) {
-  if (a == Verdict::not_reproduced || b == Verdict::not_reproduced) return Verdict::not_reproduced;
-  return a == Verdict::undecided ? a : b;
+Claim::Verdict worst(Claim::Verdict a, Claim::Verdict b) {
+  if (a == Claim::Verdict::not_reproduced || b == Claim::Verdict::not_reproduced)
+    return Claim::Verdict::not_reproduced;
+  return a == Claim::Verdict::undecided ? a : b;
 }
 
-std::string value_text(const Summary& summary) {
+std::string mean_and_n(const Summary& summary) {
   return fmt::format("{} m (n = {})", mean_text(summary), summary.n);
 }
 
@@ -38,17 +38,18 @@ std::string value_text(const Summary& summary) {
 Claim about_means(const SweepData& data, const std::string& figure, const std::string& paper,
                   const std::string& key, const std::vector<double>& values, double low,
                   double high) {
-  Claim claim{figure, paper, "", Verdict::reproduced, ""};
+  Claim claim{figure, paper, "", Claim::Verdict::reproduced, ""};
   for (const double value : values) {
     const auto arm = data.find({{key, value}});
     if (!arm) continue;
     const Summary& summary = data.arms()[*arm].summary;
-    claim.ours +=
-        fmt::format("{}{:g}: {}", claim.ours.empty() ? "" : "; ", value, value_text(summary));
+    claim.ours += fmt::format("{}{} {:g}: {}", claim.ours.empty() ? "" : "; ",
+                              key == kPrr ? "PRR" : "δ [ms]", value, mean_and_n(summary));
     claim.verdict = worst(claim.verdict, judge_mean(summary, low, high));
   }
-  if (claim.ours.empty()) claim.verdict = Verdict::undecided;
-  if (claim.verdict == Verdict::undecided) claim.reason = "the interval reaches beyond the claim";
+  if (claim.ours.empty()) claim.verdict = Claim::Verdict::undecided;
+  if (claim.verdict == Claim::Verdict::undecided)
+    claim.reason = "the interval reaches beyond the claim";
   return claim;
 }
 
@@ -77,15 +78,16 @@ void judge_singles(const SweepData& prr, std::vector<Claim>& claims) {
   }
   if (n == 0) return;
   constexpr std::size_t kEnough = 100;  // fewer may have no such run among them by chance
-  Verdict verdict = Verdict::not_reproduced;
-  if (largest >= 28.0 && largest <= 31.0) verdict = Verdict::reproduced;
-  if (largest < 28.0 && n < kEnough) verdict = Verdict::undecided;
+  Claim::Verdict verdict = Claim::Verdict::not_reproduced;
+  if (largest >= 28.0 && largest <= 31.0) verdict = Claim::Verdict::reproduced;
+  if (largest < 28.0 && n < kEnough) verdict = Claim::Verdict::undecided;
   claims.push_back(
       {"F2", "single runs on the plateau reach 28 to 31 m",
        fmt::format("the largest of {} runs is {:.1f} m; {} are at 28 m or above", n, largest, high),
        verdict,
-       verdict == Verdict::reproduced ? ""
-                                      : "extremes depend on the walls and on the number of runs"});
+       verdict == Claim::Verdict::reproduced
+           ? ""
+           : "extremes depend on the walls and on the number of runs"});
 }
 
 /// Falls to both sides of its peak, beyond what chance does.
@@ -105,15 +107,16 @@ void judge_bell(const SweepData& prr, std::vector<Claim>& claims) {
   const double x = prr.number(peak, kPrr);
   const bool falls = left.separated && right.separated;
   const bool is_inside = x > 0.15 && x < 0.45;
-  Verdict verdict = falls && is_inside ? Verdict::reproduced : Verdict::not_reproduced;
-  if (is_inside && !falls) verdict = Verdict::undecided;
+  Claim::Verdict verdict =
+      falls && is_inside ? Claim::Verdict::reproduced : Claim::Verdict::not_reproduced;
+  if (is_inside && !falls) verdict = Claim::Verdict::undecided;
   claims.push_back(
       {"F2", "bell shape: largest between PRR 0.15 and 0.45, lower on both sides",
        fmt::format("largest at PRR {:g}: {}; higher than at {:g} by {} m, than at {:g} "
                    "by {} m (paired)",
-                   x, value_text(top.summary), values.front(), mean_text(left.difference),
+                   x, mean_and_n(top.summary), values.front(), mean_text(left.difference),
                    values.back(), mean_text(right.difference)),
-       verdict, verdict == Verdict::undecided ? "more seeds are needed to tell" : ""});
+       verdict, verdict == Claim::Verdict::undecided ? "more seeds are needed to tell" : ""});
 }
 
 void judge_delay(const SweepData& delay, std::vector<Claim>& claims) {
@@ -121,7 +124,7 @@ void judge_delay(const SweepData& delay, std::vector<Claim>& claims) {
                                "ε of 2.0 to 2.3 m at 500 ms (the paper's figure: about 2.1 m)",
                                kDelay, {500.0}, 2.0, 2.3));
   const auto values = delay.values(kDelay);
-  Claim claim{"F3", "ε rises with δ, almost linearly", "", Verdict::reproduced, ""};
+  Claim claim{"F3", "ε rises with δ, almost linearly", "", Claim::Verdict::reproduced, ""};
   double sum_x = 0, sum_y = 0, sum_xx = 0, sum_xy = 0, sum_yy = 0, n = 0;
   std::optional<std::size_t> before;
   for (const double value : values) {
@@ -133,7 +136,7 @@ void judge_delay(const SweepData& delay, std::vector<Claim>& claims) {
                                           kConfidence, kBootstrapSeed);
       // A fall that chance does not explain.
       if (step.difference.mean < 0.0 && (step.separated || step.difference.sd == 0.0)) {
-        claim.verdict = Verdict::not_reproduced;
+        claim.verdict = Claim::Verdict::not_reproduced;
         claim.reason = fmt::format("it falls before {:g} ms", value);
       }
     }
@@ -145,10 +148,10 @@ void judge_delay(const SweepData& delay, std::vector<Claim>& claims) {
       covariance * covariance / ((sum_xx - sum_x * sum_x / n) * (sum_yy - sum_y * sum_y / n));
   claim.ours = fmt::format(
       "{} at {:g} ms to {} at {:g} ms; a straight line explains {:.1f} % of the variance",
-      value_text(delay.arms()[delay.find({{kDelay, values.front()}}).value()].summary),
-      values.front(), value_text(delay.arms()[*before].summary), values.back(), 100.0 * r2);
+      mean_and_n(delay.arms()[delay.find({{kDelay, values.front()}}).value()].summary),
+      values.front(), mean_and_n(delay.arms()[*before].summary), values.back(), 100.0 * r2);
   if (r2 < 0.9) {
-    claim.verdict = Verdict::not_reproduced;
+    claim.verdict = Claim::Verdict::not_reproduced;
     claim.reason = "it rises, but not in a straight line";
   }
   claims.push_back(claim);
@@ -162,8 +165,8 @@ void judge_loss_against_delay(const SweepData& prr, const SweepData& delay,
   const Summary& lag = delay.arms()[*late].summary;
   const bool is_worse = loss.mean_interval.low > 2.0 * lag.mean;
   claims.push_back({"F2, F3", "loss hurts far more than delay",
-                    fmt::format("PRR 0.45: {}; 500 ms: {}", value_text(loss), value_text(lag)),
-                    is_worse ? Verdict::reproduced : Verdict::not_reproduced, ""});
+                    fmt::format("PRR 0.45: {}; 500 ms: {}", mean_and_n(loss), mean_and_n(lag)),
+                    is_worse ? Claim::Verdict::reproduced : Claim::Verdict::not_reproduced, ""});
 }
 
 /// The best τ of a column of the heatmap.
@@ -175,13 +178,13 @@ void judge_best_tau(const SweepData& heatmap, double prr, double tau_s, const st
   if (column.size() < 3) return;
   const BestArm best = ties_of_best(runs, kConfidence, kBootstrapSeed);
   if (!best.best) return;
-  Claim claim{"F4", paper, "", Verdict::not_reproduced, ""};
+  Claim claim{"F4", paper, "", Claim::Verdict::not_reproduced, ""};
   std::string ties;
   bool is_tied = false;
   for (std::size_t i = 0; i < column.size(); ++i) {
     const double tau = heatmap.number(column[i], kTau);
     const bool is_wanted = std::abs(tau - tau_s) < 1e-9;
-    if (best.best == i && is_wanted) claim.verdict = Verdict::reproduced;
+    if (best.best == i && is_wanted) claim.verdict = Claim::Verdict::reproduced;
     if (best.tied[i] && best.best != i) {
       ties += fmt::format("{}{:g} s", ties.empty() ? "" : ", ", tau);
       is_tied = is_tied || is_wanted;
@@ -190,12 +193,14 @@ void judge_best_tau(const SweepData& heatmap, double prr, double tau_s, const st
   const std::size_t winner = column[*best.best];
   claim.ours =
       fmt::format("best τ = {:g} s: {}; {}", heatmap.number(winner, kTau),
-                  value_text(heatmap.arms()[winner].summary),
+                  mean_and_n(heatmap.arms()[winner].summary),
                   ties.empty() ? "no other τ can compete" : "not separated from it: " + ties);
   const bool is_certain = ties.empty() || heatmap.arms()[winner].summary.sd == 0.0;
-  if (claim.verdict == Verdict::reproduced && !is_certain) claim.verdict = Verdict::undecided;
-  if (claim.verdict == Verdict::not_reproduced && is_tied) claim.verdict = Verdict::undecided;
-  if (claim.verdict == Verdict::undecided) {
+  if (claim.verdict == Claim::Verdict::reproduced && !is_certain)
+    claim.verdict = Claim::Verdict::undecided;
+  if (claim.verdict == Claim::Verdict::not_reproduced && is_tied)
+    claim.verdict = Claim::Verdict::undecided;
+  if (claim.verdict == Claim::Verdict::undecided) {
     claim.reason = "ε is flat in τ here within what the runs can tell";
   }
   claims.push_back(claim);
@@ -211,9 +216,9 @@ void judge_risk(const RiskFall& risk, std::vector<Claim>& claims) {
                   "and {} m (n = {})",
                   risk.thirds[0], risk.thirds[1], risk.thirds[2], interval_text(second),
                   interval_text(last), risk.runs),
-      Verdict::undecided, ""};
-  if (second.low > 0.0 && last.low > 0.0) claim.verdict = Verdict::reproduced;
-  if (second.high < 0.0 || last.high < 0.0) claim.verdict = Verdict::not_reproduced;
+      Claim::Verdict::undecided, ""};
+  if (second.low > 0.0 && last.low > 0.0) claim.verdict = Claim::Verdict::reproduced;
+  if (second.high < 0.0 || last.high < 0.0) claim.verdict = Claim::Verdict::not_reproduced;
   claims.push_back(claim);
 }
 
@@ -221,11 +226,11 @@ void judge_risk(const RiskFall& risk, std::vector<Claim>& claims) {
 
 std::string to_text(Claim::Verdict verdict) {
   switch (verdict) {
-    case Verdict::reproduced:
+    case Claim::Verdict::reproduced:
       return "reproduced";
-    case Verdict::not_reproduced:
+    case Claim::Verdict::not_reproduced:
       return "not reproduced";
-    case Verdict::undecided:
+    case Claim::Verdict::undecided:
       break;
   }
   return "undecided";

@@ -13,10 +13,10 @@ namespace tether {
 namespace {
 
 using Column = std::vector<double>;  // values by ascending seed
-using Arm = std::map<std::uint64_t, double>;
+using ValueBySeed = std::map<std::uint64_t, double>;
 
-Arm finite_values(const std::vector<SeededValue>& runs) {
-  Arm arm;
+ValueBySeed finite_values(const std::vector<SeededValue>& runs) {
+  ValueBySeed arm;
   for (const SeededValue& run : runs) {
     const bool is_new = arm.emplace(run.seed, run.value).second;
     assert(is_new);
@@ -34,7 +34,7 @@ struct Common {
 // All seeds that were run in any arm are counted, also those which failed.
 Common common_seeds(const std::vector<const std::vector<SeededValue>*>& arms) {
   std::set<std::uint64_t> seeds;
-  std::vector<Arm> finite;
+  std::vector<ValueBySeed> finite;
   for (const auto* runs : arms) {
     finite.push_back(finite_values(*runs));
     for (const SeededValue& run : *runs) seeds.insert(run.seed);
@@ -42,7 +42,7 @@ Common common_seeds(const std::vector<const std::vector<SeededValue>*>& arms) {
   Common common;
   common.columns.resize(arms.size());
   for (const std::uint64_t seed : seeds) {
-    const auto has_seed = [seed](const Arm& arm) { return arm.contains(seed); };
+    const auto has_seed = [seed](const ValueBySeed& arm) { return arm.contains(seed); };
     if (!std::all_of(finite.begin(), finite.end(), has_seed)) {
       ++common.left_out;
       continue;
@@ -127,7 +127,7 @@ double critical_deviation(const std::vector<Column>& columns, double confidence,
   return largest[std::min<std::size_t>(rank, kResamples) - 1];
 }
 
-double mean_of(const Column& column) {
+double mean_by_seed(const Column& column) {
   double sum = 0.0;
   for (const double value : column) sum += value;
   return sum / static_cast<double>(column.size());
@@ -172,7 +172,7 @@ BestArm ties_of_best(const std::vector<std::vector<SeededValue>>& arms, double c
   result.n = common.columns.front().size();
   std::size_t best = 0;  // of those that take part
   for (std::size_t i = 0; i < taking_part.size(); ++i) {
-    result.means[taking_part[i]] = mean_of(common.columns[i]);
+    result.means[taking_part[i]] = mean_by_seed(common.columns[i]);
     if (result.means[taking_part[i]] < result.means[taking_part[best]]) best = i;
   }
   result.best = taking_part[best];

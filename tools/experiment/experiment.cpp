@@ -71,7 +71,7 @@ class Section {
     return *node->value<bool>();
   }
   std::string metric(const std::string& key) const {
-    const std::string name = text(key, "epsilon_m");
+    std::string name = text(key, "epsilon_m");
     if (!metric_number(name)) refuse(key, fmt::format("one of {}", fmt::join(kMetricNames, ", ")));
     return name;
   }
@@ -231,7 +231,8 @@ std::vector<Arm> make_arms(const std::string& scenario_file, const std::string& 
   for (auto& point : cross(axes)) {
     ScenarioLoader loader = start;
     for (const auto& [text, place] : settings) loader.apply_override(text, place);
-    for (const auto& [key, value] : point) loader.apply_override(key + "=" + value, places[key]);
+    for (const auto& [key, value] : point)
+      loader.apply_override(fmt::format("{}={}", key, value), places[key]);
     loader.end_level(file, folder);
     for (const std::string& text : overrides) loader.apply_override(text, "--set " + text);
     loader.end_level("--set", {});

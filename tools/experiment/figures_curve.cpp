@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::array kColours{"0072b2", "d55e00", "009e73", "cc79a7", "e69f00", "56b4e9", "000000"};
 
-constexpr char kCommands[] = R"gnuplot(
+constexpr char kCurveCommands[] = R"gnuplot(
   set xlabel x_label noenhanced offset 0,0.4
   set ylabel y_label noenhanced offset 1,0
   set grid y lc rgb "#e4e4e4" lw 0.5
@@ -180,7 +180,7 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
   variables += fmt::format("\"\nx_label = {}\ny_label = {}\nbars = {}\nseries = {}\n",
                            gnuplot_text(figure.x_label), gnuplot_text(figure.y_label),
                            e.lonely_interval ? 1 : 0, count);
-  draw_figure(folder, stem, csv_of(figure, e.jitter()), variables, kCommands);
+  draw_figure(folder, stem, csv_of(figure, e.jitter()), variables, kCurveCommands);
 }
 
 }  // namespace tether

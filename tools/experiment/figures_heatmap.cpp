@@ -10,10 +10,10 @@
 namespace tether {
 namespace {
 
-constexpr double kCharacter_cm = 0.16;  // of 7 pt
-constexpr double kAround_cm = 3.15;     // beside the cells: labels and colour bar
+constexpr double kHeatmapCharacter_cm = 0.16;  // of 7 pt
+constexpr double kAround_cm = 3.15;            // beside the cells: labels and colour bar
 
-constexpr char kCommands[] = R"gnuplot(
+constexpr char kHeatmapCommands[] = R"gnuplot(
   set xlabel x_label noenhanced offset 0,0.4
   set ylabel y_label noenhanced offset 1,0
   set cblabel value_label noenhanced offset 0.3,0
@@ -60,7 +60,7 @@ std::size_t index_of(const Values& values, double value) {
 std::string tics(const char* axis, const Values& values, double each_cm, bool across) {
   std::size_t widest = 1, i = 0;
   for (const double v : values) widest = std::max(widest, fmt::format("{:g}", v).size());
-  const double room_cm = across ? kCharacter_cm * (static_cast<double>(widest) + 0.7) : 0.32;
+  const double room_cm = across ? kHeatmapCharacter_cm * (static_cast<double>(widest) + 0.7) : 0.32;
   const auto every = static_cast<std::size_t>(std::max(1.0, std::ceil(room_cm / each_cm)));
   std::string list;
   for (const double v : values) {
@@ -112,7 +112,7 @@ std::string number_format(const Cells& cells, double each_cm, double row_cm) {
   for (int digits = largest < 10.0 ? 2 : 1; digits >= 0; --digits) {
     const std::string widest = fmt::format("{:.{}f}", largest, digits);
     const double characters = static_cast<double>(widest.size()) - (digits > 0 ? 0.5 : 0.0);
-    if (kCharacter_cm * (characters + 0.5) <= each_cm && row_cm >= 0.3) {
+    if (kHeatmapCharacter_cm * (characters + 0.5) <= each_cm && row_cm >= 0.3) {
       return fmt::format("%.{}f", digits);
     }
     if (digits == 1 && largest < 10.0) break;  // whole metres would hide what matters
@@ -167,7 +167,7 @@ void draw_heatmap(const std::filesystem::path& folder, const std::string& stem,
       "written = {}\nnumber = {}\n",
       gnuplot_text(figure.x_label), gnuplot_text(figure.y_label), gnuplot_text(figure.value_label),
       cells.x.size(), cells.y.size(), number.empty() ? 0 : 1, gnuplot_text(number));
-  draw_figure(folder, stem, csv_of(figure, cells), variables, kCommands);
+  draw_figure(folder, stem, csv_of(figure, cells), variables, kHeatmapCommands);
 }
 
 }  // namespace tether

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kArrows = 8;
 
-constexpr char kCommands[] = R"gnuplot(
+constexpr char kRiskMapCommands[] = R"gnuplot(
   set multiplot
   # The map, from the top; square.
   set lmargin at screen left_cm / width_cm
@@ -243,7 +243,7 @@ void draw_risk_map(const std::filesystem::path& folder, const std::string& stem,
       "start_y = {:.2f}\nalone = {}\n",
       figure.half_extent_m, gnuplot_text(figure.value_label), left_cm, side_cm, map_cm, time_cm,
       time_height_cm, start.x_m, start.y_m, figure.points.size() == 1 ? 1 : 0);
-  draw_figure(folder, stem, csv_of(figure), variables, kCommands);
+  draw_figure(folder, stem, csv_of(figure), variables, kRiskMapCommands);
 }
 
 }  // namespace tether

@@ -12,7 +12,7 @@ namespace {
 // Everything is placed in cm: square panels, tics only at the outer ones.
 constexpr double kLeft_cm = 1.15, kRight_cm = 0.15, kGap_cm = 0.2, kPanelTitle_cm = 0.5;
 
-constexpr char kCommands[] = R"gnuplot(
+constexpr char kTrajectoriesCommands[] = R"gnuplot(
   set multiplot
   set size ratio -1
   set xrange [-1.06 * wall : 1.06 * wall]
@@ -111,7 +111,7 @@ void draw_trajectories(const std::filesystem::path& folder, const std::string& s
   for (std::size_t i = 0; i < count; ++i) {
     variables += fmt::format("titles[{}] = {}\n", i + 1, gnuplot_text(figure.panels[i].title));
   }
-  draw_figure(folder, stem, csv_of(figure), variables, kCommands);
+  draw_figure(folder, stem, csv_of(figure), variables, kTrajectoriesCommands);
 }
 
 }  // namespace tether

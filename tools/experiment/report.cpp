@@ -15,7 +15,6 @@ namespace tether {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::uint64_t kBootstrapSeed = 1;
 
 std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";

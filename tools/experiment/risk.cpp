@@ -9,7 +9,6 @@ namespace tether {
 namespace {
 
 constexpr float kAhead_s = 10.0F;
-constexpr std::uint64_t kBootstrapSeed = 1;
 
 double mean_error_ahead(const std::vector<TrajectoryPoint>& rows, std::size_t from) {
   double sum = 0.0;

@@ -12,7 +12,6 @@ namespace tether {
 
 namespace {
 
-constexpr std::uint64_t kBootstrapSeed = 1;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 bool is_same(double a, double b) { return std::abs(a - b) <= 1e-9; }

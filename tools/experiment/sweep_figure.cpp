@@ -13,7 +13,6 @@
 namespace tether {
 namespace {
 
-constexpr std::uint64_t kBootstrapSeed = 1;
 constexpr std::size_t kMostPanels = 6;
 
 Scenario scenario_of(const RunStore& store, std::size_t arm) {

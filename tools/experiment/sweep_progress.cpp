@@ -13,7 +13,8 @@ std::string format_duration(double seconds) {
   const auto s = static_cast<std::int64_t>(std::round(seconds));
   if (s < 100) return fmt::format("{} s", s);
   if (s < 3600) return fmt::format("{} min {:02} s", s / 60, s % 60);
-  if (s < 48 * 3600) return fmt::format("{} h {:02} min", s / 3600, s / 60 % 60);
+  constexpr std::int64_t kTwoDays_s = 172'800;
+  if (s < kTwoDays_s) return fmt::format("{} h {:02} min", s / 3600, s / 60 % 60);
   return fmt::format("{} d {:02} h", s / 86400, s / 3600 % 24);
 }
 
