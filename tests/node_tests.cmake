@@ -7,7 +7,6 @@ tether_add_test(NAME netem_test
     netem_change_test.cpp
     netem_delay_test.cpp
     netem_fate_test.cpp
-    netem_loss_test.cpp
     netem_memory_test.cpp
     netem_refusal_test.cpp
     netem_set_test.cpp
@@ -15,6 +14,8 @@ tether_add_test(NAME netem_test
     netem_stages_test.cpp
     netem_test.cpp
   LIBS tether_netem_core)
+tether_add_test(NAME netem_loss_test SOURCES loss_statistics.cpp netem_loss_test.cpp
+  LIBS tether_netem_core LABELS slow)
 tether_add_test(NAME relay_test
   SOURCES relay_node_test.cpp relay_rule_test.cpp
   LIBS tether_netem_core)
