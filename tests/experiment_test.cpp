@@ -243,6 +243,27 @@ INSTANTIATE_TEST_SUITE_P(
         BadFile{"FigureOfAKeyThatDoesNotVary",
                 "seeds = 1\n[grid]\nchannel.prr = [1]\n[figure]\nx = \"controller.tau_s\"",
                 {"e.toml:6", "channel.prr"}},
+        BadFile{"FigureThatMixesValues",
+                "seeds = 1\n[grid]\nchannel.prr = [1]\n\"controller.tau_s\" = [1, 2]\n"
+                "[figure]\nx = \"channel.prr\"",
+                {"[figure]", "controller.tau_s varies too"}},
+        BadFile{"RiskMapWithoutTrajectories",
+                "seeds = 1\n[figure]\nkind = \"risk_map\"",
+                {"[figure]", "trajectory_period_s"}},
+        BadFile{"CurveOverTexts",
+                "seeds = 1\n[grid]\nvehicle.plant = [\"ode\", \"kinematic\"]\n"
+                "[figure]\nx = \"vehicle.plant\"",
+                {"[figure]", "is no number"}},
+        BadFile{"CurveOfTooManySeries",
+                "seeds = 1\n[grid]\nchannel.prr = [1]\n"
+                "\"controller.tau_s\" = [1, 2, 3, 4, 5, 6, 7, 8]\n"
+                "[figure]\nx = \"channel.prr\"\ny = \"controller.tau_s\"",
+                {"[figure]", "at most 7 series"}},
+        BadFile{"NameThatIsAPath", "seeds = 1\nname = \"../../else\"", {"e.toml:3", "letters"}},
+        BadFile{"QuickSeedsWithAList",
+                "seeds = [1, 2]\nquick_seeds = 1",
+                {"e.toml:3", "quick_seeds must be left out"}},
+        BadFile{"RowsWithoutEnd", "seeds = 1\ntrajectory_period_s = 1e-7", {"e.toml:3", "[0.01"}},
         BadFile{"NoToml", "seeds = = 1", {"e.toml:2"}}),
     [](const auto& info) { return std::string(info.param.name); });
 

@@ -193,6 +193,24 @@ TEST_F(Store, RefusesADamagedDatabase) {
   EXPECT_THROW(RunStore::open(file_), UsageError);
 }
 
+TEST_F(Store, RefusesADatabaseThatContradictsItself) {
+  for (const char* damage :
+       {"DELETE FROM arms", "UPDATE meta SET value = 'abc' WHERE key = 'wall_time_s'",
+        "UPDATE meta SET value = 'x' WHERE key = 'planned_runs'",
+        "UPDATE meta SET value = '[' WHERE key = 'keys'",
+        "UPDATE meta SET value = '../evil' WHERE key = 'name'",
+        "UPDATE meta SET value = '{\"kind\":99,\"x\":\"\",\"y\":\"\",\"metric\":\"epsilon_m\","
+        "\"title\":\"\"}' WHERE key = 'figure'",
+        "UPDATE runs SET arm = 99", "DROP TABLE trajectories"}) {
+    std::filesystem::remove(file_);
+    begin().add({{0, 1, result(1.0)}});
+    Database(file_, Database::Mode::write).execute(damage);
+    EXPECT_THAT([&] { RunStore::open(file_); },
+                ThrowsMessage<UsageError>(HasSubstr("damaged sweep's database")))
+        << damage;
+  }
+}
+
 TEST_F(Store, ThatIsNotThereIsNamed) {
   EXPECT_THAT([&] { RunStore::open(file_); },
               ThrowsMessage<UsageError>(HasSubstr("there is no sweep's database")));
@@ -272,6 +290,14 @@ TEST_F(Merge, OverwritesNothing) {
   EXPECT_THAT([&] { merge_shards(target(), {folder_}); },
               ThrowsMessage<UsageError>(HasSubstr("is there already")));
   EXPECT_EQ(std::filesystem::file_size(target()), 8U);
+}
+
+TEST_F(Merge, RefusesALogThatWouldBeReplayed) {
+  make_shard(1);
+  make_shard(2);
+  std::ofstream(target().string() + "-wal") << "of a sweep that was killed";
+  EXPECT_THAT([&] { merge_shards(target(), {folder_}); },
+              ThrowsMessage<UsageError>(HasSubstr("runs.sqlite-wal is there already")));
 }
 
 TEST_F(Merge, NeedsShards) { refuses("no shard-*.sqlite"); }

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -12,6 +13,7 @@
 
 #include "common/channel_settings.hpp"
 #include "common/errors.hpp"
+#include "common/scenario_key_table.hpp"
 #include "common/scenario_loader.hpp"
 #include "tools/experiment/grid.hpp"
 #include "tools/experiment/run_result.hpp"
@@ -125,6 +127,12 @@ std::vector<std::uint64_t> read_seeds(const Section& file, bool quick) {
   return seeds;
 }
 
+bool is_number(const std::string& text) {
+  double value = 0.0;
+  const auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return failed == std::errc{} && end == text.data() + text.size();
+}
+
 const toml::table* table_of(const Section& section, const std::string& key) {
   const toml::node* node = section.get(key);
   if (node == nullptr) return nullptr;
@@ -179,6 +187,42 @@ std::optional<FigureChoice> read_figure(const Section& file, const std::string& 
   check_axis("x", figure.x, has_axes);
   check_axis("y", figure.y, figure.kind == Kind::heatmap);
   return figure;
+}
+
+/// Refuses figures that cannot be drawn from the runs, before they are made.
+void check_figure(const FigureChoice& figure, const Experiment& experiment,
+                  const std::vector<Axis>& axes, const std::string& file) {
+  const auto refuse = [&file](const std::string& why) {
+    throw UsageError(fmt::format("{}: [figure]: {}", file, why));
+  };
+  using Kind = FigureChoice::Kind;
+  if (figure.kind == Kind::trajectories || figure.kind == Kind::risk_map) {
+    if (experiment.trajectory_period_s > 0.0) return;
+    refuse("trajectories and risk maps need trajectory_period_s");
+  }
+  constexpr std::size_t kMostSeries = 7;
+  for (const Axis& axis : axes) {
+    const auto has = [&axis](const std::string& key) {
+      return std::find(axis.keys.begin(), axis.keys.end(), key) != axis.keys.end();
+    };
+    const bool is_x = has(figure.x), is_y = has(figure.y);
+    if (!is_x && !is_y) {
+      refuse(fmt::format("{} varies too, but is neither x nor y: its values would be mixed",
+                         axis.keys.front()));
+    }
+    if (figure.kind == Kind::curve && is_y && !is_x && axis.points.size() > kMostSeries) {
+      refuse(fmt::format("a curve has at most {} series, and {} has {} values", kMostSeries,
+                         figure.y, axis.points.size()));
+    }
+    for (const auto& point : axis.points) {
+      for (const auto& [key, value] : point) {
+        const bool must_be_number =
+            key == figure.x || (key == figure.y && figure.kind == Kind::heatmap);
+        if (!must_be_number || is_number(value)) continue;
+        refuse(fmt::format("{} = {} is no number, as an axis needs", key, value));
+      }
+    }
+  }
 }
 
 /// [set], as overrides with their places.
@@ -280,9 +324,16 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
   const std::filesystem::path path(file);
   Experiment experiment;
   experiment.name = section.text("name", path.stem().string());
+  if (!is_identifier(experiment.name)) {
+    section.refuse("name", "letters, digits, '-' and '_', at most 32");
+  }
   const std::string scenario = section.text("scenario", "");
   if (scenario.empty()) section.refuse("scenario", "given: a scenario file");
   experiment.precision = read_precision(section, file);
+  const toml::node* seeds = section.get("seeds");
+  if (section.get("quick_seeds") != nullptr && (seeds == nullptr || !seeds->is_integer())) {
+    section.refuse("quick_seeds", "left out, unless seeds is a number");
+  }
   if (experiment.precision) {
     for (std::size_t n = 1; n <= experiment.precision->most_seeds; ++n) {
       experiment.seeds.push_back(n);
@@ -291,12 +342,13 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
     experiment.seeds = read_seeds(section, quick);
   }
   experiment.common_random_numbers = section.boolean("common_random_numbers", true);
-  experiment.trajectory_period_s = section.number("trajectory_period_s", 0.0, 1e6, 0.0);
+  experiment.trajectory_period_s = section.number("trajectory_period_s", 0.01, 1e6, 0.0);
   const std::vector<Axis> axes = read_axes(table, file);
   for (const Axis& axis : axes) {
     experiment.keys.insert(experiment.keys.end(), axis.keys.begin(), axis.keys.end());
   }
   experiment.figure = read_figure(section, file, experiment.keys);
+  if (experiment.figure) check_figure(*experiment.figure, experiment, axes, file);
   experiment.arms = make_arms((path.parent_path() / scenario).lexically_normal().string(), file,
                               read_settings(section, file), overrides, axes);
   return experiment;

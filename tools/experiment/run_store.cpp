@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/errors.hpp"
+#include "common/scenario_key_table.hpp"
 #include "tools/experiment/sweep_identity.hpp"
 
 namespace tether {
@@ -126,6 +127,7 @@ RunStore RunStore::begin(const std::filesystem::path& file, const Experiment& ex
     store.make(identity, arms);
   } else {
     check_is_sweep(database);
+    store.check_contents();
     check_same(store, identity);
     check_same_arms(store, experiment);
     store.write_meta({{"figure", identity.at("figure")}});
@@ -165,7 +167,27 @@ void RunStore::write_meta(const Identity& values) {
 RunStore RunStore::open(const std::filesystem::path& file) {
   RunStore store(open_database(file, Database::Mode::read));
   check_is_sweep(*store.database_);
+  store.check_contents();
   return store;
+}
+
+/// What all readers rely on.
+void RunStore::check_contents() const {
+  try {
+    if (!is_identifier(name())) throw std::runtime_error("a bad name");
+    if (!std::isfinite(wall_time_s())) throw std::runtime_error("a bad wall time");
+    planned_runs(), keys(), figure(), plant(), version(), shard();
+    const std::size_t count = arms().size();
+    Statement range(*database_, "SELECT count(*) FROM runs WHERE arm < 0 OR arm >= ?");
+    range.bind(0, static_cast<std::int64_t>(count));
+    if (range.step() && range.whole(0) > 0) throw std::runtime_error("runs of no combination");
+    if (count == 0) throw std::runtime_error("no combinations");
+    Statement points(*database_, "SELECT count(*) FROM trajectories");
+    points.step();
+  } catch (const std::exception& error) {
+    throw UsageError(fmt::format("{} is a damaged sweep's database: {}", database_->file().string(),
+                                 error.what()));
+  }
 }
 
 void RunStore::add(const std::vector<StoredRun>& runs) {

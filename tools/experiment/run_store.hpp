@@ -85,6 +85,7 @@ class RunStore {
   explicit RunStore(std::unique_ptr<Database> database) : database_(std::move(database)) {}
   void make(const Identity& identity, const std::vector<StoredArm>& arms);
   void write_meta(const Identity& values);
+  void check_contents() const;
   std::string meta(const std::string& key) const;
 
   std::unique_ptr<Database> database_;

@@ -93,8 +93,10 @@ fs::path database_in(const fs::path& folder, const Shard& shard) {
 }
 
 void merge_shards(const fs::path& file, const std::vector<fs::path>& shards) {
-  if (fs::exists(file)) {
-    throw UsageError(fmt::format("{} is there already; nothing was merged", file.string()));
+  // A log left behind would be replayed into the new database.
+  for (const char* rest : {"", "-wal", "-shm"}) {
+    if (!fs::exists(file.string() + rest)) continue;
+    throw UsageError(fmt::format("{}{} is there already; nothing was merged", file.string(), rest));
   }
   std::vector<RunStore> stores;
   for (const fs::path& shard : databases_of(shards)) stores.push_back(RunStore::open(shard));

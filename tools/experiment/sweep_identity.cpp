@@ -167,9 +167,13 @@ std::string to_text(const std::optional<FigureChoice>& figure) {
 std::optional<FigureChoice> figure_of(const std::string& text) {
   if (text == "none") return std::nullopt;
   const auto json = nlohmann::json::parse(text);
-  return FigureChoice{static_cast<FigureChoice::Kind>(json.at("kind").get<int>()),
-                      json.at("x").get<std::string>(), json.at("y").get<std::string>(),
-                      json.at("metric").get<std::string>(), json.at("title").get<std::string>()};
+  const int kind = json.at("kind").get<int>();
+  const std::string metric = json.at("metric").get<std::string>();
+  if (kind < 0 || kind > static_cast<int>(FigureChoice::Kind::risk_map) || !metric_number(metric)) {
+    throw UsageError("an unknown figure");
+  }
+  return FigureChoice{static_cast<FigureChoice::Kind>(kind), json.at("x").get<std::string>(),
+                      json.at("y").get<std::string>(), metric, json.at("title").get<std::string>()};
 }
 
 }  // namespace tether
