@@ -11,6 +11,7 @@
 
 #include "bench/smoke.hpp"
 #include "bench/timed_world.hpp"
+#include "bench/timing.hpp"
 #include "can_bridge/can_bridge_node.hpp"
 #include "can_bridge/can_drive_node.hpp"
 #include "can_bridge/in_process_can.hpp"
@@ -27,25 +28,19 @@
 namespace tether {
 namespace {
 
-using SteadyClock = std::chrono::steady_clock;
+using bench::median;
 
 Scenario hil(const std::vector<std::string>& overrides) {
   return load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml", overrides);
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double seconds_of_run(const Scenario& scenario) {
-  const auto start = SteadyClock::now();
-  ClosedLoop loop(scenario);
-  const RunObserver observer(scenario, loop.loop(), loop.bus());
-  loop.run();
-  benchmark::DoNotOptimize(loop.sim().metrics().epsilon_m());
-  return std::chrono::duration<double>(SteadyClock::now() - start).count();
+  return bench::seconds_of([&] {
+    ClosedLoop loop(scenario);
+    const RunObserver observer(scenario, loop.loop(), loop.bus());
+    loop.run();
+    benchmark::DoNotOptimize(loop.sim().metrics().epsilon_m());
+  });
 }
 
 /// Timed in turn, A B A B …, so that the ratio holds while the machine's speed drifts.

@@ -1,12 +1,11 @@
 #include <benchmark/benchmark.h>
 
-#include <algorithm>
-#include <chrono>
 #include <string>
 #include <vector>
 
+#include "bench/bare_ode.hpp"
 #include "bench/smoke.hpp"
-#include "sim/ode_world.hpp"
+#include "bench/timing.hpp"
 #include "tools/closed_loop.hpp"
 #include "tools/run_observer.hpp"
 
@@ -18,32 +17,12 @@
 namespace tether {
 namespace {
 
-using SteadyClock = std::chrono::steady_clock;
+using bench::median;
+using bench::record_servo_targets;
+using bench::seconds_of;
 
 Scenario paper(const std::vector<std::string>& overrides) {
   return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
-}
-
-/// What the servos were told, step by step.
-std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
-  std::vector<WheelSpeeds> targets;
-  ClosedLoop loop(scenario);
-  loop.loop().every(kStart + SimNode::kStep, SimNode::kStep, Priority::observer,
-                    [&](Instant) { targets.push_back(loop.sim().vehicle().servo_targets()); });
-  loop.run();
-  return targets;
-}
-
-double seconds_of(const std::function<void()>& work) {
-  const auto start = SteadyClock::now();
-  work();
-  return std::chrono::duration<double>(SteadyClock::now() - start).count();
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 void run_loop(const Scenario& scenario) {
@@ -56,11 +35,7 @@ void run_loop(const Scenario& scenario) {
 void whole_run(benchmark::State& state, const std::vector<std::string>& overrides) {
   const Scenario scenario = paper(overrides);
   const std::vector<WheelSpeeds> targets = record_servo_targets(scenario);
-  const auto bare = [&] {
-    OdeWorld world(scenario.vehicle, scenario.world, to_seconds(SimNode::kStep));
-    for (const WheelSpeeds& t : targets) world.step(t);
-    benchmark::DoNotOptimize(world.rim_speeds());
-  };
+  const auto bare = [&] { bench::step_bare_ode(scenario, targets); };
   const auto loop = [&] { run_loop(scenario); };
 
   std::vector<double> bare_s, loop_s, ratio;

@@ -16,6 +16,7 @@
 #include "bench/live_relay.hpp"
 #include "bench/samples.hpp"
 #include "bench/smoke.hpp"
+#include "bench/timing.hpp"
 
 // tether-netem --rule as a process between two real LCM networks, beside plain LCM and a bare
 // forwarder in the same run.
@@ -26,6 +27,7 @@ namespace tether {
 namespace {
 
 using bench::LiveRelay;
+using bench::median;
 using bench::Samples;
 using bench::Way;
 using std::chrono::milliseconds;
@@ -95,11 +97,6 @@ class Throughput {
   std::uint32_t heard_ = 0;
   std::uint32_t lost_ = 0;
 };
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
 
 /// The three ways in turn; medians.
 void throughput(benchmark::State& state) {

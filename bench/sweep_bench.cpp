@@ -3,14 +3,13 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <filesystem>
 #include <thread>
 #include <vector>
 
+#include "bench/bare_ode.hpp"
 #include "bench/smoke.hpp"
-#include "sim/ode_world.hpp"
-#include "tools/closed_loop.hpp"
+#include "bench/timing.hpp"
 #include "tools/experiment/sweep.hpp"
 
 // Sweeping on all cores against two floors that do the same physics steps: bare ODE stepping with
@@ -20,18 +19,8 @@
 namespace tether {
 namespace {
 
-using SteadyClock = std::chrono::steady_clock;
-
-double seconds_of(const std::function<void()>& work) {
-  const auto start = SteadyClock::now();
-  work();
-  return std::chrono::duration<double>(SteadyClock::now() - start).count();
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
+using bench::median;
+using bench::seconds_of;
 
 double resident_mb() {
   rusage usage{};
@@ -56,34 +45,18 @@ void sweep(const Experiment& experiment, std::size_t jobs) {
   run_sweep(experiment, {}, store, options, stop);
 }
 
-std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
-  std::vector<WheelSpeeds> targets;
-  ClosedLoop loop(scenario);
-  loop.loop().every(kStart + SimNode::kStep, SimNode::kStep, Priority::observer,
-                    [&](Instant) { targets.push_back(loop.sim().vehicle().servo_targets()); });
-  loop.run();
-  return targets;
-}
-
-void step_bare(const Scenario& scenario, const std::vector<WheelSpeeds>& targets,
-               std::size_t runs) {
-  for (std::size_t i = 0; i < runs; ++i) {
-    OdeWorld world(scenario.vehicle, scenario.world, to_seconds(SimNode::kStep));
-    for (const WheelSpeeds& t : targets) world.step(t);
-    benchmark::DoNotOptimize(world.rim_speeds());
-  }
-}
-
 void paper_runs(benchmark::State& state) {
   const std::size_t cores = std::max(1U, std::thread::hardware_concurrency());
   const std::size_t each = bench::is_smoke() ? 2 : 10;  // runs a core
   const Experiment experiment = make_experiment(cores * each);
   const Scenario& scenario = experiment.arms.front().scenario;
-  const auto targets = record_servo_targets(scenario);
+  const auto targets = bench::record_servo_targets(scenario);
   const auto on_all_cores = [&] {
     std::vector<std::thread> threads;
     for (std::size_t i = 0; i < cores; ++i) {
-      threads.emplace_back([&] { step_bare(scenario, targets, each); });
+      threads.emplace_back([&] {
+        for (std::size_t run = 0; run < each; ++run) bench::step_bare_ode(scenario, targets);
+      });
     }
     for (std::thread& thread : threads) thread.join();
   };

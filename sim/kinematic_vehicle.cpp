@@ -12,24 +12,16 @@ namespace {
 // Slower than this at walls is standing: it is what the solver's rounding leaves.
 constexpr double kStanding_mps = 1e-8;
 
-void require_drivable(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(std::string("vehicle or world: ") + what);
-}
-
 void check_drivable(const VehicleConfig& v, const WorldConfig& w, double step_s) {
   // Written so that NaN fails too.
-  require_drivable(v.chassis_length_m > 0 && v.chassis_width_m > 0 && v.wheel_radius_m > 0 &&
-                       v.wheel_width_m > 0 && v.track_m > 0,
-                   "chassis, wheels and track need positive dimensions");
-  require_drivable(v.max_wheel_acceleration_mps2 > 0 && v.max_wheel_speed_mps > 0,
-                   "wheel acceleration and speed limits must be positive");
-  require_drivable(w.half_extent_m > 0 && w.wall_friction >= 0,
-                   "walls need a positive distance, friction must not be negative");
-  require_drivable(is_usable(Pose2{v.start_x_m, v.start_y_m, v.start_yaw_rad}),
-                   "the start pose must be finite");
-  require_drivable(std::max(std::abs(v.start_x_m), std::abs(v.start_y_m)) < w.half_extent_m,
-                   "the start must lie between the walls");
-  require_drivable(step_s > 0, "the physics step must be positive");
+  require_plant(v.chassis_length_m > 0 && v.chassis_width_m > 0 && v.wheel_radius_m > 0 &&
+                    v.wheel_width_m > 0 && v.track_m > 0,
+                "chassis, wheels and track need positive dimensions");
+  require_plant(v.max_wheel_acceleration_mps2 > 0 && v.max_wheel_speed_mps > 0,
+                "wheel acceleration and speed limits must be positive");
+  require_plant(w.half_extent_m > 0 && w.wall_friction >= 0,
+                "walls need a positive distance, friction must not be negative");
+  check_start_and_step(v, w, step_s);
 }
 
 /// sin(x)/x.

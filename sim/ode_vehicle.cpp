@@ -10,29 +10,22 @@
 namespace tether {
 namespace {
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(std::string("vehicle or world: ") + what);
-}
-
-void check(const VehicleConfig& v, const WorldConfig& w, double step_s) {
+void check_bodies(const VehicleConfig& v, const WorldConfig& w, double step_s) {
   // Written so that NaN fails too.
-  require(v.chassis_length_m > 0 && v.chassis_width_m > 0 && v.chassis_height_m > 0,
-          "the chassis needs a positive length, width and height");
-  require(v.chassis_mass_kg > 0 && v.wheel_mass_kg > 0 && v.caster_mass_kg >= 0,
-          "masses must be positive (the caster's may be 0)");
-  require(v.wheel_radius_m > 0 && v.wheel_width_m > 0 && v.caster_radius_m > 0,
-          "wheel and caster need positive dimensions");
-  require(v.track_m > 0, "the track must be positive");
-  require(
+  require_plant(v.chassis_length_m > 0 && v.chassis_width_m > 0 && v.chassis_height_m > 0,
+                "the chassis needs a positive length, width and height");
+  require_plant(v.chassis_mass_kg > 0 && v.wheel_mass_kg > 0 && v.caster_mass_kg >= 0,
+                "masses must be positive (the caster's may be 0)");
+  require_plant(v.wheel_radius_m > 0 && v.wheel_width_m > 0 && v.caster_radius_m > 0,
+                "wheel and caster need positive dimensions");
+  require_plant(v.track_m > 0, "the track must be positive");
+  require_plant(
       v.max_wheel_torque_Nm > 0 && v.max_wheel_acceleration_mps2 > 0 && v.max_wheel_speed_mps > 0,
       "wheel torque, acceleration and speed limits must be positive");
-  require(w.half_extent_m > 0 && w.friction >= 0 && w.wall_friction >= 0 && w.gravity_mps2 > 0,
-          "walls need a positive distance, friction must not be negative, gravity positive");
-  require(is_usable(Pose2{v.start_x_m, v.start_y_m, v.start_yaw_rad}),
-          "the start pose must be finite");
-  require(std::max(std::abs(v.start_x_m), std::abs(v.start_y_m)) < w.half_extent_m,
-          "the start must lie between the walls");
-  require(step_s > 0, "the physics step must be positive");
+  require_plant(
+      w.half_extent_m > 0 && w.friction >= 0 && w.wall_friction >= 0 && w.gravity_mps2 > 0,
+      "walls need a positive distance, friction must not be negative, gravity positive");
+  check_start_and_step(v, w, step_s);
 }
 
 }  // namespace
@@ -43,7 +36,7 @@ struct OdeVehicle::World : OdeWorld {
 
 OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldConfig& world, Duration step)
     : config_(vehicle), step_s_(to_seconds(step)) {
-  check(vehicle, world, step_s_);
+  check_bodies(vehicle, world, step_s_);
   world_ = std::make_unique<World>(vehicle, world, step_s_);
   read_state();
 }

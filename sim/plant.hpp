@@ -51,6 +51,12 @@ class Plant {
   Plant& operator=(const Plant&) = delete;
 };
 
+/// For the plants' own checks: throws std::invalid_argument, "vehicle or world: " and `what`,
+/// unless `good`. Write conditions so that NaN fails them.
+void require_plant(bool good, const char* what);
+/// What all plants require of where they start and how they step.
+void check_start_and_step(const VehicleConfig& vehicle, const WorldConfig& world, double step_s);
+
 /// The plant that `vehicle.plant` names. `step` is the fixed physics step; the project uses 1 ms.
 /// Throws std::invalid_argument if the configuration is not a vehicle that can stand.
 std::unique_ptr<Plant> make_plant(const Scenario::Vehicle& vehicle, const WorldConfig& world,

@@ -5,27 +5,24 @@
 
 #include <filesystem>
 
+#include "tests/run_files.hpp"
 #include "tools/experiment/run_store.hpp"
 
 namespace tether {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using Verdict = Claim::Verdict;
 
 /// ε of the n-th run at two values of the grid.
 using Epsilon = std::function<double(double x, double y, std::size_t n)>;
 
-class Claims : public testing::Test {
+class Claims : public ::testing::Test {
  protected:
   /// A sweep with made-up results.
   SweepData data(const std::vector<std::string>& keys, const std::vector<std::vector<double>>& grid,
                  std::size_t seeds, const Epsilon& epsilon) {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    const auto folder = std::filesystem::path(testing::TempDir()) / "claims";
-    std::filesystem::create_directories(folder);
-    const auto file = folder / fmt::format("{}{}.sqlite", test->name(), stores_++);
-    std::filesystem::remove(file);
+    const auto file = folder_.path / fmt::format("{}.sqlite", stores_++);
     Experiment e;
     e.name = "made_up";
     e.keys = keys;
@@ -64,6 +61,7 @@ class Claims : public testing::Test {
   }
 
  private:
+  testing::Folder folder_;
   int stores_ = 0;
 };
 

@@ -6,26 +6,20 @@
 #include <filesystem>
 
 #include "common/errors.hpp"
+#include "tests/run_files.hpp"
 #include "tools/write_file.hpp"
 
 namespace tether {
 namespace {
 
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::SizeIs;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
 
 /// An experiment file of its own folder, with the paper's scenario.
-class ExperimentFile : public testing::Test {
+class ExperimentFile : public ::testing::Test {
  protected:
-  ExperimentFile() {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) / "experiment" / test->name();
-    std::filesystem::create_directories(folder_);
-    file_ = (folder_ / "e.toml").string();
-  }
-
   Experiment load(const std::string& text, const std::vector<std::string>& overrides = {}) {
     write_file(file_,
                fmt::format("scenario = \"{}/scenarios/paper.toml\"\n{}", TETHER_SOURCE_DIR, text));
@@ -40,8 +34,9 @@ class ExperimentFile : public testing::Test {
     return "not refused";
   }
 
-  std::filesystem::path folder_;
-  std::string file_;
+  testing::Folder own_;
+  const std::filesystem::path& folder_ = own_.path;
+  std::string file_ = (folder_ / "e.toml").string();
 };
 
 std::vector<std::string> texts(const Experiment& experiment) {
@@ -169,7 +164,7 @@ struct BadFile {
   std::vector<std::string> says;
 };
 
-class BadExperimentFile : public ExperimentFile, public testing::WithParamInterface<BadFile> {};
+class BadExperimentFile : public ExperimentFile, public ::testing::WithParamInterface<BadFile> {};
 
 TEST_P(BadExperimentFile, IsRefusedWithPlaceAndReason) {
   const std::string why = why_refused(GetParam().text);
@@ -178,7 +173,7 @@ TEST_P(BadExperimentFile, IsRefusedWithPlaceAndReason) {
 
 INSTANTIATE_TEST_SUITE_P(
     All, BadExperimentFile,
-    testing::Values(
+    ::testing::Values(
         BadFile{"NoSeeds", "", {"seeds must be given"}},
         BadFile{"ZeroSeeds", "seeds = 0", {"e.toml:2", "seeds", "from 1"}},
         BadFile{"NegativeSeed", "seeds = [1, -1]", {"e.toml:2", "from 0 on"}},
@@ -274,7 +269,7 @@ TEST_F(ExperimentFile, WithoutScenarioIsRefused) {
 
 TEST_F(ExperimentFile, ThatIsNotThereIsNamed) {
   EXPECT_THAT([] { load_experiment("/no/such.toml"); },
-              testing::ThrowsMessage<UsageError>(HasSubstr("/no/such.toml")));
+              ::testing::ThrowsMessage<UsageError>(HasSubstr("/no/such.toml")));
 }
 
 TEST_F(ExperimentFile, TheCommandLineMayNotSetWhatTheGridVaries) {

@@ -13,22 +13,16 @@
 #include <vector>
 
 #include "sim/ode_vehicle.hpp"
+#include "tests/plant_rig.hpp"
 
 namespace tether {
 namespace {
 
-constexpr Duration kStep = std::chrono::milliseconds(1);
-constexpr double kStep_s = 1e-3;
-constexpr WorldConfig kOpenFloor{.half_extent_m = 1e4};
-
-WheelSpeeds wheels(double v_mps, double omega_radps) {
-  return to_wheel_speeds({v_mps, omega_radps}, VehicleConfig{}.track_m);
-}
-
-void run(Plant& vehicle, double seconds) {
-  const long steps = std::lround(seconds / kStep_s);
-  for (long i = 0; i < steps; ++i) vehicle.step();
-}
+using testing::kOpenFloor;
+using testing::kStep;
+using testing::kStep_s;
+using testing::run;
+using testing::wheels;
 
 TEST(KinematicVehicle, AcceleratesAndBrakesStraightWithinTheLimit) {
   KinematicVehicle vehicle({}, kOpenFloor, kStep);

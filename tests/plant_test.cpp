@@ -15,22 +15,16 @@
 
 #include "sim/ode_vehicle.hpp"
 #include "sim/ode_world.hpp"
+#include "tests/plant_rig.hpp"
 
 namespace tether {
 namespace {
 
-constexpr Duration kStep = std::chrono::milliseconds(1);
-constexpr double kStep_s = 1e-3;
-constexpr WorldConfig kOpenFloor{.half_extent_m = 1e4};
-
-WheelSpeeds wheels(double v_mps, double omega_radps) {
-  return to_wheel_speeds({v_mps, omega_radps}, VehicleConfig{}.track_m);
-}
-
-void run(OdeVehicle& vehicle, double seconds) {
-  const long steps = std::lround(seconds / kStep_s);
-  for (long i = 0; i < steps; ++i) vehicle.step();
-}
+using testing::kOpenFloor;
+using testing::kStep;
+using testing::kStep_s;
+using testing::run;
+using testing::wheels;
 
 /// What a steady command does in 60 s once the servos have reached it; the acceleration phase is
 /// left out by starting to measure 5 s after the command.
@@ -242,9 +236,9 @@ TEST(Plant, AWallStopsItNoseOnAndBothWheelsSlip) {
     config.start_x_m = 10.0;
     OdeVehicle vehicle(config, {}, kStep);
     vehicle.set_wheel_targets(wheels(v_mps, 0.0));
-    testing::internal::CaptureStderr();
+    ::testing::internal::CaptureStderr();
     run(vehicle, 30.0);
-    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");  // the solver's complaints are counted
+    EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");  // the solver's complaints are counted
     const VehicleState& s = vehicle.state();
     EXPECT_TRUE(s.wall_contact);
     EXPECT_NEAR(s.pose.x_m, 22.0 - 1.5, 2e-3);  // nose to axle: 1.5 m

@@ -6,15 +6,16 @@
 #include <fstream>
 
 #include "common/errors.hpp"
+#include "tests/run_files.hpp"
 #include "tools/experiment/sweep_export.hpp"
 
 namespace tether {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::SizeIs;
-using testing::ThrowsMessage;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+using ::testing::ThrowsMessage;
 
 Experiment two_arms() {
   Experiment e;
@@ -41,15 +42,8 @@ RunResult failure(const std::string& why) {
   return r;
 }
 
-class Store : public testing::Test {
+class Store : public ::testing::Test {
  protected:
-  Store() {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) / "run_store" / test->name();
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-    file_ = folder_ / "runs.sqlite";
-  }
   RunStore begin(const Experiment& experiment = two_arms(), const Shard& shard = {}) {
     return RunStore::begin(database_in(folder_, shard), experiment, shard);
   }
@@ -64,8 +58,9 @@ class Store : public testing::Test {
     return text;
   }
 
-  std::filesystem::path folder_;
-  std::filesystem::path file_;
+  testing::Folder own_;
+  const std::filesystem::path& folder_ = own_.path;
+  std::filesystem::path file_ = folder_ / "runs.sqlite";
 };
 
 TEST_F(Store, GivesBackWhatWasPutInByArmAndSeed) {

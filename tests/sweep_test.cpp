@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "tests/run_files.hpp"
 #include "tools/closed_loop.hpp"
 #include "tools/experiment/sweep_export.hpp"
 #include "tools/run_observer.hpp"
@@ -20,13 +21,9 @@ Scenario short_scenario(double prr) {
   return scenario;
 }
 
-class Sweep : public testing::Test {
+class Sweep : public ::testing::Test {
  protected:
   Sweep() {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) / "sweep" / test->name();
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
     experiment_.name = "short";
     experiment_.keys = {"channel.prr"};
     for (const double prr : {1.0, 0.7, 0.4}) {
@@ -47,7 +44,8 @@ class Sweep : public testing::Test {
     return text;
   }
 
-  std::filesystem::path folder_;
+  testing::Folder own_;
+  const std::filesystem::path& folder_ = own_.path;
   Experiment experiment_;
   SweepOptions options_;
   std::atomic<bool> stop_{false};
@@ -98,7 +96,7 @@ TEST_F(Sweep, RecordsARunThatFailsAndGoesOn) {
   EXPECT_TRUE(sweep(store));
   EXPECT_EQ(store.size(), 12U);
   EXPECT_EQ(store.failures(), 3U);
-  EXPECT_THAT(exported(store), testing::HasSubstr(",2,ode,no luck,"));
+  EXPECT_THAT(exported(store), ::testing::HasSubstr(",2,ode,no luck,"));
 }
 
 TEST_F(Sweep, ReportsAnImpossibleScenarioAsTheRunsFailure) {

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <benchmark/benchmark.h>
+
+#include <vector>
+
+#include "sim/ode_world.hpp"
+#include "tools/closed_loop.hpp"
+
+namespace tether::bench {
+
+/// What the servos are told in a run, step by step.
+inline std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
+  std::vector<WheelSpeeds> targets;
+  ClosedLoop loop(scenario);
+  loop.loop().every(kStart + SimNode::kStep, SimNode::kStep, Priority::observer,
+                    [&](Instant) { targets.push_back(loop.sim().vehicle().servo_targets()); });
+  loop.run();
+  return targets;
+}
+
+/// The floor of that run: the identical world with the identical targets, and nothing else.
+inline void step_bare_ode(const Scenario& scenario, const std::vector<WheelSpeeds>& targets) {
+  OdeWorld world(scenario.vehicle, scenario.world, to_seconds(SimNode::kStep));
+  for (const WheelSpeeds& t : targets) world.step(t);
+  benchmark::DoNotOptimize(world.rim_speeds());
+}
+
+}  // namespace tether::bench
