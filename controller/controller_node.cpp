@@ -4,6 +4,7 @@
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
 
+#include "common/make_path.hpp"
 #include "common/message_io.hpp"
 
 namespace tether {
@@ -14,7 +15,7 @@ ControllerNode::ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& b
       channels_(scenario.vehicle.name),
       config_(scenario.controller),
       pose_timeout_(from_seconds(config_.pose_timeout_s)),
-      law_(config_, FigureEight(scenario.path.figure_eight)),
+      law_(config_, make_path(scenario.path)),
       guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
       counters_(loop, bus, "controller", channels_.control_counters,
                 from_seconds(scenario.run.report_period_s),

@@ -1,6 +1,7 @@
 #include "controller/pid_law.hpp"
 
 #include <cmath>
+#include <utility>
 
 namespace tether {
 namespace {
@@ -11,14 +12,14 @@ Pid make_pid(const Scenario::Gains& gains, double derivative_filter_s, bool angu
 
 }  // namespace
 
-PidLaw::PidLaw(const Scenario::Controller& config, const FigureEight& path)
-    : path_(path),
+PidLaw::PidLaw(const Scenario::Controller& config, std::shared_ptr<const ReferencePath> path)
+    : path_(std::move(path)),
       tau_s_(config.tau_s),
       v_(make_pid(config.v, config.derivative_filter_s, false)),
       omega_(make_pid(config.omega, config.derivative_filter_s, true)) {}
 
 Twist PidLaw::step(const Pose2& pose, Instant now) {
-  const FigureEight::Point target = path_.at(to_seconds(now) + tau_s_);
+  const PathPoint target = path_->at(to_seconds(now) + tau_s_);
   const double dx_m = target.x_m - pose.x_m;
   const double dy_m = target.y_m - pose.y_m;
   errors_.heading_rad = wrap_angle(std::atan2(dy_m, dx_m) - pose.yaw_rad);

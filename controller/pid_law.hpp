@@ -1,7 +1,9 @@
 #pragma once
 
-#include "common/figure_eight.hpp"
+#include <memory>
+
 #include "common/pose.hpp"
+#include "common/reference_path.hpp"
 #include "common/scenario.hpp"
 #include "common/time.hpp"
 #include "controller/pid.hpp"
@@ -19,7 +21,7 @@ class PidLaw {
     double distance_m = 0.0;   ///< d_e
   };
 
-  PidLaw(const Scenario::Controller& config, const FigureEight& path);
+  PidLaw(const Scenario::Controller& config, std::shared_ptr<const ReferencePath> path);
 
   /// The command at `now` for a vehicle last seen at `pose`. Times of successive calls must not
   /// decrease.
@@ -31,7 +33,7 @@ class PidLaw {
   const Errors& errors() const { return errors_; }
 
  private:
-  FigureEight path_;
+  std::shared_ptr<const ReferencePath> path_;
   double tau_s_;
   Pid v_;
   Pid omega_;

@@ -8,6 +8,7 @@
 #include <tether/twist_t.hpp>
 
 #include "common/diff_drive.hpp"
+#include "common/make_path.hpp"
 #include "common/message_io.hpp"
 #include "common/timer_queue.hpp"
 
@@ -43,7 +44,7 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
       world_end_(end_),
       sensor_latency_(from_seconds(scenario.sensor.latency_ms * 1e-3)),
       track_m_(scenario.vehicle.track_m),
-      path_(scenario.path.figure_eight),
+      path_(make_path(scenario.path)),
       vehicle_(make_plant(scenario.vehicle, scenario.world, kStep)),
       metrics_step_(is_kinematic(scenario) ? kKinematicMetrics : kStep),
       actuator_(scenario.actuator),
@@ -164,7 +165,7 @@ void SimNode::publish_truth() {
   if (world_time_ > end_ || (truth_seq_ > 0 && last_truth_ == world_time_)) return;
   last_truth_ = world_time_;
   const VehicleState& s = vehicle_->state();
-  const FigureEight::Point reference = this->reference();
+  const PathPoint reference = this->reference();
   ground_truth_t message{};
   message.utime = to_utime(world_time_);
   message.seq = truth_seq_++;
@@ -186,10 +187,10 @@ void SimNode::publish_truth() {
   publish(bus_, channels_.truth, message);
 }
 
-FigureEight::Point SimNode::reference() const { return path_.at(to_seconds(world_time_)); }
+PathPoint SimNode::reference() const { return path_->at(to_seconds(world_time_)); }
 
 double SimNode::error_m() const {
-  const FigureEight::Point reference = this->reference();
+  const PathPoint reference = this->reference();
   const Pose2& pose = vehicle_->state().pose;
   return std::hypot(reference.x_m - pose.x_m, reference.y_m - pose.y_m);
 }

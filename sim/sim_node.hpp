@@ -9,8 +9,8 @@
 #include "common/channel_names.hpp"
 #include "common/counter_reporter.hpp"
 #include "common/event_loop.hpp"
-#include "common/figure_eight.hpp"
 #include "common/node.hpp"
+#include "common/reference_path.hpp"
 #include "common/scenario.hpp"
 #include "common/stream_guard.hpp"
 #include "sim/actuator.hpp"
@@ -60,7 +60,7 @@ class SimNode final : public Node {
   void sample_pose(Instant now);
   void publish_clock(Instant now);
   void publish_truth();
-  FigureEight::Point reference() const;
+  PathPoint reference() const;
   double error_m() const;
   void list_counters(CounterList& out) const;
 
@@ -71,7 +71,7 @@ class SimNode final : public Node {
   Instant world_end_;  // of motion
   Duration sensor_latency_;
   double track_m_;
-  FigureEight path_;
+  std::shared_ptr<const ReferencePath> path_;
   std::unique_ptr<Plant> vehicle_;
   Duration metrics_step_;
   Actuator actuator_;

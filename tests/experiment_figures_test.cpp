@@ -79,7 +79,7 @@ class ExperimentFiguresTest : public ::testing::Test {
     const FigureEight path({});
     TrajectoryPanel panel{title, {}, {}};
     for (int i = 0; i <= 620; ++i) {
-      const FigureEight::Point p = path.at(0.1 * i);
+      const PathPoint p = path.at(0.1 * i);
       panel.planned.push_back({p.x_m, p.y_m});
       panel.actual.push_back({std::clamp(p.x_m + error_m * std::sin(0.03 * i), -22.0, 22.0),
                               std::clamp(p.y_m - error_m * std::sin(0.02 * i), -22.0, 22.0)});
@@ -108,7 +108,7 @@ class ExperimentFiguresTest : public ::testing::Test {
     const FigureEight path({});
     for (std::size_t i = 0; i < count; ++i) {
       const double t_s = 62.0 / static_cast<double>(count) * static_cast<double>(i);
-      const FigureEight::Point p = path.at(t_s);
+      const PathPoint p = path.at(t_s);
       const double risk = 6.0 + 3.0 * std::sin(0.2 * t_s) + 1.5 * std::cos(0.5 * t_s);
       figure.points.push_back({t_s, p.x_m, p.y_m, risk, {0.8 * risk, 1.3 * risk}, 50});
     }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/pose.hpp"
+
 namespace tether {
 namespace {
 
@@ -13,9 +15,12 @@ constexpr double kPeriod_s = 20.0 * std::numbers::pi;  // 62.83 s at 0.1 rad/s
 const FigureEight kPaper{FigureEight::Config{}};
 
 /// Central difference over 2 ms: exact to 1e-8 m/s here.
-FigureEight::Point velocity(double t_s) {
+PathPoint velocity(double t_s) {
   const auto before = kPaper.at(t_s - 1e-3), after = kPaper.at(t_s + 1e-3);
-  return {(after.x_m - before.x_m) / 2e-3, (after.y_m - before.y_m) / 2e-3};
+  PathPoint v;
+  v.x_m = (after.x_m - before.x_m) / 2e-3;
+  v.y_m = (after.y_m - before.y_m) / 2e-3;
+  return v;
 }
 
 TEST(FigureEight, StartsAtTheOriginParallelToX) {
@@ -28,6 +33,17 @@ TEST(FigureEight, StartsAtTheOriginParallelToX) {
 TEST(FigureEight, PassesTheCentreAt2Point83MetresPerSecond) {
   for (const double t_s : {0.0, kPeriod_s / 2.0}) {
     EXPECT_NEAR(std::hypot(velocity(t_s).x_m, velocity(t_s).y_m), 2.0 * std::numbers::sqrt2, 1e-6);
+  }
+}
+
+TEST(FigureEight, ItsTwistIsTheDerivativeOfItsPoints) {
+  for (double t_s = -10.0; t_s < 70.0; t_s += 0.7) {
+    const PathPoint point = kPaper.at(t_s);
+    const PathPoint v = velocity(t_s);
+    EXPECT_NEAR(point.v_mps, std::hypot(v.x_m, v.y_m), 1e-6) << t_s;
+    EXPECT_NEAR(wrap_angle(point.yaw_rad - std::atan2(v.y_m, v.x_m)), 0.0, 1e-6) << t_s;
+    const double turned = wrap_angle(kPaper.at(t_s + 1e-3).yaw_rad - kPaper.at(t_s - 1e-3).yaw_rad);
+    EXPECT_NEAR(point.omega_radps, turned / 2e-3, 1e-6) << t_s;
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/figure_eight.hpp"
 #include "controller/pid_law.hpp"
 #include "tests/virtual_world.hpp"
 
@@ -100,9 +101,9 @@ Scenario::Controller proportional() {
 }
 
 TEST(PidLaw, AimsAtThePathTauSecondsAhead) {
-  const FigureEight path{{}};
+  const auto path = std::make_shared<FigureEight>(FigureEight::Config{});
   PidLaw law(proportional(), path);
-  const FigureEight::Point target = path.at(5.0 + 2.0);
+  const PathPoint target = path->at(5.0 + 2.0);
   const Pose2 pose{3.0, -1.0, 0.4};
   const Twist u = law.step(pose, at_s(5.0));
   EXPECT_NEAR(u.v_mps, std::hypot(target.x_m - 3.0, target.y_m + 1.0), 1e-12);
@@ -110,7 +111,7 @@ TEST(PidLaw, AimsAtThePathTauSecondsAhead) {
 }
 
 TEST(PidLaw, WrapsTheHeadingError) {
-  PidLaw law(proportional(), FigureEight{{}});
+  PidLaw law(proportional(), std::make_shared<FigureEight>(FigureEight::Config{}));
   // At t = 0 the target lies along +x; a vehicle that looks to −x + a little has θ_e just below π.
   law.step({0.0, 0.0, kPi - 0.1}, kStart);
   EXPECT_GT(std::abs(law.errors().heading_rad), 2.9);
@@ -118,7 +119,7 @@ TEST(PidLaw, WrapsTheHeadingError) {
 }
 
 TEST(PidLaw, DrivesForwardOnly) {
-  PidLaw law(proportional(), FigureEight{{}});
+  PidLaw law(proportional(), std::make_shared<FigureEight>(FigureEight::Config{}));
   for (double yaw = -3.0; yaw <= 3.0; yaw += 0.5) {
     EXPECT_GE(law.step({10.0, 10.0, yaw}, at_s(1.0)).v_mps, 0.0);
   }

@@ -28,14 +28,14 @@ struct FigureText {
   double height_cm = 6.5;  ///< trajectories and risk maps choose their own
 };
 
-struct PathPoint {
+struct PointInPlane {
   double x_m = 0.0;
   double y_m = 0.0;
 };
 
 struct TrajectoryPanel {
   std::string title;  ///< "PRR 0.45, ε = 19.8 m"
-  std::vector<PathPoint> planned, actual;
+  std::vector<PointInPlane> planned, actual;
 };
 
 /// Planned (green) and actual (blue) paths of single runs within the walls, on equal axes.

@@ -175,16 +175,16 @@ std::vector<LegendEntry> legend_of(const RiskMapFigure& figure) {
 }
 
 // Where the word "start" is farthest from the path, counted in its own width and height.
-PathPoint start_label(const RiskMapFigure& figure) {
+PointInPlane start_label(const RiskMapFigure& figure) {
   const double half_width_m = 0.2 * figure.half_extent_m,
                half_height_m = 0.07 * figure.half_extent_m;
   const RiskPoint& start = figure.points.front();
-  PathPoint best;
+  PointInPlane best;
   double farthest = -1.0;
   for (int i = 0; i < 16; ++i) {
     const double angle = std::numbers::pi / 8.0 * i;
-    const PathPoint label{start.x_m + 1.4 * half_width_m * std::cos(angle),
-                          start.y_m + 1.8 * half_height_m * std::sin(angle)};
+    const PointInPlane label{start.x_m + 1.4 * half_width_m * std::cos(angle),
+                             start.y_m + 1.8 * half_height_m * std::sin(angle)};
     double nearest = std::numeric_limits<double>::infinity();
     for (const RiskPoint& p : figure.points) {
       nearest = std::min(nearest, std::max(std::abs(p.x_m - label.x_m) / half_width_m,
@@ -236,7 +236,7 @@ void draw_risk_map(const std::filesystem::path& folder, const std::string& stem,
   const double height_cm = map_cm + side_cm + frame.top_cm();
   std::string variables = frame.variables(stem, height_cm);
   variables += ranges(figure.points) + arrows(figure.points) + turn_shades(figure.turns);
-  const PathPoint start = start_label(figure);
+  const PointInPlane start = start_label(figure);
   variables += fmt::format(
       "wall = {}\nvalue_label = {}\nleft_cm = {}\nside_cm = {:.3f}\nmap_cm = {:.3f}\n"
       "time_cm = {:.3f}\ntime_height_cm = {}\nright_cm = 0.8\nstart_x = {:.2f}\n"

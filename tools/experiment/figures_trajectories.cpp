@@ -47,14 +47,14 @@ constexpr char kTrajectoriesCommands[] = R"gnuplot(
   unset multiplot
 )gnuplot";
 
-bool finite(const PathPoint& p) { return std::isfinite(p.x_m) && std::isfinite(p.y_m); }
+bool finite(const PointInPlane& p) { return std::isfinite(p.x_m) && std::isfinite(p.y_m); }
 
 // Points nearer to the last than what a print can show are left out.
-std::string path_rows(std::size_t panel, const char* name, const std::vector<PathPoint>& path,
+std::string path_rows(std::size_t panel, const char* name, const std::vector<PointInPlane>& path,
                       double nearest_m) {
   std::string rows;
-  const PathPoint* last = nullptr;
-  for (const PathPoint& p : path) {
+  const PointInPlane* last = nullptr;
+  for (const PointInPlane& p : path) {
     const bool is_end = &p == &path.back();
     if (!finite(p)) continue;
     if (last && !is_end && std::hypot(p.x_m - last->x_m, p.y_m - last->y_m) < nearest_m) continue;

@@ -1,0 +1,24 @@
+#pragma once
+
+namespace tether {
+
+/// Where the vehicle's axle midpoint should be and how it should move there (world frame, REP-103).
+struct PathPoint {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  double yaw_rad = 0.0;  ///< direction of travel, (−π, π]; where the path rests: the last one
+  double v_mps = 0.0;    ///< ≥ 0, along yaw_rad
+  double omega_radps = 0.0;  ///< yaw rate
+};
+
+/// A path with its timing: one point for each instant. Paths with an end rest there ever after, and
+/// rest at their start before t = 0 where they begin at rest. Immutable; safe to share.
+class ReferencePath {
+ public:
+  virtual ~ReferencePath() = default;
+
+  /// `t_s` seconds after the run's start; any finite time.
+  virtual PathPoint at(double t_s) const = 0;
+};
+
+}  // namespace tether
