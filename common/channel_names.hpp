@@ -12,8 +12,12 @@ struct ChannelNames {
     const std::string suffix = vehicle.starts_with("AGV") ? vehicle.substr(3) : "-" + vehicle;
     vehicle_pose = vehicle + "/POSE";
     vehicle_command = vehicle + "/CMD_VEL";
+    vehicle_plan = vehicle + "/PLAN";
+    vehicle_preload = vehicle + "/PRELOAD";
     control_pose = "CTRL" + suffix + "/POSE";
     control_command = "CTRL" + suffix + "/CMD_VEL";
+    control_plan = "CTRL" + suffix + "/PLAN";
+    control_preload = "CTRL" + suffix + "/PRELOAD";
     control_report = "CTRL" + suffix + "/REPORT";
     control_counters = "CTRL" + suffix + "/COUNTERS";
     const std::string can = "CAN" + suffix;
@@ -28,8 +32,12 @@ struct ChannelNames {
 
   std::string vehicle_pose;
   std::string vehicle_command;
+  std::string vehicle_plan;
+  std::string vehicle_preload;  ///< never impaired
   std::string control_pose;
   std::string control_command;
+  std::string control_plan;
+  std::string control_preload;  ///< never impaired
   std::string control_report;
   std::string control_counters;
   std::string can_request;  ///< operator → bridge
