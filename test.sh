@@ -11,5 +11,5 @@ for preset in asan release; do
 done
 # Under the sanitizers, by Clang: all logic, then what meets real sockets and hostile traffic.
 ctest --preset asan --parallel "$jobs" --label-exclude 'live|slow|bench|lint'
-ctest --preset asan --tests-regex '^(lcm_bus_test|RealTimeLoop.*|live_hostile_test|log_test)$'
+ctest --preset asan --tests-regex '^(lcm_bus_test|real_time_loop_test|live_hostile_test|log_test)$'
 ctest --preset release --parallel "$jobs"

@@ -35,9 +35,11 @@ struct Scenario {
   };
   struct Sensor {
     double rate_hz = 20.0;
-    double position_noise_m = 0.0;  ///< standard deviation, each axis, white
-    double yaw_noise_rad = 0.0;     ///< standard deviation, white
-    double latency_ms = 0.0;        ///< from measurement to publication
+    double position_noise_m = 0.0;        ///< standard deviation, each axis, white
+    double yaw_noise_rad = 0.0;           ///< standard deviation, white
+    double position_drift_mpsqrts = 0.0;  ///< random walk of each axis, as odometry has it:
+    double yaw_drift_radpsqrts = 0.0;     ///< standard deviation after 1 s; it grows with √t
+    double latency_ms = 0.0;              ///< from measurement to publication
   };
   struct Path {
     enum class Kind { figure_eight };
@@ -58,6 +60,7 @@ struct Scenario {
     Trigger trigger = Trigger::event;
     double rate_hz = 20.0;        ///< trigger = timer: commands per second
     double pose_timeout_s = 1.0;  ///< a pose older than this stops the vehicle; 0 = never
+    bool wrap_heading = true;     ///< law = pid: the heading error is within (−π, π]
     Gains v{0.495, 0.0, 0.15, 8.0};
     Gains omega{0.2925, 0.0, 0.16, 2.0};
     double derivative_filter_s = 0.1;  ///< time constant of the filter before the D term

@@ -77,6 +77,10 @@ void add_sensor_and_path(KeyTable& t) {
            "standard deviation of white noise on x and y");
   t.number("sensor.yaw_noise_rad", TETHER_FIELD(sensor.yaw_noise_rad), kNotNegative,
            "standard deviation of white noise on yaw");
+  t.number("sensor.position_drift_mpsqrts", TETHER_FIELD(sensor.position_drift_mpsqrts),
+           kNotNegative, "random walk on x and y: standard deviation after 1 s");
+  t.number("sensor.yaw_drift_radpsqrts", TETHER_FIELD(sensor.yaw_drift_radpsqrts), kNotNegative,
+           "random walk on yaw: standard deviation after 1 s");
   t.number("sensor.latency_ms", TETHER_FIELD(sensor.latency_ms), {0.0, 1e6, false},
            "from measurement to publication");
   using Kind = Scenario::Path::Kind;
@@ -103,6 +107,8 @@ void add_controller_and_actuator(KeyTable& t) {
            "trigger = timer: commands per second");
   t.number("controller.pose_timeout_s", TETHER_FIELD(controller.pose_timeout_s), kNotNegative,
            "a pose older than this stops the vehicle; 0 = never");
+  t.boolean("controller.wrap_heading", TETHER_FIELD(controller.wrap_heading),
+            "heading error within (-pi, pi]; false: as it comes, turning the long way round");
   t.number("controller.derivative_filter_s", TETHER_FIELD(controller.derivative_filter_s),
            kNotNegative, "time constant of the low-pass before the D terms");
 #define TETHER_GAINS(axis, unit)                                                               \

@@ -12,6 +12,7 @@ namespace tether {
 
 /// The paper's control law: two PIDs on the errors to the point of the path τ seconds ahead,
 ///   θ_e = atan2(y*(t+τ) − y, x*(t+τ) − x) − θ, wrapped to (−π, π]  → ω
+///         (not wrapped with wrap_heading = false, where the vehicle may turn the long way round)
 ///   d_e = hypot(x*(t+τ) − x, y*(t+τ) − y)                        → v
 /// Since d_e ≥ 0 and all gains are ≥ 0, it hardly ever drives backwards.
 class PidLaw {
@@ -35,6 +36,7 @@ class PidLaw {
  private:
   std::shared_ptr<const ReferencePath> path_;
   double tau_s_;
+  bool wrap_heading_;
   Pid v_;
   Pid omega_;
   Errors errors_;

@@ -47,9 +47,11 @@ class Claims : public ::testing::Test {
     store.add(runs);
     return {store, "epsilon_m"};
   }
-  SweepData by_prr(const Epsilon& epsilon, std::size_t seeds = 20) {
+  SweepData by_prr(const Epsilon& epsilon, std::size_t seeds = 20,
+                   const std::vector<double>& prrs = {0.05, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.85,
+                                                      1.0}) {
     std::vector<std::vector<double>> grid;
-    for (const double prr : {0.05, 0.1, 0.2, 0.3, 0.4, 0.85, 1.0}) grid.push_back({prr});
+    for (const double prr : prrs) grid.push_back({prr});
     return data({"channel.prr"}, grid, seeds, epsilon);
   }
   static Claim find(const std::vector<Claim>& claims, const std::string& paper) {
@@ -129,7 +131,7 @@ TEST_F(Claims, AboutTheBestLookAheadNeedItToBeSeparated) {
   PaperResults results;
   results.heatmap.emplace(data(
       {"channel.prr", "controller.tau_s"}, grid, 12, [](double prr, double tau, std::size_t n) {
-        if (prr == 1.0) return 1.8 + std::abs(tau - 2.0);                      // clear
+        if (prr == 1.0) return 1.8 + std::abs(tau - 2.0) + 0.1 * spread(n);    // clear
         if (prr == 0.65) return 10.0 + std::abs(tau - 1.0) + 0.1 * spread(n);  // clear, and 1 s
         return 20.0 + spread(static_cast<std::size_t>(tau * 5.0) + 3 * n);     // flat
       }));
@@ -139,15 +141,55 @@ TEST_F(Claims, AboutTheBestLookAheadNeedItToBeSeparated) {
   EXPECT_EQ(find(claims, "at PRR 0.45").verdict, Verdict::undecided);
 }
 
-TEST_F(Claims, AboutTheRiskNeedAFallBeyondChance) {
-  const auto judge = [](const RiskFall& risk) {
+TEST_F(Claims, AboutBothSidesOfTheBestLookAheadWantEachStepToRise) {
+  const auto judge = [this](double at_4_s) {
+    std::vector<std::vector<double>> grid;
+    for (const double tau : {4.0, 1.0, 3.0, 2.0}) grid.push_back({1.0, tau});
     PaperResults results;
-    results.risk = risk;
-    return judge_claims(results).front().verdict;
+    results.heatmap.emplace(
+        data({"channel.prr", "controller.tau_s"}, grid, 12, [&](double, double tau, std::size_t n) {
+          return (tau == 4.0 ? at_4_s : 1.8 + std::abs(tau - 2.0)) + 0.1 * spread(n);
+        }));
+    return find(judge_claims(results), "at PRR 1 ");
   };
-  EXPECT_EQ(judge({{12, 8, 6}, {{{1, 7}, {2, 10}}}, 50}), Verdict::reproduced);
-  EXPECT_EQ(judge({{12, 8, 6}, {{{-1, 9}, {2, 10}}}, 50}), Verdict::undecided);
-  EXPECT_EQ(judge({{6, 8, 12}, {{{-4, -1}, {-9, -2}}}, 50}), Verdict::not_reproduced);
+  EXPECT_EQ(judge(4.0).verdict, Verdict::reproduced);
+  EXPECT_EQ(judge(2.8).verdict, Verdict::undecided);  // as at 3 s
+  EXPECT_EQ(judge(2.3).verdict, Verdict::not_reproduced);
+  EXPECT_EQ(judge(2.3).reason, "it does not rise on both sides");
+}
+
+TEST_F(Claims, AboutTheRiskNeedAFallBeyondChance) {
+  const auto judge = [](const Interval& to_second, const Interval& to_last) {
+    PaperResults results;
+    results.risk = RiskFall{};
+    results.risk->to_second = {0.0, to_second};
+    results.risk->to_last = {0.0, to_last};
+    return find(judge_claims(results), "risk falls").verdict;
+  };
+  EXPECT_EQ(judge({1, 7}, {2, 10}), Verdict::reproduced);
+  EXPECT_EQ(judge({-1, 9}, {2, 10}), Verdict::undecided);
+  EXPECT_EQ(judge({-4, -1}, {-9, -2}), Verdict::not_reproduced);
+  EXPECT_EQ(judge({-4, -1}, {2, 10}), Verdict::not_reproduced);
+}
+
+TEST_F(Claims, AboutTheRiskBeforeTurnsCompareItWithTheRest) {
+  PaperResults results;
+  results.risk = RiskFall{};
+  results.risk->to_rest = {3.0, {1.0, 5.0}};
+  EXPECT_EQ(find(judge_claims(results), "before the first turns").verdict, Verdict::reproduced);
+  results.risk->to_rest = {-3.0, {-5.0, -1.0}};
+  results.risk->definition = RiskDefinition::now;
+  const Claim claim = find(judge_claims(results), "before the first turns");
+  EXPECT_EQ(claim.verdict, Verdict::not_reproduced);
+  EXPECT_THAT(claim.reason, HasSubstr("--risk"));
+}
+
+TEST_F(Claims, SayWhatIsMissing) {
+  PaperResults results;
+  results.prr.emplace(by_prr(as_in_the_paper, 20, {0.05, 0.1, 0.2, 0.3, 0.4, 0.85, 1.0}));
+  const Claim claim = find(judge_claims(results), "plateau, PRR");
+  EXPECT_EQ(claim.verdict, Verdict::undecided);
+  EXPECT_EQ(claim.reason, "no runs at 0.25, 0.35");
 }
 
 TEST_F(Claims, AreNotJudgedWithoutResults) { EXPECT_TRUE(judge_claims({}).empty()); }

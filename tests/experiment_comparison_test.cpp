@@ -103,6 +103,19 @@ TEST(TiesOfBestTest, OneRareCatastropheSeparatesNothing) {
   EXPECT_TRUE(best.tied[1]);
 }
 
+TEST(TiesOfBestTest, OneRareCatastropheWidensNoOtherInterval) {
+  RandomEngine random = random_stream(8, "ties");
+  std::vector<Arm> arms = normal_arms(3, 50, 3.0, random);
+  const std::vector<bool> before = ties_of_best(arms, 0.95, 1).tied;
+  // As good as the best, run by run, but lost once.
+  arms.push_back(arms.front());
+  for (SeededValue& run : arms.back()) run.value += 0.001;
+  arms.back()[7].value += 20.0;
+  const BestArm best = ties_of_best(arms, 0.95, 1);
+  EXPECT_EQ(before, (std::vector<bool>{true, false, false}));
+  EXPECT_EQ(best.tied, (std::vector<bool>{true, false, false, true}));
+}
+
 TEST(TiesOfBestTest, UsesTheSeedsThatAllArmsHave) {
   Arm longer = arm({1, 1, 1, 1, 1, 1, 1, 1, 1, 99});
   const Arm shorter = arm({2, 2, 2, 2, kNan, 2, 2, 2, 2});

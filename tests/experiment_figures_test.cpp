@@ -123,7 +123,7 @@ class ExperimentFiguresTest : public ::testing::Test {
     for (int i = 0; i < columns; ++i) {
       const int best = 1 + (rows - 1) * (columns - i) / (columns + 1);
       for (int j = 0; j < rows; ++j) {
-        HeatCell cell{0.3 + 0.1 * i, 0.5 * (j + 1), 0.0, 50, 0, HeatCell::Mark::none};
+        HeatCell cell{0.3 + 0.1 * i, 0.5 * (j + 1), 0.0, {}, 50, 0, HeatCell::Mark::none};
         cell.mean = 2.0 + 0.8 * (columns - i) + 0.6 * (j - best) * (j - best);
         if (j == best) cell.mark = HeatCell::Mark::best;
         if (j == best + 1) cell.mark = HeatCell::Mark::tied;
@@ -144,8 +144,8 @@ TEST_F(ExperimentFiguresTest, TrajectoriesOfFourRuns) {
                    panel("PRR 0.45, ε = 19.8 m", 12.0), panel("PRR 0.3, ε = 22.7 m", 20.0)};
   draw_trajectories(folder_, "trajectories", figure);
   expect_drawn("trajectories");
-  EXPECT_TRUE(has_row("trajectories", "1,planned,0,0"));
-  EXPECT_TRUE(has_row("trajectories", "1,start,0,0"));
+  EXPECT_TRUE(has_row("trajectories", "1,planned,0,0,ode"));
+  EXPECT_TRUE(has_row("trajectories", "1,start,0,0,ode"));
   EXPECT_TRUE(shows("trajectories", "PRR 0.45, ε = 19.8 m"));
   EXPECT_TRUE(shows("trajectories", "plant: ode, scenario: paper.toml"));
   EXPECT_TRUE(shows("trajectories", "seed 7"));
@@ -219,7 +219,7 @@ TEST_F(ExperimentFiguresTest, OneRunAPointHasNoBand) {
   expect_drawn("curve");
   EXPECT_TRUE(shows("curve", "n = 1 seed a point"));
   EXPECT_FALSE(shows("curve", "interval"));
-  EXPECT_TRUE(has_row("curve", "1,mean,500,500,3.5,nan,nan,1,"));
+  EXPECT_TRUE(has_row("curve", "1,mean,500,500,3.5,nan,nan,1,,ode"));
 }
 
 TEST_F(ExperimentFiguresTest, CurvesOfDegenerateDataAreDrawn) {
@@ -251,7 +251,7 @@ TEST_F(ExperimentFiguresTest, HeatmapWithBestAndTiedCells) {
   figure.cells[3].n = 0;
   draw_heatmap(folder_, "heatmap", figure);
   expect_drawn("heatmap");
-  EXPECT_TRUE(has_row("heatmap", "0.3,2,1,4,nan,0,50,0"));
+  EXPECT_TRUE(has_row("heatmap", "0.3,2,1,4,nan,0,50,0,nan,nan,ode"));
   EXPECT_TRUE(shows("heatmap", "n = 50 seeds a point; 50 failed runs left out"));
   EXPECT_TRUE(shows("heatmap", "no run succeeded"));
   EXPECT_TRUE(shows("heatmap", "not separable"));
@@ -286,7 +286,7 @@ TEST_F(ExperimentFiguresTest, RiskMapOfTheFigureEight) {
   figure.failed = 60;
   draw_risk_map(folder_, "risk", figure);
   expect_drawn("risk");
-  EXPECT_TRUE(has_row("risk", "0,0,0,7.5,6,9.75,50,0"));
+  EXPECT_TRUE(has_row("risk", "0,0,0,7.5,6,9.75,50,0,ode"));
   EXPECT_TRUE(shows("risk", "n = 40–50 seeds a point; 60 failed runs left out"));
   EXPECT_TRUE(shows("risk", ">start<"));
 }

@@ -75,6 +75,40 @@ seeds = 1
                           "channel.uplink.prr = 0.4, channel.downlink.prr = 0.2"));
 }
 
+TEST_F(ExperimentFile, ZipsAndGridVaryInTheOrderOfTheFile) {
+  const Experiment experiment = load(R"(
+seeds = 1
+[[zip]]
+channel.uplink.prr = [0.2, 0.4]
+channel.downlink.prr = [0.4, 0.2]
+[grid]
+controller.tau_s = [1, 2]
+)");
+  EXPECT_THAT(experiment.keys,
+              ElementsAre("channel.uplink.prr", "channel.downlink.prr", "controller.tau_s"));
+  EXPECT_EQ(experiment.arms[1].text(),
+            "channel.uplink.prr = 0.2, channel.downlink.prr = 0.4, controller.tau_s = 2");
+}
+
+TEST_F(ExperimentFile, ShowsTextsWithoutTheirQuotes) {
+  const Experiment experiment = load(R"(
+seeds = 1
+[grid]
+vehicle.plant = ["ode", "kinematic"]
+)");
+  EXPECT_THAT(texts(experiment), ElementsAre("vehicle.plant = ode", "vehicle.plant = kinematic"));
+}
+
+TEST_F(ExperimentFile, SeedsOfTheirOwnMustFitIn63Bits) {
+  EXPECT_THAT(why_refused(R"(
+seeds = [9000000000000000000]
+common_random_numbers = false
+[grid]
+channel.prr = [0.2, 0.4]
+)"),
+              HasSubstr("seeds must be below 4611686018427387903"));
+}
+
 TEST_F(ExperimentFile, StepsOfARangeAreRoundNumbers) {
   const Experiment experiment = load(R"(
 seeds = 1

@@ -5,6 +5,8 @@ tether_add_test(NAME sweep_test SOURCES sweep_test.cpp LIBS tether_experiment LA
 tether_add_test(NAME experiment_statistics_test
   SOURCES experiment_statistics_test.cpp experiment_comparison_test.cpp
   LIBS tether_experiment_statistics LABELS slow)
+tether_add_test(NAME paper_claims_test SOURCES paper_claims_test.cpp LIBS tether_experiment
+  LABELS slow ONE_PROCESS)
 tether_add_test(NAME experiment_figures_test SOURCES experiment_figures_test.cpp
   LIBS tether_experiment_figures)
 

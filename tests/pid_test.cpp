@@ -118,6 +118,17 @@ TEST(PidLaw, WrapsTheHeadingError) {
   EXPECT_LE(std::abs(law.errors().heading_rad), kPi);
 }
 
+TEST(PidLaw, TurnsTheLongWayRoundWithoutWrapping) {
+  Scenario::Controller config = proportional();
+  config.wrap_heading = false;
+  PidLaw law(config, std::make_shared<FigureEight>(FigureEight::Config{}));
+  // At t = 1 s the path lies at a slightly negative bearing.
+  law.step({-5.0, 0.1, kPi - 0.1}, at_s(1.0));
+  EXPECT_LT(law.errors().heading_rad, -(kPi - 0.2));
+  law.step({40.0, 1.0, kPi - 0.1}, at_s(1.0));
+  EXPECT_GT(std::abs(law.errors().heading_rad), kPi);
+}
+
 TEST(PidLaw, DrivesForwardOnly) {
   PidLaw law(proportional(), std::make_shared<FigureEight>(FigureEight::Config{}));
   for (double yaw = -3.0; yaw <= 3.0; yaw += 0.5) {

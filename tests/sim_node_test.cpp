@@ -61,7 +61,7 @@ TEST(Actuator, ANewCommandRestartsTheTimeout) {
 // ---------------------------------------------------------------------------- sensor, metrics
 
 TEST(PoseSensor, WithoutNoiseIsTheTruth) {
-  PoseSensor sensor({}, random_stream(1, "sensor"));
+  PoseSensor sensor({}, random_stream(1, "sensor"), random_stream(1, "drift"));
   const Pose2 p = sensor.measure({1.0, 2.0, 3.0});
   EXPECT_EQ(p.x_m, 1.0);
   EXPECT_EQ(p.y_m, 2.0);
@@ -73,7 +73,7 @@ TEST(PoseSensor, NoiseHasTheConfiguredDeviationAndNoBias) {
   Scenario::Sensor config;
   config.position_noise_m = 0.02;
   config.yaw_noise_rad = 0.01;
-  PoseSensor sensor(config, random_stream(1, "sensor"));
+  PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(1, "drift"));
   double sum[3] = {}, squares[3] = {};
   for (int i = 0; i < kSamples; ++i) {
     const Pose2 p = sensor.measure({});
@@ -92,10 +92,32 @@ TEST(PoseSensor, NoiseHasTheConfiguredDeviationAndNoBias) {
   }
 }
 
+TEST(PoseSensor, DriftGrowsWithTheRootOfTime) {
+  Scenario::Sensor config;
+  config.rate_hz = 4.0;
+  config.position_drift_mpsqrts = 0.1;
+  config.yaw_drift_radpsqrts = 0.02;
+  double squares_m2 = 0.0, squares_rad2 = 0.0;
+  constexpr int kSensors = 1000;
+  constexpr double kTime_s = 9.0;
+  for (std::uint64_t seed = 1; seed <= kSensors; ++seed) {
+    PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(seed, "drift"));
+    Pose2 pose = sensor.measure({});
+    EXPECT_EQ(pose.x_m, 0.0) << "it begins with the truth";
+    for (int i = 0; i < 4 * static_cast<int>(kTime_s); ++i) pose = sensor.measure({});
+    squares_m2 += pose.x_m * pose.x_m + pose.y_m * pose.y_m;
+    squares_rad2 += pose.yaw_rad * pose.yaw_rad;
+  }
+  // A sum of n squares of normals has the relative deviation sqrt(2/n): 3.2 % and 4.5 %; three of
+  // them.
+  EXPECT_NEAR(squares_m2 / (2 * kSensors) / (0.01 * kTime_s), 1.0, 3.0 * 0.032);
+  EXPECT_NEAR(squares_rad2 / kSensors / (0.0004 * kTime_s), 1.0, 3.0 * 0.045);
+}
+
 TEST(PoseSensor, NoisyYawStaysWrapped) {
   Scenario::Sensor config;
   config.yaw_noise_rad = 0.5;
-  PoseSensor sensor(config, random_stream(1, "sensor"));
+  PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(1, "drift"));
   for (int i = 0; i < 1000; ++i) {
     EXPECT_LE(std::abs(sensor.measure({0.0, 0.0, 3.14}).yaw_rad), 3.1415926535897936);
   }

@@ -183,6 +183,11 @@ def a_read_only_folder_is_refused(bench):
     try:
         bench.refuses(disk / "out", 2, "cannot make the folder", "Read-only")
         bench.refuses(disk, 1, "Read-only")
+        # But what is complete can be read there.
+        subprocess.run(["mount", "-o", "remount,rw", str(disk)], check=True)
+        check(bench.sweep(disk / "whole").returncode == 0, "the sweep")
+        subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+        check(bench.csv(disk / "whole") == bench.csv(bench.folder / "whole"), "the results differ")
     finally:
         subprocess.run(["umount", str(disk)], check=True)
 

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
@@ -6,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -41,9 +43,16 @@ void print_claims(const Report& report) {
   }
 }
 
+void print_plants(const Report& report) {
+  std::set<std::string> plants;
+  for (const ReportSection& section : report.sections) plants.insert(section.plant);
+  fmt::print("plant     {}\n", fmt::join(plants, ", "));
+}
+
 int report(const std::string& folder, const std::string& risk) {
   const Report report = write_report(folder, kRisks.at(risk));
   print_claims(report);
+  print_plants(report);
   fmt::print("report    {}\n", (fs::path(folder) / "report.html").string());
   return kExitOk;
 }
@@ -99,6 +108,7 @@ int reproduce(const ReproduceOptions& options) {
   }
   const Report report = write_report(options.out, kRisks.at(options.risk));
   print_claims(report);
+  print_plants(report);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   fmt::print("time      {}; the sweeps {} on {} cores\n", format_duration(taken.count()),
              format_duration(sweeps_s), jobs);

@@ -40,7 +40,10 @@ double seconds_per_run(const Experiment& experiment) {
   for (const std::size_t arm : arms) {
     Scenario scenario = experiment.arms[arm].scenario;
     scenario.run.seed = experiment.seed(arm, 0);
-    run_once(scenario, experiment.trajectory_period_s);
+    const RunResult result = run_once(scenario, experiment.trajectory_period_s);
+    if (result.failure.empty()) continue;
+    fmt::print(stderr, "{}, seed {} fails: {}\n", experiment.arms[arm].text(), scenario.run.seed,
+               result.failure);
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   return taken.count() / static_cast<double>(arms.size());
@@ -55,16 +58,18 @@ int say_plan(const Experiment& experiment, const Shard& shard, std::size_t jobs)
     const std::size_t here = (runs + shard.count - 1) / shard.count;
     return format_duration(run_s * static_cast<double>(here) / static_cast<double>(jobs));
   };
-  const std::string what = experiment.arms.size() == 1
-                               ? "1 combination"
-                               : fmt::format("{} combinations", experiment.arms.size());
+  const auto counted = [](std::size_t n, const char* one) {
+    return fmt::format("{} {}{}", n, one, n == 1 ? "" : "s");
+  };
+  const std::string what = counted(experiment.arms.size(), "combination");
   if (least == most) {
-    fmt::print("{} of {} seeds: {} runs, about {} on {} cores ({:.3f} s a run)\n", what,
-               experiment.seeds.size(), most, duration(most), jobs, run_s);
+    fmt::print("{} of {}: {}, about {} on {} ({:.3f} s a run)\n", what,
+               counted(experiment.seeds.size(), "seed"), counted(most, "run"), duration(most),
+               counted(jobs, "core"), run_s);
   } else {
-    fmt::print("{} of {} to {} seeds: {} to {} runs, about {} to {} on {} cores ({:.3f} s a run)\n",
-               what, experiment.precision->batch, experiment.seeds.size(), least, most,
-               duration(least), duration(most), jobs, run_s);
+    fmt::print("{} of {} to {} seeds: {} to {} runs, about {} to {} on {} ({:.3f} s a run)\n", what,
+               experiment.precision->batch, experiment.seeds.size(), least, most, duration(least),
+               duration(most), counted(jobs, "core"), run_s);
   }
   if (shard.count > 1) fmt::print("of these, shard {} makes one in {}\n", shard.index, shard.count);
   return kExitOk;
@@ -82,7 +87,8 @@ int sweep(const SweepCommandOptions& options) {
   const fs::path folder =
       options.out.empty() ? fs::path("out") / experiment.name : fs::path(options.out);
   const SweepOutcome outcome = sweep_into(folder, experiment, shard, jobs);
-  fmt::print("{} runs in {}{}\n", outcome.runs, outcome.database.string(),
+  fmt::print("{} runs with plant {} in {}{}\n", outcome.runs, outcome.plant,
+             outcome.database.string(),
              outcome.failed == 0
                  ? ""
                  : fmt::format(", of which {} failed (see `tether sweep export`)", outcome.failed));

@@ -27,12 +27,14 @@ namespace fs = std::filesystem;
 
 std::atomic<bool> stop{false};
 
-/// Ctrl-C and SIGTERM end the sweep after the runs under way.
+/// Ctrl-C and SIGTERM end the sweep after the runs under way; a file that may not grow further is
+/// an error like a full disk, not a death.
 void stop_on_signals() {
   struct sigaction action {};
   action.sa_handler = [](int) { stop = true; };
   action.sa_flags = static_cast<int>(SA_RESETHAND);  // a second one ends it at once
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 /// Keeps another process from sweeping into the same database at the same time.
@@ -40,9 +42,14 @@ class SweepLock {
  public:
   explicit SweepLock(const fs::path& database) : file_(database.string() + ".lock") {
     fd_ = check_system_call("making " + file_,
-                            open(file_.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666));
-    if (flock(fd_, LOCK_EX | LOCK_NB) == 0 && is_still_there()) return;
+                            open(file_.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0666));
+    const bool is_locked = flock(fd_, LOCK_EX | LOCK_NB) == 0;
+    const int error = errno;
+    if (is_locked && is_still_there()) return;
     close(fd_);
+    if (!is_locked && error != EWOULDBLOCK) {
+      throw std::system_error(error, std::generic_category(), "locking " + file_);
+    }
     throw UsageError(fmt::format("another process is sweeping into {}", database.string()));
   }
   ~SweepLock() {
@@ -95,7 +102,8 @@ SweepOutcome sweep_into(const fs::path& folder, const Experiment& experiment, co
                          run_once};
   const bool is_complete = run_sweep(experiment, shard, store, how, stop);
   bar.end();
-  return {database, store.size(), store.failures(), is_complete, store.wall_time_s()};
+  return {database,    store.size(),        store.failures(),
+          is_complete, store.wall_time_s(), store.plant()};
 }
 
 }  // namespace tether

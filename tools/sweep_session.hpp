@@ -13,6 +13,7 @@ struct SweepOutcome {
   std::size_t runs = 0, failed = 0;  ///< in the database
   bool is_complete = false;          ///< false: interrupted
   double wall_time_s = 0.0;          ///< of all its sessions
+  std::string plant;
 };
 
 /// One a core that this process may use.

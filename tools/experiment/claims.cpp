@@ -39,17 +39,24 @@ Claim about_means(const SweepData& data, const std::string& figure, const std::s
                   const std::string& key, const std::vector<double>& values, double low,
                   double high) {
   Claim claim{figure, paper, "", Claim::Verdict::reproduced, ""};
+  std::string missing;
   for (const double value : values) {
     const auto arm = data.find({{key, value}});
-    if (!arm) continue;
+    if (!arm) {
+      missing += fmt::format("{}{:g}", missing.empty() ? "no runs at " : ", ", value);
+      continue;
+    }
     const Summary& summary = data.arms()[*arm].summary;
     claim.ours += fmt::format("{}{} {:g}: {}", claim.ours.empty() ? "" : "; ",
                               key == kPrr ? "PRR" : "δ [ms]", value, mean_and_n(summary));
     claim.verdict = worst(claim.verdict, judge_mean(summary, low, high));
   }
-  if (claim.ours.empty()) claim.verdict = Claim::Verdict::undecided;
   if (claim.verdict == Claim::Verdict::undecided)
     claim.reason = "the interval reaches beyond the claim";
+  if (!missing.empty()) {
+    claim.verdict = worst(claim.verdict, Claim::Verdict::undecided);
+    claim.reason = missing;
+  }
   return claim;
 }
 
@@ -130,6 +137,7 @@ void judge_delay(const SweepData& delay, std::vector<Claim>& claims) {
   for (const double value : values) {
     const std::size_t arm = delay.find({{kDelay, value}}).value();
     const double y = delay.arms()[arm].summary.mean;
+    if (!std::isfinite(y)) continue;  // all its runs failed
     sum_x += value, sum_y += y, sum_xx += value * value, sum_xy += value * y, sum_yy += y * y, ++n;
     if (before) {
       const auto step = paired_difference(delay.arms()[arm].runs, delay.arms()[*before].runs,
@@ -151,7 +159,7 @@ void judge_delay(const SweepData& delay, std::vector<Claim>& claims) {
       mean_and_n(delay.arms()[delay.find({{kDelay, values.front()}}).value()].summary),
       values.front(), mean_and_n(delay.arms()[*before].summary), values.back(), 100.0 * r2);
   constexpr double kStraight = 0.98;  // a parabola reaches 0.93
-  if (!(r2 >= kStraight)) {
+  if (claim.reason.empty() && !(r2 >= kStraight)) {
     claim.verdict = Claim::Verdict::not_reproduced;
     claim.reason = "it rises, but not in a straight line";
   }
@@ -170,57 +178,119 @@ void judge_loss_against_delay(const SweepData& prr, const SweepData& delay,
                     is_worse ? Claim::Verdict::reproduced : Claim::Verdict::not_reproduced, ""});
 }
 
-/// The best τ of a column of the heatmap.
-void judge_best_tau(const SweepData& heatmap, double prr, double tau_s, const std::string& paper,
-                    std::vector<Claim>& claims) {
-  const auto column = heatmap.where(kPrr, prr);
-  std::vector<std::vector<SeededValue>> runs;
-  for (const std::size_t arm : column) runs.push_back(heatmap.arms()[arm].runs);
-  if (column.size() < 3) return;
-  const BestArm best = ties_of_best(runs, kConfidence, kBootstrapSeed);
-  if (!best.best) return;
+/// Rises from arm to arm: of two arms' runs, whether chance cannot explain that the second's ε is
+/// not larger; undecided where it can.
+Claim::Verdict judge_step(const SweepData& data, std::size_t from, std::size_t to) {
+  const auto step =
+      paired_difference(data.arms()[to].runs, data.arms()[from].runs, kConfidence, kBootstrapSeed);
+  if (!step.separated) return Claim::Verdict::undecided;
+  return step.difference.mean > 0.0 ? Claim::Verdict::reproduced : Claim::Verdict::not_reproduced;
+}
+
+/// A column of the heatmap, by ascending τ.
+struct TauColumn {
+  std::vector<std::size_t> arms;
+  BestArm best;
+
+  TauColumn(const SweepData& heatmap, double prr) : arms(heatmap.where(kPrr, prr)) {
+    std::sort(arms.begin(), arms.end(), [&heatmap](std::size_t a, std::size_t b) {
+      return heatmap.number(a, kTau) < heatmap.number(b, kTau);
+    });
+    std::vector<std::vector<SeededValue>> runs;
+    for (const std::size_t arm : arms) runs.push_back(heatmap.arms()[arm].runs);
+    best = ties_of_best(runs, kConfidence, kBootstrapSeed);
+  }
+};
+
+/// Whether `tau_s` is the best τ of a column: undecided where it cannot be told from the best.
+Claim judge_best_tau(const SweepData& heatmap, const TauColumn& column, double tau_s,
+                     const std::string& paper) {
+  const std::size_t best = column.best.best.value();
   Claim claim{"F4", paper, "", Claim::Verdict::not_reproduced, ""};
   std::string ties;
   bool is_tied = false;
-  for (std::size_t i = 0; i < column.size(); ++i) {
-    const double tau = heatmap.number(column[i], kTau);
-    const bool is_wanted = std::abs(tau - tau_s) < 1e-9;
-    if (best.best == i && is_wanted) claim.verdict = Claim::Verdict::reproduced;
-    if (best.tied[i] && best.best != i) {
-      ties += fmt::format("{}{:g} s", ties.empty() ? "" : ", ", tau);
-      is_tied = is_tied || is_wanted;
-    }
+  for (std::size_t i = 0; i < column.arms.size(); ++i) {
+    const double tau = heatmap.number(column.arms[i], kTau);
+    if (!column.best.tied[i]) continue;
+    is_tied = is_tied || std::abs(tau - tau_s) < 1e-9;
+    if (i != best) ties += fmt::format("{}{:g} s", ties.empty() ? "" : ", ", tau);
   }
-  const std::size_t winner = column[*best.best];
+  const std::size_t winner = column.arms[best];
   claim.ours =
       fmt::format("best τ = {:g} s: {}; {}", heatmap.number(winner, kTau),
                   mean_and_n(heatmap.arms()[winner].summary),
-                  ties.empty() ? "no other τ can compete" : "not separated from it: " + ties);
-  const bool is_certain = ties.empty() || heatmap.arms()[winner].summary.sd == 0.0;
-  if (claim.verdict == Claim::Verdict::reproduced && !is_certain)
-    claim.verdict = Claim::Verdict::undecided;
-  if (claim.verdict == Claim::Verdict::not_reproduced && is_tied)
-    claim.verdict = Claim::Verdict::undecided;
+                  ties.empty() ? "all others are worse" : "not separated from it: " + ties);
+  if (is_tied)
+    claim.verdict = ties.empty() ? Claim::Verdict::reproduced : Claim::Verdict::undecided;
   if (claim.verdict == Claim::Verdict::undecided) {
-    claim.reason = "ε is flat in τ here within what the runs can tell";
+    claim.reason = "the runs cannot tell which of these is the best";
   }
-  claims.push_back(claim);
+  return claim;
+}
+
+/// ε rises step by step on both sides of the best τ.
+void judge_rise_on_both_sides(const SweepData& heatmap, const TauColumn& column, Claim& claim) {
+  const std::size_t best = column.best.best.value();
+  Claim::Verdict rise = Claim::Verdict::reproduced;
+  for (std::size_t i = 0; i + 1 < column.arms.size(); ++i) {
+    const std::size_t low = column.arms[i], high = column.arms[i + 1];
+    rise = worst(rise, i < best ? judge_step(heatmap, high, low) : judge_step(heatmap, low, high));
+  }
+  if (best == 0 || best + 1 == column.arms.size()) rise = Claim::Verdict::not_reproduced;
+  claim.verdict = worst(claim.verdict, rise);
+  const auto end = [&](std::size_t arm) {
+    return fmt::format("{} at {:g} s", mean_and_n(heatmap.arms()[arm].summary),
+                       heatmap.number(arm, kTau));
+  };
+  claim.ours += fmt::format("; {}, {}", end(column.arms.front()), end(column.arms.back()));
+  if (rise == Claim::Verdict::reproduced || !claim.reason.empty()) return;
+  claim.reason = rise == Claim::Verdict::undecided ? "the runs cannot tell whether each step rises"
+                                                   : "it does not rise on both sides";
+}
+
+void judge_heatmap(const SweepData& heatmap, std::vector<Claim>& claims) {
+  struct Wanted {
+    double prr, tau_s;
+    const char* paper;
+  };
+  for (const Wanted& wanted :
+       {Wanted{1.0, 2.0, "at PRR 1 the best τ is 2 s; ε rises on both sides"},
+        Wanted{0.65, 2.0, "at PRR 0.65 the best τ is 2 s"},
+        Wanted{0.45, 3.0, "at PRR 0.45 the best τ is 3 s"}}) {
+    const TauColumn column(heatmap, wanted.prr);
+    if (column.arms.size() < 3 || !column.best.best) continue;
+    claims.push_back(judge_best_tau(heatmap, column, wanted.tau_s, wanted.paper));
+    if (wanted.prr == 1.0) judge_rise_on_both_sides(heatmap, column, claims.back());
+  }
+}
+
+Claim::Verdict judge_fall(const MeanEstimate& fall) {
+  if (fall.interval.low > 0.0) return Claim::Verdict::reproduced;
+  return fall.interval.high < 0.0 ? Claim::Verdict::not_reproduced : Claim::Verdict::undecided;
+}
+
+std::string estimate_text(const MeanEstimate& e) {
+  return fmt::format("{:.1f} {}", e.mean, interval_text(e.interval));
 }
 
 void judge_risk(const RiskFall& risk, std::vector<Claim>& claims) {
-  const Interval& second = risk.fall[0];
-  const Interval& last = risk.fall[1];
-  Claim claim{
-      "F5", "the risk falls along the path and is high before the first turns",
-      fmt::format("mean ε of the runs in B there: {:.1f} m in the first third of the path, "
-                  "{:.1f} m in the second, {:.1f} m in the last; lower than the first by {} "
-                  "and {} m (n = {})",
-                  risk.thirds[0], risk.thirds[1], risk.thirds[2], interval_text(second),
-                  interval_text(last), risk.runs),
-      Claim::Verdict::undecided, ""};
-  if (second.low > 0.0 && last.low > 0.0) claim.verdict = Claim::Verdict::reproduced;
-  if (second.high < 0.0 || last.high < 0.0) claim.verdict = Claim::Verdict::not_reproduced;
-  claims.push_back(claim);
+  Claim falls{"F5", "the risk falls along the path",
+              fmt::format("risk as the {}: {} m in the first third of the path, {} m in the "
+                          "second, {} m in the last; falls from the first by {} and {} m (n = {})",
+                          to_text(risk.definition), estimate_text(risk.thirds[0]),
+                          estimate_text(risk.thirds[1]), estimate_text(risk.thirds[2]),
+                          estimate_text(risk.to_second), estimate_text(risk.to_last), risk.runs),
+              worst(judge_fall(risk.to_second), judge_fall(risk.to_last)), ""};
+  constexpr char kReading[] = "the paper does not define its risk; --risk chooses other readings";
+  if (risk.definition != RiskDefinition::whole_run) falls.reason = kReading;
+  claims.push_back(falls);
+  if (!std::isfinite(risk.before_turns.mean)) return;
+  claims.push_back(
+      {"F5", "the risk is high before the first turns",
+       fmt::format("{} m before the first sharp turn, higher than from there on by {} "
+                   "m (n = {})",
+                   estimate_text(risk.before_turns), estimate_text(risk.to_rest), risk.runs),
+       judge_fall(risk.to_rest), falls.reason});
 }
 
 }  // namespace
@@ -246,12 +316,7 @@ std::vector<Claim> judge_claims(const PaperResults& results) {
   }
   if (results.delay) judge_delay(*results.delay, claims);
   if (results.prr && results.delay) judge_loss_against_delay(*results.prr, *results.delay, claims);
-  if (results.heatmap) {
-    judge_best_tau(*results.heatmap, 1.0, 2.0, "at PRR 1 the best τ is 2 s; ε rises on both sides",
-                   claims);
-    judge_best_tau(*results.heatmap, 0.65, 2.0, "at PRR 0.65 the best τ is 2 s", claims);
-    judge_best_tau(*results.heatmap, 0.45, 3.0, "at PRR 0.45 the best τ is 3 s", claims);
-  }
+  if (results.heatmap) judge_heatmap(*results.heatmap, claims);
   if (results.risk) judge_risk(*results.risk, claims);
   return claims;
 }

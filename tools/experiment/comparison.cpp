@@ -12,7 +12,8 @@
 namespace tether {
 namespace {
 
-using Column = std::vector<double>;  // values by ascending seed
+using Column = std::vector<double>;                   // values by ascending seed
+constexpr std::size_t kSimultaneousResamples = 5000;  // many pairs need the tails of each
 using ValueBySeed = std::map<std::uint64_t, double>;
 
 ValueBySeed finite_values(const std::vector<SeededValue>& runs) {
@@ -61,9 +62,14 @@ struct Difference {
 class Pair {
  public:
   Pair(const Column& first, const Column& second) : differences_(first.size()) {
-    for (std::size_t i = 0; i < first.size(); ++i) differences_[i] = first[i] - second[i];
+    double largest = 0.0;
+    for (std::size_t i = 0; i < first.size(); ++i) {
+      differences_[i] = first[i] - second[i];
+      largest = std::max({largest, std::abs(first[i]), std::abs(second[i])});
+    }
+    constexpr double kRounding = 1e-12;
     const auto [low, high] = std::minmax_element(differences_.begin(), differences_.end());
-    constant_ = *low == *high;
+    constant_ = *high - *low <= kRounding * largest;
     std::vector<std::size_t> all(first.size());
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
     measured_ = of(all);
@@ -103,28 +109,69 @@ class Pair {
   bool constant_ = false;
 };
 
-// What |t| of all pairs at once stays below with the confidence.
-double critical_deviation(const std::vector<Column>& columns, double confidence,
-                          std::uint64_t seed) {
-  std::vector<Pair> pairs;
-  for (std::size_t i = 0; i < columns.size(); ++i) {
-    for (std::size_t j = 0; j < i; ++j) {
-      Pair pair(columns[i], columns[j]);
-      if (!pair.constant()) pairs.push_back(std::move(pair));
-    }
-  }
-  const std::size_t n = columns.front().size();
+// What |t| of each pair stays below, all at once with the confidence.
+std::vector<double> critical_deviations(const std::vector<Pair>& pairs, std::size_t n,
+                                        double confidence, std::uint64_t seed) {
   RandomEngine random = random_stream(seed, "bootstrap/best");
   std::vector<std::size_t> rows(n);
-  std::vector<double> largest(kResamples, 0.0);
-  for (double& deviation : largest) {
+  std::vector<Column> drawn(pairs.size(), Column(kSimultaneousResamples));
+  for (std::size_t sample = 0; sample < kSimultaneousResamples; ++sample) {
     for (std::size_t& row : rows) row = random_index(random, n);
-    for (const Pair& pair : pairs) deviation = std::max(deviation, pair.deviation(rows));
+    for (std::size_t p = 0; p < pairs.size(); ++p) drawn[p][sample] = pairs[p].deviation(rows);
   }
-  std::sort(largest.begin(), largest.end());
-  // An order statistic, on the safe side: some may be infinite.
-  const auto rank = static_cast<std::size_t>(std::ceil(confidence * (kResamples + 1)));
-  return largest[std::min<std::size_t>(rank, kResamples) - 1];
+  // The rank of a sample among those of its pair, the largest over the pairs: a pair whose law is
+  // wild has ranks like any other. Equal ones, also infinite, share the lowest.
+  std::vector<std::size_t> highest(kSimultaneousResamples, 0);
+  std::vector<Column> sorted = drawn;
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    std::sort(sorted[p].begin(), sorted[p].end());
+    for (std::size_t sample = 0; sample < kSimultaneousResamples; ++sample) {
+      const auto below = std::lower_bound(sorted[p].begin(), sorted[p].end(), drawn[p][sample]);
+      const auto rank = static_cast<std::size_t>(below - sorted[p].begin());
+      highest[sample] = std::max(highest[sample], rank);
+    }
+  }
+  std::sort(highest.begin(), highest.end());
+  const auto order = static_cast<std::size_t>(
+      std::ceil(confidence * static_cast<double>(kSimultaneousResamples + 1)));
+  const std::size_t rank = highest[std::min(order, kSimultaneousResamples) - 1];
+  std::vector<double> critical;
+  for (const Column& deviations : sorted) critical.push_back(deviations[rank]);
+  return critical;
+}
+
+// How far each arm's mean lies above the best's, and how uncertain that is at once with all pairs.
+struct Comparisons {
+  std::vector<Difference> to_best;
+  std::vector<double> margins;
+};
+
+Comparisons compare_with_best(const std::vector<Column>& columns, std::size_t best,
+                              double confidence, std::uint64_t seed) {
+  std::vector<Pair> pairs;
+  std::vector<std::size_t> with_best(columns.size());  // place among the pairs
+  Comparisons result{std::vector<Difference>(columns.size()),
+                     std::vector<double>(columns.size(), 0.0)};
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    for (std::size_t j = i + 1; j < columns.size(); ++j) {
+      Pair pair = j == best ? Pair(columns[i], columns[j]) : Pair(columns[j], columns[i]);
+      const std::size_t other = j == best ? i : j;
+      const bool has_best = i == best || j == best;
+      if (has_best) result.to_best[other] = pair.measured();
+      if (pair.constant()) continue;
+      if (has_best) {
+        with_best[other] = pairs.size();
+        result.margins[other] = pair.measured().error;
+      }
+      pairs.push_back(std::move(pair));
+    }
+  }
+  if (pairs.empty()) return result;
+  const auto critical = critical_deviations(pairs, columns.front().size(), confidence, seed);
+  for (std::size_t arm = 0; arm < columns.size(); ++arm) {
+    if (result.margins[arm] > 0.0) result.margins[arm] *= critical[with_best[arm]];
+  }
+  return result;
 }
 
 double mean_by_seed(const Column& column) {
@@ -176,19 +223,17 @@ BestArm ties_of_best(const std::vector<std::vector<SeededValue>>& arms, double c
     if (result.means[taking_part[i]] < result.means[taking_part[best]]) best = i;
   }
   result.best = taking_part[best];
-  const bool decidable = result.n >= kLeastPairs;
-  const double critical = decidable ? critical_deviation(common.columns, confidence, seed) : 0.0;
+  if (result.n < kLeastPairs) {
+    for (const std::size_t arm : taking_part) result.tied[arm] = true;
+    return result;
+  }
+  const Comparisons compared = compare_with_best(common.columns, best, confidence, seed);
   for (std::size_t i = 0; i < taking_part.size(); ++i) {
     const std::size_t arm = taking_part[i];
-    if (i == best || !decidable) {
-      result.tied[arm] = true;
-      continue;
-    }
-    const Pair pair(common.columns[i], common.columns[best]);
-    const double margin = pair.constant() ? 0.0 : critical * pair.measured().error;
-    result.tied[arm] = pair.measured().mean <= margin;
-    if (std::isfinite(margin)) {
-      result.differences[arm] = {pair.measured().mean - margin, pair.measured().mean + margin};
+    const double mean = compared.to_best[i].mean, margin = compared.margins[i];
+    result.tied[arm] = mean <= margin;
+    if (i != best && std::isfinite(margin)) {
+      result.differences[arm] = {mean - margin, mean + margin};
     }
   }
   return result;

@@ -50,13 +50,16 @@ struct BestArm {
 /// part (never tied, mean NaN).
 ///
 /// Method: the paired differences of all pairs of arms, not only of those with the best, have
-/// simultaneous intervals by the largest |t| of kResamples bootstrap samples of seeds, each t
-/// studentised by its sample (max-T: Westfall and Young 1993; Romano and Wolf, Econometrica 73(4),
-/// 2005). An arm is separated if its interval to the best excludes 0. As all pairs hold at once
-/// with `confidence`, it does no harm that the best was chosen by the same data: the probability of
-/// separating any arm that is as good as the best one is at most 1 − confidence, asymptotically.
-/// Holm's steps over the comparisons with the best are not used because they ignore that choice,
-/// and because bootstrap probabilities below 1/kResamples, which they need, are coarse.
+/// simultaneous intervals by the bootstrap of seeds: each pair's |t|, studentised by its sample, is
+/// replaced by its rank among the resamples of that pair, the largest rank over the pairs gives one
+/// level for all, and each pair's own quantile at that level its interval (balanced simultaneous
+/// sets: Beran, JASA 83(403), 1988; the maximum over all pairs as in Romano and Wolf, Econometrica
+/// 73(4), 2005). Ranks keep a pair that one rare lost run makes uncertain from widening the
+/// intervals of the others, which the largest |t| itself does. An arm is separated if its interval
+/// to the best excludes 0. As all pairs hold at once with `confidence`, it does no harm that the
+/// best was chosen by the same data: the probability of separating any arm that is as good as the
+/// best one is at most 1 − confidence, asymptotically. Holm's steps over the comparisons with the
+/// best are not used because they ignore that choice.
 ///
 /// Separating means "worse": an arm that is tied was not shown to be equally good.
 BestArm ties_of_best(const std::vector<std::vector<SeededValue>>& arms, double confidence,

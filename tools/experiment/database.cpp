@@ -2,17 +2,57 @@
 
 #include <fmt/format.h>
 #include <sqlite3.h>
+#include <unistd.h>
 
+#include <cctype>
 #include <exception>
 #include <stdexcept>
 
 namespace tether {
 
+namespace {
+
+int flags_of(Database::Mode mode) {
+  switch (mode) {
+    case Database::Mode::read:
+      return SQLITE_OPEN_READONLY | SQLITE_OPEN_URI;
+    case Database::Mode::write:
+      return SQLITE_OPEN_READWRITE;
+    case Database::Mode::create:
+      break;
+  }
+  return SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+}
+
+/// A file that nobody changes: read without the lock files that a read-only folder has no room for.
+std::string immutable_uri(const std::filesystem::path& file) {
+  std::string uri = "file:";
+  for (const char c : std::filesystem::absolute(file).string()) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool is_plain = std::isalnum(byte) != 0 || c == '/' || c == '.' || c == '-' || c == '_';
+    uri += is_plain ? std::string(1, c) : fmt::format("%{:02X}", byte);
+  }
+  return uri + "?immutable=1";
+}
+
+bool is_writable(const std::filesystem::path& folder) { return access(folder.c_str(), W_OK) == 0; }
+
+}  // namespace
+
 Database::Database(const std::filesystem::path& file, Mode mode) : file_(file) {
-  const int flags = mode == Mode::read    ? SQLITE_OPEN_READONLY
-                    : mode == Mode::write ? SQLITE_OPEN_READWRITE
-                                          : SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
-  const int code = sqlite3_open_v2(file.c_str(), &handle_, flags, nullptr);
+  try {
+    open(file.string(), mode);
+  } catch (const std::exception&) {
+    // A write-ahead log would have to be read too.
+    const bool has_log = std::filesystem::exists(file.string() + "-wal");
+    if (mode != Mode::read || has_log || is_writable(std::filesystem::absolute(file).parent_path()))
+      throw;
+    open(immutable_uri(file), mode);
+  }
+}
+
+void Database::open(const std::string& name, Mode mode) {
+  const int code = sqlite3_open_v2(name.c_str(), &handle_, flags_of(mode), nullptr);
   try {
     check(code, "opening it");
     sqlite3_busy_timeout(handle_, 10'000);

@@ -18,7 +18,8 @@ class Database {
  public:
   enum class Mode : std::uint8_t { read, write, create };
 
-  /// `create` makes the file if there is none. Refuses what is no database.
+  /// `create` makes the file if there is none. Refuses what is no database. `read` also works in a
+  /// read-only folder, unless a write-ahead log is left there.
   Database(const std::filesystem::path& file, Mode mode);
   ~Database();
   Database(const Database&) = delete;
@@ -31,6 +32,7 @@ class Database {
 
  private:
   friend class Statement;
+  void open(const std::string& name, Mode mode);
   void check(int code, std::string_view attempt) const;
 
   std::filesystem::path file_;

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <set>
 #include <utility>
@@ -289,10 +290,16 @@ std::vector<Arm> make_arms(const std::string& scenario_file, const std::string& 
 
 }  // namespace
 
+std::string KeyValue::plain() const {
+  const bool is_quoted = value.size() >= 2 && (value.front() == '\'' || value.front() == '"') &&
+                         value.front() == value.back();
+  return is_quoted ? value.substr(1, value.size() - 2) : value;
+}
+
 std::string Arm::text() const {
   std::string text;
-  for (const auto& [key, value] : settings) {
-    text += fmt::format("{}{} = {}", text.empty() ? "" : ", ", key, value);
+  for (const KeyValue& setting : settings) {
+    text += fmt::format("{}{} = {}", text.empty() ? "" : ", ", setting.key, setting.plain());
   }
   return text.empty() ? "all runs" : text;
 }
@@ -323,6 +330,7 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
                          "trajectory_period_s", "set", "grid", "zip", "precision", "figure"});
   const std::filesystem::path path(file);
   Experiment experiment;
+  experiment.overrides = overrides;
   experiment.name = section.text("name", path.stem().string());
   if (!is_identifier(experiment.name)) {
     section.refuse("name", "letters, digits, '-' and '_', at most 32");
@@ -351,6 +359,12 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
   if (experiment.figure) check_figure(*experiment.figure, experiment, axes, file);
   experiment.arms = make_arms((path.parent_path() / scenario).lexically_normal().string(), file,
                               read_settings(section, file), overrides, axes);
+  const std::uint64_t largest = *std::max_element(experiment.seeds.begin(), experiment.seeds.end());
+  constexpr auto kMost = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
+  if (!experiment.common_random_numbers && largest >= kMost / experiment.arms.size()) {
+    section.refuse("seeds", fmt::format("below {} where {} combinations have seeds of their own",
+                                        kMost / experiment.arms.size(), experiment.arms.size()));
+  }
   return experiment;
 }
 

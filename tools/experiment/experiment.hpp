@@ -15,6 +15,8 @@ struct KeyValue {
   std::string key;
   std::string value;
 
+  /// The value for people and tables: a text without its quotes.
+  std::string plain() const;
   bool operator==(const KeyValue&) const = default;
 };
 
@@ -58,6 +60,7 @@ struct Experiment {
   /// The rows of trajectory that are kept of each run; 0: none.
   double trajectory_period_s = 0.0;
   std::optional<FigureChoice> figure;
+  std::vector<std::string> overrides;  ///< of the scenario, besides the file's own
 
   /// Of an arm's n-th run; and back: nullopt if the arm has no such seed.
   std::uint64_t seed(std::size_t arm, std::size_t n) const;

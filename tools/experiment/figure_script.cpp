@@ -101,6 +101,15 @@ std::vector<std::string> caption_lines(const FigureText& text, const std::string
   return lines;
 }
 
+std::string with_last_column(const std::string& csv, const std::string& head,
+                             const std::string& value) {
+  if (value.empty()) return csv;
+  std::istringstream in(csv);
+  std::string out, row;
+  while (std::getline(in, row)) out += row + "," + csv_cell(out.empty() ? head : value) + "\n";
+  return out;
+}
+
 }  // namespace
 
 std::string gnuplot_text(const std::string& text) {
@@ -232,8 +241,9 @@ std::string FigureFrame::legend(double height_cm) const {
 }
 
 void draw_figure(const std::filesystem::path& folder, const std::string& stem,
-                 const std::string& csv, const std::string& variables, const char* commands) {
-  write_file(folder / (stem + ".csv"), csv);
+                 const std::string& csv, const FigureText& text, const std::string& variables,
+                 const char* commands) {
+  write_file(folder / (stem + ".csv"), with_last_column(csv, "plant", text.plant));
   run_gnuplot(folder, stem + ".gp", variables + kPrologue + commands + kEpilogue);
 }
 

@@ -70,6 +70,7 @@ class FigureFrame {
 
 /// Writes data and script and runs it.
 void draw_figure(const std::filesystem::path& folder, const std::string& stem,
-                 const std::string& csv, const std::string& variables, const char* commands);
+                 const std::string& csv, const FigureText& text, const std::string& variables,
+                 const char* commands);
 
 }  // namespace tether

@@ -83,6 +83,7 @@ struct HeatCell {
   double x = 0.0;
   double y = 0.0;
   double mean = 0.0;  ///< NaN: no run succeeded; grey
+  Interval interval;  ///< of the mean: in the data; the widest is named below the figure
   std::size_t n = 0;
   std::size_t failed = 0;  ///< runs that are not in the mean
   Mark mark = Mark::none;  ///< tied: the data cannot separate it from the best of its column

@@ -180,7 +180,7 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
   variables += fmt::format("\"\nx_label = {}\ny_label = {}\nbars = {}\nseries = {}\n",
                            gnuplot_text(figure.x_label), gnuplot_text(figure.y_label),
                            e.lonely_interval ? 1 : 0, count);
-  draw_figure(folder, stem, csv_of(figure, e.jitter()), variables, kCurveCommands);
+  draw_figure(folder, stem, csv_of(figure, e.jitter()), figure.text, variables, kCurveCommands);
 }
 
 }  // namespace tether

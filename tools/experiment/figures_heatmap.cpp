@@ -74,6 +74,7 @@ struct Cells {
   Values x, y;
   LeastMost mean;
   std::size_t least = static_cast<std::size_t>(-1), most = 0, failed = 0;
+  double widest = 0.0;  // half of an interval
   bool missing = false, tied = false, best = false;
 
   explicit Cells(const HeatmapFigure& figure) {
@@ -85,6 +86,9 @@ struct Cells {
         mean.add(cell.mean);
         least = std::min(least, cell.n);
         most = std::max(most, cell.n);
+        if (std::isfinite(half_width(cell.interval))) {
+          widest = std::max(widest, half_width(cell.interval));
+        }
       }
       missing = missing || !std::isfinite(cell.mean);
       tied = tied || cell.mark == HeatCell::Mark::tied;
@@ -121,11 +125,12 @@ std::string number_format(const Cells& cells, double each_cm, double row_cm) {
 }
 
 std::string csv_of(const HeatmapFigure& figure, const Cells& cells) {
-  std::string csv = "x,y,column,row,mean,n,failed,mark\n";
+  std::string csv = "x,y,column,row,mean,n,failed,mark,low,high\n";
   for (const HeatCell& cell : figure.cells) {
-    csv += fmt::format("{},{},{},{},{},{},{},{}\n", cell.x, cell.y, index_of(cells.x, cell.x),
+    csv += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", cell.x, cell.y, index_of(cells.x, cell.x),
                        index_of(cells.y, cell.y), cell.mean, std::isfinite(cell.mean) ? cell.n : 0,
-                       cell.failed, static_cast<int>(cell.mark));
+                       cell.failed, static_cast<int>(cell.mark), cell.interval.low,
+                       cell.interval.high);
   }
   return csv;
 }
@@ -154,7 +159,8 @@ void draw_heatmap(const std::filesystem::path& folder, const std::string& stem,
   if (figure.cells.empty()) throw std::invalid_argument("a heatmap needs a cell");
   const Cells cells(figure);
   const FigureText& text = figure.text;
-  const std::string note = seeds_note(cells.least, cells.most, cells.failed);
+  std::string note = seeds_note(cells.least, cells.most, cells.failed);
+  if (cells.widest > 0.0) note += fmt::format("; 95 % intervals up to ±{:.2g}", cells.widest);
   const double each_cm = (text.width_cm - kAround_cm) / static_cast<double>(cells.x.size());
   const double row_cm = (text.height_cm - 2.8) / static_cast<double>(cells.y.size());
   const std::string number = number_format(cells, each_cm, row_cm);
@@ -167,7 +173,7 @@ void draw_heatmap(const std::filesystem::path& folder, const std::string& stem,
       "written = {}\nnumber = {}\n",
       gnuplot_text(figure.x_label), gnuplot_text(figure.y_label), gnuplot_text(figure.value_label),
       cells.x.size(), cells.y.size(), number.empty() ? 0 : 1, gnuplot_text(number));
-  draw_figure(folder, stem, csv_of(figure, cells), variables, kHeatmapCommands);
+  draw_figure(folder, stem, csv_of(figure, cells), figure.text, variables, kHeatmapCommands);
 }
 
 }  // namespace tether

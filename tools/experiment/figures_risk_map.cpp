@@ -243,7 +243,7 @@ void draw_risk_map(const std::filesystem::path& folder, const std::string& stem,
       "start_y = {:.2f}\nalone = {}\n",
       figure.half_extent_m, gnuplot_text(figure.value_label), left_cm, side_cm, map_cm, time_cm,
       time_height_cm, start.x_m, start.y_m, figure.points.size() == 1 ? 1 : 0);
-  draw_figure(folder, stem, csv_of(figure), variables, kRiskMapCommands);
+  draw_figure(folder, stem, csv_of(figure), figure.text, variables, kRiskMapCommands);
 }
 
 }  // namespace tether

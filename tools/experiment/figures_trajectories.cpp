@@ -111,7 +111,7 @@ void draw_trajectories(const std::filesystem::path& folder, const std::string& s
   for (std::size_t i = 0; i < count; ++i) {
     variables += fmt::format("titles[{}] = {}\n", i + 1, gnuplot_text(figure.panels[i].title));
   }
-  draw_figure(folder, stem, csv_of(figure), variables, kTrajectoriesCommands);
+  draw_figure(folder, stem, csv_of(figure), figure.text, variables, kTrajectoriesCommands);
 }
 
 }  // namespace tether

@@ -161,10 +161,10 @@ std::string value_text(const toml::node& node) {
 }
 
 std::vector<Axis> read_axes(const toml::table& experiment, const std::string& file) {
-  std::vector<Axis> axes;
+  std::vector<std::pair<toml::source_index, Axis>> placed;  // with their lines
   if (const toml::node* grid = experiment.get("grid")) {
     for (const PlacedNode& key : flatten(*table_or_refuse(*grid, file, "[grid]"), file)) {
-      axes.push_back(make_axis({key}, key.place));
+      placed.emplace_back(key.node->source().begin.line, make_axis({key}, key.place));
     }
   }
   if (const toml::node* zips = experiment.get("zip")) {
@@ -174,10 +174,15 @@ std::vector<Axis> read_axes(const toml::table& experiment, const std::string& fi
           fmt::format("{}: write [[zip]], a table for each set of keys", place_of(*zips, file)));
     }
     for (const toml::node& zip : *list) {
-      axes.push_back(
+      placed.emplace_back(
+          zip.source().begin.line,
           make_axis(flatten(*table_or_refuse(zip, file, "[[zip]]"), file), place_of(zip, file)));
     }
   }
+  std::stable_sort(placed.begin(), placed.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<Axis> axes;
+  for (auto& [line, axis] : placed) axes.push_back(std::move(axis));
   check_once(axes);
   return axes;
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "common/errors.hpp"
 #include "tools/experiment/sweep_data.hpp"
@@ -20,8 +21,7 @@ std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
 }
 
-std::vector<std::vector<std::string>> table_of(const RunStore& store, const std::string& metric) {
-  const SweepData data(store, metric);
+std::vector<std::vector<std::string>> table_of(const RunStore& store, const SweepData& data) {
   std::vector<std::string> head = store.keys();
   for (const char* column : {"n", "failed", "mean [95 %]", "sd", "median [95 %]", "5 %", "95 %",
                              "largest", "minus the first [95 %]"}) {
@@ -30,7 +30,7 @@ std::vector<std::vector<std::string>> table_of(const RunStore& store, const std:
   std::vector<std::vector<std::string>> table{head};
   for (const SweepData::ArmData& arm : data.arms()) {
     std::vector<std::string> row;
-    for (const KeyValue& setting : arm.settings) row.push_back(setting.value);
+    for (const KeyValue& setting : arm.settings) row.push_back(setting.plain());
     const Summary& s = arm.summary;
     const bool has_interval = std::isfinite(s.median_interval.low);
     const auto difference =
@@ -64,43 +64,52 @@ std::vector<fs::path> databases_below(const fs::path& folder) {
   return files;
 }
 
-void add_results(const RunStore& store, RiskDefinition risk, PaperResults& results) {
+void add_results(const RunStore& store, SweepData data, RiskDefinition risk,
+                 PaperResults& results) {
   const std::string name = store.name();
-  if (name == "f2_prr") results.prr.emplace(store, "epsilon_m");
-  if (name == "f3_delay") results.delay.emplace(store, "epsilon_m");
-  if (name == "f4_tau") results.heatmap.emplace(store, "epsilon_m");
-  if (name == "f5_risk") results.risk = risk_fall(store, risk);
+  if (name == "f5_risk" && store.size() > 0) results.risk = risk_fall(store, risk);
+  if (data.metric() != "epsilon_m") return;
+  if (name == "f2_prr") results.prr = std::move(data);
+  if (name == "f3_delay") results.delay = std::move(data);
+  if (name == "f4_tau") results.heatmap = std::move(data);
 }
 
-}  // namespace
-
-ReportSection make_section(const RunStore& store, const fs::path& folder, RiskDefinition risk) {
+ReportSection make_section(const RunStore& store, const SweepData& data, const fs::path& folder,
+                           RiskDefinition risk) {
   ReportSection section;
   const auto figure = store.figure();
+  const Identity identity = store.identity();
   section.name = store.name();
   section.title = figure && !figure->title.empty() ? figure->title : store.name();
   section.version = store.version();
   section.plant = store.plant();
-  section.seeds = store.identity().at("seeds");
-  const auto arms = store.arms();
-  section.scenario = arms.front().scenario;
+  section.seeds = identity.at("seeds");
+  section.is_common = identity.at("common_random_numbers") == "true";
+  if (const auto found = identity.find("overrides"); found != identity.end()) {
+    section.overrides = found->second;  // sweeps of older versions do not say
+  }
+  section.scenario = store.arms().front().scenario;
   section.wall_time_s = store.wall_time_s();
   section.runs = store.size();
   section.failed = store.failures();
   section.planned = store.planned_runs();
   section.is_complete = store.is_complete();
-  if (draw_sweep_figure(store, folder, risk)) section.figure = store.name();
-  section.table = table_of(store, figure ? figure->metric : "epsilon_m");
+  if (draw_sweep_figure(store, data, folder, risk)) section.figure = store.name();
+  section.table = table_of(store, data);
   return section;
 }
+
+}  // namespace
 
 Report write_report(const fs::path& folder, RiskDefinition risk) {
   Report report;
   PaperResults results;
   for (const fs::path& file : databases_below(folder)) {
     const RunStore store = RunStore::open(file);
-    report.sections.push_back(make_section(store, folder, risk));
-    add_results(store, risk, results);
+    const auto figure = store.figure();
+    SweepData data(store, figure ? figure->metric : "epsilon_m");
+    report.sections.push_back(make_section(store, data, folder, risk));
+    add_results(store, std::move(data), risk, results);
   }
   report.title = report.sections.size() == 1 ? report.sections.front().title
                                              : "AGV control over a lossy, delayed network";

@@ -18,7 +18,9 @@ struct ReportSection {
   double wall_time_s = 0.0;
   std::size_t runs = 0, planned = 0, failed = 0;
   bool is_complete = false;
-  std::string figure;  ///< stem of its files in the report's folder; empty: none
+  bool is_common = true;  ///< the arms share seeds: without, nothing is compared
+  std::string overrides;  ///< of the experiment file: "--set" of the command; empty: none
+  std::string figure;     ///< stem of its files in the report's folder; empty: none
   /// A head and a row an arm: mean with interval, sd, median, quantiles, n; and the difference to
   /// the first arm on the same seeds.
   std::vector<std::vector<std::string>> table;
@@ -31,10 +33,6 @@ struct Report {
   std::vector<Claim> claims;
 };
 
-/// Draws the sweep's figure into `folder` and makes its section.
-ReportSection make_section(const RunStore& store, const std::filesystem::path& folder,
-                           RiskDefinition risk);
-
 /// One file with everything in it, for any browser, offline; figures from `folder`.
 std::string to_html(const Report& report, const std::filesystem::path& folder);
 /// The same for reading as text; figures by name.
@@ -42,8 +40,9 @@ std::string to_markdown(const Report& report);
 
 /// Reports on all sweeps of a folder: its own runs.sqlite, or those of its subfolders, by name.
 /// Writes report.html, report.md and the figures into the folder and returns what they say; claims
-/// are judged where the sweeps are the paper's (f2_prr, f3_delay, f4_tau, f5_risk). Throws
-/// UsageError if there is no sweep.
+/// are judged where the sweeps have the names of the paper's (f2_prr, f3_delay, f4_tau, f5_risk),
+/// and the report says which of these were overridden or are not complete. Throws UsageError if
+/// there is no sweep.
 Report write_report(const std::filesystem::path& folder, RiskDefinition risk);
 
 }  // namespace tether

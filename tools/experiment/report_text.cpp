@@ -82,8 +82,23 @@ std::string facts(const ReportSection& s) {
   std::string runs = fmt::format("{} runs", s.runs);
   if (!s.is_complete) runs += fmt::format(" of {} (not complete)", s.planned);
   if (s.failed > 0) runs += fmt::format(", {} failed", s.failed);
+  if (!s.overrides.empty()) runs += ", with " + s.overrides;
+  if (!s.is_common) runs += ", each with luck of its own, so that nothing is compared";
   return fmt::format("{}: {}, seeds {}, plant {}, tether {}, {} of wall time", s.name, runs,
                      s.seeds, s.plant, s.version, format_duration(s.wall_time_s));
+}
+
+/// Where the claims' numbers come from, and what to keep in mind.
+std::string sources(const Report& report) {
+  std::string plants, doubts;
+  for (const ReportSection& s : report.sections) {
+    if (plants.find(s.plant) == std::string::npos) plants += (plants.empty() ? "" : ", ") + s.plant;
+    if (!s.is_complete) doubts += fmt::format(" {} is not complete.", s.name);
+    if (!s.overrides.empty()) doubts += fmt::format(" {} was run with {}.", s.name, s.overrides);
+  }
+  return fmt::format(
+      "Bragato et al., PIMRC 2025. Plant: {}. Intervals hold 95 %; n is the number of runs.{}",
+      plants, doubts);
 }
 
 std::string html_of(const ReportSection& s, const std::filesystem::path& folder) {
@@ -140,9 +155,8 @@ std::string to_html(const Report& report, const std::filesystem::path& folder) {
       escaped(report.title), kStyle);
   if (!report.claims.empty()) {
     html +=
-        "<h2>What the paper says, and what came out</h2>\n<p>Bragato et al., PIMRC 2025. "
-        "Intervals hold 95 %; n is the number of runs.</p>\n"
-        "<table id=\"claims\"><tr><th>Figure</th><th>Paper</th><th>Here</th><th>Verdict</th>"
+        "<h2>What the paper says, and what came out</h2>\n<p>" + escaped(sources(report)) +
+        "</p>\n<table id=\"claims\"><tr><th>Figure</th><th>Paper</th><th>Here</th><th>Verdict</th>"
         "</tr>\n";
     for (const Claim& claim : report.claims) {
       html += fmt::format(
@@ -159,9 +173,7 @@ std::string to_html(const Report& report, const std::filesystem::path& folder) {
 std::string to_markdown(const Report& report) {
   std::string text = fmt::format("# {}\n", report.title);
   if (!report.claims.empty()) {
-    text +=
-        "\n## What the paper says, and what came out\n\nBragato et al., PIMRC 2025. Intervals "
-        "hold 95 %; n is the number of runs.\n\n";
+    text += "\n## What the paper says, and what came out\n\n" + sources(report) + "\n\n";
     text += markdown_row({"Figure", "Paper", "Here", "Verdict"}) + rule(4);
     for (const Claim& claim : report.claims) {
       text += markdown_row({claim.figure, claim.paper, with_reason(claim), to_text(claim.verdict)});

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 #include "common/random.hpp"
+#include "tools/experiment/random_index.hpp"
 
 namespace tether {
 namespace {
@@ -24,18 +27,39 @@ bool is_bad(const TrajectoryPoint& row) {
   return std::max(row.uplink_state, row.downlink_state) > 0.5F;
 }
 
-/// What one run adds to the mean of each third.
-struct Thirds {
-  std::array<double, 3> sum{}, count{};
+/// Parts of the path: its thirds, then what is before its first sharp turn, and the rest.
+constexpr std::size_t kBeforeTurns = 3, kRest = 4, kParts = 5;
 
-  void add(const Thirds& other) {
-    for (std::size_t i = 0; i < 3; ++i) {
+/// What one run adds to the mean of each part.
+struct Sums {
+  std::array<double, kParts> sum{}, count{};
+
+  void add(const Sums& other) {
+    for (std::size_t i = 0; i < kParts; ++i) {
       sum[i] += other.sum[i];
       count[i] += other.count[i];
     }
   }
-  double mean(std::size_t i) const { return sum[i] / count[i]; }
+  double mean(std::size_t part) const { return sum[part] / count[part]; }
+  double fall(std::size_t from, std::size_t to) const { return mean(from) - mean(to); }
 };
+
+RiskPoint place_of(const TrajectoryPoint& row) {
+  return {static_cast<double>(row.t_s),
+          static_cast<double>(row.x_ref_m),
+          static_cast<double>(row.y_ref_m),
+          0.0,
+          {},
+          0};
+}
+
+/// Infinite if there is none.
+double first_turn_s(const std::vector<TrajectoryPoint>& rows) {
+  std::vector<RiskPoint> path;
+  for (const TrajectoryPoint& row : rows) path.push_back(place_of(row));
+  const auto turns = sharp_turns(path);
+  return turns.empty() ? std::numeric_limits<double>::infinity() : turns.front().start_s;
+}
 
 double risk(const RunResult& run, std::size_t row, RiskDefinition definition) {
   switch (definition) {
@@ -49,6 +73,40 @@ double risk(const RunResult& run, std::size_t row, RiskDefinition definition) {
   return static_cast<double>(run.trajectory[row].error_m);
 }
 
+std::vector<Sums> sums_of_runs(const RunStore& store, RiskDefinition definition) {
+  std::vector<Sums> runs;
+  std::optional<double> turn_s;
+  store.for_each(
+      [&](const StoredRun& run) {
+        const auto& rows = run.result.trajectory;
+        if (rows.empty()) return;
+        if (!turn_s) turn_s = first_turn_s(rows);
+        Sums sums;
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+          if (!is_bad(rows[i])) continue;
+          const double value = risk(run.result, i, definition);
+          const bool is_before = static_cast<double>(rows[i].t_s) < *turn_s;
+          for (const std::size_t part : {3 * i / rows.size(), is_before ? kBeforeTurns : kRest}) {
+            sums.sum[part] += value;
+            ++sums.count[part];
+          }
+        }
+        runs.push_back(sums);
+      },
+      true);
+  return runs;
+}
+
+/// Of one quantity, from its bootstrap samples; not finite where a part had no run in B.
+MeanEstimate estimate(double measured, std::vector<double> samples) {
+  std::erase_if(samples, [](double value) { return !std::isfinite(value); });
+  if (samples.size() < kResamples / 2) return {measured, {}};
+  std::sort(samples.begin(), samples.end());
+  return {
+      measured,
+      {quantile(samples, 0.5 * (1.0 - kConfidence)), quantile(samples, 0.5 * (1.0 + kConfidence))}};
+}
+
 }  // namespace
 
 std::vector<RiskPoint> risk_points(const RunStore& store, RiskDefinition definition) {
@@ -60,8 +118,7 @@ std::vector<RiskPoint> risk_points(const RunStore& store, RiskDefinition definit
         for (std::size_t i = 0; i < rows.size(); ++i) {
           const TrajectoryPoint& row = rows[i];
           if (i == points.size()) {
-            const auto d = [](float x) { return static_cast<double>(x); };
-            points.push_back({d(row.t_s), d(row.x_ref_m), d(row.y_ref_m), 0.0, {}, 0});
+            points.push_back(place_of(row));
             values.emplace_back();
           }
           if (!is_bad(row)) continue;
@@ -78,45 +135,41 @@ std::vector<RiskPoint> risk_points(const RunStore& store, RiskDefinition definit
   return points;
 }
 
+std::string to_text(RiskDefinition definition) {
+  switch (definition) {
+    case RiskDefinition::whole_run:
+      return "mean ε of the runs in B there";
+    case RiskDefinition::next_10_s:
+      return "mean error of the next 10 s when in B there";
+    case RiskDefinition::now:
+      break;
+  }
+  return "mean error when in B there";
+}
+
 RiskFall risk_fall(const RunStore& store, RiskDefinition definition) {
-  std::vector<Thirds> runs;
-  store.for_each(
-      [&](const StoredRun& run) {
-        const auto& rows = run.result.trajectory;
-        Thirds thirds;
-        for (std::size_t i = 0; i < rows.size(); ++i) {
-          if (!is_bad(rows[i])) continue;
-          thirds.sum[3 * i / rows.size()] += risk(run.result, i, definition);
-          ++thirds.count[3 * i / rows.size()];
-        }
-        if (!rows.empty()) runs.push_back(thirds);
-      },
-      true);
-  RiskFall result;
-  result.runs = runs.size();
-  Thirds all;
-  for (const Thirds& run : runs) all.add(run);
-  for (std::size_t i = 0; i < 3; ++i) result.thirds[i] = all.mean(i);
+  const std::vector<Sums> runs = sums_of_runs(store, definition);
+  Sums all;
+  for (const Sums& run : runs) all.add(run);
+  std::vector<Sums> samples(runs.empty() ? 0 : kResamples);
   RandomEngine random = random_stream(kBootstrapSeed, "risk");
-  std::array<std::vector<double>, 2> falls;
-  for (int resample = 0; resample < kResamples; ++resample) {
-    Thirds sample;
-    for (std::size_t i = 0; i < runs.size(); ++i) {
-      sample.add(
-          runs[static_cast<std::size_t>(uniform_01(random) * static_cast<double>(runs.size()))]);
-    }
-    for (const std::size_t i : {1U, 2U}) {
-      const double fall = sample.mean(0) - sample.mean(i);
-      if (std::isfinite(fall)) falls[i - 1].push_back(fall);
-    }
+  for (Sums& sample : samples) {
+    for (std::size_t i = 0; i < runs.size(); ++i)
+      sample.add(runs[random_index(random, runs.size())]);
   }
-  for (const std::size_t i : {0U, 1U}) {
-    if (falls[i].size() < kResamples / 2) continue;
-    std::sort(falls[i].begin(), falls[i].end());
-    result.fall[i] = {quantile(falls[i], 0.5 * (1.0 - kConfidence)),
-                      quantile(falls[i], 0.5 * (1.0 + kConfidence))};
-  }
-  return result;
+  const auto of = [&](auto quantity) {
+    std::vector<double> values;
+    for (const Sums& sample : samples) values.push_back(quantity(sample));
+    return estimate(quantity(all), std::move(values));
+  };
+  const auto mean = [&of](std::size_t part) {
+    return of([part](const Sums& sums) { return sums.mean(part); });
+  };
+  const auto fall = [&of](std::size_t from, std::size_t to) {
+    return of([from, to](const Sums& sums) { return sums.fall(from, to); });
+  };
+  return {definition,         {mean(0), mean(1), mean(2)}, fall(0, 1), fall(0, 2),
+          mean(kBeforeTurns), fall(kBeforeTurns, kRest),   runs.size()};
 }
 
 }  // namespace tether

@@ -24,11 +24,24 @@ enum class RiskDefinition : std::uint8_t {
 /// none.
 std::vector<RiskPoint> risk_points(const RunStore& store, RiskDefinition definition);
 
-/// The risk in the first, second and last third of the path, and how far it falls from the first:
-/// intervals by the bootstrap (percentiles) over whole runs, since a run's points hang together.
+/// "mean ε of the runs in B there" …
+std::string to_text(RiskDefinition definition);
+
+/// A mean and its interval.
+struct MeanEstimate {
+  double mean = 0.0;
+  Interval interval;
+};
+
+/// The risk in the first, second and last third of the path and before its first sharp turn, and
+/// how far it falls: intervals by the bootstrap (percentiles) over whole runs, since a run's points
+/// hang together.
 struct RiskFall {
-  std::array<double, 3> thirds{};
-  std::array<Interval, 2> fall;  ///< first − second, first − last
+  RiskDefinition definition = RiskDefinition::whole_run;
+  std::array<MeanEstimate, 3> thirds;
+  MeanEstimate to_second, to_last;  ///< first − second, first − last
+  MeanEstimate before_turns;        ///< NaN where the path has no sharp turn, and in the next
+  MeanEstimate to_rest;             ///< before the first sharp turn − from there on
   std::size_t runs = 0;
 };
 RiskFall risk_fall(const RunStore& store, RiskDefinition definition);

@@ -108,10 +108,10 @@ StoredRun stored_run(const Statement& row) {
   return run;
 }
 
-std::string select_runs(bool with_trajectories, const std::string& where) {
-  return fmt::format("SELECT arm, seed, failure{}, {} FROM runs {} {} ORDER BY arm, seed",
+std::string select_runs(bool with_trajectories) {
+  return fmt::format("SELECT arm, seed, failure{}, {} FROM runs {} ORDER BY arm, seed",
                      point_columns(), with_trajectories ? "points" : "NULL",
-                     with_trajectories ? "LEFT JOIN trajectories USING (arm, seed)" : "", where);
+                     with_trajectories ? "LEFT JOIN trajectories USING (arm, seed)" : "");
 }
 
 }  // namespace
@@ -217,14 +217,7 @@ void RunStore::add(const std::vector<StoredRun>& runs) {
 
 void RunStore::for_each(const std::function<void(const StoredRun&)>& use,
                         bool with_trajectories) const {
-  Statement rows(*database_, select_runs(with_trajectories, ""));
-  while (rows.step()) use(stored_run(rows));
-}
-
-void RunStore::for_each_of(std::size_t arm, const std::function<void(const StoredRun&)>& use,
-                           bool with_trajectories) const {
-  Statement rows(*database_, select_runs(with_trajectories, "WHERE arm = ?"));
-  rows.bind(0, static_cast<std::int64_t>(arm));
+  Statement rows(*database_, select_runs(with_trajectories));
   while (rows.step()) use(stored_run(rows));
 }
 

@@ -49,9 +49,6 @@ class RunStore {
   /// Calls `use` for each run, by arm, then seed.
   void for_each(const std::function<void(const StoredRun&)>& use,
                 bool with_trajectories = false) const;
-  /// Only those of one arm.
-  void for_each_of(std::size_t arm, const std::function<void(const StoredRun&)>& use,
-                   bool with_trajectories = false) const;
   std::size_t size() const;
   std::size_t failures() const;
 

@@ -31,7 +31,7 @@ SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_
 
 std::string SweepData::text(std::size_t arm, const std::string& key) const {
   for (const KeyValue& setting : arms_[arm].settings) {
-    if (setting.key == key) return setting.value;
+    if (setting.key == key) return setting.plain();
   }
   return "";
 }
@@ -68,15 +68,6 @@ std::vector<double> SweepData::values(const std::string& key) const {
     if (const double x = number(arm, key); std::isfinite(x)) values.insert(x);
   }
   return {values.begin(), values.end()};
-}
-
-std::pair<std::size_t, std::size_t> SweepData::seeds() const {
-  std::size_t least = std::numeric_limits<std::size_t>::max(), most = 0;
-  for (const ArmData& arm : arms_) {
-    least = std::min(least, arm.runs.size());
-    most = std::max(most, arm.runs.size());
-  }
-  return {least, most};
 }
 
 std::vector<double> values_of(const std::vector<SeededValue>& runs) {

@@ -36,8 +36,6 @@ class SweepData {
   std::vector<std::size_t> where(const std::string& key, double value) const;
   /// The values of a key, ascending, each once.
   std::vector<double> values(const std::string& key) const;
-  /// The least and most runs of an arm.
-  std::pair<std::size_t, std::size_t> seeds() const;
 
  private:
   std::string metric_;

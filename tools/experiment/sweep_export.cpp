@@ -34,34 +34,52 @@ std::vector<fs::path> databases_of(const std::vector<fs::path>& given) {
   return files;
 }
 
-/// Throws unless they are all shards of one sweep.
-void check_one_sweep(const std::vector<RunStore>& stores) {
-  const RunStore& first = stores.front();
-  std::set<std::size_t> seen;
-  for (const RunStore& store : stores) {
-    Identity as_first = first.identity();
-    as_first["shard"] = to_text(store.shard());
-    check_same(store, as_first);
-    if (store.arms() != first.arms()) {
-      throw UsageError(fmt::format("{} and {} are of different sweeps: their grids differ",
-                                   first.file().string(), store.file().string()));
-    }
-    if (store.shard().count != first.shard().count || !seen.insert(store.shard().index).second) {
-      throw UsageError(fmt::format("{} is shard {}, which does not go with {}, shard {}",
-                                   store.file().string(), to_text(store.shard()),
-                                   first.file().string(), to_text(first.shard())));
-    }
-    if (!store.is_complete()) {
-      throw UsageError(
-          fmt::format("{} is not complete: it has {} runs so far. Run its `tether "
-                      "sweep --shard {}` to its end",
-                      store.file().string(), store.size(), to_text(store.shard())));
-    }
+/// Throws unless `store` is another whole shard of the sweep that `first` is one of.
+void check_goes_with(const RunStore& first, const RunStore& store, std::set<std::size_t>& seen) {
+  Identity as_first = first.identity();
+  as_first["shard"] = to_text(store.shard());
+  check_same(store, as_first);
+  if (store.arms() != first.arms()) {
+    throw UsageError(fmt::format("{} and {} are of different sweeps: their grids differ",
+                                 first.file().string(), store.file().string()));
   }
+  if (store.shard().count != first.shard().count || !seen.insert(store.shard().index).second) {
+    throw UsageError(fmt::format("{} is shard {}, which does not go with {}, shard {}",
+                                 store.file().string(), to_text(store.shard()),
+                                 first.file().string(), to_text(first.shard())));
+  }
+  if (!store.is_complete()) {
+    throw UsageError(
+        fmt::format("{} is not complete: it has {} runs so far. Run its `tether "
+                    "sweep --shard {}` to its end",
+                    store.file().string(), store.size(), to_text(store.shard())));
+  }
+}
+
+/// One is open at a time besides the first: there may be more shards than a process may have files.
+void check_one_sweep(const RunStore& first, const std::vector<fs::path>& shards) {
+  std::set<std::size_t> seen;
+  for (const fs::path& shard : shards) check_goes_with(first, RunStore::open(shard), seen);
   for (std::size_t i = 1; i <= first.shard().count; ++i) {
     if (seen.contains(i)) continue;
     throw UsageError(fmt::format("shard {}/{} is missing", i, first.shard().count));
   }
+}
+
+void copy_runs(const RunStore& from, RunStore& to) {
+  constexpr std::size_t kAtOnce = 1000;
+  std::vector<StoredRun> runs;
+  const auto flush = [&] {
+    to.add(runs);
+    runs.clear();
+  };
+  from.for_each(
+      [&](const StoredRun& run) {
+        runs.push_back(run);
+        if (runs.size() == kAtOnce) flush();
+      },
+      true);
+  flush();
 }
 
 }  // namespace
@@ -74,7 +92,9 @@ void export_runs(const RunStore& store, const std::function<void(const std::stri
   const std::string plant = store.plant();
   store.for_each([&](const StoredRun& run) {
     std::string row = fmt::format("{}", run.arm);
-    for (const KeyValue& setting : arms.at(run.arm).settings) row += "," + csv_cell(setting.value);
+    for (const KeyValue& setting : arms.at(run.arm).settings) {
+      row += "," + csv_cell(setting.plain());
+    }
     row += fmt::format(",{},{},{}", run.seed, csv_cell(plant), csv_cell(run.result.failure));
     for (const double metric : run.result.metrics) {
       row += run.result.failure.empty() ? fmt::format(",{}", metric) : ",";
@@ -98,29 +118,18 @@ void merge_shards(const fs::path& file, const std::vector<fs::path>& shards) {
     if (!fs::exists(file.string() + rest)) continue;
     throw UsageError(fmt::format("{}{} is there already; nothing was merged", file.string(), rest));
   }
-  std::vector<RunStore> stores;
-  for (const fs::path& shard : databases_of(shards)) stores.push_back(RunStore::open(shard));
-  check_one_sweep(stores);
+  const std::vector<fs::path> files = databases_of(shards);
+  const RunStore first = RunStore::open(files.front());
+  check_one_sweep(first, files);
   // Under another name until it is whole.
   fs::path part = file;
   part += ".part";
   for (const char* rest : {"", "-wal", "-shm"}) fs::remove(part.string() + rest);
   {
-    RunStore merged = RunStore::begin_like(part, stores.front());
-    for (const RunStore& store : stores) {
-      constexpr std::size_t kAtOnce = 1000;
-      std::vector<StoredRun> runs;
-      const auto flush = [&] {
-        merged.add(runs);
-        runs.clear();
-      };
-      store.for_each(
-          [&](const StoredRun& run) {
-            runs.push_back(run);
-            if (runs.size() == kAtOnce) flush();
-          },
-          true);
-      flush();
+    RunStore merged = RunStore::begin_like(part, first);
+    for (const fs::path& shard : files) {
+      const RunStore store = RunStore::open(shard);
+      copy_runs(store, merged);
       merged.add_session(store.wall_time_s());
     }
     merged.set_complete();

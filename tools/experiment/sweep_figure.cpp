@@ -27,13 +27,12 @@ FigureText text_of(const RunStore& store) {
   return text;
 }
 
-void draw_curve_of(const RunStore& store, const FigureChoice& choice,
+void draw_curve_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
                    const std::filesystem::path& folder) {
   CurveFigure figure;
   figure.text = text_of(store);
   figure.x_label = label_of_key(choice.x);
   figure.y_label = label_of_metric(choice.metric);
-  const SweepData data(store, choice.metric);
   std::map<std::string, std::size_t> series;  // place by the value of choice.y
   for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
     const std::string name = data.text(arm, choice.y);
@@ -41,8 +40,9 @@ void draw_curve_of(const RunStore& store, const FigureChoice& choice,
     if (is_new) {
       figure.series.push_back({choice.y.empty() ? "" : label_of_key(choice.y) + " " + name, {}});
     }
+    const auto& [settings, runs, summary] = data.arms()[arm];
     figure.series[place->second].points.push_back(
-        curve_point(data.number(arm, choice.x), values_of(data.arms()[arm].runs), kBootstrapSeed));
+        {data.number(arm, choice.x), values_of(runs), summary.mean, summary.mean_interval});
   }
   for (CurveSeries& one : figure.series) {
     std::sort(one.points.begin(), one.points.end(),
@@ -51,14 +51,13 @@ void draw_curve_of(const RunStore& store, const FigureChoice& choice,
   draw_curve(folder, store.name(), figure);
 }
 
-void draw_heatmap_of(const RunStore& store, const FigureChoice& choice,
+void draw_heatmap_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
                      const std::filesystem::path& folder) {
   HeatmapFigure figure;
   figure.text = text_of(store);
   figure.x_label = label_of_key(choice.x);
   figure.y_label = label_of_key(choice.y);
   figure.value_label = "mean " + label_of_metric(choice.metric);
-  const SweepData data(store, choice.metric);
   for (const double x : data.values(choice.x)) {
     const std::vector<std::size_t> column = data.where(choice.x, x);
     std::vector<std::vector<SeededValue>> runs;
@@ -69,6 +68,7 @@ void draw_heatmap_of(const RunStore& store, const FigureChoice& choice,
       HeatCell cell{x,
                     data.number(column[i], choice.y),
                     summary.mean,
+                    summary.mean_interval,
                     summary.n,
                     summary.left_out,
                     HeatCell::Mark::none};
@@ -96,7 +96,7 @@ void draw_trajectories_of(const RunStore& store, const std::filesystem::path& fo
         for (auto setting = arms[run.arm].settings.rbegin();
              setting != arms[run.arm].settings.rend(); ++setting) {
           panel.title =
-              fmt::format("{} {}, {}", label_of_key(setting->key), setting->value, panel.title);
+              fmt::format("{} {}, {}", label_of_key(setting->key), setting->plain(), panel.title);
         }
         for (const TrajectoryPoint& row : run.result.trajectory) {
           panel.planned.push_back(
@@ -134,16 +134,16 @@ void draw_risk_map_of(const RunStore& store, const std::filesystem::path& folder
 
 }  // namespace
 
-bool draw_sweep_figure(const RunStore& store, const std::filesystem::path& folder,
-                       RiskDefinition risk) {
+bool draw_sweep_figure(const RunStore& store, const SweepData& data,
+                       const std::filesystem::path& folder, RiskDefinition risk) {
   const auto choice = store.figure();
   if (!choice || store.size() == 0) return false;
   switch (choice->kind) {
     case FigureChoice::Kind::curve:
-      draw_curve_of(store, *choice, folder);
+      draw_curve_of(store, data, *choice, folder);
       break;
     case FigureChoice::Kind::heatmap:
-      draw_heatmap_of(store, *choice, folder);
+      draw_heatmap_of(store, data, *choice, folder);
       break;
     case FigureChoice::Kind::trajectories:
       draw_trajectories_of(store, folder);

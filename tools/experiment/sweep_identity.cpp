@@ -72,12 +72,7 @@ std::string inputs_text(const Experiment& experiment) {
 
 std::string plants_text(const Experiment& experiment) {
   std::set<std::string> plants;
-  for (const ScenarioKey& key : scenario_keys()) {
-    if (key.name != "vehicle.plant") continue;
-    for (const Arm& arm : experiment.arms) {
-      plants.insert(std::get<std::string>(key.get(arm.scenario).value()));
-    }
-  }
+  for (const Arm& arm : experiment.arms) plants.insert(arm.scenario.vehicle.plant_name());
   return fmt::format("{}", fmt::join(plants, ", "));
 }
 
@@ -98,6 +93,7 @@ Identity identity_of(const Experiment& experiment, const Shard& shard) {
           {"precision", precision_text(experiment.precision)},
           {"common_random_numbers", experiment.common_random_numbers ? "true" : "false"},
           {"trajectory_period_s", fmt::format("{}", experiment.trajectory_period_s)},
+          {"overrides", fmt::format("{}", fmt::join(experiment.overrides, " "))},
           {"keys", nlohmann::json(experiment.keys).dump()},
           {"inputs", inputs_text(experiment)},
           {"figure", to_text(experiment.figure)},
