@@ -7,6 +7,8 @@
 
 #include "common/figure_eight.hpp"
 #include "common/link_config.hpp"
+#include "common/path_limits.hpp"
+#include "common/pose.hpp"
 #include "common/vehicle_config.hpp"
 
 namespace tether {
@@ -42,9 +44,17 @@ struct Scenario {
     double latency_ms = 0.0;              ///< from measurement to publication
   };
   struct Path {
-    enum class Kind { figure_eight };
+    enum class Kind { figure_eight, circle, line, rounded_rectangle, csv };
     Kind kind = Kind::figure_eight;
     FigureEight::Config figure_eight;
+    std::string csv;               ///< kind = csv: waypoints; relative to the scenario file
+    double radius_m = 8.0;         ///< circle
+    double length_m = 15.0;        ///< line; rounded_rectangle, along the start's heading
+    double width_m = 10.0;         ///< rounded_rectangle, across the start's heading
+    double corner_radius_m = 2.0;  ///< rounded_rectangle, the least
+    bool clockwise = false;        ///< circle, rounded_rectangle
+    Pose2 start;                   ///< circle, line, rounded_rectangle
+    PathLimits limits;             ///< all but the figure eight
   };
   struct Gains {
     double p = 0.0;

@@ -2,6 +2,7 @@
 
 #include "common/scenario_channel_keys.hpp"
 #include "common/scenario_key_table.hpp"
+#include "common/scenario_path_keys.hpp"
 
 namespace tether {
 namespace {
@@ -64,14 +65,14 @@ void add_vehicle(KeyTable& t) {
   TETHER_SIZE(max_wheel_speed_mps, kPositive, "rim speed limit; both wheels are scaled together");
 #undef TETHER_SIZE
   t.number("vehicle.start_x_m", TETHER_FIELD(vehicle.start_x_m), {-1e4, 1e4, false},
-           "axle midpoint at t = 0");
+           "axle midpoint at t = 0; that of the path if not given (figure eight: 0)");
   t.number("vehicle.start_y_m", TETHER_FIELD(vehicle.start_y_m), {-1e4, 1e4, false},
-           "axle midpoint at t = 0");
+           "axle midpoint at t = 0; that of the path if not given (figure eight: 0)");
   t.number("vehicle.start_yaw_rad", TETHER_FIELD(vehicle.start_yaw_rad), kOffset,
-           "heading at t = 0");
+           "heading at t = 0; that of the path if not given (figure eight: 0)");
 }
 
-void add_sensor_and_path(KeyTable& t) {
+void add_sensor(KeyTable& t) {
   t.number("sensor.rate_hz", TETHER_FIELD(sensor.rate_hz), kRate, "poses per second");
   t.number("sensor.position_noise_m", TETHER_FIELD(sensor.position_noise_m), kNotNegative,
            "standard deviation of white noise on x and y");
@@ -83,15 +84,6 @@ void add_sensor_and_path(KeyTable& t) {
            "random walk on yaw: standard deviation after 1 s");
   t.number("sensor.latency_ms", TETHER_FIELD(sensor.latency_ms), {0.0, 1e6, false},
            "from measurement to publication");
-  using Kind = Scenario::Path::Kind;
-  t.choice<Kind>("path.kind", TETHER_FIELD(path.kind), {{"figure_eight", Kind::figure_eight}},
-                 "reference path");
-  t.number("path.amplitude_m", TETHER_FIELD(path.figure_eight.amplitude_m), {1e-3, 1e4, false},
-           "half length of the figure eight");
-  t.number("path.rate_radps", TETHER_FIELD(path.figure_eight.rate_radps), {1e-6, 100.0, false},
-           "one eight takes 2*pi/this seconds");
-  t.number("path.rotation_rad", TETHER_FIELD(path.figure_eight.rotation_rad), kOffset,
-           "of the eight's long axis against +x");
 }
 
 void add_controller_and_actuator(KeyTable& t) {
@@ -186,7 +178,8 @@ const std::vector<ScenarioKey>& scenario_keys() {
     KeyTable t;
     add_run_and_world(t);
     add_vehicle(t);
-    add_sensor_and_path(t);
+    add_sensor(t);
+    add_path_keys(t);
     add_controller_and_actuator(t);
     add_can(t);
     add_channel_keys(t);

@@ -6,15 +6,20 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <sstream>
+#include <string_view>
 #include <utility>
 
 #include "common/channel_settings.hpp"
 #include "common/errors.hpp"
+#include "common/path_check.hpp"
+#include "common/planned_path.hpp"
 #include "common/scenario_channel_checks.hpp"
 #include "common/scenario_keys.hpp"
+#include "common/scenario_path_keys.hpp"
 #include "common/text.hpp"
 
 namespace tether {
@@ -128,6 +133,24 @@ toml::table parse_value(const std::string& value, const std::string& place) {
   }
 }
 
+std::unique_ptr<const PlannedPath> plan(const Scenario::Path& config, const std::string& file) {
+  try {
+    return plan_path(config);
+  } catch (const UsageError& error) {
+    // What is wrong with a file of waypoints is said with its name.
+    const bool has_name =
+        !config.csv.empty() && std::string_view(error.what()).starts_with(config.csv);
+    throw UsageError(has_name ? error.what() : fmt::format("{}: {}", file, error.what()));
+  }
+}
+
+/// Puts the vehicle where its path begins, but for what `given` says.
+void start_at(const PathPoint& start, const std::set<std::string>& given, VehicleConfig& vehicle) {
+  if (!given.contains("vehicle.start_x_m")) vehicle.start_x_m = start.x_m;
+  if (!given.contains("vehicle.start_y_m")) vehicle.start_y_m = start.y_m;
+  if (!given.contains("vehicle.start_yaw_rad")) vehicle.start_yaw_rad = start.yaw_rad;
+}
+
 constexpr const char* kChanges = "channel.change";
 constexpr double kLatestChange_s = 1e6;
 
@@ -200,7 +223,13 @@ void ScenarioLoader::end_level(const std::string& source, const std::filesystem:
     auto& file = scenario_.can.drivetrain_file;
     file = (folder / file).lexically_normal().string();
   }
-  check_plant(source);
+  if (given_.contains("path.csv")) {
+    scenario_.path.csv = (folder / scenario_.path.csv).lexically_normal().string();
+  }
+  for (const std::string& key : given_) {
+    if (key.starts_with("vehicle.start_")) start_given_.insert(key);
+  }
+  check_plant_and_path(source);
   const ChannelLevel level{
       source, folder, [this](const std::string& key) { return given_.contains(key); },
       [this, &source](const std::string& key, double value, const std::string& from) {
@@ -220,8 +249,13 @@ void ScenarioLoader::end_level(const std::string& source, const std::filesystem:
 }
 
 Scenario ScenarioLoader::finish(const std::string& file) const {
-  check_combinations(file);
-  return scenario_;
+  Scenario scenario = scenario_;
+  std::unique_ptr<const PlannedPath> path;
+  if (!is_whole_) path = plan(scenario.path, file);
+  if (path) start_at(path->at(0.0), start_given_, scenario.vehicle);
+  check_combinations(scenario, file);
+  if (path) check_path(*path, scenario, file);
+  return scenario;
 }
 
 /// The link that a key or a table is of, if it is of one by name.
@@ -288,10 +322,11 @@ void ScenarioLoader::check_effect(const std::string& prefix, const LinkConfig& l
   }
 }
 
-/// The same for masses and friction where nothing has any.
-void ScenarioLoader::check_plant(const std::string& source) const {
+/// The same for masses and friction where nothing has any, and for other paths' sizes.
+void ScenarioLoader::check_plant_and_path(const std::string& source) const {
   for (const std::string& key : given_) {
-    const std::string why = why_plant_ignores(scenario_, key);
+    std::string why = why_plant_ignores(scenario_, key);
+    if (why.empty()) why = why_path_ignores(scenario_, key);
     if (why.empty()) continue;
     throw UsageError(fmt::format("{}: {} has no effect: {}", source, key, why));
   }
@@ -326,10 +361,10 @@ void ScenarioLoader::check_can(const std::string& file) const {
   }
 }
 
-void ScenarioLoader::check_combinations(const std::string& file) const {
-  if (scenario_.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) check_can(file);
-  check_channel(scenario_.channel, file);
-  const auto& vehicle = scenario_.vehicle;
+void ScenarioLoader::check_combinations(const Scenario& scenario, const std::string& file) const {
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) check_can(file);
+  check_channel(scenario.channel, file);
+  const auto& vehicle = scenario.vehicle;
   for (const char* taken : {"CTRL", "NET", "SIM", "CAN"}) {
     if (!vehicle.name.starts_with(taken)) continue;
     throw UsageError(
@@ -337,16 +372,16 @@ void ScenarioLoader::check_combinations(const std::string& file) const {
                     file, vehicle.name, taken));
   }
   const double reach = std::hypot(vehicle.chassis_length_m, vehicle.chassis_width_m);
-  const double inside = scenario_.world.half_extent_m - reach;
+  const double inside = scenario.world.half_extent_m - reach;
   if (inside < 0.0) {
     throw UsageError(fmt::format("{}: the vehicle does not fit between walls at ±{} m", file,
-                                 scenario_.world.half_extent_m));
+                                 scenario.world.half_extent_m));
   }
   if (std::abs(vehicle.start_x_m) > inside || std::abs(vehicle.start_y_m) > inside) {
     throw UsageError(fmt::format(
         "{}: the vehicle starts at ({}, {}) m, in or beyond the walls: vehicle.start_x_m and "
         "start_y_m must be within ±{:.2f} m for world.half_extent_m = {}",
-        file, vehicle.start_x_m, vehicle.start_y_m, inside, scenario_.world.half_extent_m));
+        file, vehicle.start_x_m, vehicle.start_y_m, inside, scenario.world.half_extent_m));
   }
 }
 

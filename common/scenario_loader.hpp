@@ -20,7 +20,9 @@ std::vector<std::string> keys_meant_by(const std::string& key);
 /// `place`, where it was given ("paper.toml:12" or "--set prr=2"), the key and what is allowed.
 class ScenarioLoader {
  public:
-  explicit ScenarioLoader(Scenario start = {}) : scenario_(std::move(start)) {}
+  ScenarioLoader() = default;
+  /// For changes of the channel of a scenario that is whole.
+  explicit ScenarioLoader(Scenario start) : scenario_(std::move(start)), is_whole_(true) {}
 
   /// What a file has.
   void apply_table(const toml::table& table, const std::string& prefix, const std::string& file);
@@ -37,7 +39,8 @@ class ScenarioLoader {
   /// Full names of the keys that were given at this level.
   const std::set<std::string>& given() const { return given_; }
 
-  /// Checks the scenario as a whole and returns it.
+  /// Checks the scenario as a whole and returns it. Unless it was whole at the beginning, the path
+  /// is planned, which reads path.csv, and checked, and the vehicle put at its start.
   Scenario finish(const std::string& file) const;
 
  private:
@@ -48,12 +51,14 @@ class ScenarioLoader {
                    const std::string& file);
   void check_effect(const std::string& prefix, const LinkConfig& link,
                     const std::string& source) const;
-  void check_plant(const std::string& source) const;
+  void check_plant_and_path(const std::string& source) const;
   void check_can(const std::string& file) const;
-  void check_combinations(const std::string& file) const;
+  void check_combinations(const Scenario& scenario, const std::string& file) const;
 
   Scenario scenario_;
-  std::set<std::string> given_;  // at this level
+  bool is_whole_ = false;
+  std::set<std::string> given_;        // at this level
+  std::set<std::string> start_given_;  // of vehicle.start_…, at any level
 };
 
 /// What a scenario file says over the defaults; its level is ended. Throws UsageError.

@@ -6,6 +6,7 @@
 
 #include "common/scenario_channel_checks.hpp"
 #include "common/scenario_keys.hpp"
+#include "common/scenario_path_keys.hpp"
 
 namespace tether {
 namespace {
@@ -16,6 +17,7 @@ bool in_effect(const Scenario& scenario, const ScenarioKey& key) {
     return scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can;
   }
   if (!why_plant_ignores(scenario, key.name).empty()) return false;
+  if (!why_path_ignores(scenario, key.name).empty()) return false;
   static const Scenario kDefaults;
   bool effective = true;
   scenario.channel.for_each_link([&](const std::string& name, const LinkConfig& link) {

@@ -12,8 +12,8 @@
 #include <sstream>
 #include <utility>
 
+#include "common/csv_table.hpp"
 #include "common/errors.hpp"
-#include "netem/csv_table.hpp"
 
 namespace tether {
 namespace {

@@ -8,8 +8,8 @@
 #include <fstream>
 #include <optional>
 
+#include "common/csv_table.hpp"
 #include "common/errors.hpp"
-#include "netem/csv_table.hpp"
 
 namespace tether {
 namespace {

@@ -8,7 +8,9 @@ tether_add_test(NAME common_test
     lcm_datagrams_test.cpp
     lcm_url_test.cpp
     message_io_test.cpp
+    path_scenario_test.cpp
     pattern_test.cpp
+    planned_path_test.cpp
     random_test.cpp
     scenario_change_test.cpp
     scenario_channel_test.cpp
@@ -17,6 +19,7 @@ tether_add_test(NAME common_test
     stream_guard_test.cpp
     time_test.cpp
     virtual_loop_test.cpp
+    waypoints_test.cpp
   LIBS tether_common tether_node_main)
 
 tether_add_test(NAME real_time_loop_test

@@ -328,5 +328,19 @@ TEST_F(ExperimentFiguresTest, TheFigureEightTurnsSharplyTwiceInEachLoop) {
   EXPECT_TRUE(sharp_turns({}).empty());
 }
 
+// Stored points are single precision: at rest and on a line, their rounding is no turn.
+TEST_F(ExperimentFiguresTest, APathAtRestHasNoSharpTurns) {
+  std::vector<RiskPoint> line;
+  for (double t_s = 0.0; t_s < 10.0; t_s += 0.02) {
+    const double s_m = 0.25 * t_s * t_s;
+    RiskPoint point;
+    point.time_s = t_s;
+    point.x_m = static_cast<double>(static_cast<float>(-16.0 + 0.6 * s_m));
+    point.y_m = static_cast<double>(static_cast<float>(3.1 + 0.8 * s_m));
+    line.push_back(point);
+  }
+  EXPECT_TRUE(sharp_turns(line).empty());
+}
+
 }  // namespace
 }  // namespace tether

@@ -151,6 +151,17 @@ TEST_F(Store, RefusesATraceThatHasChanged) {
   EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("trace.csv")));
 }
 
+TEST_F(Store, RefusesWaypointsThatHaveChanged) {
+  const auto lap = folder_ / "lap.csv";
+  Experiment e = two_arms();
+  e.arms[0].scenario.path.kind = Scenario::Path::Kind::csv;
+  e.arms[0].scenario.path.csv = lap.string();
+  std::ofstream(lap) << "x_m,y_m\n0,0\n5,0\n";
+  begin(e);
+  std::ofstream(lap) << "x_m,y_m\n0,0\n6,0\n";
+  EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("lap.csv")));
+}
+
 TEST_F(Store, AnotherFigureIsNoOtherExperiment) {
   begin();
   Experiment restyled = two_arms();

@@ -11,8 +11,8 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "common/csv_table.hpp"
 #include "common/errors.hpp"
-#include "netem/csv_table.hpp"
 #include "tools/event_log.hpp"
 #include "tools/message_printer.hpp"
 

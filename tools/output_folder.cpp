@@ -26,9 +26,9 @@ constexpr std::uintmax_t kEventHeaderBytes = 28;  // sync, number, time stamp, t
 const std::string kScenarioHeader = "# Resolved scenario, tether ";
 
 void check_nothing_foreign(const fs::path& folder) {
-  static const std::set<std::string> kOurs{"scenario.toml", "summary.json",   "trajectory.csv",
-                                           "run.lcmlog",    "path.gp",        "path.svg",
-                                           "path.png",      "drivetrain.toml"};
+  static const std::set<std::string> kOurs{"scenario.toml", "summary.json",    "trajectory.csv",
+                                           "run.lcmlog",    "path.gp",         "path.svg",
+                                           "path.png",      "drivetrain.toml", "path.csv"};
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
     std::string first_line;
@@ -56,6 +56,19 @@ Scenario with_drivetrain_beside(Scenario scenario, const fs::path& folder) {
   }
   write_file(folder / "drivetrain.toml", text);
   scenario.can.drivetrain_file = "drivetrain.toml";
+  return scenario;
+}
+
+/// The scenario with its waypoints copied into `folder`.
+Scenario with_waypoints_beside(Scenario scenario, const fs::path& folder) {
+  if (scenario.path.kind != Scenario::Path::Kind::csv) return scenario;
+  std::ifstream in(scenario.path.csv, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (!in || text.empty()) {
+    throw UsageError(fmt::format("cannot read the waypoints \"{}\"", scenario.path.csv));
+  }
+  write_file(folder / "path.csv", text);
+  scenario.path.csv = "path.csv";
   return scenario;
 }
 
@@ -127,7 +140,8 @@ OutputFolder::OutputFolder(const fs::path& folder, const Scenario& scenario) : f
   }
   check_nothing_foreign(folder_);
   fs::remove(folder_ / "summary.json", error);
-  const Scenario resolved = with_drivetrain_beside(with_absolute_names(scenario), folder_);
+  const Scenario resolved = with_waypoints_beside(
+      with_drivetrain_beside(with_absolute_names(scenario), folder_), folder_);
   write_file(folder_ / "scenario.toml",
              kScenarioHeader + std::string(kVersion) + "\n\n" + to_toml(resolved));
 }

@@ -11,6 +11,8 @@ namespace tether {
 namespace {
 
 constexpr int kArrows = 8;
+// Turns of planned paths: of shorter steps and lesser bends, rounding would make turns.
+constexpr double kShortest_m = 0.03, kStraight_radpm = 5e-3;
 
 constexpr char kRiskMapCommands[] = R"gnuplot(
   set multiplot
@@ -206,7 +208,8 @@ std::vector<TimeSpan> sharp_turns(const std::vector<RiskPoint>& path) {
     const RiskPoint &a = path[i - 1], &b = path[i], &c = path[i + 1];
     const double ux = b.x_m - a.x_m, uy = b.y_m - a.y_m, vx = c.x_m - b.x_m, vy = c.y_m - b.y_m;
     const double length_m = 0.5 * (std::hypot(ux, uy) + std::hypot(vx, vy));
-    if (length_m > 0.0) {
+    // Where a path rests, the rounding of stored points would be its sharpest bends.
+    if (length_m > kShortest_m) {
       bend[i] = std::abs(std::atan2(ux * vy - uy * vx, ux * vx + uy * vy)) / length_m;
     }
   }
@@ -214,7 +217,7 @@ std::vector<TimeSpan> sharp_turns(const std::vector<RiskPoint>& path) {
   if (path.size() < 3) return turns;
   const double sharpest = *std::max_element(bend.begin(), bend.end());
   const double least = *std::min_element(bend.begin() + 1, bend.end() - 1);
-  if (least > 0.5 * sharpest || sharpest < 1e-6) return turns;
+  if (least > 0.5 * sharpest || sharpest < kStraight_radpm) return turns;
   for (std::size_t i = 0; i < path.size(); ++i) {
     if (bend[i] <= 0.5 * sharpest) continue;
     if (bend[i - 1] <= 0.5 * sharpest) turns.push_back({path[i].time_s, path[i].time_s});

@@ -24,6 +24,9 @@ class CsvTable {
   /// Moves to the next row; false at the end. Throws if it is not as wide as the header.
   bool next_row();
 
+  /// Of the present row, or of the header before the first; from 1.
+  int line_number() const { return line_number_; }
+
   // Of the present row; the header has `column`. The numbers throw if the cell is none.
   std::string_view cell(const std::string& column) const { return row_[columns_.at(column)]; }
   double number(const std::string& column) const;  ///< finite
