@@ -86,7 +86,7 @@ void add_sensor(KeyTable& t) {
            "from measurement to publication");
 }
 
-void add_controller_and_actuator(KeyTable& t) {
+void add_controller(KeyTable& t) {
   using Controller = Scenario::Controller;
   t.choice<Controller::Law>("controller.law", TETHER_FIELD(controller.law),
                             {{"pid", Controller::Law::pid}}, "control law");
@@ -112,12 +112,25 @@ void add_controller_and_actuator(KeyTable& t) {
   TETHER_GAINS(v, "m/s");
   TETHER_GAINS(omega, "rad/s");
 #undef TETHER_GAINS
+}
+
+void add_actuator(KeyTable& t) {
   using Policy = Scenario::Actuator::Policy;
   t.choice<Policy>("actuator.policy", TETHER_FIELD(actuator.policy),
-                   {{"hold", Policy::hold}, {"zero", Policy::zero}},
-                   "hold the last command, or stop after a timeout");
+                   {{"hold", Policy::hold},
+                    {"zero", Policy::zero},
+                    {"ramp", Policy::ramp},
+                    {"decay", Policy::decay},
+                    {"horizon", Policy::horizon}},
+                   "hold the last command, stop in some way after a timeout, or follow plans");
   t.number("actuator.timeout_s", TETHER_FIELD(actuator.timeout_s), kPositive,
-           "policy = zero: stop when no new command came for this long");
+           "policy = zero, ramp, decay, horizon: stop when no new twist came for this long");
+  t.number("actuator.decay_s", TETHER_FIELD(actuator.decay_s), kPositive,
+           "policy = decay: time constant of the stop");
+  t.number("actuator.deceleration_mps2", TETHER_FIELD(actuator.deceleration_mps2), kPositive,
+           "policy = ramp, horizon: of the stop after the timeout or the horizon");
+  t.number("actuator.yaw_deceleration_radps2", TETHER_FIELD(actuator.yaw_deceleration_radps2),
+           kPositive, "policy = ramp, horizon: of the stop after the timeout or the horizon");
 }
 
 void add_can(KeyTable& t) {
@@ -180,7 +193,8 @@ const std::vector<ScenarioKey>& scenario_keys() {
     add_vehicle(t);
     add_sensor(t);
     add_path_keys(t);
-    add_controller_and_actuator(t);
+    add_controller(t);
+    add_actuator(t);
     add_can(t);
     add_channel_keys(t);
     return t.take();
