@@ -1,0 +1,25 @@
+#include "controller/law.hpp"
+
+#include <cassert>
+#include <iterator>
+
+#include "common/make_path.hpp"
+
+namespace tether {
+
+Twist Plan::at(Instant when) const {
+  if (when < start || when >= end()) return {};
+  return twists[static_cast<std::size_t>((when - start) / step)];
+}
+
+std::unique_ptr<Law> make_law(const Scenario& scenario) {
+#define TETHER_MAKER(name) make_##name##_law,
+  constexpr std::unique_ptr<Law> (*kMakers[])(const LawContext&) = {
+      TETHER_CONTROL_LAWS(TETHER_MAKER)};
+#undef TETHER_MAKER
+  const auto index = static_cast<std::size_t>(scenario.controller.law);
+  assert(index < std::size(kMakers));
+  return kMakers[index]({scenario, make_path(scenario.path)});
+}
+
+}  // namespace tether

@@ -1,0 +1,185 @@
+#include "controller/predictive_law.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "controller/tracking_law.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::size_t kDelays = 5;       // poses that tell the delay
+constexpr std::size_t kMostSent = 4000;  // plans remembered
+/// The vehicle may still follow a plan that is over by this long when a pose is taken.
+constexpr Duration kRunOut = std::chrono::seconds{10};
+
+}  // namespace
+
+PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
+    : path_(context.path),
+      model_(model_of(context.scenario)),
+      feedback_(context.scenario.controller, model_.limits().max_wheel_acceleration_mps2),
+      delay_(kDelays),
+      form_(form),
+      start_pose_{context.scenario.vehicle.start_x_m, context.scenario.vehicle.start_y_m,
+                  wrap_angle(context.scenario.vehicle.start_yaw_rad)},
+      step_(
+          std::chrono::microseconds{std::llround(context.scenario.controller.plan_step_ms * 1e3)}),
+      steps_(static_cast<std::size_t>(
+          std::max(1.0, std::round(context.scenario.controller.horizon_s / to_seconds(step_))))) {}
+
+void PredictiveLaw::on_pose(const SeenPose& seen) {
+  delay_.add(seen.arrival - seen.stamp);
+  if (seen.follows_other || (seen.plan_id && find(*seen.plan_id) == nullptr)) ++unknown_;
+  while (!sent_.empty() && sent_.front().plan.end() + kRunOut < seen.stamp) sent_.pop_front();
+}
+
+std::optional<Plan> PredictiveLaw::preload() {
+  const MotionModel::State state{start_pose_, {}};
+  Plan plan = roll_out(state, kStart);
+  plan.based_on = form_ == Form::plain ? Plan::kAny : Plan::kNone;
+  preloaded_ = plan.id;
+  return remember(std::move(plan), state.rim);
+}
+
+Decision PredictiveLaw::decide(Instant now, const SeenPose* newest) {
+  const Instant start = start_of_next(now);
+  const Prediction predicted = predict(newest, start);
+  errors_ = errors_to(predicted.state.pose, path_->at(to_seconds(start)));
+  Plan plan = roll_out(predicted.state, start);
+  plan.based_on = form_ == Form::plain ? Plan::kAny : predicted.follows;
+  return remember(std::move(plan), predicted.state.rim);
+}
+
+Decision PredictiveLaw::stop(Instant now) {
+  Plan plan{next_id_++, Plan::kAny, start_of_next(now), step_, {Twist{}}};
+  return remember(std::move(plan), {});
+}
+
+Instant PredictiveLaw::start_of_next(Instant now) const {
+  const Instant start = std::max(now + delay_.longest(), kStart);
+  return std::chrono::ceil<std::chrono::microseconds>(start);  // as it is sent
+}
+
+/// The vehicle at `until`, and what it is taken to follow then.
+PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant until) const {
+  Instant at = kStart;
+  Prediction p = start_of_prediction(newest, at);
+  const Sent* followed = p.follows >= 0 ? find(p.follows) : nullptr;
+  if (form_ == Form::plain) {
+    for (const Sent& sent : sent_) {
+      if (sent.plan.start <= at || sent.plan.start >= until) continue;
+      follow(followed == nullptr ? nullptr : &followed->plan, at, sent.plan.start, p.state);
+      followed = &sent;
+      p.follows = sent.plan.id;
+    }
+  }
+  follow(followed == nullptr ? nullptr : &followed->plan, at, until, p.state);
+  return p;
+}
+
+/// The vehicle at the newest pose, or at its start; `at`: when that is.
+PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* newest,
+                                                             Instant& at) const {
+  Prediction p;
+  p.state.pose = newest == nullptr ? start_pose_ : newest->pose;
+  at = newest == nullptr ? kStart : newest->stamp;
+  if (newest != nullptr && newest->plan_id) p.follows = *newest->plan_id;
+  if (newest == nullptr || (at < kStart && !newest->plan_id))
+    p.follows = preloaded_.value_or(Plan::kNone);
+  const Sent* sent = p.follows >= 0 ? find(p.follows) : nullptr;
+  if (sent != nullptr) {
+    p.state.rim = rim_at(*sent, at);
+  } else if (newest != nullptr && (newest->follows_other || p.follows >= 0)) {
+    // Something moves it, hopefully along the path.
+    const PathPoint reference = path_->at(to_seconds(at));
+    p.state.rim = model_.rim_of({reference.v_mps, reference.omega_radps});
+  }
+  return p;
+}
+
+/// Moves `state` from `at` to `until`; without a plan, and behind its end, to a standstill.
+void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
+                           MotionModel::State& state) const {
+  while (at < until) {
+    Instant end = std::min(until, at + step_);
+    Twist twist;
+    if (plan != nullptr && at < plan->start) {
+      end = std::min(end, plan->start);
+    } else if (plan != nullptr && at < plan->end()) {
+      twist = plan->at(at);
+      end = std::min(end, plan->start + ((at - plan->start) / step_ + 1) * step_);
+    } else if (state.rim.left_mps == 0.0 && state.rim.right_mps == 0.0) {
+      end = until;  // it stands
+    }
+    model_.advance(state, twist, to_seconds(end - at));
+    at = end;
+  }
+}
+
+/// Of a vehicle that follows a plan: each step's twist is one that it reaches within the step.
+WheelSpeeds PredictiveLaw::rim_at(const Sent& sent, Instant when) const {
+  const Plan& plan = sent.plan;
+  MotionModel::State state;
+  Instant at = plan.start;
+  if (when < plan.start) return {};
+  const auto step = static_cast<std::size_t>((when - plan.start) / plan.step);
+  if (step == 0) {
+    state.rim = sent.rim;
+  } else {
+    const std::size_t last = std::min(step, plan.twists.size()) - 1;
+    state.rim = model_.rim_of(plan.twists[last]);
+    at = plan.start + plan.step * static_cast<std::int64_t>(last + 1);
+  }
+  follow(&plan, at, when, state);
+  return state.rim;
+}
+
+const PredictiveLaw::Sent* PredictiveLaw::find(std::int64_t id) const {
+  // Ids ascend, without gaps.
+  if (sent_.empty() || id < sent_.front().plan.id || id > sent_.back().plan.id) return nullptr;
+  return &sent_[static_cast<std::size_t>(id - sent_.front().plan.id)];
+}
+
+/// Feedback at each step's beginning, the path's own twist at its middle.
+Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
+  Plan plan{next_id_++, Plan::kAny, start, step_, {}};
+  plan.twists.reserve(steps_);
+  const double step_s = to_seconds(step_);
+  const double start_s = to_seconds(start);
+  PathPoint here = path_->at(start_s);
+  for (std::size_t i = 1; i <= steps_; ++i) {
+    const PathPoint next = path_->at(start_s + static_cast<double>(i) * step_s);
+    PathPoint reference = here;
+    reference.v_mps = 0.5 * (here.v_mps + next.v_mps);
+    reference.omega_radps = 0.5 * (here.omega_radps + next.omega_radps);
+    const Twist wish = feedback_.command(state.pose, reference);
+    const Twist twist = model_.reachable(state.rim, wish, step_s);
+    plan.twists.push_back(twist);
+    model_.advance(state, twist, step_s);
+    here = next;
+  }
+  return plan;
+}
+
+Plan& PredictiveLaw::remember(Plan plan, const WheelSpeeds& rim) {
+  sent_.push_back({std::move(plan), rim});
+  if (sent_.size() > kMostSent) sent_.pop_front();
+  return sent_.back().plan;
+}
+
+void PredictiveLaw::list_counters(CounterList& out) const {
+  out.emplace_back("plan.made", next_id_);
+  out.emplace_back("plan.followed_unknown", unknown_);
+}
+
+std::unique_ptr<Law> make_predictive_law(const LawContext& context) {
+  return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::plain);
+}
+
+std::unique_ptr<Law> make_predictive_consistent_law(const LawContext& context) {
+  return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::consistent);
+}
+
+}  // namespace tether
