@@ -26,6 +26,7 @@ struct ChannelNames {
     can_state = can + "/STATE";
     can_wheels = can + "/WHEELS";
     can_odometry = can + "/ODOMETRY";
+    can_plan = can + "/PLAN";
     can_counters = can + "/COUNTERS";
     drive_counters = can + "/DRIVE_COUNTERS";
   }
@@ -45,6 +46,7 @@ struct ChannelNames {
   std::string can_state;    ///< bridge's reports …
   std::string can_wheels;
   std::string can_odometry;
+  std::string can_plan;  ///< bridge → sensor: the plan in force
   std::string can_counters;
   std::string drive_counters;                       ///< emulated drives' reports
   std::string wheel_states = "SIM/WHEELS";          ///< simulator → emulated drives

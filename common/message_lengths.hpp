@@ -8,6 +8,7 @@
 #include <tether/counters_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
 #include <tether/link_report_t.hpp>
+#include <tether/plan_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
 #include <type_traits>
 
@@ -106,6 +107,15 @@ template <>
 inline bool lengths_fit<drivetrain_state_t>(std::span<const std::uint8_t> bytes) {
   constexpr std::size_t kBeforeStrings = 8 + 8 + 8 + 4;
   return LengthCheck(bytes).skip(kBeforeStrings).skip_string().skip_string().skip_string().ok();
+}
+
+template <>
+inline bool lengths_fit<plan_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kBeforeCount = 8 + 7 * 8 + 4;
+  constexpr std::size_t kTwist = 4 + 4;
+  LengthCheck check(bytes);
+  check.skip(kBeforeCount).read_count(kTwist);
+  return check.ok();
 }
 
 template <>

@@ -11,7 +11,7 @@
 #include "netem/netem_node.hpp"
 #include "netem/relay_node.hpp"
 
-// AGV/POSE ──▶ uplink ──▶ CTRL/POSE,  CTRL/CMD_VEL ──▶ downlink ──▶ AGV/CMD_VEL,  reports: NET/…
+// AGV/POSE ──▶ uplink ──▶ CTRL/POSE,  CTRL/CMD_VEL, PLAN ──▶ downlink ──▶ AGV/…,  reports: NET/…
 // With --rule: whatever the rules say instead.
 int main(int argc, char** argv) {
   using namespace tether;

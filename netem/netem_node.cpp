@@ -44,6 +44,11 @@ NetemNode::NetemNode(const Scenario& scenario, const ChannelModels& models, Link
   watch_position();
   connect(vehicle_bus, channels_.vehicle_pose, uplink_, channels_.control_pose);
   connect(control_bus, channels_.control_command, downlink_, channels_.vehicle_command);
+  connect(control_bus, channels_.control_plan, downlink_, channels_.vehicle_plan);
+  control_bus.subscribe(channels_.control_preload, kDeepQueue, [this](const Message& message) {
+    ++preloads_;
+    vehicle_bus_.publish(channels_.vehicle_preload, message.bytes);
+  });
   if (&control_bus != &vehicle_bus) {
     vehicle_bus.subscribe(channels_.clock, 1, [&control_bus](const Message& message) {
       control_bus.publish(message.channel, message.bytes);
@@ -93,6 +98,7 @@ void NetemNode::list_counters(CounterList& out) const {
   uplink_.list_counters(out);
   downlink_.list_counters(out);
   if (wants_position_) out.emplace_back("undecodable_positions", undecodable_positions_);
+  if (preloads_ > 0) out.emplace_back("preloads", preloads_);
   settings_.list_counters(out);
 }
 

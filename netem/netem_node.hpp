@@ -16,10 +16,11 @@
 namespace tether {
 
 /// The relay between the two sides of the network: AGV/POSE → uplink → CTRL/POSE, and
-/// CTRL/CMD_VEL → downlink → AGV/CMD_VEL, as raw bytes. Reports on NET/UPLINK and NET/DOWNLINK
-/// every run.report_period_s and at each change of a channel's state or settings. Takes other
-/// settings from NET/SET, from either side, and answers on NET/SETTINGS; publishes those of
-/// channel.change there itself, at their times. Only for models that need the
+/// CTRL/CMD_VEL → downlink → AGV/CMD_VEL and CTRL/PLAN → downlink → AGV/PLAN, as raw bytes. What is
+/// handed over before departure, CTRL/PRELOAD → AGV/PRELOAD, passes by the links. Reports on
+/// NET/UPLINK and NET/DOWNLINK every run.report_period_s and at each change of a channel's state or
+/// settings. Takes other settings from NET/SET, from either side, and answers on NET/SETTINGS;
+/// publishes those of channel.change there itself, at their times. Only for models that need the
 /// vehicle's position does it decode AGV/POSE, before the uplink takes it; what cannot be decoded
 /// is counted.
 class NetemNode final : public Node {
@@ -53,6 +54,7 @@ class NetemNode final : public Node {
   Bus& control_bus_;
   bool wants_position_;
   std::int64_t undecodable_positions_ = 0;
+  std::int64_t preloads_ = 0;
   ChannelNames channels_;
   CounterReporter counters_;
   RunningLink uplink_;

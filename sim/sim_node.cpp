@@ -145,6 +145,7 @@ void SimNode::sample_pose(Instant now) {
   message.x_m = measured.x_m;
   message.y_m = measured.y_m;
   message.yaw_rad = measured.yaw_rad;
+  message.plan_session = message.plan_id = -1;
   if (sensor_latency_ == Duration{0}) {
     publish(bus_, channels_.vehicle_pose, message);
   } else {

@@ -140,6 +140,7 @@ CONTROLLER_REPORT = LcmType("controller_report")
 COUNTERS = LcmType("counters")
 GROUND_TRUTH = LcmType("ground_truth")
 LINK_REPORT = LcmType("link_report")
+PLAN = LcmType("plan")
 POSE = LcmType("pose")
 TWIST = LcmType("twist")
 TYPES = {
@@ -147,6 +148,10 @@ TYPES = {
     "CTRL/POSE": POSE,
     "AGV/CMD_VEL": TWIST,
     "CTRL/CMD_VEL": TWIST,
+    "AGV/PLAN": PLAN,
+    "CTRL/PLAN": PLAN,
+    "AGV/PRELOAD": PLAN,
+    "CTRL/PRELOAD": PLAN,
     "CTRL/REPORT": CONTROLLER_REPORT,
     "CTRL/COUNTERS": COUNTERS,
     "NET/UPLINK": LINK_REPORT,

@@ -14,6 +14,8 @@
 #include <tether/counters_t.hpp>
 #include <tether/ground_truth_t.hpp>
 #include <tether/link_report_t.hpp>
+#include <tether/plan_in_force_t.hpp>
+#include <tether/plan_t.hpp>
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
 #include <vector>
@@ -88,12 +90,23 @@ channel_setting_result_t sample() {
   return message;
 }
 
+template <>
+plan_t sample() {
+  plan_t message{};
+  message.utime = 5;
+  message.step_us = 50'000;
+  message.count = 3;
+  message.v_mps = {1.0F, -0.25F, 3e38F};
+  message.omega_radps = {0.5F, 0.0F, -1e-40F};
+  return message;
+}
+
 template <class LcmType>
 struct MessageIo : testing::Test {};
 
-using AllTypes =
-    testing::Types<channel_setting_t, channel_setting_result_t, clock_t, controller_report_t,
-                   counters_t, ground_truth_t, link_report_t, pose_t, twist_t>;
+using AllTypes = testing::Types<channel_setting_t, channel_setting_result_t, clock_t,
+                                controller_report_t, counters_t, ground_truth_t, link_report_t,
+                                plan_in_force_t, plan_t, pose_t, twist_t>;
 TYPED_TEST_SUITE(MessageIo, AllTypes);
 
 TYPED_TEST(MessageIo, AMessageSurvivesEncodingAndDecoding) {
@@ -156,6 +169,8 @@ TYPED_TEST(MessageIo, AnotherTypeIsRefused) {
   offer(counters_t{});
   offer(ground_truth_t{});
   offer(link_report_t{});
+  offer(plan_in_force_t{});
+  offer(plan_t{});
   offer(pose_t{});
   offer(twist_t{});
   EXPECT_EQ(accepted_by, 1);
@@ -224,6 +239,26 @@ TEST(MessageIoLengths, ImpossibleLengthsOfSettingsAreRefused) {
       EXPECT_FALSE(decode(bytes, result)) << length << " at " << offset;
     }
   }
+}
+
+// Of a plan, the count is at 68; two arrays of that length follow.
+TEST(MessageIoLengths, AnImpossibleNumberOfTwistsIsRefusedBeforeMemoryIsTaken) {
+  for (const std::int32_t count : kImpossibleLengths) {
+    Bytes bytes = encode(sample<plan_t>());
+    put_int32(bytes, 68, count);
+    plan_t plan{};
+    EXPECT_FALSE(decode(bytes, plan)) << count;
+    EXPECT_LT(plan.v_mps.capacity(), 100U) << count;
+  }
+}
+
+TEST(MessageIoLengths, TheLongestPlanFits) {
+  plan_t longest{};
+  longest.count = plan_t::MAX_COUNT;
+  longest.v_mps.resize(plan_t::MAX_COUNT);
+  longest.omega_radps.resize(plan_t::MAX_COUNT);
+  plan_t plan{};
+  EXPECT_TRUE(decode(encode(longest), plan));
 }
 
 TEST(MessageIoLengths, NoCountersAreACountOfZero) {

@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 #include <tether/counters_t.hpp>
+#include <tether/plan_t.hpp>
 #include <tether/pose_t.hpp>
 #include <vector>
 
@@ -31,6 +32,8 @@ pose_t some_pose() {
   pose.x_m = 0.1;
   pose.y_m = -2.0;
   pose.yaw_rad = std::numeric_limits<double>::quiet_NaN();
+  pose.plan_session = 3;
+  pose.plan_id = -1;
   return pose;
 }
 
@@ -41,6 +44,17 @@ counters_t some_counters() {
   counters.name = {"a,b", "\x1b[2J"};
   counters.value = {7, -8};
   return counters;
+}
+
+plan_t some_plan() {
+  plan_t plan{};
+  plan.session = 3;
+  plan.based_on = plan_t::ANY;
+  plan.step_us = 50'000;
+  plan.count = 2;
+  plan.v_mps = {0.1F, 2.0F};
+  plan.omega_radps = {-0.3F, std::numeric_limits<float>::infinity()};
+  return plan;
 }
 
 // The .lcm files, as {struct name, field names}.
@@ -92,7 +106,8 @@ TEST(InspectMessage, DecodesAPose) {
   EXPECT_EQ(content.integer("x_m"), std::nullopt);
   EXPECT_EQ(content.integer("nonsense"), std::nullopt);
   EXPECT_EQ(format_message("AGV/POSE", content),
-            "AGV/POSE pose_t utime=50000 seq=1 x_m=0.1 y_m=-2 yaw_rad=nan");
+            "AGV/POSE pose_t utime=50000 seq=1 x_m=0.1 y_m=-2 yaw_rad=nan "
+            "plan_session=3 plan_id=-1");
 }
 
 TEST(InspectMessage, RecognisesNothingInTooFewBytes) {
@@ -108,7 +123,7 @@ TEST(InspectMessage, ShowsFingerprintAndSizeOfUnknownTypes) {
 }
 
 TEST(InspectMessage, EveryTruncationIsUndecodableAndHarmless) {
-  for (const auto& whole : {encoded(some_pose()), encoded(some_counters())}) {
+  for (const auto& whole : {encoded(some_pose()), encoded(some_counters()), encoded(some_plan())}) {
     for (std::size_t size = 0; size < whole.size(); ++size) {
       const MessageContent content = inspect_message(std::span(whole).first(size));
       EXPECT_FALSE(content.decoded()) << size;
@@ -120,7 +135,7 @@ TEST(InspectMessage, EveryTruncationIsUndecodableAndHarmless) {
 TEST(InspectMessage, TrailingBytesMakeAMessageUndecodable) {
   std::vector<std::uint8_t> bytes = encoded(some_pose());
   bytes.push_back(0);
-  EXPECT_EQ(format_message("X", inspect_message(bytes)), "X pose_t (undecodable, 49 bytes)");
+  EXPECT_EQ(format_message("X", inspect_message(bytes)), "X pose_t (undecodable, 65 bytes)");
 }
 
 TEST(InspectMessage, SurvivesEveryCorruptArrayLength) {
@@ -137,6 +152,12 @@ TEST(FormatMessage, KeepsControlCharactersFromTheTerminal) {
   EXPECT_EQ(
       format_message("SIM\n", inspect_message(encoded(some_counters()))),
       "SIM\\x0a counters_t utime=0 seq=0 node=sim count=2 name=[a,b, \\x1b[2J] value=[7, -8]");
+}
+
+TEST(FormatMessage, ShowsAPlansTwistsAsShortAsFloatsCanBe) {
+  EXPECT_EQ(format_message("CTRL/PLAN", inspect_message(encoded(some_plan()))),
+            "CTRL/PLAN plan_t utime=0 seq=0 session=3 id=0 based_on=-2 pose_utime=0 start_utime=0 "
+            "step_us=50000 count=2 v_mps=[0.1, 2] omega_radps=[-0.3, inf]");
 }
 
 TEST(Csv, QuotesWhatNeedsQuotes) {

@@ -296,6 +296,42 @@ TEST_F(NetemNodeTest, ForwardsRawBytesBothWaysWithoutDecoding) {
   EXPECT_EQ(commands, std::vector<std::vector<std::uint8_t>>{garbage});
 }
 
+TEST_F(NetemNodeTest, PlansShareTheDownlinkWithCommandsAndPayForTheirSize) {
+  scenario = parse_scenario("", "test.toml",
+                            {"channel.downlink.rate.bits_per_s=8e3"});  // a byte a millisecond
+  std::vector<Instant> commands, plans;
+  world.bus.subscribe("AGV/CMD_VEL", kDeepQueue,
+                      [&](const Message&) { commands.push_back(world.loop.now()); });
+  world.bus.subscribe("AGV/PLAN", kDeepQueue,
+                      [&](const Message&) { plans.push_back(world.loop.now()); });
+  const auto node = start();
+  world.publish_bytes_at(at_s(1), "CTRL/PLAN", std::vector<std::uint8_t>(900));
+  world.publish_bytes_at(at_s(1), "CTRL/CMD_VEL", std::vector<std::uint8_t>(10));
+  world.loop.run_until(at_s(3));
+  EXPECT_EQ(plans, std::vector<Instant>{at_s(1.9)});
+  EXPECT_EQ(commands, std::vector<Instant>{at_s(1.91)});
+  EXPECT_EQ(node->downlink().counters().offered, 2);
+}
+
+TEST_F(NetemNodeTest, APreloadPassesByTheLinksAndIsCounted) {
+  scenario.channel.downlink.fixed = {0.0, 1000.0};  // nothing gets through
+  std::vector<Seen<counters_t>> counters;
+  world.collect("NET/COUNTERS", counters);
+  std::vector<Instant> preloads;
+  world.bus.subscribe("AGV/PRELOAD", kDeepQueue,
+                      [&](const Message&) { preloads.push_back(world.loop.now()); });
+  const auto node = start();
+  world.publish_bytes_at(at_s(1.5), "CTRL/PRELOAD", {1, 2, 3});
+  world.publish_bytes_at(at_s(1.5), "CTRL/PLAN", {1, 2, 3});
+  world.loop.run_until(at_s(2));
+  node->finish();
+  world.loop.run_until(at_s(2));
+  EXPECT_EQ(preloads, std::vector<Instant>{at_s(1.5)});
+  EXPECT_EQ(node->downlink().counters().offered, 1);
+  EXPECT_EQ(testing::counter(counters.front().message, "preloads"), -1);  // none, no line
+  EXPECT_EQ(testing::counter(counters.back().message, "preloads"), 1);
+}
+
 TEST_F(NetemNodeTest, DeliversAfterTheDelayToTheNanosecond) {
   scenario.channel.uplink.fixed.delay_ms = 333.25;
   std::vector<Seen<pose_t>> seen;
@@ -383,8 +419,14 @@ TEST_F(NetemNodeTest, JoinsTwoNetworks) {
   control_bus.subscribe("CTRL/POSE", 1, [&](const Message&) { ++on_control_side; });
   world.bus.subscribe("CTRL/POSE", 1, [&](const Message&) { ++on_vehicle_side; });
   NetemNode node(scenario, world.loop, world.bus, control_bus);
+  int preloads = 0;
+  world.bus.subscribe("AGV/PRELOAD", 1, [&](const Message&) { ++preloads; });
   world.publish_at(at_s(1), "AGV/POSE", testing::pose(at_s(1), 0));
+  world.loop.at(at_s(1), Priority::node, [&](Instant) {
+    control_bus.publish("CTRL/PRELOAD", std::vector<std::uint8_t>{1, 2, 3});
+  });
   world.loop.run_until(at_s(2));
+  EXPECT_EQ(preloads, 1);
   EXPECT_EQ(on_control_side, 1);
   EXPECT_EQ(on_vehicle_side, 0);
 }

@@ -58,6 +58,7 @@ inline pose_t pose(Instant stamp, std::int64_t seq, double x_m = 0.0, double y_m
   m.x_m = x_m;
   m.y_m = y_m;
   m.yaw_rad = yaw_rad;
+  m.plan_session = m.plan_id = -1;
   return m;
 }
 

@@ -14,6 +14,8 @@
 #include <tether/ground_truth_t.hpp>
 #include <tether/link_report_t.hpp>
 #include <tether/odometry_t.hpp>
+#include <tether/plan_in_force_t.hpp>
+#include <tether/plan_t.hpp>
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
@@ -33,12 +35,24 @@ namespace {
 
 template <class Visitor>
 void visit_fields(const pose_t& m, Visitor&& visit) {
-  FIELD(utime), FIELD(seq), FIELD(x_m), FIELD(y_m), FIELD(yaw_rad);
+  FIELD(utime), FIELD(seq), FIELD(x_m), FIELD(y_m), FIELD(yaw_rad), FIELD(plan_session);
+  FIELD(plan_id);
 }
 
 template <class Visitor>
 void visit_fields(const twist_t& m, Visitor&& visit) {
   FIELD(utime), FIELD(seq), FIELD(pose_utime), FIELD(v_mps), FIELD(omega_radps);
+}
+
+template <class Visitor>
+void visit_fields(const plan_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(session), FIELD(id), FIELD(based_on), FIELD(pose_utime);
+  FIELD(start_utime), FIELD(step_us), FIELD(count), FIELD(v_mps), FIELD(omega_radps);
+}
+
+template <class Visitor>
+void visit_fields(const plan_in_force_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(session), FIELD(id);
 }
 
 template <class Visitor>
@@ -161,6 +175,7 @@ MessageType describe() {
 struct LineFormat {
   std::string operator()(std::int64_t x) const { return fmt::format("{}", x); }
   std::string operator()(double x) const { return fmt::format("{}", x); }
+  std::string operator()(float x) const { return fmt::format("{}", x); }
   std::string operator()(bool x) const { return x ? "true" : "false"; }
   std::string operator()(const std::string& x) const { return printable(x); }
   template <class T>
@@ -193,6 +208,8 @@ const std::vector<MessageType>& message_types() {
   static const std::vector<MessageType> kTypes = {
       describe<pose_t>(),
       describe<twist_t>(),
+      describe<plan_t>(),
+      describe<plan_in_force_t>(),
       describe<clock_t>(),
       describe<ground_truth_t>(),
       describe<link_report_t>(),

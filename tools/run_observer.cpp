@@ -45,8 +45,9 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
   }
   subscribe<pose_t>(bus, channels.control_pose, kDeepQueue, undecodable_,
                     [this](const pose_t& m) { on_pose(from_utime(m.utime)); });
-  bus.subscribe(channels.vehicle_command, kDeepQueue,
-                [this](const Message&) { ++commands_received_; });
+  for (const std::string& channel : {channels.vehicle_command, channels.vehicle_plan}) {
+    bus.subscribe(channel, kDeepQueue, [this](const Message&) { ++commands_received_; });
+  }
 }
 
 bool RunObserver::accept(StreamGuard& guard, std::int64_t utime, std::int64_t seq) {

@@ -46,6 +46,7 @@ class RunObserver {
   const std::optional<DrivetrainObserver>& drivetrain() const { return drivetrain_; }
 
   std::int64_t poses_received() const { return poses_received_; }
+  /// Twists and plans that reached the vehicle.
   std::int64_t commands_received() const { return commands_received_; }
 
   /// Time-mean, since t = 0, of the age of the newest pose on the controller's side (age of
