@@ -20,7 +20,7 @@ std::int64_t session_of_seed(std::uint64_t seed) {
   return static_cast<std::int64_t>(random() >> 1U);
 }
 
-bool is_usable(const Decision& decision) {
+bool is_usable(const LawOutput& decision) {
   if (const auto* twist = std::get_if<Twist>(&decision)) return tether::is_usable(*twist);
   const auto& twists = std::get<Plan>(decision).twists;
   return !twists.empty() && std::all_of(twists.begin(), twists.end(), [](const Twist& twist) {
@@ -98,7 +98,7 @@ void ControllerNode::decide() {
     ++pose_timeouts_;
     send(now, law_->stop(now), true);
   } else if (law_->plans_ahead() || (newest_ && now >= kStart)) {
-    Decision decision = law_->decide(now, newest_ ? &*newest_ : nullptr);
+    LawOutput decision = law_->decide(now, newest_ ? &*newest_ : nullptr);
     if (!is_usable(decision)) {  // no input is known to lead here; NaN must not leave, nor stay
       ++unusable_commands_;
       decision = law_->stop(now);
@@ -109,7 +109,7 @@ void ControllerNode::decide() {
   }
 }
 
-void ControllerNode::send(Instant now, const Decision& decision, bool stopped) {
+void ControllerNode::send(Instant now, const LawOutput& decision, bool stopped) {
   const auto* plan = std::get_if<Plan>(&decision);
   const Twist twist = plan == nullptr ? std::get<Twist>(decision) : plan->twists.front();
   if (plan == nullptr) {
@@ -148,7 +148,7 @@ void ControllerNode::send_plan(Instant now, const Plan& plan, const std::string&
   message.utime = to_utime(now);
   message.seq = commands_;
   message.session = session_;
-  message.id = plan.id;
+  message.id = plan.name.id;
   message.based_on = plan.based_on;
   message.pose_utime = pose_utime();
   message.start_utime = to_utime(plan.start);

@@ -49,7 +49,7 @@ class ControllerNode final : public Node {
   void decide();
   void on_possible_timeout();
   bool timed_out(Instant now) const;
-  void send(Instant now, const Decision& decision, bool stopped);
+  void send(Instant now, const LawOutput& decision, bool stopped);
   void send_twist(Instant now, const Twist& twist);
   void send_plan(Instant now, const Plan& plan, const std::string& channel);
   std::int64_t pose_utime() const { return newest_ ? to_utime(newest_->stamp) : -1; }

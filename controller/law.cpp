@@ -7,11 +7,6 @@
 
 namespace tether {
 
-Twist Plan::at(Instant when) const {
-  if (when < start || when >= end()) return {};
-  return twists[static_cast<std::size_t>((when - start) / step)];
-}
-
 std::unique_ptr<Law> make_law(const Scenario& scenario) {
 #define TETHER_MAKER(name) make_##name##_law,
   constexpr std::unique_ptr<Law> (*kMakers[])(const LawContext&) = {

@@ -4,9 +4,9 @@
 #include <memory>
 #include <optional>
 #include <variant>
-#include <vector>
 
 #include "common/counters.hpp"
+#include "common/plan.hpp"
 #include "common/pose.hpp"
 #include "common/reference_path.hpp"
 #include "common/scenario.hpp"
@@ -20,31 +20,15 @@ struct SeenPose {
   Instant stamp{};    ///< of the measurement
   Instant arrival{};  ///< here
   std::int64_t seq = 0;
-  /// Of the plan that the vehicle followed at `stamp`; nullopt: none of this controller's.
+  /// Of the newest plan that the vehicle had accepted by `stamp`, which it follows from its start
+  /// on; nullopt: none of this controller's.
   std::optional<std::int64_t> plan_id;
   bool follows_other = false;  ///< it follows a plan of another controller, or of another start
 };
 
-/// Future twists for the vehicle: twist k is in force in [start + k·step, start + (k + 1)·step).
-struct Plan {
-  /// Values of `based_on` that are no plan's id.
-  static constexpr std::int64_t kNone = -1;  ///< predicted from a vehicle that follows no plan
-  static constexpr std::int64_t kAny = -2;   ///< to be followed whatever the vehicle follows
-
-  std::int64_t id = 0;
-  std::int64_t based_on = kAny;
-  Instant start{};
-  Duration step{};
-  std::vector<Twist> twists;
-
-  /// The first instant behind its last twist.
-  Instant end() const { return start + step * static_cast<std::int64_t>(twists.size()); }
-  /// Its twist at `when`; zero outside.
-  Twist at(Instant when) const;
-};
-
-/// What a law decides: the twist to follow from now on, or a plan.
-using Decision = std::variant<Twist, Plan>;
+/// What a law decides: the twist to follow from now on, or a plan. Of a plan's fields, stamp, seq
+/// and name.session are the node's business; ids ascend by 1 from 0.
+using LawOutput = std::variant<Twist, Plan>;
 
 /// The vehicle against the reference point that the law aims at, for reports.
 struct LawErrors {
@@ -63,11 +47,11 @@ class Law {
 
   /// The decision at `now`, which does not decrease from call to call. `newest`: the pose that
   /// on_pose() had last; only laws that plan ahead are asked without one, and before t = 0.
-  virtual Decision decide(Instant now, const SeenPose* newest) = 0;
+  virtual LawOutput decide(Instant now, const SeenPose* newest) = 0;
 
   /// What is sent at `now` in place of a decision: before t = 0, after a pose time-out, or instead
   /// of an unusable one. Whatever the law integrates starts afresh.
-  virtual Decision stop(Instant) {
+  virtual LawOutput stop(Instant) {
     reset();
     return Twist{};
   }

@@ -22,7 +22,7 @@ class PidLaw : public Law {
   /// The command at `now` for a vehicle last seen at `pose`. Times of successive calls must not
   /// decrease.
   Twist step(const Pose2& pose, Instant now);
-  Decision decide(Instant now, const SeenPose* newest) override { return step(newest->pose, now); }
+  LawOutput decide(Instant now, const SeenPose* newest) override { return step(newest->pose, now); }
   /// Forgets everything: the next step is a first one.
   void reset() override;
 

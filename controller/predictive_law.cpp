@@ -36,25 +36,25 @@ void PredictiveLaw::on_pose(const SeenPose& seen) {
 }
 
 std::optional<Plan> PredictiveLaw::preload() {
-  const MotionModel::State state{start_pose_, {}};
-  Plan plan = roll_out(state, kStart);
-  plan.based_on = form_ == Form::plain ? Plan::kAny : Plan::kNone;
-  preloaded_ = plan.id;
-  return remember(std::move(plan), state.rim);
+  const Prediction start{{start_pose_, {}}, Plan::kBasedOnNone};
+  Plan plan = roll_out(start.state, kStart);
+  preloaded_ = plan.name.id;
+  return remember(std::move(plan), start);
 }
 
-Decision PredictiveLaw::decide(Instant now, const SeenPose* newest) {
+LawOutput PredictiveLaw::decide(Instant now, const SeenPose* newest) {
   const Instant start = start_of_next(now);
   const Prediction predicted = predict(newest, start);
   errors_ = errors_to(predicted.state.pose, path_->at(to_seconds(start)));
-  Plan plan = roll_out(predicted.state, start);
-  plan.based_on = form_ == Form::plain ? Plan::kAny : predicted.follows;
-  return remember(std::move(plan), predicted.state.rim);
+  return remember(roll_out(predicted.state, start), predicted);
 }
 
-Decision PredictiveLaw::stop(Instant now) {
-  Plan plan{next_id_++, Plan::kAny, start_of_next(now), step_, {Twist{}}};
-  return remember(std::move(plan), {});
+LawOutput PredictiveLaw::stop(Instant now) {
+  Plan plan = empty_plan(start_of_next(now));
+  plan.twists.emplace_back();
+  Plan& sent = remember(std::move(plan), {});
+  sent.based_on = Plan::kBasedOnAny;
+  return sent;
 }
 
 Instant PredictiveLaw::start_of_next(Instant now) const {
@@ -66,16 +66,15 @@ Instant PredictiveLaw::start_of_next(Instant now) const {
 PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant until) const {
   Instant at = kStart;
   Prediction p = start_of_prediction(newest, at);
-  const Sent* followed = p.follows >= 0 ? find(p.follows) : nullptr;
   if (form_ == Form::plain) {
+    const std::int64_t known = p.follows;
     for (const Sent& sent : sent_) {
-      if (sent.plan.start <= at || sent.plan.start >= until) continue;
-      follow(followed == nullptr ? nullptr : &followed->plan, at, sent.plan.start, p.state);
-      followed = &sent;
-      p.follows = sent.plan.id;
+      if (sent.plan.name.id <= known || sent.plan.start <= at || sent.plan.start >= until) continue;
+      follow_until(p.follows, at, sent.plan.start, p.state);
+      p.follows = sent.plan.name.id;
     }
   }
-  follow(followed == nullptr ? nullptr : &followed->plan, at, until, p.state);
+  follow_until(p.follows, at, until, p.state);
   return p;
 }
 
@@ -83,33 +82,49 @@ PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant
 PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* newest,
                                                              Instant& at) const {
   Prediction p;
-  p.state.pose = newest == nullptr ? start_pose_ : newest->pose;
-  at = newest == nullptr ? kStart : newest->stamp;
-  if (newest != nullptr && newest->plan_id) p.follows = *newest->plan_id;
-  if (newest == nullptr || (at < kStart && !newest->plan_id))
-    p.follows = preloaded_.value_or(Plan::kNone);
-  const Sent* sent = p.follows >= 0 ? find(p.follows) : nullptr;
-  if (sent != nullptr) {
-    p.state.rim = rim_at(*sent, at);
-  } else if (newest != nullptr && (newest->follows_other || p.follows >= 0)) {
-    // Something moves it, hopefully along the path.
+  p.follows = preloaded_.value_or(Plan::kBasedOnNone);
+  p.state.pose = start_pose_;
+  at = kStart;
+  if (newest == nullptr) return p;
+  p.state.pose = newest->pose;
+  at = newest->stamp;
+  if (newest->plan_id || at >= kStart) p.follows = newest->plan_id.value_or(Plan::kBasedOnNone);
+  const bool unknown = newest->follows_other || (p.follows >= 0 && find(p.follows) == nullptr);
+  if (unknown) {  // something moves it, hopefully along the path
     const PathPoint reference = path_->at(to_seconds(at));
     p.state.rim = model_.rim_of({reference.v_mps, reference.omega_radps});
+  } else if (const Sent* sent = followed_at(p.follows, at)) {
+    p.state.rim = rim_at(*sent, at);
   }
   return p;
 }
 
-/// Moves `state` from `at` to `until`; without a plan, and behind its end, to a standstill.
+/// Of the plan `id` and those that the vehicle followed before it, the one in force at `when`.
+const PredictiveLaw::Sent* PredictiveLaw::followed_at(std::int64_t id, Instant when) const {
+  const Sent* sent = find(id);
+  while (sent != nullptr && sent->plan.start > when) sent = find(sent->follows);
+  return sent;
+}
+
+/// Moves `state` to `until` along the plan `id` and those before it.
+void PredictiveLaw::follow_until(std::int64_t id, Instant& at, Instant until,
+                                 MotionModel::State& state) const {
+  const Sent* last = find(id);
+  if (last != nullptr && last->plan.start > at) {
+    follow_until(last->follows, at, std::min(until, last->plan.start), state);
+  }
+  follow(last == nullptr ? nullptr : &last->plan, at, until, state);
+}
+
+/// Moves `state` along a plan from its start on; without one, and behind its end, to a standstill.
 void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
                            MotionModel::State& state) const {
   while (at < until) {
     Instant end = std::min(until, at + step_);
     Twist twist;
-    if (plan != nullptr && at < plan->start) {
-      end = std::min(end, plan->start);
-    } else if (plan != nullptr && at < plan->end()) {
+    if (plan != nullptr && at < plan->end()) {
       twist = plan->at(at);
-      end = std::min(end, plan->start + ((at - plan->start) / step_ + 1) * step_);
+      end = std::min(until, plan->start + ((at - plan->start) / step_ + 1) * step_);
     } else if (state.rim.left_mps == 0.0 && state.rim.right_mps == 0.0) {
       end = until;  // it stands
     }
@@ -138,13 +153,22 @@ WheelSpeeds PredictiveLaw::rim_at(const Sent& sent, Instant when) const {
 
 const PredictiveLaw::Sent* PredictiveLaw::find(std::int64_t id) const {
   // Ids ascend, without gaps.
-  if (sent_.empty() || id < sent_.front().plan.id || id > sent_.back().plan.id) return nullptr;
-  return &sent_[static_cast<std::size_t>(id - sent_.front().plan.id)];
+  if (sent_.empty() || id < sent_.front().plan.name.id || id > sent_.back().plan.name.id)
+    return nullptr;
+  return &sent_[static_cast<std::size_t>(id - sent_.front().plan.name.id)];
+}
+
+Plan PredictiveLaw::empty_plan(Instant start) {
+  Plan plan;
+  plan.name.id = next_id_++;
+  plan.start = start;
+  plan.step = step_;
+  return plan;
 }
 
 /// Feedback at each step's beginning, the path's own twist at its middle.
 Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
-  Plan plan{next_id_++, Plan::kAny, start, step_, {}};
+  Plan plan = empty_plan(start);
   plan.twists.reserve(steps_);
   const double step_s = to_seconds(step_);
   const double start_s = to_seconds(start);
@@ -163,8 +187,9 @@ Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
   return plan;
 }
 
-Plan& PredictiveLaw::remember(Plan plan, const WheelSpeeds& rim) {
-  sent_.push_back({std::move(plan), rim});
+Plan& PredictiveLaw::remember(Plan plan, const Prediction& predicted) {
+  plan.based_on = form_ == Form::plain ? Plan::kBasedOnAny : predicted.follows;
+  sent_.push_back({std::move(plan), predicted.state.rim, predicted.follows});
   if (sent_.size() > kMostSent) sent_.pop_front();
   return sent_.back().plan;
 }

@@ -32,9 +32,9 @@ class PredictiveLaw final : public Law {
   PredictiveLaw(const LawContext& context, Form form);
 
   void on_pose(const SeenPose& seen) override;
-  Decision decide(Instant now, const SeenPose* newest) override;
+  LawOutput decide(Instant now, const SeenPose* newest) override;
   /// A plan that ends at once: the vehicle stops.
-  Decision stop(Instant now) override;
+  LawOutput stop(Instant now) override;
   bool plans_ahead() const override { return true; }
   std::optional<Plan> preload() override;
   /// Of the vehicle as predicted for the plan's start.
@@ -44,20 +44,24 @@ class PredictiveLaw final : public Law {
  private:
   struct Sent {
     Plan plan;
-    WheelSpeeds rim;  ///< predicted at its start
+    WheelSpeeds rim;       ///< predicted at its start
+    std::int64_t follows;  ///< id of what the vehicle was predicted to follow until then, or none
   };
   struct Prediction {
     MotionModel::State state;
-    std::int64_t follows = Plan::kNone;
+    std::int64_t follows = Plan::kBasedOnNone;
   };
   Instant start_of_next(Instant now) const;
   Prediction predict(const SeenPose* newest, Instant until) const;
   Prediction start_of_prediction(const SeenPose* newest, Instant& at) const;
+  const Sent* followed_at(std::int64_t id, Instant when) const;
+  void follow_until(std::int64_t id, Instant& at, Instant until, MotionModel::State& state) const;
   void follow(const Plan* plan, Instant& at, Instant until, MotionModel::State& state) const;
   WheelSpeeds rim_at(const Sent& sent, Instant when) const;
   const Sent* find(std::int64_t id) const;
+  Plan empty_plan(Instant start);
   Plan roll_out(MotionModel::State state, Instant start);
-  Plan& remember(Plan plan, const WheelSpeeds& rim);
+  Plan& remember(Plan plan, const Prediction& predicted);
 
   std::shared_ptr<const ReferencePath> path_;
   MotionModel model_;

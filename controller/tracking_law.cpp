@@ -28,7 +28,7 @@ TrackingLaw::TrackingLaw(const LawContext& context)
       feedback_(context.scenario.controller,
                 model_of(context.scenario).limits().max_wheel_acceleration_mps2) {}
 
-Decision TrackingLaw::decide(Instant now, const SeenPose* newest) {
+LawOutput TrackingLaw::decide(Instant now, const SeenPose* newest) {
   const PathPoint reference = path_->at(to_seconds(now));
   errors_ = errors_to(newest->pose, reference);
   return feedback_.command(newest->pose, reference);
@@ -47,7 +47,7 @@ void CompensatedTrackingLaw::on_pose(const SeenPose& seen) {
   while (sent_.size() > 1 && sent_[1].when <= oldest) sent_.pop_front();
 }
 
-Decision CompensatedTrackingLaw::decide(Instant now, const SeenPose* newest) {
+LawOutput CompensatedTrackingLaw::decide(Instant now, const SeenPose* newest) {
   const Instant arrival = now + delay_.median();
   const MotionModel::State predicted = predict(*newest, arrival);
   const PathPoint reference = path_->at(to_seconds(arrival));
@@ -57,7 +57,7 @@ Decision CompensatedTrackingLaw::decide(Instant now, const SeenPose* newest) {
   return twist;
 }
 
-Decision CompensatedTrackingLaw::stop(Instant now) {
+LawOutput CompensatedTrackingLaw::stop(Instant now) {
   remember(now, {});
   return Twist{};
 }

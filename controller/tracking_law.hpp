@@ -18,7 +18,7 @@ class TrackingLaw final : public Law {
  public:
   explicit TrackingLaw(const LawContext& context);
 
-  Decision decide(Instant now, const SeenPose* newest) override;
+  LawOutput decide(Instant now, const SeenPose* newest) override;
   LawErrors errors() const override { return errors_; }
 
  private:
@@ -36,8 +36,8 @@ class CompensatedTrackingLaw final : public Law {
   explicit CompensatedTrackingLaw(const LawContext& context);
 
   void on_pose(const SeenPose& seen) override;
-  Decision decide(Instant now, const SeenPose* newest) override;
-  Decision stop(Instant now) override;
+  LawOutput decide(Instant now, const SeenPose* newest) override;
+  LawOutput stop(Instant now) override;
   LawErrors errors() const override { return errors_; }
 
  private:
