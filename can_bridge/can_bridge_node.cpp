@@ -8,11 +8,13 @@
 #include <tether/drive_request_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
 #include <tether/odometry_t.hpp>
+#include <tether/plan_in_force_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
 #include <utility>
 
 #include "can_bridge/drivetrain_checks.hpp"
 #include "common/message_io.hpp"
+#include "common/plan_message.hpp"
 
 namespace tether {
 namespace {
@@ -34,8 +36,13 @@ static_assert(static_cast<int>(DriveRequest::reset) == drive_request_t::RESET);
 Instant beginning(const Scenario& scenario) { return kStart - from_seconds(scenario.run.lead_s); }
 
 SafetyCore::Config safety_config(const Scenario& scenario) {
-  return {from_seconds(scenario.can.stale_ms * 1e-3), from_seconds(scenario.can.disarm_ms * 1e-3),
-          twist_limits(scenario), beginning(scenario), scenario.vehicle.wheel_radius_m};
+  return {from_seconds(scenario.can.stale_ms * 1e-3),
+          from_seconds(scenario.can.disarm_ms * 1e-3),
+          twist_limits(scenario),
+          beginning(scenario),
+          scenario.vehicle.wheel_radius_m,
+          scenario.actuator,
+          scenario.vehicle};
 }
 
 double age_s(const WheelFeedback& wheel, Instant now) {
@@ -62,6 +69,7 @@ CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& c
       odometry_(scenario.vehicle),
       cycle_(from_seconds(scenario.can.cycle_ms * 1e-3)),
       wheel_radius_m_(scenario.vehicle.wheel_radius_m),
+      takes_plans_(scenario.actuator.policy == Scenario::Actuator::Policy::horizon),
       counters_(loop, bus, "can_bridge", channels_.can_counters,
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
@@ -71,6 +79,9 @@ CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& c
   }
   subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_commands_,
                      [this](const twist_t& m) { on_command(m); });
+  subscribe_to_plans(bus, channels_, undecodable_plans_, [this](PlanSource source, Plan plan) {
+    safety_.on_plan(loop_.now(), source, std::move(plan));
+  });
   subscribe<drive_request_t>(bus, channels_.can_request, kDeepQueue, undecodable_requests_,
                              [this](const drive_request_t& m) {
                                safety_.on_request(loop_.now(), from_utime(m.utime), m.seq,
@@ -109,6 +120,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   publish_state(decision, now);
   publish_wheels(drives, now);
   publish_odometry(now);
+  if (takes_plans_) publish_plan(now);
   ++cycles_;
 }
 
@@ -206,6 +218,16 @@ void CanBridgeNode::publish_odometry(Instant now) {
   publish(bus_, channels_.can_odometry, message);
 }
 
+void CanBridgeNode::publish_plan(Instant now) {
+  const PlanName plan = safety_.plan();
+  plan_in_force_t message{};
+  message.utime = to_utime(now);
+  message.seq = cycles_;
+  message.session = plan.session;
+  message.id = plan.id;
+  publish(bus_, channels_.can_plan, message);
+}
+
 bool CanBridgeNode::wind_down() {
   const Instant now = loop_.now();
   safety_.leave(now);
@@ -221,6 +243,7 @@ void CanBridgeNode::finish() {
 void CanBridgeNode::list_counters(CounterList& out) const {
   safety_.list(out);
   out.emplace_back("command.undecodable", undecodable_commands_);
+  if (takes_plans_) out.emplace_back("plan.undecodable", undecodable_plans_);
   out.emplace_back("request.undecodable", undecodable_requests_);
   port_.list(out);
   const DriveProfile::Counters drive = profile_->counters();

@@ -20,9 +20,10 @@
 
 namespace tether {
 
-/// The bridge between LCM and the drives: AGV/CMD_VEL and CAN/REQUEST in, CAN frames out and in,
-/// CAN/STATE, CAN/WHEELS and CAN/ODOMETRY out in every control cycle, CAN/COUNTERS every
-/// run.report_period_s. It translates; what may move is SafetyCore's decision.
+/// The bridge between LCM and the drives: AGV/CMD_VEL, AGV/PLAN, AGV/PRELOAD and CAN/REQUEST in,
+/// CAN frames out and in, CAN/STATE, CAN/WHEELS and CAN/ODOMETRY out in every control cycle (and
+/// CAN/PLAN, with actuator.policy = "horizon"), CAN/COUNTERS every run.report_period_s. It
+/// translates; what may move is SafetyCore's decision.
 ///
 /// A control cycle takes place every can.cycle_ms from the run's beginning (t = −run.lead_s) on, in
 /// this order: decide, tell the profile, collect its frames, pass them through the
@@ -56,6 +57,7 @@ class CanBridgeNode final : public Node {
   void publish_state(const Decision& decision, Instant now);
   void publish_wheels(const DrivetrainSnapshot& drives, Instant now);
   void publish_odometry(Instant now);
+  void publish_plan(Instant now);
   void list_counters(CounterList& out) const;
 
   EventLoop& loop_;
@@ -68,6 +70,7 @@ class CanBridgeNode final : public Node {
   Odometry odometry_;
   Duration cycle_;
   double wheel_radius_m_;
+  bool takes_plans_;
 
   bool started_ = false;
   bool left_ = false;
@@ -77,6 +80,7 @@ class CanBridgeNode final : public Node {
   std::int64_t late_frames_ = 0;
   std::int64_t undecodable_commands_ = 0;
   std::int64_t undecodable_requests_ = 0;
+  std::int64_t undecodable_plans_ = 0;
   CounterReporter counters_;
 };
 

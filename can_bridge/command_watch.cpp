@@ -1,7 +1,10 @@
 #include "can_bridge/command_watch.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace tether {
 
@@ -12,23 +15,37 @@ bool CommandWatch::offer(Instant now, Instant stamp, std::int64_t seq, const Twi
   }
   if (!guard_.accept(now, stamp, seq)) return false;
   as_of_ = std::min(stamp, now);
-  twist_ = twist;
+  actuator_.on_command(now, twist);
   return true;
 }
 
+bool CommandWatch::offer(Instant now, PlanSource source, Plan plan) {
+  return actuator_.on_plan(now, source, std::move(plan));
+}
+
 std::optional<Duration> CommandWatch::age(Instant now) const {
+  if (const auto plan_age = actuator_.plan_age(now)) return plan_age;
   if (!as_of_) return std::nullopt;
   return now - *as_of_;
 }
 
-bool CommandWatch::is_zero() const {
+std::string CommandWatch::age_text(Instant now, const char* verb) const {
+  const double age_ms = std::floor(to_milliseconds(age(now).value_or(Duration{0})));
+  return actuator_.plan_age(now)
+             ? fmt::format("the horizon of the plan in force {} {:.0f} ms past", verb, age_ms)
+             : fmt::format("the newest command {} {:.0f} ms old", verb, age_ms);
+}
+
+bool CommandWatch::is_zero(Instant now) const {
   constexpr double kTiny_mps = 1e-3, kTiny_radps = 1e-3;
-  return as_of_ && std::abs(twist_.v_mps) < kTiny_mps && std::abs(twist_.omega_radps) < kTiny_radps;
+  const Twist u = twist(now);
+  return age(now) && std::abs(u.v_mps) < kTiny_mps && std::abs(u.omega_radps) < kTiny_radps;
 }
 
 void CommandWatch::list(CounterList& out) const {
   guard_.list("command", out);
   out.emplace_back("command.non_finite", non_finite_);
+  actuator_.list(out);
 }
 
 }  // namespace tether

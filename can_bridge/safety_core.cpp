@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <utility>
 
 namespace tether {
 namespace {
@@ -15,7 +16,8 @@ double whole_ms(Duration d) { return std::floor(to_milliseconds(d)); }
 
 SafetyCore::SafetyCore(const Config& config)
     : config_(config),
-      commands_({std::min(kMaxAhead, config.stale / 2), config.earliest}),
+      commands_({std::min(kMaxAhead, config.stale / 2), config.earliest}, config.actuator,
+                config.vehicle),
       request_guard_(config.earliest),
       limiter_(config.limits),
       monitor_(config.limits.track_m, config.wheel_radius_m) {
@@ -25,6 +27,10 @@ SafetyCore::SafetyCore(const Config& config)
 
 void SafetyCore::on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist) {
   commands_.offer(now, stamp, seq, twist);
+}
+
+void SafetyCore::on_plan(Instant now, PlanSource source, Plan plan) {
+  commands_.offer(now, source, std::move(plan));
 }
 
 void SafetyCore::on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request) {
@@ -201,7 +207,7 @@ void SafetyCore::begin_following(Instant now) {
     begin_quick_stop(now, "the command was not fresh when the drives were on: arm again");
     return;
   }
-  if (!commands_.is_zero()) {
+  if (!commands_.is_zero(now)) {
     begin_quick_stop(now, "the command was not zero when the drives were on: arm again");
     return;
   }
@@ -215,13 +221,13 @@ void SafetyCore::begin_following(Instant now) {
 void SafetyCore::follow(Instant now) {
   const Duration age = commands_.age(now).value_or(Duration::max());
   if (age < config_.stale) {
-    limiter_.step(commands_.twist());
+    limiter_.step(commands_.twist(now));
   } else if (age < config_.disarm) {
     limiter_.stop();
   } else {
-    begin_quick_stop(now, fmt::format("the newest command was {:.0f} ms old: check the controller "
-                                      "and the network; arm again with a zero command",
-                                      whole_ms(age)));
+    begin_quick_stop(now, commands_.age_text(now, "was") +
+                              ": check the controller and the network; arm again with a zero "
+                              "command");
   }
 }
 

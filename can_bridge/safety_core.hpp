@@ -52,6 +52,7 @@ struct Decision {
 ///   ARM is used up and leaves its reason.
 /// - Commands stamped more than min(kMaxAhead, stale/2) after the bridge's own clock are rejected.
 /// - Armed: a command of age `stale` (CommandWatch) or older → ramp to zero; a fresh one resumes.
+///   Plans are of age 0 while they last; from the end of the horizon on they age like commands.
 ///   Of age `disarm` or older → quick stop and disarm: only ARM with a zero command goes on from
 ///   there.
 /// - DISARM: ramp to zero, wait for standstill (at most kStandstillWait, then quick stop), power
@@ -85,6 +86,8 @@ class SafetyCore {
     TwistLimits limits;
     Instant earliest = kStart;  ///< stamps before this are of another run
     double wheel_radius_m = 0.4;
+    Scenario::Actuator actuator;  ///< what commands and plans say
+    VehicleConfig vehicle;        ///< for its stops
   };
 
   static constexpr Duration kStandstillWait = std::chrono::seconds{2};
@@ -104,6 +107,8 @@ class SafetyCore {
 
   /// A twist command that arrives at `now`.
   void on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist);
+  /// A plan that arrives at `now`.
+  void on_plan(Instant now, PlanSource source, Plan plan);
   /// A drive_request_t that arrives at `now`; acts in the next cycle.
   void on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request);
   /// The bus's state has changed: latches what is over before the next cycle.
@@ -124,8 +129,10 @@ class SafetyCore {
   std::string left_behind() const;
 
   std::optional<Duration> command_age(Instant now) const { return commands_.age(now); }
+  /// The plan that poses shall name.
+  PlanName plan() const { return commands_.plan(); }
   std::int64_t disarms() const { return disarms_; }
-  /// Appends command.…, request.… and "disarms".
+  /// Appends command.…, plan.…, request.… and "disarms".
   void list(CounterList& out) const;
 
  private:

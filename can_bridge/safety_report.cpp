@@ -96,8 +96,7 @@ std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainS
 std::string SafetyCore::armed_reason(Instant now) const {
   const Duration age = commands_.age(now).value_or(Duration{0});
   if (age < config_.stale) return "";
-  return fmt::format("the newest command is {:.0f} ms old: ramping to zero",
-                     std::floor(to_milliseconds(age)));
+  return commands_.age_text(now, "is") + ": ramping to zero";
 }
 
 std::string SafetyCore::latched_reason() const {

@@ -67,13 +67,13 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
   if (!age) return "there is no command yet: start the controller; it has to send zero";
   if (*age >= config_.stale) {
     return fmt::format(
-        "the newest command is {:.0f} ms old (limit {:.0f} ms): check the "
-        "controller, the network and both hosts' clocks",
-        to_milliseconds(*age), to_milliseconds(config_.stale));
+        "{} (limit {:.0f} ms): check the controller, the network and both hosts' clocks",
+        commands_.age_text(now, "is"), to_milliseconds(config_.stale));
   }
-  if (!commands_.is_zero()) {
-    return fmt::format("the newest command is not zero ({:.3f} m/s, {:.3f} rad/s)",
-                       commands_.twist().v_mps, commands_.twist().omega_radps);
+  if (!commands_.is_zero(now)) {
+    const Twist twist = commands_.twist(now);
+    return fmt::format("the newest command is not zero ({:.3f} m/s, {:.3f} rad/s)", twist.v_mps,
+                       twist.omega_radps);
   }
   return "";
 }

@@ -84,9 +84,13 @@ struct Scenario {
     Model model;
   };
   struct Actuator {
-    enum class Policy { hold, zero };
+    enum class Policy { hold, zero, ramp, decay, horizon };
     Policy policy = Policy::hold;
-    double timeout_s = 0.5;  ///< policy = zero: without a new command for this long, stop
+    double timeout_s = 0.5;  ///< all but hold: without a new twist for this long, stop
+    double decay_s = 0.5;    ///< policy = decay: time constant of the stop
+    // policy = ramp, horizon: of the stop; the wheels' acceleration limit holds, too.
+    double deceleration_mps2 = 1.5;
+    double yaw_deceleration_radps2 = 3.0;
   };
   struct Channel {
     bool shared_state = false;  ///< both directions follow the uplink's state process

@@ -116,7 +116,7 @@ void add_planning(KeyTable& t) {
                     "in predictions; not set: the vehicle's");
 }
 
-void add_controller_and_actuator(KeyTable& t) {
+void add_controller(KeyTable& t) {
   using Controller = Scenario::Controller;
 #define TETHER_LAW(name) {#name, ControlLaw::name},
   t.choice<ControlLaw>("controller.law", TETHER_FIELD(controller.law),
@@ -143,12 +143,25 @@ void add_controller_and_actuator(KeyTable& t) {
   TETHER_GAINS(omega, "rad/s");
 #undef TETHER_GAINS
   add_planning(t);
+}
+
+void add_actuator(KeyTable& t) {
   using Policy = Scenario::Actuator::Policy;
   t.choice<Policy>("actuator.policy", TETHER_FIELD(actuator.policy),
-                   {{"hold", Policy::hold}, {"zero", Policy::zero}},
-                   "hold the last command, or stop after a timeout");
+                   {{"hold", Policy::hold},
+                    {"zero", Policy::zero},
+                    {"ramp", Policy::ramp},
+                    {"decay", Policy::decay},
+                    {"horizon", Policy::horizon}},
+                   "hold the last command, stop in some way after a timeout, or follow plans");
   t.number("actuator.timeout_s", TETHER_FIELD(actuator.timeout_s), kPositive,
-           "policy = zero: stop when no new command came for this long");
+           "policy = zero, ramp, decay, horizon: stop when no new twist came for this long");
+  t.number("actuator.decay_s", TETHER_FIELD(actuator.decay_s), kPositive,
+           "policy = decay: time constant of the stop");
+  t.number("actuator.deceleration_mps2", TETHER_FIELD(actuator.deceleration_mps2), kPositive,
+           "policy = ramp, horizon: of the stop after the timeout or the horizon");
+  t.number("actuator.yaw_deceleration_radps2", TETHER_FIELD(actuator.yaw_deceleration_radps2),
+           kPositive, "policy = ramp, horizon: of the stop after the timeout or the horizon");
 }
 
 void add_can(KeyTable& t) {
@@ -210,7 +223,8 @@ const std::vector<ScenarioKey>& scenario_keys() {
     add_run_and_world(t);
     add_vehicle(t);
     add_sensor_and_path(t);
-    add_controller_and_actuator(t);
+    add_controller(t);
+    add_actuator(t);
     add_can(t);
     add_channel_keys(t);
     return t.take();

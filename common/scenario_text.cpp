@@ -10,6 +10,16 @@
 namespace tether {
 namespace {
 
+/// Of the ways to stop, only the chosen one's.
+bool policy_ignores(const Scenario& scenario, const std::string& key) {
+  using Policy = Scenario::Actuator::Policy;
+  const Policy policy = scenario.actuator.policy;
+  if (key == "actuator.decay_s") return policy != Policy::decay;
+  const bool is_ramp =
+      key == "actuator.deceleration_mps2" || key == "actuator.yaw_deceleration_radps2";
+  return is_ramp && policy != Policy::ramp && policy != Policy::horizon;
+}
+
 /// False for keys of what is not chosen, and of a link's stages that are off.
 bool in_effect(const Scenario& scenario, const ScenarioKey& key) {
   if (key.name.starts_with("can.")) {
@@ -17,6 +27,7 @@ bool in_effect(const Scenario& scenario, const ScenarioKey& key) {
   }
   if (!why_plant_ignores(scenario, key.name).empty()) return false;
   if (!why_law_ignores(scenario, key.name).empty()) return false;
+  if (policy_ignores(scenario, key.name)) return false;
   static const Scenario kDefaults;
   bool effective = true;
   scenario.channel.for_each_link([&](const std::string& name, const LinkConfig& link) {

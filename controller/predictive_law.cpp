@@ -22,6 +22,10 @@ PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
       feedback_(context.scenario.controller, model_.limits().max_wheel_acceleration_mps2),
       delay_(kDelays),
       form_(form),
+      run_out_{context.scenario.actuator.deceleration_mps2,
+               context.scenario.actuator.yaw_deceleration_radps2,
+               model_.limits().max_wheel_acceleration_mps2, model_.limits().max_wheel_speed_mps,
+               model_.limits().track_m},
       start_pose_{context.scenario.vehicle.start_x_m, context.scenario.vehicle.start_y_m,
                   wrap_angle(context.scenario.vehicle.start_yaw_rad)},
       step_(
@@ -125,6 +129,8 @@ void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
     if (plan != nullptr && at < plan->end()) {
       twist = plan->at(at);
       end = std::min(until, plan->start + ((at - plan->start) / step_ + 1) * step_);
+    } else if (plan != nullptr && at < plan->end() + kRunOut) {
+      twist = ramp_to_stop(plan->twists.back(), at - plan->end() + (end - at) / 2, run_out_);
     } else if (state.rim.left_mps == 0.0 && state.rim.right_mps == 0.0) {
       end = until;  // it stands
     }

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "common/motion_model.hpp"
+#include "common/stop_ramp.hpp"
 #include "controller/law.hpp"
 #include "controller/network_estimate.hpp"
 #include "controller/tracking_feedback.hpp"
@@ -68,6 +69,7 @@ class PredictiveLaw final : public Law {
   TrackingFeedback feedback_;
   DelayEstimate delay_;
   Form form_;
+  StopLimits run_out_;
   Pose2 start_pose_;
   Duration step_;
   std::size_t steps_;

@@ -6,10 +6,12 @@
 #include <tether/ground_truth_t.hpp>
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
+#include <utility>
 
 #include "common/diff_drive.hpp"
 #include "common/make_path.hpp"
 #include "common/message_io.hpp"
+#include "common/plan_message.hpp"
 #include "common/timer_queue.hpp"
 
 namespace tether {
@@ -47,7 +49,8 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
       path_(make_path(scenario.path)),
       vehicle_(make_plant(scenario.vehicle, scenario.world, kStep)),
       metrics_step_(is_kinematic(scenario) ? kKinematicMetrics : kStep),
-      actuator_(scenario.actuator),
+      actuator_(scenario.actuator, scenario.vehicle,
+                {.earliest = kStart - from_seconds(scenario.run.lead_s)}),
       sensor_(scenario.sensor,
               random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/pose")),
       guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
@@ -62,6 +65,7 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
   if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
     world_end_ = Instant::max();
     drives_.emplace(scenario, loop, bus, *vehicle_);
+    if (actuator_.takes_plans()) plan_watch_.emplace(scenario, loop, bus);
     const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
     loop.every(first_tick(from_seconds(scenario.run.lead_s), coupling), coupling, Priority::physics,
                [this](Instant now) {
@@ -69,10 +73,7 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
                  drives_->publish_wheels(now);
                });
   } else {
-    subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_,
-                       [this](const twist_t& m) {
-                         on_command(from_utime(m.utime), m.seq, {m.v_mps, m.omega_radps});
-                       });
+    subscribe_to_commands();
   }
   const Duration lead = from_seconds(scenario.run.lead_s);
   const Duration pose_period = from_seconds(1.0 / scenario.sensor.rate_hz);
@@ -87,6 +88,16 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
              });
 }
 
+void SimNode::subscribe_to_commands() {
+  subscribe<twist_t>(bus_, channels_.vehicle_command, kDeepQueue, undecodable_,
+                     [this](const twist_t& m) {
+                       on_command(from_utime(m.utime), m.seq, {m.v_mps, m.omega_radps});
+                     });
+  subscribe_to_plans(bus_, channels_, undecodable_plans_, [this](PlanSource source, Plan plan) {
+    arrived_.push_back({loop_.now(), ArrivedPlan{source, std::move(plan)}});
+  });
+}
+
 void SimNode::on_command(Instant stamp, std::int64_t seq, const Twist& twist) {
   if (!is_usable(twist)) {
     ++non_finite_;
@@ -99,9 +110,20 @@ void SimNode::on_command(Instant stamp, std::int64_t seq, const Twist& twist) {
 void SimNode::take_commands(Instant until) {
   auto next = arrived_.begin();
   for (; next != arrived_.end() && next->arrival <= until; ++next) {
-    actuator_.on_command(next->arrival, next->twist);
+    if (auto* plan = std::get_if<ArrivedPlan>(&next->what)) {
+      actuator_.on_plan(next->arrival, plan->source, std::move(plan->plan));
+    } else {
+      actuator_.on_command(next->arrival, std::get<Twist>(next->what));
+    }
   }
   arrived_.erase(arrived_.begin(), next);
+}
+
+/// What arrived by then is taken first: the step that begins at `stamp` uses it.
+PlanName SimNode::plan_at(Instant stamp) {
+  if (plan_watch_) return plan_watch_->plan();
+  take_commands(stamp);
+  return actuator_.plan();
 }
 
 void SimNode::advance(Instant until) {
@@ -139,13 +161,16 @@ void SimNode::sample_pose(Instant now) {
   if (now > end_) return;
   advance(now);
   const Pose2 measured = sensor_.measure(vehicle_->state().pose);
+  const Instant stamp = std::min(world_time_, now);
+  const PlanName plan = plan_at(stamp);
   pose_t message{};
-  message.utime = to_utime(std::min(world_time_, now));
+  message.utime = to_utime(stamp);
   message.seq = pose_seq_++;
   message.x_m = measured.x_m;
   message.y_m = measured.y_m;
   message.yaw_rad = measured.yaw_rad;
-  message.plan_session = message.plan_id = -1;
+  message.plan_session = plan.session;
+  message.plan_id = plan.id;
   if (sensor_latency_ == Duration{0}) {
     publish(bus_, channels_.vehicle_pose, message);
   } else {
@@ -198,6 +223,7 @@ double SimNode::error_m() const {
 
 void SimNode::finish() {
   advance(loop_.now());
+  take_commands(loop_.now());  // for the counters: the world may have ended before
   publish_truth();
   counters_.publish_now();
 }
@@ -207,6 +233,11 @@ void SimNode::list_counters(CounterList& out) const {
   out.emplace_back("command.undecodable", undecodable_);
   out.emplace_back("command.non_finite", non_finite_);
   if (drives_) drives_->list(out);
+  if (plan_watch_) plan_watch_->list(out);
+  if (!drives_) actuator_.list(out);
+  if (!drives_ && actuator_.takes_plans()) {
+    out.emplace_back("plan.undecodable", undecodable_plans_);
+  }
   out.emplace_back("physics.solver_complaints",
                    static_cast<std::int64_t>(vehicle_->solver_complaints()));
 }

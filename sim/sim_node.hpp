@@ -3,8 +3,10 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <variant>
 #include <vector>
 
+#include "common/actuator.hpp"
 #include "common/bus.hpp"
 #include "common/channel_names.hpp"
 #include "common/counter_reporter.hpp"
@@ -13,24 +15,25 @@
 #include "common/reference_path.hpp"
 #include "common/scenario.hpp"
 #include "common/stream_guard.hpp"
-#include "sim/actuator.hpp"
 #include "sim/metrics.hpp"
+#include "sim/plan_watch.hpp"
 #include "sim/plant.hpp"
 #include "sim/pose_sensor.hpp"
 #include "sim/wheel_coupling.hpp"
 
 namespace tether {
 
-/// The vehicle side: physics at 1 kHz, AGV/POSE out, AGV/CMD_VEL in, the truth on SIM/TRUTH and
-/// the run's clock on SIM/CLOCK.
+/// The vehicle side: physics at 1 kHz, AGV/POSE out, AGV/CMD_VEL, AGV/PLAN and AGV/PRELOAD in, the
+/// truth on SIM/TRUTH and the run's clock on SIM/CLOCK.
 ///
 /// Each step [t, t + 1 ms) uses the twist in force at t. A command therefore acts from the first
 /// step that starts at or after its arrival. Commands that are undecodable, non-finite (or beyond
 /// ±1e9), duplicated, late or stamped in the future are counted and otherwise ignored; they refresh
-/// nothing.
+/// nothing. Plans are judged by the Actuator, as of their arrival. A pose names the plan that the
+/// Actuator reports at the pose's stamp.
 ///
 /// With vehicle.drivetrain = can, commands are the CAN bridge's business and the wheels follow
-/// emulated drives (WheelCoupling).
+/// emulated drives (WheelCoupling); which plan is followed, the bridge tells (PlanWatch).
 ///
 /// With the kinematic plant, the metrics look at every tenth step, and vehicle() lags behind the
 /// loop by less than 20 ms in virtual time; messages show the vehicle as it is when they are sent.
@@ -52,7 +55,9 @@ class SimNode final : public Node {
 
  private:
   void on_command(Instant stamp, std::int64_t seq, const Twist& twist);
+  void subscribe_to_commands();
   void take_commands(Instant until);
+  PlanName plan_at(Instant stamp);
   void advance(Instant until);
   void step(Instant now);
   void measure(Instant now);
@@ -76,13 +81,18 @@ class SimNode final : public Node {
   Duration metrics_step_;
   Actuator actuator_;
   std::optional<WheelCoupling> drives_;  ///< instead of the actuator
+  std::optional<PlanWatch> plan_watch_;  ///< with drives that follow plans
   PoseSensor sensor_;
   Metrics metrics_;
   StreamGuard guard_;
 
+  struct ArrivedPlan {
+    PlanSource source;
+    Plan plan;
+  };
   struct ArrivedCommand {
     Instant arrival;
-    Twist twist;
+    std::variant<Twist, ArrivedPlan> what;
   };
   std::vector<ArrivedCommand> arrived_;  // not in force yet: a step that began earlier is to come
   Instant next_step_;
@@ -95,6 +105,7 @@ class SimNode final : public Node {
   std::int64_t clock_seq_ = 0;
   std::int64_t undecodable_ = 0;
   std::int64_t non_finite_ = 0;
+  std::int64_t undecodable_plans_ = 0;
   CounterReporter counters_;
 };
 

@@ -1,6 +1,7 @@
 # common/: one program for everything that needs neither wall time nor sockets.
 tether_add_test(NAME common_test
   SOURCES
+    actuator_test.cpp
     cli_test.cpp
     diff_drive_test.cpp
     figure_eight_test.cpp
@@ -9,6 +10,8 @@ tether_add_test(NAME common_test
     lcm_url_test.cpp
     message_io_test.cpp
     pattern_test.cpp
+    plan_buffer_test.cpp
+    plan_order_test.cpp
     random_test.cpp
     scenario_change_test.cpp
     scenario_channel_test.cpp

@@ -30,7 +30,7 @@ std::map<std::string, std::int64_t> counters(const Guard& guard) {
 TEST(CommandWatch, KnowsNoAgeBeforeTheFirstCommand) {
   const CommandWatch watch{StreamGuard::Config{}};
   EXPECT_FALSE(watch.age(kNow));
-  EXPECT_FALSE(watch.is_zero()) << "no command is not a zero command";
+  EXPECT_FALSE(watch.is_zero(kNow)) << "no command is not a zero command";
 }
 
 TEST(CommandWatch, AgeCountsFromTheStampSoThatTheNetworksDelayCounts) {
@@ -58,7 +58,7 @@ TEST(CommandWatch, RejectedCommandsChangeNeitherTwistNorAge) {
   EXPECT_FALSE(watch.offer(later, later + seconds{1} + nanoseconds{1}, 8, {2.0, 0.0}));
   EXPECT_FALSE(watch.offer(later, kStart - nanoseconds{1}, 9, {2.0, 0.0}));
   EXPECT_EQ(watch.age(later), milliseconds{100});
-  EXPECT_EQ(watch.twist().v_mps, 1.0);
+  EXPECT_EQ(watch.twist(later).v_mps, 1.0);
   const auto counted = counters(watch);
   EXPECT_EQ(counted.at("command.accepted"), 1);
   EXPECT_EQ(counted.at("command.non_finite"), 2);
@@ -72,7 +72,7 @@ TEST(CommandWatch, ZeroIsBelowAMillimetreAndAMilliradianPerSecond) {
   const auto is_zero = [](double v_mps, double omega_radps) {
     CommandWatch watch{StreamGuard::Config{}};
     watch.offer(kNow, kNow, 0, {v_mps, omega_radps});
-    return watch.is_zero();
+    return watch.is_zero(kNow);
   };
   EXPECT_TRUE(is_zero(0.0, 0.0));
   EXPECT_TRUE(is_zero(-0.00099, 0.00099));

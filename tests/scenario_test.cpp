@@ -131,12 +131,33 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
         !key.name.ends_with(".model") && !key.name.ends_with(".queue_limit")) {
       continue;
     }
+    // Only those of the chosen policy are written; a test of its own follows.
+    if (key.name == "actuator.decay_s" || key.name == "actuator.deceleration_mps2" ||
+        key.name == "actuator.yaw_deceleration_radps2") {
+      continue;
+    }
     // The time-outs of the CAN bridge depend on each other; tests of their own follow.
     if (key.name.starts_with("can.") && key.name.ends_with("_ms")) continue;
     if (!is_only_choice(key)) key.set(wanted, other_values(key).front());
   }
   EXPECT_EQ(contents(parse(to_toml(wanted))), contents(wanted));
   EXPECT_NE(contents(wanted), contents(Scenario{}));
+}
+
+TEST(Scenario, OfTheWaysToStopOnlyTheChosenPolicysAreWritten) {
+  using Policy = Scenario::Actuator::Policy;
+  for (const Policy policy :
+       {Policy::hold, Policy::zero, Policy::ramp, Policy::decay, Policy::horizon}) {
+    Scenario wanted;
+    wanted.actuator = {policy, 0.25, 0.75, 2.5, 3.5};
+    const bool ramps = policy == Policy::ramp || policy == Policy::horizon;
+    const auto read = parse(to_toml(wanted)).actuator;
+    EXPECT_EQ(read.policy, policy);
+    EXPECT_EQ(read.timeout_s, 0.25);
+    EXPECT_EQ(read.decay_s, policy == Policy::decay ? 0.75 : 0.5);
+    EXPECT_EQ(read.deceleration_mps2, ramps ? 2.5 : 1.5);
+    EXPECT_EQ(read.yaw_deceleration_radps2, ramps ? 3.5 : 3.0);
+  }
 }
 
 TEST(Scenario, TheResolvedTextGivesTheSameScenarioBitByBit) {
@@ -280,7 +301,8 @@ constexpr BadValue kBadValues[] = {
      "a finite whole number >= 1"},
     {"channel.downlink.markov", "mean_bad_s = 0.0", "channel.downlink.markov.mean_bad_s",
      "a number in [0.001, 1000000000]"},
-    {"actuator", "policy = \"keep\"", "actuator.policy", "\"hold\" or \"zero\""},
+    {"actuator", "policy = \"keep\"", "actuator.policy",
+     "\"hold\" or \"zero\" or \"ramp\" or \"decay\" or \"horizon\""},
 };
 
 INSTANTIATE_TEST_SUITE_P(Scenario, ScenarioBadValue, testing::ValuesIn(kBadValues));

@@ -23,41 +23,6 @@ using testing::VirtualWorld;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// ---------------------------------------------------------------------------- actuator
-
-Actuator actuator(Scenario::Actuator::Policy policy, double timeout_s) {
-  return Actuator({policy, timeout_s});
-}
-
-TEST(Actuator, StandsStillBeforeTheFirstCommand) {
-  for (auto policy : {Scenario::Actuator::Policy::hold, Scenario::Actuator::Policy::zero}) {
-    EXPECT_EQ(actuator(policy, 0.5).in_force(at_s(3)).v_mps, 0.0);
-  }
-}
-
-TEST(Actuator, HoldKeepsTheLastCommandForever) {
-  Actuator a = actuator(Scenario::Actuator::Policy::hold, 0.5);
-  a.on_command(at_s(1), {1.0, 0.2});
-  EXPECT_EQ(a.in_force(at_s(1e6)).v_mps, 1.0);
-  EXPECT_EQ(a.in_force(at_s(1e6)).omega_radps, 0.2);
-}
-
-TEST(Actuator, ZeroStopsExactlyAtTheTimeout) {
-  Actuator a = actuator(Scenario::Actuator::Policy::zero, 0.5);
-  a.on_command(at_s(1), {1.0, 0.2});
-  EXPECT_EQ(a.in_force(at_s(1.5) - Duration{1}).v_mps, 1.0);
-  EXPECT_EQ(a.in_force(at_s(1.5)).v_mps, 0.0);
-  EXPECT_EQ(a.in_force(at_s(1.5)).omega_radps, 0.0);
-}
-
-TEST(Actuator, ANewCommandRestartsTheTimeout) {
-  Actuator a = actuator(Scenario::Actuator::Policy::zero, 0.5);
-  a.on_command(at_s(1), {1.0, 0.0});
-  a.on_command(at_s(1.4), {2.0, 0.0});
-  EXPECT_EQ(a.in_force(at_s(1.8)).v_mps, 2.0);
-  EXPECT_EQ(a.in_force(at_s(1.9)).v_mps, 0.0);
-}
-
 // ---------------------------------------------------------------------------- sensor, metrics
 
 TEST(PoseSensor, WithoutNoiseIsTheTruth) {
