@@ -9,9 +9,11 @@
 #include <tether/drive_request_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
 #include <tether/odometry_t.hpp>
+#include <tether/plan_in_force_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
 
 #include "tests/can_bridge_fakes.hpp"
+#include "tests/plan_rig.hpp"
 #include "tests/virtual_world.hpp"
 
 namespace tether {
@@ -111,6 +113,42 @@ TEST_F(CanBridgeNodeTest, FollowsCommandsOnceArmed) {
   EXPECT_NEAR(state().v_mps, 0.8, 1e-9);
   EXPECT_NEAR(state().command_age_s, 0.03, 1e-9);
   EXPECT_EQ(setpoint_mmps(port.sent.back()), 800);
+}
+
+TEST_F(CanBridgeNodeTest, TellsEveryCycleWhichPlanItFollows) {
+  scenario.actuator.policy = Scenario::Actuator::Policy::horizon;
+  std::vector<Seen<plan_in_force_t>> plans;
+  world.collect("CAN/PLAN", plans);
+  start();
+  Plan p = testing::plan(at_ms(30), 4, Plan::kBasedOnNone, {});
+  world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(p));
+  p.name.id = p.seq = 5;
+  p.based_on = 4;
+  world.publish_at(at_ms(70), "AGV/PRELOAD", testing::to_message(p));
+  world.publish_bytes_at(at_ms(75), "AGV/PLAN", {1, 2, 3});
+  world.loop.run_until(at_ms(100));
+  ASSERT_EQ(plans.size(), 6U);
+  const std::vector<std::int64_t> ids{-1, -1, 4, 4, 5, 5};
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    EXPECT_EQ(plans[i].message.id, ids[i]) << i;
+    EXPECT_EQ(plans[i].message.session, ids[i] < 0 ? -1 : 7) << i;
+    EXPECT_EQ(plans[i].message.seq, static_cast<std::int64_t>(i));
+    EXPECT_EQ(plans[i].message.utime, to_utime(plans[i].when));
+  }
+  EXPECT_EQ(count("plan.accepted"), 2);
+  EXPECT_EQ(count("plan.undecodable"), 1);
+}
+
+TEST_F(CanBridgeNodeTest, WithoutThePolicyItNeitherFollowsPlansNorTells) {
+  std::vector<Seen<plan_in_force_t>> plans;
+  world.collect("CAN/PLAN", plans);
+  start();
+  EXPECT_EQ(count("plan.unasked"), -1);
+  world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(testing::plan(at_ms(30), 4)));
+  world.loop.run_until(at_ms(100));
+  EXPECT_TRUE(plans.empty());
+  EXPECT_EQ(state().command_age_s, -1.0);
+  EXPECT_EQ(count("plan.unasked"), 1);
 }
 
 TEST_F(CanBridgeNodeTest, SendsNoSetpointWithoutArming) {

@@ -35,7 +35,7 @@ tether_add_test(NAME can_drive_node_test SOURCES can_drive_node_test.cpp LIBS te
 tether_add_test(NAME can_safety_test
   SOURCES twist_limiter_test.cpp safety_arming_test.cpp safety_core_test.cpp safety_latch_test.cpp
     safety_again_test.cpp
-    safety_bus_test.cpp safety_inputs_test.cpp follow_monitor_test.cpp odometry_test.cpp
+    safety_bus_test.cpp safety_inputs_test.cpp safety_plan_test.cpp follow_monitor_test.cpp odometry_test.cpp
   LIBS tether_can_bridge_core)
 tether_add_test(NAME can_bridge_node_test
   SOURCES can_bridge_node_test.cpp can_bridge_late_test.cpp
@@ -129,5 +129,5 @@ tether_add_script_test(NAME can_bad_config_test SCRIPT can_bad_config_test.py TI
 
 # --- in-process bus and closed loop over CAN
 tether_add_test(NAME in_process_can_test SOURCES in_process_can_test.cpp LIBS tether_can_bus)
-tether_add_test(NAME can_loop_test SOURCES can_loop_test.cpp
+tether_add_test(NAME can_loop_test SOURCES can_loop_test.cpp can_plan_loop_test.cpp
   LIBS tether_closed_loop tether_tools_core LABELS loop)
