@@ -35,6 +35,13 @@ PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
 
 void PredictiveLaw::on_pose(const SeenPose& seen) {
   delay_.add(seen.arrival - seen.stamp);
+  if (!any_pose_) {
+    for (Sent& sent : sent_) {
+      if (sent.plan.name.id == preloaded_) continue;  // it did not come through the network
+      sent.takes_over = std::max(sent.takes_over, sent.sent + delay_.longest());
+    }
+  }
+  any_pose_ = true;
   if (seen.follows_other || (seen.plan_id && find(*seen.plan_id) == nullptr)) ++unknown_;
   while (!sent_.empty() && sent_.front().plan.end() + kRunOut < seen.stamp) sent_.pop_front();
 }
@@ -43,20 +50,20 @@ std::optional<Plan> PredictiveLaw::preload() {
   const Prediction start{{start_pose_, {}}, Plan::kBasedOnNone};
   Plan plan = roll_out(start.state, kStart);
   preloaded_ = plan.name.id;
-  return remember(std::move(plan), start);
+  return remember(kStart, std::move(plan), start);
 }
 
 LawOutput PredictiveLaw::decide(Instant now, const SeenPose* newest) {
   const Instant start = start_of_next(now);
   const Prediction predicted = predict(newest, start);
   errors_ = errors_to(predicted.state.pose, path_->at(to_seconds(start)));
-  return remember(roll_out(predicted.state, start), predicted);
+  return remember(now, roll_out(predicted.state, start), predicted);
 }
 
 LawOutput PredictiveLaw::stop(Instant now) {
   Plan plan = empty_plan(start_of_next(now));
   plan.twists.emplace_back();
-  Plan& sent = remember(std::move(plan), {});
+  Plan& sent = remember(now, std::move(plan), {});
   sent.based_on = Plan::kBasedOnAny;
   return sent;
 }
@@ -73,10 +80,13 @@ PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant
   if (form_ == Form::plain) {
     const std::int64_t known = p.follows;
     for (const Sent& sent : sent_) {
-      if (sent.plan.name.id <= known || sent.plan.start <= at || sent.plan.start >= until) continue;
-      follow_until(p.follows, at, sent.plan.start, p.state);
+      if (sent.plan.name.id <= known || sent.takes_over <= at || sent.takes_over >= until) continue;
+      follow_until(p.follows, at, sent.takes_over, p.state);
       p.follows = sent.plan.name.id;
     }
+  } else if (const Sent* late = late_first(p, at, until)) {
+    follow_until(p.follows, at, late->takes_over, p.state);
+    p.follows = late->plan.name.id;
   }
   follow_until(p.follows, at, until, p.state);
   return p;
@@ -103,10 +113,19 @@ PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* new
   return p;
 }
 
+/// The first plan of all if it is to be taken for in force from within these limits.
+const PredictiveLaw::Sent* PredictiveLaw::late_first(const Prediction& p, Instant from,
+                                                     Instant until) const {
+  if (p.follows != Plan::kBasedOnNone || sent_.empty() || next_id_ % 2 == 0) return nullptr;
+  const Sent& first = sent_.front();
+  const bool is_late = first.plan.name.id == 0 && first.takes_over > first.plan.start;
+  return is_late && first.takes_over > from && first.takes_over < until ? &first : nullptr;
+}
+
 /// Of the plan `id` and those that the vehicle followed before it, the one in force at `when`.
 const PredictiveLaw::Sent* PredictiveLaw::followed_at(std::int64_t id, Instant when) const {
   const Sent* sent = find(id);
-  while (sent != nullptr && sent->plan.start > when) sent = find(sent->follows);
+  while (sent != nullptr && sent->takes_over > when) sent = find(sent->follows);
   return sent;
 }
 
@@ -114,8 +133,8 @@ const PredictiveLaw::Sent* PredictiveLaw::followed_at(std::int64_t id, Instant w
 void PredictiveLaw::follow_until(std::int64_t id, Instant& at, Instant until,
                                  MotionModel::State& state) const {
   const Sent* last = find(id);
-  if (last != nullptr && last->plan.start > at) {
-    follow_until(last->follows, at, std::min(until, last->plan.start), state);
+  if (last != nullptr && last->takes_over > at) {
+    follow_until(last->follows, at, std::min(until, last->takes_over), state);
   }
   follow(last == nullptr ? nullptr : &last->plan, at, until, state);
 }
@@ -142,13 +161,10 @@ void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
 /// Of a vehicle that follows a plan: each step's twist is one that it reaches within the step.
 WheelSpeeds PredictiveLaw::rim_at(const Sent& sent, Instant when) const {
   const Plan& plan = sent.plan;
-  MotionModel::State state;
-  Instant at = plan.start;
-  if (when < plan.start) return {};
+  MotionModel::State state{{}, sent.rim};
+  Instant at = sent.takes_over;
   const auto step = static_cast<std::size_t>((when - plan.start) / plan.step);
-  if (step == 0) {
-    state.rim = sent.rim;
-  } else {
+  if (at == plan.start && step > 0) {  // in time: as in the step before
     const std::size_t last = std::min(step, plan.twists.size()) - 1;
     state.rim = model_.rim_of(plan.twists[last]);
     at = plan.start + plan.step * static_cast<std::int64_t>(last + 1);
@@ -193,9 +209,10 @@ Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
   return plan;
 }
 
-Plan& PredictiveLaw::remember(Plan plan, const Prediction& predicted) {
+Plan& PredictiveLaw::remember(Instant now, Plan plan, const Prediction& predicted) {
   plan.based_on = form_ == Form::plain ? Plan::kBasedOnAny : predicted.follows;
-  sent_.push_back({std::move(plan), predicted.state.rim, predicted.follows});
+  const Instant start = plan.start;
+  sent_.push_back({std::move(plan), predicted.state.rim, predicted.follows, now, start});
   if (sent_.size() > kMostSent) sent_.pop_front();
   return sent_.back().plan;
 }

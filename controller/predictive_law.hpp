@@ -26,6 +26,10 @@ namespace tether {
 ///   arrived. The plan says so (based_on), and the vehicle refuses it if something had: whatever it
 ///   follows was predicted from what it did. Of the plans that are made from one pose, the first to
 ///   arrive is followed: more commands than poses mend losses and never do harm.
+///
+/// Before the first pose the delay is not known, and plans begin when they are sent. If it turns
+/// out to be longer, the first of them took over in its middle, with the vehicle still at rest: the
+/// consistent form then bases every other plan on that, until a pose says what is in force.
 class PredictiveLaw final : public Law {
  public:
   enum class Form { plain, consistent };
@@ -47,6 +51,8 @@ class PredictiveLaw final : public Law {
     Plan plan;
     WheelSpeeds rim;       ///< predicted at its start
     std::int64_t follows;  ///< id of what the vehicle was predicted to follow until then, or none
+    Instant sent;
+    Instant takes_over;  ///< its start; later if it must have arrived later
   };
   struct Prediction {
     MotionModel::State state;
@@ -55,6 +61,7 @@ class PredictiveLaw final : public Law {
   Instant start_of_next(Instant now) const;
   Prediction predict(const SeenPose* newest, Instant until) const;
   Prediction start_of_prediction(const SeenPose* newest, Instant& at) const;
+  const Sent* late_first(const Prediction& p, Instant from, Instant until) const;
   const Sent* followed_at(std::int64_t id, Instant when) const;
   void follow_until(std::int64_t id, Instant& at, Instant until, MotionModel::State& state) const;
   void follow(const Plan* plan, Instant& at, Instant until, MotionModel::State& state) const;
@@ -62,7 +69,7 @@ class PredictiveLaw final : public Law {
   const Sent* find(std::int64_t id) const;
   Plan empty_plan(Instant start);
   Plan roll_out(MotionModel::State state, Instant start);
-  Plan& remember(Plan plan, const Prediction& predicted);
+  Plan& remember(Instant now, Plan plan, const Prediction& predicted);
 
   std::shared_ptr<const ReferencePath> path_;
   MotionModel model_;
@@ -76,6 +83,7 @@ class PredictiveLaw final : public Law {
   std::deque<Sent> sent_;
   std::int64_t next_id_ = 0;
   std::optional<std::int64_t> preloaded_;
+  bool any_pose_ = false;
   std::int64_t unknown_ = 0;
   LawErrors errors_;
 };
