@@ -18,6 +18,7 @@
 #include "common/path_check.hpp"
 #include "common/planned_path.hpp"
 #include "common/scenario_channel_checks.hpp"
+#include "common/scenario_checks.hpp"
 #include "common/scenario_keys.hpp"
 #include "common/scenario_path_keys.hpp"
 #include "common/text.hpp"
@@ -229,6 +230,10 @@ void ScenarioLoader::end_level(const std::string& source, const std::filesystem:
   for (const std::string& key : given_) {
     if (key.starts_with("vehicle.start_")) start_given_.insert(key);
   }
+  if (given_.contains("controller.tau_table") && !scenario_.controller.tau_table.empty()) {
+    auto& file = scenario_.controller.tau_table;
+    file = (folder / file).lexically_normal().string();
+  }
   check_plant_and_path(source);
   const ChannelLevel level{
       source, folder, [this](const std::string& key) { return given_.contains(key); },
@@ -329,59 +334,6 @@ void ScenarioLoader::check_plant_and_path(const std::string& source) const {
     if (why.empty()) why = why_path_ignores(scenario_, key);
     if (why.empty()) continue;
     throw UsageError(fmt::format("{}: {} has no effect: {}", source, key, why));
-  }
-}
-
-void ScenarioLoader::check_can(const std::string& file) const {
-  const Scenario::Can& can = scenario_.can;
-  if (can.drivetrain_file.empty()) {
-    throw UsageError(fmt::format(
-        "{}: vehicle.drivetrain = \"can\" needs can.drivetrain, a file of drivetrains/", file));
-  }
-  if (can.disarm_ms <= can.stale_ms || can.stale_ms < 2.0 * can.cycle_ms) {
-    throw UsageError(
-        fmt::format("{}: must be 2 * can.cycle_ms <= can.stale_ms < can.disarm_ms; "
-                    "they are {}, {} and {} ms",
-                    file, can.cycle_ms, can.stale_ms, can.disarm_ms));
-  }
-  if (can.max_deceleration_mps2 < can.max_acceleration_mps2 ||
-      can.max_yaw_deceleration_radps2 < can.max_yaw_acceleration_radps2) {
-    throw UsageError(
-        fmt::format("{}: stopping must not be weaker than accelerating: can.max_deceleration_mps2 "
-                    "= {} and can.max_yaw_deceleration_radps2 = {} must be at least {} and {}",
-                    file, can.max_deceleration_mps2, can.max_yaw_deceleration_radps2,
-                    can.max_acceleration_mps2, can.max_yaw_acceleration_radps2));
-  }
-  if (can.inject == Scenario::Can::Inject::wheel_slip &&
-      !(can.inject_value > 0.0 && can.inject_value <= 1.0)) {
-    throw UsageError(fmt::format(
-        "{}: can.inject = \"wheel_slip\" with can.inject_value = {}: must be the share of the "
-        "motion that is lost, above 0, up to 1",
-        file, can.inject_value));
-  }
-}
-
-void ScenarioLoader::check_combinations(const Scenario& scenario, const std::string& file) const {
-  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) check_can(file);
-  check_channel(scenario.channel, file);
-  const auto& vehicle = scenario.vehicle;
-  for (const char* taken : {"CTRL", "NET", "SIM", "CAN"}) {
-    if (!vehicle.name.starts_with(taken)) continue;
-    throw UsageError(
-        fmt::format("{}: vehicle.name = \"{}\" is not allowed: channels {}... have another meaning",
-                    file, vehicle.name, taken));
-  }
-  const double reach = std::hypot(vehicle.chassis_length_m, vehicle.chassis_width_m);
-  const double inside = scenario.world.half_extent_m - reach;
-  if (inside < 0.0) {
-    throw UsageError(fmt::format("{}: the vehicle does not fit between walls at ±{} m", file,
-                                 scenario.world.half_extent_m));
-  }
-  if (std::abs(vehicle.start_x_m) > inside || std::abs(vehicle.start_y_m) > inside) {
-    throw UsageError(fmt::format(
-        "{}: the vehicle starts at ({}, {}) m, in or beyond the walls: vehicle.start_x_m and "
-        "start_y_m must be within ±{:.2f} m for world.half_extent_m = {}",
-        file, vehicle.start_x_m, vehicle.start_y_m, inside, scenario.world.half_extent_m));
   }
 }
 

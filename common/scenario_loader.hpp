@@ -52,8 +52,6 @@ class ScenarioLoader {
   void check_effect(const std::string& prefix, const LinkConfig& link,
                     const std::string& source) const;
   void check_plant_and_path(const std::string& source) const;
-  void check_can(const std::string& file) const;
-  void check_combinations(const Scenario& scenario, const std::string& file) const;
 
   Scenario scenario_;
   bool is_whole_ = false;
