@@ -72,9 +72,23 @@ ChannelChange change_channel(const Scenario& in_force, const std::vector<std::st
   return change;
 }
 
-std::string setting_in_folder(const std::string& setting, const std::filesystem::path& folder) {
+namespace {
+
+/// Key and name, if the setting names a file.
+std::optional<std::vector<std::string>> parts_of_file_setting(const std::string& setting) {
   static const Pattern kFile(R"( *([^ =]*\.file) *= *["']?([^"']*?)["']? *)");
-  const auto part = kFile.groups(setting);
+  return kFile.groups(setting);
+}
+
+}  // namespace
+
+std::optional<std::string> file_of_setting(const std::string& setting) {
+  const auto part = parts_of_file_setting(setting);
+  return part ? std::optional(part->at(1)) : std::nullopt;
+}
+
+std::string setting_in_folder(const std::string& setting, const std::filesystem::path& folder) {
+  const auto part = parts_of_file_setting(setting);
   if (!part) return setting;
   const std::filesystem::path file = folder / part->at(1);
   return fmt::format("{}=\"{}\"", part->at(0), file.lexically_normal().string());

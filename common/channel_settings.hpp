@@ -33,6 +33,9 @@ struct ChannelChange {
 ChannelChange change_channel(const Scenario& in_force, const std::vector<std::string>& settings,
                              const std::string& source = "");
 
+/// The file that a setting names; nullopt if it names none.
+std::optional<std::string> file_of_setting(const std::string& setting);
+
 /// A setting that names a file, with the name in `folder` unless it is absolute; others as they
 /// are.
 std::string setting_in_folder(const std::string& setting, const std::filesystem::path& folder);

@@ -59,6 +59,18 @@ TEST(PaperBaseline, MeanEpsilonAtPrr045IsAboveTenMetres) {
   EXPECT_GT(s.mean_m - 2.0 * s.standard_error_m, 10.0) << s.mean_m << " ± " << s.standard_error_m;
 }
 
+TEST(PaperBaseline, MeanEpsilonAtPrr03IsOnThePlateau) {
+  const Sample s = epsilon_over_seeds("0.3", 12);
+  EXPECT_GT(s.mean_m + 2.0 * s.standard_error_m, 20.0) << s.mean_m << " ± " << s.standard_error_m;
+  EXPECT_LT(s.mean_m - 2.0 * s.standard_error_m, 24.0) << s.mean_m << " ± " << s.standard_error_m;
+  EXPECT_LT(s.standard_error_m, 2.5);
+}
+
+TEST(PaperBaseline, MeanEpsilonAtPrr085IsBelowTwoPointSixMetres) {
+  // Of the first 12 seeds none loses its vehicle for good.
+  EXPECT_LT(epsilon_over_seeds("0.85", 12).mean_m, 2.6);
+}
+
 TEST(PaperBaseline, MeanEpsilonAtPrr01IsBetweenTwelveAndTwentyTwoMetres) {
   const Sample s = epsilon_over_seeds("0.1", 20);
   EXPECT_GT(s.mean_m - 2.0 * s.standard_error_m, 12.0) << s.mean_m << " ± " << s.standard_error_m;

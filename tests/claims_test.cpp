@@ -92,6 +92,7 @@ TEST_F(Claims, AreNotReproducedByOtherNumbers) {
       by_prr([](double prr, double, std::size_t n) { return 5.0 + prr + 0.1 * spread(n); }, 40));
   for (const Claim& claim : judge_claims(results)) {
     EXPECT_EQ(claim.verdict, Verdict::not_reproduced) << claim.paper << ": " << claim.ours;
+    EXPECT_NE(claim.reason, "") << claim.paper;
   }
 }
 

@@ -81,7 +81,7 @@ def main():
                    "--hide-scrollbars", f"--user-data-dir={folder}/profile"]
         dom = run(*browser, "--dump-dom", page.as_uri())
         for part in (
-            "Error &amp; &lt;PRR&gt;", "reproduced", "f2_prr: 48 runs, seeds 1 to 12",
+            "Error &amp; &lt;PRR&gt;", 'class="verdict reproduced">reproduced<', "f2_prr: 48 runs, seeds 1 to 12",
             "plant kinematic", "All numbers", 'id="claims"',
         ):
             check(part in dom, f"the page does not have: {part}")
@@ -93,6 +93,13 @@ def main():
         print(f"{blue} blue pixels, {red} red ones")
         check(blue > 500, f"only {blue} pixels of the curve's blue: is the figure shown?")
         check(red > 500, f"only {red} pixels of the boxes' red: is the heat map shown?")
+        # Two sweeps of one experiment go by their folders and are no answer to a claim.
+        shutil.copytree(folder / "out" / "f2_prr", folder / "out" / "again")
+        said = run(tether, "report", str(folder / "out"))
+        check("at PRR 1, τ = 2 s" not in said, f"a claim by one of two sweeps: {said}")
+        check("at PRR 1 the best τ is 2 s" in said, f"no claim of the other sweep: {said}")
+        for stem in ("again", "f2_prr", "f4_tau"):
+            check((folder / "out" / f"{stem}.svg").exists(), f"no {stem}.svg")
         if keep := os.environ.get("TETHER_PICTURES"):
             shutil.copy(picture, pathlib.Path(keep) / "report.png")
 

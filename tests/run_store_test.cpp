@@ -162,6 +162,24 @@ TEST_F(Store, RefusesWaypointsThatHaveChanged) {
   EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("lap.csv")));
 }
 
+TEST_F(Store, RefusesATraceOfALaterChangeThatHasChanged) {
+  const auto trace = folder_ / "later.csv";
+  Experiment e = two_arms();
+  e.arms[0].scenario.channel.changes = {
+      {5.0, {"uplink.model=trace", "uplink.trace.file=" + trace.string()}}};
+  std::ofstream(trace) << "time_s,delay_ms,prr\n0,0,1\n";
+  begin(e);
+  std::ofstream(trace) << "time_s,delay_ms,prr\n0,0,0.5\n";
+  EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("later.csv")));
+}
+
+TEST_F(Store, RefusesATraceThatCannotBeRead) {
+  Experiment e = two_arms();
+  e.arms[0].scenario.channel.uplink.model = LinkConfig::Model::trace;
+  e.arms[0].scenario.channel.uplink.trace.file = "/no/such.csv";
+  EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("cannot read /no/such.csv")));
+}
+
 TEST_F(Store, AnotherFigureIsNoOtherExperiment) {
   begin();
   Experiment restyled = two_arms();

@@ -124,7 +124,7 @@ def two_sweeps_into_one_database_are_refused(bench):
     while not (out / "runs.sqlite.lock").exists():
         time.sleep(0.01)
     time.sleep(0.1)
-    bench.refuses(out, 2, "another process is sweeping")
+    bench.refuses(out, 2, "another process is writing")
     check(process.wait(timeout=120) == 0, "the first one suffered from it")
 
 
@@ -139,6 +139,43 @@ def shards_merge_to_the_same_bytes(bench):
     check(result.returncode == 0, result.stderr)
     check(bench.csv(merged) == bench.csv(bench.folder / "whole"), "the results differ")
     bench.refuses(shards, 2, "4/3", "I/N", more=["--shard", "4/3"])
+
+
+def merging_onto_a_full_disk_leaves_no_half_result(bench):
+    size = (bench.folder / "merged" / "runs.sqlite").stat().st_size
+    disk = bench.folder / "small"
+    disk.mkdir()
+    merge = (bench.tether, "merge", str(bench.folder / "shards"), "--out", str(disk))
+    failures = 0
+    # Enough for nothing; for the log, but not for the database too; for nearly all.
+    for share in (0.5, 1.3, 1.9):
+        room = int(share * size / 4096) * 4
+        subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", f"size={room}k", "tmpfs", str(disk)], check=True
+        )
+        try:
+            result = bench.run(*merge)
+            if result.returncode != 0:
+                failures += 1
+                check("full" in result.stderr or "disk" in result.stderr, result.stderr)
+                check(not (disk / "runs.sqlite").exists(), f"a half result at {room} kB")
+                subprocess.run(["mount", "-o", "remount,size=64m", str(disk)], check=True)
+                check(bench.run(*merge).returncode == 0, "merging again")
+            check(bench.csv(disk) == bench.csv(bench.folder / "whole"), "the results differ")
+        finally:
+            subprocess.run(["umount", str(disk)], check=True)
+    check(failures >= 2, f"the disk was full {failures} times: the test tested little")
+
+
+def exporting_onto_a_database_is_refused(bench):
+    database = bench.folder / "merged" / "runs.sqlite"
+    before = database.read_bytes()
+    for name in ("runs.sqlite", "runs.sqlite-wal"):
+        result = bench.run(
+            bench.tether, "sweep", "export", str(database), "--out", str(database.with_name(name))
+        )
+        check(result.returncode == 2 and "is a database" in result.stderr, result.stderr)
+    check(database.read_bytes() == before, "the database was changed")
 
 
 def another_experiment_is_refused(bench):
@@ -204,6 +241,8 @@ def main():
             stops_on_ctrl_c_and_goes_on,
             two_sweeps_into_one_database_are_refused,
             shards_merge_to_the_same_bytes,
+            merging_onto_a_full_disk_leaves_no_half_result,
+            exporting_onto_a_database_is_refused,
             another_experiment_is_refused,
             a_damaged_database_is_refused_and_kept,
             a_full_disk_loses_nothing,

@@ -59,7 +59,7 @@ int report(const std::string& folder, const std::string& risk) {
 
 struct ReproduceOptions {
   bool quick = false;
-  std::string out = "out/reproduce";
+  std::string out;  // empty: default_out()
   std::string experiments;
   std::string risk = "whole_run";
   std::vector<std::string> overrides;
@@ -81,7 +81,10 @@ fs::path experiments_folder(const std::string& given) {
                                kFigures.front(), candidates.back().string()));
 }
 
-int reproduce(const ReproduceOptions& options) {
+std::string default_out(bool quick) { return quick ? "out/reproduce-quick" : "out/reproduce"; }
+
+int reproduce(ReproduceOptions options) {
+  if (options.out.empty()) options.out = default_out(options.quick);
   const auto start = std::chrono::steady_clock::now();
   const fs::path source = experiments_folder(options.experiments);
   std::vector<Experiment> experiments, full;
@@ -139,7 +142,8 @@ void add_reproduce_command(CLI::App& tether, Action& action) {
       "reproduce", "The paper's five figures, and which of its claims hold here");
   command->add_flag("--quick", options->quick, "few seeds: about three minutes on two cores");
   command->add_option("--out", options->out,
-                      "folder for sweeps, figures and report.html [" + options->out + "]");
+                      "folder for sweeps, figures and report.html [" + default_out(false) +
+                          ", or " + default_out(true) + "]");
   command->add_option("--experiments", options->experiments,
                       "folder of the experiment files [the project's experiments/]");
   command

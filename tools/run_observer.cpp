@@ -24,11 +24,17 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
                             [this](const ground_truth_t& m) { on_truth(m); });
   subscribe<link_report_t>(bus, channels.uplink_report, kDeepQueue, undecodable_,
                            [this](const link_report_t& m) {
-                             if (accept(uplink_guard_, m.utime, m.seq)) uplink_ = m;
+                             if (!accept(uplink_guard_, m.utime, m.seq)) return;
+                             uplink_ = m;
+                             if (is_of_last_row(m.utime)) trajectory_.back().uplink_state = m.state;
                            });
   subscribe<link_report_t>(bus, channels.downlink_report, kDeepQueue, undecodable_,
                            [this](const link_report_t& m) {
-                             if (accept(downlink_guard_, m.utime, m.seq)) downlink_ = m;
+                             if (!accept(downlink_guard_, m.utime, m.seq)) return;
+                             downlink_ = m;
+                             if (is_of_last_row(m.utime)) {
+                               trajectory_.back().downlink_state = m.state;
+                             }
                            });
   std::vector<std::string> reports{channels.sim_counters, channels.net_counters,
                                    channels.control_counters};
@@ -54,6 +60,11 @@ bool RunObserver::accept(StreamGuard& guard, std::int64_t utime, std::int64_t se
   const bool accepted = guard.accept(loop_.now(), from_utime(utime), seq);
   if (!accepted) ++rejected_;
   return accepted;
+}
+
+/// Of what is reported at one instant, the truth may come first.
+bool RunObserver::is_of_last_row(std::int64_t utime) const {
+  return !trajectory_.empty() && truth_.utime == utime;
 }
 
 void RunObserver::on_truth(const ground_truth_t& m) {

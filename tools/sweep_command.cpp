@@ -3,9 +3,11 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
+#include <fstream>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/cli.hpp"
@@ -14,6 +16,7 @@
 #include "tools/experiment/experiment.hpp"
 #include "tools/experiment/sweep_export.hpp"
 #include "tools/experiment/sweep_progress.hpp"
+#include "tools/sweep_lock.hpp"
 #include "tools/sweep_session.hpp"
 #include "tools/text_output.hpp"
 
@@ -92,13 +95,25 @@ int sweep(const SweepCommandOptions& options) {
              outcome.failed == 0
                  ? ""
                  : fmt::format(", of which {} failed (see `tether sweep export`)", outcome.failed));
-  if (outcome.is_complete) return kExitOk;
+  if (outcome.is_complete) return outcome.failed < outcome.runs ? kExitOk : kExitFailed;
   fmt::print(stderr, "stopped; the same command goes on from here\n");
   return kExitFailed;
 }
 
+/// A database that would be lost.
+bool is_database(const std::string& file) {
+  constexpr std::string_view kMagic = "SQLite format 3";
+  std::string begin(kMagic.size(), '\0');
+  std::ifstream(file, std::ios::binary)
+      .read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  return begin == kMagic;
+}
+
 int export_csv(const std::string& folder, const std::string& out, bool means) {
   const RunStore store = RunStore::open(database_of(folder));
+  if (is_database(out) || out.ends_with("-wal") || out.ends_with("-shm")) {
+    throw UsageError(fmt::format("--out {} is a database: name a file for the CSV", out));
+  }
   TextOutput output(out);
   const auto write = [&output](const std::string& text) { output.write(text); };
   means ? export_means(store, write) : export_runs(store, write);
@@ -152,6 +167,7 @@ void add_merge_command(CLI::App& tether, Action& action) {
     action = [shards, out] {
       fs::create_directories(*out);
       const fs::path file = database_in(*out, Shard{});
+      const SweepLock lock(file);
       merge_shards(file, {shards->begin(), shards->end()});
       fmt::print("{} runs in {}\n", RunStore::open(file).size(), file.string());
       return kExitOk;

@@ -1,10 +1,6 @@
 #include "tools/sweep_session.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -14,11 +10,11 @@
 #include <vector>
 
 #include "common/errors.hpp"
-#include "common/system_error.hpp"
 #include "tools/experiment/statistics.hpp"
 #include "tools/experiment/sweep.hpp"
 #include "tools/experiment/sweep_export.hpp"
 #include "tools/experiment/sweep_progress.hpp"
+#include "tools/sweep_lock.hpp"
 
 namespace tether {
 namespace {
@@ -36,40 +32,6 @@ void stop_on_signals() {
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
   std::signal(SIGXFSZ, SIG_IGN);
 }
-
-/// Keeps another process from sweeping into the same database at the same time.
-class SweepLock {
- public:
-  explicit SweepLock(const fs::path& database) : file_(database.string() + ".lock") {
-    fd_ = check_system_call("making " + file_,
-                            open(file_.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0666));
-    const bool is_locked = flock(fd_, LOCK_EX | LOCK_NB) == 0;
-    const int error = errno;
-    if (is_locked && is_still_there()) return;
-    close(fd_);
-    if (!is_locked && error != EWOULDBLOCK) {
-      throw std::system_error(error, std::generic_category(), "locking " + file_);
-    }
-    throw UsageError(fmt::format("another process is sweeping into {}", database.string()));
-  }
-  ~SweepLock() {
-    unlink(file_.c_str());
-    close(fd_);
-  }
-  SweepLock(const SweepLock&) = delete;
-  SweepLock& operator=(const SweepLock&) = delete;
-
- private:
-  /// Not removed by its last owner between our opening and locking it.
-  bool is_still_there() const {
-    struct stat ours {
-    }, now{};
-    return fstat(fd_, &ours) == 0 && stat(file_.c_str(), &now) == 0 && ours.st_ino == now.st_ino;
-  }
-
-  std::string file_;
-  int fd_ = -1;
-};
 
 void make_folder(const fs::path& folder) {
   std::error_code error;

@@ -53,6 +53,7 @@ Claim about_means(const SweepData& data, const std::string& figure, const std::s
   }
   if (claim.verdict == Claim::Verdict::undecided)
     claim.reason = "the interval reaches beyond the claim";
+  if (claim.verdict == Claim::Verdict::not_reproduced) claim.reason = "outside, beyond chance";
   if (!missing.empty()) {
     claim.verdict = worst(claim.verdict, Claim::Verdict::undecided);
     claim.reason = missing;
@@ -123,7 +124,10 @@ void judge_bell(const SweepData& prr, std::vector<Claim>& claims) {
                    "by {} m (paired)",
                    x, mean_and_n(top.summary), values.front(), mean_text(left.difference),
                    values.back(), mean_text(right.difference)),
-       verdict, verdict == Claim::Verdict::undecided ? "more seeds are needed to tell" : ""});
+       verdict,
+       verdict == Claim::Verdict::undecided        ? "more seeds are needed to tell"
+       : verdict == Claim::Verdict::not_reproduced ? "the largest mean is elsewhere"
+                                                   : ""});
 }
 
 void judge_delay(const SweepData& delay, std::vector<Claim>& claims) {
@@ -175,7 +179,8 @@ void judge_loss_against_delay(const SweepData& prr, const SweepData& delay,
   const bool is_worse = loss.mean_interval.low > 2.0 * lag.mean;
   claims.push_back({"F2, F3", "loss hurts far more than delay",
                     fmt::format("PRR 0.45: {}; 500 ms: {}", mean_and_n(loss), mean_and_n(lag)),
-                    is_worse ? Claim::Verdict::reproduced : Claim::Verdict::not_reproduced, ""});
+                    is_worse ? Claim::Verdict::reproduced : Claim::Verdict::not_reproduced,
+                    is_worse ? "" : "less than twice as much, or not beyond chance"});
 }
 
 /// Rises from arm to arm: of two arms' runs, whether chance cannot explain that the second's ε is
@@ -225,6 +230,7 @@ Claim judge_best_tau(const SweepData& heatmap, const TauColumn& column, double t
   if (claim.verdict == Claim::Verdict::undecided) {
     claim.reason = "the runs cannot tell which of these is the best";
   }
+  if (!is_tied) claim.reason = fmt::format("{:g} s is worse, beyond chance", tau_s);
   return claim;
 }
 
@@ -283,6 +289,8 @@ void judge_risk(const RiskFall& risk, std::vector<Claim>& claims) {
               worst(judge_fall(risk.to_second), judge_fall(risk.to_last)), ""};
   constexpr char kReading[] = "the paper does not define its risk; --risk chooses other readings";
   if (risk.definition != RiskDefinition::whole_run) falls.reason = kReading;
+  if (falls.verdict == Claim::Verdict::not_reproduced && falls.reason.empty())
+    falls.reason = "it rises";
   claims.push_back(falls);
   if (!std::isfinite(risk.before_turns.mean)) return;
   claims.push_back(
@@ -290,7 +298,7 @@ void judge_risk(const RiskFall& risk, std::vector<Claim>& claims) {
        fmt::format("{} m before the first sharp turn, higher than from there on by {} "
                    "m (n = {})",
                    estimate_text(risk.before_turns), estimate_text(risk.to_rest), risk.runs),
-       judge_fall(risk.to_rest), falls.reason});
+       judge_fall(risk.to_rest), risk.definition == RiskDefinition::whole_run ? "" : kReading});
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "common/errors.hpp"
@@ -75,12 +76,13 @@ void add_results(const RunStore& store, SweepData data, RiskDefinition risk,
 }
 
 ReportSection make_section(const RunStore& store, const SweepData& data, const fs::path& folder,
-                           RiskDefinition risk) {
+                           const std::string& stem, RiskDefinition risk) {
   ReportSection section;
   const auto figure = store.figure();
   const Identity identity = store.identity();
   section.name = store.name();
   section.title = figure && !figure->title.empty() ? figure->title : store.name();
+  if (stem != store.name()) section.title += " (" + stem + ")";
   section.version = store.version();
   section.plant = store.plant();
   section.seeds = identity.at("seeds");
@@ -94,7 +96,7 @@ ReportSection make_section(const RunStore& store, const SweepData& data, const f
   section.failed = store.failures();
   section.planned = store.planned_runs();
   section.is_complete = store.is_complete();
-  if (draw_sweep_figure(store, data, folder, risk)) section.figure = store.name();
+  if (draw_sweep_figure(store, data, folder, stem, risk)) section.figure = stem;
   section.table = table_of(store, data);
   return section;
 }
@@ -104,12 +106,18 @@ ReportSection make_section(const RunStore& store, const SweepData& data, const f
 Report write_report(const fs::path& folder, RiskDefinition risk) {
   Report report;
   PaperResults results;
-  for (const fs::path& file : databases_below(folder)) {
+  const std::vector<fs::path> files = databases_below(folder);
+  std::map<std::string, int> sweeps_of_name;
+  for (const fs::path& file : files) ++sweeps_of_name[RunStore::open(file).name()];
+  for (const fs::path& file : files) {
     const RunStore store = RunStore::open(file);
     const auto figure = store.figure();
     SweepData data(store, figure ? figure->metric : "epsilon_m");
-    report.sections.push_back(make_section(store, data, folder, risk));
-    add_results(store, std::move(data), risk, results);
+    // Several sweeps of one experiment go by their folders, and are no answer to a claim.
+    const bool is_only = sweeps_of_name[store.name()] == 1;
+    const std::string stem = is_only ? store.name() : file.parent_path().filename().string();
+    report.sections.push_back(make_section(store, data, folder, stem, risk));
+    if (is_only) add_results(store, std::move(data), risk, results);
   }
   report.title = report.sections.size() == 1 ? report.sections.front().title
                                              : "AGV control over a lossy, delayed network";

@@ -41,7 +41,8 @@ std::string to_markdown(const Report& report);
 /// Reports on all sweeps of a folder: its own runs.sqlite, or those of its subfolders, by name.
 /// Writes report.html, report.md and the figures into the folder and returns what they say; claims
 /// are judged where the sweeps have the names of the paper's (f2_prr, f3_delay, f4_tau, f5_risk),
-/// and the report says which of these were overridden or are not complete. Throws UsageError if
+/// and the report says which of these were overridden or are not complete; of several sweeps with
+/// one name none is judged, and figures are named after their folders. Throws UsageError if
 /// there is no sweep.
 Report write_report(const std::filesystem::path& folder, RiskDefinition risk);
 

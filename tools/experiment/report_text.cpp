@@ -3,6 +3,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "common/version.hpp"
 #include "tools/experiment/report.hpp"
 #include "tools/experiment/sweep_progress.hpp"
 
@@ -97,8 +98,9 @@ std::string sources(const Report& report) {
     if (!s.overrides.empty()) doubts += fmt::format(" {} was run with {}.", s.name, s.overrides);
   }
   return fmt::format(
-      "Bragato et al., PIMRC 2025. Plant: {}. Intervals hold 95 %; n is the number of runs.{}",
-      plants, doubts);
+      "Bragato et al., PIMRC 2025. Plant: {}. Judged by tether {}. Intervals hold 95 %; n is the "
+      "number of runs.{}",
+      plants, kVersion, doubts);
 }
 
 std::string html_of(const ReportSection& s, const std::filesystem::path& folder) {
@@ -183,6 +185,10 @@ std::string to_markdown(const Report& report) {
     text += fmt::format("\n## {}\n\n", s.title);
     if (!s.figure.empty()) text += fmt::format("![{}]({}.png)\n\n", s.title, s.figure);
     text += facts(s) + "\n\n";
+    text += fmt::format(
+        "<details><summary>Scenario (of the first combination)</summary>\n\n```toml\n{}```\n\n"
+        "</details>\n\n",
+        s.scenario);
     for (const auto& row : s.table) {
       text += markdown_row(row);
       if (&row == &s.table.front()) text += rule(row.size());

@@ -233,7 +233,14 @@ std::size_t RunStore::failures() const {
   return static_cast<std::size_t>(count.whole(0));
 }
 
-void RunStore::add_session(double wall_time_s) {
+void RunStore::flush() {
+  Statement checkpoint(*database_, "PRAGMA wal_checkpoint(TRUNCATE)");
+  if (checkpoint.step() && checkpoint.whole(0) == 0) return;
+  throw std::runtime_error(
+      fmt::format("{}: its write-ahead log is in use by another process", file().string()));
+}
+
+void RunStore::add_wall_time(double wall_time_s) {
   write_meta({{"wall_time_s", fmt::format("{}", this->wall_time_s() + wall_time_s)}});
 }
 

@@ -52,9 +52,11 @@ class RunStore {
   std::size_t size() const;
   std::size_t failures() const;
 
-  /// Adds to the wall time of the sessions before.
-  void add_session(double wall_time_s);
+  /// Adds to the wall time so far.
+  void add_wall_time(double wall_time_s);
   /// Nothing is missing: of the shard, if it is one.
+  /// Puts everything into the database's own file: afterwards it can be moved once this is gone.
+  void flush();
   void set_complete() { write_meta({{"complete", "true"}}); }
   bool is_complete() const { return meta("complete") == "true"; }
 

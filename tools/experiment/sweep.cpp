@@ -144,6 +144,8 @@ class Session {
   void store() {
     if (!ended_.empty()) store_.add(ended_);
     ended_.clear();
+    const Clock::time_point now = Clock::now();
+    store_.add_wall_time(std::chrono::duration<double>(now - std::exchange(stored_, now)).count());
     show();
   }
   void show() {
@@ -158,6 +160,7 @@ class Session {
   SweepSchedule schedule_;
   std::optional<std::size_t> metric_;
   Clock::time_point start_ = Clock::now();
+  Clock::time_point stored_ = start_;
   SweepProgress progress_;
   std::size_t under_way_ = 0;
   std::vector<StoredRun> ended_;  // not in the store yet
@@ -168,9 +171,7 @@ class Session {
 
 bool run_sweep(const Experiment& experiment, const Shard& shard, RunStore& store,
                const SweepOptions& options, const std::atomic<bool>& stop) {
-  const auto start = Clock::now();
   const bool is_complete = Session(experiment, shard, store, options).run(stop);
-  store.add_session(std::chrono::duration<double>(Clock::now() - start).count());
   if (is_complete) store.set_complete();
   return is_complete;
 }

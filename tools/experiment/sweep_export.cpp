@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <toml++/toml.h>
 
 #include <algorithm>
 #include <array>
@@ -83,6 +84,11 @@ void copy_runs(const RunStore& from, RunStore& to) {
   flush();
 }
 
+/// Of a resolved scenario.
+std::string plant_of(const std::string& scenario) {
+  return toml::parse(scenario)["vehicle"]["plant"].value_or(std::string("?"));
+}
+
 }  // namespace
 
 void export_runs(const RunStore& store, const std::function<void(const std::string&)>& write) {
@@ -90,13 +96,15 @@ void export_runs(const RunStore& store, const std::function<void(const std::stri
   std::string head = "arm";
   for (const std::string& key : store.keys()) head += "," + csv_cell(key);
   write(fmt::format("{},seed,plant,failure,{}\n", head, fmt::join(kMetricNames, ",")));
-  const std::string plant = store.plant();
+  std::vector<std::string> plants;
+  for (const auto& arm : arms) plants.push_back(plant_of(arm.scenario));
   store.for_each([&](const StoredRun& run) {
     std::string row = fmt::format("{}", run.arm);
     for (const KeyValue& setting : arms.at(run.arm).settings) {
       row += "," + csv_cell(setting.plain());
     }
-    row += fmt::format(",{},{},{}", run.seed, csv_cell(plant), csv_cell(run.result.failure));
+    row += fmt::format(",{},{},{}", run.seed, csv_cell(plants.at(run.arm)),
+                       csv_cell(run.result.failure));
     for (const double metric : run.result.metrics) {
       row += run.result.failure.empty() ? fmt::format(",{}", metric) : ",";
     }
@@ -156,9 +164,10 @@ void merge_shards(const fs::path& file, const std::vector<fs::path>& shards) {
     for (const fs::path& shard : files) {
       const RunStore store = RunStore::open(shard);
       copy_runs(store, merged);
-      merged.add_session(store.wall_time_s());
+      merged.add_wall_time(store.wall_time_s());
     }
     merged.set_complete();
+    merged.flush();
   }
   fs::rename(part, file);
 }

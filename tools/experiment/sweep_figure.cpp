@@ -28,7 +28,7 @@ FigureText text_of(const RunStore& store) {
 }
 
 void draw_curve_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
-                   const std::filesystem::path& folder) {
+                   const std::filesystem::path& folder, const std::string& stem) {
   CurveFigure figure;
   figure.text = text_of(store);
   figure.x_label = label_of_key(choice.x);
@@ -48,11 +48,11 @@ void draw_curve_of(const RunStore& store, const SweepData& data, const FigureCho
     std::sort(one.points.begin(), one.points.end(),
               [](const CurvePoint& a, const CurvePoint& b) { return a.x < b.x; });
   }
-  draw_curve(folder, store.name(), figure);
+  draw_curve(folder, stem, figure);
 }
 
 void draw_heatmap_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
-                     const std::filesystem::path& folder) {
+                     const std::filesystem::path& folder, const std::string& stem) {
   HeatmapFigure figure;
   figure.text = text_of(store);
   figure.x_label = label_of_key(choice.x);
@@ -77,10 +77,11 @@ void draw_heatmap_of(const RunStore& store, const SweepData& data, const FigureC
       figure.cells.push_back(cell);
     }
   }
-  draw_heatmap(folder, store.name(), figure);
+  draw_heatmap(folder, stem, figure);
 }
 
-void draw_trajectories_of(const RunStore& store, const std::filesystem::path& folder) {
+void draw_trajectories_of(const RunStore& store, const std::filesystem::path& folder,
+                          const std::string& stem) {
   TrajectoryFigure figure;
   figure.text = text_of(store);
   figure.half_extent_m = scenario_of(store, 0).world.half_extent_m;
@@ -107,11 +108,11 @@ void draw_trajectories_of(const RunStore& store, const std::filesystem::path& fo
         figure.panels.push_back(std::move(panel));
       },
       true);
-  draw_trajectories(folder, store.name(), figure);
+  draw_trajectories(folder, stem, figure);
 }
 
 void draw_risk_map_of(const RunStore& store, const std::filesystem::path& folder,
-                      RiskDefinition definition) {
+                      const std::string& stem, RiskDefinition definition) {
   RiskMapFigure figure;
   figure.text = text_of(store);
   figure.half_extent_m = scenario_of(store, 0).world.half_extent_m;
@@ -129,27 +130,28 @@ void draw_risk_map_of(const RunStore& store, const std::filesystem::path& folder
       figure.value_label = "mean error [m]";
       break;
   }
-  draw_risk_map(folder, store.name(), figure);
+  draw_risk_map(folder, stem, figure);
 }
 
 }  // namespace
 
 bool draw_sweep_figure(const RunStore& store, const SweepData& data,
-                       const std::filesystem::path& folder, RiskDefinition risk) {
+                       const std::filesystem::path& folder, const std::string& stem,
+                       RiskDefinition risk) {
   const auto choice = store.figure();
   if (!choice || store.size() == 0) return false;
   switch (choice->kind) {
     case FigureChoice::Kind::curve:
-      draw_curve_of(store, data, *choice, folder);
+      draw_curve_of(store, data, *choice, folder, stem);
       break;
     case FigureChoice::Kind::heatmap:
-      draw_heatmap_of(store, data, *choice, folder);
+      draw_heatmap_of(store, data, *choice, folder, stem);
       break;
     case FigureChoice::Kind::trajectories:
-      draw_trajectories_of(store, folder);
+      draw_trajectories_of(store, folder, stem);
       break;
     case FigureChoice::Kind::risk_map:
-      draw_risk_map_of(store, folder, risk);
+      draw_risk_map_of(store, folder, stem, risk);
       break;
   }
   return true;

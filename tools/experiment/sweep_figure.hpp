@@ -9,11 +9,12 @@
 
 namespace tether {
 
-/// Draws what the sweep's [figure] asks for into `folder` as the sweep's name and .svg, .pdf, .png,
+/// Draws what the sweep's [figure] asks for into `folder` as `stem` and .svg, .pdf, .png,
 /// .csv and .gp; returns false, and draws nothing, if it has no figure or no runs. `data`: the
 /// figure's metric.
 bool draw_sweep_figure(const RunStore& store, const SweepData& data,
-                       const std::filesystem::path& folder, RiskDefinition risk);
+                       const std::filesystem::path& folder, const std::string& stem,
+                       RiskDefinition risk);
 
 /// "PRR", "δ [ms]", "τ [s]" or the key itself.
 std::string label_of_key(const std::string& key);

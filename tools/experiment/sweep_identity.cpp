@@ -10,6 +10,7 @@
 #include <sstream>
 #include <variant>
 
+#include "common/channel_settings.hpp"
 #include "common/errors.hpp"
 #include "common/scenario_keys.hpp"
 #include "common/version.hpp"
@@ -37,6 +38,7 @@ std::string hash_of_file(const std::string& file) {
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
   text << in.rdbuf();
+  if (!in) throw UsageError(fmt::format("cannot read {}, which the scenario names", file));
   std::uint64_t hash = 0xcbf29ce484222325;
   for (const char c : text.str()) {
     hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
@@ -61,6 +63,11 @@ std::set<std::string> files_of(const Scenario& scenario) {
   };
   add(scenario_keys());
   for (const auto& [name, link] : scenario.channel.links) add(named_link_keys(name));
+  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+    for (const std::string& setting : change.settings) {
+      if (const auto file = file_of_setting(setting)) files.insert(*file);
+    }
+  }
   return files;
 }
 

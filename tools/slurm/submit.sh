@@ -2,7 +2,7 @@
 # Computes a sweep on a Slurm cluster: a job array of SHARDS tasks, each of which makes one shard,
 # and a job that merges them when all have ended.
 #
-#   tools/slurm/submit.sh EXPERIMENT.toml OUT SHARDS [options of sbatch for the array]
+#   tools/slurm/submit.sh EXPERIMENT.toml OUT SHARDS [options of sbatch for both]
 #
 # OUT must be a folder that all nodes see. TETHER names the program where the nodes find it
 # [build/release/bin/tether of this project]. A task that is requeued goes on where it stood; if
@@ -27,6 +27,7 @@ case $shards in '' | *[!0-9]* | 0) echo "submit.sh: SHARDS must be a number from
 mkdir -p -- "$out"
 array=$(sbatch --parsable --array="1-$shards" --output="$out/shard-%a.log" --open-mode=append \
     "$@" "$here/shard.sbatch" "$experiment" "$out" "$shards")
+echo "shards: job $array"
 merge=$(sbatch --parsable --dependency="afterok:$array" --kill-on-invalid-dep=yes \
-    --output="$out/merge.log" "$here/merge.sbatch" "$out")
-echo "shards: job $array, merge: job $merge, result: $out/runs.sqlite"
+    "$@" --output="$out/merge.log" "$here/merge.sbatch" "$out")
+echo "merge:  job $merge, result: $out/runs.sqlite"
