@@ -1,4 +1,11 @@
-tether_add_test(NAME controller_test SOURCES controller_node_test.cpp pid_test.cpp
+tether_add_test(NAME controller_test
+  SOURCES
+    controller_node_test.cpp
+    controller_plan_test.cpp
+    network_estimate_test.cpp
+    pid_test.cpp
+    predictive_law_test.cpp
+    tracking_law_test.cpp
   LIBS tether_controller_core)
 tether_add_test(NAME netem_test
   SOURCES
