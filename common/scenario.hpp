@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "common/control_laws.hpp"
 #include "common/figure_eight.hpp"
 #include "common/link_config.hpp"
 #include "common/vehicle_config.hpp"
@@ -50,8 +52,20 @@ struct Scenario {
     double d = 0.0;
     double limit = 0.0;  ///< saturation of the output, ±
   };
+  /// The feedback of the tracking laws (controller/tracking_feedback.hpp).
+  struct Tracking {
+    double k_x = 2.5;               ///< 1/s
+    double k_y = 0.8;               ///< 1/m²
+    double k_theta = 2.0;           ///< 1/m
+    double max_lateral_mps2 = 3.0;  ///< v·ω of catching up; the path's own may be more
+  };
+  /// What predictions take the vehicle for; not set: as it is.
+  struct Model {
+    std::optional<double> track_m;
+    std::optional<double> max_wheel_acceleration_mps2;
+  };
   struct Controller {
-    enum class Law { pid };
+    using Law = ControlLaw;
     enum class Trigger { event, timer };
     Law law = Law::pid;
     double tau_s = 2.0;  ///< look-ahead τ
@@ -61,6 +75,13 @@ struct Scenario {
     Gains v{0.495, 0.0, 0.15, 8.0};
     Gains omega{0.2925, 0.0, 0.16, 2.0};
     double derivative_filter_s = 0.1;  ///< time constant of the filter before the D term
+    std::string tau_table;  ///< law = pid_adaptive: its look-aheads; relative to the scenario file
+    Tracking tracking;
+    // Plans of the predictive laws.
+    double horizon_s = 20.0;
+    double plan_step_ms = 50.0;  ///< each twist of a plan is in force for this long
+    bool preload = false;        ///< the first plan is on board before departure
+    Model model;
   };
   struct Actuator {
     enum class Policy { hold, zero, ramp, decay, horizon };

@@ -13,6 +13,7 @@ constexpr Range kMass{1e-3, 1e5, false};
 constexpr Range kOffset{-100.0, 100.0, false};
 constexpr Range kNotNegative{0.0, 1e6, false};
 constexpr Range kPositive{1e-3, 1e6, false};
+constexpr Range kGain{1e-3, 1e3, false};
 constexpr Range kFriction{0.0, 100.0, false};
 
 void add_run_and_world(KeyTable& t) {
@@ -90,10 +91,37 @@ void add_sensor_and_path(KeyTable& t) {
            "of the eight's long axis against +x");
 }
 
+void add_planning(KeyTable& t) {
+  t.text("controller.tau_table", TETHER_FIELD(controller.tau_table),
+         "law = pid_adaptive: CSV of look-aheads by network, relative to the scenario file");
+  t.number("controller.tracking.k_x", TETHER_FIELD(controller.tracking.k_x), kGain,
+           "along the path, 1/s");
+  t.number("controller.tracking.k_y", TETHER_FIELD(controller.tracking.k_y), kGain,
+           "across the path, 1/m^2");
+  t.number("controller.tracking.k_theta", TETHER_FIELD(controller.tracking.k_theta), kGain,
+           "heading, 1/m");
+  t.number("controller.tracking.max_lateral_mps2",
+           TETHER_FIELD(controller.tracking.max_lateral_mps2), {0.1, 100.0, false},
+           "speed times yaw rate while catching up with the path");
+  t.number("controller.horizon_s", TETHER_FIELD(controller.horizon_s), {0.05, 200.0, false},
+           "length of a plan");
+  t.number("controller.plan_step_ms", TETHER_FIELD(controller.plan_step_ms), {5.0, 1000.0, false},
+           "each twist of a plan is in force for this long; a horizon has at most 4000");
+  t.boolean("controller.preload", TETHER_FIELD(controller.preload),
+            "the first plan is on board before departure");
+  t.optional_number("controller.model.track_m", TETHER_FIELD(controller.model.track_m), kLength,
+                    "in predictions; not set: the vehicle's");
+  t.optional_number("controller.model.max_wheel_acceleration_mps2",
+                    TETHER_FIELD(controller.model.max_wheel_acceleration_mps2), kPositive,
+                    "in predictions; not set: the vehicle's");
+}
+
 void add_controller(KeyTable& t) {
   using Controller = Scenario::Controller;
-  t.choice<Controller::Law>("controller.law", TETHER_FIELD(controller.law),
-                            {{"pid", Controller::Law::pid}}, "control law");
+#define TETHER_LAW(name) {#name, ControlLaw::name},
+  t.choice<ControlLaw>("controller.law", TETHER_FIELD(controller.law),
+                       {TETHER_CONTROL_LAWS(TETHER_LAW)}, "control law: docs/controllers.md");
+#undef TETHER_LAW
   t.number("controller.tau_s", TETHER_FIELD(controller.tau_s), kNotNegative, "look-ahead");
   t.choice<Controller::Trigger>(
       "controller.trigger", TETHER_FIELD(controller.trigger),
@@ -114,6 +142,7 @@ void add_controller(KeyTable& t) {
   TETHER_GAINS(v, "m/s");
   TETHER_GAINS(omega, "rad/s");
 #undef TETHER_GAINS
+  add_planning(t);
 }
 
 void add_actuator(KeyTable& t) {
@@ -212,6 +241,24 @@ std::string why_plant_ignores(const Scenario& scenario, const std::string& key) 
     if (key == ignored) return "vehicle.plant is \"kinematic\"";
   }
   return "";
+}
+
+std::string why_law_ignores(const Scenario& scenario, const std::string& key) {
+  const ControlLaw law = scenario.controller.law;
+  const bool is_pid = law == ControlLaw::pid || law == ControlLaw::pid_adaptive;
+  const bool plans = law == ControlLaw::predictive || law == ControlLaw::predictive_consistent;
+  const auto one_of = [&key](std::initializer_list<const char*> prefixes) {
+    for (const char* prefix : prefixes) {
+      if (key.starts_with(prefix)) return true;
+    }
+    return false;
+  };
+  const bool ignored =
+      (key == "controller.tau_table" && law != ControlLaw::pid_adaptive) ||
+      (is_pid && one_of({"controller.tracking."})) ||
+      ((is_pid || law == ControlLaw::tracking) && one_of({"controller.model."})) ||
+      (!plans && one_of({"controller.horizon_s", "controller.plan_step_ms", "controller.preload"}));
+  return ignored ? "controller.law is another one" : "";
 }
 
 std::vector<ScenarioKey> named_link_keys(const std::string& name) {

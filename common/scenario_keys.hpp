@@ -37,6 +37,10 @@ const std::vector<ScenarioKey>& scenario_keys();
 /// `vehicle.plant is "kinematic"` for keys that the chosen plant ignores; empty for all others.
 std::string why_plant_ignores(const Scenario& scenario, const std::string& key);
 
+/// `controller.law is another one` for keys that the chosen law ignores; empty for all others. Such
+/// keys are no mistake: one file may have what several laws need.
+std::string why_law_ignores(const Scenario& scenario, const std::string& key);
+
 /// The keys of [channel.links.NAME]: those of [channel.uplink], with that prefix.
 std::vector<ScenarioKey> named_link_keys(const std::string& name);
 

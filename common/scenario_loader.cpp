@@ -200,6 +200,10 @@ void ScenarioLoader::end_level(const std::string& source, const std::filesystem:
     auto& file = scenario_.can.drivetrain_file;
     file = (folder / file).lexically_normal().string();
   }
+  if (given_.contains("controller.tau_table") && !scenario_.controller.tau_table.empty()) {
+    auto& file = scenario_.controller.tau_table;
+    file = (folder / file).lexically_normal().string();
+  }
   check_plant(source);
   const ChannelLevel level{
       source, folder, [this](const std::string& key) { return given_.contains(key); },
@@ -326,7 +330,23 @@ void ScenarioLoader::check_can(const std::string& file) const {
   }
 }
 
+void ScenarioLoader::check_law(const std::string& file) const {
+  const Scenario::Controller& controller = scenario_.controller;
+  if (controller.law == ControlLaw::pid_adaptive && controller.tau_table.empty()) {
+    throw UsageError(fmt::format(
+        "{}: controller.law = \"pid_adaptive\" needs controller.tau_table, a CSV of look-aheads",
+        file));
+  }
+  constexpr double kMostSteps = 4000.0;  // of a plan_t
+  if (controller.horizon_s * 1e3 > controller.plan_step_ms * kMostSteps) {
+    throw UsageError(fmt::format(
+        "{}: controller.horizon_s = {} has more than {} steps of controller.plan_step_ms = {}",
+        file, controller.horizon_s, kMostSteps, controller.plan_step_ms));
+  }
+}
+
 void ScenarioLoader::check_combinations(const std::string& file) const {
+  check_law(file);
   if (scenario_.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) check_can(file);
   check_channel(scenario_.channel, file);
   const auto& vehicle = scenario_.vehicle;

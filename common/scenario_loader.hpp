@@ -50,6 +50,7 @@ class ScenarioLoader {
                     const std::string& source) const;
   void check_plant(const std::string& source) const;
   void check_can(const std::string& file) const;
+  void check_law(const std::string& file) const;
   void check_combinations(const std::string& file) const;
 
   Scenario scenario_;

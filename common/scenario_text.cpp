@@ -26,6 +26,7 @@ bool in_effect(const Scenario& scenario, const ScenarioKey& key) {
     return scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can;
   }
   if (!why_plant_ignores(scenario, key.name).empty()) return false;
+  if (!why_law_ignores(scenario, key.name).empty()) return false;
   if (policy_ignores(scenario, key.name)) return false;
   static const Scenario kDefaults;
   bool effective = true;

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <optional>
 
 #include "common/bus.hpp"
 #include "common/channel_names.hpp"
@@ -9,37 +11,48 @@
 #include "common/node.hpp"
 #include "common/scenario.hpp"
 #include "common/stream_guard.hpp"
-#include "controller/pid_law.hpp"
+#include "controller/law.hpp"
 
 namespace tether {
 
-/// The remote controller: CTRL/POSE in, CTRL/CMD_VEL (and CTRL/REPORT, CTRL/COUNTERS) out.
+/// The remote controller: CTRL/POSE in, CTRL/CMD_VEL or CTRL/PLAN (and CTRL/REPORT, CTRL/COUNTERS)
+/// out.
 ///
-/// `trigger = event`: one command per accepted pose. `trigger = timer`: commands at
-/// controller.rate_hz from t = 0 on, from the newest pose.
+/// `trigger = event`: one decision per accepted pose. `trigger = timer`: decisions at
+/// controller.rate_hz from t = 0 on, or from the start of the run's lead, from the newest pose.
 ///
-/// Before the first pose: event sends nothing, timer sends zero twists. Before t = 0, in the run's
-/// lead: zero twists. When the newest pose is
-/// controller.pose_timeout_s old or older (age by its time stamp, so delay counts): event sends one
-/// zero twist, timer sends zero twists; the law starts afresh with the next pose. A pose that
-/// arrives too old already is answered by a zero twist. pose_timeout_s = 0: never (the paper).
+/// A decision is a twist, or with a predictive law a plan.
+/// - Before the first pose: event sends nothing, timer sends zero twists. Before t = 0, in the
+/// run's
+///   lead: zero twists. Predictive laws plan in both cases: the vehicle stands at its start.
+/// - When the newest pose is controller.pose_timeout_s old or older (age by its time stamp, so
+///   delay counts): event sends one zero twist, or a plan to stop; timer one each time; the law
+///   starts afresh with the next pose. A pose that arrives too old already is answered by a stop.
+///   pose_timeout_s = 0: never (the paper).
+/// - With controller.preload, the first plan is on CTRL/PRELOAD at the beginning of the run.
 ///
 /// Poses that are undecodable, non-finite (or beyond ±1e9), duplicated, late or stamped in the
 /// future are counted and otherwise ignored; they refresh nothing.
 class ControllerNode final : public Node {
  public:
-  ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& bus);
+  /// `session`: tells the plans of this start from those of any other; nullopt: derived from the
+  /// run's seed.
+  ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& bus,
+                 std::optional<std::int64_t> session = std::nullopt);
 
   /// Publishes the final counters. Sends no command: the actuator policy decides what happens to a
   /// vehicle whose controller is gone.
   void finish() override;
 
  private:
-  void on_pose(Instant stamp, std::int64_t seq, const Pose2& pose);
+  void on_pose(const SeenPose& seen);
   void decide();
   void on_possible_timeout();
   bool timed_out(Instant now) const;
-  void send(Instant now, const Twist& twist, bool stopped);
+  void send(Instant now, const LawOutput& decision, bool stopped);
+  void send_twist(Instant now, const Twist& twist);
+  void send_plan(Instant now, const Plan& plan, const std::string& channel);
+  std::int64_t pose_utime() const { return newest_ ? to_utime(newest_->stamp) : -1; }
   void list_counters(CounterList& out) const;
 
   EventLoop& loop_;
@@ -47,13 +60,11 @@ class ControllerNode final : public Node {
   ChannelNames channels_;
   Scenario::Controller config_;
   Duration pose_timeout_;
-  PidLaw law_;
+  std::int64_t session_;
+  std::unique_ptr<Law> law_;
   StreamGuard guard_;
 
-  bool have_pose_ = false;
-  Pose2 pose_;
-  Instant pose_stamp_{};
-  std::int64_t pose_seq_ = -1;
+  std::optional<SeenPose> newest_;
   std::int64_t undecodable_ = 0;
   std::int64_t non_finite_ = 0;
   std::int64_t commands_ = 0;

@@ -35,4 +35,8 @@ void PidLaw::reset() {
   omega_.reset();
 }
 
+std::unique_ptr<Law> make_pid_law(const LawContext& context) {
+  return std::make_unique<PidLaw>(context.scenario.controller, context.path);
+}
+
 }  // namespace tether

@@ -6,6 +6,7 @@
 #include "common/reference_path.hpp"
 #include "common/scenario.hpp"
 #include "common/time.hpp"
+#include "controller/law.hpp"
 #include "controller/pid.hpp"
 
 namespace tether {
@@ -14,30 +15,28 @@ namespace tether {
 ///   θ_e = atan2(y*(t+τ) − y, x*(t+τ) − x) − θ, wrapped to (−π, π]  → ω
 ///   d_e = hypot(x*(t+τ) − x, y*(t+τ) − y)                        → v
 /// Since d_e ≥ 0 and all gains are ≥ 0, it hardly ever drives backwards.
-class PidLaw {
+class PidLaw : public Law {
  public:
-  struct Errors {
-    double heading_rad = 0.0;  ///< θ_e
-    double distance_m = 0.0;   ///< d_e
-  };
-
   PidLaw(const Scenario::Controller& config, std::shared_ptr<const ReferencePath> path);
 
   /// The command at `now` for a vehicle last seen at `pose`. Times of successive calls must not
   /// decrease.
   Twist step(const Pose2& pose, Instant now);
+  LawOutput decide(Instant now, const SeenPose* newest) override { return step(newest->pose, now); }
   /// Forgets everything: the next step is a first one.
-  void reset();
+  void reset() override;
 
-  /// Errors of the last step.
-  const Errors& errors() const { return errors_; }
+  /// θ_e and d_e of the last step.
+  LawErrors errors() const override { return errors_; }
+
+  void set_tau(double tau_s) { tau_s_ = tau_s; }
 
  private:
   std::shared_ptr<const ReferencePath> path_;
   double tau_s_;
   Pid v_;
   Pid omega_;
-  Errors errors_;
+  LawErrors errors_;
   Instant last_{};
 };
 

@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "common/errors.hpp"
-#include "netem/csv_table.hpp"
+#include "common/csv_table.hpp"
 
 namespace tether {
 namespace {

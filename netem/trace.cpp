@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "common/errors.hpp"
-#include "netem/csv_table.hpp"
+#include "common/csv_table.hpp"
 
 namespace tether {
 namespace {

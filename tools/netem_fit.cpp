@@ -12,7 +12,7 @@
 #include <string_view>
 
 #include "common/errors.hpp"
-#include "netem/csv_table.hpp"
+#include "common/csv_table.hpp"
 #include "tools/event_log.hpp"
 #include "tools/message_printer.hpp"
 

@@ -91,10 +91,11 @@ int sweep(const SweepCommandOptions& options) {
   return kExitFailed;
 }
 
-int export_csv(const std::string& folder, const std::string& out) {
+int export_csv(const std::string& folder, const std::string& out, bool means) {
   const RunStore store = RunStore::open(database_of(folder));
   TextOutput output(out);
-  export_runs(store, [&output](const std::string& text) { output.write(text); });
+  const auto write = [&output](const std::string& text) { output.write(text); };
+  means ? export_means(store, write) : export_runs(store, write);
   output.close();
   if (!store.is_complete()) {
     fmt::print(stderr, "{}: the sweep is not complete\n", store.file().string());
@@ -127,8 +128,11 @@ void add_sweep_command(CLI::App& tether, Action& action) {
   CLI::App* exporting = command->add_subcommand("export", "All runs of a sweep as CSV");
   exporting->add_option("folder", *folder, "a sweep's folder, or its database")->required();
   exporting->add_option("--out", *out, "file to write [standard output]");
-  exporting->callback(
-      [folder, out, &action] { action = [folder, out] { return export_csv(*folder, *out); }; });
+  auto means = std::make_shared<bool>(false);
+  exporting->add_flag("--means", *means, "one row for each combination: means over the seeds");
+  exporting->callback([folder, out, means, &action] {
+    action = [folder, out, means] { return export_csv(*folder, *out, *means); };
+  });
 }
 
 void add_merge_command(CLI::App& tether, Action& action) {

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <set>
 
 #include "common/errors.hpp"
@@ -81,6 +82,31 @@ void export_runs(const RunStore& store, const std::function<void(const std::stri
     }
     write(row + "\n");
   });
+}
+
+void export_means(const RunStore& store, const std::function<void(const std::string&)>& write) {
+  const auto arms = store.arms();
+  std::string head = "arm";
+  for (const std::string& key : store.keys()) head += "," + csv_cell(key);
+  write(fmt::format("{},plant,runs,failed,{}\n", head, fmt::join(kMetricNames, ",")));
+  const std::string plant = store.plant();
+  for (std::size_t arm = 0; arm < arms.size(); ++arm) {
+    std::array<double, kMetricNames.size()> sums{};
+    int runs = 0, failed = 0;
+    store.for_each_of(arm, [&](const StoredRun& run) {
+      if (!run.result.failure.empty()) {
+        ++failed;
+        return;
+      }
+      ++runs;
+      for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += run.result.metrics[i];
+    });
+    std::string row = fmt::format("{}", arm);
+    for (const KeyValue& setting : arms[arm].settings) row += "," + csv_cell(setting.value);
+    row += fmt::format(",{},{},{}", csv_cell(plant), runs, failed);
+    for (const double sum : sums) row += runs > 0 ? fmt::format(",{:.6g}", sum / runs) : ",";
+    write(row + "\n");
+  }
 }
 
 fs::path database_of(const fs::path& folder_or_file) {

@@ -14,6 +14,10 @@ namespace tether {
 /// shards and interruptions they had.
 void export_runs(const RunStore& store, const std::function<void(const std::string&)>& write);
 
+/// The same, one row an arm: columns arm, the grid's keys, plant, runs, failed, and the mean of each
+/// metric over the runs that did not fail, to 6 digits; empty if all did.
+void export_means(const RunStore& store, const std::function<void(const std::string&)>& write);
+
 /// A database of a folder: its runs.sqlite; or the file itself.
 std::filesystem::path database_of(const std::filesystem::path& folder_or_file);
 

@@ -49,7 +49,11 @@ std::set<std::string> files_of(const Scenario& scenario) {
   std::set<std::string> files;
   const auto add = [&](const std::vector<ScenarioKey>& keys) {
     for (const ScenarioKey& key : keys) {
-      if (!key.name.ends_with(".file") && key.name != "can.drivetrain") continue;
+      if (!key.name.ends_with(".file") && key.name != "can.drivetrain" &&
+          key.name != "controller.tau_table") {
+        continue;
+      }
+      if (!why_law_ignores(scenario, key.name).empty()) continue;
       const auto value = key.get(scenario);
       const auto* text = value ? std::get_if<std::string>(&*value) : nullptr;
       if (text != nullptr && !text->empty()) files.insert(*text);

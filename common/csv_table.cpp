@@ -1,4 +1,4 @@
-#include "netem/csv_table.hpp"
+#include "common/csv_table.hpp"
 
 #include <fmt/format.h>
 
