@@ -72,6 +72,24 @@ void add_vehicle(KeyTable& t) {
            "heading at t = 0");
 }
 
+void add_vehicle_errors(KeyTable& t) {
+  constexpr Range kShare{-0.5, 0.5, false};
+  t.number("vehicle.payload_kg", TETHER_FIELD(vehicle.payload_kg), {0.0, 1e5, false},
+           "a load, a point at the chassis centre's height");
+  t.number("vehicle.payload_x_m", TETHER_FIELD(vehicle.payload_x_m), kOffset,
+           "of the load, relative to the chassis centre");
+  t.number("vehicle.payload_y_m", TETHER_FIELD(vehicle.payload_y_m), kOffset,
+           "of the load, relative to the chassis centre");
+  t.number("vehicle.radius_error", TETHER_FIELD(vehicle.radius_error), kShare,
+           "share by which the wheels are larger than the vehicle believes");
+  t.number("vehicle.track_error", TETHER_FIELD(vehicle.track_error), kShare,
+           "share by which the vehicle believes in too wide a track");
+  t.number("vehicle.actuator_lag_ms", TETHER_FIELD(vehicle.actuator_lag_ms), {0.0, 1e4, false},
+           "time constant of the rim speeds, which nobody allows for");
+  t.number("vehicle.clock_offset_ms", TETHER_FIELD(vehicle.clock_offset_ms), {-900.0, 900.0, false},
+           "the vehicle's clock is ahead of the controller's by this");
+}
+
 void add_sensor_and_path(KeyTable& t) {
   t.number("sensor.rate_hz", TETHER_FIELD(sensor.rate_hz), kRate, "poses per second");
   t.number("sensor.position_noise_m", TETHER_FIELD(sensor.position_noise_m), kNotNegative,
@@ -222,6 +240,7 @@ const std::vector<ScenarioKey>& scenario_keys() {
     KeyTable t;
     add_run_and_world(t);
     add_vehicle(t);
+    add_vehicle_errors(t);
     add_sensor_and_path(t);
     add_controller(t);
     add_actuator(t);
@@ -233,11 +252,18 @@ const std::vector<ScenarioKey>& scenario_keys() {
 }
 
 std::string why_plant_ignores(const Scenario& scenario, const std::string& key) {
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    for (const char* ignored : {"vehicle.radius_error", "vehicle.track_error",
+                                "vehicle.actuator_lag_ms", "vehicle.clock_offset_ms"}) {
+      if (key == ignored) return "vehicle.drivetrain is \"can\"";
+    }
+  }
   if (scenario.vehicle.plant != Scenario::Vehicle::Plant::kinematic) return "";
   for (const char* ignored :
        {"world.friction", "world.gravity_mps2", "vehicle.chassis_height_m",
         "vehicle.chassis_mass_kg", "vehicle.wheel_mass_kg", "vehicle.caster_x_m",
-        "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.max_wheel_torque_Nm"}) {
+        "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.payload_kg",
+        "vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.max_wheel_torque_Nm"}) {
     if (key == ignored) return "vehicle.plant is \"kinematic\"";
   }
   return "";
