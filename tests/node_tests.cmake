@@ -31,7 +31,8 @@ tether_add_test(NAME sim_test SOURCES plan_stream_test.cpp sim_node_test.cpp sim
 tether_add_test(NAME closed_loop_test
   SOURCES channel_watch_test.cpp closed_loop_test.cpp kinematic_loop_test.cpp netem_loop_test.cpp
   LIBS tether_closed_loop tether_tools_core LABELS loop)
-tether_add_test(NAME baseline_test SOURCES baseline_test.cpp LIBS tether_closed_loop LABELS slow)
+tether_add_test(NAME baseline_test SOURCES baseline_test.cpp control_targets_test.cpp
+  LIBS tether_closed_loop LABELS slow)
 tether_add_test(NAME plant_test SOURCES kinematic_vehicle_test.cpp plant_test.cpp LIBS tether_sim_core)
 tether_add_test(NAME netem_statistics_test SOURCES netem_statistics_test.cpp netem_check_test.cpp
   LIBS tether_netem_statistics)
