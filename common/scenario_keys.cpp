@@ -112,6 +112,15 @@ void add_sensor_and_path(KeyTable& t) {
 void add_planning(KeyTable& t) {
   t.text("controller.tau_table", TETHER_FIELD(controller.tau_table),
          "law = pid_adaptive: CSV of look-aheads by network, relative to the scenario file");
+  t.number("controller.horizon_s", TETHER_FIELD(controller.horizon_s), {0.05, 200.0, false},
+           "length of a plan");
+  t.number("controller.plan_step_ms", TETHER_FIELD(controller.plan_step_ms), {5.0, 1000.0, false},
+           "each twist of a plan is in force for this long; a horizon has at most 4000");
+  t.boolean("controller.preload", TETHER_FIELD(controller.preload),
+            "the first plan is on board before departure");
+}
+
+void add_feedback_and_model(KeyTable& t) {
   t.number("controller.tracking.k_x", TETHER_FIELD(controller.tracking.k_x), kGain,
            "along the path, 1/s");
   t.number("controller.tracking.k_y", TETHER_FIELD(controller.tracking.k_y), kGain,
@@ -121,12 +130,6 @@ void add_planning(KeyTable& t) {
   t.number("controller.tracking.max_lateral_mps2",
            TETHER_FIELD(controller.tracking.max_lateral_mps2), {0.1, 100.0, false},
            "speed times yaw rate while catching up with the path");
-  t.number("controller.horizon_s", TETHER_FIELD(controller.horizon_s), {0.05, 200.0, false},
-           "length of a plan");
-  t.number("controller.plan_step_ms", TETHER_FIELD(controller.plan_step_ms), {5.0, 1000.0, false},
-           "each twist of a plan is in force for this long; a horizon has at most 4000");
-  t.boolean("controller.preload", TETHER_FIELD(controller.preload),
-            "the first plan is on board before departure");
   t.optional_number("controller.model.track_m", TETHER_FIELD(controller.model.track_m), kLength,
                     "in predictions; not set: the vehicle's");
   t.optional_number("controller.model.max_wheel_acceleration_mps2",
@@ -151,6 +154,7 @@ void add_controller(KeyTable& t) {
            "a pose older than this stops the vehicle; 0 = never");
   t.number("controller.derivative_filter_s", TETHER_FIELD(controller.derivative_filter_s),
            kNotNegative, "time constant of the low-pass before the D terms");
+  add_planning(t);  // before the sections of the gains
 #define TETHER_GAINS(axis, unit)                                                               \
   t.number("controller." #axis ".p", TETHER_FIELD(controller.axis.p), kNotNegative, "P gain"); \
   t.number("controller." #axis ".i", TETHER_FIELD(controller.axis.i), kNotNegative, "I gain"); \
@@ -160,7 +164,7 @@ void add_controller(KeyTable& t) {
   TETHER_GAINS(v, "m/s");
   TETHER_GAINS(omega, "rad/s");
 #undef TETHER_GAINS
-  add_planning(t);
+  add_feedback_and_model(t);
 }
 
 void add_actuator(KeyTable& t) {
