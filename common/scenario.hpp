@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -11,6 +12,7 @@
 #include "common/link_config.hpp"
 #include "common/path_limits.hpp"
 #include "common/pose.hpp"
+#include "common/time.hpp"
 #include "common/vehicle_config.hpp"
 
 namespace tether {
@@ -36,6 +38,13 @@ struct Scenario {
     /// What turns commands into wheel speeds: the simulator itself, or drives on a CAN bus.
     Drivetrain drivetrain = Drivetrain::direct;
     std::string name = "AGV";  ///< first part of its LCM channels
+    // What nobody told the vehicle, nor the controller: sim/drive_errors.hpp. With drives on CAN
+    // they have no effect.
+    double radius_error = 0.0;     ///< share by which the wheels are larger than it believes
+    double track_error = 0.0;      ///< share by which it believes in too wide a track
+    double actuator_lag_ms = 0.0;  ///< time constant of its rim speeds
+    double clock_offset_ms =
+        0.0;  ///< its clock is ahead of the run's, and the controller's, by this
   };
   struct Sensor {
     double rate_hz = 20.0;
@@ -181,6 +190,12 @@ struct Scenario {
   Can can;
   Channel channel;
 };
+
+/// The earliest time stamp that is of this run, if clocks do not agree.
+inline Instant earliest_stamp(const Scenario& scenario) {
+  return kStart -
+         from_seconds(scenario.run.lead_s + std::abs(scenario.vehicle.clock_offset_ms) * 1e-3);
+}
 
 /// Reads a scenario file over the defaults, then applies `overrides` ("key=value", in TOML's
 /// notation; quotes around strings may be left out; channel.X means channel.uplink.X and

@@ -73,6 +73,24 @@ void add_vehicle(KeyTable& t) {
            "heading at t = 0; that of the path if not given (figure eight: 0)");
 }
 
+void add_vehicle_errors(KeyTable& t) {
+  constexpr Range kShare{-0.5, 0.5, false};
+  t.number("vehicle.payload_kg", TETHER_FIELD(vehicle.payload_kg), {0.0, 1e5, false},
+           "a load, a point at the chassis centre's height");
+  t.number("vehicle.payload_x_m", TETHER_FIELD(vehicle.payload_x_m), kOffset,
+           "of the load, relative to the chassis centre");
+  t.number("vehicle.payload_y_m", TETHER_FIELD(vehicle.payload_y_m), kOffset,
+           "of the load, relative to the chassis centre");
+  t.number("vehicle.radius_error", TETHER_FIELD(vehicle.radius_error), kShare,
+           "share by which the wheels are larger than the vehicle believes");
+  t.number("vehicle.track_error", TETHER_FIELD(vehicle.track_error), kShare,
+           "share by which the vehicle believes in too wide a track");
+  t.number("vehicle.actuator_lag_ms", TETHER_FIELD(vehicle.actuator_lag_ms), {0.0, 1e4, false},
+           "time constant of the rim speeds, which nobody allows for");
+  t.number("vehicle.clock_offset_ms", TETHER_FIELD(vehicle.clock_offset_ms), {-900.0, 900.0, false},
+           "the vehicle's clock is ahead of the controller's by this");
+}
+
 void add_sensor(KeyTable& t) {
   t.number("sensor.rate_hz", TETHER_FIELD(sensor.rate_hz), kRate, "poses per second");
   t.number("sensor.position_noise_m", TETHER_FIELD(sensor.position_noise_m), kNotNegative,
@@ -90,6 +108,15 @@ void add_sensor(KeyTable& t) {
 void add_planning(KeyTable& t) {
   t.text("controller.tau_table", TETHER_FIELD(controller.tau_table),
          "law = pid_adaptive: CSV of look-aheads by network, relative to the scenario file");
+  t.number("controller.horizon_s", TETHER_FIELD(controller.horizon_s), {0.05, 200.0, false},
+           "length of a plan");
+  t.number("controller.plan_step_ms", TETHER_FIELD(controller.plan_step_ms), {5.0, 1000.0, false},
+           "each twist of a plan is in force for this long; a horizon has at most 4000");
+  t.boolean("controller.preload", TETHER_FIELD(controller.preload),
+            "the first plan is on board before departure");
+}
+
+void add_feedback_and_model(KeyTable& t) {
   t.number("controller.tracking.k_x", TETHER_FIELD(controller.tracking.k_x), kGain,
            "along the path, 1/s");
   t.number("controller.tracking.k_y", TETHER_FIELD(controller.tracking.k_y), kGain,
@@ -99,12 +126,6 @@ void add_planning(KeyTable& t) {
   t.number("controller.tracking.max_lateral_mps2",
            TETHER_FIELD(controller.tracking.max_lateral_mps2), {0.1, 100.0, false},
            "speed times yaw rate while catching up with the path");
-  t.number("controller.horizon_s", TETHER_FIELD(controller.horizon_s), {0.05, 200.0, false},
-           "length of a plan");
-  t.number("controller.plan_step_ms", TETHER_FIELD(controller.plan_step_ms), {5.0, 1000.0, false},
-           "each twist of a plan is in force for this long; a horizon has at most 4000");
-  t.boolean("controller.preload", TETHER_FIELD(controller.preload),
-            "the first plan is on board before departure");
   t.optional_number("controller.model.track_m", TETHER_FIELD(controller.model.track_m), kLength,
                     "in predictions; not set: the vehicle's");
   t.optional_number("controller.model.max_wheel_acceleration_mps2",
@@ -131,6 +152,7 @@ void add_controller(KeyTable& t) {
             "heading error within (-pi, pi]; false: as it comes, turning the long way round");
   t.number("controller.derivative_filter_s", TETHER_FIELD(controller.derivative_filter_s),
            kNotNegative, "time constant of the low-pass before the D terms");
+  add_planning(t);  // before the sections of the gains
 #define TETHER_GAINS(axis, unit)                                                               \
   t.number("controller." #axis ".p", TETHER_FIELD(controller.axis.p), kNotNegative, "P gain"); \
   t.number("controller." #axis ".i", TETHER_FIELD(controller.axis.i), kNotNegative, "I gain"); \
@@ -140,7 +162,7 @@ void add_controller(KeyTable& t) {
   TETHER_GAINS(v, "m/s");
   TETHER_GAINS(omega, "rad/s");
 #undef TETHER_GAINS
-  add_planning(t);
+  add_feedback_and_model(t);
 }
 
 void add_actuator(KeyTable& t) {
@@ -220,6 +242,7 @@ const std::vector<ScenarioKey>& scenario_keys() {
     KeyTable t;
     add_run_and_world(t);
     add_vehicle(t);
+    add_vehicle_errors(t);
     add_sensor(t);
     add_path_keys(t);
     add_controller(t);
@@ -232,11 +255,18 @@ const std::vector<ScenarioKey>& scenario_keys() {
 }
 
 std::string why_plant_ignores(const Scenario& scenario, const std::string& key) {
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    for (const char* ignored : {"vehicle.radius_error", "vehicle.track_error",
+                                "vehicle.actuator_lag_ms", "vehicle.clock_offset_ms"}) {
+      if (key == ignored) return "vehicle.drivetrain is \"can\"";
+    }
+  }
   if (scenario.vehicle.plant != Scenario::Vehicle::Plant::kinematic) return "";
   for (const char* ignored :
        {"world.friction", "world.gravity_mps2", "vehicle.chassis_height_m",
         "vehicle.chassis_mass_kg", "vehicle.wheel_mass_kg", "vehicle.caster_x_m",
-        "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.max_wheel_torque_Nm"}) {
+        "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.payload_kg",
+        "vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.max_wheel_torque_Nm"}) {
     if (key == ignored) return "vehicle.plant is \"kinematic\"";
   }
   return "";

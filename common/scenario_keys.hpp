@@ -34,7 +34,8 @@ std::string to_toml(const ScenarioValue& value);
 /// All keys but those of links by name, in the order of the resolved scenario file.
 const std::vector<ScenarioKey>& scenario_keys();
 
-/// `vehicle.plant is "kinematic"` for keys that the chosen plant ignores; empty for all others.
+/// `vehicle.plant is "kinematic"`, or what the drivetrain is, for keys that these ignore; empty for
+/// all others.
 std::string why_plant_ignores(const Scenario& scenario, const std::string& key);
 
 /// `controller.law is another one` for keys that the chosen law ignores; empty for all others. Such

@@ -20,6 +20,10 @@ struct VehicleConfig {
   double caster_x_m = 0.8;  ///< of the caster ball, relative to the chassis centre
   double caster_radius_m = 0.2;
   double caster_mass_kg = 0.2688;  ///< puts the centre of mass at x = −0.23 m, the paper's C
+  // A load: a point at the chassis centre's height, relative to it; not there if it weighs nothing.
+  double payload_kg = 0.0;
+  double payload_x_m = 0.0;
+  double payload_y_m = 0.0;
   /// Of each wheel's speed servo. Half as much again as 3 m/s² of the whole vehicle takes, and
   /// little more than makes the wheels slip: jammed at a wall, they do not store wheelspin.
   double max_wheel_torque_Nm = 4.0;

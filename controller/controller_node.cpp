@@ -39,7 +39,7 @@ ControllerNode::ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& b
       pose_timeout_(from_seconds(config_.pose_timeout_s)),
       session_(session.value_or(session_of_seed(scenario.run.seed))),
       law_(make_law(scenario)),
-      guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
+      guard_({.earliest = earliest_stamp(scenario)}),
       counters_(loop, bus, "controller", channels_.control_counters,
                 from_seconds(scenario.run.report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {

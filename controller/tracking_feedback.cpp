@@ -8,6 +8,8 @@ namespace {
 
 /// The rest of the acceleration is for the path's own changes of speed, and for turning.
 constexpr double kCatchUpShare = 0.9;
+/// It turns as if the path had this speed where the path rests and the vehicle does not.
+constexpr double kSlowest_mps = 1.0;
 
 }  // namespace
 
@@ -37,7 +39,9 @@ Twist TrackingFeedback::command(const Pose2& pose, const PathPoint& reference) c
   u.v_mps = std::clamp(reference.v_mps * cos_e + closing_speed(x_e), -max_v_mps_, max_v_mps_);
   const double alpha =
       std::atan2(y_e + look_ahead_m_ * sin_e, look_ahead_m_ * cos_e + std::max(x_e, 0.0));
-  const double speed_mps = std::max(reference.v_mps, std::abs(u.v_mps));
+  // Not v: catching up at three times the path's speed, the gain would be more than wheels can
+  // turn.
+  const double speed_mps = std::max(reference.v_mps, std::min(std::abs(u.v_mps), kSlowest_mps));
   u.omega_radps = std::clamp(reference.omega_radps + speed_mps * gains_.k_theta * alpha,
                              -max_omega_radps_, max_omega_radps_);
   // The path's own speed is never taken away: it was checked against the vehicle.

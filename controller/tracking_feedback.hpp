@@ -22,7 +22,7 @@ namespace tether {
 ///   the acceleration limit a can brake in time ([2], section 3.9: the switching curve of the
 ///   double integrator), and K_x x_e below |x_e| = a/K_x²;
 /// - across the path, it turns towards the point L = K_θ/K_y ahead of the reference on its tangent:
-///   ω = ω_r + v K_θ α with α = atan2(y_e + L sin θ_e, L cos θ_e + max(x_e, 0)).
+///   ω = ω_r + v_r K_θ α with α = atan2(y_e + L sin θ_e, L cos θ_e + max(x_e, 0)).
 /// v and ω stay within the scenario's limits, and v·ω of catching up below max_lateral_mps2.
 ///
 /// [1] Y. Kanayama, Y. Kimura, F. Miyazaki, T. Noguchi: A stable tracking control method for an

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <tether/plan_t.hpp>
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
 #include <utility>
@@ -144,7 +146,21 @@ std::string why_delays_are_open(const LinkConfig& link, const ChannelExpectation
   return "";
 }
 
+/// A twist, or a plan with all its twists.
+double command_bytes(const Scenario::Controller& controller) {
+  if (!sends_plans(controller)) return twist_t{}.getEncodedSize();
+  constexpr double kTwist = 2 * sizeof(float);
+  const double twists =
+      std::max(1.0, std::round(controller.horizon_s * 1e3 / controller.plan_step_ms));
+  return plan_t{}.getEncodedSize() + kTwist * twists;
+}
+
 }  // namespace
+
+bool sends_plans(const Scenario::Controller& controller) {
+  return controller.law == ControlLaw::predictive ||
+         controller.law == ControlLaw::predictive_consistent;
+}
 
 LinkTraffic pose_traffic(const Scenario& scenario) {
   return {.interval_s = 1.0 / scenario.sensor.rate_hz,
@@ -152,7 +168,7 @@ LinkTraffic pose_traffic(const Scenario& scenario) {
 }
 
 LinkTraffic command_traffic(const Scenario& scenario, bool in_loop) {
-  LinkTraffic traffic{.packet_bytes = static_cast<double>(twist_t{}.getEncodedSize())};
+  LinkTraffic traffic{.packet_bytes = command_bytes(scenario.controller)};
   if (scenario.controller.trigger == Scenario::Controller::Trigger::timer) {
     traffic.interval_s = 1.0 / scenario.controller.rate_hz;
     return traffic;

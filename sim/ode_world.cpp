@@ -126,6 +126,13 @@ void OdeWorld::build_chassis(const VehicleConfig& vehicle) {
     dMassTranslate(&ball, caster[0], caster[1], caster[2]);
     dMassAdd(&mass, &ball);
   }
+  if (vehicle.payload_kg > 0.0) {
+    constexpr double kPayloadRadius_m = 0.1;  // small: it shifts the centre of mass
+    dMass payload;
+    dMassSetSphereTotal(&payload, vehicle.payload_kg, kPayloadRadius_m);
+    dMassTranslate(&payload, vehicle.payload_x_m, vehicle.payload_y_m, 0.0);
+    dMassAdd(&mass, &payload);
+  }
   const std::array<double, 3> centre{mass.c[0], mass.c[1], mass.c[2]};
   dMassTranslate(&mass, -mass.c[0], -mass.c[1], -mass.c[2]);
 

@@ -45,16 +45,16 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
       end_(kStart + from_seconds(scenario.run.duration_s)),
       world_end_(end_),
       sensor_latency_(from_seconds(scenario.sensor.latency_ms * 1e-3)),
-      track_m_(scenario.vehicle.track_m),
+      drive_errors_(scenario.vehicle),
+      clock_offset_(from_seconds(scenario.vehicle.clock_offset_ms * 1e-3)),
       path_(make_path(scenario.path)),
       vehicle_(make_plant(scenario.vehicle, scenario.world, kStep)),
       metrics_step_(is_kinematic(scenario) ? kKinematicMetrics : kStep),
-      actuator_(scenario.actuator, scenario.vehicle,
-                {.earliest = kStart - from_seconds(scenario.run.lead_s)}),
+      actuator_(scenario.actuator, scenario.vehicle, {.earliest = earliest_stamp(scenario)}),
       sensor_(scenario.sensor,
               random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/pose"),
               random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/drift")),
-      guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
+      guard_({.earliest = earliest_stamp(scenario)}),
       next_step_(TimerQueue::not_before(loop.now(), kStart + kStep, kStep)),
       world_time_(std::max(kStart, next_step_ - kStep)),
       counters_(loop, bus, "sim", channels_.sim_counters,
@@ -90,11 +90,13 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
 }
 
 void SimNode::subscribe_to_commands() {
-  subscribe<twist_t>(bus_, channels_.vehicle_command, kDeepQueue, undecodable_,
-                     [this](const twist_t& m) {
-                       on_command(from_utime(m.utime), m.seq, {m.v_mps, m.omega_radps});
-                     });
+  subscribe<twist_t>(
+      bus_, channels_.vehicle_command, kDeepQueue, undecodable_, [this](const twist_t& m) {
+        on_command(from_utime(m.utime) - clock_offset_, m.seq, {m.v_mps, m.omega_radps});
+      });
   subscribe_to_plans(bus_, channels_, undecodable_plans_, [this](PlanSource source, Plan plan) {
+    plan.stamp -= clock_offset_;  // to the run's time, as the vehicle's clock has it
+    plan.start -= clock_offset_;
     arrived_.push_back({loop_.now(), ArrivedPlan{source, std::move(plan)}});
   });
 }
@@ -155,7 +157,7 @@ void SimNode::measure(Instant now) {
 WheelSpeeds SimNode::wheel_targets(Instant from) {
   if (drives_) return drives_->in_force(from);
   if (!arrived_.empty()) take_commands(from);
-  return to_wheel_speeds(actuator_.in_force(from), track_m_);
+  return drive_errors_.step(actuator_.in_force(from), to_seconds(kStep));
 }
 
 void SimNode::sample_pose(Instant now) {
@@ -165,7 +167,7 @@ void SimNode::sample_pose(Instant now) {
   const Instant stamp = std::min(world_time_, now);
   const PlanName plan = plan_at(stamp);
   pose_t message{};
-  message.utime = to_utime(stamp);
+  message.utime = to_utime(stamp + clock_offset_);
   message.seq = pose_seq_++;
   message.x_m = measured.x_m;
   message.y_m = measured.y_m;

@@ -15,6 +15,7 @@
 #include "common/reference_path.hpp"
 #include "common/scenario.hpp"
 #include "common/stream_guard.hpp"
+#include "sim/drive_errors.hpp"
 #include "sim/metrics.hpp"
 #include "sim/plan_watch.hpp"
 #include "sim/plant.hpp"
@@ -75,7 +76,8 @@ class SimNode final : public Node {
   Instant end_;        // of truth and metrics
   Instant world_end_;  // of motion
   Duration sensor_latency_;
-  double track_m_;
+  DriveErrors drive_errors_;
+  Duration clock_offset_;  ///< the vehicle's clock is ahead by this
   std::shared_ptr<const ReferencePath> path_;
   std::unique_ptr<Plant> vehicle_;
   Duration metrics_step_;

@@ -56,7 +56,7 @@ class Planner {
     m.step_us = 50'000;
     m.count = kTwists;
     for (int k = 0; k < kTwists; ++k) {
-      const bool lead = m.start_utime + k * m.step_us < 0;
+      const bool lead = m.start_utime + std::int64_t{k} * m.step_us < 0;
       m.v_mps.push_back(lead ? 0.0F : static_cast<float>(twist_.v_mps));
       m.omega_radps.push_back(lead ? 0.0F : static_cast<float>(twist_.omega_radps));
     }
@@ -160,7 +160,7 @@ TEST(CanPlanLoop, APlanOutlivesTheNetworkAndThenTheLadderOfOldCommandsCounts) {
 }
 
 // A twist is 150 ms old when it comes, and the next in 0.3 s on average: with these, hil_vcan.toml
-// as it is stops within seconds.
+// as it is does not even arm.
 TEST(CanPlanLoop, LossAndDelayThatStopTwistsDoNotStopPlans) {
   const Drive run(hil({"run.duration_s=20", "channel.prr=0.4", "channel.delay_ms=150"}));
   EXPECT_EQ(run.states.back().message.disarms, 0);

@@ -56,7 +56,8 @@ def wait_until(seconds, condition, what):
 class LcmType:
     """One struct of lcmtypes/, fields of primitive types and one-dimensional arrays of them."""
 
-    FORMATS = {"int8_t": "b", "int32_t": "i", "int64_t": "q", "double": "d", "boolean": "b"}
+    FORMATS = {"int8_t": "b", "int32_t": "i", "int64_t": "q", "boolean": "b"}
+    FORMATS |= {"float": "f", "double": "d"}
 
     def __init__(self, name):
         text = (SOURCE / "lcmtypes" / f"tether_{name}.lcm").read_text()

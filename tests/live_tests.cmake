@@ -11,4 +11,5 @@ tether_add_script_test(NAME live_netem_set_test SCRIPT live_netem_set_test.py LA
 tether_add_script_test(NAME live_bad_input_test SCRIPT live_bad_input_test.py LABELS live
   TIMEOUT 120)
 tether_add_script_test(NAME live_hostile_test SCRIPT live_hostile_test.py LABELS live TIMEOUT 120)
+tether_add_script_test(NAME live_plan_test SCRIPT live_plan_test.py LABELS live TIMEOUT 120)
 tether_add_script_test(NAME live_relay_test SCRIPT live_relay_test.py LABELS live TIMEOUT 120)

@@ -324,5 +324,16 @@ TEST(LinkCheck, CommandsThatAnswerPosesAreNoFairSampleOfASharedState) {
   EXPECT_DOUBLE_EQ(command_traffic(separate, true).interval_s, 0.05);
 }
 
+TEST(LinkTraffic, OfAPredictiveLawIsPlansWithAllTheirTwists) {
+  Scenario scenario;
+  EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 48.0);
+  for (const ControlLaw law : {ControlLaw::predictive, ControlLaw::predictive_consistent}) {
+    scenario.controller.law = law;
+    scenario.controller.horizon_s = 20.0;
+    scenario.controller.plan_step_ms = 50.0;
+    EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 72.0 + 400 * 8);
+  }
+}
+
 }  // namespace
 }  // namespace tether

@@ -1,4 +1,11 @@
-tether_add_test(NAME controller_test SOURCES controller_node_test.cpp pid_test.cpp
+tether_add_test(NAME controller_test
+  SOURCES
+    controller_node_test.cpp
+    controller_plan_test.cpp
+    network_estimate_test.cpp
+    pid_test.cpp
+    predictive_law_test.cpp
+    tracking_law_test.cpp
   LIBS tether_controller_core)
 tether_add_test(NAME netem_test
   SOURCES
@@ -25,7 +32,8 @@ tether_add_test(NAME closed_loop_test
   SOURCES channel_watch_test.cpp closed_loop_test.cpp kinematic_loop_test.cpp netem_loop_test.cpp
     path_loop_test.cpp
   LIBS tether_closed_loop tether_tools_core LABELS loop)
-tether_add_test(NAME baseline_test SOURCES baseline_test.cpp LIBS tether_closed_loop LABELS slow)
+tether_add_test(NAME baseline_test SOURCES baseline_test.cpp control_targets_test.cpp
+  LIBS tether_closed_loop LABELS slow)
 tether_add_test(NAME plant_test SOURCES kinematic_vehicle_test.cpp plant_test.cpp LIBS tether_sim_core)
 tether_add_test(NAME netem_statistics_test SOURCES netem_statistics_test.cpp netem_check_test.cpp
   LIBS tether_netem_statistics)

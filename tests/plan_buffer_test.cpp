@@ -22,7 +22,7 @@ using std::chrono::seconds;
 using testing::at_s;
 using testing::plan;
 constexpr Duration kTick{1};
-constexpr std::int64_t kAny = Plan::kBasedOnAny, kNone = Plan::kBasedOnNone;
+constexpr std::int64_t kAny = Plan::kBasedOnAny;
 
 struct PlanBufferTest : ::testing::Test {
   PlanBuffer buffer{StopLimits{}, StreamGuard::Config{.earliest = at_s(-5)}};

@@ -79,7 +79,7 @@ class Hostile {
         twist.v_mps = one_in(2) ? kNaN : kInf;
         break;
       case 1:
-        twist.omega_radps = one_in(2) ? -kInf : 1e38;
+        twist.omega_radps = one_in(2) ? -kInf : double{1e38F};
         break;
       case 2:
         p.step = milliseconds{-below(100)};

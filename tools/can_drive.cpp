@@ -42,6 +42,9 @@ class DriveSession {
                           });
     subscribe<twist_t>(bus_, channels_.vehicle_command, kDeepQueue, undecodable_,
                        [this](const twist_t& m) { on_command(m); });
+    for (const std::string& channel : {channels_.vehicle_plan, channels_.vehicle_preload}) {
+      bus_.subscribe(channel, kDeepQueue, [this, channel](const Message&) { on_foreign(channel); });
+    }
   }
 
   int run() {
@@ -73,10 +76,9 @@ class DriveSession {
           fmt::format("no {} on {}: is tether-can-bridge running, for vehicle \"{}\"?",
                       channels_.can_state, bus_.url(), vehicle_));
     }
-    if (foreign_) {
-      throw std::runtime_error(
-          fmt::format("somebody else sends {}: end it first, for two senders would take turns",
-                      channels_.vehicle_command));
+    if (!foreign_.empty()) {
+      throw std::runtime_error(fmt::format(
+          "somebody else sends {}: end it first, for two senders would take turns", foreign_));
     }
   }
 
@@ -97,7 +99,11 @@ class DriveSession {
 
   void on_command(const twist_t& m) {
     if (own_stamps_.contains(m.utime)) return;
-    foreign_ = true;
+    on_foreign(channels_.vehicle_command);
+  }
+
+  void on_foreign(const std::string& channel) {
+    foreign_ = channel;
     if (drive_) drive_->on_foreign_command(loop_.now());
   }
 
@@ -130,7 +136,7 @@ class DriveSession {
   std::optional<TwistDrive> drive_;
   std::optional<Duration> clock_;  // the bridge's minus this loop's
   std::set<std::int64_t> own_stamps_;
-  bool foreign_ = false;
+  std::string foreign_;  ///< channel of another sender
   std::string shown_;
   std::int64_t seq_ = 0;
   std::int64_t undecodable_ = 0;

@@ -166,6 +166,8 @@ std::string commented(const TcExport& link) {
 int export_tc_commands(const CheckOptions& options) {
   const Scenario scenario = load(options);
   const ChannelNames channels(scenario.vehicle.name);
+  const std::string& command_channel =
+      sends_plans(scenario.controller) ? channels.control_plan : channels.control_command;
   TextOutput out;
   out.write(fmt::format(
       "# Each as root on the computer that sends; it impairs everything that leaves the interface, "
@@ -174,11 +176,11 @@ int export_tc_commands(const CheckOptions& options) {
       channels.vehicle_pose));
   out.write(commented(export_tc(scenario.channel.uplink, {options.interface, channels.vehicle_pose,
                                                           pose_traffic(scenario).interval_s})));
-  out.write(fmt::format("# downlink, on the controller's computer, which sends {}:\n",
-                        channels.control_command));
+  out.write(
+      fmt::format("# downlink, on the controller's computer, which sends {}:\n", command_channel));
   out.write(commented(export_tc(
       scenario.channel.downlink,
-      {options.interface, channels.control_command, command_traffic(scenario, false).interval_s})));
+      {options.interface, command_channel, command_traffic(scenario, false).interval_s})));
   out.close();
   return kExitOk;
 }

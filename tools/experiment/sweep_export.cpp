@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <set>
 
 #include "common/errors.hpp"
 #include "tools/experiment/figure_script.hpp"
+#include "tools/experiment/sweep_data.hpp"
 
 namespace tether {
 namespace {
@@ -116,25 +118,30 @@ void export_means(const RunStore& store, const std::function<void(const std::str
   const auto arms = store.arms();
   std::string head = "arm";
   for (const std::string& key : store.keys()) head += "," + csv_cell(key);
-  write(fmt::format("{},plant,runs,failed,{}\n", head, fmt::join(kMetricNames, ",")));
-  const std::string plant = store.plant();
+  std::vector<std::string> rows;
   for (std::size_t arm = 0; arm < arms.size(); ++arm) {
-    std::array<double, kMetricNames.size()> sums{};
-    int runs = 0, failed = 0;
-    store.for_each_of(arm, [&](const StoredRun& run) {
-      if (!run.result.failure.empty()) {
-        ++failed;
-        return;
-      }
-      ++runs;
-      for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += run.result.metrics[i];
-    });
-    std::string row = fmt::format("{}", arm);
-    for (const KeyValue& setting : arms[arm].settings) row += "," + csv_cell(setting.value);
-    row += fmt::format(",{},{},{}", csv_cell(plant), runs, failed);
-    for (const double sum : sums) row += runs > 0 ? fmt::format(",{:.6g}", sum / runs) : ",";
-    write(row + "\n");
+    rows.push_back(fmt::format("{}", arm));
+    for (const KeyValue& setting : arms[arm].settings) rows[arm] += "," + csv_cell(setting.plain());
+    rows[arm] += "," + csv_cell(plant_of(arms[arm].scenario));
   }
+  head += ",plant,runs,failed";
+  for (const std::string_view metric : kMetricNames) {
+    const SweepData data(store, std::string(metric));
+    head += fmt::format(",{0},{0}_low,{0}_high", metric);
+    for (std::size_t arm = 0; arm < arms.size(); ++arm) {
+      const Summary& s = data.arms()[arm].summary;
+      if (metric == kMetricNames.front()) rows[arm] += fmt::format(",{},{}", s.n, s.left_out);
+      rows[arm] += s.n == 0 ? ",,," : fmt::format(",{:.6g}", s.mean);
+      if (s.n > 0) {
+        const bool has_interval = std::isfinite(s.mean_interval.low);
+        rows[arm] += has_interval
+                         ? fmt::format(",{:.6g},{:.6g}", s.mean_interval.low, s.mean_interval.high)
+                         : ",,";
+      }
+    }
+  }
+  write(head + "\n");
+  for (const std::string& row : rows) write(row + "\n");
 }
 
 fs::path database_of(const fs::path& folder_or_file) {

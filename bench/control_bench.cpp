@@ -1,0 +1,84 @@
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <tether/plan_t.hpp>
+#include <tether/twist_t.hpp>
+#include <vector>
+
+#include "common/make_path.hpp"
+#include "controller/law.hpp"
+#include "tools/closed_loop.hpp"
+
+// What a decision of each law costs, and what it puts on the air.
+
+namespace tether {
+namespace {
+
+Scenario scenario_of(const std::string& law, std::vector<std::string> more = {}) {
+  more.push_back("controller.law=" + law);
+  if (law.starts_with("predictive")) more.emplace_back("actuator.policy=horizon");
+  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", more);
+}
+
+/// One pose and one decision, a vehicle that keeps to the path; plans of 20 s in steps of 50 ms.
+void law_step(benchmark::State& state, const std::string& law_name) {
+  const Scenario scenario = scenario_of(law_name);
+  const std::unique_ptr<Law> law = make_law(scenario);
+  const std::shared_ptr<const ReferencePath> path = make_path(scenario.path);
+  SeenPose seen;
+  for (auto unused : state) {
+    (void)unused;
+    seen.stamp += std::chrono::milliseconds{100};
+    seen.arrival = seen.stamp + std::chrono::milliseconds{50};
+    const PathPoint at = path->at(to_seconds(seen.stamp));
+    seen.pose = {at.x_m, at.y_m, at.yaw_rad};
+    law->on_pose(seen);
+    LawOutput output = law->decide(seen.arrival, &seen);
+    if (const auto* plan = std::get_if<Plan>(&output)) seen.plan_id = plan->name.id;
+    benchmark::DoNotOptimize(output);
+    ++seen.seq;
+  }
+}
+
+/// Bytes per second of both directions on the vehicle's and the controller's air, as LCM encodes
+/// them, without headers of LCM, UDP and IP.
+void on_the_air(benchmark::State& state, const std::string& law, std::vector<std::string> more) {
+  more.emplace_back("run.duration_s=20");
+  more.emplace_back("vehicle.plant=kinematic");
+  const Scenario scenario = scenario_of(law, more);
+  double up = 0.0, down = 0.0, largest = 0.0;
+  for (auto unused : state) {
+    (void)unused;
+    up = down = largest = 0.0;
+    ClosedLoop loop(scenario);
+    loop.bus().subscribe("AGV/POSE", kDeepQueue,
+                         [&](const Message& m) { up += static_cast<double>(m.bytes.size()); });
+    loop.bus().subscribe("CTRL/(PLAN|CMD_VEL)", kDeepQueue, [&](const Message& m) {
+      down += static_cast<double>(m.bytes.size());
+      largest = std::max(largest, static_cast<double>(m.bytes.size()));
+    });
+    loop.run();
+  }
+  state.counters["uplink_B_per_s"] = up / scenario.run.duration_s;
+  state.counters["downlink_B_per_s"] = down / scenario.run.duration_s;
+  state.counters["largest_packet_B"] = largest;
+}
+
+void add_all() {
+  const std::vector<std::string> timer{"controller.trigger=timer", "controller.rate_hz=10"};
+#define TETHER_BENCH_LAW(name)                                                             \
+  benchmark::RegisterBenchmark("law_step/" #name, law_step, std::string(#name))            \
+      ->Unit(benchmark::kMicrosecond);                                                     \
+  benchmark::RegisterBenchmark("on_the_air/" #name, on_the_air, std::string(#name), timer) \
+      ->Iterations(1)                                                                      \
+      ->Unit(benchmark::kMillisecond);
+  TETHER_CONTROL_LAWS(TETHER_BENCH_LAW)
+#undef TETHER_BENCH_LAW
+}
+
+[[maybe_unused]] const bool kAdded = (add_all(), true);
+
+}  // namespace
+}  // namespace tether
