@@ -14,8 +14,8 @@ namespace tether {
 /// shards and interruptions they had.
 void export_runs(const RunStore& store, const std::function<void(const std::string&)>& write);
 
-/// The same, one row an arm: columns arm, the grid's keys, plant, runs, failed, and the mean of each
-/// metric over the runs that did not fail, to 6 digits; empty if all did.
+/// One row an arm: columns arm, the grid's keys, plant, runs that did not fail, failed ones, and of
+/// each metric the mean and its 95 % interval (…_low, …_high), to 6 digits; empty if there is none.
 void export_means(const RunStore& store, const std::function<void(const std::string&)>& write);
 
 /// A database of a folder: its runs.sqlite; or the file itself.
