@@ -15,6 +15,7 @@ tether_add_test(NAME netem_test
     netem_delay_test.cpp
     netem_fate_test.cpp
     netem_memory_test.cpp
+    netem_node_test.cpp
     netem_refusal_test.cpp
     netem_set_test.cpp
     netem_slots_test.cpp
