@@ -10,6 +10,13 @@ FigureEight::FigureEight(const Config& config)
       cos_(std::cos(config.rotation_rad)),
       sin_(std::sin(config.rotation_rad)) {}
 
+Position FigureEight::position_at(double t_s) const {
+  const double theta = rate_radps_ * t_s;
+  const double u = amplitude_m_ * std::sin(theta);
+  const double w = u * std::cos(theta);
+  return {cos_ * u - sin_ * w, sin_ * u + cos_ * w};
+}
+
 PathPoint FigureEight::at(double t_s) const {
   const double theta = rate_radps_ * t_s;
   const double sine = std::sin(theta);

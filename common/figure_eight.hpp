@@ -18,6 +18,7 @@ class FigureEight final : public ReferencePath {
   explicit FigureEight(const Config& config);
 
   PathPoint at(double t_s) const override;
+  Position position_at(double t_s) const override;
 
  private:
   double amplitude_m_;

@@ -12,7 +12,7 @@
 namespace tether {
 namespace {
 
-constexpr double kRounding = 1e-9;  // relative
+constexpr double kSlack = 1e-9;  // relative
 constexpr double kTouch_m = 1e-6;
 
 /// What the path asks of the vehicle from one step to the next.
@@ -129,7 +129,7 @@ void check_path(const PlannedPath& path, const Scenario& scenario, const std::st
     last = point;
     for (const Limit& limit : limits) {
       const double value = limit.of(d);
-      if (value <= limit.value * (1.0 + kRounding)) continue;
+      if (value <= limit.value * (1.0 + kSlack)) continue;
       refuse(path, steps[i], source,
              fmt::format("the path needs {} of {:.3f} {}; {} = {}", limit.what, value, limit.unit,
                          limit.key, limit.value));

@@ -11,6 +11,11 @@ struct PathPoint {
   double omega_radps = 0.0;  ///< yaw rate
 };
 
+struct Position {
+  double x_m = 0.0;
+  double y_m = 0.0;
+};
+
 /// A path with its timing: one point for each instant. Paths with an end rest there ever after, and
 /// rest at their start before t = 0 where they begin at rest. Immutable; safe to share.
 class ReferencePath {
@@ -19,6 +24,11 @@ class ReferencePath {
 
   /// `t_s` seconds after the run's start; any finite time.
   virtual PathPoint at(double t_s) const = 0;
+  /// The same point without heading and twist, for metrics, which ask each millisecond.
+  virtual Position position_at(double t_s) const {
+    const PathPoint p = at(t_s);
+    return {p.x_m, p.y_m};
+  }
 };
 
 }  // namespace tether

@@ -10,7 +10,7 @@ namespace {
 using Kind = Scenario::Path::Kind;
 
 constexpr Range kSize{0.1, 1e4, false};
-constexpr Range kPosition{-1e4, 1e4, false};
+constexpr Range kStart_m{-1e4, 1e4, false};
 constexpr Range kAngle{-100.0, 100.0, false};
 constexpr Range kLimit{0.01, 50.0, false};
 
@@ -87,9 +87,9 @@ void add_path_keys(KeyTable& t) {
            "least radius in the rectangle's corners, which are clothoids");
   t.boolean("path.clockwise", TETHER_FIELD(path.clockwise),
             "circle and rectangle turn right instead of left");
-  t.number("path.start_x_m", TETHER_FIELD(path.start.x_m), kPosition,
+  t.number("path.start_x_m", TETHER_FIELD(path.start.x_m), kStart_m,
            "start of circle, line and rectangle");
-  t.number("path.start_y_m", TETHER_FIELD(path.start.y_m), kPosition,
+  t.number("path.start_y_m", TETHER_FIELD(path.start.y_m), kStart_m,
            "start of circle, line and rectangle");
   t.number("path.start_yaw_rad", TETHER_FIELD(path.start.yaw_rad), kAngle,
            "heading at the start of circle, line and rectangle");

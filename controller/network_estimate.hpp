@@ -30,6 +30,8 @@ class ReceptionEstimate {
 /// `count` messages. Zero before the first one; never negative, whatever the clocks say.
 class DelayEstimate {
  public:
+  static constexpr std::size_t kFew = 5;  ///< to follow a link that changes
+
   explicit DelayEstimate(std::size_t count) : count_(count) {}
 
   void add(Duration delay);

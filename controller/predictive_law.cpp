@@ -9,7 +9,6 @@
 namespace tether {
 namespace {
 
-constexpr std::size_t kDelays = 5;       // poses that tell the delay
 constexpr std::size_t kMostSent = 4000;  // plans remembered
 /// The vehicle may still follow a plan that is over by this long when a pose is taken.
 constexpr Duration kRunOut = std::chrono::seconds{10};
@@ -20,7 +19,7 @@ PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
     : path_(context.path),
       model_(model_of(context.scenario)),
       feedback_(context.scenario.controller, model_.limits().max_wheel_acceleration_mps2),
-      delay_(kDelays),
+      delay_(DelayEstimate::kFew),
       form_(form),
       run_out_{context.scenario.actuator.deceleration_mps2,
                context.scenario.actuator.yaw_deceleration_radps2,

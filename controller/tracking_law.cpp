@@ -5,7 +5,6 @@
 namespace tether {
 namespace {
 
-constexpr std::size_t kDelays = 5;  // poses that tell the delay
 /// Wheel speeds at a pose follow from the commands of this long before it.
 constexpr Duration kMemory = std::chrono::seconds{4};
 /// Older poses than this are predicted from as if they were this old.
@@ -38,7 +37,7 @@ CompensatedTrackingLaw::CompensatedTrackingLaw(const LawContext& context)
     : path_(context.path),
       model_(model_of(context.scenario)),
       feedback_(context.scenario.controller, model_.limits().max_wheel_acceleration_mps2),
-      delay_(kDelays) {}
+      delay_(DelayEstimate::kFew) {}
 
 void CompensatedTrackingLaw::on_pose(const SeenPose& seen) {
   delay_.add(seen.arrival - seen.stamp);

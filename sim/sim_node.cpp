@@ -194,7 +194,7 @@ void SimNode::publish_truth() {
   if (world_time_ > end_ || (truth_seq_ > 0 && last_truth_ == world_time_)) return;
   last_truth_ = world_time_;
   const VehicleState& s = vehicle_->state();
-  const PathPoint reference = this->reference();
+  const Position reference = this->reference();
   ground_truth_t message{};
   message.utime = to_utime(world_time_);
   message.seq = truth_seq_++;
@@ -216,10 +216,10 @@ void SimNode::publish_truth() {
   publish(bus_, channels_.truth, message);
 }
 
-PathPoint SimNode::reference() const { return path_->at(to_seconds(world_time_)); }
+Position SimNode::reference() const { return path_->position_at(to_seconds(world_time_)); }
 
 double SimNode::error_m() const {
-  const PathPoint reference = this->reference();
+  const Position reference = this->reference();
   const Pose2& pose = vehicle_->state().pose;
   return std::hypot(reference.x_m - pose.x_m, reference.y_m - pose.y_m);
 }

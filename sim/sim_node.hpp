@@ -66,7 +66,7 @@ class SimNode final : public Node {
   void sample_pose(Instant now);
   void publish_clock(Instant now);
   void publish_truth();
-  PathPoint reference() const;
+  Position reference() const;
   double error_m() const;
   void list_counters(CounterList& out) const;
 

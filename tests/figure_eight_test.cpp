@@ -47,6 +47,13 @@ TEST(FigureEight, ItsTwistIsTheDerivativeOfItsPoints) {
   }
 }
 
+TEST(FigureEight, ItsPositionAloneIsTheSame) {
+  for (double t_s = -10.0; t_s < 70.0; t_s += 0.7) {
+    EXPECT_EQ(kPaper.position_at(t_s).x_m, kPaper.at(t_s).x_m);
+    EXPECT_EQ(kPaper.position_at(t_s).y_m, kPaper.at(t_s).y_m);
+  }
+}
+
 TEST(FigureEight, TakesOnePeriodAndPassesTheOriginInTheMiddle) {
   for (const double t_s : {0.0, 7.0, 31.0, -5.0}) {
     EXPECT_NEAR(kPaper.at(t_s + kPeriod_s).x_m, kPaper.at(t_s).x_m, 1e-12);
