@@ -65,14 +65,16 @@ std::vector<fs::path> databases_below(const fs::path& folder) {
   return files;
 }
 
-void add_results(const RunStore& store, SweepData data, RiskDefinition risk,
+void add_results(const RunStore& store, const SweepData& data, RiskDefinition risk,
                  PaperResults& results) {
   const std::string name = store.name();
   if (name == "f5_risk" && store.size() > 0) results.risk = risk_fall(store, risk);
   if (data.metric() != "epsilon_m") return;
-  if (name == "f2_prr") results.prr = std::move(data);
-  if (name == "f3_delay") results.delay = std::move(data);
-  if (name == "f4_tau") results.heatmap = std::move(data);
+  for (const auto& [sweep, result] :
+       {std::pair{"f2_prr", &results.prr}, std::pair{"f3_delay", &results.delay},
+        std::pair{"f4_tau", &results.heatmap}}) {
+    if (name == sweep) *result = data;
+  }
 }
 
 ReportSection make_section(const RunStore& store, const SweepData& data, const fs::path& folder,
@@ -112,12 +114,12 @@ Report write_report(const fs::path& folder, RiskDefinition risk) {
   for (const fs::path& file : files) {
     const RunStore store = RunStore::open(file);
     const auto figure = store.figure();
-    SweepData data(store, figure ? figure->metric : "epsilon_m");
+    const SweepData data(store, figure ? figure->metric : "epsilon_m");
     // Several sweeps of one experiment go by their folders, and are no answer to a claim.
     const bool is_only = sweeps_of_name[store.name()] == 1;
     const std::string stem = is_only ? store.name() : file.parent_path().filename().string();
     report.sections.push_back(make_section(store, data, folder, stem, risk));
-    if (is_only) add_results(store, std::move(data), risk, results);
+    if (is_only) add_results(store, data, risk, results);
   }
   report.title = report.sections.size() == 1 ? report.sections.front().title
                                              : "AGV control over a lossy, delayed network";
