@@ -19,9 +19,8 @@ namespace tether {
 /// - `ramp`: the same, but then the twist ramps to zero (ramp_to_stop).
 /// - `decay`: the same, but then v and ω fall exponentially with decay_s, both by one factor, to
 ///   zero when they are below 1 mm/s and 1 mrad/s.
-/// - `horizon`: plans, executed by time (PlanBuffer). A twist ends them all, at once, and is
-/// treated
-///   as by `ramp` until a plan takes over: the newest word counts.
+/// - `horizon`: plans, executed by time (PlanBuffer). A twist ends them all, at once, and counts as
+///   by `ramp` until a plan takes over: the newest word.
 /// Before the first command, or before the first plan takes over, the twist is zero.
 ///
 /// Twists that come out may jump; rims do not: plants and the CAN bridge limit their acceleration.

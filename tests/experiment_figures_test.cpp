@@ -22,6 +22,11 @@ using testing::EightyTwenty;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
+CurvePoint curve_point(double x, const std::vector<double>& runs, std::uint64_t seed) {
+  const Summary s = summarize(runs, kConfidence, seed);
+  return {x, runs, s.mean, s.mean_interval};
+}
+
 /// Draws into a temporary folder, or into $TETHER_FIGURES/TEST to look at.
 class ExperimentFiguresTest : public ::testing::Test {
  protected:

@@ -22,20 +22,20 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
   const ChannelNames channels(scenario.vehicle.name);
   subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
                             [this](const ground_truth_t& m) { on_truth(m); });
-  subscribe<link_report_t>(bus, channels.uplink_report, kDeepQueue, undecodable_,
-                           [this](const link_report_t& m) {
-                             if (!accept(uplink_guard_, m.utime, m.seq)) return;
-                             uplink_ = m;
-                             if (is_of_last_row(m.utime)) trajectory_.back().uplink_state = m.state;
-                           });
-  subscribe<link_report_t>(bus, channels.downlink_report, kDeepQueue, undecodable_,
-                           [this](const link_report_t& m) {
-                             if (!accept(downlink_guard_, m.utime, m.seq)) return;
-                             downlink_ = m;
-                             if (is_of_last_row(m.utime)) {
-                               trajectory_.back().downlink_state = m.state;
-                             }
-                           });
+  const auto follow = [&](const std::string& channel, StreamGuard& guard, link_report_t& newest,
+                          int TrajectoryRow::*state) {
+    subscribe<link_report_t>(bus, channel, kDeepQueue, undecodable_,
+                             [this, &guard, &newest, state](const link_report_t& m) {
+                               if (!accept(guard, m.utime, m.seq)) return;
+                               newest = m;
+                               // Of what is reported at one instant, the truth may come first.
+                               const bool is_of_last_row =
+                                   !trajectory_.empty() && truth_.utime == m.utime;
+                               if (is_of_last_row) trajectory_.back().*state = m.state;
+                             });
+  };
+  follow(channels.uplink_report, uplink_guard_, uplink_, &TrajectoryRow::uplink_state);
+  follow(channels.downlink_report, downlink_guard_, downlink_, &TrajectoryRow::downlink_state);
   std::vector<std::string> reports{channels.sim_counters, channels.net_counters,
                                    channels.control_counters};
   if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
@@ -60,11 +60,6 @@ bool RunObserver::accept(StreamGuard& guard, std::int64_t utime, std::int64_t se
   const bool accepted = guard.accept(loop_.now(), from_utime(utime), seq);
   if (!accepted) ++rejected_;
   return accepted;
-}
-
-/// Of what is reported at one instant, the truth may come first.
-bool RunObserver::is_of_last_row(std::int64_t utime) const {
-  return !trajectory_.empty() && truth_.utime == utime;
 }
 
 void RunObserver::on_truth(const ground_truth_t& m) {

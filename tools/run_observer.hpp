@@ -54,7 +54,6 @@ class RunObserver {
   double aoi_mean_s(Instant now) const;
 
  private:
-  bool is_of_last_row(std::int64_t utime) const;
   bool accept(StreamGuard& guard, std::int64_t utime, std::int64_t seq);
   void on_truth(const ground_truth_t& truth);
   void on_pose(Instant stamp);

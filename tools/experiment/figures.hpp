@@ -48,15 +48,13 @@ struct TrajectoryFigure {
 void draw_trajectories(const std::filesystem::path& folder, const std::string& stem,
                        const TrajectoryFigure& figure);
 
-/// One setting's runs. curve_point() fills it from them.
+/// One setting's runs.
 struct CurvePoint {
   double x = 0.0;
   std::vector<double> runs;  ///< NaN: failed
   double mean = 0.0;
   Interval interval;  ///< of the mean; NaN: none, as with one run
 };
-CurvePoint curve_point(double x, const std::vector<double>& runs, std::uint64_t seed,
-                       double confidence = kConfidence);
 
 struct CurveSeries {
   std::string name;  ///< in the legend, if there are several

@@ -153,12 +153,6 @@ std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
 
 }  // namespace
 
-CurvePoint curve_point(double x, const std::vector<double>& runs, std::uint64_t seed,
-                       double confidence) {
-  const Summary s = summarize(runs, confidence, seed);
-  return {x, runs, s.mean, s.mean_interval};
-}
-
 void draw_curve(const std::filesystem::path& folder, const std::string& stem,
                 const CurveFigure& figure) {
   const Extent e = extent_of(figure);

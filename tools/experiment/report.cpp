@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "common/errors.hpp"
@@ -65,16 +66,16 @@ std::vector<fs::path> databases_below(const fs::path& folder) {
   return files;
 }
 
-void add_results(const RunStore& store, const SweepData& data, RiskDefinition risk,
+void add_results(const RunStore& store, SweepData data, RiskDefinition risk,
                  PaperResults& results) {
   const std::string name = store.name();
   if (name == "f5_risk" && store.size() > 0) results.risk = risk_fall(store, risk);
   if (data.metric() != "epsilon_m") return;
-  for (const auto& [sweep, result] :
-       {std::pair{"f2_prr", &results.prr}, std::pair{"f3_delay", &results.delay},
-        std::pair{"f4_tau", &results.heatmap}}) {
-    if (name == sweep) *result = data;
-  }
+  std::optional<SweepData>* result = nullptr;
+  if (name == "f2_prr") result = &results.prr;
+  if (name == "f3_delay") result = &results.delay;
+  if (name == "f4_tau") result = &results.heatmap;
+  if (result != nullptr) *result = std::move(data);
 }
 
 ReportSection make_section(const RunStore& store, const SweepData& data, const fs::path& folder,
@@ -108,18 +109,21 @@ ReportSection make_section(const RunStore& store, const SweepData& data, const f
 Report write_report(const fs::path& folder, RiskDefinition risk) {
   Report report;
   PaperResults results;
-  const std::vector<fs::path> files = databases_below(folder);
+  std::vector<RunStore> stores;
   std::map<std::string, int> sweeps_of_name;
-  for (const fs::path& file : files) ++sweeps_of_name[RunStore::open(file).name()];
-  for (const fs::path& file : files) {
-    const RunStore store = RunStore::open(file);
+  for (const fs::path& file : databases_below(folder)) {
+    stores.push_back(RunStore::open(file));
+    ++sweeps_of_name[stores.back().name()];
+  }
+  for (const RunStore& store : stores) {
     const auto figure = store.figure();
-    const SweepData data(store, figure ? figure->metric : "epsilon_m");
+    SweepData data(store, figure ? figure->metric : "epsilon_m");
     // Several sweeps of one experiment go by their folders, and are no answer to a claim.
     const bool is_only = sweeps_of_name[store.name()] == 1;
-    const std::string stem = is_only ? store.name() : file.parent_path().filename().string();
+    const std::string stem =
+        is_only ? store.name() : store.file().parent_path().filename().string();
     report.sections.push_back(make_section(store, data, folder, stem, risk));
-    if (is_only) add_results(store, data, risk, results);
+    if (is_only) add_results(store, std::move(data), risk, results);
   }
   report.title = report.sections.size() == 1 ? report.sections.front().title
                                              : "AGV control over a lossy, delayed network";

@@ -11,7 +11,7 @@
 
 #include "common/errors.hpp"
 #include "tools/experiment/figure_script.hpp"
-#include "tools/experiment/sweep_data.hpp"
+#include "tools/experiment/statistics.hpp"
 
 namespace tether {
 namespace {
@@ -118,30 +118,30 @@ void export_means(const RunStore& store, const std::function<void(const std::str
   const auto arms = store.arms();
   std::string head = "arm";
   for (const std::string& key : store.keys()) head += "," + csv_cell(key);
-  std::vector<std::string> rows;
-  for (std::size_t arm = 0; arm < arms.size(); ++arm) {
-    rows.push_back(fmt::format("{}", arm));
-    for (const KeyValue& setting : arms[arm].settings) rows[arm] += "," + csv_cell(setting.plain());
-    rows[arm] += "," + csv_cell(plant_of(arms[arm].scenario));
-  }
   head += ",plant,runs,failed";
   for (const std::string_view metric : kMetricNames) {
-    const SweepData data(store, std::string(metric));
     head += fmt::format(",{0},{0}_low,{0}_high", metric);
-    for (std::size_t arm = 0; arm < arms.size(); ++arm) {
-      const Summary& s = data.arms()[arm].summary;
-      if (metric == kMetricNames.front()) rows[arm] += fmt::format(",{},{}", s.n, s.left_out);
-      rows[arm] += s.n == 0 ? ",,," : fmt::format(",{:.6g}", s.mean);
-      if (s.n > 0) {
-        const bool has_interval = std::isfinite(s.mean_interval.low);
-        rows[arm] += has_interval
-                         ? fmt::format(",{:.6g},{:.6g}", s.mean_interval.low, s.mean_interval.high)
-                         : ",,";
-      }
-    }
   }
   write(head + "\n");
-  for (const std::string& row : rows) write(row + "\n");
+  std::vector<std::array<std::vector<double>, kMetricNames.size()>> values(arms.size());
+  store.for_each([&](const StoredRun& run) {
+    for (std::size_t i = 0; i < kMetricNames.size(); ++i) {
+      values[run.arm][i].push_back(run.result.metrics[i]);
+    }
+  });
+  for (std::size_t arm = 0; arm < arms.size(); ++arm) {
+    std::string row = fmt::format("{}", arm);
+    for (const KeyValue& setting : arms[arm].settings) row += "," + csv_cell(setting.plain());
+    row += "," + csv_cell(plant_of(arms[arm].scenario));
+    for (std::size_t i = 0; i < kMetricNames.size(); ++i) {
+      const Summary s = summarize(values[arm][i], kConfidence, kBootstrapSeed);
+      if (i == 0) row += fmt::format(",{},{}", s.n, s.left_out);
+      for (const double x : {s.mean, s.mean_interval.low, s.mean_interval.high}) {
+        row += std::isfinite(x) ? fmt::format(",{:.6g}", x) : ",";
+      }
+    }
+    write(row + "\n");
+  }
 }
 
 fs::path database_of(const fs::path& folder_or_file) {
