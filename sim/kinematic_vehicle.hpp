@@ -26,7 +26,9 @@ class KinematicVehicle final : public Plant {
 
   void set_wheel_targets(const WheelSpeeds& rim_speeds) override;
   void step() override;
-  const VehicleState& state() const override { return state_; }
+  VehicleState state() const override { return state_; }
+  Position position() const override { return {state_.pose.x_m, state_.pose.y_m}; }
+  bool wall_contact() const override { return state_.wall_contact; }
   const WheelSpeeds& servo_targets() const override { return state_.rim_speeds; }
   std::uint64_t solver_complaints() const override { return 0; }
 

@@ -38,7 +38,6 @@ OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldConfig& world, D
     : config_(vehicle), step_s_(to_seconds(step)) {
   check_bodies(vehicle, world, step_s_);
   world_ = std::make_unique<World>(vehicle, world, step_s_);
-  read_state();
 }
 
 OdeVehicle::~OdeVehicle() = default;
@@ -59,35 +58,52 @@ void OdeVehicle::step() {
   world_->step(servo_targets_);
   solver_complaints_ += ode_complaints_of_this_thread() - complaints_before;
 
-  read_state();
   // The joint's rate is constant during a step, so this sum is the angle itself.
-  state_.left_wheel_angle_rad += state_.rim_speeds.left_mps / config_.wheel_radius_m * step_s_;
-  state_.right_wheel_angle_rad += state_.rim_speeds.right_mps / config_.wheel_radius_m * step_s_;
+  const WheelSpeeds rim = world_->rim_speeds();
+  left_wheel_angle_rad_ += rim.left_mps / config_.wheel_radius_m * step_s_;
+  right_wheel_angle_rad_ += rim.right_mps / config_.wheel_radius_m * step_s_;
 }
 
-void OdeVehicle::read_state() {
+Position OdeVehicle::position() const {
+  const dReal* position = dBodyGetPosition(world_->chassis());
+  dVector3 arm;
+  find_arm(arm);
+  return {position[0] + arm[0], position[1] + arm[1]};
+}
+
+bool OdeVehicle::wall_contact() const { return world_->wall_contact(); }
+
+/// From the chassis body's origin to the axle's midpoint, in the world's frame.
+void OdeVehicle::find_arm(double* arm) const {
+  dMultiply0_331(arm, dBodyGetRotation(world_->chassis()), world_->axle_in_chassis_m().data());
+}
+
+VehicleState OdeVehicle::state() const {
   const dBodyID chassis = world_->chassis();
-  const auto& axle = world_->axle_in_chassis_m();
   const dReal* r = dBodyGetRotation(chassis);
   const dReal* position = dBodyGetPosition(chassis);
   const dReal* velocity = dBodyGetLinearVel(chassis);
   const dReal* spin = dBodyGetAngularVel(chassis);
   dVector3 arm;
-  dMultiply0_331(arm, r, axle.data());
-  state_.pose.x_m = position[0] + arm[0];
-  state_.pose.y_m = position[1] + arm[1];
-  state_.height_m = position[2] + arm[2];
-  state_.pose.yaw_rad = std::atan2(r[4], r[0]);
-  state_.pitch_rad = -std::asin(std::clamp(r[8], -1.0, 1.0));
-  state_.roll_rad = std::atan2(r[9], r[10]);
+  find_arm(arm);
+  VehicleState state;
+  state.pose.x_m = position[0] + arm[0];
+  state.pose.y_m = position[1] + arm[1];
+  state.height_m = position[2] + arm[2];
+  state.pose.yaw_rad = std::atan2(r[4], r[0]);
+  state.pitch_rad = -std::asin(std::clamp(r[8], -1.0, 1.0));
+  state.roll_rad = std::atan2(r[9], r[10]);
 
   const double vx = velocity[0] + spin[1] * arm[2] - spin[2] * arm[1];
   const double vy = velocity[1] + spin[2] * arm[0] - spin[0] * arm[2];
   const double heading = std::hypot(r[0], r[4]);
-  state_.twist.v_mps = heading > 0.0 ? (vx * r[0] + vy * r[4]) / heading : 0.0;
-  state_.twist.omega_radps = spin[2];
-  state_.rim_speeds = world_->rim_speeds();
-  state_.wall_contact = world_->wall_contact();
+  state.twist.v_mps = heading > 0.0 ? (vx * r[0] + vy * r[4]) / heading : 0.0;
+  state.twist.omega_radps = spin[2];
+  state.rim_speeds = world_->rim_speeds();
+  state.left_wheel_angle_rad = left_wheel_angle_rad_;
+  state.right_wheel_angle_rad = right_wheel_angle_rad_;
+  state.wall_contact = world_->wall_contact();
+  return state;
 }
 
 }  // namespace tether

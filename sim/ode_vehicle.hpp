@@ -29,21 +29,24 @@ class OdeVehicle final : public Plant {
 
   void set_wheel_targets(const WheelSpeeds& rim_speeds) override;
   void step() override;
-  const VehicleState& state() const override { return state_; }
+  VehicleState state() const override;
+  Position position() const override;
+  bool wall_contact() const override;
   const WheelSpeeds& servo_targets() const override { return servo_targets_; }
   /// E.g. "LCP internal error, s <= 0" when wedged at a wall.
   std::uint64_t solver_complaints() const override { return solver_complaints_; }
 
  private:
   struct World;
-  void read_state();
+  void find_arm(double* arm) const;
 
   VehicleConfig config_;
   double step_s_;
   std::unique_ptr<World> world_;
   WheelSpeeds commands_;
   WheelSpeeds servo_targets_;
-  VehicleState state_;
+  double left_wheel_angle_rad_ = 0.0;
+  double right_wheel_angle_rad_ = 0.0;
   std::uint64_t solver_complaints_ = 0;
 };
 

@@ -5,6 +5,7 @@
 
 #include "common/diff_drive.hpp"
 #include "common/pose.hpp"
+#include "common/reference_path.hpp"
 #include "common/scenario.hpp"
 #include "common/time.hpp"
 
@@ -37,7 +38,10 @@ class Plant {
   virtual void step() = 0;
 
   /// The state after the last step.
-  virtual const VehicleState& state() const = 0;
+  virtual VehicleState state() const = 0;
+  /// Of it, what is looked at after each step: cheaper than all of it.
+  virtual Position position() const = 0;
+  virtual bool wall_contact() const = 0;
 
   /// The servos' present targets: the commands after the limits of speed and acceleration.
   virtual const WheelSpeeds& servo_targets() const = 0;

@@ -21,7 +21,9 @@ constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
 /// In real time the world moves at least this often: to wake up for each step costs more than the
 /// step itself. Whoever looks at the world in between moves it up to then first.
 constexpr Duration kRealTimeBatch = std::chrono::milliseconds{5};
-/// The same for the kinematic plant in virtual time, whose step costs less than an event.
+/// The same in virtual time, for what an event costs: for ODE 1 % of a step, for the kinematic
+/// plant more than one.
+constexpr Duration kOdeBatch = std::chrono::milliseconds{10};
 constexpr Duration kKinematicBatch = std::chrono::milliseconds{20};
 /// The error of the kinematic plant is looked at this often: to compute the reference costs more
 /// than a step. ε is then off by less than 1 µm (docs/physics.md).
@@ -33,7 +35,7 @@ bool is_kinematic(const Scenario& scenario) {
 
 Duration batch_of(const Scenario& scenario, const EventLoop& loop) {
   if (loop.rate() > 0.0) return kRealTimeBatch;
-  return is_kinematic(scenario) ? kKinematicBatch : SimNode::kStep;
+  return is_kinematic(scenario) ? kKinematicBatch : kOdeBatch;
 }
 
 }  // namespace
@@ -58,8 +60,10 @@ SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
       next_step_(TimerQueue::not_before(loop.now(), kStart + kStep, kStep)),
       world_time_(std::max(kStart, next_step_ - kStep)),
       counters_(loop, bus, "sim", channels_.sim_counters,
-                from_seconds(scenario.run.report_period_s),
-                [this](CounterList& out) { list_counters(out); }) {
+                from_seconds(scenario.run.report_period_s), [this](CounterList& out) {
+                  advance(loop_.now());
+                  list_counters(out);
+                }) {
   metrics_.start(error_m());
   const Duration batch = batch_of(scenario, loop);
   loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
@@ -97,6 +101,7 @@ void SimNode::subscribe_to_commands() {
   subscribe_to_plans(bus_, channels_, undecodable_plans_, [this](PlanSource source, Plan plan) {
     plan.stamp -= clock_offset_;  // to the run's time, as the vehicle's clock has it
     plan.start -= clock_offset_;
+    plan.settled -= clock_offset_;
     arrived_.push_back({loop_.now(), ArrivedPlan{source, std::move(plan)}});
   });
 }
@@ -147,7 +152,7 @@ void SimNode::step(Instant now) {
 
 void SimNode::measure(Instant now) {
   unmeasured_ += kStep;
-  if (vehicle_->state().wall_contact) unmeasured_contact_ += kStep;
+  if (vehicle_->wall_contact()) unmeasured_contact_ += kStep;
   const bool is_last = now + kStep > end_;
   if (unmeasured_ < metrics_step_ && !is_last) return;
   metrics_.add(to_seconds(unmeasured_), error_m(), to_seconds(unmeasured_contact_));
@@ -193,7 +198,7 @@ void SimNode::publish_clock(Instant now) {
 void SimNode::publish_truth() {
   if (world_time_ > end_ || (truth_seq_ > 0 && last_truth_ == world_time_)) return;
   last_truth_ = world_time_;
-  const VehicleState& s = vehicle_->state();
+  const VehicleState s = vehicle_->state();
   const Position reference = this->reference();
   ground_truth_t message{};
   message.utime = to_utime(world_time_);
@@ -220,8 +225,8 @@ Position SimNode::reference() const { return path_->position_at(to_seconds(world
 
 double SimNode::error_m() const {
   const Position reference = this->reference();
-  const Pose2& pose = vehicle_->state().pose;
-  return std::hypot(reference.x_m - pose.x_m, reference.y_m - pose.y_m);
+  const Position position = vehicle_->position();
+  return std::hypot(reference.x_m - position.x_m, reference.y_m - position.y_m);
 }
 
 void SimNode::finish() {

@@ -36,8 +36,8 @@ namespace tether {
 /// With vehicle.drivetrain = can, commands are the CAN bridge's business and the wheels follow
 /// emulated drives (WheelCoupling); which plan is followed, the bridge tells (PlanWatch).
 ///
-/// With the kinematic plant, the metrics look at every tenth step, and vehicle() lags behind the
-/// loop by less than 20 ms in virtual time; messages show the vehicle as it is when they are sent.
+/// The world moves in batches of steps, and first when somebody looks at it: nobody sees a
+/// difference. With the kinematic plant, the metrics look at every tenth step.
 ///
 /// During the lead (run.lead_s before t = 0) poses and the clock flow and the vehicle stands. From
 /// run.duration_s on there are no poses, and truth and metrics are final. The world stands still
@@ -51,7 +51,11 @@ class SimNode final : public Node {
   /// Publishes the final truth and counters.
   void finish() override;
 
-  const Plant& vehicle() const { return *vehicle_; }
+  /// As it is now.
+  const Plant& vehicle() {
+    advance(loop_.now());
+    return *vehicle_;
+  }
   const Metrics& metrics() const { return metrics_; }
 
  private:

@@ -35,7 +35,7 @@ WheelSpeeds WheelCoupling::in_force(Instant now) const {
 }
 
 void WheelCoupling::publish_wheels(Instant now) {
-  const VehicleState& s = vehicle_.state();
+  const VehicleState s = vehicle_.state();
   wheel_states_t message{};
   message.utime = to_utime(now);
   message.seq = seq_++;

@@ -52,6 +52,7 @@ class Planner {
     m.seq = m.id = next_++;
     m.session = 11;
     m.based_on = pose.plan_session == m.session ? pose.plan_id : plan_t::NONE;
+    m.based_on_last = m.based_on;
     m.pose_utime = pose.utime;
     m.step_us = 50'000;
     m.count = kTwists;
@@ -99,7 +100,7 @@ struct Drive {
   std::int64_t count(const std::string& name) const {
     return counter(counters.back().message, name);
   }
-  const Pose2& pose() const { return sim.vehicle().state().pose; }
+  Pose2 pose() { return sim.vehicle().state().pose; }
 
   VirtualLoop loop;
   InProcessBus bus;
@@ -114,8 +115,8 @@ struct Drive {
 };
 
 TEST(CanPlanLoop, GoesTheWayOfTheDirectRun) {
-  const Drive can(hil({"run.duration_s=10"}));
-  const Drive direct(hil({"run.duration_s=10", "vehicle.drivetrain=direct"}));
+  Drive can(hil({"run.duration_s=10"}));
+  Drive direct(hil({"run.duration_s=10", "vehicle.drivetrain=direct"}));
   EXPECT_EQ(can.states.back().message.state, drivetrain_state_t::ARMED);
   EXPECT_EQ(can.states.back().message.disarms, 0);
   ASSERT_GT(std::hypot(direct.pose().x_m, direct.pose().y_m), 5.0);
@@ -143,7 +144,7 @@ TEST(CanPlanLoop, PosesNameThePlanThatOnlyTheBridgeKnows) {
 }
 
 TEST(CanPlanLoop, APlanOutlivesTheNetworkAndThenTheLadderOfOldCommandsCounts) {
-  const Drive run(hil({"run.duration_s=10"}), at_s(4));  // the last plan ends just before t = 7
+  Drive run(hil({"run.duration_s=10"}), at_s(4));  // the last plan ends just before t = 7
   Instant slowing{}, disarmed{};
   for (const auto& [when, m] : run.states) {
     if (when < at_s(4)) continue;
@@ -162,7 +163,7 @@ TEST(CanPlanLoop, APlanOutlivesTheNetworkAndThenTheLadderOfOldCommandsCounts) {
 // A twist is 150 ms old when it comes, and the next in 0.3 s on average: with these, hil_vcan.toml
 // as it is does not even arm.
 TEST(CanPlanLoop, LossAndDelayThatStopTwistsDoNotStopPlans) {
-  const Drive run(hil({"run.duration_s=20", "channel.prr=0.4", "channel.delay_ms=150"}));
+  Drive run(hil({"run.duration_s=20", "channel.prr=0.4", "channel.delay_ms=150"}));
   EXPECT_EQ(run.states.back().message.disarms, 0);
   EXPECT_EQ(run.states.back().message.state, drivetrain_state_t::ARMED);
   EXPECT_NEAR(run.sim.vehicle().state().twist.v_mps, 1.0, 0.02);
