@@ -212,6 +212,40 @@ TEST_F(ExperimentFiguresTest, CurveOfThreeSeriesOnALogAxis) {
   EXPECT_TRUE(shows("curve", "p_{id}"));
 }
 
+TEST_F(ExperimentFiguresTest, AComparisonNamesEachLineBesideItsEnd) {
+  ComparisonFigure figure;
+  figure.text = text_;
+  figure.text.title = "Laws";
+  figure.x_label = "PRR";
+  figure.reversed = true;
+  figure.floor = "the floor";
+  figure.series = {series("PID, hold", 1.0, 20),
+                   series("PID, it's \"p_{id}\", `x`", 1.05, 20),
+                   series("tracking, 1 Hz", 0.1, 20),
+                   {"the floor", {curve_point(1.0, {0.03, 0.03}, 1)}}};
+  draw_comparison(folder_, "laws", figure);
+  expect_drawn("laws");
+  for (const char* name : {"PID, hold", "p_{id}", "tracking, 1 Hz", "the floor"}) {
+    EXPECT_TRUE(shows("laws", name)) << name;
+  }
+  EXPECT_TRUE(shows("laws", "n = 2–20 seeds a point; lines: means"));
+  EXPECT_TRUE(has_row("laws", "4,1,0.03,0.03,0.03,2,0,the floor,ode"));
+}
+
+TEST_F(ExperimentFiguresTest, ComparisonsOfDegenerateDataAreDrawn) {
+  ComparisonFigure figure;
+  figure.text = text_;
+  figure.series = {{"one point", {curve_point(0.5, {1.0, 2.0, 6.0}, 1)}}};
+  draw_comparison(folder_, "one_point", figure);
+  expect_drawn("one_point");
+  figure.series = {{"failed", {curve_point(0.5, {kNan}, 1)}},
+                   {"zeros", {curve_point(0.5, {0.0, 0.0}, 1), curve_point(0.6, {0.0}, 1)}}};
+  draw_comparison(folder_, "nothing", figure);
+  expect_drawn("nothing");
+  EXPECT_TRUE(shows("nothing", "1 failed run left out"));
+  EXPECT_THROW(draw_comparison(folder_, "none", {}), std::invalid_argument);
+}
+
 TEST_F(ExperimentFiguresTest, OneRunAPointHasNoBand) {
   CurveFigure figure;
   figure.text = text_;

@@ -289,9 +289,9 @@ INSTANTIATE_TEST_SUITE_P(
                 "[figure]\nx = \"channel.prr\"\ny = \"controller.tau_s\"",
                 {"[figure]", "at most 7 series"}},
         BadFile{"NameThatIsAPath", "seeds = 1\nname = \"../../else\"", {"e.toml:3", "letters"}},
-        BadFile{"QuickSeedsWithAList",
-                "seeds = [1, 2]\nquick_seeds = 1",
-                {"e.toml:3", "quick_seeds must be left out"}},
+        BadFile{"QuickSeedsWithAPrecision",
+                "quick_seeds = 1\n[precision]\nhalf_width = 0.1\nmost_seeds = 100",
+                {"e.toml:2", "quick_seeds must be left out"}},
         BadFile{"RowsWithoutEnd", "seeds = 1\ntrajectory_period_s = 1e-7", {"e.toml:3", "[0.01"}},
         BadFile{"NoToml", "seeds = = 1", {"e.toml:2"}}),
     [](const auto& info) { return std::string(info.param.name); });

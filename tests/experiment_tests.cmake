@@ -1,6 +1,6 @@
 # Tests of experiments: sweeps, statistics, figures, reports.
-tether_add_test(NAME experiment_test SOURCES experiment_test.cpp run_store_test.cpp
-  sweep_schedule_test.cpp claims_test.cpp LIBS tether_experiment)
+tether_add_test(NAME experiment_test SOURCES experiment_test.cpp experiment_axes_test.cpp
+  run_store_test.cpp sweep_schedule_test.cpp sweep_tables_test.cpp claims_test.cpp LIBS tether_experiment)
 tether_add_test(NAME sweep_test SOURCES sweep_test.cpp LIBS tether_experiment LABELS loop)
 tether_add_test(NAME experiment_statistics_test
   SOURCES experiment_statistics_test.cpp experiment_comparison_test.cpp

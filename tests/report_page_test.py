@@ -70,7 +70,9 @@ def main():
             plant = '[set]\nvehicle.plant = "kinematic"\n'
             head, grid = text.split("[grid]")
             experiment.write_text(scenario + head + plant + "[grid]" + grid)
-            run(tether, "sweep", str(experiment), "--out", str(folder / "out" / sweep))
+            own = folder / "out" / sweep
+            run(tether, "sweep", str(experiment), "--out", str(own), "--quick", "--report")
+            check((own / f"{sweep}.png").exists(), "sweep --report drew nothing")
         said = run(tether, "report", str(folder / "out"))
         check("at PRR 1 the best τ is 2 s" in said, f"no claim in: {said}")
         page = folder / "out" / "report.html"

@@ -183,7 +183,10 @@ TEST_F(Store, RefusesATraceThatCannotBeRead) {
 TEST_F(Store, AnotherFigureIsNoOtherExperiment) {
   begin();
   Experiment restyled = two_arms();
-  restyled.figure = FigureChoice{FigureChoice::Kind::curve, "channel.prr", "", "epsilon_m", "ε"};
+  restyled.figure.emplace();
+  restyled.figure->x = "channel.prr";
+  restyled.figure->metric = "epsilon_m";
+  restyled.figure->title = "ε";
   const RunStore store = begin(restyled);
   ASSERT_TRUE(store.figure());
   EXPECT_EQ(store.figure()->title, "ε");

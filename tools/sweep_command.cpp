@@ -14,6 +14,7 @@
 #include "common/errors.hpp"
 #include "tools/commands.hpp"
 #include "tools/experiment/experiment.hpp"
+#include "tools/experiment/report.hpp"
 #include "tools/experiment/sweep_export.hpp"
 #include "tools/experiment/sweep_progress.hpp"
 #include "tools/sweep_lock.hpp"
@@ -32,6 +33,8 @@ struct SweepCommandOptions {
   std::string out;
   std::string shard = "1/1";
   bool dry_run = false;
+  bool quick = false;
+  bool report = false;
 };
 
 /// How long a run takes, from up to three arms.
@@ -82,19 +85,27 @@ int sweep(const SweepCommandOptions& options) {
   if (options.experiment_file.empty()) {
     throw UsageError("sweep: name an experiment file (see --help)");
   }
-  const Experiment experiment = load_experiment(options.experiment_file, options.overrides);
+  const Experiment experiment =
+      load_experiment(options.experiment_file, options.overrides, options.quick);
   const Shard shard = shard_of(options.shard);
   const std::size_t jobs = options.jobs.value_or(default_jobs());
   if (options.dry_run) return say_plan(experiment, shard, jobs);
 
-  const fs::path folder =
-      options.out.empty() ? fs::path("out") / experiment.name : fs::path(options.out);
+  if (options.report && shard.count > 1) {
+    throw UsageError("--report needs all runs: merge the shards, then `tether report`");
+  }
+  const std::string name = experiment.name + (options.quick ? "-quick" : "");
+  const fs::path folder = options.out.empty() ? fs::path("out") / name : fs::path(options.out);
   const SweepOutcome outcome = sweep_into(folder, experiment, shard, jobs);
   fmt::print("{} runs with plant {} in {}{}\n", outcome.runs, outcome.plant,
              outcome.database.string(),
              outcome.failed == 0
                  ? ""
                  : fmt::format(", of which {} failed (see `tether sweep export`)", outcome.failed));
+  if (outcome.is_complete && options.report) {
+    write_report(folder, RiskDefinition::whole_run);
+    fmt::print("report    {}\n", (folder / "report.html").string());
+  }
   if (outcome.is_complete) return outcome.failed < outcome.runs ? kExitOk : kExitFailed;
   fmt::print(stderr, "stopped; the same command goes on from here\n");
   return kExitFailed;
@@ -137,7 +148,11 @@ void add_sweep_command(CLI::App& tether, Action& action) {
       ->allow_extra_args(false);
   command->add_option("--jobs", options->jobs, "runs at a time [one per core]")
       ->check(CLI::Range(1, 1024));
-  command->add_option("--out", options->out, "folder of runs.sqlite [out/NAME]");
+  command->add_option("--out", options->out,
+                      "folder of runs.sqlite [out/NAME; with --quick out/NAME-quick]");
+  command->add_flag("--quick", options->quick, "no more seeds than the file's quick_seeds");
+  command->add_flag("--report", options->report,
+                    "then figure, tables and report.html into the same folder");
   command->add_option("--shard", options->shard, "make only part I of N of the runs: I/N");
   command->add_flag("--dry-run", options->dry_run,
                     "say how many runs there are and how long they take");

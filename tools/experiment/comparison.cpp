@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "common/random.hpp"
 #include "tools/experiment/random_index.hpp"
@@ -195,6 +196,39 @@ PairedDifference paired_difference(const std::vector<SeededValue>& first,
   result.left_out = common.left_out;
   const Interval& interval = result.difference.mean_interval;
   result.separated = differences.size() >= kLeastPairs && !contains(interval, 0.0);
+  return result;
+}
+
+MeanRatio mean_ratio(const std::vector<SeededValue>& first, const std::vector<SeededValue>& second,
+                     double confidence, std::uint64_t seed) {
+  const Common common = common_seeds({&first, &second});
+  const Column &x = common.columns[0], &y = common.columns[1];
+  MeanRatio result;
+  result.left_out = common.left_out;
+  result.first = summarize(x, confidence, seed);
+  result.second = summarize(y, confidence, seed);
+  if (x.empty()) return result;
+  result.ratio = result.first.mean / result.second.mean;
+  if (result.first.sd == 0.0 && result.second.sd == 0.0) {  // no luck in it
+    result.interval = {result.ratio, result.ratio};
+    return result;
+  }
+  RandomEngine random = random_stream(seed, "bootstrap/ratio");
+  Column resampled(kResamples), without_one(x.size());
+  for (double& ratio : resampled) {
+    double x_sum = 0.0, y_sum = 0.0;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      const std::size_t row = random_index(random, x.size());
+      x_sum += x[row];
+      y_sum += y[row];
+    }
+    ratio = x_sum / y_sum;
+  }
+  const auto n = static_cast<double>(x.size());
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    without_one[i] = (n * result.first.mean - x[i]) / (n * result.second.mean - y[i]);
+  }
+  result.interval = bca_interval(result.ratio, std::move(resampled), without_one, confidence);
   return result;
 }
 

@@ -34,6 +34,16 @@ PairedDifference paired_difference(const std::vector<SeededValue>& first,
                                    const std::vector<SeededValue>& second, double confidence,
                                    std::uint64_t seed);
 
+/// Of mean(first)/mean(second), over the seeds that both have.
+struct MeanRatio {
+  double ratio = std::numeric_limits<double>::quiet_NaN();
+  Interval interval;  ///< BCa, seeds resampled in pairs; none for fewer than two
+  Summary first, second;
+  std::size_t left_out = 0;  ///< as above
+};
+MeanRatio mean_ratio(const std::vector<SeededValue>& first, const std::vector<SeededValue>& second,
+                     double confidence, std::uint64_t seed);
+
 /// Which of several arms has the smallest mean, and which could have it as well.
 struct BestArm {
   std::optional<std::size_t> best;  ///< none if no seed has a finite value in all arms

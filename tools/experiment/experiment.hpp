@@ -22,7 +22,7 @@ struct KeyValue {
 
 /// One point of the grid.
 struct Arm {
-  std::vector<KeyValue> settings;  ///< of the grid's keys, in the file's order
+  std::vector<KeyValue> settings;  ///< of the grid's keys and names, in the file's order
   Scenario scenario;               ///< run.seed is each run's own
 
   /// "channel.prr = 0.45, controller.tau_s = 2"; "all runs" without a grid.
@@ -37,21 +37,47 @@ struct Precision {
   std::size_t batch = 20;  ///< at least 10: below that an interval says little
 };
 
+/// Arms that have, for each of these keys, one of the values (as KeyValue::plain() has it).
+using Selection = std::vector<std::pair<std::string, std::vector<std::string>>>;
+bool is_selected(const Selection& selection, const std::vector<KeyValue>& settings);
+
 /// How `tether report` draws a sweep.
 struct FigureChoice {
-  enum class Kind : std::uint8_t { curve, heatmap, trajectories, risk_map };
+  enum class Kind : std::uint8_t { curve, heatmap, trajectories, risk_map, comparison };
   Kind kind = Kind::curve;
-  std::string x;       ///< curve, heatmap: the key along the x axis
-  std::string y;       ///< heatmap: the key along the y axis; curve: of the series, if any
+  std::string x;       ///< curve, heatmap, comparison: the key along the x axis
+  std::string y;       ///< heatmap: the key along the y axis; curve, comparison: of the series
   std::string metric;  ///< what is drawn
   std::string title;
+  Selection where;        ///< the arms that are drawn; all if empty
+  std::string floor;      ///< comparison: the value of y whose first mean is a line for all x
+  bool reversed = false;  ///< comparison: x falls to the right
+  std::string x_label;    ///< comparison: instead of the key
+  std::string note;       ///< comparison: below, after the number of seeds
+};
+
+/// A table that `tether report` makes of a sweep, besides that of all arms.
+struct TableChoice {
+  enum class Kind : std::uint8_t {
+    means,  ///< mean, interval and n, a row for each combination of the keys that are no columns
+    ratio,  ///< of the means of two arms on the same seeds, a row for each other combination
+    limit,  ///< where along a key the mean passes a limit
+  };
+  Kind kind = Kind::means;
+  std::string title;
+  std::string metric;
+  std::vector<std::string> columns;  ///< means: the keys whose values go across
+  std::string key;                   ///< ratio: which differs; limit: along which
+  std::string over, under;           ///< ratio: values of `key`
+  double limit = 0.0;                ///< ratio: it should be at least this; limit: that of the mean
+  Selection where;                   ///< the arms that are in it; all if empty
 };
 
 /// An experiment file (docs/experiments.md): which runs a sweep has.
 struct Experiment {
   std::string name;
   std::vector<std::string> keys;     ///< of the grid
-  std::vector<Arm> arms;             ///< the last axis varies fastest; never empty
+  std::vector<Arm> arms;             ///< part by part; the last axis varies fastest; never empty
   std::vector<std::uint64_t> seeds;  ///< of every arm; with `precision`, the first that are needed
   std::optional<Precision> precision;
   /// The n-th runs of all arms have one seed, and so the same packet fates. If not, every run of
@@ -60,6 +86,7 @@ struct Experiment {
   /// The rows of trajectory that are kept of each run; 0: none.
   double trajectory_period_s = 0.0;
   std::optional<FigureChoice> figure;
+  std::vector<TableChoice> tables;
   std::vector<std::string> overrides;  ///< of the scenario, besides the file's own
 
   /// Of an arm's n-th run; and back: nullopt if the arm has no such seed.

@@ -74,6 +74,22 @@ struct CurveFigure {
 void draw_curve(const std::filesystem::path& folder, const std::string& stem,
                 const CurveFigure& figure);
 
+/// Many series on a log axis: lines through means with bands of their intervals, and each name
+/// beside its line's end. Series whose names are the same up to the first comma share a colour and
+/// differ in dashes and points.
+struct ComparisonFigure {
+  FigureText text;
+  std::string x_label;
+  std::string y_label = "ε [m]";
+  std::string note;  ///< below, after the number of seeds
+  double confidence = kConfidence;
+  std::string floor;                ///< the series that is a dashed line at its last mean for all x
+  bool reversed = false;            ///< x falls to the right
+  std::vector<CurveSeries> series;  ///< up to 14; their runs only count
+};
+void draw_comparison(const std::filesystem::path& folder, const std::string& stem,
+                     const ComparisonFigure& figure);
+
 /// A mean of two parameters.
 struct HeatCell {
   enum class Mark { none, tied, best };

@@ -1,6 +1,7 @@
 #include "tools/experiment/grid.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,7 @@
 #include <sstream>
 
 #include "common/errors.hpp"
+#include "common/scenario_key_table.hpp"
 #include "common/scenario_loader.hpp"
 
 namespace tether {
@@ -100,13 +102,14 @@ Axis make_axis(const std::vector<PlacedNode>& keys, const std::string& place) {
     }
     axis.keys.push_back(key.key);
     for (std::size_t i = 0; i < values.size(); ++i) {
-      axis.points[i].push_back({key.key, values[i]});
+      axis.points[i].settings.push_back({key.key, values[i]});
+      axis.points[i].applied.push_back({{key.key, values[i]}, place});
     }
   }
   std::set<std::vector<std::string>> seen;
-  for (const auto& point : axis.points) {
+  for (const GridPoint& point : axis.points) {
     std::vector<std::string> values;
-    for (const KeyValue& setting : point) values.push_back(setting.value);
+    for (const KeyValue& setting : point.settings) values.push_back(setting.value);
     if (seen.insert(values).second) continue;
     throw UsageError(fmt::format("{}: {} = {} is there twice", keys.front().place,
                                  axis.keys.front(), values.front()));
@@ -114,20 +117,91 @@ Axis make_axis(const std::vector<PlacedNode>& keys, const std::string& place) {
   return axis;
 }
 
+/// What a named axis' point sets.
+GridPoint named_point(const std::string& axis, const PlacedNode& given, const std::string& file) {
+  const toml::table* table = given.node->as_table();
+  if (table == nullptr) {
+    throw UsageError(fmt::format("{}: axis.{}.\"{}\" must be a table of scenario keys", given.place,
+                                 axis, given.key));
+  }
+  GridPoint point{{{axis, "\"" + given.key + "\""}}, {}};
+  for (const PlacedNode& key : flatten(*table, file)) {
+    point.applied.push_back({{key.key, value_text(*key.node)}, key.place});
+  }
+  return point;
+}
+
+/// [axis.NAME]: tables by label, in the order of the file.
+Axis named_axis(const std::string& name, const toml::node& node, const std::string& file) {
+  const toml::table* labels = node.as_table();
+  if (!is_identifier(name) || labels == nullptr || labels->empty()) {
+    throw UsageError(fmt::format(
+        "{}: write [axis.NAME.\"LABEL\"] for each point: a name of letters, digits, '-' and '_', "
+        "and labels with tables of scenario keys",
+        place_of(node, file)));
+  }
+  std::vector<PlacedNode> points;
+  for (const auto& [label, point] : *labels) {
+    points.push_back({std::string(label.str()), &point, place_of(point, file)});
+  }
+  std::sort(points.begin(), points.end(), is_before);
+  Axis axis{{name}, {}, points.front().place};
+  for (const PlacedNode& point : points) axis.points.push_back(named_point(name, point, file));
+  return axis;
+}
+
+/// Full names of scenario keys, and as what the file has them.
+using SetKeys = std::map<std::string, std::string>;
+
+void set_once(SetKeys& keys, const std::string& meant, const std::string& key,
+              const std::string& place) {
+  const auto [other, is_new] = keys.emplace(meant, key);
+  if (is_new) return;
+  throw UsageError(
+      fmt::format("{}: {} is varied twice{}", place, meant,
+                  other->second == key ? "" : fmt::format(" (by {} and {})", other->second, key)));
+}
+
 /// Two settings of one key would fight.
 void check_once(const std::vector<Axis>& axes) {
-  std::map<std::string, std::string> owners;
+  SetKeys all;
   for (const Axis& axis : axes) {
-    for (const std::string& key : axis.keys) {
-      for (const std::string& meant : keys_meant_by(key)) {
-        const auto [other, is_new] = owners.emplace(meant, key);
-        if (is_new) continue;
-        throw UsageError(fmt::format("{}: {} is varied twice{}", axis.place, meant,
-                                     other->second == key
-                                         ? std::string{}
-                                         : fmt::format(" (by {} and {})", other->second, key)));
+    SetKeys of_axis;
+    for (const GridPoint& point : axis.points) {
+      SetKeys of_point;
+      for (const auto& [setting, place] : point.applied) {
+        for (const std::string& meant : keys_meant_by(setting.key)) {
+          set_once(of_point, meant, setting.key, place);
+        }
       }
+      of_axis.merge(of_point);
     }
+    for (const auto& [meant, key] : of_axis) set_once(all, meant, key, axis.place);
+  }
+}
+
+toml::source_index line_of(const Axis& axis) {
+  return static_cast<toml::source_index>(std::stoul(axis.place.substr(axis.place.rfind(':') + 1)));
+}
+
+void check_part_keys(const toml::table& part, const std::string& file) {
+  for (const auto& [key, node] : part) {
+    if (key == "set" || key == "grid" || key == "zip" || key == "axis") continue;
+    throw UsageError(fmt::format("{}: unknown key \"part.{}\"; allowed: axis, grid, set, zip",
+                                 place_of(node, file), key.str()));
+  }
+}
+
+/// [set], with places.
+void add_settings(const toml::table& table, const std::string& file,
+                  std::vector<PlacedSetting>& settings) {
+  const toml::node* set = table.get("set");
+  if (set == nullptr) return;
+  if (!set->is_table()) {
+    throw UsageError(fmt::format("{}: set must be a table, [set]", place_of(*set, file)));
+  }
+  for (const PlacedNode& given : flatten(*set->as_table(), file)) {
+    settings.push_back({{given.key, value_text(*given.node)}, given.place});
   }
 }
 
@@ -179,6 +253,12 @@ std::vector<Axis> read_axes(const toml::table& experiment, const std::string& fi
           make_axis(flatten(*table_or_refuse(zip, file, "[[zip]]"), file), place_of(zip, file)));
     }
   }
+  if (const toml::node* named = experiment.get("axis")) {
+    for (const auto& [name, node] : *table_or_refuse(*named, file, "[axis]")) {
+      Axis axis = named_axis(std::string(name.str()), node, file);
+      placed.emplace_back(line_of(axis), std::move(axis));
+    }
+  }
   std::stable_sort(placed.begin(), placed.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<Axis> axes;
@@ -187,14 +267,58 @@ std::vector<Axis> read_axes(const toml::table& experiment, const std::string& fi
   return axes;
 }
 
-std::vector<std::vector<KeyValue>> cross(const std::vector<Axis>& axes) {
-  std::vector<std::vector<KeyValue>> points(1);
+std::vector<Part> read_parts(const toml::table& experiment, const std::string& file) {
+  Part common{{}, read_axes(experiment, file)};
+  add_settings(experiment, file, common.settings);
+  const toml::node* parts = experiment.get("part");
+  if (parts == nullptr) return {common};
+  const auto* list = parts->as_array();
+  if (list == nullptr || list->empty()) {
+    throw UsageError(fmt::format("{}: write [[part]], a table for each", place_of(*parts, file)));
+  }
+  std::vector<Part> result;
+  for (const toml::node& node : *list) {
+    const toml::table& table = *table_or_refuse(node, file, "[[part]]");
+    check_part_keys(table, file);
+    Part part = common;
+    add_settings(table, file, part.settings);
+    for (Axis& own : read_axes(table, file)) {
+      const auto same = std::find_if(part.axes.begin(), part.axes.end(),
+                                     [&own](const Axis& axis) { return axis.keys == own.keys; });
+      if (same == part.axes.end()) {
+        part.axes.push_back(std::move(own));
+      } else {
+        *same = std::move(own);
+      }
+    }
+    check_once(part.axes);
+    result.push_back(std::move(part));
+    const auto keys = keys_of(result.back().axes), first = keys_of(result.front().axes);
+    if (keys == first) continue;
+    throw UsageError(
+        fmt::format("{}: varies {}, but the first part varies {}: all parts need the same keys in "
+                    "the same order",
+                    place_of(node, file), fmt::join(keys, ", "), fmt::join(first, ", ")));
+  }
+  return result;
+}
+
+std::vector<std::string> keys_of(const std::vector<Axis>& axes) {
+  std::vector<std::string> keys;
+  for (const Axis& axis : axes) keys.insert(keys.end(), axis.keys.begin(), axis.keys.end());
+  return keys;
+}
+
+std::vector<GridPoint> cross(const std::vector<Axis>& axes) {
+  std::vector<GridPoint> points(1);
   for (const Axis& axis : axes) {
-    std::vector<std::vector<KeyValue>> longer;
-    for (const auto& begun : points) {
-      for (const auto& point : axis.points) {
+    std::vector<GridPoint> longer;
+    for (const GridPoint& begun : points) {
+      for (const GridPoint& point : axis.points) {
         longer.push_back(begun);
-        longer.back().insert(longer.back().end(), point.begin(), point.end());
+        GridPoint& whole = longer.back();
+        whole.settings.insert(whole.settings.end(), point.settings.begin(), point.settings.end());
+        whole.applied.insert(whole.applied.end(), point.applied.begin(), point.applied.end());
       }
     }
     points = std::move(longer);

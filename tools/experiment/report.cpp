@@ -101,6 +101,11 @@ ReportSection make_section(const RunStore& store, const SweepData& data, const f
   section.is_complete = store.is_complete();
   if (draw_sweep_figure(store, data, folder, stem, risk)) section.figure = stem;
   section.table = table_of(store, data);
+  section.tables = tables_of(store);
+  for (std::size_t i = 0; i < section.tables.size(); ++i) {
+    section.table_files.push_back(fmt::format("{}_table{}.csv", stem, i + 1));
+    write_file(folder / section.table_files.back(), section.tables[i].csv);
+  }
   return section;
 }
 

@@ -7,6 +7,7 @@
 #include "tools/experiment/claims.hpp"
 #include "tools/experiment/risk.hpp"
 #include "tools/experiment/run_store.hpp"
+#include "tools/experiment/sweep_tables.hpp"
 
 namespace tether {
 
@@ -24,6 +25,8 @@ struct ReportSection {
   /// A head and a row an arm: mean with interval, sd, median, quantiles, n; and the difference to
   /// the first arm on the same seeds.
   std::vector<std::vector<std::string>> table;
+  std::vector<SweepTable> tables;        ///< those that the experiment asks for
+  std::vector<std::string> table_files;  ///< of each, in the report's folder
 };
 
 /// What a report says.
@@ -39,11 +42,11 @@ std::string to_html(const Report& report, const std::filesystem::path& folder);
 std::string to_markdown(const Report& report);
 
 /// Reports on all sweeps of a folder: its own runs.sqlite, or those of its subfolders, by name.
-/// Writes report.html, report.md and the figures into the folder and returns what they say; claims
-/// are judged where the sweeps have the names of the paper's (f2_prr, f3_delay, f4_tau, f5_risk),
-/// and the report says which of these were overridden or are not complete; of several sweeps with
-/// one name none is judged, and figures are named after their folders. Throws UsageError if
-/// there is no sweep.
+/// Writes report.html, report.md, the figures and the tables' .csv into the folder and returns what
+/// they say; claims are judged where the sweeps have the names of the paper's (f2_prr, f3_delay,
+/// f4_tau, f5_risk), and the report says which of these were overridden or are not complete; of
+/// several sweeps with one name none is judged, and figures are named after their folders. Throws
+/// UsageError if there is no sweep.
 Report write_report(const std::filesystem::path& folder, RiskDefinition risk);
 
 }  // namespace tether

@@ -103,6 +103,22 @@ std::string sources(const Report& report) {
       plants, kVersion, doubts);
 }
 
+std::string html_rows(const std::vector<std::vector<std::string>>& rows, bool first_is_label) {
+  std::string html = "<table>\n";
+  for (const auto& row : rows) {
+    html += "<tr>";
+    for (const std::string& cell : row) {
+      const bool is_label = first_is_label && &cell == &row.front();
+      const char* tag = &row == &rows.front() ? "<th>"
+                        : is_label            ? "<td>"
+                                              : "<td class=\"number\">";
+      html += tag + escaped(cell);
+    }
+    html += "</tr>\n";
+  }
+  return html + "</table>";
+}
+
 std::string html_of(const ReportSection& s, const std::filesystem::path& folder) {
   std::string html = fmt::format("<h2 id=\"{0}\">{1}</h2>\n", escaped(s.name), escaped(s.title));
   if (!s.figure.empty()) {
@@ -114,17 +130,17 @@ std::string html_of(const ReportSection& s, const std::filesystem::path& folder)
     html += fmt::format(". Data, script and print files: {0}.csv, {0}.gp, {0}.pdf, {0}.png",
                         escaped(s.figure));
   }
-  html += "</p>\n<details><summary>All numbers</summary><div class=\"scroll\"><table>\n";
-  for (const auto& row : s.table) {
-    const bool is_head = &row == &s.table.front();
-    html += "<tr>";
-    for (const std::string& cell : row) {
-      html += (is_head ? "<th>" : "<td class=\"number\">") + escaped(cell);
-    }
-    html += "</tr>\n";
+  html += "</p>\n";
+  for (std::size_t i = 0; i < s.tables.size(); ++i) {
+    html +=
+        fmt::format("<h3>{}</h3>\n<div class=\"scroll\">{}</div>\n<p class=\"facts\">{}. {}</p>\n",
+                    escaped(s.tables[i].title), html_rows(s.tables[i].rows, true),
+                    escaped(s.tables[i].note), escaped(s.table_files[i]));
   }
+  html +=
+      "<details><summary>All numbers</summary><div class=\"scroll\">" + html_rows(s.table, false);
   return html + fmt::format(
-                    "</table></div></details>\n<details><summary>Scenario (of the first "
+                    "\n</div></details>\n<details><summary>Scenario (of the first "
                     "combination)</summary><pre>{}</pre></details>\n",
                     escaped(s.scenario));
 }
@@ -142,10 +158,16 @@ std::string markdown_row(const std::vector<std::string>& cells) {
   return row + "\n";
 }
 
-std::string rule(std::size_t columns) {
-  std::string row = "|";
-  for (std::size_t i = 0; i < columns; ++i) row += "-|";
-  return row + "\n";
+std::string markdown_table(const std::vector<std::vector<std::string>>& rows) {
+  std::string text;
+  for (const auto& row : rows) {
+    text += markdown_row(row);
+    if (&row != &rows.front()) continue;
+    text += "|";
+    for (std::size_t i = 0; i < row.size(); ++i) text += "-|";
+    text += "\n";
+  }
+  return text;
 }
 
 }  // namespace
@@ -176,10 +198,11 @@ std::string to_markdown(const Report& report) {
   std::string text = fmt::format("# {}\n", report.title);
   if (!report.claims.empty()) {
     text += "\n## What the paper says, and what came out\n\n" + sources(report) + "\n\n";
-    text += markdown_row({"Figure", "Paper", "Here", "Verdict"}) + rule(4);
+    std::vector<std::vector<std::string>> rows{{"Figure", "Paper", "Here", "Verdict"}};
     for (const Claim& claim : report.claims) {
-      text += markdown_row({claim.figure, claim.paper, with_reason(claim), to_text(claim.verdict)});
+      rows.push_back({claim.figure, claim.paper, with_reason(claim), to_text(claim.verdict)});
     }
+    text += markdown_table(rows);
   }
   for (const ReportSection& s : report.sections) {
     text += fmt::format("\n## {}\n\n", s.title);
@@ -189,10 +212,12 @@ std::string to_markdown(const Report& report) {
         "<details><summary>Scenario (of the first combination)</summary>\n\n```toml\n{}```\n\n"
         "</details>\n\n",
         s.scenario);
-    for (const auto& row : s.table) {
-      text += markdown_row(row);
-      if (&row == &s.table.front()) text += rule(row.size());
+    for (std::size_t i = 0; i < s.tables.size(); ++i) {
+      text += fmt::format("### {}\n\n{}\n{} ({}).\n\n", s.tables[i].title,
+                          markdown_table(s.tables[i].rows), s.tables[i].note, s.table_files[i]);
     }
+    if (!s.tables.empty()) text += "### All combinations\n\n";
+    text += markdown_table(s.table);
   }
   return text;
 }

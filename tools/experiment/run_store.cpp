@@ -11,6 +11,7 @@
 
 #include "common/errors.hpp"
 #include "common/scenario_key_table.hpp"
+#include "tools/experiment/figure_choice.hpp"
 #include "tools/experiment/sweep_identity.hpp"
 
 namespace tether {
@@ -130,7 +131,7 @@ RunStore RunStore::begin(const std::filesystem::path& file, const Experiment& ex
     store.check_contents();
     check_same(store, identity);
     check_same_arms(store, experiment);
-    store.write_meta({{"figure", identity.at("figure")}});
+    store.write_meta({{"figure", identity.at("figure")}, {"tables", identity.at("tables")}});
   }
   // A power failure may undo the last runs, never more; the death of the process undoes nothing.
   database.execute("PRAGMA synchronous = NORMAL");
@@ -176,7 +177,7 @@ void RunStore::check_contents() const {
   try {
     if (!is_identifier(name())) throw std::runtime_error("a bad name");
     if (!std::isfinite(wall_time_s())) throw std::runtime_error("a bad wall time");
-    planned_runs(), keys(), figure(), plant(), version(), shard();
+    planned_runs(), keys(), figure(), tables(), plant(), version(), shard();
     const std::size_t count = arms().size();
     Statement range(*database_, "SELECT count(*) FROM runs WHERE arm < 0 OR arm >= ?");
     range.bind(0, static_cast<std::int64_t>(count));
@@ -270,6 +271,12 @@ std::vector<std::string> RunStore::keys() const {
 }
 
 std::optional<FigureChoice> RunStore::figure() const { return figure_of(meta("figure")); }
+
+std::vector<TableChoice> RunStore::tables() const {
+  const Identity all = identity();
+  const auto found = all.find("tables");  // sweeps of older versions have none
+  return found == all.end() ? std::vector<TableChoice>{} : tables_of(found->second);
+}
 
 std::vector<RunStore::StoredArm> RunStore::arms() const {
   std::vector<StoredArm> arms;

@@ -71,6 +71,7 @@ class RunStore {
   std::size_t planned_runs() const;
   std::vector<std::string> keys() const;
   std::optional<FigureChoice> figure() const;
+  std::vector<TableChoice> tables() const;
   struct StoredArm {
     std::vector<KeyValue> settings;
     std::string scenario;  ///< resolved, as TOML

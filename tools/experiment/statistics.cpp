@@ -64,7 +64,7 @@ double bias_correction(const std::vector<double>& means, double mean) {
   return math::quantile(math::normal(), std::clamp(share, 0.5 / n, 1.0 - 0.5 / n));
 }
 
-Interval bca_interval(const std::vector<double>& ascending, double confidence, std::uint64_t seed) {
+Interval bca_of_mean(const std::vector<double>& ascending, double confidence, std::uint64_t seed) {
   assert(confidence > 0.0 && confidence < 1.0);
   if (ascending.size() < 2) return {};
   if (ascending.front() == ascending.back()) return {ascending.front(), ascending.front()};
@@ -109,7 +109,22 @@ double quantile(const std::vector<double>& ascending, double p) {
 }
 
 Interval mean_interval(const std::vector<double>& values, double confidence, std::uint64_t seed) {
-  return bca_interval(finite_ascending(values), confidence, seed);
+  return bca_of_mean(finite_ascending(values), confidence, seed);
+}
+
+Interval bca_interval(double measured, std::vector<double> resampled,
+                      const std::vector<double>& without_one, double confidence) {
+  if (without_one.size() < 2 || resampled.empty()) return {};
+  std::sort(resampled.begin(), resampled.end());
+  if (resampled.front() == resampled.back()) return {resampled.front(), resampled.front()};
+  const double centre = mean_of(without_one);
+  const double squares = moment_sum(without_one, centre, 2);
+  const double acceleration =
+      squares > 0.0 ? -moment_sum(without_one, centre, 3) / (6.0 * std::pow(squares, 1.5)) : 0.0;
+  const double bias = bias_correction(resampled, measured);
+  const double z = math::quantile(math::normal(), 0.5 * (1.0 + confidence));
+  return {quantile(resampled, bca_level(bias, acceleration, -z)),
+          quantile(resampled, bca_level(bias, acceleration, z))};
 }
 
 Interval median_interval(const std::vector<double>& values, double confidence) {
@@ -135,7 +150,7 @@ Summary summarize(const std::vector<double>& values, double confidence, std::uin
   s.q25 = quantile(ascending, 0.25);
   s.q75 = quantile(ascending, 0.75);
   s.q95 = quantile(ascending, 0.95);
-  s.mean_interval = bca_interval(ascending, confidence, seed);
+  s.mean_interval = bca_of_mean(ascending, confidence, seed);
   s.median_interval = order_interval(ascending, confidence);
   return s;
 }

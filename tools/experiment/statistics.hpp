@@ -75,6 +75,12 @@ double quantile(const std::vector<double>& ascending, double p);
 /// late.
 Interval mean_interval(const std::vector<double>& values, double confidence, std::uint64_t seed);
 
+/// The same for any estimator: `measured`, what came out of each resample of the runs, and of the
+/// runs without each one of them (jackknife). Zero width if all resamples gave the same; none for
+/// fewer than two runs.
+Interval bca_interval(double measured, std::vector<double> resampled,
+                      const std::vector<double>& without_one, double confidence);
+
 inline constexpr std::size_t kLeastSeeds = 10;
 
 /// The median's interval between two order statistics, exact for any continuous law and

@@ -27,28 +27,49 @@ FigureText text_of(const RunStore& store) {
   return text;
 }
 
+/// The drawn arms by the value of the figure's y, each by ascending x.
+std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& choice,
+                                   const std::string& before_names) {
+  std::vector<CurveSeries> all;
+  std::map<std::string, std::size_t> places;  // by the value of choice.y
+  for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
+    const auto& [settings, runs, summary] = data.arms()[arm];
+    if (!is_selected(choice.where, settings)) continue;
+    const std::string name = data.text(arm, choice.y);
+    const auto [place, is_new] = places.emplace(name, all.size());
+    if (is_new) all.push_back({choice.y.empty() ? "" : before_names + name, {}});
+    all[place->second].points.push_back(
+        {data.number(arm, choice.x), values_of(runs), summary.mean, summary.mean_interval});
+  }
+  for (CurveSeries& one : all) {
+    std::sort(one.points.begin(), one.points.end(),
+              [](const CurvePoint& a, const CurvePoint& b) { return a.x < b.x; });
+  }
+  return all;
+}
+
 void draw_curve_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
                    const std::filesystem::path& folder, const std::string& stem) {
   CurveFigure figure;
   figure.text = text_of(store);
   figure.x_label = label_of_key(choice.x);
   figure.y_label = label_of_metric(choice.metric);
-  std::map<std::string, std::size_t> series;  // place by the value of choice.y
-  for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
-    const std::string name = data.text(arm, choice.y);
-    const auto [place, is_new] = series.emplace(name, figure.series.size());
-    if (is_new) {
-      figure.series.push_back({choice.y.empty() ? "" : label_of_key(choice.y) + " " + name, {}});
-    }
-    const auto& [settings, runs, summary] = data.arms()[arm];
-    figure.series[place->second].points.push_back(
-        {data.number(arm, choice.x), values_of(runs), summary.mean, summary.mean_interval});
-  }
-  for (CurveSeries& one : figure.series) {
-    std::sort(one.points.begin(), one.points.end(),
-              [](const CurvePoint& a, const CurvePoint& b) { return a.x < b.x; });
-  }
+  figure.series = series_of(data, choice, label_of_key(choice.y) + " ");
   draw_curve(folder, stem, figure);
+}
+
+void draw_comparison_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
+                        const std::filesystem::path& folder, const std::string& stem) {
+  ComparisonFigure figure;
+  figure.text = text_of(store);
+  figure.text.height_cm = 8.2;
+  figure.x_label = choice.x_label.empty() ? label_of_key(choice.x) : choice.x_label;
+  figure.y_label = "mean " + label_of_metric(choice.metric);
+  figure.note = choice.note;
+  figure.floor = choice.floor;
+  figure.reversed = choice.reversed;
+  figure.series = series_of(data, choice, "");
+  draw_comparison(folder, stem, figure);
 }
 
 void draw_heatmap_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
@@ -147,6 +168,9 @@ bool draw_sweep_figure(const RunStore& store, const SweepData& data,
     case FigureChoice::Kind::heatmap:
       draw_heatmap_of(store, data, *choice, folder, stem);
       break;
+    case FigureChoice::Kind::comparison:
+      draw_comparison_of(store, data, *choice, folder, stem);
+      break;
     case FigureChoice::Kind::trajectories:
       draw_trajectories_of(store, folder, stem);
       break;
@@ -159,7 +183,9 @@ bool draw_sweep_figure(const RunStore& store, const SweepData& data,
 
 std::string label_of_key(const std::string& key) {
   if (key.starts_with("channel.") && key.ends_with("prr")) return "PRR";
-  if (key.starts_with("channel.") && key.ends_with("delay_ms")) return "δ [ms]";
+  if (key == "delay_ms" || (key.starts_with("channel.") && key.ends_with("delay_ms"))) {
+    return "δ [ms]";
+  }
   if (key == "controller.tau_s") return "τ [s]";
   return key;
 }

@@ -14,6 +14,7 @@
 #include "common/errors.hpp"
 #include "common/scenario_keys.hpp"
 #include "common/version.hpp"
+#include "tools/experiment/figure_choice.hpp"
 #include "tools/experiment/run_store.hpp"
 
 namespace tether {
@@ -108,6 +109,7 @@ Identity identity_of(const Experiment& experiment, const Shard& shard) {
           {"keys", nlohmann::json(experiment.keys).dump()},
           {"inputs", inputs_text(experiment)},
           {"figure", to_text(experiment.figure)},
+          {"tables", to_text(experiment.tables)},
           {"planned_runs", fmt::format("{}", experiment.arms.size() * experiment.seeds.size())},
           {"shard", to_text(shard)}};
 }
@@ -115,7 +117,7 @@ Identity identity_of(const Experiment& experiment, const Shard& shard) {
 void check_same(const RunStore& store, const Identity& identity) {
   const Identity stored = store.identity();
   for (const auto& [key, value] : identity) {
-    if (key == "figure" || key == "planned_runs") continue;  // change no run
+    if (key == "figure" || key == "tables" || key == "planned_runs") continue;  // change no run
     const auto found = stored.find(key);
     const std::string was = found == stored.end() ? "nothing" : found->second;
     if (was != value) refuse(store, key, was, value);
@@ -159,28 +161,6 @@ Shard shard_of(const std::string& text) {
     if (is_good) return shard;
   }
   throw UsageError(fmt::format("shard \"{}\" must be I/N, from 1/N to N/N", text));
-}
-
-std::string to_text(const std::optional<FigureChoice>& figure) {
-  if (!figure) return "none";
-  return nlohmann::json{{"kind", static_cast<int>(figure->kind)},
-                        {"x", figure->x},
-                        {"y", figure->y},
-                        {"metric", figure->metric},
-                        {"title", figure->title}}
-      .dump();
-}
-
-std::optional<FigureChoice> figure_of(const std::string& text) {
-  if (text == "none") return std::nullopt;
-  const auto json = nlohmann::json::parse(text);
-  const int kind = json.at("kind").get<int>();
-  const std::string metric = json.at("metric").get<std::string>();
-  if (kind < 0 || kind > static_cast<int>(FigureChoice::Kind::risk_map) || !metric_number(metric)) {
-    throw UsageError("an unknown figure");
-  }
-  return FigureChoice{static_cast<FigureChoice::Kind>(kind), json.at("x").get<std::string>(),
-                      json.at("y").get<std::string>(), metric, json.at("title").get<std::string>()};
 }
 
 }  // namespace tether

@@ -33,8 +33,4 @@ void check_same_arms(const RunStore& store, const Experiment& experiment);
 std::string to_text(const Shard& shard);
 Shard shard_of(const std::string& text);
 
-/// A sweep's figure as it is stored.
-std::string to_text(const std::optional<FigureChoice>& figure);
-std::optional<FigureChoice> figure_of(const std::string& text);
-
 }  // namespace tether
