@@ -9,6 +9,11 @@
 #include <tether/drivetrain_state_t.hpp>
 #include <tether/link_report_t.hpp>
 #include <tether/plan_t.hpp>
+#include <tether/time_grant_t.hpp>
+#include <tether/time_join_t.hpp>
+#include <tether/time_request_t.hpp>
+#include <tether/time_resend_t.hpp>
+#include <tether/time_welcome_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
 #include <type_traits>
 
@@ -111,7 +116,7 @@ inline bool lengths_fit<drivetrain_state_t>(std::span<const std::uint8_t> bytes)
 
 template <>
 inline bool lengths_fit<plan_t>(std::span<const std::uint8_t> bytes) {
-  constexpr std::size_t kBeforeCount = 8 + 7 * 8 + 4;
+  constexpr std::size_t kBeforeCount = 8 + 9 * 8 + 4;
   constexpr std::size_t kTwist = 4 + 4;
   LengthCheck check(bytes);
   check.skip(kBeforeCount).read_count(kTwist);
@@ -122,6 +127,51 @@ template <>
 inline bool lengths_fit<wheel_feedback_t>(std::span<const std::uint8_t> bytes) {
   constexpr std::size_t kBeforeStrings = 8 + 8 + 8 + 1 + 6 * 8 + 2 * 8 + 4 * 4;
   return LengthCheck(bytes).skip(kBeforeStrings).skip_string().skip_string().ok();
+}
+
+template <>
+inline bool lengths_fit<time_join_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kEmptyString = 4 + 1;
+  LengthCheck check(bytes);
+  check.skip(8 + 4 * 8).skip_string().skip(8 + 8);
+  const std::int32_t count = check.read_count(kEmptyString);
+  for (std::int32_t i = 0; i < count; ++i) check.skip_string();
+  return check.ok();
+}
+
+template <>
+inline bool lengths_fit<time_welcome_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kEmptyString = 4 + 1;
+  LengthCheck check(bytes);
+  check.skip(8 + 4 * 8).skip_string().skip(4);
+  const std::int32_t count = check.read_count(kEmptyString);
+  for (std::int32_t i = 0; i < count; ++i) check.skip_string();
+  return check.ok();
+}
+
+template <>
+inline bool lengths_fit<time_grant_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kShortest = 2 * (4 + 1) + 5 * 8;  // of one message
+  LengthCheck check(bytes);
+  check.skip(8 + 4 * 8).skip_string().skip(4 + 2 * 8 + 4);
+  const std::int32_t count = check.read_count(kShortest);
+  for (std::int32_t i = 0; i < 2 * count; ++i) check.skip_string();
+  return check.ok();
+}
+
+template <>
+inline bool lengths_fit<time_request_t>(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kShortest = 4 + 1 + 5 * 8;  // of one message
+  LengthCheck check(bytes);
+  check.skip(8 + 5 * 8).skip_string().skip(8 + 8).skip_string();
+  const std::int32_t count = check.read_count(kShortest);
+  for (std::int32_t i = 0; i < count; ++i) check.skip_string();
+  return check.ok();
+}
+
+template <>
+inline bool lengths_fit<time_resend_t>(std::span<const std::uint8_t> bytes) {
+  return LengthCheck(bytes).skip(8 + 3 * 8).skip_string().skip_string().ok();
 }
 
 }  // namespace tether

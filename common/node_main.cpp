@@ -1,6 +1,7 @@
 #include "common/node_main.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
@@ -8,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <tether/clock_t.hpp>
+#include <utility>
 #include <vector>
 
 #include "common/channel_names.hpp"
@@ -15,8 +17,10 @@
 #include "common/errors.hpp"
 #include "common/lcm_bus.hpp"
 #include "common/lcm_url.hpp"
+#include "common/lockstep_member.hpp"
 #include "common/message_io.hpp"
 #include "common/real_time_loop.hpp"
+#include "common/udpm_bus.hpp"
 
 namespace tether {
 namespace {
@@ -28,6 +32,7 @@ struct Options {
   std::string control_lcm_url;
   std::optional<std::int64_t> start_utime_us;
   double speed = 1.0;
+  std::optional<std::int64_t> lockstep_session;
   bool stands_alone = false;
 };
 
@@ -116,6 +121,30 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   return End::signal;
 }
 
+/// Simulated time knows one network and no clock of its own.
+void check_lockstep(const Options& options) {
+  for (const auto& [given, option] :
+       {std::pair{!options.control_lcm_url.empty(), "--control-lcm-url"},
+        std::pair{options.start_utime_us.has_value(), "--start-utime"},
+        std::pair{options.speed != 1.0, "--speed"}, std::pair{options.stands_alone, "--rule"}}) {
+    if (given) throw UsageError(fmt::format("{} does not go with --lockstep", option));
+  }
+}
+
+void run_in_lockstep(const NodeProgram& program, const Options& options, const Scenario& scenario) {
+  RealTimeLoop io(RealTimeLoop::wall_utime_us());
+  UdpmBus wire(checked_lcm_url(options.lcm_url), io);
+  LockstepMember member({.session = *options.lockstep_session,
+                         .instance = RealTimeLoop::wall_utime_us() * 1000 + getpid() % 1000,
+                         .name = program.lockstep_name,
+                         .start = kStart - from_seconds(scenario.run.lead_s)},
+                        io, wire);
+  const auto node = program.make({scenario, member.loop(), member.bus(), member.bus()});
+  member.join(*node);
+  io.run();
+  if (!member.error().empty()) throw std::runtime_error(member.error());
+}
+
 Scenario scenario_of(const Options& options) {
   if (!options.stands_alone && options.scenario_file.empty()) {
     throw UsageError("scenario is required");
@@ -152,11 +181,22 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
                  "run seconds per wall second; below 1 is slow motion, the same for all nodes")
       ->check(CLI::Range(0.01, 1.0))
       ->capture_default_str();
+  if (!program.lockstep_name.empty()) {
+    app.add_option("--lockstep", options.lockstep_session,
+                   "take part in a run in simulated time: its session, 0: any (`tether run "
+                   "--processes` starts its nodes so)")
+        ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  }
   program.own.add(app);
   return run_cli(app, argc, argv, [&] {
     options.stands_alone = program.own.stand_alone();
     const Scenario scenario = scenario_of(options);
     program.own.check(scenario, options.lcm_url, options.overrides);
+    if (options.lockstep_session) {
+      check_lockstep(options);
+      run_in_lockstep(program, options, scenario);
+      return kExitOk;
+    }
     while (run_once(program, options, scenario) == End::clock_jumped) {
     }
     return kExitOk;

@@ -46,6 +46,7 @@ struct NodeProgram {
   std::string description;          ///< first line of --help
   bool joins_two_networks = false;  ///< has --control-lcm-url
   bool owns_clock = false;  ///< without --start-utime: starts the run's clock instead of following
+  std::string lockstep_name{};  ///< of lockstep_nodes(); has --lockstep if not empty
   std::function<std::unique_ptr<Node>(const NodeContext&)> make;
   OwnOptions own{};
 };
@@ -55,6 +56,9 @@ struct NodeProgram {
 /// (and starts over if that clock jumps, as when a simulator is started anew or a log is played
 /// again); the simulator itself starts a run at once. A node that has to wind down does so before
 /// the program ends or starts over, whatever further signals come.
+///
+/// With --lockstep the node lives in simulated time instead, which a coordinator grants
+/// (docs/time.md).
 int node_main(int argc, char** argv, const NodeProgram& program);
 
 }  // namespace tether

@@ -103,6 +103,7 @@ struct Scenario {
     double horizon_s = 20.0;
     double plan_step_ms = 50.0;  ///< each twist of a plan is in force for this long
     bool preload = false;        ///< the first plan is on board before departure
+    bool external = false;       ///< somebody else's program is the controller
     Model model;
   };
   struct Actuator {

@@ -139,6 +139,8 @@ void add_controller(KeyTable& t) {
   t.choice<ControlLaw>("controller.law", TETHER_FIELD(controller.law),
                        {TETHER_CONTROL_LAWS(TETHER_LAW)}, "control law: docs/controllers.md");
 #undef TETHER_LAW
+  t.boolean("controller.external", TETHER_FIELD(controller.external),
+            "no controller is started: the run waits for one of yours (docs/time.md)");
   t.number("controller.tau_s", TETHER_FIELD(controller.tau_s), kNotNegative, "look-ahead");
   t.choice<Controller::Trigger>(
       "controller.trigger", TETHER_FIELD(controller.trigger),

@@ -21,6 +21,10 @@ void TimerQueue::add_periodic(Instant first, Duration period, Priority priority,
   push(first, priority, allocate({std::move(task), period, priority}));
 }
 
+void TimerQueue::add_in_order(Instant when, std::uint64_t order, Task task) {
+  push_in_order(when, order, allocate({std::move(task), Duration{0}, Priority::delivery}));
+}
+
 Instant TimerQueue::not_before(Instant now, Instant first, Duration period) {
   if (first >= now) return first;
   return first + ((now - first + period - Duration{1}) / period) * period;
@@ -50,7 +54,10 @@ void TimerQueue::run_next() {
 }
 
 void TimerQueue::push(Instant when, Priority priority, std::uint32_t slot) {
-  const auto order = (static_cast<std::uint64_t>(priority) << 56) | insertions_++;
+  push_in_order(when, order_of(priority, insertions_++), slot);
+}
+
+void TimerQueue::push_in_order(Instant when, std::uint64_t order, std::uint32_t slot) {
   heap_.push_back({when, order, slot});
   std::push_heap(heap_.begin(), heap_.end(), Later{});
 }

@@ -1,12 +1,14 @@
 #include <chrono>
+#include <optional>
 
 #include "common/node_main.hpp"
 #include "controller/controller_node.hpp"
 
 namespace {
 
-/// Another number at each start of this program.
-std::int64_t session_of_this_start() {
+/// Another number at each start of this program; in simulated time always the same.
+std::optional<std::int64_t> session_of_this_start(const tether::EventLoop& loop) {
+  if (loop.rate() == 0.0) return std::nullopt;
   using std::chrono::microseconds;
   const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
   return std::chrono::duration_cast<microseconds>(since_epoch).count();
@@ -20,8 +22,9 @@ int main(int argc, char** argv) {
   return node_main(argc, argv,
                    {.name = "tether-controller",
                     .description = "The remote controller: poses in, velocity commands out",
+                    .lockstep_name = "controller",
                     .make = [](const NodeContext& c) {
                       return std::make_unique<ControllerNode>(c.scenario, c.loop, c.bus,
-                                                              session_of_this_start());
+                                                              session_of_this_start(c.loop));
                     }});
 }

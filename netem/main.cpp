@@ -51,6 +51,7 @@ int main(int argc, char** argv) {
                     .description = "The network between vehicle and controller, or between any LCM "
                                    "programs: loss and delay",
                     .joins_two_networks = true,
+                    .lockstep_name = "netem",
                     .make = make,
                     .own = own});
 }

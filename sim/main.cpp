@@ -9,6 +9,7 @@ int main(int argc, char** argv) {
       {.name = "tether-sim",
        .description = "The vehicle side of the loop: simulated vehicle, pose sensor, actuator",
        .owns_clock = true,
+       .lockstep_name = "sim",
        .make = [](const NodeContext& c) {
          return std::make_unique<SimNode>(c.scenario, c.loop, c.bus);
        }});

@@ -13,3 +13,7 @@ tether_add_script_test(NAME live_bad_input_test SCRIPT live_bad_input_test.py LA
 tether_add_script_test(NAME live_hostile_test SCRIPT live_hostile_test.py LABELS live TIMEOUT 120)
 tether_add_script_test(NAME live_plan_test SCRIPT live_plan_test.py LABELS live TIMEOUT 120)
 tether_add_script_test(NAME live_relay_test SCRIPT live_relay_test.py LABELS live TIMEOUT 120)
+tether_add_script_test(NAME lockstep_process_test SCRIPT lockstep_process_test.py LABELS live
+  TIMEOUT 180)
+tether_add_script_test(NAME lockstep_foreign_test SCRIPT lockstep_foreign_test.py LABELS live
+  TIMEOUT 180)

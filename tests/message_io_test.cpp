@@ -101,12 +101,63 @@ plan_t sample() {
   return message;
 }
 
+template <>
+time_join_t sample() {
+  time_join_t message{};
+  message.node = "sim";
+  message.next_ns = 1;
+  message.count = 2;
+  message.subscription = {"AGV/CMD_VEL", ""};
+  return message;
+}
+
+template <>
+time_welcome_t sample() {
+  time_welcome_t message{};
+  message.node = "sim";
+  message.rank = 3;
+  message.count = 2;
+  message.subscription = {"AGV/CMD_VEL", ""};
+  return message;
+}
+
+template <>
+time_grant_t sample() {
+  time_grant_t message{};
+  message.node = "sim";
+  message.count = 2;
+  message.publisher = {"netem", ""};
+  message.channel = {"AGV/CMD_VEL", ""};
+  message.number = message.time_ns = message.order = message.size = message.crc32 = {INT64_MIN, 7};
+  return message;
+}
+
+template <>
+time_request_t sample() {
+  time_request_t message{};
+  message.node = "sim";
+  message.error = "because";
+  message.count = 2;
+  message.channel = {"AGV/CMD_VEL", ""};
+  message.number = message.time_ns = message.index = message.size = message.crc32 = {INT64_MIN, 7};
+  return message;
+}
+
+template <>
+time_resend_t sample() {
+  time_resend_t message{};
+  message.publisher = "sim";
+  message.channel = "AGV/POSE";
+  return message;
+}
+
 template <class LcmType>
 struct MessageIo : testing::Test {};
 
 using AllTypes = testing::Types<channel_setting_t, channel_setting_result_t, clock_t,
                                 controller_report_t, counters_t, ground_truth_t, link_report_t,
-                                plan_in_force_t, plan_t, pose_t, twist_t>;
+                                plan_in_force_t, plan_t, pose_t, time_grant_t, time_join_t,
+                                time_request_t, time_resend_t, time_welcome_t, twist_t>;
 TYPED_TEST_SUITE(MessageIo, AllTypes);
 
 TYPED_TEST(MessageIo, AMessageSurvivesEncodingAndDecoding) {
@@ -172,6 +223,11 @@ TYPED_TEST(MessageIo, AnotherTypeIsRefused) {
   offer(plan_in_force_t{});
   offer(plan_t{});
   offer(pose_t{});
+  offer(time_grant_t{});
+  offer(time_join_t{});
+  offer(time_request_t{});
+  offer(time_resend_t{});
+  offer(time_welcome_t{});
   offer(twist_t{});
   EXPECT_EQ(accepted_by, 1);
 }
@@ -245,7 +301,7 @@ TEST(MessageIoLengths, ImpossibleLengthsOfSettingsAreRefused) {
 TEST(MessageIoLengths, AnImpossibleNumberOfTwistsIsRefusedBeforeMemoryIsTaken) {
   for (const std::int32_t count : kImpossibleLengths) {
     Bytes bytes = encode(sample<plan_t>());
-    put_int32(bytes, 68, count);
+    put_int32(bytes, 84, count);
     plan_t plan{};
     EXPECT_FALSE(decode(bytes, plan)) << count;
     EXPECT_LT(plan.v_mps.capacity(), 100U) << count;

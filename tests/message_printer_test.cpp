@@ -49,7 +49,7 @@ counters_t some_counters() {
 plan_t some_plan() {
   plan_t plan{};
   plan.session = 3;
-  plan.based_on = plan_t::ANY;
+  plan.based_on = plan.based_on_last = plan_t::ANY;
   plan.step_us = 50'000;
   plan.count = 2;
   plan.v_mps = {0.1F, 2.0F};
@@ -156,8 +156,9 @@ TEST(FormatMessage, KeepsControlCharactersFromTheTerminal) {
 
 TEST(FormatMessage, ShowsAPlansTwistsAsShortAsFloatsCanBe) {
   EXPECT_EQ(format_message("CTRL/PLAN", inspect_message(encoded(some_plan()))),
-            "CTRL/PLAN plan_t utime=0 seq=0 session=3 id=0 based_on=-2 pose_utime=0 start_utime=0 "
-            "step_us=50000 count=2 v_mps=[0.1, 2] omega_radps=[-0.3, inf]");
+            "CTRL/PLAN plan_t utime=0 seq=0 session=3 id=0 based_on=-2 based_on_last=-2 "
+            "pose_utime=0 start_utime=0 settled_utime=0 step_us=50000 count=2 v_mps=[0.1, 2] "
+            "omega_radps=[-0.3, inf]");
 }
 
 TEST(Csv, QuotesWhatNeedsQuotes) {

@@ -33,6 +33,8 @@ tether_add_test(NAME closed_loop_test
   SOURCES channel_watch_test.cpp closed_loop_test.cpp kinematic_loop_test.cpp netem_loop_test.cpp
     path_loop_test.cpp
   LIBS tether_closed_loop tether_tools_core LABELS loop)
+tether_add_test(NAME lockstep_test SOURCES lockstep_test.cpp LIBS tether_closed_loop LABELS loop
+  ONE_PROCESS)
 tether_add_test(NAME baseline_test SOURCES baseline_test.cpp control_targets_test.cpp
   LIBS tether_closed_loop LABELS slow)
 tether_add_test(NAME plant_test SOURCES kinematic_vehicle_test.cpp plant_test.cpp LIBS tether_sim_core)

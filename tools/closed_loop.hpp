@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "common/errors.hpp"
 #include "common/in_process_bus.hpp"
 #include "common/scenario.hpp"
 #include "common/virtual_loop.hpp"
@@ -16,8 +17,9 @@ namespace tether {
 /// share nothing, so any number may run in as many threads.
 class ClosedLoop {
  public:
+  /// Throws UsageError for a scenario whose controller is somebody else's program.
   explicit ClosedLoop(const Scenario& scenario)
-      : scenario_(scenario),
+      : scenario_(checked(scenario)),
         loop_(kStart - from_seconds(scenario.run.lead_s)),
         bus_(loop_),
         sim_(scenario, loop_, bus_),
@@ -49,6 +51,7 @@ class ClosedLoop {
     loop_.run_until(loop_.now());  // delivers the final reports
   }
 
+  SimNode& sim() { return sim_; }
   const SimNode& sim() const { return sim_; }
   const NetemNode& netem() const { return netem_; }
   NetemNode& netem() { return netem_; }
@@ -56,6 +59,15 @@ class ClosedLoop {
   CanLoop* can() { return can_.get(); }
 
  private:
+  static const Scenario& checked(const Scenario& scenario) {
+    if (scenario.controller.external) {
+      throw UsageError(
+          "controller.external: a run in one process has its own controller; tether run "
+          "--processes and tether live wait for another");
+    }
+    return scenario;
+  }
+
   Scenario scenario_;
   VirtualLoop loop_;
   InProcessBus bus_;

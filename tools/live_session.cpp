@@ -28,7 +28,9 @@ constexpr int kMaxRestarts = 20;
 
 /// In the order in which they end: the bridge still has to stop its drives, and these need wheels.
 std::vector<std::string> programs(const Scenario& scenario) {
-  std::vector<std::string> names{"tether-controller", "tether-netem"};
+  std::vector<std::string> names;
+  if (!scenario.controller.external) names.emplace_back("tether-controller");
+  names.emplace_back("tether-netem");
   if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
     names.emplace_back("tether-can-bridge");
     if (scenario.can.emulate_drives) names.emplace_back("tether-can-drive");

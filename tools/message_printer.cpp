@@ -17,6 +17,11 @@
 #include <tether/plan_in_force_t.hpp>
 #include <tether/plan_t.hpp>
 #include <tether/pose_t.hpp>
+#include <tether/time_grant_t.hpp>
+#include <tether/time_join_t.hpp>
+#include <tether/time_request_t.hpp>
+#include <tether/time_resend_t.hpp>
+#include <tether/time_welcome_t.hpp>
 #include <tether/twist_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
 #include <tether/wheel_states_t.hpp>
@@ -46,8 +51,9 @@ void visit_fields(const twist_t& m, Visitor&& visit) {
 
 template <class Visitor>
 void visit_fields(const plan_t& m, Visitor&& visit) {
-  FIELD(utime), FIELD(seq), FIELD(session), FIELD(id), FIELD(based_on), FIELD(pose_utime);
-  FIELD(start_utime), FIELD(step_us), FIELD(count), FIELD(v_mps), FIELD(omega_radps);
+  FIELD(utime), FIELD(seq), FIELD(session), FIELD(id), FIELD(based_on);
+  FIELD(based_on_last), FIELD(pose_utime), FIELD(start_utime), FIELD(settled_utime);
+  FIELD(step_us), FIELD(count), FIELD(v_mps), FIELD(omega_radps);
 }
 
 template <class Visitor>
@@ -141,6 +147,40 @@ void visit_fields(const channel_setting_result_t& m, Visitor&& visit) {
   FIELD(count), FIELD(key), FIELD(value);
 }
 
+template <class Visitor>
+void visit_fields(const time_join_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(session), FIELD(instance), FIELD(node), FIELD(next_ns),
+      FIELD(next_order), FIELD(count);
+  FIELD(subscription);
+}
+
+template <class Visitor>
+void visit_fields(const time_welcome_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(session), FIELD(instance), FIELD(node), FIELD(rank), FIELD(count),
+      FIELD(subscription);
+}
+
+template <class Visitor>
+void visit_fields(const time_grant_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(session), FIELD(id), FIELD(node), FIELD(kind), FIELD(until_ns),
+      FIELD(until_order);
+  FIELD(until_rank), FIELD(count), FIELD(publisher), FIELD(channel), FIELD(number), FIELD(time_ns);
+  FIELD(order), FIELD(size), FIELD(crc32);
+}
+
+template <class Visitor>
+void visit_fields(const time_request_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(session), FIELD(instance), FIELD(grant), FIELD(node),
+      FIELD(next_ns), FIELD(next_order);
+  FIELD(error), FIELD(count), FIELD(channel), FIELD(number), FIELD(time_ns), FIELD(index);
+  FIELD(size), FIELD(crc32);
+}
+
+template <class Visitor>
+void visit_fields(const time_resend_t& m, Visitor&& visit) {
+  FIELD(utime), FIELD(seq), FIELD(session), FIELD(publisher), FIELD(channel), FIELD(number);
+}
+
 #undef FIELD
 
 // LCM's booleans are int8_t in C++; none of the project's types has an int8_t of another meaning.
@@ -224,6 +264,11 @@ const std::vector<MessageType>& message_types() {
       describe<drive_fault_t>(),
       describe<channel_setting_t>(),
       describe<channel_setting_result_t>(),
+      describe<time_join_t>(),
+      describe<time_welcome_t>(),
+      describe<time_grant_t>(),
+      describe<time_request_t>(),
+      describe<time_resend_t>(),
   };
   return kTypes;
 }

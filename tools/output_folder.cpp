@@ -26,9 +26,9 @@ constexpr std::uintmax_t kEventHeaderBytes = 28;  // sync, number, time stamp, t
 const std::string kScenarioHeader = "# Resolved scenario, tether ";
 
 void check_nothing_foreign(const fs::path& folder) {
-  static const std::set<std::string> kOurs{"scenario.toml", "summary.json",    "trajectory.csv",
-                                           "run.lcmlog",    "path.gp",         "path.svg",
-                                           "path.png",      "drivetrain.toml", "path.csv"};
+  static const std::set<std::string> kOurs{
+      "scenario.toml", "summary.json", "trajectory.csv",  "run.lcmlog", "path.gp",
+      "path.svg",      "path.png",     "drivetrain.toml", "path.csv",   "incomplete.txt"};
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
     std::string first_line;
@@ -140,6 +140,7 @@ OutputFolder::OutputFolder(const fs::path& folder, const Scenario& scenario) : f
   }
   check_nothing_foreign(folder_);
   fs::remove(folder_ / "summary.json", error);
+  fs::remove(folder_ / "incomplete.txt", error);
   const Scenario resolved = with_waypoints_beside(
       with_drivetrain_beside(with_absolute_names(scenario), folder_), folder_);
   write_file(folder_ / "scenario.toml",
@@ -156,6 +157,12 @@ void OutputFolder::write(const Scenario& scenario, const RunObserver& run,
   if (log_) log_->close();
   draw_path_figure(folder_, scenario, run.truth().epsilon_m);
   write_file(folder_ / "summary.json", summary_json + "\n");
+}
+
+void OutputFolder::write_incomplete(const RunObserver& run, const std::string& why) {
+  write_file(folder_ / "incomplete.txt", "This run broke off: " + why + "\n");
+  write_file(folder_ / "trajectory.csv", trajectory_csv(run.trajectory()));
+  if (log_) log_->close();
 }
 
 }  // namespace tether

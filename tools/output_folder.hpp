@@ -57,6 +57,10 @@ class OutputFolder {
   /// its presence says that the folder is complete.
   void write(const Scenario& scenario, const RunObserver& run, const std::string& summary_json);
 
+  /// Of a run that broke off: trajectory.csv and run.lcmlog as far as they go, and incomplete.txt,
+  /// which says why. There is no summary.json then.
+  void write_incomplete(const RunObserver& run, const std::string& why);
+
  private:
   std::filesystem::path folder_;
   std::unique_ptr<EventLogWriter> log_;

@@ -11,9 +11,11 @@
 
 #include "common/cli.hpp"
 #include "common/errors.hpp"
+#include "common/lockstep_member.hpp"
 #include "tools/closed_loop.hpp"
 #include "tools/commands.hpp"
 #include "tools/output_folder.hpp"
+#include "tools/process_run.hpp"
 #include "tools/run_observer.hpp"
 #include "tools/run_summary.hpp"
 
@@ -27,6 +29,10 @@ struct RunOptions {
   std::string out;
   bool json = false;
   bool keys = false;
+  bool processes = false;
+  std::string lcm_url;
+  double patience_s = 10.0;
+  bool step = false;
 };
 
 double wall_seconds() {
@@ -52,11 +58,28 @@ void run_with_progress(ClosedLoop& loop, Instant end) {
   if (shown_s > start_s) fmt::print(stderr, "\r\033[K");
 }
 
+/// A run that breaks off leaves what it had until then.
+void run_processes(ProcessRun& processes, const RunObserver& observer,
+                   std::optional<OutputFolder>& folder) {
+  try {
+    processes.run();
+  } catch (const std::exception& e) {
+    if (folder) folder->write_incomplete(observer, e.what());
+    throw;
+  }
+  const TimeManager::Counters& c = processes.counters();
+  if (c.repeated + c.resends > 0) {
+    fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
+               c.resends, advice_on_lost_messages());
+  }
+}
+
 int run(const RunOptions& options) {
   if (options.keys) {
     fmt::print("{}", describe_scenario_keys());
     return kExitOk;
   }
+  if (options.step && !options.processes) throw UsageError("run: --step needs --processes");
   if (options.scenario_file.empty()) throw UsageError("run: name a scenario file (see --help)");
   std::vector<std::string> overrides = options.overrides;
   if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
@@ -66,17 +89,36 @@ int run(const RunOptions& options) {
   if (!options.out.empty()) folder.emplace(options.out, scenario);
 
   const double start_s = wall_seconds();
-  ClosedLoop loop(scenario);
-  RunObserver observer(scenario, loop.loop(), loop.bus());
-  const ChannelWatch channel(scenario, loop.loop(), loop.netem().uplink(), loop.netem().downlink());
-  if (folder) folder->record(loop.loop(), loop.bus());
   const Instant end = kStart + from_seconds(scenario.run.duration_s);
-  run_with_progress(loop, end);
+  std::optional<ClosedLoop> one;
+  std::optional<ProcessRun> many;
+  if (options.processes) {
+    many.emplace(ProcessRun::Options{.scenario_file = options.scenario_file,
+                                     .overrides = overrides,
+                                     .lcm_url = options.lcm_url,
+                                     .patience_s = options.patience_s,
+                                     .step = options.step},
+                 scenario);
+  } else {
+    one.emplace(scenario);
+  }
+  EventLoop& loop = one ? one->loop() : many->loop();
+  Bus& bus = one ? one->bus() : many->bus();
+  RunObserver observer(scenario, loop, bus);
+  std::optional<ChannelWatch> channel;
+  if (one) channel.emplace(scenario, loop, one->netem().uplink(), one->netem().downlink());
+  if (folder) folder->record(loop, bus);
+  if (one) {
+    run_with_progress(*one, end);
+  } else {
+    run_processes(*many, observer, folder);
+  }
 
-  const RunSummary summary{.wall_time_s = wall_seconds() - start_s,
-                           .sim_time_s = to_seconds(end),
-                           .aoi_mean_s = observer.aoi_mean_s(end),
-                           .channel = channel.report(end)};
+  RunSummary summary{.wall_time_s = wall_seconds() - start_s,
+                     .sim_time_s = to_seconds(end),
+                     .aoi_mean_s = observer.aoi_mean_s(end)};
+  if (channel) summary.channel = channel->report(end);
+  if (many) summary.lockstep = many->cost();
   check_finite(observer);
   const std::string json = to_json(scenario, observer, summary);
   if (folder) folder->write(scenario, observer, json);
@@ -105,6 +147,17 @@ void add_run_command(CLI::App& tether, Action& action) {
       "--out", options->out,
       "folder for scenario.toml, summary.json, trajectory.csv, run.lcmlog, path.png, "
       "path.svg [none]");
+  command->add_flag("--processes", options->processes,
+                    "each node a process of its own, over LCM in lockstep: the same result");
+  command->add_option("--lcm-url", options->lcm_url,
+                      "LCM network of --processes [a free port of this host's]");
+  command
+      ->add_option("--patience", options->patience_s,
+                   "how long a node of --processes may take for one answer, seconds")
+      ->check(CLI::Range(0.1, 86'400.0))
+      ->capture_default_str();
+  command->add_flag("--step", options->step,
+                    "hold a run of --processes, and step it from the terminal");
   command->add_flag("--json", options->json, "print the summary as one JSON object");
   command->add_flag("--keys", options->keys, "list all scenario keys with units and defaults");
   command->callback([options, &action] { action = [options] { return run(*options); }; });

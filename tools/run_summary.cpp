@@ -40,6 +40,11 @@ double real_time_factor(const RunSummary& s) {
   return s.wall_time_s > 0.0 ? s.sim_time_s / s.wall_time_s : 0.0;
 }
 
+double over_floor(const LockstepCost& cost) {
+  const double floor_s = static_cast<double>(cost.grants) * cost.round_trip_s;
+  return floor_s > 0.0 ? cost.wall_time_s / floor_s : 0.0;
+}
+
 nlohmann::ordered_json drivetrain_json(const DrivetrainObserver& d) {
   nlohmann::ordered_json json;
   json["state"] = d.state().state_name;
@@ -120,6 +125,13 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   }
   json["aoi_ms_mean"] = summary.aoi_mean_s * 1e3;
   if (run.drivetrain()) json["drivetrain"] = drivetrain_json(*run.drivetrain());
+  if (summary.lockstep) {
+    const LockstepCost& cost = *summary.lockstep;
+    json["lockstep"]["grants"] = cost.grants;
+    json["lockstep"]["round_trip_us_mean"] = cost.round_trip_s * 1e6;
+    json["lockstep"]["wall_time_s"] = cost.wall_time_s;
+    json["lockstep"]["over_floor"] = over_floor(cost);
+  }
   json["node_restarts"] = summary.node_restarts;
   json["counters"] = run.counters();
   // Names come from the network and may be no UTF-8.
@@ -142,6 +154,12 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
       fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), {} plant, seed {}\n",
                   "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
                   scenario.vehicle.plant_name(), scenario.run.seed);
+  if (summary.lockstep) {
+    const LockstepCost& cost = *summary.lockstep;
+    text += fmt::format("{:<9} {} grants in {:.2f} s: {:.2f} x as many round trips of {:.0f} us\n",
+                        "lockstep", cost.grants, cost.wall_time_s, over_floor(cost),
+                        cost.round_trip_s * 1e6);
+  }
   if (summary.node_restarts > 0) {
     text += fmt::format("{:<9} {} node restarts: the result is not that of an undisturbed run\n",
                         "note", summary.node_restarts);

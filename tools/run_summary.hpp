@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -9,13 +10,21 @@
 
 namespace tether {
 
+/// What a run in lockstep took, against its floor: a round trip for each grant.
+struct LockstepCost {
+  std::int64_t grants = 0;
+  double round_trip_s = 0.0;  ///< mean of those measured during the run
+  double wall_time_s = 0.0;   ///< from the first grant to the last answer
+};
+
 /// What a run tells its user, on the terminal, as JSON and in summary.json.
 struct RunSummary {
   double wall_time_s = 0.0;
   double sim_time_s = 0.0;
   double aoi_mean_s = 0.0;
   int node_restarts = 0;  ///< live runs: how often a node died and was started again
-  std::optional<ChannelReport> channel = {};  ///< of runs in virtual time
+  std::optional<ChannelReport> channel = {};  ///< of runs in one process
+  std::optional<LockstepCost> lockstep = {};  ///< of runs in lockstep
 };
 
 /// Share of the offered packets that were not lost; NaN before the first.

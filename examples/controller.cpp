@@ -1,0 +1,232 @@
+// A foreign controller for Tether, with LCM and the generated types alone: a proportional law that
+// follows scenarios/paper.toml's figure eight. controller.py is the same in Python, and says how to
+// start it; docs/time.md describes the messages on TIME/...
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <deque>
+#include <lcm/lcm-cpp.hpp>
+#include <map>
+#include <string>
+#include <tether/pose_t.hpp>
+#include <tether/time_grant_t.hpp>
+#include <tether/time_join_t.hpp>
+#include <tether/time_request_t.hpp>
+#include <tether/time_resend_t.hpp>
+#include <tether/twist_t.hpp>
+#include <vector>
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+using Clock = std::chrono::steady_clock;
+constexpr auto kRepeat = std::chrono::milliseconds{100};
+constexpr auto kCoordinatorPatience = std::chrono::seconds{30};
+
+/// Forward speed and yaw rate towards where the path is in two seconds.
+void law(const tether::pose_t& pose, tether::twist_t& command) {
+  const double angle = 0.1 * (1e-6 * static_cast<double>(pose.utime) + 2.0);
+  const double u = 20.0 * std::sin(angle), w = u * std::cos(angle);
+  const double dx = (u + w) * std::sqrt(0.5) - pose.x_m, dy = (w - u) * std::sqrt(0.5) - pose.y_m;
+  const double heading_error = std::remainder(std::atan2(dy, dx) - pose.yaw_rad, 2.0 * M_PI);
+  command.v_mps = 0.495 * std::sqrt(dx * dx + dy * dy);
+  command.omega_radps = 0.6 * heading_error;
+}
+
+std::int64_t crc32(const Bytes& bytes) {  // as in zlib
+  std::uint32_t crc = ~0U;
+  for (const std::uint8_t byte : bytes) {
+    crc ^= byte;
+    for (int i = 0; i < 8; ++i) crc = (crc & 1U) != 0 ? 0xEDB88320U ^ (crc >> 1U) : crc >> 1U;
+  }
+  return ~crc;
+}
+
+template <class T>
+bool decode(const Bytes& bytes, T& message) {
+  const int size = static_cast<int>(bytes.size());
+  return message.decode(bytes.data(), 0, size) == size;
+}
+
+class Controller {
+ public:
+  Controller(lcm::LCM& lcm, bool lockstep) : lcm_(lcm), lockstep_(lockstep) {
+    lcm_.subscribe("CTRL/POSE", &Controller::on_pose, this)->setQueueCapacity(1000);
+    if (!lockstep) return;
+    lcm_.subscribe("TIME/GRANT", &Controller::on_grant, this)->setQueueCapacity(1000);
+    lcm_.subscribe("TIME/WELCOME", &Controller::on_sign_of_life, this);
+    lcm_.subscribe("TIME/RESEND", &Controller::on_resend, this)->setQueueCapacity(1000);
+  }
+
+  void run() {
+    while (!left_ && lcm_.handleTimeout(50) >= 0) {
+      if (session_ != 0 && Clock::now() - heard_at_ > kCoordinatorPatience) {
+        std::fprintf(stderr, "the coordinator has been silent for 30 s\n");
+        return;
+      }
+      if (!lockstep_ || Clock::now() - said_at_ < kRepeat) continue;
+      if (answered_ == 0 && !granted_) join();
+      if (granted_) ask_again();
+    }
+  }
+
+ private:
+  template <class T>
+  Bytes publish(const std::string& channel, const T& message) {
+    Bytes bytes(static_cast<std::size_t>(message.getEncodedSize()));
+    message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    lcm_.publish(channel, bytes.data(), static_cast<unsigned>(bytes.size()));
+    return bytes;
+  }
+
+  /// Publishes the answer to a pose; no bytes for what is no newer pose.
+  Bytes command(const Bytes& bytes) {
+    tether::pose_t pose{};
+    if (!decode(bytes, pose) || pose.seq <= newest_ || pose.utime < 0) return {};
+    newest_ = pose.seq;
+    tether::twist_t twist{};
+    twist.utime = twist.pose_utime = pose.utime;
+    twist.seq = commands_++;
+    law(pose, twist);
+    return publish("CTRL/CMD_VEL", twist);
+  }
+
+  void on_pose(const lcm::ReceiveBuffer* buffer, const std::string&) {
+    const auto* data = static_cast<const std::uint8_t*>(buffer->data);
+    const Bytes bytes(data, data + buffer->data_size);
+    if (!lockstep_) {
+      command(bytes);
+      return;
+    }
+    inbox_.push_back(bytes);  // until a grant names it
+    if (inbox_.size() > 1000) inbox_.pop_front();
+    carry_out();
+  }
+
+  void join() {
+    said_at_ = Clock::now();
+    tether::time_join_t join{};
+    join.seq = seq_++;
+    join.session = tether::time_join_t::ANY;
+    join.instance = getpid();
+    join.node = "controller";
+    join.next_ns = join.next_order = INT64_MAX;  // no events of its own
+    join.subscription = {"CTRL/POSE"};
+    join.count = 1;
+    publish("TIME/JOIN", join);
+  }
+
+  void on_sign_of_life(const lcm::ReceiveBuffer*, const std::string&) { heard_at_ = Clock::now(); }
+
+  void on_grant(const lcm::ReceiveBuffer* buffer, const std::string&) {
+    heard_at_ = Clock::now();
+    tether::time_grant_t grant{};
+    if (grant.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) < 0) return;
+    if (grant.node != "controller" || (session_ != 0 && grant.session != session_)) return;
+    session_ = grant.session;
+    if (grant.id == answered_) publish("TIME/REQUEST", answer_);  // it was lost
+    if (grant.id <= answered_ || granted_) return;
+    left_ = grant.kind == tether::time_grant_t::LEAVE;
+    if (left_) return;
+    grant_ = grant;
+    granted_ = true;
+    answer_ = {};
+    said_at_ = Clock::now();
+    carry_out();
+  }
+
+  /// Takes the grant's messages in their order, as far as they have come; answers after the last.
+  void carry_out() {
+    while (granted_ && next_ < static_cast<std::size_t>(grant_.count)) {
+      auto pose = inbox_.begin();
+      while (pose != inbox_.end() &&
+             (static_cast<std::int64_t>(pose->size()) != grant_.size[next_] ||
+              crc32(*pose) != grant_.crc32[next_])) {
+        ++pose;
+      }
+      if (pose == inbox_.end()) return;
+      const Bytes sent = command(*pose);
+      inbox_.erase(pose);
+      if (!sent.empty()) {
+        sent_[commands_] = sent;
+        answer_.channel.emplace_back("CTRL/CMD_VEL");
+        answer_.number.push_back(commands_);
+        answer_.time_ns.push_back(grant_.time_ns[next_]);
+        answer_.index.push_back(static_cast<std::int64_t>(next_));
+        answer_.size.push_back(static_cast<std::int64_t>(sent.size()));
+        answer_.crc32.push_back(crc32(sent));
+      }
+      ++next_;
+    }
+    if (!granted_) return;
+    answer_.seq = seq_++;
+    answer_.session = session_;
+    answer_.instance = getpid();
+    answer_.grant = answered_ = grant_.id;
+    answer_.node = "controller";
+    answer_.next_ns = answer_.next_order = INT64_MAX;
+    answer_.count = static_cast<std::int32_t>(answer_.channel.size());
+    granted_ = false;
+    next_ = 0;
+    publish("TIME/REQUEST", answer_);
+  }
+
+  void ask_again() {
+    said_at_ = Clock::now();
+    tether::time_resend_t message{};
+    message.seq = seq_++;
+    message.session = session_;
+    message.publisher = grant_.publisher[next_];
+    message.channel = grant_.channel[next_];
+    message.number = grant_.number[next_];
+    publish("TIME/RESEND", message);
+  }
+
+  void on_resend(const lcm::ReceiveBuffer* buffer, const std::string&) {
+    tether::time_resend_t message{};
+    if (message.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) < 0) return;
+    const auto found = sent_.find(message.number);
+    if (message.publisher != "controller" || found == sent_.end()) return;
+    lcm_.publish("CTRL/CMD_VEL", found->second.data(), static_cast<unsigned>(found->second.size()));
+  }
+
+  lcm::LCM& lcm_;
+  bool lockstep_;
+  bool left_ = false;
+  std::int64_t newest_ = -1;   // pose
+  std::int64_t commands_ = 0;  // so far
+  std::int64_t seq_ = 0;
+  std::int64_t session_ = 0;
+  std::deque<Bytes> inbox_;
+  std::map<std::int64_t, Bytes> sent_;  // by number, to send again
+  bool granted_ = false;                // grant_ is being carried out …
+  tether::time_grant_t grant_{};
+  std::size_t next_ = 0;       // … and has come to this message
+  std::int64_t answered_ = 0;  // grant
+  tether::time_request_t answer_{};
+  Clock::time_point said_at_{}, heard_at_{};
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::string url = "udpm://239.255.76.67:7667?ttl=0";
+  bool lockstep = false;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "--lockstep") {
+      lockstep = true;
+    } else if (argument == "--lcm-url" && i + 1 < argc) {
+      url = argv[++i];
+    } else {
+      std::fprintf(stderr, "usage: %s [--lcm-url URL] [--lockstep]\n", argv[0]);
+      return 2;
+    }
+  }
+  lcm::LCM lcm(url);
+  if (!lcm.good()) return 1;
+  Controller(lcm, lockstep).run();
+}

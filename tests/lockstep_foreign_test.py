@@ -1,0 +1,104 @@
+#!/usr/bin/env -S python3 -B
+"""Controllers that are not the run's own: the examples in Python and C++, in simulated time and in
+real time; and one on another host. Usage: lockstep_foreign_test.py BIN_DIR"""
+
+import subprocess
+import time
+
+from live_support import GROUP, PAPER, SOURCE, TYPES, check, main, wait_for_loop, wait_until
+
+PYTHON = SOURCE / "examples" / "controller.py"
+FAST = ("--set", "sensor.rate_hz=10", "--set", "channel.prr=0.9", "--set", "channel.delay_ms=20")
+EXTERNAL = ("--set", "controller.external=true")
+
+
+def cpp(test):
+    return test.bin.parent / "examples" / "example_controller"
+
+
+def run_with(test, name, controller, *options, url=f"udpm://{GROUP}:7671?ttl=0"):
+    """run.lcmlog of a run in lockstep with this controller."""
+    out = test.work / name
+    options = ("--out", out, "--lcm-url", url, *FAST, *options)
+    run = test.start("tether", "run", PAPER, "--processes", *EXTERNAL, *options)
+    wait_until(5, lambda: 'waiting for the node "controller"' in run.err(), "it waits")
+    foreign = test.start(*controller, "--lcm-url", url)
+    check(run.wait(30) == 0, f"{name}: {run.err()}")
+    check(foreign.wait(5) == 0, f"{name}: the controller does not leave")
+    return (out / "run.lcmlog").read_bytes()
+
+
+def examples_are_the_same_however_slow(test):
+    short = ("--set", "run.duration_s=3")
+    fast = run_with(test, "python", (PYTHON, "--lockstep"), *short)
+    check(fast.count(b"CTRL/CMD_VEL") > 20, "hardly any commands")
+    before = time.monotonic()
+    slow = run_with(test, "slow", (PYTHON, "--lockstep", "--think", "0.05"), *short)
+    took = time.monotonic() - before
+    check(took > 20 * 0.05, f"{took:.2f} s: it was not slow")
+    check(slow == fast, "the slow controller's run is another")
+    check(run_with(test, "c++", (cpp(test), "--lockstep"), *short) == fast, "C++ gives another run")
+    test.say(f"{len(fast)} bytes of log each; the slow one took {took:.1f} s")
+
+
+def examples_follow_the_path(test):
+    whole = run_with(test, "path", (cpp(test), "--lockstep"))
+    truth = TYPES["SIM/TRUTH"]
+    at = whole.rindex(b"SIM/TRUTH") + len(b"SIM/TRUTH")
+    size = int.from_bytes(whole[at - len(b"SIM/TRUTH") - 4 : at - len(b"SIM/TRUTH")], "big")
+    last = truth.decode(whole[at : at + size])
+    check(last.utime == 62_000_000, f"the last truth is of {last.utime} us")
+    check(last.epsilon_m < 2.5, f"error {last.epsilon_m:.2f} m")
+    test.say(f"epsilon {last.epsilon_m:.2f} m")
+
+
+def examples_work_in_real_time(test):
+    for name, controller in (("python", PYTHON), ("c++", cpp(test))):
+        live = test.start("tether", "live", PAPER, *EXTERNAL, *FAST)
+        foreign = test.start(controller)
+        wait_for_loop(test.network, since=time.time())
+        check(not test.network.messages("CTRL/REPORT"), "another controller runs")
+        for program in (live, foreign):
+            program.kill(15)
+            program.wait(3)
+        test.say(f"{name}: commands reach the vehicle")
+
+
+def works_between_two_hosts(test):
+    """A second network namespace at the other end of a cable: two hosts of one LCM network."""
+    other = test.start("/usr/bin/env", "unshare", "--net", "sleep", "100")
+    time.sleep(0.2)
+    there = ("nsenter", "-t", str(other.pid), "-n")
+    for command in (
+        ("ip", "link", "add", "here", "type", "veth", "peer", "name", "there"),
+        ("ip", "link", "set", "there", "netns", str(other.pid)),
+        ("ip", "address", "add", "10.9.8.1/24", "dev", "here"),
+        ("ip", "link", "set", "here", "up"),
+        ("ip", "route", "add", f"{GROUP}/32", "dev", "here"),
+        (*there, "ip", "link", "set", "lo", "up"),
+        (*there, "ip", "address", "add", "10.9.8.2/24", "dev", "there"),
+        (*there, "ip", "link", "set", "there", "up"),
+        (*there, "ip", "route", "add", f"{GROUP}/32", "dev", "there"),
+    ):
+        subprocess.run(command, check=True)
+    try:
+        url = f"udpm://{GROUP}:7672?ttl=1"
+        short = ("--set", "run.duration_s=10")
+        controller = (test.bin / "tether-controller", PAPER, "--lockstep", "0")
+        controller = ("/usr/bin/env", *there, *controller, *FAST, *short)
+        remote = run_with(test, "remote", controller, *short, url=url)
+        alone = test.run("tether", "run", PAPER, "--out", test.work / "alone", *FAST, *short)
+        check(alone.process.returncode == 0, alone.err())
+        log = (test.work / "alone" / "run.lcmlog").read_bytes()
+        check(len(log) > 50_000 and log == remote, "another run between two hosts")
+        test.say(f"{len(log)} bytes of log, as in one process")
+    finally:
+        subprocess.run(("ip", "link", "delete", "here"), check=True)
+
+
+main(
+    examples_are_the_same_however_slow,
+    examples_follow_the_path,
+    examples_work_in_real_time,
+    works_between_two_hosts,
+)

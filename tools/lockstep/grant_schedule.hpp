@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "common/event_key.hpp"
+#include "common/lockstep_bus.hpp"
+#include "common/pattern.hpp"
+
+namespace tether {
+
+/// A node's answer contradicts its grant.
+struct BadAnswer : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Which node may act next, how far, and with which messages: the conservative next-event rule
+/// (docs/time.md). The node whose event comes first acts, up to the first event of any other.
+/// Nothing in here knows of sockets or wall time.
+class GrantSchedule {
+ public:
+  struct Delivery {
+    std::size_t publisher;
+    Publication message;
+    std::uint64_t order;  ///< place of the delivery among the events of its instant
+  };
+  struct Grant {
+    std::size_t node;
+    EventKey until;
+    std::vector<Delivery> deliveries;
+  };
+
+  /// Nothing happens after `end`.
+  explicit GrantSchedule(Instant end) : end_(end) {}
+
+  /// In order of rank. Throws UsageError for a subscription that is no regular expression.
+  void add_node(std::string name, const std::vector<std::string>& subscriptions,
+                const EventKey& next);
+
+  /// The next grant, which must be answered before the next call; nullopt if nothing is left.
+  std::optional<Grant> next();
+
+  /// The answer to a grant of next(), or to one that let a node finish (`grant` has no deliveries
+  /// then, and the run's end as its bound). Throws BadAnswer.
+  void answer(std::int64_t id, const Grant& grant, const EventKey& next,
+              const std::vector<Publication>& published);
+
+  const std::string& name(std::size_t node) const { return nodes_[node].name; }
+  std::size_t size() const { return nodes_.size(); }
+  /// The earliest event of all; Instant::max() if there is none.
+  Instant now() const;
+
+ private:
+  struct Node {
+    std::string name;
+    std::vector<Pattern> subscriptions;
+    EventKey next;  // of its own events
+    std::deque<Delivery> waiting;
+    std::map<std::string, std::int64_t> numbers;
+    EventKey granted_from{Instant::min(), 0, 0};
+  };
+  EventKey first_event(std::size_t node) const;
+  void check(const Node& node, const Grant& grant, const EventKey& next,
+             const std::vector<Publication>& published) const;
+  const std::vector<std::size_t>& receivers(const std::string& channel);
+
+  Instant end_;
+  std::vector<Node> nodes_;
+  std::map<std::string, std::vector<std::size_t>> receivers_;
+};
+
+}  // namespace tether

@@ -1,0 +1,298 @@
+#include "tools/lockstep/time_manager.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <tether/time_welcome_t.hpp>
+#include <utility>
+
+#include "common/errors.hpp"
+#include "common/lockstep_channels.hpp"
+#include "common/message_io.hpp"
+#include "tools/message_printer.hpp"
+
+namespace tether {
+namespace {
+
+constexpr Duration kManagerTick = std::chrono::milliseconds{20};
+
+std::int64_t to_ns(Instant t) { return t.time_since_epoch().count(); }
+Instant from_ns(std::int64_t ns) { return Instant{Duration{ns}}; }
+
+std::string at_time(Instant t) { return fmt::format("t = {:.6f} s", to_seconds(t)); }
+
+EventKey next_of(const auto& message, std::size_t node) {
+  return {from_ns(message.next_ns), static_cast<std::uint64_t>(message.next_order),
+          static_cast<std::int32_t>(node)};
+}
+
+std::vector<Publication> publications_of(const time_request_t& request) {
+  std::vector<Publication> published;
+  for (std::size_t i = 0; i < request.channel.size(); ++i) {
+    published.push_back(
+        {.channel = request.channel[i],
+         .number = request.number[i],
+         .when = from_ns(request.time_ns[i]),
+         .index = static_cast<std::uint64_t>(request.index[i]),
+         .digest = {request.size[i], static_cast<std::uint32_t>(request.crc32[i])}});
+  }
+  return published;
+}
+
+}  // namespace
+
+TimeManager::TimeManager(Config config, EventLoop& io, Bus& wire, Record record)
+    : config_(std::move(config)),
+      io_(io),
+      wire_(wire),
+      record_(std::move(record)),
+      schedule_(config_.end),
+      joined_(config_.nodes.size()),
+      begun_at_(io.now()) {
+  wire_.subscribe(".*", kDeepQueue, [this](const Message& message) { hear(message); });
+  io_.every(io_.now() + kManagerTick, kManagerTick, Priority::node, [this](Instant) { on_tick(); });
+}
+
+void TimeManager::hear(const Message& message) {
+  if (state_ == State::done || state_ == State::failed) return;
+  if (!message.channel.starts_with(kTimePrefix)) {
+    inbox_.add(message);
+    if (record_queue_.empty()) return;
+    take_bytes();
+    go_on();
+  } else if (message.channel == kTimeJoin) {
+    time_join_t join{};
+    const bool ours = decode(message.bytes, join) &&
+                      (join.session == config_.session || join.session == time_join_t::ANY);
+    if (ours) return on_join(join);
+    ++counters_.foreign;
+  } else if (message.channel == kTimeRequest) {
+    time_request_t request{};
+    const bool ours = decode(message.bytes, request) && request.session == config_.session;
+    if (ours) return on_request(request);
+    ++counters_.foreign;
+  }
+}
+
+std::vector<std::string> TimeManager::missing() const {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < joined_.size(); ++i) {
+    if (!joined_[i]) names.push_back(config_.nodes[i]);
+  }
+  return names;
+}
+
+void TimeManager::on_join(const time_join_t& join) {
+  const auto found = std::find(config_.nodes.begin(), config_.nodes.end(), join.node);
+  const bool begun = state_ != State::joining;
+  if (found == config_.nodes.end()) {
+    return fail(fmt::format("a node \"{}\" joined{}; this run has {}", printable(join.node),
+                            begun ? " late" : "", fmt::join(config_.nodes, ", ")));
+  }
+  const auto node = static_cast<std::size_t>(found - config_.nodes.begin());
+  if (!joined_[node]) {
+    joined_[node] = join;
+    if (missing().empty()) start();
+  } else if (joined_[node]->instance != join.instance) {
+    fail(fmt::format("{} joined twice{}: as instances {} and {}", join.node,
+                     begun ? ", the second time late, after the run had begun" : "",
+                     joined_[node]->instance, join.instance));
+  } else if (begun) {
+    welcome(node);  // the welcome was lost
+  }
+}
+
+void TimeManager::start() {
+  for (std::size_t i = 0; i < joined_.size(); ++i) {
+    try {
+      schedule_.add_node(config_.nodes[i], joined_[i]->subscription, next_of(*joined_[i], i));
+    } catch (const UsageError& e) {
+      return fail(fmt::format("{}: {}", config_.nodes[i], e.what()));
+    }
+  }
+  state_ = State::running;
+  begun_at_ = io_.now();
+  for (std::size_t i = 0; i < joined_.size(); ++i) welcome(i);
+  go_on();
+}
+
+void TimeManager::welcome(std::size_t node) {
+  last_welcome_ = io_.now();
+  time_welcome_t message{};
+  message.utime = run_utime();
+  message.seq = welcomes_++;
+  message.session = config_.session;
+  message.instance = joined_[node]->instance;
+  message.node = config_.nodes[node];
+  message.rank = static_cast<std::int32_t>(node);
+  for (const auto& join : joined_) {
+    message.subscription.insert(message.subscription.end(), join->subscription.begin(),
+                                join->subscription.end());
+  }
+  message.count = static_cast<std::int32_t>(message.subscription.size());
+  publish(wire_, kTimeWelcome, message);
+}
+
+void TimeManager::on_request(const time_request_t& request) {
+  const auto found = std::find(config_.nodes.begin(), config_.nodes.end(), request.node);
+  if (found == config_.nodes.end() || state_ == State::joining) {
+    return fail(fmt::format("\"{}\" answered grant {}, but never joined", printable(request.node),
+                            request.grant));
+  }
+  const auto node = static_cast<std::size_t>(found - config_.nodes.begin());
+  if (request.instance != joined_[node]->instance) {
+    return fail(fmt::format("{} answers as instance {}, but instance {} joined", request.node,
+                            request.instance, joined_[node]->instance));
+  }
+  const bool due = outstanding_ && outstanding_->grant.node == node;
+  if (due && request.grant == outstanding_->message.id) return on_answer(request);
+  if (was_answered(request.grant, node)) {
+    ++counters_.late;
+    return;
+  }
+  fail(fmt::format("{} answered grant {}, but {}", request.node, request.grant,
+                   due ? "owes " + owed() : "no grant was out to it"));
+}
+
+bool TimeManager::was_answered(std::int64_t grant, std::size_t node) const {
+  if (grant < kFirstGrant || grant >= next_id_) return false;
+  return granted_to_[static_cast<std::size_t>(grant - kFirstGrant)] == node &&
+         !(outstanding_ && outstanding_->message.id == grant);
+}
+
+void TimeManager::on_answer(const time_request_t& request) {
+  const Outstanding out = std::move(*outstanding_);
+  const std::size_t node = out.grant.node;
+  if (!request.error.empty()) {
+    return fail(fmt::format("{} could not carry out grant {} at {}: {}", request.node,
+                            request.grant, at_time(now_), request.error));
+  }
+  outstanding_.reset();
+  if (out.message.kind == time_grant_t::PROBE) {
+    ++counters_.probes;
+    counters_.probe_time += io_.now() - out.sent_at;
+    return go_on();
+  }
+  const std::vector<Publication> published = publications_of(request);
+  try {
+    schedule_.answer(request.grant, out.grant, next_of(request, node), published);
+  } catch (const BadAnswer& e) {
+    return fail(fmt::format("{} {} (grant {})", request.node, e.what(), request.grant));
+  }
+  if (hold_until_ != Instant::max()) tell(out.grant, request);
+  if (record_queue_.empty()) record_stuck_since_ = asked_at_ = io_.now();
+  for (const Publication& p : published) record_queue_.push_back({node, p, std::nullopt});
+  go_on();  // the next node acts while this is recorded
+  take_bytes();
+  go_on();
+}
+
+void TimeManager::tell(const GrantSchedule::Grant& grant, const time_request_t& request) {
+  story_ = fmt::format("grant {} to {}", request.grant, request.node);
+  for (const GrantSchedule::Delivery& d : grant.deliveries) {
+    story_ += fmt::format(", with {} {}", d.message.channel, d.message.number);
+  }
+  for (std::size_t i = 0; i < request.channel.size(); ++i) {
+    story_ += fmt::format("{} {} {}", i == 0 ? "; it published" : ",", request.channel[i],
+                          request.number[i]);
+  }
+}
+
+/// Records what has come, as far as nothing before it is missing.
+void TimeManager::take_bytes() {
+  for (Recorded& r : record_queue_) {
+    if (!r.bytes) r.bytes = inbox_.take(r.message.channel, r.message.digest);
+  }
+  while (!record_queue_.empty() && record_queue_.front().bytes) {
+    const Recorded r = std::move(record_queue_.front());
+    record_queue_.pop_front();
+    record_stuck_since_ = asked_at_ = io_.now();
+    record_(r.message.when, {r.message.channel, *r.bytes});
+  }
+}
+
+/// The next grant, if none is out and the run is not held.
+void TimeManager::go_on() {
+  // What nodes keep for those who missed it is limited.
+  constexpr std::size_t kMostUnrecorded = 256;
+  if (outstanding_ || state_ == State::joining || state_ == State::failed) return;
+  if (record_queue_.size() > kMostUnrecorded) return;
+  if (state_ == State::running) advance();
+  if (state_ == State::finishing && !outstanding_) {
+    if (!finish_next()) advance();
+  }
+  if (state_ == State::recording && record_queue_.empty()) {
+    state_ = State::done;
+    counters_.wall_time = io_.now() - begun_at_;
+    io_.stop();
+  }
+}
+
+void TimeManager::advance() {
+  const Instant next = schedule_.now();
+  const bool was_held = held_;
+  held_ = next > hold_until_ && !step_ && next <= config_.end;
+  if (held_ && !was_held && on_held_) on_held_();
+  if (held_ || probe()) return;
+  auto grant = schedule_.next();
+  if (!grant) {
+    state_ = state_ == State::running ? State::finishing : State::recording;
+    return;
+  }
+  // A run that is held looks at each grant by itself.
+  if (hold_until_ < grant->until.when && !step_) {
+    grant->until = std::min(grant->until, {hold_until_ + Duration{1}, 0, -1});
+  }
+  step_ = false;
+  now_ = std::max(now_, next);
+  send(std::move(*grant), time_grant_t::RUN);
+}
+
+/// Now and then: measures a round trip, with one node after another.
+bool TimeManager::probe() {
+  if (config_.probe_every == 0 || ++unprobed_ <= config_.probe_every) return false;
+  unprobed_ = 0;
+  const auto node = static_cast<std::size_t>(counters_.probes) % schedule_.size();
+  send({node, {}, {}}, time_grant_t::PROBE);
+  return true;
+}
+
+/// Lets one node after another publish its final reports, before any of them is delivered.
+bool TimeManager::finish_next() {
+  if (finished_ == schedule_.size()) return false;
+  now_ = config_.end;
+  send({finished_++, {config_.end, 0, 0}, {}}, time_grant_t::FINISH);
+  return true;
+}
+
+void TimeManager::send(GrantSchedule::Grant grant, std::int32_t kind) {
+  time_grant_t message{};
+  message.utime = run_utime();
+  message.seq = grants_sent_++;
+  message.session = config_.session;
+  message.id = next_id_++;
+  granted_to_.push_back(static_cast<std::uint8_t>(grant.node));
+  message.node = schedule_.name(grant.node);
+  message.kind = kind;
+  message.until_ns = to_ns(grant.until.when);
+  message.until_order = static_cast<std::int64_t>(grant.until.order);
+  message.until_rank = grant.until.rank;
+  message.count = static_cast<std::int32_t>(grant.deliveries.size());
+  for (const GrantSchedule::Delivery& d : grant.deliveries) {
+    message.publisher.push_back(schedule_.name(d.publisher));
+    message.channel.push_back(d.message.channel);
+    message.number.push_back(d.message.number);
+    message.time_ns.push_back(to_ns(d.message.when));
+    message.order.push_back(static_cast<std::int64_t>(d.order));
+    message.size.push_back(d.message.digest.size);
+    message.crc32.push_back(d.message.digest.crc32);
+  }
+  if (kind != time_grant_t::PROBE) ++counters_.grants;
+  const Instant now = io_.now();
+  outstanding_ = Outstanding{std::move(message), std::move(grant), now, now + config_.repeat_after,
+                             config_.repeat_after};
+  publish(wire_, kTimeGrant, outstanding_->message);
+}
+
+}  // namespace tether

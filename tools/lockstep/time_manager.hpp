@@ -1,0 +1,159 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <string>
+#include <tether/time_grant_t.hpp>
+#include <tether/time_join_t.hpp>
+#include <tether/time_request_t.hpp>
+#include <vector>
+
+#include "common/bus.hpp"
+#include "common/event_loop.hpp"
+#include "common/message_inbox.hpp"
+#include "tools/lockstep/grant_schedule.hpp"
+
+namespace tether {
+
+/// The coordinator of a run in lockstep (docs/time.md): waits for the nodes, grants them time one
+/// after another, records what they publish in the order in which one process would have, and ends
+/// the run with an error that names the culprit if one does not do what it owes.
+///
+/// Everything happens in calls of `io`, whose time is wall time; it is stopped at the end.
+class TimeManager {
+ public:
+  struct Config {
+    std::int64_t session = 1;        ///< this run's number, > 0
+    std::vector<std::string> nodes;  ///< by rank
+    Instant end{};                   ///< of the run's time
+    /// What the coordinator waits for a node to join, or to answer a grant.
+    Duration join_patience = std::chrono::seconds{20};
+    Duration patience = std::chrono::seconds{10};
+    /// A grant is repeated after this, then less and less often.
+    Duration repeat_after = std::chrono::milliseconds{100};
+    /// What the coordinator has not heard is asked for again after this.
+    Duration resend_after = std::chrono::milliseconds{40};
+    /// A round trip is measured after so many grants; 0: never.
+    std::int64_t probe_every = 100;
+  };
+
+  /// What went on, for reports.
+  struct Counters {
+    std::int64_t grants = 0;    ///< probes not counted
+    std::int64_t repeated = 0;  ///< grants that were sent again
+    std::int64_t late = 0;      ///< answers that had been given before
+    std::int64_t resends = 0;   ///< messages asked for again by the coordinator
+    std::int64_t foreign = 0;   ///< protocol messages of other sessions, or undecodable
+    std::int64_t probes = 0;
+    Duration probe_time{0};  ///< of all probes together
+    Duration wall_time{0};   ///< from the first grant to the end
+  };
+
+  /// Called with every message of the run, in order, with the time of its delivery.
+  using Record = std::function<void(Instant when, const Message& message)>;
+
+  TimeManager(Config config, EventLoop& io, Bus& wire, Record record);
+  TimeManager(const TimeManager&) = delete;
+  TimeManager& operator=(const TimeManager&) = delete;
+
+  /// The run is complete.
+  bool done() const { return state_ == State::done; }
+  /// Why it is not; empty if nothing went wrong so far.
+  const std::string& error() const { return error_; }
+
+  /// A node's process has ended; `how`: "was killed by signal 9".
+  void on_node_gone(const std::string& node, const std::string& how);
+  /// Ends the run with this error.
+  void fail(const std::string& what);
+  /// Tells the nodes that it is over.
+  void dismiss();
+
+  /// Called when the run has come to stand still after hold() or step().
+  void on_held(std::function<void()> callback) { on_held_ = std::move(callback); }
+
+  /// A run that is held goes no further than to the first event after `until`; Instant::max() lets
+  /// it go, Instant::min() stops it.
+  void hold(Instant until);
+  /// Gives a held run one grant.
+  void step();
+  bool held() const { return held_; }
+
+  /// Where the run has come to.
+  Instant now() const { return now_; }
+  bool started() const { return state_ != State::joining; }
+  /// What the last grant of a held run was and led to, for people.
+  const std::string& story() const { return story_; }
+  /// The next event of all.
+  Instant next() const { return schedule_.now(); }
+  const Counters& counters() const { return counters_; }
+  /// Nodes that have not joined.
+  std::vector<std::string> missing() const;
+
+ private:
+  enum class State { joining, running, finishing, recording, done, failed };
+  struct Recorded {
+    std::size_t publisher;
+    Publication message;
+    std::optional<MessageInbox::Bytes> bytes;
+  };
+  struct Outstanding {
+    time_grant_t message;
+    GrantSchedule::Grant grant;
+    Instant sent_at;
+    Instant next_repeat;
+    Duration repeat_period;
+  };
+
+  void hear(const Message& message);
+  void on_join(const time_join_t& join);
+  void start();
+  void welcome(std::size_t node);
+  void on_request(const time_request_t& request);
+  bool was_answered(std::int64_t grant, std::size_t node) const;
+  void on_answer(const time_request_t& request);
+  void go_on();
+  void advance();
+  bool finish_next();
+  bool probe();
+  void send(GrantSchedule::Grant grant, std::int32_t kind);
+  void tell(const GrantSchedule::Grant& grant, const time_request_t& request);
+  void take_bytes();
+  void on_tick();
+  void watch_grant(Instant now);
+  void watch_record(Instant now);
+  std::string owed() const;
+  std::int64_t run_utime() const { return now_ == Instant::min() ? 0 : to_utime(now_); }
+
+  Config config_;
+  EventLoop& io_;
+  Bus& wire_;
+  Record record_;
+  GrantSchedule schedule_;
+  MessageInbox inbox_;
+  State state_ = State::joining;
+  std::string error_;
+  std::vector<std::optional<time_join_t>> joined_;  // by rank
+  std::vector<std::uint8_t> granted_to_;            // the node of each grant
+  Instant begun_at_{};                              // waiting for nodes; then the run
+  Instant last_welcome_{};
+  std::optional<Outstanding> outstanding_;
+  std::int64_t next_id_ = kFirstGrant;
+  std::int64_t unprobed_ = 0;
+  std::int64_t welcomes_ = 0;
+  std::int64_t grants_sent_ = 0;
+  std::size_t finished_ = 0;  // nodes that were let finish
+  std::deque<Recorded> record_queue_;
+  Instant record_stuck_since_{};
+  Instant asked_at_{};
+  bool held_ = false;
+  Instant hold_until_ = Instant::max();
+  bool step_ = false;
+  Instant now_ = Instant::min();
+  std::string story_;
+  std::function<void()> on_held_;
+  Counters counters_;
+};
+
+}  // namespace tether

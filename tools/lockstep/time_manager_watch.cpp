@@ -1,0 +1,119 @@
+// What the coordinator does when something does not come: repeats, asks again, gives up.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <tether/time_resend_t.hpp>
+
+#include "common/lockstep_channels.hpp"
+#include "common/lockstep_member.hpp"
+#include "common/message_io.hpp"
+#include "tools/lockstep/time_manager.hpp"
+
+namespace tether {
+namespace {
+
+constexpr Duration kLongestRepeat = std::chrono::seconds{1};
+constexpr Duration kSignOfLife = std::chrono::seconds{2};
+
+}  // namespace
+
+void TimeManager::on_tick() {
+  const Instant now = io_.now();
+  if (state_ == State::done || state_ == State::failed) return;
+  if (state_ == State::joining) {
+    if (now - begun_at_ < config_.join_patience) return;
+    return fail(fmt::format("{} did not join within {:.0f} s", fmt::join(missing(), ", "),
+                            to_seconds(config_.join_patience)));
+  }
+  watch_record(now);
+  watch_grant(now);
+  if (!outstanding_ && now - last_welcome_ >= kSignOfLife) welcome(0);
+}
+
+void TimeManager::watch_grant(Instant now) {
+  if (!outstanding_) return;
+  Outstanding& out = *outstanding_;
+  if (now - out.sent_at >= config_.patience) {
+    return fail(fmt::format("{} did not answer within {:.1f} s: it owes {}", out.message.node,
+                            to_seconds(config_.patience), owed()));
+  }
+  if (now < out.next_repeat) return;
+  out.repeat_period = std::min(2 * out.repeat_period, kLongestRepeat);
+  out.next_repeat = now + out.repeat_period;
+  ++counters_.repeated;
+  out.message.seq = grants_sent_++;
+  publish(wire_, kTimeGrant, out.message);
+}
+
+void TimeManager::watch_record(Instant now) {
+  if (record_queue_.empty() || now - asked_at_ < config_.resend_after) return;
+  if (now - record_stuck_since_ >= config_.patience) {
+    const Publication& p = record_queue_.front().message;
+    return fail(
+        fmt::format("message {} of {} on {} ({} bytes) was lost on its way to the "
+                    "coordinator, and did not come again within {:.1f} s; {}",
+                    p.number, schedule_.name(record_queue_.front().publisher), p.channel,
+                    p.digest.size, to_seconds(config_.patience), advice_on_lost_messages()));
+  }
+  asked_at_ = now;
+  for (const Recorded& r : record_queue_) {
+    if (r.bytes) continue;
+    time_resend_t message{};
+    message.utime = run_utime();
+    message.seq = counters_.resends++;
+    message.session = config_.session;
+    message.publisher = schedule_.name(r.publisher);
+    message.channel = r.message.channel;
+    message.number = r.message.number;
+    publish(wire_, kTimeResend, message);
+  }
+}
+
+std::string TimeManager::owed() const {
+  if (state_ == State::joining) return "to join";
+  if (!outstanding_) return "nothing";
+  const time_grant_t& grant = outstanding_->message;
+  return fmt::format("the answer to grant {} at t = {:.6f} s", grant.id, to_seconds(now_));
+}
+
+void TimeManager::on_node_gone(const std::string& node, const std::string& how) {
+  if (state_ == State::done || state_ == State::failed) return;
+  const bool owes = state_ == State::joining ||
+                    (outstanding_ && schedule_.name(outstanding_->grant.node) == node);
+  fail(fmt::format("{} {}{}", node, how,
+                   owes ? "; it owed " + owed()
+                        : fmt::format(" at t = {:.6f} s; it owed nothing then", to_seconds(now_))));
+}
+
+void TimeManager::fail(const std::string& what) {
+  if (state_ == State::done || state_ == State::failed) return;
+  state_ = State::failed;
+  error_ = what;
+  io_.stop();
+}
+
+void TimeManager::dismiss() {
+  for (const std::string& node : config_.nodes) {
+    time_grant_t message{};
+    message.utime = run_utime();
+    message.seq = grants_sent_++;
+    message.session = config_.session;
+    message.id = next_id_++;
+    message.node = node;
+    message.kind = time_grant_t::LEAVE;
+    publish(wire_, kTimeGrant, message);
+  }
+}
+
+void TimeManager::hold(Instant until) {
+  hold_until_ = until;
+  go_on();
+}
+
+void TimeManager::step() {
+  step_ = held_;
+  go_on();
+}
+
+}  // namespace tether
