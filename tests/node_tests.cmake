@@ -27,7 +27,8 @@ tether_add_test(NAME netem_loss_test SOURCES loss_statistics.cpp netem_loss_test
 tether_add_test(NAME relay_test
   SOURCES relay_node_test.cpp relay_rule_test.cpp
   LIBS tether_netem_core)
-tether_add_test(NAME sim_test SOURCES plan_stream_test.cpp sim_node_test.cpp sim_plan_test.cpp wheel_coupling_test.cpp
+tether_add_test(NAME sim_test SOURCES plan_stream_test.cpp sim_node_test.cpp sim_plan_test.cpp
+  vehicle_errors_test.cpp wheel_coupling_test.cpp
   LIBS tether_sim_core)
 tether_add_test(NAME closed_loop_test
   SOURCES channel_watch_test.cpp closed_loop_test.cpp kinematic_loop_test.cpp netem_loop_test.cpp
