@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
 #include <tether/plan_t.hpp>
 #include <tether/twist_t.hpp>
@@ -22,23 +23,29 @@ Scenario scenario_of(const std::string& law, std::vector<std::string> more = {})
   return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", more);
 }
 
-/// One pose and one decision, a vehicle that keeps to the path; plans of 20 s in steps of 50 ms.
-void law_step(benchmark::State& state, const std::string& law_name) {
+/// A decision each 100 ms and a pose with every `poses_each`-th, a vehicle that keeps to the path;
+/// plans of 20 s in steps of 50 ms.
+void law_step(benchmark::State& state, const std::string& law_name, int poses_each) {
   const Scenario scenario = scenario_of(law_name);
   const std::unique_ptr<Law> law = make_law(scenario);
   const std::shared_ptr<const ReferencePath> path = make_path(scenario.path);
   SeenPose seen;
+  Instant now = kStart;
+  std::optional<std::int64_t> plan_id;
   for (auto unused : state) {
     (void)unused;
-    seen.stamp += std::chrono::milliseconds{100};
-    seen.arrival = seen.stamp + std::chrono::milliseconds{50};
-    const PathPoint at = path->at(to_seconds(seen.stamp));
-    seen.pose = {at.x_m, at.y_m, at.yaw_rad};
-    law->on_pose(seen);
-    LawOutput output = law->decide(seen.arrival, &seen);
-    if (const auto* plan = std::get_if<Plan>(&output)) seen.plan_id = plan->name.id;
+    if (seen.seq++ % poses_each == 0) {
+      const PathPoint at = path->at(to_seconds(now));
+      seen.pose = {at.x_m, at.y_m, at.yaw_rad};
+      seen.stamp = now;
+      seen.arrival = now + std::chrono::milliseconds{50};
+      seen.plan_id = plan_id;
+      law->on_pose(seen);
+    }
+    LawOutput output = law->decide(now + std::chrono::milliseconds{50}, &seen);
+    if (const auto* plan = std::get_if<Plan>(&output)) plan_id = plan->name.id;
     benchmark::DoNotOptimize(output);
-    ++seen.seq;
+    now += std::chrono::milliseconds{100};
   }
 }
 
@@ -69,13 +76,16 @@ void on_the_air(benchmark::State& state, const std::string& law, std::vector<std
 void add_all() {
   const std::vector<std::string> timer{"controller.trigger=timer", "controller.rate_hz=10"};
 #define TETHER_BENCH_LAW(name)                                                             \
-  benchmark::RegisterBenchmark("law_step/" #name, law_step, std::string(#name))            \
+  benchmark::RegisterBenchmark("law_step/" #name, law_step, std::string(#name), 1)         \
       ->Unit(benchmark::kMicrosecond);                                                     \
   benchmark::RegisterBenchmark("on_the_air/" #name, on_the_air, std::string(#name), timer) \
       ->Iterations(1)                                                                      \
       ->Unit(benchmark::kMillisecond);
   TETHER_CONTROL_LAWS(TETHER_BENCH_LAW)
 #undef TETHER_BENCH_LAW
+  benchmark::RegisterBenchmark("law_step/in_silences_of_20_s", law_step,
+                               std::string("predictive_consistent"), 200)
+      ->Unit(benchmark::kMicrosecond);
 }
 
 [[maybe_unused]] const bool kAdded = (add_all(), true);

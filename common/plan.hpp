@@ -31,8 +31,13 @@ struct Plan {
   std::int64_t seq = 0;
   PlanName name;
   std::int64_t based_on = kBasedOnAny;  ///< id of a plan of the same session, or one of the above
+  /// The same; or a later id: any of these plans that has settled.
+  std::int64_t based_on_last = kBasedOnAny;
   Instant start;
   Duration step{};
+  /// From here to its end it predicts the vehicle where all settled plans of its session do: on the
+  /// path.
+  Instant settled = Instant::max();
   std::vector<Twist> twists;
 
   /// What it says ends here. `step` and the number of twists must be in their ranges.

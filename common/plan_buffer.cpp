@@ -10,7 +10,10 @@ namespace {
 /// What can be said of a plan by itself.
 PlanFate judge_contents(const Plan& plan) {
   const bool named = plan.name.session >= 0 && plan.name.id >= 0;
-  if (!named || plan.based_on < Plan::kBasedOnAny || plan.twists.empty()) return PlanFate::unusable;
+  const bool based = plan.based_on >= 0 ? plan.based_on_last >= plan.based_on
+                                        : plan.based_on >= Plan::kBasedOnAny &&
+                                              plan.based_on_last == plan.based_on;
+  if (!named || !based || plan.twists.empty()) return PlanFate::unusable;
   if (plan.step <= Duration{0}) return PlanFate::bad_step;
   const auto count = static_cast<std::int64_t>(plan.twists.size());
   if (plan.twists.size() > PlanBuffer::kMaxTwists || plan.step > PlanBuffer::kMaxHorizon / count) {
@@ -19,6 +22,13 @@ PlanFate judge_contents(const Plan& plan) {
   const bool usable = std::all_of(plan.twists.begin(), plan.twists.end(),
                                   [](const Twist& twist) { return is_usable(twist); });
   return usable ? PlanFate::accepted : PlanFate::unusable;
+}
+
+/// Whether `plan` may take over from `last`, a plan of its own session, at `t`.
+bool is_base_of(const Plan& plan, const Plan& last, Instant t) {
+  const std::int64_t id = last.name.id;
+  if (id < plan.based_on || id > plan.based_on_last) return false;
+  return plan.based_on == plan.based_on_last || (last.settled <= t && t < last.end());
 }
 
 }  // namespace
@@ -63,12 +73,13 @@ bool PlanBuffer::may_take_over(Instant now, const Plan& plan) const {
 
 bool PlanBuffer::is_consistent(Instant now, const Plan& plan) const {
   if (plan.based_on == Plan::kBasedOnAny) return true;
-  const auto fits = [&plan](const Entry* entry) {
-    const bool stranger = entry == nullptr || entry->plan.name.session != plan.name.session;
-    return plan.based_on == Plan::kBasedOnNone ? stranger
-                                               : !stranger && entry->plan.name.id == plan.based_on;
-  };
   const Instant takes_over = std::max(plan.start, now);
+  const auto fits = [&plan, takes_over](const Entry* entry) {
+    const bool stranger = entry == nullptr || entry->plan.name.session != plan.name.session;
+    return plan.based_on == Plan::kBasedOnNone
+               ? stranger
+               : !stranger && is_base_of(plan, entry->plan, takes_over);
+  };
   return fits(last_until(takes_over, true)) || fits(last_until(takes_over, false));
 }
 

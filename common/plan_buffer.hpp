@@ -16,9 +16,10 @@ namespace tether {
 /// What became of a plan that reached the vehicle.
 enum class PlanFate {
   accepted,
-  unusable,       ///< a twist that is not finite or absurd (is_usable), none at all, a name below 0
-  bad_step,       ///< time stands still or runs backwards: step ≤ 0
-  too_long,       ///< more than kMaxTwists, or longer than kMaxHorizon
+  unusable,  ///< a twist that is not finite or absurd (is_usable), none at all, a name below 0,
+             ///< or based on a range that runs backwards or has no ids
+  bad_step,  ///< time stands still or runs backwards: step ≤ 0
+  too_long,  ///< more than kMaxTwists, or longer than kMaxHorizon
   other_session,  ///< of a superseded session, or based on a plan of a session that is not followed
   out_of_order,   ///< refused by StreamGuard, which counts why
   repeated,       ///< accepted before, and still followed or waiting
@@ -41,7 +42,8 @@ inline constexpr std::size_t kPlanFates = 11;
 /// Consistency. A plan is based on the plan that the vehicle was predicted to follow until the
 /// start. It is refused unless that is the one which it takes over from, at max(start, now), or
 /// which took over just then. ANY fits always; NONE fits where there is no plan or one of another
-/// session.
+/// session. A plan may be based on a range of ids: on any of them that has settled by then and is
+/// not over, for all these predict the vehicle in the same place (PredictiveLaw).
 ///
 /// newest() is what poses report: the last of the schedule, even if it still waits. Its sender
 /// knows what it is based on, hence the whole way from the pose on; and plans based on it are

@@ -19,8 +19,10 @@ inline Plan to_plan(const plan_t& m) {
             m.seq,
             {m.session, m.id},
             m.based_on,
+            m.based_on_last,
             from_utime(m.start_utime),
             std::chrono::microseconds{m.step_us},
+            from_utime(m.settled_utime),
             {}};
   plan.twists.reserve(m.v_mps.size());
   for (std::size_t k = 0; k < m.v_mps.size(); ++k) {

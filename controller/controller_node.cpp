@@ -150,8 +150,10 @@ void ControllerNode::send_plan(Instant now, const Plan& plan, const std::string&
   message.session = session_;
   message.id = plan.name.id;
   message.based_on = plan.based_on;
+  message.based_on_last = plan.based_on_last;
   message.pose_utime = pose_utime();
   message.start_utime = to_utime(plan.start);
+  message.settled_utime = to_utime(plan.settled);
   message.step_us = static_cast<std::int32_t>(plan.step / std::chrono::microseconds{1});
   message.count = static_cast<std::int32_t>(plan.twists.size());
   message.v_mps.reserve(plan.twists.size());

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 #include "controller/tracking_law.hpp"
@@ -12,6 +13,16 @@ namespace {
 constexpr std::size_t kMostSent = 4000;  // plans remembered
 /// The vehicle may still follow a plan that is over by this long when a pose is taken.
 constexpr Duration kRunOut = std::chrono::seconds{10};
+/// On the path: errors smaller than these. Settled: for so long.
+constexpr double kOnPath_m = 0.01;
+constexpr double kOnPath_rad = 0.01;
+constexpr Duration kSettling = std::chrono::seconds{2};
+
+bool is_on_path(const Pose2& pose, const PathPoint& reference) {
+  const double dx_m = reference.x_m - pose.x_m, dy_m = reference.y_m - pose.y_m;
+  return dx_m * dx_m + dy_m * dy_m < kOnPath_m * kOnPath_m &&
+         std::abs(wrap_angle(reference.yaw_rad - pose.yaw_rad)) < kOnPath_rad;
+}
 
 }  // namespace
 
@@ -30,7 +41,8 @@ PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
       step_(
           std::chrono::microseconds{std::llround(context.scenario.controller.plan_step_ms * 1e3)}),
       steps_(static_cast<std::size_t>(
-          std::max(1.0, std::round(context.scenario.controller.horizon_s / to_seconds(step_))))) {}
+          std::max(1.0, std::round(context.scenario.controller.horizon_s / to_seconds(step_))))),
+      silence_(step_ * static_cast<std::int64_t>(steps_) / 2) {}
 
 void PredictiveLaw::on_pose(const SeenPose& seen) {
   delay_.add(seen.arrival - seen.stamp);
@@ -38,6 +50,7 @@ void PredictiveLaw::on_pose(const SeenPose& seen) {
     for (Sent& sent : sent_) {
       if (sent.plan.name.id == preloaded_) continue;  // it did not come through the network
       sent.takes_over = std::max(sent.takes_over, sent.sent + delay_.longest());
+      if (sent.takes_over > sent.plan.start) sent.plan.settled = Instant::max();
     }
   }
   any_pose_ = true;
@@ -46,7 +59,7 @@ void PredictiveLaw::on_pose(const SeenPose& seen) {
 }
 
 std::optional<Plan> PredictiveLaw::preload() {
-  const Prediction start{{start_pose_, {}}, Plan::kBasedOnNone};
+  const Prediction start{{start_pose_, {}}, Plan::kBasedOnNone, std::nullopt};
   Plan plan = roll_out(start.state, kStart);
   preloaded_ = plan.name.id;
   return remember(kStart, std::move(plan), start);
@@ -54,16 +67,45 @@ std::optional<Plan> PredictiveLaw::preload() {
 
 LawOutput PredictiveLaw::decide(Instant now, const SeenPose* newest) {
   const Instant start = start_of_next(now);
-  const Prediction predicted = predict(newest, start);
+  Prediction predicted = predict(newest, start);
+  if (form_ == Form::consistent && now - (newest ? newest->stamp : kStart) > silence_) {
+    extend(predicted, start);
+  }
   errors_ = errors_to(predicted.state.pose, path_->at(to_seconds(start)));
-  return remember(now, roll_out(predicted.state, start), predicted);
+  Plan plan = roll_out(predicted.state, start);
+  if (predicted.range) {
+    plan.settled = start;
+  } else {
+    ++ordinary_;
+  }
+  return remember(now, std::move(plan), predicted);
+}
+
+/// Makes of a prediction along the plan that the newest pose names one that holds for all settled
+/// plans since: not if there are none, and only every other time if it leaves out the one named.
+void PredictiveLaw::extend(Prediction& p, Instant start) {
+  const Sent* named = find(p.follows);
+  const bool still = named != nullptr && named->is_settled(start) &&
+                     is_on_path(p.state.pose, path_->at(to_seconds(start)));
+  const auto since = std::find_if(sent_.rbegin(), sent_.rend(), [&](const Sent& sent) {
+    return sent.plan.name.id <= p.follows || sent.is_settled(start);
+  });
+  const bool any = since != sent_.rend() && since->plan.name.id > p.follows;
+  extends_ = still || (any && !extends_);
+  if (!extends_) return;
+  p.range = {still ? p.follows : p.follows + 1, next_id_ - 1};
+  if (!any) return;
+  Instant at = since->takes_over;
+  p.state = since->state;
+  follow(&since->plan, at, start, p.state);
+  p.follows = since->plan.name.id;
 }
 
 LawOutput PredictiveLaw::stop(Instant now) {
   Plan plan = empty_plan(start_of_next(now));
   plan.twists.emplace_back();
   Plan& sent = remember(now, std::move(plan), {});
-  sent.based_on = Plan::kBasedOnAny;
+  sent.based_on = sent.based_on_last = Plan::kBasedOnAny;
   return sent;
 }
 
@@ -115,7 +157,7 @@ PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* new
 /// The first plan of all if it is to be taken for in force from within these limits.
 const PredictiveLaw::Sent* PredictiveLaw::late_first(const Prediction& p, Instant from,
                                                      Instant until) const {
-  if (p.follows != Plan::kBasedOnNone || sent_.empty() || next_id_ % 2 == 0) return nullptr;
+  if (p.follows != Plan::kBasedOnNone || sent_.empty() || ordinary_ % 2 == 0) return nullptr;
   const Sent& first = sent_.front();
   const bool is_late = first.plan.name.id == 0 && first.takes_over > first.plan.start;
   return is_late && first.takes_over > from && first.takes_over < until ? &first : nullptr;
@@ -160,7 +202,7 @@ void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
 /// Of a vehicle that follows a plan: each step's twist is one that it reaches within the step.
 WheelSpeeds PredictiveLaw::rim_at(const Sent& sent, Instant when) const {
   const Plan& plan = sent.plan;
-  MotionModel::State state{{}, sent.rim};
+  MotionModel::State state{{}, sent.state.rim};
   Instant at = sent.takes_over;
   const auto step = static_cast<std::size_t>((when - plan.start) / plan.step);
   if (at == plan.start && step > 0) {  // in time: as in the step before
@@ -194,6 +236,7 @@ Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
   const double step_s = to_seconds(step_);
   const double start_s = to_seconds(start);
   PathPoint here = path_->at(start_s);
+  Duration on_path{};
   for (std::size_t i = 1; i <= steps_; ++i) {
     const PathPoint next = path_->at(start_s + static_cast<double>(i) * step_s);
     PathPoint reference = here;
@@ -204,14 +247,19 @@ Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
     plan.twists.push_back(twist);
     model_.advance(state, twist, step_s);
     here = next;
+    if (on_path >= kSettling) continue;
+    on_path = is_on_path(state.pose, here) ? on_path + step_ : Duration{};
+    if (on_path >= kSettling) plan.settled = start + step_ * static_cast<std::int64_t>(i);
   }
   return plan;
 }
 
 Plan& PredictiveLaw::remember(Instant now, Plan plan, const Prediction& predicted) {
   plan.based_on = form_ == Form::plain ? Plan::kBasedOnAny : predicted.follows;
+  plan.based_on_last = plan.based_on;
+  if (predicted.range) std::tie(plan.based_on, plan.based_on_last) = *predicted.range;
   const Instant start = plan.start;
-  sent_.push_back({std::move(plan), predicted.state.rim, predicted.follows, now, start});
+  sent_.push_back({std::move(plan), predicted.state, predicted.follows, now, start});
   if (sent_.size() > kMostSent) sent_.pop_front();
   return sent_.back().plan;
 }

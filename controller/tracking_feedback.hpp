@@ -10,9 +10,9 @@ namespace tether {
 /// Follows a moving reference point: its own twist as feedforward, and feedback of the errors in
 /// the vehicle's frame,
 ///   x_e =  cos θ (x_r − x) + sin θ (y_r − y),   y_e = −sin θ (x_r − x) + cos θ (y_r − y),
-///   θ_e = θ_r − θ                                                               [1], eq. (3).
-/// The law of Kanayama et al. is
-///   v = v_r cos θ_e + K_x x_e,   ω = ω_r + v_r (K_y y_e + K_θ sin θ_e)          [1], eq. (8),
+///   θ_e = θ_r − θ.
+/// The law of Kanayama et al. [1] is
+///   v = v_r cos θ_e + K_x x_e,   ω = ω_r + v_r (K_y y_e + K_θ sin θ_e),
 /// which is stable for all gains > 0 while v_r > 0; across the path, small errors decay like
 /// s² + K_θ v_r s + K_y v_r², so K_θ = 2 √K_y is critically damped.
 ///

@@ -123,7 +123,7 @@ TEST_F(CanBridgeNodeTest, TellsEveryCycleWhichPlanItFollows) {
   Plan p = testing::plan(at_ms(30), 4, Plan::kBasedOnNone, {});
   world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(p));
   p.name.id = p.seq = 5;
-  p.based_on = 4;
+  p.based_on = p.based_on_last = 4;
   world.publish_at(at_ms(70), "AGV/PRELOAD", testing::to_message(p));
   world.publish_bytes_at(at_ms(75), "AGV/PLAN", {1, 2, 3});
   world.loop.run_until(at_ms(100));

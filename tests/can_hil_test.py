@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Hardware in the loop: `tether live scenarios/hil_vcan.toml` drives the path through SocketCAN,
-as well as the same controller does without CAN."""
+as well as the same controller does without CAN; with plans, through a network that would stop it."""
 
 import json
 import os
@@ -55,5 +55,35 @@ def the_error_is_that_of_the_direct_run_and_odometry_that_of_the_truth(test):
     check(len(frames[0x77F]) > 12 * DURATION_S, f"{len(frames[0x77F])} heartbeats of the bridge")
 
 
+def plans_that_the_bridge_executes_outlive_loss_and_delay(test):
+    test.network.close()
+    settings = {
+        "controller.law": "predictive_consistent",
+        "controller.trigger": "timer",
+        "controller.rate_hz": 10,
+        "controller.pose_timeout_s": 0,
+        "actuator.policy": "horizon",
+        "channel.prr": 0.5,
+        "channel.delay_ms": 150,
+        "run.duration_s": 6,
+    }
+    arguments = [SCENARIO] + [f"--set={key}={value}" for key, value in settings.items()]
+    twists = ["--set=controller.law=pid", "--set=actuator.policy=zero"]
+    stopped = run_json(test, "run", *arguments, *twists, seconds=60)
+    simulated = run_json(test, "run", *arguments, seconds=60)
+    live = run_json(test, "live", *arguments, f"--speed={SPEED}", seconds=200)
+    test.say(
+        f"measured: error {live['epsilon_m']:.3f} m over CAN, {simulated['epsilon_m']:.3f} m in "
+        f"virtual time, with twists {stopped['epsilon_m']:.3f} m"
+    )
+    check(stopped["epsilon_m"] > 5.0, "twists would have done as well")
+    check(live["node_restarts"] == 0, f"{live['node_restarts']} nodes died")
+    check(live["drivetrain"]["disarms"] == 0, f"stopped: {live['drivetrain']['stop_reason']}")
+    check(live["epsilon_m"] < 1.0, "the vehicle did not follow the path")
+
+
 if __name__ == "__main__":
-    live_support.main(the_error_is_that_of_the_direct_run_and_odometry_that_of_the_truth)
+    live_support.main(
+        the_error_is_that_of_the_direct_run_and_odometry_that_of_the_truth,
+        plans_that_the_bridge_executes_outlive_loss_and_delay,
+    )

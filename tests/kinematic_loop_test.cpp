@@ -56,6 +56,14 @@ TEST(KinematicLoop, HowOftenTheTruthIsLookedAtDoesNotChangeTheRun) {
   }
 }
 
+TEST(KinematicLoop, PlansOfTenSecondsAreEnoughForAMinuteWithoutAnyPose) {
+  const Scenario blind =
+      paper({"controller.law=predictive_consistent", "controller.trigger=timer",
+             "controller.rate_hz=10", "controller.horizon_s=10", "actuator.policy=horizon",
+             "channel.uplink.prr=0", "channel.downlink.prr=0.5"});
+  EXPECT_LT(epsilon_m(blind), 0.1);
+}
+
 TEST(KinematicLoop, MetricsCoverRunsOfAnyLength) {
   // A vehicle that stands: the largest error is the last one, at 2.345 s.
   ClosedLoop loop(paper({"channel.prr=0", "run.duration_s=2.345"}));

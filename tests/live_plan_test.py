@@ -24,7 +24,8 @@ class Planner:
 
     def send(self, channel, based_on, v=0.5, count=40, **fields):
         values = {"utime": self.now_us(), "seq": self.sent, "session": SESSION, "id": self.sent}
-        values |= {"based_on": based_on, "step_us": STEP_US, "count": count}
+        values |= {"based_on": based_on, "based_on_last": based_on}
+        values |= {"step_us": STEP_US, "count": count}
         values |= {"v_mps": [v] * count, "omega_radps": [0.0] * count} | fields
         values.setdefault("start_utime", values["utime"])
         self.network.send(channel, PLAN.encode(**values))
@@ -91,10 +92,11 @@ def takes_a_preload_that_the_links_do_not_touch(test):
     wait_until(10, lambda: test.network.last("CTRL/POSE"), "poses")
     preload = {"session": SESSION, "utime": test.network.last("CTRL/POSE").utime}
     count = 20
-    preload |= {"based_on": NONE, "step_us": STEP_US, "count": count}
+    preload |= {"based_on": NONE, "based_on_last": NONE, "step_us": STEP_US, "count": count}
     preload |= {"v_mps": [0.5] * count, "omega_radps": [0.0] * count, "start_utime": 1_000_000}
     test.network.send("CTRL/PRELOAD", PLAN.encode(**preload))
-    test.network.send("CTRL/PLAN", PLAN.encode(**preload | {"id": 1, "based_on": ANY}))
+    early = preload | {"id": 1, "based_on": ANY, "based_on_last": ANY}
+    test.network.send("CTRL/PLAN", PLAN.encode(**early))
     wait_until(
         5, lambda: test.network.last("SIM/TRUTH") and test.network.last("SIM/TRUTH").v_mps > 0.45,
         "departure by the preload",

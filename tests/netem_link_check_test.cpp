@@ -331,7 +331,7 @@ TEST(LinkTraffic, OfAPredictiveLawIsPlansWithAllTheirTwists) {
     scenario.controller.law = law;
     scenario.controller.horizon_s = 20.0;
     scenario.controller.plan_step_ms = 50.0;
-    EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 72.0 + 400 * 8);
+    EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 88.0 + 400 * 8);
   }
 }
 

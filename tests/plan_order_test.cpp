@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "common/plan_buffer.hpp"
@@ -53,7 +54,7 @@ TEST_F(PlanOrderTest, WhileAPlanWaitsItsSuccessorIsBasedOnIt) {
   after.stamp = at_s(1.2);
   EXPECT_EQ(offer(at_s(1.2), after), PlanFate::inconsistent) << "1 will be in force by then";
   after.seq = after.name.id = 3;
-  after.based_on = 1;
+  after.based_on = after.based_on_last = 1;
   EXPECT_EQ(offer(at_s(1.2), after), PlanFate::accepted);
 }
 
@@ -82,6 +83,83 @@ TEST_F(PlanOrderTest, AtTheVeryTimeOfTakingOverBothFit) {
     same_start.stamp = at_s(1.2);
     EXPECT_EQ(fresh.offer(at_s(1.2), PlanSource::network, same_start), PlanFate::accepted);
   }
+}
+
+/// Plan `id`, based on any that settled of those from `first` to `last`.
+Plan extension(Instant start, std::int64_t id, std::int64_t first, std::int64_t last) {
+  Plan p = plan(start, id, first);
+  p.based_on_last = last;
+  return p;
+}
+
+TEST_F(PlanOrderTest, ARangeFitsItsFirstAndItsLastPlanAndNoneBeyond) {
+  struct Case {
+    std::int64_t followed;
+    PlanFate fate;
+  };
+  for (const Case& c :
+       {Case{4, PlanFate::inconsistent}, Case{5, PlanFate::accepted}, Case{6, PlanFate::accepted},
+        Case{8, PlanFate::accepted}, Case{9, PlanFate::inconsistent}}) {
+    PlanBuffer fresh{StopLimits{}, StreamGuard::Config{}};
+    Plan followed = plan(at_s(1), c.followed, kNone);
+    followed.settled = at_s(1.2);
+    fresh.offer(at_s(1), PlanSource::network, followed);
+    EXPECT_EQ(fresh.offer(at_s(1.5), PlanSource::network, extension(at_s(1.5), 10, 5, 8)), c.fate)
+        << c.followed;
+  }
+}
+
+TEST_F(PlanOrderTest, ARangeFitsPlansThatHaveSettledAndAreNotOver) {
+  struct Case {
+    Instant start;
+    PlanFate fate;
+  };
+  for (const Case& c :
+       {Case{at_s(1.2) - kTick, PlanFate::inconsistent}, Case{at_s(1.2), PlanFate::accepted},
+        Case{at_s(2) - kTick, PlanFate::accepted},  // it ends at 2 s
+        Case{at_s(2), PlanFate::inconsistent}}) {
+    PlanBuffer fresh{StopLimits{}, StreamGuard::Config{}};
+    Plan followed = plan(at_s(1), 5, kNone);
+    followed.settled = at_s(1.2);
+    fresh.offer(at_s(1), PlanSource::network, followed);
+    Plan waits = extension(c.start, 10, 4, 6);
+    waits.stamp = at_s(1.1);
+    EXPECT_EQ(fresh.offer(at_s(1.1), PlanSource::network, waits), c.fate) << to_seconds(c.start);
+  }
+}
+
+TEST_F(PlanOrderTest, WhatArrivesLateMustFitAtItsArrival) {
+  Plan followed = plan(at_s(1), 5, kNone);
+  followed.settled = at_s(1.2);
+  ASSERT_EQ(offer(at_s(1), followed), PlanFate::accepted);
+  EXPECT_EQ(offer(at_s(2), extension(at_s(1.5), 6, 4, 5)), PlanFate::inconsistent) << "5 is over";
+}
+
+TEST_F(PlanOrderTest, ARangeOfOnePlanFitsItAsItIs) {
+  ASSERT_EQ(offer(at_s(1), plan(at_s(1), 5, kNone)), PlanFate::accepted);
+  EXPECT_EQ(offer(at_s(1.5), extension(at_s(1.5), 6, 4, 5)), PlanFate::inconsistent);
+  EXPECT_EQ(offer(at_s(1.6), extension(at_s(1.6), 7, 5, 5)), PlanFate::accepted);
+}
+
+TEST_F(PlanOrderTest, ARangeOfAnotherSessionFitsNothing) {
+  Plan followed = plan(at_s(1), 5, kNone);
+  followed.settled = at_s(1);
+  ASSERT_EQ(offer(at_s(1), followed), PlanFate::accepted);
+  Plan other = extension(at_s(1.5), 10, 5, 8);
+  other.name.session = 8;
+  EXPECT_EQ(offer(at_s(1.5), other), PlanFate::other_session);
+  EXPECT_EQ(offer(at_s(1.5), extension(at_s(1.5), 10, 5, 8)), PlanFate::accepted);
+}
+
+TEST_F(PlanOrderTest, RefusesRangesThatRunBackwardsOrHaveNoIds) {
+  ASSERT_EQ(offer(at_s(1), plan(at_s(1), 5, kNone)), PlanFate::accepted);
+  std::int64_t id = 6;
+  for (const auto& [first, last] :
+       {std::pair{5, 4}, {5, -1}, {5, -2}, {-1, 5}, {-2, 5}, {-1, -2}, {-2, -1}, {-3, -3}}) {
+    EXPECT_EQ(offer(at_s(1.1), extension(at_s(1.1), id++, first, last)), PlanFate::unusable)
+        << first << " to " << last;
+  }
+  EXPECT_EQ(buffer.count(PlanFate::unusable), 8);
 }
 
 TEST_F(PlanOrderTest, ThePreloadIsAPlanLikeOthersAndItsRepetitionIsKnown) {

@@ -17,7 +17,7 @@ inline Plan plan(Instant start, std::int64_t id, std::int64_t based_on = Plan::k
   plan.stamp = start;
   plan.seq = id;
   plan.name = {7, id};
-  plan.based_on = based_on;
+  plan.based_on = plan.based_on_last = based_on;
   plan.start = start;
   plan.step = std::chrono::milliseconds{100};
   plan.twists.assign(count, twist);
@@ -31,8 +31,10 @@ inline plan_t to_message(const Plan& plan) {
   m.session = plan.name.session;
   m.id = plan.name.id;
   m.based_on = plan.based_on;
+  m.based_on_last = plan.based_on_last;
   m.pose_utime = -1;
   m.start_utime = to_utime(plan.start);
+  m.settled_utime = to_utime(plan.settled);
   m.step_us = static_cast<std::int32_t>(plan.step / std::chrono::microseconds{1});
   m.count = static_cast<std::int32_t>(plan.twists.size());
   for (const Twist& twist : plan.twists) {

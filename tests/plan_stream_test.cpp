@@ -47,7 +47,9 @@ class Hostile {
     Plan p = plan(now + milliseconds{below(3000) - 1500}, next_id_++);
     p.stamp = now + milliseconds{below(100) - 99};
     p.seq = seq_++;
-    p.based_on = one_in(2) ? Plan::kBasedOnAny : next_id_ - below(4) - 1;
+    p.based_on = p.based_on_last = one_in(2) ? Plan::kBasedOnAny : next_id_ - below(4) - 1;
+    if (p.based_on >= 0) p.based_on_last += below(4);
+    p.settled = now + milliseconds{below(2000) - 1000};
     p.name.session = session_;
     p.step = milliseconds{1 + below(200)};
     p.twists.resize(static_cast<std::size_t>(1 + below(60)));
@@ -58,7 +60,7 @@ class Hostile {
     }
     if (train_ > 0) {  // more than may wait, each behind the one before
       p.name.session = session_;
-      p.based_on = Plan::kBasedOnAny;
+      p.based_on = p.based_on_last = Plan::kBasedOnAny;
       p.stamp = now + milliseconds{990};
       p.start = now + milliseconds{1000 + 50 * (40 - train_--)};
     } else if (one_in(3)) {
@@ -74,7 +76,7 @@ class Hostile {
     constexpr std::int64_t kExtremes[] = {INT64_MIN, -2, -1, 0, 1, INT64_MAX - 1, INT64_MAX};
     const std::int64_t extreme = kExtremes[below(7)];
     Twist& twist = p.twists[static_cast<std::size_t>(below(std::ssize(p.twists)))];
-    switch (below(14)) {
+    switch (below(16)) {
       case 0:
         twist.v_mps = one_in(2) ? kNaN : kInf;
         break;
@@ -113,6 +115,12 @@ class Hostile {
         break;
       case 12:
         p.based_on = extreme;
+        break;
+      case 13:
+        p.based_on_last = extreme;
+        break;
+      case 14:
+        p.settled = from_utime(extreme);
         break;
       default:
         p.name.id = below(next_id_ + 1);

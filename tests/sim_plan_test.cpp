@@ -127,12 +127,12 @@ TEST_P(SimPlan, EveryMessageOnThePlanChannelIsCountedOnce) {
   for (int i = 0; i < kMessages; ++i) {
     const Instant now = at_ms(5.0 * i);
     Plan p = plan(now, i);
-    p.based_on = random() % 2 == 0 ? Plan::kBasedOnAny : i - 1;
+    p.based_on = p.based_on_last = random() % 2 == 0 ? Plan::kBasedOnAny : i - 1;
     const plan_t m = to_message(p);
     std::vector<std::uint8_t> bytes(static_cast<std::size_t>(m.getEncodedSize()));
     m.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-    for (auto n = random() % 4; n > 0; --n) {  // the first 76 bytes are all but the twists
-      const std::size_t k = random() % 84;
+    for (auto n = random() % 4; n > 0; --n) {  // the first 88 bytes are all but the twists
+      const std::size_t k = random() % 100;
       const bool is_session = k >= 24 && k < 32;  // one that is made up shuts out the others
       if (!is_session) bytes[k] ^= static_cast<std::uint8_t>(1U << random() % 8);
     }
