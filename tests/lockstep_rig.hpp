@@ -127,6 +127,8 @@ class LockstepRig {
 
   BadLine& line(std::size_t node) { return programs_[node]->line; }
   BadLine& stranger() { return stranger_; }
+  BadLine& manager_line() { return manager_line_; }
+  const LockstepMember& member(std::size_t node) const { return *programs_[node]->member; }
 
   /// Until it is over, but no longer than this in wall time.
   void run(double wall_s = 3600.0) {
