@@ -75,7 +75,7 @@ void on_the_air(benchmark::State& state, const std::string& law, std::vector<std
 
 void add_all() {
   const std::vector<std::string> timer{"controller.trigger=timer", "controller.rate_hz=10"};
-#define TETHER_BENCH_LAW(name)                                                             \
+#define TETHER_BENCH_LAW(name, sends)                                                      \
   benchmark::RegisterBenchmark("law_step/" #name, law_step, std::string(#name), 1)         \
       ->Unit(benchmark::kMicrosecond);                                                     \
   benchmark::RegisterBenchmark("on_the_air/" #name, on_the_air, std::string(#name), timer) \

@@ -135,7 +135,7 @@ void add_feedback_and_model(KeyTable& t) {
 
 void add_controller(KeyTable& t) {
   using Controller = Scenario::Controller;
-#define TETHER_LAW(name) {#name, ControlLaw::name},
+#define TETHER_LAW(name, sends) {#name, ControlLaw::name},
   t.choice<ControlLaw>("controller.law", TETHER_FIELD(controller.law),
                        {TETHER_CONTROL_LAWS(TETHER_LAW)}, "control law: docs/controllers.md");
 #undef TETHER_LAW
@@ -277,7 +277,6 @@ std::string why_plant_ignores(const Scenario& scenario, const std::string& key) 
 std::string why_law_ignores(const Scenario& scenario, const std::string& key) {
   const ControlLaw law = scenario.controller.law;
   const bool is_pid = law == ControlLaw::pid || law == ControlLaw::pid_adaptive;
-  const bool plans = law == ControlLaw::predictive || law == ControlLaw::predictive_consistent;
   const auto one_of = [&key](std::initializer_list<const char*> prefixes) {
     for (const char* prefix : prefixes) {
       if (key.starts_with(prefix)) return true;
@@ -288,7 +287,8 @@ std::string why_law_ignores(const Scenario& scenario, const std::string& key) {
       (key == "controller.tau_table" && law != ControlLaw::pid_adaptive) ||
       (is_pid && one_of({"controller.tracking."})) ||
       ((is_pid || law == ControlLaw::tracking) && one_of({"controller.model."})) ||
-      (!plans && one_of({"controller.horizon_s", "controller.plan_step_ms", "controller.preload"}));
+      (!sends_plans(law) &&
+       one_of({"controller.horizon_s", "controller.plan_step_ms", "controller.preload"}));
   return ignored ? "controller.law is another one" : "";
 }
 

@@ -8,7 +8,7 @@
 namespace tether {
 
 std::unique_ptr<Law> make_law(const Scenario& scenario) {
-#define TETHER_MAKER(name) make_##name##_law,
+#define TETHER_MAKER(name, sends) make_##name##_law,
   constexpr std::unique_ptr<Law> (*kMakers[])(const LawContext&) = {
       TETHER_CONTROL_LAWS(TETHER_MAKER)};
 #undef TETHER_MAKER

@@ -74,7 +74,8 @@ struct LawContext {
 };
 
 // One for each of common/control_laws.hpp, each in the law's own file.
-#define TETHER_DECLARE_LAW(name) std::unique_ptr<Law> make_##name##_law(const LawContext& context);
+#define TETHER_DECLARE_LAW(name, sends) \
+  std::unique_ptr<Law> make_##name##_law(const LawContext& context);
 TETHER_CONTROL_LAWS(TETHER_DECLARE_LAW)
 #undef TETHER_DECLARE_LAW
 

@@ -148,7 +148,7 @@ std::string why_delays_are_open(const LinkConfig& link, const ChannelExpectation
 
 /// A twist, or a plan with all its twists.
 double command_bytes(const Scenario::Controller& controller) {
-  if (!sends_plans(controller)) return twist_t{}.getEncodedSize();
+  if (!sends_plans(controller.law)) return twist_t{}.getEncodedSize();
   constexpr double kTwist = 2 * sizeof(float);
   const double twists =
       std::max(1.0, std::round(controller.horizon_s * 1e3 / controller.plan_step_ms));
@@ -156,11 +156,6 @@ double command_bytes(const Scenario::Controller& controller) {
 }
 
 }  // namespace
-
-bool sends_plans(const Scenario::Controller& controller) {
-  return controller.law == ControlLaw::predictive ||
-         controller.law == ControlLaw::predictive_consistent;
-}
 
 LinkTraffic pose_traffic(const Scenario& scenario) {
   return {.interval_s = 1.0 / scenario.sensor.rate_hz,

@@ -20,8 +20,6 @@ struct LinkTraffic {
 
 /// Poses of a scenario's sensor.
 LinkTraffic pose_traffic(const Scenario& scenario);
-/// Whether a controller's commands are plans, on channels of their own.
-bool sends_plans(const Scenario::Controller& controller);
 /// Commands or plans of a scenario's controller, with trigger = event one for each pose; `in_loop`:
 /// only for those that the uplink brings, when it brings them.
 LinkTraffic command_traffic(const Scenario& scenario, bool in_loop);

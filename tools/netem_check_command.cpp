@@ -167,7 +167,7 @@ int export_tc_commands(const CheckOptions& options) {
   const Scenario scenario = load(options);
   const ChannelNames channels(scenario.vehicle.name);
   const std::string& command_channel =
-      sends_plans(scenario.controller) ? channels.control_plan : channels.control_command;
+      sends_plans(scenario.controller.law) ? channels.control_plan : channels.control_command;
   TextOutput out;
   out.write(fmt::format(
       "# Each as root on the computer that sends; it impairs everything that leaves the interface, "
