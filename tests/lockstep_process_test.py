@@ -56,15 +56,15 @@ def mends_what_the_kernel_drops(test):
     check(False, "nothing was lost")
 
 
-def started(test, *options):
+def started(test, *options, scenario=PAPER, names=NODES, log_size=50_000):
     """A long run that is on its way."""
     out = test.work / f"run {len(test.programs)}"
     options = ("--set", "run.duration_s=100000", "--out", out, *RANDOM, *options)
-    run = test.start("tether", "run", PAPER, "--processes", *options)
+    run = test.start("tether", "run", scenario, "--processes", *options)
     log = out / "run.lcmlog"
-    wait_until(10, lambda: log.exists() and log.stat().st_size > 50_000, "the run is on its way")
+    wait_until(10, lambda: log.exists() and log.stat().st_size > log_size, "the run is on its way")
     nodes = run.children()
-    check(set(nodes) == set(NODES), f"runs {sorted(nodes)}")
+    check(set(nodes) == set(names), f"runs {sorted(nodes)}")
     return run, nodes, out
 
 
@@ -89,6 +89,10 @@ def names_the_node_that_was_killed(test):
         os.kill(nodes[name], signal.SIGKILL)
         short = name.removeprefix("tether-")
         check_ended(test, run, nodes, out, 3, f"{short} was killed by signal 9", "owed")
+    names = (*NODES, "tether-can")
+    run, nodes, out = started(test, scenario=HIL, names=names, log_size=600_000)  # t > 0
+    os.kill(nodes["tether-can"], signal.SIGKILL)
+    check_ended(test, run, nodes, out, 3, "can was killed by signal 9", "owed")
 
 
 def names_the_node_that_is_silent(test):

@@ -15,7 +15,6 @@
 #include "common/lcm_url.hpp"
 #include "common/lockstep_member.hpp"
 #include "common/system_error.hpp"
-#include "tools/can_loop.hpp"
 #include "tools/process.hpp"
 
 namespace tether {
@@ -52,38 +51,7 @@ std::string url_of(const std::string& wanted) {
 /// More than the wall clock's microseconds, which two runs may share.
 std::int64_t new_session() { return RealTimeLoop::wall_utime_us() * 1000 + getpid() % 1000; }
 
-bool has_can(const Scenario& scenario) {
-  return scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can;
-}
-
 }  // namespace
-
-class CanMember {
- public:
-  CanMember(const Scenario& scenario, const std::string& url, std::int64_t session, EventLoop& io)
-      : wire_(url, io),
-        member_({.session = session,
-                 .instance = new_session(),
-                 .name = "can",
-                 .start = kStart - from_seconds(scenario.run.lead_s)},
-                io, wire_),
-        node_(scenario, member_) {
-    member_.join(node_);
-  }
-  const std::string& error() const { return member_.error(); }
-
- private:
-  struct Drivetrain final : Node {
-    Drivetrain(const Scenario& scenario, LockstepMember& member)
-        : can(scenario, member.loop(), member.bus()) {}
-    void finish() override { can.finish(); }
-    CanLoop can;
-  };
-
-  UdpmBus wire_;
-  LockstepMember member_;
-  Drivetrain node_;
-};
 
 ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
     : end_(kStart + from_seconds(scenario.run.duration_s)),
@@ -95,7 +63,9 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   TimeManager::Config config;
   config.session = new_session();
   config.nodes = lockstep_nodes();
-  if (!has_can(scenario)) std::erase(config.nodes, "can");
+  if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) {
+    std::erase(config.nodes, "can");
+  }
   config.end = end_;
   config.patience = from_seconds(options.patience_s);
   if (scenario.controller.external) {
@@ -106,14 +76,11 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   manager_ = std::make_unique<TimeManager>(
       config, io_, wire_, [this](Instant when, const Message& message) { record(when, message); });
   if (options.step) console_.emplace(io_, *manager_, STDIN_FILENO);
-  if (has_can(scenario)) can_ = std::make_unique<CanMember>(scenario, url_, config.session, io_);
   for (const std::string& node : config.nodes) {
     const bool elsewhere = node == "controller" && scenario.controller.external;
-    if (node != "can" && !elsewhere) start_node(options, node, config.session);
+    if (!elsewhere) start_node(options, node, config.session);
   }
 }
-
-ProcessRun::~ProcessRun() = default;
 
 void ProcessRun::start_node(const Options& options, const std::string& node, std::int64_t session) {
   const std::string program = (executable_folder() / ("tether-" + node)).string();
@@ -145,7 +112,7 @@ void ProcessRun::run() {
   for (Child& child : children_) child.process->start();
   io_.run();
   if (!manager_->done()) {
-    const std::string why = manager_->error().empty() && can_ ? can_->error() : manager_->error();
+    const std::string why = manager_->error();
     manager_->dismiss();
     throw std::runtime_error(!why.empty() ? why
                                           : fmt::format("ended by signal {} at t = {:.3f} s",

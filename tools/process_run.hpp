@@ -18,9 +18,6 @@
 
 namespace tether {
 
-/// Bridge, emulated drives and their CAN bus as a node in lockstep, in the coordinator's process.
-class CanMember;
-
 /// A run in virtual time whose nodes are processes on an LCM network, in lockstep (docs/time.md):
 /// the same messages in the same order as ClosedLoop has them.
 class ProcessRun {
@@ -34,7 +31,6 @@ class ProcessRun {
   };
 
   ProcessRun(const Options& options, const Scenario& scenario);
-  ~ProcessRun();
 
   /// For observers, which subscribe before the run.
   Bus& bus() { return bus_; }
@@ -66,7 +62,6 @@ class ProcessRun {
   UdpmBus wire_;
   std::unique_ptr<TimeManager> manager_;
   std::optional<StepConsole> console_;
-  std::unique_ptr<CanMember> can_;  // null with a direct drivetrain
   std::vector<Child> children_;
   bool ending_ = false;
 };
