@@ -194,7 +194,7 @@ TEST(ProjectExperiments, TheBenchmarkHasElevenLawsInFifteenChannelsAndTheBoundOn
   EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 11U * 6);
   EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 11U * 2);
   EXPECT_EQ(count(e, {{"law", {"on board, no network"}}}), 1U);
-  EXPECT_THAT(e.seeds, SizeIs(20));
+  EXPECT_THAT(e.seeds, SizeIs(30));
   EXPECT_TRUE(e.common_random_numbers);
   EXPECT_THAT(of_the_project("control_benchmark", true).seeds, SizeIs(4));
   for (const Arm& arm : e.arms) {
