@@ -2,8 +2,9 @@
 """What a run in lockstep costs: its wall time against its floor, one round trip over LCM for each
 grant, as measured in the same run between other grants. Usage: lockstep_bench.py BIN_DIR
 
-one_process_s: the same run without processes; without_physics: with the kinematic plant, which
-costs next to nothing. Medians."""
+one_process_s: the same run without processes, that is, the nodes' own work; over_work_and_floor:
+wall time over both together; without_physics: with the kinematic plant, which costs next to
+nothing. Medians."""
 
 import json
 import os
@@ -39,11 +40,17 @@ def main():
         def median(values):
             return statistics.median(values)
 
+        def over_both(together, alone):
+            cost = together["lockstep"]
+            trips_s = cost["grants"] * cost["round_trip_us_mean"] * 1e-6
+            return cost["wall_time_s"] / (trips_s + alone["wall_time_s"])
+
         print(
             f"{name:<24}"
             f" grants={lockstep[0]['grants']}"
             f"  round_trip_us={median(r['round_trip_us_mean'] for r in lockstep):.0f}"
             f"  over_floor={median(r['over_floor'] for r in lockstep):.2f}"
+            f"  over_work_and_floor={median(over_both(*pair) for pair in pairs):.2f}"
             f"  wall_s={median(r['wall_time_s'] for r in lockstep):.2f}"
             f"  one_process_s={median(alone['wall_time_s'] for _, alone in pairs):.2f}"
             f"  real_time_factor={median(r['real_time_factor'] for r, _ in pairs):.0f}",

@@ -156,6 +156,14 @@ channel.downlink.gilbert_elliott.r = 0.5
   EXPECT_THAT(experiment.arms, SizeIs(2));
 }
 
+TEST_F(ExperimentFile, SeedsAreANumberOfThemOrARangeOrAList) {
+  const std::string grid = "[grid]\nchannel.prr = [1, 0.5]\n";
+  EXPECT_THAT(load("seeds = 3\n" + grid).seeds, ElementsAre(1, 2, 3));
+  EXPECT_THAT(load("seeds = { first = 7, last = 9 }\n" + grid).seeds, ElementsAre(7, 8, 9));
+  EXPECT_THAT(load("seeds = { first = 0, last = 0 }\n" + grid).seeds, ElementsAre(0));
+  EXPECT_THAT(load("seeds = [7, 3]\n" + grid).seeds, ElementsAre(7, 3));
+}
+
 TEST_F(ExperimentFile, ArmsShareTheirSeeds) {
   const Experiment experiment = load("seeds = [7, 3]\n[grid]\nchannel.prr = [1, 0.5]\n");
   for (const std::size_t arm : {0U, 1U}) {
@@ -211,6 +219,12 @@ INSTANTIATE_TEST_SUITE_P(
         BadFile{"NoSeeds", "", {"seeds must be given"}},
         BadFile{"ZeroSeeds", "seeds = 0", {"e.toml:2", "seeds", "from 1"}},
         BadFile{"NegativeSeed", "seeds = [1, -1]", {"e.toml:2", "from 0 on"}},
+        BadFile{
+            "SeedsWithoutAnEnd", "seeds = { first = 1 }", {"e.toml:2", "seeds.last must be given"}},
+        BadFile{"SeedsThatEndBeforeTheFirst",
+                "seeds = { first = 5, last = 4 }",
+                {"e.toml:2", "seeds.last", "from 5"}},
+        BadFile{"SeedsWithAnUnknownKey", "seeds = { frist = 1 }", {"e.toml:2", "frist"}},
         BadFile{"SeedTwice", "seeds = [1, 1]", {"each once"}},
         BadFile{"EmptyListOfSeeds", "seeds = []", {"one seed or more"}},
         BadFile{"UnknownKey", "seeds = 1\nseed = 4", {"e.toml:3", "\"seed\"", "allowed:"}},

@@ -39,17 +39,28 @@ toml::table parse_file(const std::string& file) {
   }
 }
 
-/// seeds = 50, or a list.
-std::vector<std::uint64_t> read_seeds(const Section& file) {
-  std::vector<std::uint64_t> seeds;
+std::vector<std::uint64_t> seeds_from(std::int64_t first, std::int64_t count) {
+  std::vector<std::uint64_t> seeds(static_cast<std::size_t>(count));
+  std::iota(seeds.begin(), seeds.end(), first);
+  return seeds;
+}
+
+/// seeds = 50, { first = 201, last = 250 }, or a list.
+std::vector<std::uint64_t> read_seeds(const Section& file, const std::string& name) {
   const toml::node* node = file.get("seeds");
-  const auto* list = node == nullptr ? nullptr : node->as_array();
-  if (list == nullptr) {
-    if (node == nullptr) file.refuse("seeds", "given: how many, or a list of them");
-    seeds.resize(static_cast<std::size_t>(file.whole("seeds", 1, 1)));
-    std::iota(seeds.begin(), seeds.end(), 1);
-    return seeds;
+  if (node == nullptr)
+    file.refuse("seeds", "given: how many, or the first and the last, or a list");
+  if (const auto* range = node->as_table()) {
+    const Section section(*range, "seeds.", name, {"first", "last"});
+    for (const char* key : {"first", "last"}) {
+      if (section.get(key) == nullptr) section.refuse(key, "given");
+    }
+    const std::int64_t first = section.whole("first", 0, 0);
+    return seeds_from(first, section.whole("last", first, 0) - first + 1);
   }
+  const auto* list = node->as_array();
+  if (list == nullptr) return seeds_from(1, file.whole("seeds", 1, 1));
+  std::vector<std::uint64_t> seeds;
   std::set<std::int64_t> seen;
   for (const toml::node& entry : *list) {
     const auto* seed = entry.as_integer();
@@ -219,7 +230,7 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
       experiment.seeds.push_back(n);
     }
   } else {
-    experiment.seeds = read_seeds(section);
+    experiment.seeds = read_seeds(section, file);
     const auto all = static_cast<std::int64_t>(experiment.seeds.size());
     const std::int64_t few = std::min(section.whole("quick_seeds", 1, all), all);
     if (quick) experiment.seeds.resize(static_cast<std::size_t>(few));

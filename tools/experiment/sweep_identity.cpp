@@ -22,10 +22,11 @@ namespace {
 
 std::string seeds_text(const Experiment& experiment) {
   const auto& seeds = experiment.seeds;
+  if (seeds.empty()) return "none";
   for (std::size_t i = 0; i < seeds.size(); ++i) {
-    if (seeds[i] != i + 1) return fmt::format("{}", fmt::join(seeds, ", "));
+    if (seeds[i] != seeds.front() + i) return fmt::format("{}", fmt::join(seeds, ", "));
   }
-  return fmt::format("1 to {}", seeds.size());
+  return fmt::format("{} to {}", seeds.front(), seeds.back());
 }
 
 std::string precision_text(const std::optional<Precision>& precision) {
