@@ -1,8 +1,6 @@
 // A foreign controller for Tether, with LCM and the generated types alone: a proportional law that
 // follows scenarios/paper.toml's figure eight. controller.py is the same in Python, and says how to
 // start it; docs/time.md describes the messages on TIME/...
-#include <unistd.h>
-
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -111,7 +109,7 @@ class Controller {
     tether::time_join_t join{};
     join.seq = seq_++;
     join.session = tether::time_join_t::ANY;
-    join.instance = getpid();
+    join.instance = instance_;
     join.node = "controller";
     join.next_ns = join.next_order = INT64_MAX;  // no events of its own
     join.subscription = {"CTRL/POSE"};
@@ -164,7 +162,7 @@ class Controller {
     if (!granted_) return;
     answer_.seq = seq_++;
     answer_.session = session_;
-    answer_.instance = getpid();
+    answer_.instance = instance_;
     answer_.grant = answered_ = grant_.id;
     answer_.node = "controller";
     answer_.next_ns = answer_.next_order = INT64_MAX;
@@ -189,12 +187,15 @@ class Controller {
     tether::time_resend_t message{};
     if (message.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) < 0) return;
     const auto found = sent_.find(message.number);
-    if (message.publisher != "controller" || found == sent_.end()) return;
+    const bool ours = message.session == session_ && message.publisher == "controller";
+    if (!ours || message.channel != "CTRL/CMD_VEL" || found == sent_.end()) return;
     lcm_.publish("CTRL/CMD_VEL", found->second.data(), static_cast<unsigned>(found->second.size()));
   }
 
   lcm::LCM& lcm_;
   bool lockstep_;
+  /// Tells this start of the program from any other.
+  const std::int64_t instance_ = std::chrono::system_clock::now().time_since_epoch().count();
   bool left_ = false;
   std::int64_t newest_ = -1;   // pose
   std::int64_t commands_ = 0;  // so far

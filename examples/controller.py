@@ -15,7 +15,6 @@ the same each time. docs/time.md describes the messages on TIME/...
 import argparse
 import collections
 import math
-import os
 import re
 import socket
 import struct
@@ -199,7 +198,7 @@ class Lockstep:
     def __init__(self, lcm, controller):
         self.lcm = lcm
         self.controller = controller
-        self.me = {"session": 0, "node": "controller", "instance": os.getpid()}
+        self.me = {"session": 0, "node": "controller", "instance": time.time_ns()}
         self.seq = 0
         self.inbox = []  # bytes of poses that no grant has named yet
         self.sent = collections.OrderedDict()  # number -> bytes, to send again
@@ -238,7 +237,8 @@ class Lockstep:
                 self.lcm.publish("TIME/REQUEST", self.last[1])
         elif channel == "TIME/RESEND":
             again = RESEND.decode(data)
-            if again and again.publisher == "controller" and again.number in self.sent:
+            ours = again and (again.session, again.publisher) == (self.me["session"], "controller")
+            if ours and again.channel == "CTRL/CMD_VEL" and again.number in self.sent:
                 self.lcm.publish("CTRL/CMD_VEL", self.sent[again.number])
         return None
 
