@@ -42,13 +42,13 @@ def main():
 
         def over_both(together, alone):
             cost = together["lockstep"]
-            trips_s = cost["grants"] * cost["round_trip_us_mean"] * 1e-6
+            trips_s = cost["grants"] * cost["round_trip_us_median"] * 1e-6
             return cost["wall_time_s"] / (trips_s + alone["wall_time_s"])
 
         print(
             f"{name:<24}"
             f" grants={lockstep[0]['grants']}"
-            f"  round_trip_us={median(r['round_trip_us_mean'] for r in lockstep):.0f}"
+            f"  round_trip_us={median(r['round_trip_us_median'] for r in lockstep):.0f}"
             f"  over_floor={median(r['over_floor'] for r in lockstep):.2f}"
             f"  over_work_and_floor={median(over_both(*pair) for pair in pairs):.2f}"
             f"  wall_s={median(r['wall_time_s'] for r in lockstep):.2f}"

@@ -33,4 +33,12 @@ std::optional<MessageInbox::Bytes> MessageInbox::take(std::string_view channel,
   return bytes;
 }
 
+std::map<std::string, std::size_t> MessageInbox::sizes() const {
+  std::map<std::string, std::size_t> sizes;
+  for (const auto& [channel, waiting] : channels_) {
+    if (!waiting.empty()) sizes[channel] = waiting.size();
+  }
+  return sizes;
+}
+
 }  // namespace tether

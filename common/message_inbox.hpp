@@ -26,6 +26,8 @@ class MessageInbox {
   /// Takes out one of these bytes.
   std::optional<Bytes> take(std::string_view channel, const MessageDigest& digest);
   std::size_t size() const { return size_; }
+  /// By channel, of those that have some.
+  std::map<std::string, std::size_t> sizes() const;
 
  private:
   struct Entry {

@@ -14,6 +14,7 @@
 
 #include "common/channel_names.hpp"
 #include "common/cli.hpp"
+#include "common/cli_range.hpp"
 #include "common/errors.hpp"
 #include "common/lcm_bus.hpp"
 #include "common/lcm_url.hpp"
@@ -179,7 +180,7 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{4'000'000'000'000'000}));
   app.add_option("--speed", options.speed,
                  "run seconds per wall second; below 1 is slow motion, the same for all nodes")
-      ->check(CLI::Range(0.01, 1.0))
+      ->check(number_between(0.01, 1.0))
       ->capture_default_str();
   if (!program.lockstep_name.empty()) {
     app.add_option("--lockstep", options.lockstep_session,

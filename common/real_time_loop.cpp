@@ -57,6 +57,9 @@ RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us, double speed) : speed_(s
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
+  struct sigaction hangup {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);  // not under nohup
   check_system_call("blocking signals", sigprocmask(SIG_BLOCK, &signals, nullptr));
   signal_fd_ =
       check_system_call("opening a signalfd", signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK));

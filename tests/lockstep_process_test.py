@@ -110,9 +110,10 @@ def names_the_node_that_joins_twice(test):
 
 
 def ends_on_a_signal_and_keeps_what_there_is(test):
-    run, nodes, out = started(test)
-    run.kill(signal.SIGINT)
-    check_ended(test, run, nodes, out, 3, "ended by signal 2")
+    for number in (signal.SIGINT, signal.SIGHUP):
+        run, nodes, out = started(test)
+        run.kill(number)
+        check_ended(test, run, nodes, out, 3, f"ended by signal {int(number)}")
 
 
 def leaves_nothing_behind_when_killed(test):
@@ -129,6 +130,11 @@ def refuses_what_it_cannot_run(test):
     ):
         run = test.run("tether", "run", PAPER, "--processes", *options)
         check(run.process.returncode == 2 and word in run.err(), f"{options}: {run.err()}")
+    for options in (("--step",), ("--patience", "3"), ("--lcm-url", "udpm://239.255.76.67:7675")):
+        run = test.run("tether", "run", PAPER, *options)
+        check(run.process.returncode == 2 and "--processes" in run.err(), f"{options}: {run.err()}")
+    run = test.run("tether", "run", PAPER, "--processes", "--patience", "nan")
+    check(run.process.returncode == 2 and "not a number" in run.err(), run.err())
     for program, option in (("sim", "--start-utime=1"), ("netem", "--control-lcm-url=x")):
         run = test.run(f"tether-{program}", PAPER, "--lockstep", "0", option)
         check(run.process.returncode == 2 and "--lockstep" in run.err(), f"{option}: {run.err()}")
@@ -150,6 +156,7 @@ def obeys_the_terminal(test):
         check(line.startswith("t = "), f"no report: {line}")
         return float(line.split()[2]), line
 
+    check("on udpm://" in run.stderr.readline(), "does not say where to listen")
     check("one grant" in run.stderr.readline(), "no help")
     check(stands()[0] == 0.0, "does not begin at 0")
     ask("")
@@ -164,11 +171,30 @@ def obeys_the_terminal(test):
     size = (out / "run.lcmlog").stat().st_size
     time.sleep(0.5)
     check((out / "run.lcmlog").stat().st_size == size, "does not stand still")
+    ask("s 1000000")
+    stands()
+    ask("")
+    ask("p")  # forgets both
+    time.sleep(0.5)
     ask("c")
     _, errors = run.communicate(timeout=20)
     check(run.returncode == 0, errors)
+    check(errors.count("t = ") < 20_000, "was not stopped")
     alone = result(test, "not stepped", PAPER, *RANDOM, "--set", "run.duration_s=8", "--seed", "2")
     check((out / "run.lcmlog").read_bytes() == alone[0], "stepping changed the run")
+
+
+def obeys_a_file(test):
+    commands = test.work / "commands"
+    commands.write_text("s 2\nu 1.5\n")
+    command = (test.bin / "tether", "run", PAPER, "--processes", "--step", *RANDOM)
+    for name, stops in ((commands, 4), ("/dev/null", 1)):
+        with open(name, encoding="utf-8") as lines:
+            run = subprocess.run(
+                (*command, "--set", "run.duration_s=3"), stdin=lines, capture_output=True, text=True
+            )
+        check(run.returncode == 0, run.stderr)
+        check(run.stderr.count("t = ") == stops, run.stderr)
 
 
 main(
@@ -181,4 +207,5 @@ main(
     leaves_nothing_behind_when_killed,
     refuses_what_it_cannot_run,
     obeys_the_terminal,
+    obeys_a_file,
 )

@@ -25,6 +25,7 @@ namespace tether::testing {
 struct LineFaults {
   double lost = 0.0, doubled = 0.0, delayed = 0.0;  ///< shares
   std::function<bool(const Message&)> swallow = [](const Message&) { return false; };
+  std::function<bool(const Message&)> deaf_to = [](const Message&) { return false; };
 };
 
 /// A program's access to a network that loses, doubles and delays.
@@ -47,7 +48,9 @@ class BadLine final : public Bus {
     }
   }
   void subscribe(const std::string& channel_regex, int capacity, Handler handler) override {
-    peer_.subscribe(channel_regex, capacity, std::move(handler));
+    peer_.subscribe(channel_regex, capacity, [this, handler](const Message& message) {
+      if (!faults.deaf_to(message)) handler(message);
+    });
   }
 
   LineFaults faults;
@@ -91,11 +94,14 @@ class LockstepRig {
  public:
   static constexpr std::int64_t kSession = 77;
 
-  explicit LockstepRig(const Scenario& scenario, const LineFaults& faults = {})
+  /// With controller.external, nobody is the controller.
+  explicit LockstepRig(const Scenario& scenario, const LineFaults& faults = {},
+                       Duration patience = std::chrono::seconds{10})
       : scenario_(scenario) {
     TimeManager::Config config;
     config.session = kSession;
     config.nodes = {"sim", "netem", "controller"};
+    config.patience = patience;
     config.end = kStart + from_seconds(scenario.run.duration_s);
     manager_line_.faults = faults;
     manager = std::make_unique<TimeManager>(config, wall, manager_line_,
@@ -103,7 +109,10 @@ class LockstepRig {
                                               record.add(t, m);
                                               if (t >= pause_at_) wall.stop();
                                             });
-    for (const std::string& name : config.nodes) join(name, 1).faults = faults;
+    for (const std::string& name : config.nodes) {
+      if (name == "controller" && scenario.controller.external) continue;
+      join(name, 1).faults = faults;
+    }
   }
 
   /// Another start of a node; its line.

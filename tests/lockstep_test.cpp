@@ -164,6 +164,37 @@ TEST(LockstepFaults, AMessageThatIsLostForGoodIsNamedAndHowToMendIt) {
   EXPECT_LT(fault.wall_s, 6.0);
 }
 
+TEST(LockstepFaults, AMessageThatIsLostIsNamedHoweverShortTheCoordinatorsPatience) {
+  LockstepRig rig(scenario({"channel.prr=1"}), {}, std::chrono::seconds{1});
+  const Fault fault = after(rig, [&] {
+    rig.line(2).faults.deaf_to = [](const Message& m) { return m.channel == "CTRL/POSE"; };
+  });
+  EXPECT_THAT(fault.error,
+              ::testing::StartsWith("controller did not answer within 1.0 s: message "));
+  EXPECT_THAT(fault.error, HasSubstr(" of netem on CTRL/POSE ("));
+  EXPECT_THAT(fault.error, HasSubstr("recv_buf_size"));
+}
+
+TEST(LockstepFaults, ANodeThatNeverLetsTimeGoOnIsNamed) {
+  LockstepRig rig(scenario({"controller.external=true"}));
+  time_join_t join{};
+  join.session = LockstepRig::kSession;
+  join.instance = 1;
+  join.node = "controller";
+  rig.stranger().subscribe(kTimeGrant, kDeepQueue, [&](const Message& m) {
+    time_grant_t grant{};
+    if (!decode(m.bytes, grant) || grant.node != "controller") return;
+    time_request_t answer = request(grant.id);  // its next event is at 0, now and ever
+    answer.next_order = (std::int64_t{2} << 56) + (grant.id << 24);
+    publish(rig.stranger(), kTimeRequest, answer);
+  });
+  publish(rig.stranger(), kTimeJoin, join);
+  rig.run(60.0);
+  EXPECT_EQ(rig.manager->error(),
+            "time does not go on from t = 0.000000 s: after 100000 grants controller still has an "
+            "event");
+}
+
 TEST(LockstepFaults, AMessageThatOnlyTheRecordMissesIsAnErrorToo) {
   LockstepRig rig(scenario());
   const Fault fault = after(rig, [&] {

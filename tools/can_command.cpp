@@ -7,6 +7,7 @@
 #include <tether/drive_request_t.hpp>
 #include <vector>
 
+#include "common/cli_range.hpp"
 #include "common/errors.hpp"
 #include "common/lcm_url.hpp"
 #include "tools/can_drive.hpp"
@@ -90,13 +91,13 @@ void add_drive(CLI::App& can, const SharedOptions& options, Action& action) {
                                                  "Command one twist for a time, once somebody has "
                                                  "armed; for tests of a vehicle. Ctrl-C stops");
   command->add_option("--v-mps", options->drive.twist.v_mps, "forward speed")
-      ->check(CLI::Range(-20.0, 20.0))
+      ->check(number_between(-20.0, 20.0))
       ->capture_default_str();
   command->add_option("--omega-radps", options->drive.twist.omega_radps, "yaw rate, left positive")
-      ->check(CLI::Range(-10.0, 10.0))
+      ->check(number_between(-10.0, 10.0))
       ->capture_default_str();
   command->add_option("--for-s", options->drive.for_s, "how long, seconds")
-      ->check(CLI::Range(0.1, 3600.0))
+      ->check(number_between(0.1, 3600.0))
       ->capture_default_str();
   command->callback([options, &action] {
     action = [options] { return can_drive(options->op, options->drive); };

@@ -13,6 +13,7 @@
 
 #include "common/bus.hpp"
 #include "common/cli.hpp"
+#include "common/cli_range.hpp"
 #include "common/errors.hpp"
 #include "common/lcm_bus.hpp"
 #include "common/lcm_url.hpp"
@@ -155,7 +156,7 @@ void add_echo_command(CLI::App& tether, Action& action) {
   command->add_option("--count", options->count, "end after this many messages [never]")
       ->check(CLI::PositiveNumber);
   command->add_option("--duration", options->duration_s, "end after this many seconds [never]")
-      ->check(CLI::Range(0.0, 1e9));
+      ->check(number_between(0.0, 1e9));
   command->add_flag("--quiet,--stats-only", options->quiet, "no messages, only the summary");
   command->callback([options, &action] { action = [options] { return echo(*options); }; });
 }

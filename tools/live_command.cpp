@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/cli.hpp"
+#include "common/cli_range.hpp"
 #include "common/lcm_url.hpp"
 #include "tools/commands.hpp"
 #include "tools/live_session.hpp"
@@ -71,7 +72,7 @@ void add_live_command(CLI::App& tether, Action& action) {
   command
       ->add_option("--speed", options->session.speed,
                    "run seconds per wall second; below 1 is slow motion, for slow machines")
-      ->check(CLI::Range(0.01, 1.0))
+      ->check(number_between(0.01, 1.0))
       ->capture_default_str();
   command->add_option("--out", options->session.out,
                       "folder for the same results as `tether run` writes [none]");

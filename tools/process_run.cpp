@@ -75,7 +75,10 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   }
   manager_ = std::make_unique<TimeManager>(
       config, io_, wire_, [this](Instant when, const Message& message) { record(when, message); });
-  if (options.step) console_.emplace(io_, *manager_, STDIN_FILENO);
+  if (options.step) {
+    fmt::print(stderr, "tether: on {}\n", url_);
+    console_.emplace(io_, *manager_, STDIN_FILENO);
+  }
   for (const std::string& node : config.nodes) {
     const bool elsewhere = node == "controller" && scenario.controller.external;
     if (!elsewhere) start_node(options, node, config.session);
@@ -124,10 +127,14 @@ void ProcessRun::run() {
 
 LockstepCost ProcessRun::cost() const {
   const TimeManager::Counters& c = manager_->counters();
-  const double probes = static_cast<double>(std::max<std::int64_t>(c.probes, 1));
-  return {.grants = c.grants,
-          .round_trip_s = to_seconds(c.probe_time) / probes,
-          .wall_time_s = to_seconds(c.wall_time)};
+  LockstepCost cost{.grants = c.grants, .wall_time_s = to_seconds(c.wall_time)};
+  if (!c.round_trips.empty()) {
+    std::vector<Duration> sorted = c.round_trips;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    cost.round_trip_s = to_seconds(*middle);
+  }
+  return cost;
 }
 
 void ProcessRun::end_nodes() {

@@ -1,3 +1,4 @@
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "common/cli.hpp"
+#include "common/cli_range.hpp"
 #include "common/errors.hpp"
 #include "common/lockstep_member.hpp"
 #include "tools/closed_loop.hpp"
@@ -72,6 +74,11 @@ void run_processes(ProcessRun& processes, const RunObserver& observer,
     fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
                c.resends, advice_on_lost_messages());
   }
+  if (c.asked_again > 0) return;  // copies are left then
+  for (const auto& [channel, count] : processes.unaccounted()) {
+    fmt::print(stderr, "tether: {} messages on {} are in no node's answer: they had no effect\n",
+               count, channel);
+  }
 }
 
 int run(const RunOptions& options) {
@@ -79,7 +86,9 @@ int run(const RunOptions& options) {
     fmt::print("{}", describe_scenario_keys());
     return kExitOk;
   }
-  if (options.step && !options.processes) throw UsageError("run: --step needs --processes");
+  if (options.step && fcntl(STDIN_FILENO, F_GETFD) < 0) {
+    throw UsageError("run: --step is told what to do on the standard input, which is closed");
+  }
   if (options.scenario_file.empty()) throw UsageError("run: name a scenario file (see --help)");
   std::vector<std::string> overrides = options.overrides;
   if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
@@ -147,17 +156,23 @@ void add_run_command(CLI::App& tether, Action& action) {
       "--out", options->out,
       "folder for scenario.toml, summary.json, trajectory.csv, run.lcmlog, path.png, "
       "path.svg [none]");
-  command->add_flag("--processes", options->processes,
-                    "each node a process of its own, over LCM in lockstep: the same result");
-  command->add_option("--lcm-url", options->lcm_url,
-                      "LCM network of --processes [a free port of this host's]");
+  CLI::Option* processes =
+      command->add_flag("--processes", options->processes,
+                        "each node a process of its own, over LCM in lockstep: the same result");
+  command
+      ->add_option("--lcm-url", options->lcm_url,
+                   "LCM network of --processes [a free port of this host's]")
+      ->needs(processes);
   command
       ->add_option("--patience", options->patience_s,
                    "how long a node of --processes may take for one answer, seconds")
-      ->check(CLI::Range(0.1, 86'400.0))
-      ->capture_default_str();
-  command->add_flag("--step", options->step,
-                    "hold a run of --processes, and step it from the terminal");
+      ->check(number_between(0.1, 86'400.0))
+      ->capture_default_str()
+      ->needs(processes);
+  command
+      ->add_flag("--step", options->step,
+                 "hold a run of --processes, and step it from the terminal")
+      ->needs(processes);
   command->add_flag("--json", options->json, "print the summary as one JSON object");
   command->add_flag("--keys", options->keys, "list all scenario keys with units and defaults");
   command->callback([options, &action] { action = [options] { return run(*options); }; });

@@ -41,8 +41,7 @@ double real_time_factor(const RunSummary& s) {
 }
 
 double over_floor(const LockstepCost& cost) {
-  const double floor_s = static_cast<double>(cost.grants) * cost.round_trip_s;
-  return floor_s > 0.0 ? cost.wall_time_s / floor_s : 0.0;
+  return cost.wall_time_s / (static_cast<double>(cost.grants) * *cost.round_trip_s);
 }
 
 nlohmann::ordered_json drivetrain_json(const DrivetrainObserver& d) {
@@ -128,9 +127,11 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   if (summary.lockstep) {
     const LockstepCost& cost = *summary.lockstep;
     json["lockstep"]["grants"] = cost.grants;
-    json["lockstep"]["round_trip_us_mean"] = cost.round_trip_s * 1e6;
     json["lockstep"]["wall_time_s"] = cost.wall_time_s;
-    json["lockstep"]["over_floor"] = over_floor(cost);
+    if (cost.round_trip_s) {
+      json["lockstep"]["round_trip_us_median"] = *cost.round_trip_s * 1e6;
+      json["lockstep"]["over_floor"] = over_floor(cost);
+    }
   }
   json["node_restarts"] = summary.node_restarts;
   json["counters"] = run.counters();
@@ -156,9 +157,12 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
                   scenario.vehicle.plant_name(), scenario.run.seed);
   if (summary.lockstep) {
     const LockstepCost& cost = *summary.lockstep;
-    text += fmt::format("{:<9} {} grants in {:.2f} s: {:.2f} x as many round trips of {:.0f} us\n",
-                        "lockstep", cost.grants, cost.wall_time_s, over_floor(cost),
-                        cost.round_trip_s * 1e6);
+    text += fmt::format("{:<9} {} grants in {:.2f} s", "lockstep", cost.grants, cost.wall_time_s);
+    if (cost.round_trip_s) {
+      text += fmt::format(": {:.2f} x as many round trips of {:.0f} us", over_floor(cost),
+                          *cost.round_trip_s * 1e6);
+    }
+    text += "\n";
   }
   if (summary.node_restarts > 0) {
     text += fmt::format("{:<9} {} node restarts: the result is not that of an undisturbed run\n",

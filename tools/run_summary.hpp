@@ -13,8 +13,8 @@ namespace tether {
 /// What a run in lockstep took, against its floor: a round trip for each grant.
 struct LockstepCost {
   std::int64_t grants = 0;
-  double round_trip_s = 0.0;  ///< mean of those measured during the run
-  double wall_time_s = 0.0;   ///< from the first grant to the last answer
+  std::optional<double> round_trip_s = {};  ///< median of those measured during the run, if any
+  double wall_time_s = 0.0;  ///< from the first grant to the last answer, while it was not held
 };
 
 /// What a run tells its user, on the terminal, as JSON and in summary.json.

@@ -39,6 +39,17 @@ toml::table parse_file(const std::string& file) {
   }
 }
 
+/// Runs of an experiment are in one process.
+void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
+  for (const Arm& arm : arms) {
+    if (!arm.scenario.controller.external) continue;
+    throw UsageError(fmt::format(
+        "{}: controller.external = true: the runs of an experiment have controllers of their own; "
+        "tether run --processes and tether live wait for another",
+        file));
+  }
+}
+
 std::vector<std::uint64_t> seeds_from(std::int64_t first, std::int64_t count) {
   std::vector<std::uint64_t> seeds(static_cast<std::size_t>(count));
   std::iota(seeds.begin(), seeds.end(), first);
@@ -246,6 +257,7 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
   const ScenarioLoader start = start_from_file(source.scenario_file);
   for (const Part& part : parts) add_arms(source, start, part, experiment.arms);
   check_no_arm_twice(experiment.arms, file);
+  check_controllers(experiment.arms, file);
   check_choices(experiment, file);
   const std::uint64_t largest = *std::max_element(experiment.seeds.begin(), experiment.seeds.end());
   constexpr auto kMost = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <sstream>
+#include <system_error>
 
 namespace tether {
 
@@ -23,7 +24,13 @@ StepConsole::StepConsole(EventLoop& io, TimeManager& manager, int fd)
       if (manager_.held()) show();
     });
   });
-  io_.add_fd(fd_, [this](Instant) { read_input(); });
+  try {
+    io_.add_fd(fd_, [this](Instant) { read_input(); });
+  } catch (const std::system_error&) {  // a file, which is never waited for
+    while (read_some()) {
+    }
+    fd_ = -1;
+  }
 }
 
 StepConsole::~StepConsole() {
@@ -31,29 +38,40 @@ StepConsole::~StepConsole() {
 }
 
 void StepConsole::read_input() {
-  std::array<char, 1024> buffer{};
-  const ssize_t size = read(fd_, buffer.data(), buffer.size());
-  if (size <= 0) {
+  if (!read_some()) {
     io_.remove_fd(fd_);
     fd_ = -1;
-    at_end_ = true;
-  } else {
-    input_.append(buffer.data(), static_cast<std::size_t>(size));
   }
   take_lines();
 }
 
-/// A line waits until the one before it is done, that is, until the run stands still; but those
-/// that stop it.
-void StepConsole::take_lines() {
+/// False at the end of the input.
+bool StepConsole::read_some() {
+  std::array<char, 1024> buffer{};
+  const ssize_t size = read(fd_, buffer.data(), buffer.size());
+  at_end_ = size <= 0;
+  if (!at_end_) input_.append(buffer.data(), static_cast<std::size_t>(size));
   for (auto end = input_.find('\n'); end != std::string::npos; end = input_.find('\n')) {
     const std::string line = input_.substr(0, end);
-    const bool stops = line == "p" || line == "q";
-    if (!stops && !manager_.held()) return;
     input_.erase(0, end + 1);
+    const bool at_once = line == "p" || line == "q";
+    if (at_once) {
+      lines_.clear();
+      obey(line);
+    } else {
+      lines_.push_back(line);
+    }
+  }
+  return !at_end_;
+}
+
+void StepConsole::take_lines() {
+  while (!lines_.empty() && manager_.held()) {
+    const std::string line = lines_.front();
+    lines_.pop_front();
     obey(line);
   }
-  if (at_end_ && manager_.held()) manager_.hold(Instant::max());
+  if (at_end_ && lines_.empty() && manager_.held()) manager_.hold(Instant::max());
 }
 
 void StepConsole::show() {
@@ -83,6 +101,7 @@ void StepConsole::obey(const std::string& line) {
   } else if (word == "c") {
     manager_.hold(Instant::max());
   } else if (word == "p") {
+    steps_left_ = 0;
     manager_.hold(Instant::min());
   } else if (word == "q") {
     manager_.fail("ended from the terminal");

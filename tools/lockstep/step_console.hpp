@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <string>
 
 #include "common/event_loop.hpp"
@@ -10,8 +11,10 @@ namespace tether {
 /// Holds a run in lockstep and steps it, by lines from a terminal or a pipe:
 ///   (empty) or s [N]   one grant, or N of them
 ///   u SECONDS          run until this time
-///   c                  go on to the end, p: stop again
+///   c                  go on to the end
+///   p                  stop at once
 ///   q                  end the run
+/// Lines wait for the run to stand still, but for p and q, with which all that wait are forgotten.
 /// Says where the run stands each time it comes to stand still. When the input ends, the run goes
 /// on.
 class StepConsole {
@@ -24,6 +27,7 @@ class StepConsole {
 
  private:
   void read_input();
+  bool read_some();
   void take_lines();
   void obey(const std::string& line);
   void show();
@@ -31,8 +35,9 @@ class StepConsole {
   EventLoop& io_;
   TimeManager& manager_;
   int fd_;
-  std::string input_;
-  bool at_end_ = false;  // of the input
+  std::string input_;              // an unfinished line
+  std::deque<std::string> lines_;  // that wait
+  bool at_end_ = false;            // of the input
   int steps_left_ = 0;
 };
 

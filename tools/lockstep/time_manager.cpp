@@ -16,6 +16,8 @@ namespace tether {
 namespace {
 
 constexpr Duration kManagerTick = std::chrono::milliseconds{20};
+/// More than any node needs at one instant of the run's time.
+constexpr std::int64_t kMostAtOnce = 100'000;
 
 std::int64_t to_ns(Instant t) { return t.time_since_epoch().count(); }
 Instant from_ns(std::int64_t ns) { return Instant{Duration{ns}}; }
@@ -72,6 +74,24 @@ void TimeManager::hear(const Message& message) {
     const bool ours = decode(message.bytes, request) && request.session == config_.session;
     if (ours) return on_request(request);
     ++counters_.foreign;
+  } else if (message.channel == kTimeResend) {
+    time_resend_t resend{};
+    const bool ours = decode(message.bytes, resend) && resend.session == config_.session;
+    if (ours) return on_resend(resend);
+    ++counters_.foreign;
+  }
+}
+
+/// Somebody misses a message: what the node that has got the grant owes its answer for.
+void TimeManager::on_resend(const time_resend_t& resend) {
+  ++counters_.asked_again;
+  if (!outstanding_) return;
+  const time_grant_t& grant = outstanding_->message;
+  for (std::size_t i = 0; i < grant.channel.size(); ++i) {
+    if (grant.channel[i] != resend.channel || grant.number[i] != resend.number) continue;
+    outstanding_->missed = fmt::format("message {} of {} on {} ({} bytes)", grant.number[i],
+                                       grant.publisher[i], grant.channel[i], grant.size[i]);
+    outstanding_->missed_at = io_.now();
   }
 }
 
@@ -166,12 +186,12 @@ void TimeManager::on_answer(const time_request_t& request) {
   const std::size_t node = out.grant.node;
   if (!request.error.empty()) {
     return fail(fmt::format("{} could not carry out grant {} at {}: {}", request.node,
-                            request.grant, at_time(now_), request.error));
+                            request.grant, at_time(now_), printable(request.error)));
   }
   outstanding_.reset();
   if (out.message.kind == time_grant_t::PROBE) {
-    ++counters_.probes;
-    counters_.probe_time += io_.now() - out.sent_at;
+    counters_.round_trips.push_back(io_.now() - out.sent_at);
+    idle_ += counters_.round_trips.back();
     return go_on();
   }
   const std::vector<Publication> published = publications_of(request);
@@ -193,9 +213,15 @@ void TimeManager::tell(const GrantSchedule::Grant& grant, const time_request_t& 
   for (const GrantSchedule::Delivery& d : grant.deliveries) {
     story_ += fmt::format(", with {} {}", d.message.channel, d.message.number);
   }
+  std::map<std::string, std::pair<std::int64_t, std::int64_t>> published;
   for (std::size_t i = 0; i < request.channel.size(); ++i) {
-    story_ += fmt::format("{} {} {}", i == 0 ? "; it published" : ",", request.channel[i],
-                          request.number[i]);
+    published.try_emplace(request.channel[i], request.number[i], 0).first->second.second =
+        request.number[i];
+  }
+  for (const auto& [channel, numbers] : published) {
+    story_ += story_.find("published") == std::string::npos ? "; it published " : ", ";
+    story_ += fmt::format("{} {}", channel, numbers.first);
+    if (numbers.second > numbers.first) story_ += fmt::format(" to {}", numbers.second);
   }
 }
 
@@ -224,7 +250,7 @@ void TimeManager::go_on() {
   }
   if (state_ == State::recording && record_queue_.empty()) {
     state_ = State::done;
-    counters_.wall_time = io_.now() - begun_at_;
+    counters_.wall_time = io_.now() - begun_at_ - idle_;
     io_.stop();
   }
 }
@@ -233,7 +259,11 @@ void TimeManager::advance() {
   const Instant next = schedule_.now();
   const bool was_held = held_;
   held_ = next > hold_until_ && !step_ && next <= config_.end;
-  if (held_ && !was_held && on_held_) on_held_();
+  if (was_held && !held_) idle_ += io_.now() - held_at_;
+  if (held_ && !was_held) {
+    held_at_ = io_.now();
+    if (on_held_) on_held_();
+  }
   if (held_ || probe()) return;
   auto grant = schedule_.next();
   if (!grant) {
@@ -245,7 +275,12 @@ void TimeManager::advance() {
     grant->until = std::min(grant->until, {hold_until_ + Duration{1}, 0, -1});
   }
   step_ = false;
+  at_once_ = next > now_ ? 0 : at_once_ + 1;
   now_ = std::max(now_, next);
+  if (at_once_ > kMostAtOnce) {
+    return fail(fmt::format("time does not go on from {}: after {} grants {} still has an event",
+                            at_time(now_), kMostAtOnce, schedule_.name(grant->node)));
+  }
   send(std::move(*grant), time_grant_t::RUN);
 }
 
@@ -253,7 +288,7 @@ void TimeManager::advance() {
 bool TimeManager::probe() {
   if (config_.probe_every == 0 || ++unprobed_ <= config_.probe_every) return false;
   unprobed_ = 0;
-  const auto node = static_cast<std::size_t>(counters_.probes) % schedule_.size();
+  const auto node = counters_.round_trips.size() % schedule_.size();
   send({node, {}, {}}, time_grant_t::PROBE);
   return true;
 }

@@ -3,11 +3,13 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <tether/time_grant_t.hpp>
 #include <tether/time_join_t.hpp>
 #include <tether/time_request_t.hpp>
+#include <tether/time_resend_t.hpp>
 #include <vector>
 
 #include "common/bus.hpp"
@@ -36,19 +38,20 @@ class TimeManager {
     /// What the coordinator has not heard is asked for again after this.
     Duration resend_after = std::chrono::milliseconds{40};
     /// A round trip is measured after so many grants; 0: never.
-    std::int64_t probe_every = 100;
+    std::int64_t probe_every = 20;
   };
 
   /// What went on, for reports.
   struct Counters {
-    std::int64_t grants = 0;    ///< probes not counted
-    std::int64_t repeated = 0;  ///< grants that were sent again
-    std::int64_t late = 0;      ///< answers that had been given before
-    std::int64_t resends = 0;   ///< messages asked for again by the coordinator
-    std::int64_t foreign = 0;   ///< protocol messages of other sessions, or undecodable
-    std::int64_t probes = 0;
-    Duration probe_time{0};  ///< of all probes together
-    Duration wall_time{0};   ///< from the first grant to the end
+    std::int64_t grants = 0;            ///< probes not counted
+    std::int64_t repeated = 0;          ///< grants that were sent again
+    std::int64_t late = 0;              ///< answers that had been given before
+    std::int64_t resends = 0;           ///< messages asked for again by the coordinator
+    std::int64_t asked_again = 0;       ///< messages asked for again by nodes
+    std::int64_t foreign = 0;           ///< protocol messages of other sessions, or undecodable
+    std::vector<Duration> round_trips;  ///< of the probes
+    /// From the first grant to the end, without the probes and without what the run was held.
+    Duration wall_time{0};
   };
 
   /// Called with every message of the run, in order, with the time of its delivery.
@@ -88,6 +91,9 @@ class TimeManager {
   /// The next event of all.
   Instant next() const { return schedule_.now(); }
   const Counters& counters() const { return counters_; }
+  /// Messages on the network that no node has said to be its own, by channel: copies of others, or
+  /// somebody else's. They had no effect.
+  std::map<std::string, std::size_t> unaccounted() const { return inbox_.sizes(); }
   /// Nodes that have not joined.
   std::vector<std::string> missing() const;
 
@@ -104,6 +110,8 @@ class TimeManager {
     Instant sent_at;
     Instant next_repeat;
     Duration repeat_period;
+    std::string missed{};  ///< what its node asked for last, …
+    Instant missed_at{};  ///< … and when
   };
 
   void hear(const Message& message);
@@ -113,6 +121,7 @@ class TimeManager {
   void on_request(const time_request_t& request);
   bool was_answered(std::int64_t grant, std::size_t node) const;
   void on_answer(const time_request_t& request);
+  void on_resend(const time_resend_t& resend);
   void go_on();
   void advance();
   bool finish_next();
@@ -148,6 +157,9 @@ class TimeManager {
   Instant record_stuck_since_{};
   Instant asked_at_{};
   bool held_ = false;
+  Instant held_at_{};
+  Duration idle_{0};          // in which the run was held, or probed
+  std::int64_t at_once_ = 0;  // grants since time last went on
   Instant hold_until_ = Instant::max();
   bool step_ = false;
   Instant now_ = Instant::min();

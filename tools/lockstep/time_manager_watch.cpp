@@ -15,6 +15,8 @@ namespace {
 
 constexpr Duration kLongestRepeat = std::chrono::seconds{1};
 constexpr Duration kSignOfLife = std::chrono::seconds{2};
+/// Nodes ask again for what they miss every 100 ms or more often.
+constexpr Duration kStillAsking = std::chrono::milliseconds{300};
 
 }  // namespace
 
@@ -35,6 +37,13 @@ void TimeManager::watch_grant(Instant now) {
   if (!outstanding_) return;
   Outstanding& out = *outstanding_;
   if (now - out.sent_at >= config_.patience) {
+    if (!out.missed.empty() && now - out.missed_at < kStillAsking) {
+      return fail(
+          fmt::format("{} did not answer within {:.1f} s: {} has not come, without which it "
+                      "owes {}; {}",
+                      out.message.node, to_seconds(config_.patience), out.missed, owed(),
+                      advice_on_lost_messages()));
+    }
     return fail(fmt::format("{} did not answer within {:.1f} s: it owes {}", out.message.node,
                             to_seconds(config_.patience), owed()));
   }
