@@ -83,6 +83,12 @@ void add_all() {
       ->Unit(benchmark::kMillisecond);
   TETHER_CONTROL_LAWS(TETHER_BENCH_LAW)
 #undef TETHER_BENCH_LAW
+  std::vector<std::string> one_frame = timer;
+  one_frame.emplace_back("controller.plan_step_ms=150");
+  benchmark::RegisterBenchmark("on_the_air/plans_of_one_frame", on_the_air,
+                               std::string("predictive_consistent"), one_frame)
+      ->Iterations(1)
+      ->Unit(benchmark::kMillisecond);
   benchmark::RegisterBenchmark("law_step/in_silences_of_20_s", law_step,
                                std::string("predictive_consistent"), 200)
       ->Unit(benchmark::kMicrosecond);

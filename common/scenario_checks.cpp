@@ -38,11 +38,25 @@ void check_can(const Scenario::Can& can, const std::string& file) {
   }
 }
 
-void check_law(const Scenario::Controller& controller, const std::string& file) {
+void check_law(const Scenario& scenario, const std::string& file) {
+  const Scenario::Controller& controller = scenario.controller;
   if (controller.law == ControlLaw::pid_adaptive && controller.tau_table.empty()) {
     throw UsageError(fmt::format(
         "{}: controller.law = \"pid_adaptive\" needs controller.tau_table, a CSV of look-aheads",
         file));
+  }
+  if (!sends_plans(controller.law)) return;
+  if (scenario.actuator.policy != Scenario::Actuator::Policy::horizon) {
+    throw UsageError(
+        fmt::format("{}: controller.law is one that sends plans, which the vehicle follows with "
+                    "actuator.policy = \"horizon\" only",
+                    file));
+  }
+  if (controller.horizon_s * 1e3 < controller.plan_step_ms) {
+    throw UsageError(
+        fmt::format("{}: controller.horizon_s = {} is shorter than a step of "
+                    "controller.plan_step_ms = {}",
+                    file, controller.horizon_s, controller.plan_step_ms));
   }
   constexpr double kMostSteps = 4000.0;  // of a plan_t
   if (controller.horizon_s * 1e3 > controller.plan_step_ms * kMostSteps) {
@@ -55,7 +69,7 @@ void check_law(const Scenario::Controller& controller, const std::string& file) 
 }  // namespace
 
 void check_combinations(const Scenario& scenario, const std::string& file) {
-  check_law(scenario.controller, file);
+  check_law(scenario, file);
   if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can)
     check_can(scenario.can, file);
   check_channel(scenario.channel, file);

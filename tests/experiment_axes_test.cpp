@@ -186,13 +186,13 @@ TEST(ProjectExperiments, AllLoad) {
   EXPECT_GE(files, 13U);
 }
 
-TEST(ProjectExperiments, TheBenchmarkHasElevenLawsInFifteenChannelsAndTheBoundOnBoard) {
+TEST(ProjectExperiments, TheBenchmarkHasThirteenLawsInFifteenChannelsAndTheBoundOnBoard) {
   const Experiment e = of_the_project("control_benchmark");
   EXPECT_THAT(e.keys, ElementsAre("law", "PRR", "delay_ms", "burst"));
-  EXPECT_THAT(e.arms, SizeIs(11 * 15 + 1));
-  EXPECT_EQ(count(e, {{"delay_ms", {"0"}}, {"burst", {"none"}}}), 11U * 7 + 1);
-  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 11U * 6);
-  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 11U * 2);
+  EXPECT_THAT(e.arms, SizeIs(13 * 15 + 1));
+  EXPECT_EQ(count(e, {{"delay_ms", {"0"}}, {"burst", {"none"}}}), 13U * 7 + 1);
+  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 13U * 6);
+  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 13U * 2);
   EXPECT_EQ(count(e, {{"law", {"on board, no network"}}}), 1U);
   EXPECT_THAT(e.seeds, SizeIs(30));
   EXPECT_TRUE(e.common_random_numbers);

@@ -17,8 +17,8 @@
 #include "tests/plan_rig.hpp"
 
 // Whatever plans and commands arrive, in whatever order and time: the vehicle's motion is finite
-// and within its limits, every plan is counted once, and what comes out is what the newest word
-// says.
+// and within its limits, and every plan is counted once. Which plan is followed, and when, is the
+// matter of plan_buffer_test, plan_order_test and actuator_test.
 
 namespace tether {
 namespace {

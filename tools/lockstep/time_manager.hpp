@@ -111,7 +111,7 @@ class TimeManager {
     Instant next_repeat;
     Duration repeat_period;
     std::string missed{};  ///< what its node asked for last, …
-    Instant missed_at{};  ///< … and when
+    Instant missed_at{};   ///< … and when
   };
 
   void hear(const Message& message);
