@@ -52,19 +52,21 @@ void paper_runs(benchmark::State& state) {
   const Experiment experiment = make_experiment(cores * each);
   const Scenario& scenario = experiment.arms.front().scenario;
   const auto targets = bench::record_servo_targets(scenario);
+  const auto on_one_core = [&] {
+    for (std::size_t run = 0; run < each; ++run) bench::step_bare_ode(scenario, targets);
+  };
   const auto on_all_cores = [&] {
     std::vector<std::thread> threads;
-    for (std::size_t i = 0; i < cores; ++i) {
-      threads.emplace_back([&] {
-        for (std::size_t run = 0; run < each; ++run) bench::step_bare_ode(scenario, targets);
-      });
-    }
+    for (std::size_t i = 0; i < cores; ++i) threads.emplace_back(on_one_core);
     for (std::thread& thread : threads) thread.join();
   };
-  std::vector<double> sweep_s, single_s, share, efficiency;
+  std::vector<double> sweep_s, single_s, share, efficiency, of_bare;
   for (auto unused : state) {
     (void)unused;
-    const double bare_cpu_s = cpu_seconds_of(on_all_cores);
+    const double bare_single_s = seconds_of(on_one_core);
+    double bare_s = 0.0;
+    const double bare_cpu_s = cpu_seconds_of([&] { bare_s = seconds_of(on_all_cores); });
+    of_bare.push_back(bare_single_s / bare_s);
     const double sweep_cpu_s =
         cpu_seconds_of([&] { sweep_s.push_back(seconds_of([&] { sweep(experiment, cores); })); });
     single_s.push_back(seconds_of([&] {
@@ -78,6 +80,7 @@ void paper_runs(benchmark::State& state) {
   state.counters["runs_per_s"] = runs / median(sweep_s);
   state.counters["single_per_s"] = static_cast<double>(each) / median(single_s);
   state.counters["parallel_efficiency"] = median(efficiency);
+  state.counters["bare_efficiency"] = median(of_bare);
   state.counters["share_in_ode"] = median(share);
   state.counters["cores"] = static_cast<double>(cores);
 }
