@@ -2,27 +2,13 @@
 
 #include <algorithm>
 #include <cassert>
-#include <stdexcept>
 #include <utility>
 
 namespace tether {
 
-LockstepLoop::LockstepLoop(Instant start, std::int32_t rank) : now_(start), rank_(rank) {
+LockstepLoop::LockstepLoop(Instant start, std::int32_t rank) : SimulatedLoop(start), rank_(rank) {
   assert(rank >= 0 && rank < kFirstGrant);
   begin(rank);
-}
-
-void LockstepLoop::at(Instant when, Priority priority, Task task) {
-  timers_.add(std::max(when, now_), priority, std::move(task));
-}
-
-void LockstepLoop::every(Instant first, Duration period, Priority priority, Task task) {
-  timers_.add_periodic(TimerQueue::not_before(now_, first, period), period, priority,
-                       std::move(task));
-}
-
-void LockstepLoop::add_fd(int, Task) {
-  throw std::logic_error("simulated time has no file descriptors");
 }
 
 EventKey LockstepLoop::next() const {
@@ -43,8 +29,7 @@ void LockstepLoop::run_before(const EventKey& bound) {
   constexpr std::uint64_t kMostInsertions = 1 << 20;
   bound_ = bound;
   while (!timers_.empty() && next() < bound_ && timers_.insertions() - first_ < kMostInsertions) {
-    now_ = timers_.next();
-    timers_.run_next();
+    run_next();
   }
 }
 

@@ -3,27 +3,19 @@
 #include <cstdint>
 
 #include "common/event_key.hpp"
-#include "common/event_loop.hpp"
-#include "common/timer_queue.hpp"
+#include "common/simulated_loop.hpp"
 
 namespace tether {
 
 /// Simulated time of one node in lockstep with others: events run in the order that they have in
 /// one VirtualLoop for all nodes, as far as a coordinator's grants allow (docs/time.md).
-class LockstepLoop final : public EventLoop {
+class LockstepLoop final : public SimulatedLoop {
  public:
   /// `rank`: the node's place among the nodes, from 0 and below kFirstGrant.
   LockstepLoop(Instant start, std::int32_t rank);
 
-  Instant now() const override { return now_; }
-  double rate() const override { return 0.0; }
-  void at(Instant when, Priority priority, Task task) override;
-  void every(Instant first, Duration period, Priority priority, Task task) override;
-  [[noreturn]] void add_fd(int fd, Task task) override;
-  void remove_fd(int) override {}
   /// The grant ends after the current event.
   void stop() override { bound_ = EventKey{Instant::min(), 0, 0}; }
-  std::uint64_t slips() const override { return 0; }
 
   /// The next event.
   EventKey next() const;
@@ -46,8 +38,6 @@ class LockstepLoop final : public EventLoop {
   void set_now(Instant now) { now_ = now; }
 
  private:
-  TimerQueue timers_;
-  Instant now_;
   std::int32_t rank_;
   EventKey bound_;
   std::uint64_t first_ = 0;  // of this grant's insertions
