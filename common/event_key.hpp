@@ -19,6 +19,10 @@ struct EventKey {
   friend auto operator<=>(const EventKey&, const EventKey&) = default;
 };
 
+/// Times as the protocol's messages have them.
+inline Instant from_ns(std::int64_t ns) { return Instant{Duration{ns}}; }
+inline std::int64_t to_ns(Instant t) { return t.time_since_epoch().count(); }
+
 /// What is scheduled or published under a grant is numbered from here: as grants follow one another
 /// and their numbers grow, these numbers are those that one queue for all nodes would give. A grant
 /// has room for 2^24, a run for 2^32 grants.

@@ -12,6 +12,19 @@ constexpr std::size_t kMostBytes = 32'768;
 
 }  // namespace
 
+void ChannelFilter::add(const std::string& expression) {
+  patterns_.emplace_back(expression);
+  known_.clear();
+}
+
+bool ChannelFilter::matches(std::string_view channel) {
+  const auto known = known_.find(channel);
+  if (known != known_.end()) return known->second;
+  const bool found = std::any_of(patterns_.begin(), patterns_.end(),
+                                 [&](const Pattern& p) { return p.matches(channel); });
+  return known_.emplace(std::string(channel), found).first->second;
+}
+
 void LockstepBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
   auto number = numbers_.find(channel);
   if (number == numbers_.end()) number = numbers_.emplace(std::string(channel), 0).first;
@@ -20,7 +33,7 @@ void LockstepBus::publish(std::string_view channel, std::span<const std::uint8_t
                           .when = loop_.now(),
                           .index = loop_.take_index(),
                           .digest = digest_of(bytes)};
-  if (heard(channel)) {
+  if (!heard_ || heard_->matches(channel)) {
     loop_.limit({loop_.now(), loop_.delivery_order(publication.index), -1});
   }
   kept_.push_back({publication.channel, publication.number, {bytes.begin(), bytes.end()}});
@@ -41,31 +54,12 @@ void LockstepBus::flush() {
 void LockstepBus::subscribe(const std::string& channel_regex, int, Handler handler) {
   subscriptions_.push_back({Pattern(channel_regex), std::move(handler)});
   expressions_.push_back(channel_regex);
-  wanted_channels_.clear();
-}
-
-bool LockstepBus::wants(std::string_view channel) {
-  const auto known = wanted_channels_.find(channel);
-  if (known != wanted_channels_.end()) return known->second;
-  const bool wanted =
-      std::any_of(subscriptions_.begin(), subscriptions_.end(),
-                  [&](const Subscription& s) { return s.channel.matches(channel); });
-  return wanted_channels_.emplace(std::string(channel), wanted).first->second;
+  wanted_.add(channel_regex);
 }
 
 void LockstepBus::set_heard(const std::vector<std::string>& expressions) {
   heard_.emplace();
-  for (const std::string& expression : expressions) heard_->emplace_back(expression);
-  heard_channels_.clear();
-}
-
-bool LockstepBus::heard(std::string_view channel) {
-  if (!heard_) return true;
-  const auto known = heard_channels_.find(channel);
-  if (known != heard_channels_.end()) return known->second;
-  const bool is_heard = std::any_of(heard_->begin(), heard_->end(),
-                                    [&](const Pattern& p) { return p.matches(channel); });
-  return heard_channels_.emplace(std::string(channel), is_heard).first->second;
+  for (const std::string& expression : expressions) heard_->add(expression);
 }
 
 void LockstepBus::deliver(const Message& message) {

@@ -25,6 +25,17 @@ struct Publication {
   MessageDigest digest{};
 };
 
+/// Whether one of several expressions matches a channel.
+class ChannelFilter {
+ public:
+  void add(const std::string& expression);
+  bool matches(std::string_view channel);
+
+ private:
+  std::vector<Pattern> patterns_;
+  std::map<std::string, bool, std::less<>> known_;  // of channels seen so far
+};
+
 /// A node's bus in lockstep: what it publishes is noted for the coordinator and goes out with the
 /// answer to the grant; what others publish comes to the node when a grant says so.
 class LockstepBus final : public Bus {
@@ -42,7 +53,7 @@ class LockstepBus final : public Bus {
 
   const std::vector<std::string>& subscriptions() const { return expressions_; }
   /// Whether the node subscribes to it.
-  bool wants(std::string_view channel);
+  bool wants(std::string_view channel) { return wanted_.matches(channel); }
 
   /// What nodes subscribe to: a message that nobody does keeps the node from nothing. Until then,
   /// every message may be somebody's.
@@ -72,15 +83,12 @@ class LockstepBus final : public Bus {
     std::int64_t number;
     Bytes bytes;
   };
-  bool heard(std::string_view channel);
-
   LockstepLoop& loop_;
   Bus& wire_;
   std::vector<Subscription> subscriptions_;
   std::vector<std::string> expressions_;
-  std::optional<std::vector<Pattern>> heard_;
-  std::map<std::string, bool, std::less<>> heard_channels_;   // of those seen so far
-  std::map<std::string, bool, std::less<>> wanted_channels_;  // likewise
+  ChannelFilter wanted_;                // the same
+  std::optional<ChannelFilter> heard_;  // by any node, if that is known
   std::map<std::string, std::int64_t, std::less<>> numbers_;
   std::vector<Publication> published_;
   std::size_t published_bytes_ = 0;

@@ -25,9 +25,6 @@ std::int32_t rank_of(const std::string& name) {
   return static_cast<std::int32_t>(found - names.begin());
 }
 
-Instant from_ns(std::int64_t ns) { return Instant{Duration{ns}}; }
-std::int64_t to_ns(Instant t) { return t.time_since_epoch().count(); }
-
 }  // namespace
 
 const std::vector<std::string>& lockstep_nodes() {

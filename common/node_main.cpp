@@ -1,7 +1,6 @@
 #include "common/node_main.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
@@ -136,7 +135,7 @@ void run_in_lockstep(const NodeProgram& program, const Options& options, const S
   RealTimeLoop io(RealTimeLoop::wall_utime_us());
   UdpmBus wire(checked_lcm_url(options.lcm_url), io);
   LockstepMember member({.session = *options.lockstep_session,
-                         .instance = RealTimeLoop::wall_utime_us() * 1000 + getpid() % 1000,
+                         .instance = RealTimeLoop::number_of_this_start(),
                          .name = program.lockstep_name,
                          .start = kStart - from_seconds(scenario.run.lead_s)},
                         io, wire);

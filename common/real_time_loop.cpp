@@ -78,6 +78,10 @@ RealTimeLoop::~RealTimeLoop() {
 
 std::int64_t RealTimeLoop::wall_utime_us() { return read_clock_ns(CLOCK_REALTIME) / 1000; }
 
+std::int64_t RealTimeLoop::number_of_this_start() {
+  return wall_utime_us() * 1000 + getpid() % 1000;
+}
+
 Instant RealTimeLoop::now() const {
   const std::int64_t wall_ns = read_clock_ns(CLOCK_MONOTONIC) - start_monotonic_ns_;
   if (speed_ == 1.0) return Instant{Duration{wall_ns}};

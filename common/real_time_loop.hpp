@@ -49,6 +49,8 @@ class RealTimeLoop final : public EventLoop {
 
   /// The wall clock now, µs since 1970.
   static std::int64_t wall_utime_us();
+  /// Another one at each start of a program, also of two at the same microsecond.
+  static std::int64_t number_of_this_start();
 
  private:
   struct Descriptor {

@@ -48,9 +48,6 @@ std::string url_of(const std::string& wanted) {
   return url;
 }
 
-/// More than the wall clock's microseconds, which two runs may share.
-std::int64_t new_session() { return RealTimeLoop::wall_utime_us() * 1000 + getpid() % 1000; }
-
 }  // namespace
 
 ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
@@ -61,7 +58,7 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
       io_(RealTimeLoop::wall_utime_us()),
       wire_(url_, io_) {
   TimeManager::Config config;
-  config.session = new_session();
+  config.session = RealTimeLoop::number_of_this_start();
   config.nodes = lockstep_nodes();
   if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) {
     std::erase(config.nodes, "can");

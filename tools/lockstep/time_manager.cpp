@@ -19,9 +19,6 @@ constexpr Duration kManagerTick = std::chrono::milliseconds{20};
 /// More than any node needs at one instant of the run's time.
 constexpr std::int64_t kMostAtOnce = 100'000;
 
-std::int64_t to_ns(Instant t) { return t.time_since_epoch().count(); }
-Instant from_ns(std::int64_t ns) { return Instant{Duration{ns}}; }
-
 std::string at_time(Instant t) { return fmt::format("t = {:.6f} s", to_seconds(t)); }
 
 EventKey next_of(const auto& message, std::size_t node) {
