@@ -1,17 +1,9 @@
 #include "common/random.hpp"
 
+#include "common/fnv1a.hpp"
+
 namespace tether {
 namespace {
-
-// FNV-1a, 64 bit (Fowler, Noll, Vo; draft-eastlake-fnv).
-std::uint64_t hash_name(std::string_view name) {
-  std::uint64_t hash = 0xcbf29ce484222325ULL;
-  for (const char c : name) {
-    hash ^= static_cast<unsigned char>(c);
-    hash *= 0x100000001b3ULL;
-  }
-  return hash;
-}
 
 // Finalizer of SplitMix64 (Steele, Lea, Flood, OOPSLA 2014): spreads nearby seeds apart.
 std::uint64_t mix(std::uint64_t z) {
@@ -24,7 +16,7 @@ std::uint64_t mix(std::uint64_t z) {
 }  // namespace
 
 RandomEngine random_stream(std::uint64_t seed, std::string_view name) {
-  return RandomEngine{mix(mix(seed) ^ hash_name(name))};
+  return RandomEngine{mix(mix(seed) ^ fnv1a(name))};
 }
 
 }  // namespace tether

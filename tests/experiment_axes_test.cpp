@@ -5,10 +5,7 @@
 #include <filesystem>
 #include <set>
 
-#include "common/errors.hpp"
-#include "tests/run_files.hpp"
-#include "tools/experiment/experiment.hpp"
-#include "tools/write_file.hpp"
+#include "tests/experiment_file.hpp"
 
 // Axes with names and labels, parts, and what an experiment file wants to see; and the project's
 // own files of control over a bad network.
@@ -20,29 +17,17 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-class ExperimentAxes : public ::testing::Test {
+using testing::texts;
+
+/// With one seed.
+class ExperimentAxes : public testing::ExperimentFile {
  protected:
   Experiment load(const std::string& text, const std::vector<std::string>& overrides = {}) {
-    write_file(file_, fmt::format("scenario = \"{}/scenarios/paper.toml\"\nseeds = 1\n{}",
-                                  TETHER_SOURCE_DIR, text));
-    return load_experiment(file_, overrides);
+    return ExperimentFile::load("seeds = 1\n" + text, overrides);
   }
   std::string why_refused(const std::string& text, const std::vector<std::string>& overrides = {}) {
-    try {
-      load(text, overrides);
-    } catch (const UsageError& error) {
-      return error.what();
-    }
-    return "not refused";
+    return ExperimentFile::why_refused("seeds = 1\n" + text, overrides);
   }
-  static std::vector<std::string> texts(const Experiment& experiment) {
-    std::vector<std::string> texts;
-    for (const Arm& arm : experiment.arms) texts.push_back(arm.text());
-    return texts;
-  }
-
-  testing::Folder own_;
-  std::string file_ = (own_.path / "e.toml").string();
 };
 
 constexpr char kLaws[] = R"(

@@ -5,9 +5,7 @@
 
 #include <filesystem>
 
-#include "common/errors.hpp"
-#include "tests/run_files.hpp"
-#include "tools/write_file.hpp"
+#include "tests/experiment_file.hpp"
 
 namespace tether {
 namespace {
@@ -17,33 +15,8 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-/// An experiment file of its own folder, with the paper's scenario.
-class ExperimentFile : public ::testing::Test {
- protected:
-  Experiment load(const std::string& text, const std::vector<std::string>& overrides = {}) {
-    write_file(file_,
-               fmt::format("scenario = \"{}/scenarios/paper.toml\"\n{}", TETHER_SOURCE_DIR, text));
-    return load_experiment(file_, overrides);
-  }
-  std::string why_refused(const std::string& text, const std::vector<std::string>& overrides = {}) {
-    try {
-      load(text, overrides);
-    } catch (const UsageError& error) {
-      return error.what();
-    }
-    return "not refused";
-  }
-
-  testing::Folder own_;
-  const std::filesystem::path& folder_ = own_.path;
-  std::string file_ = (folder_ / "e.toml").string();
-};
-
-std::vector<std::string> texts(const Experiment& experiment) {
-  std::vector<std::string> texts;
-  for (const Arm& arm : experiment.arms) texts.push_back(arm.text());
-  return texts;
-}
+using testing::ExperimentFile;
+using testing::texts;
 
 TEST_F(ExperimentFile, CrossesTheGridInItsOrderAndTheLastKeyVariesFastest) {
   const Experiment experiment = load(R"(

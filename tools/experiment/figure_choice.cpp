@@ -4,12 +4,13 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
+#include "common/csv_table.hpp"
 #include "common/errors.hpp"
 #include "tools/experiment/grid.hpp"
 #include "tools/experiment/run_result.hpp"
@@ -42,11 +43,7 @@ auto kind_of(const Section& section, const Kinds& kinds) {
   section.refuse("kind", "one of " + names);
 }
 
-bool is_number(const std::string& text) {
-  double value = 0.0;
-  const auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return failed == std::errc{} && end == text.data() + text.size();
-}
+bool is_number(const std::string& text) { return !std::isnan(finite_number(text)); }
 
 void check_key(const Section& section, const char* what, const std::string& key, bool needed,
                const std::vector<std::string>& keys) {

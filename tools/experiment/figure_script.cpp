@@ -48,13 +48,6 @@ constexpr char kEpilogue[] = R"gnuplot(
 }
 )gnuplot";
 
-double text_cm(const std::string& text) {
-  const auto starts = std::count_if(text.begin(), text.end(), [](char c) {
-    return (static_cast<unsigned char>(c) & 0xc0) != 0x80;  // not within a character of UTF-8
-  });
-  return kCharacter_cm * static_cast<double>(starts);
-}
-
 double entry_cm(const LegendEntry& entry) {
   return kSample_cm + kSpace_cm + 1.07 * text_cm(entry.name);
 }
@@ -111,6 +104,13 @@ std::string with_last_column(const std::string& csv, const std::string& head,
 }
 
 }  // namespace
+
+double text_cm(const std::string& text) {
+  const auto starts = std::count_if(text.begin(), text.end(), [](char c) {
+    return (static_cast<unsigned char>(c) & 0xc0) != 0x80;  // not within a character of UTF-8
+  });
+  return kCharacter_cm * static_cast<double>(starts);
+}
 
 std::string gnuplot_text(const std::string& text) {
   std::string literal = "'";

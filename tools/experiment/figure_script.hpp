@@ -17,6 +17,8 @@ namespace tether {
 std::string gnuplot_text(const std::string& text);
 /// A cell of a .csv, in quotes where it needs them; control characters become blanks.
 std::string csv_cell(const std::string& text);
+/// How wide it is in a figure, about: as its characters, of which those of UTF-8 count once.
+double text_cm(const std::string& text);
 
 /// "n = 50 seeds a point", "n = 20–50 seeds a point"; and how many failed, if any did.
 std::string seeds_note(std::size_t least, std::size_t most, std::size_t failed);

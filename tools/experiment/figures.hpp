@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -54,6 +56,12 @@ struct CurvePoint {
   std::vector<double> runs;  ///< NaN: failed
   double mean = 0.0;
   Interval interval;  ///< of the mean; NaN: none, as with one run
+
+  /// How many runs have a result.
+  std::size_t succeeded() const {
+    return static_cast<std::size_t>(
+        std::count_if(runs.begin(), runs.end(), [](double run) { return std::isfinite(run); }));
+  }
 };
 
 struct CurveSeries {

@@ -20,7 +20,6 @@ constexpr std::array kPoints{7, 5, 9, 13, 6, 4, 8, 12};
 constexpr std::array kDashes{"1", "(8,4)", "(2,3)", "(8,3,2,3)"};
 
 constexpr double kYAxis_cm = 1.15, kXAxis_cm = 0.95, kLabelGap_cm = 0.34, kLeader_cm = 0.42;
-constexpr double kLabelCharacter_cm = 0.13;  // of 7 pt, on average
 
 constexpr char kComparisonCommands[] = R"gnuplot(
   set xlabel x_label noenhanced offset 0,0.4
@@ -91,14 +90,6 @@ struct Frame {
 
 bool is_drawn(double value) { return std::isfinite(value) && value > 0.0; }
 
-/// The text is as wide as its characters; those of UTF-8 count once.
-double label_cm(const std::string& text) {
-  const auto starts = std::count_if(text.begin(), text.end(), [](char c) {
-    return (static_cast<unsigned char>(c) & 0xc0) != 0x80;
-  });
-  return kLabelCharacter_cm * static_cast<double>(starts);
-}
-
 /// What a series' label stands beside: its last mean, or its first as the floor.
 double end_of(const CurveSeries& series, const ComparisonFigure& figure) {
   double value = std::numeric_limits<double>::quiet_NaN(), x = 0.0;
@@ -117,7 +108,7 @@ Frame frame_of(const ComparisonFigure& figure, const FigureFrame& around) {
       {},        {}};
   double widest_cm = 0.0;
   for (const CurveSeries& series : figure.series) {
-    widest_cm = std::max(widest_cm, label_cm(series.name));
+    widest_cm = std::max(widest_cm, text_cm(series.name));
     for (const CurvePoint& p : series.points) {
       frame.x.add(p.x);
       for (const double y : {p.mean, p.interval.low, p.interval.high}) {
@@ -192,10 +183,8 @@ std::string comparison_csv(const ComparisonFigure& figure) {
   std::string csv = "series,x,mean,low,high,n,failed,name\n";
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
     for (const CurvePoint& p : figure.series[s].points) {
-      const auto n = std::count_if(p.runs.begin(), p.runs.end(),
-                                   [](double run) { return std::isfinite(run); });
       csv += fmt::format("{},{},{},{},{},{},{},{}\n", s + 1, p.x, p.mean, p.interval.low,
-                         p.interval.high, n, static_cast<std::ptrdiff_t>(p.runs.size()) - n,
+                         p.interval.high, p.succeeded(), p.runs.size() - p.succeeded(),
                          csv_cell(figure.series[s].name));
     }
   }
@@ -218,8 +207,7 @@ std::string note_of(const ComparisonFigure& figure) {
   std::size_t least = static_cast<std::size_t>(-1), most = 0, failed = 0;
   for (const CurveSeries& series : figure.series) {
     for (const CurvePoint& p : series.points) {
-      const auto n = static_cast<std::size_t>(std::count_if(
-          p.runs.begin(), p.runs.end(), [](double run) { return std::isfinite(run); }));
+      const std::size_t n = p.succeeded();
       least = std::min(least, n);
       most = std::max(most, n);
       failed += p.runs.size() - n;

@@ -73,11 +73,8 @@ Extent extent_of(const CurveFigure& figure) {
       e.add_y(p.mean);
       e.add_y(p.interval.low);
       e.add_y(p.interval.high);
-      std::size_t n = 0;
-      for (const double run : p.runs) {
-        e.add_y(run);
-        n += std::isfinite(run) ? 1 : 0;
-      }
+      for (const double run : p.runs) e.add_y(run);
+      const std::size_t n = p.succeeded();
       e.least = std::min(e.least, n);
       e.most = std::max(e.most, n);
       e.failed += p.runs.size() - n;

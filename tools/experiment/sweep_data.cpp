@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <set>
+
+#include "common/csv_table.hpp"
 
 namespace tether {
 
@@ -37,10 +38,7 @@ std::string SweepData::text(std::size_t arm, const std::string& key) const {
 }
 
 double SweepData::number(std::size_t arm, const std::string& key) const {
-  const std::string text = this->text(arm, key);
-  double value = kNone;
-  const auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return failed == std::errc{} && end == text.data() + text.size() ? value : kNone;
+  return finite_number(text(arm, key));
 }
 
 std::optional<std::size_t> SweepData::find(

@@ -12,6 +12,7 @@
 
 #include "common/channel_settings.hpp"
 #include "common/errors.hpp"
+#include "common/fnv1a.hpp"
 #include "common/scenario_keys.hpp"
 #include "common/version.hpp"
 #include "tools/experiment/figure_choice.hpp"
@@ -35,17 +36,12 @@ std::string precision_text(const std::optional<Precision>& precision) {
                      precision->half_width, precision->most_seeds, precision->batch);
 }
 
-/// FNV-1a: tells whether a file is the same, not who made it.
 std::string hash_of_file(const std::string& file) {
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
   text << in.rdbuf();
   if (!in) throw UsageError(fmt::format("cannot read {}, which the scenario names", file));
-  std::uint64_t hash = 0xcbf29ce484222325;
-  for (const char c : text.str()) {
-    hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
-  }
-  return fmt::format("{:016x}", hash);
+  return fmt::format("{:016x}", fnv1a(text.str()));
 }
 
 /// The files that a scenario names.
