@@ -68,20 +68,31 @@ const ScenarioKey* find_key(const std::string& name) {
   return found == keys.end() ? nullptr : &*found;
 }
 
+/// What may be given in place of `key`: also keys of both links at once, "channel.prr".
+std::vector<std::string> names_beside(const std::string& key) {
+  const std::string uplink = "channel.uplink.";
+  std::vector<std::string> names;
+  for (const ScenarioKey& k : keys_beside(key)) names.push_back(k.name);
+  for (std::size_t i = 0, all = names.size(); i < all; ++i) {
+    if (names[i].starts_with(uplink)) names.push_back("channel." + names[i].substr(uplink.size()));
+  }
+  return names;
+}
+
 [[noreturn]] void refuse_unknown(const std::string& place, const std::string& key) {
-  const auto& keys = keys_beside(key);
+  const std::vector<std::string> names = names_beside(key);
   const auto nearest =
-      std::min_element(keys.begin(), keys.end(), [&key](const auto& a, const auto& b) {
-        return edit_distance(a.name, key) < edit_distance(b.name, key);
+      std::min_element(names.begin(), names.end(), [&key](const auto& a, const auto& b) {
+        return edit_distance(a, key) < edit_distance(b, key);
       });
-  const auto same_name = std::find_if(keys.begin(), keys.end(), [&key](const auto& k) {
-    return last_part(k.name) == last_part(key);
+  const auto same_name = std::find_if(names.begin(), names.end(), [&key](const auto& name) {
+    return last_part(name) == last_part(key);
   });
   const auto& hint =
-      edit_distance(nearest->name, key) > 3 && same_name != keys.end() ? same_name : nearest;
+      edit_distance(*nearest, key) > 3 && same_name != names.end() ? same_name : nearest;
   throw UsageError(fmt::format(
       "{}: unknown key \"{}\" (did you mean \"{}\"? `tether run --keys` lists all keys)", place,
-      key, hint->name));
+      key, *hint));
 }
 
 std::optional<NumberList> to_numbers(const toml::array& array) {
