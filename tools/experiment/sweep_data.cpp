@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <set>
 
 #include "common/csv_table.hpp"
@@ -12,8 +11,6 @@
 namespace tether {
 
 namespace {
-
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 bool is_same(double a, double b) { return std::abs(a - b) <= 1e-9; }
 
