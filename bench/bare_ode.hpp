@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "sim/ode_world.hpp"
-#include "tools/closed_loop.hpp"
+#include "sim/plant/ode_world.hpp"
+#include "tools/loop/closed_loop.hpp"
 
 namespace tether::bench {
 

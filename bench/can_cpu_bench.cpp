@@ -22,18 +22,18 @@
 
 #include "bench/cpu_time.hpp"
 #include "bench/smoke.hpp"
-#include "can_bridge/can_bridge_node.hpp"
-#include "can_bridge/can_drive_node.hpp"
-#include "common/lcm_bus.hpp"
-#include "common/lcm_url.hpp"
-#include "common/message_io.hpp"
-#include "common/real_time_loop.hpp"
-#include "common/system_error.hpp"
-#include "tools/arm_operator.hpp"
+#include "can_bridge/node/can_bridge_node.hpp"
+#include "can_bridge/node/can_drive_node.hpp"
+#include "common/base/system_error.hpp"
+#include "common/bus/lcm_bus.hpp"
+#include "common/bus/lcm_url.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "tools/can/arm_operator.hpp"
 
 // CPU load of the bridge on this kernel, which need not have CAN: bridge and emulated drives are
 // processes, on real LCM and in real time; a pair of local datagram sockets is the bus, with the
-// system calls that a CAN socket takes. Runs through tests/in_own_network.sh.
+// system calls that a CAN socket takes. Runs through tests/support/in_own_network.sh.
 
 namespace tether {
 namespace {

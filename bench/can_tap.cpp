@@ -12,7 +12,7 @@
 #include <cstring>
 #include <ctime>
 
-#include "common/system_error.hpp"
+#include "common/base/system_error.hpp"
 
 namespace tether::bench {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/can_frame.hpp"
+#include "can_bridge/bus/can_frame.hpp"
 
 namespace tether::bench {
 

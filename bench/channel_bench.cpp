@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "netem/delay_law.hpp"
-#include "netem/link_monitor.hpp"
-#include "netem/make_links.hpp"
+#include "netem/check/link_monitor.hpp"
+#include "netem/link/delay_law.hpp"
+#include "netem/relay/make_links.hpp"
 
 // Cost of a packet in a link: offered, carried, delivered, in virtual time. Each model and each
 // stage alone, then all together; a packet of 80 bytes every millisecond.

@@ -6,8 +6,8 @@
 #include "bench/bare_ode.hpp"
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
-#include "tools/closed_loop.hpp"
-#include "tools/run_observer.hpp"
+#include "tools/loop/closed_loop.hpp"
+#include "tools/runs/run_observer.hpp"
 
 // A whole closed-loop run without file output, against its floor: bare ODE stepping of the
 // identical world with the identical servo targets. Both are timed in turn, A B A B …, so that the

@@ -8,9 +8,9 @@
 #include <tether/twist_t.hpp>
 #include <vector>
 
-#include "common/make_path.hpp"
-#include "controller/law.hpp"
-#include "tools/closed_loop.hpp"
+#include "common/path/make_path.hpp"
+#include "controller/laws/law.hpp"
+#include "tools/loop/closed_loop.hpp"
 
 // What a decision of each law costs, and what it puts on the air.
 

@@ -12,10 +12,10 @@
 #include <tether/twist_t.hpp>
 #include <utility>
 
-#include "can_bridge/canopen.hpp"
-#include "common/lcm_url.hpp"
-#include "common/message_io.hpp"
-#include "tools/process.hpp"
+#include "can_bridge/canopen/canopen.hpp"
+#include "common/bus/lcm_url.hpp"
+#include "common/bus/message_io.hpp"
+#include "tools/base/process.hpp"
 
 namespace tether::bench {
 namespace {

@@ -13,10 +13,10 @@
 #include <tether/wheel_feedback_t.hpp>
 
 #include "bench/can_tap.hpp"
-#include "common/lcm_bus.hpp"
-#include "common/real_time_loop.hpp"
-#include "common/scenario.hpp"
-#include "tools/node_process.hpp"
+#include "common/bus/lcm_bus.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "common/scenario/scenario.hpp"
+#include "tools/processes/node_process.hpp"
 
 namespace tether::bench {
 
@@ -29,7 +29,8 @@ namespace tether::bench {
 /// armed or a process ends.
 class LiveDrivetrain {
  public:
-  /// Frames on the bus, and their bits at worst-case stuffing (see can_bridge/in_process_can.hpp).
+  /// Frames on the bus, and their bits at worst-case stuffing (see
+  /// can_bridge/bus/in_process_can.hpp).
   struct Traffic {
     std::int64_t frames = 0;
     std::int64_t bits = 0;

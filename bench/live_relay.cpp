@@ -9,8 +9,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/lcm_url.hpp"
-#include "tools/process.hpp"
+#include "common/bus/lcm_url.hpp"
+#include "tools/base/process.hpp"
 
 namespace tether::bench {
 

@@ -9,9 +9,9 @@
 
 #include "bench/bare_forwarder.hpp"
 #include "bench/cpu_time.hpp"
-#include "common/lcm_bus.hpp"
-#include "common/real_time_loop.hpp"
-#include "tools/node_process.hpp"
+#include "common/bus/lcm_bus.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "tools/processes/node_process.hpp"
 
 namespace tether::bench {
 

@@ -20,8 +20,8 @@
 
 // tether-netem --rule as a process between two real LCM networks, beside plain LCM and a bare
 // forwarder in the same run.
-// Needs a multicast route: tests/in_own_network.sh. It reports, and fails only if nothing is
-// measured.
+// Needs a multicast route: tests/support/in_own_network.sh. It reports, and fails only if nothing
+// is measured.
 
 namespace tether {
 namespace {

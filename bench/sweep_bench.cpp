@@ -10,7 +10,8 @@
 #include "bench/bare_ode.hpp"
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
-#include "tools/experiment/sweep.hpp"
+#include "tools/experiment/sweep/run_once.hpp"
+#include "tools/experiment/sweep/sweep.hpp"
 
 // Sweeping on all cores against two floors that do the same physics steps: bare ODE stepping with
 // the recorded servo targets, on as many threads and in turn; and single runs, one after the other,

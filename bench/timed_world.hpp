@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "can_bridge/can_port.hpp"
-#include "common/event_loop.hpp"
+#include "can_bridge/bus/can_port.hpp"
+#include "common/loop/event_loop.hpp"
 
 namespace tether::bench {
 

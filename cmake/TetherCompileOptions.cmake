@@ -15,7 +15,7 @@ endif()
 
 # tether_add_library(name sources...): a library whose sources share these headers, read once.
 # Without them (-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON) everything builds as well.
-add_library(tether_headers OBJECT ${PROJECT_SOURCE_DIR}/common/headers.cpp)
+add_library(tether_headers OBJECT ${PROJECT_SOURCE_DIR}/common/base/headers.cpp)
 target_link_libraries(tether_headers PRIVATE tether_options)
 target_precompile_headers(tether_headers PRIVATE
   <fmt/format.h>

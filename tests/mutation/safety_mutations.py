@@ -49,11 +49,11 @@ class Mutation:
         commands = json.loads((pathlib.Path(options.build) / "compile_commands.json").read_text())
         self.compile_commands = {
             pathlib.Path(c["file"]).name: c
-            for c in commands if pathlib.Path(c["file"]).parent == ROOT / "can_bridge"}
+            for c in commands if (ROOT / "can_bridge") in pathlib.Path(c["file"]).parents}
 
     def run(self):
         mutants = [m for m in MUTANTS if self.only in m[0]]
-        sources = {m[2]: (ROOT / "can_bridge" / m[2]).read_text() for m in mutants}
+        sources = {m[2]: self.source(m[2]) for m in mutants}
         broken = [f"mutation '{m[0]}' no longer applies: {m[2]} contains it "
                   f"{sources[m[2]].count(m[3])} times: {m[3]}"
                   for m in mutants if sources[m[2]].count(m[3]) != 1]
@@ -72,6 +72,9 @@ class Mutation:
                       flush=True)
         print(f"{len(mutants)} mutants, {survivors} survived")
         return 1 if survivors else 0
+
+    def source(self, name):
+        return pathlib.Path(self.compile_commands[name]["file"]).read_text()
 
     def unmutated_pass(self, mutants, sources):
         """The unmutated copies of all files, compiled and linked the same way, pass."""

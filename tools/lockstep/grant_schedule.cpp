@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/lcm_datagrams.hpp"
-#include "common/lockstep_channels.hpp"
+#include "common/bus/lcm_datagrams.hpp"
+#include "common/lockstep/channels.hpp"
 
 namespace tether {
 

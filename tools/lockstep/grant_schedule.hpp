@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "common/event_key.hpp"
-#include "common/lockstep_bus.hpp"
-#include "common/pattern.hpp"
+#include "common/base/pattern.hpp"
+#include "common/lockstep/bus.hpp"
+#include "common/loop/event_key.hpp"
 
 namespace tether {
 

@@ -3,7 +3,7 @@
 #include <deque>
 #include <string>
 
-#include "common/event_loop.hpp"
+#include "common/loop/event_loop.hpp"
 #include "tools/lockstep/time_manager.hpp"
 
 namespace tether {

@@ -7,10 +7,10 @@
 #include <tether/time_welcome_t.hpp>
 #include <utility>
 
-#include "common/errors.hpp"
-#include "common/lockstep_channels.hpp"
-#include "common/message_io.hpp"
-#include "tools/message_printer.hpp"
+#include "common/base/errors.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/lockstep/channels.hpp"
+#include "tools/messages/message_printer.hpp"
 
 namespace tether {
 namespace {

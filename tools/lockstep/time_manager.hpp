@@ -12,9 +12,9 @@
 #include <tether/time_resend_t.hpp>
 #include <vector>
 
-#include "common/bus.hpp"
-#include "common/event_loop.hpp"
-#include "common/message_inbox.hpp"
+#include "common/bus/bus.hpp"
+#include "common/bus/message_inbox.hpp"
+#include "common/loop/event_loop.hpp"
 #include "tools/lockstep/grant_schedule.hpp"
 
 namespace tether {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <tether/time_resend_t.hpp>
 
-#include "common/lockstep_channels.hpp"
-#include "common/lockstep_member.hpp"
-#include "common/message_io.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/lockstep/channels.hpp"
+#include "common/lockstep/member.hpp"
 #include "tools/lockstep/time_manager.hpp"
 
 namespace tether {

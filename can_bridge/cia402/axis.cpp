@@ -1,0 +1,177 @@
+#include "can_bridge/cia402/axis.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace tether::cia402 {
+namespace {
+
+using canopen::DriveState;
+
+constexpr double kTurn_rad = 2.0 * std::numbers::pi;
+// No vehicle's wheel turns faster: bounds what may have been travelled while nothing was heard.
+constexpr double kFastestWheel_rps = 50.0;
+
+/// a − b as a counter of `bytes` bytes shows it after wrapping around.
+std::int64_t wrapped_difference(std::int64_t a, std::int64_t b, std::uint8_t bytes) {
+  const std::uint64_t range = std::uint64_t{1} << (8 * bytes);
+  const std::uint64_t difference =
+      (static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b)) & (range - 1);
+  return difference >= range / 2
+             ? static_cast<std::int64_t>(difference) - static_cast<std::int64_t>(range)
+             : static_cast<std::int64_t>(difference);
+}
+
+}  // namespace
+
+Axis::Axis(const AxisConfig& config, std::string name, Duration feedback_timeout,
+           double standstill_radps)
+    : config_(config),
+      name_(std::move(name)),
+      feedback_timeout_(feedback_timeout),
+      standstill_radps_(standstill_radps) {}
+
+void Axis::begin() {
+  status_stamp_.reset();
+  speed_stamp_.reset();
+  position_stamp_.reset();
+  statusword_ = 0;
+  status_confirms_ = speed_confirms_ = false;
+  speed_radps_ = 0.0;
+  mode_.reset();
+  error_code_ = emergency_code_ = 0;
+  controlword_ = canopen::kControlDisableVoltage;
+  reanchor();
+}
+
+void Axis::receive(const PdoMap::Field& field, std::int64_t value, Instant now) {
+  switch (field.signal) {
+    case Signal::statusword:
+      statusword_ = static_cast<std::uint16_t>(value >> config_.statusword_shift & 0xFFFF);
+      status_stamp_ = now;
+      status_confirms_ = true;
+      break;
+    case Signal::actual_velocity:
+      speed_radps_ = static_cast<double>(config_.sign * value) * kTurn_rad /
+                     config_.actual_velocity_per_rps.value();
+      speed_stamp_ = now;
+      speed_confirms_ = true;
+      break;
+    case Signal::actual_position:
+      on_position(field.object, value, now);
+      break;
+    case Signal::mode_display:
+      mode_ = value;
+      break;
+    case Signal::error_code:
+      error_code_ = static_cast<std::uint32_t>(value);
+      break;
+    case Signal::controlword:
+    case Signal::target_velocity:
+    case Signal::mode:
+      break;
+  }
+}
+
+void Axis::on_position(const ObjectRef& object, std::int64_t raw, Instant now) {
+  const std::int64_t travelled = wrapped_difference(raw, raw_position_, object.bytes);
+  if (anchored_ && position_stamp_) {
+    // A drive that sets its counter anew without a boot-up message jumps by more than the wheel can
+    // have turned: one revolution more than twice what its speed says.
+    const double silence_s = to_seconds(now - *position_stamp_);
+    const double fastest_rps = now - *position_stamp_ > feedback_timeout_
+                                   ? kFastestWheel_rps
+                                   : 2.0 * std::abs(speed_radps_) / kTurn_rad;
+    const double limit = config_.counts_per_revolution.value() * (1.0 + fastest_rps * silence_s);
+    if (std::abs(static_cast<double>(travelled)) <= limit) {
+      position_counts_ += config_.sign * travelled;
+    }
+  }
+  raw_position_ = raw;
+  anchored_ = true;
+  position_stamp_ = now;
+}
+
+void Axis::command(std::uint16_t controlword) {
+  if (controlword == controlword_) return;
+  controlword_ = controlword;
+  status_confirms_ = speed_confirms_ = false;
+}
+
+std::uint16_t Axis::enabling_controlword() const {
+  const std::optional<DriveState> state = confirmed_state();
+  if (!state) return controlword_;
+  switch (*state) {
+    case DriveState::switch_on_disabled:
+      return canopen::kControlShutdown;
+    case DriveState::ready_to_switch_on:
+      return canopen::kControlSwitchOn;
+    case DriveState::switched_on:
+    case DriveState::operation_enabled:
+      return canopen::kControlEnableOperation;
+    case DriveState::not_ready:
+    case DriveState::quick_stop_active:
+    case DriveState::fault_reaction:
+    case DriveState::fault:
+      break;
+  }
+  return canopen::kControlDisableVoltage;
+}
+
+double Axis::target_units(double speed_radps) const {
+  return config_.sign * speed_radps / kTurn_rad * config_.target_velocity_per_rps.value();
+}
+
+std::int64_t Axis::largest_target() const {
+  return (std::int64_t{1} << (8 * config_.target_velocity.bytes - 1)) - 1;
+}
+
+std::optional<DriveState> Axis::state() const {
+  return status_stamp_ ? canopen::drive_state(statusword_) : std::nullopt;
+}
+
+std::optional<DriveState> Axis::confirmed_state() const {
+  return status_confirms_ ? state() : std::nullopt;
+}
+
+bool Axis::in_fault() const {
+  return state() == DriveState::fault || state() == DriveState::fault_reaction;
+}
+
+bool Axis::confirmed_off() const {
+  return confirmed_state() == DriveState::switch_on_disabled ||
+         confirmed_state() == DriveState::ready_to_switch_on;
+}
+
+bool Axis::standing(Instant now) const {
+  return speed_stamp_ && now - *speed_stamp_ < feedback_timeout_ &&
+         std::abs(speed_radps_) < standstill_radps_;
+}
+
+bool Axis::confirmed_standing(Instant now) const { return speed_confirms_ && standing(now); }
+
+bool Axis::fresh(Instant now) const { return age(now) < feedback_timeout_; }
+
+Duration Axis::age(Instant now) const {
+  if (!status_stamp_ || !speed_stamp_ || !position_stamp_) return Duration::max();
+  return now - std::min({*status_stamp_, *speed_stamp_, *position_stamp_});
+}
+
+WheelFeedback Axis::feedback() const {
+  WheelFeedback result;
+  result.valid = speed_stamp_ || position_stamp_;
+  result.stamp =
+      std::max(speed_stamp_.value_or(Instant::min()), position_stamp_.value_or(Instant::min()));
+  if (!result.valid) result.stamp = Instant{};
+  result.position_counts = position_counts_;
+  result.angle_rad =
+      static_cast<double>(position_counts_) * kTurn_rad / config_.counts_per_revolution.value();
+  result.speed_radps = speed_radps_;
+  result.state = canopen::to_string(state());
+  result.statusword = statusword_;
+  result.error_code = error_code();
+  return result;
+}
+
+}  // namespace tether::cia402

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/cia402/pdo.hpp"
+#include "can_bridge/drivetrain/drive_profile.hpp"
+
+namespace tether::cia402 {
+
+/// One wheel's axis of a CiA 402 drive: what it reported, in SI units, and which controlword comes
+/// next. Pure.
+class Axis {
+ public:
+  /// `name`: for reasons. `feedback_timeout`: age from which feedback is not fresh any more.
+  /// `standstill_radps`: wheels slower than this stand.
+  Axis(const AxisConfig& config, std::string name, Duration feedback_timeout,
+       double standstill_radps);
+
+  /// A new start: forgets what the drive reported. The angle stays where it is.
+  void begin();
+
+  /// The drive's encoder may start anywhere now: the next position continues the present angle.
+  void reanchor() { anchored_ = false; }
+
+  // --- from the drive
+  void receive(const PdoMap::Field& field, std::int64_t value, Instant now);
+  void on_emergency(std::uint16_t code) { emergency_code_ = code; }
+
+  // --- to the drive
+  /// The controlword that leaves now. After a change only a statusword and a speed received later
+  /// confirm anything: an older one could be from before an earlier change.
+  void command(std::uint16_t controlword);
+  std::uint16_t controlword() const { return controlword_; }
+
+  /// The controlword on the way to OperationEnabled (IEC 61800-7-201): 0x06, 0x07, 0x0F, each only
+  /// once the statusword confirms the step before.
+  std::uint16_t enabling_controlword() const;
+
+  /// Units of target_velocity for a wheel speed, not yet rounded or limited.
+  double target_units(double speed_radps) const;
+  /// The largest magnitude of target_velocity that its object can carry, both signs.
+  std::int64_t largest_target() const;
+
+  // --- what is known
+  const std::string& name() const { return name_; }
+  std::uint8_t node() const { return config_.node; }
+  const ObjectRef& controlword_object() const { return config_.controlword; }
+  /// By the newest statusword; nullopt if there is none or it matches no state.
+  std::optional<canopen::DriveState> state() const;
+  /// By a statusword received since the controlword last changed.
+  std::optional<canopen::DriveState> confirmed_state() const;
+  bool in_fault() const;
+  /// Power stage off, confirmed: SwitchOnDisabled or ReadyToSwitchOn.
+  bool confirmed_off() const;
+  /// Stands, by a fresh speed received since the controlword last changed.
+  bool confirmed_standing(Instant now) const;
+  bool standing(Instant now) const;
+  /// Statusword, speed and position are all younger than the timeout.
+  bool fresh(Instant now) const;
+  /// Of the oldest of these three; the longest duration before the first.
+  Duration age(Instant now) const;
+  std::optional<std::int64_t> mode() const { return mode_; }
+  /// The drive's: 0x603F, else that of its newest emergency message; 0: none.
+  std::uint32_t error_code() const { return error_code_ != 0 ? error_code_ : emergency_code_; }
+  WheelFeedback feedback() const;
+
+ private:
+  void on_position(const ObjectRef& object, std::int64_t raw, Instant now);
+
+  AxisConfig config_;
+  std::string name_;
+  Duration feedback_timeout_;
+  double standstill_radps_;
+
+  std::optional<Instant> status_stamp_, speed_stamp_, position_stamp_;
+  std::uint16_t statusword_ = 0;
+  bool status_confirms_ = false;
+  bool speed_confirms_ = false;
+  double speed_radps_ = 0.0;
+  bool anchored_ = false;
+  std::int64_t raw_position_ = 0;
+  std::int64_t position_counts_ = 0;  // unwrapped, forward positive
+  std::optional<std::int64_t> mode_;
+  std::uint32_t error_code_ = 0;
+  std::uint32_t emergency_code_ = 0;
+  std::uint16_t controlword_ = canopen::kControlDisableVoltage;
+};
+
+}  // namespace tether::cia402

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "can_bridge/canopen/sdo_client.hpp"
+#include "can_bridge/cia402/startup.hpp"
+
+namespace tether::cia402 {
+
+/// Brings one node from anything to "configured, pre-operational": NMT reset, boot-up message, SDO
+/// steps one by one, each confirmed. Ends done() or with a refusal().
+///
+/// A node without boot-up message within boot_timeout_ms is reset again, up to 3 times in all; one
+/// that reboots during its configuration starts it again, up to 3 times in all.
+class NodeStartup {
+ public:
+  NodeStartup(const DrivetrainConfig& config, std::uint8_t node);
+
+  /// From the beginning, at the next tick.
+  void begin();
+
+  void on_boot_up();
+  /// A frame with the identifier 0x580 + node. False: not the reply that is waited for.
+  bool on_sdo(const CanFrame& frame) { return sdo_.on_frame(frame); }
+  void tick(Instant now, std::vector<CanFrame>& out);
+
+  bool done() const { return state_ == State::done; }
+  /// Why the node cannot be used, and what to do about it; "" if nothing is known against it.
+  const std::string& refusal() const { return refusal_; }
+  /// What is under way: "left drive (node 1): step 3 of 40: 0x1017:0 (heartbeat producer)".
+  std::string progress() const;
+  /// What optional objects the drive did without.
+  const std::vector<std::string>& notes() const { return notes_; }
+
+ private:
+  enum class State { idle, reset, booting, configuring, done, refused };
+
+  void refuse(const std::string& why);
+  void begin_steps();
+  void begin_step();
+  void next_step();
+  void on_result(const SdoResult& result, Instant now);
+  void on_value(const SdoStep& step, std::int64_t value, Instant now);
+  void on_failure(const SdoStep& step, const std::string& what, const std::string& advice);
+  void finish();
+
+  std::string name_;
+  std::uint8_t node_;
+  Duration boot_timeout_;
+  Duration step_timeout_;
+  Duration sdo_timeout_;
+  int sdo_tries_;
+  std::vector<SdoStep> steps_;
+
+  SdoClient sdo_;
+  State state_ = State::idle;
+  Instant deadline_{};  // of the boot-up message
+  int resets_ = 0;
+  int boots_ = 0;
+  std::size_t step_ = 0;
+  bool reading_ = false;                  // the step's write, if any, is confirmed
+  std::optional<Instant> reading_until_;  // of `eventually_equal`
+  int watchdogs_set_ = 0;
+  std::string watchdog_failures_;
+  std::string refusal_;
+  std::vector<std::string> notes_;
+};
+
+}  // namespace tether::cia402

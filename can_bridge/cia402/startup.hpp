@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "can_bridge/drivetrain/config.hpp"
+
+namespace tether::cia402 {
+
+/// Profile velocity, IEC 61800-7-201 mode of operation.
+inline constexpr std::int64_t kProfileVelocity = 3;
+
+/// One step of a drive's configuration: write an object, read one back, or both.
+struct SdoStep {
+  enum class Check {
+    none,              ///< nothing is read
+    equal,             ///< what is read must be `expected` in the bits of `mask`
+    eventually_equal,  ///< the same, read again until step_timeout_ms is over
+    drive_profile,     ///< must be a CiA 402 device type, or 0 (not told)
+  };
+  enum class Need {
+    required,  ///< abort or another value: the drive cannot be used
+    optional,  ///< … : noted, go on
+    watchdog,  ///< … : go on, but one of a node's watchdogs must succeed
+  };
+
+  ObjectRef object;
+  std::optional<std::int64_t> write;
+  Check check = Check::none;
+  ObjectRef read_back;  ///< where check is not `none`
+  std::int64_t expected = 0;
+  std::uint32_t mask = 0xFFFFFFFF;
+  Need need = Need::required;
+  std::string meaning;  ///< "heartbeat consumer": for reasons
+};
+
+/// The nodes of a drivetrain, left first, each once.
+std::vector<std::uint8_t> drive_nodes(const DrivetrainConfig& config);
+
+/// Everything that start-up does to `node` after its boot-up message, in this order: device type,
+/// watchdogs, heartbeat producer (0x1017), the watchdogs' reactions, setup objects, PDOs, mode of
+/// operation. A PDO is switched off, cleared, mapped, counted, timed and switched on (CiA
+/// 301, 7.5.2.36), then all of it is read back; one that is `preset` is only read back, except for
+/// its event timer.
+std::vector<SdoStep> startup_steps(const DrivetrainConfig& config, std::uint8_t node);
+
+}  // namespace tether::cia402

@@ -1,0 +1,303 @@
+#include "can_bridge/drivetrain/checks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "common/base/errors.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::array<const char*, 2> kSides{"left", "right"};
+
+/// An axis' object that travels in PDOs.
+struct Carried {
+  const char* name;
+  ObjectRef AxisConfig::*object;
+  bool transmit;  ///< in a TPDO
+};
+constexpr std::array<Carried, 5> kCarried{{
+    {"controlword", &AxisConfig::controlword, false},
+    {"target_velocity", &AxisConfig::target_velocity, false},
+    {"statusword", &AxisConfig::statusword, true},
+    {"actual_velocity", &AxisConfig::actual_velocity, true},
+    {"actual_position", &AxisConfig::actual_position, true},
+}};
+
+const char* pdo_kind(bool transmit) { return transmit ? "TPDO" : "RPDO"; }
+bool is_synchronous(const PdoConfig& pdo) { return pdo.transmission <= 240; }
+
+class Checker {
+ public:
+  Checker(const DrivetrainConfig& config, const DrivetrainSource& source)
+      : c_(config), source_(source) {}
+
+  void run() const {
+    check_nodes();
+    check_times();
+    check_shared_objects();
+    for (std::size_t i = 0; i < c_.pdos.size(); ++i) check_pdo(i);
+    for (std::size_t side = 0; side < 2; ++side) check_coverage(side);
+    for (std::size_t i = 0; i < c_.setup.size(); ++i) check_setup(i);
+    check_watchdogs();
+  }
+
+ private:
+  [[noreturn]] void refuse(std::uint32_t line, const std::string& message) const {
+    throw UsageError(fmt::format("{}:{}: {}", source_.file, line, message));
+  }
+
+  bool is_axis(std::uint8_t node) const {
+    return c_.axes[0].node == node || c_.axes[1].node == node;
+  }
+
+  void check_nodes() const {
+    for (std::size_t side = 0; side < 2; ++side) {
+      if (c_.axes[side].node == c_.master_node) {
+        refuse(source_.axis_lines[side],
+               fmt::format("{}.node = {} is the bridge's own (bridge.node): each participant needs "
+                           "a node id of its own",
+                           kSides[side], c_.master_node));
+      }
+    }
+    const auto check = [this](const char* what, std::uint8_t node, std::uint32_t line) {
+      if (is_axis(node)) return;
+      refuse(line, fmt::format("{} is for node {}, but the axes are on nodes {} and {}", what, node,
+                               c_.axes[0].node, c_.axes[1].node));
+    };
+    for (std::size_t i = 0; i < c_.pdos.size(); ++i) {
+      check("pdo", c_.pdos[i].node, source_.pdo_lines[i]);
+    }
+    for (std::size_t i = 0; i < c_.setup.size(); ++i) {
+      check("setup", c_.setup[i].node, source_.setup_lines[i]);
+    }
+    for (std::size_t i = 0; i < c_.watchdogs.size(); ++i) {
+      check("watchdog", c_.watchdogs[i].node, source_.watchdog_lines[i]);
+    }
+  }
+
+  void check_times() const {
+    if (c_.drive_heartbeat_timeout_ms < 3 * c_.drive_heartbeat_ms) {
+      refuse(source_.drives_line,
+             fmt::format("drives.heartbeat_timeout_ms = {} is not allowed: must be at least {}, "
+                         "three times drives.heartbeat_ms, or one lost frame stops the vehicle",
+                         c_.drive_heartbeat_timeout_ms, 3 * c_.drive_heartbeat_ms));
+    }
+  }
+
+  /// Axes on one node must be told apart by what they are sent and by what they report.
+  void check_shared_objects() const {
+    const AxisConfig& left = c_.axes[0];
+    const AxisConfig& right = c_.axes[1];
+    for (std::size_t side = 0; side < 2; ++side) {
+      const AxisConfig& axis = c_.axes[side];
+      if (axis.statusword_shift + 16 > 8 * axis.statusword.bytes) {
+        refuse(source_.axis_lines[side],
+               fmt::format("{}.statusword_shift = {} is not allowed: {} has no 16 bits from there",
+                           kSides[side], axis.statusword_shift, to_string(axis.statusword)));
+      }
+    }
+    if (left.node != right.node) return;
+    const auto differ = [&](const char* name, const ObjectRef& a, const ObjectRef& b) {
+      if (a.index != b.index || a.sub != b.sub) return;
+      refuse(source_.axis_lines[1],
+             fmt::format("left and right are both on node {} and have the same {}, {}: axes of one "
+                         "node may share only controlword, mode, mode_display, error_code and the "
+                         "halves of a statusword",
+                         left.node, name, to_string(a)));
+    };
+    differ("target_velocity", left.target_velocity, right.target_velocity);
+    differ("actual_velocity", left.actual_velocity, right.actual_velocity);
+    differ("actual_position", left.actual_position, right.actual_position);
+    if (left.statusword_shift == right.statusword_shift) {
+      differ("statusword", left.statusword, right.statusword);
+    }
+  }
+
+  void check_pdo(std::size_t i) const {
+    const PdoConfig& pdo = c_.pdos[i];
+    const std::uint32_t line = source_.pdo_lines[i];
+    const std::string name =
+        fmt::format("{}{} of node {}", pdo_kind(pdo.transmit), pdo.number, pdo.node);
+    int bytes = 0;
+    for (const ObjectRef& object : pdo.objects) bytes += object.bytes;
+    if (bytes > 8) {
+      refuse(line,
+             fmt::format("{} has {} bytes of objects: a CAN frame carries at most 8", name, bytes));
+    }
+    for (std::size_t j = 0; j < i; ++j) {
+      const PdoConfig& other = c_.pdos[j];
+      if (other.node == pdo.node && other.number == pdo.number && other.transmit == pdo.transmit) {
+        refuse(line,
+               fmt::format("{} is described twice, first in line {}", name, source_.pdo_lines[j]));
+      }
+    }
+    if (is_synchronous(pdo) && !c_.sync) {
+      refuse(line, fmt::format("{} has transmission = {}, but bridge.sync = false: nobody sends "
+                               "SYNC (use 254 or 255)",
+                               name, pdo.transmission));
+    }
+    if (pdo.event_timer_required && pdo.event_timer_ms == 0) {
+      refuse(line, fmt::format("{} has event_timer_required without event_timer_ms", name));
+    }
+    pdo.transmit ? check_tpdo(pdo, name, line) : check_rpdo(pdo, name, line);
+  }
+
+  void check_tpdo(const PdoConfig& pdo, const std::string& name, std::uint32_t line) const {
+    if (is_synchronous(pdo)) return;
+    if (pdo.event_timer_ms == 0) {
+      refuse(line, fmt::format("{} is sent only when something changes, and silence would look "
+                               "like a dead drive: give event_timer_ms, or transmission = 1",
+                               name));
+    }
+    if (2 * pdo.event_timer_ms > c_.feedback_timeout_ms) {
+      refuse(line, fmt::format("{} has event_timer_ms = {}: must be at most {}, half of "
+                               "drives.feedback_timeout_ms, or one lost frame stops the vehicle",
+                               name, pdo.event_timer_ms, c_.feedback_timeout_ms / 2));
+    }
+  }
+
+  void check_rpdo(const PdoConfig& pdo, const std::string& name, std::uint32_t line) const {
+    for (const ObjectRef& object : pdo.objects) {
+      const bool known = std::any_of(c_.axes.begin(), c_.axes.end(), [&](const AxisConfig& axis) {
+        return axis.node == pdo.node &&
+               (axis.controlword == object || axis.target_velocity == object);
+      });
+      if (!known) {
+        refuse(line, fmt::format("{} carries {}, for which the bridge has no value: RPDOs may "
+                                 "carry controlword and target_velocity of an axis of their node",
+                                 name, to_string(object)));
+      }
+    }
+  }
+
+  void check_coverage(std::size_t side) const {
+    const AxisConfig& axis = c_.axes[side];
+    for (const Carried& value : kCarried) {
+      const ObjectRef& object = axis.*value.object;
+      const bool carried = std::any_of(c_.pdos.begin(), c_.pdos.end(), [&](const PdoConfig& pdo) {
+        return pdo.node == axis.node && pdo.transmit == value.transmit &&
+               std::find(pdo.objects.begin(), pdo.objects.end(), object) != pdo.objects.end();
+      });
+      if (carried) continue;
+      refuse(source_.axis_lines[side],
+             fmt::format("no {} of node {} carries {}.{} ({})", pdo_kind(value.transmit), axis.node,
+                         kSides[side], value.name, to_string(object)));
+    }
+  }
+
+  void check_setup(std::size_t i) const {
+    const SetupWrite& write = c_.setup[i];
+    const std::uint32_t line = source_.setup_lines[i];
+    const auto refuse_object = [&](std::string_view why) {
+      refuse(line,
+             fmt::format("setup of {} on node {}: {}", to_string(write.object), write.node, why));
+    };
+    for (std::size_t j = 0; j < i; ++j) {
+      if (c_.setup[j].node == write.node && c_.setup[j].object.index == write.object.index &&
+          c_.setup[j].object.sub == write.object.sub) {
+        refuse_object(fmt::format("is there twice, first in line {}", source_.setup_lines[j]));
+      }
+    }
+    if (write.object.index >= 0x1400 && write.object.index < 0x1C00) {
+      refuse_object("PDO parameters are described in [[pdo]]");
+    }
+    if (write.object.index == 0x1017) refuse_object("is written from drives.heartbeat_ms");
+    for (const WatchdogConfig& watchdog : c_.watchdogs) {
+      if (watchdog.node == write.node && watchdog.object.index == write.object.index &&
+          watchdog.object.sub == write.object.sub) {
+        refuse_object("is written from [[watchdog]]");
+      }
+      if (watchdog.node == write.node && watchdog.reaction &&
+          watchdog.reaction->index == write.object.index &&
+          watchdog.reaction->sub == write.object.sub) {
+        refuse_object("is written from watchdog.reaction");
+      }
+    }
+    if (is_no_reaction(write.object, write.value)) {
+      refuse_object(
+          "value = 0 means that the drive runs on when the bridge is lost (1 fault, 2 "
+          "power off, 3 quick stop)");
+    }
+    for (const AxisConfig& axis : c_.axes) {
+      if (axis.node != write.node) continue;
+      for (const ObjectRef& live : {axis.controlword, axis.target_velocity, axis.mode}) {
+        if (live.index == write.object.index && live.sub == write.object.sub) {
+          refuse_object("the bridge itself writes it while it runs");
+        }
+      }
+    }
+  }
+
+  void check_watchdogs() const {
+    for (std::size_t i = 0; i < c_.watchdogs.size(); ++i) {
+      const WatchdogConfig& watchdog = c_.watchdogs[i];
+      if (watchdog.timeout_ms < 3 * c_.heartbeat_ms) {
+        refuse(source_.watchdog_lines[i],
+               fmt::format("watchdog.timeout_ms = {} is not allowed: must be at least {}, three "
+                           "times bridge.heartbeat_ms, or one lost frame stops the drive",
+                           watchdog.timeout_ms, 3 * c_.heartbeat_ms));
+      }
+      for (std::size_t j = 0; j < i; ++j) {
+        const WatchdogConfig& other = c_.watchdogs[j];
+        if (other.node == watchdog.node && other.object == watchdog.object) {
+          refuse(source_.watchdog_lines[i],
+                 fmt::format("watchdog {} of node {} is there twice, first in line {}",
+                             to_string(watchdog.object), watchdog.node, source_.watchdog_lines[j]));
+        }
+      }
+    }
+    for (std::size_t side = 0; side < 2; ++side) {
+      const auto guards = [&](const WatchdogConfig& w) { return w.node == c_.axes[side].node; };
+      if (std::any_of(c_.watchdogs.begin(), c_.watchdogs.end(), guards)) continue;
+      refuse(source_.axis_lines[side],
+             fmt::format("node {} ({} axis) has no [[watchdog]]: nothing would stop its wheel when "
+                         "the bridge or the cable dies",
+                         c_.axes[side].node, kSides[side]));
+    }
+  }
+
+  const DrivetrainConfig& c_;
+  const DrivetrainSource& source_;
+};
+
+}  // namespace
+
+bool is_no_reaction(const ObjectRef& object, std::int64_t value) {
+  constexpr int kAbortConnectionOption = 0x6007;
+  constexpr int kAxisStep = 0x800;
+  constexpr int kLastOfProfile = 0x9FFF;
+  return value == 0 && object.index >= kAbortConnectionOption && object.index <= kLastOfProfile &&
+         (object.index - kAbortConnectionOption) % kAxisStep == 0;
+}
+
+void check_cia402(const DrivetrainConfig& config, const DrivetrainSource& source) {
+  Checker(config, source).run();
+}
+
+void check_cycle(const DrivetrainConfig& config, double cycle_ms) {
+  if (config.profile != DrivetrainConfig::Profile::cia402) return;
+  const auto demand = [&](const char* key, double timeout_ms, double period_ms) {
+    if (timeout_ms >= 3.0 * period_ms) return;
+    throw UsageError(fmt::format(
+        "can.cycle_ms = {:g} is not allowed with drivetrain \"{}\": {} = {:g} has to be at least "
+        "three times the {:g} ms that pass between frames, or one lost frame stops the vehicle",
+        cycle_ms, config.name, key, timeout_ms, period_ms));
+  };
+  const double beat_ms = std::ceil(config.heartbeat_ms / cycle_ms) * cycle_ms;
+  for (const WatchdogConfig& watchdog : config.watchdogs) {
+    demand("watchdog.timeout_ms", watchdog.timeout_ms, beat_ms);
+  }
+  demand("drives.feedback_timeout_ms", config.feedback_timeout_ms, cycle_ms);
+  for (const PdoConfig& pdo : config.pdos) {
+    if (!pdo.transmit && pdo.event_timer_ms != 0) {
+      demand("pdo.event_timer_ms", pdo.event_timer_ms, cycle_ms);
+    }
+  }
+}
+
+}  // namespace tether

@@ -1,0 +1,260 @@
+#include "can_bridge/node/can_bridge_node.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <stdexcept>
+#include <string>
+#include <tether/drive_request_t.hpp>
+#include <tether/drivetrain_state_t.hpp>
+#include <tether/odometry_t.hpp>
+#include <tether/plan_in_force_t.hpp>
+#include <tether/wheel_feedback_t.hpp>
+#include <utility>
+
+#include "can_bridge/drivetrain/checks.hpp"
+#include "can_bridge/profiles/profiles.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/vehicle/plan_message.hpp"
+
+namespace tether {
+namespace {
+
+static_assert(static_cast<int>(BridgeState::starting) == drivetrain_state_t::STARTING);
+static_assert(static_cast<int>(BridgeState::refused) == drivetrain_state_t::REFUSED);
+static_assert(static_cast<int>(BridgeState::disarmed) == drivetrain_state_t::DISARMED);
+static_assert(static_cast<int>(BridgeState::arming) == drivetrain_state_t::ARMING);
+static_assert(static_cast<int>(BridgeState::armed) == drivetrain_state_t::ARMED);
+static_assert(static_cast<int>(BridgeState::stopping) == drivetrain_state_t::STOPPING);
+static_assert(static_cast<int>(BridgeState::fault) == drivetrain_state_t::FAULT);
+static_assert(static_cast<int>(BridgeState::estop) == drivetrain_state_t::ESTOP);
+static_assert(static_cast<int>(DriveRequest::arm) == drive_request_t::ARM);
+static_assert(static_cast<int>(DriveRequest::disarm) == drive_request_t::DISARM);
+static_assert(static_cast<int>(DriveRequest::estop) == drive_request_t::ESTOP);
+static_assert(static_cast<int>(DriveRequest::estop_release) == drive_request_t::ESTOP_RELEASE);
+static_assert(static_cast<int>(DriveRequest::reset) == drive_request_t::RESET);
+
+Instant beginning(const Scenario& scenario) { return kStart - from_seconds(scenario.run.lead_s); }
+
+SafetyCore::Config safety_config(const Scenario& scenario) {
+  return {from_seconds(scenario.can.stale_ms * 1e-3),
+          from_seconds(scenario.can.disarm_ms * 1e-3),
+          twist_limits(scenario),
+          beginning(scenario),
+          scenario.vehicle.wheel_radius_m,
+          scenario.actuator,
+          scenario.vehicle};
+}
+
+double age_s(const WheelFeedback& wheel, Instant now) {
+  return wheel.valid ? to_seconds(now - wheel.stamp) : -1.0;
+}
+
+}  // namespace
+
+CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config,
+                             EventLoop& loop, Bus& bus, CanPort& port)
+    : CanBridgeNode(scenario, config, loop, bus, port,
+                    make_drive_profile(config, scenario.vehicle)) {}
+
+CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config,
+                             EventLoop& loop, Bus& bus, CanPort& port,
+                             std::unique_ptr<DriveProfile> profile)
+    : loop_(loop),
+      bus_(bus),
+      port_(port),
+      channels_(scenario.vehicle.name),
+      profile_(std::move(profile)),
+      safety_(safety_config(scenario)),
+      whitelist_(config),
+      odometry_(scenario.vehicle),
+      cycle_(from_seconds(scenario.can.cycle_ms * 1e-3)),
+      wheel_radius_m_(scenario.vehicle.wheel_radius_m),
+      takes_plans_(scenario.actuator.policy == Scenario::Actuator::Policy::horizon),
+      counters_(loop, bus, "can_bridge", channels_.can_counters,
+                from_seconds(scenario.run.report_period_s),
+                [this](CounterList& out) { list_counters(out); }) {
+  check_cycle(config, scenario.can.cycle_ms);
+  if (const std::string warning = port.warning(); !warning.empty()) {
+    fmt::print(stderr, "tether-can-bridge: warning: {}\n", warning);
+  }
+  subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_commands_,
+                     [this](const twist_t& m) { on_command(m); });
+  subscribe_to_plans(bus, channels_, undecodable_plans_, [this](PlanSource source, Plan plan) {
+    safety_.on_plan(loop_.now(), source, std::move(plan));
+  });
+  subscribe<drive_request_t>(bus, channels_.can_request, kDeepQueue, undecodable_requests_,
+                             [this](const drive_request_t& m) {
+                               safety_.on_request(loop_.now(), from_utime(m.utime), m.seq,
+                                                  m.request);
+                             });
+  port.on_frame(profile_->filters(), [this](const CanFrame& frame) { on_frame(frame); });
+  port.on_state([this](CanState state) { safety_.on_bus_state(state); });
+  loop.every(beginning(scenario), cycle_, Priority::node,
+             [this](Instant scheduled) { on_cycle(scheduled); });
+}
+
+void CanBridgeNode::on_command(const twist_t& message) {
+  safety_.on_command(loop_.now(), from_utime(message.utime), message.seq,
+                     {message.v_mps, message.omega_radps});
+}
+
+void CanBridgeNode::on_frame(const CanFrame& frame) {
+  if (started_) profile_->on_frame(frame, loop_.now());
+}
+
+void CanBridgeNode::on_cycle(Instant scheduled) {
+  const Instant now = loop_.now();
+  if (left_) return;
+  if (now - scheduled >= cycle_) {  // the next one is due already
+    ++cycle_slips_;
+    return;
+  }
+  if (!started_) profile_->start(now);
+  started_ = true;
+
+  const DrivetrainSnapshot drives = profile_->snapshot(now);
+  const Decision decision = safety_.cycle(now, drives, port_.state());
+  act(decision, now);
+  odometry_.update(drives.wheels);
+
+  publish_state(decision, now);
+  publish_wheels(drives, now);
+  publish_odometry(now);
+  if (takes_plans_) publish_plan(now);
+  ++cycles_;
+}
+
+void CanBridgeNode::act(const Decision& decision, Instant now) {
+  switch (decision.action) {
+    case Decision::Action::none:
+      break;
+    case Decision::Action::enable:
+      profile_->enable();
+      break;
+    case Decision::Action::quick_stop:
+      if (decision.distrust_until) profile_->distrust_standstill(*decision.distrust_until);
+      profile_->stop(StopKind::quick);
+      break;
+    case Decision::Action::disable:
+      profile_->stop(StopKind::disable);
+      break;
+    case Decision::Action::reset_fault:
+      profile_->reset_fault();
+      break;
+    case Decision::Action::restart_bus: {
+      std::string why;
+      const bool done = port_.restart(why);
+      safety_.on_bus_restarted(done, why);
+      break;
+    }
+  }
+  profile_->set_command(decision.twist);
+  frames_.clear();
+  profile_->tick(now, frames_);
+  for (CanFrame& frame : frames_) {
+    // Suspended or starved since the decision: what is left of it is of the past.
+    if (loop_.now() - now >= cycle_) {
+      ++late_frames_;
+    } else if (whitelist_.pass(frame, decision.may_move)) {
+      port_.send(frame);
+    }
+  }
+}
+
+void CanBridgeNode::publish_state(const Decision& decision, Instant now) {
+  drivetrain_state_t message{};
+  message.utime = to_utime(now);
+  message.seq = cycles_;
+  message.state = static_cast<std::int32_t>(decision.state);
+  message.state_name = to_string(decision.state);
+  message.reason = decision.reason;
+  if (const std::string intruder = profile_->intruder(); !intruder.empty()) {
+    if (!message.reason.empty()) message.reason += "; ";
+    message.reason += "somebody else commands these drives: " + intruder;
+  }
+  message.bus = to_string(port_.state());
+  const auto age = safety_.command_age(now);
+  message.command_age_s = age ? to_seconds(*age) : -1.0;
+  message.v_mps = decision.twist.v_mps;
+  message.omega_radps = decision.twist.omega_radps;
+  message.disarms = safety_.disarms();
+  publish(bus_, channels_.can_state, message);
+}
+
+void CanBridgeNode::publish_wheels(const DrivetrainSnapshot& drives, Instant now) {
+  const auto& [left, right] = drives.wheels;
+  wheel_feedback_t message{};
+  message.utime = to_utime(now);
+  message.seq = cycles_;
+  message.fresh = drives.feedback_fresh ? 1 : 0;
+  message.left_age_s = age_s(left, now);
+  message.right_age_s = age_s(right, now);
+  message.left_angle_rad = left.angle_rad;
+  message.right_angle_rad = right.angle_rad;
+  message.left_rim_mps = left.speed_radps * wheel_radius_m_;
+  message.right_rim_mps = right.speed_radps * wheel_radius_m_;
+  message.left_position_counts = left.position_counts;
+  message.right_position_counts = right.position_counts;
+  message.left_statusword = static_cast<std::int32_t>(left.statusword);
+  message.right_statusword = static_cast<std::int32_t>(right.statusword);
+  message.left_error_code = static_cast<std::int32_t>(left.error_code);
+  message.right_error_code = static_cast<std::int32_t>(right.error_code);
+  message.left_state = left.state;
+  message.right_state = right.state;
+  publish(bus_, channels_.can_wheels, message);
+}
+
+void CanBridgeNode::publish_odometry(Instant now) {
+  const Odometry::State& state = odometry_.state();
+  odometry_t message{};
+  message.utime = to_utime(now);
+  message.seq = cycles_;
+  message.x_m = state.pose.x_m;
+  message.y_m = state.pose.y_m;
+  message.yaw_rad = state.pose.yaw_rad;
+  message.v_mps = state.twist.v_mps;
+  message.omega_radps = state.twist.omega_radps;
+  message.distance_m = state.distance_m;
+  publish(bus_, channels_.can_odometry, message);
+}
+
+void CanBridgeNode::publish_plan(Instant now) {
+  const PlanName plan = safety_.plan();
+  plan_in_force_t message{};
+  message.utime = to_utime(now);
+  message.seq = cycles_;
+  message.session = plan.session;
+  message.id = plan.id;
+  publish(bus_, channels_.can_plan, message);
+}
+
+bool CanBridgeNode::wind_down() {
+  const Instant now = loop_.now();
+  safety_.leave(now);
+  left_ = safety_.has_left(now);
+  return left_;
+}
+
+void CanBridgeNode::finish() {
+  counters_.publish_now();
+  if (const std::string left = safety_.left_behind(); !left.empty()) throw std::runtime_error(left);
+}
+
+void CanBridgeNode::list_counters(CounterList& out) const {
+  safety_.list(out);
+  out.emplace_back("command.undecodable", undecodable_commands_);
+  if (takes_plans_) out.emplace_back("plan.undecodable", undecodable_plans_);
+  out.emplace_back("request.undecodable", undecodable_requests_);
+  port_.list(out);
+  const DriveProfile::Counters drive = profile_->counters();
+  out.emplace_back("drive.rejected_frames", drive.rejected_frames);
+  out.emplace_back("drive.intruder_frames", drive.intruder_frames);
+  out.emplace_back("tx.denied", whitelist_.counters().denied);
+  out.emplace_back("tx.zeroed", whitelist_.counters().zeroed);
+  out.emplace_back("tx.late", late_frames_);
+  out.emplace_back("odometry.reanchored", odometry_.reanchored());
+  out.emplace_back("cycle.slips", cycle_slips_);
+}
+
+}  // namespace tether

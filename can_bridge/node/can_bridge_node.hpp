@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <tether/twist_t.hpp>
+#include <vector>
+
+#include "can_bridge/bus/can_port.hpp"
+#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/safety/odometry.hpp"
+#include "can_bridge/safety/safety_core.hpp"
+#include "can_bridge/safety/transmit_whitelist.hpp"
+#include "common/bus/bus.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/bus/counter_reporter.hpp"
+#include "common/loop/event_loop.hpp"
+#include "common/loop/node.hpp"
+#include "common/scenario/scenario.hpp"
+
+namespace tether {
+
+/// The bridge between LCM and the drives: AGV/CMD_VEL, AGV/PLAN, AGV/PRELOAD and CAN/REQUEST in,
+/// CAN frames out and in, CAN/STATE, CAN/WHEELS and CAN/ODOMETRY out in every control cycle (and
+/// CAN/PLAN, with actuator.policy = "horizon"), CAN/COUNTERS every run.report_period_s. It
+/// translates; what may move is SafetyCore's decision.
+///
+/// A control cycle takes place every can.cycle_ms from the run's beginning (t = −run.lead_s) on, in
+/// this order: decide, tell the profile, collect its frames, pass them through the
+/// TransmitWhitelist, send. All frames leave in here, heartbeat and SYNC included: when this loop
+/// hangs, the bus falls silent and the drives' watchdogs stop the vehicle.
+///
+/// Cycles that the loop missed are not made up for: only the newest sends ("cycle.slips" counts the
+/// others). Nor does a cycle that is held up send anything when its period is over ("tx.late").
+/// Frames that arrive before the first cycle are ignored.
+class CanBridgeNode final : public Node {
+ public:
+  CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config, EventLoop& loop, Bus& bus,
+                CanPort& port);
+  /// With a profile of the caller's, instead of the one that `config` names.
+  CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config, EventLoop& loop, Bus& bus,
+                CanPort& port, std::unique_ptr<DriveProfile> profile);
+
+  /// Quick stop, standstill, power off; then nothing is sent any more. True when all that is done,
+  /// or after SafetyCore::leave_wait().
+  bool wind_down() override;
+
+  /// Publishes the final counters. Throws std::runtime_error that tells the speed if after
+  /// wind_down() wheels still turn or power is on.
+  void finish() override;
+
+ private:
+  void on_command(const twist_t& message);
+  void on_frame(const CanFrame& frame);
+  void on_cycle(Instant scheduled);
+  void act(const Decision& decision, Instant now);
+  void publish_state(const Decision& decision, Instant now);
+  void publish_wheels(const DrivetrainSnapshot& drives, Instant now);
+  void publish_odometry(Instant now);
+  void publish_plan(Instant now);
+  void list_counters(CounterList& out) const;
+
+  EventLoop& loop_;
+  Bus& bus_;
+  CanPort& port_;
+  ChannelNames channels_;
+  std::unique_ptr<DriveProfile> profile_;
+  SafetyCore safety_;
+  TransmitWhitelist whitelist_;
+  Odometry odometry_;
+  Duration cycle_;
+  double wheel_radius_m_;
+  bool takes_plans_;
+
+  bool started_ = false;
+  bool left_ = false;
+  std::vector<CanFrame> frames_;
+  std::int64_t cycles_ = 0;
+  std::int64_t cycle_slips_ = 0;
+  std::int64_t late_frames_ = 0;
+  std::int64_t undecodable_commands_ = 0;
+  std::int64_t undecodable_requests_ = 0;
+  std::int64_t undecodable_plans_ = 0;
+  CounterReporter counters_;
+};
+
+}  // namespace tether

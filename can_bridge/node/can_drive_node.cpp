@@ -1,0 +1,226 @@
+#include "can_bridge/node/can_drive_node.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <string>
+#include <tether/drive_fault_t.hpp>
+#include <tether/wheel_states_t.hpp>
+#include <tether/wheel_targets_t.hpp>
+
+#include "can_bridge/profiles/profiles.hpp"
+#include "common/base/errors.hpp"
+#include "common/bus/message_io.hpp"
+
+namespace tether {
+namespace {
+
+Instant first_instant(const Scenario& scenario) {
+  return kStart - from_seconds(scenario.run.lead_s);
+}
+
+std::vector<int> node_ids(const DrivetrainConfig& config) {
+  if (config.profile != DrivetrainConfig::Profile::cia402) return {};
+  return {config.axes[0].node, config.axes[1].node};
+}
+
+DriveFault::Kind kind_of(Scenario::Can::Inject inject) {
+  using Inject = Scenario::Can::Inject;
+  switch (inject) {
+    case Inject::none:
+      return DriveFault::Kind::none;
+    case Inject::fault:
+      return DriveFault::Kind::fault;
+    case Inject::reboot:
+      return DriveFault::Kind::reboot;
+    case Inject::silence:
+      return DriveFault::Kind::silence;
+    case Inject::sdo_abort:
+      return DriveFault::Kind::sdo_abort;
+    case Inject::encoder_freeze:
+      return DriveFault::Kind::encoder_freeze;
+    case Inject::wheel_slip:
+      return DriveFault::Kind::wheel_slip;
+  }
+  return DriveFault::Kind::none;
+}
+
+void check_inject_node(std::int64_t node, const std::vector<int>& nodes) {
+  if (node == 0 || std::find(nodes.begin(), nodes.end(), node) != nodes.end()) return;
+  std::string allowed = "0 (all)";
+  for (const int id : std::set<int>(nodes.begin(), nodes.end())) allowed += fmt::format(", {}", id);
+  throw UsageError(fmt::format("can.inject_node = {}: the drivetrain has no such node; allowed: {}",
+                               node, allowed));
+}
+
+bool is_usable(const WheelStates& wheels) {
+  return std::all_of(wheels.angle_rad.begin(), wheels.angle_rad.end(),
+                     [](double x) { return tether::is_usable(x); }) &&
+         std::all_of(wheels.speed_radps.begin(), wheels.speed_radps.end(),
+                     [](double x) { return tether::is_usable(x); });
+}
+
+}  // namespace
+
+CanDriveNode::CanDriveNode(const Scenario& scenario, const DrivetrainConfig& config,
+                           EventLoop& loop, Bus& bus, CanPort& port)
+    : loop_(loop),
+      bus_(bus),
+      port_(port),
+      channels_(scenario.vehicle.name),
+      standalone_(scenario.can.wheels == Scenario::Can::Wheels::model),
+      nodes_(node_ids(config)),
+      drives_(make_emulated_drivetrain(config, std::max(loop.now(), first_instant(scenario)))),
+      wheel_models_{WheelModel(WheelModel::of(scenario.vehicle)),
+                    WheelModel(WheelModel::of(scenario.vehicle))},
+      wheel_guard_({.earliest = first_instant(scenario)}),
+      fault_guard_({.earliest = first_instant(scenario)}),
+      last_tick_(std::max(loop.now(), first_instant(scenario))),
+      counters_(loop, bus, "drive", channels_.drive_counters,
+                from_seconds(scenario.run.report_period_s),
+                [this](CounterList& out) { list_counters(out); }) {
+  port_.on_frame(drives_->filters(), [this](const CanFrame& frame) { on_frame(frame); });
+  subscribe_to_faults(scenario);
+  const Instant first = first_instant(scenario);
+  const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
+  const Duration tick_period = loop_.rate() > 0.0 ? kRealTimeTick : kTick;
+  loop_.every(first, tick_period, Priority::delivery, [this](Instant) { tick(); });
+  if (standalone_) {
+    loop_.every(first, coupling, Priority::delivery, [this](Instant) { publish_wheels(); });
+  } else {
+    subscribe_to_wheels();
+    loop_.every(first, coupling, Priority::delivery, [this](Instant) { publish_targets(); });
+  }
+}
+
+void CanDriveNode::subscribe_to_faults(const Scenario& scenario) {
+  subscribe<drive_fault_t>(bus_, channels_.can_inject, kDeepQueue, faults_undecodable_,
+                           [this](const drive_fault_t& m) {
+                             if (!fault_guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) {
+                               return;
+                             }
+                             on_fault_request(m.node, m.kind, m.value);
+                           });
+  const Scenario::Can& can = scenario.can;
+  if (can.inject == Scenario::Can::Inject::none) return;
+  check_inject_node(can.inject_node, nodes_);
+  loop_.at(kStart + from_seconds(can.inject_at_s), Priority::delivery,
+           [this, node = static_cast<std::int32_t>(can.inject_node), kind = kind_of(can.inject),
+            value = can.inject_value](Instant) {
+             on_fault_request(node, static_cast<std::int32_t>(kind), value);
+           });
+}
+
+void CanDriveNode::subscribe_to_wheels() {
+  subscribe<wheel_states_t>(
+      bus_, channels_.wheel_states, 1, wheels_undecodable_, [this](const wheel_states_t& m) {
+        on_wheels(
+            from_utime(m.utime), m.seq,
+            {{m.left_angle_rad, m.right_angle_rad}, {m.left_speed_radps, m.right_speed_radps}});
+      });
+  drives_->set_wheels(wheels_);
+}
+
+void CanDriveNode::on_wheels(Instant stamp, std::int64_t seq, const WheelStates& wheels) {
+  if (!is_usable(wheels)) {
+    ++wheels_non_finite_;
+    return;
+  }
+  if (!wheel_guard_.accept(loop_.now(), stamp, seq)) return;
+  wheels_ = wheels;
+  wheels_silent_ = false;
+  last_wheels_ = loop_.now();
+  drives_->set_wheels(wheels_);
+}
+
+void CanDriveNode::tick() {
+  const Instant now = loop_.now();
+  turn_wheels(now);
+  drives_->tick(now, out_);
+  send_all();
+}
+
+void CanDriveNode::turn_wheels(Instant now) {
+  if (!standalone_) {
+    if (wheels_silent_ || now - last_wheels_ < kWheelTimeout) return;
+    wheels_silent_ = true;
+    ++wheel_timeouts_;
+    wheels_.speed_radps = {};
+    drives_->set_wheels(wheels_);
+    return;
+  }
+  const std::array<double, 2> targets_radps = drives_->wheel_targets_radps();
+  for (std::size_t i = 0; i < wheel_models_.size(); ++i) {
+    wheel_models_[i].step(targets_radps[i], now - last_tick_);
+    wheels_.angle_rad[i] = wheel_models_[i].angle_rad();
+    wheels_.speed_radps[i] = wheel_models_[i].speed_radps();
+  }
+  last_tick_ = now;
+  drives_->set_wheels(wheels_);
+}
+
+void CanDriveNode::publish_wheels() {
+  wheel_states_t message{};
+  message.utime = to_utime(loop_.now());
+  message.seq = wheels_seq_++;
+  message.left_angle_rad = wheels_.angle_rad[0];
+  message.right_angle_rad = wheels_.angle_rad[1];
+  message.left_speed_radps = wheels_.speed_radps[0];
+  message.right_speed_radps = wheels_.speed_radps[1];
+  publish(bus_, channels_.wheel_states, message);
+}
+
+void CanDriveNode::publish_targets() {
+  const std::array<double, 2> targets_radps = drives_->wheel_targets_radps();
+  wheel_targets_t message{};
+  message.utime = to_utime(loop_.now());
+  message.seq = targets_seq_++;
+  message.left_speed_radps = targets_radps[0];
+  message.right_speed_radps = targets_radps[1];
+  publish(bus_, channels_.wheel_targets, message);
+}
+
+void CanDriveNode::on_frame(const CanFrame& frame) {
+  drives_->on_frame(frame, loop_.now(), out_);
+  send_all();
+}
+
+void CanDriveNode::send_all() {
+  // A frame that the bus does not take is lost, as in a real drive; the port counts it.
+  sending_.swap(out_);
+  for (const CanFrame& frame : sending_) port_.send(frame);
+  sending_.clear();
+}
+
+void CanDriveNode::on_fault_request(std::int32_t node, std::int32_t kind, double value) {
+  const bool node_exists =
+      node == 0 || std::find(nodes_.begin(), nodes_.end(), node) != nodes_.end();
+  const bool kind_exists = kind >= static_cast<std::int32_t>(DriveFault::Kind::none) &&
+                           kind <= static_cast<std::int32_t>(DriveFault::Kind::wheel_slip);
+  if (!node_exists || !kind_exists || !tether::is_usable(value)) {
+    ++faults_refused_;
+    return;
+  }
+  ++faults_injected_;
+  drives_->inject({node, static_cast<DriveFault::Kind>(kind), value}, loop_.now());
+}
+
+void CanDriveNode::finish() { counters_.publish_now(); }
+
+void CanDriveNode::list_counters(CounterList& out) const {
+  port_.list(out);
+  drives_->list(out);
+  if (!standalone_) {
+    wheel_guard_.list("wheels", out);
+    out.emplace_back("wheels.undecodable", wheels_undecodable_);
+    out.emplace_back("wheels.non_finite", wheels_non_finite_);
+    out.emplace_back("wheels.timeouts", wheel_timeouts_);
+  }
+  fault_guard_.list("inject", out);
+  out.emplace_back("inject.undecodable", faults_undecodable_);
+  out.emplace_back("inject.refused", faults_refused_);
+  out.emplace_back("inject.applied", faults_injected_);
+}
+
+}  // namespace tether

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+
+#include "can_bridge/bus/socket_can_port.hpp"
+#include "can_bridge/drivetrain/config.hpp"
+#include "common/base/errors.hpp"
+#include "common/loop/node.hpp"
+#include "common/program/node_main.hpp"
+
+namespace tether {
+
+/// A node on the scenario's SocketCAN interface and drivetrain, with all that it needs. Throws
+/// UsageError without a CAN drivetrain, and for slow motion unless the drives are emulated ones:
+/// real drives and wheels do not slow down with the bridge's deadlines.
+template <class CanNodeType>
+class OnSocketCan final : public Node {
+ public:
+  explicit OnSocketCan(const NodeContext& c)
+      : config_(load_drivetrain(required(c))),
+        port_(c.scenario.can.interface, c.loop),
+        node_(c.scenario, config_, c.loop, c.bus, port_) {}
+
+  bool wind_down() override { return node_.wind_down(); }
+  void finish() override { node_.finish(); }
+
+ private:
+  static const std::string& required(const NodeContext& c) {
+    if (c.scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) {
+      throw UsageError("the scenario has no CAN drivetrain: set vehicle.drivetrain = \"can\"");
+    }
+    if (!c.scenario.can.emulate_drives && c.loop.rate() < 1.0) {
+      throw UsageError(
+          fmt::format("--speed {}: slow motion stretches the bridge's time-outs: only with "
+                      "can.emulate_drives = true",
+                      c.loop.rate()));
+    }
+    return c.scenario.can.drivetrain_file;
+  }
+
+  DrivetrainConfig config_;
+  SocketCanPort port_;
+  CanNodeType node_;
+};
+
+}  // namespace tether

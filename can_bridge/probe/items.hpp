@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "can_bridge/drivetrain/config.hpp"
+
+namespace tether {
+
+/// One object that `tether can probe` reads.
+struct ProbeItem {
+  /// How its value is shown.
+  enum class Kind {
+    number,
+    text,
+    device_type,
+    identity,
+    statusword,
+    supported_modes,
+    heartbeat_consumer,
+    milliseconds,
+    error_code,
+    cob_id,
+    mapping,
+  };
+  /// What its absence means.
+  enum class Need {
+    quiet,     ///< nothing: the row is left out
+    info,      ///< worth knowing
+    optional,  ///< the drivetrain file can do without
+    required,  ///< the drivetrain file does not fit this drive
+  };
+
+  ObjectRef object;  ///< bytes = 0: any size
+  std::string name;
+  Kind kind = Kind::number;
+  Need need = Need::info;
+  std::optional<std::int64_t> wanted;  ///< what the file writes, or expects
+  bool must_equal = false;             ///< else another value is no fault: start-up writes it
+};
+
+/// What to ask `node`: identity, errors, mode and watchdogs of any CiA 402 drive, and with `config`
+/// each object that its file mentions for this node. Each object once.
+std::vector<ProbeItem> probe_items(std::uint8_t node, const DrivetrainConfig* config);
+
+/// A value as people read it: "0x00020192 (CiA 402 drive)".
+std::string probe_value(const ProbeItem& item, const std::vector<std::uint8_t>& bytes);
+
+}  // namespace tether

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "common/base/time.hpp"
+#include "common/bus/stream_guard.hpp"
+#include "common/vehicle/actuator.hpp"
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+/// Decides which twist commands and plans count, what they say now and how old that is. What they
+/// say is the Actuator's business, with the policy of the scenario: what it does when nothing comes
+/// any more happens below, and before, what SafetyCore does about old commands.
+///
+/// Rejected, counted and of no effect whatever, above all not on the age: numbers that are not
+/// finite or absurd (is_usable), and what StreamGuard rejects (duplicated, late, from the future or
+/// of another run).
+///
+/// Age is now − min(stamp, arrival): time spent in the network counts, for a command that was
+/// decided half a second ago says nothing of the present. Stamp and arrival are two hosts' clocks.
+/// A sender's clock that is behind by d makes every command look d older: the vehicle stops early
+/// or refuses to arm. One that is ahead hides up to d of the network's delay, but never of the time
+/// since the arrival; beyond the guard's max_ahead (SafetyCore: 50 ms or less) it is rejected.
+///
+/// A plan says what to do at each time, so where one is in force the age is the time since its
+/// horizon ended, and zero until then, whenever it was decided. A first plan that waits for its
+/// start is as fresh, and says zero.
+class CommandWatch {
+ public:
+  explicit CommandWatch(const StreamGuard::Config& config, const Scenario::Actuator& actuator = {},
+                        const VehicleConfig& vehicle = {})
+      : guard_(config), actuator_(actuator, vehicle, config) {}
+
+  /// Whether the command arriving at `now` is accepted.
+  bool offer(Instant now, Instant stamp, std::int64_t seq, const Twist& twist);
+
+  /// Whether the plan arriving at `now` is accepted.
+  bool offer(Instant now, PlanSource source, Plan plan);
+
+  /// Of the newest accepted command, or of the plan in force; none before the first.
+  std::optional<Duration> age(Instant now) const;
+  /// The twist in force; zero before the first.
+  Twist twist(Instant now) const { return actuator_.in_force(now); }
+  /// There is one, and it says (almost) nothing but stand still: below 1 mm/s and 1 mrad/s.
+  bool is_zero(Instant now) const;
+
+  /// "the newest command is 230 ms old", "was" instead of "is"; with a plan "the horizon of the
+  /// plan in force is 230 ms past". Only where there is an age; whole milliseconds.
+  std::string age_text(Instant now, const char* verb) const;
+  /// For poses: Actuator::plan().
+  PlanName plan() const { return actuator_.plan(); }
+
+  /// Appends "command.accepted", "command.non_finite" … and Actuator's.
+  void list(CounterList& out) const;
+
+ private:
+  StreamGuard guard_;
+  std::optional<Instant> as_of_;
+  Actuator actuator_;
+  std::int64_t non_finite_ = 0;
+};
+
+}  // namespace tether

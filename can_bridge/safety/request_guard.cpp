@@ -1,0 +1,26 @@
+#include "can_bridge/safety/request_guard.hpp"
+
+namespace tether {
+
+std::optional<DriveRequest> RequestGuard::accept(Instant now, Instant stamp, std::int64_t seq,
+                                                 std::int32_t request) {
+  if (request < static_cast<std::int32_t>(DriveRequest::arm) ||
+      request > static_cast<std::int32_t>(DriveRequest::reset)) {
+    ++unknown_;
+    return std::nullopt;
+  }
+  const auto wanted = static_cast<DriveRequest>(request);
+  const bool fresh = now - stamp <= kFresh;
+  if (!fresh) ++stale_;
+  const bool accepted = fresh && guard_.accept(now, stamp, seq);
+  if (accepted || wanted == DriveRequest::estop) return wanted;
+  return std::nullopt;
+}
+
+void RequestGuard::list(CounterList& out) const {
+  guard_.list("request", out);
+  out.emplace_back("request.stale", stale_);
+  out.emplace_back("request.unknown", unknown_);
+}
+
+}  // namespace tether

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "common/base/time.hpp"
+#include "common/bus/stream_guard.hpp"
+
+namespace tether {
+
+/// The requests of drive_request_t, same numbers.
+enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, reset };
+
+/// Lets an operator's requests through, each once and only while fresh: stamped no more than a
+/// second ago, and not in the future (but for kMaxAhead, by which the clocks of two well-kept hosts
+/// may differ), numbered anew as StreamGuard demands. A recorded, delayed or repeated ARM is thus
+/// no ARM.
+///
+/// An e-stop is the exception: it acts whatever its stamp and number. A late one still means that
+/// somebody wanted the vehicle to stand.
+class RequestGuard {
+ public:
+  static constexpr Duration kFresh = std::chrono::seconds{1};
+  static constexpr Duration kMaxAhead = std::chrono::milliseconds{50};
+
+  /// Stamps before `earliest` are of another run.
+  explicit RequestGuard(Instant earliest) : guard_({kMaxAhead, earliest}) {}
+
+  /// What to do now, if anything. `request` is the message's number.
+  std::optional<DriveRequest> accept(Instant now, Instant stamp, std::int64_t seq,
+                                     std::int32_t request);
+
+  /// Appends "request.accepted", "request.stale", "request.unknown" …
+  void list(CounterList& out) const;
+
+ private:
+  StreamGuard guard_;
+  std::int64_t stale_ = 0;
+  std::int64_t unknown_ = 0;
+};
+
+}  // namespace tether

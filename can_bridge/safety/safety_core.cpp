@@ -1,0 +1,309 @@
+#include "can_bridge/safety/safety_core.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+namespace tether {
+namespace {
+
+double whole_ms(Duration d) { return std::floor(to_milliseconds(d)); }
+
+}  // namespace
+
+SafetyCore::SafetyCore(const Config& config)
+    : config_(config),
+      commands_({std::min(kMaxAhead, config.stale / 2), config.earliest}, config.actuator,
+                config.vehicle),
+      request_guard_(config.earliest),
+      limiter_(config.limits),
+      monitor_(config.limits.track_m, config.wheel_radius_m) {
+  assert(config.stale > Duration{0});
+  assert(config.disarm >= config.stale);
+}
+
+void SafetyCore::on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist) {
+  commands_.offer(now, stamp, seq, twist);
+}
+
+void SafetyCore::on_plan(Instant now, PlanSource source, Plan plan) {
+  commands_.offer(now, source, std::move(plan));
+}
+
+void SafetyCore::on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request) {
+  const auto accepted = request_guard_.accept(now, stamp, seq, request);
+  if (accepted) requests_.push_back(*accepted);
+}
+
+void SafetyCore::on_bus_state(CanState bus) { worst_bus_ = std::max(worst_bus_, bus); }
+
+void SafetyCore::list(CounterList& out) const {
+  commands_.list(out);
+  request_guard_.list(out);
+  out.emplace_back("disarms", disarms_);
+}
+
+Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
+  action_ = Decision::Action::none;
+  watch_own_loop(now);
+  watch_bus(bus);
+  watch_drives(now, drives);
+  wait_for_restarted_bus(now, bus);
+  for (const DriveRequest request : requests_) handle(request, now, drives, bus);
+  requests_.clear();
+  const bool must_stop = latched() || leaving_since_;
+  if (must_stop && motion_ != Motion::idle && motion_ != Motion::stopping) {
+    begin_quick_stop(now, latched() ? latched_reason() : "the bridge is being shut down");
+  }
+  advance(now, drives);
+  purge_bus();
+
+  Decision decision;
+  decision.state = state(drives);
+  decision.reason = reason(decision.state, now, drives, bus);
+  decision.action = action_;
+  if (action_ == Decision::Action::quick_stop) decision.distrust_until = distrust_until_;
+  decision.may_move = motion_ == Motion::following || motion_ == Motion::ramping;
+  if (decision.may_move) decision.twist = limiter_.twist();
+  return decision;
+}
+
+void SafetyCore::watch_own_loop(Instant now) {
+  if (last_cycle_ && now - *last_cycle_ > config_.disarm) {
+    latch_fault(
+        fmt::format("the bridge itself stood still for {:.0f} ms: suspended or starved of "
+                    "CPU time; reset, then arm",
+                    whole_ms(now - *last_cycle_)));
+  }
+  last_cycle_ = now;
+}
+
+void SafetyCore::watch_bus(CanState bus) {
+  const CanState worst = std::max(worst_bus_, bus);
+  worst_bus_ = bus;
+  if (worst == CanState::bus_off || worst == CanState::stalled) bus_was_jammed_ = true;
+  // An interface that was taken down, or away, has no frames left.
+  if (bus == CanState::down || bus == CanState::absent) bus_was_jammed_ = false;
+  if (bus != CanState::down) restart_unfinished_ = false;
+  if (worst == CanState::stalled && !purged_) purge_due_ = purged_ = true;
+  switch (worst) {
+    case CanState::up:
+    case CanState::error_passive:
+      return;
+    case CanState::stalled:
+      return latch_fault(
+          "CAN bus stalled: nobody takes the frames: check the drives' supply, plug and bit rate");
+    case CanState::bus_off:
+      return latch_fault(
+          "CAN bus-off: check for a short circuit, termination (2 x 120 ohm) and bit rate");
+    case CanState::down:
+      return latch_fault("CAN interface down: bring it up (ip link set … up)");
+    case CanState::absent:
+      return latch_fault("CAN interface absent: plug the adapter in");
+  }
+}
+
+void SafetyCore::purge_bus() {
+  // A stop is more urgent.
+  if (!purge_due_ || action_ != Decision::Action::none) return;
+  purge_due_ = false;
+  action_ = Decision::Action::restart_bus;
+}
+
+void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
+  const DrivePhase phase = drives.phase;
+  if (phase != last_phase_) notice_.clear();  // what was refused then may be granted now
+  last_phase_ = phase;
+  turning_ = drives.feedback_fresh && !drives.standstill;
+  fastest_rim_mps_ = config_.wheel_radius_m * std::max(std::abs(drives.wheels[0].speed_radps),
+                                                       std::abs(drives.wheels[1].speed_radps));
+  if (phase == DrivePhase::faulted) {
+    latch_fault(drives.reason, Cause::drives);
+    // The profile may learn the error code, or what lies behind missing feedback, only later.
+    if (fault_cause_ == Cause::drives) fault_reason_ = drives.reason;
+  }
+  const bool power_on = phase == DrivePhase::enabled || phase == DrivePhase::enabling;
+  if (motion_ == Motion::idle && power_on) {
+    latch_fault("the drives' power stages are on although nobody armed them");
+    begin_quick_stop(now, fault_reason_);
+  }
+  if (motion_ == Motion::idle || motion_ == Motion::stopping) return;
+  const bool as_wanted = motion_ == Motion::enabling ? power_on || phase == DrivePhase::standby
+                                                     : phase == DrivePhase::enabled;
+  if (!as_wanted) {
+    latch_fault(fmt::format("the drives left operation by themselves: {}",
+                            drives.reason.empty() ? to_string(phase) : drives.reason),
+                Cause::drives);
+  } else if (!drives.feedback_fresh) {
+    latch_fault("wheel feedback is missing: check the drives, the CAN plug and the bus load",
+                Cause::drives);
+    feedback_lies_ = true;
+  } else if (motion_ != Motion::enabling) {
+    const std::string trouble = monitor_.update(now, limiter_.twist(), drives.wheels);
+    if (trouble.empty()) return;
+    latch_fault(trouble);
+    feedback_lies_ = true;
+  }
+}
+
+void SafetyCore::latch_fault(const std::string& reason, Cause cause) {
+  if (fault_latched_) return;
+  fault_latched_ = true;
+  fault_cause_ = cause;
+  fault_reason_ = reason;
+  notice_.clear();
+}
+
+void SafetyCore::count_disarm() {
+  if (motion_ == Motion::following) ++disarms_;
+}
+
+void SafetyCore::begin_quick_stop(Instant now, const std::string& why) {
+  count_disarm();
+  motion_ = Motion::stopping;
+  motion_since_ = now;
+  disable_sent_ = false;
+  stop_overdue_ = false;
+  distrust_until_.reset();
+  if (feedback_lies_) distrust_until_ = now + braking_time(limiter_.twist()) + kDistrustMargin;
+  stop_reason_ = why;
+}
+
+Duration SafetyCore::braking_time(const Twist& from) const {
+  return from_seconds(
+      std::max(std::abs(from.v_mps) / config_.limits.max_deceleration_mps2,
+               std::abs(from.omega_radps) / config_.limits.max_yaw_deceleration_radps2));
+}
+
+void SafetyCore::advance(Instant now, const DrivetrainSnapshot& drives) {
+  switch (motion_) {
+    case Motion::idle:
+      return;
+    case Motion::enabling:
+      if (drives.phase == DrivePhase::enabled) {
+        begin_following(now);
+      } else if (now - motion_since_ >= kEnableTimeout) {
+        begin_quick_stop(now, "arming failed: the drives did not switch on: " + drives.reason);
+      }
+      break;
+    case Motion::following:
+      follow(now);
+      break;
+    case Motion::ramping:
+      ramp_down(now, drives);
+      break;
+    case Motion::stopping:
+      break;
+  }
+  if (motion_ == Motion::stopping) finish_stop(now, drives);
+}
+
+void SafetyCore::begin_following(Instant now) {
+  // What was zero when ARM was pressed may be so no more: nothing shall start by itself.
+  if (commands_.age(now).value_or(Duration::max()) >= config_.stale) {
+    begin_quick_stop(now, "the command was not fresh when the drives were on: arm again");
+    return;
+  }
+  if (!commands_.is_zero(now)) {
+    begin_quick_stop(now, "the command was not zero when the drives were on: arm again");
+    return;
+  }
+  motion_ = Motion::following;
+  motion_since_ = now;
+  limiter_.reset();
+  monitor_.reset();
+  follow(now);
+}
+
+void SafetyCore::follow(Instant now) {
+  const Duration age = commands_.age(now).value_or(Duration::max());
+  if (age < config_.stale) {
+    limiter_.step(commands_.twist(now));
+  } else if (age < config_.disarm) {
+    limiter_.stop();
+  } else {
+    begin_quick_stop(now, commands_.age_text(now, "was") +
+                              ": check the controller and the network; arm again with a zero "
+                              "command");
+  }
+}
+
+void SafetyCore::ramp_down(Instant now, const DrivetrainSnapshot& drives) {
+  limiter_.stop();
+  if (!limiter_.at_rest()) return;
+  if (!setpoint_zero_since_) setpoint_zero_since_ = now;
+  if (drives.standstill) {
+    motion_ = Motion::stopping;
+    motion_since_ = now;
+    disable_sent_ = true;
+    stop_overdue_ = false;
+    distrust_until_.reset();
+    action_ = Decision::Action::disable;
+  } else if (now - *setpoint_zero_since_ >= kStandstillWait) {
+    begin_quick_stop(now, "the wheels still turned after the ramp to zero");
+  }
+}
+
+void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
+  const bool believed = !distrust_until_ || now >= *distrust_until_;
+  switch (drives.phase) {
+    case DrivePhase::starting:
+    case DrivePhase::refused:
+    case DrivePhase::faulted:
+      motion_ = Motion::idle;
+      return;
+    case DrivePhase::standby:
+      if (now != motion_since_) {
+        motion_ = Motion::idle;
+        return;
+      }
+      // It was being enabled a moment ago: that must not win.
+      action_ = Decision::Action::quick_stop;
+      break;
+    case DrivePhase::enabling:
+    case DrivePhase::enabled:
+      if (!disable_sent_) action_ = Decision::Action::quick_stop;
+      break;
+    case DrivePhase::stopping:
+      if (drives.standstill && drives.feedback_fresh && believed && !disable_sent_) {
+        disable_sent_ = true;
+        action_ = Decision::Action::disable;
+      }
+      break;
+  }
+  const Instant since = drives.standstill ? distrust_until_.value_or(motion_since_) : motion_since_;
+  if (now - since >= kStopTimeout && !stop_overdue_) {
+    stop_overdue_ = true;
+    latch_fault(drives.standstill ? "the drives do not confirm that their power is off"
+                                  : "the wheels still turn after a quick stop: use the hard-wired "
+                                    "emergency stop");
+  }
+}
+
+void SafetyCore::leave(Instant now) {
+  if (!leaving_since_) leaving_since_ = now;
+}
+
+bool SafetyCore::has_left(Instant now) const {
+  if (!leaving_since_) return false;
+  if (now - *leaving_since_ >= leave_wait()) return true;
+  const bool a_cycle_since = last_cycle_ && *last_cycle_ > *leaving_since_;
+  return a_cycle_since && motion_ == Motion::idle && !powered() && !turning_;
+}
+
+Duration SafetyCore::leave_wait() const {
+  const TwistLimits& limits = config_.limits;
+  const Twist fastest{std::max(limits.max_speed_mps, limits.max_reverse_mps),
+                      limits.max_yaw_rate_radps};
+  return std::min(braking_time(fastest) + kLeaveMargin, kLongestLeave);
+}
+
+bool SafetyCore::powered() const {
+  return last_phase_ == DrivePhase::enabling || last_phase_ == DrivePhase::enabled ||
+         last_phase_ == DrivePhase::stopping;
+}
+
+}  // namespace tether

@@ -1,0 +1,211 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "can_bridge/bus/can_port.hpp"
+#include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/safety/command_watch.hpp"
+#include "can_bridge/safety/follow_monitor.hpp"
+#include "can_bridge/safety/request_guard.hpp"
+#include "can_bridge/safety/twist_limiter.hpp"
+
+namespace tether {
+
+/// The states of drivetrain_state_t, same numbers.
+enum class BridgeState : std::int32_t {
+  starting,
+  refused,
+  disarmed,
+  arming,
+  armed,
+  stopping,
+  fault,
+  estop,
+};
+/// "starting", "refused" …
+const char* to_string(BridgeState state);
+
+/// What the bridge shall do in one control cycle.
+struct Decision {
+  enum class Action { none, enable, quick_stop, disable, reset_fault, restart_bus };
+
+  BridgeState state = BridgeState::starting;
+  std::string reason;  ///< why it is not armed, or why it stops: for a technician; "" while armed
+  Action action = Action::none;
+  Twist twist;  ///< setpoint in force; zero unless may_move
+  /// Whether a non-zero setpoint may leave: following commands, or on the ramp down from there.
+  bool may_move = false;
+  /// With quick_stop, where wheel feedback is known to lie: until then, standstill is not believed.
+  std::optional<Instant> distrust_until;
+};
+
+/// Decides, once per control cycle, whether and how the vehicle may move. Pure: time, commands,
+/// requests, the drives' snapshot and the bus's state in; state, reason, action and twist out.
+///
+/// Rules
+/// - Arming takes an ARM request (each acts once, see RequestGuard) and a fresh command that is
+///   zero, both when it is asked for and when the drives are on (else they are switched off again);
+///   from DISARMED only, with drives in standby, wheels at standstill and a healthy bus. A refused
+///   ARM is used up and leaves its reason.
+/// - Commands stamped more than min(kMaxAhead, stale/2) after the bridge's own clock are rejected.
+/// - Armed: a command of age `stale` (CommandWatch) or older → ramp to zero; a fresh one resumes.
+///   Plans are of age 0 while they last; from the end of the horizon on they age like commands.
+///   Of age `disarm` or older → quick stop and disarm: only ARM with a zero command goes on from
+///   there.
+/// - DISARM: ramp to zero, wait for standstill (at most kStandstillWait, then quick stop), power
+///   off.
+/// - ESTOP: quick stop in the same cycle, latched until ESTOP_RELEASE and RESET; the release alone
+///   changes nothing but the reason.
+/// - A drive's fault (either wheel's), drives that refuse, wheel feedback missing while powered, a
+///   wheel that does not turn as told (FollowMonitor), a bus that is bus-off, stalled, down or
+///   absent, or the loop itself standing still for longer than `disarm` → quick stop and latched
+///   FAULT until RESET.
+/// - A bus that stalls is restarted at once, so that the setpoints which wait in its queue never
+///   get out: once until the next RESET, for what is sent after that moves nothing. Where that
+///   fails, the reason says so until RESET.
+/// - RESET leads to STARTING or DISARMED, never to ARMED. It is refused while the vehicle stops or
+///   fresh feedback says that its wheels turn, while the e-stop is pressed, and while the bus is
+///   not up; a bus that was off or stalled is restarted first, so that no old frame is left in a
+///   queue. error-passive is reported, not latched; but no arming meanwhile.
+/// - Power stages are switched off only at standstill, or by drives that fault. Feedback that was
+///   missing or of a wheel that does not follow may show standstill at full speed: after that they
+///   stay on, braking, for as long as the ramp from the last setpoint takes (|v|/deceleration or
+///   |ω|/yaw deceleration, the longer) and kDistrustMargin.
+/// - leave(): quick stop, standstill, power off; no arming any more.
+///
+/// Before the first cycle: STARTING, zero. This is software, no safety function: an emergency stop
+/// has to be hard-wired. A bridge that hangs is covered only by the drives' own watchdogs.
+class SafetyCore {
+ public:
+  struct Config {
+    Duration stale = std::chrono::milliseconds{200};
+    Duration disarm = std::chrono::milliseconds{500};  ///< ≥ stale > 0
+    TwistLimits limits;
+    Instant earliest = kStart;  ///< stamps before this are of another run
+    double wheel_radius_m = 0.4;
+    Scenario::Actuator actuator;  ///< what commands and plans say
+    VehicleConfig vehicle;        ///< for its stops
+  };
+
+  static constexpr Duration kStandstillWait = std::chrono::seconds{2};
+  /// A quick stop or power-off that takes longer latches FAULT (and goes on).
+  static constexpr Duration kStopTimeout = std::chrono::seconds{5};
+  /// Switching on that takes longer is given up.
+  static constexpr Duration kEnableTimeout = std::chrono::seconds{5};
+  /// How long a RESET waits for a restarted bus to come up.
+  static constexpr Duration kBusRestartWait = std::chrono::seconds{1};
+  static constexpr Duration kMaxAhead = std::chrono::milliseconds{50};
+  static constexpr Duration kDistrustMargin = std::chrono::milliseconds{500};
+  /// See leave_wait().
+  static constexpr Duration kLeaveMargin = std::chrono::seconds{2};
+  static constexpr Duration kLongestLeave = std::chrono::seconds{20};
+
+  explicit SafetyCore(const Config& config);
+
+  /// A twist command that arrives at `now`.
+  void on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist);
+  /// A plan that arrives at `now`.
+  void on_plan(Instant now, PlanSource source, Plan plan);
+  /// A drive_request_t that arrives at `now`; acts in the next cycle.
+  void on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request);
+  /// The bus's state has changed: latches what is over before the next cycle.
+  void on_bus_state(CanState bus);
+  /// The answer to Action::restart_bus.
+  void on_bus_restarted(bool done, const std::string& why);
+
+  Decision cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus);
+
+  /// The program ends: stop and power off, from the next cycle on.
+  void leave(Instant now);
+  /// After leave(): power is off and no wheel is known to turn, or leave_wait() is over.
+  bool has_left(Instant now) const;
+  /// leave(): how long to wait for that before falling silent, upon which the drives' watchdogs
+  /// act: the ramp from the largest speed or yaw rate and kLeaveMargin, at most kLongestLeave.
+  Duration leave_wait() const;
+  /// After leave(): what is not in order, such as "the wheels turn at 1.20 m/s …"; "" if nothing.
+  std::string left_behind() const;
+
+  std::optional<Duration> command_age(Instant now) const { return commands_.age(now); }
+  /// The plan that poses shall name.
+  PlanName plan() const { return commands_.plan(); }
+  std::int64_t disarms() const { return disarms_; }
+  /// Appends command.…, plan.…, request.… and "disarms".
+  void list(CounterList& out) const;
+
+ private:
+  enum class Motion { idle, enabling, following, ramping, stopping };
+  enum class Cause { bridge, drives };
+
+  void watch_own_loop(Instant now);
+  void watch_bus(CanState bus);
+  void purge_bus();
+  void watch_drives(Instant now, const DrivetrainSnapshot& drives);
+
+  void handle(DriveRequest request, Instant now, const DrivetrainSnapshot& drives, CanState bus);
+  void arm(Instant now, const DrivetrainSnapshot& drives, CanState bus);
+  std::string obstacle_to_arming(Instant now, const DrivetrainSnapshot& drives, CanState bus) const;
+  void reset(Instant now, const DrivetrainSnapshot& drives, CanState bus);
+  void finish_reset();
+  void wait_for_restarted_bus(Instant now, CanState bus);
+
+  void advance(Instant now, const DrivetrainSnapshot& drives);
+  void begin_following(Instant now);
+  void follow(Instant now);
+  void ramp_down(Instant now, const DrivetrainSnapshot& drives);
+  void finish_stop(Instant now, const DrivetrainSnapshot& drives);
+  void begin_quick_stop(Instant now, const std::string& why);
+  void count_disarm();
+  void latch_fault(const std::string& reason, Cause cause = Cause::bridge);
+  Duration braking_time(const Twist& from) const;
+
+  BridgeState state(const DrivetrainSnapshot& drives) const;
+  std::string reason(BridgeState state, Instant now, const DrivetrainSnapshot& drives,
+                     CanState bus) const;
+  std::string armed_reason(Instant now) const;
+  std::string latched_reason() const;
+  bool latched() const { return estop_latched_ || fault_latched_; }
+  bool powered() const;
+
+  Config config_;
+  CommandWatch commands_;
+  RequestGuard request_guard_;
+  TwistLimiter limiter_;
+  FollowMonitor monitor_;
+  std::vector<DriveRequest> requests_;  ///< accepted since the last cycle
+
+  Motion motion_ = Motion::idle;
+  Instant motion_since_{};
+  std::optional<Instant> setpoint_zero_since_;  ///< ramping
+  bool disable_sent_ = false;                   ///< stopping
+  bool stop_overdue_ = false;                   ///< stopping
+  bool feedback_lies_ = false;                  ///< since the last ARM
+  std::optional<Instant> distrust_until_;       ///< stopping
+  Decision::Action action_ = Decision::Action::none;
+
+  bool estop_pressed_ = false;
+  bool estop_latched_ = false;
+  bool fault_latched_ = false;
+  Cause fault_cause_ = Cause::bridge;
+  std::string fault_reason_;
+  std::string purge_failure_;  ///< why old setpoints may still wait in the bus; until RESET
+  std::string stop_reason_;    ///< of the last stop
+  std::string notice_;         ///< why the last request was refused
+
+  CanState worst_bus_ = CanState::up;   ///< since the last cycle
+  bool bus_was_jammed_ = false;         ///< old frames may wait in its queues
+  bool purge_due_ = false;              ///< setpoints may: to be thrown away
+  bool purged_ = false;                 ///< since the last RESET
+  bool restart_unfinished_ = false;     ///< by the bridge: down, and not up again
+  std::optional<Instant> reset_since_;  ///< waiting for a restarted bus
+  std::optional<Instant> last_cycle_;
+  std::optional<Instant> leaving_since_;
+  DrivePhase last_phase_ = DrivePhase::starting;
+  bool turning_ = false;  ///< by fresh feedback of the last cycle
+  double fastest_rim_mps_ = 0.0;
+  std::int64_t disarms_ = 0;
+};
+
+}  // namespace tether

@@ -1,0 +1,125 @@
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "can_bridge/safety/safety_core.hpp"
+
+// The safety core's state and reason, in words.
+
+namespace tether {
+
+const char* to_string(BridgeState state) {
+  switch (state) {
+    case BridgeState::starting:
+      return "starting";
+    case BridgeState::refused:
+      return "refused";
+    case BridgeState::disarmed:
+      return "disarmed";
+    case BridgeState::arming:
+      return "arming";
+    case BridgeState::armed:
+      return "armed";
+    case BridgeState::stopping:
+      return "stopping";
+    case BridgeState::fault:
+      return "fault";
+    case BridgeState::estop:
+      return "estop";
+  }
+  return "?";
+}
+
+BridgeState SafetyCore::state(const DrivetrainSnapshot& drives) const {
+  switch (motion_) {
+    case Motion::enabling:
+      return BridgeState::arming;
+    case Motion::following:
+      return BridgeState::armed;
+    case Motion::ramping:
+      return BridgeState::stopping;
+    case Motion::stopping:
+      if (!stop_overdue_) return BridgeState::stopping;
+      break;
+    case Motion::idle:
+      break;
+  }
+  if (estop_latched_) return BridgeState::estop;
+  if (fault_latched_) return BridgeState::fault;
+  switch (drives.phase) {
+    case DrivePhase::refused:
+      return BridgeState::refused;
+    case DrivePhase::standby:
+      return BridgeState::disarmed;
+    case DrivePhase::stopping:
+      return BridgeState::stopping;
+    default:
+      return BridgeState::starting;
+  }
+}
+
+std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainSnapshot& drives,
+                               CanState bus) const {
+  std::string text;
+  switch (state) {
+    case BridgeState::starting:
+    case BridgeState::refused:
+      text = drives.reason;
+      if (!notice_.empty()) text += "; " + notice_;
+      break;
+    case BridgeState::disarmed:
+      text = !notice_.empty() ? notice_ : stop_reason_;
+      if (text.empty()) text = "ready to be armed";
+      break;
+    case BridgeState::arming:
+      text = "the drives are being switched on";
+      break;
+    case BridgeState::armed:
+      text = armed_reason(now);
+      break;
+    case BridgeState::stopping:
+      text = latched() ? latched_reason() : stop_reason_;
+      break;
+    case BridgeState::fault:
+    case BridgeState::estop:
+      text = latched_reason();
+      if (!notice_.empty()) text += "; " + notice_;
+      break;
+  }
+  if (bus == CanState::error_passive) {
+    text += text.empty() ? "" : "; ";
+    text += "the CAN controller is error-passive: check wiring, termination and bit rate";
+  }
+  return text;
+}
+
+std::string SafetyCore::armed_reason(Instant now) const {
+  const Duration age = commands_.age(now).value_or(Duration{0});
+  if (age < config_.stale) return "";
+  return commands_.age_text(now, "is") + ": ramping to zero";
+}
+
+std::string SafetyCore::latched_reason() const {
+  std::string fault =
+      purge_failure_.empty()
+          ? fault_reason_
+          : fmt::format("{}; setpoints of before may still come out when the bus recovers: {}",
+                        fault_reason_, purge_failure_);
+  if (!estop_latched_) return fault;
+  std::string text =
+      estop_pressed_ ? "e-stop pressed: release it, then reset" : "e-stop released: reset to go on";
+  if (fault_latched_) text += "; besides: " + fault;
+  return text;
+}
+
+std::string SafetyCore::left_behind() const {
+  if (!leaving_since_ || !(powered() || turning_)) return "";
+  return fmt::format(
+      "the bridge ends although {}, power stages {}: the drives' own watchdogs have to stop the "
+      "vehicle: use the hard-wired emergency stop",
+      turning_ ? fmt::format("the wheels turn at {:.2f} m/s", fastest_rim_mps_)
+               : "standstill and power off are not confirmed",
+      powered() ? "on" : "off");
+}
+
+}  // namespace tether

@@ -1,0 +1,140 @@
+#include <fmt/format.h>
+
+#include "can_bridge/safety/safety_core.hpp"
+
+// What operators may ask of the safety core: arming, stopping, resetting.
+
+namespace tether {
+
+void SafetyCore::handle(DriveRequest request, Instant now, const DrivetrainSnapshot& drives,
+                        CanState bus) {
+  switch (request) {
+    case DriveRequest::arm:
+      return arm(now, drives, bus);
+    case DriveRequest::disarm:
+      if (motion_ == Motion::enabling) begin_quick_stop(now, "disarmed by request");
+      if (motion_ != Motion::following) return;
+      count_disarm();
+      motion_ = Motion::ramping;
+      setpoint_zero_since_.reset();
+      stop_reason_ = "disarmed by request";
+      return;
+    case DriveRequest::estop:
+      estop_pressed_ = true;
+      estop_latched_ = true;
+      reset_since_.reset();
+      notice_.clear();
+      return;
+    case DriveRequest::estop_release:
+      estop_pressed_ = false;
+      notice_.clear();
+      return;
+    case DriveRequest::reset:
+      return reset(now, drives, bus);
+  }
+}
+
+void SafetyCore::arm(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
+  if (motion_ == Motion::enabling || motion_ == Motion::following) return;
+  const std::string obstacle = obstacle_to_arming(now, drives, bus);
+  if (!obstacle.empty()) {
+    notice_ = "arming refused: " + obstacle;
+    return;
+  }
+  notice_.clear();
+  stop_reason_.clear();
+  feedback_lies_ = false;
+  motion_ = Motion::enabling;
+  motion_since_ = now;
+  action_ = Decision::Action::enable;
+}
+
+std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot& drives,
+                                           CanState bus) const {
+  if (leaving_since_) return "the bridge is being shut down";
+  if (estop_latched_) return "the e-stop is latched: release it, then reset";
+  if (fault_latched_) return "a fault is latched: mend it, then reset";
+  if (motion_ != Motion::idle) return "the vehicle is still stopping";
+  if (action_ != Decision::Action::none) return "the drives are just being reset";
+  if (bus != CanState::up) return fmt::format("the CAN bus is {}", to_string(bus));
+  if (drives.phase != DrivePhase::standby) {
+    return fmt::format("the drives are not ready: {}", to_string(drives.phase));
+  }
+  if (!drives.feedback_fresh) return "wheel feedback is missing";
+  if (!drives.standstill) return "the wheels are turning: wait for standstill";
+
+  const auto age = commands_.age(now);
+  if (!age) return "there is no command yet: start the controller; it has to send zero";
+  if (*age >= config_.stale) {
+    return fmt::format(
+        "{} (limit {:.0f} ms): check the controller, the network and both hosts' clocks",
+        commands_.age_text(now, "is"), to_milliseconds(config_.stale));
+  }
+  if (!commands_.is_zero(now)) {
+    const Twist twist = commands_.twist(now);
+    return fmt::format("the newest command is not zero ({:.3f} m/s, {:.3f} rad/s)", twist.v_mps,
+                       twist.omega_radps);
+  }
+  return "";
+}
+
+void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
+  if (!latched() && drives.phase != DrivePhase::refused) return;
+  if (motion_ != Motion::idle) {
+    notice_ = "reset refused: the vehicle is still stopping";
+  } else if (estop_pressed_) {
+    notice_ = "reset refused: the e-stop is pressed: release it first";
+  } else if (drives.feedback_fresh && !drives.standstill) {
+    notice_ = "reset refused: the wheels are still turning: wait for standstill";
+  } else if (bus == CanState::absent || (bus == CanState::down && !restart_unfinished_)) {
+    notice_ = fmt::format("reset refused: the CAN interface is {}", to_string(bus));
+  } else if (bus_was_jammed_ || restart_unfinished_) {
+    notice_ = "reset: restarting the CAN interface";
+    action_ = Decision::Action::restart_bus;
+    reset_since_ = now;
+  } else {
+    finish_reset();
+  }
+}
+
+void SafetyCore::on_bus_restarted(bool done, const std::string& why) {
+  purge_due_ = false;
+  if (done) {
+    bus_was_jammed_ = false;
+    worst_bus_ = CanState::up;  // what was before counts no more
+    return;
+  }
+  restart_unfinished_ = worst_bus_ == CanState::down;
+  if (reset_since_) {
+    notice_ = "reset refused: " + why;
+  } else {
+    purge_failure_ = why;
+  }
+  reset_since_.reset();
+}
+
+void SafetyCore::wait_for_restarted_bus(Instant now, CanState bus) {
+  if (!reset_since_) return;
+  if (bus == CanState::up || bus == CanState::error_passive) {
+    finish_reset();
+  } else if (now - *reset_since_ >= kBusRestartWait) {
+    notice_ = fmt::format("reset refused: the CAN bus is still {} after a restart", to_string(bus));
+    reset_since_.reset();
+  }
+}
+
+void SafetyCore::finish_reset() {
+  // The profile ignores this where nothing is wrong with its drives.
+  action_ = Decision::Action::reset_fault;
+  estop_latched_ = false;
+  fault_latched_ = false;
+  bus_was_jammed_ = false;
+  purged_ = false;
+  reset_since_.reset();
+  fault_reason_.clear();
+  purge_failure_.clear();
+  stop_reason_.clear();
+  notice_.clear();
+}
+
+}  // namespace tether

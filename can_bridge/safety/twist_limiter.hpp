@@ -1,0 +1,80 @@
+#pragma once
+
+#include "can_bridge/safety/axis_ramp.hpp"
+#include "common/base/time.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+/// What the vehicle may do. All > 0; a deceleration is never below its acceleration (asserted:
+/// the scenario loader refuses such files).
+struct TwistLimits {
+  double max_speed_mps = 3.0;
+  double max_reverse_mps = 3.0;
+  double max_yaw_rate_radps = 2.0;
+  double max_acceleration_mps2 = 1.0;
+  double max_deceleration_mps2 = 1.5;
+  double max_yaw_acceleration_radps2 = 2.0;
+  double max_yaw_deceleration_radps2 = 3.0;
+  double max_jerk_mps3 = 30.0;
+  double max_yaw_jerk_radps3 = 60.0;
+  double max_wheel_speed_mps = 10.0;  ///< rim speed
+  double track_m = 1.2;
+  Duration cycle = std::chrono::milliseconds{20};
+};
+
+/// The limits of [can] and [vehicle] of a scenario.
+TwistLimits twist_limits(const Scenario& scenario);
+
+/// Turns body twists as commanded into twists that the vehicle may follow, one per control cycle.
+///
+/// - A target beyond the limits of speed, yaw rate or wheel speed is scaled as a whole: v and ω by
+///   one factor, so that the vehicle goes the commanded curve, slower.
+/// - Changes of v and ω towards the target share one factor too: from rest both rise and arrive
+///   together, in proportion, as fast as the tighter of the two axes' limits allows. Curvature thus
+///   blends from one command to the next instead of the slower axis dragging behind.
+/// - Acceleration, deceleration (towards zero) and jerk limits hold in every cycle, see AxisRamp.
+///   Wheel speed too, also on the way between two targets: an axis waits for the other to make
+///   room.
+/// - A constant target is reached without overshoot and then held. From rest it takes
+///   1/F + F/G seconds to within one cycle, or 2/√G where F² ≥ G, with F = min(A/|d|) and
+///   G = min(J/|d|) over both axes (d: the change, A and J: the axis's acceleration and jerk).
+///
+/// stop() is for ramps to zero that must not be late: jerk may delay them by at most
+/// kStopJerkDelay, for which the jerk limit is exceeded where the file sets a smaller one. Zero is
+/// reached after at most max(|v|/deceleration, |ω|/yaw deceleration) + kStopJerkDelay and two
+/// cycles, whatever went before.
+class TwistLimiter {
+ public:
+  explicit TwistLimiter(const TwistLimits& limits);
+
+  /// Jerk while stopping is at least (1.5·A + D)/kStopJerkDelay. Taking back an acceleration A at
+  /// jerk J takes A/J and adds A²/(2J) of speed (A²/(2JD) ≤ A/(2J) of time); building up and
+  /// releasing the brake D costs D/J.
+  static constexpr Duration kStopJerkDelay = std::chrono::milliseconds{100};
+
+  /// Rests at zero.
+  void reset();
+
+  /// One cycle towards `target` (finite).
+  Twist step(const Twist& target);
+  /// One cycle towards zero.
+  Twist stop();
+
+  Twist twist() const { return {v_.value(), omega_.value()}; }
+  bool at_rest() const;
+
+  /// `target` scaled to the limits of speed, yaw rate and wheel speed.
+  Twist within_speed_limits(const Twist& target) const;
+
+ private:
+  Twist advance(const Twist& target, bool stopping);
+
+  TwistLimits limits_;
+  double half_track_m_;
+  AxisRamp v_;
+  AxisRamp omega_;
+};
+
+}  // namespace tether

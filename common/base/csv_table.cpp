@@ -1,0 +1,95 @@
+#include "common/base/csv_table.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "common/base/errors.hpp"
+#include "common/base/text.hpp"
+
+namespace tether {
+namespace {
+
+std::string_view unquoted(std::string_view cell) {
+  const bool quoted = cell.size() >= 2 && cell.front() == '"' && cell.back() == '"';
+  return quoted ? trimmed(cell.substr(1, cell.size() - 2)) : cell;
+}
+
+std::vector<std::string_view> split(std::string_view line) {
+  std::vector<std::string_view> cells;
+  for (;;) {
+    const auto comma = line.find(',');
+    cells.push_back(unquoted(trimmed(line.substr(0, comma))));
+    if (comma == std::string_view::npos) return cells;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+template <class Number>
+bool parse(std::string_view text, Number& value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} && end == text.data() + text.size();
+}
+
+}  // namespace
+
+double finite_number(std::string_view text) {
+  double value = 0.0;
+  return parse(text, value) && std::isfinite(value) ? value
+                                                    : std::numeric_limits<double>::quiet_NaN();
+}
+
+CsvTable::CsvTable(std::istream& in, std::string name) : in_(in), name_(std::move(name)) {
+  if (!next_line()) fail("no header line");
+  for (std::string_view cell : split(line_)) {
+    if (!columns_.emplace(cell, width_).second) fail(fmt::format("two columns \"{}\"", cell));
+    ++width_;
+  }
+}
+
+bool CsvTable::next_line() {
+  while (std::getline(in_, line_)) {
+    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+    if (++line_number_ == 1 && line_.starts_with(kByteOrderMark)) {
+      line_.erase(0, kByteOrderMark.size());
+    }
+    const std::string_view content = trimmed(line_);
+    if (!content.empty() && content.front() != '#') return true;
+  }
+  return false;
+}
+
+bool CsvTable::next_row() {
+  if (!next_line()) return false;
+  row_ = split(line_);
+  if (row_.size() != width_) {
+    fail(fmt::format("{} cells, but the header has {}", row_.size(), width_));
+  }
+  return true;
+}
+
+double CsvTable::number(const std::string& column) const {
+  const double value = finite_number(cell(column));
+  if (std::isnan(value)) refuse(column, "a finite number");
+  return value;
+}
+
+std::int64_t CsvTable::whole_number(const std::string& column) const {
+  std::int64_t value = 0;
+  if (!parse(cell(column), value)) refuse(column, "a whole number");
+  return value;
+}
+
+void CsvTable::refuse(const std::string& column, const std::string& allowed) const {
+  fail(fmt::format("{} = \"{}\" must be {}", column, cell(column), allowed));
+}
+
+void CsvTable::fail(const std::string& reason) const {
+  throw UsageError(fmt::format("{}:{}: {}", name_, std::max(1, line_number_), reason));
+}
+
+}  // namespace tether

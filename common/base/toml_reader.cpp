@@ -1,0 +1,123 @@
+#include "common/base/toml_reader.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <sstream>
+#include <utility>
+
+#include "common/base/errors.hpp"
+
+namespace tether {
+namespace {
+
+std::string range_text(std::int64_t min, std::int64_t max, const std::string& meaning) {
+  return fmt::format("a whole number from {} to {} ({})", min, max, meaning);
+}
+
+}  // namespace
+
+TomlReader::TomlReader(const toml::table& table, std::string file, std::string path,
+                       const std::vector<std::string>& keys)
+    : table_(table), file_(std::move(file)), path_(std::move(path)) {
+  for (const auto& [key, node] : table_) {
+    const std::string name(key.str());
+    if (std::find(keys.begin(), keys.end(), name) != keys.end()) continue;
+    refuse_at(key.source().begin.line,
+              fmt::format("unknown key \"{}\": allowed are {}", full(name), fmt::join(keys, ", ")));
+  }
+}
+
+std::string TomlReader::full(const std::string& key) const {
+  return path_.empty() ? key : path_ + "." + key;
+}
+
+void TomlReader::refuse_at(std::uint32_t line, const std::string& message) const {
+  throw UsageError(fmt::format("{}:{}: {}", file_, line, message));
+}
+
+void TomlReader::refuse(const std::string& key, const toml::node& value,
+                        const std::string& allowed) const {
+  std::ostringstream shown;
+  shown << toml::node_view<const toml::node>(&value);
+  refuse_at(value.source().begin.line,
+            fmt::format("{} = {} is not allowed: must be {}", full(key), shown.str(), allowed));
+}
+
+const toml::node& TomlReader::require(const std::string& key, const std::string& allowed) const {
+  const toml::node* const node = find(key);
+  // The top of a file has no line of its own.
+  if (node == nullptr) {
+    refuse_at(std::max(line(), std::uint32_t{1}),
+              fmt::format("{} is missing: must be {}", full(key), allowed));
+  }
+  return *node;
+}
+
+std::optional<std::int64_t> TomlReader::whole_number(const std::string& key, std::int64_t min,
+                                                     std::int64_t max,
+                                                     const std::string& meaning) const {
+  const toml::node* const node = find(key);
+  if (node == nullptr) return std::nullopt;
+  const auto* const value = node->as_integer();
+  if (value == nullptr || value->get() < min || value->get() > max) {
+    refuse(key, *node, range_text(min, max, meaning));
+  }
+  return value->get();
+}
+
+void TomlReader::number(const std::string& key, double& out, double min, double max,
+                        const std::string& meaning) const {
+  const toml::node* const node = find(key);
+  if (node == nullptr) return;
+  const auto value = node->is_number() ? node->value<double>() : std::nullopt;
+  // Written so that NaN is refused, too.
+  if (!value || !(*value >= min && *value <= max)) {
+    refuse(key, *node, fmt::format("a number from {} to {} ({})", min, max, meaning));
+  }
+  out = *value;
+}
+
+void TomlReader::flag(const std::string& key, bool& out, const std::string& meaning) const {
+  const toml::node* const node = find(key);
+  if (node == nullptr) return;
+  const auto* const value = node->as_boolean();
+  if (value == nullptr) refuse(key, *node, fmt::format("true or false ({})", meaning));
+  out = value->get();
+}
+
+void TomlReader::text(const std::string& key, std::string& out, const std::string& meaning) const {
+  const toml::node* const node = find(key);
+  if (node == nullptr) return;
+  const auto* const value = node->as_string();
+  if (value == nullptr || value->get().empty()) {
+    refuse(key, *node, fmt::format("a text in quotes ({})", meaning));
+  }
+  out = value->get();
+}
+
+std::vector<std::int64_t> TomlReader::integers(const std::string& key, std::int64_t min,
+                                               std::int64_t max, const std::string& meaning) const {
+  const toml::node* const node = find(key);
+  if (node == nullptr) return {};
+  const auto fits = [&](const toml::node& n) {
+    const auto* const value = n.as_integer();
+    return value != nullptr && value->get() >= min && value->get() <= max;
+  };
+  const std::string allowed = range_text(min, max, meaning) + ", or several in [ ]";
+  const auto* const array = node->as_array();
+  if (array == nullptr) {
+    if (!fits(*node)) refuse(key, *node, allowed);
+    return {node->as_integer()->get()};
+  }
+  std::vector<std::int64_t> values;
+  for (const toml::node& element : *array) {
+    if (!fits(element)) refuse(key, *node, allowed);
+    values.push_back(element.as_integer()->get());
+  }
+  if (values.empty()) refuse(key, *node, allowed);
+  return values;
+}
+
+}  // namespace tether

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/bus/bus.hpp"
+#include "common/loop/event_loop.hpp"
+
+namespace tether {
+
+/// All nodes in one process and one thread: a published message is copied and delivered as an
+/// event at the current instant, in the order of publication and then of subscription.
+class InProcessBus final : public Bus {
+ public:
+  /// `loop` must outlive the bus.
+  explicit InProcessBus(EventLoop& loop);
+  ~InProcessBus() override;
+
+  void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
+  /// Queues are unbounded here: `queue_capacity` has no effect.
+  void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) override;
+
+ private:
+  struct Subscription;
+  using Receivers = std::vector<Subscription*>;
+  const Receivers& receivers(std::string_view channel);
+
+  EventLoop& loop_;
+  std::vector<std::unique_ptr<Subscription>> subscriptions_;
+  std::map<std::string, Receivers, std::less<>> receivers_;  // per channel seen so far
+};
+
+}  // namespace tether

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/base/counters.hpp"
+#include "common/base/time.hpp"
+
+namespace tether {
+
+/// Lets each message of a stamped, numbered stream through at most once and never backwards.
+///
+/// A message is rejected, and then refreshes nothing, when it is
+/// - `from_future`: stamped more than `max_ahead` after `now` (a wrong clock would otherwise make
+///   every later message look old);
+/// - `invalid_seq`: numbered below zero;
+/// - `before_start`: stamped before `earliest`, so of another run;
+/// - `duplicated`: the newest accepted one again;
+/// - `reordered`: numbered and stamped no later than the newest accepted one;
+/// - `time_backwards`: numbered later but stamped earlier than the newest accepted one.
+/// The same or a lower number with a later stamp is a publisher that started anew: accepted, and
+/// counted in `restarts`. `missed` counts the numbers skipped so far (lost or still on the way).
+class StreamGuard {
+ public:
+  struct Config {
+    Duration max_ahead = std::chrono::seconds{1};
+    Instant earliest = kStart;  ///< the run's start, earlier by its lead time
+  };
+  struct Counters {
+    std::int64_t accepted = 0;
+    std::int64_t duplicated = 0;
+    std::int64_t reordered = 0;
+    std::int64_t time_backwards = 0;
+    std::int64_t from_future = 0;
+    std::int64_t invalid_seq = 0;
+    std::int64_t before_start = 0;
+    std::int64_t restarts = 0;
+    std::int64_t missed = 0;
+  };
+
+  StreamGuard() = default;
+  explicit StreamGuard(const Config& config) : config_(config) {}
+
+  /// Whether a message stamped `stamp` and numbered `seq`, arriving at `now`, may be used.
+  bool accept(Instant now, Instant stamp, std::int64_t seq);
+
+  const Counters& counters() const { return counters_; }
+
+  /// Appends all counters, named "<prefix>.accepted" and so on.
+  void list(const std::string& prefix, CounterList& out) const;
+
+ private:
+  Config config_;
+  Counters counters_;
+  bool any_ = false;
+  Instant last_stamp_{};
+  std::int64_t last_seq_ = 0;
+};
+
+}  // namespace tether

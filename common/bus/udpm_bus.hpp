@@ -1,0 +1,63 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/pattern.hpp"
+#include "common/bus/bus.hpp"
+#include "common/bus/lcm_datagrams.hpp"
+#include "common/loop/event_loop.hpp"
+
+namespace tether {
+
+/// A real LCM network over UDP multicast by sockets of our own, for programs that carry much
+/// traffic of others: several times cheaper a message than by way of LCM's receiving thread,
+/// indifferent to fragments that crash LCM, and it never hears what it has published itself, which
+/// it knows by the sender's address. Other LCM programs cannot tell it from LCM.
+///
+/// Handlers run in the loop's thread. What waits, waits in the kernel's buffer (the URL's
+/// recv_buf_size), whose drops are counted. A bus that nobody subscribes to does not receive.
+class UdpmBus final : public Bus {
+ public:
+  /// `url` is udpm. Throws as reachable_lcm_url() does, and if the system has no socket left.
+  /// `loop` must outlive the bus.
+  UdpmBus(const std::string& url, EventLoop& loop);
+  ~UdpmBus() override;
+
+  void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
+  /// Whatever `queue_capacity`.
+  void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) override;
+  /// Datagrams dropped by the kernel, malformed and own ones, incomplete messages, publish
+  /// failures.
+  void list_counters(CounterList& out) const override;
+
+ private:
+  struct Subscription {
+    std::optional<Pattern> channel;  ///< all, if none
+    Handler handler;
+  };
+  class Batch;
+
+  void listen();
+  void receive();
+  void hear(std::uint64_t sender, std::span<const std::uint8_t> datagram);
+
+  EventLoop& loop_;
+  std::string url_;
+  int sending_fd_ = -1;
+  int receiving_fd_ = -1;
+  std::uint64_t own_address_ = 0;
+  std::uint32_t number_ = 0;
+  std::unique_ptr<Batch> batch_;
+  LcmAssembler assembler_;
+  std::vector<Subscription> subscriptions_;
+  std::int64_t own_ = 0;
+  std::int64_t truncated_ = 0;
+  std::int64_t publish_failures_ = 0;
+};
+
+}  // namespace tether

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/loop/event_key.hpp"
+#include "common/loop/simulated_loop.hpp"
+
+namespace tether {
+
+/// Simulated time of one node in lockstep with others: events run in the order that they have in
+/// one VirtualLoop for all nodes, as far as a coordinator's grants allow (docs/time.md).
+class LockstepLoop final : public SimulatedLoop {
+ public:
+  /// `rank`: the node's place among the nodes, from 0 and below kFirstGrant.
+  LockstepLoop(Instant start, std::int32_t rank);
+
+  /// The grant ends after the current event.
+  void stop() override { bound_ = EventKey{Instant::min(), 0, 0}; }
+
+  /// The next event.
+  EventKey next() const;
+
+  /// What is scheduled from now on belongs to this grant.
+  void begin(std::int64_t grant);
+  /// An event that has got its place elsewhere: the delivery of a message.
+  void add(Instant when, std::uint64_t order, Task task);
+  /// Runs what comes before `bound`, unless it has been stopped or there is very much of it.
+  void run_before(const EventKey& bound);
+  /// Within run_before(): it goes no further than this.
+  void limit(const EventKey& bound);
+  /// Takes a number for an event that happens elsewhere: counts from 0 with each grant.
+  std::uint64_t take_index() { return timers_.take_insertion() - first_; }
+  /// The order of the delivery of what got this number under this grant.
+  std::uint64_t delivery_order(std::uint64_t index) const {
+    return TimerQueue::order_of(Priority::delivery, first_ + index);
+  }
+  /// The run is over, at this time.
+  void set_now(Instant now) { now_ = now; }
+
+ private:
+  std::int32_t rank_;
+  EventKey bound_;
+  std::uint64_t first_ = 0;  // of this grant's insertions
+};
+
+}  // namespace tether

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <ctime>
+#include <vector>
+
+#include "common/loop/event_loop.hpp"
+#include "common/loop/timer_queue.hpp"
+
+namespace tether {
+
+/// Real time (or slow motion): epoll with an absolute timerfd on CLOCK_MONOTONIC, so that periods
+/// do not drift. SIGINT and SIGTERM end run() cleanly (they are blocked for the process from
+/// construction on).
+///
+/// The run's clock is anchored to the wall clock once, at construction: all nodes of a run get the
+/// same `start_utime_us` and so agree on t = 0, and a node that is restarted in the middle of a
+/// run joins at the right time.
+class RealTimeLoop final : public EventLoop {
+ public:
+  /// `start_utime_us`: the wall-clock time (µs since 1970) of the run's t = 0.
+  /// `speed`: run seconds per wall second, > 0. Below 1 is slow motion, for machines that cannot
+  /// keep up; every deadline stretches with it, for all nodes of a run alike.
+  explicit RealTimeLoop(std::int64_t start_utime_us, double speed = 1.0);
+  ~RealTimeLoop() override;
+
+  Instant now() const override;
+  double rate() const override { return speed_; }
+  void at(Instant when, Priority priority, Task task) override;
+  void every(Instant first, Duration period, Priority priority, Task task) override;
+  void add_fd(int fd, Task task) override;
+  void remove_fd(int fd) override;
+  void stop() override { stopped_ = true; }
+  std::uint64_t slips() const override { return slips_; }
+
+  /// Largest lateness of any periodic task so far.
+  Duration lateness_max() const { return lateness_max_; }
+
+  /// Moves the clock so that now() is `now`; for nodes that follow another node's clock, before
+  /// they schedule anything.
+  void set_now(Instant now);
+
+  /// Runs until stop(), a termination signal, or `end`.
+  void run_until(Instant end);
+  void run() { run_until(Instant::max()); }
+
+  /// The termination signal that ended run(), 0 if none did.
+  int signal() const { return signal_; }
+
+  /// The wall clock now, µs since 1970.
+  static std::int64_t wall_utime_us();
+  /// Another one at each start of a program, also of two at the same microsecond.
+  static std::int64_t number_of_this_start();
+
+ private:
+  struct Descriptor {
+    int fd;
+    Task task;
+  };
+  void run_due_timers(Instant end);
+  void wait(Instant until);
+  void arm(Instant until);
+  void on_timer();
+  std::int64_t wall_ns(Duration run_time) const;
+  void read_signal();
+
+  TimerQueue timers_;
+  std::vector<Descriptor> descriptors_;
+  double speed_;
+  static constexpr std::int64_t kNotArmed = -1;
+  std::int64_t armed_ns_ = kNotArmed;  // what the timer is set to; 0: never
+  bool asleep_ = false;                // it was set to a time that had not come
+  std::int64_t wake_lead_ns_ = 0;      // the timer is set earlier by this
+  std::int64_t start_monotonic_ns_ = 0;
+  int epoll_fd_ = -1;
+  int timer_fd_ = -1;
+  int signal_fd_ = -1;
+  int signal_ = 0;
+  bool stopped_ = false;
+  std::uint64_t slips_ = 0;
+  Duration lateness_max_{0};
+};
+
+}  // namespace tether

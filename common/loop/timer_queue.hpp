@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "common/loop/event_loop.hpp"
+
+namespace tether {
+
+/// Pending tasks ordered by (time, priority, insertion): the part that all event loops share.
+/// Priority and insertion are one number, the task's order: the priority in the top byte.
+class TimerQueue {
+ public:
+  using Task = EventLoop::Task;
+
+  static constexpr std::uint64_t order_of(Priority priority, std::uint64_t insertion) {
+    return static_cast<std::uint64_t>(priority) << 56 | insertion;
+  }
+
+  void add(Instant when, Priority priority, Task task);
+  /// A task that adds itself again, `period` later, each time it is run.
+  void add_periodic(Instant first, Duration period, Priority priority, Task task);
+
+  /// The first of first, first + period, first + 2·period… that is not before `now`.
+  static Instant not_before(Instant now, Instant first, Duration period);
+
+  bool empty() const { return heap_.empty(); }
+  /// Time of the earliest task; Instant::max() if there is none.
+  Instant next() const { return heap_.empty() ? Instant::max() : heap_.front().when; }
+  /// Period of the earliest task, zero if it runs once. Not on an empty queue.
+  Duration next_period() const { return slots_[heap_.front().slot].period; }
+  /// Takes the earliest task off and runs it. A task that throws is not run again, periodic or not.
+  /// Not on an empty queue.
+  void run_next();
+
+  /// For loops that share one numbering of insertions: order of the earliest task, the largest
+  /// there is on an empty queue; …
+  std::uint64_t next_order() const { return heap_.empty() ? UINT64_MAX : heap_.front().order; }
+  /// … the number of the next insertion, < 2^56, which may be set; …
+  std::uint64_t insertions() const { return insertions_; }
+  void set_insertions(std::uint64_t insertions) { insertions_ = insertions; }
+  /// … takes a number, as an insertion would, for an event that happens elsewhere; …
+  std::uint64_t take_insertion() { return insertions_++; }
+  /// … and inserts what has got its order elsewhere.
+  void add_in_order(Instant when, std::uint64_t order, Task task);
+
+ private:
+  struct Entry {
+    Instant when;
+    std::uint64_t order;
+    std::uint32_t slot;
+  };
+  struct Slot {
+    Task task;
+    Duration period{0};
+    Priority priority{};
+  };
+  struct Later;
+
+  void push(Instant when, Priority priority, std::uint32_t slot);
+  void push_in_order(Instant when, std::uint64_t order, std::uint32_t slot);
+  std::uint32_t allocate(Slot slot);
+
+  std::vector<Entry> heap_;
+  std::vector<Slot> slots_;
+  std::vector<std::uint32_t> free_slots_;
+  std::uint64_t insertions_ = 0;
+};
+
+}  // namespace tether

@@ -1,0 +1,43 @@
+#include "common/path/figure_eight.hpp"
+
+#include <cmath>
+
+namespace tether {
+
+FigureEight::FigureEight(const Config& config)
+    : amplitude_m_(config.amplitude_m),
+      rate_radps_(config.rate_radps),
+      cos_(std::cos(config.rotation_rad)),
+      sin_(std::sin(config.rotation_rad)) {}
+
+Position FigureEight::position_at(double t_s) const {
+  const double theta = rate_radps_ * t_s;
+  const double u = amplitude_m_ * std::sin(theta);
+  const double w = u * std::cos(theta);
+  return {cos_ * u - sin_ * w, sin_ * u + cos_ * w};
+}
+
+PathPoint FigureEight::at(double t_s) const {
+  const double theta = rate_radps_ * t_s;
+  const double sine = std::sin(theta);
+  const double cosine = std::cos(theta);
+  const double u = amplitude_m_ * sine;
+  const double w = u * cosine;
+  // Derivatives by theta: u = A sin, w = A/2 sin 2θ. The speed is never zero.
+  const double du = amplitude_m_ * cosine;
+  const double dw = amplitude_m_ * (cosine * cosine - sine * sine);
+  const double ddu = -u;
+  const double ddw = -4.0 * w;
+  const double dx = cos_ * du - sin_ * dw;
+  const double dy = sin_ * du + cos_ * dw;
+  const double speed_squared = du * du + dw * dw;
+  PathPoint p;
+  p.x_m = cos_ * u - sin_ * w;
+  p.y_m = sin_ * u + cos_ * w;
+  p.yaw_rad = std::atan2(dy, dx);
+  p.v_mps = rate_radps_ * std::sqrt(speed_squared);
+  p.omega_radps = rate_radps_ * (du * ddw - dw * ddu) / speed_squared;
+  return p;
+}
+
+}  // namespace tether

@@ -1,0 +1,116 @@
+#include "common/path/simple_curves.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/math/quadrature/gauss.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "common/base/errors.hpp"
+
+namespace tether {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+/// `p`, given in the frame of `start`, in the world's.
+CurvePoint from_frame(const Pose2& start, const CurvePoint& p) {
+  const double cosine = std::cos(start.yaw_rad), sine = std::sin(start.yaw_rad);
+  return {start.x_m + cosine * p.x_m - sine * p.y_m, start.y_m + sine * p.x_m + cosine * p.y_m,
+          wrap_angle(start.yaw_rad + p.yaw_rad), p.curvature_1pm};
+}
+
+CurvePoint mirrored(const CurvePoint& p) { return {p.x_m, -p.y_m, -p.yaw_rad, -p.curvature_1pm}; }
+
+}  // namespace
+
+CurvePoint StraightCurve::at(double s_m) const {
+  return from_frame(start_, {std::clamp(s_m, 0.0, length_m_), 0.0, 0.0, 0.0});
+}
+
+CircleCurve::CircleCurve(const Pose2& start, double radius_m, bool clockwise)
+    : start_(start), curvature_1pm_((clockwise ? -1.0 : 1.0) / radius_m) {}
+
+double CircleCurve::length_m() const { return 2.0 * kPi / std::abs(curvature_1pm_); }
+
+CurvePoint CircleCurve::at(double s_m) const {
+  const double turned = std::clamp(s_m, 0.0, length_m()) * curvature_1pm_;
+  return from_frame(start_, {std::sin(turned) / curvature_1pm_,
+                             (1.0 - std::cos(turned)) / curvature_1pm_, turned, curvature_1pm_});
+}
+
+// Half of the turn, 45°, is the mean curvature 1/(2 radius) times its length.
+ClothoidCorner::ClothoidCorner(double least_radius_m)
+    : radius_m_(least_radius_m), half_length_m_(0.5 * kPi * least_radius_m), reach_m_(0.0) {
+  const CurvePoint middle = first_half(half_length_m_);
+  reach_m_ = middle.x_m + middle.y_m;
+}
+
+CurvePoint ClothoidCorner::first_half(double s_m) const {
+  const double yaw_per_square = 0.5 / (radius_m_ * half_length_m_);
+  using Gauss = boost::math::quadrature::gauss<double, 15>;  // to 1e-15 up to 45°
+  const auto yaw = [yaw_per_square](double s) { return yaw_per_square * s * s; };
+  CurvePoint p;
+  p.x_m = Gauss::integrate([&](double s) { return std::cos(yaw(s)); }, 0.0, s_m);
+  p.y_m = Gauss::integrate([&](double s) { return std::sin(yaw(s)); }, 0.0, s_m);
+  p.yaw_rad = yaw(s_m);
+  p.curvature_1pm = s_m / (radius_m_ * half_length_m_);
+  return p;
+}
+
+CurvePoint ClothoidCorner::at(double s_m) const {
+  if (s_m <= half_length_m_) return first_half(std::max(0.0, s_m));
+  // The second half is the first one backwards, mirrored at the line x + y = reach.
+  const CurvePoint p = first_half(std::max(0.0, 2.0 * half_length_m_ - s_m));
+  return {reach_m_ - p.y_m, reach_m_ - p.x_m, 0.5 * kPi - p.yaw_rad, p.curvature_1pm};
+}
+
+RoundedRectangleCurve::RoundedRectangleCurve(const Pose2& start, const Config& config)
+    : start_(start), config_(config), corner_(config.corner_radius_m) {
+  const double least_m = 2.0 * corner_.reach_m();
+  if (std::min(config.length_m, config.width_m) >= least_m) return;
+  throw UsageError(
+      fmt::format("path.corner_radius_m = {} does not fit: path.length_m and path.width_m must "
+                  "be at least {:.3f}; they are {} and {} (a corner takes 1.87 times its radius of "
+                  "each side)",
+                  config.corner_radius_m, least_m, config.length_m, config.width_m));
+}
+
+double RoundedRectangleCurve::length_m() const {
+  const double straight_m = 2.0 * (config_.length_m + config_.width_m) - 8.0 * corner_.reach_m();
+  return straight_m + 4.0 * corner_.length_m();
+}
+
+/// Straight on, a corner and straight on to the middle of the next side: half of the sides
+/// `first_m` and `second_m`.
+CurvePoint RoundedRectangleCurve::quarter(double s_m, double first_m, double second_m) const {
+  const double before_m = 0.5 * first_m - corner_.reach_m();
+  if (s_m <= before_m) return {s_m, 0.0, 0.0, 0.0};
+  const double beyond_m = s_m - before_m - corner_.length_m();
+  if (beyond_m > 0.0) {
+    return {0.5 * first_m, std::min(0.5 * second_m, corner_.reach_m() + beyond_m), 0.5 * kPi, 0.0};
+  }
+  CurvePoint p = corner_.at(s_m - before_m);
+  p.x_m += before_m;
+  return p;
+}
+
+CurvePoint RoundedRectangleCurve::at(double s_m) const {
+  const double quarter_m = 0.25 * length_m();
+  const double along_m = std::clamp(s_m, 0.0, length_m());
+  const int number = std::min(3, static_cast<int>(along_m / quarter_m));
+  const double length = config_.length_m, width = config_.width_m;
+  const double rest_m = along_m - number * quarter_m;
+  const CurvePoint p =
+      number % 2 == 0 ? quarter(rest_m, length, width) : quarter(rest_m, width, length);
+  // The middles of the sides.
+  const Pose2 middle[] = {{0.0, 0.0, 0.0},
+                          {0.5 * length, 0.5 * width, 0.5 * kPi},
+                          {0.0, width, kPi},
+                          {-0.5 * length, 0.5 * width, -0.5 * kPi}};
+  const CurvePoint left = from_frame(middle[number], p);
+  return from_frame(start_, config_.clockwise ? mirrored(left) : left);
+}
+
+}  // namespace tether

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "common/path/cubic_spline.hpp"
+#include "common/path/curve.hpp"
+#include "common/path/waypoints.hpp"
+
+namespace tether {
+
+/// A cubic spline in x and y through waypoints, with the length of the chords as its parameter:
+/// continuous curvature, also where a closed one begins; open ones end without curvature. Arc
+/// lengths are integrals by Gauss' rule, their inverse is found by Newton's iteration, to 1e-9 m.
+class WaypointCurve final : public PathCurve {
+ public:
+  /// `waypoints` as read_waypoints() gives them.
+  explicit WaypointCurve(const Waypoints& waypoints);
+
+  double length_m() const override { return knots_.back().s_m; }
+  bool is_closed() const override { return closed_; }
+  CurvePoint at(double s_m) const override;
+  /// Between waypoints the square is linear in the arc length: an even acceleration.
+  double wanted_speed_mps(double s_m) const override;
+  /// Of the last waypoint up to there.
+  std::string source(double s_m) const override;
+
+  /// Where each waypoint is.
+  const std::vector<double>& waypoints_s_m() const { return waypoint_s_m_; }
+
+ private:
+  struct Knot {
+    double s_m = 0.0, u = 0.0;
+    std::size_t segment = 0;  ///< of the spline, from here on
+  };
+  double speed(std::size_t segment, double u) const;
+  double arc_m(std::size_t segment, double from_u, double to_u) const;
+  double parameter(const Knot& from, const Knot& to, double s_m) const;
+  std::size_t waypoint_before(double s_m) const;
+
+  std::string file_;
+  std::vector<Waypoint> points_;
+  bool closed_;
+  CubicSpline x_, y_;
+  std::vector<Knot> knots_;  ///< several in each segment, and the end
+  std::vector<double> waypoint_s_m_;
+};
+
+}  // namespace tether

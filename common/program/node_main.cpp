@@ -1,0 +1,206 @@
+#include "common/program/node_main.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <tether/clock_t.hpp>
+#include <utility>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/bus/lcm_bus.hpp"
+#include "common/bus/lcm_url.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/bus/udpm_bus.hpp"
+#include "common/lockstep/member.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "common/program/cli.hpp"
+#include "common/program/cli_range.hpp"
+
+namespace tether {
+namespace {
+
+struct Options {
+  std::string scenario_file;
+  std::vector<std::string> overrides;
+  std::string lcm_url = kDefaultLcmUrl;
+  std::string control_lcm_url;
+  std::optional<std::int64_t> start_utime_us;
+  double speed = 1.0;
+  std::optional<std::int64_t> lockstep_session;
+  bool stands_alone = false;
+};
+
+/// A clock that differs by more than this is another run's.
+constexpr Duration kClockJump = std::chrono::milliseconds{500};
+/// … if so many messages in a row say so; a single one may be a stray.
+constexpr int kClockJumpMessages = 3;
+
+/// Follows SIM/CLOCK: sets the loop's time at the first message, stops the loop at a jump.
+class ClockFollower {
+ public:
+  ClockFollower(RealTimeLoop& loop, Bus& bus) : loop_(loop) {
+    subscribe<clock_t>(bus, ChannelNames("AGV").clock, 1, undecodable_,
+                       [this](const clock_t& m) { on_clock(from_utime(m.utime)); });
+  }
+
+  /// Blocks until the first clock message; false if a signal came first.
+  bool wait() {
+    loop_.run();
+    return following_;
+  }
+  bool jumped() const { return jumped_; }
+
+ private:
+  void on_clock(Instant now) {
+    const Duration difference = now - loop_.now();
+    if (!following_) {
+      loop_.set_now(now);
+      following_ = true;
+      loop_.stop();
+    } else if (difference <= kClockJump && difference >= -kClockJump) {
+      disagreements_ = 0;
+    } else if (++disagreements_ >= kClockJumpMessages) {
+      jumped_ = true;
+      loop_.stop();
+    }
+  }
+
+  RealTimeLoop& loop_;
+  std::int64_t undecodable_ = 0;
+  bool following_ = false;
+  bool jumped_ = false;
+  int disagreements_ = 0;
+};
+
+enum class End { signal, clock_jumped };
+
+/// Lets the loop go on until the node has ended in good order.
+void wind_down(Node& node, RealTimeLoop& loop) {
+  constexpr Duration kPoll = std::chrono::milliseconds{10};
+  const Instant deadline = loop.now() + kWindDownLimit;
+  while (!node.wind_down() && loop.now() < deadline) loop.run_until(loop.now() + kPoll);
+}
+
+End run_once(const NodeProgram& program, const Options& options, const Scenario& scenario) {
+  RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()), options.speed);
+  LcmBus bus(options.lcm_url, loop);
+  std::optional<LcmBus> other;
+  if (!options.control_lcm_url.empty() &&
+      checked_lcm_url(options.control_lcm_url) != checked_lcm_url(options.lcm_url)) {
+    other.emplace(options.control_lcm_url, loop);
+  }
+  Bus& control_bus = other ? *other : bus;
+
+  std::optional<ClockFollower> clock;
+  if (!options.start_utime_us && !program.owns_clock && !options.stands_alone) {
+    clock.emplace(loop, bus);
+    fmt::print(stderr, "{}: waiting for SIM/CLOCK on {}\n", program.name, bus.url());
+    if (!clock->wait()) return End::signal;
+  }
+
+  const auto node = program.make({scenario, loop, bus, control_bus});
+  fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
+             bus.url());
+  loop.run();
+  wind_down(*node, loop);
+  if (clock && clock->jumped()) {
+    fmt::print(stderr, "{}: SIM/CLOCK jumped: starting over\n", program.name);
+    return End::clock_jumped;
+  }
+  node->finish();
+  if (loop.slips() > 0) {
+    fmt::print(stderr, "{}: {} deadline slips, worst lateness {:.1f} ms\n", program.name,
+               loop.slips(), to_milliseconds(loop.lateness_max()));
+  }
+  return End::signal;
+}
+
+/// Simulated time knows one network and no clock of its own.
+void check_lockstep(const Options& options) {
+  for (const auto& [given, option] :
+       {std::pair{!options.control_lcm_url.empty(), "--control-lcm-url"},
+        std::pair{options.start_utime_us.has_value(), "--start-utime"},
+        std::pair{options.speed != 1.0, "--speed"}, std::pair{options.stands_alone, "--rule"}}) {
+    if (given) throw UsageError(fmt::format("{} does not go with --lockstep", option));
+  }
+}
+
+void run_in_lockstep(const NodeProgram& program, const Options& options, const Scenario& scenario) {
+  RealTimeLoop io(RealTimeLoop::wall_utime_us());
+  UdpmBus wire(checked_lcm_url(options.lcm_url), io);
+  LockstepMember member({.session = *options.lockstep_session,
+                         .instance = RealTimeLoop::number_of_this_start(),
+                         .name = program.lockstep_name,
+                         .start = kStart - from_seconds(scenario.run.lead_s)},
+                        io, wire);
+  const auto node = program.make({scenario, member.loop(), member.bus(), member.bus()});
+  member.join(*node);
+  io.run();
+  if (!member.error().empty()) throw std::runtime_error(member.error());
+}
+
+Scenario scenario_of(const Options& options) {
+  if (!options.stands_alone && options.scenario_file.empty()) {
+    throw UsageError("scenario is required");
+  }
+  if (options.stands_alone && !options.control_lcm_url.empty()) {
+    throw UsageError("--control-lcm-url has no effect with --rule: rules name their networks");
+  }
+  return options.scenario_file.empty() ? parse_scenario("", "defaults", options.overrides)
+                                       : load_scenario(options.scenario_file, options.overrides);
+}
+
+}  // namespace
+
+int node_main(int argc, char** argv, const NodeProgram& program) {
+  Options options;
+  CLI::App app(program.description, program.name);
+  add_version(app);
+  app.add_option("scenario", options.scenario_file, "scenario file (TOML)");
+  app.add_option("--set", options.overrides, "override a scenario key: KEY=VALUE (repeatable)")
+      ->allow_extra_args(false);
+  app.add_option("--lcm-url", options.lcm_url, "LCM network")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  if (program.joins_two_networks) {
+    app.add_option("--control-lcm-url", options.control_lcm_url,
+                   "LCM network of the controller's side [the same]; on one host use another port");
+  }
+  app.add_option("--start-utime", options.start_utime_us,
+                 program.owns_clock
+                     ? "wall-clock time of t = 0, microseconds since 1970 [now]"
+                     : "wall-clock time of t = 0, microseconds since 1970 [follow SIM/CLOCK]")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{4'000'000'000'000'000}));
+  app.add_option("--speed", options.speed,
+                 "run seconds per wall second; below 1 is slow motion, the same for all nodes")
+      ->check(number_between(0.01, 1.0))
+      ->capture_default_str();
+  if (!program.lockstep_name.empty()) {
+    app.add_option("--lockstep", options.lockstep_session,
+                   "take part in a run in simulated time: its session, 0: any (`tether run "
+                   "--processes` starts its nodes so)")
+        ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  }
+  program.own.add(app);
+  return run_cli(app, argc, argv, [&] {
+    options.stands_alone = program.own.stand_alone();
+    const Scenario scenario = scenario_of(options);
+    program.own.check(scenario, options.lcm_url, options.overrides);
+    if (options.lockstep_session) {
+      check_lockstep(options);
+      run_in_lockstep(program, options, scenario);
+      return kExitOk;
+    }
+    while (run_once(program, options, scenario) == End::clock_jumped) {
+    }
+    return kExitOk;
+  });
+}
+
+}  // namespace tether

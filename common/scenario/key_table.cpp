@@ -1,0 +1,182 @@
+#include "common/scenario/key_table.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace tether {
+namespace {
+
+using Set = decltype(ScenarioKey::set);
+
+std::optional<double> as_double(const ScenarioValue& value) {
+  if (const auto* d = std::get_if<double>(&value)) return *d;
+  if (const auto* i = std::get_if<std::int64_t>(&value)) return static_cast<double>(*i);
+  return std::nullopt;
+}
+
+bool all_in(Range range, const NumberList& list) {
+  return std::all_of(list.begin(), list.end(), [range](double x) { return range.contains(x); });
+}
+
+/// Not set if empty.
+template <class T>
+decltype(ScenarioKey::get) get_unless_empty(const KeyTable::Field<T>& field) {
+  return [field](const Scenario& s) {
+    const T& x = field.read(s);
+    return x.empty() ? std::nullopt : std::optional<ScenarioValue>(x);
+  };
+}
+
+bool is_text(const std::string& text) {
+  const auto bad = [](unsigned char c) { return c < 0x20 || c == 0x7F || c == '"' || c == '\\'; };
+  return !text.empty() && std::none_of(text.begin(), text.end(), bad);
+}
+
+template <class T>
+Set number_setter(const KeyTable::Field<T>& field, Range range) {
+  return [field, range](Scenario& s, const ScenarioValue& value) {
+    const auto x = as_double(value);
+    if (!x || !range.contains(*x)) return false;
+    field.write(s) = *x;
+    return true;
+  };
+}
+
+Set text_setter(const KeyTable::Field<std::string>& field, bool (*allowed)(const std::string&)) {
+  return [field, allowed](Scenario& s, const ScenarioValue& value) {
+    const auto* x = std::get_if<std::string>(&value);
+    if (x == nullptr || !allowed(*x)) return false;
+    field.write(s) = *x;
+    return true;
+  };
+}
+
+}  // namespace
+
+bool is_identifier(const std::string& text) {
+  const auto good = [](unsigned char c) {
+    return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '_' ||
+           c == '-';
+  };
+  return !text.empty() && text.size() <= 32 && std::all_of(text.begin(), text.end(), good);
+}
+
+bool Range::contains(double x) const {
+  return std::isfinite(x) && (open ? x > low : x >= low) && x <= high;
+}
+
+std::string Range::text(const char* noun) const {
+  if (std::isinf(low)) return fmt::format("a finite {}", noun);
+  if (std::isinf(high)) return fmt::format("a finite {} {} {}", noun, open ? ">" : ">=", low);
+  return fmt::format("a {} in {}{}, {}]", noun, open ? "(" : "[", low, high);
+}
+
+void KeyTable::number(const std::string& name, const Field<double>& field, Range range,
+                      const std::string& meaning) {
+  keys_.push_back({name, range.text("number"), meaning,
+                   [field](const Scenario& s) { return ScenarioValue(field.read(s)); },
+                   number_setter(field, range)});
+}
+
+void KeyTable::optional_number(const std::string& name, const Field<std::optional<double>>& field,
+                               Range range, const std::string& meaning) {
+  const auto get = [field](const Scenario& s) {
+    const std::optional<double>& x = field.read(s);
+    return x ? std::optional<ScenarioValue>(*x) : std::nullopt;
+  };
+  keys_.push_back({name, range.text("number"), meaning, get, number_setter(field, range)});
+}
+
+void KeyTable::boolean(const std::string& name, const Field<bool>& field,
+                       const std::string& meaning) {
+  const auto set = [field](Scenario& s, const ScenarioValue& value) {
+    const auto* x = std::get_if<bool>(&value);
+    if (x == nullptr) return false;
+    field.write(s) = *x;
+    return true;
+  };
+  keys_.push_back({name, "true or false", meaning,
+                   [field](const Scenario& s) { return ScenarioValue(field.read(s)); }, set});
+}
+
+void KeyTable::identifier(const std::string& name, const Field<std::string>& field,
+                          const std::string& meaning) {
+  keys_.push_back({name, "letters, digits, '-' and '_', at most 32", meaning,
+                   [field](const Scenario& s) { return ScenarioValue(field.read(s)); },
+                   text_setter(field, is_identifier)});
+}
+
+void KeyTable::text(const std::string& name, const Field<std::string>& field,
+                    const std::string& meaning) {
+  keys_.push_back({name, "printable text without quotes and backslashes", meaning,
+                   get_unless_empty(field), text_setter(field, is_text)});
+}
+
+void KeyTable::list(const std::string& name, const Field<NumberList>& field, Range range,
+                    const std::string& meaning) {
+  const auto set = [field, range](Scenario& s, const ScenarioValue& value) {
+    const auto* list = std::get_if<NumberList>(&value);
+    if (list == nullptr || !all_in(range, *list)) return false;
+    field.write(s) = *list;
+    return true;
+  };
+  keys_.push_back({name, fmt::format("a list, each {}", range.text("number")), meaning,
+                   get_unless_empty(field), set});
+}
+
+void KeyTable::rows(const std::string& name, const Field<NumberRows>& field, Range range,
+                    const std::string& meaning) {
+  const auto set = [field, range](Scenario& s, const ScenarioValue& value) {
+    const auto* none = std::get_if<NumberList>(&value);
+    const auto* rows = std::get_if<NumberRows>(&value);
+    const auto in_range = [&range](const NumberList& row) { return all_in(range, row); };
+    if (rows == nullptr ? none == nullptr || !none->empty()
+                        : !std::all_of(rows->begin(), rows->end(), in_range)) {
+      return false;
+    }
+    field.write(s) = rows == nullptr ? NumberRows{} : *rows;
+    return true;
+  };
+  keys_.push_back({name, fmt::format("a list of lists, each {}", range.text("number")), meaning,
+                   get_unless_empty(field), set});
+}
+
+void KeyTable::add_whole(const std::string& name, const Getter<std::int64_t>& get,
+                         const Setter<std::int64_t>& set, std::int64_t low,
+                         const std::string& meaning) {
+  const Range range{static_cast<double>(low), kInfinity, false};
+  keys_.push_back({name, range.text("whole number"), meaning,
+                   [get](const Scenario& s) { return ScenarioValue(get(s)); },
+                   [set, low](Scenario& s, const ScenarioValue& value) {
+                     const auto* x = std::get_if<std::int64_t>(&value);
+                     if (x == nullptr || *x < low) return false;
+                     set(s, *x);
+                     return true;
+                   }});
+}
+
+void KeyTable::add_choice(const std::string& name, const std::vector<std::string>& texts,
+                          const Getter<std::size_t>& get, const Setter<std::size_t>& set,
+                          const std::string& meaning) {
+  std::vector<std::string> quoted;
+  for (const std::string& text : texts) quoted.push_back("\"" + text + "\"");
+  keys_.push_back({name, fmt::format("{}", fmt::join(quoted, " or ")), meaning,
+                   [get, texts](const Scenario& s) {
+                     const std::size_t i = get(s);
+                     return i < texts.size() ? std::optional<ScenarioValue>(texts[i])
+                                             : std::nullopt;
+                   },
+                   [set, texts](Scenario& s, const ScenarioValue& value) {
+                     const auto* wanted = std::get_if<std::string>(&value);
+                     if (wanted == nullptr) return false;
+                     const auto found = std::find(texts.begin(), texts.end(), *wanted);
+                     if (found == texts.end()) return false;
+                     set(s, static_cast<std::size_t>(found - texts.begin()));
+                     return true;
+                   }});
+}
+
+}  // namespace tether

@@ -1,0 +1,62 @@
+#include "common/scenario/scenario.hpp"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/channel_checks.hpp"
+#include "common/scenario/channel_settings.hpp"
+#include "common/scenario/keys.hpp"
+#include "common/scenario/loader.hpp"
+
+namespace tether {
+
+namespace {
+
+ScenarioLoader start_from_text(const std::string& toml, const std::string& name) {
+  ScenarioLoader loader;
+  try {
+    loader.apply_table(toml::parse(toml, name), "", name);
+  } catch (const toml::parse_error& error) {
+    throw UsageError(
+        fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
+  }
+  loader.end_level(name, std::filesystem::path(name).parent_path());
+  return loader;
+}
+
+Scenario with_overrides(ScenarioLoader loader, const std::string& name,
+                        const std::vector<std::string>& overrides) {
+  for (const std::string& text : overrides) loader.apply_override(text, "--set " + text);
+  loader.end_level("--set", {});
+  Scenario scenario = loader.finish(name);
+  check_changes(scenario, name);
+  return scenario;
+}
+
+}  // namespace
+
+ScenarioLoader start_from_file(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  if (in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();
+  if (!in.is_open() || in.bad() || !text) {
+    throw UsageError(fmt::format("cannot read the scenario file \"{}\"", file));
+  }
+  return start_from_text(text.str(), file);
+}
+
+Scenario parse_scenario(const std::string& toml, const std::string& name,
+                        const std::vector<std::string>& overrides) {
+  return with_overrides(start_from_text(toml, name), name, overrides);
+}
+
+Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides) {
+  return with_overrides(start_from_file(file), file, overrides);
+}
+
+}  // namespace tether

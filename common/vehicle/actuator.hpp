@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "common/base/counters.hpp"
+#include "common/base/time.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/plan.hpp"
+#include "common/vehicle/plan_buffer.hpp"
+#include "common/vehicle/pose.hpp"
+#include "common/vehicle/stop_ramp.hpp"
+
+namespace tether {
+
+/// What the vehicle does with the commands that reach it (docs/actuator.md).
+/// - `hold` (the paper): the last command stays in force until the next one.
+/// - `zero`: a command stays in force for timeout_s after its arrival, then the twist is zero.
+/// - `ramp`: the same, but then the twist ramps to zero (ramp_to_stop).
+/// - `decay`: the same, but then v and ω fall exponentially with decay_s, both by one factor, to
+///   zero when they are below 1 mm/s and 1 mrad/s.
+/// - `horizon`: plans, executed by time (PlanBuffer). A twist ends them all, at once, and counts as
+///   by `ramp` until a plan takes over: the newest word.
+/// Before the first command, or before the first plan takes over, the twist is zero.
+///
+/// Twists that come out may jump; rims do not: plants and the CAN bridge limit their acceleration.
+/// Pure: `now` must not go backwards. Commands are finite and in order (StreamGuard), plans need
+/// not be. With the other policies plans are counted as "plan.unasked" and ignored.
+class Actuator {
+ public:
+  /// `guard`: for the stamps of plans.
+  Actuator(const Scenario::Actuator& config, const VehicleConfig& vehicle,
+           const StreamGuard::Config& guard);
+
+  void on_command(Instant now, const Twist& command);
+  /// Whether it was accepted.
+  bool on_plan(Instant now, PlanSource source, Plan plan);
+
+  /// The twist to realise at `now`.
+  Twist in_force(Instant now) const;
+
+  /// What poses say of the plan in force: PlanBuffer::newest(), none after a twist.
+  PlanName plan() const { return plans_.newest(); }
+
+  /// For those who watch whether commands are fresh: how long ago the plan in force ended, 0 if it
+  /// did not, and before the first of all takes over; none where twists count.
+  std::optional<Duration> plan_age(Instant now) const;
+
+  bool takes_plans() const { return config_.policy == Scenario::Actuator::Policy::horizon; }
+
+  /// Appends plan.…: with `horizon`, and with other policies if there were any.
+  void list(CounterList& out) const;
+
+ private:
+  Twist command_in_force(Instant now) const;
+
+  Scenario::Actuator config_;
+  StopLimits limits_;
+  Duration timeout_;
+  Twist command_;
+  Instant arrival_ = kStart;
+  bool any_command_ = false;
+  PlanBuffer plans_;
+  std::int64_t unasked_plans_ = 0;
+};
+
+}  // namespace tether

@@ -1,0 +1,167 @@
+#include "common/vehicle/plan_buffer.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+namespace tether {
+namespace {
+
+/// What can be said of a plan by itself.
+PlanFate judge_contents(const Plan& plan) {
+  const bool named = plan.name.session >= 0 && plan.name.id >= 0;
+  const bool based = plan.based_on >= 0 ? plan.based_on_last >= plan.based_on
+                                        : plan.based_on >= Plan::kBasedOnAny &&
+                                              plan.based_on_last == plan.based_on;
+  if (!named || !based || plan.twists.empty()) return PlanFate::unusable;
+  if (plan.step <= Duration{0}) return PlanFate::bad_step;
+  const auto count = static_cast<std::int64_t>(plan.twists.size());
+  if (plan.twists.size() > PlanBuffer::kMaxTwists || plan.step > PlanBuffer::kMaxHorizon / count) {
+    return PlanFate::too_long;
+  }
+  const bool usable = std::all_of(plan.twists.begin(), plan.twists.end(),
+                                  [](const Twist& twist) { return is_usable(twist); });
+  return usable ? PlanFate::accepted : PlanFate::unusable;
+}
+
+/// Whether `plan` may take over from `last`, a plan of its own session, at `t`.
+bool is_base_of(const Plan& plan, const Plan& last, Instant t) {
+  const std::int64_t id = last.name.id;
+  if (id < plan.based_on || id > plan.based_on_last) return false;
+  return plan.based_on == plan.based_on_last || (last.settled <= t && t < last.end());
+}
+
+}  // namespace
+
+PlanBuffer::PlanBuffer(const StopLimits& limits, const StreamGuard::Config& guard)
+    : limits_(limits), guards_{StreamGuard(guard), StreamGuard(guard)} {}
+
+PlanFate PlanBuffer::offer(Instant now, PlanSource source, Plan plan) {
+  const PlanFate fate = judge(now, source, plan);
+  ++counts_[static_cast<std::size_t>(fate)];
+  if (fate == PlanFate::accepted) insert(now, std::move(plan));
+  return fate;
+}
+
+PlanFate PlanBuffer::judge(Instant now, PlanSource source, const Plan& plan) {
+  const PlanFate contents = judge_contents(plan);
+  if (contents != PlanFate::accepted) return contents;
+  // Before the guard: strangers shall not make those of this session look old.
+  if (session_ != plan.name.session && !may_take_over(now, plan)) return PlanFate::other_session;
+  if (!guard(source).accept(now, plan.stamp, plan.seq)) return PlanFate::out_of_order;
+  if (session_ == plan.name.session) session_heard_ = now;
+  const bool known = std::any_of(schedule_.begin(), schedule_.end(), [&plan](const Entry& entry) {
+    return entry.plan.name == plan.name;
+  });
+  if (known) return PlanFate::repeated;
+  const Duration ahead = source == PlanSource::preload ? kMaxPreload : kMaxAhead;
+  if (plan.start > now + ahead) return PlanFate::too_early;
+  if (plan.end() <= now) return PlanFate::expired;
+  if (!is_consistent(now, plan)) return PlanFate::inconsistent;
+  const auto stay = std::count_if(schedule_.begin(), schedule_.end(), [&](const Entry& entry) {
+    return entry.from > now && entry.from < plan.start;
+  });
+  return stay < static_cast<std::ptrdiff_t>(kMaxWaiting) ? PlanFate::accepted : PlanFate::overfull;
+}
+
+bool PlanBuffer::may_take_over(Instant now, const Plan& plan) const {
+  if (plan.based_on >= 0) return false;
+  const bool is_old =
+      std::find(superseded_.begin(), superseded_.end(), plan.name.session) != superseded_.end();
+  return !is_old || now - session_heard_ >= kSessionSilence;
+}
+
+bool PlanBuffer::is_consistent(Instant now, const Plan& plan) const {
+  if (plan.based_on == Plan::kBasedOnAny) return true;
+  const Instant takes_over = std::max(plan.start, now);
+  const auto fits = [&plan, takes_over](const Entry* entry) {
+    const bool stranger = entry == nullptr || entry->plan.name.session != plan.name.session;
+    return plan.based_on == Plan::kBasedOnNone
+               ? stranger
+               : !stranger && is_base_of(plan, entry->plan, takes_over);
+  };
+  return fits(last_until(takes_over, true)) || fits(last_until(takes_over, false));
+}
+
+const PlanBuffer::Entry* PlanBuffer::last_until(Instant t, bool inclusive) const {
+  const Entry* last = nullptr;
+  for (const Entry& entry : schedule_) {
+    if (entry.from > t || (!inclusive && entry.from == t)) break;
+    last = &entry;
+  }
+  return last;
+}
+
+void PlanBuffer::insert(Instant now, Plan plan) {
+  if (session_ != plan.name.session) {
+    begin_session(plan.name.session);
+    session_heard_ = now;
+  }
+  const Instant from = std::max(plan.start, now);
+  while (!schedule_.empty() && schedule_.back().from >= from) schedule_.pop_back();
+  while (schedule_.size() > 1 && schedule_[1].from <= now) schedule_.pop_front();
+  schedule_.push_back({from, std::move(plan)});
+}
+
+void PlanBuffer::begin_session(std::int64_t session) {
+  std::erase(superseded_, session);
+  if (session_) superseded_.push_back(*session_);
+  if (superseded_.size() > kSessions) superseded_.pop_front();
+  session_ = session;
+  ++sessions_;
+}
+
+std::optional<Twist> PlanBuffer::in_force(Instant now) const {
+  const Entry* entry = last_until(now, true);
+  if (entry == nullptr) return std::nullopt;
+  const Plan& plan = entry->plan;
+  const Instant end = plan.end();
+  return now < end ? plan.at(now) : ramp_to_stop(plan.twists.back(), now - end, limits_);
+}
+
+PlanName PlanBuffer::newest() const {
+  return schedule_.empty() ? PlanName{} : schedule_.back().plan.name;
+}
+
+std::optional<Instant> PlanBuffer::end(Instant now) const {
+  const Entry* entry = last_until(now, true);
+  if (entry == nullptr) return std::nullopt;
+  return entry->plan.end();
+}
+
+void PlanBuffer::list(CounterList& out) const {
+  StreamGuard::Counters order;
+  for (const StreamGuard& guard : guards_) {
+    const StreamGuard::Counters& c = guard.counters();
+    order.duplicated += c.duplicated;
+    order.reordered += c.reordered;
+    order.time_backwards += c.time_backwards;
+    order.from_future += c.from_future;
+    order.invalid_seq += c.invalid_seq;
+    order.before_start += c.before_start;
+    if (__builtin_add_overflow(order.missed, c.missed, &order.missed)) order.missed = INT64_MAX;
+  }
+  const std::pair<const char*, std::int64_t> all[] = {
+      {"received", std::accumulate(counts_.begin(), counts_.end(), std::int64_t{0})},
+      {"accepted", count(PlanFate::accepted)},
+      {"unusable", count(PlanFate::unusable)},
+      {"bad_step", count(PlanFate::bad_step)},
+      {"too_long", count(PlanFate::too_long)},
+      {"other_session", count(PlanFate::other_session)},
+      {"duplicated", order.duplicated},
+      {"reordered", order.reordered},
+      {"time_backwards", order.time_backwards},
+      {"from_future", order.from_future},
+      {"invalid_seq", order.invalid_seq},
+      {"before_start", order.before_start},
+      {"repeated", count(PlanFate::repeated)},
+      {"too_early", count(PlanFate::too_early)},
+      {"expired", count(PlanFate::expired)},
+      {"inconsistent", count(PlanFate::inconsistent)},
+      {"overfull", count(PlanFate::overfull)},
+      {"missed", order.missed},
+      {"sessions", sessions_}};
+  for (const auto& [name, value] : all) out.emplace_back(std::string("plan.") + name, value);
+}
+
+}  // namespace tether

@@ -1,0 +1,116 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "common/base/counters.hpp"
+#include "common/bus/stream_guard.hpp"
+#include "common/vehicle/plan.hpp"
+#include "common/vehicle/stop_ramp.hpp"
+
+namespace tether {
+
+/// What became of a plan that reached the vehicle.
+enum class PlanFate {
+  accepted,
+  unusable,  ///< a twist that is not finite or absurd (is_usable), none at all, a name below 0,
+             ///< or based on a range that runs backwards or has no ids
+  bad_step,  ///< time stands still or runs backwards: step ≤ 0
+  too_long,  ///< more than kMaxTwists, or longer than kMaxHorizon
+  other_session,  ///< of a superseded session, or based on a plan of a session that is not followed
+  out_of_order,   ///< refused by StreamGuard, which counts why
+  repeated,       ///< accepted before, and still followed or waiting
+  too_early,      ///< starts later than the source may plan ahead
+  expired,        ///< over before it arrived
+  inconsistent,   ///< based on another plan than the one that it would take over from
+  overfull,       ///< kMaxWaiting wait already
+};
+inline constexpr std::size_t kPlanFates = 11;
+
+/// Executes plans by time: the schedule of a vehicle. Pure; `now` must not go backwards.
+///
+/// The schedule is a row of plans, each with the time at which it takes over: its start, or its
+/// arrival if it came later (it begins in its middle then). An accepted plan throws away all that
+/// would take over at its own time or later, and leaves what comes before: plans whose start lies
+/// ahead wait while the old one goes on. A plan stays in force until another takes over, also when
+/// its horizon is over: the ramp to a stop (ramp_to_stop) and the standstill after it are the end
+/// of the plan. Before the first plan takes over there is none.
+///
+/// Consistency. A plan is based on the plan that the vehicle was predicted to follow until the
+/// start. It is refused unless that is the one which it takes over from, at max(start, now), or
+/// which took over just then. ANY fits always; NONE fits where there is no plan or one of another
+/// session. A plan may be based on a range of ids: on any of them that has settled by then and is
+/// not over, for all these predict the vehicle in the same place (PredictiveLaw).
+///
+/// newest() is what poses report: the last of the schedule, even if it still waits. Its sender
+/// knows what it is based on, hence the whole way from the pose on; and plans based on it are
+/// accepted. The first plan of the schedule stays, so there is always something that a plan can be
+/// based on, whatever was lost: on newest(), which only a new plan changes, on NONE from a new
+/// session or before the first, or on ANY.
+///
+/// Sessions. The first plan of another session takes over if it is based on NONE or ANY; the
+/// session before is then superseded, and its plans are refused. Only when the new one was not
+/// heard for kSessionSilence may an old one come back: a damaged packet shall not shut out a
+/// controller for ever. The last kSessions are remembered.
+class PlanBuffer {
+ public:
+  static constexpr std::size_t kMaxTwists = 4000;
+  static constexpr Duration kMaxHorizon = std::chrono::seconds{600};
+  static constexpr Duration kMaxAhead = std::chrono::seconds{10};      ///< start, from the network
+  static constexpr Duration kMaxPreload = std::chrono::seconds{3600};  ///< start, of a preload
+  static constexpr std::size_t kMaxWaiting = 32;
+  static constexpr Duration kSessionSilence = std::chrono::seconds{10};
+  static constexpr std::size_t kSessions = 64;
+
+  PlanBuffer(const StopLimits& limits, const StreamGuard::Config& guard);
+
+  /// A plan that arrives at `now`.
+  PlanFate offer(Instant now, PlanSource source, Plan plan);
+
+  /// Forgets the schedule; sessions stay.
+  void clear() { schedule_.clear(); }
+
+  /// The twist to realise; none before a plan takes over.
+  std::optional<Twist> in_force(Instant now) const;
+
+  /// The accepted plan that takes over last; none before the first.
+  PlanName newest() const;
+
+  /// When the plan in force says no more; none if there is none in force.
+  std::optional<Instant> end(Instant now) const;
+  bool empty() const { return schedule_.empty(); }
+
+  std::int64_t count(PlanFate fate) const { return counts_[static_cast<std::size_t>(fate)]; }
+
+  /// Appends "plan.received", "plan.accepted", one for each reason of refusal, whose sum they are;
+  /// then "plan.missed" and "plan.sessions" (that took over).
+  void list(CounterList& out) const;
+
+ private:
+  struct Entry {
+    Instant from;  ///< takes over
+    Plan plan;
+  };
+
+  PlanFate judge(Instant now, PlanSource source, const Plan& plan);
+  bool may_take_over(Instant now, const Plan& plan) const;
+  bool is_consistent(Instant now, const Plan& plan) const;
+  const Entry* last_until(Instant t, bool inclusive) const;
+  void insert(Instant now, Plan plan);
+  void begin_session(std::int64_t session);
+  StreamGuard& guard(PlanSource source) { return guards_[static_cast<std::size_t>(source)]; }
+
+  StopLimits limits_;
+  std::array<StreamGuard, 2> guards_;  // by PlanSource: each numbers its own packets
+  std::deque<Entry> schedule_;         // by time of taking over
+  std::optional<std::int64_t> session_;
+  Instant session_heard_{};
+  std::deque<std::int64_t> superseded_;
+  std::int64_t sessions_ = 0;
+  std::array<std::int64_t, kPlanFates> counts_{};
+};
+
+}  // namespace tether

@@ -1,0 +1,49 @@
+#pragma once
+
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+/// The vehicle: a differential drive with a passive caster in front (PIMRC 2025 paper, section
+/// "Vehicle"). Positions are relative to the chassis centre, which rides at wheel-axle height.
+/// The vehicle's *pose* is that of the axle's midpoint.
+struct VehicleConfig {
+  double chassis_length_m = 2.0;
+  double chassis_width_m = 1.0;
+  double chassis_height_m = 0.5;
+  double chassis_mass_kg = 1.14395;
+  double wheel_radius_m = 0.4;
+  double wheel_width_m = 0.2;
+  double wheel_mass_kg = 1.0;
+  double track_m = 1.2;     ///< between wheel centres
+  double axle_x_m = -0.5;   ///< of the axle, relative to the chassis centre
+  double caster_x_m = 0.8;  ///< of the caster ball, relative to the chassis centre
+  double caster_radius_m = 0.2;
+  double caster_mass_kg = 0.2688;  ///< puts the centre of mass at x = −0.23 m, the paper's C
+  // A load: a point at the chassis centre's height, relative to it; not there if it weighs nothing.
+  double payload_kg = 0.0;
+  double payload_x_m = 0.0;
+  double payload_y_m = 0.0;
+  /// Of each wheel's speed servo. Half as much again as 3 m/s² of the whole vehicle takes, and
+  /// little more than makes the wheels slip: jammed at a wall, they do not store wheelspin.
+  double max_wheel_torque_Nm = 4.0;
+  /// Slew rate of each servo's rim-speed target. The chassis would lift its nose at 5.4 m/s².
+  double max_wheel_acceleration_mps2 = 3.0;
+  double max_wheel_speed_mps = 10.0;  ///< rim speed; both wheels are scaled together
+  double start_x_m = 0.0;
+  double start_y_m = 0.0;
+  double start_yaw_rad = 0.0;
+};
+
+/// A flat floor with four walls around the origin.
+struct WorldConfig {
+  double half_extent_m = 22.0;  ///< walls at x = ±half_extent_m and y = ±half_extent_m
+  /// Coulomb coefficient of tyres on the floor: polyurethane on concrete. From about 0.8 on, the
+  /// tyres hold well enough to tip the vehicle over when it skids sideways at 8 m/s.
+  double friction = 0.6;
+  /// Coulomb coefficient of body and wheels on walls. A wheel that rubs a rough wall climbs it.
+  double wall_friction = 0.2;
+  double gravity_mps2 = 9.81;
+};
+
+}  // namespace tether

@@ -1,0 +1,51 @@
+#include "controller/laws/adaptive_pid_law.hpp"
+
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <utility>
+
+#include "common/base/errors.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::int64_t kPoses = 30;  // that PRR is estimated from: within ±0.18 in 95 %
+constexpr std::size_t kDelays = 15;
+
+TauTable read_table(const std::string& file) {
+  std::ifstream in(file);
+  if (!in) {
+    throw UsageError("controller.tau_table: cannot read " + file + ": " + std::strerror(errno));
+  }
+  return TauTable::read(in, file);
+}
+
+}  // namespace
+
+AdaptivePidLaw::AdaptivePidLaw(const LawContext& context, TauTable table)
+    : PidLaw(context.scenario.controller, context.path),
+      table_(std::move(table)),
+      reception_(kPoses),
+      delay_(kDelays) {}
+
+void AdaptivePidLaw::on_pose(const SeenPose& seen) {
+  reception_.add(seen.seq);
+  delay_.add(seen.arrival - seen.stamp);
+  tau_s_ = table_.tau_s(reception_.ratio(), to_milliseconds(delay_.median()));
+  set_tau(tau_s_);
+}
+
+void AdaptivePidLaw::list_counters(CounterList& out) const {
+  out.emplace_back("law.tau_ms", std::llround(tau_s_ * 1e3));
+  out.emplace_back("law.prr_per_mille", std::llround(reception_.ratio() * 1e3));
+  out.emplace_back("law.delay_ms", std::llround(to_milliseconds(delay_.median())));
+}
+
+std::unique_ptr<Law> make_pid_adaptive_law(const LawContext& context) {
+  return std::make_unique<AdaptivePidLaw>(context,
+                                          read_table(context.scenario.controller.tau_table));
+}
+
+}  // namespace tether

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <memory>
+
+#include "controller/laws/network_estimate.hpp"
+#include "controller/laws/pid_law.hpp"
+#include "controller/laws/tau_table.hpp"
+
+namespace tether {
+
+/// The paper's law with the look-ahead that suits the network, as the paper suggests: at each pose,
+/// τ is the table's for the PRR and the delay estimated from poses so far. The downlink, whose
+/// losses nobody tells the controller, is taken to be like the uplink.
+class AdaptivePidLaw final : public PidLaw {
+ public:
+  AdaptivePidLaw(const LawContext& context, TauTable table);
+
+  void on_pose(const SeenPose& seen) override;
+  void list_counters(CounterList& out) const override;
+
+ private:
+  TauTable table_;
+  ReceptionEstimate reception_;
+  DelayEstimate delay_;
+  double tau_s_ = 0.0;
+};
+
+}  // namespace tether

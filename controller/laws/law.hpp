@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <variant>
+
+#include "common/base/counters.hpp"
+#include "common/base/time.hpp"
+#include "common/path/reference_path.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/plan.hpp"
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+/// A pose as the controller got it.
+struct SeenPose {
+  Pose2 pose;
+  Instant stamp{};    ///< of the measurement
+  Instant arrival{};  ///< here
+  std::int64_t seq = 0;
+  /// Of the newest plan that the vehicle had accepted by `stamp`, which it follows from its start
+  /// on; nullopt: none of this controller's.
+  std::optional<std::int64_t> plan_id;
+  bool follows_other = false;  ///< it follows a plan of another controller, or of another start
+};
+
+/// What a law decides: the twist to follow from now on, or a plan. Of a plan's fields, stamp, seq
+/// and name.session are the node's business; ids ascend by 1 from 0.
+using LawOutput = std::variant<Twist, Plan>;
+
+/// The vehicle against the reference point that the law aims at, for reports.
+struct LawErrors {
+  double heading_rad = 0.0;  ///< from the vehicle's heading to the direction of that point
+  double distance_m = 0.0;
+};
+
+/// A control law: pure, told all it knows. ControllerNode asks it for a decision at each pose or at
+/// a rate, and sees to messages, time-outs and output that is not finite.
+class Law {
+ public:
+  virtual ~Law() = default;
+
+  /// Each accepted pose, stamps ascending.
+  virtual void on_pose(const SeenPose&) {}
+
+  /// The decision at `now`, which does not decrease from call to call. `newest`: the pose that
+  /// on_pose() had last; only laws that plan ahead are asked without one, and before t = 0.
+  virtual LawOutput decide(Instant now, const SeenPose* newest) = 0;
+
+  /// What is sent at `now` in place of a decision: before t = 0, after a pose time-out, or instead
+  /// of an unusable one. Whatever the law integrates starts afresh.
+  virtual LawOutput stop(Instant) {
+    reset();
+    return Twist{};
+  }
+  virtual void reset() {}
+
+  /// Whether it decides before the first pose and before t = 0.
+  virtual bool plans_ahead() const { return false; }
+  /// The plan to be on board at t = 0; asked once, before all else.
+  virtual std::optional<Plan> preload() { return std::nullopt; }
+
+  /// Of the last decision.
+  virtual LawErrors errors() const = 0;
+  virtual void list_counters(CounterList&) const {}
+};
+
+/// What laws are made of.
+struct LawContext {
+  const Scenario& scenario;
+  std::shared_ptr<const ReferencePath> path;
+};
+
+// One for each of common/scenario/control_laws.hpp, each in the law's own file.
+#define TETHER_DECLARE_LAW(name, sends) \
+  std::unique_ptr<Law> make_##name##_law(const LawContext& context);
+TETHER_CONTROL_LAWS(TETHER_DECLARE_LAW)
+#undef TETHER_DECLARE_LAW
+
+/// The law that controller.law names. Throws UsageError for what is wrong with its files.
+std::unique_ptr<Law> make_law(const Scenario& scenario);
+
+}  // namespace tether

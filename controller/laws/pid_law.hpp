@@ -1,0 +1,45 @@
+#pragma once
+
+#include <memory>
+
+#include "common/base/time.hpp"
+#include "common/path/reference_path.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/pose.hpp"
+#include "controller/laws/law.hpp"
+#include "controller/laws/pid.hpp"
+
+namespace tether {
+
+/// The paper's control law: two PIDs on the errors to the point of the path τ seconds ahead,
+///   θ_e = atan2(y*(t+τ) − y, x*(t+τ) − x) − θ, wrapped to (−π, π]  → ω
+///         (not wrapped with wrap_heading = false, where the vehicle may turn the long way round)
+///   d_e = hypot(x*(t+τ) − x, y*(t+τ) − y)                        → v
+/// Since d_e ≥ 0 and all gains are ≥ 0, it hardly ever drives backwards.
+class PidLaw : public Law {
+ public:
+  PidLaw(const Scenario::Controller& config, std::shared_ptr<const ReferencePath> path);
+
+  /// The command at `now` for a vehicle last seen at `pose`. Times of successive calls must not
+  /// decrease.
+  Twist step(const Pose2& pose, Instant now);
+  LawOutput decide(Instant now, const SeenPose* newest) override { return step(newest->pose, now); }
+  /// Forgets everything: the next step is a first one.
+  void reset() override;
+
+  /// θ_e and d_e of the last step.
+  LawErrors errors() const override { return errors_; }
+
+  void set_tau(double tau_s) { tau_s_ = tau_s; }
+
+ private:
+  std::shared_ptr<const ReferencePath> path_;
+  double tau_s_;
+  bool wrap_heading_;
+  Pid v_;
+  Pid omega_;
+  LawErrors errors_;
+  Instant last_{};
+};
+
+}  // namespace tether

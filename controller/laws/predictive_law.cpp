@@ -1,0 +1,280 @@
+#include "controller/laws/predictive_law.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+#include <utility>
+
+#include "controller/laws/tracking_law.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::size_t kMostSent = 4000;  // plans remembered
+/// The vehicle may still follow a plan that is over by this long when a pose is taken.
+constexpr Duration kRunOut = std::chrono::seconds{10};
+/// On the path: errors smaller than these. Settled: for so long.
+constexpr double kOnPath_m = 0.01;
+constexpr double kOnPath_rad = 0.01;
+constexpr Duration kSettling = std::chrono::seconds{2};
+
+bool is_on_path(const Pose2& pose, const PathPoint& reference) {
+  const double dx_m = reference.x_m - pose.x_m, dy_m = reference.y_m - pose.y_m;
+  return dx_m * dx_m + dy_m * dy_m < kOnPath_m * kOnPath_m &&
+         std::abs(wrap_angle(reference.yaw_rad - pose.yaw_rad)) < kOnPath_rad;
+}
+
+}  // namespace
+
+PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
+    : path_(context.path),
+      model_(model_of(context.scenario)),
+      feedback_(context.scenario.controller, model_.limits().max_wheel_acceleration_mps2),
+      delay_(DelayEstimate::kFew),
+      form_(form),
+      run_out_{context.scenario.actuator.deceleration_mps2,
+               context.scenario.actuator.yaw_deceleration_radps2,
+               model_.limits().max_wheel_acceleration_mps2, model_.limits().max_wheel_speed_mps,
+               model_.limits().track_m},
+      start_pose_{context.scenario.vehicle.start_x_m, context.scenario.vehicle.start_y_m,
+                  wrap_angle(context.scenario.vehicle.start_yaw_rad)},
+      step_(
+          std::chrono::microseconds{std::llround(context.scenario.controller.plan_step_ms * 1e3)}),
+      steps_(static_cast<std::size_t>(
+          std::max(1.0, std::round(context.scenario.controller.horizon_s / to_seconds(step_))))),
+      silence_(step_ * static_cast<std::int64_t>(steps_) / 2) {}
+
+void PredictiveLaw::on_pose(const SeenPose& seen) {
+  delay_.add(seen.arrival - seen.stamp);
+  if (!any_pose_) {
+    for (Sent& sent : sent_) {
+      if (sent.plan.name.id == preloaded_) continue;  // it did not come through the network
+      sent.takes_over = std::max(sent.takes_over, sent.sent + delay_.longest());
+      if (sent.takes_over > sent.plan.start) sent.plan.settled = Instant::max();
+    }
+  }
+  any_pose_ = true;
+  if (seen.follows_other || (seen.plan_id && find(*seen.plan_id) == nullptr)) ++unknown_;
+  while (!sent_.empty() && sent_.front().plan.end() + kRunOut < seen.stamp) sent_.pop_front();
+}
+
+std::optional<Plan> PredictiveLaw::preload() {
+  const Prediction start{{start_pose_, {}}, Plan::kBasedOnNone, std::nullopt};
+  Plan plan = roll_out(start.state, kStart);
+  preloaded_ = plan.name.id;
+  return remember(kStart, std::move(plan), start);
+}
+
+LawOutput PredictiveLaw::decide(Instant now, const SeenPose* newest) {
+  const Instant start = start_of_next(now);
+  Prediction predicted = predict(newest, start);
+  if (form_ == Form::consistent && now - (newest ? newest->stamp : kStart) > silence_) {
+    extend(predicted, start);
+  }
+  errors_ = errors_to(predicted.state.pose, path_->at(to_seconds(start)));
+  Plan plan = roll_out(predicted.state, start);
+  if (predicted.range) {
+    plan.settled = start;
+  } else {
+    ++ordinary_;
+  }
+  return remember(now, std::move(plan), predicted);
+}
+
+/// Makes of a prediction along the plan that the newest pose names one that holds for all settled
+/// plans since: not if there are none, and only every other time if it leaves out the one named.
+void PredictiveLaw::extend(Prediction& p, Instant start) {
+  const Sent* named = find(p.follows);
+  const bool still = named != nullptr && named->is_settled(start) &&
+                     is_on_path(p.state.pose, path_->at(to_seconds(start)));
+  const auto since = std::find_if(sent_.rbegin(), sent_.rend(), [&](const Sent& sent) {
+    return sent.plan.name.id <= p.follows || sent.is_settled(start);
+  });
+  const bool any = since != sent_.rend() && since->plan.name.id > p.follows;
+  extends_ = still || (any && !extends_);
+  if (!extends_) return;
+  p.range = {still ? p.follows : p.follows + 1, next_id_ - 1};
+  if (!any) return;
+  Instant at = since->takes_over;
+  p.state = since->state;
+  follow(&since->plan, at, start, p.state);
+  p.follows = since->plan.name.id;
+}
+
+LawOutput PredictiveLaw::stop(Instant now) {
+  Plan plan = empty_plan(start_of_next(now));
+  plan.twists.emplace_back();
+  Plan& sent = remember(now, std::move(plan), {});
+  sent.based_on = sent.based_on_last = Plan::kBasedOnAny;
+  return sent;
+}
+
+Instant PredictiveLaw::start_of_next(Instant now) const {
+  const Instant start = std::max(now + delay_.longest(), kStart);
+  return std::chrono::ceil<std::chrono::microseconds>(start);  // as it is sent
+}
+
+/// The vehicle at `until`, and what it is taken to follow then.
+PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant until) const {
+  Instant at = kStart;
+  Prediction p = start_of_prediction(newest, at);
+  if (form_ == Form::plain) {
+    const std::int64_t known = p.follows;
+    for (const Sent& sent : sent_) {
+      if (sent.plan.name.id <= known || sent.takes_over <= at || sent.takes_over >= until) continue;
+      follow_until(p.follows, at, sent.takes_over, p.state);
+      p.follows = sent.plan.name.id;
+    }
+  } else if (const Sent* late = late_first(p, at, until)) {
+    follow_until(p.follows, at, late->takes_over, p.state);
+    p.follows = late->plan.name.id;
+  }
+  follow_until(p.follows, at, until, p.state);
+  return p;
+}
+
+/// The vehicle at the newest pose, or at its start; `at`: when that is.
+PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* newest,
+                                                             Instant& at) const {
+  Prediction p;
+  p.follows = preloaded_.value_or(Plan::kBasedOnNone);
+  p.state.pose = start_pose_;
+  at = kStart;
+  if (newest == nullptr) return p;
+  p.state.pose = newest->pose;
+  at = newest->stamp;
+  if (newest->plan_id || at >= kStart) p.follows = newest->plan_id.value_or(Plan::kBasedOnNone);
+  const bool unknown = newest->follows_other || (p.follows >= 0 && find(p.follows) == nullptr);
+  if (unknown) {  // something moves it, hopefully along the path
+    const PathPoint reference = path_->at(to_seconds(at));
+    p.state.rim = model_.rim_of({reference.v_mps, reference.omega_radps});
+  } else if (const Sent* sent = followed_at(p.follows, at)) {
+    p.state.rim = rim_at(*sent, at);
+  }
+  return p;
+}
+
+/// The first plan of all if it is to be taken for in force from within these limits.
+const PredictiveLaw::Sent* PredictiveLaw::late_first(const Prediction& p, Instant from,
+                                                     Instant until) const {
+  if (p.follows != Plan::kBasedOnNone || sent_.empty() || ordinary_ % 2 == 0) return nullptr;
+  const Sent& first = sent_.front();
+  const bool is_late = first.plan.name.id == 0 && first.takes_over > first.plan.start;
+  return is_late && first.takes_over > from && first.takes_over < until ? &first : nullptr;
+}
+
+/// Of the plan `id` and those that the vehicle followed before it, the one in force at `when`.
+const PredictiveLaw::Sent* PredictiveLaw::followed_at(std::int64_t id, Instant when) const {
+  const Sent* sent = find(id);
+  while (sent != nullptr && sent->takes_over > when) sent = find(sent->follows);
+  return sent;
+}
+
+/// Moves `state` to `until` along the plan `id` and those before it.
+void PredictiveLaw::follow_until(std::int64_t id, Instant& at, Instant until,
+                                 MotionModel::State& state) const {
+  const Sent* last = find(id);
+  if (last != nullptr && last->takes_over > at) {
+    follow_until(last->follows, at, std::min(until, last->takes_over), state);
+  }
+  follow(last == nullptr ? nullptr : &last->plan, at, until, state);
+}
+
+/// Moves `state` along a plan from its start on; without one, and behind its end, to a standstill.
+void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
+                           MotionModel::State& state) const {
+  while (at < until) {
+    Instant end = std::min(until, at + step_);
+    Twist twist;
+    if (plan != nullptr && at < plan->end()) {
+      twist = plan->at(at);
+      end = std::min(until, plan->start + ((at - plan->start) / step_ + 1) * step_);
+    } else if (plan != nullptr && at < plan->end() + kRunOut) {
+      twist = ramp_to_stop(plan->twists.back(), at - plan->end() + (end - at) / 2, run_out_);
+    } else if (state.rim.left_mps == 0.0 && state.rim.right_mps == 0.0) {
+      end = until;  // it stands
+    }
+    model_.advance(state, twist, to_seconds(end - at));
+    at = end;
+  }
+}
+
+/// Of a vehicle that follows a plan: each step's twist is one that it reaches within the step.
+WheelSpeeds PredictiveLaw::rim_at(const Sent& sent, Instant when) const {
+  const Plan& plan = sent.plan;
+  MotionModel::State state{{}, sent.state.rim};
+  Instant at = sent.takes_over;
+  const auto step = static_cast<std::size_t>((when - plan.start) / plan.step);
+  if (at == plan.start && step > 0) {  // in time: as in the step before
+    const std::size_t last = std::min(step, plan.twists.size()) - 1;
+    state.rim = model_.rim_of(plan.twists[last]);
+    at = plan.start + plan.step * static_cast<std::int64_t>(last + 1);
+  }
+  follow(&plan, at, when, state);
+  return state.rim;
+}
+
+const PredictiveLaw::Sent* PredictiveLaw::find(std::int64_t id) const {
+  // Ids ascend, without gaps.
+  if (sent_.empty() || id < sent_.front().plan.name.id || id > sent_.back().plan.name.id)
+    return nullptr;
+  return &sent_[static_cast<std::size_t>(id - sent_.front().plan.name.id)];
+}
+
+Plan PredictiveLaw::empty_plan(Instant start) {
+  Plan plan;
+  plan.name.id = next_id_++;
+  plan.start = start;
+  plan.step = step_;
+  return plan;
+}
+
+/// Feedback at each step's beginning, the path's own twist at its middle.
+Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
+  Plan plan = empty_plan(start);
+  plan.twists.reserve(steps_);
+  const double step_s = to_seconds(step_);
+  const double start_s = to_seconds(start);
+  PathPoint here = path_->at(start_s);
+  Duration on_path{};
+  for (std::size_t i = 1; i <= steps_; ++i) {
+    const PathPoint next = path_->at(start_s + static_cast<double>(i) * step_s);
+    PathPoint reference = here;
+    reference.v_mps = 0.5 * (here.v_mps + next.v_mps);
+    reference.omega_radps = 0.5 * (here.omega_radps + next.omega_radps);
+    const Twist wish = feedback_.command(state.pose, reference);
+    const Twist twist = model_.reachable(state.rim, wish, step_s);
+    plan.twists.push_back(twist);
+    model_.advance(state, twist, step_s);
+    here = next;
+    if (on_path >= kSettling) continue;
+    on_path = is_on_path(state.pose, here) ? on_path + step_ : Duration{};
+    if (on_path >= kSettling) plan.settled = start + step_ * static_cast<std::int64_t>(i);
+  }
+  return plan;
+}
+
+Plan& PredictiveLaw::remember(Instant now, Plan plan, const Prediction& predicted) {
+  plan.based_on = form_ == Form::plain ? Plan::kBasedOnAny : predicted.follows;
+  plan.based_on_last = plan.based_on;
+  if (predicted.range) std::tie(plan.based_on, plan.based_on_last) = *predicted.range;
+  const Instant start = plan.start;
+  sent_.push_back({std::move(plan), predicted.state, predicted.follows, now, start});
+  if (sent_.size() > kMostSent) sent_.pop_front();
+  return sent_.back().plan;
+}
+
+void PredictiveLaw::list_counters(CounterList& out) const {
+  out.emplace_back("plan.made", next_id_);
+  out.emplace_back("plan.followed_unknown", unknown_);
+}
+
+std::unique_ptr<Law> make_predictive_law(const LawContext& context) {
+  return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::plain);
+}
+
+std::unique_ptr<Law> make_predictive_consistent_law(const LawContext& context) {
+  return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::consistent);
+}
+
+}  // namespace tether

@@ -1,0 +1,115 @@
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "common/vehicle/motion_model.hpp"
+#include "common/vehicle/stop_ramp.hpp"
+#include "controller/laws/law.hpp"
+#include "controller/laws/network_estimate.hpp"
+#include "controller/laws/tracking_feedback.hpp"
+
+namespace tether {
+
+/// Packetised predictive control: each decision is a plan, the twists of the coming
+/// controller.horizon_s, from rolling TrackingFeedback out on the model within the vehicle's limits
+/// (Quevedo, Nešić: Input-to-state stability of packetized predictive control over unreliable
+/// networks affected by packet-dropouts. IEEE Trans. Autom. Control 56 (2), 2011).
+///
+/// A plan begins when it should arrive: now plus the longest delay of the last poses. What the
+/// vehicle does until then is predicted from the newest pose, or, before the first one, from the
+/// start of the scenario, where the vehicle is known to stand. The two forms differ in what they
+/// take it to follow:
+/// - plain: the plans sent, each from its start on, as if none were lost. The vehicle follows
+///   whatever arrives (based_on: any). After a loss the prediction, and so the plan, is wrong.
+/// - consistent: the plan that the newest pose names, to its end, as if nothing sent since had
+///   arrived. The plan says so (based_on), and the vehicle refuses it if something had: whatever it
+///   follows was predicted from what it did. Of the plans that are made from one pose, the first to
+///   arrive is followed: more commands than poses mend losses and never do harm.
+///
+/// A pose names one plan X, and none comes for long: plans based on X are refused as soon as one of
+/// them has arrived, and its horizon ends. But whatever the vehicle follows then, it gets onto the
+/// path, where the feedback contracts all predictions onto one: a plan has *settled* when it was
+/// predicted within 1 cm and 10 mrad of the path for 2 s (in which the default gains take errors at
+/// 2.8 m/s to 4 %: (1 + λt) e^−λt, λ = v √K_y); from then on, up to its end, it predicts the
+/// vehicle where all settled ones do. When the newest pose is older than half the horizon, the
+/// consistent form *extends* plans: from the state that the last settled plan since X predicts, it
+/// makes one that is based on whichever plan since X is in force and has settled (Plan::settled;
+/// the vehicle looks that up), on X too if X has settled and the pose says that it did lead onto
+/// the path. It is settled itself from its start on, and so the next: as long as plans get through
+/// within half a horizon, the vehicle goes on without poses, open loop; controller.pose_timeout_s
+/// bounds that. If X is left out, every other plan is an ordinary one, for a vehicle that has
+/// received nothing since.
+///
+/// Before the first pose the delay is not known, and plans begin when they are sent. If it turns
+/// out to be longer, the first of them took over in its middle, with the vehicle still at rest: the
+/// consistent form then bases every other plan on that, until a pose says what is in force.
+class PredictiveLaw final : public Law {
+ public:
+  enum class Form { plain, consistent };
+
+  PredictiveLaw(const LawContext& context, Form form);
+
+  void on_pose(const SeenPose& seen) override;
+  LawOutput decide(Instant now, const SeenPose* newest) override;
+  /// A plan that ends at once: the vehicle stops.
+  LawOutput stop(Instant now) override;
+  bool plans_ahead() const override { return true; }
+  std::optional<Plan> preload() override;
+  /// Of the vehicle as predicted for the plan's start.
+  LawErrors errors() const override { return errors_; }
+  void list_counters(CounterList& out) const override;
+
+ private:
+  struct Sent {
+    Plan plan;
+    MotionModel::State state;  ///< predicted at its start
+    std::int64_t follows;  ///< id of what the vehicle was predicted to follow until then, or none
+    Instant sent;
+    Instant takes_over;  ///< its start; later if it must have arrived later
+
+    bool is_settled(Instant t) const { return plan.settled <= t && t < plan.end(); }
+  };
+  struct Prediction {
+    MotionModel::State state;
+    std::int64_t follows = Plan::kBasedOnNone;
+    /// It holds for all that settled of the plans from the first to the last.
+    std::optional<std::pair<std::int64_t, std::int64_t>> range = std::nullopt;
+  };
+  Instant start_of_next(Instant now) const;
+  Prediction predict(const SeenPose* newest, Instant until) const;
+  Prediction start_of_prediction(const SeenPose* newest, Instant& at) const;
+  void extend(Prediction& p, Instant start);
+  const Sent* late_first(const Prediction& p, Instant from, Instant until) const;
+  const Sent* followed_at(std::int64_t id, Instant when) const;
+  void follow_until(std::int64_t id, Instant& at, Instant until, MotionModel::State& state) const;
+  void follow(const Plan* plan, Instant& at, Instant until, MotionModel::State& state) const;
+  WheelSpeeds rim_at(const Sent& sent, Instant when) const;
+  const Sent* find(std::int64_t id) const;
+  Plan empty_plan(Instant start);
+  Plan roll_out(MotionModel::State state, Instant start);
+  Plan& remember(Instant now, Plan plan, const Prediction& predicted);
+
+  std::shared_ptr<const ReferencePath> path_;
+  MotionModel model_;
+  TrackingFeedback feedback_;
+  DelayEstimate delay_;
+  Form form_;
+  StopLimits run_out_;
+  Pose2 start_pose_;
+  Duration step_;
+  std::size_t steps_;
+  Duration silence_;
+  bool extends_ = false;       ///< the last plan did
+  std::int64_t ordinary_ = 0;  ///< plans that did not
+  std::deque<Sent> sent_;
+  std::int64_t next_id_ = 0;
+  std::optional<std::int64_t> preloaded_;
+  bool any_pose_ = false;
+  std::int64_t unknown_ = 0;
+  LawErrors errors_;
+};
+
+}  // namespace tether

@@ -1,0 +1,180 @@
+#include "controller/node/controller_node.hpp"
+
+#include <algorithm>
+#include <tether/controller_report_t.hpp>
+#include <tether/plan_t.hpp>
+#include <tether/pose_t.hpp>
+#include <tether/twist_t.hpp>
+#include <variant>
+
+#include "common/base/random.hpp"
+#include "common/bus/message_io.hpp"
+
+namespace tether {
+
+namespace {
+
+/// At least 0, so that it is no −1.
+std::int64_t session_of_seed(std::uint64_t seed) {
+  RandomEngine random = random_stream(seed, "controller/session");
+  return static_cast<std::int64_t>(random() >> 1U);
+}
+
+bool is_usable(const LawOutput& decision) {
+  if (const auto* twist = std::get_if<Twist>(&decision)) return tether::is_usable(*twist);
+  const auto& twists = std::get<Plan>(decision).twists;
+  return !twists.empty() && std::all_of(twists.begin(), twists.end(), [](const Twist& twist) {
+    return tether::is_usable(twist);
+  });
+}
+
+}  // namespace
+
+ControllerNode::ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& bus,
+                               std::optional<std::int64_t> session)
+    : loop_(loop),
+      bus_(bus),
+      channels_(scenario.vehicle.name),
+      config_(scenario.controller),
+      pose_timeout_(from_seconds(config_.pose_timeout_s)),
+      session_(session.value_or(session_of_seed(scenario.run.seed))),
+      law_(make_law(scenario)),
+      guard_({.earliest = earliest_stamp(scenario)}),
+      counters_(loop, bus, "controller", channels_.control_counters,
+                from_seconds(scenario.run.report_period_s),
+                [this](CounterList& out) { list_counters(out); }) {
+  subscribe<pose_t>(bus, channels_.control_pose, 1, undecodable_, [this](const pose_t& m) {
+    SeenPose seen;
+    seen.pose = {m.x_m, m.y_m, m.yaw_rad};
+    seen.stamp = from_utime(m.utime);
+    seen.arrival = loop_.now();
+    seen.seq = m.seq;
+    if (m.plan_session == session_ && m.plan_id >= 0) seen.plan_id = m.plan_id;
+    seen.follows_other = m.plan_session >= 0 && m.plan_session != session_ && m.plan_id >= 0;
+    on_pose(seen);
+  });
+  if (config_.preload && law_->plans_ahead()) {
+    // Before the first pose of that instant is taken, so that it names the plan.
+    loop.at(kStart - from_seconds(scenario.run.lead_s), Priority::physics, [this](Instant) {
+      const std::optional<Plan> plan = law_->preload();
+      if (plan) send_plan(loop_.now(), *plan, channels_.control_preload);
+    });
+  }
+  if (config_.trigger == Scenario::Controller::Trigger::timer) {
+    const Duration period = from_seconds(1.0 / config_.rate_hz);
+    loop.every(first_tick(from_seconds(scenario.run.lead_s), period), period, Priority::node,
+               [this](Instant) { decide(); });
+  }
+}
+
+void ControllerNode::on_pose(const SeenPose& seen) {
+  if (!is_usable(seen.pose)) {
+    ++non_finite_;
+    return;
+  }
+  if (!guard_.accept(seen.arrival, seen.stamp, seen.seq)) return;
+  newest_ = seen;
+  law_->on_pose(seen);
+  if (config_.trigger == Scenario::Controller::Trigger::timer) return;
+  decide();
+  if (pose_timeout_ > Duration{0} && !timed_out(loop_.now())) {
+    loop_.at(seen.stamp + pose_timeout_, Priority::node,
+             [this](Instant) { on_possible_timeout(); });
+  }
+}
+
+void ControllerNode::on_possible_timeout() {
+  // A newer pose may have come since this was scheduled.
+  if (timed_out(loop_.now())) decide();
+}
+
+bool ControllerNode::timed_out(Instant now) const {
+  return newest_ && pose_timeout_ > Duration{0} && now - newest_->stamp >= pose_timeout_;
+}
+
+void ControllerNode::decide() {
+  const Instant now = loop_.now();
+  if (timed_out(now) && now >= kStart) {
+    ++pose_timeouts_;
+    send(now, law_->stop(now), true);
+  } else if (law_->plans_ahead() || (newest_ && now >= kStart)) {
+    LawOutput decision = law_->decide(now, newest_ ? &*newest_ : nullptr);
+    if (!is_usable(decision)) {  // no input is known to lead here; NaN must not leave, nor stay
+      ++unusable_commands_;
+      decision = law_->stop(now);
+    }
+    send(now, decision, false);
+  } else {
+    send(now, Twist{}, false);
+  }
+}
+
+void ControllerNode::send(Instant now, const LawOutput& decision, bool stopped) {
+  const auto* plan = std::get_if<Plan>(&decision);
+  const Twist twist = plan == nullptr ? std::get<Twist>(decision) : plan->twists.front();
+  if (plan == nullptr) {
+    send_twist(now, twist);
+  } else {
+    send_plan(now, *plan, channels_.control_plan);
+  }
+
+  const LawErrors errors = law_->errors();
+  controller_report_t report{};
+  report.utime = to_utime(now);
+  report.seq = commands_++;
+  report.pose_utime = pose_utime();
+  report.pose_seq = newest_ ? newest_->seq : -1;
+  report.pose_age_s = newest_ ? to_seconds(now - newest_->stamp) : 0.0;
+  report.heading_error_rad = errors.heading_rad;
+  report.distance_error_m = errors.distance_m;
+  report.v_mps = twist.v_mps;
+  report.omega_radps = twist.omega_radps;
+  report.pose_timed_out = stopped ? 1 : 0;
+  publish(bus_, channels_.control_report, report);
+}
+
+void ControllerNode::send_twist(Instant now, const Twist& twist) {
+  twist_t command{};
+  command.utime = to_utime(now);
+  command.seq = commands_;
+  command.pose_utime = pose_utime();
+  command.v_mps = twist.v_mps;
+  command.omega_radps = twist.omega_radps;
+  publish(bus_, channels_.control_command, command);
+}
+
+void ControllerNode::send_plan(Instant now, const Plan& plan, const std::string& channel) {
+  plan_t message{};
+  message.utime = to_utime(now);
+  message.seq = commands_;
+  message.session = session_;
+  message.id = plan.name.id;
+  message.based_on = plan.based_on;
+  message.based_on_last = plan.based_on_last;
+  message.pose_utime = pose_utime();
+  message.start_utime = to_utime(plan.start);
+  message.settled_utime = to_utime(plan.settled);
+  message.step_us = static_cast<std::int32_t>(plan.step / std::chrono::microseconds{1});
+  message.count = static_cast<std::int32_t>(plan.twists.size());
+  message.v_mps.reserve(plan.twists.size());
+  message.omega_radps.reserve(plan.twists.size());
+  for (const Twist& twist : plan.twists) {
+    message.v_mps.push_back(static_cast<float>(twist.v_mps));
+    message.omega_radps.push_back(static_cast<float>(twist.omega_radps));
+  }
+  publish(bus_, channel, message);
+}
+
+void ControllerNode::finish() { counters_.publish_now(); }
+
+void ControllerNode::list_counters(CounterList& out) const {
+  guard_.list("pose", out);
+  out.emplace_back("pose.undecodable", undecodable_);
+  out.emplace_back("pose.non_finite", non_finite_);
+  out.emplace_back("pose.timeouts", pose_timeouts_);
+  out.emplace_back("command.unusable", unusable_commands_);
+  out.emplace_back("command.sent", commands_);
+  law_->list_counters(out);
+}
+
+}  // namespace tether

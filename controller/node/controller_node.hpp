@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "common/bus/bus.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/bus/counter_reporter.hpp"
+#include "common/bus/stream_guard.hpp"
+#include "common/loop/event_loop.hpp"
+#include "common/loop/node.hpp"
+#include "common/scenario/scenario.hpp"
+#include "controller/laws/law.hpp"
+
+namespace tether {
+
+/// The remote controller: CTRL/POSE in, CTRL/CMD_VEL or CTRL/PLAN (and CTRL/REPORT, CTRL/COUNTERS)
+/// out.
+///
+/// `trigger = event`: one decision per accepted pose. `trigger = timer`: decisions at
+/// controller.rate_hz from t = 0 on, or from the start of the run's lead, from the newest pose.
+///
+/// A decision is a twist, or with a predictive law a plan.
+/// - Before the first pose: event sends nothing, timer sends zero twists. Before t = 0, in the
+/// lead:
+///   zero twists. Predictive laws plan in both cases: the vehicle stands at its start.
+/// - When the newest pose is controller.pose_timeout_s old or older (age by its time stamp, so
+///   delay counts): event sends one zero twist, or a plan to stop; timer one each time; the law
+///   starts afresh with the next pose. A pose that arrives too old already is answered by a stop.
+///   pose_timeout_s = 0: never (the paper).
+/// - With controller.preload, the first plan is on CTRL/PRELOAD at the beginning of the run.
+///
+/// Poses that are undecodable, non-finite (or beyond ±1e9), duplicated, late or stamped in the
+/// future are counted and otherwise ignored; they refresh nothing.
+class ControllerNode final : public Node {
+ public:
+  /// `session`: tells the plans of this start from those of any other; nullopt: derived from the
+  /// run's seed.
+  ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& bus,
+                 std::optional<std::int64_t> session = std::nullopt);
+
+  /// Publishes the final counters. Sends no command: the actuator policy decides what happens to a
+  /// vehicle whose controller is gone.
+  void finish() override;
+
+ private:
+  void on_pose(const SeenPose& seen);
+  void decide();
+  void on_possible_timeout();
+  bool timed_out(Instant now) const;
+  void send(Instant now, const LawOutput& decision, bool stopped);
+  void send_twist(Instant now, const Twist& twist);
+  void send_plan(Instant now, const Plan& plan, const std::string& channel);
+  std::int64_t pose_utime() const { return newest_ ? to_utime(newest_->stamp) : -1; }
+  void list_counters(CounterList& out) const;
+
+  EventLoop& loop_;
+  Bus& bus_;
+  ChannelNames channels_;
+  Scenario::Controller config_;
+  Duration pose_timeout_;
+  std::int64_t session_;
+  std::unique_ptr<Law> law_;
+  StreamGuard guard_;
+
+  std::optional<SeenPose> newest_;
+  std::int64_t undecodable_ = 0;
+  std::int64_t non_finite_ = 0;
+  std::int64_t commands_ = 0;
+  std::int64_t pose_timeouts_ = 0;
+  std::int64_t unusable_commands_ = 0;
+  CounterReporter counters_;
+};
+
+}  // namespace tether

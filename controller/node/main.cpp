@@ -1,0 +1,30 @@
+#include <chrono>
+#include <optional>
+
+#include "common/program/node_main.hpp"
+#include "controller/node/controller_node.hpp"
+
+namespace {
+
+/// Another number at each start of this program; in simulated time always the same.
+std::optional<std::int64_t> session_of_this_start(const tether::EventLoop& loop) {
+  if (loop.rate() == 0.0) return std::nullopt;
+  using std::chrono::microseconds;
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<microseconds>(since_epoch).count();
+}
+
+}  // namespace
+
+// CTRL/POSE ──▶ law ──▶ CTRL/CMD_VEL or CTRL/PLAN, CTRL/REPORT
+int main(int argc, char** argv) {
+  using namespace tether;
+  return node_main(argc, argv,
+                   {.name = "tether-controller",
+                    .description = "The remote controller: poses in, velocity commands out",
+                    .lockstep_name = "controller",
+                    .make = [](const NodeContext& c) {
+                      return std::make_unique<ControllerNode>(c.scenario, c.loop, c.bus,
+                                                              session_of_this_start(c.loop));
+                    }});
+}

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+#include "netem/statistics/channel_expectation.hpp"
+
+namespace tether {
+
+/// What is sent through a link.
+struct LinkTraffic {
+  double interval_s = 1.0;    ///< between packets; the shortest one if they come irregularly
+  double packet_bytes = 0.0;  ///< of each
+  bool periodic = true;       ///< never two packets within less than interval_s
+  /// Empty, or why packets meet some states of the channel more often than time would have it.
+  std::string selected_because = {};
+};
+
+/// Poses of a scenario's sensor.
+LinkTraffic pose_traffic(const Scenario& scenario);
+/// Commands or plans of a scenario's controller, with trigger = event one for each pose; `in_loop`:
+/// only for those that the uplink brings, when it brings them.
+LinkTraffic command_traffic(const Scenario& scenario, bool in_loop);
+
+/// What a link's configuration says that statistics of its packets will show, and what it leaves
+/// open, with the reason in a few words.
+///
+/// - Losses are the model's and `loss`: independent loss composes with that of every state. Packets
+///   that find no room, or come during an outage, are not among them.
+/// - Delays are service time at the bottleneck + max(0, the state's + jitter), without the latter
+///   in the share of packets that `reorder` lets skip it: p for gap 1, else 1/(gap − 1 + 1/p).
+///   The jitter's correlation c adds at most 2|c|/(1 − |c|) to variance inflation factors: no
+///   function of two jointly normal numbers is more correlated than they are (Gebelein, ZAMM 21,
+///   1941).
+/// - Corruption and duplication change neither.
+struct LinkExpectation {
+  std::optional<ChannelExpectation> channel;  ///< none for recordings and maps
+  bool moves_in_time = false;                 ///< states change with time, not with packets
+  std::string no_losses;                      ///< why PRR, bursts and correlation are open, or ""
+  std::string no_delays;                      ///< why delays are open, or ""
+};
+
+/// `delay_table_ms`: load_delay_table(link.jitter). `link` is as scenario loading leaves it.
+LinkExpectation expect_link(const LinkConfig& link, const std::vector<double>& delay_table_ms,
+                            const LinkTraffic& traffic);
+
+}  // namespace tether

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/random.hpp"
+#include "netem/fit/data.hpp"
+#include "netem/fit/goodness.hpp"
+#include "netem/fit/likelihood.hpp"
+#include "netem/models/gilbert_elliott.hpp"
+
+namespace tether {
+
+/// An estimated parameter.
+struct FitParameter {
+  std::string name;
+  double value = 0.0;
+  /// By the observed information on the scale of logits (probabilities) or logarithms (times);
+  /// NaN where the log does not determine the parameter.
+  double standard_error = 0.0;
+  double low = 0.0, high = 0.0;  ///< 95 % confidence interval, computed on that scale
+  bool fixed = false;            ///< by the choice of model, not estimated
+};
+
+/// Maximum likelihood of one model.
+struct ModelFit {
+  std::string name;
+  std::vector<FitParameter> parameters;
+  double log_likelihood = 0.0;
+  int free_parameters = 0;
+
+  double aic() const { return 2.0 * free_parameters - 2.0 * log_likelihood; }
+  double bic(std::int64_t packets) const;
+};
+
+/// A chain stepped by packets; independent loss is the one with p = 0 and loss 1−k.
+struct PacketFit : ModelFit {
+  GilbertElliott model;
+};
+
+struct MarkovFit : ModelFit {
+  MarkovModel model;
+  /// Mean delay of the packets received in each state, weighted with the probability of that state
+  /// given all losses; NaN where the log has no delays.
+  double delay_good_s = 0.0, delay_bad_s = 0.0;
+};
+
+/// What a log says about its channel.
+struct ChannelFit {
+  enum class Choice { independent, gilbert_elliott, markov };
+
+  std::int64_t packets = 0;
+  std::int64_t lost = 0;
+  double interval_s = 0.0;
+  bool periodic = false;
+  double mean_delay_s = 0.0;  ///< of received packets; NaN without delays
+  /// Enough losses and receptions (kFewestEvents each) to tell models apart; else only independent
+  /// loss is fitted, and goodness is not tested.
+  bool enough = false;
+  /// Independent; then p and r (1−h = 1, 1−k = 0: Gilbert's simplest); with 1−h; with 1−k; with
+  /// both.
+  std::vector<PacketFit> candidates;
+  std::size_t best = 0;  ///< of candidates, by BIC
+  /// In time, with as many free parameters as the best candidate; none if that is independent, or
+  /// if it has no positive correlation, which a process in time always has.
+  std::optional<MarkovFit> markov;
+  /// For periodic packets the two are the same; otherwise the more likely one of best and markov.
+  Choice choice = Choice::independent;
+  GoodnessOfFit goodness;  ///< of the chosen model
+};
+
+inline constexpr std::int64_t kFewestEvents = 20;
+
+/// Fits every model by direct maximisation of the likelihood, from several starts. `random` is for
+/// the goodness of fit. Throws UsageError if `log` has no two packets.
+ChannelFit fit_channel(const FateLog& log, RandomEngine random);
+
+}  // namespace tether

@@ -1,0 +1,215 @@
+#include "netem/link/delay_law.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/math/distributions/gamma.hpp>
+#include <boost/math/special_functions/erf.hpp>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <string>
+
+#include "common/base/errors.hpp"
+
+namespace tether {
+namespace {
+
+using Law = JitterConfig::Law;
+
+// long double inside Boost.Math would cost five times as much for digits that nobody sees.
+using Fast = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
+
+constexpr std::size_t kScoreSteps = 16384;  // of a tabulated law
+constexpr std::size_t kMaxTable = 1'000'000;
+
+double upper_tail(double z) { return 0.5 * std::erfc(z / std::numbers::sqrt2); }
+
+/// Quantile of the gamma law at Φ(z), from the nearer end, where the probability has all digits.
+double gamma_at(const boost::math::gamma_distribution<double, Fast>& gamma, double z) {
+  return z < 0.0 ? quantile(gamma, upper_tail(-z))
+                 : quantile(boost::math::complement(gamma, upper_tail(z)));
+}
+
+/// Y − E Y of a Pareto law from 1.
+double pareto_at(double shape, double z) {
+  return std::pow(upper_tail(z), -1.0 / shape) - shape / (shape - 1.0);
+}
+
+/// Standard deviation of f(z) for a standard normal z, of mean zero: Simpson's rule.
+template <class Function>
+double standard_deviation(Function f) {
+  constexpr int kSteps = 4000;
+  constexpr double kStep = 2.0 * kMaxScore / kSteps;
+  double sum = 0.0;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double z = -kMaxScore + kStep * i;
+    const double weight = i == 0 || i == kSteps ? 1.0 : (i % 2 == 1 ? 4.0 : 2.0);
+    sum += weight * f(z) * f(z) * std::exp(-0.5 * z * z);
+  }
+  return std::sqrt(sum * kStep / 3.0 * std::numbers::inv_sqrtpi / std::numbers::sqrt2);
+}
+
+template <class Function>
+std::vector<double> tabulated(Function f) {
+  std::vector<double> table(kScoreSteps + 1);
+  for (std::size_t i = 0; i <= kScoreSteps; ++i) {
+    table[i] = f(kMaxScore * (2.0 * static_cast<double>(i) / kScoreSteps - 1.0));
+  }
+  return table;
+}
+
+/// x(z) of a law that is tabulated, in seconds.
+std::vector<double> tabulate(const JitterConfig& config, double m, double s) {
+  const double a = config.shape;
+  switch (config.law) {
+    case Law::uniform:
+      return tabulated([=](double z) {
+        return m + s * std::numbers::sqrt3 * std::erf(z / std::numbers::sqrt2);
+      });
+    case Law::pareto: {
+      const double scale = s * (a - 1.0) * std::sqrt((a - 2.0) / a);
+      return tabulated([=](double z) { return m + scale * pareto_at(a, z); });
+    }
+    case Law::paretonormal: {
+      const auto mix = [a](double z) { return 0.25 * z + pareto_at(a, z); };
+      const double scale = s / standard_deviation(mix);
+      return tabulated([=](double z) { return m + scale * mix(z); });
+    }
+    default: {
+      const boost::math::gamma_distribution<double, Fast> gamma(m * m / (s * s), s * s / m);
+      return tabulated([&gamma](double z) { return gamma_at(gamma, z); });
+    }
+  }
+}
+
+template <std::size_t N>
+double polynomial(const double (&c)[N], double x) {
+  double sum = c[N - 1];
+  for (std::size_t i = N - 1; i-- > 0;) sum = sum * x + c[i];
+  return sum;
+}
+
+/// Φ⁻¹(u), 0 < u < 1: AS 241, function PPND16, with Boost.Math where |z| > 6.6.
+double normal_score(double u) {
+  static constexpr double kA[] = {3.3871328727963666080e0, 1.3314166789178437745e2,
+                                  1.9715909503065514427e3, 1.3731693765509461125e4,
+                                  4.5921953931549871457e4, 6.7265770927008700853e4,
+                                  3.3430575583588128105e4, 2.5090809287301226727e3};
+  static constexpr double kB[] = {1.0,
+                                  4.2313330701600911252e1,
+                                  6.8718700749205790830e2,
+                                  5.3941960214247511077e3,
+                                  2.1213794301586595867e4,
+                                  3.9307895800092710610e4,
+                                  2.8729085735721942674e4,
+                                  5.2264952788528545610e3};
+  static constexpr double kC[] = {1.42343711074968357734e0,  4.63033784615654529590e0,
+                                  5.76949722146069140550e0,  3.64784832476320460504e0,
+                                  1.27045825245236838258e0,  2.41780725177450611770e-1,
+                                  2.27238449892691845833e-2, 7.74545014278341407640e-4};
+  static constexpr double kD[] = {1.0,
+                                  2.05319162663775882187e0,
+                                  1.67638483018380384940e0,
+                                  6.89767334985100004550e-1,
+                                  1.48103976427480074590e-1,
+                                  1.51986665636164571966e-2,
+                                  5.47593808499534494600e-4,
+                                  1.05075007164441684324e-9};
+  const double q = u - 0.5;
+  if (std::abs(q) <= 0.425) {
+    const double r = 0.180625 - q * q;
+    return q * polynomial(kA, r) / polynomial(kB, r);
+  }
+  const double tail = std::sqrt(-std::log(q < 0.0 ? u : 1.0 - u));
+  if (tail > 5.0) return -std::numbers::sqrt2 * boost::math::erfc_inv(2.0 * u, Fast());
+  const double z = polynomial(kC, tail - 1.6) / polynomial(kD, tail - 1.6);
+  return q < 0.0 ? -z : z;
+}
+
+}  // namespace
+
+DelayLaw::DelayLaw(const JitterConfig& config, const std::vector<double>& table_ms)
+    : law_(config.law), mean_s_(config.mean_ms * 1e-3), sd_s_(config.sd_ms * 1e-3) {
+  if (law_ == Law::table) {
+    for (const double ms : table_ms) table_.push_back(ms * 1e-3);
+  } else if (law_ == Law::constant || sd_s_ <= 0.0) {
+    law_ = Law::constant;
+  } else if (law_ != Law::normal) {
+    table_ = tabulate(config, mean_s_, sd_s_);
+  }
+}
+
+double DelayLaw::between(double position) const {
+  const double last = static_cast<double>(table_.size() - 1);
+  position = std::clamp(position * last, 0.0, last);
+  const auto i = std::min(static_cast<std::size_t>(position), table_.size() - 2);
+  return table_[i] + (position - static_cast<double>(i)) * (table_[i + 1] - table_[i]);
+}
+
+double DelayLaw::at_score(double z) const {
+  if (law_ == Law::constant) return mean_s_;
+  if (law_ == Law::normal) return mean_s_ + sd_s_ * z;
+  if (law_ == Law::table) return between(upper_tail(-z));
+  return between(0.5 * (z / kMaxScore + 1.0));
+}
+
+std::vector<double> load_delay_table(const JitterConfig& config) {
+  if (config.law != Law::table) return {};
+  if (config.file.empty()) return config.table_ms;
+  std::ifstream in(config.file);
+  if (!in) throw UsageError(fmt::format("cannot read the delay table \"{}\"", config.file));
+  std::vector<double> table_ms;
+  std::string line;
+  for (int number = 1; std::getline(in, line); ++number) {
+    const auto first = line.find_first_not_of(" \t\r");
+    if (first == std::string::npos || line[first] == '#') continue;
+    const auto last = line.find_last_not_of(" \t\r") + 1;
+    double value = 0.0;
+    const auto [end, failed] = std::from_chars(line.data() + first, line.data() + last, value);
+    if (failed != std::errc{} || end != line.data() + last || !(std::abs(value) <= 1e6)) {
+      throw UsageError(
+          fmt::format("{}:{}: \"{}\" is not a delay: must be a number in [-1e6, 1e6] "
+                      "(milliseconds)",
+                      config.file, number, line.substr(first, last - first)));
+    }
+    if (table_ms.size() == kMaxTable) {
+      throw UsageError(fmt::format("{}:{}: more than {} delays", config.file, number, kMaxTable));
+    }
+    table_ms.push_back(value);
+  }
+  if (table_ms.size() < 2) {
+    throw UsageError(fmt::format("{}: a delay table needs two or more delays", config.file));
+  }
+  std::sort(table_ms.begin(), table_ms.end());
+  return table_ms;
+}
+
+double draw_normal_score(RandomEngine& random) {
+  // Midpoints of 2^52 equal cells: never 0 nor 1, and exact also when subtracted from 1.
+  const double u = (static_cast<double>(random() >> 12) + 0.5) * 0x1p-52;
+  return normal_score(u);
+}
+
+DelaySequence::DelaySequence(const DelayLaw& law, double correlation, RandomEngine random)
+    : law_(law),
+      keep_(correlation),
+      renew_(std::sqrt(1.0 - correlation * correlation)),
+      random_(random) {}
+
+void DelaySequence::set(const DelayLaw& law, double correlation) {
+  law_ = law;
+  keep_ = correlation;
+  renew_ = std::sqrt(1.0 - correlation * correlation);
+}
+
+Duration DelaySequence::next() {
+  constexpr double kLongest_s = 1e6;
+  const double fresh = draw_normal_score(random_);
+  score_ = begun_ ? keep_ * score_ + renew_ * fresh : fresh;
+  begun_ = true;
+  return from_seconds(std::clamp(law_.at_score(score_), -kLongest_s, kLongest_s));
+}
+
+}  // namespace tether

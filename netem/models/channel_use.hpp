@@ -1,0 +1,44 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/scenario/channel_settings.hpp"
+#include "common/scenario/scenario.hpp"
+
+namespace tether {
+
+/// Which links of a channel a relay uses: what its settings may be about.
+struct ChannelUse {
+  std::vector<std::string> links;  ///< "uplink", "downlink", names of [channel.links]
+  bool by_rules = false;           ///< of any LCM traffic: nobody knows where a vehicle is
+
+  /// Refuses a setting, "KEY=VALUE" with or without "channel." before the key, of links that the
+  /// relay does not use. One that means both ways ("prr=0.5") needs one of them. Throws UsageError,
+  /// which names the links in use.
+  void check(const std::string& setting) const;
+
+  /// Refuses a model that needs to know where the vehicle is if nobody does. Throws UsageError.
+  void check_models(const Scenario& scenario) const;
+
+  /// Those of the settings that are about links in use.
+  std::vector<ChannelSetting> select(std::vector<ChannelSetting> settings) const;
+
+ private:
+  bool covers(const std::string& key) const;
+};
+
+/// Refuses those values of --set that are about the channel but about no link in use. Throws
+/// UsageError.
+void check_overrides(const ChannelUse& use, const std::vector<std::string>& overrides);
+
+/// The vehicle's two.
+inline const ChannelUse kVehicleLinks{{"uplink", "downlink"}};
+
+/// What a link's keys begin with: "channel.uplink." or "channel.links.sat.".
+std::string link_key(const std::string& name);
+
+/// The settings of a link by its name.
+const LinkConfig& link_config(const Scenario& scenario, const std::string& name);
+
+}  // namespace tether

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/random.hpp"
+#include "common/scenario/map_config.hpp"
+#include "netem/link/channel_process.hpp"
+#include "netem/models/position_map.hpp"
+#include "netem/models/shadowing.hpp"
+
+namespace tether {
+
+/// The random stream of the shadowing around an access point ("<x_m>,<y_m>") or of a grid ("grid").
+using ShadowingStreams = std::function<RandomEngine(std::string_view place)>;
+
+/// Conditions by the vehicle's position; (0, 0) until the first one is known.
+///
+/// SNR in dB, of a grid (config.file) or of the nearest access point at distance d (never below
+/// 1 m): snr_1m_db − 10·n·log10(d/1 m), n the path-loss exponent (Rappaport, Wireless
+/// Communications, section 4.9); plus shadowing, a field of its own for each access point, one
+/// realisation a run: both directions between two places have the same (reciprocity). PRR and delay
+/// are functions of the SNR: logistic (or config.prr_curve), and constant (or config.delay_curve).
+/// When another access point becomes the nearest, nothing gets through for handover_s.
+///
+/// state(): which access point, in the order of the scenario; 0 for grids.
+class MapProcess final : public ChannelProcess {
+ public:
+  /// Takes `grid` in place of config.access_points if there is one. Throws UsageError, naming
+  /// `key_prefix`, for what makes no sense in `config`.
+  MapProcess(const MapConfig& config, std::optional<PositionMap> grid,
+             const std::string& key_prefix, const ShadowingStreams& shadowing);
+
+  void advance(Instant now) override;
+  void on_position(double x_m, double y_m, Instant now) override;
+  bool wants_position() const override { return true; }
+  LinkCondition condition() const override;
+  int state() const override { return static_cast<int>(nearest_); }
+  /// The end of a handover; Instant::max() if there is none.
+  Instant next_transition() const override;
+
+  /// Where the vehicle was last; nullopt before the first position.
+  struct Position {
+    double x_m, y_m;
+  };
+  std::optional<Position> position() const { return position_; }
+
+  /// At a position; dB.
+  double snr_db(double x_m, double y_m) const;
+  LinkCondition condition_at_snr(double snr_db) const;
+
+ private:
+  struct AccessPoint {
+    double x_m, y_m, snr_1m_db;
+  };
+  std::size_t nearest_to(double x_m, double y_m) const;
+  void move_to(double x_m, double y_m);
+
+  MapConfig config_;
+  std::optional<PositionMap> grid_;
+  std::vector<AccessPoint> access_points_;
+  std::vector<Shadowing> shadowing_;  // one per access point, or one
+  std::optional<Curve> prr_curve_, delay_curve_;
+  std::size_t nearest_ = 0;
+  Instant now_ = Instant::min();
+  Instant handover_until_ = Instant::min();
+  std::optional<Position> position_;
+  LinkCondition condition_;
+};
+
+/// Reads config.file, if there is one. Throws UsageError for what is wrong with it or with
+/// `config`; `key_prefix`, such as "channel.uplink.map.", is for messages about keys.
+std::shared_ptr<ChannelProcess> make_map_process(const MapConfig& config,
+                                                 const std::string& key_prefix,
+                                                 const ShadowingStreams& shadowing);
+
+}  // namespace tether

@@ -1,0 +1,47 @@
+#include "netem/relay/live_settings.hpp"
+
+#include <utility>
+
+#include "common/bus/message_io.hpp"
+
+namespace tether {
+
+LiveSettings::LiveSettings(const Scenario& scenario, ChannelModels models, const ChannelUse& use,
+                           std::vector<RunningLink*> links, EventLoop& loop,
+                           const Networks& networks, std::function<void()> on_change)
+    : loop_(loop),
+      channels_(scenario.vehicle.name),
+      links_(std::move(links)),
+      on_change_(std::move(on_change)),
+      control_(scenario, std::move(models), use),
+      requests_(loop, networks.buses, channels_,
+                [this](const std::vector<std::string>& settings) { return change(settings); }) {
+  try_changes(scenario, use);
+  schedule_changes(scenario, *networks.buses.front(), networks.hear_us);
+}
+
+void LiveSettings::schedule_changes(const Scenario& scenario, Bus& bus, bool hears_us) {
+  std::int64_t seq = 0;
+  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+    // Before anything else that is sent at this instant.
+    loop_.at(kStart + from_seconds(change.at_s), Priority::physics,
+             [this, &bus, hears_us,
+              request = setting_request(0, seq++, change.settings)](Instant) mutable {
+               request.utime = to_utime(loop_.now());
+               publish(bus, channels_.net_set, request);
+               if (!hears_us) requests_.take(request);
+             });
+  }
+}
+
+std::vector<ChannelSetting> LiveSettings::change(const std::vector<std::string>& settings) {
+  if (settings.empty()) return control_.settings();
+  std::vector<Link*> links;
+  for (RunningLink* running : links_) links.push_back(&running->link());
+  auto changed = control_.change(settings, loop_.now(), links);
+  on_change_();
+  for (RunningLink* running : links_) running->changed();
+  return changed;
+}
+
+}  // namespace tether

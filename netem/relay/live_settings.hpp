@@ -1,0 +1,53 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/base/counters.hpp"
+#include "common/bus/bus.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/loop/event_loop.hpp"
+#include "common/scenario/scenario.hpp"
+#include "netem/relay/channel_control.hpp"
+#include "netem/relay/running_link.hpp"
+#include "netem/relay/setting_requests.hpp"
+
+namespace tether {
+
+/// The settings of a relay's links while they are in use: takes others from NET/SET, answers on
+/// NET/SETTINGS, and publishes those of channel.change on NET/SET itself, at their times. After a
+/// change all links report.
+class LiveSettings {
+ public:
+  /// Where requests come from.
+  struct Networks {
+    std::vector<Bus*> buses;  ///< the first for channel.change; as for SettingRequests
+    bool hear_us = true;      ///< whether the buses hear what they publish themselves
+  };
+
+  /// `models`: the links', which are those of `use`, in its order. `on_change`: called behind each
+  /// change. Tries channel.change; throws UsageError for what cannot be done.
+  LiveSettings(
+      const Scenario& scenario, ChannelModels models, const ChannelUse& use,
+      std::vector<RunningLink*> links, EventLoop& loop, const Networks& networks,
+      std::function<void()> on_change = [] {});
+  LiveSettings(const LiveSettings&) = delete;
+  LiveSettings& operator=(const LiveSettings&) = delete;
+
+  /// "settings.applied" and so on; only those that happened.
+  void list_counters(CounterList& out) const { requests_.list_counters(out); }
+
+ private:
+  void schedule_changes(const Scenario& scenario, Bus& bus, bool hears_us);
+  std::vector<ChannelSetting> change(const std::vector<std::string>& settings);
+
+  EventLoop& loop_;
+  ChannelNames channels_;
+  std::vector<RunningLink*> links_;
+  std::function<void()> on_change_;
+  ChannelControl control_;
+  SettingRequests requests_;
+};
+
+}  // namespace tether

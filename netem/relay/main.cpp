@@ -1,0 +1,57 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "common/bus/lcm_url.hpp"
+#include "common/bus/udpm_bus.hpp"
+#include "common/program/node_main.hpp"
+#include "netem/relay/netem_node.hpp"
+#include "netem/relay/relay_node.hpp"
+
+// AGV/POSE ──▶ uplink ──▶ CTRL/POSE,  CTRL/CMD_VEL, PLAN ──▶ downlink ──▶ AGV/…,  reports: NET/…
+// With --rule: whatever the rules say instead.
+int main(int argc, char** argv) {
+  using namespace tether;
+  std::vector<std::string> texts;
+  std::vector<RelayRule> rules;
+  std::string own_url;
+  const OwnOptions own{
+      [&texts](CLI::App& app) {
+        app.add_option(
+               "--rule", texts,
+               "relay any LCM traffic instead of a vehicle's (repeatable): "
+               "'[SRC_URL:]REGEX -> [DST_URL:]RENAME via LINK', LINK being uplink, downlink "
+               "or NAME of the scenario's [channel.links.NAME]; needs no scenario")
+            ->allow_extra_args(false);
+      },
+      [&texts] { return !texts.empty(); },
+      [&](const Scenario& scenario, const std::string& lcm_url,
+          const std::vector<std::string>& overrides) {
+        if (texts.empty()) return;
+        rules = parse_relay_rules(texts, lcm_url, scenario);
+        check_overrides(use_of(rules), overrides);
+        own_url = checked_lcm_url(lcm_url);
+        for (const RelayRule& rule : rules) {
+          fmt::print(stderr, "tether-netem: rule: {}\n", to_text(rule));
+        }
+      }};
+  const auto make = [&](const NodeContext& c) -> std::unique_ptr<Node> {
+    if (rules.empty()) {
+      return std::make_unique<NetemNode>(c.scenario, c.loop, c.bus, c.control_bus);
+    }
+    return std::make_unique<RelayNode>(
+        c.scenario, rules, c.loop, own_url,
+        [&loop = c.loop](const std::string& url) { return std::make_unique<UdpmBus>(url, loop); });
+  };
+  return node_main(argc, argv,
+                   {.name = "tether-netem",
+                    .description = "The network between vehicle and controller, or between any LCM "
+                                   "programs: loss and delay",
+                    .joins_two_networks = true,
+                    .lockstep_name = "netem",
+                    .make = make,
+                    .own = own});
+}

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+#include "netem/link/link.hpp"
+#include "netem/models/channel_models.hpp"
+
+namespace tether {
+
+/// The two links of a scenario, each with its own random streams, "<vehicle>/uplink/<purpose>" and
+/// "<vehicle>/downlink/<purpose>"; with the uplink's state for both where channel.shared_state says
+/// so. Reads the files that the models name. Throws UsageError for those, and for a chain without a
+/// single stationary distribution.
+struct LinkPair {
+  Link uplink;
+  Link downlink;
+};
+LinkPair make_links(const Scenario& scenario);
+/// The same with models that have been made already.
+LinkPair make_links(const Scenario& scenario, const ChannelModels& models);
+
+/// load_delay_table() for a link by its name; messages name its key.
+std::vector<double> load_delay_table(const Scenario& scenario, const std::string& name);
+
+/// Those of a scenario's links that are named, in this order; `names` are "uplink", "downlink" and
+/// those in scenario.channel.links, each at most once, and `models` made for them. The latter have
+/// the random streams "<vehicle>/links/<name>/<purpose>". Throws as make_links() does.
+std::vector<Link> make_links(const Scenario& scenario, const ChannelModels& models,
+                             const std::vector<std::string>& names);
+
+}  // namespace tether

@@ -1,0 +1,253 @@
+#include "sim/node/sim_node.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <tether/clock_t.hpp>
+#include <tether/ground_truth_t.hpp>
+#include <tether/pose_t.hpp>
+#include <tether/twist_t.hpp>
+#include <utility>
+
+#include "common/bus/message_io.hpp"
+#include "common/loop/timer_queue.hpp"
+#include "common/path/make_path.hpp"
+#include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/plan_message.hpp"
+
+namespace tether {
+namespace {
+
+constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
+/// In real time the world moves at least this often: to wake up for each step costs more than the
+/// step itself. Whoever looks at the world in between moves it up to then first.
+constexpr Duration kRealTimeBatch = std::chrono::milliseconds{5};
+/// The same in virtual time, for what an event costs: for ODE 1 % of a step, for the kinematic
+/// plant more than one.
+constexpr Duration kOdeBatch = std::chrono::milliseconds{10};
+constexpr Duration kKinematicBatch = std::chrono::milliseconds{20};
+/// The error of the kinematic plant is looked at this often: to compute the reference costs more
+/// than a step. ε is then off by less than 1 µm (docs/physics.md).
+constexpr Duration kKinematicMetrics = std::chrono::milliseconds{10};
+
+bool is_kinematic(const Scenario& scenario) {
+  return scenario.vehicle.plant == Scenario::Vehicle::Plant::kinematic;
+}
+
+Duration batch_of(const Scenario& scenario, const EventLoop& loop) {
+  if (loop.rate() > 0.0) return kRealTimeBatch;
+  return is_kinematic(scenario) ? kKinematicBatch : kOdeBatch;
+}
+
+}  // namespace
+
+SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
+    : loop_(loop),
+      bus_(bus),
+      channels_(scenario.vehicle.name),
+      end_(kStart + from_seconds(scenario.run.duration_s)),
+      world_end_(end_),
+      sensor_latency_(from_seconds(scenario.sensor.latency_ms * 1e-3)),
+      drive_errors_(scenario.vehicle),
+      clock_offset_(from_seconds(scenario.vehicle.clock_offset_ms * 1e-3)),
+      path_(make_path(scenario.path)),
+      vehicle_(make_plant(scenario.vehicle, scenario.world, kStep)),
+      metrics_step_(is_kinematic(scenario) ? kKinematicMetrics : kStep),
+      actuator_(scenario.actuator, scenario.vehicle, {.earliest = earliest_stamp(scenario)}),
+      sensor_(scenario.sensor,
+              random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/pose"),
+              random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/drift")),
+      guard_({.earliest = earliest_stamp(scenario)}),
+      next_step_(TimerQueue::not_before(loop.now(), kStart + kStep, kStep)),
+      world_time_(std::max(kStart, next_step_ - kStep)),
+      counters_(loop, bus, "sim", channels_.sim_counters,
+                from_seconds(scenario.run.report_period_s), [this](CounterList& out) {
+                  advance(loop_.now());
+                  list_counters(out);
+                }) {
+  metrics_.start(error_m());
+  const Duration batch = batch_of(scenario, loop);
+  loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    world_end_ = Instant::max();
+    drives_.emplace(scenario, loop, bus, *vehicle_);
+    if (actuator_.takes_plans()) plan_watch_.emplace(scenario, loop, bus);
+    const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
+    loop.every(first_tick(from_seconds(scenario.run.lead_s), coupling), coupling, Priority::physics,
+               [this](Instant now) {
+                 advance(now);
+                 drives_->publish_wheels(now);
+               });
+  } else {
+    subscribe_to_commands();
+  }
+  const Duration lead = from_seconds(scenario.run.lead_s);
+  const Duration pose_period = from_seconds(1.0 / scenario.sensor.rate_hz);
+  loop.every(first_tick(lead, pose_period), pose_period, Priority::node,
+             [this](Instant now) { sample_pose(now); });
+  loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
+             [this](Instant now) { publish_clock(now); });
+  loop.every(kStart, from_seconds(1.0 / scenario.run.truth_rate_hz), Priority::observer,
+             [this](Instant now) {
+               advance(now);
+               publish_truth();
+             });
+}
+
+void SimNode::subscribe_to_commands() {
+  subscribe<twist_t>(
+      bus_, channels_.vehicle_command, kDeepQueue, undecodable_, [this](const twist_t& m) {
+        on_command(from_utime(m.utime) - clock_offset_, m.seq, {m.v_mps, m.omega_radps});
+      });
+  subscribe_to_plans(bus_, channels_, undecodable_plans_, [this](PlanSource source, Plan plan) {
+    plan.stamp -= clock_offset_;  // to the run's time, as the vehicle's clock has it
+    plan.start -= clock_offset_;
+    plan.settled -= clock_offset_;
+    arrived_.push_back({loop_.now(), ArrivedPlan{source, std::move(plan)}});
+  });
+}
+
+void SimNode::on_command(Instant stamp, std::int64_t seq, const Twist& twist) {
+  if (!is_usable(twist)) {
+    ++non_finite_;
+    return;
+  }
+  const Instant now = loop_.now();
+  if (guard_.accept(now, stamp, seq)) arrived_.push_back({now, twist});
+}
+
+void SimNode::take_commands(Instant until) {
+  auto next = arrived_.begin();
+  for (; next != arrived_.end() && next->arrival <= until; ++next) {
+    if (auto* plan = std::get_if<ArrivedPlan>(&next->what)) {
+      actuator_.on_plan(next->arrival, plan->source, std::move(plan->plan));
+    } else {
+      actuator_.on_command(next->arrival, std::get<Twist>(next->what));
+    }
+  }
+  arrived_.erase(arrived_.begin(), next);
+}
+
+/// What arrived by then is taken first: the step that begins at `stamp` uses it.
+PlanName SimNode::plan_at(Instant stamp) {
+  if (plan_watch_) return plan_watch_->plan();
+  take_commands(stamp);
+  return actuator_.plan();
+}
+
+void SimNode::advance(Instant until) {
+  while (next_step_ <= std::min(until, world_end_)) {
+    if (next_step_ > end_) publish_truth();  // the last one
+    step(next_step_);
+    next_step_ += kStep;
+  }
+}
+
+void SimNode::step(Instant now) {
+  const Instant from = now - kStep;
+  vehicle_->set_wheel_targets(wheel_targets(from));
+  vehicle_->step();
+  world_time_ = now;
+  if (now <= end_) measure(now);
+}
+
+void SimNode::measure(Instant now) {
+  unmeasured_ += kStep;
+  if (vehicle_->wall_contact()) unmeasured_contact_ += kStep;
+  const bool is_last = now + kStep > end_;
+  if (unmeasured_ < metrics_step_ && !is_last) return;
+  metrics_.add(to_seconds(unmeasured_), error_m(), to_seconds(unmeasured_contact_));
+  unmeasured_ = unmeasured_contact_ = Duration{0};
+}
+
+WheelSpeeds SimNode::wheel_targets(Instant from) {
+  if (drives_) return drives_->in_force(from);
+  if (!arrived_.empty()) take_commands(from);
+  return drive_errors_.step(actuator_.in_force(from), to_seconds(kStep));
+}
+
+void SimNode::sample_pose(Instant now) {
+  if (now > end_) return;
+  advance(now);
+  const Pose2 measured = sensor_.measure(vehicle_->state().pose);
+  const Instant stamp = std::min(world_time_, now);
+  const PlanName plan = plan_at(stamp);
+  pose_t message{};
+  message.utime = to_utime(stamp + clock_offset_);
+  message.seq = pose_seq_++;
+  message.x_m = measured.x_m;
+  message.y_m = measured.y_m;
+  message.yaw_rad = measured.yaw_rad;
+  message.plan_session = plan.session;
+  message.plan_id = plan.id;
+  if (sensor_latency_ == Duration{0}) {
+    publish(bus_, channels_.vehicle_pose, message);
+  } else {
+    loop_.at(now + sensor_latency_, Priority::node,
+             [this, message](Instant) { publish(bus_, channels_.vehicle_pose, message); });
+  }
+}
+
+void SimNode::publish_clock(Instant now) {
+  clock_t message{};
+  message.utime = to_utime(now);
+  message.seq = clock_seq_++;
+  message.rate = loop_.rate();
+  publish(bus_, channels_.clock, message);
+}
+
+void SimNode::publish_truth() {
+  if (world_time_ > end_ || (truth_seq_ > 0 && last_truth_ == world_time_)) return;
+  last_truth_ = world_time_;
+  const VehicleState s = vehicle_->state();
+  const Position reference = this->reference();
+  ground_truth_t message{};
+  message.utime = to_utime(world_time_);
+  message.seq = truth_seq_++;
+  message.x_m = s.pose.x_m;
+  message.y_m = s.pose.y_m;
+  message.yaw_rad = s.pose.yaw_rad;
+  message.v_mps = s.twist.v_mps;
+  message.omega_radps = s.twist.omega_radps;
+  message.left_rim_mps = s.rim_speeds.left_mps;
+  message.right_rim_mps = s.rim_speeds.right_mps;
+  message.x_ref_m = reference.x_m;
+  message.y_ref_m = reference.y_m;
+  message.error_m = error_m();
+  message.epsilon_m = metrics_.epsilon_m();
+  message.rmse_m = metrics_.rmse_m();
+  message.max_error_m = metrics_.max_error_m();
+  message.wall_contact_s = metrics_.wall_contact_s();
+  message.wall_contact = s.wall_contact ? 1 : 0;
+  publish(bus_, channels_.truth, message);
+}
+
+Position SimNode::reference() const { return path_->position_at(to_seconds(world_time_)); }
+
+double SimNode::error_m() const {
+  const Position reference = this->reference();
+  const Position position = vehicle_->position();
+  return std::hypot(reference.x_m - position.x_m, reference.y_m - position.y_m);
+}
+
+void SimNode::finish() {
+  advance(loop_.now());
+  take_commands(loop_.now());  // for the counters: the world may have ended before
+  publish_truth();
+  counters_.publish_now();
+}
+
+void SimNode::list_counters(CounterList& out) const {
+  guard_.list("command", out);
+  out.emplace_back("command.undecodable", undecodable_);
+  out.emplace_back("command.non_finite", non_finite_);
+  if (drives_) drives_->list(out);
+  if (plan_watch_) plan_watch_->list(out);
+  if (!drives_) actuator_.list(out);
+  if (!drives_ && actuator_.takes_plans()) {
+    out.emplace_back("plan.undecodable", undecodable_plans_);
+  }
+  out.emplace_back("physics.solver_complaints",
+                   static_cast<std::int64_t>(vehicle_->solver_complaints()));
+}
+
+}  // namespace tether

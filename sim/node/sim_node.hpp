@@ -1,0 +1,118 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <variant>
+#include <vector>
+
+#include "common/bus/bus.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/bus/counter_reporter.hpp"
+#include "common/bus/stream_guard.hpp"
+#include "common/loop/event_loop.hpp"
+#include "common/loop/node.hpp"
+#include "common/path/reference_path.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator.hpp"
+#include "sim/node/metrics.hpp"
+#include "sim/node/plan_watch.hpp"
+#include "sim/node/pose_sensor.hpp"
+#include "sim/node/wheel_coupling.hpp"
+#include "sim/plant/drive_errors.hpp"
+#include "sim/plant/plant.hpp"
+
+namespace tether {
+
+/// The vehicle side: physics at 1 kHz, AGV/POSE out, AGV/CMD_VEL, AGV/PLAN and AGV/PRELOAD in, the
+/// truth on SIM/TRUTH and the run's clock on SIM/CLOCK.
+///
+/// Each step [t, t + 1 ms) uses the twist in force at t. A command therefore acts from the first
+/// step that starts at or after its arrival. Commands that are undecodable, non-finite (or beyond
+/// ±1e9), duplicated, late or stamped in the future are counted and otherwise ignored; they refresh
+/// nothing. Plans are judged by the Actuator, as of their arrival. A pose names the plan that the
+/// Actuator reports at the pose's stamp.
+///
+/// With vehicle.drivetrain = can, commands are the CAN bridge's business and the wheels follow
+/// emulated drives (WheelCoupling); which plan is followed, the bridge tells (PlanWatch).
+///
+/// The world moves in batches of steps, and first when somebody looks at it: nobody sees a
+/// difference. With the kinematic plant, the metrics look at every tenth step.
+///
+/// During the lead (run.lead_s before t = 0) poses and the clock flow and the vehicle stands. From
+/// run.duration_s on there are no poses, and truth and metrics are final. The world stands still
+/// then; with drives on CAN it goes on, so that they can be brought to a stop.
+class SimNode final : public Node {
+ public:
+  static constexpr Duration kStep = std::chrono::milliseconds{1};
+
+  SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus);
+
+  /// Publishes the final truth and counters.
+  void finish() override;
+
+  /// As it is now.
+  const Plant& vehicle() {
+    advance(loop_.now());
+    return *vehicle_;
+  }
+  const Metrics& metrics() const { return metrics_; }
+
+ private:
+  void on_command(Instant stamp, std::int64_t seq, const Twist& twist);
+  void subscribe_to_commands();
+  void take_commands(Instant until);
+  PlanName plan_at(Instant stamp);
+  void advance(Instant until);
+  void step(Instant now);
+  void measure(Instant now);
+  WheelSpeeds wheel_targets(Instant from);
+  void sample_pose(Instant now);
+  void publish_clock(Instant now);
+  void publish_truth();
+  Position reference() const;
+  double error_m() const;
+  void list_counters(CounterList& out) const;
+
+  EventLoop& loop_;
+  Bus& bus_;
+  ChannelNames channels_;
+  Instant end_;        // of truth and metrics
+  Instant world_end_;  // of motion
+  Duration sensor_latency_;
+  DriveErrors drive_errors_;
+  Duration clock_offset_;  ///< the vehicle's clock is ahead by this
+  std::shared_ptr<const ReferencePath> path_;
+  std::unique_ptr<Plant> vehicle_;
+  Duration metrics_step_;
+  Actuator actuator_;
+  std::optional<WheelCoupling> drives_;  ///< instead of the actuator
+  std::optional<PlanWatch> plan_watch_;  ///< with drives that follow plans
+  PoseSensor sensor_;
+  Metrics metrics_;
+  StreamGuard guard_;
+
+  struct ArrivedPlan {
+    PlanSource source;
+    Plan plan;
+  };
+  struct ArrivedCommand {
+    Instant arrival;
+    std::variant<Twist, ArrivedPlan> what;
+  };
+  std::vector<ArrivedCommand> arrived_;  // not in force yet: a step that began earlier is to come
+  Instant next_step_;
+  Instant world_time_ = kStart;  // of the vehicle's state
+  Instant last_truth_ = kStart;
+  Duration unmeasured_{0};          // since the last addition to the metrics
+  Duration unmeasured_contact_{0};  // of it, at a wall
+  std::int64_t pose_seq_ = 0;
+  std::int64_t truth_seq_ = 0;
+  std::int64_t clock_seq_ = 0;
+  std::int64_t undecodable_ = 0;
+  std::int64_t non_finite_ = 0;
+  std::int64_t undecodable_plans_ = 0;
+  CounterReporter counters_;
+};
+
+}  // namespace tether

@@ -1,0 +1,50 @@
+#pragma once
+
+#include "common/base/time.hpp"
+#include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_config.hpp"
+#include "sim/plant/plant.hpp"
+#include "sim/plant/walled_footprint.hpp"
+
+namespace tether {
+
+/// The AGV as two rolling wheels, for sweeps and predictions: no masses, no forces, no slip but at
+/// walls (docs/physics.md).
+///
+/// Each wheel's rim speed moves to its command at no more than `max_wheel_acceleration_mps2`. In a
+/// step the vehicle drives the arc of the mean rim speeds: exact at constant speeds; while it
+/// accelerates, the position is off by at most step³/12 · (|v| |dω/dt| + |ω| |dv/dt|) a step, 4 nm
+/// with the default limits. At walls, WalledFootprint takes the place of the tyres' grip; the
+/// wheels turn as commanded and slip.
+class KinematicVehicle final : public Plant {
+ public:
+  /// `step` is the fixed step; the project uses 1 ms.
+  /// Throws std::invalid_argument for sizes and limits that are not positive, and for a start that
+  /// is not between the walls.
+  KinematicVehicle(const VehicleConfig& vehicle, const WorldConfig& world, Duration step);
+
+  void set_wheel_targets(const WheelSpeeds& rim_speeds) override;
+  void step() override;
+  VehicleState state() const override { return state_; }
+  Position position() const override { return {state_.pose.x_m, state_.pose.y_m}; }
+  bool wall_contact() const override { return state_.wall_contact; }
+  const WheelSpeeds& servo_targets() const override { return state_.rim_speeds; }
+  std::uint64_t solver_complaints() const override { return 0; }
+
+ private:
+  bool turn_wheels();
+  void move(const PlanarMotion& motion);
+  void move_at_walls(const PlanarMotion& wish);
+
+  VehicleConfig config_;
+  double step_s_;
+  double max_change_mps_;
+  WalledFootprint footprint_;
+  WheelSpeeds commands_;
+  WheelSpeeds mean_;     ///< rim speeds in the last step
+  bool jammed_ = false;  ///< walls leave the last step's wheel speeds no motion
+  VehicleState state_;
+};
+
+}  // namespace tether

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "common/base/time.hpp"
+#include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/vehicle_config.hpp"
+#include "sim/plant/plant.hpp"
+
+namespace tether {
+
+/// The AGV in its walled square, as rigid bodies in ODE (docs/physics.md).
+///
+/// Commands are rim speeds. Each wheel's servo target moves towards its command at no more than
+/// `max_wheel_acceleration_mps2`, and the servo drives the wheel to its target with no more than
+/// `max_wheel_torque_Nm`; until the first command both commands are zero, so the vehicle brakes.
+///
+/// Vehicles do not interact and share no state: any number may be stepped from any threads, each
+/// by one thread at a time, and equal inputs give bit-identical states.
+class OdeVehicle final : public Plant {
+ public:
+  /// `step` is the fixed physics step; the project uses 1 ms.
+  /// Throws std::invalid_argument if the configuration is not a vehicle that can stand.
+  OdeVehicle(const VehicleConfig& vehicle, const WorldConfig& world, Duration step);
+  ~OdeVehicle() override;
+  OdeVehicle(const OdeVehicle&) = delete;
+  OdeVehicle& operator=(const OdeVehicle&) = delete;
+
+  void set_wheel_targets(const WheelSpeeds& rim_speeds) override;
+  void step() override;
+  VehicleState state() const override;
+  Position position() const override;
+  bool wall_contact() const override;
+  const WheelSpeeds& servo_targets() const override { return servo_targets_; }
+  /// E.g. "LCP internal error, s <= 0" when wedged at a wall.
+  std::uint64_t solver_complaints() const override { return solver_complaints_; }
+
+ private:
+  struct World;
+  void find_arm(double* arm) const;
+
+  VehicleConfig config_;
+  double step_s_;
+  std::unique_ptr<World> world_;
+  WheelSpeeds commands_;
+  WheelSpeeds servo_targets_;
+  double left_wheel_angle_rad_ = 0.0;
+  double right_wheel_angle_rad_ = 0.0;
+  std::uint64_t solver_complaints_ = 0;
+};
+
+}  // namespace tether

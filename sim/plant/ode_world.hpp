@@ -1,0 +1,133 @@
+#pragma once
+
+#include <ode/ode.h>
+
+#include <array>
+#include <cstdint>
+
+#include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_config.hpp"
+
+namespace tether {
+
+/// Readies ODE for the calling thread and routes its global message handlers. Cheap to repeat.
+/// ODE's warnings are counted, never printed; its fatal errors abort with their text.
+void prepare_ode_thread();
+
+/// Warnings that ODE has raised in the calling thread so far.
+std::uint64_t ode_complaints_of_this_thread();
+
+/// The bare rigid-body world: chassis (with the caster merged into it), two wheels on hinges with
+/// speed servos, a floor and four walls. It knows nothing of commands, limits or poses: `step`
+/// hands both servos a target and lets ODE work. OdeVehicle is the plant built on it; a benchmark
+/// of "ODE alone" replays recorded servo targets through this class.
+///
+/// There is no ODE geom and no collision space: three bodies against five planes need neither.
+/// Contact points are computed here, exactly for a vehicle that stands upright (docs/physics.md).
+///
+/// Most steps neither slip nor saturate a servo. Each step is therefore first solved as if that
+/// were so (tyres as ball joints at their contact points, servos unlimited), which leaves the
+/// solver one inequality instead of nine; if the forces that come out break a limit, the bodies are
+/// put back and the step is solved with all limits. Both ways satisfy the same equations whenever
+/// the limits hold.
+class OdeWorld {
+ public:
+  OdeWorld(const VehicleConfig& vehicle, const WorldConfig& world, double step_s);
+  ~OdeWorld();
+  OdeWorld(const OdeWorld&) = delete;
+  OdeWorld& operator=(const OdeWorld&) = delete;
+
+  /// One step; `targets` are the rim speeds that the servos drive towards, torque permitting.
+  void step(const WheelSpeeds& targets);
+
+  /// Rim speeds relative to the chassis, forward positive: what an encoder sees.
+  WheelSpeeds rim_speeds() const;
+
+  dBodyID chassis() const { return bodies_[kChassis]; }
+  /// The axle's midpoint in the chassis body's frame, whose origin is its centre of mass.
+  const std::array<double, 3>& axle_in_chassis_m() const { return axle_in_chassis_m_; }
+  /// Whether anything touched a wall in the last step.
+  bool wall_contact() const { return wall_contact_; }
+  /// Steps so far that were solved with all limits, and how many of them only at the second try.
+  std::uint64_t limited_steps() const { return limited_steps_; }
+  std::uint64_t repeated_steps() const { return repeated_steps_; }
+
+  /// Solves every step with all limits at once: the reference for tests. Slower, same motion.
+  void set_always_limited(bool always) { always_limited_ = always; }
+
+ private:
+  enum Body { kLeft = 0, kRight = 1, kChassis = 2 };
+  struct Plane {
+    dReal normal[3];  ///< points to the inside
+    dReal offset_m;   ///< inside is normal · p ≥ offset
+    dReal friction;
+
+    /// How far `point` lies outside; negative: inside.
+    dReal depth_m(const dReal* point) const {
+      return offset_m - (normal[0] * point[0] + normal[1] * point[1] + normal[2] * point[2]);
+    }
+  };
+  /// Where a tyre is lowest, and how it is oriented there.
+  struct TyrePoint {
+    dReal position[3];
+    dReal rolling[2];  ///< horizontal unit vector, forward
+    bool touches;
+  };
+  struct BodyState {
+    dReal position[3], quaternion[4], velocity[3], spin[3];
+  };
+
+  void build_chassis(const VehicleConfig& vehicle);
+  void build_wheel(const VehicleConfig& vehicle, Body side);
+
+  void find_tyre_points();
+  void add_chassis_floor_contacts();
+  void add_wall_contacts();
+  void collide_chassis(const Plane& wall);
+  void collide_wheel(dBodyID wheel, const Plane& wall);
+  void add_contact(dBodyID body, const dReal* point, const Plane& plane,
+                   const dReal* first_friction);
+
+  void set_limited(bool limited);
+  void place_tyre_joints();
+  void add_tyre_contacts();
+  bool within_limits() const;
+  void save_bodies();
+  void restore_bodies();
+
+  dWorldID world_ = nullptr;
+  dThreadingImplementationID threading_ = nullptr;
+  dJointGroupID contacts_ = nullptr;  ///< emptied and filled again at every step
+  dBodyID bodies_[3] = {};
+  dJointID hinges_[2] = {};
+  dJointID tyre_joints_[2] = {};  ///< balls at the tyre points; detached in limited steps
+  dJointFeedback hinge_feedback_[2];
+  dJointFeedback tyre_feedback_[2];
+
+  double step_s_;
+  double wheel_radius_m_;
+  double half_wheel_width_m_;
+  double caster_radius_m_;
+  double max_torque_Nm_;
+  double half_extent_m_;
+  double reach_m_ = 0.0;  ///< no part of the vehicle is farther from the chassis body's origin
+  Plane floor_;
+  Plane slippery_floor_;  ///< what the caster feels
+  std::array<Plane, 4> walls_;
+  std::array<double, 3> axle_in_chassis_m_{};
+  std::array<double, 3> caster_in_chassis_m_{};
+  std::array<std::array<double, 3>, 8> corners_m_{};  ///< of the box; i and i + 4: one upright edge
+
+  TyrePoint tyres_[2];
+  BodyState saved_[3];
+  bool wall_contact_ = false;
+  bool chassis_on_floor_ = false;
+  bool limited_ = true;
+  bool always_limited_ = false;
+  int limited_steps_left_ = 0;
+  std::uint64_t limited_steps_ = 0;
+  std::uint64_t repeated_steps_ = 0;
+};
+
+}  // namespace tether

@@ -1,0 +1,34 @@
+#include "sim/plant/plant.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "sim/plant/kinematic_vehicle.hpp"
+#include "sim/plant/ode_vehicle.hpp"
+
+namespace tether {
+
+void require_plant(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(std::string("vehicle or world: ") + what);
+}
+
+void check_start_and_step(const VehicleConfig& vehicle, const WorldConfig& world, double step_s) {
+  require_plant(is_usable(Pose2{vehicle.start_x_m, vehicle.start_y_m, vehicle.start_yaw_rad}),
+                "the start pose must be finite");
+  require_plant(
+      std::max(std::abs(vehicle.start_x_m), std::abs(vehicle.start_y_m)) < world.half_extent_m,
+      "the start must lie between the walls");
+  require_plant(step_s > 0, "the physics step must be positive");
+}
+
+std::unique_ptr<Plant> make_plant(const Scenario::Vehicle& vehicle, const WorldConfig& world,
+                                  Duration step) {
+  if (vehicle.plant == Scenario::Vehicle::Plant::kinematic) {
+    return std::make_unique<KinematicVehicle>(vehicle, world, step);
+  }
+  return std::make_unique<OdeVehicle>(vehicle, world, step);
+}
+
+}  // namespace tether

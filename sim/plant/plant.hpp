@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "common/base/time.hpp"
+#include "common/path/reference_path.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+/// The truth about the vehicle after a step.
+struct VehicleState {
+  Pose2 pose;                          ///< of the axle's midpoint, world frame, yaw in (−π, π]
+  Twist twist;                         ///< at the axle's midpoint, along the vehicle's heading
+  WheelSpeeds rim_speeds;              ///< relative to the chassis: what encoders would measure
+  double left_wheel_angle_rad = 0.0;   ///< since the start, unbounded, forward positive
+  double right_wheel_angle_rad = 0.0;  ///< since the start, unbounded, forward positive
+  double height_m = 0.0;               ///< of the axle's midpoint above the floor
+  double roll_rad = 0.0;               ///< positive: leans to the right
+  double pitch_rad = 0.0;              ///< positive: nose down
+  bool wall_contact = false;           ///< anything touched a wall in the last step
+};
+
+/// A vehicle with two driven wheels in its walled square, moved in fixed steps. Deterministic:
+/// equal inputs give bit-identical states. Plants share no state with each other.
+class Plant {
+ public:
+  virtual ~Plant() = default;
+
+  /// Takes effect from the next step on and holds. Both wheels are scaled by one factor to
+  /// `max_wheel_speed_mps`. Throws std::invalid_argument for values that are not finite.
+  virtual void set_wheel_targets(const WheelSpeeds& rim_speeds) = 0;
+
+  /// Advances by one physics step.
+  virtual void step() = 0;
+
+  /// The state after the last step.
+  virtual VehicleState state() const = 0;
+  /// Of it, what is looked at after each step: cheaper than all of it.
+  virtual Position position() const = 0;
+  virtual bool wall_contact() const = 0;
+
+  /// The servos' present targets: the commands after the limits of speed and acceleration.
+  virtual const WheelSpeeds& servo_targets() const = 0;
+
+  /// Warnings of a numerical solver so far; 0 for plants that have none.
+  virtual std::uint64_t solver_complaints() const = 0;
+
+ protected:
+  Plant() = default;
+  Plant(const Plant&) = delete;
+  Plant& operator=(const Plant&) = delete;
+};
+
+/// For the plants' own checks: throws std::invalid_argument, "vehicle or world: " and `what`,
+/// unless `good`. Write conditions so that NaN fails them.
+void require_plant(bool good, const char* what);
+/// What all plants require of where they start and how they step.
+void check_start_and_step(const VehicleConfig& vehicle, const WorldConfig& world, double step_s);
+
+/// The plant that `vehicle.plant` names. `step` is the fixed physics step; the project uses 1 ms.
+/// Throws std::invalid_argument if the configuration is not a vehicle that can stand.
+std::unique_ptr<Plant> make_plant(const Scenario::Vehicle& vehicle, const WorldConfig& world,
+                                  Duration step);
+
+}  // namespace tether

@@ -1,0 +1,114 @@
+#include "sim/plant/walled_footprint.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace tether {
+namespace {
+
+// Sweeps over the contacts stop when none changes the motion by more than this. Two contacts of one
+// face need about ten; narrow corners more.
+constexpr double kPrecision_mps = 1e-10;
+constexpr int kMaxSweeps = 200;
+// Nearer than this is contact.
+constexpr double kTouching_m = 1e-6;
+
+}  // namespace
+
+WalledFootprint::WalledFootprint(const VehicleConfig& vehicle, const WorldConfig& world)
+    : half_extent_m_(world.half_extent_m),
+      friction_(world.wall_friction),
+      turn_weight_m2_(vehicle.track_m * vehicle.track_m / 4.0) {
+  const double front_m = -vehicle.axle_x_m + vehicle.chassis_length_m / 2.0;
+  const double rear_m = front_m - vehicle.chassis_length_m;
+  const double box_m = vehicle.chassis_width_m / 2.0;
+  const double tyre_m = (vehicle.track_m + vehicle.wheel_width_m) / 2.0;
+  const double radius_m = vehicle.wheel_radius_m;
+  outline_ = {{{front_m, box_m},
+               {front_m, -box_m},
+               {rear_m, box_m},
+               {rear_m, -box_m},
+               {radius_m, tyre_m},
+               {radius_m, -tyre_m},
+               {-radius_m, tyre_m},
+               {-radius_m, -tyre_m}}};
+  for (const Point& p : outline_) reach_m_ = std::max(reach_m_, std::hypot(p.x_m, p.y_m));
+}
+
+void WalledFootprint::find_contacts(const Pose2& pose, double reach_mps, double step_s) {
+  const double c = std::cos(pose.yaw_rad), s = std::sin(pose.yaw_rad);
+  count_ = 0;
+  for (const auto& [nx, ny] : {std::pair{1.0, 0.0}, {-1.0, 0.0}, {0.0, 1.0}, {0.0, -1.0}}) {
+    const double gap_m = half_extent_m_ - (nx * pose.x_m + ny * pose.y_m);
+    const double forward = c * nx + s * ny, left = c * ny - s * nx;  // the wall's direction
+    for (const Point& p : outline_) {
+      const double limit_mps = (gap_m - (forward * p.x_m + left * p.y_m)) / step_s;
+      if (limit_mps > reach_mps) continue;
+      contacts_[count_++] = {{{forward, left, p.x_m * left - p.y_m * forward}},
+                             {{-left, forward, p.x_m * forward + p.y_m * left}},
+                             limit_mps};
+    }
+  }
+}
+
+double WalledFootprint::speed_mps(const Direction& d) const {
+  return d.row[0] * motion_[0] + d.row[1] * motion_[1] + d.row[2] * motion_[2];
+}
+
+/// Replaces the force against a direction; returns by how much it changed.
+double WalledFootprint::push(Direction& direction, double force) {
+  const double change = force - direction.force;
+  direction.force = force;
+  motion_[0] -= change * direction.row[0];
+  motion_[1] -= change * direction.row[1];
+  motion_[2] -= change * direction.row[2] / turn_weight_m2_;
+  return std::abs(change);
+}
+
+/// Pushes as hard as this contact alone must, outward never pulling, along within its friction.
+double WalledFootprint::push(Contact& contact) {
+  const auto stopping = [this](const Direction& d, double limit_mps) {
+    return d.force + (speed_mps(d) - limit_mps) / (1.0 + d.row[2] * d.row[2] / turn_weight_m2_);
+  };
+  Direction& outward = contact.outward;
+  const double change = push(outward, std::max(0.0, stopping(outward, contact.limit_mps)));
+  const double most = friction_ * outward.force;
+  return change + push(contact.along, std::clamp(stopping(contact.along, 0.0), -most, most));
+}
+
+PlanarMotion WalledFootprint::between_walls(const Pose2& pose, const PlanarMotion& wish,
+                                            double step_s) {
+  const double norm_mps =
+      std::sqrt(wish.forward_mps * wish.forward_mps + wish.left_mps * wish.left_mps +
+                turn_weight_m2_ * wish.omega_radps * wish.omega_radps);
+  find_contacts(pose, norm_mps * (1.0 + reach_m_ / std::sqrt(turn_weight_m2_)), step_s);
+  motion_[0] = wish.forward_mps, motion_[1] = wish.left_mps, motion_[2] = wish.omega_radps;
+  bool settled = count_ == 0;
+  for (int sweep = 0; sweep < kMaxSweeps && !settled; ++sweep) {
+    double change = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) change += push(contacts_[i]);
+    settled = change <= kPrecision_mps;
+  }
+  return {motion_[0], motion_[1], motion_[2]};
+}
+
+bool WalledFootprint::push_inside(Pose2& pose) const {
+  const double c = std::cos(pose.yaw_rad), s = std::sin(pose.yaw_rad);
+  double high_x = -reach_m_, high_y = -reach_m_, low_x = reach_m_, low_y = reach_m_;
+  for (const Point& p : outline_) {
+    const double x = c * p.x_m - s * p.y_m, y = s * p.x_m + c * p.y_m;
+    high_x = std::max(high_x, x), low_x = std::min(low_x, x);
+    high_y = std::max(high_y, y), low_y = std::min(low_y, y);
+  }
+  const auto keep = [this](double& at, double low, double high) {
+    const double most = half_extent_m_ - high, least = -half_extent_m_ - low;
+    at = std::max(least, std::min(most, at));
+    return at > most - kTouching_m || at < least + kTouching_m;
+  };
+  const bool touches_x = keep(pose.x_m, low_x, high_x);
+  const bool touches_y = keep(pose.y_m, low_y, high_y);
+  return touches_x || touches_y;
+}
+
+}  // namespace tether

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_config.hpp"
+
+namespace tether {
+
+/// Velocity of a rigid body in the plane, in its own frame, at the axle's midpoint.
+struct PlanarMotion {
+  double forward_mps = 0.0;
+  double left_mps = 0.0;
+  double omega_radps = 0.0;
+};
+
+/// Where the vehicle's outline (chassis box and both wheels) may go in its walled square.
+///
+/// Where a motion would take a point of the outline through a wall, the wall pushes the point back,
+/// with Coulomb friction along the wall. What a push changes is the motion of a vehicle without
+/// inertia whose tyres resist slip equally in all directions and in proportion to it: a force f at
+/// the axle's midpoint adds f to the velocity there, a moment m adds m / (track/2)² to ω. Without
+/// friction that is the nearest motion that stays inside, by the mean square of both tyres' slip
+/// (docs/physics.md).
+class WalledFootprint {
+ public:
+  WalledFootprint(const VehicleConfig& vehicle, const WorldConfig& world);
+
+  /// False if no part of the vehicle can reach a wall within `travel_m` from here.
+  bool may_touch(const Pose2& pose, double travel_m) const {
+    const double near_m = half_extent_m_ - reach_m_ - travel_m;
+    return !(std::abs(pose.x_m) < near_m && std::abs(pose.y_m) < near_m);
+  }
+
+  /// The motion that the walls make of `wish`. It keeps the outline inside for `step_s`, to first
+  /// order in the step. `pose` is inside.
+  PlanarMotion between_walls(const Pose2& pose, const PlanarMotion& wish, double step_s);
+
+  /// Moves `pose` by the remainder that between_walls() leaves, so that the outline is inside; true
+  /// if it touches a wall.
+  bool push_inside(Pose2& pose) const;
+
+ private:
+  struct Point {
+    double x_m, y_m;  // from the axle's midpoint
+  };
+  /// A direction at a point of the outline, as a row that gives the point's speed in it.
+  struct Direction {
+    double row[3];
+    double force = 0.0;  ///< in it, so far; in m/s: the slip that it causes
+  };
+  /// One point of the outline and one wall.
+  struct Contact {
+    Direction outward, along;
+    double limit_mps = 0.0;  ///< of the speed outward
+  };
+  double speed_mps(const Direction& direction) const;
+  double push(Direction& direction, double force);
+  double push(Contact& contact);
+  void find_contacts(const Pose2& pose, double reach_mps, double step_s);
+
+  double half_extent_m_;
+  double friction_;
+  double turn_weight_m2_;  ///< (track/2)²
+  double reach_m_ = 0.0;   ///< of the outline, from the axle's midpoint
+  std::array<Point, 8> outline_;
+  std::array<Contact, 32> contacts_{};
+  std::size_t count_ = 0;
+  double motion_[3] = {};  ///< forward, left, turn: as pushed so far
+};
+
+}  // namespace tether

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "can_bridge/agilex/emulated_v2.hpp"
+#include "can_bridge/agilex/v2.hpp"
+
+namespace tether::testing {
+
+inline constexpr double kRadius_m = 0.4;
+inline constexpr double kTrack_m = 1.2;
+
+inline Duration ms(int milliseconds) { return std::chrono::milliseconds(milliseconds); }
+inline Instant at_ms(int milliseconds) { return kStart + ms(milliseconds); }
+
+inline DrivetrainConfig agilex_chassis() {
+  DrivetrainConfig config;
+  config.name = "test chassis";
+  config.profile = DrivetrainConfig::Profile::agilex_v2;
+  config.chassis_wheel_radius_m = kRadius_m;
+  config.chassis_track_m = kTrack_m;
+  return config;
+}
+
+/// The emulator, with wheels that turn as its servos hold them.
+class Chassis {
+ public:
+  explicit Chassis(Instant now) : emulator(agilex_chassis(), now), now_(now) {}
+
+  /// Millisecond by millisecond.
+  std::vector<CanFrame> run_until(Instant end) {
+    std::vector<CanFrame> out;
+    while (now_ < end) {
+      now_ += ms(1);
+      const auto targets = emulator.wheel_targets_radps();
+      for (std::size_t i = 0; i < 2; ++i) {
+        wheels.speed_radps[i] = targets[i];
+        wheels.angle_rad[i] += targets[i] * 1e-3;
+      }
+      emulator.set_wheels(wheels);
+      emulator.tick(now_, out);
+    }
+    return out;
+  }
+  void send(const CanFrame& frame) {
+    std::vector<CanFrame> out;
+    emulator.on_frame(frame, now_, out);
+    EXPECT_THAT(out, ::testing::IsEmpty());
+  }
+  Instant now() const { return now_; }
+  double rim_mps(std::size_t wheel) const {
+    return emulator.wheel_targets_radps()[wheel] * kRadius_m;
+  }
+
+  EmulatedAgilexV2 emulator;
+  WheelStates wheels;
+
+ private:
+  Instant now_;
+};
+
+/// The newest frame with this identifier.
+inline CanFrame newest(const std::vector<CanFrame>& frames, std::uint32_t id) {
+  for (auto i = frames.rbegin(); i != frames.rend(); ++i) {
+    if (i->id == id) return *i;
+  }
+  ADD_FAILURE() << "no frame " << std::hex << id;
+  return {};
+}
+
+inline std::ptrdiff_t count(const std::vector<CanFrame>& frames, std::uint32_t id) {
+  return std::count_if(frames.begin(), frames.end(),
+                       [id](const CanFrame& f) { return f.id == id; });
+}
+
+}  // namespace tether::testing

@@ -1,0 +1,142 @@
+#include "can_bridge/bus/in_process_can.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/loop/virtual_loop.hpp"
+
+namespace tether {
+namespace {
+
+using std::chrono::microseconds;
+
+const CanFilter kEverything{0, 0};
+
+/// A bus at 500 kbit/s with three ports, and what the third hears.
+struct Bus {
+  VirtualLoop loop;
+  InProcessCan can{loop, 500e3};
+  InProcessCan::Port& a = can.add_port();
+  InProcessCan::Port& b = can.add_port();
+  InProcessCan::Port& listener = can.add_port();
+  std::vector<std::pair<std::uint32_t, Instant>> heard;
+
+  Bus() {
+    listener.on_frame({kEverything},
+                      [this](const CanFrame& f) { heard.emplace_back(f.id, loop.now()); });
+  }
+  void run(Duration time) { loop.run_until(loop.now() + time); }
+};
+
+TEST(InProcessCan, AFrameArrivesWhenItsLastBitIsOver) {
+  Bus bus;
+  ASSERT_TRUE(bus.a.send(CanFrame::make(0x201, {1, 2, 3, 4, 5, 6})));
+  bus.run(microseconds{229});
+  EXPECT_TRUE(bus.heard.empty());
+  bus.run(microseconds{1});  // 55 + 60 bits of 2 us
+  ASSERT_EQ(bus.heard.size(), 1u);
+  EXPECT_EQ(bus.heard[0], std::make_pair(0x201u, kStart + microseconds{230}));
+}
+
+TEST(InProcessCan, TheLowestIdentifierThatWaitsGoesFirst) {
+  Bus bus;
+  bus.a.send(CanFrame::make(0x700, {}));  // has the bus already
+  bus.a.send(CanFrame::make(0x500, {}));
+  bus.b.send(CanFrame::make(0x080, {}));
+  bus.run(microseconds{330});
+  ASSERT_EQ(bus.heard.size(), 3u);
+  EXPECT_EQ(bus.heard[0].first, 0x700u);
+  EXPECT_EQ(bus.heard[1].first, 0x080u);
+  EXPECT_EQ(bus.heard[2].first, 0x500u);
+  EXPECT_EQ(bus.heard[2].second, kStart + microseconds{330});
+}
+
+TEST(InProcessCan, NobodyHearsHimself) {
+  Bus bus;
+  int own = 0;
+  bus.a.on_frame({kEverything}, [&own](const CanFrame&) { ++own; });
+  bus.a.send(CanFrame::make(0x1, {}));
+  bus.run(std::chrono::milliseconds{1});
+  EXPECT_EQ(own, 0);
+  EXPECT_EQ(bus.heard.size(), 1u);
+}
+
+TEST(InProcessCan, FiltersPassOnlyElevenBitDataFrames) {
+  VirtualLoop loop;
+  InProcessCan can(loop, 500e3);
+  auto& sender = can.add_port();
+  auto& receiver = can.add_port();
+  std::vector<std::uint32_t> heard;
+  receiver.on_frame({{0x181, 0x7FF}, {0x700, 0x780}},
+                    [&heard](const CanFrame& f) { heard.push_back(f.id); });
+  CanFrame extended = CanFrame::make(0x181, {});
+  extended.extended = true;
+  CanFrame remote = CanFrame::make(0x181, {});
+  remote.remote = true;
+  for (const CanFrame& f : {CanFrame::make(0x181, {}), CanFrame::make(0x182, {}),
+                            CanFrame::make(0x701, {}), extended, remote}) {
+    sender.send(f);
+    loop.run_until(loop.now() + std::chrono::milliseconds{1});
+  }
+  EXPECT_EQ(heard, (std::vector<std::uint32_t>{0x181, 0x701}));
+}
+
+TEST(InProcessCan, WhatDoesNotFitTheShortQueueIsDroppedAndCounted) {
+  Bus bus;
+  bus.a.set_state(CanState::stalled);
+  for (std::size_t i = 0; i < InProcessCan::kQueueFrames; ++i) {
+    EXPECT_TRUE(bus.a.send(CanFrame::make(0x201, {})));
+  }
+  EXPECT_FALSE(bus.a.send(CanFrame::make(0x201, {})));
+  CounterList counters;
+  bus.a.list(counters);
+  EXPECT_EQ(counters[2], std::make_pair(std::string("can.send_dropped"), std::int64_t{1}));
+}
+
+TEST(InProcessCan, ARestartOfAStalledPortSendsNothingOld) {
+  Bus bus;
+  bus.a.set_state(CanState::stalled);
+  bus.a.send(CanFrame::make(0x201, {}));
+  std::string why;
+  EXPECT_TRUE(bus.a.restart(why));
+  bus.run(std::chrono::milliseconds{10});
+  EXPECT_TRUE(bus.heard.empty());
+  EXPECT_EQ(bus.a.state(), CanState::up);
+}
+
+TEST(InProcessCan, APortThatIsBusOffNeitherSendsNorHears) {
+  Bus bus;
+  bus.listener.set_state(CanState::bus_off);
+  EXPECT_FALSE(bus.listener.send(CanFrame::make(0x1, {})));
+  bus.a.send(CanFrame::make(0x201, {}));
+  bus.run(std::chrono::milliseconds{1});
+  EXPECT_TRUE(bus.heard.empty());
+}
+
+TEST(InProcessCan, EachChangeOfStateIsReportedOnce) {
+  Bus bus;
+  std::vector<CanState> seen;
+  bus.a.on_state([&seen](CanState s) { seen.push_back(s); });
+  bus.a.set_state(CanState::down);
+  bus.a.set_state(CanState::down);
+  bus.a.set_state(CanState::up);
+  EXPECT_EQ(seen, (std::vector<CanState>{CanState::down, CanState::up}));
+  std::string why;
+  bus.a.set_state(CanState::absent);
+  EXPECT_FALSE(bus.a.restart(why));
+  EXPECT_EQ(why, "the interface is absent");
+}
+
+TEST(InProcessCan, TheLoadIsTheShareOfTimeThatTheBusIsBusy) {
+  Bus bus;
+  bus.a.send(CanFrame::make(0x201, {1, 2, 3, 4, 5, 6, 7, 8}));  // 270 us
+  bus.run(microseconds{2700});
+  EXPECT_NEAR(bus.can.load(kStart), 0.1, 1e-9);
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,137 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/emulated/cia402.hpp"
+#include "can_bridge/profiles/profiles.hpp"
+#include "common/vehicle/vehicle_config.hpp"
+
+// The profile that ships, against the emulated drives of each drivetrain file that ships.
+
+namespace tether {
+namespace {
+
+/// Profile and drives on one ideal bus; wheels follow their targets. 20 ms control cycle.
+class BringUp : public ::testing::TestWithParam<const char*> {
+ protected:
+  BringUp()
+      : config_(load_drivetrain(std::string(TETHER_SOURCE_DIR "/drivetrains/") + GetParam())),
+        profile_(make_drive_profile(config_, VehicleConfig{})),
+        drives_(config_, kStart) {
+    drives_.set_wheels({});
+    profile_->start(now_);
+  }
+
+  void run(int milliseconds) {
+    for (int i = 0; i < milliseconds; ++i) {
+      now_ += std::chrono::milliseconds{1};
+      turn_wheels();
+      std::vector<CanFrame> to_bridge;
+      drives_.tick(now_, to_bridge);
+      if (bridge_lives_ && now_.time_since_epoch() % std::chrono::milliseconds{20} == Duration{0}) {
+        std::vector<CanFrame> to_drives;
+        profile_->tick(now_, to_drives);
+        for (const CanFrame& frame : to_drives) drives_.on_frame(frame, now_, to_bridge);
+      }
+      for (const CanFrame& frame : to_bridge) profile_->on_frame(frame, now_);
+    }
+  }
+  void turn_wheels() {
+    const auto targets = drives_.wheel_targets_radps();
+    for (std::size_t i = 0; i < 2; ++i) {
+      wheels_.speed_radps[i] = targets[i];
+      wheels_.angle_rad[i] += targets[i] * 1e-3;
+    }
+    drives_.set_wheels(wheels_);
+  }
+  DrivePhase phase() const { return profile_->snapshot(now_).phase; }
+  std::string reason() const { return profile_->snapshot(now_).reason; }
+  void enable() {
+    for (int i = 0; i < 200 && phase() == DrivePhase::starting; ++i) run(20);
+    ASSERT_EQ(phase(), DrivePhase::standby) << reason();
+    profile_->enable();
+    for (int i = 0; i < 100 && phase() != DrivePhase::enabled; ++i) run(20);
+    ASSERT_EQ(phase(), DrivePhase::enabled) << reason();
+  }
+
+  Instant now_ = kStart;
+  DrivetrainConfig config_;
+  std::unique_ptr<DriveProfile> profile_;
+  EmulatedCia402 drives_;
+  WheelStates wheels_;
+  bool bridge_lives_ = true;
+};
+
+TEST_P(BringUp, EndsInEnabledWithoutMovingAWheel) {
+  enable();
+  EXPECT_EQ(wheels_.angle_rad[0], 0.0);
+  EXPECT_EQ(wheels_.angle_rad[1], 0.0);
+}
+
+TEST_P(BringUp, TurnsBothWheelsForwardAsCommandedAndSeesThem) {
+  enable();
+  profile_->set_command({.v_mps = 0.5, .omega_radps = 0.3});
+  run(3000);
+  const VehicleConfig vehicle;
+  const double left_radps = (0.5 - 0.3 * vehicle.track_m / 2.0) / vehicle.wheel_radius_m;
+  const double right_radps = (0.5 + 0.3 * vehicle.track_m / 2.0) / vehicle.wheel_radius_m;
+  // Targets in whole rpm, on one of the drives
+  EXPECT_NEAR(wheels_.speed_radps[0], left_radps, 0.06);
+  EXPECT_NEAR(wheels_.speed_radps[1], right_radps, 0.06);
+  const DrivetrainSnapshot seen = profile_->snapshot(now_);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_NEAR(seen.wheels[i].speed_radps, wheels_.speed_radps[i], 0.011);
+    EXPECT_NEAR(seen.wheels[i].angle_rad, wheels_.angle_rad[i], 0.1);
+  }
+}
+
+TEST_P(BringUp, WithoutItsBridgeTheVehicleStopsByItself) {
+  enable();
+  profile_->set_command({.v_mps = 0.5, .omega_radps = 0.0});
+  run(3000);
+  ASSERT_GT(wheels_.speed_radps[0], 1.0);
+  bridge_lives_ = false;
+  run(250 + 400);
+  EXPECT_EQ(wheels_.speed_radps[0], 0.0);
+  EXPECT_EQ(wheels_.speed_radps[1], 0.0);
+  bridge_lives_ = true;
+  run(2000);
+  EXPECT_NE(phase(), DrivePhase::enabled) << reason();
+  EXPECT_EQ(wheels_.speed_radps[0], 0.0) << "no motion because the bridge is back";
+  EXPECT_EQ(wheels_.speed_radps[1], 0.0);
+}
+
+TEST_P(BringUp, AFaultOfOneDriveStopsBothWheels) {
+  enable();
+  profile_->set_command({.v_mps = 0.5, .omega_radps = 0.0});
+  run(3000);
+  drives_.inject({config_.axes[1].node, DriveFault::Kind::fault, 0x2310}, now_);
+  run(1000);
+  EXPECT_EQ(phase(), DrivePhase::faulted);
+  EXPECT_EQ(wheels_.speed_radps[0], 0.0);
+  EXPECT_EQ(wheels_.speed_radps[1], 0.0);
+}
+
+TEST_P(BringUp, IsRefusedByADriveThatAbortsItsWatchdog) {
+  drives_.inject(
+      {0, DriveFault::Kind::sdo_abort, static_cast<double>(config_.watchdogs[0].object.index)},
+      now_);
+  run(5000);
+  EXPECT_EQ(phase(), DrivePhase::refused) << reason();
+}
+
+INSTANTIATE_TEST_SUITE_P(ShippedDrivetrains, BringUp,
+                         ::testing::Values("two_node_cia402.toml", "dual_axis_cia402.toml",
+                                           "zlac8015d.toml"),
+                         [](const auto& info) {
+                           const std::string name = info.param;
+                           return name.substr(0, name.find('.'));
+                         });
+
+}  // namespace
+}  // namespace tether

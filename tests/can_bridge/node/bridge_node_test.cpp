@@ -1,0 +1,393 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tether/counters_t.hpp>
+#include <tether/drive_request_t.hpp>
+#include <tether/drivetrain_state_t.hpp>
+#include <tether/odometry_t.hpp>
+#include <tether/plan_in_force_t.hpp>
+#include <tether/wheel_feedback_t.hpp>
+
+#include "can_bridge/node/can_bridge_node.hpp"
+#include "tests/can_bridge/node/bridge_fakes.hpp"
+#include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/support/virtual_world.hpp"
+
+namespace tether {
+namespace {
+
+using testing::at_ms;
+using testing::at_s;
+using testing::counter;
+using testing::drivetrain;
+using testing::FakePort;
+using testing::FakeProfile;
+using testing::Seen;
+using testing::setpoint_mmps;
+using testing::twist;
+using testing::VirtualWorld;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+struct CanBridgeNodeTest : ::testing::Test {
+  Scenario scenario;
+  VirtualWorld world;
+  FakePort port;
+  FakeProfile* profile = nullptr;  // the node's
+  std::unique_ptr<CanBridgeNode> node;
+  std::vector<Seen<drivetrain_state_t>> states;
+  std::vector<Seen<wheel_feedback_t>> wheels;
+  std::vector<Seen<odometry_t>> odometry;
+  std::vector<Seen<counters_t>> counters;
+  std::int64_t request_seq = 0;
+
+  CanBridgeNodeTest() { scenario.can.cycle_ms = 20.0; }
+
+  void start() {
+    world.collect("CAN/STATE", states);
+    world.collect("CAN/WHEELS", wheels);
+    world.collect("CAN/ODOMETRY", odometry);
+    world.collect("CAN/COUNTERS", counters);
+    auto owned = std::make_unique<FakeProfile>();
+    profile = owned.get();
+    node = std::make_unique<CanBridgeNode>(scenario, drivetrain(), world.loop, world.bus, port,
+                                           std::move(owned));
+  }
+  void request_at(Instant when, std::int32_t what) {
+    drive_request_t m{};
+    m.utime = to_utime(when);
+    m.seq = request_seq++;
+    m.request = what;
+    world.publish_at(when, "CAN/REQUEST", m);
+  }
+  /// Commands every 50 ms in [from, to): zero until 0.5 s, then `v_mps`; ARM at 0.3 s.
+  void steer(double to_s, double v_mps) {
+    request_at(at_s(0.3), drive_request_t::ARM);
+    int seq = 0;
+    for (int ms = 0; ms < to_s * 1000; ms += 50) {
+      world.publish_at(at_ms(ms), "AGV/CMD_VEL",
+                       twist(at_ms(ms), seq++, ms < 500 ? 0.0 : v_mps, 0.0));
+    }
+  }
+  const drivetrain_state_t& state() const { return states.back().message; }
+  std::int64_t count(const std::string& name) {
+    node->finish();
+    world.loop.run_until(world.loop.now());
+    return counter(counters.back().message, name);
+  }
+  int fastest_sent_mmps() const {
+    int fastest = 0;
+    for (const CanFrame& f : port.sent) {
+      if (f.id == 0x201) fastest = std::max(fastest, std::abs(setpoint_mmps(f)));
+    }
+    return fastest;
+  }
+};
+
+TEST_F(CanBridgeNodeTest, SendsAndReportsOnceACycleFromTheStartOn) {
+  start();
+  world.loop.run_until(at_ms(100));
+  EXPECT_EQ(profile->starts, std::vector<Instant>{kStart});
+  EXPECT_EQ(profile->ticks.size(), 6U);  // t = 0, 20 … 100 ms
+  EXPECT_EQ(port.sent.size(), 12U);
+  ASSERT_EQ(states.size(), 6U);
+  EXPECT_EQ(wheels.size(), 6U);
+  EXPECT_EQ(odometry.size(), 6U);
+  EXPECT_EQ(states[0].message.state, drivetrain_state_t::STARTING);
+  EXPECT_EQ(states[5].message.state, drivetrain_state_t::DISARMED);
+  EXPECT_EQ(states[5].message.state_name, "disarmed");
+  EXPECT_EQ(states[5].message.seq, 5);
+  EXPECT_EQ(states[5].message.utime, 100'000);
+  EXPECT_EQ(states[5].message.bus, "up");
+  EXPECT_EQ(states[5].message.command_age_s, -1.0);
+}
+
+TEST_F(CanBridgeNodeTest, FollowsCommandsOnceArmed) {
+  start();
+  steer(4.0, 0.8);
+  world.loop.run_until(at_s(3.98));
+  EXPECT_EQ(state().state, drivetrain_state_t::ARMED);
+  EXPECT_NEAR(state().v_mps, 0.8, 1e-9);
+  EXPECT_NEAR(state().command_age_s, 0.03, 1e-9);
+  EXPECT_EQ(setpoint_mmps(port.sent.back()), 800);
+}
+
+TEST_F(CanBridgeNodeTest, TellsEveryCycleWhichPlanItFollows) {
+  scenario.actuator.policy = Scenario::Actuator::Policy::horizon;
+  std::vector<Seen<plan_in_force_t>> plans;
+  world.collect("CAN/PLAN", plans);
+  start();
+  Plan p = testing::plan(at_ms(30), 4, Plan::kBasedOnNone, {});
+  world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(p));
+  p.name.id = p.seq = 5;
+  p.based_on = p.based_on_last = 4;
+  world.publish_at(at_ms(70), "AGV/PRELOAD", testing::to_message(p));
+  world.publish_bytes_at(at_ms(75), "AGV/PLAN", {1, 2, 3});
+  world.loop.run_until(at_ms(100));
+  ASSERT_EQ(plans.size(), 6U);
+  const std::vector<std::int64_t> ids{-1, -1, 4, 4, 5, 5};
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    EXPECT_EQ(plans[i].message.id, ids[i]) << i;
+    EXPECT_EQ(plans[i].message.session, ids[i] < 0 ? -1 : 7) << i;
+    EXPECT_EQ(plans[i].message.seq, static_cast<std::int64_t>(i));
+    EXPECT_EQ(plans[i].message.utime, to_utime(plans[i].when));
+  }
+  EXPECT_EQ(count("plan.accepted"), 2);
+  EXPECT_EQ(count("plan.undecodable"), 1);
+}
+
+TEST_F(CanBridgeNodeTest, WithoutThePolicyItNeitherFollowsPlansNorTells) {
+  std::vector<Seen<plan_in_force_t>> plans;
+  world.collect("CAN/PLAN", plans);
+  start();
+  EXPECT_EQ(count("plan.unasked"), -1);
+  world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(testing::plan(at_ms(30), 4)));
+  world.loop.run_until(at_ms(100));
+  EXPECT_TRUE(plans.empty());
+  EXPECT_EQ(state().command_age_s, -1.0);
+  EXPECT_EQ(count("plan.unasked"), 1);
+}
+
+TEST_F(CanBridgeNodeTest, SendsNoSetpointWithoutArming) {
+  start();
+  for (int i = 0; i < 100; ++i) {
+    world.publish_at(at_ms(20.0 * i), "AGV/CMD_VEL", twist(at_ms(20.0 * i), i, 1.0, 0.5));
+  }
+  world.loop.run_until(at_s(2.0));
+  EXPECT_EQ(fastest_sent_mmps(), 0);
+  EXPECT_EQ(profile->command.v_mps, 0.0);
+}
+
+TEST_F(CanBridgeNodeTest, AProfileThatSendsSpeedsUnaskedIsCutOff) {
+  start();
+  profile->forced_mmps = 500;
+  world.loop.run_until(at_s(1.0));
+  EXPECT_EQ(fastest_sent_mmps(), 0);
+  EXPECT_EQ(port.sent.size(), 102U) << "heartbeat and controlword still go out";
+  EXPECT_EQ(count("tx.zeroed"), 51);
+}
+
+TEST_F(CanBridgeNodeTest, StopsWithin520MsOfTheLastCommand) {
+  start();
+  steer(3.0, 0.8);  // the last at 2.95 s
+  world.loop.run_until(at_s(3.14));
+  EXPECT_EQ(setpoint_mmps(port.sent.back()), 800);
+  world.loop.run_until(at_s(3.16));
+  EXPECT_LT(setpoint_mmps(port.sent.back()), 800);
+  EXPECT_NE(state().reason.find("ramping to zero"), std::string::npos);
+  world.loop.run_until(at_s(3.46));
+  EXPECT_EQ(setpoint_mmps(port.sent.back()), 0);
+  EXPECT_NE(state().state, drivetrain_state_t::ARMED);
+  EXPECT_EQ(state().disarms, 1);
+}
+
+TEST_F(CanBridgeNodeTest, BadCommandsAreCountedAndKeepNothingAlive) {
+  start();
+  steer(2.0, 0.8);  // the last at 1.95 s
+  for (int i = 0; i < 50; ++i) {
+    const Instant t = at_s(2.0 + 0.02 * i);
+    world.publish_at(t, "AGV/CMD_VEL", twist(t, 1000 + i, kNaN, 0.0));
+    world.publish_bytes_at(t, "AGV/CMD_VEL", {1, 2, 3});
+    world.publish_bytes_at(t, "CAN/REQUEST", {1, 2, 3});
+  }
+  world.loop.run_until(at_s(3.0));
+  EXPECT_EQ(state().state, drivetrain_state_t::DISARMED);
+  EXPECT_EQ(count("command.non_finite"), 50);
+  EXPECT_EQ(count("command.undecodable"), 50);
+  EXPECT_EQ(count("request.undecodable"), 50);
+  EXPECT_EQ(count("disarms"), 1);
+}
+
+TEST_F(CanBridgeNodeTest, RequestsReachTheSafetyCore) {
+  start();
+  steer(4.0, 0.8);
+  request_at(at_s(2.0), drive_request_t::ESTOP);
+  world.loop.run_until(at_s(2.0));
+  EXPECT_LE(std::abs(setpoint_mmps(port.sent.back())), 800);
+  world.loop.run_until(at_s(2.02));
+  EXPECT_EQ(setpoint_mmps(port.sent.back()), 0) << "in the next cycle at the latest";
+  world.loop.run_until(at_s(2.1));
+  EXPECT_EQ(state().state, drivetrain_state_t::ESTOP);
+}
+
+TEST_F(CanBridgeNodeTest, ADisarmRampsThenTellsTheDrivesToSwitchOff) {
+  start();
+  steer(4.0, 0.8);
+  request_at(at_s(2.0), drive_request_t::DISARM);
+  world.loop.run_until(at_s(3.0));
+  EXPECT_EQ(profile->stops, std::vector<StopKind>{StopKind::disable});
+  EXPECT_EQ(state().state, drivetrain_state_t::DISARMED);
+}
+
+TEST_F(CanBridgeNodeTest, AnEStopLeavesNoSpeedBehindInTheProfile) {
+  start();
+  steer(4.0, 0.8);
+  request_at(at_s(2.0), drive_request_t::ESTOP);
+  world.loop.run_until(at_s(1.98));
+  ASSERT_NEAR(profile->command.v_mps, 0.8, 1e-9);
+  world.loop.run_until(at_s(2.02));
+  EXPECT_EQ(profile->stops, std::vector<StopKind>{StopKind::quick});
+  EXPECT_EQ(profile->command.v_mps, 0.0);
+  EXPECT_TRUE(profile->distrusted_until.empty()) << "its feedback is sound";
+}
+
+TEST_F(CanBridgeNodeTest, AResetReachesTheDrives) {
+  start();
+  world.loop.at(at_ms(105), Priority::node, [this](Instant) {
+    profile->now.phase = DrivePhase::faulted;
+    profile->now.reason = "left drive: fault";
+  });
+  request_at(at_ms(150), drive_request_t::RESET);
+  world.loop.run_until(at_ms(140));
+  EXPECT_EQ(profile->fault_resets, 0);
+  world.loop.run_until(at_ms(300));
+  EXPECT_EQ(profile->fault_resets, 1);
+  EXPECT_EQ(state().state, drivetrain_state_t::DISARMED);
+}
+
+TEST_F(CanBridgeNodeTest, AStopForLostFeedbackTellsTheProfileHowLongNotToBelieveStandstill) {
+  start();
+  steer(4.0, 0.75);
+  world.loop.at(at_ms(1990), Priority::node,
+                [this](Instant) { profile->now.feedback_fresh = false; });
+  world.loop.run_until(at_s(2.0));
+  EXPECT_EQ(profile->stops, std::vector<StopKind>{StopKind::quick});
+  // 0.75 m/s at 1.5 m/s², and the margin.
+  ASSERT_FALSE(profile->distrusted_until.empty());
+  EXPECT_EQ(profile->distrusted_until.back(), at_s(3.0));
+}
+
+TEST_F(CanBridgeNodeTest, APortThatCouldNotBeRestartedIsWarnedOfAtTheStart) {
+  ::testing::internal::CaptureStderr();
+  port.warned = "cannot restart can0 after a stall";
+  start();
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(),
+            "tether-can-bridge: warning: cannot restart can0 after a stall\n");
+}
+
+TEST_F(CanBridgeNodeTest, ABusThatFailsBetweenTwoCyclesLatches) {
+  start();
+  world.loop.at(at_ms(105), Priority::node, [this](Instant) { port.change(CanState::bus_off); });
+  world.loop.at(at_ms(110), Priority::node, [this](Instant) { port.change(CanState::up); });
+  world.loop.run_until(at_ms(200));
+  EXPECT_EQ(state().state, drivetrain_state_t::FAULT);
+  EXPECT_NE(state().reason.find("bus-off"), std::string::npos);
+}
+
+TEST_F(CanBridgeNodeTest, AResetRestartsABusThatWasOff) {
+  start();
+  world.loop.at(at_ms(105), Priority::node, [this](Instant) { port.change(CanState::bus_off); });
+  request_at(at_ms(150), drive_request_t::RESET);
+  world.loop.run_until(at_ms(140));
+  EXPECT_EQ(state().bus, "bus-off");
+  world.loop.run_until(at_ms(300));
+  EXPECT_EQ(port.restarts, 1);
+  EXPECT_EQ(state().state, drivetrain_state_t::DISARMED);
+}
+
+TEST_F(CanBridgeNodeTest, ABusThatCannotBeRestartedSaysWhatToDo) {
+  start();
+  port.can_restart = false;
+  world.loop.at(at_ms(105), Priority::node, [this](Instant) { port.change(CanState::stalled); });
+  request_at(at_ms(150), drive_request_t::RESET);
+  world.loop.run_until(at_ms(300));
+  EXPECT_EQ(state().state, drivetrain_state_t::FAULT);
+  EXPECT_NE(state().reason.find("ip link set can0 down"), std::string::npos);
+}
+
+TEST_F(CanBridgeNodeTest, ReportsTheWheelsAndWhereTheyLed) {
+  scenario.vehicle.start_x_m = 5.0;
+  start();
+  for (WheelFeedback& w : profile->now.wheels) w.valid = true;
+  world.loop.at(at_ms(30), Priority::node, [this](Instant) {
+    auto& [left, right] = profile->now.wheels;
+    left.angle_rad = right.angle_rad = 0.5;
+    left.stamp = right.stamp = at_ms(30);
+    right.speed_radps = 2.0;
+    left.position_counts = -7;
+    right.statusword = 0x27;
+    right.error_code = 0x7500;
+    left.state = "OperationEnabled";
+  });
+  world.loop.run_until(at_ms(40));
+  const wheel_feedback_t& w = wheels.back().message;
+  EXPECT_TRUE(w.fresh);
+  EXPECT_DOUBLE_EQ(w.left_age_s, 0.01);
+  EXPECT_DOUBLE_EQ(w.right_rim_mps, 0.8);
+  EXPECT_EQ(w.left_position_counts, -7);
+  EXPECT_EQ(w.right_statusword, 0x27);
+  EXPECT_EQ(w.right_error_code, 0x7500);
+  EXPECT_EQ(w.left_state, "OperationEnabled");
+  EXPECT_NEAR(odometry.back().message.x_m, 5.2, 1e-9);
+  EXPECT_NEAR(odometry.back().message.distance_m, 0.2, 1e-9);
+}
+
+TEST_F(CanBridgeNodeTest, ReportsIntrudersAndTheProfilesCounters) {
+  start();
+  profile->seen_intruder = "0x201 from another sender";
+  world.loop.run_until(at_s(1.0));
+  EXPECT_NE(state().reason.find("0x201 from another sender"), std::string::npos);
+  ASSERT_FALSE(counters.empty());
+  EXPECT_EQ(counters.back().message.node, "can_bridge");
+  EXPECT_EQ(count("drive.rejected_frames"), 3);
+  EXPECT_EQ(count("drive.intruder_frames"), 4);
+  EXPECT_EQ(count("can.sent"), static_cast<std::int64_t>(port.sent.size()));
+}
+
+TEST_F(CanBridgeNodeTest, FramesGoToTheProfile) {
+  start();
+  port.frame_handler(CanFrame::make(0x181, {1}));  // before the first cycle
+  world.loop.run_until(at_ms(10));
+  port.frame_handler(CanFrame::make(0x181, {2}));
+  EXPECT_EQ(profile->heard, std::vector<CanFrame>{CanFrame::make(0x181, {2})});
+}
+
+TEST_F(CanBridgeNodeTest, WindsDownByStoppingThenFallsSilent) {
+  start();
+  steer(2.0, 0.8);
+  world.loop.at(at_s(1.0), Priority::node, [this](Instant) { profile->now.standstill = false; });
+  world.loop.run_until(at_s(2.0));
+  ASSERT_EQ(state().state, drivetrain_state_t::ARMED);
+  EXPECT_FALSE(node->wind_down());
+  world.loop.run_until(at_s(2.1));
+  EXPECT_EQ(setpoint_mmps(port.sent.back()), 0);
+  EXPECT_EQ(profile->now.phase, DrivePhase::stopping);
+  EXPECT_FALSE(node->wind_down()) << "the wheels still turn";
+  profile->now.standstill = true;
+  world.loop.run_until(at_s(2.2));
+  EXPECT_TRUE(node->wind_down());
+  EXPECT_EQ(profile->now.phase, DrivePhase::standby);
+  const std::size_t sent = port.sent.size();
+  world.loop.run_until(at_s(3.0));
+  EXPECT_EQ(port.sent.size(), sent);
+}
+
+TEST_F(CanBridgeNodeTest, EndsWithAnErrorThatTellsTheSpeedIfTheWheelsStillTurn) {
+  start();
+  steer(2.0, 0.8);
+  world.loop.at(at_s(1.0), Priority::node, [this](Instant) {
+    profile->now.standstill = false;
+    profile->now.wheels[0].speed_radps = 2.0;
+  });
+  world.loop.run_until(at_s(2.0));
+  EXPECT_FALSE(node->wind_down());
+  for (double t = 2.1; t < 5.95; t += 0.1) {
+    world.loop.run_until(at_s(t));
+    ASSERT_FALSE(node->wind_down()) << t;
+  }
+  world.loop.run_until(at_s(6.0));  // 3 m/s at 1.5 m/s², and 2 s
+  EXPECT_TRUE(node->wind_down());
+  try {
+    node->finish();
+    ADD_FAILURE() << "ended as if all were well";
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find("the wheels turn at 0.80 m/s, power stages on"),
+              std::string::npos)
+        << e.what();
+  }
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,188 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/path/make_path.hpp"
+#include "common/scenario/scenario.hpp"
+
+namespace tether {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+Scenario parse(const std::vector<std::string>& overrides, const std::string& toml = "") {
+  return parse_scenario(toml, "a.toml", overrides);
+}
+
+std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
+  try {
+    parse(overrides, toml);
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+const char* const kKinds[] = {"circle", "line", "rounded_rectangle"};
+
+TEST(PathKeys, EachKindIsFeasibleByDefault) {
+  for (const std::string kind : kKinds) {
+    EXPECT_EQ(refusal({"path.kind=" + kind}), "accepted");
+    EXPECT_EQ(refusal({"path.kind=" + kind, "vehicle.drivetrain=can", "can.drivetrain=x.toml"}),
+              "accepted");
+  }
+}
+
+TEST(PathKeys, AKeyOfAnotherKindIsRefused) {
+  EXPECT_THAT(refusal({"path.kind=circle", "path.length_m=3"}),
+              HasSubstr("path.length_m has no effect: path.kind is \"circle\""));
+  EXPECT_THAT(refusal({"path.radius_m=3"}),
+              HasSubstr("path.radius_m has no effect: path.kind is \"figure_eight\""));
+  EXPECT_THAT(refusal({"path.kind=line", "path.csv=a.csv"}), HasSubstr("path.csv has no effect"));
+  // What the file says of the path that it has may stay.
+  EXPECT_EQ(refusal({"path.kind=circle"}, "[path]\namplitude_m = 10.0"), "accepted");
+}
+
+TEST(PathKeys, TheResolvedTextNamesThoseWithAnEffect) {
+  const Scenario circle = parse({"path.kind=circle", "path.radius_m=3", "path.clockwise=true"});
+  const std::string text = to_toml(circle);
+  EXPECT_THAT(text, HasSubstr("kind = \"circle\"\nradius_m = 3.0\nclockwise = true\n"));
+  EXPECT_THAT(text, Not(HasSubstr("amplitude_m")));
+  EXPECT_THAT(text, Not(HasSubstr("corner_radius_m")));
+  EXPECT_EQ(to_toml(parse({}, text)), text);
+  EXPECT_THAT(to_toml(Scenario{}), Not(HasSubstr("max_lateral_acceleration_mps2")));
+}
+
+TEST(PathStart, TheVehicleStartsWhereItsPathDoes) {
+  const Scenario s =
+      parse({"path.kind=line", "path.start_x_m=-5", "path.start_y_m=4", "path.start_yaw_rad=-0.5"});
+  EXPECT_NEAR(s.vehicle.start_x_m, -5.0, 1e-12);
+  EXPECT_NEAR(s.vehicle.start_y_m, 4.0, 1e-12);
+  EXPECT_NEAR(s.vehicle.start_yaw_rad, -0.5, 1e-12);
+  EXPECT_THAT(to_toml(s), HasSubstr("start_x_m = -5.0"));
+}
+
+TEST(PathStart, AGivenStartOfTheVehicleStays) {
+  const Scenario s = parse({"path.kind=line", "path.start_x_m=-5", "path.start_y_m=4"},
+                           "[vehicle]\nstart_y_m = 3.0");
+  EXPECT_EQ(s.vehicle.start_x_m, -5.0);
+  EXPECT_EQ(s.vehicle.start_y_m, 3.0);
+}
+
+TEST(PathStart, TheFigureEightLeavesTheVehicleAtTheOrigin) {
+  const Scenario s = parse({"path.rotation_rad=1"});
+  EXPECT_EQ(s.vehicle.start_yaw_rad, 0.0);
+}
+
+TEST(PathCheck, NamesTheLimitItsValueAndThePlace) {
+  const struct {
+    std::vector<std::string> settings;
+    const char* reason;
+  } cases[] = {
+      {{"path.kind=line", "controller.v.limit=1"}, "a speed of 1.0"},
+      {{"path.kind=circle", "path.radius_m=2", "path.max_lateral_acceleration_mps2=5",
+        "controller.omega.limit=0.5"},
+       "controller.omega.limit = 0.5"},
+      {{"path.kind=circle", "path.radius_m=5", "path.speed_mps=3",
+        "path.max_lateral_acceleration_mps2=2", "vehicle.max_wheel_speed_mps=3.1"},
+       "vehicle.max_wheel_speed_mps = 3.1"},
+      {{"path.kind=line", "path.max_acceleration_mps2=4"},
+       "vehicle.max_wheel_acceleration_mps2 = 3"},
+      {{"path.kind=circle", "path.radius_m=3", "path.speed_mps=2",
+        "path.max_lateral_acceleration_mps2=2", "world.friction=0.1"},
+       "world.friction * world.gravity_mps2 = 0.98"},
+      {{"path.kind=line", "path.speed_mps=2", "vehicle.drivetrain=can", "can.drivetrain=x.toml",
+        "can.max_speed_mps=1.8"},
+       "can.max_speed_mps = 1.8"},
+      {{"path.kind=line", "path.max_deceleration_mps2=2", "vehicle.drivetrain=can",
+        "can.drivetrain=x.toml"},
+       "can.max_deceleration_mps2 = 1.5"},
+      {{"path.kind=line", "path.length_m=30"}, "world.half_extent_m = 22"},
+      {{"path.kind=circle", "path.radius_m=12"}, "the vehicle would be in or beyond a wall"},
+      {{"path.kind=rounded_rectangle", "path.corner_radius_m=4"},
+       "path.corner_radius_m = 4 does not fit"},
+      {{"path.kind=circle", "path.radius_m=0.1", "path.max_yaw_rate_radps=0.1"},
+       "path.max_yaw_rate_radps and path.max_lateral_acceleration_mps2 leave less than 0.05 m/s"},
+      {{"path.kind=csv"}, "needs path.csv"},
+      {{"path.kind=csv", "path.csv=/nowhere.csv"}, "cannot open the waypoints /nowhere.csv"},
+  };
+  for (const auto& c : cases) {
+    EXPECT_THAT(refusal(c.settings), AllOf(StartsWith("a.toml: "), HasSubstr(c.reason)));
+  }
+  EXPECT_THAT(refusal({"path.kind=line", "path.length_m=30"}),
+              HasSubstr("a.toml: 20.55 m along the path, at (20.55, 0.00) m"));
+}
+
+TEST(PathCheck, TheFigureEightIsFreeAsThePaperHasIt) {
+  EXPECT_EQ(refusal({"path.rate_radps=10", "path.amplitude_m=100"}), "accepted");
+}
+
+/// A folder with a scenario and waypoints.
+class PathFileTest : public ::testing::Test {
+ protected:
+  PathFileTest() {
+    std::string name = (std::filesystem::temp_directory_path() / "tether-path-XXXXXX").string();
+    folder_ = mkdtemp(name.data());
+    std::ofstream(folder_ / "a.toml") << "[path]\nkind = \"csv\"\ncsv = \"lap.csv\"\n";
+  }
+  ~PathFileTest() override { std::filesystem::remove_all(folder_); }
+
+  Scenario load(const std::string& csv, const std::vector<std::string>& overrides = {}) {
+    std::ofstream(folder_ / "lap.csv") << csv;
+    return load_scenario((folder_ / "a.toml").string(), overrides);
+  }
+  std::string refusal(const std::string& csv, const std::vector<std::string>& overrides = {}) {
+    try {
+      load(csv, overrides);
+    } catch (const UsageError& error) {
+      const std::string text = error.what();
+      const std::string name = (folder_ / "lap.csv").string();
+      return text.starts_with(name) ? text.substr(name.size() + 1) : text;
+    }
+    return "accepted";
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(PathFileTest, IsLookedForBesideTheScenarioAndSetsTheStart) {
+  const Scenario s = load("x_m,y_m\n-3,2\n-3,9\n0,12\n");
+  EXPECT_EQ(s.path.csv, (folder_ / "lap.csv").string());
+  EXPECT_EQ(s.vehicle.start_x_m, -3.0);
+  EXPECT_EQ(s.vehicle.start_y_m, 2.0);
+  EXPECT_GT(s.vehicle.start_yaw_rad, 1.5);
+  EXPECT_EQ(make_path(s.path)->at(1e4).y_m, 12.0);
+}
+
+TEST_F(PathFileTest, ErrorsNameTheWaypointsLine) {
+  EXPECT_THAT(refusal("x_m,y_m\n0,0\n10,0\n21,0\n"),
+              AllOf(StartsWith("3: 20.5"), HasSubstr("world.half_extent_m = 22")));
+  EXPECT_THAT(refusal("x_m,y_m\n0,0\n5,0\n5,nan\n"), StartsWith("4: "));
+  EXPECT_THAT(refusal("x_m,y_m,v_mps\n0,0,1\n5,0,1\n10,0,1\n", {"controller.v.limit=0.9"}),
+              AllOf(StartsWith("2: "), HasSubstr("controller.v.limit = 0.9")));
+  EXPECT_THAT(refusal("x_m,y_m\n0,0\n4,0\n4.05,0.05\n4,0.1\n0,0.1\n"),
+              AllOf(StartsWith("3: "), HasSubstr("the path bends with a radius of 0.0")));
+}
+
+TEST_F(PathFileTest, ASpeedThatABendDoesNotAllowIsRefused) {
+  const std::string rows = "0,0,1\n4,0,1\n6,2,1.5\n4,4,1\n0,4,1\n";
+  EXPECT_THAT(refusal("x_m,y_m,v_mps\n" + rows,
+                      {"path.max_lateral_acceleration_mps2=0.5", "path.max_yaw_rate_radps=5"}),
+              AllOf(StartsWith("4: v_mps = 1.5 is not possible"),
+                    HasSubstr("path.max_lateral_acceleration_mps2 = 0.5 allows")));
+  EXPECT_THAT(refusal("x_m,y_m,v_mps\n" + rows,
+                      {"path.max_lateral_acceleration_mps2=5", "path.max_yaw_rate_radps=0.3"}),
+              HasSubstr("path.max_yaw_rate_radps = 0.3 allows"));
+}
+
+}  // namespace
+}  // namespace tether

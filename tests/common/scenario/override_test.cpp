@@ -1,0 +1,202 @@
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/keys.hpp"
+#include "common/scenario/scenario.hpp"
+
+// What --set does, and what scenario files do as files.
+
+namespace tether {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+Scenario with(const std::vector<std::string>& overrides, const std::string& toml = "") {
+  return parse_scenario(toml, "test.toml", overrides);
+}
+
+std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
+  try {
+    with(overrides, toml);
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+std::string file_refusal(const std::string& path) {
+  try {
+    load_scenario(path, {});
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+struct ScratchFile {
+  std::filesystem::path path;
+  explicit ScratchFile(const std::string& text) {
+    std::string name = (std::filesystem::temp_directory_path() / "scenario-XXXXXX").string();
+    const int fd = mkstemp(name.data());
+    EXPECT_GE(fd, 0);
+    close(fd);
+    path = name;
+    std::ofstream(path) << text;
+  }
+  ~ScratchFile() { std::filesystem::remove(path); }
+};
+
+TEST(ScenarioOverride, ReplacesWhatTheFileSaysAndTheLastOneWins) {
+  const Scenario s =
+      with({"sensor.rate_hz=7", "sensor.rate_hz=9", "run.seed=3"}, "[sensor]\nrate_hz = 5.0");
+  EXPECT_EQ(s.sensor.rate_hz, 9.0);
+  EXPECT_EQ(s.run.seed, 3U);
+}
+
+TEST(ScenarioOverride, TakesStringsWithOrWithoutQuotes) {
+  for (const char* text : {"actuator.policy=zero", "actuator.policy=\"zero\"",
+                           "actuator.policy='zero'", "actuator.policy = zero"}) {
+    EXPECT_EQ(with({text}).actuator.policy, Scenario::Actuator::Policy::zero) << text;
+  }
+}
+
+TEST(ScenarioOverride, TakesNumbersThatTomlWouldNot) {
+  EXPECT_EQ(with({"channel.prr=.45"}).channel.uplink.fixed.prr, 0.45);
+}
+
+TEST(ScenarioOverride, OfTheChannelSetsBothDirections) {
+  const Scenario s = with({"channel.prr=0.45", "channel.delay_ms=100"});
+  for (const LinkConfig& link : {s.channel.uplink, s.channel.downlink}) {
+    EXPECT_EQ(link.fixed.prr, 0.45);
+    EXPECT_EQ(link.fixed.delay_ms, 100.0);
+  }
+}
+
+TEST(ScenarioOverride, OfOneDirectionLeavesTheOtherAlone) {
+  const Scenario s = with({"channel.downlink.prr=0.45"});
+  EXPECT_EQ(s.channel.uplink.fixed.prr, 1.0);
+  EXPECT_EQ(s.channel.downlink.fixed.prr, 0.45);
+}
+
+TEST(ScenarioOverride, OfTheChannelReachesTheMarkovModel) {
+  const Scenario s = with({"channel.model=markov", "channel.markov.bad.prr=0.2"});
+  for (const LinkConfig& link : {s.channel.uplink, s.channel.downlink}) {
+    EXPECT_EQ(link.model, LinkConfig::Model::markov);
+    EXPECT_EQ(link.bad.prr, 0.2);
+  }
+}
+
+TEST(ScenarioOverride, IsRefusedWithItsOwnTextAndWhatIsAllowed) {
+  EXPECT_THAT(refusal({"channel.downlink.prr=1.2"}),
+              AllOf(StartsWith("--set channel.downlink.prr=1.2: "), HasSubstr("[0, 1]")));
+  EXPECT_THAT(refusal({"channel.ulpink.prr=0.5"}),
+              AllOf(HasSubstr("unknown key"), HasSubstr("channel.uplink.prr")));
+  EXPECT_THAT(refusal({"sensor.rate_hz=-1"}), HasSubstr("must be a number in [0.001, 1000]"));
+  EXPECT_THAT(refusal({"sensor.rate_hz=nan"}), HasSubstr("must be a number in [0.001, 1000]"));
+  EXPECT_THAT(refusal({"run.duration_s=inf"}), HasSubstr("must be a number in (0, 1000000]"));
+  EXPECT_THAT(refusal({"actuator.policy=levitate"}), HasSubstr("\"hold\" or \"zero\""));
+  EXPECT_THAT(refusal({"vehicle.name=CTRL"}), HasSubstr("channels CTRL... have another meaning"));
+}
+
+TEST(ScenarioOverride, MustHaveAKeyAndOneReadableValue) {
+  EXPECT_THAT(refusal({"sensor.rate_hz"}), HasSubstr("expected KEY=VALUE"));
+  EXPECT_THAT(refusal({"=5"}), HasSubstr("expected KEY=VALUE"));
+  EXPECT_THAT(refusal({"sensor.rate_hz="}), HasSubstr("cannot read the value"));
+  EXPECT_THAT(refusal({"sensor.rate_hz=5\nrun.seed = 7"}), HasSubstr("must be one line"));
+  EXPECT_THAT(refusal({"sensor.rate_hz=[1, 2]"}), HasSubstr("must be a number"));
+}
+
+TEST(ScenarioOverride, ThatTheChannelModelIgnoresIsRefused) {
+  const std::string markov = "[channel.uplink]\nmodel = \"markov\"";
+  EXPECT_THAT(refusal({"channel.uplink.prr=0.5"}, markov),
+              AllOf(HasSubstr("has no effect"), HasSubstr("model is \"markov\"")));
+  EXPECT_THAT(refusal({"channel.uplink.markov.bad.prr=0.5"}),
+              AllOf(HasSubstr("has no effect"), HasSubstr("model is \"fixed\"")));
+  EXPECT_EQ(refusal({"channel.downlink.prr=0.5"}, markov), "accepted");
+}
+
+TEST(Scenario, AKeyInTheFileThatTheChannelModelIgnoresIsRefused) {
+  EXPECT_THAT(refusal({}, "[channel.uplink]\nmarkov.p_bad = 0.9\nmarkov.mean_cycle_s = 4.0"),
+              AllOf(StartsWith("test.toml: channel.uplink.markov."), HasSubstr("has no effect")));
+  EXPECT_THAT(refusal({}, "[channel.uplink]\nmodel = \"markov\"\nprr = 0.1"),
+              AllOf(StartsWith("test.toml: channel.uplink.prr"), HasSubstr("has no effect")));
+  // What the file set before an override chose another model is no mistake.
+  EXPECT_EQ(refusal({"channel.uplink.model=markov"}, "[channel.uplink]\nprr = 0.1"), "accepted");
+}
+
+TEST(Scenario, ASharedStateNeedsTheSameSojournTimesInBothDirections) {
+  const std::vector<std::string> shared{"channel.shared_state=true", "channel.model=markov"};
+  auto differing = shared, same = shared;
+  differing.push_back("channel.downlink.markov.mean_bad_s=1");
+  same.push_back("channel.markov.mean_bad_s=1");
+  EXPECT_THAT(refusal(differing), HasSubstr("the same sojourn times"));
+  EXPECT_EQ(refusal(same), "accepted");
+}
+
+TEST(ScenarioKeys, ValuesThatWouldOverflowTimeOrPhysicsAreRefused) {
+  for (const char* text :
+       {"sensor.rate_hz=1e-10", "run.truth_rate_hz=1e-12", "controller.rate_hz=1e-11",
+        "actuator.timeout_s=1e10", "controller.pose_timeout_s=1e10", "path.rate_radps=1e308",
+        "path.amplitude_m=1e308", "vehicle.chassis_mass_kg=1e308", "vehicle.wheel_mass_kg=1e-300",
+        "vehicle.track_m=1e200", "vehicle.caster_x_m=1e300", "vehicle.wheel_radius_m=1e-200",
+        "world.gravity_mps2=1e308"}) {
+    EXPECT_THAT(refusal({text}), HasSubstr("must be a number in ")) << text;
+  }
+}
+
+TEST(ScenarioFile, ThatCannotBeReadIsRefusedByName) {
+  EXPECT_THAT(file_refusal("/no/such/file.toml"), HasSubstr("\"/no/such/file.toml\""));
+  EXPECT_THAT(file_refusal("/"), HasSubstr("cannot read the scenario file \"/\""));
+}
+
+TEST(ScenarioFile, MayBeEmpty) {
+  const ScratchFile file("");
+  EXPECT_EQ(to_toml(load_scenario(file.path.string(), {})), to_toml(Scenario{}));
+}
+
+TEST(ScenarioFile, IsNamedWithItsPathInMessages) {
+  const ScratchFile file("[run]\nseed = 1\n[sensor]\nrate_hz = \"often\"\n");
+  EXPECT_THAT(file_refusal(file.path.string()),
+              AllOf(StartsWith(file.path.string() + ":4: sensor.rate_hz"), HasSubstr("often")));
+}
+
+TEST(ScenarioFile, TheShippedOnesLoadAndRoundTrip) {
+  for (const char* name : {"paper.toml", "paper_markov.toml"}) {
+    const Scenario s = load_scenario(std::string(TETHER_SOURCE_DIR "/scenarios/") + name, {});
+    EXPECT_EQ(s.run.duration_s, 62.0);
+    EXPECT_EQ(s.sensor.rate_hz, 1.0);
+    EXPECT_EQ(s.vehicle.track_m, 1.2);
+    EXPECT_EQ(s.actuator.policy, Scenario::Actuator::Policy::hold);
+    EXPECT_EQ(to_toml(parse_scenario(to_toml(s), "again")), to_toml(s));
+  }
+}
+
+TEST(ScenarioFile, ThePapersMarkovChannelHasItsProbabilitiesAndSojournTimes) {
+  const Scenario s = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper_markov.toml", {});
+  EXPECT_TRUE(s.channel.shared_state);
+  for (const LinkConfig& link : {s.channel.uplink, s.channel.downlink}) {
+    EXPECT_DOUBLE_EQ(link.mean_bad_s / (link.mean_bad_s + link.mean_good_s), 0.25);
+    EXPECT_DOUBLE_EQ(link.mean_bad_s, 8.0);
+    EXPECT_EQ(link.bad.prr, 0.5);
+    EXPECT_EQ(link.bad.delay_ms, 500.0);
+  }
+}
+
+TEST(ScenarioKeys, TheTableForPeopleNamesEveryKeyWithDefaultMeaningAndRange) {
+  const std::string table = describe_scenario_keys();
+  for (const ScenarioKey& key : scenario_keys()) {
+    EXPECT_THAT(table, HasSubstr(key.name + " = "));
+    EXPECT_THAT(table, HasSubstr(key.meaning + "; " + key.allowed));
+  }
+}
+
+}  // namespace
+}  // namespace tether

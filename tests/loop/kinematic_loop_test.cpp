@@ -1,0 +1,112 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "tests/tools/runs/run_files.hpp"
+#include "tools/loop/closed_loop.hpp"
+
+// The whole loop with the kinematic plant.
+
+namespace tether {
+namespace {
+
+using testing::contents;
+using testing::Folder;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::run_and_hash;
+using testing::run_into;
+
+Scenario paper(std::vector<std::string> overrides, bool kinematic = true) {
+  if (kinematic) overrides.emplace_back("vehicle.plant=kinematic");
+  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+}
+
+double epsilon_m(const Scenario& scenario) {
+  ClosedLoop loop(scenario);
+  loop.run();
+  return loop.sim().metrics().epsilon_m();
+}
+
+TEST(KinematicLoop, EpsilonWithoutImpairmentIsThatOfOde) {
+  const double ode = epsilon_m(paper({}, false));
+  EXPECT_NEAR(epsilon_m(paper({})), ode, 0.01 * ode);
+  EXPECT_NEAR(ode, 1.732, 0.005);
+}
+
+TEST(KinematicLoop, EpsilonWithDelayIsThatOfOde) {
+  const double ode = epsilon_m(paper({"channel.delay_ms=500"}, false));
+  EXPECT_NEAR(epsilon_m(paper({"channel.delay_ms=500"})), ode, 0.01 * ode);
+}
+
+TEST(KinematicLoop, SameScenarioAndSeedGiveByteIdenticalFiles) {
+  const std::vector<std::string> lossy{"channel.prr=0.45", "run.seed=7", "run.duration_s=30"};
+  EXPECT_EQ(run_and_hash(paper(lossy)), run_and_hash(paper(lossy)));
+}
+
+TEST(KinematicLoop, HowOftenTheTruthIsLookedAtDoesNotChangeTheRun) {
+  const double e = epsilon_m(paper({"channel.prr=0.45"}));
+  for (const char* rate : {"7.3", "1000", "0.1"}) {
+    EXPECT_EQ(epsilon_m(paper({"channel.prr=0.45", std::string("run.truth_rate_hz=") + rate})), e);
+  }
+}
+
+TEST(KinematicLoop, PlansOfTenSecondsAreEnoughForAMinuteWithoutAnyPose) {
+  const Scenario blind =
+      paper({"controller.law=predictive_consistent", "controller.trigger=timer",
+             "controller.rate_hz=10", "controller.horizon_s=10", "actuator.policy=horizon",
+             "channel.uplink.prr=0", "channel.downlink.prr=0.5"});
+  EXPECT_LT(epsilon_m(blind), 0.1);
+}
+
+TEST(KinematicLoop, MetricsCoverRunsOfAnyLength) {
+  // A vehicle that stands: the largest error is the last one, at 2.345 s.
+  ClosedLoop loop(paper({"channel.prr=0", "run.duration_s=2.345"}));
+  loop.run();
+  const double theta = 0.1 * 2.345;
+  EXPECT_NEAR(loop.sim().metrics().max_error_m(),
+              20.0 * std::sin(theta) * std::hypot(1.0, std::cos(theta)), 1e-9);
+}
+
+TEST(KinematicLoop, EveryOutputSaysWhichPlantItCameFrom) {
+  const Folder folder;
+  for (const bool kinematic : {true, false}) {
+    const auto out = folder.path / (kinematic ? "kinematic" : "ode");
+    run_into(out, paper({"run.duration_s=2"}, kinematic));
+    EXPECT_EQ(nlohmann::json::parse(contents(out / "summary.json"))["plant"],
+              kinematic ? "kinematic" : "ode");
+    EXPECT_EQ(contents(out / "path.gp").find("kinematic plant; ") != std::string::npos, kinematic);
+  }
+}
+
+TEST(KinematicLoop, TheResolvedScenarioHoldsNoMassesAndGivesTheSameRun) {
+  const Scenario scenario = paper({"channel.prr=0.45", "run.duration_s=30", "run.seed=4"});
+  const std::string text = to_toml(scenario);
+  EXPECT_THAT(text, HasSubstr("plant = \"kinematic\""));
+  EXPECT_THAT(text, HasSubstr("wall_friction"));
+  for (const char* key : {"mass_kg", "torque", "\nfriction", "gravity", "caster", "height"}) {
+    EXPECT_THAT(text, Not(HasSubstr(key)));
+  }
+  EXPECT_EQ(run_and_hash(scenario), run_and_hash(parse_scenario(text, "resolved")));
+}
+
+TEST(KinematicLoop, KeysWithoutEffectAreRefusedAtTheLevelWhereTheyAreGiven) {
+  EXPECT_NO_THROW(paper({}));  // the file has friction and torque, for the plant that it names
+  try {
+    paper({"world.friction=0.5"});
+    FAIL();
+  } catch (const UsageError& error) {
+    EXPECT_STREQ(error.what(),
+                 "--set: world.friction has no effect: vehicle.plant is \"kinematic\"");
+  }
+  EXPECT_THROW(parse_scenario("[vehicle]\nplant = \"kinematic\"\ncaster_mass_kg = 1.0", "a.toml"),
+               UsageError);
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,98 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <map>
+#include <set>
+#include <vector>
+
+#include "netem/link/link.hpp"
+#include "netem/models/state_process.hpp"
+#include "tests/support/virtual_world.hpp"
+
+// Slotted release. Tolerances of samples: 5 standard deviations.
+
+namespace tether {
+namespace {
+
+using testing::at_ms;
+using ::testing::ElementsAre;
+
+constexpr double kSigmas = 5.0;
+
+Link make_link(const LinkConfig& config) {
+  return {config, std::make_shared<FixedProcess>(LinkCondition{}),
+          [](std::string_view purpose) { return random_stream(1, purpose); }};
+}
+
+Packet packet() { return {"X", {1}}; }
+
+double ms(Instant t) { return to_milliseconds(t - kStart); }
+
+void drop_ready(Link& link, Instant now) {
+  link.pop_ready(now, [](const Packet&) {});
+}
+
+LinkConfig slots(double period_ms, std::int64_t packets = 0, double jitter_ms = 0.0) {
+  LinkConfig config;
+  config.slot = {period_ms, jitter_ms, packets};
+  return config;
+}
+
+TEST(LinkSlots, ReleaseAtMultiplesOfThePeriod) {
+  Link link = make_link(slots(100.0));
+  std::vector<double> leaves;
+  for (const double t : {-150.0, -100.0, 0.0, 0.000001, 99.0, 100.0, 250.0}) {
+    leaves.push_back(ms(link.push(at_ms(t), packet())));
+  }
+  EXPECT_THAT(leaves, ElementsAre(-100.0, -100.0, 0.0, 100.0, 100.0, 100.0, 300.0));
+}
+
+TEST(LinkSlots, WithALimitLeaveTheRestForLater) {
+  Link link = make_link(slots(100.0, 2));
+  std::vector<double> leaves;
+  for (const double t : {10.0, 10.0, 10.0, 10.0, 10.0, 110.0, 110.0, 510.0}) {
+    leaves.push_back(ms(link.push(at_ms(t), packet())));
+  }
+  EXPECT_THAT(leaves, ElementsAre(100.0, 100.0, 200.0, 200.0, 300.0, 300.0, 400.0, 600.0));
+}
+
+TEST(LinkSlots, WithALimitAndJitterNeverHoldMoreThanTheirPackets) {
+  LinkConfig config = slots(10.0, 3);
+  config.jitter.law = JitterConfig::Law::gamma;
+  config.jitter.mean_ms = config.jitter.sd_ms = 50.0;
+  Link link = make_link(config);
+  std::map<Instant, int> released;
+  for (int i = 0; i < 20'000; ++i) {
+    const Instant now = at_ms(3.4 * i);  // 2.94 packets a slot
+    const Instant leaves = link.push(now, packet());
+    EXPECT_GE(leaves, now);
+    ++released[leaves];
+    drop_ready(link, now);
+  }
+  for (const auto& [when, packets] : released) {
+    EXPECT_LE(packets, 3);
+    EXPECT_EQ((when - kStart) % std::chrono::milliseconds{10}, Duration{0});
+  }
+}
+
+TEST(LinkSlots, ThatBeginLateAreTheSameForAllTraffic) {
+  Link dense = make_link(slots(100.0, 0, 80.0)), sparse = make_link(slots(100.0, 0, 80.0));
+  std::set<Instant> slots_of_dense;
+  double sum_ms = 0.0;
+  for (int i = 0; i < 100'000; ++i) slots_of_dense.insert(dense.push(at_ms(i), packet()));
+  for (int i = 0; i < 999; ++i) {
+    const Instant slot = sparse.push(at_ms(100.0 * i + 50.0 * (i % 2)), packet());
+    EXPECT_TRUE(slots_of_dense.contains(slot));
+  }
+  for (const Instant slot : slots_of_dense) {
+    const double late_ms = std::fmod(ms(slot), 100.0);
+    EXPECT_LT(late_ms, 80.0);
+    sum_ms += late_ms;
+  }
+  const auto n = static_cast<double>(slots_of_dense.size());
+  EXPECT_NEAR(n, 1000.0, 1.0);
+  EXPECT_NEAR(sum_ms / n, 40.0, kSigmas * 80.0 / std::sqrt(12.0 * n));
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,362 @@
+#include <gmock/gmock.h>
+
+#include <bit>
+#include <cmath>
+#include <vector>
+
+#include "netem/link/link.hpp"
+#include "netem/models/state_process.hpp"
+#include "tests/support/virtual_world.hpp"
+
+// What each stage of a link does to packets. Tolerances of samples: 5 standard deviations.
+
+namespace tether {
+namespace {
+
+using testing::at_ms;
+using testing::at_s;
+using ::testing::ElementsAre;
+
+constexpr double kSigmas = 5.0;
+
+RandomEngine streams(std::string_view purpose) { return random_stream(1, purpose); }
+
+Link make_link(const LinkConfig& config, LinkCondition condition = {}) {
+  return {config, std::make_shared<FixedProcess>(condition), streams};
+}
+
+Packet packet(std::size_t bytes, std::uint8_t value = 0) {
+  return {"X", std::vector<std::uint8_t>(bytes, value)};
+}
+
+double ms(Instant t) { return t == Instant::max() ? -1.0 : to_milliseconds(t - kStart); }
+
+void expect_balance(const Link& link) {
+  const Link::Counters& c = link.counters();
+  EXPECT_EQ(c.offered + c.duplicated,
+            c.outage_dropped + c.lost + c.overflowed + c.delivered + link.in_flight());
+}
+
+/// First bytes of what leaves by `now`.
+std::vector<int> pop(Link& link, Instant now) {
+  std::vector<int> values;
+  link.pop_ready(now, [&values](const Packet& p) { values.push_back(p.bytes.front()); });
+  return values;
+}
+
+void expect_share(double count, double of, double share) {
+  EXPECT_NEAR(count / of, share, kSigmas * std::sqrt(share * (1.0 - share) / of));
+}
+
+// -------------------------------------------------------------------- outages
+
+TEST(LinkOutages, LastFromTheirBeginningUntilJustBeforeTheirEnd) {
+  LinkConfig config;
+  config.outages = {{1.0, 2.0}, {2.0, 2.5}, {7.0, 8.0}};
+  Link link = make_link(config);
+  const Duration tick{1};
+  const std::pair<Instant, bool> expected[] = {{at_s(-5), true},        {at_s(1) - tick, true},
+                                               {at_s(1), false},        {at_s(2) - tick, false},
+                                               {at_s(2), false},        {at_s(2.5) - tick, false},
+                                               {at_s(2.5), true},       {at_s(7) - tick, true},
+                                               {at_s(8) - tick, false}, {at_s(8), true}};
+  for (const auto& [when, passes] : expected) {
+    EXPECT_EQ(link.push(when, packet(1)) == when, passes) << to_seconds(when);
+  }
+  EXPECT_EQ(link.counters().outage_dropped, 5);
+  EXPECT_EQ(link.counters().lost, 0);
+  expect_balance(link);
+}
+
+TEST(LinkOutages, LetPacketsThatAreUnderWayArrive) {
+  LinkConfig config;
+  config.outages = {{1.0, 2.0}};
+  Link link = make_link(config, {1.0, std::chrono::seconds{1}});
+  link.push(at_s(0.5), packet(1, 7));
+  EXPECT_THAT(pop(link, at_s(1.5)), ElementsAre(7));
+}
+
+// -------------------------------------------------------------------- independent loss
+
+TEST(LinkLoss, IsIndependentOfTheStatesLoss) {
+  LinkConfig config;
+  config.loss = 0.2;
+  Link link = make_link(config, {0.7, Duration{0}});
+  constexpr int kPackets = 200'000;
+  for (int i = 0; i < kPackets; ++i) {
+    link.push(kStart, packet(1));
+    pop(link, kStart);
+  }
+  expect_share(static_cast<double>(link.counters().delivered), kPackets, 0.7 * 0.8);
+  expect_balance(link);
+}
+
+// -------------------------------------------------------------------- corruption
+
+TEST(LinkCorruption, FlipsExactlySoManyBitsInTheShareOfPackets) {
+  LinkConfig config;
+  config.corrupt = {.probability = 0.3, .bits = 3};
+  Link link = make_link(config);
+  constexpr int kPackets = 50'000, kBytes = 11;
+  double damaged = 0.0, flips[8 * kBytes] = {};
+  for (int i = 0; i < kPackets; ++i) {
+    link.push(kStart, packet(kBytes));
+    link.pop_ready(kStart, [&](const Packet& p) {
+      int bits = 0;
+      for (std::size_t bit = 0; bit < 8 * kBytes; ++bit) {
+        const bool set = (p.bytes[bit / 8] >> (bit % 8) & 1) != 0;
+        bits += set ? 1 : 0;
+        flips[bit] += set ? 1.0 : 0.0;
+      }
+      EXPECT_TRUE(bits == 0 || bits == 3) << bits;
+      damaged += bits > 0 ? 1.0 : 0.0;
+    });
+  }
+  expect_share(damaged, kPackets, 0.3);
+  EXPECT_EQ(static_cast<double>(link.counters().corrupted), damaged);
+  for (const double count : flips) expect_share(count, damaged, 3.0 / (8 * kBytes));
+}
+
+TEST(LinkCorruption, OfAShortPacketFlipsAllItsBitsAndOfAnEmptyOneNone) {
+  LinkConfig config;
+  config.corrupt = {.probability = 1.0, .bits = 9};
+  Link link = make_link(config);
+  link.push(kStart, packet(1, 0x0f));
+  EXPECT_THAT(pop(link, kStart), ElementsAre(0xf0));
+  link.push(kStart, packet(0));
+  EXPECT_EQ(link.counters().corrupted, 1);
+}
+
+// -------------------------------------------------------------------- duplication
+
+TEST(LinkDuplication, SendsTheShareTwiceAndCountsCopies) {
+  LinkConfig config;
+  config.duplicate_probability = 0.25;
+  Link link = make_link(config, {0.5, std::chrono::milliseconds{5}});
+  constexpr int kPackets = 100'000;
+  std::size_t delivered = 0, announced = 0;
+  for (int i = 0; i < kPackets; ++i) {
+    const Instant now = at_ms(10.0 * i);
+    const Instant leaves = link.push(now, packet(1));
+    announced += leaves != Instant::max() ? 1U : 0U;
+    announced += link.copy_departure() != Instant::max() ? 1U : 0U;
+    EXPECT_TRUE(leaves != Instant::max() || link.copy_departure() == Instant::max())
+        << "a copy of a lost packet";
+    delivered += pop(link, now + std::chrono::milliseconds{5}).size();
+  }
+  EXPECT_EQ(delivered, announced);
+  const Link::Counters& c = link.counters();
+  expect_share(static_cast<double>(c.duplicated), static_cast<double>(c.offered - c.lost), 0.25);
+  expect_balance(link);
+}
+
+TEST(LinkDuplication, ACopyHasAJitterOfItsOwnAndTheSameBytes) {
+  LinkConfig config;
+  config.duplicate_probability = 1.0;
+  config.jitter.law = JitterConfig::Law::uniform;
+  config.jitter.mean_ms = 10.0;
+  config.jitter.sd_ms = 2.0;
+  Link link = make_link(config);
+  int earlier = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const Instant leaves = link.push(at_s(i), packet(1, 9));
+    EXPECT_NE(leaves, link.copy_departure());
+    earlier += link.copy_departure() < leaves ? 1 : 0;
+    EXPECT_THAT(pop(link, at_s(i + 1)), ElementsAre(9, 9));
+  }
+  expect_share(earlier, 1000, 0.5);
+}
+
+// -------------------------------------------------------------------- rate
+
+LinkConfig rate(double bits_per_s) {
+  LinkConfig config;
+  config.rate.bits_per_s = bits_per_s;
+  return config;
+}
+
+TEST(LinkRate, PacketsFollowEachOtherAtExactlyTheRate) {
+  LinkConfig config = rate(1e6);
+  config.rate.overhead_bytes = 25;
+  Link link = make_link(config, {1.0, std::chrono::milliseconds{40}});
+  // (100 + 25)·8 bits take 1 ms, (225 + 25)·8 take 2 ms.
+  EXPECT_EQ(ms(link.push(at_ms(0), packet(100))), 41.0);
+  EXPECT_EQ(ms(link.push(at_ms(0), packet(225))), 43.0);
+  EXPECT_EQ(ms(link.push(at_ms(2.5), packet(100))), 44.0);   // still behind the second
+  EXPECT_EQ(ms(link.push(at_ms(4.0), packet(100))), 45.0);   // free since this instant
+  EXPECT_EQ(ms(link.push(at_ms(10.0), packet(100))), 51.0);  // was idle
+}
+
+TEST(LinkRate, AFullQueueOfPacketsDropsTheTail) {
+  LinkConfig config = rate(8e3);  // 1 byte a millisecond
+  config.rate.queue_packets = 3;
+  Link link = make_link(config);
+  std::vector<double> leaves;
+  for (const double t : {0.0, 0.0, 0.0, 0.0, 9.999999, 10.0, 10.0}) {
+    leaves.push_back(ms(link.push(at_ms(t), packet(10))));
+  }
+  EXPECT_THAT(leaves, ElementsAre(10.0, 20.0, 30.0, -1.0, -1.0, 40.0, -1.0));
+  EXPECT_EQ(link.counters().overflowed, 3);
+  expect_balance(link);
+}
+
+TEST(LinkRate, AFullQueueOfBytesDropsWhatDoesNotFit) {
+  LinkConfig config = rate(8e3);
+  config.rate.queue_bytes = 25;
+  Link link = make_link(config);
+  std::vector<double> leaves;
+  for (const std::size_t bytes : {10U, 10U, 10U, 5U, 1U}) {
+    leaves.push_back(ms(link.push(kStart, packet(bytes))));
+  }
+  EXPECT_THAT(leaves, ElementsAre(10.0, 20.0, -1.0, 25.0, -1.0));
+}
+
+TEST(LinkRate, CopiesPassTheBottleneckToo) {
+  LinkConfig config = rate(8e3);
+  config.duplicate_probability = 1.0;
+  Link link = make_link(config);
+  EXPECT_EQ(ms(link.push(kStart, packet(10))), 10.0);
+  EXPECT_EQ(ms(link.copy_departure()), 20.0);
+  EXPECT_EQ(ms(link.push(kStart, packet(10))), 30.0);
+}
+
+// -------------------------------------------------------------------- delay and order
+
+TEST(LinkJitter, AddsToTheStatesDelayAndTheSumIsNeverNegative) {
+  LinkConfig config;
+  config.jitter.law = JitterConfig::Law::normal;
+  config.jitter.sd_ms = 10.0;
+  Link link = make_link(config, {1.0, std::chrono::milliseconds{10}});
+  constexpr int kPackets = 100'000;
+  int at_once = 0, above_mean = 0;
+  for (int i = 0; i < kPackets; ++i) {
+    const Duration delay = link.push(at_s(i), packet(1)) - at_s(i);
+    EXPECT_GE(delay, Duration{0});
+    at_once += delay == Duration{0} ? 1 : 0;
+    above_mean += delay > std::chrono::milliseconds{10} ? 1 : 0;
+    pop(link, at_s(i + 1));
+  }
+  expect_share(at_once, kPackets, 0.15865525393);  // Φ(−1)
+  expect_share(above_mean, kPackets, 0.5);
+}
+
+std::vector<int> order_of_departure(const LinkConfig& config) {
+  Link link = make_link(config, {1.0, std::chrono::milliseconds{50}});
+  for (int i = 0; i < 200; ++i) link.push(at_ms(i), packet(1, static_cast<std::uint8_t>(i)));
+  return pop(link, at_s(10));
+}
+
+TEST(LinkOrder, JitterReordersUnlessTheLinkKeepsTheOrder) {
+  LinkConfig config;
+  config.jitter.law = JitterConfig::Law::uniform;
+  config.jitter.sd_ms = 10.0;
+  const auto any = order_of_departure(config);
+  EXPECT_FALSE(std::is_sorted(any.begin(), any.end()));
+  config.in_order = true;
+  const auto kept = order_of_departure(config);
+  EXPECT_EQ(kept.size(), 200U);
+  EXPECT_TRUE(std::is_sorted(kept.begin(), kept.end()));
+}
+
+TEST(LinkOrder, InOrderAPacketWaitsOnlyForThoseBeforeIt) {
+  LinkConfig config;
+  config.jitter.law = JitterConfig::Law::uniform;
+  config.jitter.mean_ms = 20.0;
+  config.jitter.sd_ms = 10.0;
+  Link free = make_link(config);
+  config.in_order = true;
+  Link ordered = make_link(config);
+  Instant latest = Instant::min();
+  for (int i = 0; i < 1000; ++i) {
+    latest = std::max(latest, free.push(at_ms(i), packet(1)));
+    EXPECT_EQ(ordered.push(at_ms(i), packet(1)), latest);
+  }
+}
+
+TEST(LinkReordering, LetsTheShareSkipTheirDelay) {
+  LinkConfig config;
+  config.reorder.probability = 0.1;
+  Link link = make_link(config, {1.0, std::chrono::milliseconds{500}});
+  constexpr int kPackets = 50'000;
+  int at_once = 0;
+  for (int i = 0; i < kPackets; ++i) at_once += link.push(at_ms(i), packet(1)) == at_ms(i) ? 1 : 0;
+  expect_share(at_once, kPackets, 0.1);
+  EXPECT_EQ(link.counters().reordered, at_once);
+}
+
+TEST(LinkReordering, KeepsTheGapBetweenThoseThatSkip) {
+  LinkConfig config;
+  config.reorder = {.probability = 0.5, .gap = 5};
+  Link link = make_link(config, {1.0, std::chrono::milliseconds{500}});
+  int last = -1, skipped = 0, nearest = 1000;
+  for (int i = 0; i < 60'000; ++i) {
+    if (link.push(at_ms(i), packet(1)) != at_ms(i)) continue;
+    if (last >= 0) nearest = std::min(nearest, i - last);
+    EXPECT_TRUE(last >= 0 || i >= 4);
+    last = i;
+    ++skipped;
+  }
+  EXPECT_EQ(nearest, 5);
+  // Renewals every 4 + Geometric(1/2) packets: mean 6, variance 2; their number has variance
+  // n·2/6³.
+  EXPECT_NEAR(skipped, 10'000, kSigmas * std::sqrt(60'000 * 2.0 / 216.0));
+}
+
+// -------------------------------------------------------------------- all together
+
+LinkConfig everything() {
+  LinkConfig config;
+  config.queue_limit = 60;
+  config.outages = {{1.0, 1.5}, {3.0, 3.2}};
+  config.loss = 0.05;
+  config.corrupt = {.probability = 0.1, .bits = 2};
+  config.duplicate_probability = 0.2;
+  config.rate.bits_per_s = 5e5;
+  config.rate.queue_packets = 20;
+  config.jitter.law = JitterConfig::Law::gamma;
+  config.jitter.mean_ms = config.jitter.sd_ms = 20.0;
+  config.jitter.correlation = 0.5;
+  config.reorder = {.probability = 0.1, .gap = 3};
+  config.slot.period_ms = 5.0;
+  return config;
+}
+
+TEST(Link, AccountsForEveryPacketWithAllStagesOn) {
+  Link link = make_link(everything(), {0.9, std::chrono::milliseconds{10}});
+  for (int i = 0; i < 5000; ++i) {
+    link.push(at_ms(i), packet(80));
+    if (i % 7 == 0) pop(link, at_ms(i));
+    expect_balance(link);
+  }
+  const Link::Counters& c = link.counters();
+  EXPECT_EQ(c.outage_dropped, 700);
+  for (const std::int64_t count : {c.duplicated, c.lost, c.overflowed, c.corrupted, c.reordered}) {
+    EXPECT_GT(count, 50);
+  }
+  pop(link, at_s(100));
+  EXPECT_EQ(link.in_flight(), 0);
+  expect_balance(link);
+}
+
+TEST(Link, HoldsAHundredThousandPacketsAndRefusesTheNextWithoutForgettingAny) {
+  LinkConfig config;
+  config.jitter.law = JitterConfig::Law::uniform;
+  config.jitter.mean_ms = 5e4;
+  config.jitter.sd_ms = 1e4;
+  Link link = make_link(config);
+  for (int i = 0; i < 100'000; ++i)
+    ASSERT_NE(link.push(at_ms(0.1 * i), packet(64)), Instant::max());
+  for (int i = 0; i < 1000; ++i) EXPECT_EQ(link.push(at_s(10), packet(64)), Instant::max());
+  EXPECT_EQ(link.counters().overflowed, 1000);
+  Instant before = Instant::min();
+  while (link.next_event() != Instant::max()) {
+    EXPECT_GE(link.next_event(), before);
+    before = link.next_event();
+    pop(link, before);
+  }
+  EXPECT_EQ(link.counters().delivered, 100'000);
+  expect_balance(link);
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,182 @@
+#include "netem/relay/netem_node.hpp"
+
+#include <gtest/gtest.h>
+
+#include <tether/link_report_t.hpp>
+
+#include "tests/support/virtual_world.hpp"
+
+namespace tether {
+namespace {
+
+using testing::at_ms;
+using testing::at_s;
+using testing::Seen;
+using testing::VirtualWorld;
+
+struct NetemNodeTest : ::testing::Test {
+  Scenario scenario;
+  VirtualWorld world;
+  std::vector<Seen<link_report_t>> uplink, downlink;
+
+  std::unique_ptr<NetemNode> start() {
+    world.collect("NET/UPLINK", uplink);
+    world.collect("NET/DOWNLINK", downlink);
+    return std::make_unique<NetemNode>(scenario, world.loop, world.bus, world.bus);
+  }
+};
+
+TEST_F(NetemNodeTest, ForwardsRawBytesBothWaysWithoutDecoding) {
+  const std::vector<std::uint8_t> garbage{0xde, 0xad, 0x00};
+  std::vector<std::vector<std::uint8_t>> poses, commands;
+  world.bus.subscribe("CTRL/POSE", 1, [&](const Message& m) {
+    poses.emplace_back(m.bytes.begin(), m.bytes.end());
+  });
+  world.bus.subscribe("AGV/CMD_VEL", 1, [&](const Message& m) {
+    commands.emplace_back(m.bytes.begin(), m.bytes.end());
+  });
+  const auto node = start();
+  world.publish_bytes_at(at_s(1), "AGV/POSE", garbage);
+  world.publish_bytes_at(at_s(1), "CTRL/CMD_VEL", garbage);
+  world.loop.run_until(at_s(1));
+  EXPECT_EQ(poses, std::vector<std::vector<std::uint8_t>>{garbage});
+  EXPECT_EQ(commands, std::vector<std::vector<std::uint8_t>>{garbage});
+}
+
+TEST_F(NetemNodeTest, PlansShareTheDownlinkWithCommandsAndPayForTheirSize) {
+  scenario = parse_scenario("", "test.toml",
+                            {"channel.downlink.rate.bits_per_s=8e3"});  // a byte a millisecond
+  std::vector<Instant> commands, plans;
+  world.bus.subscribe("AGV/CMD_VEL", kDeepQueue,
+                      [&](const Message&) { commands.push_back(world.loop.now()); });
+  world.bus.subscribe("AGV/PLAN", kDeepQueue,
+                      [&](const Message&) { plans.push_back(world.loop.now()); });
+  const auto node = start();
+  world.publish_bytes_at(at_s(1), "CTRL/PLAN", std::vector<std::uint8_t>(900));
+  world.publish_bytes_at(at_s(1), "CTRL/CMD_VEL", std::vector<std::uint8_t>(10));
+  world.loop.run_until(at_s(3));
+  EXPECT_EQ(plans, std::vector<Instant>{at_s(1.9)});
+  EXPECT_EQ(commands, std::vector<Instant>{at_s(1.91)});
+  EXPECT_EQ(node->downlink().counters().offered, 2);
+}
+
+TEST_F(NetemNodeTest, APreloadPassesByTheLinksAndIsCounted) {
+  scenario.channel.downlink.fixed = {0.0, 1000.0};  // nothing gets through
+  std::vector<Seen<counters_t>> counters;
+  world.collect("NET/COUNTERS", counters);
+  std::vector<Instant> preloads;
+  world.bus.subscribe("AGV/PRELOAD", kDeepQueue,
+                      [&](const Message&) { preloads.push_back(world.loop.now()); });
+  const auto node = start();
+  world.publish_bytes_at(at_s(1.5), "CTRL/PRELOAD", {1, 2, 3});
+  world.publish_bytes_at(at_s(1.5), "CTRL/PLAN", {1, 2, 3});
+  world.loop.run_until(at_s(2));
+  node->finish();
+  world.loop.run_until(at_s(2));
+  EXPECT_EQ(preloads, std::vector<Instant>{at_s(1.5)});
+  EXPECT_EQ(node->downlink().counters().offered, 1);
+  EXPECT_EQ(testing::counter(counters.front().message, "preloads"), -1);  // none, no line
+  EXPECT_EQ(testing::counter(counters.back().message, "preloads"), 1);
+}
+
+TEST_F(NetemNodeTest, DeliversAfterTheDelayToTheNanosecond) {
+  scenario.channel.uplink.fixed.delay_ms = 333.25;
+  std::vector<Seen<pose_t>> seen;
+  world.collect("CTRL/POSE", seen);
+  const auto node = start();
+  world.publish_at(at_s(2), "AGV/POSE", testing::pose(at_s(2), 0));
+  world.loop.run_until(at_s(5));
+  ASSERT_EQ(seen.size(), 1U);
+  EXPECT_EQ(seen[0].when, at_s(2) + std::chrono::microseconds{333250});
+}
+
+TEST_F(NetemNodeTest, ReportsCountDelayAndState) {
+  scenario.channel.uplink.fixed = {0.5, 100.0};
+  const auto node = start();
+  for (int i = 0; i < 200; ++i) {
+    world.publish_at(at_ms(10.0 * i), "AGV/POSE", testing::pose(at_ms(10.0 * i), i));
+  }
+  world.loop.run_until(at_s(4));
+  node->finish();
+  world.loop.run_until(at_s(4));
+  const link_report_t& r = uplink.back().message;
+  EXPECT_EQ(r.link, "uplink");
+  EXPECT_EQ(r.offered, 200);
+  EXPECT_EQ(r.offered, r.lost + r.overflowed + r.delivered + r.in_flight);
+  EXPECT_GT(r.lost, 0);
+  EXPECT_EQ(r.state_prr, 0.5);
+  EXPECT_DOUBLE_EQ(r.delay_ms_mean, 100.0);
+  EXPECT_DOUBLE_EQ(r.delay_ms_p99, 100.0);
+  EXPECT_EQ(downlink.back().message.offered, 0);
+}
+
+TEST_F(NetemNodeTest, ReportsEveryPeriodAndAtEachChangeOfState) {
+  scenario.run.report_period_s = 1.0;
+  scenario.channel.uplink.model = LinkConfig::Model::markov;
+  scenario.channel.uplink.mean_good_s = 1.5;
+  scenario.channel.uplink.mean_bad_s = 0.5;
+  const auto node = start();
+  world.loop.run_until(at_s(100));
+  EXPECT_EQ(downlink.size(), 101U);  // t = 0, 1 … 100
+  std::size_t changes = 0;
+  for (std::size_t i = 1; i < uplink.size(); ++i) {
+    changes += uplink[i].message.state != uplink[i - 1].message.state ? 1 : 0;
+  }
+  EXPECT_GT(changes, 50U);  // 100 expected
+  EXPECT_EQ(uplink.size(), 101U + changes);
+}
+
+TEST_F(NetemNodeTest, FeedsAMapWithThePositionBeforeThePoseIsSent) {
+  scenario = parse_scenario("", "test.toml",
+                            {"channel.uplink.model=map", "world.half_extent_m=2000",
+                             "channel.uplink.map.access_points=[[0, 0]]"});
+  const auto node = start();
+  for (int i = 0; i < 200; ++i) {  // far away in every second
+    const double x_m = i % 2 == 0 ? 1.0 : 1000.0;
+    world.publish_at(at_s(i), "AGV/POSE", testing::pose(at_s(i), i, x_m));
+  }
+  world.publish_bytes_at(at_s(200), "AGV/POSE", {1, 2, 3});
+  world.loop.run_until(at_s(201));
+  EXPECT_EQ(node->uplink().counters().offered, 201);
+  EXPECT_NEAR(static_cast<double>(node->uplink().counters().lost), 100.0, 5.0);
+}
+
+TEST_F(NetemNodeTest, DeliversCopiesAtTheirOwnTime) {
+  scenario = parse_scenario("", "test.toml",
+                            {"channel.uplink.duplicate.probability=1",
+                             "channel.uplink.rate.bits_per_s=8e3"});  // a byte a millisecond
+  std::vector<Instant> arrivals;
+  world.bus.subscribe("CTRL/POSE", kDeepQueue,
+                      [&](const Message&) { arrivals.push_back(world.loop.now()); });
+  const auto node = start();
+  world.publish_bytes_at(at_s(1), "AGV/POSE", std::vector<std::uint8_t>(10));
+  world.loop.run_until(at_s(2));
+  node->finish();
+  world.loop.run_until(at_s(2));
+  EXPECT_EQ(arrivals, (std::vector<Instant>{at_s(1.01), at_s(1.02)}));
+  const link_report_t& r = uplink.back().message;
+  EXPECT_EQ(r.offered, 2);
+  EXPECT_EQ(r.offered, r.lost + r.overflowed + r.delivered + r.in_flight);
+}
+
+TEST_F(NetemNodeTest, JoinsTwoNetworks) {
+  InProcessBus control_bus{world.loop};
+  world.collect("NET/UPLINK", uplink);
+  int on_control_side = 0, on_vehicle_side = 0;
+  control_bus.subscribe("CTRL/POSE", 1, [&](const Message&) { ++on_control_side; });
+  world.bus.subscribe("CTRL/POSE", 1, [&](const Message&) { ++on_vehicle_side; });
+  NetemNode node(scenario, world.loop, world.bus, control_bus);
+  int preloads = 0;
+  world.bus.subscribe("AGV/PRELOAD", 1, [&](const Message&) { ++preloads; });
+  world.publish_at(at_s(1), "AGV/POSE", testing::pose(at_s(1), 0));
+  world.loop.at(at_s(1), Priority::node, [&](Instant) {
+    control_bus.publish("CTRL/PRELOAD", std::vector<std::uint8_t>{1, 2, 3});
+  });
+  world.loop.run_until(at_s(2));
+  EXPECT_EQ(preloads, 1);
+  EXPECT_EQ(on_control_side, 1);
+  EXPECT_EQ(on_vehicle_side, 0);
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,289 @@
+#include "sim/node/sim_node.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <tether/clock_t.hpp>
+#include <tether/counters_t.hpp>
+#include <tether/ground_truth_t.hpp>
+
+#include "tests/support/virtual_world.hpp"
+
+namespace tether {
+namespace {
+
+using testing::at_ms;
+using testing::at_s;
+using testing::counter;
+using testing::Seen;
+using testing::twist;
+using testing::VirtualWorld;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+// ---------------------------------------------------------------------------- sensor, metrics
+
+TEST(PoseSensor, WithoutNoiseIsTheTruth) {
+  PoseSensor sensor({}, random_stream(1, "sensor"), random_stream(1, "drift"));
+  const Pose2 p = sensor.measure({1.0, 2.0, 3.0});
+  EXPECT_EQ(p.x_m, 1.0);
+  EXPECT_EQ(p.y_m, 2.0);
+  EXPECT_EQ(p.yaw_rad, 3.0);
+}
+
+TEST(PoseSensor, NoiseHasTheConfiguredDeviationAndNoBias) {
+  constexpr int kSamples = 20000;
+  Scenario::Sensor config;
+  config.position_noise_m = 0.02;
+  config.yaw_noise_rad = 0.01;
+  PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(1, "drift"));
+  double sum[3] = {}, squares[3] = {};
+  for (int i = 0; i < kSamples; ++i) {
+    const Pose2 p = sensor.measure({});
+    const double value[3] = {p.x_m, p.y_m, p.yaw_rad};
+    for (int k = 0; k < 3; ++k) {
+      sum[k] += value[k];
+      squares[k] += value[k] * value[k];
+    }
+  }
+  const double sigma[3] = {0.02, 0.02, 0.01};
+  for (int k = 0; k < 3; ++k) {
+    // Standard errors: of the mean σ/√n, of σ itself about σ/√(2n). Four of them.
+    EXPECT_NEAR(sum[k] / kSamples, 0.0, 4.0 * sigma[k] / std::sqrt(kSamples));
+    EXPECT_NEAR(std::sqrt(squares[k] / kSamples), sigma[k],
+                4.0 * sigma[k] / std::sqrt(2.0 * kSamples));
+  }
+}
+
+TEST(PoseSensor, DriftGrowsWithTheRootOfTime) {
+  Scenario::Sensor config;
+  config.rate_hz = 4.0;
+  config.position_drift_mpsqrts = 0.1;
+  config.yaw_drift_radpsqrts = 0.02;
+  double squares_m2 = 0.0, squares_rad2 = 0.0;
+  constexpr int kSensors = 1000;
+  constexpr double kTime_s = 9.0;
+  for (std::uint64_t seed = 1; seed <= kSensors; ++seed) {
+    PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(seed, "drift"));
+    Pose2 pose = sensor.measure({});
+    EXPECT_EQ(pose.x_m, 0.0) << "it begins with the truth";
+    for (int i = 0; i < 4 * static_cast<int>(kTime_s); ++i) pose = sensor.measure({});
+    squares_m2 += pose.x_m * pose.x_m + pose.y_m * pose.y_m;
+    squares_rad2 += pose.yaw_rad * pose.yaw_rad;
+  }
+  // A sum of n squares of normals has the relative deviation sqrt(2/n): 3.2 % and 4.5 %; three of
+  // them.
+  EXPECT_NEAR(squares_m2 / (2 * kSensors) / (0.01 * kTime_s), 1.0, 3.0 * 0.032);
+  EXPECT_NEAR(squares_rad2 / kSensors / (0.0004 * kTime_s), 1.0, 3.0 * 0.045);
+}
+
+TEST(PoseSensor, NoisyYawStaysWrapped) {
+  Scenario::Sensor config;
+  config.yaw_noise_rad = 0.5;
+  PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(1, "drift"));
+  for (int i = 0; i < 1000; ++i) {
+    EXPECT_LE(std::abs(sensor.measure({0.0, 0.0, 3.14}).yaw_rad), 3.1415926535897936);
+  }
+}
+
+TEST(Metrics, EpsilonIsTheTimeMeanOfTheError) {
+  Metrics m;
+  m.start(0.0);
+  for (int i = 1; i <= 1000; ++i) m.add(0.001, 2.0 * i / 1000.0, 0.0);  // a ramp from 0 to 2
+  EXPECT_NEAR(m.epsilon_m(), 1.0, 1e-12);
+  EXPECT_NEAR(m.rmse_m(), 2.0 / std::sqrt(3.0), 1e-6);
+  EXPECT_DOUBLE_EQ(m.max_error_m(), 2.0);
+}
+
+TEST(Metrics, BeforeAnyTimeHasPassedEpsilonIsTheErrorNow) {
+  Metrics m;
+  m.start(3.0);
+  EXPECT_EQ(m.epsilon_m(), 3.0);
+  EXPECT_EQ(m.rmse_m(), 3.0);
+}
+
+TEST(Metrics, CountsTimeAtTheWalls) {
+  Metrics m;
+  m.start(0.0);
+  for (int i = 0; i < 10; ++i) m.add(0.001, 0.0, i < 4 ? 0.001 : 0.0);
+  EXPECT_NEAR(m.wall_contact_s(), 0.004, 1e-12);
+}
+
+// ---------------------------------------------------------------------------- node
+
+struct SimNodeTest : ::testing::Test {
+  Scenario scenario;
+  VirtualWorld world;
+  std::vector<Seen<pose_t>> poses;
+  std::vector<Seen<ground_truth_t>> truth;
+  std::vector<Seen<counters_t>> counters;
+  std::unique_ptr<SimNode> node;
+
+  void start() {
+    world.collect("AGV/POSE", poses);
+    world.collect("SIM/TRUTH", truth);
+    world.collect("SIM/COUNTERS", counters);
+    node = std::make_unique<SimNode>(scenario, world.loop, world.bus);
+  }
+  void command_at(double t_s, std::int64_t seq, double v_mps, double omega_radps) {
+    world.publish_at(at_s(t_s), "AGV/CMD_VEL", twist(at_s(t_s), seq, v_mps, omega_radps));
+  }
+  std::int64_t count(const std::string& name) {
+    node->finish();
+    world.loop.run_until(world.loop.now());
+    return counter(counters.back().message, name);
+  }
+  double speed_mps() const { return node->vehicle().state().twist.v_mps; }
+};
+
+TEST_F(SimNodeTest, PublishesPosesAtTheSensorsRateFromTheStartOn) {
+  scenario.sensor.rate_hz = 4.0;
+  start();
+  world.loop.run_until(at_s(2));
+  ASSERT_EQ(poses.size(), 9U);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    EXPECT_EQ(poses[i].when, at_ms(250.0 * static_cast<double>(i)));
+    EXPECT_EQ(poses[i].message.utime, to_utime(poses[i].when));
+    EXPECT_EQ(poses[i].message.seq, static_cast<std::int64_t>(i));
+  }
+}
+
+TEST_F(SimNodeTest, SensorLatencyDelaysThePoseButNotItsTimeStamp) {
+  scenario.sensor.rate_hz = 1.0;
+  scenario.sensor.latency_ms = 80.0;
+  start();
+  world.loop.run_until(at_s(1.5));
+  ASSERT_EQ(poses.size(), 2U);
+  EXPECT_EQ(poses[1].when, at_ms(1080));
+  EXPECT_EQ(poses[1].message.utime, 1'000'000);
+}
+
+TEST_F(SimNodeTest, PoseIsStampedWithTheStepItShows) {
+  scenario.sensor.rate_hz = 30.0;  // 33.3 ms is no multiple of the 1 ms step
+  start();
+  world.loop.run_until(at_s(1));
+  for (const auto& p : poses) {
+    EXPECT_EQ(p.message.utime % 1000, 0);
+    EXPECT_LT(p.when - from_utime(p.message.utime), SimNode::kStep);
+  }
+}
+
+TEST_F(SimNodeTest, ACommandActsFromTheFirstStepAfterItsArrival) {
+  start();
+  command_at(1.0004, 0, 1.0, 0.0);  // between two steps
+  world.loop.run_until(at_ms(1001));
+  EXPECT_NEAR(speed_mps(), 0.0, 1e-6);  // the step [1000, 1001) ms had begun before
+  world.loop.run_until(at_ms(1003));
+  EXPECT_GT(speed_mps(), 1e-4);
+}
+
+TEST_F(SimNodeTest, HoldKeepsDrivingWhenCommandsCease) {
+  start();
+  command_at(0.0, 0, 1.0, 0.0);
+  world.loop.run_until(at_s(10));
+  EXPECT_NEAR(speed_mps(), 1.0, 0.01);
+}
+
+TEST_F(SimNodeTest, ZeroPolicyBrakesAtTheTimeout) {
+  scenario.actuator.policy = Scenario::Actuator::Policy::zero;
+  scenario.actuator.timeout_s = 0.5;
+  start();
+  command_at(0.0, 0, 0.3, 0.0);
+  world.loop.run_until(at_ms(500));
+  EXPECT_NEAR(speed_mps(), 0.3, 0.01);
+  // 0.3 m/s at the servo's 3 m/s² takes 0.1 s to brake; 0.1 s more to settle.
+  world.loop.run_until(at_ms(700));
+  EXPECT_NEAR(speed_mps(), 0.0, 0.005);
+}
+
+TEST_F(SimNodeTest, NonFiniteCommandsNeverReachTheWheels) {
+  start();
+  command_at(1.0, 0, 0.5, 0.0);
+  command_at(2.0, 1, kNaN, 0.0);
+  command_at(2.1, 2, 0.0, kNaN);
+  command_at(2.2, 3, kInf, 0.0);
+  command_at(2.3, 4, 0.0, -kInf);
+  command_at(2.4, 5, 1.7e308, 0.0);  // finite, but sums of it are not
+  command_at(2.5, 6, 0.0, -1e9);
+  world.loop.run_until(at_s(4));
+  EXPECT_NEAR(speed_mps(), 0.5, 0.01);
+  EXPECT_EQ(count("command.non_finite"), 6);
+  EXPECT_EQ(count("command.accepted"), 1);
+}
+
+TEST_F(SimNodeTest, StaleCommandsNeverReachTheWheels) {
+  start();
+  command_at(2.0, 7, 0.5, 0.0);
+  world.publish_at(at_s(2.1), "AGV/CMD_VEL", twist(at_s(2.0), 7, 0.5, 0.0));   // duplicate
+  world.publish_at(at_s(2.2), "AGV/CMD_VEL", twist(at_s(1.5), 6, -3.0, 0.0));  // overtaken
+  world.publish_at(at_s(2.3), "AGV/CMD_VEL", twist(at_s(1.9), 8, -3.0, 0.0));  // clock went back
+  world.publish_at(at_s(2.4), "AGV/CMD_VEL", twist(at_s(99), 9, -3.0, 0.0));   // clock ahead
+  world.publish_at(at_s(2.5), "AGV/CMD_VEL", twist(at_s(2.5), -1, -3.0, 0.0));
+  world.loop.run_until(at_s(4));
+  EXPECT_NEAR(speed_mps(), 0.5, 0.01);
+  EXPECT_EQ(count("command.accepted"), 1);
+  EXPECT_EQ(count("command.duplicated"), 1);
+  EXPECT_EQ(count("command.reordered"), 1);
+  EXPECT_EQ(count("command.time_backwards"), 1);
+  EXPECT_EQ(count("command.from_future"), 1);
+  EXPECT_EQ(count("command.invalid_seq"), 1);
+}
+
+TEST_F(SimNodeTest, RejectedCommandsDoNotRefreshTheTimeout) {
+  scenario.actuator.policy = Scenario::Actuator::Policy::zero;
+  scenario.actuator.timeout_s = 0.5;
+  start();
+  command_at(1.0, 0, 0.3, 0.0);
+  for (int i = 1; i < 20; ++i) command_at(1.0 + 0.1 * i, i, kNaN, 0.0);
+  world.loop.run_until(at_s(1.9));
+  EXPECT_NEAR(speed_mps(), 0.0, 0.005);
+}
+
+TEST_F(SimNodeTest, GarbageOnTheCommandChannelIsCountedAndIgnored) {
+  start();
+  world.publish_bytes_at(at_s(1), "AGV/CMD_VEL", {});
+  world.publish_bytes_at(at_s(1), "AGV/CMD_VEL", std::vector<std::uint8_t>(7, 0xff));
+  world.publish_bytes_at(at_s(1), "AGV/CMD_VEL", std::vector<std::uint8_t>(48, 0x80));
+  world.publish_at(at_s(1), "AGV/CMD_VEL", testing::pose(at_s(1), 0, 1.0, 1.0, 1.0));
+  world.loop.run_until(at_s(2));
+  EXPECT_NEAR(speed_mps(), 0.0, 1e-3);
+  EXPECT_EQ(count("command.undecodable"), 4);
+}
+
+TEST_F(SimNodeTest, ExtremeCommandsAreScaledToTheWheelSpeedLimit) {
+  start();
+  command_at(0.0, 0, 9e8, -9e8);
+  command_at(0.5, 1, -9e8, 9e8);
+  world.loop.run_until(at_s(5));
+  const VehicleState& s = node->vehicle().state();
+  EXPECT_TRUE(is_usable(s.pose));
+  EXPECT_LE(std::abs(s.rim_speeds.left_mps), scenario.vehicle.max_wheel_speed_mps + 0.5);
+  EXPECT_LE(std::abs(s.rim_speeds.right_mps), scenario.vehicle.max_wheel_speed_mps + 0.5);
+}
+
+TEST_F(SimNodeTest, TheWorldStandsStillAfterTheRunsEnd) {
+  scenario.run.duration_s = 2.0;
+  start();
+  command_at(0.0, 0, 1.0, 0.0);
+  world.loop.run_until(at_s(2));
+  const double epsilon_m = node->metrics().epsilon_m();
+  const double x_m = node->vehicle().state().pose.x_m;
+  world.loop.run_until(at_s(5));
+  EXPECT_EQ(node->metrics().epsilon_m(), epsilon_m);
+  EXPECT_EQ(node->vehicle().state().pose.x_m, x_m);
+  EXPECT_EQ(truth.back().message.utime, 2'000'000);
+}
+
+TEST_F(SimNodeTest, AVehicleThatNeverMovesHasTheKnownEpsilon) {
+  scenario.run.duration_s = 62.0;
+  start();
+  world.loop.run_until(at_s(62));
+  // The path's mean distance from the origin over 62 s, by numerical integration: 14.79 m.
+  EXPECT_NEAR(node->metrics().epsilon_m(), 14.79, 0.01);
+  EXPECT_EQ(count("command.accepted"), 0);
+}
+
+}  // namespace
+}  // namespace tether

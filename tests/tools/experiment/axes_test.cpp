@@ -1,0 +1,227 @@
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "tests/tools/experiment/file.hpp"
+
+// Axes with names and labels, parts, and what an experiment file wants to see; and the project's
+// own files of control over a bad network.
+
+namespace tether {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+using testing::texts;
+
+/// With one seed.
+class ExperimentAxes : public testing::ExperimentFile {
+ protected:
+  Experiment load(const std::string& text, const std::vector<std::string>& overrides = {}) {
+    return ExperimentFile::load("seeds = 1\n" + text, overrides);
+  }
+  std::string why_refused(const std::string& text, const std::vector<std::string>& overrides = {}) {
+    return ExperimentFile::why_refused("seeds = 1\n" + text, overrides);
+  }
+};
+
+constexpr char kLaws[] = R"(
+[axis.law."PID"]
+[axis.law."a tracking law"]
+controller.law = "tracking"
+sensor.rate_hz = 20.0
+)";
+
+TEST_F(ExperimentAxes, ANamedAxisGoesByItsLabelsAndSetsWhatEachSays) {
+  const Experiment e = load(std::string(kLaws) + "[grid]\nchannel.prr = [1, 0.5]\n");
+  EXPECT_THAT(e.keys, ElementsAre("law", "channel.prr"));
+  EXPECT_THAT(texts(e), ElementsAre("law = PID, channel.prr = 1", "law = PID, channel.prr = 0.5",
+                                    "law = a tracking law, channel.prr = 1",
+                                    "law = a tracking law, channel.prr = 0.5"));
+  EXPECT_EQ(e.arms[0].scenario.controller.law, ControlLaw::pid);
+  EXPECT_EQ(e.arms[0].scenario.sensor.rate_hz, 1.0) << "the scenario's own";
+  EXPECT_EQ(e.arms[3].scenario.controller.law, ControlLaw::tracking);
+  EXPECT_EQ(e.arms[3].scenario.sensor.rate_hz, 20.0);
+  EXPECT_EQ(e.arms[3].scenario.channel.uplink.fixed.prr, 0.5);
+}
+
+TEST_F(ExperimentAxes, LabelsKeepTheOrderOfTheFile) {
+  const Experiment e = load("[axis.PRR]\n\"1\" = {}\n\"0.5\" = {}\n\"0.75\" = {}\n");
+  EXPECT_THAT(texts(e), ElementsAre("PRR = 1", "PRR = 0.5", "PRR = 0.75"));
+}
+
+TEST_F(ExperimentAxes, APointMayChangeWhatIsSetForAll) {
+  const Experiment e = load("[set]\nsensor.rate_hz = 5.0\n" + std::string(kLaws));
+  EXPECT_EQ(e.arms[0].scenario.sensor.rate_hz, 5.0);
+  EXPECT_EQ(e.arms[1].scenario.sensor.rate_hz, 20.0);
+}
+
+constexpr char kParts[] = R"(
+[[part]]
+[part.axis.error]
+"none" = {}
+[part.axis.size]
+"0" = {}
+[[part]]
+[part.set]
+controller.tau_s = 3.0
+[part.axis.error]
+"radius" = {}
+[part.axis.size]
+"1" = { vehicle.radius_error = 0.01 }
+"2" = { vehicle.radius_error = 0.02 }
+)";
+
+TEST_F(ExperimentAxes, PartsAreCrossesOfTheirOwnOneAfterTheOther) {
+  const Experiment e = load(std::string(kLaws) + kParts);
+  EXPECT_THAT(e.keys, ElementsAre("law", "error", "size"));
+  EXPECT_THAT(texts(e), ElementsAre("law = PID, error = none, size = 0",
+                                    "law = a tracking law, error = none, size = 0",
+                                    "law = PID, error = radius, size = 1",
+                                    "law = PID, error = radius, size = 2",
+                                    "law = a tracking law, error = radius, size = 1",
+                                    "law = a tracking law, error = radius, size = 2"));
+  EXPECT_EQ(e.arms[0].scenario.controller.tau_s, 2.0);
+  EXPECT_EQ(e.arms[3].scenario.controller.tau_s, 3.0);
+  EXPECT_EQ(e.arms[3].scenario.vehicle.radius_error, 0.02);
+}
+
+TEST_F(ExperimentAxes, APartsAxisTakesThePlaceOfTheCommonOne) {
+  const Experiment e = load(std::string(kLaws) +
+                            "[[part]]\n[part.axis.PRR]\n\"1\" = {}\n"
+                            "[[part]]\n[part.axis.law]\n\"third\" = {}\n[part.axis.PRR]\n1 = {}\n");
+  EXPECT_THAT(texts(e), ElementsAre("law = PID, PRR = 1", "law = a tracking law, PRR = 1",
+                                    "law = third, PRR = 1"));
+}
+
+TEST_F(ExperimentAxes, WhatIsWrongIsRefusedWithItsPlace) {
+  EXPECT_THAT(why_refused("[axis]\nlaw = 3\n"), HasSubstr("e.toml:4: write [axis.NAME"));
+  EXPECT_THAT(why_refused("[axis.\"a b\".c]\n"), HasSubstr("letters, digits"));
+  EXPECT_THAT(why_refused("[axis.law]\na = 1\n"), HasSubstr("e.toml:4: axis.law.\"a\" must be"));
+  EXPECT_THAT(why_refused("[axis.law.a]\ncontroller.lav = \"pid\"\n"),
+              HasSubstr("e.toml:4: unknown key \"controller.lav\""));
+  EXPECT_THAT(why_refused("[axis.law.a]\nrun.seed = 1\n"), HasSubstr("use seeds"));
+  EXPECT_THAT(why_refused("[axis.a.x]\nchannel.prr = 1\n[axis.b.x]\nchannel.uplink.prr = 1\n"),
+              HasSubstr("channel.uplink.prr is varied twice (by channel.prr and"));
+  EXPECT_THAT(why_refused("part = []\n"), HasSubstr("write [[part]]"));
+  EXPECT_THAT(why_refused("[[part]]\nseeds = 3\n"), HasSubstr("unknown key \"part.seeds\""));
+  EXPECT_THAT(why_refused("[[part]]\n[part.axis.a.x]\n[[part]]\n[part.axis.b.x]\n"),
+              HasSubstr("varies b, but the first part varies a"));
+  EXPECT_THAT(why_refused("[[part]]\n[part.axis.a.x]\n[[part]]\n[part.axis.a.x]\n"),
+              HasSubstr("two parts have the combination a = x"));
+  EXPECT_THAT(why_refused(kLaws, {"sensor.rate_hz=3"}), HasSubstr("is varied by the grid"));
+}
+
+TEST_F(ExperimentAxes, AFigureMayShowSomeArmsOnly) {
+  const std::string text = std::string(kLaws) + kParts;
+  const std::string figure = "[figure]\nkind = \"comparison\"\nx = \"size\"\ny = \"law\"\n";
+  EXPECT_EQ(load(text + figure).figure->kind, FigureChoice::Kind::comparison);
+  const Experiment e = load(text + figure + "where = { error = \"radius\", size = [\"1\", 2] }\n");
+  std::size_t selected = 0;
+  for (const Arm& arm : e.arms) selected += is_selected(e.figure->where, arm.settings) ? 1 : 0;
+  EXPECT_EQ(selected, 4U);
+  EXPECT_THAT(why_refused(text + figure + "where = { error = \"no such\" }\n"),
+              HasSubstr("where selects no combination"));
+  EXPECT_THAT(why_refused(text + figure + "where = { eror = \"none\" }\n"),
+              HasSubstr("a key that the grid varies: law, error, size"));
+  EXPECT_THAT(why_refused(text + figure + "floor = \"no such\"\n"), HasSubstr("a value of law"));
+  EXPECT_THAT(why_refused(text + "[figure]\nx = \"size\"\nfloor = \"PID\"\n"),
+              HasSubstr("only comparisons have it"));
+}
+
+TEST_F(ExperimentAxes, TablesThatCannotBeMadeAreRefused) {
+  const std::string text = std::string(kLaws) + kParts + "[[table]]\n";
+  EXPECT_THAT(load(text + "columns = [\"size\"]\n").tables, SizeIs(1));
+  EXPECT_THAT(why_refused(text), HasSubstr("columns must be a list of keys"));
+  EXPECT_THAT(why_refused(text + "columns = [\"seize\"]\n"), HasSubstr("law, error, size"));
+  EXPECT_THAT(why_refused(text + "kind = \"ratio\"\nkey = \"law\"\nlimit = 10\nover = \"PID\"\n"),
+              HasSubstr("two values of law"));
+  EXPECT_THAT(why_refused(text + "kind = \"ratio\"\nkey = \"law\"\nlimit = 10\nover = \"PID\"\n"
+                                 "under = \"LQR\"\n"),
+              HasSubstr("law is never \"LQR\""));
+  EXPECT_THAT(why_refused(text + "kind = \"limit\"\nkey = \"size\"\n"),
+              HasSubstr("limit must be given"));
+  EXPECT_THAT(why_refused(text + "kind = \"limit\"\nkey = \"error\"\nlimit = 1\n"),
+              HasSubstr("error = none is no number"));
+}
+
+// ------------------------------------------------------------- the project's experiments
+
+Experiment of_the_project(const std::string& name, bool quick = false) {
+  return load_experiment(TETHER_SOURCE_DIR "/experiments/" + name + ".toml", {}, quick);
+}
+
+std::size_t count(const Experiment& e, const Selection& selection) {
+  return static_cast<std::size_t>(std::count_if(e.arms.begin(), e.arms.end(), [&](const Arm& arm) {
+    return is_selected(selection, arm.settings);
+  }));
+}
+
+TEST(ProjectExperiments, AllLoad) {
+  std::size_t files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(TETHER_SOURCE_DIR "/experiments")) {
+    EXPECT_NO_THROW(load_experiment(entry.path().string())) << entry.path();
+    ++files;
+  }
+  EXPECT_GE(files, 13U);
+}
+
+TEST(ProjectExperiments, TheBenchmarkHasThirteenLawsInFifteenChannelsAndTheBoundOnBoard) {
+  const Experiment e = of_the_project("control_benchmark");
+  EXPECT_THAT(e.keys, ElementsAre("law", "PRR", "delay_ms", "burst"));
+  EXPECT_THAT(e.arms, SizeIs(13 * 15 + 1));
+  EXPECT_EQ(count(e, {{"delay_ms", {"0"}}, {"burst", {"none"}}}), 13U * 7 + 1);
+  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 13U * 6);
+  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 13U * 2);
+  EXPECT_EQ(count(e, {{"law", {"on board, no network"}}}), 1U);
+  EXPECT_THAT(e.seeds, SizeIs(30));
+  EXPECT_TRUE(e.common_random_numbers);
+  EXPECT_THAT(of_the_project("control_benchmark", true).seeds, SizeIs(4));
+  for (const Arm& arm : e.arms) {
+    EXPECT_EQ(arm.scenario.vehicle.max_wheel_acceleration_mps2, 3.0) << arm.text();
+  }
+}
+
+TEST(ProjectExperiments, RobustnessHasBothLawsUnderEachErrorAtEachPrr) {
+  const Experiment e = of_the_project("control_robustness");
+  EXPECT_THAT(e.arms, SizeIs(2 * (11 * 5 + 2 * 4)));
+  EXPECT_EQ(count(e, {{"law", {"PID, hold (paper)"}}, {"error", {"none"}}}), 5U);
+  EXPECT_EQ(count(e, {{"error", {"bursts of 20 packets"}}}), 8U);
+}
+
+/// PRR and mean burst that a chain of two states has in the long run.
+std::pair<double, double> long_run(const LinkConfig& link) {
+  const auto& p = link.chain.probabilities;
+  const double to_bad = p[0][1], to_good = p[1][0];
+  return {to_good / (to_bad + to_good), 1.0 / to_good};
+}
+
+TEST(ProjectExperiments, BurstsHaveThePrrAndTheLengthOfTheirLabels) {
+  for (const char* name : {"control_benchmark", "control_robustness", "control_breaking"}) {
+    std::size_t chains = 0;
+    for (const Arm& arm : of_the_project(name).arms) {
+      if (arm.scenario.channel.uplink.model_name() != "chain") continue;
+      ++chains;
+      double prr = 0.45, burst = 0.0;  // of control_breaking, which has no PRR
+      for (const KeyValue& setting : arm.settings) {
+        const std::string value = setting.plain();
+        if (setting.key == "PRR") prr = std::stod(value);
+        if (setting.key == "burst" || setting.key == "size") burst = std::stod(value);
+        if (value.starts_with("bursts of ")) burst = std::stod(value.substr(10));
+      }
+      for (const LinkConfig& link : {arm.scenario.channel.uplink, arm.scenario.channel.downlink}) {
+        EXPECT_NEAR(long_run(link).first, prr, 1e-4) << arm.text();
+        EXPECT_NEAR(long_run(link).second / burst, 1.0, 1e-4) << arm.text();
+      }
+    }
+    EXPECT_GE(chains, 6U) << name;
+  }
+}
+
+}  // namespace
+}  // namespace tether

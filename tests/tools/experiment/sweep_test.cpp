@@ -1,0 +1,151 @@
+#include "tools/experiment/sweep/sweep.hpp"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <thread>
+
+#include "tests/tools/runs/run_files.hpp"
+#include "tools/experiment/store/export.hpp"
+#include "tools/experiment/sweep/run_once.hpp"
+#include "tools/loop/closed_loop.hpp"
+#include "tools/runs/run_observer.hpp"
+
+namespace tether {
+namespace {
+
+/// As small as a run can be.
+Scenario short_scenario(double prr) {
+  Scenario scenario;
+  scenario.run.duration_s = 3.0;
+  scenario.channel.uplink.fixed.prr = scenario.channel.downlink.fixed.prr = prr;
+  return scenario;
+}
+
+class Sweep : public ::testing::Test {
+ protected:
+  Sweep() {
+    experiment_.name = "short";
+    experiment_.keys = {"channel.prr"};
+    for (const double prr : {1.0, 0.7, 0.4}) {
+      experiment_.arms.push_back({{{"channel.prr", std::to_string(prr)}}, short_scenario(prr)});
+    }
+    experiment_.seeds = {1, 2, 3, 4};
+    options_.run = run_once;
+    options_.half_width = [](const std::vector<double>&) { return 0.0; };
+  }
+
+  RunStore begin(const std::string& name) {
+    return RunStore::begin(folder_ / name, experiment_, {});
+  }
+  bool sweep(RunStore& store) { return run_sweep(experiment_, {}, store, options_, stop_); }
+  static std::string exported(const RunStore& store) {
+    std::string text;
+    export_runs(store, [&text](const std::string& more) { text += more; });
+    return text;
+  }
+
+  testing::Folder own_;
+  const std::filesystem::path& folder_ = own_.path;
+  Experiment experiment_;
+  SweepOptions options_;
+  std::atomic<bool> stop_{false};
+};
+
+TEST_F(Sweep, GivesTheSameBytesWithAnyNumberOfThreads) {
+  std::string one_thread;
+  for (const std::size_t jobs : {1U, 2U, 5U}) {
+    options_.jobs = jobs;
+    RunStore store = begin(std::to_string(jobs));
+    EXPECT_TRUE(sweep(store));
+    EXPECT_TRUE(store.is_complete());
+    EXPECT_EQ(store.size(), 12U);
+    if (jobs == 1) one_thread = exported(store);
+    EXPECT_EQ(exported(store), one_thread);
+  }
+}
+
+TEST_F(Sweep, HasTheResultsOfSingleRuns) {
+  experiment_.trajectory_period_s = 0.5;
+  RunStore store = begin("runs");
+  sweep(store);
+  store.for_each([](const StoredRun& run) {
+    if (run.arm != 1) return;
+    Scenario scenario = short_scenario(0.7);
+    scenario.run.seed = run.seed;
+    ClosedLoop loop(scenario);
+    const RunObserver observer(scenario, loop.loop(), loop.bus());
+    loop.run();
+    EXPECT_EQ(run.result.metrics[0], observer.truth().epsilon_m);
+    EXPECT_EQ(run.result.metrics[2], observer.truth().max_error_m);
+    EXPECT_EQ(run.result.metrics[4], observer.aoi_mean_s(kStart + std::chrono::seconds{3}) * 1e3);
+    EXPECT_EQ(run.result.metrics[6], static_cast<double>(observer.uplink().lost));
+  });
+  std::size_t rows = 0;
+  store.for_each([&](const StoredRun& run) { rows = run.result.trajectory.size(); }, true);
+  EXPECT_EQ(rows, 7U);  // 0, 0.5 … 3 s
+}
+
+TEST_F(Sweep, RecordsARunThatFailsAndGoesOn) {
+  options_.run = [](const Scenario& scenario, double period_s) {
+    if (scenario.run.seed != 2) return run_once(scenario, period_s);
+    RunResult failed;
+    failed.failure = "no luck";
+    return failed;
+  };
+  RunStore store = begin("runs");
+  EXPECT_TRUE(sweep(store));
+  EXPECT_EQ(store.size(), 12U);
+  EXPECT_EQ(store.failures(), 3U);
+  EXPECT_THAT(exported(store), ::testing::HasSubstr(",2,ode,no luck,"));
+}
+
+TEST_F(Sweep, ReportsAnImpossibleScenarioAsTheRunsFailure) {
+  Scenario impossible = short_scenario(1.0);
+  impossible.vehicle.track_m = -1.0;
+  EXPECT_NE(run_once(impossible, 0.0).failure, "");
+}
+
+TEST_F(Sweep, StopsAfterTheRunsUnderWayAndGoesOnLater) {
+  options_.jobs = 2;
+  std::atomic<int> made{0};
+  options_.run = [&](const Scenario& scenario, double period_s) {
+    if (++made == 5) stop_ = true;
+    return run_once(scenario, period_s);
+  };
+  RunStore store = begin("runs");
+  EXPECT_FALSE(sweep(store));
+  EXPECT_EQ(store.size(), static_cast<std::size_t>(made));  // none was thrown away
+  EXPECT_LT(made, 12);
+  EXPECT_FALSE(store.is_complete());
+  stop_ = false;
+  EXPECT_TRUE(sweep(store));
+  EXPECT_EQ(made, 12);  // none was made twice
+  RunStore undisturbed = begin("undisturbed");
+  options_.run = run_once;
+  sweep(undisturbed);
+  EXPECT_EQ(exported(store), exported(undisturbed));
+}
+
+TEST_F(Sweep, ShowsHowFarItIs) {
+  SweepProgress last;
+  options_.show = [&last](const SweepProgress& p) {
+    EXPECT_GE(p.ended, last.ended);
+    last = p;
+  };
+  RunStore store = begin("runs");
+  sweep(store);
+  EXPECT_EQ(last.ended, 12U);
+  EXPECT_EQ(last.known, 12U);
+  EXPECT_EQ(last.made, 12U);
+  EXPECT_EQ(last.failed, 0U);
+}
+
+TEST_F(Sweep, EndsWithTheStoresErrorIfItCannotStore) {
+  RunStore store = begin("runs");
+  Database(folder_ / "runs", Database::Mode::write).execute("DROP TABLE runs");
+  EXPECT_THROW(sweep(store), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,98 @@
+#include "tools/runs/channel_figure.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "netem/check/channel_sample.hpp"
+#include "netem/relay/make_links.hpp"
+
+namespace tether {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ChannelFigureTest : public ::testing::Test {
+ protected:
+  ChannelFigureTest() {
+    const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::temp_directory_path() / (std::string("tether_figure_") + test->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    scenario_.channel.downlink.jitter.law = JitterConfig::Law::gamma;
+    scenario_.channel.downlink.jitter.mean_ms = 20.0;
+    scenario_.channel.downlink.jitter.sd_ms = 5.0;
+  }
+  ~ChannelFigureTest() override { fs::remove_all(folder_); }
+
+  ChannelFigure figure(std::int64_t packets) {
+    const LinkTraffic traffic{0.05, 50.0};
+    LinkPair links = make_links(scenario_);
+    return {"a link", traffic.interval_s, sample_fates(links.downlink, traffic, packets),
+            expect_link(scenario_.channel.downlink, {}, traffic)};
+  }
+
+  std::vector<std::vector<std::string>> rows(const std::string& name) const {
+    std::ifstream in(folder_ / name);
+    std::vector<std::vector<std::string>> rows;
+    std::string line, cell;
+    std::getline(in, line);
+    while (std::getline(in, line)) {
+      std::istringstream cells(line + ",");
+      rows.emplace_back();
+      while (std::getline(cells, cell, ',')) rows.back().push_back(cell);
+    }
+    return rows;
+  }
+
+  bool drawn(const std::string& name) const {
+    return fs::exists(folder_ / (name + ".svg")) && fs::file_size(folder_ / (name + ".png")) > 1000;
+  }
+
+  fs::path folder_;
+  Scenario scenario_;
+};
+
+TEST_F(ChannelFigureTest, TheStripShowsTheFateOfEachPacket) {
+  scenario_.channel.downlink.fixed.prr = 0.7;
+  const ChannelFigure f = figure(700);
+  draw_losses(folder_, f);
+  const auto strip = rows("losses.csv");
+  ASSERT_EQ(strip.size(), kStripPackets);
+  for (std::size_t i = 0; i < strip.size(); ++i) {
+    const bool received = f.fates[i].outcome == PacketFate::Outcome::under_way;
+    EXPECT_EQ(strip[i][0], std::to_string(i));
+    EXPECT_EQ(strip[i][2], received ? "received" : "lost");
+  }
+  EXPECT_TRUE(drawn("losses"));
+}
+
+// Kolmogorov's distance of 50 000 samples from their own law exceeds 1.95/√n = 0.0087 with a
+// probability of 0.001.
+TEST_F(ChannelFigureTest, AchievedDelaysLieOnTheConfiguredDistribution) {
+  draw_delays(folder_, figure(50'000));
+  double distance = 0.0;
+  for (const auto& row : rows("delays.csv")) {
+    ASSERT_EQ(row.size(), 3u);
+    distance = std::max(distance, std::abs(std::stod(row[0]) - std::stod(row[2])));
+  }
+  EXPECT_LT(distance, 0.0087);
+  EXPECT_TRUE(drawn("delays"));
+}
+
+TEST_F(ChannelFigureTest, WithoutAnyPacketReceivedThereAreNoDelaysToDraw) {
+  scenario_.channel.downlink.fixed.prr = 0.0;
+  const ChannelFigure f = figure(100);
+  draw_losses(folder_, f);
+  draw_delays(folder_, f);
+  EXPECT_TRUE(drawn("losses"));
+  EXPECT_FALSE(fs::exists(folder_ / "delays.csv"));
+}
+
+}  // namespace
+}  // namespace tether

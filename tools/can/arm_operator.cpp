@@ -1,0 +1,42 @@
+#include "tools/can/arm_operator.hpp"
+
+#include <tether/drive_request_t.hpp>
+#include <tether/drivetrain_state_t.hpp>
+
+#include "common/bus/channel_names.hpp"
+#include "common/bus/message_io.hpp"
+
+namespace tether {
+
+ArmOperator::ArmOperator(const Scenario& scenario, EventLoop& loop, Bus& bus)
+    : loop_(loop),
+      bus_(bus),
+      guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
+      last_press_(loop.now() - kPatience) {
+  if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can ||
+      scenario.can.arm != Scenario::Can::Arm::once) {
+    return;
+  }
+  const ChannelNames channels(scenario.vehicle.name);
+  request_channel_ = channels.can_request;
+  subscribe<drivetrain_state_t>(bus, channels.can_state, 1, undecodable_,
+                                [this](const drivetrain_state_t& m) {
+                                  if (guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) {
+                                    on_state(m.state);
+                                  }
+                                });
+}
+
+void ArmOperator::on_state(std::int32_t state) {
+  if (state == drivetrain_state_t::ARMED) done_ = true;
+  const Instant now = loop_.now();
+  if (done_ || state != drivetrain_state_t::DISARMED || now - last_press_ < kPatience) return;
+  last_press_ = now;
+  drive_request_t request{};
+  request.utime = to_utime(now);
+  request.seq = seq_++;
+  request.request = drive_request_t::ARM;
+  publish(bus_, request_channel_, request);
+}
+
+}  // namespace tether

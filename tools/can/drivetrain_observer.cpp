@@ -1,0 +1,62 @@
+#include "tools/can/drivetrain_observer.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/bus/channel_names.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+DrivetrainObserver::DrivetrainObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
+    : loop_(loop),
+      end_utime_(to_utime(kStart + from_seconds(scenario.run.duration_s))),
+      state_guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
+      odometry_guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
+      true_x_m_(scenario.vehicle.start_x_m),
+      true_y_m_(scenario.vehicle.start_y_m) {
+  const ChannelNames channels(scenario.vehicle.name);
+  subscribe<drivetrain_state_t>(bus, channels.can_state, kDeepQueue, undecodable_,
+                                [this](const drivetrain_state_t& m) { on_state(m); });
+  subscribe<odometry_t>(
+      bus, channels.can_odometry, kDeepQueue, undecodable_, [this](const odometry_t& m) {
+        const bool usable = m.utime <= end_utime_ && is_usable(Pose2{m.x_m, m.y_m, m.yaw_rad}) &&
+                            is_usable(m.distance_m);
+        if (usable && odometry_guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) {
+          odometry_ = m;
+        }
+      });
+  subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
+                            [this](const ground_truth_t& m) { on_truth(m); });
+}
+
+void DrivetrainObserver::on_state(const drivetrain_state_t& m) {
+  if (m.utime > end_utime_) return;
+  if (!state_guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) return;
+  const bool was_armed = state_.state == drivetrain_state_t::ARMED;
+  const bool armed = m.state == drivetrain_state_t::ARMED;
+  if (was_armed && m.utime > 0) {
+    armed_s_ += static_cast<double>(m.utime - std::max<std::int64_t>(0, state_.utime)) * 1e-6;
+  }
+  if (was_armed && !armed) {
+    stop_reason_ = m.reason;
+    stopped_at_s_ = static_cast<double>(m.utime) * 1e-6;
+  }
+  ever_armed_ = ever_armed_ || armed;
+  state_ = m;
+}
+
+void DrivetrainObserver::on_truth(const ground_truth_t& m) {
+  if (!is_usable(Pose2{m.x_m, m.y_m, m.yaw_rad})) return;
+  if (!truth_guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) return;
+  true_distance_m_ += std::hypot(m.x_m - true_x_m_, m.y_m - true_y_m_);
+  true_x_m_ = m.x_m;
+  true_y_m_ = m.y_m;
+}
+
+double DrivetrainObserver::odometry_error_m() const {
+  return std::hypot(true_x_m_ - odometry_.x_m, true_y_m_ - odometry_.y_m);
+}
+
+}  // namespace tether

@@ -1,0 +1,92 @@
+#include "tools/can/probe.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+
+#include "can_bridge/bus/socket_can_port.hpp"
+#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/probe/probe.hpp"
+#include "common/base/errors.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "common/program/cli.hpp"
+
+namespace tether {
+namespace {
+
+constexpr Duration kTick = std::chrono::milliseconds{2};
+
+std::optional<DrivetrainConfig> load(const std::string& file) {
+  if (file.empty()) return std::nullopt;
+  DrivetrainConfig config = load_drivetrain(file);
+  if (config.profile != DrivetrainConfig::Profile::cia402) {
+    throw UsageError(fmt::format(
+        "{}: only CiA 402 drives have objects to read; listen to this one with candump", file));
+  }
+  return config;
+}
+
+std::vector<std::uint8_t> chosen_nodes(const CanProbeOptions& options,
+                                       const std::optional<DrivetrainConfig>& config) {
+  std::vector<std::uint8_t> nodes;
+  const auto add = [&nodes](int node) {
+    const auto id = static_cast<std::uint8_t>(node);
+    if (std::find(nodes.begin(), nodes.end(), id) == nodes.end()) nodes.push_back(id);
+  };
+  for (const int node : options.nodes) add(node);
+  if (nodes.empty() && config) {
+    for (const AxisConfig& axis : config->axes) add(axis.node);
+  }
+  if (nodes.empty()) throw UsageError("whom to probe? Give --node or --drivetrain");
+  return nodes;
+}
+
+void check_usable(const SocketCanPort& port, const std::string& interface) {
+  if (port.state() == CanState::down) {
+    throw std::runtime_error(fmt::format(
+        "{0} is down: sudo ip link set {0} up type can bitrate 500000 (a virtual bus: sudo ip link "
+        "set {0} up)",
+        interface));
+  }
+}
+
+}  // namespace
+
+int can_probe(const CanProbeOptions& options) {
+  const std::optional<DrivetrainConfig> config = load(options.drivetrain_file);
+  const std::vector<std::uint8_t> nodes = chosen_nodes(options, config);
+  RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+  SocketCanPort port(options.interface, loop);
+  check_usable(port, options.interface);
+
+  Probe probe(nodes, config ? &*config : nullptr, loop.now());
+  port.on_frame(Probe::filters(),
+                [&](const CanFrame& frame) { probe.on_frame(frame, loop.now()); });
+  std::vector<CanFrame> out;
+  loop.every(loop.now(), kTick, Priority::node, [&](Instant) {
+    out.clear();
+    probe.tick(loop.now(), out);
+    for (const CanFrame& frame : out) {
+      assert(is_upload_request(frame));  // nothing else may leave, whatever Probe does
+      port.send(frame);
+    }
+    if (probe.done(loop.now())) loop.stop();
+  });
+  loop.run();
+  if (loop.signal() != 0) throw std::runtime_error("interrupted");
+
+  const std::vector<ProbedNode> report = probe.report();
+  fmt::print("{}", format_probe(report, probe.heard(), config ? config->name : ""));
+  if (port.state() != CanState::up) {
+    fmt::print("\n{} is {}\n", options.interface, to_string(port.state()));
+  }
+  const bool fits =
+      std::all_of(report.begin(), report.end(), [](const ProbedNode& n) { return n.fits(); });
+  return fits ? kExitOk : kExitFailed;
+}
+
+}  // namespace tether

@@ -1,0 +1,143 @@
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <tether/drive_fault_t.hpp>
+#include <tether/drive_request_t.hpp>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/bus/lcm_url.hpp"
+#include "common/program/cli_range.hpp"
+#include "tools/can/drive.hpp"
+#include "tools/can/operator.hpp"
+#include "tools/can/probe.hpp"
+#include "tools/cli/commands.hpp"
+
+namespace tether {
+namespace {
+
+struct CanCommandOptions {
+  CanOperatorOptions op{kDefaultLcmUrl, "AGV"};
+  std::int32_t node = 0;
+  std::string kind;
+  double value = 0.0;
+  CanDriveOptions drive;
+  CanProbeOptions probe;
+};
+using SharedOptions = std::shared_ptr<CanCommandOptions>;
+
+CLI::App* add_operator_command(CLI::App& can, const SharedOptions& options, const char* name,
+                               const char* what) {
+  CLI::App* const command = can.add_subcommand(name, what);
+  command->add_option("--lcm-url", options->op.lcm_url, "LCM network")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  command->add_option("--vehicle", options->op.vehicle, "whose channels")->capture_default_str();
+  return command;
+}
+
+void add_request(CLI::App& can, const SharedOptions& options, Action& action, const char* name,
+                 std::int32_t request, const char* what) {
+  add_operator_command(can, options, name, what)->callback([options, request, &action] {
+    action = [options, request] { return can_request(options->op, request); };
+  });
+}
+
+const std::map<std::string, std::int32_t>& fault_kinds() {
+  static const std::map<std::string, std::int32_t> kKinds{
+      {"none", drive_fault_t::NONE},
+      {"fault", drive_fault_t::FAULT},
+      {"reboot", drive_fault_t::REBOOT},
+      {"silence", drive_fault_t::SILENCE},
+      {"sdo_abort", drive_fault_t::SDO_ABORT},
+      {"encoder_freeze", drive_fault_t::ENCODER_FREEZE},
+      {"wheel_slip", drive_fault_t::WHEEL_SLIP}};
+  return kKinds;
+}
+
+void add_inject(CLI::App& can, const SharedOptions& options, Action& action) {
+  CLI::App* const command =
+      add_operator_command(can, options, "inject", "Give the emulated drives a fault");
+  std::vector<std::string> names;
+  for (const auto& [name, kind] : fault_kinds()) names.push_back(name);
+  command
+      ->add_option("kind", options->kind, "the fault; none ends all but \"fault\" and \"reboot\"")
+      ->required()
+      ->check(CLI::IsMember(names));
+  command->add_option("--node", options->node, "CANopen node id; 0: all")
+      ->check(CLI::Range(0, 127))
+      ->capture_default_str();
+  command
+      ->add_option("--value", options->value,
+                   "fault: error code; silence: seconds, 0 for good; sdo_abort: object index, 0 "
+                   "for all; wheel_slip: share, above 0, up to 1")
+      ->capture_default_str();
+  command->callback([options, &action] {
+    action = [options] {
+      if (options->kind == "wheel_slip" && !(options->value > 0.0 && options->value <= 1.0)) {
+        throw UsageError(
+            "wheel_slip needs --value, the share of the motion that is lost: above 0, up to 1");
+      }
+      return can_inject(options->op, options->node, fault_kinds().at(options->kind),
+                        options->value);
+    };
+  });
+}
+
+void add_drive(CLI::App& can, const SharedOptions& options, Action& action) {
+  CLI::App* const command = add_operator_command(can, options, "drive",
+                                                 "Command one twist for a time, once somebody has "
+                                                 "armed; for tests of a vehicle. Ctrl-C stops");
+  command->add_option("--v-mps", options->drive.twist.v_mps, "forward speed")
+      ->check(number_between(-20.0, 20.0))
+      ->capture_default_str();
+  command->add_option("--omega-radps", options->drive.twist.omega_radps, "yaw rate, left positive")
+      ->check(number_between(-10.0, 10.0))
+      ->capture_default_str();
+  command->add_option("--for-s", options->drive.for_s, "how long, seconds")
+      ->check(number_between(0.1, 3600.0))
+      ->capture_default_str();
+  command->callback([options, &action] {
+    action = [options] { return can_drive(options->op, options->drive); };
+  });
+}
+
+void add_probe(CLI::App& can, const SharedOptions& options, Action& action) {
+  CLI::App* const command = can.add_subcommand(
+      "probe",
+      "Look at the drives on a bus: who are they, do they fit a drivetrain file? Only "
+      "reads (SDO uploads); not while the bridge starts up");
+  command->add_option("--interface", options->probe.interface, "SocketCAN interface")
+      ->capture_default_str();
+  command->add_option("--node", options->probe.nodes, "CANopen node ids [the file's]")
+      ->check(CLI::Range(1, 127));
+  command->add_option("--drivetrain", options->probe.drivetrain_file, "compare with this file");
+  command->callback(
+      [options, &action] { action = [options] { return can_probe(options->probe); }; });
+}
+
+}  // namespace
+
+void add_can_command(CLI::App& tether, Action& action) {
+  const auto options = std::make_shared<CanCommandOptions>();
+  CLI::App* const can = tether.add_subcommand("can", "The CAN drivetrain: arm, stop, look, test")
+                            ->require_subcommand(1);
+  add_request(*can, options, action, "arm", drive_request_t::ARM,
+              "Switch the drives on; the newest command must be fresh and zero");
+  add_request(*can, options, action, "disarm", drive_request_t::DISARM,
+              "Ramp to zero, then switch the drives off");
+  add_request(*can, options, action, "estop", drive_request_t::ESTOP, "Quick stop, and latch");
+  add_request(*can, options, action, "release", drive_request_t::ESTOP_RELEASE,
+              "Release the e-stop; moves nothing, a reset has to follow");
+  add_request(*can, options, action, "reset", drive_request_t::RESET,
+              "Clear latched faults; does not arm");
+  add_drive(*can, options, action);
+  add_inject(*can, options, action);
+  add_operator_command(*can, options, "status", "State, wheels and odometry, once")
+      ->callback([options, &action] { action = [options] { return can_status(options->op); }; });
+  add_probe(*can, options, action);
+}
+
+}  // namespace tether

@@ -1,0 +1,83 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/bus/lcm_url.hpp"
+#include "common/program/cli.hpp"
+#include "common/program/cli_range.hpp"
+#include "tools/cli/commands.hpp"
+#include "tools/processes/live_session.hpp"
+#include "tools/runs/run_summary.hpp"
+
+namespace tether {
+namespace {
+
+struct LiveOptions {
+  LiveSession::Options session;
+  std::optional<std::uint64_t> seed;
+  std::optional<double> duration_s;
+  bool json = false;
+};
+
+int live(LiveOptions options) {
+  if (options.seed) {
+    options.session.overrides.push_back(fmt::format("run.seed={}", *options.seed));
+  }
+  if (options.duration_s) {
+    options.session.overrides.push_back(fmt::format("run.duration_s={}", *options.duration_s));
+  }
+  const Scenario scenario = load_scenario(options.session.scenario_file, options.session.overrides);
+  LiveSession session(options.session, scenario);
+  session.run();
+
+  const RunObserver& run = session.observer();
+  const double end_s = to_seconds(session.end());
+  const RunSummary summary{.wall_time_s = end_s / options.session.speed,
+                           .sim_time_s = static_cast<double>(run.truth().utime) * 1e-6,
+                           .aoi_mean_s = run.aoi_mean_s(session.end()),
+                           .node_restarts = session.restarts()};
+  check_finite(run);
+  const std::string json = to_json(scenario, run, summary);
+  if (session.folder()) session.folder()->write(scenario, run, json);
+  fmt::print("{}", options.json ? json + "\n" : to_text(scenario, run, summary));
+  if (!options.json && session.folder()) {
+    fmt::print("{:<9} {}\n", "picture", (session.folder()->path() / "path.png").string());
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_live_command(CLI::App& tether, Action& action) {
+  auto options = std::make_shared<LiveOptions>();
+  options->session.lcm_url = kDefaultLcmUrl;
+  CLI::App* command = tether.add_subcommand(
+      "live", "The loop as processes in real time over LCM; Ctrl-C ends it cleanly");
+  command->add_option("scenario", options->session.scenario_file, "scenario file (TOML)")
+      ->required();
+  command
+      ->add_option("--set", options->session.overrides,
+                   "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
+      ->allow_extra_args(false);
+  command->add_option("--seed", options->seed, "override run.seed")
+      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  command->add_option("--lcm-url", options->session.lcm_url, "LCM network")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  command->add_option("--duration", options->duration_s, "override run.duration_s, seconds");
+  command
+      ->add_option("--speed", options->session.speed,
+                   "run seconds per wall second; below 1 is slow motion, for slow machines")
+      ->check(number_between(0.01, 1.0))
+      ->capture_default_str();
+  command->add_option("--out", options->session.out,
+                      "folder for the same results as `tether run` writes [none]");
+  command->add_flag("--json", options->json, "print the summary as one JSON object");
+  command->callback([options, &action] { action = [options] { return live(*options); }; });
+}
+
+}  // namespace tether

@@ -1,0 +1,181 @@
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/lockstep/member.hpp"
+#include "common/program/cli.hpp"
+#include "common/program/cli_range.hpp"
+#include "tools/cli/commands.hpp"
+#include "tools/loop/closed_loop.hpp"
+#include "tools/processes/process_run.hpp"
+#include "tools/runs/output_folder.hpp"
+#include "tools/runs/run_observer.hpp"
+#include "tools/runs/run_summary.hpp"
+
+namespace tether {
+namespace {
+
+struct RunOptions {
+  std::string scenario_file;
+  std::vector<std::string> overrides;
+  std::optional<std::uint64_t> seed;
+  std::string out;
+  bool json = false;
+  bool keys = false;
+  bool processes = false;
+  std::string lcm_url;
+  double patience_s = 10.0;
+  bool step = false;
+};
+
+double wall_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Runs to the end; on a terminal, shows how far it is when it takes longer than a second.
+void run_with_progress(ClosedLoop& loop, Instant end) {
+  const bool show = isatty(STDERR_FILENO) != 0;
+  const double start_s = wall_seconds();
+  double shown_s = start_s;
+  for (Instant t = kStart; t < end; t = std::min(end, t + std::chrono::seconds{1})) {
+    loop.run_until(t);
+    const double now_s = wall_seconds();
+    if (!show || now_s - shown_s < 1.0) continue;
+    shown_s = now_s;
+    const double share = to_seconds(t) / to_seconds(end);
+    fmt::print(stderr, "\r\033[K{:.0f} of {:.0f} s simulated, about {:.0f} s to go", to_seconds(t),
+               to_seconds(end), (now_s - start_s) * (1.0 / share - 1.0));
+  }
+  loop.run_until(end);
+  loop.finish();
+  if (shown_s > start_s) fmt::print(stderr, "\r\033[K");
+}
+
+/// A run that breaks off leaves what it had until then.
+void run_processes(ProcessRun& processes, const RunObserver& observer,
+                   std::optional<OutputFolder>& folder) {
+  try {
+    processes.run();
+  } catch (const std::exception& e) {
+    if (folder) folder->write_incomplete(observer, e.what());
+    throw;
+  }
+  const TimeManager::Counters& c = processes.counters();
+  if (c.repeated + c.resends > 0) {
+    fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
+               c.resends, advice_on_lost_messages());
+  }
+  if (c.asked_again > 0) return;  // copies are left then
+  for (const auto& [channel, count] : processes.unaccounted()) {
+    fmt::print(stderr, "tether: {} messages on {} are in no node's answer: they had no effect\n",
+               count, channel);
+  }
+}
+
+int run(const RunOptions& options) {
+  if (options.keys) {
+    fmt::print("{}", describe_scenario_keys());
+    return kExitOk;
+  }
+  if (options.step && fcntl(STDIN_FILENO, F_GETFD) < 0) {
+    throw UsageError("run: --step is told what to do on the standard input, which is closed");
+  }
+  if (options.scenario_file.empty()) throw UsageError("run: name a scenario file (see --help)");
+  std::vector<std::string> overrides = options.overrides;
+  if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
+  const Scenario scenario = load_scenario(options.scenario_file, overrides);
+
+  std::optional<OutputFolder> folder;
+  if (!options.out.empty()) folder.emplace(options.out, scenario);
+
+  const double start_s = wall_seconds();
+  const Instant end = kStart + from_seconds(scenario.run.duration_s);
+  std::optional<ClosedLoop> one;
+  std::optional<ProcessRun> many;
+  if (options.processes) {
+    many.emplace(ProcessRun::Options{.scenario_file = options.scenario_file,
+                                     .overrides = overrides,
+                                     .lcm_url = options.lcm_url,
+                                     .patience_s = options.patience_s,
+                                     .step = options.step},
+                 scenario);
+  } else {
+    one.emplace(scenario);
+  }
+  EventLoop& loop = one ? one->loop() : many->loop();
+  Bus& bus = one ? one->bus() : many->bus();
+  RunObserver observer(scenario, loop, bus);
+  std::optional<ChannelWatch> channel;
+  if (one) channel.emplace(scenario, loop, one->netem().uplink(), one->netem().downlink());
+  if (folder) folder->record(loop, bus);
+  if (one) {
+    run_with_progress(*one, end);
+  } else {
+    run_processes(*many, observer, folder);
+  }
+
+  RunSummary summary{.wall_time_s = wall_seconds() - start_s,
+                     .sim_time_s = to_seconds(end),
+                     .aoi_mean_s = observer.aoi_mean_s(end)};
+  if (channel) summary.channel = channel->report(end);
+  if (many) summary.lockstep = many->cost();
+  check_finite(observer);
+  const std::string json = to_json(scenario, observer, summary);
+  if (folder) folder->write(scenario, observer, json);
+  if (options.json) {
+    fmt::print("{}\n", json);
+  } else {
+    fmt::print("{}", to_text(scenario, observer, summary));
+    if (folder) fmt::print("{:<9} {}\n", "picture", (folder->path() / "path.png").string());
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& tether, Action& action) {
+  auto options = std::make_shared<RunOptions>();
+  CLI::App* command = tether.add_subcommand("run", "One run in virtual time: deterministic");
+  command->add_option("scenario", options->scenario_file, "scenario file (TOML)");
+  command
+      ->add_option("--set", options->overrides,
+                   "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
+      ->allow_extra_args(false);
+  command->add_option("--seed", options->seed, "override run.seed")
+      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  command->add_option(
+      "--out", options->out,
+      "folder for scenario.toml, summary.json, trajectory.csv, run.lcmlog, path.png, "
+      "path.svg [none]");
+  CLI::Option* processes =
+      command->add_flag("--processes", options->processes,
+                        "each node a process of its own, over LCM in lockstep: the same result");
+  command
+      ->add_option("--lcm-url", options->lcm_url,
+                   "LCM network of --processes [a free port of this host's]")
+      ->needs(processes);
+  command
+      ->add_option("--patience", options->patience_s,
+                   "how long a node of --processes may take for one answer, seconds")
+      ->check(number_between(0.1, 86'400.0))
+      ->capture_default_str()
+      ->needs(processes);
+  command
+      ->add_flag("--step", options->step,
+                 "hold a run of --processes, and step it from the terminal")
+      ->needs(processes);
+  command->add_flag("--json", options->json, "print the summary as one JSON object");
+  command->add_flag("--keys", options->keys, "list all scenario keys with units and defaults");
+  command->callback([options, &action] { action = [options] { return run(*options); }; });
+}
+
+}  // namespace tether

@@ -1,0 +1,194 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/program/cli.hpp"
+#include "tools/base/text_output.hpp"
+#include "tools/cli/commands.hpp"
+#include "tools/experiment/design/experiment.hpp"
+#include "tools/experiment/report/report.hpp"
+#include "tools/experiment/store/export.hpp"
+#include "tools/experiment/sweep/lock.hpp"
+#include "tools/experiment/sweep/progress.hpp"
+#include "tools/experiment/sweep/run_once.hpp"
+#include "tools/experiment/sweep/session.hpp"
+
+namespace tether {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct SweepCommandOptions {
+  std::string experiment_file;
+  std::vector<std::string> overrides;
+  std::optional<std::size_t> jobs;
+  std::string out;
+  std::string shard = "1/1";
+  bool dry_run = false;
+  bool quick = false;
+  bool report = false;
+};
+
+/// How long a run takes, from up to three arms.
+double seconds_per_run(const Experiment& experiment) {
+  const std::size_t last = experiment.arms.size() - 1;
+  std::vector<std::size_t> arms{0, last / 2, last};
+  arms.erase(std::unique(arms.begin(), arms.end()), arms.end());
+  const auto start = std::chrono::steady_clock::now();
+  for (const std::size_t arm : arms) {
+    Scenario scenario = experiment.arms[arm].scenario;
+    scenario.run.seed = experiment.seed(arm, 0);
+    const RunResult result = run_once(scenario, experiment.trajectory_period_s);
+    if (result.failure.empty()) continue;
+    fmt::print(stderr, "{}, seed {} fails: {}\n", experiment.arms[arm].text(), scenario.run.seed,
+               result.failure);
+  }
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+  return taken.count() / static_cast<double>(arms.size());
+}
+
+int say_plan(const Experiment& experiment, const Shard& shard, std::size_t jobs) {
+  const double run_s = seconds_per_run(experiment);
+  const std::size_t most = experiment.arms.size() * experiment.seeds.size();
+  const std::size_t least =
+      experiment.precision ? experiment.arms.size() * experiment.precision->batch : most;
+  const auto duration = [&](std::size_t runs) {
+    const std::size_t here = (runs + shard.count - 1) / shard.count;
+    return format_duration(run_s * static_cast<double>(here) / static_cast<double>(jobs));
+  };
+  const auto counted = [](std::size_t n, const char* one) {
+    return fmt::format("{} {}{}", n, one, n == 1 ? "" : "s");
+  };
+  const std::string what = counted(experiment.arms.size(), "combination");
+  if (least == most) {
+    fmt::print("{} of {}: {}, about {} on {} ({:.3f} s a run)\n", what,
+               counted(experiment.seeds.size(), "seed"), counted(most, "run"), duration(most),
+               counted(jobs, "core"), run_s);
+  } else {
+    fmt::print("{} of {} to {} seeds: {} to {} runs, about {} to {} on {} ({:.3f} s a run)\n", what,
+               experiment.precision->batch, experiment.seeds.size(), least, most, duration(least),
+               duration(most), counted(jobs, "core"), run_s);
+  }
+  if (shard.count > 1) fmt::print("of these, shard {} makes one in {}\n", shard.index, shard.count);
+  return kExitOk;
+}
+
+int sweep(const SweepCommandOptions& options) {
+  if (options.experiment_file.empty()) {
+    throw UsageError("sweep: name an experiment file (see --help)");
+  }
+  const Experiment experiment =
+      load_experiment(options.experiment_file, options.overrides, options.quick);
+  const Shard shard = shard_of(options.shard);
+  const std::size_t jobs = options.jobs.value_or(default_jobs());
+  if (options.dry_run) return say_plan(experiment, shard, jobs);
+
+  if (options.report && shard.count > 1) {
+    throw UsageError("--report needs all runs: merge the shards, then `tether report`");
+  }
+  const std::string name = experiment.name + (options.quick ? "-quick" : "");
+  const fs::path folder = options.out.empty() ? fs::path("out") / name : fs::path(options.out);
+  const SweepOutcome outcome = sweep_into(folder, experiment, shard, jobs);
+  fmt::print("{} runs with plant {} in {}{}\n", outcome.runs, outcome.plant,
+             outcome.database.string(),
+             outcome.failed == 0
+                 ? ""
+                 : fmt::format(", of which {} failed (see `tether sweep export`)", outcome.failed));
+  if (outcome.is_complete && options.report) {
+    write_report(folder, RiskDefinition::whole_run);
+    fmt::print("report    {}\n", (folder / "report.html").string());
+  }
+  if (outcome.is_complete) return outcome.failed < outcome.runs ? kExitOk : kExitFailed;
+  fmt::print(stderr, "stopped; the same command goes on from here\n");
+  return kExitFailed;
+}
+
+/// A database that would be lost.
+bool is_database(const std::string& file) {
+  constexpr std::string_view kMagic = "SQLite format 3";
+  std::string begin(kMagic.size(), '\0');
+  std::ifstream(file, std::ios::binary)
+      .read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  return begin == kMagic;
+}
+
+int export_csv(const std::string& folder, const std::string& out, bool means) {
+  const RunStore store = RunStore::open(database_of(folder));
+  if (is_database(out) || out.ends_with("-wal") || out.ends_with("-shm")) {
+    throw UsageError(fmt::format("--out {} is a database: name a file for the CSV", out));
+  }
+  TextOutput output(out);
+  const auto write = [&output](const std::string& text) { output.write(text); };
+  means ? export_means(store, write) : export_runs(store, write);
+  output.close();
+  if (!store.is_complete()) {
+    fmt::print(stderr, "{}: the sweep is not complete\n", store.file().string());
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_sweep_command(CLI::App& tether, Action& action) {
+  auto options = std::make_shared<SweepCommandOptions>();
+  CLI::App* command = tether.add_subcommand(
+      "sweep", "Many runs: a grid of scenarios times seeds; goes on where it was interrupted");
+  command->add_option("experiment", options->experiment_file, "experiment file (TOML)");
+  command
+      ->add_option("--set", options->overrides,
+                   "override a scenario key that the grid does not vary: KEY=VALUE (repeatable)")
+      ->allow_extra_args(false);
+  command->add_option("--jobs", options->jobs, "runs at a time [one per core]")
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--out", options->out,
+                      "folder of runs.sqlite [out/NAME; with --quick out/NAME-quick]");
+  command->add_flag("--quick", options->quick, "no more seeds than the file's quick_seeds");
+  command->add_flag("--report", options->report,
+                    "then figure, tables and report.html into the same folder");
+  command->add_option("--shard", options->shard, "make only part I of N of the runs: I/N");
+  command->add_flag("--dry-run", options->dry_run,
+                    "say how many runs there are and how long they take");
+  command->callback([options, &action, command] {
+    if (command->get_subcommands().empty()) action = [options] { return sweep(*options); };
+  });
+
+  auto folder = std::make_shared<std::string>(), out = std::make_shared<std::string>();
+  CLI::App* exporting = command->add_subcommand("export", "All runs of a sweep as CSV");
+  exporting->add_option("folder", *folder, "a sweep's folder, or its database")->required();
+  exporting->add_option("--out", *out, "file to write [standard output]");
+  auto means = std::make_shared<bool>(false);
+  exporting->add_flag("--means", *means, "one row for each combination: means over the seeds");
+  exporting->callback([folder, out, means, &action] {
+    action = [folder, out, means] { return export_csv(*folder, *out, *means); };
+  });
+}
+
+void add_merge_command(CLI::App& tether, Action& action) {
+  auto shards = std::make_shared<std::vector<std::string>>();
+  auto out = std::make_shared<std::string>();
+  CLI::App* command = tether.add_subcommand("merge", "Put the shards of a sweep together");
+  command->add_option("shards", *shards, "shards' databases, or folders with shard-*.sqlite")
+      ->required();
+  command->add_option("--out", *out, "folder for runs.sqlite")->required();
+  command->callback([shards, out, &action] {
+    action = [shards, out] {
+      fs::create_directories(*out);
+      const fs::path file = database_in(*out, Shard{});
+      const SweepLock lock(file);
+      merge_shards(file, {shards->begin(), shards->end()});
+      fmt::print("{} runs in {}\n", RunStore::open(file).size(), file.string());
+      return kExitOk;
+    };
+  });
+}
+
+}  // namespace tether

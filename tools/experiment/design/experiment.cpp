@@ -1,0 +1,271 @@
+#include "tools/experiment/design/experiment.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <set>
+#include <utility>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/channel_settings.hpp"
+#include "common/scenario/key_table.hpp"
+#include "common/scenario/loader.hpp"
+#include "tools/experiment/design/figure_choice.hpp"
+#include "tools/experiment/design/grid.hpp"
+#include "tools/experiment/design/section.hpp"
+#include "tools/experiment/statistics/statistics.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::size_t kSmallestBatch = kLeastSeeds;
+constexpr std::int64_t kDefaultBatch = 20;
+
+toml::table parse_file(const std::string& file) {
+  try {
+    return toml::parse_file(file);
+  } catch (const toml::parse_error& error) {
+    if (!error.source().begin) {
+      throw UsageError(fmt::format("cannot read the experiment file \"{}\"", file));
+    }
+    throw UsageError(
+        fmt::format("{}:{}: {}", file, error.source().begin.line, error.description()));
+  }
+}
+
+/// Runs of an experiment are in one process.
+void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
+  for (const Arm& arm : arms) {
+    if (!arm.scenario.controller.external) continue;
+    throw UsageError(fmt::format(
+        "{}: controller.external = true: the runs of an experiment have controllers of their own; "
+        "tether run --processes and tether live wait for another",
+        file));
+  }
+}
+
+std::vector<std::uint64_t> seeds_from(std::int64_t first, std::int64_t count) {
+  std::vector<std::uint64_t> seeds(static_cast<std::size_t>(count));
+  std::iota(seeds.begin(), seeds.end(), first);
+  return seeds;
+}
+
+/// seeds = 50, { first = 201, last = 250 }, or a list.
+std::vector<std::uint64_t> read_seeds(const Section& file, const std::string& name) {
+  const toml::node* node = file.get("seeds");
+  if (node == nullptr)
+    file.refuse("seeds", "given: how many, or the first and the last, or a list");
+  if (const auto* range = node->as_table()) {
+    const Section section(*range, "seeds.", name, {"first", "last"});
+    for (const char* key : {"first", "last"}) {
+      if (section.get(key) == nullptr) section.refuse(key, "given");
+    }
+    const std::int64_t first = section.whole("first", 0, 0);
+    return seeds_from(first, section.whole("last", first, 0) - first + 1);
+  }
+  const auto* list = node->as_array();
+  if (list == nullptr) return seeds_from(1, file.whole("seeds", 1, 1));
+  std::vector<std::uint64_t> seeds;
+  std::set<std::int64_t> seen;
+  for (const toml::node& entry : *list) {
+    const auto* seed = entry.as_integer();
+    if (seed == nullptr || seed->get() < 0 || !seen.insert(seed->get()).second) {
+      file.refuse("seeds", "whole numbers from 0 on, each once");
+    }
+    seeds.push_back(static_cast<std::uint64_t>(seed->get()));
+  }
+  if (seeds.empty()) file.refuse("seeds", "one seed or more");
+  return seeds;
+}
+
+std::optional<Precision> read_precision(const Section& file, const std::string& name) {
+  const toml::table* table = file.table("precision");
+  if (table == nullptr) return std::nullopt;
+  const Section section(*table, "precision.", name,
+                        {"metric", "half_width", "most_seeds", "batch"});
+  if (file.get("seeds") != nullptr) {
+    file.refuse("seeds", "left out where [precision] says how many are needed");
+  }
+  Precision precision;
+  precision.metric = section.metric("metric");
+  precision.half_width = section.number("half_width", 1e-12, 1e12, 0.0);
+  if (precision.half_width == 0.0) section.refuse("half_width", "given, in the metric's unit");
+  precision.batch = static_cast<std::size_t>(section.whole("batch", kSmallestBatch, kDefaultBatch));
+  precision.most_seeds = static_cast<std::size_t>(
+      section.whole("most_seeds", static_cast<std::int64_t>(precision.batch), 0));
+  if (precision.most_seeds == 0) section.refuse("most_seeds", "given: seeds of an arm at most");
+  return precision;
+}
+
+/// Seeds are the sweep's.
+void check_no_seed(const std::string& key, const std::string& place) {
+  if (key != "run.seed") return;
+  throw UsageError(fmt::format("{}: run.seed is every run's own: use seeds", place));
+}
+
+/// What the grid varies cannot be set besides. [set] may set what a named axis' points may change.
+void check_free(const std::string& key, const std::string& place, const std::vector<Axis>& axes,
+                bool by_the_file) {
+  check_no_seed(key, place);
+  const auto others = keys_meant_by(key);
+  for (const Axis& axis : axes) {
+    const bool is_named = axis.keys.front().find('.') == std::string::npos;
+    if (is_named && by_the_file) continue;
+    for (const GridPoint& point : axis.points) {
+      for (const PlacedSetting& applied : point.applied) {
+        for (const std::string& meant : keys_meant_by(applied.setting.key)) {
+          if (std::find(others.begin(), others.end(), meant) == others.end()) continue;
+          throw UsageError(
+              fmt::format("{}: {} is varied by the grid ({})", place, meant, applied.place));
+        }
+      }
+    }
+  }
+}
+
+std::string key_of(const std::string& text) { return text.substr(0, text.find('=')); }
+
+/// What arms are made from.
+struct ArmSource {
+  std::string scenario_file, file;
+  std::vector<std::string> overrides;
+};
+
+void add_arms(const ArmSource& from, const ScenarioLoader& start, const Part& part,
+              std::vector<Arm>& arms) {
+  for (const auto& [setting, place] : part.settings) {
+    check_free(setting.key, place, part.axes, true);
+  }
+  for (const std::string& text : from.overrides) {
+    check_free(key_of(text), "--set " + text, part.axes, false);
+  }
+  const std::filesystem::path folder = std::filesystem::path(from.file).parent_path();
+  for (GridPoint& point : cross(part.axes)) {
+    ScenarioLoader loader = start;
+    const auto apply = [&loader](const PlacedSetting& given) {
+      check_no_seed(given.setting.key, given.place);
+      loader.apply_override(fmt::format("{}={}", given.setting.key, given.setting.value),
+                            given.place);
+    };
+    std::for_each(part.settings.begin(), part.settings.end(), apply);
+    std::for_each(point.applied.begin(), point.applied.end(), apply);
+    loader.end_level(from.file, folder);
+    for (const std::string& text : from.overrides) loader.apply_override(text, "--set " + text);
+    loader.end_level("--set", {});
+    Arm arm{std::move(point.settings), loader.finish(from.scenario_file)};
+    check_changes(arm.scenario, from.scenario_file);
+    arms.push_back(std::move(arm));
+  }
+}
+
+void check_no_arm_twice(const std::vector<Arm>& arms, const std::string& file) {
+  std::set<std::string> seen;
+  for (const Arm& arm : arms) {
+    if (seen.insert(arm.text()).second) continue;
+    throw UsageError(fmt::format("{}: two parts have the combination {}", file, arm.text()));
+  }
+}
+
+}  // namespace
+
+std::string KeyValue::plain() const {
+  const bool is_quoted = value.size() >= 2 && (value.front() == '\'' || value.front() == '"') &&
+                         value.front() == value.back();
+  return is_quoted ? value.substr(1, value.size() - 2) : value;
+}
+
+bool is_selected(const Selection& selection, const std::vector<KeyValue>& settings) {
+  return std::all_of(selection.begin(), selection.end(), [&settings](const auto& wanted) {
+    return std::any_of(settings.begin(), settings.end(), [&wanted](const KeyValue& setting) {
+      const auto& [key, values] = wanted;
+      return setting.key == key &&
+             std::find(values.begin(), values.end(), setting.plain()) != values.end();
+    });
+  });
+}
+
+std::string Arm::text() const {
+  std::string text;
+  for (const KeyValue& setting : settings) {
+    text += fmt::format("{}{} = {}", text.empty() ? "" : ", ", setting.key, setting.plain());
+  }
+  return text.empty() ? "all runs" : text;
+}
+
+std::uint64_t Experiment::seed(std::size_t arm, std::size_t n) const {
+  return seeds[n] + (common_random_numbers ? 0 : arm * stride());
+}
+
+std::optional<std::size_t> Experiment::number(std::size_t arm, std::uint64_t seed) const {
+  const std::uint64_t first = common_random_numbers ? 0 : arm * stride();
+  if (seed < first) return std::nullopt;
+  const std::uint64_t wanted = seed - first;
+  if (wanted >= 1 && wanted <= seeds.size() && seeds[wanted - 1] == wanted) return wanted - 1;
+  const auto found = std::find(seeds.begin(), seeds.end(), wanted);
+  if (found == seeds.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - seeds.begin());
+}
+
+std::uint64_t Experiment::stride() const {
+  return *std::max_element(seeds.begin(), seeds.end()) + 1;
+}
+
+Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides,
+                           bool quick) {
+  const toml::table table = parse_file(file);
+  const Section section(
+      table, "", file,
+      {"name", "scenario", "seeds", "quick_seeds", "common_random_numbers", "trajectory_period_s",
+       "set", "grid", "zip", "axis", "part", "precision", "figure", "table"});
+  const std::filesystem::path path(file);
+  Experiment experiment;
+  experiment.overrides = overrides;
+  experiment.name = section.text("name", path.stem().string());
+  if (!is_identifier(experiment.name)) {
+    section.refuse("name", "letters, digits, '-' and '_', at most 32");
+  }
+  const std::string scenario = section.text("scenario", "");
+  if (scenario.empty()) section.refuse("scenario", "given: a scenario file");
+  experiment.precision = read_precision(section, file);
+  if (experiment.precision && section.get("quick_seeds") != nullptr) {
+    section.refuse("quick_seeds", "left out where [precision] says how many are needed");
+  }
+  if (experiment.precision) {
+    for (std::size_t n = 1; n <= experiment.precision->most_seeds; ++n) {
+      experiment.seeds.push_back(n);
+    }
+  } else {
+    experiment.seeds = read_seeds(section, file);
+    const auto all = static_cast<std::int64_t>(experiment.seeds.size());
+    const std::int64_t few = std::min(section.whole("quick_seeds", 1, all), all);
+    if (quick) experiment.seeds.resize(static_cast<std::size_t>(few));
+  }
+  experiment.common_random_numbers = section.boolean("common_random_numbers", true);
+  experiment.trajectory_period_s = section.number("trajectory_period_s", 0.01, 1e6, 0.0);
+  const std::vector<Part> parts = read_parts(table, file);
+  experiment.keys = keys_of(parts.front().axes);
+  experiment.figure = read_figure(section, file, experiment.keys);
+  experiment.tables = read_tables(section, file, experiment.keys);
+  const ArmSource source{(path.parent_path() / scenario).lexically_normal().string(), file,
+                         overrides};
+  const ScenarioLoader start = start_from_file(source.scenario_file);
+  for (const Part& part : parts) add_arms(source, start, part, experiment.arms);
+  check_no_arm_twice(experiment.arms, file);
+  check_controllers(experiment.arms, file);
+  check_choices(experiment, file);
+  const std::uint64_t largest = *std::max_element(experiment.seeds.begin(), experiment.seeds.end());
+  constexpr auto kMost = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
+  if (!experiment.common_random_numbers && largest >= kMost / experiment.arms.size()) {
+    section.refuse("seeds", fmt::format("below {} where {} combinations have seeds of their own",
+                                        kMost / experiment.arms.size(), experiment.arms.size()));
+  }
+  return experiment;
+}
+
+}  // namespace tether

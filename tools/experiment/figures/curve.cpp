@@ -1,0 +1,177 @@
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+#include "tools/experiment/figures/figure_script.hpp"
+#include "tools/experiment/figures/figures.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::array kColours{"0072b2", "d55e00", "009e73", "cc79a7", "e69f00", "56b4e9", "000000"};
+
+constexpr char kCurveCommands[] = R"gnuplot(
+  set xlabel x_label noenhanced offset 0,0.4
+  set ylabel y_label noenhanced offset 1,0
+  set grid y lc rgb "#e4e4e4" lw 0.5
+  set xrange [x_low:x_high]
+  set yrange [y_low:y_high]
+  if (log_y) { set logscale y }
+  set lmargin at screen 1.3 / width_cm
+  set rmargin at screen 1 - 0.2 / width_cm
+  set tmargin at screen 1 - top_cm / height_cm
+  set bmargin at screen (bottom_cm + 1.0) / height_cm
+  command = "plot NaN"
+  do for [s = 1 : series] {
+    colour = word(colours, s)
+    rows = sprintf("$1 == %d && strcol(2) eq", s)
+    command = command . sprintf(", data every ::1 using (%s 'mean' ? $3 : NaN):6:7 " \
+      . "with filledcurves fs solid noborder fc rgb '#b0%s'", rows, colour)
+    command = command . sprintf(", data every ::1 using (%s 'run' ? $4 : NaN):5 " \
+      . "with points pt 7 ps 0.28 lc rgb '#70%s'", rows, colour)
+    if (bars) {
+      command = command . sprintf(", data every ::1 using (%s 'mean' ? $3 : NaN):5:6:7 " \
+        . "with yerrorbars pt 0 lw 1 lc rgb '#%s'", rows, colour)
+    }
+    command = command . sprintf(", data every ::1 using (%s 'mean' ? $3 : NaN):5 " \
+      . "with linespoints pt 7 ps 0.45 lw 1.5 lc rgb '#%s'", rows, colour)
+  }
+  eval command
+)gnuplot";
+
+// What the axes must hold, and how far runs may spread around their point.
+struct Extent {
+  LeastMost x, y;
+  double least_positive = std::numeric_limits<double>::infinity();
+  double nearest_x = std::numeric_limits<double>::infinity();
+  std::size_t least = static_cast<std::size_t>(-1), most = 0, failed = 0;
+  bool intervals = false, lonely_interval = false;
+
+  void add_y(double value) {
+    if (!std::isfinite(value)) return;
+    y.add(value);
+    if (value > 0.0) least_positive = std::min(least_positive, value);
+  }
+
+  double jitter() const {
+    if (std::isfinite(nearest_x)) return 0.5 * nearest_x;
+    return x.empty() ? 0.0 : std::max(0.02, 0.02 * std::abs(x.low));
+  }
+};
+
+bool has_interval(const CurvePoint& p) { return std::isfinite(half_width(p.interval)); }
+
+Extent extent_of(const CurveFigure& figure) {
+  Extent e;
+  for (const CurveSeries& series : figure.series) {
+    for (std::size_t i = 0; i < series.points.size(); ++i) {
+      const CurvePoint& p = series.points[i];
+      e.x.add(p.x);
+      if (i > 0) e.nearest_x = std::min(e.nearest_x, std::abs(p.x - series.points[i - 1].x));
+      e.add_y(p.mean);
+      e.add_y(p.interval.low);
+      e.add_y(p.interval.high);
+      for (const double run : p.runs) e.add_y(run);
+      const std::size_t n = p.succeeded();
+      e.least = std::min(e.least, n);
+      e.most = std::max(e.most, n);
+      e.failed += p.runs.size() - n;
+      const bool before = i > 0 && has_interval(series.points[i - 1]);
+      const bool after = i + 1 < series.points.size() && has_interval(series.points[i + 1]);
+      e.intervals = e.intervals || has_interval(p);
+      e.lonely_interval = e.lonely_interval || (has_interval(p) && !before && !after);
+    }
+  }
+  return e;
+}
+
+// Means come first, and without gaps, so that lines and bands hold together.
+std::string csv_of(const CurveFigure& figure, double jitter) {
+  std::string csv = "series,kind,x,x_drawn,value,low,high,n,name\n";
+  const auto count = static_cast<double>(figure.series.size());
+  for (std::size_t s = 0; s < figure.series.size(); ++s) {
+    const std::string name = csv_cell(figure.series[s].name);
+    const double width = jitter / count;
+    const double shift = (static_cast<double>(s) - 0.5 * (count - 1.0)) * width;
+    std::string runs;
+    for (const CurvePoint& p : figure.series[s].points) {
+      std::size_t n = 0;
+      for (const double run : p.runs) {
+        if (!std::isfinite(run)) continue;
+        // The golden ratio's multiples spread evenly, whatever their number.
+        const double turn = std::fmod(0.6180339887498949 * static_cast<double>(++n), 1.0);
+        runs += fmt::format("{},run,{},{:.6g},{},,,,{}\n", s + 1, p.x,
+                            p.x + shift + 0.8 * width * (turn - 0.5), run, name);
+      }
+      csv += fmt::format("{},mean,{},{},{},{},{},{},{}\n", s + 1, p.x, p.x, p.mean, p.interval.low,
+                         p.interval.high, n, name);
+    }
+    csv += runs;
+  }
+  return csv;
+}
+
+std::string axes(const CurveFigure& figure, const Extent& e) {
+  const bool log_y = figure.log_y && std::isfinite(e.least_positive);
+  const double x_margin = 0.6 * e.jitter() + 0.02 * (e.x.high - e.x.low);
+  double low = 0.0, high = e.y.empty() || e.y.high <= 0.0 ? 1.0 : 1.05 * e.y.high;
+  if (log_y) {
+    low = 0.8 * e.least_positive;
+    high = 1.25 * e.y.high;
+  } else if (!e.y.empty() && e.y.low < 0.0) {
+    low = 1.05 * e.y.low;
+  }
+  return fmt::format("x_low = {}\nx_high = {}\ny_low = {}\ny_high = {}\nlog_y = {}\n",
+                     e.x.low - x_margin, e.x.high + x_margin, low, high, log_y ? 1 : 0);
+}
+
+// Of one series, what is what; of several, their names.
+std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
+  using Sample = LegendEntry::Sample;
+  const auto line = [](std::size_t s) { return fmt::format("lw 1.5 lc rgb \"#{}\"", kColours[s]); };
+  std::vector<LegendEntry> entries;
+  if (figure.series.size() == 1) {
+    const std::string colour = kColours[0];
+    entries = {{Sample::point, "ps 0.28 lc rgb \"#70" + colour + "\"", "run"},
+               {Sample::linespoint, line(0), "mean"}};
+    if (intervals) {
+      entries.push_back({Sample::area, "fs solid noborder fc rgb \"#b0" + colour + "\"",
+                         fmt::format("its {:g} % interval", 100.0 * figure.confidence)});
+    }
+    return entries;
+  }
+  for (std::size_t s = 0; s < figure.series.size(); ++s) {
+    entries.push_back({Sample::linespoint, line(s), figure.series[s].name});
+  }
+  return entries;
+}
+
+}  // namespace
+
+void draw_curve(const std::filesystem::path& folder, const std::string& stem,
+                const CurveFigure& figure) {
+  const Extent e = extent_of(figure);
+  const std::size_t count = figure.series.size();
+  if (e.x.empty() || count > kColours.size()) {
+    throw std::invalid_argument("a curve needs a point and at most 7 series");
+  }
+  std::string note = seeds_note(e.least, e.most, e.failed);
+  if (count > 1 && e.intervals) {
+    note += fmt::format(". Dots: runs; lines: means; bands: their {:g} % intervals",
+                        100.0 * figure.confidence);
+  }
+  const FigureFrame frame(figure.text, note, legend_of(figure, e.intervals),
+                          FigureFrame::Legend::above);
+  std::string variables = frame.variables(stem, figure.text.height_cm);
+  variables += axes(figure, e);
+  variables += "colours = \"";
+  for (std::size_t s = 0; s < count; ++s) variables += fmt::format("{} ", kColours[s]);
+  variables += fmt::format("\"\nx_label = {}\ny_label = {}\nbars = {}\nseries = {}\n",
+                           gnuplot_text(figure.x_label), gnuplot_text(figure.y_label),
+                           e.lonely_interval ? 1 : 0, count);
+  draw_figure(folder, stem, csv_of(figure, e.jitter()), figure.text, variables, kCurveCommands);
+}
+
+}  // namespace tether

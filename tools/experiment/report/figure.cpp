@@ -1,0 +1,201 @@
+#include "tools/experiment/report/figure.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "common/scenario/scenario.hpp"
+#include "tools/experiment/figures/figures.hpp"
+#include "tools/experiment/store/data.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::size_t kMostPanels = 6;
+
+Scenario scenario_of(const RunStore& store, std::size_t arm) {
+  return parse_scenario(store.arms().at(arm).scenario, "the sweep's scenario");
+}
+
+FigureText text_of(const RunStore& store) {
+  FigureText text;
+  text.title = store.figure()->title;
+  text.plant = store.plant();
+  text.scenario = store.name();
+  return text;
+}
+
+/// The drawn arms by the value of the figure's y, each by ascending x.
+std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& choice,
+                                   const std::string& before_names) {
+  std::vector<CurveSeries> all;
+  std::map<std::string, std::size_t> places;  // by the value of choice.y
+  for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
+    const auto& [settings, runs, summary] = data.arms()[arm];
+    if (!is_selected(choice.where, settings)) continue;
+    const std::string name = data.text(arm, choice.y);
+    const auto [place, is_new] = places.emplace(name, all.size());
+    if (is_new) all.push_back({choice.y.empty() ? "" : before_names + name, {}});
+    all[place->second].points.push_back(
+        {data.number(arm, choice.x), values_of(runs), summary.mean, summary.mean_interval});
+  }
+  for (CurveSeries& one : all) {
+    std::sort(one.points.begin(), one.points.end(),
+              [](const CurvePoint& a, const CurvePoint& b) { return a.x < b.x; });
+  }
+  return all;
+}
+
+void draw_curve_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
+                   const std::filesystem::path& folder, const std::string& stem) {
+  CurveFigure figure;
+  figure.text = text_of(store);
+  figure.x_label = label_of_key(choice.x);
+  figure.y_label = label_of_metric(choice.metric);
+  figure.series = series_of(data, choice, label_of_key(choice.y) + " ");
+  draw_curve(folder, stem, figure);
+}
+
+void draw_comparison_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
+                        const std::filesystem::path& folder, const std::string& stem) {
+  ComparisonFigure figure;
+  figure.text = text_of(store);
+  figure.text.height_cm = 8.2;
+  figure.x_label = choice.x_label.empty() ? label_of_key(choice.x) : choice.x_label;
+  figure.y_label = "mean " + label_of_metric(choice.metric);
+  figure.note = choice.note;
+  figure.floor = choice.floor;
+  figure.reversed = choice.reversed;
+  figure.series = series_of(data, choice, "");
+  draw_comparison(folder, stem, figure);
+}
+
+void draw_heatmap_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
+                     const std::filesystem::path& folder, const std::string& stem) {
+  HeatmapFigure figure;
+  figure.text = text_of(store);
+  figure.x_label = label_of_key(choice.x);
+  figure.y_label = label_of_key(choice.y);
+  figure.value_label = "mean " + label_of_metric(choice.metric);
+  for (const double x : data.values(choice.x)) {
+    const std::vector<std::size_t> column = data.where(choice.x, x);
+    std::vector<std::vector<SeededValue>> runs;
+    for (const std::size_t arm : column) runs.push_back(data.arms()[arm].runs);
+    const BestArm best = ties_of_best(runs, kConfidence, kBootstrapSeed);
+    for (std::size_t i = 0; i < column.size(); ++i) {
+      const Summary& summary = data.arms()[column[i]].summary;
+      HeatCell cell{x,
+                    data.number(column[i], choice.y),
+                    summary.mean,
+                    summary.mean_interval,
+                    summary.n,
+                    summary.left_out,
+                    HeatCell::Mark::none};
+      if (best.tied[i]) cell.mark = HeatCell::Mark::tied;
+      if (best.best == i) cell.mark = HeatCell::Mark::best;
+      figure.cells.push_back(cell);
+    }
+  }
+  draw_heatmap(folder, stem, figure);
+}
+
+void draw_trajectories_of(const RunStore& store, const std::filesystem::path& folder,
+                          const std::string& stem) {
+  TrajectoryFigure figure;
+  figure.text = text_of(store);
+  figure.half_extent_m = scenario_of(store, 0).world.half_extent_m;
+  const auto arms = store.arms();
+  std::size_t next_arm = 0;  // the first run of each
+  store.for_each(
+      [&](const StoredRun& run) {
+        const bool is_drawn = run.arm < next_arm || !run.result.failure.empty();
+        if (is_drawn || figure.panels.size() == kMostPanels) return;
+        next_arm = run.arm + 1;
+        TrajectoryPanel panel;
+        panel.title = "ε = " + fmt::format("{:.1f} m", run.result.metrics[0]);
+        for (auto setting = arms[run.arm].settings.rbegin();
+             setting != arms[run.arm].settings.rend(); ++setting) {
+          panel.title =
+              fmt::format("{} {}, {}", label_of_key(setting->key), setting->plain(), panel.title);
+        }
+        for (const TrajectoryPoint& row : run.result.trajectory) {
+          panel.planned.push_back(
+              {static_cast<double>(row.x_ref_m), static_cast<double>(row.y_ref_m)});
+          panel.actual.push_back({static_cast<double>(row.x_m), static_cast<double>(row.y_m)});
+        }
+        figure.note = fmt::format("one run each, seed {}", run.seed);
+        figure.panels.push_back(std::move(panel));
+      },
+      true);
+  draw_trajectories(folder, stem, figure);
+}
+
+void draw_risk_map_of(const RunStore& store, const std::filesystem::path& folder,
+                      const std::string& stem, RiskDefinition definition) {
+  RiskMapFigure figure;
+  figure.text = text_of(store);
+  figure.half_extent_m = scenario_of(store, 0).world.half_extent_m;
+  figure.failed = store.failures();
+  figure.points = risk_points(store, definition);
+  figure.turns = sharp_turns(figure.points);
+  switch (definition) {
+    case RiskDefinition::whole_run:
+      figure.value_label = "mean ε of runs in B here [m]";
+      break;
+    case RiskDefinition::next_10_s:
+      figure.value_label = "mean error, next 10 s [m]";
+      break;
+    case RiskDefinition::now:
+      figure.value_label = "mean error [m]";
+      break;
+  }
+  draw_risk_map(folder, stem, figure);
+}
+
+}  // namespace
+
+bool draw_sweep_figure(const RunStore& store, const SweepData& data,
+                       const std::filesystem::path& folder, const std::string& stem,
+                       RiskDefinition risk) {
+  const auto choice = store.figure();
+  if (!choice || store.size() == 0) return false;
+  switch (choice->kind) {
+    case FigureChoice::Kind::curve:
+      draw_curve_of(store, data, *choice, folder, stem);
+      break;
+    case FigureChoice::Kind::heatmap:
+      draw_heatmap_of(store, data, *choice, folder, stem);
+      break;
+    case FigureChoice::Kind::comparison:
+      draw_comparison_of(store, data, *choice, folder, stem);
+      break;
+    case FigureChoice::Kind::trajectories:
+      draw_trajectories_of(store, folder, stem);
+      break;
+    case FigureChoice::Kind::risk_map:
+      draw_risk_map_of(store, folder, stem, risk);
+      break;
+  }
+  return true;
+}
+
+std::string label_of_key(const std::string& key) {
+  if (key.starts_with("channel.") && key.ends_with("prr")) return "PRR";
+  if (key == "delay_ms" || (key.starts_with("channel.") && key.ends_with("delay_ms"))) {
+    return "δ [ms]";
+  }
+  if (key == "controller.tau_s") return "τ [s]";
+  return key;
+}
+
+std::string label_of_metric(const std::string& metric) {
+  if (metric == "epsilon_m") return "ε [m]";
+  if (metric == "rmse_m") return "rms error [m]";
+  if (metric == "max_error_m") return "largest error [m]";
+  if (metric == "wall_contact_s") return "time at the walls [s]";
+  return metric;
+}
+
+}  // namespace tether

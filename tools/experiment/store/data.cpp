@@ -1,0 +1,84 @@
+#include "tools/experiment/store/data.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "common/base/csv_table.hpp"
+
+namespace tether {
+
+namespace {
+
+bool is_same(double a, double b) { return std::abs(a - b) <= 1e-9; }
+
+}  // namespace
+
+SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_(metric) {
+  const std::size_t number = metric_number(metric).value();
+  for (const auto& arm : store.arms()) arms_.push_back({arm.settings, {}, {}});
+  store.for_each([&](const StoredRun& run) {
+    arms_.at(run.arm).runs.push_back({run.seed, run.result.metrics[number]});
+  });
+  for (ArmData& arm : arms_) {
+    arm.summary = summarize(values_of(arm.runs), kConfidence, kBootstrapSeed);
+  }
+}
+
+std::string SweepData::text(std::size_t arm, const std::string& key) const {
+  for (const KeyValue& setting : arms_[arm].settings) {
+    if (setting.key == key) return setting.plain();
+  }
+  return "";
+}
+
+double SweepData::number(std::size_t arm, const std::string& key) const {
+  return finite_number(text(arm, key));
+}
+
+std::optional<std::size_t> SweepData::find(
+    const std::vector<std::pair<std::string, double>>& values) const {
+  for (std::size_t arm = 0; arm < arms_.size(); ++arm) {
+    const bool fits = std::all_of(values.begin(), values.end(), [&](const auto& value) {
+      return is_same(number(arm, value.first), value.second);
+    });
+    if (fits) return arm;
+  }
+  return std::nullopt;
+}
+
+std::vector<std::size_t> SweepData::where(const std::string& key, double value) const {
+  std::vector<std::size_t> found;
+  for (std::size_t arm = 0; arm < arms_.size(); ++arm) {
+    if (is_same(number(arm, key), value)) found.push_back(arm);
+  }
+  return found;
+}
+
+std::vector<double> SweepData::values(const std::string& key) const {
+  std::set<double> values;
+  for (std::size_t arm = 0; arm < arms_.size(); ++arm) {
+    if (const double x = number(arm, key); std::isfinite(x)) values.insert(x);
+  }
+  return {values.begin(), values.end()};
+}
+
+std::vector<double> values_of(const std::vector<SeededValue>& runs) {
+  std::vector<double> values;
+  for (const SeededValue& run : runs) values.push_back(run.value);
+  return values;
+}
+
+std::string interval_text(const Interval& interval) {
+  return fmt::format("[{:.4g}, {:.4g}]", interval.low, interval.high);
+}
+
+std::string mean_text(const Summary& summary) {
+  if (summary.n == 0) return "-";
+  if (!std::isfinite(summary.mean_interval.low)) return fmt::format("{:.4g}", summary.mean);
+  return fmt::format("{:.4g} {}", summary.mean, interval_text(summary.mean_interval));
+}
+
+}  // namespace tether

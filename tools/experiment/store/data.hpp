@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/experiment/statistics/comparison.hpp"
+#include "tools/experiment/statistics/statistics.hpp"
+#include "tools/experiment/store/run_store.hpp"
+
+namespace tether {
+
+/// One metric of all runs of a sweep, in memory.
+class SweepData {
+ public:
+  struct ArmData {
+    std::vector<KeyValue> settings;
+    std::vector<SeededValue> runs;  ///< NaN: failed
+    Summary summary;
+  };
+
+  /// `metric` is one of kMetricNames.
+  SweepData(const RunStore& store, const std::string& metric);
+
+  const std::vector<ArmData>& arms() const { return arms_; }
+  const std::string& metric() const { return metric_; }
+
+  /// The value of a grid's key in an arm, as a number; NaN if it is none, or no key of the grid.
+  double number(std::size_t arm, const std::string& key) const;
+  /// The same as it was written; empty if it is no key of the grid.
+  std::string text(std::size_t arm, const std::string& key) const;
+  /// The arm where these keys have these values, within 1e-9; nullopt if there is none.
+  std::optional<std::size_t> find(const std::vector<std::pair<std::string, double>>& values) const;
+  /// The arms where a key has a value, in order.
+  std::vector<std::size_t> where(const std::string& key, double value) const;
+  /// The values of a key, ascending, each once.
+  std::vector<double> values(const std::string& key) const;
+
+ private:
+  std::string metric_;
+  std::vector<ArmData> arms_;
+};
+
+/// The numbers alone.
+std::vector<double> values_of(const std::vector<SeededValue>& runs);
+
+/// "εmean [low, high]": "2.31 [2.28, 2.35]"; the mean alone where there is no interval, and "-"
+/// without runs.
+std::string mean_text(const Summary& summary);
+std::string interval_text(const Interval& interval);
+
+}  // namespace tether

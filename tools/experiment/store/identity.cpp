@@ -1,0 +1,163 @@
+#include "tools/experiment/store/identity.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <charconv>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <variant>
+
+#include "common/base/errors.hpp"
+#include "common/base/fnv1a.hpp"
+#include "common/scenario/channel_settings.hpp"
+#include "common/scenario/keys.hpp"
+#include "common/version.hpp"
+#include "tools/experiment/design/figure_choice.hpp"
+#include "tools/experiment/store/run_store.hpp"
+
+namespace tether {
+namespace {
+
+std::string seeds_text(const Experiment& experiment) {
+  const auto& seeds = experiment.seeds;
+  if (seeds.empty()) return "none";
+  for (std::size_t i = 0; i < seeds.size(); ++i) {
+    if (seeds[i] != seeds.front() + i) return fmt::format("{}", fmt::join(seeds, ", "));
+  }
+  return fmt::format("{} to {}", seeds.front(), seeds.back());
+}
+
+std::string precision_text(const std::optional<Precision>& precision) {
+  if (!precision) return "none";
+  return fmt::format("{} to ±{}, {} seeds at most, in batches of {}", precision->metric,
+                     precision->half_width, precision->most_seeds, precision->batch);
+}
+
+std::string hash_of_file(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  if (!in) throw UsageError(fmt::format("cannot read {}, which the scenario names", file));
+  return fmt::format("{:016x}", fnv1a(text.str()));
+}
+
+/// The files that a scenario names.
+std::set<std::string> files_of(const Scenario& scenario) {
+  std::set<std::string> files;
+  const auto add = [&](const std::vector<ScenarioKey>& keys) {
+    for (const ScenarioKey& key : keys) {
+      if (!key.name.ends_with(".file") && key.name != "can.drivetrain" && key.name != "path.csv" &&
+          key.name != "controller.tau_table") {
+        continue;
+      }
+      if (!why_law_ignores(scenario, key.name).empty()) continue;
+      const auto value = key.get(scenario);
+      const auto* text = value ? std::get_if<std::string>(&*value) : nullptr;
+      if (text != nullptr && !text->empty()) files.insert(*text);
+    }
+  };
+  add(scenario_keys());
+  for (const auto& [name, link] : scenario.channel.links) add(named_link_keys(name));
+  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+    for (const std::string& setting : change.settings) {
+      if (const auto file = file_of_setting(setting)) files.insert(*file);
+    }
+  }
+  return files;
+}
+
+std::string inputs_text(const Experiment& experiment) {
+  std::set<std::string> files;
+  for (const Arm& arm : experiment.arms) files.merge(files_of(arm.scenario));
+  std::string text;
+  for (const std::string& file : files) {
+    text += fmt::format("{}{} ({})", text.empty() ? "" : ", ", file, hash_of_file(file));
+  }
+  return text.empty() ? "none" : text;
+}
+
+std::string plants_text(const Experiment& experiment) {
+  std::set<std::string> plants;
+  for (const Arm& arm : experiment.arms) plants.insert(arm.scenario.vehicle.plant_name());
+  return fmt::format("{}", fmt::join(plants, ", "));
+}
+
+[[noreturn]] void refuse(const RunStore& store, const std::string& what, const std::string& was,
+                         const std::string& is) {
+  throw UsageError(fmt::format(
+      "{} was made with {} = {}; now it is {}. Go on as it was, or choose another --out",
+      store.file().string(), what, was, is));
+}
+
+}  // namespace
+
+Identity identity_of(const Experiment& experiment, const Shard& shard) {
+  return {{"name", experiment.name},
+          {"version", kVersion},
+          {"plant", plants_text(experiment)},
+          {"seeds", seeds_text(experiment)},
+          {"precision", precision_text(experiment.precision)},
+          {"common_random_numbers", experiment.common_random_numbers ? "true" : "false"},
+          {"trajectory_period_s", fmt::format("{}", experiment.trajectory_period_s)},
+          {"overrides", fmt::format("{}", fmt::join(experiment.overrides, " "))},
+          {"keys", nlohmann::json(experiment.keys).dump()},
+          {"inputs", inputs_text(experiment)},
+          {"figure", to_text(experiment.figure)},
+          {"tables", to_text(experiment.tables)},
+          {"planned_runs", fmt::format("{}", experiment.arms.size() * experiment.seeds.size())},
+          {"shard", to_text(shard)}};
+}
+
+void check_same(const RunStore& store, const Identity& identity) {
+  const Identity stored = store.identity();
+  for (const auto& [key, value] : identity) {
+    if (key == "figure" || key == "tables" || key == "planned_runs") continue;  // change no run
+    const auto found = stored.find(key);
+    const std::string was = found == stored.end() ? "nothing" : found->second;
+    if (was != value) refuse(store, key, was, value);
+  }
+}
+
+void check_same_arms(const RunStore& store, const Experiment& experiment) {
+  const auto stored = store.arms();
+  if (stored.size() != experiment.arms.size()) {
+    refuse(store, "combinations", std::to_string(stored.size()),
+           std::to_string(experiment.arms.size()));
+  }
+  for (std::size_t i = 0; i < stored.size(); ++i) {
+    const Arm& arm = experiment.arms[i];
+    if (stored[i].settings != arm.settings) {
+      refuse(store, fmt::format("combination {}", i), Arm{stored[i].settings, {}}.text(),
+             arm.text());
+    }
+    std::istringstream was(stored[i].scenario), is(to_toml(arm.scenario));
+    std::string was_line, is_line;
+    for (;;) {
+      const bool more = static_cast<bool>(std::getline(was, was_line));
+      if (static_cast<bool>(std::getline(is, is_line)) != more || (more && was_line != is_line)) {
+        refuse(store, "the scenario's line", "\"" + was_line + "\"", "\"" + is_line + "\"");
+      }
+      if (!more) break;
+    }
+  }
+}
+
+std::string to_text(const Shard& shard) { return fmt::format("{}/{}", shard.index, shard.count); }
+
+Shard shard_of(const std::string& text) {
+  Shard shard{0, 0};
+  const char* end = text.data() + text.size();
+  const auto [slash, bad_index] = std::from_chars(text.data(), end, shard.index);
+  if (bad_index == std::errc{} && slash != end && *slash == '/') {
+    const auto [last, bad_count] = std::from_chars(slash + 1, end, shard.count);
+    const bool is_good =
+        bad_count == std::errc{} && last == end && shard.index >= 1 && shard.index <= shard.count;
+    if (is_good) return shard;
+  }
+  throw UsageError(fmt::format("shard \"{}\" must be I/N, from 1/N to N/N", text));
+}
+
+}  // namespace tether

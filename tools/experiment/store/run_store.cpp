@@ -1,0 +1,288 @@
+#include "tools/experiment/store/run_store.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/key_table.hpp"
+#include "tools/experiment/design/figure_choice.hpp"
+#include "tools/experiment/store/identity.hpp"
+
+namespace tether {
+namespace {
+
+constexpr char kFormat[] = "1";
+
+std::string create_tables() {
+  std::string metrics;
+  for (const std::string_view name : kMetricNames) metrics += fmt::format(", {} REAL", name);
+  return fmt::format(
+      "CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;"
+      "CREATE TABLE arms(arm INTEGER PRIMARY KEY, settings TEXT NOT NULL, scenario TEXT NOT NULL);"
+      "CREATE TABLE runs(arm INTEGER, seed INTEGER, failure TEXT{}, PRIMARY KEY(arm, seed))"
+      " WITHOUT ROWID;"
+      "CREATE TABLE trajectories(arm INTEGER, seed INTEGER, points BLOB NOT NULL,"
+      " PRIMARY KEY(arm, seed));",
+      metrics);
+}
+
+std::unique_ptr<Database> open_database(const std::filesystem::path& file, Database::Mode mode) {
+  try {
+    return std::make_unique<Database>(file, mode);
+  } catch (const std::runtime_error& error) {
+    if (mode == Database::Mode::read && !std::filesystem::exists(file)) {
+      throw UsageError(fmt::format("there is no sweep's database {}", file.string()));
+    }
+    throw UsageError(error.what());
+  }
+}
+
+bool is_empty(const Database& database) {
+  Statement tables(database, "SELECT count(*) FROM sqlite_master");
+  tables.step();
+  return tables.whole(0) == 0;
+}
+
+/// Throws unless it is a sweep's database, undamaged.
+void check_is_sweep(const Database& database) {
+  try {
+    Statement format(database, "SELECT value FROM meta WHERE key = 'format'");
+    if (!format.step() || format.text(0) != kFormat) throw std::runtime_error("no format");
+    Statement check(database, "PRAGMA quick_check(1)");
+    if (!check.step() || check.text(0) != "ok") throw std::runtime_error(check.text(0));
+  } catch (const std::runtime_error& error) {
+    throw UsageError(fmt::format("{} is no sweep's database, or a damaged one: {}",
+                                 database.file().string(), error.what()));
+  }
+}
+
+std::string point_columns() {
+  std::string columns;
+  for (const std::string_view name : kMetricNames) columns += fmt::format(", {}", name);
+  return columns;
+}
+
+std::string settings_json(const std::vector<KeyValue>& settings) {
+  auto json = nlohmann::ordered_json::array();
+  for (const auto& [key, value] : settings) json.push_back({key, value});
+  return json.dump();
+}
+
+std::vector<KeyValue> settings_of(const std::string& json) {
+  std::vector<KeyValue> settings;
+  for (const auto& entry : nlohmann::json::parse(json)) {
+    settings.push_back({entry.at(0).get<std::string>(), entry.at(1).get<std::string>()});
+  }
+  return settings;
+}
+
+static_assert(sizeof(TrajectoryPoint) == 8 * sizeof(float));
+
+std::span<const std::uint8_t> bytes_of(const std::vector<TrajectoryPoint>& points) {
+  return {reinterpret_cast<const std::uint8_t*>(points.data()),
+          points.size() * sizeof(TrajectoryPoint)};
+}
+
+std::vector<TrajectoryPoint> points_of(std::span<const std::uint8_t> bytes) {
+  std::vector<TrajectoryPoint> points(bytes.size() / sizeof(TrajectoryPoint));
+  if (!points.empty()) std::memcpy(points.data(), bytes.data(), bytes.size());
+  return points;
+}
+
+/// Of SELECT arm, seed, failure, metrics…, points.
+StoredRun stored_run(const Statement& row) {
+  StoredRun run{
+      static_cast<std::size_t>(row.whole(0)), static_cast<std::uint64_t>(row.whole(1)), {}};
+  if (!row.is_nothing(2)) run.result.failure = row.text(2);
+  for (std::size_t i = 0; i < kMetricNames.size(); ++i) {
+    const int column = static_cast<int>(3 + i);
+    run.result.metrics[i] =
+        row.is_nothing(column) ? std::numeric_limits<double>::quiet_NaN() : row.real(column);
+  }
+  run.result.trajectory = points_of(row.bytes(static_cast<int>(3 + kMetricNames.size())));
+  return run;
+}
+
+std::string select_runs(bool with_trajectories) {
+  return fmt::format("SELECT arm, seed, failure{}, {} FROM runs {} ORDER BY arm, seed",
+                     point_columns(), with_trajectories ? "points" : "NULL",
+                     with_trajectories ? "LEFT JOIN trajectories USING (arm, seed)" : "");
+}
+
+}  // namespace
+
+RunStore RunStore::begin(const std::filesystem::path& file, const Experiment& experiment,
+                         const Shard& shard) {
+  RunStore store(open_database(file, Database::Mode::create));
+  Database& database = *store.database_;
+  const Identity identity = identity_of(experiment, shard);
+  if (is_empty(database)) {
+    std::vector<StoredArm> arms;
+    for (const Arm& arm : experiment.arms) arms.push_back({arm.settings, to_toml(arm.scenario)});
+    store.make(identity, arms);
+  } else {
+    check_is_sweep(database);
+    store.check_contents();
+    check_same(store, identity);
+    check_same_arms(store, experiment);
+    store.write_meta({{"figure", identity.at("figure")}, {"tables", identity.at("tables")}});
+  }
+  // A power failure may undo the last runs, never more; the death of the process undoes nothing.
+  database.execute("PRAGMA synchronous = NORMAL");
+  return store;
+}
+
+RunStore RunStore::begin_like(const std::filesystem::path& file, const RunStore& shard) {
+  RunStore store(open_database(file, Database::Mode::create));
+  Identity identity = shard.identity();
+  identity["shard"] = to_text(Shard{});
+  store.make(identity, shard.arms());
+  return store;
+}
+
+void RunStore::make(const Identity& identity, const std::vector<StoredArm>& arms) {
+  database_->execute("PRAGMA journal_mode = WAL");
+  Transaction making(*database_);
+  database_->execute(create_tables());
+  write_meta({{"format", kFormat}, {"wall_time_s", "0"}, {"complete", "false"}});
+  write_meta(identity);
+  Statement insert(*database_, "INSERT INTO arms VALUES (?, ?, ?)");
+  for (std::size_t i = 0; i < arms.size(); ++i) {
+    insert.bind(0, static_cast<std::int64_t>(i));
+    insert.bind(1, settings_json(arms[i].settings)).bind(2, arms[i].scenario).run();
+  }
+  making.commit();
+}
+
+void RunStore::write_meta(const Identity& values) {
+  Statement insert(*database_, "INSERT OR REPLACE INTO meta VALUES (?, ?)");
+  for (const auto& [key, value] : values) insert.bind(0, key).bind(1, value).run();
+}
+
+RunStore RunStore::open(const std::filesystem::path& file) {
+  RunStore store(open_database(file, Database::Mode::read));
+  check_is_sweep(*store.database_);
+  store.check_contents();
+  return store;
+}
+
+/// What all readers rely on.
+void RunStore::check_contents() const {
+  try {
+    if (!is_identifier(name())) throw std::runtime_error("a bad name");
+    if (!std::isfinite(wall_time_s())) throw std::runtime_error("a bad wall time");
+    planned_runs(), keys(), figure(), tables(), plant(), version(), shard();
+    const std::size_t count = arms().size();
+    Statement range(*database_, "SELECT count(*) FROM runs WHERE arm < 0 OR arm >= ?");
+    range.bind(0, static_cast<std::int64_t>(count));
+    if (range.step() && range.whole(0) > 0) throw std::runtime_error("runs of no combination");
+    if (count == 0) throw std::runtime_error("no combinations");
+    Statement points(*database_, "SELECT count(*) FROM trajectories");
+    points.step();
+  } catch (const std::exception& error) {
+    throw UsageError(fmt::format("{} is a damaged sweep's database: {}", database_->file().string(),
+                                 error.what()));
+  }
+}
+
+void RunStore::add(const std::vector<StoredRun>& runs) {
+  Transaction adding(*database_);
+  std::string places = "?, ?, ?";
+  for (std::size_t i = 0; i < kMetricNames.size(); ++i) places += ", ?";
+  Statement insert(*database_, fmt::format("INSERT INTO runs VALUES ({})", places));
+  Statement insert_points(*database_, "INSERT INTO trajectories VALUES (?, ?, ?)");
+  for (const auto& [arm, seed, result] : runs) {
+    const auto arm_number = static_cast<std::int64_t>(arm);
+    const auto seed_number = static_cast<std::int64_t>(seed);
+    insert.bind(0, arm_number).bind(1, seed_number);
+    if (result.failure.empty()) {
+      for (std::size_t i = 0; i < kMetricNames.size(); ++i) {
+        insert.bind(static_cast<int>(3 + i), result.metrics[i]);
+      }
+    } else {
+      insert.bind(2, result.failure);
+    }
+    insert.run();
+    if (result.trajectory.empty()) continue;
+    insert_points.bind(0, arm_number).bind(1, seed_number);
+    insert_points.bind_bytes(2, bytes_of(result.trajectory)).run();
+  }
+  adding.commit();
+}
+
+void RunStore::for_each(const std::function<void(const StoredRun&)>& use,
+                        bool with_trajectories) const {
+  Statement rows(*database_, select_runs(with_trajectories));
+  while (rows.step()) use(stored_run(rows));
+}
+
+std::size_t RunStore::size() const {
+  Statement count(*database_, "SELECT count(*) FROM runs");
+  count.step();
+  return static_cast<std::size_t>(count.whole(0));
+}
+
+std::size_t RunStore::failures() const {
+  Statement count(*database_, "SELECT count(*) FROM runs WHERE failure IS NOT NULL");
+  count.step();
+  return static_cast<std::size_t>(count.whole(0));
+}
+
+void RunStore::flush() {
+  Statement checkpoint(*database_, "PRAGMA wal_checkpoint(TRUNCATE)");
+  if (checkpoint.step() && checkpoint.whole(0) == 0) return;
+  throw std::runtime_error(
+      fmt::format("{}: its write-ahead log is in use by another process", file().string()));
+}
+
+void RunStore::add_wall_time(double wall_time_s) {
+  write_meta({{"wall_time_s", fmt::format("{}", this->wall_time_s() + wall_time_s)}});
+}
+
+std::string RunStore::meta(const std::string& key) const {
+  Statement value(*database_, "SELECT value FROM meta WHERE key = ?");
+  value.bind(0, key);
+  if (!value.step()) {
+    throw UsageError(fmt::format("{}: no \"{}\" in it", database_->file().string(), key));
+  }
+  return value.text(0);
+}
+
+Identity RunStore::identity() const {
+  Identity identity;
+  Statement rows(*database_, "SELECT key, value FROM meta");
+  while (rows.step()) identity[rows.text(0)] = rows.text(1);
+  for (const char* other : {"format", "wall_time_s", "complete"}) identity.erase(other);
+  return identity;
+}
+
+Shard RunStore::shard() const { return shard_of(meta("shard")); }
+
+std::size_t RunStore::planned_runs() const { return std::stoul(meta("planned_runs")); }
+
+std::vector<std::string> RunStore::keys() const {
+  return nlohmann::json::parse(meta("keys")).get<std::vector<std::string>>();
+}
+
+std::optional<FigureChoice> RunStore::figure() const { return figure_of(meta("figure")); }
+
+std::vector<TableChoice> RunStore::tables() const {
+  const Identity all = identity();
+  const auto found = all.find("tables");  // sweeps of older versions have none
+  return found == all.end() ? std::vector<TableChoice>{} : tables_of(found->second);
+}
+
+std::vector<RunStore::StoredArm> RunStore::arms() const {
+  std::vector<StoredArm> arms;
+  Statement rows(*database_, "SELECT settings, scenario FROM arms ORDER BY arm");
+  while (rows.step()) arms.push_back({settings_of(rows.text(0)), rows.text(1)});
+  return arms;
+}
+
+}  // namespace tether

@@ -1,0 +1,70 @@
+#include "tools/experiment/sweep/run_once.hpp"
+
+#include <algorithm>
+#include <exception>
+
+#include "tools/loop/closed_loop.hpp"
+#include "tools/runs/run_observer.hpp"
+#include "tools/runs/run_summary.hpp"
+
+namespace tether {
+namespace {
+
+/// The same run, with no more reports than are read: they change nothing but the time it takes.
+Scenario with_few_reports(const Scenario& scenario, double trajectory_period_s) {
+  Scenario quiet = scenario;
+  const double slowest_hz = 1.0 / std::max(scenario.run.duration_s, 1.0);
+  quiet.run.truth_rate_hz = trajectory_period_s > 0.0 ? 1.0 / trajectory_period_s : slowest_hz;
+  quiet.run.report_period_s =
+      trajectory_period_s > 0.0 ? trajectory_period_s : scenario.run.duration_s;
+  return quiet;
+}
+
+std::vector<TrajectoryPoint> to_points(const std::vector<TrajectoryRow>& rows) {
+  std::vector<TrajectoryPoint> points;
+  for (const TrajectoryRow& row : rows) {
+    const auto f = [](auto x) { return static_cast<float>(x); };
+    points.push_back({f(row.t_s), f(row.x_m), f(row.y_m), f(row.x_ref_m), f(row.y_ref_m),
+                      f(row.error_m), f(row.uplink_state), f(row.downlink_state)});
+  }
+  return points;
+}
+
+RunResult run_to_the_end(const Scenario& scenario, double trajectory_period_s) {
+  ClosedLoop loop(scenario);
+  const RunObserver observer(scenario, loop.loop(), loop.bus());
+  loop.run();
+  check_finite(observer);
+  const ground_truth_t& truth = observer.truth();
+  const link_report_t& up = observer.uplink();
+  const link_report_t& down = observer.downlink();
+  const auto count = [](std::int64_t n) { return static_cast<double>(n); };
+  RunResult result;
+  result.metrics = {truth.epsilon_m,
+                    truth.rmse_m,
+                    truth.max_error_m,
+                    truth.wall_contact_s,
+                    observer.aoi_mean_s(kStart + from_seconds(scenario.run.duration_s)) * 1e3,
+                    count(up.offered),
+                    count(up.lost + up.overflowed),
+                    up.delay_ms_mean,
+                    count(down.offered),
+                    count(down.lost + down.overflowed),
+                    down.delay_ms_mean};
+  if (trajectory_period_s > 0.0) result.trajectory = to_points(observer.trajectory());
+  return result;
+}
+
+}  // namespace
+
+RunResult run_once(const Scenario& scenario, double trajectory_period_s) {
+  try {
+    return run_to_the_end(with_few_reports(scenario, trajectory_period_s), trajectory_period_s);
+  } catch (const std::exception& error) {
+    RunResult failed;
+    failed.failure = error.what();
+    return failed;
+  }
+}
+
+}  // namespace tether

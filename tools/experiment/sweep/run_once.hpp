@@ -1,0 +1,12 @@
+#pragma once
+
+#include "common/scenario/scenario.hpp"
+#include "tools/experiment/design/run_result.hpp"
+
+namespace tether {
+
+/// Runs the loop in virtual time, in this thread. ε and the other metrics are those of `tether
+/// run`. `trajectory_period_s`: 0 for no trajectory. Whatever the run throws becomes its failure.
+RunResult run_once(const Scenario& scenario, double trajectory_period_s);
+
+}  // namespace tether

@@ -1,0 +1,179 @@
+#include "tools/experiment/sweep/sweep.hpp"
+
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace tether {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::milliseconds kStorePeriod{250};
+
+/// Threads that take tasks and give back results.
+class Workers {
+ public:
+  Workers(const Experiment& experiment, const SweepOptions& options)
+      : experiment_(experiment), options_(options) {
+    for (std::size_t i = 0; i < options.jobs; ++i) threads_.emplace_back([this] { work(); });
+  }
+  ~Workers() {
+    {
+      const std::lock_guard lock(mutex_);
+      ending_ = true;
+      tasks_.clear();
+    }
+    more_tasks_.notify_all();
+    for (std::thread& thread : threads_) thread.join();
+  }
+  Workers(const Workers&) = delete;
+  Workers& operator=(const Workers&) = delete;
+
+  void give(const SweepTask& task) {
+    {
+      const std::lock_guard lock(mutex_);
+      tasks_.push_back(task);
+    }
+    more_tasks_.notify_one();
+  }
+  /// Tasks that nobody has begun.
+  std::size_t waiting() {
+    const std::lock_guard lock(mutex_);
+    return tasks_.size();
+  }
+  std::size_t forget_waiting() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(tasks_, {}).size();
+  }
+  /// What has ended; waits for something, but not beyond `until`.
+  std::vector<StoredRun> take(Clock::time_point until) {
+    std::unique_lock lock(mutex_);
+    more_results_.wait_until(lock, until, [this] { return !results_.empty(); });
+    return std::exchange(results_, {});
+  }
+
+ private:
+  void work() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      more_tasks_.wait(lock, [this] { return ending_ || !tasks_.empty(); });
+      if (ending_) return;
+      const SweepTask task = tasks_.front();
+      tasks_.pop_front();
+      lock.unlock();
+      StoredRun run{task.arm, task.seed, make(task)};
+      lock.lock();
+      results_.push_back(std::move(run));
+      more_results_.notify_one();
+    }
+  }
+
+  RunResult make(const SweepTask& task) const {
+    Scenario scenario = experiment_.arms[task.arm].scenario;
+    scenario.run.seed = task.seed;
+    return options_.run(scenario, experiment_.trajectory_period_s);
+  }
+
+  const Experiment& experiment_;
+  const SweepOptions& options_;
+  std::mutex mutex_;
+  std::condition_variable more_tasks_;
+  std::condition_variable more_results_;
+  std::deque<SweepTask> tasks_;
+  std::vector<StoredRun> results_;
+  bool ending_ = false;
+  std::vector<std::thread> threads_;  // last: they use the others
+};
+
+/// The thread that called: gives tasks, stores results, shows progress.
+class Session {
+ public:
+  Session(const Experiment& experiment, const Shard& shard, RunStore& store,
+          const SweepOptions& options)
+      : options_(options),
+        store_(store),
+        schedule_(experiment, shard, options.half_width),
+        metric_(experiment.precision ? metric_number(experiment.precision->metric) : std::nullopt),
+        workers_(experiment, options) {
+    store.for_each([this](const StoredRun& run) {
+      schedule_.restore({run.arm, run.seed}, result_of(run));
+      if (!run.result.failure.empty()) ++progress_.failed;
+    });
+  }
+
+  bool run(const std::atomic<bool>& stop) {
+    fill();
+    Clock::time_point next_store = start_ + kStorePeriod;
+    while (under_way_ > 0) {
+      if (stop) under_way_ -= workers_.forget_waiting();
+      for (StoredRun& run : workers_.take(next_store)) {
+        --under_way_;
+        schedule_.end({run.arm, run.seed}, result_of(run));
+        if (!run.result.failure.empty()) ++progress_.failed;
+        ++progress_.made;
+        ended_.push_back(std::move(run));
+      }
+      if (!stop) fill();
+      if (Clock::now() < next_store && under_way_ > 0) continue;
+      store();
+      next_store = Clock::now() + kStorePeriod;
+    }
+    show();
+    return schedule_.is_done();
+  }
+
+ private:
+  std::optional<double> result_of(const StoredRun& run) const {
+    if (!metric_ || !run.result.failure.empty()) return std::nullopt;
+    return run.result.metrics[*metric_];
+  }
+  /// A few tasks ahead, so that nobody waits for this thread.
+  void fill() {
+    for (std::size_t waiting = workers_.waiting(); waiting < 2 * options_.jobs; ++waiting) {
+      const auto task = schedule_.next();
+      if (!task) return;
+      ++under_way_;
+      workers_.give(*task);
+    }
+  }
+  void store() {
+    if (!ended_.empty()) store_.add(ended_);
+    ended_.clear();
+    const Clock::time_point now = Clock::now();
+    store_.add_wall_time(std::chrono::duration<double>(now - std::exchange(stored_, now)).count());
+    show();
+  }
+  void show() {
+    progress_.ended = schedule_.ended_runs();
+    progress_.known = schedule_.known_runs();
+    progress_.elapsed_s = std::chrono::duration<double>(Clock::now() - start_).count();
+    if (options_.show) options_.show(progress_);
+  }
+
+  const SweepOptions& options_;
+  RunStore& store_;
+  SweepSchedule schedule_;
+  std::optional<std::size_t> metric_;
+  Clock::time_point start_ = Clock::now();
+  Clock::time_point stored_ = start_;
+  SweepProgress progress_;
+  std::size_t under_way_ = 0;
+  std::vector<StoredRun> ended_;  // not in the store yet
+  Workers workers_;
+};
+
+}  // namespace
+
+bool run_sweep(const Experiment& experiment, const Shard& shard, RunStore& store,
+               const SweepOptions& options, const std::atomic<bool>& stop) {
+  const bool is_complete = Session(experiment, shard, store, options).run(stop);
+  if (is_complete) store.set_complete();
+  return is_complete;
+}
+
+}  // namespace tether

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "can_bridge/bus/in_process_can.hpp"
+#include "can_bridge/node/can_bridge_node.hpp"
+#include "can_bridge/node/can_drive_node.hpp"
+#include "common/bus/bus.hpp"
+#include "common/loop/event_loop.hpp"
+#include "common/scenario/scenario.hpp"
+#include "tools/can/arm_operator.hpp"
+
+namespace tether {
+
+/// The drivetrain of a virtual run: the shipping bridge and the emulated drives on a CAN bus in
+/// virtual time, and the operator who arms it.
+class CanLoop {
+ public:
+  CanLoop(const Scenario& scenario, EventLoop& loop, Bus& bus)
+      : config_(load_drivetrain(scenario.can.drivetrain_file)),
+        can_(loop, scenario.can.bit_rate_bps),
+        drives_(scenario, config_, loop, bus, can_.add_port()),
+        bridge_(scenario, config_, loop, bus, can_.add_port()),
+        operator_(scenario, loop, bus) {}
+
+  InProcessCan& can() { return can_; }
+
+  void finish() {
+    bridge_.finish();
+    drives_.finish();
+  }
+
+ private:
+  DrivetrainConfig config_;
+  InProcessCan can_;
+  CanDriveNode drives_;
+  CanBridgeNode bridge_;
+  ArmOperator operator_;
+};
+
+}  // namespace tether

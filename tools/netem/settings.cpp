@@ -1,0 +1,106 @@
+#include "tools/netem/settings.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <tether/channel_setting_result_t.hpp>
+
+#include "common/base/errors.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/bus/lcm_bus.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "common/program/cli.hpp"
+#include "netem/relay/setting_requests.hpp"
+
+namespace tether {
+namespace {
+
+constexpr Duration kSettingPatience = std::chrono::seconds{3};
+constexpr Duration kAskAgain = std::chrono::milliseconds{500};  // requests may get lost, too
+
+/// Asks the relay on one network and waits for its answers.
+class RelayTalk {
+ public:
+  explicit RelayTalk(const std::string& lcm_url)
+      : loop_(RealTimeLoop::wall_utime_us()), bus_(lcm_url, loop_) {
+    subscribe<channel_setting_result_t>(
+        bus_, channels_.net_settings, kDeepQueue, undecodable_,
+        [this](const channel_setting_result_t& m) { on_answer(m); });
+  }
+
+  /// `utime`: of the relay's clock, if known.
+  channel_setting_result_t ask(std::int64_t utime, const std::vector<std::string>& settings) {
+    asked_ = setting_request(utime, RealTimeLoop::wall_utime_us(), settings);
+    answer_.reset();
+    const Instant end = loop_.now() + kSettingPatience;
+    while (!answer_ && loop_.now() < end) {
+      publish(bus_, channels_.net_set, asked_);
+      loop_.run_until(std::min(end, loop_.now() + kAskAgain));
+      if (loop_.signal() != 0) throw std::runtime_error("interrupted");
+    }
+    if (answer_) return *answer_;
+    throw std::runtime_error(fmt::format("no answer on {} at {}: is tether-netem running there?",
+                                         channels_.net_settings, bus_.url()));
+  }
+
+ private:
+  void on_answer(const channel_setting_result_t& answer) {
+    if (answer.request_utime != asked_.utime || answer.request_seq != asked_.seq) return;
+    answer_ = answer;
+    loop_.stop();
+  }
+
+  ChannelNames channels_{"AGV"};
+  RealTimeLoop loop_;
+  LcmBus bus_;
+  std::int64_t undecodable_ = 0;
+  channel_setting_t asked_{};
+  std::optional<channel_setting_result_t> answer_;
+};
+
+/// Texts come from the network.
+std::string safe(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }, '?');
+  return text;
+}
+
+void print_settings(const channel_setting_result_t& answer) {
+  for (std::size_t i = 0; i < answer.key.size(); ++i) {
+    fmt::print("  {} = {}\n", safe(answer.key[i]), safe(answer.value[i]));
+  }
+}
+
+}  // namespace
+
+int netem_set(const std::string& lcm_url, const std::vector<std::string>& settings) {
+  for (const std::string& text : settings) {
+    if (text.find('=') == std::string::npos || text.front() == '=') {
+      throw UsageError(fmt::format("{}: expected KEY=VALUE", text));
+    }
+  }
+  RelayTalk talk(lcm_url);
+  const std::int64_t relay_utime = talk.ask(0, {}).utime;
+  const channel_setting_result_t answer = talk.ask(relay_utime, settings);
+  if (answer.applied == 0) {
+    fmt::print("refused, nothing has changed: {}\n", safe(answer.reason));
+    return kExitFailed;
+  }
+  fmt::print("in force since t = {:.3f} s:\n", to_seconds(from_utime(answer.utime)));
+  print_settings(answer);
+  return kExitOk;
+}
+
+int netem_show(const std::string& lcm_url) {
+  const channel_setting_result_t answer = RelayTalk(lcm_url).ask(0, {});
+  fmt::print("in force at t = {:.3f} s, other than by default:{}\n",
+             to_seconds(from_utime(answer.utime)), answer.key.empty() ? " nothing" : "");
+  print_settings(answer);
+  return kExitOk;
+}
+
+}  // namespace tether

@@ -1,0 +1,172 @@
+#include "tools/processes/live_session.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <stdexcept>
+#include <system_error>
+
+#include "common/program/cli.hpp"
+#include "common/program/node_main.hpp"
+#include "tools/base/process.hpp"
+#include "tools/runs/run_summary.hpp"
+
+namespace tether {
+namespace {
+
+/// Time for all nodes to start before the run's lead, and so before t = 0.
+constexpr std::int64_t kLeadTime_us = 1'500'000;
+constexpr Duration kStatusPeriod = std::chrono::milliseconds{500};
+constexpr Duration kRestartDelay = std::chrono::milliseconds{300};
+constexpr Duration kShutDownPatience = kWindDownLimit + std::chrono::seconds{1};
+/// Time for the nodes' last messages to arrive.
+constexpr Duration kLinger = std::chrono::milliseconds{200};
+constexpr int kMaxRestarts = 20;
+
+/// In the order in which they end: the bridge still has to stop its drives, and these need wheels.
+std::vector<std::string> programs(const Scenario& scenario) {
+  std::vector<std::string> names;
+  if (!scenario.controller.external) names.emplace_back("tether-controller");
+  names.emplace_back("tether-netem");
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    names.emplace_back("tether-can-bridge");
+    if (scenario.can.emulate_drives) names.emplace_back("tether-can-drive");
+  }
+  names.emplace_back("tether-sim");
+  return names;
+}
+
+double prr(const link_report_t& link) { return link.offered > 0 ? reception_ratio(link) : 1.0; }
+
+}  // namespace
+
+LiveSession::LiveSession(const Options& options, const Scenario& scenario)
+    : show_status_(options.show_status && isatty(STDERR_FILENO) != 0),
+      end_(kStart + from_seconds(scenario.run.duration_s)),
+      loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us +
+                to_utime(kStart + from_seconds(scenario.run.lead_s / options.speed)),
+            options.speed),
+      bus_(options.lcm_url, loop_),
+      observer_(scenario, loop_, bus_),
+      operator_(scenario, loop_, bus_) {
+  if (!options.out.empty()) {
+    folder_.emplace(options.out, scenario);
+    folder_->record(loop_, bus_);
+  }
+  const std::int64_t start_utime_us =
+      RealTimeLoop::wall_utime_us() -
+      to_utime(kStart + from_seconds(to_seconds(loop_.now()) / options.speed));
+  for (const std::string& name : programs(scenario)) add_child(options, name, start_utime_us);
+}
+
+void LiveSession::add_child(const Options& options, const std::string& name,
+                            std::int64_t start_utime_us) {
+  const std::string program = (executable_folder() / name).string();
+  if (access(program.c_str(), X_OK) != 0) {
+    throw std::runtime_error(fmt::format("cannot start {}: {}; tether expects its nodes beside it",
+                                         program, std::generic_category().message(errno)));
+  }
+  std::vector<std::string> command{program, options.scenario_file, "--lcm-url=" + options.lcm_url,
+                                   fmt::format("--start-utime={}", start_utime_us),
+                                   fmt::format("--speed={}", options.speed)};
+  for (const std::string& text : options.overrides) command.push_back("--set=" + text);
+
+  children_.push_back(std::make_unique<Child>());
+  Child& child = *children_.back();
+  child.name = name;
+  child.process = std::make_unique<NodeProcess>(
+      loop_, std::move(command),
+      [this, &child](const std::string& line) {
+        if (line.starts_with(child.name + ": running, ")) child.has_run = true;
+        say(line);
+      },
+      [this, &child](int code) { on_child_exit(child, code); });
+}
+
+void LiveSession::run() {
+  for (auto& child : children_) child->process->start();
+  loop_.every(loop_.now(), kStatusPeriod, Priority::observer, [this](Instant) { show_status(); });
+  loop_.run_until(end_ + kLinger);
+  end_ = std::min(end_, loop_.now());
+  shut_down();
+  if (!failure_.empty()) throw std::runtime_error(failure_);
+  if (observer_.truth().utime > 0) return;
+  throw std::runtime_error(
+      interrupted() ? "no result: ended before t = 0"
+                    : fmt::format("no result: no SIM/TRUTH from tether-sim was heard on {}; does a "
+                                  "firewall stop multicast?",
+                                  bus_.url()));
+}
+
+void LiveSession::on_child_exit(Child& child, int code) {
+  if (ending_) {
+    if (&child == ending_child_) loop_.stop();
+    return;
+  }
+  // What stops a node at its very start would stop it again: it has said what. A signal may not.
+  const bool refused = code == kExitUsage || code == 127 || (code == kExitFailed && !child.has_run);
+  if (refused || restarts_ >= kMaxRestarts) {
+    failure_ = refused ? fmt::format("{} did not start (exit code {})", child.name, code)
+                       : fmt::format("{} ended again (exit code {}): giving up after {} restarts",
+                                     child.name, code, restarts_);
+    loop_.stop();
+    return;
+  }
+  ++restarts_;
+  say(fmt::format(
+      "t = {:.1f} s: {} ended with {}; starting it again", to_seconds(loop_.now()), child.name,
+      code > 128 ? fmt::format("signal {}", code - 128) : fmt::format("exit code {}", code)));
+  loop_.at(loop_.now() + kRestartDelay, Priority::node, [this, &child](Instant) {
+    if (!ending_) child.process->start();
+  });
+}
+
+void LiveSession::shut_down() {
+  ending_ = true;
+  for (auto& child : children_) {
+    ending_child_ = child.get();
+    child->process->send_signal(SIGTERM);
+    if (child->process->running()) loop_.run_until(loop_.now() + kShutDownPatience);
+  }
+  for (auto& child : children_) child->process->send_signal(SIGKILL);
+  loop_.run_until(loop_.now() + kLinger);
+  if (show_status_) fmt::print(stderr, "\r\033[K");
+}
+
+void LiveSession::say(const std::string& line) {
+  fmt::print(stderr, "{}{}\n", show_status_ ? "\r\033[K" : "", line);
+}
+
+std::string LiveSession::drives() const {
+  if (!observer_.drivetrain()) return "";
+  const drivetrain_state_t& state = observer_.drivetrain()->state();
+  return fmt::format("   drives {}", state.seq > 0 ? state.state_name : "silent");
+}
+
+void LiveSession::show_status() {
+  const double period_s = to_seconds(kStatusPeriod);
+  const auto rate = [period_s](std::int64_t now, std::int64_t& last) {
+    const double per_second = static_cast<double>(now - last) / period_s;
+    last = now;
+    return per_second;
+  };
+  const double poses_hz = rate(observer_.poses_received(), last_poses_);
+  const double commands_hz = rate(observer_.commands_received(), last_commands_);
+  if (!show_status_) return;
+  if (loop_.now() < kStart) {
+    fmt::print(stderr, "\r\033[Kstarting{}", drives());
+    std::fflush(stderr);
+    return;
+  }
+  fmt::print(
+      stderr,
+      "\r\033[Kt {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s{}",
+      to_seconds(loop_.now()), observer_.truth().epsilon_m, prr(observer_.uplink()), poses_hz,
+      prr(observer_.downlink()), commands_hz, drives());
+  std::fflush(stderr);
+}
+
+}  // namespace tether

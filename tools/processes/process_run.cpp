@@ -1,0 +1,148 @@
+#include "tools/processes/process_run.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <stdexcept>
+#include <system_error>
+
+#include "common/base/errors.hpp"
+#include "common/base/system_error.hpp"
+#include "common/bus/lcm_bus.hpp"
+#include "common/bus/lcm_url.hpp"
+#include "common/lockstep/member.hpp"
+#include "tools/base/process.hpp"
+
+namespace tether {
+namespace {
+
+constexpr Duration kEndPatience = std::chrono::seconds{2};
+/// For somebody to start a controller by hand.
+constexpr Duration kPatienceForPeople = std::chrono::minutes{5};
+
+/// A UDP port that nobody uses now.
+std::uint16_t free_port() {
+  const int fd =
+      check_system_call("opening a socket", socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  socklen_t size = sizeof address;
+  const int bound = bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address);
+  const int named = getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
+  close(fd);
+  check_system_call("looking for a free port", std::min(bound, named));
+  return ntohs(address.sin_port);
+}
+
+std::string url_of(const std::string& wanted) {
+  std::string url = wanted;
+  if (url.empty()) url = fmt::format("udpm://239.255.76.67:{}?ttl=0", free_port());
+  url = reachable_lcm_url(url);
+  if (multicast_group(url).empty()) {
+    throw UsageError(fmt::format("--lcm-url: a run in lockstep needs udpm://, not {}", url));
+  }
+  return url;
+}
+
+}  // namespace
+
+ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
+    : end_(kStart + from_seconds(scenario.run.duration_s)),
+      loop_(kStart - from_seconds(scenario.run.lead_s)),
+      bus_(loop_),
+      url_(url_of(options.lcm_url)),
+      io_(RealTimeLoop::wall_utime_us()),
+      wire_(url_, io_) {
+  TimeManager::Config config;
+  config.session = RealTimeLoop::number_of_this_start();
+  config.nodes = lockstep_nodes();
+  if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) {
+    std::erase(config.nodes, "can");
+  }
+  config.end = end_;
+  config.patience = from_seconds(options.patience_s);
+  if (scenario.controller.external) {
+    config.join_patience = kPatienceForPeople;
+    fmt::print(stderr, "tether: waiting for the node \"controller\" of session {} on {}\n",
+               config.session, url_);
+  }
+  manager_ = std::make_unique<TimeManager>(
+      config, io_, wire_, [this](Instant when, const Message& message) { record(when, message); });
+  if (options.step) {
+    fmt::print(stderr, "tether: on {}\n", url_);
+    console_.emplace(io_, *manager_, STDIN_FILENO);
+  }
+  for (const std::string& node : config.nodes) {
+    const bool elsewhere = node == "controller" && scenario.controller.external;
+    if (!elsewhere) start_node(options, node, config.session);
+  }
+}
+
+void ProcessRun::start_node(const Options& options, const std::string& node, std::int64_t session) {
+  const std::string program = (executable_folder() / ("tether-" + node)).string();
+  if (access(program.c_str(), X_OK) != 0) {
+    throw std::runtime_error(fmt::format("cannot start {}: {}; tether expects its nodes beside it",
+                                         program, std::generic_category().message(errno)));
+  }
+  std::vector<std::string> command{program, options.scenario_file, "--lcm-url=" + url_,
+                                   fmt::format("--lockstep={}", session)};
+  for (const std::string& text : options.overrides) command.push_back("--set=" + text);
+  const auto on_exit = [this, node](int code) {
+    if (ending_) return;
+    manager_->on_node_gone(node, code > 128 ? fmt::format("was killed by signal {}", code - 128)
+                                            : fmt::format("ended with exit code {}", code));
+  };
+  children_.push_back(
+      {node, std::make_unique<NodeProcess>(
+                 io_, std::move(command),
+                 [](const std::string& line) { fmt::print(stderr, "{}\n", line); }, on_exit)});
+}
+
+void ProcessRun::record(Instant when, const Message& message) {
+  loop_.run_until(when);
+  bus_.publish(message.channel, message.bytes);
+  loop_.run_until(when);
+}
+
+void ProcessRun::run() {
+  for (Child& child : children_) child.process->start();
+  io_.run();
+  if (!manager_->done()) {
+    const std::string why = manager_->error();
+    manager_->dismiss();
+    throw std::runtime_error(!why.empty() ? why
+                                          : fmt::format("ended by signal {} at t = {:.3f} s",
+                                                        io_.signal(), to_seconds(loop_.now())));
+  }
+  loop_.run_until(end_);
+  end_nodes();
+}
+
+LockstepCost ProcessRun::cost() const {
+  const TimeManager::Counters& c = manager_->counters();
+  LockstepCost cost{.grants = c.grants, .wall_time_s = to_seconds(c.wall_time)};
+  if (!c.round_trips.empty()) {
+    std::vector<Duration> sorted = c.round_trips;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    cost.round_trip_s = to_seconds(*middle);
+  }
+  return cost;
+}
+
+void ProcessRun::end_nodes() {
+  ending_ = true;
+  manager_->dismiss();
+  const Instant deadline = io_.now() + kEndPatience;
+  const auto alive = [this] {
+    return std::any_of(children_.begin(), children_.end(),
+                       [](const Child& child) { return child.process->running(); });
+  };
+  while (alive() && io_.now() < deadline) io_.run_until(io_.now() + std::chrono::milliseconds{5});
+}
+
+}  // namespace tether

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/bus/in_process_bus.hpp"
+#include "common/bus/udpm_bus.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "common/loop/virtual_loop.hpp"
+#include "common/scenario/scenario.hpp"
+#include "tools/lockstep/step_console.hpp"
+#include "tools/lockstep/time_manager.hpp"
+#include "tools/processes/node_process.hpp"
+#include "tools/runs/run_summary.hpp"
+
+namespace tether {
+
+/// A run in virtual time whose nodes are processes on an LCM network, in lockstep (docs/time.md):
+/// the same messages in the same order as ClosedLoop has them.
+class ProcessRun {
+ public:
+  struct Options {
+    std::string scenario_file;
+    std::vector<std::string> overrides;  ///< passed on to the nodes
+    std::string lcm_url;                 ///< empty: a free port of this host's
+    double patience_s = 10.0;            ///< for a node that owes an answer
+    bool step = false;                   ///< the run obeys the terminal
+  };
+
+  ProcessRun(const Options& options, const Scenario& scenario);
+
+  /// For observers, which subscribe before the run.
+  Bus& bus() { return bus_; }
+  EventLoop& loop() { return loop_; }
+
+  /// Runs to the end. Throws std::runtime_error that names the node that kept it from there.
+  void run();
+
+  /// Where the run has come to.
+  Instant now() const { return loop_.now(); }
+  const TimeManager::Counters& counters() const { return manager_->counters(); }
+  LockstepCost cost() const;
+  /// Of TimeManager.
+  std::map<std::string, std::size_t> unaccounted() const { return manager_->unaccounted(); }
+
+ private:
+  void start_node(const Options& options, const std::string& node, std::int64_t session);
+  void record(Instant when, const Message& message);
+  void end_nodes();
+
+  struct Child {
+    std::string node;
+    std::unique_ptr<NodeProcess> process;
+  };
+
+  Instant end_;
+  VirtualLoop loop_;
+  InProcessBus bus_;
+  std::string url_;
+  RealTimeLoop io_;
+  UdpmBus wire_;
+  std::unique_ptr<TimeManager> manager_;
+  std::optional<StepConsole> console_;
+  std::vector<Child> children_;
+  bool ending_ = false;
+};
+
+}  // namespace tether

@@ -1,0 +1,121 @@
+#include "tools/runs/channel_report.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+namespace tether {
+namespace {
+
+constexpr const char* kIndent = "          ";
+
+nlohmann::ordered_json number(double value) {
+  if (!std::isfinite(value)) return nullptr;
+  return value;
+}
+
+std::string text_of(double value) {
+  if (std::isnan(value)) return "-";
+  if (std::isinf(value)) return value > 0.0 ? "∞" : "-∞";
+  return fmt::format("{:.6g}", value);
+}
+
+std::string interval_of(const Estimate& e) {
+  return fmt::format("{} … {}", text_of(e.low), text_of(e.high));
+}
+
+std::string with_unit(const std::string& quantity, const std::string& unit) {
+  return unit.empty() ? quantity : fmt::format("{} [{}]", quantity, unit);
+}
+
+std::string row_of(const ChannelCheck& c) {
+  std::string verdict = to_string(c.verdict);
+  if (!c.reason.empty()) verdict += ": " + c.reason;
+  return fmt::format("{:<30} {:>11} {:>11}  {:<23} {}", with_unit(c.quantity, c.unit),
+                     text_of(c.configured), text_of(c.achieved.value), interval_of(c.achieved),
+                     verdict);
+}
+
+std::string header() {
+  return fmt::format("{:<30} {:>11} {:>11}  {:<23} {}", "quantity", "configured", "achieved",
+                     "95 % interval", "verdict");
+}
+
+/// "PRR, delay p50, p90, p99": the first word is not said twice in a row.
+void append_quantity(std::string& list, const std::string& quantity) {
+  const std::string kDelay = "delay ";
+  const std::size_t last = list.rfind(kDelay);
+  const bool again = quantity.starts_with(kDelay) && last != std::string::npos;
+  if (!list.empty()) list += ", ";
+  list += again ? quantity.substr(kDelay.size()) : quantity;
+}
+
+}  // namespace
+
+nlohmann::ordered_json to_json(const ChannelReport::Direction& link) {
+  nlohmann::ordered_json json;
+  json["channel_check"] = to_string(overall(link.checks));
+  json["check"] = nlohmann::ordered_json::array();
+  for (const ChannelCheck& c : link.checks) {
+    nlohmann::ordered_json row;
+    row["quantity"] = c.quantity;
+    row["unit"] = c.unit;
+    row["configured"] = number(c.configured);
+    row["achieved"] = number(c.achieved.value);
+    row["low"] = number(c.achieved.low);
+    row["high"] = number(c.achieved.high);
+    row["verdict"] = to_string(c.verdict);
+    if (!c.reason.empty()) row["reason"] = c.reason;
+    json["check"].push_back(std::move(row));
+  }
+  return json;
+}
+
+std::string to_text(const ChannelReport::Direction& link) {
+  if (link.packets == 0) return "";
+  std::vector<std::pair<std::string, std::string>> groups;  // what is said of which quantities
+  const auto list_of = [&groups](const std::string& what) -> std::string& {
+    for (auto& [name, list] : groups) {
+      if (name == what) return list;
+    }
+    return groups.emplace_back(what, "").second;
+  };
+  std::string rows;
+  for (const ChannelCheck& c : link.checks) {
+    std::string what;
+    switch (c.verdict) {
+      case Verdict::outside:
+        rows += kIndent + row_of(c) + "\n";
+        continue;
+      case Verdict::ok:
+        what = "channel as configured";
+        break;
+      case Verdict::too_short:
+        what = "too short to say";
+        break;
+      case Verdict::not_comparable:
+        what = fmt::format("not comparable, because {}", c.reason);
+        break;
+    }
+    append_quantity(list_of(what), c.quantity);
+  }
+  std::string line;
+  for (const auto& [what, list] : groups) {
+    line += fmt::format("{}{}: {}", line.empty() ? "" : "; ", what, list);
+  }
+  std::string text = line.empty() ? "" : kIndent + line + "\n";
+  if (!rows.empty())
+    text += fmt::format("{0}NOT AS CONFIGURED\n{0}{1}\n{2}", kIndent, header(), rows);
+  return text;
+}
+
+std::string to_table(const ChannelReport::Direction& link) {
+  std::string text = header() + "\n";
+  for (const ChannelCheck& c : link.checks) text += row_of(c) + "\n";
+  return text;
+}
+
+}  // namespace tether

@@ -1,0 +1,168 @@
+#include "tools/runs/output_folder.hpp"
+
+#include <fmt/format.h>
+#include <fmt/os.h>
+
+#include <fstream>
+#include <lcm/lcm-cpp.hpp>
+#include <set>
+#include <stdexcept>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/channel_settings.hpp"
+#include "common/version.hpp"
+#include "tools/base/process.hpp"
+#include "tools/base/write_file.hpp"
+#include "tools/runs/path_figure.hpp"
+
+namespace fs = std::filesystem;
+
+namespace tether {
+namespace {
+
+constexpr std::uintmax_t kEventHeaderBytes = 28;  // sync, number, time stamp, two lengths
+
+/// First words of a scenario.toml that OutputFolder wrote.
+const std::string kScenarioHeader = "# Resolved scenario, tether ";
+
+void check_nothing_foreign(const fs::path& folder) {
+  static const std::set<std::string> kOurs{
+      "scenario.toml", "summary.json", "trajectory.csv",  "run.lcmlog", "path.gp",
+      "path.svg",      "path.png",     "drivetrain.toml", "path.csv",   "incomplete.txt"};
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    std::string first_line;
+    if (name == "scenario.toml") std::getline(std::ifstream(entry.path()) >> std::ws, first_line);
+    const bool written_by_hand =
+        name == "scenario.toml" && !first_line.starts_with(kScenarioHeader);
+    const bool no_run = !fs::exists(folder / "scenario.toml");
+    if (!kOurs.contains(name) || written_by_hand || no_run) {
+      throw UsageError(
+          fmt::format("--out: \"{}\" holds \"{}\", which is not an earlier run's; name a new or "
+                      "empty folder",
+                      folder.string(), name));
+    }
+  }
+}
+
+/// The scenario with its drivetrain's file copied into `folder`.
+Scenario with_drivetrain_beside(Scenario scenario, const fs::path& folder) {
+  if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) return scenario;
+  std::ifstream in(scenario.can.drivetrain_file, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (!in || text.empty()) {
+    throw UsageError(
+        fmt::format("cannot read the drivetrain file \"{}\"", scenario.can.drivetrain_file));
+  }
+  write_file(folder / "drivetrain.toml", text);
+  scenario.can.drivetrain_file = "drivetrain.toml";
+  return scenario;
+}
+
+/// The scenario with its waypoints copied into `folder`.
+Scenario with_waypoints_beside(Scenario scenario, const fs::path& folder) {
+  if (scenario.path.kind != Scenario::Path::Kind::csv) return scenario;
+  std::ifstream in(scenario.path.csv, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (!in || text.empty()) {
+    throw UsageError(fmt::format("cannot read the waypoints \"{}\"", scenario.path.csv));
+  }
+  write_file(folder / "path.csv", text);
+  scenario.path.csv = "path.csv";
+  return scenario;
+}
+
+/// The scenario with full names of the files that its channel reads.
+Scenario with_absolute_names(Scenario scenario) {
+  scenario.channel.for_each_link([](const std::string&, LinkConfig& link) {
+    for (std::string* file : {&link.jitter.file, &link.trace.file, &link.map.file}) {
+      if (!file->empty()) *file = fs::absolute(*file).string();
+    }
+  });
+  for (Scenario::Channel::Change& change : scenario.channel.changes) {
+    for (std::string& text : change.settings) text = setting_in_folder(text, fs::current_path());
+  }
+  return scenario;
+}
+
+std::string trajectory_csv(const std::vector<TrajectoryRow>& rows) {
+  std::string text = "t_s,x_m,y_m,yaw_rad,x_ref_m,y_ref_m,error_m,uplink_state,downlink_state\n";
+  for (const TrajectoryRow& r : rows) {
+    text += fmt::format("{:.6f},{},{},{},{},{},{},{},{}\n", r.t_s, r.x_m, r.y_m, r.yaw_rad,
+                        r.x_ref_m, r.y_ref_m, r.error_m, r.uplink_state, r.downlink_state);
+  }
+  return text;
+}
+
+}  // namespace
+
+EventLogWriter::EventLogWriter(const fs::path& file, EventLoop& loop, Bus& bus)
+    : file_(file), loop_(loop), log_(std::make_unique<lcm::LogFile>(file.string(), "w")) {
+  if (!log_->good()) throw UsageError(fmt::format("cannot write \"{}\"", file.string()));
+  bus.subscribe(".*", kDeepQueue, [this](const Message& message) { write(message); });
+}
+
+EventLogWriter::~EventLogWriter() = default;
+
+void EventLogWriter::write(const Message& message) {
+  if (!log_) return;
+  lcm::LogEvent event{};
+  event.eventnum = events_++;
+  event.timestamp = to_utime(loop_.now());
+  event.channel = std::string(message.channel);
+  event.datalen = static_cast<std::int32_t>(message.bytes.size());
+  // LCM's signature lacks a const; it only reads.
+  event.data = const_cast<std::uint8_t*>(message.bytes.data());
+  if (log_->writeEvent(&event) != 0) failed_ = true;
+  bytes_ += kEventHeaderBytes + message.channel.size() + message.bytes.size();
+}
+
+void EventLogWriter::close() {
+  if (!log_) return;
+  log_.reset();
+  std::error_code error;
+  // LCM does not say whether its last buffer reached the disk; the size does.
+  if (failed_ || fs::file_size(file_, error) != bytes_) {
+    throw std::runtime_error(
+        fmt::format("\"{}\" is incomplete: is the disk full?", file_.string()));
+  }
+}
+
+OutputFolder::OutputFolder(const fs::path& folder, const Scenario& scenario) : folder_(folder) {
+  if (find_program("gnuplot").empty()) {
+    throw std::runtime_error("--out draws with gnuplot, which is missing: apt install gnuplot-nox");
+  }
+  std::error_code error;
+  fs::create_directories(folder_, error);
+  if (error || !fs::is_directory(folder_)) {
+    throw UsageError(fmt::format("--out: cannot create the folder \"{}\": {}", folder_.string(),
+                                 error ? error.message() : "a file of that name is in the way"));
+  }
+  check_nothing_foreign(folder_);
+  fs::remove(folder_ / "summary.json", error);
+  fs::remove(folder_ / "incomplete.txt", error);
+  const Scenario resolved = with_waypoints_beside(
+      with_drivetrain_beside(with_absolute_names(scenario), folder_), folder_);
+  write_file(folder_ / "scenario.toml",
+             kScenarioHeader + std::string(kVersion) + "\n\n" + to_toml(resolved));
+}
+
+void OutputFolder::record(EventLoop& loop, Bus& bus) {
+  log_ = std::make_unique<EventLogWriter>(folder_ / "run.lcmlog", loop, bus);
+}
+
+void OutputFolder::write(const Scenario& scenario, const RunObserver& run,
+                         const std::string& summary_json) {
+  write_file(folder_ / "trajectory.csv", trajectory_csv(run.trajectory()));
+  if (log_) log_->close();
+  draw_path_figure(folder_, scenario, run.truth().epsilon_m);
+  write_file(folder_ / "summary.json", summary_json + "\n");
+}
+
+void OutputFolder::write_incomplete(const RunObserver& run, const std::string& why) {
+  write_file(folder_ / "incomplete.txt", "This run broke off: " + why + "\n");
+  write_file(folder_ / "trajectory.csv", trajectory_csv(run.trajectory()));
+  if (log_) log_->close();
+}
+
+}  // namespace tether

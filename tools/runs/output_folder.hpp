@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/bus/bus.hpp"
+#include "common/loop/event_loop.hpp"
+#include "common/scenario/scenario.hpp"
+#include "tools/runs/run_observer.hpp"
+
+namespace lcm {
+class LogFile;
+}
+
+namespace tether {
+
+/// Records every message of a bus as a genuine LCM event log, stamped with the run's time.
+class EventLogWriter {
+ public:
+  /// Throws UsageError if the file cannot be created.
+  EventLogWriter(const std::filesystem::path& file, EventLoop& loop, Bus& bus);
+  ~EventLogWriter();
+  EventLogWriter(const EventLogWriter&) = delete;
+  EventLogWriter& operator=(const EventLogWriter&) = delete;
+
+  /// Closes the file; throws if not everything reached the disk.
+  void close();
+
+ private:
+  void write(const Message& message);
+
+  std::filesystem::path file_;
+  EventLoop& loop_;
+  std::unique_ptr<lcm::LogFile> log_;
+  std::uintmax_t bytes_ = 0;
+  std::int64_t events_ = 0;
+  bool failed_ = false;
+};
+
+/// The folder of a run's results: run.lcmlog while it runs, the rest when it is over.
+class OutputFolder {
+ public:
+  /// Creates the folder, or takes one that is empty or holds nothing but an earlier run's results,
+  /// which are replaced, and writes scenario.toml. Throws UsageError for anything else, so that no
+  /// foreign file is lost, and where gnuplot is missing, before any time is spent on the run.
+  OutputFolder(const std::filesystem::path& folder, const Scenario& scenario);
+
+  const std::filesystem::path& path() const { return folder_; }
+
+  /// Starts run.lcmlog.
+  void record(EventLoop& loop, Bus& bus);
+
+  /// Writes trajectory.csv and path.{gp,svg,png}, closes run.lcmlog, and writes summary.json last:
+  /// its presence says that the folder is complete.
+  void write(const Scenario& scenario, const RunObserver& run, const std::string& summary_json);
+
+  /// Of a run that broke off: trajectory.csv and run.lcmlog as far as they go, and incomplete.txt,
+  /// which says why. There is no summary.json then.
+  void write_incomplete(const RunObserver& run, const std::string& why);
+
+ private:
+  std::filesystem::path folder_;
+  std::unique_ptr<EventLogWriter> log_;
+};
+
+}  // namespace tether

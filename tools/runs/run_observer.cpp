@@ -1,0 +1,107 @@
+#include "tools/runs/run_observer.hpp"
+
+#include <algorithm>
+#include <tether/pose_t.hpp>
+
+#include "common/bus/channel_names.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+namespace {
+
+StreamGuard::Config from_lead(const Scenario& scenario) {
+  return {.earliest = kStart - from_seconds(scenario.run.lead_s)};
+}
+
+}  // namespace
+
+RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
+    : loop_(loop), uplink_guard_(from_lead(scenario)), downlink_guard_(from_lead(scenario)) {
+  const ChannelNames channels(scenario.vehicle.name);
+  subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
+                            [this](const ground_truth_t& m) { on_truth(m); });
+  const auto follow = [&](const std::string& channel, StreamGuard& guard, link_report_t& newest,
+                          int TrajectoryRow::*state) {
+    subscribe<link_report_t>(bus, channel, kDeepQueue, undecodable_,
+                             [this, &guard, &newest, state](const link_report_t& m) {
+                               if (!accept(guard, m.utime, m.seq)) return;
+                               newest = m;
+                               // Of what is reported at one instant, the truth may come first.
+                               const bool is_of_last_row =
+                                   !trajectory_.empty() && truth_.utime == m.utime;
+                               if (is_of_last_row) trajectory_.back().*state = m.state;
+                             });
+  };
+  follow(channels.uplink_report, uplink_guard_, uplink_, &TrajectoryRow::uplink_state);
+  follow(channels.downlink_report, downlink_guard_, downlink_, &TrajectoryRow::downlink_state);
+  std::vector<std::string> reports{channels.sim_counters, channels.net_counters,
+                                   channels.control_counters};
+  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    drivetrain_.emplace(scenario, loop, bus);
+    reports.insert(reports.end(), {channels.can_counters, channels.drive_counters});
+  }
+  for (const std::string& channel : reports) {
+    subscribe<counters_t>(bus, channel, kDeepQueue, undecodable_, [this](const counters_t& m) {
+      for (std::size_t i = 0; i < m.name.size(); ++i) {
+        counters_[m.node + "." + m.name[i]] = m.value[i];
+      }
+    });
+  }
+  subscribe<pose_t>(bus, channels.control_pose, kDeepQueue, undecodable_,
+                    [this](const pose_t& m) { on_pose(from_utime(m.utime)); });
+  for (const std::string& channel : {channels.vehicle_command, channels.vehicle_plan}) {
+    bus.subscribe(channel, kDeepQueue, [this](const Message&) { ++commands_received_; });
+  }
+}
+
+bool RunObserver::accept(StreamGuard& guard, std::int64_t utime, std::int64_t seq) {
+  const bool accepted = guard.accept(loop_.now(), from_utime(utime), seq);
+  if (!accepted) ++rejected_;
+  return accepted;
+}
+
+void RunObserver::on_truth(const ground_truth_t& m) {
+  const bool usable =
+      is_usable(Pose2{m.x_m, m.y_m, m.yaw_rad}) && is_usable(m.error_m) && is_usable(m.epsilon_m);
+  if (!usable) {
+    ++rejected_;
+    return;
+  }
+  const std::int64_t restarts = truth_guard_.counters().restarts;
+  if (!accept(truth_guard_, m.utime, m.seq)) return;
+  if (truth_guard_.counters().restarts > restarts) trajectory_.clear();
+  truth_ = m;
+  trajectory_.push_back({static_cast<double>(m.utime) * 1e-6, m.x_m, m.y_m, m.yaw_rad, m.x_ref_m,
+                         m.y_ref_m, m.error_m, uplink_.state, downlink_.state});
+}
+
+void RunObserver::on_pose(Instant stamp) {
+  ++poses_received_;
+  const Instant now = loop_.now();
+  if (now < kStart) return;  // of the lead
+  age_integral_s2_ = age_integral_s2(now);
+  last_pose_arrival_ = now;
+  newest_pose_stamp_ = std::clamp(stamp, newest_pose_stamp_, std::max(now, newest_pose_stamp_));
+}
+
+std::map<std::string, std::int64_t> RunObserver::counters() const {
+  auto counters = counters_;
+  counters["observer.undecodable"] = undecodable_;
+  counters["observer.rejected"] = rejected_;
+  return counters;
+}
+
+double RunObserver::age_integral_s2(Instant until) const {
+  const double from_age_s = to_seconds(last_pose_arrival_ - newest_pose_stamp_);
+  const double to_age_s = to_seconds(until - newest_pose_stamp_);
+  return age_integral_s2_ + 0.5 * (to_age_s * to_age_s - from_age_s * from_age_s);
+}
+
+double RunObserver::aoi_mean_s(Instant now) const {
+  const double elapsed_s = to_seconds(now);
+  return elapsed_s > 0.0 ? age_integral_s2(now) / elapsed_s : 0.0;
+}
+
+}  // namespace tether

@@ -1,0 +1,180 @@
+#include "tools/runs/run_summary.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "common/version.hpp"
+#include "tools/runs/channel_report.hpp"
+
+namespace tether {
+namespace {
+
+nlohmann::ordered_json link_json(const link_report_t& link) {
+  nlohmann::ordered_json json;
+  json["sent"] = link.offered;
+  json["delivered"] = link.delivered;
+  json["lost"] = link.lost;
+  json["overflowed"] = link.overflowed;
+  json["in_flight"] = link.in_flight;
+  json["prr"] = nullptr;
+  if (link.offered > 0) json["prr"] = reception_ratio(link);
+  json["delay_ms_mean"] = link.delay_ms_mean;
+  json["delay_ms_p50"] = link.delay_ms_p50;
+  json["delay_ms_p99"] = link.delay_ms_p99;
+  json["delay_ms_max"] = link.delay_ms_max;
+  return json;
+}
+
+std::string link_text(const char* name, const link_report_t& link) {
+  if (link.offered == 0) return fmt::format("{:<9} nothing sent\n", name);
+  return fmt::format(
+      "{:<9} {} sent, {} delivered, {} lost (PRR {:.3f}), delay mean {:.1f} ms, p99 {:.1f} ms\n",
+      name, link.offered, link.delivered, link.lost + link.overflowed, reception_ratio(link),
+      link.delay_ms_mean, link.delay_ms_p99);
+}
+
+double real_time_factor(const RunSummary& s) {
+  return s.wall_time_s > 0.0 ? s.sim_time_s / s.wall_time_s : 0.0;
+}
+
+double over_floor(const LockstepCost& cost) {
+  return cost.wall_time_s / (static_cast<double>(cost.grants) * *cost.round_trip_s);
+}
+
+nlohmann::ordered_json drivetrain_json(const DrivetrainObserver& d) {
+  nlohmann::ordered_json json;
+  json["state"] = d.state().state_name;
+  json["reason"] = d.state().reason;
+  json["ever_armed"] = d.ever_armed();
+  json["armed_s"] = d.armed_s();
+  json["disarms"] = d.state().disarms;
+  json["stopped_at_s"] = nullptr;
+  if (!d.stop_reason().empty()) json["stopped_at_s"] = d.stopped_at_s();
+  json["stop_reason"] = d.stop_reason();
+  json["odometry_distance_m"] = d.odometry_distance_m();
+  json["true_distance_m"] = d.true_distance_m();
+  json["odometry_error_m"] = d.odometry_error_m();
+  return json;
+}
+
+std::string drivetrain_text(const DrivetrainObserver& d) {
+  std::string text;
+  if (!d.ever_armed()) {
+    text = fmt::format("{:<9} never armed: {}: {}\n", "drives", d.state().state_name,
+                       d.state().reason);
+  } else {
+    text =
+        fmt::format("{:<9} {}, armed for {:.1f} s\n", "drives", d.state().state_name, d.armed_s());
+  }
+  if (!d.stop_reason().empty()) {
+    text += fmt::format("{:<9} at {:.2f} s: {}\n", "stopped", d.stopped_at_s(), d.stop_reason());
+  }
+  return text + fmt::format("{:<9} {:.2f} m of {:.2f} m ({:+.2f} %), {:.2f} m off at the end\n",
+                            "odometry", d.odometry_distance_m(), d.true_distance_m(),
+                            d.true_distance_m() > 0.0
+                                ? 100.0 * (d.odometry_distance_m() / d.true_distance_m() - 1.0)
+                                : 0.0,
+                            d.odometry_error_m());
+}
+
+/// Counters of what must not happen in a healthy run.
+bool is_trouble(const std::string& name) {
+  for (const char* ordinary : {".accepted", ".missed", ".sent", ".received", ".boots", ".offered",
+                               ".delivered", ".lost"}) {
+    if (name.ends_with(ordinary)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+double reception_ratio(const link_report_t& link) {
+  return 1.0 - static_cast<double>(link.lost + link.overflowed) / static_cast<double>(link.offered);
+}
+
+void check_finite(const RunObserver& run) {
+  const ground_truth_t& truth = run.truth();
+  if (std::isfinite(truth.epsilon_m) && std::isfinite(truth.rmse_m)) return;
+  throw std::runtime_error(
+      fmt::format("the run is invalid: its error came out as {} m", truth.epsilon_m));
+}
+
+std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
+  const ground_truth_t& truth = run.truth();
+  nlohmann::ordered_json json;
+  json["epsilon_m"] = truth.epsilon_m;
+  json["rmse_m"] = truth.rmse_m;
+  json["max_error_m"] = truth.max_error_m;
+  json["wall_contact_s"] = truth.wall_contact_s;
+  json["collision"] = truth.wall_contact_s > 0.0;
+  json["sim_time_s"] = summary.sim_time_s;
+  json["wall_time_s"] = summary.wall_time_s;
+  json["real_time_factor"] = real_time_factor(summary);
+  json["plant"] = scenario.vehicle.plant_name();
+  json["seed"] = scenario.run.seed;
+  json["version"] = kVersion;
+  json["uplink"] = link_json(run.uplink());
+  json["downlink"] = link_json(run.downlink());
+  if (summary.channel) {
+    json["uplink"].update(to_json(summary.channel->uplink));
+    json["downlink"].update(to_json(summary.channel->downlink));
+  }
+  json["aoi_ms_mean"] = summary.aoi_mean_s * 1e3;
+  if (run.drivetrain()) json["drivetrain"] = drivetrain_json(*run.drivetrain());
+  if (summary.lockstep) {
+    const LockstepCost& cost = *summary.lockstep;
+    json["lockstep"]["grants"] = cost.grants;
+    json["lockstep"]["wall_time_s"] = cost.wall_time_s;
+    if (cost.round_trip_s) {
+      json["lockstep"]["round_trip_us_median"] = *cost.round_trip_s * 1e6;
+      json["lockstep"]["over_floor"] = over_floor(cost);
+    }
+  }
+  json["node_restarts"] = summary.node_restarts;
+  json["counters"] = run.counters();
+  // Names come from the network and may be no UTF-8.
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
+  const ground_truth_t& truth = run.truth();
+  std::string text =
+      fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
+                  truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
+  text += link_text("uplink", run.uplink());
+  if (summary.channel) text += to_text(summary.channel->uplink);
+  text += link_text("downlink", run.downlink());
+  if (summary.channel) text += to_text(summary.channel->downlink);
+  text += fmt::format("{:<9} mean age of the controller's pose {:.0f} ms\n", "age",
+                      summary.aoi_mean_s * 1e3);
+  if (run.drivetrain()) text += drivetrain_text(*run.drivetrain());
+  text +=
+      fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), {} plant, seed {}\n",
+                  "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
+                  scenario.vehicle.plant_name(), scenario.run.seed);
+  if (summary.lockstep) {
+    const LockstepCost& cost = *summary.lockstep;
+    text += fmt::format("{:<9} {} grants in {:.2f} s", "lockstep", cost.grants, cost.wall_time_s);
+    if (cost.round_trip_s) {
+      text += fmt::format(": {:.2f} x as many round trips of {:.0f} us", over_floor(cost),
+                          *cost.round_trip_s * 1e6);
+    }
+    text += "\n";
+  }
+  if (summary.node_restarts > 0) {
+    text += fmt::format("{:<9} {} node restarts: the result is not that of an undisturbed run\n",
+                        "note", summary.node_restarts);
+  }
+  const auto counters = run.counters();
+  for (const auto& [name, value] : counters) {
+    if (value > 0 && is_trouble(name)) {
+      text += fmt::format("{:<9} {} = {}\n", "counter", name, value);
+    }
+  }
+  return text;
+}
+
+}  // namespace tether

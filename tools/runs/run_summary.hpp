@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "common/scenario/scenario.hpp"
+#include "netem/check/channel_watch.hpp"
+#include "tools/runs/run_observer.hpp"
+
+namespace tether {
+
+/// What a run in lockstep took, against its floor: a round trip for each grant.
+struct LockstepCost {
+  std::int64_t grants = 0;
+  std::optional<double> round_trip_s = {};  ///< median of those measured during the run, if any
+  double wall_time_s = 0.0;  ///< from the first grant to the last answer, while it was not held
+};
+
+/// What a run tells its user, on the terminal, as JSON and in summary.json.
+struct RunSummary {
+  double wall_time_s = 0.0;
+  double sim_time_s = 0.0;
+  double aoi_mean_s = 0.0;
+  int node_restarts = 0;  ///< live runs: how often a node died and was started again
+  std::optional<ChannelReport> channel = {};  ///< of runs in one process
+  std::optional<LockstepCost> lockstep = {};  ///< of runs in lockstep
+};
+
+/// Share of the offered packets that were not lost; NaN before the first.
+double reception_ratio(const link_report_t& link);
+
+/// Throws if the run's result is not a number: then it is invalid and has no summary.
+void check_finite(const RunObserver& run);
+
+/// One JSON object (docs/running.md says what is in it).
+std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);
+
+/// A few lines for people.
+std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);
+
+}  // namespace tether
