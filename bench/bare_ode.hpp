@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/ode_world.hpp"
 #include "tools/loop/closed_loop.hpp"
 
@@ -21,7 +22,8 @@ inline std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
 
 /// The floor of that run: the identical world with the identical targets, and nothing else.
 inline void step_bare_ode(const Scenario& scenario, const std::vector<WheelSpeeds>& targets) {
-  OdeWorld world(scenario.vehicle, scenario.world, to_seconds(SimNode::kStep));
+  OdeWorld world(scenario.get<VehicleSettings>(), scenario.get<WorldSettings>(),
+                 to_seconds(SimNode::kStep));
   for (const WheelSpeeds& t : targets) world.step(t);
   benchmark::DoNotOptimize(world.rim_speeds());
 }

@@ -13,11 +13,13 @@
 #include "bench/timed_world.hpp"
 #include "bench/timing.hpp"
 #include "can_bridge/bus/in_process_can.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/node/can_bridge_node.hpp"
 #include "can_bridge/node/can_drive_node.hpp"
 #include "common/bus/in_process_bus.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/loop/virtual_loop.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "tools/can/arm_operator.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
@@ -58,7 +60,7 @@ void whole_run_over_can(benchmark::State& state) {
   state.counters["direct_ms"] = median(direct_s) * 1e3;
   state.counters["can_over_direct"] = median(ratio);
   state.counters["real_time_factor"] =
-      (with_can.run.lead_s + with_can.run.duration_s) / median(can_s);
+      (with_can.get<RunSettings>().lead_s + with_can.get<RunSettings>().duration_s) / median(can_s);
 }
 BENCHMARK(whole_run_over_can)
     ->UseManualTime()
@@ -102,11 +104,11 @@ class Drivetrain {
   }
 
   Scenario scenario_ = hil({"can.wheels=model"});
-  DrivetrainConfig config_ = load_drivetrain(scenario_.can.drivetrain_file);
-  Duration cycle_time_ = from_seconds(scenario_.can.cycle_ms * 1e-3);
-  VirtualLoop loop_{kStart - from_seconds(scenario_.run.lead_s)};
+  DrivetrainConfig config_ = load_drivetrain(scenario_.get<CanSettings>().drivetrain_file);
+  Duration cycle_time_ = from_seconds(scenario_.get<CanSettings>().cycle_ms * 1e-3);
+  VirtualLoop loop_{kStart - from_seconds(scenario_.get<RunSettings>().lead_s)};
   InProcessBus bus_{loop_};
-  InProcessCan can_{loop_, scenario_.can.bit_rate_bps};
+  InProcessCan can_{loop_, scenario_.get<CanSettings>().bit_rate_bps};
   bench::TimedLoop drive_loop_{loop_, CanDriveNode::kTick, tick};
   bench::TimedLoop bridge_loop_{loop_, cycle_time_, cycle};
   bench::TimedPort drive_port_{can_.add_port(), frame_to_drives};

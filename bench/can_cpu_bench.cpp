@@ -22,6 +22,7 @@
 
 #include "bench/cpu_time.hpp"
 #include "bench/smoke.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/node/can_bridge_node.hpp"
 #include "can_bridge/node/can_drive_node.hpp"
 #include "common/base/system_error.hpp"
@@ -29,6 +30,7 @@
 #include "common/bus/lcm_url.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/loop/real_time_loop.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "tools/can/arm_operator.hpp"
 
 // CPU load of the bridge on this kernel, which need not have CAN: bridge and emulated drives are
@@ -97,7 +99,7 @@ class ChildNode {
     if (pid != 0) return ChildNode(pid);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     try {
-      const DrivetrainConfig config = load_drivetrain(scenario.can.drivetrain_file);
+      const DrivetrainConfig config = load_drivetrain(scenario.get<CanSettings>().drivetrain_file);
       RealTimeLoop loop(start_utime_us);
       LcmBus bus(kDefaultLcmUrl, loop);
       LocalPort port(fd, loop);
@@ -178,7 +180,8 @@ struct Load {
 /// hardly counts. Throws if the vehicle did not drive all the time.
 Load load_while_driving(const Scenario& scenario) {
   const std::int64_t start_utime_us =
-      RealTimeLoop::wall_utime_us() + to_utime(kStart + from_seconds(scenario.run.lead_s + 0.5));
+      RealTimeLoop::wall_utime_us() +
+      to_utime(kStart + from_seconds(scenario.get<RunSettings>().lead_s + 0.5));
   std::array<int, 2> ends{};
   check_system_call("opening sockets", socketpair(AF_UNIX, SOCK_DGRAM, 0, ends.data()));
   const auto drives = ChildNode::start<CanDriveNode>(scenario, start_utime_us, ends[0]);

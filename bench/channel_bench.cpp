@@ -7,7 +7,9 @@
 
 #include "netem/check/link_monitor.hpp"
 #include "netem/link/delay_law.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
+#include "tools/runs/channel_traffic.hpp"
 
 // Cost of a packet in a link: offered, carried, delivered, in virtual time. Each model and each
 // stage alone, then all together; a packet of 80 bytes every millisecond.
@@ -70,7 +72,7 @@ void monitor(benchmark::State& state, const std::vector<std::string>& keys) {
     links.uplink.push(now, {"", std::vector<std::uint8_t>(kBytes)});
     links.uplink.pop_ready(now, [](const Packet&) {});
   }
-  const LinkConfig& link = scenario.channel.uplink;
+  const LinkConfig& link = scenario.get<ChannelSettings>().uplink;
   LinkMonitor monitor(expect_link(link, load_delay_table(link.jitter), pose_traffic(scenario)));
   std::size_t next = 0;
   for (auto _ : state) {

@@ -6,6 +6,7 @@
 #include "bench/bare_ode.hpp"
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 
@@ -49,7 +50,7 @@ void whole_run(benchmark::State& state, const std::vector<std::string>& override
   state.counters["bare_ode_us_per_step"] =
       median(bare_s) * 1e6 / static_cast<double>(targets.size());
   state.counters["loop_over_bare_ode"] = median(ratio);
-  state.counters["real_time_factor"] = scenario.run.duration_s / median(loop_s);
+  state.counters["real_time_factor"] = scenario.get<RunSettings>().duration_s / median(loop_s);
 }
 
 BENCHMARK_CAPTURE(whole_run, paper_1_Hz, std::vector<std::string>{})
@@ -80,7 +81,8 @@ void kinematic_run(benchmark::State& state, std::vector<std::string> overrides) 
   }
   state.counters["ode_loop_ms"] = median(ode_s) * 1e3;
   state.counters["speedup_over_ode"] = median(ratio);
-  state.counters["real_time_factor"] = kinematic.run.duration_s / median(kinematic_s);
+  state.counters["real_time_factor"] =
+      kinematic.get<RunSettings>().duration_s / median(kinematic_s);
 }
 
 BENCHMARK_CAPTURE(kinematic_run, paper_1_Hz, std::vector<std::string>{})

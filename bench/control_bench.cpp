@@ -8,7 +8,9 @@
 #include <tether/twist_t.hpp>
 #include <vector>
 
-#include "common/path/make_path.hpp"
+#include "common/path/kinds.hpp"
+#include "common/path/path_settings.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "controller/laws/law.hpp"
 #include "tools/loop/closed_loop.hpp"
 
@@ -28,7 +30,7 @@ Scenario scenario_of(const std::string& law, std::vector<std::string> more = {})
 void law_step(benchmark::State& state, const std::string& law_name, int poses_each) {
   const Scenario scenario = scenario_of(law_name);
   const std::unique_ptr<Law> law = make_law(scenario);
-  const std::shared_ptr<const ReferencePath> path = make_path(scenario.path);
+  const std::shared_ptr<const ReferencePath> path = make_path(scenario.get<PathSettings>());
   SeenPose seen;
   Instant now = kStart;
   std::optional<std::int64_t> plan_id;
@@ -68,21 +70,20 @@ void on_the_air(benchmark::State& state, const std::string& law, std::vector<std
     });
     loop.run();
   }
-  state.counters["uplink_B_per_s"] = up / scenario.run.duration_s;
-  state.counters["downlink_B_per_s"] = down / scenario.run.duration_s;
+  state.counters["uplink_B_per_s"] = up / scenario.get<RunSettings>().duration_s;
+  state.counters["downlink_B_per_s"] = down / scenario.get<RunSettings>().duration_s;
   state.counters["largest_packet_B"] = largest;
 }
 
 void add_all() {
   const std::vector<std::string> timer{"controller.trigger=timer", "controller.rate_hz=10"};
-#define TETHER_BENCH_LAW(name, sends)                                                      \
-  benchmark::RegisterBenchmark("law_step/" #name, law_step, std::string(#name), 1)         \
-      ->Unit(benchmark::kMicrosecond);                                                     \
-  benchmark::RegisterBenchmark("on_the_air/" #name, on_the_air, std::string(#name), timer) \
-      ->Iterations(1)                                                                      \
-      ->Unit(benchmark::kMillisecond);
-  TETHER_CONTROL_LAWS(TETHER_BENCH_LAW)
-#undef TETHER_BENCH_LAW
+for (const LawKind& law : law_kinds()) {
+    benchmark::RegisterBenchmark(("law_step/" + law.name).c_str(), law_step, law.name, 1)
+        ->Unit(benchmark::kMicrosecond);
+    benchmark::RegisterBenchmark(("on_the_air/" + law.name).c_str(), on_the_air, law.name, timer)
+        ->Iterations(1)
+        ->Unit(benchmark::kMillisecond);
+  }
   std::vector<std::string> one_frame = timer;
   one_frame.emplace_back("controller.plan_step_ms=150");
   benchmark::RegisterBenchmark("on_the_air/plans_of_one_frame", on_the_air,

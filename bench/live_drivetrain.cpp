@@ -13,8 +13,10 @@
 #include <utility>
 
 #include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/bus/lcm_url.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "tools/base/process.hpp"
 
 namespace tether::bench {
@@ -49,10 +51,10 @@ LiveDrivetrain::LiveDrivetrain(double cycle_ms)
     : scenario_(load_scenario(kScenario, {"can.cycle_ms=" + text(cycle_ms)})),
       cycle_ms_(cycle_ms),
       start_utime_us_(RealTimeLoop::wall_utime_us() +
-                      to_utime(kStart + kBoot + from_seconds(scenario_.run.lead_s))),
+                      to_utime(kStart + kBoot + from_seconds(scenario_.get<RunSettings>().lead_s))),
       loop_(start_utime_us_),
       bus_(kDefaultLcmUrl, loop_),
-      tap_(scenario_.can.interface, {kTargetId, kPositionId}) {
+      tap_(scenario_.get<CanSettings>().interface, {kTargetId, kPositionId}) {
   subscribe<drivetrain_state_t>(bus_, "CAN/STATE", kDeepQueue, undecodable_,
                                 [this](const drivetrain_state_t& m) { on_state(m); });
   subscribe<wheel_feedback_t>(bus_, "CAN/WHEELS", kDeepQueue, undecodable_,
@@ -97,7 +99,7 @@ void LiveDrivetrain::run_for(Duration time) {
 }
 
 LiveDrivetrain::Traffic LiveDrivetrain::drive_for(Duration time) {
-  const CanTap everything(scenario_.can.interface);
+  const CanTap everything(scenario_.get<CanSettings>().interface);
   const Instant end = loop_.now() + time;
   Traffic sum;
   while (loop_.now() < end) {

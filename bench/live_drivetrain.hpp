@@ -13,6 +13,7 @@
 #include <tether/wheel_feedback_t.hpp>
 
 #include "bench/can_tap.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/bus/lcm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/scenario/scenario.hpp"
@@ -66,7 +67,7 @@ class LiveDrivetrain {
   /// Stops the bridge in good order, then the drives.
   void end();
 
-  double bit_rate_bps() const { return scenario_.can.bit_rate_bps; }
+  double bit_rate_bps() const { return scenario_.get<CanSettings>().bit_rate_bps; }
   pid_t bridge_pid() const { return bridge_->pid(); }
   pid_t drive_pid() const { return drive_->pid(); }
   /// Why it stopped by itself, and how often.

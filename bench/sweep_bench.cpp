@@ -10,6 +10,7 @@
 #include "bench/bare_ode.hpp"
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/experiment/sweep/sweep.hpp"
 
@@ -91,7 +92,7 @@ BENCHMARK(paper_runs)->UseManualTime()->Iterations(bench::rounds(7))->Unit(bench
 /// Kinematic, as they are faster: the highest memory use so far.
 void memory(benchmark::State& state) {
   Experiment experiment = make_experiment(static_cast<std::size_t>(state.range(0)));
-  experiment.arms.front().scenario.vehicle.plant = Scenario::Vehicle::Plant::kinematic;
+  experiment.arms.front().scenario.get<VehicleSettings>().plant = VehicleSettings::Plant::kinematic;
   for (auto unused : state) {
     (void)unused;
     state.SetIterationTime(seconds_of([&] { sweep(experiment, 2); }));

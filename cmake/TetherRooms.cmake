@@ -31,9 +31,10 @@ function(tether_rooms variable)
   set(${variable} ${names} PARENT_SCOPE)
 endfunction()
 
-# tether_add_program(name source): a node's program, linked with this folder's room.
+# tether_add_program(name source): a node's program, linked with this folder's room
+# and with what sections scenarios have.
 function(tether_add_program name source)
   tether_rooms(room ${CMAKE_CURRENT_SOURCE_DIR})
   add_executable(${name} ${source})
-  target_link_libraries(${name} PRIVATE ${room} tether_common_program)
+  target_link_libraries(${name} PRIVATE ${room} tether_common_program tether_scenarios)
 endfunction()

@@ -12,10 +12,14 @@
 #include <tether/wheel_feedback_t.hpp>
 #include <utility>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/drivetrain/checks.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/plan_message.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
@@ -34,16 +38,18 @@ static_assert(static_cast<int>(DriveRequest::estop) == drive_request_t::ESTOP);
 static_assert(static_cast<int>(DriveRequest::estop_release) == drive_request_t::ESTOP_RELEASE);
 static_assert(static_cast<int>(DriveRequest::reset) == drive_request_t::RESET);
 
-Instant beginning(const Scenario& scenario) { return kStart - from_seconds(scenario.run.lead_s); }
+Instant beginning(const BridgeSettings& settings) {
+  return kStart - from_seconds(settings.get<RunSettings>().lead_s);
+}
 
-SafetyCore::Config safety_config(const Scenario& scenario) {
-  return {from_seconds(scenario.can.stale_ms * 1e-3),
-          from_seconds(scenario.can.disarm_ms * 1e-3),
-          twist_limits(scenario),
-          beginning(scenario),
-          scenario.vehicle.wheel_radius_m,
-          scenario.actuator,
-          scenario.vehicle};
+SafetyCore::Config safety_config(const BridgeSettings& settings) {
+  return {from_seconds(settings.get<CanSettings>().stale_ms * 1e-3),
+          from_seconds(settings.get<CanSettings>().disarm_ms * 1e-3),
+          twist_limits(settings),
+          beginning(settings),
+          settings.get<VehicleSettings>().wheel_radius_m,
+          settings.get<ActuatorSettings>(),
+          settings.get<VehicleSettings>()};
 }
 
 double age_s(const WheelFeedback& wheel, Instant now) {
@@ -52,29 +58,29 @@ double age_s(const WheelFeedback& wheel, Instant now) {
 
 }  // namespace
 
-CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config,
+CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainConfig& config,
                              EventLoop& loop, Bus& bus, CanPort& port)
-    : CanBridgeNode(scenario, config, loop, bus, port,
-                    make_drive_profile(config, scenario.vehicle)) {}
+    : CanBridgeNode(settings, config, loop, bus, port,
+                    make_drive_profile(config, settings.get<VehicleSettings>())) {}
 
-CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config,
+CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainConfig& config,
                              EventLoop& loop, Bus& bus, CanPort& port,
                              std::unique_ptr<DriveProfile> profile)
     : loop_(loop),
       bus_(bus),
       port_(port),
-      channels_(scenario.vehicle.name),
+      channels_(settings.get<VehicleSettings>().name),
       profile_(std::move(profile)),
-      safety_(safety_config(scenario)),
+      safety_(safety_config(settings)),
       whitelist_(config),
-      odometry_(scenario.vehicle),
-      cycle_(from_seconds(scenario.can.cycle_ms * 1e-3)),
-      wheel_radius_m_(scenario.vehicle.wheel_radius_m),
-      takes_plans_(scenario.actuator.policy == Scenario::Actuator::Policy::horizon),
+      odometry_(settings.get<VehicleSettings>()),
+      cycle_(from_seconds(settings.get<CanSettings>().cycle_ms * 1e-3)),
+      wheel_radius_m_(settings.get<VehicleSettings>().wheel_radius_m),
+      takes_plans_(settings.get<ActuatorSettings>().policy == ActuatorSettings::Policy::horizon),
       counters_(loop, bus, "can_bridge", channels_.can_counters,
-                from_seconds(scenario.run.report_period_s),
+                from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
-  check_cycle(config, scenario.can.cycle_ms);
+  check_cycle(config, settings.get<CanSettings>().cycle_ms);
   if (const std::string warning = port.warning(); !warning.empty()) {
     fmt::print(stderr, "tether-can-bridge: warning: {}\n", warning);
   }
@@ -90,7 +96,7 @@ CanBridgeNode::CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& c
                              });
   port.on_frame(profile_->filters(), [this](const CanFrame& frame) { on_frame(frame); });
   port.on_state([this](CanState state) { safety_.on_bus_state(state); });
-  loop.every(beginning(scenario), cycle_, Priority::node,
+  loop.every(beginning(settings), cycle_, Priority::node,
              [this](Instant scheduled) { on_cycle(scheduled); });
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 #include "can_bridge/safety/odometry.hpp"
@@ -16,9 +17,14 @@
 #include "common/bus/counter_reporter.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
-#include "common/scenario/scenario.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
+
+/// What the bridge and the emulated drives take of a scenario.
+using BridgeSettings = Sections<RunSettings, VehicleSettings, ActuatorSettings, CanSettings>;
 
 /// The bridge between LCM and the drives: AGV/CMD_VEL, AGV/PLAN, AGV/PRELOAD and CAN/REQUEST in,
 /// CAN frames out and in, CAN/STATE, CAN/WHEELS and CAN/ODOMETRY out in every control cycle (and
@@ -35,11 +41,11 @@ namespace tether {
 /// Frames that arrive before the first cycle are ignored.
 class CanBridgeNode final : public Node {
  public:
-  CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config, EventLoop& loop, Bus& bus,
-                CanPort& port);
+  CanBridgeNode(const BridgeSettings& settings, const DrivetrainConfig& config, EventLoop& loop,
+                Bus& bus, CanPort& port);
   /// With a profile of the caller's, instead of the one that `config` names.
-  CanBridgeNode(const Scenario& scenario, const DrivetrainConfig& config, EventLoop& loop, Bus& bus,
-                CanPort& port, std::unique_ptr<DriveProfile> profile);
+  CanBridgeNode(const BridgeSettings& settings, const DrivetrainConfig& config, EventLoop& loop,
+                Bus& bus, CanPort& port, std::unique_ptr<DriveProfile> profile);
 
   /// Quick stop, standstill, power off; then nothing is sent any more. True when all that is done,
   /// or after SafetyCore::leave_wait().

@@ -9,15 +9,18 @@
 #include <tether/wheel_states_t.hpp>
 #include <tether/wheel_targets_t.hpp>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
 
-Instant first_instant(const Scenario& scenario) {
-  return kStart - from_seconds(scenario.run.lead_s);
+Instant first_instant(const DriveSettings& settings) {
+  return kStart - from_seconds(settings.get<RunSettings>().lead_s);
 }
 
 std::vector<int> node_ids(const DrivetrainConfig& config) {
@@ -25,8 +28,8 @@ std::vector<int> node_ids(const DrivetrainConfig& config) {
   return {config.axes[0].node, config.axes[1].node};
 }
 
-DriveFault::Kind kind_of(Scenario::Can::Inject inject) {
-  using Inject = Scenario::Can::Inject;
+DriveFault::Kind kind_of(CanSettings::Inject inject) {
+  using Inject = CanSettings::Inject;
   switch (inject) {
     case Inject::none:
       return DriveFault::Kind::none;
@@ -63,27 +66,27 @@ bool is_usable(const WheelStates& wheels) {
 
 }  // namespace
 
-CanDriveNode::CanDriveNode(const Scenario& scenario, const DrivetrainConfig& config,
+CanDriveNode::CanDriveNode(const DriveSettings& settings, const DrivetrainConfig& config,
                            EventLoop& loop, Bus& bus, CanPort& port)
     : loop_(loop),
       bus_(bus),
       port_(port),
-      channels_(scenario.vehicle.name),
-      standalone_(scenario.can.wheels == Scenario::Can::Wheels::model),
+      channels_(settings.get<VehicleSettings>().name),
+      standalone_(settings.get<CanSettings>().wheels == CanSettings::Wheels::model),
       nodes_(node_ids(config)),
-      drives_(make_emulated_drivetrain(config, std::max(loop.now(), first_instant(scenario)))),
-      wheel_models_{WheelModel(WheelModel::of(scenario.vehicle)),
-                    WheelModel(WheelModel::of(scenario.vehicle))},
-      wheel_guard_({.earliest = first_instant(scenario)}),
-      fault_guard_({.earliest = first_instant(scenario)}),
-      last_tick_(std::max(loop.now(), first_instant(scenario))),
+      drives_(make_emulated_drivetrain(config, std::max(loop.now(), first_instant(settings)))),
+      wheel_models_{WheelModel(WheelModel::of(settings.get<VehicleSettings>())),
+                    WheelModel(WheelModel::of(settings.get<VehicleSettings>()))},
+      wheel_guard_({.earliest = first_instant(settings)}),
+      fault_guard_({.earliest = first_instant(settings)}),
+      last_tick_(std::max(loop.now(), first_instant(settings))),
       counters_(loop, bus, "drive", channels_.drive_counters,
-                from_seconds(scenario.run.report_period_s),
+                from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
   port_.on_frame(drives_->filters(), [this](const CanFrame& frame) { on_frame(frame); });
-  subscribe_to_faults(scenario);
-  const Instant first = first_instant(scenario);
-  const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
+  subscribe_to_faults(settings);
+  const Instant first = first_instant(settings);
+  const Duration coupling = from_seconds(settings.get<VehicleSettings>().coupling_ms * 1e-3);
   const Duration tick_period = loop_.rate() > 0.0 ? kRealTimeTick : kTick;
   loop_.every(first, tick_period, Priority::delivery, [this](Instant) { tick(); });
   if (standalone_) {
@@ -94,7 +97,7 @@ CanDriveNode::CanDriveNode(const Scenario& scenario, const DrivetrainConfig& con
   }
 }
 
-void CanDriveNode::subscribe_to_faults(const Scenario& scenario) {
+void CanDriveNode::subscribe_to_faults(const DriveSettings& settings) {
   subscribe<drive_fault_t>(bus_, channels_.can_inject, kDeepQueue, faults_undecodable_,
                            [this](const drive_fault_t& m) {
                              if (!fault_guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) {
@@ -102,8 +105,8 @@ void CanDriveNode::subscribe_to_faults(const Scenario& scenario) {
                              }
                              on_fault_request(m.node, m.kind, m.value);
                            });
-  const Scenario::Can& can = scenario.can;
-  if (can.inject == Scenario::Can::Inject::none) return;
+  const CanSettings& can = settings.get<CanSettings>();
+  if (can.inject == CanSettings::Inject::none) return;
   check_inject_node(can.inject_node, nodes_);
   loop_.at(kStart + from_seconds(can.inject_at_s), Priority::delivery,
            [this, node = static_cast<std::int32_t>(can.inject_node), kind = kind_of(can.inject),

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/emulated/drivetrain.hpp"
 #include "can_bridge/emulated/wheel_model.hpp"
@@ -15,9 +16,13 @@
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
-#include "common/scenario/scenario.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
+
+/// What emulated drives take of a scenario.
+using DriveSettings = Sections<RunSettings, VehicleSettings, CanSettings>;
 
 /// Emulated drives on a CAN bus, and their wheels.
 ///
@@ -44,8 +49,8 @@ class CanDriveNode final : public Node {
   static constexpr Duration kWheelTimeout = std::chrono::milliseconds{100};
 
   /// Everything handed in by reference must outlive the node, but for scenario and config.
-  CanDriveNode(const Scenario& scenario, const DrivetrainConfig& config, EventLoop& loop, Bus& bus,
-               CanPort& port);
+  CanDriveNode(const DriveSettings& settings, const DrivetrainConfig& config, EventLoop& loop,
+               Bus& bus, CanPort& port);
 
   /// Publishes the final counters.
   void finish() override;
@@ -53,7 +58,7 @@ class CanDriveNode final : public Node {
   const EmulatedDrivetrain& drives() const { return *drives_; }
 
  private:
-  void subscribe_to_faults(const Scenario& scenario);
+  void subscribe_to_faults(const DriveSettings& settings);
   void subscribe_to_wheels();
   void tick();
   void turn_wheels(Instant now);

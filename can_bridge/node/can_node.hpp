@@ -6,10 +6,12 @@
 #include <string>
 
 #include "can_bridge/bus/socket_can_port.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/drivetrain/config.hpp"
 #include "common/base/errors.hpp"
 #include "common/loop/node.hpp"
 #include "common/program/node_main.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
@@ -21,7 +23,7 @@ class OnSocketCan final : public Node {
  public:
   explicit OnSocketCan(const NodeContext& c)
       : config_(load_drivetrain(required(c))),
-        port_(c.scenario.can.interface, c.loop),
+        port_(c.scenario.get<CanSettings>().interface, c.loop),
         node_(c.scenario, config_, c.loop, c.bus, port_) {}
 
   bool wind_down() override { return node_.wind_down(); }
@@ -29,16 +31,16 @@ class OnSocketCan final : public Node {
 
  private:
   static const std::string& required(const NodeContext& c) {
-    if (c.scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) {
+    if (c.scenario.get<VehicleSettings>().drivetrain != VehicleSettings::Drivetrain::can) {
       throw UsageError("the scenario has no CAN drivetrain: set vehicle.drivetrain = \"can\"");
     }
-    if (!c.scenario.can.emulate_drives && c.loop.rate() < 1.0) {
+    if (!c.scenario.get<CanSettings>().emulate_drives && c.loop.rate() < 1.0) {
       throw UsageError(
           fmt::format("--speed {}: slow motion stretches the bridge's time-outs: only with "
                       "can.emulate_drives = true",
                       c.loop.rate()));
     }
-    return c.scenario.can.drivetrain_file;
+    return c.scenario.get<CanSettings>().drivetrain_file;
   }
 
   DrivetrainConfig config_;

@@ -7,6 +7,7 @@
 #include "common/base/time.hpp"
 #include "common/bus/stream_guard.hpp"
 #include "common/vehicle/actuator.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/pose.hpp"
 
 namespace tether {
@@ -30,7 +31,7 @@ namespace tether {
 /// start is as fresh, and says zero.
 class CommandWatch {
  public:
-  explicit CommandWatch(const StreamGuard::Config& config, const Scenario::Actuator& actuator = {},
+  explicit CommandWatch(const StreamGuard::Config& config, const ActuatorSettings& actuator = {},
                         const VehicleConfig& vehicle = {})
       : guard_(config), actuator_(actuator, vehicle, config) {}
 

@@ -11,6 +11,7 @@
 #include "can_bridge/safety/follow_monitor.hpp"
 #include "can_bridge/safety/request_guard.hpp"
 #include "can_bridge/safety/twist_limiter.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 
 namespace tether {
 
@@ -86,8 +87,8 @@ class SafetyCore {
     TwistLimits limits;
     Instant earliest = kStart;  ///< stamps before this are of another run
     double wheel_radius_m = 0.4;
-    Scenario::Actuator actuator;  ///< what commands and plans say
-    VehicleConfig vehicle;        ///< for its stops
+    ActuatorSettings actuator;  ///< what commands and plans say
+    VehicleConfig vehicle;      ///< for its stops
   };
 
   static constexpr Duration kStandstillWait = std::chrono::seconds{2};

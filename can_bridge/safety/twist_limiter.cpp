@@ -4,7 +4,9 @@
 #include <cassert>
 #include <cmath>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
@@ -20,8 +22,8 @@ double scale_to(double limit, double speed) { return speed > limit ? limit / spe
 
 }  // namespace
 
-TwistLimits twist_limits(const Scenario& scenario) {
-  const Scenario::Can& can = scenario.can;
+TwistLimits twist_limits(const Sections<VehicleSettings, CanSettings>& settings) {
+  const CanSettings& can = settings.get<CanSettings>();
   TwistLimits limits;
   limits.max_speed_mps = can.max_speed_mps;
   limits.max_reverse_mps = can.max_reverse_mps;
@@ -32,8 +34,8 @@ TwistLimits twist_limits(const Scenario& scenario) {
   limits.max_yaw_deceleration_radps2 = can.max_yaw_deceleration_radps2;
   limits.max_jerk_mps3 = can.max_jerk_mps3;
   limits.max_yaw_jerk_radps3 = can.max_yaw_jerk_radps3;
-  limits.max_wheel_speed_mps = scenario.vehicle.max_wheel_speed_mps;
-  limits.track_m = scenario.vehicle.track_m;
+  limits.max_wheel_speed_mps = settings.get<VehicleSettings>().max_wheel_speed_mps;
+  limits.track_m = settings.get<VehicleSettings>().track_m;
   limits.cycle = from_seconds(can.cycle_ms * 1e-3);
   return limits;
 }

@@ -1,9 +1,10 @@
 #pragma once
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/safety/axis_ramp.hpp"
 #include "common/base/time.hpp"
-#include "common/scenario/scenario.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
@@ -25,7 +26,7 @@ struct TwistLimits {
 };
 
 /// The limits of [can] and [vehicle] of a scenario.
-TwistLimits twist_limits(const Scenario& scenario);
+TwistLimits twist_limits(const Sections<VehicleSettings, CanSettings>& settings);
 
 /// Turns body twists as commanded into twists that the vehicle may follow, one per control cycle.
 ///

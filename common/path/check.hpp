@@ -1,17 +1,36 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "common/path/planned_path.hpp"
-#include "common/scenario/scenario.hpp"
+#include "common/vehicle/vehicle_config.hpp"
 
 namespace tether {
 
-/// Throws UsageError unless the scenario's vehicle can follow `path` between its walls: outline,
-/// wheels, tyres, the limits of the control law's output and, with drives on CAN, the bridge's. It
-/// names the waypoint's file and line, or `source`, the place, the limit's key and its value. The
-/// vehicle may need more than the path asks of it to correct errors: a limit that is just kept
-/// leaves nothing for that.
-void check_path(const PlannedPath& path, const Scenario& scenario, const std::string& source);
+/// What a path asks of the vehicle from one step to the next.
+struct PathDemand {
+  PathPoint point;
+  double acceleration_mps2 = 0.0;
+  double yaw_acceleration_radps2 = 0.0;
+  double rim_speed_mps = 0.0;
+  double rim_acceleration_mps2 = 0.0;
+};
+
+/// The most of it that something can do.
+struct PathLimit {
+  const char* what;  ///< "a yaw rate"
+  const char* unit;
+  std::string key;  ///< whose value it is
+  double value;
+  double (*of)(const PathDemand&);
+};
+
+/// Throws UsageError unless the vehicle can follow `path` within all limits and between walls at
+/// ±half_extent_m. It names the waypoint's file and line, or `source`, the place, the limit's key
+/// and its value. The vehicle may need more than the path asks of it to correct errors: a limit
+/// that is just kept leaves nothing for that.
+void check_path(const PlannedPath& path, const VehicleConfig& vehicle, double half_extent_m,
+                const std::vector<PathLimit>& limits, const std::string& source);
 
 }  // namespace tether

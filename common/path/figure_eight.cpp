@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "common/path/kinds.hpp"
+
 namespace tether {
 
 FigureEight::FigureEight(const Config& config)
@@ -38,6 +40,14 @@ PathPoint FigureEight::at(double t_s) const {
   p.v_mps = rate_radps_ * std::sqrt(speed_squared);
   p.omega_radps = rate_radps_ * (du * ddw - dw * ddu) / speed_squared;
   return p;
+}
+
+PathKind figure_eight_path() {
+  return {.name = "figure_eight",
+          .keys = {"amplitude_m", "rate_radps", "rotation_rad"},
+          .timed = [](const PathSettings& s) -> std::shared_ptr<const ReferencePath> {
+            return std::make_shared<FigureEight>(s.figure_eight);
+          }};
 }
 
 }  // namespace tether

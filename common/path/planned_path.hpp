@@ -7,7 +7,6 @@
 #include "common/path/limits.hpp"
 #include "common/path/reference_path.hpp"
 #include "common/path/speed_profile.hpp"
-#include "common/scenario/scenario.hpp"
 
 namespace tether {
 
@@ -29,9 +28,5 @@ class PlannedPath final : public ReferencePath {
   std::unique_ptr<const PathCurve> curve_;
   SpeedProfile profile_;
 };
-
-/// The path that a scenario's [path] describes; null for the figure eight, which has a timing of
-/// its own. Reads path.csv. Throws UsageError that names the file and line, or the key.
-std::unique_ptr<const PlannedPath> plan_path(const Scenario::Path& config);
 
 }  // namespace tether

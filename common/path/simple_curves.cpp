@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "common/base/errors.hpp"
+#include "common/path/kinds.hpp"
 
 namespace tether {
 namespace {
@@ -111,6 +112,38 @@ CurvePoint RoundedRectangleCurve::at(double s_m) const {
                           {-0.5 * length, 0.5 * width, -0.5 * kPi}};
   const CurvePoint left = from_frame(middle[number], p);
   return from_frame(start_, config_.clockwise ? mirrored(left) : left);
+}
+
+PathKind circle_path() {
+  return {.name = "circle",
+          .keys = {"radius_m", "clockwise", "start_x_m", "start_y_m", "start_yaw_rad", "speed_mps",
+                   "max_acceleration_mps2", "max_lateral_acceleration_mps2", "max_yaw_rate_radps",
+                   "max_yaw_acceleration_radps2"},
+          .curve = [](const PathSettings& s) -> std::unique_ptr<const PathCurve> {
+            return std::make_unique<CircleCurve>(s.start, s.radius_m, s.clockwise);
+          }};
+}
+
+PathKind line_path() {
+  return {.name = "line",
+          .keys = {"length_m", "start_x_m", "start_y_m", "start_yaw_rad", "speed_mps",
+                   "max_acceleration_mps2", "max_deceleration_mps2"},
+          .curve = [](const PathSettings& s) -> std::unique_ptr<const PathCurve> {
+            return std::make_unique<StraightCurve>(s.start, s.length_m);
+          }};
+}
+
+PathKind rounded_rectangle_path() {
+  return {.name = "rounded_rectangle",
+          .keys = {"length_m", "width_m", "corner_radius_m", "clockwise", "start_x_m", "start_y_m",
+                   "start_yaw_rad", "speed_mps", "max_acceleration_mps2", "max_deceleration_mps2",
+                   "max_lateral_acceleration_mps2", "max_yaw_rate_radps",
+                   "max_yaw_acceleration_radps2"},
+          .curve = [](const PathSettings& s) -> std::unique_ptr<const PathCurve> {
+            return std::make_unique<RoundedRectangleCurve>(
+                s.start, RoundedRectangleCurve::Config{s.length_m, s.width_m, s.corner_radius_m,
+                                                       s.clockwise});
+          }};
 }
 
 }  // namespace tether

@@ -21,6 +21,7 @@
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
+#include "common/scenario/run_settings.hpp"
 
 namespace tether {
 namespace {
@@ -137,7 +138,7 @@ void run_in_lockstep(const NodeProgram& program, const Options& options, const S
   LockstepMember member({.session = *options.lockstep_session,
                          .instance = RealTimeLoop::number_of_this_start(),
                          .name = program.lockstep_name,
-                         .start = kStart - from_seconds(scenario.run.lead_s)},
+                         .start = kStart - from_seconds(scenario.get<RunSettings>().lead_s)},
                         io, wire);
   const auto node = program.make({scenario, member.loop(), member.bus(), member.bus()});
   member.join(*node);

@@ -21,9 +21,14 @@ bool all_in(Range range, const NumberList& list) {
   return std::all_of(list.begin(), list.end(), [range](double x) { return range.contains(x); });
 }
 
+template <class T>
+decltype(ScenarioKey::get) getter(const ScenarioField<T>& field) {
+  return [field](const Scenario& s) { return ScenarioValue(field.read(s)); };
+}
+
 /// Not set if empty.
 template <class T>
-decltype(ScenarioKey::get) get_unless_empty(const KeyTable::Field<T>& field) {
+decltype(ScenarioKey::get) get_unless_empty(const ScenarioField<T>& field) {
   return [field](const Scenario& s) {
     const T& x = field.read(s);
     return x.empty() ? std::nullopt : std::optional<ScenarioValue>(x);
@@ -36,7 +41,7 @@ bool is_text(const std::string& text) {
 }
 
 template <class T>
-Set number_setter(const KeyTable::Field<T>& field, Range range) {
+Set number_setter(const ScenarioField<T>& field, Range range) {
   return [field, range](Scenario& s, const ScenarioValue& value) {
     const auto x = as_double(value);
     if (!x || !range.contains(*x)) return false;
@@ -45,7 +50,7 @@ Set number_setter(const KeyTable::Field<T>& field, Range range) {
   };
 }
 
-Set text_setter(const KeyTable::Field<std::string>& field, bool (*allowed)(const std::string&)) {
+Set text_setter(const ScenarioField<std::string>& field, bool (*allowed)(const std::string&)) {
   return [field, allowed](Scenario& s, const ScenarioValue& value) {
     const auto* x = std::get_if<std::string>(&value);
     if (x == nullptr || !allowed(*x)) return false;
@@ -74,61 +79,73 @@ std::string Range::text(const char* noun) const {
   return fmt::format("a {} in {}{}, {}]", noun, open ? "(" : "[", low, high);
 }
 
-void KeyTable::number(const std::string& name, const Field<double>& field, Range range,
-                      const std::string& meaning) {
-  keys_.push_back({name, range.text("number"), meaning,
-                   [field](const Scenario& s) { return ScenarioValue(field.read(s)); },
-                   number_setter(field, range)});
+ScenarioKey number_key(const std::string& name, const ScenarioField<double>& field, Range range,
+                       const std::string& meaning) {
+  return {name, range.text("number"), meaning, getter(field), number_setter(field, range)};
 }
 
-void KeyTable::optional_number(const std::string& name, const Field<std::optional<double>>& field,
-                               Range range, const std::string& meaning) {
+ScenarioKey optional_number_key(const std::string& name,
+                                const ScenarioField<std::optional<double>>& field, Range range,
+                                const std::string& meaning) {
   const auto get = [field](const Scenario& s) {
     const std::optional<double>& x = field.read(s);
     return x ? std::optional<ScenarioValue>(*x) : std::nullopt;
   };
-  keys_.push_back({name, range.text("number"), meaning, get, number_setter(field, range)});
+  return {name, range.text("number"), meaning, get, number_setter(field, range)};
 }
 
-void KeyTable::boolean(const std::string& name, const Field<bool>& field,
-                       const std::string& meaning) {
+ScenarioKey boolean_key(const std::string& name, const ScenarioField<bool>& field,
+                        const std::string& meaning) {
   const auto set = [field](Scenario& s, const ScenarioValue& value) {
     const auto* x = std::get_if<bool>(&value);
     if (x == nullptr) return false;
     field.write(s) = *x;
     return true;
   };
-  keys_.push_back({name, "true or false", meaning,
-                   [field](const Scenario& s) { return ScenarioValue(field.read(s)); }, set});
+  return {name, "true or false", meaning, getter(field), set};
 }
 
-void KeyTable::identifier(const std::string& name, const Field<std::string>& field,
-                          const std::string& meaning) {
-  keys_.push_back({name, "letters, digits, '-' and '_', at most 32", meaning,
-                   [field](const Scenario& s) { return ScenarioValue(field.read(s)); },
-                   text_setter(field, is_identifier)});
+ScenarioKey whole_number_key(const std::string& name,
+                             std::function<std::int64_t(const Scenario&)> get,
+                             std::function<void(Scenario&, std::int64_t)> set, std::int64_t low,
+                             const std::string& meaning) {
+  const Range range{static_cast<double>(low), kInfinity, false};
+  return {name, range.text("whole number"), meaning,
+          [get = std::move(get)](const Scenario& s) { return ScenarioValue(get(s)); },
+          [set = std::move(set), low](Scenario& s, const ScenarioValue& value) {
+            const auto* x = std::get_if<std::int64_t>(&value);
+            if (x == nullptr || *x < low) return false;
+            set(s, *x);
+            return true;
+          }};
 }
 
-void KeyTable::text(const std::string& name, const Field<std::string>& field,
-                    const std::string& meaning) {
-  keys_.push_back({name, "printable text without quotes and backslashes", meaning,
-                   get_unless_empty(field), text_setter(field, is_text)});
+ScenarioKey identifier_key(const std::string& name, const ScenarioField<std::string>& field,
+                           const std::string& meaning) {
+  return {name, "letters, digits, '-' and '_', at most 32", meaning, getter(field),
+          text_setter(field, is_identifier)};
 }
 
-void KeyTable::list(const std::string& name, const Field<NumberList>& field, Range range,
-                    const std::string& meaning) {
+ScenarioKey text_key(const std::string& name, const ScenarioField<std::string>& field,
+                     const std::string& meaning) {
+  return {name, "printable text without quotes and backslashes", meaning, get_unless_empty(field),
+          text_setter(field, is_text)};
+}
+
+ScenarioKey list_key(const std::string& name, const ScenarioField<NumberList>& field, Range range,
+                     const std::string& meaning) {
   const auto set = [field, range](Scenario& s, const ScenarioValue& value) {
     const auto* list = std::get_if<NumberList>(&value);
     if (list == nullptr || !all_in(range, *list)) return false;
     field.write(s) = *list;
     return true;
   };
-  keys_.push_back({name, fmt::format("a list, each {}", range.text("number")), meaning,
-                   get_unless_empty(field), set});
+  return {name, fmt::format("a list, each {}", range.text("number")), meaning,
+          get_unless_empty(field), set};
 }
 
-void KeyTable::rows(const std::string& name, const Field<NumberRows>& field, Range range,
-                    const std::string& meaning) {
+ScenarioKey rows_key(const std::string& name, const ScenarioField<NumberRows>& field, Range range,
+                     const std::string& meaning) {
   const auto set = [field, range](Scenario& s, const ScenarioValue& value) {
     const auto* none = std::get_if<NumberList>(&value);
     const auto* rows = std::get_if<NumberRows>(&value);
@@ -140,43 +157,29 @@ void KeyTable::rows(const std::string& name, const Field<NumberRows>& field, Ran
     field.write(s) = rows == nullptr ? NumberRows{} : *rows;
     return true;
   };
-  keys_.push_back({name, fmt::format("a list of lists, each {}", range.text("number")), meaning,
-                   get_unless_empty(field), set});
+  return {name, fmt::format("a list of lists, each {}", range.text("number")), meaning,
+          get_unless_empty(field), set};
 }
 
-void KeyTable::add_whole(const std::string& name, const Getter<std::int64_t>& get,
-                         const Setter<std::int64_t>& set, std::int64_t low,
-                         const std::string& meaning) {
-  const Range range{static_cast<double>(low), kInfinity, false};
-  keys_.push_back({name, range.text("whole number"), meaning,
-                   [get](const Scenario& s) { return ScenarioValue(get(s)); },
-                   [set, low](Scenario& s, const ScenarioValue& value) {
-                     const auto* x = std::get_if<std::int64_t>(&value);
-                     if (x == nullptr || *x < low) return false;
-                     set(s, *x);
-                     return true;
-                   }});
-}
-
-void KeyTable::add_choice(const std::string& name, const std::vector<std::string>& texts,
-                          const Getter<std::size_t>& get, const Setter<std::size_t>& set,
-                          const std::string& meaning) {
+ScenarioKey choice_key(const std::string& name, const std::vector<std::string>& texts,
+                       std::function<std::size_t(const Scenario&)> get,
+                       std::function<void(Scenario&, std::size_t)> set,
+                       const std::string& meaning) {
   std::vector<std::string> quoted;
   for (const std::string& text : texts) quoted.push_back("\"" + text + "\"");
-  keys_.push_back({name, fmt::format("{}", fmt::join(quoted, " or ")), meaning,
-                   [get, texts](const Scenario& s) {
-                     const std::size_t i = get(s);
-                     return i < texts.size() ? std::optional<ScenarioValue>(texts[i])
-                                             : std::nullopt;
-                   },
-                   [set, texts](Scenario& s, const ScenarioValue& value) {
-                     const auto* wanted = std::get_if<std::string>(&value);
-                     if (wanted == nullptr) return false;
-                     const auto found = std::find(texts.begin(), texts.end(), *wanted);
-                     if (found == texts.end()) return false;
-                     set(s, static_cast<std::size_t>(found - texts.begin()));
-                     return true;
-                   }});
+  return {name, fmt::format("{}", fmt::join(quoted, " or ")), meaning,
+          [get = std::move(get), texts](const Scenario& s) {
+            const std::size_t i = get(s);
+            return i < texts.size() ? std::optional<ScenarioValue>(texts[i]) : std::nullopt;
+          },
+          [set = std::move(set), texts](Scenario& s, const ScenarioValue& value) {
+            const auto* wanted = std::get_if<std::string>(&value);
+            if (wanted == nullptr) return false;
+            const auto found = std::find(texts.begin(), texts.end(), *wanted);
+            if (found == texts.end()) return false;
+            set(s, static_cast<std::size_t>(found - texts.begin()));
+            return true;
+          }};
 }
 
 }  // namespace tether

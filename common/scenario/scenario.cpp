@@ -8,13 +8,9 @@
 #include <sstream>
 
 #include "common/base/errors.hpp"
-#include "common/scenario/channel_checks.hpp"
-#include "common/scenario/channel_settings.hpp"
-#include "common/scenario/keys.hpp"
 #include "common/scenario/loader.hpp"
 
 namespace tether {
-
 namespace {
 
 ScenarioLoader start_from_text(const std::string& toml, const std::string& name) {
@@ -33,12 +29,16 @@ Scenario with_overrides(ScenarioLoader loader, const std::string& name,
                         const std::vector<std::string>& overrides) {
   for (const std::string& text : overrides) loader.apply_override(text, "--set " + text);
   loader.end_level("--set", {});
-  Scenario scenario = loader.finish(name);
-  check_changes(scenario, name);
-  return scenario;
+  return loader.finish(name);
 }
 
 }  // namespace
+
+Scenario::Scenario() : Scenario(ScenarioSchema::all()) {}
+
+Scenario::Scenario(std::shared_ptr<const ScenarioSchema> schema) : schema_(std::move(schema)) {
+  for (const ScenarioSection& section : schema_->sections()) sections_.push_back(section.defaults);
+}
 
 ScenarioLoader start_from_file(const std::string& file) {
   std::ifstream in(file, std::ios::binary);

@@ -4,10 +4,12 @@
 #include <cmath>
 #include <utility>
 
+#include "common/vehicle/actuator_settings.hpp"
+
 namespace tether {
 namespace {
 
-StopLimits stop_limits(const Scenario::Actuator& config, const VehicleConfig& vehicle) {
+StopLimits stop_limits(const ActuatorSettings& config, const VehicleConfig& vehicle) {
   return {config.deceleration_mps2, config.yaw_deceleration_radps2,
           vehicle.max_wheel_acceleration_mps2, vehicle.max_wheel_speed_mps, vehicle.track_m};
 }
@@ -22,7 +24,7 @@ Twist decayed(const Twist& from, double since_s, double time_constant_s) {
 
 }  // namespace
 
-Actuator::Actuator(const Scenario::Actuator& config, const VehicleConfig& vehicle,
+Actuator::Actuator(const ActuatorSettings& config, const VehicleConfig& vehicle,
                    const StreamGuard::Config& guard)
     : config_(config),
       limits_(stop_limits(config, vehicle)),
@@ -52,7 +54,7 @@ Twist Actuator::in_force(Instant now) const {
 }
 
 Twist Actuator::command_in_force(Instant now) const {
-  using Policy = Scenario::Actuator::Policy;
+  using Policy = ActuatorSettings::Policy;
   const Duration since = now - arrival_ - timeout_;
   if (config_.policy == Policy::hold || since < Duration{0}) return command_;
   switch (config_.policy) {

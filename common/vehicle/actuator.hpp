@@ -6,6 +6,7 @@
 #include "common/base/counters.hpp"
 #include "common/base/time.hpp"
 #include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/plan.hpp"
 #include "common/vehicle/plan_buffer.hpp"
 #include "common/vehicle/pose.hpp"
@@ -29,7 +30,7 @@ namespace tether {
 class Actuator {
  public:
   /// `guard`: for the stamps of plans.
-  Actuator(const Scenario::Actuator& config, const VehicleConfig& vehicle,
+  Actuator(const ActuatorSettings& config, const VehicleConfig& vehicle,
            const StreamGuard::Config& guard);
 
   void on_command(Instant now, const Twist& command);
@@ -46,7 +47,7 @@ class Actuator {
   /// did not, and before the first of all takes over; none where twists count.
   std::optional<Duration> plan_age(Instant now) const;
 
-  bool takes_plans() const { return config_.policy == Scenario::Actuator::Policy::horizon; }
+  bool takes_plans() const { return config_.policy == ActuatorSettings::Policy::horizon; }
 
   /// Appends plan.…: with `horizon`, and with other policies if there were any.
   void list(CounterList& out) const;
@@ -54,7 +55,7 @@ class Actuator {
  private:
   Twist command_in_force(Instant now) const;
 
-  Scenario::Actuator config_;
+  ActuatorSettings config_;
   StopLimits limits_;
   Duration timeout_;
   Twist command_;

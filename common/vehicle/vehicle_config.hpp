@@ -35,15 +35,4 @@ struct VehicleConfig {
   double start_yaw_rad = 0.0;
 };
 
-/// A flat floor with four walls around the origin.
-struct WorldConfig {
-  double half_extent_m = 22.0;  ///< walls at x = ±half_extent_m and y = ±half_extent_m
-  /// Coulomb coefficient of tyres on the floor: polyurethane on concrete. From about 0.8 on, the
-  /// tyres hold well enough to tip the vehicle over when it skids sideways at 8 m/s.
-  double friction = 0.6;
-  /// Coulomb coefficient of body and wheels on walls. A wheel that rubs a rough wall climbs it.
-  double wall_friction = 0.2;
-  double gravity_mps2 = 9.81;
-};
-
 }  // namespace tether

@@ -25,7 +25,7 @@ TauTable read_table(const std::string& file) {
 }  // namespace
 
 AdaptivePidLaw::AdaptivePidLaw(const LawContext& context, TauTable table)
-    : PidLaw(context.scenario.controller, context.path),
+    : PidLaw(context.settings.get<ControllerSettings>(), context.path),
       table_(std::move(table)),
       reception_(kPoses),
       delay_(kDelays) {}
@@ -43,9 +43,20 @@ void AdaptivePidLaw::list_counters(CounterList& out) const {
   out.emplace_back("law.delay_ms", std::llround(to_milliseconds(delay_.median())));
 }
 
-std::unique_ptr<Law> make_pid_adaptive_law(const LawContext& context) {
-  return std::make_unique<AdaptivePidLaw>(context,
-                                          read_table(context.scenario.controller.tau_table));
+LawKind pid_adaptive_law() {
+  return {.name = "pid_adaptive",
+          .keys = {"tau_table"},
+          .make = [](const LawContext& context) -> std::unique_ptr<Law> {
+            return std::make_unique<AdaptivePidLaw>(
+                context, read_table(context.settings.get<ControllerSettings>().tau_table));
+          },
+          .check =
+              [](const ControllerSettings& settings, const std::string& file) {
+                if (!settings.tau_table.empty()) return;
+                throw UsageError(file +
+                                 ": controller.law = \"pid_adaptive\" needs controller.tau_table, "
+                                 "a CSV of look-aheads");
+              }};
 }
 
 }  // namespace tether

@@ -1,20 +1,40 @@
 #include "controller/laws/law.hpp"
 
+#include <algorithm>
 #include <cassert>
-#include <iterator>
 
-#include "common/path/make_path.hpp"
+#include "common/path/kinds.hpp"
 
 namespace tether {
 
-std::unique_ptr<Law> make_law(const Scenario& scenario) {
-#define TETHER_MAKER(name, sends) make_##name##_law,
-  constexpr std::unique_ptr<Law> (*kMakers[])(const LawContext&) = {
-      TETHER_CONTROL_LAWS(TETHER_MAKER)};
-#undef TETHER_MAKER
-  const auto index = static_cast<std::size_t>(scenario.controller.law);
-  assert(index < std::size(kMakers));
-  return kMakers[index]({scenario, make_path(scenario.path)});
+#define TETHER_CONTROL_LAWS(LAW) \
+  LAW(pid)                       \
+  LAW(pid_adaptive)              \
+  LAW(tracking)                  \
+  LAW(tracking_compensated)      \
+  LAW(predictive)                \
+  LAW(predictive_consistent)
+
+#define TETHER_DECLARE(name) LawKind name##_law();
+TETHER_CONTROL_LAWS(TETHER_DECLARE)
+
+const std::vector<LawKind>& law_kinds() {
+#define TETHER_ROW(name) name##_law(),
+  static const std::vector<LawKind> kinds{TETHER_CONTROL_LAWS(TETHER_ROW)};
+  return kinds;
+}
+
+const LawKind& kind_of(const ControllerSettings& settings) {
+  const auto& kinds = law_kinds();
+  const auto found = std::find_if(kinds.begin(), kinds.end(),
+                                  [&](const LawKind& kind) { return kind.name == settings.law; });
+  assert(found != kinds.end());
+  return *found;
+}
+
+std::unique_ptr<Law> make_law(const LawSettings& settings) {
+  return kind_of(settings.get<ControllerSettings>())
+      .make({settings, make_path(settings.get<PathSettings>())});
 }
 
 }  // namespace tether

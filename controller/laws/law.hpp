@@ -3,14 +3,19 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <variant>
+#include <vector>
 
 #include "common/base/counters.hpp"
 #include "common/base/time.hpp"
+#include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
-#include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/plan.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 
 namespace tether {
 
@@ -67,19 +72,35 @@ class Law {
   virtual void list_counters(CounterList&) const {}
 };
 
+/// The sections that laws may know.
+using LawSettings = Sections<ControllerSettings, VehicleSettings, ActuatorSettings, PathSettings>;
+
 /// What laws are made of.
 struct LawContext {
-  const Scenario& scenario;
+  LawSettings settings;
   std::shared_ptr<const ReferencePath> path;
 };
 
-// One for each of common/scenario/control_laws.hpp, each in the law's own file.
-#define TETHER_DECLARE_LAW(name, sends) \
-  std::unique_ptr<Law> make_##name##_law(const LawContext& context);
-TETHER_CONTROL_LAWS(TETHER_DECLARE_LAW)
-#undef TETHER_DECLARE_LAW
+/// One of the values of controller.law. A new one is a file with a function <name>_law() that
+/// returns its row, and a line in law.cpp.
+struct LawKind {
+  std::string name;
+  bool sends_plans = false;  ///< instead of twists
+  /// Beginnings of the keys of [controller], without "controller.", that only some laws use, this
+  /// one among them.
+  std::vector<std::string> keys;
+  /// Throws UsageError for what is wrong with its files.
+  std::unique_ptr<Law> (*make)(const LawContext&);
+  /// What several keys together must fulfil. Throws UsageError that begins with `file`.
+  void (*check)(const ControllerSettings&, const std::string& file) = nullptr;
+  std::vector<ScenarioKey> own_keys = {};  ///< of ControllerSettings::own; among `keys`, too
+};
+
+/// All laws, in the order in which messages name them.
+const std::vector<LawKind>& law_kinds();
+const LawKind& kind_of(const ControllerSettings& settings);
 
 /// The law that controller.law names. Throws UsageError for what is wrong with its files.
-std::unique_ptr<Law> make_law(const Scenario& scenario);
+std::unique_ptr<Law> make_law(const LawSettings& settings);
 
 }  // namespace tether

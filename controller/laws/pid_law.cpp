@@ -6,13 +6,13 @@
 namespace tether {
 namespace {
 
-Pid make_pid(const Scenario::Gains& gains, double derivative_filter_s, bool angular) {
+Pid make_pid(const PidGains& gains, double derivative_filter_s, bool angular) {
   return Pid({gains.p, gains.i, gains.d, gains.limit, derivative_filter_s, angular});
 }
 
 }  // namespace
 
-PidLaw::PidLaw(const Scenario::Controller& config, std::shared_ptr<const ReferencePath> path)
+PidLaw::PidLaw(const ControllerSettings& config, std::shared_ptr<const ReferencePath> path)
     : path_(std::move(path)),
       tau_s_(config.tau_s),
       wrap_heading_(config.wrap_heading),
@@ -37,8 +37,11 @@ void PidLaw::reset() {
   omega_.reset();
 }
 
-std::unique_ptr<Law> make_pid_law(const LawContext& context) {
-  return std::make_unique<PidLaw>(context.scenario.controller, context.path);
+LawKind pid_law() {
+  return {.name = "pid", .keys = {}, .make = [](const LawContext& context) -> std::unique_ptr<Law> {
+            return std::make_unique<PidLaw>(context.settings.get<ControllerSettings>(),
+                                            context.path);
+          }};
 }
 
 }  // namespace tether

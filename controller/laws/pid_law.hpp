@@ -4,7 +4,6 @@
 
 #include "common/base/time.hpp"
 #include "common/path/reference_path.hpp"
-#include "common/scenario/scenario.hpp"
 #include "common/vehicle/pose.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/pid.hpp"
@@ -18,7 +17,7 @@ namespace tether {
 /// Since d_e ≥ 0 and all gains are ≥ 0, it hardly ever drives backwards.
 class PidLaw : public Law {
  public:
-  PidLaw(const Scenario::Controller& config, std::shared_ptr<const ReferencePath> path);
+  PidLaw(const ControllerSettings& config, std::shared_ptr<const ReferencePath> path);
 
   /// The command at `now` for a vehicle last seen at `pose`. Times of successive calls must not
   /// decrease.

@@ -27,21 +27,24 @@ bool is_on_path(const Pose2& pose, const PathPoint& reference) {
 }  // namespace
 
 PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
+    : PredictiveLaw(context.settings.get<ControllerSettings>(),
+                    context.settings.get<ActuatorSettings>(),
+                    context.settings.get<VehicleSettings>(), context, form) {}
+
+PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const ActuatorSettings& actuator,
+                             const VehicleSettings& vehicle, const LawContext& context, Form form)
     : path_(context.path),
-      model_(model_of(context.scenario)),
-      feedback_(context.scenario.controller, model_.limits().max_wheel_acceleration_mps2),
+      model_(model_of(context.settings)),
+      feedback_(controller, model_.limits().max_wheel_acceleration_mps2),
       delay_(DelayEstimate::kFew),
       form_(form),
-      run_out_{context.scenario.actuator.deceleration_mps2,
-               context.scenario.actuator.yaw_deceleration_radps2,
+      run_out_{actuator.deceleration_mps2, actuator.yaw_deceleration_radps2,
                model_.limits().max_wheel_acceleration_mps2, model_.limits().max_wheel_speed_mps,
                model_.limits().track_m},
-      start_pose_{context.scenario.vehicle.start_x_m, context.scenario.vehicle.start_y_m,
-                  wrap_angle(context.scenario.vehicle.start_yaw_rad)},
-      step_(
-          std::chrono::microseconds{std::llround(context.scenario.controller.plan_step_ms * 1e3)}),
+      start_pose_{vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)},
+      step_(std::chrono::microseconds{std::llround(controller.plan_step_ms * 1e3)}),
       steps_(static_cast<std::size_t>(
-          std::max(1.0, std::round(context.scenario.controller.horizon_s / to_seconds(step_))))),
+          std::max(1.0, std::round(controller.horizon_s / to_seconds(step_))))),
       silence_(step_ * static_cast<std::int64_t>(steps_) / 2) {}
 
 void PredictiveLaw::on_pose(const SeenPose& seen) {
@@ -269,12 +272,24 @@ void PredictiveLaw::list_counters(CounterList& out) const {
   out.emplace_back("plan.followed_unknown", unknown_);
 }
 
-std::unique_ptr<Law> make_predictive_law(const LawContext& context) {
-  return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::plain);
+namespace {
+
+template <PredictiveLaw::Form form>
+LawKind kind(const std::string& name) {
+  return {.name = name,
+          .sends_plans = true,
+          .keys = {"tracking.", "model.", "horizon_s", "plan_step_ms", "preload"},
+          .make = [](const LawContext& context) -> std::unique_ptr<Law> {
+            return std::make_unique<PredictiveLaw>(context, form);
+          }};
 }
 
-std::unique_ptr<Law> make_predictive_consistent_law(const LawContext& context) {
-  return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::consistent);
+}  // namespace
+
+LawKind predictive_law() { return kind<PredictiveLaw::Form::plain>("predictive"); }
+
+LawKind predictive_consistent_law() {
+  return kind<PredictiveLaw::Form::consistent>("predictive_consistent");
 }
 
 }  // namespace tether

@@ -63,6 +63,8 @@ class PredictiveLaw final : public Law {
   void list_counters(CounterList& out) const override;
 
  private:
+  PredictiveLaw(const ControllerSettings& controller, const ActuatorSettings& actuator,
+                const VehicleSettings& vehicle, const LawContext& context, Form form);
   struct Sent {
     Plan plan;
     MotionModel::State state;  ///< predicted at its start

@@ -13,7 +13,7 @@ constexpr double kSlowest_mps = 1.0;
 
 }  // namespace
 
-TrackingFeedback::TrackingFeedback(const Scenario::Controller& config, double max_acceleration_mps2)
+TrackingFeedback::TrackingFeedback(const ControllerSettings& config, double max_acceleration_mps2)
     : gains_(config.tracking),
       look_ahead_m_(gains_.k_theta / gains_.k_y),
       acceleration_mps2_(kCatchUpShare * max_acceleration_mps2),

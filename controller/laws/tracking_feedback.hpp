@@ -1,7 +1,6 @@
 #pragma once
 
 #include "common/path/reference_path.hpp"
-#include "common/scenario/scenario.hpp"
 #include "common/vehicle/pose.hpp"
 #include "controller/laws/law.hpp"
 
@@ -31,7 +30,7 @@ namespace tether {
 class TrackingFeedback {
  public:
   /// `max_acceleration_mps2`: of the vehicle; catching up uses most of it.
-  TrackingFeedback(const Scenario::Controller& config, double max_acceleration_mps2);
+  TrackingFeedback(const ControllerSettings& config, double max_acceleration_mps2);
 
   /// The twist for a vehicle at `pose` while the reference is at `reference`.
   Twist command(const Pose2& pose, const PathPoint& reference) const;
@@ -39,7 +38,7 @@ class TrackingFeedback {
  private:
   double closing_speed(double x_e_m) const;
 
-  Scenario::Tracking gains_;
+  TrackingGains gains_;
   double look_ahead_m_;
   double acceleration_mps2_;
   double linear_m_;  ///< |x_e| up to which the speed of catching up is K_x x_e

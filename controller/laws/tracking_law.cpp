@@ -13,9 +13,9 @@ constexpr Duration kModelStep = std::chrono::milliseconds{50};
 
 }  // namespace
 
-MotionModel model_of(const Scenario& scenario) {
-  const Scenario::Model& model = scenario.controller.model;
-  const Scenario::Vehicle& vehicle = scenario.vehicle;
+MotionModel model_of(const LawSettings& settings) {
+  const ModelSettings& model = settings.get<ControllerSettings>().model;
+  const auto& vehicle = settings.get<VehicleSettings>();
   return MotionModel({.track_m = model.track_m.value_or(vehicle.track_m),
                       .max_wheel_acceleration_mps2 = model.max_wheel_acceleration_mps2.value_or(
                           vehicle.max_wheel_acceleration_mps2),
@@ -24,8 +24,8 @@ MotionModel model_of(const Scenario& scenario) {
 
 TrackingLaw::TrackingLaw(const LawContext& context)
     : path_(context.path),
-      feedback_(context.scenario.controller,
-                model_of(context.scenario).limits().max_wheel_acceleration_mps2) {}
+      feedback_(context.settings.get<ControllerSettings>(),
+                model_of(context.settings).limits().max_wheel_acceleration_mps2) {}
 
 LawOutput TrackingLaw::decide(Instant now, const SeenPose* newest) {
   const PathPoint reference = path_->at(to_seconds(now));
@@ -35,8 +35,9 @@ LawOutput TrackingLaw::decide(Instant now, const SeenPose* newest) {
 
 CompensatedTrackingLaw::CompensatedTrackingLaw(const LawContext& context)
     : path_(context.path),
-      model_(model_of(context.scenario)),
-      feedback_(context.scenario.controller, model_.limits().max_wheel_acceleration_mps2),
+      model_(model_of(context.settings)),
+      feedback_(context.settings.get<ControllerSettings>(),
+                model_.limits().max_wheel_acceleration_mps2),
       delay_(DelayEstimate::kFew) {}
 
 void CompensatedTrackingLaw::on_pose(const SeenPose& seen) {
@@ -93,12 +94,20 @@ MotionModel::State CompensatedTrackingLaw::predict(const SeenPose& seen, Instant
   return state;
 }
 
-std::unique_ptr<Law> make_tracking_law(const LawContext& context) {
-  return std::make_unique<TrackingLaw>(context);
+LawKind tracking_law() {
+  return {.name = "tracking",
+          .keys = {"tracking."},
+          .make = [](const LawContext& context) -> std::unique_ptr<Law> {
+            return std::make_unique<TrackingLaw>(context);
+          }};
 }
 
-std::unique_ptr<Law> make_tracking_compensated_law(const LawContext& context) {
-  return std::make_unique<CompensatedTrackingLaw>(context);
+LawKind tracking_compensated_law() {
+  return {.name = "tracking_compensated",
+          .keys = {"tracking.", "model."},
+          .make = [](const LawContext& context) -> std::unique_ptr<Law> {
+            return std::make_unique<CompensatedTrackingLaw>(context);
+          }};
 }
 
 }  // namespace tether

@@ -11,7 +11,7 @@
 namespace tether {
 
 /// The vehicle as controller.model.* and the scenario's vehicle have it.
-MotionModel model_of(const Scenario& scenario);
+MotionModel model_of(const LawSettings& settings);
 
 /// Feedforward and feedback (TrackingFeedback) on the newest pose as if it were the present one.
 class TrackingLaw final : public Law {

@@ -9,6 +9,9 @@
 
 #include "common/base/random.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 
 namespace tether {
 
@@ -30,18 +33,18 @@ bool is_usable(const LawOutput& decision) {
 
 }  // namespace
 
-ControllerNode::ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& bus,
+ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop& loop, Bus& bus,
                                std::optional<std::int64_t> session)
     : loop_(loop),
       bus_(bus),
-      channels_(scenario.vehicle.name),
-      config_(scenario.controller),
+      channels_(settings.get<VehicleSettings>().name),
+      config_(settings.get<ControllerSettings>()),
       pose_timeout_(from_seconds(config_.pose_timeout_s)),
-      session_(session.value_or(session_of_seed(scenario.run.seed))),
-      law_(make_law(scenario)),
-      guard_({.earliest = earliest_stamp(scenario)}),
+      session_(session.value_or(session_of_seed(settings.get<RunSettings>().seed))),
+      law_(make_law(settings)),
+      guard_({.earliest = earliest_stamp(settings)}),
       counters_(loop, bus, "controller", channels_.control_counters,
-                from_seconds(scenario.run.report_period_s),
+                from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
   subscribe<pose_t>(bus, channels_.control_pose, 1, undecodable_, [this](const pose_t& m) {
     SeenPose seen;
@@ -55,15 +58,16 @@ ControllerNode::ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& b
   });
   if (config_.preload && law_->plans_ahead()) {
     // Before the first pose of that instant is taken, so that it names the plan.
-    loop.at(kStart - from_seconds(scenario.run.lead_s), Priority::physics, [this](Instant) {
-      const std::optional<Plan> plan = law_->preload();
-      if (plan) send_plan(loop_.now(), *plan, channels_.control_preload);
-    });
+    loop.at(kStart - from_seconds(settings.get<RunSettings>().lead_s), Priority::physics,
+            [this](Instant) {
+              const std::optional<Plan> plan = law_->preload();
+              if (plan) send_plan(loop_.now(), *plan, channels_.control_preload);
+            });
   }
-  if (config_.trigger == Scenario::Controller::Trigger::timer) {
+  if (config_.trigger == ControllerSettings::Trigger::timer) {
     const Duration period = from_seconds(1.0 / config_.rate_hz);
-    loop.every(first_tick(from_seconds(scenario.run.lead_s), period), period, Priority::node,
-               [this](Instant) { decide(); });
+    loop.every(first_tick(from_seconds(settings.get<RunSettings>().lead_s), period), period,
+               Priority::node, [this](Instant) { decide(); });
   }
 }
 
@@ -75,7 +79,7 @@ void ControllerNode::on_pose(const SeenPose& seen) {
   if (!guard_.accept(seen.arrival, seen.stamp, seen.seq)) return;
   newest_ = seen;
   law_->on_pose(seen);
-  if (config_.trigger == Scenario::Controller::Trigger::timer) return;
+  if (config_.trigger == ControllerSettings::Trigger::timer) return;
   decide();
   if (pose_timeout_ > Duration{0} && !timed_out(loop_.now())) {
     loop_.at(seen.stamp + pose_timeout_, Priority::node,

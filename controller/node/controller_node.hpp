@@ -10,10 +10,15 @@
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
-#include "common/scenario/scenario.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 
 namespace tether {
+
+/// What the controller takes of a scenario.
+using ControllerNodeSettings =
+    Sections<RunSettings, VehicleSettings, PathSettings, ControllerSettings, ActuatorSettings>;
 
 /// The remote controller: CTRL/POSE in, CTRL/CMD_VEL or CTRL/PLAN (and CTRL/REPORT, CTRL/COUNTERS)
 /// out.
@@ -37,7 +42,7 @@ class ControllerNode final : public Node {
  public:
   /// `session`: tells the plans of this start from those of any other; nullopt: derived from the
   /// run's seed.
-  ControllerNode(const Scenario& scenario, EventLoop& loop, Bus& bus,
+  ControllerNode(const ControllerNodeSettings& settings, EventLoop& loop, Bus& bus,
                  std::optional<std::int64_t> session = std::nullopt);
 
   /// Publishes the final counters. Sends no command: the actuator policy decides what happens to a
@@ -58,7 +63,7 @@ class ControllerNode final : public Node {
   EventLoop& loop_;
   Bus& bus_;
   ChannelNames channels_;
-  Scenario::Controller config_;
+  ControllerSettings config_;
   Duration pose_timeout_;
   std::int64_t session_;
   std::unique_ptr<Law> law_;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "netem/link/delay_law.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 namespace {
@@ -13,9 +14,9 @@ LinkMonitor monitor_of(const LinkConfig& link, const LinkTraffic& traffic) {
 }
 
 /// In a run, whose settings may change on the way.
-LinkMonitor monitor_in_run(const Scenario& scenario, const LinkConfig& link,
+LinkMonitor monitor_in_run(const ChannelSettings& channel, const LinkConfig& link,
                            const LinkTraffic& traffic) {
-  if (scenario.channel.changes.empty()) return monitor_of(link, traffic);
+  if (channel.changes.empty()) return monitor_of(link, traffic);
   LinkExpectation open;
   open.no_losses = open.no_delays = "the settings change during the run";
   return LinkMonitor(open);
@@ -69,11 +70,11 @@ void follow_states(Stream& a, Stream& b, Instant now) {
 
 }  // namespace
 
-ChannelWatch::ChannelWatch(const Scenario& scenario, EventLoop& loop, Link& uplink, Link& downlink)
+ChannelWatch::ChannelWatch(const ChannelSettings& channel, const ChannelTraffic& traffic,
+                           EventLoop& loop, Link& uplink, Link& downlink)
     : loop_(loop),
-      uplink_(monitor_in_run(scenario, scenario.channel.uplink, pose_traffic(scenario))),
-      downlink_(
-          monitor_in_run(scenario, scenario.channel.downlink, command_traffic(scenario, true))) {
+      uplink_(monitor_in_run(channel, channel.uplink, traffic.uplink)),
+      downlink_(monitor_in_run(channel, channel.downlink, traffic.downlink)) {
   for (const auto& [link, monitor] : {std::pair{&uplink, &uplink_}, {&downlink, &downlink_}}) {
     link->set_observer([monitor = monitor](const PacketFate& fate) { monitor->on_packet(fate); });
     if (!monitor->wants_states()) continue;
@@ -97,10 +98,12 @@ ChannelReport ChannelWatch::report(Instant end) const {
   return {{uplink_.packets(), uplink_.checks(end)}, {downlink_.packets(), downlink_.checks(end)}};
 }
 
-ChannelReport try_channel(const Scenario& scenario, const ChannelTrial& trial) {
-  LinkPair links = make_links(scenario);
-  Stream up(links.uplink, scenario.channel.uplink, pose_traffic(scenario));
-  Stream down(links.downlink, scenario.channel.downlink, command_traffic(scenario, false));
+ChannelReport try_channel(const NetemSettings& settings, const ChannelTraffic& traffic,
+                          const ChannelTrial& trial) {
+  LinkPair links = make_links(settings);
+  const auto& channel = settings.get<ChannelSettings>();
+  Stream up(links.uplink, channel.uplink, traffic.uplink);
+  Stream down(links.downlink, channel.downlink, traffic.downlink);
   constexpr std::int64_t kBetweenReports = 1000;
   Instant now = kStart;
   while (std::min(up.offered, down.offered) < trial.packets) {

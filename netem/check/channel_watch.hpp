@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "common/loop/event_loop.hpp"
-#include "common/scenario/scenario.hpp"
 #include "netem/check/link_monitor.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
 
 namespace tether {
@@ -21,11 +21,18 @@ struct ChannelReport {
   Direction downlink;
 };
 
+/// What is sent through the two links.
+struct ChannelTraffic {
+  LinkTraffic uplink;
+  LinkTraffic downlink;
+};
+
 /// Watches the links of a run; changes nothing in it. Outlives neither the loop nor the links.
 class ChannelWatch {
  public:
   /// Before the first packet. Takes the links' observers.
-  ChannelWatch(const Scenario& scenario, EventLoop& loop, Link& uplink, Link& downlink);
+  ChannelWatch(const ChannelSettings& channel, const ChannelTraffic& traffic, EventLoop& loop,
+               Link& uplink, Link& downlink);
   ChannelWatch(const ChannelWatch&) = delete;
   ChannelWatch& operator=(const ChannelWatch&) = delete;
 
@@ -46,9 +53,9 @@ struct ChannelTrial {
   std::function<void(std::int64_t offered)> on_progress;  ///< now and then; may be empty
 };
 
-/// Offers each link packets at the rate and of the size of the scenario's poses and commands, from
-/// t = 0 on, and nothing else: no vehicle, no controller. Models that need the vehicle's position
-/// get none.
-ChannelReport try_channel(const Scenario& scenario, const ChannelTrial& trial);
+/// Offers each link packets at the rate and of the size of its traffic, from t = 0 on, and nothing
+/// else: no vehicle, no controller. Models that need the vehicle's position get none.
+ChannelReport try_channel(const NetemSettings& settings, const ChannelTraffic& traffic,
+                          const ChannelTrial& trial);
 
 }  // namespace tether

@@ -6,13 +6,13 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
-#include <tether/plan_t.hpp>
-#include <tether/pose_t.hpp>
-#include <tether/twist_t.hpp>
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "netem/link/delay_law.hpp"
+#include "netem/models/channel_settings.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
 namespace {
@@ -146,38 +146,7 @@ std::string why_delays_are_open(const LinkConfig& link, const ChannelExpectation
   return "";
 }
 
-/// A twist, or a plan with all its twists.
-double command_bytes(const Scenario::Controller& controller) {
-  if (!sends_plans(controller.law)) return twist_t{}.getEncodedSize();
-  constexpr double kTwist = 2 * sizeof(float);
-  const double twists =
-      std::max(1.0, std::round(controller.horizon_s * 1e3 / controller.plan_step_ms));
-  return plan_t{}.getEncodedSize() + kTwist * twists;
-}
-
 }  // namespace
-
-LinkTraffic pose_traffic(const Scenario& scenario) {
-  return {.interval_s = 1.0 / scenario.sensor.rate_hz,
-          .packet_bytes = static_cast<double>(pose_t{}.getEncodedSize())};
-}
-
-LinkTraffic command_traffic(const Scenario& scenario, bool in_loop) {
-  LinkTraffic traffic{.packet_bytes = command_bytes(scenario.controller)};
-  if (scenario.controller.trigger == Scenario::Controller::Trigger::timer) {
-    traffic.interval_s = 1.0 / scenario.controller.rate_hz;
-    return traffic;
-  }
-  traffic.interval_s = 1.0 / scenario.sensor.rate_hz;
-  if (!in_loop) return traffic;
-  traffic.periodic = false;
-  if (scenario.channel.shared_state && scenario.channel.uplink.model != Model::fixed) {
-    traffic.selected_because =
-        "commands answer the poses that arrive, and the state that both directions share decides "
-        "which do";
-  }
-  return traffic;
-}
 
 LinkExpectation expect_link(const LinkConfig& link, const std::vector<double>& delay_table_ms,
                             const LinkTraffic& traffic) {

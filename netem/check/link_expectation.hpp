@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/scenario/scenario.hpp"
+#include "netem/link/link_config.hpp"
 #include "netem/statistics/channel_expectation.hpp"
 
 namespace tether {
@@ -17,12 +17,6 @@ struct LinkTraffic {
   /// Empty, or why packets meet some states of the channel more often than time would have it.
   std::string selected_because = {};
 };
-
-/// Poses of a scenario's sensor.
-LinkTraffic pose_traffic(const Scenario& scenario);
-/// Commands or plans of a scenario's controller, with trigger = event one for each pose; `in_loop`:
-/// only for those that the uplink brings, when it brings them.
-LinkTraffic command_traffic(const Scenario& scenario, bool in_loop);
 
 /// What a link's configuration says that statistics of its packets will show, and what it leaves
 /// open, with the reason in a few words.

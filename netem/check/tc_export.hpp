@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/scenario/link_config.hpp"
+#include "netem/link/link_config.hpp"
 
 namespace tether {
 

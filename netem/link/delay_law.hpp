@@ -4,7 +4,7 @@
 
 #include "common/base/random.hpp"
 #include "common/base/time.hpp"
-#include "common/scenario/link_config.hpp"
+#include "netem/link/link_config.hpp"
 
 namespace tether {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/base/random.hpp"
-#include "common/scenario/link_config.hpp"
 #include "netem/link/delay_law.hpp"
+#include "netem/link/link_config.hpp"
 #include "netem/link/packet_models.hpp"
 
 namespace tether {

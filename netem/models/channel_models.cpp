@@ -43,11 +43,11 @@ bool is_of_pair(const std::string& name) { return name == "uplink" || name == "d
 /// Makes the model of one link, from what is there already where that goes on.
 class ModelMaker {
  public:
-  ModelMaker(const Scenario& scenario, const std::string& name)
-      : config_(link_config(scenario, name)),
+  ModelMaker(const NetemSettings& settings, const std::string& name)
+      : config_(link_config(settings.get<ChannelSettings>(), name)),
         prefix_(link_key(name)),
-        streams_(link_streams(scenario, name)),
-        seed_(scenario.run.seed) {}
+        streams_(link_streams(settings, name)),
+        seed_(settings.get<RunSettings>().seed) {}
 
   /// `model`: in use under `config`, for `offered` packets so far.
   ModelMaker& goes_on_from(const LinkModel& model, const LinkConfig& config, std::int64_t offered,
@@ -193,7 +193,7 @@ class ModelMaker {
 };
 
 /// Both links' models; the downlink's from the uplink's where they share the state.
-void make_pair(const Scenario::Channel& channel, const ModelMaker& up, const ModelMaker& down,
+void make_pair(const ChannelSettings& channel, const ModelMaker& up, const ModelMaker& down,
                ChannelModels& models) {
   up.make_clocks(models.uplink);
   up.make_process(models.uplink);
@@ -217,43 +217,46 @@ const LinkModel& ChannelModels::of(const std::string& name) const {
   return name == "uplink" ? uplink : name == "downlink" ? downlink : links.at(name);
 }
 
-LinkStreams link_streams(const Scenario& scenario, const std::string& name) {
+LinkStreams link_streams(const NetemSettings& settings, const std::string& name) {
   const std::string link =
-      scenario.vehicle.name + (is_of_pair(name) ? "/" : "/links/") + name + "/";
-  return [seed = scenario.run.seed, link](std::string_view purpose) {
+      settings.get<VehicleSettings>().name + (is_of_pair(name) ? "/" : "/links/") + name + "/";
+  return [seed = settings.get<RunSettings>().seed, link](std::string_view purpose) {
     return random_stream(seed, link + std::string(purpose));
   };
 }
 
-ChannelModels make_models(const Scenario& scenario, const std::vector<std::string>& names) {
+ChannelModels make_models(const NetemSettings& settings, const std::vector<std::string>& names) {
   ChannelModels models;
   for (const std::string& name : names) {
     if (!is_of_pair(name)) {
-      const ModelMaker make(scenario, name);
+      const ModelMaker make(settings, name);
       make.make_clocks(models.links[name]);
       make.make_process(models.links[name]);
     } else if (!models.uplink.process) {
-      make_pair(scenario.channel, {scenario, "uplink"}, {scenario, "downlink"}, models);
+      make_pair(settings.get<ChannelSettings>(), {settings, "uplink"}, {settings, "downlink"},
+                models);
     }
   }
   return models;
 }
 
-ChannelModels renew_models(const ChannelModels& models, const Scenario& before,
-                           const Scenario& after, const ChannelMoment& moment) {
+ChannelModels renew_models(const ChannelModels& models, const NetemSettings& before,
+                           const NetemSettings& after, const ChannelMoment& moment) {
   static const LinkConfig kNone;
   const auto maker = [&](const std::string& name, bool parts) {
     ModelMaker make(after, name);
     const auto offered = moment.offered.find(name);
-    make.goes_on_from(models.of(name), parts ? kNone : link_config(before, name),
+    make.goes_on_from(models.of(name),
+                      parts ? kNone : link_config(before.get<ChannelSettings>(), name),
                       offered == moment.offered.end() ? 0 : offered->second, moment.now);
     return make;
   };
   ChannelModels made;
   if (models.uplink.process) {
     // A state that the links shared until now is the uplink's: not the downlink's to go on from.
-    const bool parts = before.channel.shared_state && !after.channel.shared_state;
-    make_pair(after.channel, maker("uplink", false), maker("downlink", parts), made);
+    const auto& channel = after.get<ChannelSettings>();
+    const bool parts = before.get<ChannelSettings>().shared_state && !channel.shared_state;
+    make_pair(channel, maker("uplink", false), maker("downlink", parts), made);
   }
   for (const auto& [name, model] : models.links) {
     const ModelMaker make = maker(name, false);

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "common/scenario/scenario.hpp"
 #include "netem/link/channel_process.hpp"
 #include "netem/link/link_stages.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "netem/models/markov_chain.hpp"
 #include "netem/models/state_process.hpp"
 
@@ -41,7 +41,7 @@ struct ChannelMoment {
 /// Of those links of the scenario that are named: "uplink", "downlink", names of [channel.links].
 /// Reads the files that the models name. Throws UsageError for those, and for a chain without a
 /// single stationary distribution.
-ChannelModels make_models(const Scenario& scenario,
+ChannelModels make_models(const NetemSettings& settings,
                           const std::vector<std::string>& names = {"uplink", "downlink"});
 
 /// The models of scenario `after`, where those of `before` are in use; throws as make_models().
@@ -56,11 +56,11 @@ ChannelModels make_models(const Scenario& scenario,
 ///   state and with their stream; others begin as at a link's start, with the draws that the n-th
 ///   packet would have met.
 /// - A map that is made anew knows where the vehicle was last.
-ChannelModels renew_models(const ChannelModels& models, const Scenario& before,
-                           const Scenario& after, const ChannelMoment& moment);
+ChannelModels renew_models(const ChannelModels& models, const NetemSettings& before,
+                           const NetemSettings& after, const ChannelMoment& moment);
 
 /// The streams of one link, "<vehicle>/uplink/<purpose>", "<vehicle>/downlink/<purpose>" or
 /// "<vehicle>/links/<name>/<purpose>".
-LinkStreams link_streams(const Scenario& scenario, const std::string& name);
+LinkStreams link_streams(const NetemSettings& settings, const std::string& name);
 
 }  // namespace tether

@@ -31,7 +31,7 @@ void ChannelUse::check(const std::string& setting) const {
   const std::string given = std::string(trimmed(setting.substr(0, setting.find('='))));
   const std::string key = given.starts_with(kChannel) ? given : kChannel + given;
   if (key == kChannel) return;  // no key at all: for others to refuse
-  const auto keys = keys_meant_by(key);
+  const auto keys = ScenarioSchema::all()->keys_meant_by(key);
   if (std::any_of(keys.begin(), keys.end(), [&](const auto& k) { return covers(k); })) {
     return;
   }
@@ -40,10 +40,10 @@ void ChannelUse::check(const std::string& setting) const {
                                fmt::join(links, ", ")));
 }
 
-void ChannelUse::check_models(const Scenario& scenario) const {
+void ChannelUse::check_models(const ChannelSettings& channel) const {
   if (!by_rules) return;
   for (const std::string& name : links) {
-    if (link_config(scenario, name).model != LinkConfig::Model::map) continue;
+    if (link_config(channel, name).model != LinkConfig::Model::map) continue;
     throw UsageError(
         fmt::format("link \"{}\" has model = \"map\", which needs to know where the "
                     "vehicle is; rules decode nothing",
@@ -74,10 +74,10 @@ std::string link_key(const std::string& name) {
   return kChannel + (of_pair ? "" : "links.") + name + ".";
 }
 
-const LinkConfig& link_config(const Scenario& scenario, const std::string& name) {
-  if (name == "uplink") return scenario.channel.uplink;
-  if (name == "downlink") return scenario.channel.downlink;
-  return scenario.channel.links.at(name);
+const LinkConfig& link_config(const ChannelSettings& channel, const std::string& name) {
+  if (name == "uplink") return channel.uplink;
+  if (name == "downlink") return channel.downlink;
+  return channel.links.at(name);
 }
 
 }  // namespace tether

@@ -3,8 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/scenario/channel_settings.hpp"
-#include "common/scenario/scenario.hpp"
+#include "netem/models/channel_change.hpp"
 
 namespace tether {
 
@@ -19,7 +18,7 @@ struct ChannelUse {
   void check(const std::string& setting) const;
 
   /// Refuses a model that needs to know where the vehicle is if nobody does. Throws UsageError.
-  void check_models(const Scenario& scenario) const;
+  void check_models(const ChannelSettings& channel) const;
 
   /// Those of the settings that are about links in use.
   std::vector<ChannelSetting> select(std::vector<ChannelSetting> settings) const;
@@ -39,6 +38,6 @@ inline const ChannelUse kVehicleLinks{{"uplink", "downlink"}};
 std::string link_key(const std::string& name);
 
 /// The settings of a link by its name.
-const LinkConfig& link_config(const Scenario& scenario, const std::string& name);
+const LinkConfig& link_config(const ChannelSettings& channel, const std::string& name);
 
 }  // namespace tether

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "common/base/random.hpp"
-#include "common/scenario/map_config.hpp"
 #include "netem/link/channel_process.hpp"
+#include "netem/link/map_config.hpp"
 #include "netem/models/position_map.hpp"
 #include "netem/models/shadowing.hpp"
 

@@ -3,8 +3,8 @@
 #include <memory>
 #include <string>
 
-#include "common/scenario/trace_config.hpp"
 #include "netem/link/channel_process.hpp"
+#include "netem/link/trace_config.hpp"
 #include "netem/models/trace.hpp"
 
 namespace tether {

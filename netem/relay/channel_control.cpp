@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "common/base/errors.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
 
 namespace tether {
@@ -20,46 +21,49 @@ void check_files(const LinkConfig& config) {
   }
 }
 
-Link::Change prepare(const Link& link, const Scenario& before, const Scenario& after,
+Link::Change prepare(const Link& link, const NetemSettings& before, const NetemSettings& after,
                      const ChannelModels& models, const std::string& name) {
-  const LinkConfig& config = link_config(after, name);
+  const LinkConfig& config = link_config(after.get<ChannelSettings>(), name);
   std::vector<double> table_ms;
-  if (config.jitter != link_config(before, name).jitter) table_ms = load_delay_table(after, name);
+  if (config.jitter != link_config(before.get<ChannelSettings>(), name).jitter)
+    table_ms = load_delay_table(after, name);
   return link.prepare(config, models.of(name).process, link_streams(before, name), table_ms);
 }
 
 }  // namespace
 
 std::vector<ChannelSetting> ChannelControl::settings() const {
-  return use_.select(channel_settings(in_force_));
+  return use_.select(channel_settings(in_force_.get<ChannelSettings>()));
 }
 
 std::vector<ChannelSetting> ChannelControl::change(const std::vector<std::string>& settings,
                                                    Instant now, const std::vector<Link*>& links) {
   for (const std::string& setting : settings) use_.check(setting);
-  ChannelChange wanted = change_channel(in_force_, settings);
-  use_.check_models(wanted.scenario);
-  wanted.scenario.channel.for_each_link(
+  ChannelChange wanted = change_channel(in_force_.get<ChannelSettings>(), settings);
+  use_.check_models(wanted.channel);
+  wanted.channel.for_each_link(
       [](const std::string&, const LinkConfig& link) { check_files(link); });
+  NetemSettings after = in_force_;
+  after.get<ChannelSettings>() = std::move(wanted.channel);
   ChannelMoment moment{now, {}};
   for (std::size_t i = 0; i < links.size(); ++i) {
     moment.offered[use_.links[i]] = links[i]->counters().offered;
   }
-  ChannelModels models = renew_models(models_, in_force_, wanted.scenario, moment);
+  ChannelModels models = renew_models(models_, in_force_, after, moment);
   std::vector<Link::Change> changes;
   for (std::size_t i = 0; i < links.size(); ++i) {
-    changes.push_back(prepare(*links[i], in_force_, wanted.scenario, models, use_.links[i]));
+    changes.push_back(prepare(*links[i], in_force_, after, models, use_.links[i]));
   }
   // Nothing fails from here on.
   for (std::size_t i = 0; i < links.size(); ++i) links[i]->apply(std::move(changes[i]));
   models_ = std::move(models);
-  in_force_ = std::move(wanted.scenario);
+  in_force_ = std::move(after);
   return use_.select(std::move(wanted.settings));
 }
 
-void try_changes(const Scenario& scenario, const ChannelUse& use) {
-  Scenario in_force = scenario;
-  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+void try_changes(const NetemSettings& settings, const ChannelUse& use) {
+  NetemSettings in_force = settings;
+  for (const ChannelSettings::Change& change : settings.get<ChannelSettings>().changes) {
     for (const std::string& setting : change.settings) {
       try {
         use.check(setting);
@@ -67,8 +71,9 @@ void try_changes(const Scenario& scenario, const ChannelUse& use) {
         throw UsageError(fmt::format("channel.change at {} s: {}", change.at_s, error.what()));
       }
     }
-    in_force = change_channel(in_force, change.settings).scenario;
-    use.check_models(in_force);
+    auto& channel = in_force.get<ChannelSettings>();
+    channel = change_channel(channel, change.settings).channel;
+    use.check_models(channel);
     make_links(in_force, make_models(in_force, use.links), use.links);
   }
 }

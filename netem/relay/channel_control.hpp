@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "common/scenario/channel_settings.hpp"
 #include "netem/link/link.hpp"
+#include "netem/models/channel_change.hpp"
 #include "netem/models/channel_models.hpp"
 #include "netem/models/channel_use.hpp"
 
@@ -14,16 +14,17 @@ namespace tether {
 class ChannelControl {
  public:
   /// `models`: the links', which are those of `use`.
-  ChannelControl(const Scenario& scenario, ChannelModels models, ChannelUse use = kVehicleLinks)
-      : in_force_(scenario), models_(std::move(models)), use_(std::move(use)) {}
+  ChannelControl(const NetemSettings& settings, ChannelModels models,
+                 ChannelUse use = kVehicleLinks)
+      : in_force_(settings), models_(std::move(models)), use_(std::move(use)) {}
 
   /// With the channel's settings as they are now.
-  const Scenario& in_force() const { return in_force_; }
+  const NetemSettings& in_force() const { return in_force_; }
 
   /// Of the links in use, those that differ from the defaults.
   std::vector<ChannelSetting> settings() const;
 
-  /// Gives the links these settings ("downlink.prr=0.45": common/scenario/channel_settings.hpp)
+  /// Gives the links these settings ("downlink.prr=0.45": netem/models/channel_change.hpp)
   /// from their next packet on; Link::apply() and renew_models() say what stays. `links`: in the
   /// order of the use. Returns what was asked for or became another. Reads files. Throws,
   /// UsageError with the reason for what is not allowed or of no effect on these links, and then
@@ -32,12 +33,12 @@ class ChannelControl {
                                      const std::vector<Link*>& links);
 
  private:
-  Scenario in_force_;
+  NetemSettings in_force_;
   ChannelModels models_;
   ChannelUse use_;
 };
 
 /// Whether all of channel.change can be done, files and chains included. Throws UsageError.
-void try_changes(const Scenario& scenario, const ChannelUse& use = kVehicleLinks);
+void try_changes(const NetemSettings& settings, const ChannelUse& use = kVehicleLinks);
 
 }  // namespace tether

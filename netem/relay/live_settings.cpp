@@ -3,26 +3,28 @@
 #include <utility>
 
 #include "common/bus/message_io.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 
-LiveSettings::LiveSettings(const Scenario& scenario, ChannelModels models, const ChannelUse& use,
-                           std::vector<RunningLink*> links, EventLoop& loop,
+LiveSettings::LiveSettings(const NetemSettings& settings, ChannelModels models,
+                           const ChannelUse& use, std::vector<RunningLink*> links, EventLoop& loop,
                            const Networks& networks, std::function<void()> on_change)
     : loop_(loop),
-      channels_(scenario.vehicle.name),
+      channels_(settings.get<VehicleSettings>().name),
       links_(std::move(links)),
       on_change_(std::move(on_change)),
-      control_(scenario, std::move(models), use),
+      control_(settings, std::move(models), use),
       requests_(loop, networks.buses, channels_,
                 [this](const std::vector<std::string>& settings) { return change(settings); }) {
-  try_changes(scenario, use);
-  schedule_changes(scenario, *networks.buses.front(), networks.hear_us);
+  try_changes(settings, use);
+  schedule_changes(settings, *networks.buses.front(), networks.hear_us);
 }
 
-void LiveSettings::schedule_changes(const Scenario& scenario, Bus& bus, bool hears_us) {
+void LiveSettings::schedule_changes(const NetemSettings& settings, Bus& bus, bool hears_us) {
   std::int64_t seq = 0;
-  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+  for (const ChannelSettings::Change& change : settings.get<ChannelSettings>().changes) {
     // Before anything else that is sent at this instant.
     loop_.at(kStart + from_seconds(change.at_s), Priority::physics,
              [this, &bus, hears_us,

@@ -29,7 +29,7 @@ class LiveSettings {
   /// `models`: the links', which are those of `use`, in its order. `on_change`: called behind each
   /// change. Tries channel.change; throws UsageError for what cannot be done.
   LiveSettings(
-      const Scenario& scenario, ChannelModels models, const ChannelUse& use,
+      const NetemSettings& settings, ChannelModels models, const ChannelUse& use,
       std::vector<RunningLink*> links, EventLoop& loop, const Networks& networks,
       std::function<void()> on_change = [] {});
   LiveSettings(const LiveSettings&) = delete;
@@ -39,7 +39,7 @@ class LiveSettings {
   void list_counters(CounterList& out) const { requests_.list_counters(out); }
 
  private:
-  void schedule_changes(const Scenario& scenario, Bus& bus, bool hears_us);
+  void schedule_changes(const NetemSettings& settings, Bus& bus, bool hears_us);
   std::vector<ChannelSetting> change(const std::vector<std::string>& settings);
 
   EventLoop& loop_;

@@ -8,34 +8,35 @@
 namespace tether {
 namespace {
 
-Link make_link(const Scenario& scenario, const ChannelModels& models, const std::string& name) {
-  const LinkConfig& config = link_config(scenario, name);
-  return {config, models.of(name).process, link_streams(scenario, name),
-          load_delay_table(scenario, name)};
+Link make_link(const NetemSettings& settings, const ChannelModels& models,
+               const std::string& name) {
+  const LinkConfig& config = link_config(settings.get<ChannelSettings>(), name);
+  return {config, models.of(name).process, link_streams(settings, name),
+          load_delay_table(settings, name)};
 }
 
 }  // namespace
 
-std::vector<double> load_delay_table(const Scenario& scenario, const std::string& name) {
+std::vector<double> load_delay_table(const NetemSettings& settings, const std::string& name) {
   try {
-    return load_delay_table(link_config(scenario, name).jitter);
+    return load_delay_table(link_config(settings.get<ChannelSettings>(), name).jitter);
   } catch (const UsageError& error) {
     throw UsageError(fmt::format("{}jitter.file: {}", link_key(name), error.what()));
   }
 }
 
-LinkPair make_links(const Scenario& scenario) {
-  return make_links(scenario, make_models(scenario));
+LinkPair make_links(const NetemSettings& settings) {
+  return make_links(settings, make_models(settings));
 }
 
-LinkPair make_links(const Scenario& scenario, const ChannelModels& models) {
-  return {make_link(scenario, models, "uplink"), make_link(scenario, models, "downlink")};
+LinkPair make_links(const NetemSettings& settings, const ChannelModels& models) {
+  return {make_link(settings, models, "uplink"), make_link(settings, models, "downlink")};
 }
 
-std::vector<Link> make_links(const Scenario& scenario, const ChannelModels& models,
+std::vector<Link> make_links(const NetemSettings& settings, const ChannelModels& models,
                              const std::vector<std::string>& names) {
   std::vector<Link> links;
-  for (const std::string& name : names) links.push_back(make_link(scenario, models, name));
+  for (const std::string& name : names) links.push_back(make_link(settings, models, name));
   return links;
 }
 

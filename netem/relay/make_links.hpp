@@ -6,6 +6,7 @@
 #include "common/scenario/scenario.hpp"
 #include "netem/link/link.hpp"
 #include "netem/models/channel_models.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 
@@ -17,17 +18,17 @@ struct LinkPair {
   Link uplink;
   Link downlink;
 };
-LinkPair make_links(const Scenario& scenario);
+LinkPair make_links(const NetemSettings& settings);
 /// The same with models that have been made already.
-LinkPair make_links(const Scenario& scenario, const ChannelModels& models);
+LinkPair make_links(const NetemSettings& settings, const ChannelModels& models);
 
 /// load_delay_table() for a link by its name; messages name its key.
-std::vector<double> load_delay_table(const Scenario& scenario, const std::string& name);
+std::vector<double> load_delay_table(const NetemSettings& settings, const std::string& name);
 
 /// Those of a scenario's links that are named, in this order; `names` are "uplink", "downlink" and
-/// those in scenario.channel.links, each at most once, and `models` made for them. The latter have
+/// those in its channel.links, each at most once, and `models` made for them. The latter have
 /// the random streams "<vehicle>/links/<name>/<purpose>". Throws as make_links() does.
-std::vector<Link> make_links(const Scenario& scenario, const ChannelModels& models,
+std::vector<Link> make_links(const NetemSettings& settings, const ChannelModels& models,
                              const std::vector<std::string>& names);
 
 }  // namespace tether

@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
@@ -16,30 +18,32 @@ RunningLink::Deliver publish_on(Bus& bus) {
 
 }  // namespace
 
-NetemNode::NetemNode(const Scenario& scenario, EventLoop& loop, Bus& vehicle_bus, Bus& control_bus)
-    : NetemNode(scenario, make_models(scenario), loop, vehicle_bus, control_bus) {}
+NetemNode::NetemNode(const NetemSettings& settings, EventLoop& loop, Bus& vehicle_bus,
+                     Bus& control_bus)
+    : NetemNode(settings, make_models(settings), loop, vehicle_bus, control_bus) {}
 
-NetemNode::NetemNode(const Scenario& scenario, const ChannelModels& models, EventLoop& loop,
+NetemNode::NetemNode(const NetemSettings& settings, const ChannelModels& models, EventLoop& loop,
                      Bus& vehicle_bus, Bus& control_bus)
-    : NetemNode(scenario, models, make_links(scenario, models), loop, vehicle_bus, control_bus) {}
+    : NetemNode(settings, models, make_links(settings, models), loop, vehicle_bus, control_bus) {}
 
-NetemNode::NetemNode(const Scenario& scenario, const ChannelModels& models, LinkPair links,
+NetemNode::NetemNode(const NetemSettings& settings, const ChannelModels& models, LinkPair links,
                      EventLoop& loop, Bus& vehicle_bus, Bus& control_bus)
     : loop_(loop),
       vehicle_bus_(vehicle_bus),
       control_bus_(control_bus),
       wants_position_(links.uplink.process().wants_position() ||
                       links.downlink.process().wants_position()),
-      channels_(scenario.vehicle.name),
+      channels_(settings.get<VehicleSettings>().name),
       counters_(loop, vehicle_bus, "netem", channels_.net_counters,
-                from_seconds(scenario.run.report_period_s),
+                from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }),
-      uplink_("uplink", std::move(links.uplink), loop, from_seconds(scenario.run.report_period_s),
-              publish_on(control_bus), report_on(channels_.uplink_report)),
+      uplink_("uplink", std::move(links.uplink), loop,
+              from_seconds(settings.get<RunSettings>().report_period_s), publish_on(control_bus),
+              report_on(channels_.uplink_report)),
       downlink_("downlink", std::move(links.downlink), loop,
-                from_seconds(scenario.run.report_period_s), publish_on(vehicle_bus),
+                from_seconds(settings.get<RunSettings>().report_period_s), publish_on(vehicle_bus),
                 report_on(channels_.downlink_report)),
-      settings_(scenario, models, kVehicleLinks, {&uplink_, &downlink_}, loop,
+      settings_(settings, models, kVehicleLinks, {&uplink_, &downlink_}, loop,
                 {{&vehicle_bus, &control_bus}}, [this] { wants_position_ = wants_position(); }) {
   watch_position();
   connect(vehicle_bus, channels_.vehicle_pose, uplink_, channels_.control_pose);

@@ -26,7 +26,7 @@ namespace tether {
 class NetemNode final : public Node {
  public:
   /// Both sides may be the same bus; else reports go to both, and SIM/CLOCK is passed on as it is.
-  NetemNode(const Scenario& scenario, EventLoop& loop, Bus& vehicle_bus, Bus& control_bus);
+  NetemNode(const NetemSettings& settings, EventLoop& loop, Bus& vehicle_bus, Bus& control_bus);
 
   /// Publishes the final reports.
   void finish() override;
@@ -38,10 +38,10 @@ class NetemNode final : public Node {
   Link& downlink() { return downlink_.link(); }
 
  private:
-  NetemNode(const Scenario& scenario, const ChannelModels& models, EventLoop& loop,
+  NetemNode(const NetemSettings& settings, const ChannelModels& models, EventLoop& loop,
             Bus& vehicle_bus, Bus& control_bus);
-  NetemNode(const Scenario& scenario, const ChannelModels& models, LinkPair links, EventLoop& loop,
-            Bus& vehicle_bus, Bus& control_bus);
+  NetemNode(const NetemSettings& settings, const ChannelModels& models, LinkPair links,
+            EventLoop& loop, Bus& vehicle_bus, Bus& control_bus);
   RunningLink::Report report_on(const std::string& channel);
   static void connect(Bus& in, const std::string& in_channel, RunningLink& link,
                       const std::string& out_channel);

@@ -6,6 +6,8 @@
 
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
@@ -18,14 +20,14 @@ std::string report_channel(std::string link) {
 
 }  // namespace
 
-RelayNode::RelayNode(const Scenario& scenario, const std::vector<RelayRule>& rules, EventLoop& loop,
-                     const std::string& own_url, const NetworkAt& network_at)
+RelayNode::RelayNode(const NetemSettings& settings, const std::vector<RelayRule>& rules,
+                     EventLoop& loop, const std::string& own_url, const NetworkAt& network_at)
     : loop_(loop),
       counters_(loop, networks_[add_network(own_url, network_at)].bus(), "netem",
-                ChannelNames(scenario.vehicle.name).net_counters,
-                from_seconds(scenario.run.report_period_s),
+                ChannelNames(settings.get<VehicleSettings>().name).net_counters,
+                from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
-  add_links(scenario, rules);
+  add_links(settings, rules);
   for (const RelayRule& rule : rules) {
     const std::size_t from = add_network(rule.source_url, network_at);
     const std::size_t to = add_network(rule.destination_url, network_at);
@@ -44,16 +46,16 @@ std::size_t RelayNode::add_network(const std::string& url, const NetworkAt& netw
   return found->second;
 }
 
-void RelayNode::add_links(const Scenario& scenario, const std::vector<RelayRule>& rules) {
+void RelayNode::add_links(const NetemSettings& settings, const std::vector<RelayRule>& rules) {
   const ChannelUse use = use_of(rules);
-  ChannelModels models = make_models(scenario, use.links);
-  std::vector<Link> links = make_links(scenario, models, use.links);
+  ChannelModels models = make_models(settings, use.links);
+  std::vector<Link> links = make_links(settings, models, use.links);
   std::vector<RunningLink*> running;
   for (std::size_t i = 0; i < use.links.size(); ++i) {
     const std::string& name = use.links[i];
     link_numbers_[name] = i;
     running.push_back(&links_.emplace_back(
-        name, std::move(links[i]), loop_, from_seconds(scenario.run.report_period_s),
+        name, std::move(links[i]), loop_, from_seconds(settings.get<RunSettings>().report_period_s),
         [this](const Packet& packet) {
           networks_[packet.destination].bus().publish(packet.channel, packet.bytes);
         },
@@ -61,7 +63,7 @@ void RelayNode::add_links(const Scenario& scenario, const std::vector<RelayRule>
           publish(networks_.front().bus(), channel, report);
         }));
   }
-  settings_.emplace(scenario, std::move(models), use, std::move(running), loop_,
+  settings_.emplace(settings, std::move(models), use, std::move(running), loop_,
                     LiveSettings::Networks{.buses = {&networks_.front().bus()}, .hear_us = false});
 }
 

@@ -37,7 +37,7 @@ class RelayNode final : public Node {
   using NetworkAt = std::function<std::unique_ptr<Bus>(const std::string& url)>;
 
   /// `own_url`: as checked_lcm_url() gives it. `rules`: of parse_relay_rules().
-  RelayNode(const Scenario& scenario, const std::vector<RelayRule>& rules, EventLoop& loop,
+  RelayNode(const NetemSettings& settings, const std::vector<RelayRule>& rules, EventLoop& loop,
             const std::string& own_url, const NetworkAt& network_at);
 
   /// Publishes the final reports.
@@ -48,7 +48,7 @@ class RelayNode final : public Node {
 
  private:
   std::size_t add_network(const std::string& url, const NetworkAt& network_at);
-  void add_links(const Scenario& scenario, const std::vector<RelayRule>& rules);
+  void add_links(const NetemSettings& settings, const std::vector<RelayRule>& rules);
   void take(const Message& message, const std::vector<Route>& routes);
   void list_counters(CounterList& out) const;
 

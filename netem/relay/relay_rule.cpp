@@ -11,6 +11,7 @@
 #include "common/base/text.hpp"
 #include "common/bus/lcm_datagrams.hpp"
 #include "common/bus/lcm_url.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 namespace {
@@ -88,13 +89,14 @@ std::size_t count_groups(const std::string& rule, const std::string& pattern) {
   }
 }
 
-void check_link(const std::string& rule, const std::string& link, const Scenario& scenario) {
+void check_link(const std::string& rule, const std::string& link, const NetemSettings& settings) {
   std::vector<std::string> names;
   const LinkConfig* found = nullptr;
-  scenario.channel.for_each_link([&](const std::string& key, const LinkConfig& config) {
-    names.push_back(key.starts_with("links.") ? key.substr(6) : key);
-    if (names.back() == link) found = &config;
-  });
+  settings.get<ChannelSettings>().for_each_link(
+      [&](const std::string& key, const LinkConfig& config) {
+        names.push_back(key.starts_with("links.") ? key.substr(6) : key);
+        if (names.back() == link) found = &config;
+      });
   if (found == nullptr) {
     refuse(rule, fmt::format("no link \"{}\"; there are {}; others are tables of the scenario, "
                              "[channel.links.{}]",
@@ -118,7 +120,7 @@ void check_loop(const std::string& text, const RelayRule& rule) {
 }
 
 RelayRule parse_rule(const std::string& text, const std::string& own_url,
-                     const Scenario& scenario) {
+                     const NetemSettings& settings) {
   const auto via = text.rfind(" via ");
   if (via == std::string::npos) refuse(text, "must end with \" via LINK\"");
   const auto [left, right] = split_at_arrow(text, text.substr(0, via));
@@ -141,7 +143,7 @@ RelayRule parse_rule(const std::string& text, const std::string& own_url,
                              kMaxChannelBytes));
   }
   check_rename(text, rule.rename, count_groups(text, rule.pattern));
-  check_link(text, rule.link, scenario);
+  check_link(text, rule.link, settings);
   check_loop(text, rule);
   return rule;
 }
@@ -175,7 +177,8 @@ std::string network_address(const std::string& url) {
 }
 
 std::vector<RelayRule> parse_relay_rules(const std::vector<std::string>& texts,
-                                         const std::string& own_url, const Scenario& scenario) {
+                                         const std::string& own_url,
+                                         const NetemSettings& settings) {
   const std::string own = checked_lcm_url(own_url);
   if (multicast_group(own).empty()) {
     throw UsageError(
@@ -184,7 +187,7 @@ std::vector<RelayRule> parse_relay_rules(const std::vector<std::string>& texts,
   std::vector<std::string> urls{own};
   std::vector<RelayRule> rules;
   for (const std::string& text : texts) {
-    rules.push_back(parse_rule(text, own, scenario));
+    rules.push_back(parse_rule(text, own, settings));
     check_networks(text, rules.back(), urls);
   }
   return rules;

@@ -35,7 +35,7 @@ struct RelayRule {
 /// the vehicle's position; for a rule that turns a network's channel into itself; and for networks
 /// that LCM cannot tell apart.
 std::vector<RelayRule> parse_relay_rules(const std::vector<std::string>& texts,
-                                         const std::string& own_url, const Scenario& scenario);
+                                         const std::string& own_url, const NetemSettings& settings);
 
 /// The links that the rules use, in their order.
 ChannelUse use_of(const std::vector<RelayRule>& rules);

@@ -7,8 +7,10 @@
 #include "common/bus/message_io.hpp"
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/plan.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
@@ -18,10 +20,10 @@ namespace tether {
 class PlanWatch {
  public:
   /// `loop` and `bus` must outlive the watch.
-  PlanWatch(const Scenario& scenario, EventLoop& loop, Bus& bus)
-      : guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}) {
-    subscribe<plan_in_force_t>(bus, ChannelNames(scenario.vehicle.name).can_plan, kDeepQueue,
-                               undecodable_, [this, &loop](const plan_in_force_t& m) {
+  PlanWatch(const Sections<RunSettings, VehicleSettings>& settings, EventLoop& loop, Bus& bus)
+      : guard_({.earliest = kStart - from_seconds(settings.get<RunSettings>().lead_s)}) {
+    subscribe<plan_in_force_t>(bus, ChannelNames(settings.get<VehicleSettings>().name).can_plan,
+                               kDeepQueue, undecodable_, [this, &loop](const plan_in_force_t& m) {
                                  if (!guard_.accept(loop.now(), from_utime(m.utime), m.seq)) return;
                                  plan_ = {m.session, m.id};
                                });

@@ -10,9 +10,14 @@
 
 #include "common/bus/message_io.hpp"
 #include "common/loop/timer_queue.hpp"
-#include "common/path/make_path.hpp"
+#include "common/path/kinds.hpp"
+#include "common/path/path_settings.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/plan_message.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
 namespace {
@@ -29,65 +34,69 @@ constexpr Duration kKinematicBatch = std::chrono::milliseconds{20};
 /// than a step. ε is then off by less than 1 µm (docs/physics.md).
 constexpr Duration kKinematicMetrics = std::chrono::milliseconds{10};
 
-bool is_kinematic(const Scenario& scenario) {
-  return scenario.vehicle.plant == Scenario::Vehicle::Plant::kinematic;
+bool is_kinematic(const SimSettings& settings) {
+  return settings.get<VehicleSettings>().plant == VehicleSettings::Plant::kinematic;
 }
 
-Duration batch_of(const Scenario& scenario, const EventLoop& loop) {
+Duration batch_of(const SimSettings& settings, const EventLoop& loop) {
   if (loop.rate() > 0.0) return kRealTimeBatch;
-  return is_kinematic(scenario) ? kKinematicBatch : kOdeBatch;
+  return is_kinematic(settings) ? kKinematicBatch : kOdeBatch;
 }
 
 }  // namespace
 
-SimNode::SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus)
+SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
     : loop_(loop),
       bus_(bus),
-      channels_(scenario.vehicle.name),
-      end_(kStart + from_seconds(scenario.run.duration_s)),
+      channels_(settings.get<VehicleSettings>().name),
+      end_(kStart + from_seconds(settings.get<RunSettings>().duration_s)),
       world_end_(end_),
-      sensor_latency_(from_seconds(scenario.sensor.latency_ms * 1e-3)),
-      drive_errors_(scenario.vehicle),
-      clock_offset_(from_seconds(scenario.vehicle.clock_offset_ms * 1e-3)),
-      path_(make_path(scenario.path)),
-      vehicle_(make_plant(scenario.vehicle, scenario.world, kStep)),
-      metrics_step_(is_kinematic(scenario) ? kKinematicMetrics : kStep),
-      actuator_(scenario.actuator, scenario.vehicle, {.earliest = earliest_stamp(scenario)}),
-      sensor_(scenario.sensor,
-              random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/pose"),
-              random_stream(scenario.run.seed, scenario.vehicle.name + "/sensor/drift")),
-      guard_({.earliest = earliest_stamp(scenario)}),
+      sensor_latency_(from_seconds(settings.get<SensorSettings>().latency_ms * 1e-3)),
+      drive_errors_(settings.get<VehicleSettings>()),
+      clock_offset_(from_seconds(settings.get<VehicleSettings>().clock_offset_ms * 1e-3)),
+      path_(make_path(settings.get<PathSettings>())),
+      vehicle_(make_plant(settings.get<VehicleSettings>(), settings.get<WorldSettings>(), kStep)),
+      metrics_step_(is_kinematic(settings) ? kKinematicMetrics : kStep),
+      actuator_(settings.get<ActuatorSettings>(), settings.get<VehicleSettings>(),
+                {.earliest = earliest_stamp(settings)}),
+      sensor_(settings.get<SensorSettings>(),
+              random_stream(settings.get<RunSettings>().seed,
+                            settings.get<VehicleSettings>().name + "/sensor/pose"),
+              random_stream(settings.get<RunSettings>().seed,
+                            settings.get<VehicleSettings>().name + "/sensor/drift")),
+      guard_({.earliest = earliest_stamp(settings)}),
       next_step_(TimerQueue::not_before(loop.now(), kStart + kStep, kStep)),
       world_time_(std::max(kStart, next_step_ - kStep)),
       counters_(loop, bus, "sim", channels_.sim_counters,
-                from_seconds(scenario.run.report_period_s), [this](CounterList& out) {
+                from_seconds(settings.get<RunSettings>().report_period_s),
+                [this](CounterList& out) {
                   advance(loop_.now());
                   list_counters(out);
                 }) {
   metrics_.start(error_m());
-  const Duration batch = batch_of(scenario, loop);
+  const Duration batch = batch_of(settings, loop);
   loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
-  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+  if (settings.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
     world_end_ = Instant::max();
-    drives_.emplace(scenario, loop, bus, *vehicle_);
-    if (actuator_.takes_plans()) plan_watch_.emplace(scenario, loop, bus);
-    const Duration coupling = from_seconds(scenario.can.coupling_ms * 1e-3);
-    loop.every(first_tick(from_seconds(scenario.run.lead_s), coupling), coupling, Priority::physics,
-               [this](Instant now) {
+    drives_.emplace(settings, loop, bus, *vehicle_);
+    if (actuator_.takes_plans()) plan_watch_.emplace(settings, loop, bus);
+    const Duration coupling = from_seconds(settings.get<VehicleSettings>().coupling_ms * 1e-3);
+    loop.every(first_tick(from_seconds(settings.get<RunSettings>().lead_s), coupling), coupling,
+               Priority::physics, [this](Instant now) {
                  advance(now);
                  drives_->publish_wheels(now);
                });
   } else {
     subscribe_to_commands();
   }
-  const Duration lead = from_seconds(scenario.run.lead_s);
-  const Duration pose_period = from_seconds(1.0 / scenario.sensor.rate_hz);
+  const Duration lead = from_seconds(settings.get<RunSettings>().lead_s);
+  const Duration pose_period = from_seconds(1.0 / settings.get<SensorSettings>().rate_hz);
   loop.every(first_tick(lead, pose_period), pose_period, Priority::node,
              [this](Instant now) { sample_pose(now); });
   loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
              [this](Instant now) { publish_clock(now); });
-  loop.every(kStart, from_seconds(1.0 / scenario.run.truth_rate_hz), Priority::observer,
-             [this](Instant now) {
+  loop.every(kStart, from_seconds(1.0 / settings.get<RunSettings>().truth_rate_hz),
+             Priority::observer, [this](Instant now) {
                advance(now);
                publish_truth();
              });

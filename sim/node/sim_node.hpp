@@ -12,17 +12,25 @@
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
+#include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
-#include "common/scenario/scenario.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "common/vehicle/actuator.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/metrics.hpp"
 #include "sim/node/plan_watch.hpp"
-#include "sim/node/pose_sensor.hpp"
 #include "sim/node/wheel_coupling.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/plant.hpp"
+#include "sim/sensor/pose_sensor.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
+
+/// What the vehicle side takes of a scenario.
+using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, SensorSettings,
+                             PathSettings, ActuatorSettings>;
 
 /// The vehicle side: physics at 1 kHz, AGV/POSE out, AGV/CMD_VEL, AGV/PLAN and AGV/PRELOAD in, the
 /// truth on SIM/TRUTH and the run's clock on SIM/CLOCK.
@@ -46,7 +54,7 @@ class SimNode final : public Node {
  public:
   static constexpr Duration kStep = std::chrono::milliseconds{1};
 
-  SimNode(const Scenario& scenario, EventLoop& loop, Bus& bus);
+  SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus);
 
   /// Publishes the final truth and counters.
   void finish() override;

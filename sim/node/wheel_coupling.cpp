@@ -5,17 +5,19 @@
 
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
-WheelCoupling::WheelCoupling(const Scenario& scenario, EventLoop& loop, Bus& bus,
-                             const Plant& vehicle)
+WheelCoupling::WheelCoupling(const Sections<RunSettings, VehicleSettings>& settings,
+                             EventLoop& loop, Bus& bus, const Plant& vehicle)
     : loop_(loop),
       bus_(bus),
       vehicle_(vehicle),
-      wheel_radius_m_(scenario.vehicle.wheel_radius_m),
-      guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}) {
-  const ChannelNames channels(scenario.vehicle.name);
+      wheel_radius_m_(settings.get<VehicleSettings>().wheel_radius_m),
+      guard_({.earliest = kStart - from_seconds(settings.get<RunSettings>().lead_s)}) {
+  const ChannelNames channels(settings.get<VehicleSettings>().name);
   states_channel_ = channels.wheel_states;
   subscribe<wheel_targets_t>(
       bus, channels.wheel_targets, kDeepQueue, undecodable_, [this](const wheel_targets_t& m) {

@@ -7,8 +7,8 @@
 #include "common/bus/bus.hpp"
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
-#include "common/scenario/scenario.hpp"
 #include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/plant.hpp"
 
 namespace tether {
@@ -24,7 +24,8 @@ class WheelCoupling {
   static constexpr Duration kTimeout = std::chrono::milliseconds{100};
 
   /// `vehicle`, `loop` and `bus` must outlive the coupling.
-  WheelCoupling(const Scenario& scenario, EventLoop& loop, Bus& bus, const Plant& vehicle);
+  WheelCoupling(const Sections<RunSettings, VehicleSettings>& settings, EventLoop& loop, Bus& bus,
+                const Plant& vehicle);
   WheelCoupling(const WheelCoupling&) = delete;
   WheelCoupling& operator=(const WheelCoupling&) = delete;
 

@@ -3,6 +3,7 @@
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
@@ -14,7 +15,7 @@ namespace tether {
 /// - vehicle.actuator_lag_ms: rim speeds follow through a low-pass of first order (backward Euler).
 class DriveErrors {
  public:
-  explicit DriveErrors(const Scenario::Vehicle& vehicle)
+  explicit DriveErrors(const VehicleSettings& vehicle)
       : believed_track_m_(vehicle.track_m * (1.0 + vehicle.track_error)),
         larger_(1.0 + vehicle.radius_error),
         lag_s_(vehicle.actuator_lag_ms * 1e-3) {}

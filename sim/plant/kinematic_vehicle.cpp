@@ -6,13 +6,15 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/vehicle/vehicle_settings.hpp"
+
 namespace tether {
 namespace {
 
 // Slower than this at walls is standing: it is what the solver's rounding leaves.
 constexpr double kStanding_mps = 1e-8;
 
-void check_drivable(const VehicleConfig& v, const WorldConfig& w, double step_s) {
+void check_drivable(const VehicleConfig& v, const WorldSettings& w, double step_s) {
   // Written so that NaN fails too.
   require_plant(v.chassis_length_m > 0 && v.chassis_width_m > 0 && v.wheel_radius_m > 0 &&
                     v.wheel_width_m > 0 && v.track_m > 0,
@@ -35,7 +37,7 @@ double sinc(double x) {
 
 }  // namespace
 
-KinematicVehicle::KinematicVehicle(const VehicleConfig& vehicle, const WorldConfig& world,
+KinematicVehicle::KinematicVehicle(const VehicleConfig& vehicle, const WorldSettings& world,
                                    Duration step)
     : config_(vehicle),
       step_s_(to_seconds(step)),

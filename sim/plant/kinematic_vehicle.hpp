@@ -4,6 +4,7 @@
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/plant.hpp"
 #include "sim/plant/walled_footprint.hpp"
 
@@ -22,7 +23,7 @@ class KinematicVehicle final : public Plant {
   /// `step` is the fixed step; the project uses 1 ms.
   /// Throws std::invalid_argument for sizes and limits that are not positive, and for a start that
   /// is not between the walls.
-  KinematicVehicle(const VehicleConfig& vehicle, const WorldConfig& world, Duration step);
+  KinematicVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step);
 
   void set_wheel_targets(const WheelSpeeds& rim_speeds) override;
   void step() override;

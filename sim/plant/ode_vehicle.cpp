@@ -5,12 +5,13 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/ode_world.hpp"
 
 namespace tether {
 namespace {
 
-void check_bodies(const VehicleConfig& v, const WorldConfig& w, double step_s) {
+void check_bodies(const VehicleConfig& v, const WorldSettings& w, double step_s) {
   // Written so that NaN fails too.
   require_plant(v.chassis_length_m > 0 && v.chassis_width_m > 0 && v.chassis_height_m > 0,
                 "the chassis needs a positive length, width and height");
@@ -34,7 +35,7 @@ struct OdeVehicle::World : OdeWorld {
   using OdeWorld::OdeWorld;
 };
 
-OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldConfig& world, Duration step)
+OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step)
     : config_(vehicle), step_s_(to_seconds(step)) {
   check_bodies(vehicle, world, step_s_);
   world_ = std::make_unique<World>(vehicle, world, step_s_);

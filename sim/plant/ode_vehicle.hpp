@@ -6,6 +6,7 @@
 #include "common/base/time.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/vehicle_config.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/plant.hpp"
 
 namespace tether {
@@ -22,7 +23,7 @@ class OdeVehicle final : public Plant {
  public:
   /// `step` is the fixed physics step; the project uses 1 ms.
   /// Throws std::invalid_argument if the configuration is not a vehicle that can stand.
-  OdeVehicle(const VehicleConfig& vehicle, const WorldConfig& world, Duration step);
+  OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step);
   ~OdeVehicle() override;
   OdeVehicle(const OdeVehicle&) = delete;
   OdeVehicle& operator=(const OdeVehicle&) = delete;

@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <mutex>
 
+#include "common/vehicle/vehicle_settings.hpp"
+
 namespace tether {
 namespace {
 
@@ -75,7 +77,7 @@ void prepare_ode_thread() {
 
 std::uint64_t ode_complaints_of_this_thread() { return t_complaints; }
 
-OdeWorld::OdeWorld(const VehicleConfig& vehicle, const WorldConfig& world, double step_s)
+OdeWorld::OdeWorld(const VehicleConfig& vehicle, const WorldSettings& world, double step_s)
     : step_s_(step_s),
       wheel_radius_m_(vehicle.wheel_radius_m),
       half_wheel_width_m_(vehicle.wheel_width_m / 2.0),

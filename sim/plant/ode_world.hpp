@@ -8,6 +8,7 @@
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
@@ -33,7 +34,7 @@ std::uint64_t ode_complaints_of_this_thread();
 /// the limits hold.
 class OdeWorld {
  public:
-  OdeWorld(const VehicleConfig& vehicle, const WorldConfig& world, double step_s);
+  OdeWorld(const VehicleConfig& vehicle, const WorldSettings& world, double step_s);
   ~OdeWorld();
   OdeWorld(const OdeWorld&) = delete;
   OdeWorld& operator=(const OdeWorld&) = delete;

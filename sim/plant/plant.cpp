@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/kinematic_vehicle.hpp"
 #include "sim/plant/ode_vehicle.hpp"
 
@@ -14,7 +15,7 @@ void require_plant(bool good, const char* what) {
   if (!good) throw std::invalid_argument(std::string("vehicle or world: ") + what);
 }
 
-void check_start_and_step(const VehicleConfig& vehicle, const WorldConfig& world, double step_s) {
+void check_start_and_step(const VehicleConfig& vehicle, const WorldSettings& world, double step_s) {
   require_plant(is_usable(Pose2{vehicle.start_x_m, vehicle.start_y_m, vehicle.start_yaw_rad}),
                 "the start pose must be finite");
   require_plant(
@@ -23,9 +24,9 @@ void check_start_and_step(const VehicleConfig& vehicle, const WorldConfig& world
   require_plant(step_s > 0, "the physics step must be positive");
 }
 
-std::unique_ptr<Plant> make_plant(const Scenario::Vehicle& vehicle, const WorldConfig& world,
+std::unique_ptr<Plant> make_plant(const VehicleSettings& vehicle, const WorldSettings& world,
                                   Duration step) {
-  if (vehicle.plant == Scenario::Vehicle::Plant::kinematic) {
+  if (vehicle.plant == VehicleSettings::Plant::kinematic) {
     return std::make_unique<KinematicVehicle>(vehicle, world, step);
   }
   return std::make_unique<OdeVehicle>(vehicle, world, step);

@@ -8,6 +8,7 @@
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
@@ -59,11 +60,11 @@ class Plant {
 /// unless `good`. Write conditions so that NaN fails them.
 void require_plant(bool good, const char* what);
 /// What all plants require of where they start and how they step.
-void check_start_and_step(const VehicleConfig& vehicle, const WorldConfig& world, double step_s);
+void check_start_and_step(const VehicleConfig& vehicle, const WorldSettings& world, double step_s);
 
 /// The plant that `vehicle.plant` names. `step` is the fixed physics step; the project uses 1 ms.
 /// Throws std::invalid_argument if the configuration is not a vehicle that can stand.
-std::unique_ptr<Plant> make_plant(const Scenario::Vehicle& vehicle, const WorldConfig& world,
+std::unique_ptr<Plant> make_plant(const VehicleSettings& vehicle, const WorldSettings& world,
                                   Duration step);
 
 }  // namespace tether

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/vehicle/vehicle_settings.hpp"
+
 namespace tether {
 namespace {
 
@@ -16,7 +18,7 @@ constexpr double kTouching_m = 1e-6;
 
 }  // namespace
 
-WalledFootprint::WalledFootprint(const VehicleConfig& vehicle, const WorldConfig& world)
+WalledFootprint::WalledFootprint(const VehicleConfig& vehicle, const WorldSettings& world)
     : half_extent_m_(world.half_extent_m),
       friction_(world.wall_friction),
       turn_weight_m2_(vehicle.track_m * vehicle.track_m / 4.0) {

@@ -6,6 +6,7 @@
 
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
@@ -26,7 +27,7 @@ struct PlanarMotion {
 /// (docs/physics.md).
 class WalledFootprint {
  public:
-  WalledFootprint(const VehicleConfig& vehicle, const WorldConfig& world);
+  WalledFootprint(const VehicleConfig& vehicle, const WorldSettings& world);
 
   /// False if no part of the vehicle can reach a wall within `travel_m` from here.
   bool may_touch(const Pose2& pose, double travel_m) const {

@@ -13,6 +13,8 @@
 #include "common/bus/in_process_bus.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/loop/virtual_loop.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "sim/node/sim_node.hpp"
 #include "tests/support/virtual_world.hpp"
@@ -74,18 +76,18 @@ class Planner {
 
 struct Drive {
   explicit Drive(const Scenario& scenario, Instant silent = Instant::max())
-      : loop(kStart - from_seconds(scenario.run.lead_s)),
+      : loop(kStart - from_seconds(scenario.get<RunSettings>().lead_s)),
         bus(loop),
         sim(scenario, loop, bus),
         netem(scenario, loop, bus, bus),
         planner(loop, bus, {1.0, 0.1}, silent) {
-    if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
       can = std::make_unique<CanLoop>(scenario, loop, bus);
     }
     collect("AGV/POSE", poses);
     collect("CAN/STATE", states);
     collect(can ? "CAN/COUNTERS" : "SIM/COUNTERS", counters);
-    loop.run_until(kStart + from_seconds(scenario.run.duration_s));
+    loop.run_until(kStart + from_seconds(scenario.get<RunSettings>().duration_s));
     sim.finish();
     if (can) can->finish();
     loop.run_until(loop.now());

@@ -9,8 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "common/scenario/run_settings.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/channel_report.hpp"
+#include "tools/runs/channel_traffic.hpp"
 #include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
 
@@ -30,9 +32,10 @@ struct Watched {
   explicit Watched(const Scenario& scenario)
       : loop(scenario),
         observer(scenario, loop.loop(), loop.bus()),
-        watch(scenario, loop.loop(), loop.netem().uplink(), loop.netem().downlink()) {
+        watch(scenario.get<ChannelSettings>(), channel_traffic(scenario, true), loop.loop(),
+              loop.netem().uplink(), loop.netem().downlink()) {
     loop.run();
-    summary.channel = watch.report(kStart + from_seconds(scenario.run.duration_s));
+    summary.channel = watch.report(kStart + from_seconds(scenario.get<RunSettings>().duration_s));
     json = nlohmann::json::parse(to_json(scenario, observer, summary));
     text = to_text(scenario, observer, summary);
   }
@@ -56,7 +59,8 @@ Traffic traffic_of(const Scenario& scenario, bool watched) {
   });
   std::optional<ChannelWatch> watch;
   if (watched) {
-    watch.emplace(scenario, loop.loop(), loop.netem().uplink(), loop.netem().downlink());
+    watch.emplace(scenario.get<ChannelSettings>(), channel_traffic(scenario, true), loop.loop(),
+                  loop.netem().uplink(), loop.netem().downlink());
   }
   loop.run();
   return traffic;

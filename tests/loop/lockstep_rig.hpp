@@ -12,6 +12,8 @@
 #include "common/bus/message_io.hpp"
 #include "common/lockstep/channels.hpp"
 #include "common/lockstep/member.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "controller/node/controller_node.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "sim/node/sim_node.hpp"
@@ -102,7 +104,7 @@ class LockstepRig {
     config.session = kSession;
     config.nodes = {"sim", "netem", "controller"};
     config.patience = patience;
-    config.end = kStart + from_seconds(scenario.run.duration_s);
+    config.end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
     manager_line_.faults = faults;
     manager = std::make_unique<TimeManager>(config, wall, manager_line_,
                                             [this](Instant t, const Message& m) {
@@ -110,7 +112,7 @@ class LockstepRig {
                                               if (t >= pause_at_) wall.stop();
                                             });
     for (const std::string& name : config.nodes) {
-      if (name == "controller" && scenario.controller.external) continue;
+      if (name == "controller" && scenario.get<ControllerSettings>().external) continue;
       join(name, 1).faults = faults;
     }
   }
@@ -122,7 +124,7 @@ class LockstepRig {
         LockstepMember::Config{.session = kSession,
                                .instance = instance,
                                .name = name,
-                               .start = kStart - from_seconds(scenario_.run.lead_s)},
+                               .start = kStart - from_seconds(scenario_.get<RunSettings>().lead_s)},
         wall, p->line);
     EventLoop& loop = p->member->loop();
     Bus& bus = p->member->bus();

@@ -6,8 +6,10 @@
 #include <utility>
 #include <vector>
 
-#include "common/path/make_path.hpp"
+#include "common/path/kinds.hpp"
+#include "common/path/path_settings.hpp"
 #include "common/path/planned_path.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"
 
@@ -28,16 +30,18 @@ Scenario lap(const std::vector<std::string>& overrides) { return load_scenario(k
 /// Runs a lap, or to the end, and 5 s on.
 void expect_to_follow(const std::vector<std::string>& overrides, double largest_error_m) {
   Scenario scenario = lap(overrides);
-  const auto path = plan_path(scenario.path);
+  const auto path = plan_path(scenario.get<PathSettings>());
   const SpeedProfile& profile = path->profile();
-  scenario.run.duration_s = std::ceil(profile.first_s() + profile.lap_s() + 5.0);
+  scenario.get<RunSettings>().duration_s = std::ceil(profile.first_s() + profile.lap_s() + 5.0);
   ClosedLoop loop(scenario);
   RunObserver observer(scenario, loop.loop(), loop.bus());
   loop.run();
   EXPECT_LT(loop.sim().metrics().max_error_m(), largest_error_m);
   EXPECT_EQ(loop.sim().metrics().wall_contact_s(), 0.0);
-  EXPECT_NEAR(observer.truth().x_ref_m, make_path(scenario.path)->at(scenario.run.duration_s).x_m,
-              1e-9);
+  EXPECT_NEAR(
+      observer.truth().x_ref_m,
+      make_path(scenario.get<PathSettings>())->at(scenario.get<RunSettings>().duration_s).x_m,
+      1e-9);
 }
 
 // The PID looks 1 s ahead: it cuts corners. Measured: 0.23, 0.23, 0.58 and 0.27 m.

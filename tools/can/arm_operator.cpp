@@ -3,21 +3,24 @@
 #include <tether/drive_request_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
 ArmOperator::ArmOperator(const Scenario& scenario, EventLoop& loop, Bus& bus)
     : loop_(loop),
       bus_(bus),
-      guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
+      guard_({.earliest = kStart - from_seconds(scenario.get<RunSettings>().lead_s)}),
       last_press_(loop.now() - kPatience) {
-  if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can ||
-      scenario.can.arm != Scenario::Can::Arm::once) {
+  if (scenario.get<VehicleSettings>().drivetrain != VehicleSettings::Drivetrain::can ||
+      scenario.get<CanSettings>().arm != CanSettings::Arm::once) {
     return;
   }
-  const ChannelNames channels(scenario.vehicle.name);
+  const ChannelNames channels(scenario.get<VehicleSettings>().name);
   request_channel_ = channels.can_request;
   subscribe<drivetrain_state_t>(bus, channels.can_state, 1, undecodable_,
                                 [this](const drivetrain_state_t& m) {

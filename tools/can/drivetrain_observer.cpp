@@ -5,18 +5,20 @@
 
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
 DrivetrainObserver::DrivetrainObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
     : loop_(loop),
-      end_utime_(to_utime(kStart + from_seconds(scenario.run.duration_s))),
-      state_guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
-      odometry_guard_({.earliest = kStart - from_seconds(scenario.run.lead_s)}),
-      true_x_m_(scenario.vehicle.start_x_m),
-      true_y_m_(scenario.vehicle.start_y_m) {
-  const ChannelNames channels(scenario.vehicle.name);
+      end_utime_(to_utime(kStart + from_seconds(scenario.get<RunSettings>().duration_s))),
+      state_guard_({.earliest = kStart - from_seconds(scenario.get<RunSettings>().lead_s)}),
+      odometry_guard_({.earliest = kStart - from_seconds(scenario.get<RunSettings>().lead_s)}),
+      true_x_m_(scenario.get<VehicleSettings>().start_x_m),
+      true_y_m_(scenario.get<VehicleSettings>().start_y_m) {
+  const ChannelNames channels(scenario.get<VehicleSettings>().name);
   subscribe<drivetrain_state_t>(bus, channels.can_state, kDeepQueue, undecodable_,
                                 [this](const drivetrain_state_t& m) { on_state(m); });
   subscribe<odometry_t>(

@@ -15,13 +15,19 @@
 #include "common/base/errors.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/program/cli.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "controller/laws/law.hpp"
 #include "netem/check/channel_watch.hpp"
 #include "netem/check/link_expectation.hpp"
 #include "netem/check/tc_export.hpp"
 #include "netem/link/delay_law.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/runs/channel_report.hpp"
+#include "tools/runs/channel_traffic.hpp"
 
 namespace tether {
 namespace {
@@ -99,8 +105,8 @@ void announce_work(const CheckOptions& options, const Scenario& scenario) {
   constexpr double kNoticed = 1e8;  // 6 s of work
   double changes = 0.0;
   for (const auto& [link, traffic] :
-       {std::pair{&scenario.channel.uplink, pose_traffic(scenario)},
-        std::pair{&scenario.channel.downlink, command_traffic(scenario, false)}}) {
+       {std::pair{&scenario.get<ChannelSettings>().uplink, pose_traffic(scenario)},
+        std::pair{&scenario.get<ChannelSettings>().downlink, command_traffic(scenario, false)}}) {
     const LinkExpectation expected = expect_link(*link, load_delay_table(link->jitter), traffic);
     if (!expected.channel) continue;
     changes += expected.channel->changes_per_s() * traffic.interval_s *
@@ -121,14 +127,15 @@ int check(const CheckOptions& options) {
   ChannelReport report;
   {
     Progress progress(2 * options.packets);
-    report = try_channel(scenario, {options.packets, std::ref(progress)});
+    report = try_channel(scenario, channel_traffic(scenario, false),
+                         {options.packets, std::ref(progress)});
   }
   const LinkTraffic poses = pose_traffic(scenario), commands = command_traffic(scenario, false);
   const double false_alarm = ChannelCheckOptions{}.false_alarm;
   TextOutput out;
   if (options.json) {
     nlohmann::ordered_json json;
-    json["seed"] = scenario.run.seed;
+    json["seed"] = scenario.get<RunSettings>().seed;
     json["false_alarm"] = false_alarm;
     json["uplink"] = json_of(report.uplink, poses);
     json["downlink"] = json_of(report.downlink, commands);
@@ -165,21 +172,23 @@ std::string commented(const TcExport& link) {
 
 int export_tc_commands(const CheckOptions& options) {
   const Scenario scenario = load(options);
-  const ChannelNames channels(scenario.vehicle.name);
-  const std::string& command_channel =
-      sends_plans(scenario.controller.law) ? channels.control_plan : channels.control_command;
+  const ChannelNames channels(scenario.get<VehicleSettings>().name);
+  const std::string& command_channel = kind_of(scenario.get<ControllerSettings>()).sends_plans
+                                           ? channels.control_plan
+                                           : channels.control_command;
   TextOutput out;
   out.write(fmt::format(
       "# Each as root on the computer that sends; it impairs everything that leaves the interface, "
       "clock\n# and reports included. Where a tether-netem runs, let its links be perfect.\n"
       "# uplink, on the vehicle's computer, which sends {}:\n",
       channels.vehicle_pose));
-  out.write(commented(export_tc(scenario.channel.uplink, {options.interface, channels.vehicle_pose,
-                                                          pose_traffic(scenario).interval_s})));
+  out.write(commented(
+      export_tc(scenario.get<ChannelSettings>().uplink,
+                {options.interface, channels.vehicle_pose, pose_traffic(scenario).interval_s})));
   out.write(
       fmt::format("# downlink, on the controller's computer, which sends {}:\n", command_channel));
   out.write(commented(export_tc(
-      scenario.channel.downlink,
+      scenario.get<ChannelSettings>().downlink,
       {options.interface, command_channel, command_traffic(scenario, false).interval_s})));
   out.close();
   return kExitOk;

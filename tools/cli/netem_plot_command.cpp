@@ -12,10 +12,12 @@
 #include "common/program/cli.hpp"
 #include "netem/check/channel_sample.hpp"
 #include "netem/link/delay_law.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/runs/channel_figure.hpp"
+#include "tools/runs/channel_traffic.hpp"
 
 namespace tether {
 namespace {
@@ -34,7 +36,8 @@ int plot(const PlotOptions& options) {
   if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
   const Scenario scenario = load_scenario(options.scenario_file, overrides);
   const bool up = options.link == "uplink";
-  const LinkConfig& config = up ? scenario.channel.uplink : scenario.channel.downlink;
+  const LinkConfig& config =
+      up ? scenario.get<ChannelSettings>().uplink : scenario.get<ChannelSettings>().downlink;
   const LinkTraffic traffic = up ? pose_traffic(scenario) : command_traffic(scenario, false);
   LinkPair links = make_links(scenario);
   std::error_code error;

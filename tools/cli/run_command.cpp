@@ -14,9 +14,12 @@
 #include "common/lockstep/member.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/processes/process_run.hpp"
+#include "tools/runs/channel_traffic.hpp"
 #include "tools/runs/output_folder.hpp"
 #include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
@@ -98,7 +101,7 @@ int run(const RunOptions& options) {
   if (!options.out.empty()) folder.emplace(options.out, scenario);
 
   const double start_s = wall_seconds();
-  const Instant end = kStart + from_seconds(scenario.run.duration_s);
+  const Instant end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
   std::optional<ClosedLoop> one;
   std::optional<ProcessRun> many;
   if (options.processes) {
@@ -115,7 +118,9 @@ int run(const RunOptions& options) {
   Bus& bus = one ? one->bus() : many->bus();
   RunObserver observer(scenario, loop, bus);
   std::optional<ChannelWatch> channel;
-  if (one) channel.emplace(scenario, loop, one->netem().uplink(), one->netem().downlink());
+  if (one)
+    channel.emplace(scenario.get<ChannelSettings>(), channel_traffic(scenario, true), loop,
+                    one->netem().uplink(), one->netem().downlink());
   if (folder) folder->record(loop, bus);
   if (one) {
     run_with_progress(*one, end);

@@ -12,6 +12,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/experiment/design/experiment.hpp"
@@ -46,11 +47,11 @@ double seconds_per_run(const Experiment& experiment) {
   const auto start = std::chrono::steady_clock::now();
   for (const std::size_t arm : arms) {
     Scenario scenario = experiment.arms[arm].scenario;
-    scenario.run.seed = experiment.seed(arm, 0);
+    scenario.get<RunSettings>().seed = experiment.seed(arm, 0);
     const RunResult result = run_once(scenario, experiment.trajectory_period_s);
     if (result.failure.empty()) continue;
-    fmt::print(stderr, "{}, seed {} fails: {}\n", experiment.arms[arm].text(), scenario.run.seed,
-               result.failure);
+    fmt::print(stderr, "{}, seed {} fails: {}\n", experiment.arms[arm].text(),
+               scenario.get<RunSettings>().seed, result.failure);
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   return taken.count() / static_cast<double>(arms.size());

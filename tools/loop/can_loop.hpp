@@ -1,6 +1,7 @@
 #pragma once
 
 #include "can_bridge/bus/in_process_can.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/node/can_bridge_node.hpp"
 #include "can_bridge/node/can_drive_node.hpp"
 #include "common/bus/bus.hpp"
@@ -15,8 +16,8 @@ namespace tether {
 class CanLoop {
  public:
   CanLoop(const Scenario& scenario, EventLoop& loop, Bus& bus)
-      : config_(load_drivetrain(scenario.can.drivetrain_file)),
-        can_(loop, scenario.can.bit_rate_bps),
+      : config_(load_drivetrain(scenario.get<CanSettings>().drivetrain_file)),
+        can_(loop, scenario.get<CanSettings>().bit_rate_bps),
         drives_(scenario, config_, loop, bus, can_.add_port()),
         bridge_(scenario, config_, loop, bus, can_.add_port()),
         operator_(scenario, loop, bus) {}

@@ -5,7 +5,10 @@
 #include "common/base/errors.hpp"
 #include "common/bus/in_process_bus.hpp"
 #include "common/loop/virtual_loop.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "common/scenario/scenario.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "controller/node/controller_node.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "sim/node/sim_node.hpp"
@@ -20,12 +23,12 @@ class ClosedLoop {
   /// Throws UsageError for a scenario whose controller is somebody else's program.
   explicit ClosedLoop(const Scenario& scenario)
       : scenario_(checked(scenario)),
-        loop_(kStart - from_seconds(scenario.run.lead_s)),
+        loop_(kStart - from_seconds(scenario.get<RunSettings>().lead_s)),
         bus_(loop_),
         sim_(scenario, loop_, bus_),
         netem_(scenario, loop_, bus_, bus_),
         controller_(scenario, loop_, bus_) {
-    if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+    if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
       can_ = std::make_unique<CanLoop>(scenario, loop_, bus_);
     }
   }
@@ -36,7 +39,7 @@ class ClosedLoop {
 
   /// Runs to the scenario's end; the nodes' final reports included.
   void run() {
-    run_until(kStart + from_seconds(scenario_.run.duration_s));
+    run_until(kStart + from_seconds(scenario_.get<RunSettings>().duration_s));
     finish();
   }
 
@@ -60,7 +63,7 @@ class ClosedLoop {
 
  private:
   static const Scenario& checked(const Scenario& scenario) {
-    if (scenario.controller.external) {
+    if (scenario.get<ControllerSettings>().external) {
       throw UsageError(
           "controller.external: a run in one process has its own controller; tether run "
           "--processes and tether live wait for another");

@@ -9,8 +9,12 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/node_main.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "tools/base/process.hpp"
 #include "tools/runs/run_summary.hpp"
 
@@ -29,11 +33,11 @@ constexpr int kMaxRestarts = 20;
 /// In the order in which they end: the bridge still has to stop its drives, and these need wheels.
 std::vector<std::string> programs(const Scenario& scenario) {
   std::vector<std::string> names;
-  if (!scenario.controller.external) names.emplace_back("tether-controller");
+  if (!scenario.get<ControllerSettings>().external) names.emplace_back("tether-controller");
   names.emplace_back("tether-netem");
-  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+  if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
     names.emplace_back("tether-can-bridge");
-    if (scenario.can.emulate_drives) names.emplace_back("tether-can-drive");
+    if (scenario.get<CanSettings>().emulate_drives) names.emplace_back("tether-can-drive");
   }
   names.emplace_back("tether-sim");
   return names;
@@ -45,9 +49,9 @@ double prr(const link_report_t& link) { return link.offered > 0 ? reception_rati
 
 LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     : show_status_(options.show_status && isatty(STDERR_FILENO) != 0),
-      end_(kStart + from_seconds(scenario.run.duration_s)),
+      end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)),
       loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us +
-                to_utime(kStart + from_seconds(scenario.run.lead_s / options.speed)),
+                to_utime(kStart + from_seconds(scenario.get<RunSettings>().lead_s / options.speed)),
             options.speed),
       bus_(options.lcm_url, loop_),
       observer_(scenario, loop_, bus_),

@@ -15,6 +15,9 @@
 #include "common/bus/lcm_bus.hpp"
 #include "common/bus/lcm_url.hpp"
 #include "common/lockstep/member.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "tools/base/process.hpp"
 
 namespace tether {
@@ -51,8 +54,8 @@ std::string url_of(const std::string& wanted) {
 }  // namespace
 
 ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
-    : end_(kStart + from_seconds(scenario.run.duration_s)),
-      loop_(kStart - from_seconds(scenario.run.lead_s)),
+    : end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)),
+      loop_(kStart - from_seconds(scenario.get<RunSettings>().lead_s)),
       bus_(loop_),
       url_(url_of(options.lcm_url)),
       io_(RealTimeLoop::wall_utime_us()),
@@ -60,12 +63,12 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   TimeManager::Config config;
   config.session = RealTimeLoop::number_of_this_start();
   config.nodes = lockstep_nodes();
-  if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) {
+  if (scenario.get<VehicleSettings>().drivetrain != VehicleSettings::Drivetrain::can) {
     std::erase(config.nodes, "can");
   }
   config.end = end_;
   config.patience = from_seconds(options.patience_s);
-  if (scenario.controller.external) {
+  if (scenario.get<ControllerSettings>().external) {
     config.join_patience = kPatienceForPeople;
     fmt::print(stderr, "tether: waiting for the node \"controller\" of session {} on {}\n",
                config.session, url_);
@@ -77,7 +80,7 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
     console_.emplace(io_, *manager_, STDIN_FILENO);
   }
   for (const std::string& node : config.nodes) {
-    const bool elsewhere = node == "controller" && scenario.controller.external;
+    const bool elsewhere = node == "controller" && scenario.get<ControllerSettings>().external;
     if (!elsewhere) start_node(options, node, config.session);
   }
 }

@@ -8,9 +8,13 @@
 #include <set>
 #include <stdexcept>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/base/errors.hpp"
-#include "common/scenario/channel_settings.hpp"
+#include "common/path/path_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
+#include "netem/models/channel_change.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "tools/base/process.hpp"
 #include "tools/base/write_file.hpp"
 #include "tools/runs/path_figure.hpp"
@@ -47,39 +51,41 @@ void check_nothing_foreign(const fs::path& folder) {
 
 /// The scenario with its drivetrain's file copied into `folder`.
 Scenario with_drivetrain_beside(Scenario scenario, const fs::path& folder) {
-  if (scenario.vehicle.drivetrain != Scenario::Vehicle::Drivetrain::can) return scenario;
-  std::ifstream in(scenario.can.drivetrain_file, std::ios::binary);
+  if (scenario.get<VehicleSettings>().drivetrain != VehicleSettings::Drivetrain::can)
+    return scenario;
+  std::ifstream in(scenario.get<CanSettings>().drivetrain_file, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   if (!in || text.empty()) {
-    throw UsageError(
-        fmt::format("cannot read the drivetrain file \"{}\"", scenario.can.drivetrain_file));
+    throw UsageError(fmt::format("cannot read the drivetrain file \"{}\"",
+                                 scenario.get<CanSettings>().drivetrain_file));
   }
   write_file(folder / "drivetrain.toml", text);
-  scenario.can.drivetrain_file = "drivetrain.toml";
+  scenario.get<CanSettings>().drivetrain_file = "drivetrain.toml";
   return scenario;
 }
 
 /// The scenario with its waypoints copied into `folder`.
 Scenario with_waypoints_beside(Scenario scenario, const fs::path& folder) {
-  if (scenario.path.kind != Scenario::Path::Kind::csv) return scenario;
-  std::ifstream in(scenario.path.csv, std::ios::binary);
+  if (scenario.get<PathSettings>().kind != "csv") return scenario;
+  std::ifstream in(scenario.get<PathSettings>().csv, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   if (!in || text.empty()) {
-    throw UsageError(fmt::format("cannot read the waypoints \"{}\"", scenario.path.csv));
+    throw UsageError(
+        fmt::format("cannot read the waypoints \"{}\"", scenario.get<PathSettings>().csv));
   }
   write_file(folder / "path.csv", text);
-  scenario.path.csv = "path.csv";
+  scenario.get<PathSettings>().csv = "path.csv";
   return scenario;
 }
 
 /// The scenario with full names of the files that its channel reads.
 Scenario with_absolute_names(Scenario scenario) {
-  scenario.channel.for_each_link([](const std::string&, LinkConfig& link) {
+  scenario.get<ChannelSettings>().for_each_link([](const std::string&, LinkConfig& link) {
     for (std::string* file : {&link.jitter.file, &link.trace.file, &link.map.file}) {
       if (!file->empty()) *file = fs::absolute(*file).string();
     }
   });
-  for (Scenario::Channel::Change& change : scenario.channel.changes) {
+  for (ChannelSettings::Change& change : scenario.get<ChannelSettings>().changes) {
     for (std::string& text : change.settings) text = setting_in_folder(text, fs::current_path());
   }
   return scenario;

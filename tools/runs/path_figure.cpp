@@ -4,6 +4,9 @@
 
 #include <string>
 
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "tools/base/gnuplot.hpp"
 
 namespace tether {
@@ -20,17 +23,17 @@ std::string channel_text(const char* name, const LinkConfig& link) {
 
 /// ODE is what figures are expected to come from; another plant says so.
 std::string plant_text(const Scenario& scenario) {
-  const bool is_ode = scenario.vehicle.plant == Scenario::Vehicle::Plant::ode;
-  return is_ode ? "" : fmt::format("{} plant; ", scenario.vehicle.plant_name());
+  const bool is_ode = scenario.get<VehicleSettings>().plant == VehicleSettings::Plant::ode;
+  return is_ode ? "" : fmt::format("{} plant; ", scenario.get<VehicleSettings>().plant_name());
 }
 
 std::string variables(const Scenario& scenario, double epsilon_m) {
   return fmt::format(
       "title_text = \"ε = {:.2f} m   ({}{}; {}; seed {})\"\n"
       "wall = {}\n",
-      epsilon_m, plant_text(scenario), channel_text("up", scenario.channel.uplink),
-      channel_text("down", scenario.channel.downlink), scenario.run.seed,
-      scenario.world.half_extent_m);
+      epsilon_m, plant_text(scenario), channel_text("up", scenario.get<ChannelSettings>().uplink),
+      channel_text("down", scenario.get<ChannelSettings>().downlink),
+      scenario.get<RunSettings>().seed, scenario.get<WorldSettings>().half_extent_m);
 }
 
 constexpr char kScript[] = R"gnuplot(

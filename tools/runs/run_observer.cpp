@@ -5,21 +5,23 @@
 
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
 namespace {
 
 StreamGuard::Config from_lead(const Scenario& scenario) {
-  return {.earliest = kStart - from_seconds(scenario.run.lead_s)};
+  return {.earliest = kStart - from_seconds(scenario.get<RunSettings>().lead_s)};
 }
 
 }  // namespace
 
 RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
     : loop_(loop), uplink_guard_(from_lead(scenario)), downlink_guard_(from_lead(scenario)) {
-  const ChannelNames channels(scenario.vehicle.name);
+  const ChannelNames channels(scenario.get<VehicleSettings>().name);
   subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
                             [this](const ground_truth_t& m) { on_truth(m); });
   const auto follow = [&](const std::string& channel, StreamGuard& guard, link_report_t& newest,
@@ -38,7 +40,7 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
   follow(channels.downlink_report, downlink_guard_, downlink_, &TrajectoryRow::downlink_state);
   std::vector<std::string> reports{channels.sim_counters, channels.net_counters,
                                    channels.control_counters};
-  if (scenario.vehicle.drivetrain == Scenario::Vehicle::Drivetrain::can) {
+  if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
     drivetrain_.emplace(scenario, loop, bus);
     reports.insert(reports.end(), {channels.can_counters, channels.drive_counters});
   }

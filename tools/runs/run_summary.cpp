@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
 #include "tools/runs/channel_report.hpp"
 
@@ -113,8 +115,8 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   json["sim_time_s"] = summary.sim_time_s;
   json["wall_time_s"] = summary.wall_time_s;
   json["real_time_factor"] = real_time_factor(summary);
-  json["plant"] = scenario.vehicle.plant_name();
-  json["seed"] = scenario.run.seed;
+  json["plant"] = scenario.get<VehicleSettings>().plant_name();
+  json["seed"] = scenario.get<RunSettings>().seed;
   json["version"] = kVersion;
   json["uplink"] = link_json(run.uplink());
   json["downlink"] = link_json(run.downlink());
@@ -154,7 +156,7 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   text +=
       fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), {} plant, seed {}\n",
                   "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
-                  scenario.vehicle.plant_name(), scenario.run.seed);
+                  scenario.get<VehicleSettings>().plant_name(), scenario.get<RunSettings>().seed);
   if (summary.lockstep) {
     const LockstepCost& cost = *summary.lockstep;
     text += fmt::format("{:<9} {} grants in {:.2f} s", "lockstep", cost.grants, cost.wall_time_s);

@@ -10,7 +10,10 @@
 #include <tether/plan_in_force_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/node/can_bridge_node.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "tests/can_bridge/node/bridge_fakes.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
@@ -43,7 +46,7 @@ struct CanBridgeNodeTest : ::testing::Test {
   std::vector<Seen<counters_t>> counters;
   std::int64_t request_seq = 0;
 
-  CanBridgeNodeTest() { scenario.can.cycle_ms = 20.0; }
+  CanBridgeNodeTest() { scenario.get<CanSettings>().cycle_ms = 20.0; }
 
   void start() {
     world.collect("CAN/STATE", states);
@@ -115,7 +118,7 @@ TEST_F(CanBridgeNodeTest, FollowsCommandsOnceArmed) {
 }
 
 TEST_F(CanBridgeNodeTest, TellsEveryCycleWhichPlanItFollows) {
-  scenario.actuator.policy = Scenario::Actuator::Policy::horizon;
+  scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::horizon;
   std::vector<Seen<plan_in_force_t>> plans;
   world.collect("CAN/PLAN", plans);
   start();
@@ -298,7 +301,7 @@ TEST_F(CanBridgeNodeTest, ABusThatCannotBeRestartedSaysWhatToDo) {
 }
 
 TEST_F(CanBridgeNodeTest, ReportsTheWheelsAndWhereTheyLed) {
-  scenario.vehicle.start_x_m = 5.0;
+  scenario.get<VehicleSettings>().start_x_m = 5.0;
   start();
   for (WheelFeedback& w : profile->now.wheels) w.valid = true;
   world.loop.at(at_ms(30), Priority::node, [this](Instant) {

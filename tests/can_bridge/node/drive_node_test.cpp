@@ -6,7 +6,9 @@
 #include <tether/wheel_states_t.hpp>
 #include <tether/wheel_targets_t.hpp>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/node/can_drive_node.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "tests/can_bridge/emulated/drive_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -82,8 +84,8 @@ struct DriveWorld {
     world.collect("SIM/WHEEL_TARGETS", targets);
     world.collect("SIM/WHEELS", wheels);
     world.collect("CAN/DRIVE_COUNTERS", counters);
-    using Wheels = Scenario::Can::Wheels;
-    scenario.can.wheels = standalone ? Wheels::model : Wheels::sim;
+    using Wheels = CanSettings::Wheels;
+    scenario.get<CanSettings>().wheels = standalone ? Wheels::model : Wheels::sim;
     node = std::make_unique<CanDriveNode>(scenario, config, world.loop, world.bus, port);
   }
   void arrive_at(Instant when, std::uint32_t id, std::initializer_list<std::uint8_t> bytes) {
@@ -134,7 +136,7 @@ struct DriveWorld {
 
 TEST(CanDriveNode, DrivesBootBeforeTheRunIfThereIsLeadTime) {
   DriveWorld s(at_s(-3.0));
-  s.scenario.run.lead_s = 2.0;
+  s.scenario.get<RunSettings>().lead_s = 2.0;
   s.make();
   s.world.publish_at(at_s(-1.5), "SIM/WHEELS", DriveWorld::wheel_states(at_s(-1.5), 0, 0, 6.2832));
   s.read_at(at_s(-1.499), 0x606C);
@@ -246,10 +248,10 @@ TEST(CanDriveNode, StandaloneItTurnsItsOwnWheelsAndShowsThem) {
 
 TEST(CanDriveNode, TheScenarioInjectsOneFaultAtItsTime) {
   DriveWorld s;
-  s.scenario.can.inject = Scenario::Can::Inject::fault;
-  s.scenario.can.inject_at_s = 0.5;
-  s.scenario.can.inject_node = 2;
-  s.scenario.can.inject_value = 0x2310;
+  s.scenario.get<CanSettings>().inject = CanSettings::Inject::fault;
+  s.scenario.get<CanSettings>().inject_at_s = 0.5;
+  s.scenario.get<CanSettings>().inject_node = 2;
+  s.scenario.get<CanSettings>().inject_value = 0x2310;
   s.make();
   s.world.loop.run_until(at_s(2));
   EXPECT_TRUE(s.port.sent_with(0x081).empty());

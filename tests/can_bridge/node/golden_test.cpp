@@ -17,6 +17,7 @@
 #include "can_bridge/node/can_drive_node.hpp"
 #include "tests/can_bridge/node/bridge_fakes.hpp"
 #include "tests/support/virtual_world.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 
 // A stored log of candump's format, golden/two_node_cia402.log: cold start, a short drive and the
 // end of it with the shipped drivetrain. What its drives said, played to the bridge at the same
@@ -99,7 +100,7 @@ Scenario scenario() {
 
 /// A controller and an operator with their minds made up.
 struct Run : VirtualWorld {
-  Run() : config(load_drivetrain(scenario().can.drivetrain_file)) {
+  Run() : config(load_drivetrain(scenario().get<CanSettings>().drivetrain_file)) {
     collect("CAN/STATE", states);
     std::int64_t seq = 0;
     for (Instant t = at_ms(103); t < kEnd; t += std::chrono::milliseconds{50}) {
@@ -135,7 +136,7 @@ struct Run : VirtualWorld {
 Log record() {
   Run run;
   Log log;
-  InProcessCan can(run.loop, scenario().can.bit_rate_bps);
+  InProcessCan can(run.loop, scenario().get<CanSettings>().bit_rate_bps);
   can.on_any_frame([&](const CanFrame& frame) { log.push_back({run.loop.now(), frame}); });
   CanDriveNode drives(scenario(), run.config, run.loop, run.bus, can.add_port());
   CanBridgeNode bridge(scenario(), run.config, run.loop, run.bus, can.add_port());

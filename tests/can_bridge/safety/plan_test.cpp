@@ -1,3 +1,4 @@
+#include "common/vehicle/actuator_settings.hpp"
 #include "tests/can_bridge/safety/rig.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
 
@@ -19,7 +20,7 @@ struct SafetyPlan : testing::SafetyRig {
 
   SafetyPlan() {
     SafetyCore::Config with_plans = config();
-    with_plans.actuator.policy = Scenario::Actuator::Policy::horizon;
+    with_plans.actuator.policy = ActuatorSettings::Policy::horizon;
     core = SafetyCore(with_plans);
     cycle();
   }

@@ -6,7 +6,9 @@
 #include <random>
 #include <vector>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
@@ -367,11 +369,11 @@ TEST(TwistLimiterDeathTest, AStoppingLimitWeakerThanTheAcceleratingOneIsABug) {
 
 TEST(TwistLimiter, TakesItsLimitsFromTheScenario) {
   Scenario scenario;
-  scenario.can.max_deceleration_mps2 = 7.0;
-  scenario.can.max_yaw_jerk_radps3 = 11.0;
-  scenario.can.cycle_ms = 10.0;
-  scenario.vehicle.max_wheel_speed_mps = 3.5;
-  scenario.vehicle.track_m = 0.9;
+  scenario.get<CanSettings>().max_deceleration_mps2 = 7.0;
+  scenario.get<CanSettings>().max_yaw_jerk_radps3 = 11.0;
+  scenario.get<CanSettings>().cycle_ms = 10.0;
+  scenario.get<VehicleSettings>().max_wheel_speed_mps = 3.5;
+  scenario.get<VehicleSettings>().track_m = 0.9;
   const TwistLimits limits = twist_limits(scenario);
   EXPECT_EQ(limits.max_deceleration_mps2, 7.0);
   EXPECT_EQ(limits.max_yaw_jerk_radps3, 11.0);

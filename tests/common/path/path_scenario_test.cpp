@@ -8,8 +8,10 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/path/make_path.hpp"
+#include "common/path/kinds.hpp"
+#include "common/path/path_settings.hpp"
 #include "common/scenario/scenario.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
@@ -65,22 +67,22 @@ TEST(PathKeys, TheResolvedTextNamesThoseWithAnEffect) {
 TEST(PathStart, TheVehicleStartsWhereItsPathDoes) {
   const Scenario s =
       parse({"path.kind=line", "path.start_x_m=-5", "path.start_y_m=4", "path.start_yaw_rad=-0.5"});
-  EXPECT_NEAR(s.vehicle.start_x_m, -5.0, 1e-12);
-  EXPECT_NEAR(s.vehicle.start_y_m, 4.0, 1e-12);
-  EXPECT_NEAR(s.vehicle.start_yaw_rad, -0.5, 1e-12);
+  EXPECT_NEAR(s.get<VehicleSettings>().start_x_m, -5.0, 1e-12);
+  EXPECT_NEAR(s.get<VehicleSettings>().start_y_m, 4.0, 1e-12);
+  EXPECT_NEAR(s.get<VehicleSettings>().start_yaw_rad, -0.5, 1e-12);
   EXPECT_THAT(to_toml(s), HasSubstr("start_x_m = -5.0"));
 }
 
 TEST(PathStart, AGivenStartOfTheVehicleStays) {
   const Scenario s = parse({"path.kind=line", "path.start_x_m=-5", "path.start_y_m=4"},
                            "[vehicle]\nstart_y_m = 3.0");
-  EXPECT_EQ(s.vehicle.start_x_m, -5.0);
-  EXPECT_EQ(s.vehicle.start_y_m, 3.0);
+  EXPECT_EQ(s.get<VehicleSettings>().start_x_m, -5.0);
+  EXPECT_EQ(s.get<VehicleSettings>().start_y_m, 3.0);
 }
 
 TEST(PathStart, TheFigureEightLeavesTheVehicleAtTheOrigin) {
   const Scenario s = parse({"path.rotation_rad=1"});
-  EXPECT_EQ(s.vehicle.start_yaw_rad, 0.0);
+  EXPECT_EQ(s.get<VehicleSettings>().start_yaw_rad, 0.0);
 }
 
 TEST(PathCheck, NamesTheLimitItsValueAndThePlace) {
@@ -156,11 +158,11 @@ class PathFileTest : public ::testing::Test {
 
 TEST_F(PathFileTest, IsLookedForBesideTheScenarioAndSetsTheStart) {
   const Scenario s = load("x_m,y_m\n-3,2\n-3,9\n0,12\n");
-  EXPECT_EQ(s.path.csv, (folder_ / "lap.csv").string());
-  EXPECT_EQ(s.vehicle.start_x_m, -3.0);
-  EXPECT_EQ(s.vehicle.start_y_m, 2.0);
-  EXPECT_GT(s.vehicle.start_yaw_rad, 1.5);
-  EXPECT_EQ(make_path(s.path)->at(1e4).y_m, 12.0);
+  EXPECT_EQ(s.get<PathSettings>().csv, (folder_ / "lap.csv").string());
+  EXPECT_EQ(s.get<VehicleSettings>().start_x_m, -3.0);
+  EXPECT_EQ(s.get<VehicleSettings>().start_y_m, 2.0);
+  EXPECT_GT(s.get<VehicleSettings>().start_yaw_rad, 1.5);
+  EXPECT_EQ(make_path(s.get<PathSettings>())->at(1e4).y_m, 12.0);
 }
 
 TEST_F(PathFileTest, ErrorsNameTheWaypointsLine) {

@@ -11,7 +11,8 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/path/make_path.hpp"
+#include "common/path/kinds.hpp"
+#include "common/path/path_settings.hpp"
 #include "common/path/simple_curves.hpp"
 #include "common/path/waypoint_curve.hpp"
 #include "common/vehicle/pose.hpp"
@@ -20,15 +21,14 @@ namespace tether {
 namespace {
 
 using ::testing::HasSubstr;
-using Kind = Scenario::Path::Kind;
 
 constexpr double kPi = std::numbers::pi;
 
 /// A path of each kind, away from the origin where the kind has a start.
-std::vector<Scenario::Path> one_of_each() {
-  std::vector<Scenario::Path> paths;
-  for (const Kind kind : {Kind::circle, Kind::line, Kind::rounded_rectangle, Kind::csv}) {
-    Scenario::Path path;
+std::vector<PathSettings> one_of_each() {
+  std::vector<PathSettings> paths;
+  for (const char* kind : {"circle", "line", "rounded_rectangle", "csv"}) {
+    PathSettings path;
     path.kind = kind;
     path.start = {3.0, -2.0, 2.5};
     path.csv = TETHER_SOURCE_DIR "/scenarios/paths/warehouse_lap.csv";
@@ -45,7 +45,7 @@ double long_enough_s(const PlannedPath& path) {
 }
 
 TEST(PlannedPath, ItsTwistIsTheDerivativeOfItsPoints) {
-  for (const Scenario::Path& config : one_of_each()) {
+  for (const PathSettings& config : one_of_each()) {
     const auto path = plan_path(config);
     constexpr double kStep_s = 1e-4;
     for (double t_s = 0.05; t_s < long_enough_s(*path); t_s += 0.0371) {
@@ -65,7 +65,7 @@ TEST(PlannedPath, ItsTwistIsTheDerivativeOfItsPoints) {
 }
 
 TEST(PlannedPath, KeepsItsLimitsEverywhere) {
-  for (const Scenario::Path& config : one_of_each()) {
+  for (const PathSettings& config : one_of_each()) {
     const auto path = plan_path(config);
     const PathLimits& limits = config.limits;
     constexpr double kStep_s = 0.01;
@@ -86,7 +86,7 @@ TEST(PlannedPath, KeepsItsLimitsEverywhere) {
 }
 
 TEST(PlannedPath, BeginsAtRestAndRestsBeforeItBegins) {
-  for (const Scenario::Path& config : one_of_each()) {
+  for (const PathSettings& config : one_of_each()) {
     const auto path = plan_path(config);
     for (const double t_s : {-5.0, 0.0}) {
       EXPECT_EQ(path->at(t_s).v_mps, 0.0);
@@ -98,13 +98,13 @@ TEST(PlannedPath, BeginsAtRestAndRestsBeforeItBegins) {
 }
 
 TEST(PlannedPath, IsWhatMakePathMakes) {
-  for (const Scenario::Path& config : one_of_each()) {
+  for (const PathSettings& config : one_of_each()) {
     EXPECT_EQ(make_path(config)->at(7.0).x_m, plan_path(config)->at(7.0).x_m);
   }
 }
 
 TEST(PlannedPath, LapsAreTheSameForEver) {
-  for (const Scenario::Path& config : one_of_each()) {
+  for (const PathSettings& config : one_of_each()) {
     const auto path = plan_path(config);
     if (!path->curve().is_closed()) continue;
     const double lap_s = path->profile().lap_s();
@@ -118,8 +118,8 @@ TEST(PlannedPath, LapsAreTheSameForEver) {
 }
 
 TEST(LinePath, IsATrapezoidOfSpeedFromRestToRest) {
-  Scenario::Path config;
-  config.kind = Kind::line;
+  PathSettings config;
+  config.kind = "line";
   config.length_m = 15.0;
   config.start = {1.0, 2.0, kPi / 2.0};
   config.limits.speed_mps = 1.5;
@@ -138,8 +138,8 @@ TEST(LinePath, IsATrapezoidOfSpeedFromRestToRest) {
 }
 
 TEST(LinePath, TooShortForItsSpeedIsATriangle) {
-  Scenario::Path config;
-  config.kind = Kind::line;
+  PathSettings config;
+  config.kind = "line";
   config.length_m = 1.0;
   const auto path = plan_path(config);
   // v² = 2 · 0.5 · 0.5 in the middle.
@@ -148,8 +148,8 @@ TEST(LinePath, TooShortForItsSpeedIsATriangle) {
 }
 
 TEST(CirclePath, RunsAtConstantSpeedOnceItIsFast) {
-  Scenario::Path config;
-  config.kind = Kind::circle;
+  PathSettings config;
+  config.kind = "circle";
   config.radius_m = 5.0;
   const auto path = plan_path(config);
   EXPECT_NEAR(path->profile().first_s(), 3.0, 0.05);  // a step is 0.03 s
@@ -165,8 +165,8 @@ TEST(CirclePath, RunsAtConstantSpeedOnceItIsFast) {
 }
 
 TEST(CirclePath, ALapMayBeTooShortToReachTheSpeed) {
-  Scenario::Path config;
-  config.kind = Kind::circle;
+  PathSettings config;
+  config.kind = "circle";
   config.radius_m = 1.0;
   config.limits = {.speed_mps = 3.0,
                    .max_acceleration_mps2 = 0.1,

@@ -7,8 +7,12 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/scenario/keys.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "netem/models/channel_settings.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 
 // What --set does, and what scenario files do as files.
 
@@ -57,24 +61,25 @@ struct ScratchFile {
 TEST(ScenarioOverride, ReplacesWhatTheFileSaysAndTheLastOneWins) {
   const Scenario s =
       with({"sensor.rate_hz=7", "sensor.rate_hz=9", "run.seed=3"}, "[sensor]\nrate_hz = 5.0");
-  EXPECT_EQ(s.sensor.rate_hz, 9.0);
-  EXPECT_EQ(s.run.seed, 3U);
+  EXPECT_EQ(s.get<SensorSettings>().rate_hz, 9.0);
+  EXPECT_EQ(s.get<RunSettings>().seed, 3U);
 }
 
 TEST(ScenarioOverride, TakesStringsWithOrWithoutQuotes) {
   for (const char* text : {"actuator.policy=zero", "actuator.policy=\"zero\"",
                            "actuator.policy='zero'", "actuator.policy = zero"}) {
-    EXPECT_EQ(with({text}).actuator.policy, Scenario::Actuator::Policy::zero) << text;
+    EXPECT_EQ(with({text}).get<ActuatorSettings>().policy, ActuatorSettings::Policy::zero) << text;
   }
 }
 
 TEST(ScenarioOverride, TakesNumbersThatTomlWouldNot) {
-  EXPECT_EQ(with({"channel.prr=.45"}).channel.uplink.fixed.prr, 0.45);
+  EXPECT_EQ(with({"channel.prr=.45"}).get<ChannelSettings>().uplink.fixed.prr, 0.45);
 }
 
 TEST(ScenarioOverride, OfTheChannelSetsBothDirections) {
   const Scenario s = with({"channel.prr=0.45", "channel.delay_ms=100"});
-  for (const LinkConfig& link : {s.channel.uplink, s.channel.downlink}) {
+  for (const LinkConfig& link :
+       {s.get<ChannelSettings>().uplink, s.get<ChannelSettings>().downlink}) {
     EXPECT_EQ(link.fixed.prr, 0.45);
     EXPECT_EQ(link.fixed.delay_ms, 100.0);
   }
@@ -82,13 +87,14 @@ TEST(ScenarioOverride, OfTheChannelSetsBothDirections) {
 
 TEST(ScenarioOverride, OfOneDirectionLeavesTheOtherAlone) {
   const Scenario s = with({"channel.downlink.prr=0.45"});
-  EXPECT_EQ(s.channel.uplink.fixed.prr, 1.0);
-  EXPECT_EQ(s.channel.downlink.fixed.prr, 0.45);
+  EXPECT_EQ(s.get<ChannelSettings>().uplink.fixed.prr, 1.0);
+  EXPECT_EQ(s.get<ChannelSettings>().downlink.fixed.prr, 0.45);
 }
 
 TEST(ScenarioOverride, OfTheChannelReachesTheMarkovModel) {
   const Scenario s = with({"channel.model=markov", "channel.markov.bad.prr=0.2"});
-  for (const LinkConfig& link : {s.channel.uplink, s.channel.downlink}) {
+  for (const LinkConfig& link :
+       {s.get<ChannelSettings>().uplink, s.get<ChannelSettings>().downlink}) {
     EXPECT_EQ(link.model, LinkConfig::Model::markov);
     EXPECT_EQ(link.bad.prr, 0.2);
   }
@@ -171,18 +177,19 @@ TEST(ScenarioFile, IsNamedWithItsPathInMessages) {
 TEST(ScenarioFile, TheShippedOnesLoadAndRoundTrip) {
   for (const char* name : {"paper.toml", "paper_markov.toml"}) {
     const Scenario s = load_scenario(std::string(TETHER_SOURCE_DIR "/scenarios/") + name, {});
-    EXPECT_EQ(s.run.duration_s, 62.0);
-    EXPECT_EQ(s.sensor.rate_hz, 1.0);
-    EXPECT_EQ(s.vehicle.track_m, 1.2);
-    EXPECT_EQ(s.actuator.policy, Scenario::Actuator::Policy::hold);
+    EXPECT_EQ(s.get<RunSettings>().duration_s, 62.0);
+    EXPECT_EQ(s.get<SensorSettings>().rate_hz, 1.0);
+    EXPECT_EQ(s.get<VehicleSettings>().track_m, 1.2);
+    EXPECT_EQ(s.get<ActuatorSettings>().policy, ActuatorSettings::Policy::hold);
     EXPECT_EQ(to_toml(parse_scenario(to_toml(s), "again")), to_toml(s));
   }
 }
 
 TEST(ScenarioFile, ThePapersMarkovChannelHasItsProbabilitiesAndSojournTimes) {
   const Scenario s = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper_markov.toml", {});
-  EXPECT_TRUE(s.channel.shared_state);
-  for (const LinkConfig& link : {s.channel.uplink, s.channel.downlink}) {
+  EXPECT_TRUE(s.get<ChannelSettings>().shared_state);
+  for (const LinkConfig& link :
+       {s.get<ChannelSettings>().uplink, s.get<ChannelSettings>().downlink}) {
     EXPECT_DOUBLE_EQ(link.mean_bad_s / (link.mean_bad_s + link.mean_good_s), 0.25);
     EXPECT_DOUBLE_EQ(link.mean_bad_s, 8.0);
     EXPECT_EQ(link.bad.prr, 0.5);
@@ -192,7 +199,7 @@ TEST(ScenarioFile, ThePapersMarkovChannelHasItsProbabilitiesAndSojournTimes) {
 
 TEST(ScenarioKeys, TheTableForPeopleNamesEveryKeyWithDefaultMeaningAndRange) {
   const std::string table = describe_scenario_keys();
-  for (const ScenarioKey& key : scenario_keys()) {
+  for (const ScenarioKey& key : ScenarioSchema::all()->keys()) {
     EXPECT_THAT(table, HasSubstr(key.name + " = "));
     EXPECT_THAT(table, HasSubstr(key.meaning + "; " + key.allowed));
   }

@@ -13,9 +13,15 @@
 #include <string>
 #include <vector>
 
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/base/errors.hpp"
-#include "common/scenario/keys.hpp"
-#include "common/scenario/path_keys.hpp"
+#include "common/path/path_settings.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "netem/models/channel_settings.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
 namespace {
@@ -53,7 +59,7 @@ std::string text_of(const std::optional<ScenarioValue>& value) {
 /// All keys with their values, bit by bit.
 std::vector<std::string> contents(const Scenario& scenario) {
   std::vector<std::string> lines;
-  for (const ScenarioKey& key : scenario_keys()) {
+  for (const ScenarioKey& key : ScenarioSchema::all()->keys()) {
     lines.push_back(key.name + " = " + text_of(key.get(scenario)));
   }
   return lines;
@@ -85,6 +91,10 @@ std::vector<ScenarioValue> other_values(const ScenarioKey& key) {
   return allowed;
 }
 
+std::string useless(const Scenario& scenario, const ScenarioKey& key) {
+  return ScenarioSchema::all()->why_no_effect(scenario, key.name);
+}
+
 /// A choice of one has no other value.
 bool is_only_choice(const ScenarioKey& key) {
   return key.allowed.starts_with('"') && key.allowed.find(" or ") == std::string::npos;
@@ -96,13 +106,13 @@ TEST(Scenario, AnEmptyTextGivesTheDefaults) {
 
 TEST(Scenario, EveryKeyCanBeSetAndChangesNothingElse) {
   const Scenario defaults;
-  for (const ScenarioKey& key : scenario_keys()) {
+  for (const ScenarioKey& key : ScenarioSchema::all()->keys()) {
     if (is_only_choice(key)) continue;
     const auto values = other_values(key);
     ASSERT_FALSE(values.empty()) << key.name;
     Scenario changed;
     ASSERT_TRUE(key.set(changed, values.front())) << key.name;
-    for (const ScenarioKey& other : scenario_keys()) {
+    for (const ScenarioKey& other : ScenarioSchema::all()->keys()) {
       EXPECT_EQ(other.get(changed) != other.get(defaults), other.name == key.name)
           << "set " << key.name << ", look at " << other.name;
     }
@@ -111,7 +121,7 @@ TEST(Scenario, EveryKeyCanBeSetAndChangesNothingElse) {
 
 TEST(Scenario, EveryDefaultIsAnAllowedValue) {
   const Scenario defaults;
-  for (const ScenarioKey& key : scenario_keys()) {
+  for (const ScenarioKey& key : ScenarioSchema::all()->keys()) {
     const auto value = key.get(defaults);
     Scenario s;
     EXPECT_TRUE(!value || key.set(s, *value)) << key.name;
@@ -120,7 +130,7 @@ TEST(Scenario, EveryDefaultIsAnAllowedValue) {
 
 TEST(Scenario, OneOfEverythingIsReadFromAFile) {
   Scenario wanted;
-  for (const ScenarioKey& key : scenario_keys()) {
+  for (const ScenarioKey& key : ScenarioSchema::all()->keys()) {
     // These are given instead of the sojourn times; tests of their own follow.
     if (key.name.ends_with(".p_bad") || key.name.ends_with(".mean_cycle_s")) continue;
     // Both directions become Markov channels, where the fixed state has no effect.
@@ -129,7 +139,9 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
     if (key.name == "vehicle.plant") continue;
     // Keys of other paths than the figure eight have no effect on it; tests of their own follow
     // elsewhere.
-    if (key.name == "path.kind" || !why_path_ignores(Scenario{}, key.name).empty()) continue;
+    if (key.name == "path.kind" ||
+        (key.name.starts_with("path.") && !useless(Scenario{}, key).empty()))
+      continue;
     // Models and stages of a channel depend on each other; tests of their own follow elsewhere.
     if (key.name.starts_with("channel.") && key.name.find(".markov.") == std::string::npos &&
         !key.name.ends_with(".model") && !key.name.ends_with(".queue_limit")) {
@@ -141,8 +153,9 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
       continue;
     }
     // Only those of the chosen law and drivetrain are written.
-    if (!why_law_ignores(wanted, key.name).empty()) continue;
-    if (!why_plant_ignores(wanted, key.name).empty()) continue;
+    if (ScenarioSchema::all()->left_out(wanted, key) && key.name.starts_with("controller."))
+      continue;
+    if (key.name.starts_with("vehicle.") && !useless(wanted, key).empty()) continue;
     // The time-outs of the CAN bridge depend on each other; tests of their own follow.
     if (key.name.starts_with("can.") && key.name.ends_with("_ms")) continue;
     if (!is_only_choice(key)) key.set(wanted, other_values(key).front());
@@ -152,13 +165,13 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
 }
 
 TEST(Scenario, OfTheWaysToStopOnlyTheChosenPolicysAreWritten) {
-  using Policy = Scenario::Actuator::Policy;
+  using Policy = ActuatorSettings::Policy;
   for (const Policy policy :
        {Policy::hold, Policy::zero, Policy::ramp, Policy::decay, Policy::horizon}) {
     Scenario wanted;
-    wanted.actuator = {policy, 0.25, 0.75, 2.5, 3.5};
+    wanted.get<ActuatorSettings>() = {policy, 0.25, 0.75, 2.5, 3.5};
     const bool ramps = policy == Policy::ramp || policy == Policy::horizon;
-    const auto read = parse(to_toml(wanted)).actuator;
+    const auto read = parse(to_toml(wanted)).get<ActuatorSettings>();
     EXPECT_EQ(read.policy, policy);
     EXPECT_EQ(read.timeout_s, 0.25);
     EXPECT_EQ(read.decay_s, policy == Policy::decay ? 0.75 : 0.5);
@@ -169,32 +182,32 @@ TEST(Scenario, OfTheWaysToStopOnlyTheChosenPolicysAreWritten) {
 
 TEST(Scenario, TheResolvedTextGivesTheSameScenarioBitByBit) {
   Scenario odd;
-  odd.run.duration_s = 0.1 + 0.2;
-  odd.run.seed = INT64_MAX;
-  odd.vehicle.start_x_m = -0.0;
-  odd.vehicle.start_yaw_rad = -1.0 / 3.0;
-  odd.vehicle.axle_x_m = std::nextafter(-100.0, 0.0);
-  odd.vehicle.caster_x_m = std::nextafter(100.0, 0.0);
-  odd.sensor.position_noise_m = std::numeric_limits<double>::denorm_min();
-  odd.sensor.yaw_noise_rad = std::numeric_limits<double>::min();
-  odd.world.friction = std::nextafter(1.0, 2.0);
-  odd.path.figure_eight.amplitude_m = 1e4 / 3.0;
-  odd.controller.tau_s = 999999.99999999988;
-  odd.channel.uplink.model = LinkConfig::Model::markov;
-  odd.channel.uplink.mean_good_s = 1.0 / 7.0;
+  odd.get<RunSettings>().duration_s = 0.1 + 0.2;
+  odd.get<RunSettings>().seed = INT64_MAX;
+  odd.get<VehicleSettings>().start_x_m = -0.0;
+  odd.get<VehicleSettings>().start_yaw_rad = -1.0 / 3.0;
+  odd.get<VehicleSettings>().axle_x_m = std::nextafter(-100.0, 0.0);
+  odd.get<VehicleSettings>().caster_x_m = std::nextafter(100.0, 0.0);
+  odd.get<SensorSettings>().position_noise_m = std::numeric_limits<double>::denorm_min();
+  odd.get<SensorSettings>().yaw_noise_rad = std::numeric_limits<double>::min();
+  odd.get<WorldSettings>().friction = std::nextafter(1.0, 2.0);
+  odd.get<PathSettings>().figure_eight.amplitude_m = 1e4 / 3.0;
+  odd.get<ControllerSettings>().tau_s = 999999.99999999988;
+  odd.get<ChannelSettings>().uplink.model = LinkConfig::Model::markov;
+  odd.get<ChannelSettings>().uplink.mean_good_s = 1.0 / 7.0;
   EXPECT_EQ(contents(parse(to_toml(odd))), contents(odd));
   EXPECT_EQ(to_toml(parse(to_toml(odd))), to_toml(odd));
 }
 
 TEST(Scenario, WholeNumbersServeAsNumbersButNotTheOtherWayRound) {
-  EXPECT_EQ(parse("[sensor]\nrate_hz = 5").sensor.rate_hz, 5.0);
+  EXPECT_EQ(parse("[sensor]\nrate_hz = 5").get<SensorSettings>().rate_hz, 5.0);
   EXPECT_THAT(refusal("[run]\nseed = 5.0"), HasSubstr("a finite whole number >= 0"));
 }
 
 TEST(Scenario, TablesMayBeWrittenInAnyOfTomlsWays) {
-  EXPECT_EQ(parse("sensor = { rate_hz = 5.0 }").sensor.rate_hz, 5.0);
-  EXPECT_EQ(parse("sensor.rate_hz = 5.0").sensor.rate_hz, 5.0);
-  EXPECT_EQ(parse("[channel]\nuplink.prr = 0.5").channel.uplink.fixed.prr, 0.5);
+  EXPECT_EQ(parse("sensor = { rate_hz = 5.0 }").get<SensorSettings>().rate_hz, 5.0);
+  EXPECT_EQ(parse("sensor.rate_hz = 5.0").get<SensorSettings>().rate_hz, 5.0);
+  EXPECT_EQ(parse("[channel]\nuplink.prr = 0.5").get<ChannelSettings>().uplink.fixed.prr, 0.5);
 }
 
 /// A scenario with drives on CAN and these lines under [can].
@@ -204,12 +217,15 @@ std::string can_scenario(const std::string& lines) {
 
 TEST(Scenario, ADrivetrainFileIsLookedForBesideTheScenario) {
   const std::string toml = can_scenario("drivetrain = \"../drivetrains/x.toml\"");
-  EXPECT_EQ(parse_scenario(toml, "scenarios/a.toml").can.drivetrain_file, "drivetrains/x.toml");
-  EXPECT_EQ(
-      parse_scenario(toml, "scenarios/a.toml", {"can.drivetrain=here/y.toml"}).can.drivetrain_file,
-      "here/y.toml");
+  EXPECT_EQ(parse_scenario(toml, "scenarios/a.toml").get<CanSettings>().drivetrain_file,
+            "drivetrains/x.toml");
+  EXPECT_EQ(parse_scenario(toml, "scenarios/a.toml", {"can.drivetrain=here/y.toml"})
+                .get<CanSettings>()
+                .drivetrain_file,
+            "here/y.toml");
   EXPECT_EQ(parse_scenario(can_scenario("drivetrain = \"/etc/x.toml\""), "scenarios/a.toml")
-                .can.drivetrain_file,
+                .get<CanSettings>()
+                .drivetrain_file,
             "/etc/x.toml");
 }
 
@@ -240,8 +256,8 @@ TEST(Scenario, WithoutDrivesOnCanTheResolvedTextNamesNone) {
 }
 
 TEST(Scenario, ThePlantIsOdeOrKinematic) {
-  EXPECT_EQ(parse("[vehicle]\nplant = \"kinematic\"").vehicle.plant,
-            Scenario::Vehicle::Plant::kinematic);
+  EXPECT_EQ(parse("[vehicle]\nplant = \"kinematic\"").get<VehicleSettings>().plant,
+            VehicleSettings::Plant::kinematic);
   EXPECT_THAT(refusal("[vehicle]\nplant = \"bullet\""),
               HasSubstr("must be \"ode\" or \"kinematic\""));
 }
@@ -345,7 +361,8 @@ struct ScenarioSojournTimes : testing::Test {
 };
 
 TEST_F(ScenarioSojournTimes, FollowFromTheStationaryProbabilityAndTheCycle) {
-  const LinkConfig link = parse(markov("p_bad = 0.25\nmean_cycle_s = 8.0")).channel.uplink;
+  const LinkConfig link =
+      parse(markov("p_bad = 0.25\nmean_cycle_s = 8.0")).get<ChannelSettings>().uplink;
   EXPECT_DOUBLE_EQ(link.mean_bad_s, 2.0);
   EXPECT_DOUBLE_EQ(link.mean_good_s, 6.0);
 }
@@ -359,21 +376,21 @@ TEST_F(ScenarioSojournTimes, AreWhatTheResolvedScenarioHolds) {
 TEST_F(ScenarioSojournTimes, OneOfProbabilityAndCycleKeepsTheOther) {
   // The defaults are 24 s good and 8 s bad: P[bad] = 0.25 in a cycle of 32 s.
   const Scenario other_share = parse_scenario(markov("p_bad = 0.5"), "test.toml");
-  EXPECT_DOUBLE_EQ(other_share.channel.uplink.mean_bad_s, 16.0);
-  EXPECT_DOUBLE_EQ(other_share.channel.uplink.mean_good_s, 16.0);
+  EXPECT_DOUBLE_EQ(other_share.get<ChannelSettings>().uplink.mean_bad_s, 16.0);
+  EXPECT_DOUBLE_EQ(other_share.get<ChannelSettings>().uplink.mean_good_s, 16.0);
   const Scenario other_cycle = parse_scenario(markov("mean_cycle_s = 4.0"), "test.toml");
-  EXPECT_DOUBLE_EQ(other_cycle.channel.uplink.mean_bad_s, 1.0);
-  EXPECT_DOUBLE_EQ(other_cycle.channel.uplink.mean_good_s, 3.0);
+  EXPECT_DOUBLE_EQ(other_cycle.get<ChannelSettings>().uplink.mean_bad_s, 1.0);
+  EXPECT_DOUBLE_EQ(other_cycle.get<ChannelSettings>().uplink.mean_good_s, 3.0);
 }
 
 TEST_F(ScenarioSojournTimes, AnOverrideBeatsTheFileInEitherForm) {
   const Scenario by_share = parse_scenario(markov("mean_good_s = 6.0\nmean_bad_s = 2.0"),
                                            "test.toml", {"channel.uplink.markov.p_bad=0.5"});
-  EXPECT_DOUBLE_EQ(by_share.channel.uplink.mean_bad_s, 4.0);
+  EXPECT_DOUBLE_EQ(by_share.get<ChannelSettings>().uplink.mean_bad_s, 4.0);
   const Scenario by_time = parse_scenario(markov("p_bad = 0.25\nmean_cycle_s = 8.0"), "test.toml",
                                           {"channel.uplink.markov.mean_bad_s=5"});
-  EXPECT_DOUBLE_EQ(by_time.channel.uplink.mean_bad_s, 5.0);
-  EXPECT_DOUBLE_EQ(by_time.channel.uplink.mean_good_s, 6.0);
+  EXPECT_DOUBLE_EQ(by_time.get<ChannelSettings>().uplink.mean_bad_s, 5.0);
+  EXPECT_DOUBLE_EQ(by_time.get<ChannelSettings>().uplink.mean_good_s, 6.0);
 }
 
 TEST_F(ScenarioSojournTimes, AreGivenInOneWayOnly) {

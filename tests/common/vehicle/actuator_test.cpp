@@ -6,20 +6,21 @@
 #include <map>
 #include <string>
 
+#include "common/vehicle/actuator_settings.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
 namespace {
 
-using Policy = Scenario::Actuator::Policy;
+using Policy = ActuatorSettings::Policy;
 using testing::at_ms;
 using testing::at_s;
 using testing::plan;
 constexpr Duration kTick{1};
 
-Scenario::Actuator config(Policy policy) {
-  Scenario::Actuator config;
+ActuatorSettings config(Policy policy) {
+  ActuatorSettings config;
   config.policy = policy;
   config.timeout_s = 0.5;
   config.decay_s = 0.25;

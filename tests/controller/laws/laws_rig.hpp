@@ -6,8 +6,10 @@
 #include <utility>
 #include <vector>
 
-#include "common/path/make_path.hpp"
+#include "common/path/kinds.hpp"
+#include "common/path/path_settings.hpp"
 #include "common/vehicle/motion_model.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 
 namespace tether::testing {
@@ -15,7 +17,7 @@ namespace tether::testing {
 /// A law and the vehicle that it believes in, without messages: laws are pure.
 struct LawRig {
   Scenario scenario;
-  std::shared_ptr<const ReferencePath> path = make_path(scenario.path);
+  std::shared_ptr<const ReferencePath> path = make_path(scenario.get<PathSettings>());
   std::unique_ptr<Law> law;
   MotionModel model{{}};
   MotionModel::State vehicle;
@@ -46,9 +48,9 @@ struct LawRig {
   }
 };
 
-inline Scenario with_law(ControlLaw law) {
+inline Scenario with_law(const std::string& law) {
   Scenario s;
-  s.controller.law = law;
+  s.get<ControllerSettings>().law = law;
   return s;
 }
 

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "common/path/figure_eight.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "controller/laws/pid_law.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -91,8 +92,8 @@ TEST(Pid, ResetMakesTheNextStepAFirstOne) {
   EXPECT_DOUBLE_EQ(pid.step(3.0, 20.0), 3.0);  // the 20 s before it do not count
 }
 
-Scenario::Controller proportional() {
-  Scenario::Controller c;
+ControllerSettings proportional() {
+  ControllerSettings c;
   c.tau_s = 2.0;
   c.v = {1.0, 0.0, 0.0, 100.0};
   c.omega = {1.0, 0.0, 0.0, 100.0};
@@ -119,7 +120,7 @@ TEST(PidLaw, WrapsTheHeadingError) {
 }
 
 TEST(PidLaw, TurnsTheLongWayRoundWithoutWrapping) {
-  Scenario::Controller config = proportional();
+  ControllerSettings config = proportional();
   config.wrap_heading = false;
   PidLaw law(config, std::make_shared<FigureEight>(FigureEight::Config{}));
   // At t = 1 s the path lies at a slightly negative bearing.

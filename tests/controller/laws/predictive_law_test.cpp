@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/vehicle/plan_buffer.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "tests/controller/laws/laws_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -78,9 +79,9 @@ bool never(int) { return false; }
 bool most(int n) { return n % 7 != 3; }
 
 TEST(PredictiveLaw, PlansTheHorizonInItsSteps) {
-  Scenario s = with_law(ControlLaw::predictive);
-  s.controller.horizon_s = 5.0;
-  s.controller.plan_step_ms = 25.0;
+  Scenario s = with_law("predictive");
+  s.get<ControllerSettings>().horizon_s = 5.0;
+  s.get<ControllerSettings>().plan_step_ms = 25.0;
   LawRig rig(s);
   const Plan plan = plan_of(rig.law->decide(kStart, nullptr));
   EXPECT_EQ(plan.twists.size(), 200U);
@@ -91,7 +92,7 @@ TEST(PredictiveLaw, PlansTheHorizonInItsSteps) {
 }
 
 TEST(PredictiveLaw, AVehicleThatFollowsThePlanIsOnThePathSoonAndStays) {
-  PlanRig rig(with_law(ControlLaw::predictive_consistent));
+  PlanRig rig(with_law("predictive_consistent"));
   ASSERT_EQ(rig.offer(kStart, plan_of(rig.law->decide(kStart, nullptr))), PlanFate::accepted);
   rig.move(kStart, at_s(4));
   for (int t = 4; t < 20; ++t) {
@@ -101,7 +102,7 @@ TEST(PredictiveLaw, AVehicleThatFollowsThePlanIsOnThePathSoonAndStays) {
 }
 
 TEST(PredictiveLaw, NoStepAsksForMoreThanTheWheelsCanDo) {
-  LawRig rig(with_law(ControlLaw::predictive));
+  LawRig rig(with_law("predictive"));
   rig.vehicle.pose = {5.0, -3.0, 2.0};  // far off, and turned away
   const SeenPose seen = rig.seen(at_s(1));
   rig.law->on_pose(seen);
@@ -117,7 +118,7 @@ TEST(PredictiveLaw, NoStepAsksForMoreThanTheWheelsCanDo) {
 }
 
 TEST(PredictiveLaw, ConsistentPlansSayWhatTheyWerePredictedFrom) {
-  LawRig rig(with_law(ControlLaw::predictive_consistent));
+  LawRig rig(with_law("predictive_consistent"));
   EXPECT_EQ(plan_of(rig.law->decide(kStart, nullptr)).based_on, Plan::kBasedOnNone);
   EXPECT_EQ(plan_of(rig.law->decide(at_ms(500), nullptr)).based_on, Plan::kBasedOnNone);
   const SeenPose seen = rig.seen(at_s(1), Duration{0}, 1);
@@ -128,14 +129,14 @@ TEST(PredictiveLaw, ConsistentPlansSayWhatTheyWerePredictedFrom) {
 }
 
 TEST(PredictiveLaw, PlansBeginWhenTheyShouldArrive) {
-  LawRig rig(with_law(ControlLaw::predictive));
+  LawRig rig(with_law("predictive"));
   const SeenPose seen = rig.seen(at_s(1), milliseconds{120});
   rig.law->on_pose(seen);
   EXPECT_EQ(plan_of(rig.law->decide(seen.arrival, &seen)).start, seen.arrival + milliseconds{120});
 }
 
 TEST(PredictiveLaw, OfPlansFromOnePoseTheVehicleFollowsTheFirst) {
-  PlanRig rig(with_law(ControlLaw::predictive_consistent));
+  PlanRig rig(with_law("predictive_consistent"));
   rig.see(kStart);
   EXPECT_EQ(rig.offer(kStart, plan_of(rig.law->decide(kStart, &*rig.newest))), PlanFate::accepted);
   rig.move(kStart, at_ms(100));
@@ -144,7 +145,7 @@ TEST(PredictiveLaw, OfPlansFromOnePoseTheVehicleFollowsTheFirst) {
 }
 
 TEST(PredictiveLaw, HeavyLossCostsNothingOnceThePlanIsOnBoard) {
-  Scenario s = with_law(ControlLaw::predictive_consistent);
+  Scenario s = with_law("predictive_consistent");
   PlanRig perfect(s), lossy(s);
   const double without = perfect.run(milliseconds{100}, never, never);
   // The first plan to arrive is the one of 0.3 s.
@@ -155,8 +156,8 @@ TEST(PredictiveLaw, HeavyLossCostsNothingOnceThePlanIsOnBoard) {
 
 TEST(PredictiveLaw, ThePlainFormSuffersWhereTheConsistentOneDoesNot) {
   const auto lost_at_first = [](int n) { return n < 20; };
-  PlanRig plain(with_law(ControlLaw::predictive));
-  PlanRig consistent(with_law(ControlLaw::predictive_consistent));
+  PlanRig plain(with_law("predictive"));
+  PlanRig consistent(with_law("predictive_consistent"));
   // Poses are lost, too: nobody tells that the vehicle still stands.
   const double p = plain.run(
       milliseconds{100}, [](int n) { return n > 0 && n < 8; }, lost_at_first);
@@ -166,8 +167,8 @@ TEST(PredictiveLaw, ThePlainFormSuffersWhereTheConsistentOneDoesNot) {
 }
 
 TEST(PredictiveLaw, WithAPreloadedPlanNothingNeedsToArrive) {
-  Scenario s = with_law(ControlLaw::predictive_consistent);
-  s.controller.horizon_s = 62.0;
+  Scenario s = with_law("predictive_consistent");
+  s.get<ControllerSettings>().horizon_s = 62.0;
   PlanRig rig(s);
   const std::optional<Plan> preload = rig.law->preload();
   ASSERT_TRUE(preload.has_value());
@@ -179,8 +180,8 @@ TEST(PredictiveLaw, WithAPreloadedPlanNothingNeedsToArrive) {
 }
 
 TEST(PredictiveLaw, BehindTheHorizonItCountsOnTheVehiclesStop) {
-  Scenario s = with_law(ControlLaw::predictive_consistent);
-  s.controller.horizon_s = 2.0;
+  Scenario s = with_law("predictive_consistent");
+  s.get<ControllerSettings>().horizon_s = 2.0;
   PlanRig rig(s);
   rig.offer(kStart, plan_of(rig.law->decide(kStart, nullptr)));
   rig.move(kStart, at_s(6));
@@ -193,7 +194,7 @@ TEST(PredictiveLaw, BehindTheHorizonItCountsOnTheVehiclesStop) {
 }
 
 TEST(PredictiveLaw, AFirstPlanThatCameLateIsMendedBeforeThePoseThatShowsIt) {
-  LawRig rig(with_law(ControlLaw::predictive_consistent));
+  LawRig rig(with_law("predictive_consistent"));
   for (int i = 0; i < 5; ++i) rig.law->decide(at_ms(100.0 * i), nullptr);
   const SeenPose seen = rig.seen(kStart, milliseconds{500});
   rig.law->on_pose(seen);
@@ -202,7 +203,7 @@ TEST(PredictiveLaw, AFirstPlanThatCameLateIsMendedBeforeThePoseThatShowsIt) {
 }
 
 TEST(PredictiveLaw, AVehicleThatFollowsAStrangerGetsAPlanThatMayTakeOver) {
-  LawRig rig(with_law(ControlLaw::predictive_consistent));
+  LawRig rig(with_law("predictive_consistent"));
   SeenPose seen = rig.seen(at_s(10));
   seen.follows_other = true;
   rig.law->on_pose(seen);
@@ -213,7 +214,7 @@ TEST(PredictiveLaw, AVehicleThatFollowsAStrangerGetsAPlanThatMayTakeOver) {
 
 TEST(PredictiveLaw, APlanSaysWhenItHasBroughtTheVehicleToThePath) {
   for (const double lag_m : {0.0, 2.0, 20.0}) {
-    PlanRig rig(with_law(ControlLaw::predictive_consistent));
+    PlanRig rig(with_law("predictive_consistent"));
     rig.vehicle.pose.x_m -= lag_m;
     SeenPose seen = rig.seen(kStart);
     rig.law->on_pose(seen);
@@ -231,8 +232,8 @@ TEST(PredictiveLaw, APlanSaysWhenItHasBroughtTheVehicleToThePath) {
 }
 
 TEST(PredictiveLaw, APlanThatIsTooShortForThatNeverSettles) {
-  Scenario s = with_law(ControlLaw::predictive_consistent);
-  s.controller.horizon_s = 3.0;
+  Scenario s = with_law("predictive_consistent");
+  s.get<ControllerSettings>().horizon_s = 3.0;
   LawRig rig(s);
   const Plan plan = plan_of(rig.law->decide(kStart, nullptr));
   EXPECT_GT(plan.settled, plan.end());
@@ -240,7 +241,7 @@ TEST(PredictiveLaw, APlanThatIsTooShortForThatNeverSettles) {
 
 /// Plan 0 of 20 s is followed from 0 s on, a pose of 5 s names it, and none comes any more.
 struct SilenceRig : PlanRig {
-  SilenceRig() : PlanRig(with_law(ControlLaw::predictive_consistent)) {
+  SilenceRig() : PlanRig(with_law("predictive_consistent")) {
     offer(kStart, plan_of(law->decide(kStart, nullptr)));
     move(kStart, at_s(5));
     see(at_s(5));
@@ -275,7 +276,7 @@ TEST(PredictiveLaw, ThePlanNamedIsLeftOutIfThePoseSaysThatItLeadsElsewhere) {
 }
 
 TEST(PredictiveLaw, EveryOtherPlanIsForAVehicleThatReceivedNothingSince) {
-  LawRig rig(with_law(ControlLaw::predictive_consistent));
+  LawRig rig(with_law("predictive_consistent"));
   for (int i = 0; i < 100; ++i) rig.law->decide(at_ms(100.0 * i), nullptr);
   int ordinary = 0, extended = 0;
   for (int i = 101; i < 150; ++i) {
@@ -292,8 +293,8 @@ TEST(PredictiveLaw, EveryOtherPlanIsForAVehicleThatReceivedNothingSince) {
 }
 
 TEST(PredictiveLaw, SurvivesASilenceOfPosesOfFourHorizons) {
-  Scenario s = with_law(ControlLaw::predictive_consistent);
-  s.controller.horizon_s = 10.0;
+  Scenario s = with_law("predictive_consistent");
+  s.get<ControllerSettings>().horizon_s = 10.0;
   const auto from_20_s = [](int n) { return n > 20; };
   PlanRig extended(s), plain(s);
   plain.takes_extensions = false;
@@ -305,8 +306,8 @@ TEST(PredictiveLaw, SurvivesASilenceOfPosesOfFourHorizons) {
 }
 
 TEST(PredictiveLaw, NeedsNoPoseAtAllIfTheStartIsKnown) {
-  Scenario s = with_law(ControlLaw::predictive_consistent);
-  s.controller.horizon_s = 10.0;
+  Scenario s = with_law("predictive_consistent");
+  s.get<ControllerSettings>().horizon_s = 10.0;
   PlanRig rig(s);
   const auto all = [](int) { return true; };
   EXPECT_LT(rig.run(milliseconds{100}, all, lost_at_random(2, 0.5)), 0.1);
@@ -314,8 +315,8 @@ TEST(PredictiveLaw, NeedsNoPoseAtAllIfTheStartIsKnown) {
 }
 
 TEST(PredictiveLaw, WhateverIsLostAVehicleOnThePathStaysThereWhileItsPlanLasts) {
-  Scenario s = with_law(ControlLaw::predictive_consistent);
-  s.controller.horizon_s = 10.0;
+  Scenario s = with_law("predictive_consistent");
+  s.get<ControllerSettings>().horizon_s = 10.0;
   for (unsigned seed = 1; seed <= 8; ++seed) {
     PlanRig rig(s);
     const auto pose_lost = lost_at_random(seed, 0.05), plan_lost = lost_at_random(100 + seed, 0.2);
@@ -337,7 +338,7 @@ TEST(PredictiveLaw, WhateverIsLostAVehicleOnThePathStaysThereWhileItsPlanLasts) 
 }
 
 TEST(PredictiveLaw, StopsByAPlanOfStandingStill) {
-  LawRig rig(with_law(ControlLaw::predictive_consistent));
+  LawRig rig(with_law("predictive_consistent"));
   const Plan plan = plan_of(rig.law->stop(at_s(3)));
   ASSERT_EQ(plan.twists.size(), 1U);
   EXPECT_EQ(plan.twists[0].v_mps, 0.0);

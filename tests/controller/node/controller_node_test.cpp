@@ -7,6 +7,7 @@
 #include <tether/controller_report_t.hpp>
 #include <tether/counters_t.hpp>
 
+#include "controller/laws/controller_settings.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
@@ -43,8 +44,8 @@ struct ControllerNodeTest : ::testing::Test {
     return counter(counters.back().message, name);
   }
   void use_timer(double rate_hz) {
-    scenario.controller.trigger = Scenario::Controller::Trigger::timer;
-    scenario.controller.rate_hz = rate_hz;
+    scenario.get<ControllerSettings>().trigger = ControllerSettings::Trigger::timer;
+    scenario.get<ControllerSettings>().rate_hz = rate_hz;
   }
 };
 
@@ -67,7 +68,7 @@ TEST_F(ControllerNodeTest, TimerTriggerSendsZeroTwistsBeforeTheFirstPose) {
 }
 
 TEST_F(ControllerNodeTest, EventTriggerAnswersEachPoseAtOnce) {
-  scenario.controller.pose_timeout_s = 0.0;
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(0.9), 0));
   world.publish_at(at_s(3), "CTRL/POSE", pose(at_s(2.9), 1));
@@ -96,7 +97,7 @@ TEST_F(ControllerNodeTest, ReportNamesThePoseItsAgeAndTheErrors) {
 }
 
 TEST_F(ControllerNodeTest, EventTriggerStopsTheVehicleOnceWhenThePoseIsTimeoutOld) {
-  scenario.controller.pose_timeout_s = 0.5;
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0));
   world.loop.run_until(at_ms(1499.999));
@@ -111,7 +112,7 @@ TEST_F(ControllerNodeTest, EventTriggerStopsTheVehicleOnceWhenThePoseIsTimeoutOl
 }
 
 TEST_F(ControllerNodeTest, ANewPoseInTimePreventsTheTimeout) {
-  scenario.controller.pose_timeout_s = 0.5;
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
   for (int i = 0; i < 10; ++i) {
     world.publish_at(at_ms(400.0 * i), "CTRL/POSE", pose(at_ms(400.0 * i), i));
@@ -122,7 +123,7 @@ TEST_F(ControllerNodeTest, ANewPoseInTimePreventsTheTimeout) {
 }
 
 TEST_F(ControllerNodeTest, APoseThatArrivesTooOldIsAnsweredByAStop) {
-  scenario.controller.pose_timeout_s = 0.5;
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
   world.publish_at(at_s(2), "CTRL/POSE", pose(at_s(1.5), 0, 5.0, 5.0));
   world.loop.run_until(at_s(5));
@@ -133,7 +134,7 @@ TEST_F(ControllerNodeTest, APoseThatArrivesTooOldIsAnsweredByAStop) {
 
 TEST_F(ControllerNodeTest, TimerTriggerSendsZeroTwistsFromThePoseTimeoutOn) {
   use_timer(10.0);
-  scenario.controller.pose_timeout_s = 0.5;
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
   world.publish_at(kStart, "CTRL/POSE", pose(kStart, 0));
   world.loop.run_until(at_s(1));
@@ -144,7 +145,7 @@ TEST_F(ControllerNodeTest, TimerTriggerSendsZeroTwistsFromThePoseTimeoutOn) {
 }
 
 TEST_F(ControllerNodeTest, ZeroTimeoutMeansNever) {
-  scenario.controller.pose_timeout_s = 0.0;
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   use_timer(1.0);
   start();
   world.publish_at(at_s(0.5), "CTRL/POSE", pose(at_s(0.5), 0));
@@ -166,7 +167,7 @@ TEST_F(ControllerNodeTest, NonFinitePosesAreCountedAndIgnored) {
 }
 
 TEST_F(ControllerNodeTest, ANonFinitePoseDoesNotRefreshTheTimeout) {
-  scenario.controller.pose_timeout_s = 0.5;
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0));
   world.publish_at(at_s(1.4), "CTRL/POSE", pose(at_s(1.4), 1, kNaN));
@@ -209,8 +210,8 @@ TEST_F(ControllerNodeTest, CommandsStayWithinTheLimits) {
   world.loop.run_until(at_s(2));
   ASSERT_EQ(commands.size(), 2U);
   for (const auto& c : commands) {
-    EXPECT_LE(std::abs(c.message.v_mps), scenario.controller.v.limit);
-    EXPECT_LE(std::abs(c.message.omega_radps), scenario.controller.omega.limit);
+    EXPECT_LE(std::abs(c.message.v_mps), scenario.get<ControllerSettings>().v.limit);
+    EXPECT_LE(std::abs(c.message.omega_radps), scenario.get<ControllerSettings>().omega.limit);
   }
 }
 

@@ -4,6 +4,8 @@
 #include <tether/counters_t.hpp>
 #include <tether/plan_t.hpp>
 
+#include "common/scenario/run_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "controller/node/controller_node.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -26,8 +28,8 @@ struct ControllerPlanTest : ::testing::Test {
   std::unique_ptr<ControllerNode> node;
 
   ControllerPlanTest() {
-    scenario.controller.law = ControlLaw::predictive_consistent;
-    scenario.controller.pose_timeout_s = 0.0;
+    scenario.get<ControllerSettings>().law = "predictive_consistent";
+    scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   }
   void start(std::optional<std::int64_t> session = std::nullopt) {
     world.collect("CTRL/PLAN", plans);
@@ -37,8 +39,8 @@ struct ControllerPlanTest : ::testing::Test {
     node = std::make_unique<ControllerNode>(scenario, world.loop, world.bus, session);
   }
   void use_timer(double rate_hz) {
-    scenario.controller.trigger = Scenario::Controller::Trigger::timer;
-    scenario.controller.rate_hz = rate_hz;
+    scenario.get<ControllerSettings>().trigger = ControllerSettings::Trigger::timer;
+    scenario.get<ControllerSettings>().rate_hz = rate_hz;
   }
 };
 
@@ -74,7 +76,7 @@ TEST_F(ControllerPlanTest, TimerTriggerPlansBeforeTheFirstPose) {
 
 TEST_F(ControllerPlanTest, PlansOfTheLeadBeginWithThePath) {
   use_timer(1.0);
-  scenario.run.lead_s = 3.0;
+  scenario.get<RunSettings>().lead_s = 3.0;
   VirtualLoop early(at_s(-3));
   InProcessBus bus(early);
   std::vector<std::int64_t> starts;
@@ -104,7 +106,7 @@ TEST_F(ControllerPlanTest, PosesOfThisSessionAloneNameAPlanToBaseOn) {
 TEST_F(ControllerPlanTest, SessionsComeFromTheSeed) {
   start();
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0));
-  scenario.run.seed = 2;
+  scenario.get<RunSettings>().seed = 2;
   std::vector<Seen<plan_t>> first = plans;
   ControllerNode other(scenario, world.loop, world.bus);
   world.loop.run_until(at_s(1));
@@ -114,7 +116,7 @@ TEST_F(ControllerPlanTest, SessionsComeFromTheSeed) {
 }
 
 TEST_F(ControllerPlanTest, APoseTimeoutIsAnsweredByAPlanToStop) {
-  scenario.controller.pose_timeout_s = 0.5;
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0));
   world.loop.run_until(at_s(3));
@@ -128,7 +130,7 @@ TEST_F(ControllerPlanTest, APoseTimeoutIsAnsweredByAPlanToStop) {
 
 TEST_F(ControllerPlanTest, ThePreloadedPlanIsThereBeforeAllElse) {
   use_timer(1.0);
-  scenario.controller.preload = true;
+  scenario.get<ControllerSettings>().preload = true;
   start();
   world.loop.run_until(kStart);
   ASSERT_EQ(preloads.size(), 1U);

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "netem/link/delay_histogram.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "netem/models/state_process.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tests/support/virtual_world.hpp"
@@ -195,7 +196,8 @@ TEST(Link, AFullQueueDropsTheNewestAndCountsIt) {
 
 TEST(MakeLinks, LinksHaveIndependentFates) {
   Scenario scenario;
-  scenario.channel.uplink.fixed.prr = scenario.channel.downlink.fixed.prr = 0.5;
+  scenario.get<ChannelSettings>().uplink.fixed.prr =
+      scenario.get<ChannelSettings>().downlink.fixed.prr = 0.5;
   LinkPair links = make_links(scenario);
   constexpr int kPackets = 10000;
   int same = 0;
@@ -208,9 +210,10 @@ TEST(MakeLinks, LinksHaveIndependentFates) {
 
 TEST(MakeLinks, SharedStateIsOneProcessIndependentStateAreTwo) {
   Scenario scenario;
-  scenario.channel.uplink.model = scenario.channel.downlink.model = LinkConfig::Model::markov;
+  scenario.get<ChannelSettings>().uplink.model = scenario.get<ChannelSettings>().downlink.model =
+      LinkConfig::Model::markov;
   for (bool shared : {false, true}) {
-    scenario.channel.shared_state = shared;
+    scenario.get<ChannelSettings>().shared_state = shared;
     LinkPair links = make_links(scenario);
     EXPECT_EQ(
         links.uplink.process().next_transition() == links.downlink.process().next_transition(),
@@ -220,9 +223,9 @@ TEST(MakeLinks, SharedStateIsOneProcessIndependentStateAreTwo) {
 
 TEST(MakeLinks, TheDownlinksFateDoesNotDependOnTheUplinksModel) {
   Scenario plain;
-  plain.channel.downlink.fixed.prr = 0.5;
+  plain.get<ChannelSettings>().downlink.fixed.prr = 0.5;
   Scenario other = plain;
-  other.channel.uplink.model = LinkConfig::Model::markov;
+  other.get<ChannelSettings>().uplink.model = LinkConfig::Model::markov;
   LinkPair a = make_links(plain), b = make_links(other);
   for (int i = 0; i < 1000; ++i) {
     b.uplink.push(at_ms(i), packet(0));

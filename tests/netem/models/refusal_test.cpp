@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "netem/models/channel_settings.hpp"
 #include "tests/netem/link/channel_rig.hpp"
 
 // Settings that a channel in use does not take: the reason, and that nothing has changed.
@@ -104,9 +105,9 @@ TEST(Refusal, ChangesNothingOfWhatPacketsMeet) {
 
 TEST(Refusal, LeavesTheSettingsInForce) {
   ChannelRig rig(channel(kBegin));
-  const auto before = channel_settings(rig.control.in_force());
+  const auto before = channel_settings(rig.control.in_force().get<ChannelSettings>());
   for (const auto& [settings, reason] : refused()) rig.refusal(settings);
-  EXPECT_EQ(channel_settings(rig.control.in_force()), before);
+  EXPECT_EQ(channel_settings(rig.control.in_force().get<ChannelSettings>()), before);
 }
 
 TEST(ChannelSettings, AreAnsweredAsTheyAreInForce) {
@@ -123,7 +124,7 @@ TEST(ChannelSettings, AreAnsweredAsTheyAreInForce) {
                           ChannelSetting{"uplink.markov.mean_good_s", "6.0"},
                           ChannelSetting{"uplink.markov.mean_bad_s", "2.0"}));
   EXPECT_THAT(
-      channel_settings(rig.control.in_force()),
+      channel_settings(rig.control.in_force().get<ChannelSettings>()),
       ElementsAre(ChannelSetting{"uplink.model", "\"markov\""}, ChannelSetting{"uplink.prr", "0.5"},
                   ChannelSetting{"uplink.markov.mean_good_s", "6.0"},
                   ChannelSetting{"uplink.markov.mean_bad_s", "2.0"},

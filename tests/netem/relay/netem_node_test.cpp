@@ -4,6 +4,8 @@
 
 #include <tether/link_report_t.hpp>
 
+#include "common/scenario/run_settings.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
@@ -61,7 +63,7 @@ TEST_F(NetemNodeTest, PlansShareTheDownlinkWithCommandsAndPayForTheirSize) {
 }
 
 TEST_F(NetemNodeTest, APreloadPassesByTheLinksAndIsCounted) {
-  scenario.channel.downlink.fixed = {0.0, 1000.0};  // nothing gets through
+  scenario.get<ChannelSettings>().downlink.fixed = {0.0, 1000.0};  // nothing gets through
   std::vector<Seen<counters_t>> counters;
   world.collect("NET/COUNTERS", counters);
   std::vector<Instant> preloads;
@@ -80,7 +82,7 @@ TEST_F(NetemNodeTest, APreloadPassesByTheLinksAndIsCounted) {
 }
 
 TEST_F(NetemNodeTest, DeliversAfterTheDelayToTheNanosecond) {
-  scenario.channel.uplink.fixed.delay_ms = 333.25;
+  scenario.get<ChannelSettings>().uplink.fixed.delay_ms = 333.25;
   std::vector<Seen<pose_t>> seen;
   world.collect("CTRL/POSE", seen);
   const auto node = start();
@@ -91,7 +93,7 @@ TEST_F(NetemNodeTest, DeliversAfterTheDelayToTheNanosecond) {
 }
 
 TEST_F(NetemNodeTest, ReportsCountDelayAndState) {
-  scenario.channel.uplink.fixed = {0.5, 100.0};
+  scenario.get<ChannelSettings>().uplink.fixed = {0.5, 100.0};
   const auto node = start();
   for (int i = 0; i < 200; ++i) {
     world.publish_at(at_ms(10.0 * i), "AGV/POSE", testing::pose(at_ms(10.0 * i), i));
@@ -111,10 +113,10 @@ TEST_F(NetemNodeTest, ReportsCountDelayAndState) {
 }
 
 TEST_F(NetemNodeTest, ReportsEveryPeriodAndAtEachChangeOfState) {
-  scenario.run.report_period_s = 1.0;
-  scenario.channel.uplink.model = LinkConfig::Model::markov;
-  scenario.channel.uplink.mean_good_s = 1.5;
-  scenario.channel.uplink.mean_bad_s = 0.5;
+  scenario.get<RunSettings>().report_period_s = 1.0;
+  scenario.get<ChannelSettings>().uplink.model = LinkConfig::Model::markov;
+  scenario.get<ChannelSettings>().uplink.mean_good_s = 1.5;
+  scenario.get<ChannelSettings>().uplink.mean_bad_s = 0.5;
   const auto node = start();
   world.loop.run_until(at_s(100));
   EXPECT_EQ(downlink.size(), 101U);  // t = 0, 1 … 100

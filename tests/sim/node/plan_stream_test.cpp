@@ -12,7 +12,9 @@
 #include <vector>
 
 #include "common/vehicle/actuator.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/plant.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
 
@@ -23,7 +25,7 @@
 namespace tether {
 namespace {
 
-using Policy = Scenario::Actuator::Policy;
+using Policy = ActuatorSettings::Policy;
 using std::chrono::milliseconds;
 using testing::plan;
 
@@ -136,11 +138,11 @@ class Hostile {
   std::int64_t next_session_ = 100;
 };
 
-constexpr auto kKinematic = Scenario::Vehicle::Plant::kinematic;
-constexpr auto kOde = Scenario::Vehicle::Plant::ode;
+constexpr auto kKinematic = VehicleSettings::Plant::kinematic;
+constexpr auto kOde = VehicleSettings::Plant::ode;
 
 struct Case {
-  Scenario::Vehicle::Plant plant;
+  VehicleSettings::Plant plant;
   Policy policy;
   int seeds;
   int seconds;
@@ -154,11 +156,13 @@ class RandomStreams : public ::testing::TestWithParam<Case> {
   void drive(unsigned seed) {
     Hostile hostile(seed);
     Scenario scenario;
-    scenario.vehicle.plant = GetParam().plant;
-    scenario.actuator.policy = GetParam().policy;
-    scenario.actuator.timeout_s = 0.3;
-    const auto vehicle = make_plant(scenario.vehicle, scenario.world, kStep);
-    Actuator actuator(scenario.actuator, scenario.vehicle, {.earliest = kStart});
+    scenario.get<VehicleSettings>().plant = GetParam().plant;
+    scenario.get<ActuatorSettings>().policy = GetParam().policy;
+    scenario.get<ActuatorSettings>().timeout_s = 0.3;
+    const auto vehicle =
+        make_plant(scenario.get<VehicleSettings>(), scenario.get<WorldSettings>(), kStep);
+    Actuator actuator(scenario.get<ActuatorSettings>(), scenario.get<VehicleSettings>(),
+                      {.earliest = kStart});
     last_ = {};
     for (Instant now = kStart; now < kStart + std::chrono::seconds{GetParam().seconds};
          now += kStep) {
@@ -166,9 +170,9 @@ class RandomStreams : public ::testing::TestWithParam<Case> {
       if (hostile.one_in(2000)) actuator.on_command(now, hostile.usable_twist());
       const Twist twist = actuator.in_force(now);
       ASSERT_TRUE(is_usable(twist)) << to_seconds(now);
-      vehicle->set_wheel_targets(to_wheel_speeds(twist, scenario.vehicle.track_m));
+      vehicle->set_wheel_targets(to_wheel_speeds(twist, scenario.get<VehicleSettings>().track_m));
       vehicle->step();
-      check_motion(*vehicle, scenario.vehicle);
+      check_motion(*vehicle, scenario.get<VehicleSettings>());
       if (HasFatalFailure()) return;
     }
     if (GetParam().policy == Policy::horizon) check_balance(actuator);

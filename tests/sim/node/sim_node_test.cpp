@@ -8,6 +8,10 @@
 #include <tether/counters_t.hpp>
 #include <tether/ground_truth_t.hpp>
 
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
@@ -35,7 +39,7 @@ TEST(PoseSensor, WithoutNoiseIsTheTruth) {
 
 TEST(PoseSensor, NoiseHasTheConfiguredDeviationAndNoBias) {
   constexpr int kSamples = 20000;
-  Scenario::Sensor config;
+  SensorSettings config;
   config.position_noise_m = 0.02;
   config.yaw_noise_rad = 0.01;
   PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(1, "drift"));
@@ -58,7 +62,7 @@ TEST(PoseSensor, NoiseHasTheConfiguredDeviationAndNoBias) {
 }
 
 TEST(PoseSensor, DriftGrowsWithTheRootOfTime) {
-  Scenario::Sensor config;
+  SensorSettings config;
   config.rate_hz = 4.0;
   config.position_drift_mpsqrts = 0.1;
   config.yaw_drift_radpsqrts = 0.02;
@@ -80,7 +84,7 @@ TEST(PoseSensor, DriftGrowsWithTheRootOfTime) {
 }
 
 TEST(PoseSensor, NoisyYawStaysWrapped) {
-  Scenario::Sensor config;
+  SensorSettings config;
   config.yaw_noise_rad = 0.5;
   PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(1, "drift"));
   for (int i = 0; i < 1000; ++i) {
@@ -139,7 +143,7 @@ struct SimNodeTest : ::testing::Test {
 };
 
 TEST_F(SimNodeTest, PublishesPosesAtTheSensorsRateFromTheStartOn) {
-  scenario.sensor.rate_hz = 4.0;
+  scenario.get<SensorSettings>().rate_hz = 4.0;
   start();
   world.loop.run_until(at_s(2));
   ASSERT_EQ(poses.size(), 9U);
@@ -151,8 +155,8 @@ TEST_F(SimNodeTest, PublishesPosesAtTheSensorsRateFromTheStartOn) {
 }
 
 TEST_F(SimNodeTest, SensorLatencyDelaysThePoseButNotItsTimeStamp) {
-  scenario.sensor.rate_hz = 1.0;
-  scenario.sensor.latency_ms = 80.0;
+  scenario.get<SensorSettings>().rate_hz = 1.0;
+  scenario.get<SensorSettings>().latency_ms = 80.0;
   start();
   world.loop.run_until(at_s(1.5));
   ASSERT_EQ(poses.size(), 2U);
@@ -161,7 +165,7 @@ TEST_F(SimNodeTest, SensorLatencyDelaysThePoseButNotItsTimeStamp) {
 }
 
 TEST_F(SimNodeTest, PoseIsStampedWithTheStepItShows) {
-  scenario.sensor.rate_hz = 30.0;  // 33.3 ms is no multiple of the 1 ms step
+  scenario.get<SensorSettings>().rate_hz = 30.0;  // 33.3 ms is no multiple of the 1 ms step
   start();
   world.loop.run_until(at_s(1));
   for (const auto& p : poses) {
@@ -187,8 +191,8 @@ TEST_F(SimNodeTest, HoldKeepsDrivingWhenCommandsCease) {
 }
 
 TEST_F(SimNodeTest, ZeroPolicyBrakesAtTheTimeout) {
-  scenario.actuator.policy = Scenario::Actuator::Policy::zero;
-  scenario.actuator.timeout_s = 0.5;
+  scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::zero;
+  scenario.get<ActuatorSettings>().timeout_s = 0.5;
   start();
   command_at(0.0, 0, 0.3, 0.0);
   world.loop.run_until(at_ms(500));
@@ -232,8 +236,8 @@ TEST_F(SimNodeTest, StaleCommandsNeverReachTheWheels) {
 }
 
 TEST_F(SimNodeTest, RejectedCommandsDoNotRefreshTheTimeout) {
-  scenario.actuator.policy = Scenario::Actuator::Policy::zero;
-  scenario.actuator.timeout_s = 0.5;
+  scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::zero;
+  scenario.get<ActuatorSettings>().timeout_s = 0.5;
   start();
   command_at(1.0, 0, 0.3, 0.0);
   for (int i = 1; i < 20; ++i) command_at(1.0 + 0.1 * i, i, kNaN, 0.0);
@@ -259,12 +263,14 @@ TEST_F(SimNodeTest, ExtremeCommandsAreScaledToTheWheelSpeedLimit) {
   world.loop.run_until(at_s(5));
   const VehicleState& s = node->vehicle().state();
   EXPECT_TRUE(is_usable(s.pose));
-  EXPECT_LE(std::abs(s.rim_speeds.left_mps), scenario.vehicle.max_wheel_speed_mps + 0.5);
-  EXPECT_LE(std::abs(s.rim_speeds.right_mps), scenario.vehicle.max_wheel_speed_mps + 0.5);
+  EXPECT_LE(std::abs(s.rim_speeds.left_mps),
+            scenario.get<VehicleSettings>().max_wheel_speed_mps + 0.5);
+  EXPECT_LE(std::abs(s.rim_speeds.right_mps),
+            scenario.get<VehicleSettings>().max_wheel_speed_mps + 0.5);
 }
 
 TEST_F(SimNodeTest, TheWorldStandsStillAfterTheRunsEnd) {
-  scenario.run.duration_s = 2.0;
+  scenario.get<RunSettings>().duration_s = 2.0;
   start();
   command_at(0.0, 0, 1.0, 0.0);
   world.loop.run_until(at_s(2));
@@ -277,7 +283,7 @@ TEST_F(SimNodeTest, TheWorldStandsStillAfterTheRunsEnd) {
 }
 
 TEST_F(SimNodeTest, AVehicleThatNeverMovesHasTheKnownEpsilon) {
-  scenario.run.duration_s = 62.0;
+  scenario.get<RunSettings>().duration_s = 62.0;
   start();
   world.loop.run_until(at_s(62));
   // The path's mean distance from the origin over 62 s, by numerical integration: 14.79 m.

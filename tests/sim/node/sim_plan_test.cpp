@@ -11,7 +11,10 @@
 #include <tether/pose_t.hpp>
 #include <vector>
 
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -29,7 +32,7 @@ using testing::to_message;
 using testing::twist;
 using testing::VirtualWorld;
 
-class SimPlan : public ::testing::TestWithParam<Scenario::Vehicle::Plant> {
+class SimPlan : public ::testing::TestWithParam<VehicleSettings::Plant> {
  protected:
   Scenario scenario;
   VirtualWorld world;
@@ -38,8 +41,8 @@ class SimPlan : public ::testing::TestWithParam<Scenario::Vehicle::Plant> {
   std::unique_ptr<SimNode> node;
 
   void start() {
-    scenario.actuator.policy = Scenario::Actuator::Policy::horizon;
-    scenario.vehicle.plant = GetParam();
+    scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::horizon;
+    scenario.get<VehicleSettings>().plant = GetParam();
     world.collect("AGV/POSE", poses);
     world.collect("SIM/COUNTERS", counters);
     node = std::make_unique<SimNode>(scenario, world.loop, world.bus);
@@ -78,7 +81,7 @@ TEST_P(SimPlan, IsExecutedByTimeAndEndsWithARampToStandstill) {
 }
 
 TEST_P(SimPlan, PosesNameThePlanThatIsAcceptedByTheirStamp) {
-  scenario.sensor.rate_hz = 100.0;
+  scenario.get<SensorSettings>().rate_hz = 100.0;
   start();
   send_at(at_ms(1005), plan(at_s(1), 0, Plan::kBasedOnNone));
   send_at(at_ms(1200), plan(at_ms(1100), 1, 0));  // at the very time of a pose
@@ -96,8 +99,8 @@ TEST_P(SimPlan, PosesNameThePlanThatIsAcceptedByTheirStamp) {
 }
 
 TEST_P(SimPlan, ALatentSensorNamesThePlanOfTheMeasurement) {
-  scenario.sensor.rate_hz = 10.0;
-  scenario.sensor.latency_ms = 80.0;
+  scenario.get<SensorSettings>().rate_hz = 10.0;
+  scenario.get<SensorSettings>().latency_ms = 80.0;
   start();
   send_at(at_ms(1050), plan(at_s(1), 0, Plan::kBasedOnNone));
   world.loop.run_until(at_s(2));
@@ -158,8 +161,8 @@ TEST_P(SimPlan, EveryMessageOnThePlanChannelIsCountedOnce) {
 }
 
 TEST_P(SimPlan, WithDrivesOnCanThePoseNamesWhatTheBridgeTells) {
-  scenario.vehicle.drivetrain = Scenario::Vehicle::Drivetrain::can;
-  scenario.sensor.rate_hz = 100.0;
+  scenario.get<VehicleSettings>().drivetrain = VehicleSettings::Drivetrain::can;
+  scenario.get<SensorSettings>().rate_hz = 100.0;
   start();
   send_at(at_ms(10), plan(at_ms(10), 5));  // the bridge's business
   plan_in_force_t m{};
@@ -183,11 +186,11 @@ TEST_P(SimPlan, WithDrivesOnCanThePoseNamesWhatTheBridgeTells) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Plants, SimPlan,
-                         ::testing::Values(Scenario::Vehicle::Plant::ode,
-                                           Scenario::Vehicle::Plant::kinematic),
+                         ::testing::Values(VehicleSettings::Plant::ode,
+                                           VehicleSettings::Plant::kinematic),
                          [](const auto& info) {
                            return std::string(
-                               info.param == Scenario::Vehicle::Plant::ode ? "ode" : "kinematic");
+                               info.param == VehicleSettings::Plant::ode ? "ode" : "kinematic");
                          });
 
 }  // namespace

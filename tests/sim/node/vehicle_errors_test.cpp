@@ -4,10 +4,13 @@
 #include <cmath>
 #include <memory>
 
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/ode_world.hpp"
 #include "sim/plant/plant.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -26,9 +29,9 @@ constexpr double kStep_s = 1e-3;
 constexpr double kAcceleration_mps2 = 3.0;
 
 /// Where the kinematic vehicle is after `seconds` of a twist.
-Pose2 driven(const Scenario::Vehicle& vehicle, const Twist& twist, double seconds) {
-  Scenario::Vehicle kinematic = vehicle;
-  kinematic.plant = Scenario::Vehicle::Plant::kinematic;
+Pose2 driven(const VehicleSettings& vehicle, const Twist& twist, double seconds) {
+  VehicleSettings kinematic = vehicle;
+  kinematic.plant = VehicleSettings::Plant::kinematic;
   kinematic.max_wheel_acceleration_mps2 = kAcceleration_mps2;
   DriveErrors errors(kinematic);
   const auto plant = make_plant(kinematic, {.half_extent_m = 1e3}, from_seconds(kStep_s));
@@ -48,7 +51,7 @@ TEST(VehicleErrors, WithoutAnyTheWheelsGetTheTwistToTheBit) {
 }
 
 TEST(VehicleErrors, WheelsLargerByThreePercentDriveThreePercentFurther) {
-  Scenario::Vehicle larger;
+  VehicleSettings larger;
   larger.radius_error = 0.03;
   // From rest to v with a: T v − v²/(2a), to half a step.
   const double a = kAcceleration_mps2;
@@ -57,7 +60,7 @@ TEST(VehicleErrors, WheelsLargerByThreePercentDriveThreePercentFurther) {
 }
 
 TEST(VehicleErrors, ATrackTakenForThreePercentTooWideTurnsThreePercentTooFar) {
-  Scenario::Vehicle vehicle;
+  VehicleSettings vehicle;
   vehicle.track_error = 0.03;
   DriveErrors errors(vehicle);
   const Twist twist = to_twist(errors.step({1.0, 0.5}, kStep_s), vehicle.track_m);
@@ -68,7 +71,7 @@ TEST(VehicleErrors, ATrackTakenForThreePercentTooWideTurnsThreePercentTooFar) {
 }
 
 TEST(VehicleErrors, ALagOfFirstOrderIsAt63PercentAfterItsTimeConstant) {
-  Scenario::Vehicle vehicle;
+  VehicleSettings vehicle;
   vehicle.actuator_lag_ms = 50.0;
   DriveErrors errors(vehicle);
   WheelSpeeds rim;
@@ -103,10 +106,10 @@ TEST(VehicleErrors, APayloadShiftsTheCentreOfMassByItsShareOfTheMass) {
 class VehicleClock : public ::testing::TestWithParam<double> {
  protected:
   VehicleClock() {
-    scenario.vehicle.plant = Scenario::Vehicle::Plant::kinematic;
-    scenario.vehicle.clock_offset_ms = GetParam();
-    scenario.actuator.policy = Scenario::Actuator::Policy::horizon;
-    scenario.sensor.rate_hz = 10.0;
+    scenario.get<VehicleSettings>().plant = VehicleSettings::Plant::kinematic;
+    scenario.get<VehicleSettings>().clock_offset_ms = GetParam();
+    scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::horizon;
+    scenario.get<SensorSettings>().rate_hz = 10.0;
     world.collect("AGV/POSE", poses);
     node = std::make_unique<SimNode>(scenario, world.loop, world.bus);
   }
@@ -134,7 +137,8 @@ TEST_P(VehicleClock, BeginsAPlanWhenItShowsThePlansStart) {
   world.loop.run_until(start);
   EXPECT_EQ(speed_mps(), 0.0);
   world.loop.run_until(start + std::chrono::milliseconds{20});
-  EXPECT_NEAR(speed_mps(), scenario.vehicle.max_wheel_acceleration_mps2 * 0.02, 0.0031);
+  EXPECT_NEAR(speed_mps(), scenario.get<VehicleSettings>().max_wheel_acceleration_mps2 * 0.02,
+              0.0031);
 }
 
 INSTANTIATE_TEST_SUITE_P(AheadAndBehind, VehicleClock, ::testing::Values(20.0, -20.0, 0.0));

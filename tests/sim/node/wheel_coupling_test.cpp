@@ -7,6 +7,7 @@
 #include <tether/wheel_targets_t.hpp>
 #include <vector>
 
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/ode_vehicle.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -29,7 +30,8 @@ wheel_targets_t targets(Instant stamp, std::int64_t seq, double left_radps, doub
 struct WheelCouplingTest : ::testing::Test {
   Scenario scenario;
   VirtualWorld world;
-  OdeVehicle vehicle{scenario.vehicle, scenario.world, std::chrono::milliseconds{1}};
+  OdeVehicle vehicle{scenario.get<VehicleSettings>(), scenario.get<WorldSettings>(),
+                     std::chrono::milliseconds{1}};
   WheelCoupling coupling{scenario, world.loop, world.bus, vehicle};
 };
 

@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/ode_vehicle.hpp"
 #include "tests/sim/plant/plant_rig.hpp"
 
@@ -130,7 +131,7 @@ double beyond_walls_m(const Pose2& pose) {
                              std::abs(pose.y_m + s * x + c * side * y)});
     }
   }
-  return farthest_m - WorldConfig{}.half_extent_m;
+  return farthest_m - WorldSettings{}.half_extent_m;
 }
 
 VehicleConfig at(double x_m, double y_m, double yaw_rad) {

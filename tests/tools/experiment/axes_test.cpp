@@ -5,7 +5,11 @@
 #include <filesystem>
 #include <set>
 
+#include "common/vehicle/vehicle_settings.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "tests/tools/experiment/file.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 
 // Axes with names and labels, parts, and what an experiment file wants to see; and the project's
 // own files of control over a bad network.
@@ -43,11 +47,11 @@ TEST_F(ExperimentAxes, ANamedAxisGoesByItsLabelsAndSetsWhatEachSays) {
   EXPECT_THAT(texts(e), ElementsAre("law = PID, channel.prr = 1", "law = PID, channel.prr = 0.5",
                                     "law = a tracking law, channel.prr = 1",
                                     "law = a tracking law, channel.prr = 0.5"));
-  EXPECT_EQ(e.arms[0].scenario.controller.law, ControlLaw::pid);
-  EXPECT_EQ(e.arms[0].scenario.sensor.rate_hz, 1.0) << "the scenario's own";
-  EXPECT_EQ(e.arms[3].scenario.controller.law, ControlLaw::tracking);
-  EXPECT_EQ(e.arms[3].scenario.sensor.rate_hz, 20.0);
-  EXPECT_EQ(e.arms[3].scenario.channel.uplink.fixed.prr, 0.5);
+  EXPECT_EQ(e.arms[0].scenario.get<ControllerSettings>().law, "pid");
+  EXPECT_EQ(e.arms[0].scenario.get<SensorSettings>().rate_hz, 1.0) << "the scenario's own";
+  EXPECT_EQ(e.arms[3].scenario.get<ControllerSettings>().law, "tracking");
+  EXPECT_EQ(e.arms[3].scenario.get<SensorSettings>().rate_hz, 20.0);
+  EXPECT_EQ(e.arms[3].scenario.get<ChannelSettings>().uplink.fixed.prr, 0.5);
 }
 
 TEST_F(ExperimentAxes, LabelsKeepTheOrderOfTheFile) {
@@ -57,8 +61,8 @@ TEST_F(ExperimentAxes, LabelsKeepTheOrderOfTheFile) {
 
 TEST_F(ExperimentAxes, APointMayChangeWhatIsSetForAll) {
   const Experiment e = load("[set]\nsensor.rate_hz = 5.0\n" + std::string(kLaws));
-  EXPECT_EQ(e.arms[0].scenario.sensor.rate_hz, 5.0);
-  EXPECT_EQ(e.arms[1].scenario.sensor.rate_hz, 20.0);
+  EXPECT_EQ(e.arms[0].scenario.get<SensorSettings>().rate_hz, 5.0);
+  EXPECT_EQ(e.arms[1].scenario.get<SensorSettings>().rate_hz, 20.0);
 }
 
 constexpr char kParts[] = R"(
@@ -86,9 +90,9 @@ TEST_F(ExperimentAxes, PartsAreCrossesOfTheirOwnOneAfterTheOther) {
                                     "law = PID, error = radius, size = 2",
                                     "law = a tracking law, error = radius, size = 1",
                                     "law = a tracking law, error = radius, size = 2"));
-  EXPECT_EQ(e.arms[0].scenario.controller.tau_s, 2.0);
-  EXPECT_EQ(e.arms[3].scenario.controller.tau_s, 3.0);
-  EXPECT_EQ(e.arms[3].scenario.vehicle.radius_error, 0.02);
+  EXPECT_EQ(e.arms[0].scenario.get<ControllerSettings>().tau_s, 2.0);
+  EXPECT_EQ(e.arms[3].scenario.get<ControllerSettings>().tau_s, 3.0);
+  EXPECT_EQ(e.arms[3].scenario.get<VehicleSettings>().radius_error, 0.02);
 }
 
 TEST_F(ExperimentAxes, APartsAxisTakesThePlaceOfTheCommonOne) {
@@ -183,7 +187,7 @@ TEST(ProjectExperiments, TheBenchmarkHasThirteenLawsInFifteenChannelsAndTheBound
   EXPECT_TRUE(e.common_random_numbers);
   EXPECT_THAT(of_the_project("control_benchmark", true).seeds, SizeIs(4));
   for (const Arm& arm : e.arms) {
-    EXPECT_EQ(arm.scenario.vehicle.max_wheel_acceleration_mps2, 3.0) << arm.text();
+    EXPECT_EQ(arm.scenario.get<VehicleSettings>().max_wheel_acceleration_mps2, 3.0) << arm.text();
   }
 }
 
@@ -205,7 +209,7 @@ TEST(ProjectExperiments, BurstsHaveThePrrAndTheLengthOfTheirLabels) {
   for (const char* name : {"control_benchmark", "control_robustness", "control_breaking"}) {
     std::size_t chains = 0;
     for (const Arm& arm : of_the_project(name).arms) {
-      if (arm.scenario.channel.uplink.model_name() != "chain") continue;
+      if (arm.scenario.get<ChannelSettings>().uplink.model_name() != "chain") continue;
       ++chains;
       double prr = 0.45, burst = 0.0;  // of control_breaking, which has no PRR
       for (const KeyValue& setting : arm.settings) {
@@ -214,7 +218,8 @@ TEST(ProjectExperiments, BurstsHaveThePrrAndTheLengthOfTheirLabels) {
         if (setting.key == "burst" || setting.key == "size") burst = std::stod(value);
         if (value.starts_with("bursts of ")) burst = std::stod(value.substr(10));
       }
-      for (const LinkConfig& link : {arm.scenario.channel.uplink, arm.scenario.channel.downlink}) {
+      for (const LinkConfig& link : {arm.scenario.get<ChannelSettings>().uplink,
+                                     arm.scenario.get<ChannelSettings>().downlink}) {
         EXPECT_NEAR(long_run(link).first, prr, 1e-4) << arm.text();
         EXPECT_NEAR(long_run(link).second / burst, 1.0, 1e-4) << arm.text();
       }

@@ -6,6 +6,9 @@
 #include <filesystem>
 
 #include "tests/tools/experiment/file.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 namespace {
@@ -31,9 +34,9 @@ channel.prr = [1, 0.5]
                                              "channel.prr = 0.5, controller.tau_s = 1",
                                              "channel.prr = 0.5, controller.tau_s = 1.5",
                                              "channel.prr = 0.5, controller.tau_s = 2"));
-  EXPECT_DOUBLE_EQ(experiment.arms[4].scenario.controller.tau_s, 1.5);
-  EXPECT_DOUBLE_EQ(experiment.arms[4].scenario.channel.uplink.fixed.prr, 0.5);
-  EXPECT_DOUBLE_EQ(experiment.arms[4].scenario.channel.downlink.fixed.prr, 0.5);
+  EXPECT_DOUBLE_EQ(experiment.arms[4].scenario.get<ControllerSettings>().tau_s, 1.5);
+  EXPECT_DOUBLE_EQ(experiment.arms[4].scenario.get<ChannelSettings>().uplink.fixed.prr, 0.5);
+  EXPECT_DOUBLE_EQ(experiment.arms[4].scenario.get<ChannelSettings>().downlink.fixed.prr, 0.5);
 }
 
 TEST_F(ExperimentFile, ZippedKeysGoTogether) {
@@ -113,8 +116,8 @@ run.duration_s = 10.0
                                      {"run.duration_s=5"});
   ASSERT_THAT(experiment.arms, SizeIs(1));
   EXPECT_EQ(experiment.arms[0].text(), "all runs");
-  EXPECT_DOUBLE_EQ(experiment.arms[0].scenario.controller.tau_s, 3.0);
-  EXPECT_DOUBLE_EQ(experiment.arms[0].scenario.run.duration_s, 5.0);
+  EXPECT_DOUBLE_EQ(experiment.arms[0].scenario.get<ControllerSettings>().tau_s, 3.0);
+  EXPECT_DOUBLE_EQ(experiment.arms[0].scenario.get<RunSettings>().duration_s, 5.0);
 }
 
 TEST_F(ExperimentFile, AModelAndItsParametersMayComeFromDifferentPlaces) {

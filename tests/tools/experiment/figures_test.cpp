@@ -23,7 +23,7 @@ using testing::EightyTwenty;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-CurvePoint curve_point(double x, const std::vector<double>& runs, std::uint64_t seed) {
+PlottedPoint curve_point(double x, const std::vector<double>& runs, std::uint64_t seed) {
   const Summary s = summarize(runs, kConfidence, seed);
   return {x, runs, s.mean, s.mean_interval};
 }
@@ -189,7 +189,7 @@ TEST_F(ExperimentFiguresTest, CurveOfOneSeries) {
   expect_drawn("curve");
   EXPECT_TRUE(shows("curve", "n = 3–50 seeds a point; 2 failed runs left out"));
   EXPECT_TRUE(shows("curve", "its 95 % interval"));
-  const CurvePoint& p = figure.series[0].points[2];
+  const PlottedPoint& p = figure.series[0].points[2];
   std::ostringstream mean;
   mean << "1,mean,0.5,0.5,2.5," << p.interval.low << "," << p.interval.high << ",3,\"\"";
   EXPECT_NE(contents("curve.csv").find("1,mean,0.5,0.5,2.5,"), std::string::npos) << mean.str();

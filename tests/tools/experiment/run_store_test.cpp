@@ -6,8 +6,11 @@
 #include <fstream>
 
 #include "common/base/errors.hpp"
+#include "common/path/path_settings.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/experiment/store/export.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 namespace {
@@ -22,7 +25,7 @@ Experiment two_arms() {
   e.name = "two_arms";
   e.keys = {"channel.prr"};
   e.arms = {Arm{{{"channel.prr", "1"}}, {}}, Arm{{{"channel.prr", "0.5"}}, {}}};
-  e.arms[1].scenario.channel.uplink.fixed.prr = 0.5;
+  e.arms[1].scenario.get<ChannelSettings>().uplink.fixed.prr = 0.5;
   e.seeds = {1, 2};
   e.trajectory_period_s = 1.0;
   return e;
@@ -113,7 +116,7 @@ TEST_F(Store, RefusesAnotherExperimentAndSaysWhatDiffers) {
   other.seeds = {1, 2, 3};
   refuses(other, "seeds = 1 to 2; now it is 1 to 3");
   other = two_arms();
-  other.arms[1].scenario.controller.tau_s = 3.0;
+  other.arms[1].scenario.get<ControllerSettings>().tau_s = 3.0;
   refuses(other, "\"tau_s = 2.0\"; now it is \"tau_s = 3.0\"");
   other = two_arms();
   other.arms[1].settings[0].value = "0.6";
@@ -143,8 +146,8 @@ TEST_F(Store, RefusesAnotherVersionOfTheProgram) {
 TEST_F(Store, RefusesATraceThatHasChanged) {
   const auto trace = folder_ / "trace.csv";
   Experiment e = two_arms();
-  e.arms[0].scenario.channel.uplink.model = LinkConfig::Model::trace;
-  e.arms[0].scenario.channel.uplink.trace.file = trace.string();
+  e.arms[0].scenario.get<ChannelSettings>().uplink.model = LinkConfig::Model::trace;
+  e.arms[0].scenario.get<ChannelSettings>().uplink.trace.file = trace.string();
   std::ofstream(trace) << "time_s,delay_ms,prr\n0,0,1\n";
   begin(e);
   std::ofstream(trace) << "time_s,delay_ms,prr\n0,0,0.5\n";
@@ -154,8 +157,8 @@ TEST_F(Store, RefusesATraceThatHasChanged) {
 TEST_F(Store, RefusesWaypointsThatHaveChanged) {
   const auto lap = folder_ / "lap.csv";
   Experiment e = two_arms();
-  e.arms[0].scenario.path.kind = Scenario::Path::Kind::csv;
-  e.arms[0].scenario.path.csv = lap.string();
+  e.arms[0].scenario.get<PathSettings>().kind = "csv";
+  e.arms[0].scenario.get<PathSettings>().csv = lap.string();
   std::ofstream(lap) << "x_m,y_m\n0,0\n5,0\n";
   begin(e);
   std::ofstream(lap) << "x_m,y_m\n0,0\n6,0\n";
@@ -165,7 +168,7 @@ TEST_F(Store, RefusesWaypointsThatHaveChanged) {
 TEST_F(Store, RefusesATraceOfALaterChangeThatHasChanged) {
   const auto trace = folder_ / "later.csv";
   Experiment e = two_arms();
-  e.arms[0].scenario.channel.changes = {
+  e.arms[0].scenario.get<ChannelSettings>().changes = {
       {5.0, {"uplink.model=trace", "uplink.trace.file=" + trace.string()}}};
   std::ofstream(trace) << "time_s,delay_ms,prr\n0,0,1\n";
   begin(e);
@@ -175,8 +178,8 @@ TEST_F(Store, RefusesATraceOfALaterChangeThatHasChanged) {
 
 TEST_F(Store, RefusesATraceThatCannotBeRead) {
   Experiment e = two_arms();
-  e.arms[0].scenario.channel.uplink.model = LinkConfig::Model::trace;
-  e.arms[0].scenario.channel.uplink.trace.file = "/no/such.csv";
+  e.arms[0].scenario.get<ChannelSettings>().uplink.model = LinkConfig::Model::trace;
+  e.arms[0].scenario.get<ChannelSettings>().uplink.trace.file = "/no/such.csv";
   EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("cannot read /no/such.csv")));
 }
 
@@ -294,7 +297,7 @@ TEST_F(Merge, RefusesAnIncompleteShard) {
 TEST_F(Merge, RefusesShardsOfDifferentExperiments) {
   make_shard(1);
   Experiment other = two_arms();
-  other.arms[0].scenario.controller.tau_s = 3.0;
+  other.arms[0].scenario.get<ControllerSettings>().tau_s = 3.0;
   make_shard(2, true, other);
   refuses("grids differ");
 }

@@ -5,6 +5,9 @@
 #include <filesystem>
 #include <thread>
 
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/experiment/store/export.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
@@ -17,8 +20,9 @@ namespace {
 /// As small as a run can be.
 Scenario short_scenario(double prr) {
   Scenario scenario;
-  scenario.run.duration_s = 3.0;
-  scenario.channel.uplink.fixed.prr = scenario.channel.downlink.fixed.prr = prr;
+  scenario.get<RunSettings>().duration_s = 3.0;
+  scenario.get<ChannelSettings>().uplink.fixed.prr =
+      scenario.get<ChannelSettings>().downlink.fixed.prr = prr;
   return scenario;
 }
 
@@ -72,7 +76,7 @@ TEST_F(Sweep, HasTheResultsOfSingleRuns) {
   store.for_each([](const StoredRun& run) {
     if (run.arm != 1) return;
     Scenario scenario = short_scenario(0.7);
-    scenario.run.seed = run.seed;
+    scenario.get<RunSettings>().seed = run.seed;
     ClosedLoop loop(scenario);
     const RunObserver observer(scenario, loop.loop(), loop.bus());
     loop.run();
@@ -88,7 +92,7 @@ TEST_F(Sweep, HasTheResultsOfSingleRuns) {
 
 TEST_F(Sweep, RecordsARunThatFailsAndGoesOn) {
   options_.run = [](const Scenario& scenario, double period_s) {
-    if (scenario.run.seed != 2) return run_once(scenario, period_s);
+    if (scenario.get<RunSettings>().seed != 2) return run_once(scenario, period_s);
     RunResult failed;
     failed.failure = "no luck";
     return failed;
@@ -102,7 +106,7 @@ TEST_F(Sweep, RecordsARunThatFailsAndGoesOn) {
 
 TEST_F(Sweep, ReportsAnImpossibleScenarioAsTheRunsFailure) {
   Scenario impossible = short_scenario(1.0);
-  impossible.vehicle.track_m = -1.0;
+  impossible.get<VehicleSettings>().track_m = -1.0;
   EXPECT_NE(run_once(impossible, 0.0).failure, "");
 }
 

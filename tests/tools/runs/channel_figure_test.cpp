@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "netem/check/channel_sample.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
 
 namespace tether {
@@ -24,9 +25,9 @@ class ChannelFigureTest : public ::testing::Test {
     folder_ = fs::temp_directory_path() / (std::string("tether_figure_") + test->name());
     fs::remove_all(folder_);
     fs::create_directories(folder_);
-    scenario_.channel.downlink.jitter.law = JitterConfig::Law::gamma;
-    scenario_.channel.downlink.jitter.mean_ms = 20.0;
-    scenario_.channel.downlink.jitter.sd_ms = 5.0;
+    scenario_.get<ChannelSettings>().downlink.jitter.law = JitterConfig::Law::gamma;
+    scenario_.get<ChannelSettings>().downlink.jitter.mean_ms = 20.0;
+    scenario_.get<ChannelSettings>().downlink.jitter.sd_ms = 5.0;
   }
   ~ChannelFigureTest() override { fs::remove_all(folder_); }
 
@@ -34,7 +35,7 @@ class ChannelFigureTest : public ::testing::Test {
     const LinkTraffic traffic{0.05, 50.0};
     LinkPair links = make_links(scenario_);
     return {"a link", traffic.interval_s, sample_fates(links.downlink, traffic, packets),
-            expect_link(scenario_.channel.downlink, {}, traffic)};
+            expect_link(scenario_.get<ChannelSettings>().downlink, {}, traffic)};
   }
 
   std::vector<std::vector<std::string>> rows(const std::string& name) const {
@@ -59,7 +60,7 @@ class ChannelFigureTest : public ::testing::Test {
 };
 
 TEST_F(ChannelFigureTest, TheStripShowsTheFateOfEachPacket) {
-  scenario_.channel.downlink.fixed.prr = 0.7;
+  scenario_.get<ChannelSettings>().downlink.fixed.prr = 0.7;
   const ChannelFigure f = figure(700);
   draw_losses(folder_, f);
   const auto strip = rows("losses.csv");
@@ -86,7 +87,7 @@ TEST_F(ChannelFigureTest, AchievedDelaysLieOnTheConfiguredDistribution) {
 }
 
 TEST_F(ChannelFigureTest, WithoutAnyPacketReceivedThereAreNoDelaysToDraw) {
-  scenario_.channel.downlink.fixed.prr = 0.0;
+  scenario_.get<ChannelSettings>().downlink.fixed.prr = 0.0;
   const ChannelFigure f = figure(100);
   draw_losses(folder_, f);
   draw_delays(folder_, f);

@@ -13,9 +13,10 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
-#include "common/scenario/channel_settings.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/scenario/loader.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "netem/models/channel_change.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
 #include "tools/experiment/design/grid.hpp"
 #include "tools/experiment/design/section.hpp"
@@ -42,7 +43,7 @@ toml::table parse_file(const std::string& file) {
 /// Runs of an experiment are in one process.
 void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
   for (const Arm& arm : arms) {
-    if (!arm.scenario.controller.external) continue;
+    if (!arm.scenario.get<ControllerSettings>().external) continue;
     throw UsageError(fmt::format(
         "{}: controller.external = true: the runs of an experiment have controllers of their own; "
         "tether run --processes and tether live wait for another",
@@ -113,13 +114,13 @@ void check_no_seed(const std::string& key, const std::string& place) {
 void check_free(const std::string& key, const std::string& place, const std::vector<Axis>& axes,
                 bool by_the_file) {
   check_no_seed(key, place);
-  const auto others = keys_meant_by(key);
+  const auto others = ScenarioSchema::all()->keys_meant_by(key);
   for (const Axis& axis : axes) {
     const bool is_named = axis.keys.front().find('.') == std::string::npos;
     if (is_named && by_the_file) continue;
     for (const GridPoint& point : axis.points) {
       for (const PlacedSetting& applied : point.applied) {
-        for (const std::string& meant : keys_meant_by(applied.setting.key)) {
+        for (const std::string& meant : ScenarioSchema::all()->keys_meant_by(applied.setting.key)) {
           if (std::find(others.begin(), others.end(), meant) == others.end()) continue;
           throw UsageError(
               fmt::format("{}: {} is varied by the grid ({})", place, meant, applied.place));
@@ -158,9 +159,7 @@ void add_arms(const ArmSource& from, const ScenarioLoader& start, const Part& pa
     loader.end_level(from.file, folder);
     for (const std::string& text : from.overrides) loader.apply_override(text, "--set " + text);
     loader.end_level("--set", {});
-    Arm arm{std::move(point.settings), loader.finish(from.scenario_file)};
-    check_changes(arm.scenario, from.scenario_file);
-    arms.push_back(std::move(arm));
+    arms.push_back({std::move(point.settings), loader.finish(from.scenario_file)});
   }
 }
 

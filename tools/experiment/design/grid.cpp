@@ -170,7 +170,7 @@ void check_once(const std::vector<Axis>& axes) {
     for (const GridPoint& point : axis.points) {
       SetKeys of_point;
       for (const auto& [setting, place] : point.applied) {
-        for (const std::string& meant : keys_meant_by(setting.key)) {
+        for (const std::string& meant : ScenarioSchema::all()->keys_meant_by(setting.key)) {
           set_once(of_point, meant, setting.key, place);
         }
       }

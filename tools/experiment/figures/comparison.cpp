@@ -93,7 +93,7 @@ bool is_drawn(double value) { return std::isfinite(value) && value > 0.0; }
 /// What a series' label stands beside: its last mean, or its first as the floor.
 double end_of(const CurveSeries& series, const ComparisonFigure& figure) {
   double value = std::numeric_limits<double>::quiet_NaN(), x = 0.0;
-  for (const CurvePoint& p : series.points) {
+  for (const PlottedPoint& p : series.points) {
     const bool is_later = !std::isfinite(value) || (figure.reversed ? p.x < x : p.x > x);
     if (!is_drawn(p.mean) || !is_later) continue;
     value = p.mean;
@@ -109,7 +109,7 @@ Frame frame_of(const ComparisonFigure& figure, const FigureFrame& around) {
   double widest_cm = 0.0;
   for (const CurveSeries& series : figure.series) {
     widest_cm = std::max(widest_cm, text_cm(series.name));
-    for (const CurvePoint& p : series.points) {
+    for (const PlottedPoint& p : series.points) {
       frame.x.add(p.x);
       for (const double y : {p.mean, p.interval.low, p.interval.high}) {
         if (is_drawn(y)) frame.y.add(y);
@@ -182,7 +182,7 @@ std::string direct_labels(const ComparisonFigure& figure, const Frame& frame,
 std::string comparison_csv(const ComparisonFigure& figure) {
   std::string csv = "series,x,mean,low,high,n,failed,name\n";
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
-    for (const CurvePoint& p : figure.series[s].points) {
+    for (const PlottedPoint& p : figure.series[s].points) {
       csv += fmt::format("{},{},{},{},{},{},{},{}\n", s + 1, p.x, p.mean, p.interval.low,
                          p.interval.high, p.succeeded(), p.runs.size() - p.succeeded(),
                          csv_cell(figure.series[s].name));
@@ -194,7 +194,7 @@ std::string comparison_csv(const ComparisonFigure& figure) {
 std::string tics(const ComparisonFigure& figure) {
   std::map<double, std::string> places;
   for (const CurveSeries& series : figure.series) {
-    for (const CurvePoint& p : series.points) {
+    for (const PlottedPoint& p : series.points) {
       places[p.x] = fmt::format("\"{0:g}\" {0}", p.x);
     }
   }
@@ -206,7 +206,7 @@ std::string tics(const ComparisonFigure& figure) {
 std::string note_of(const ComparisonFigure& figure) {
   std::size_t least = static_cast<std::size_t>(-1), most = 0, failed = 0;
   for (const CurveSeries& series : figure.series) {
-    for (const CurvePoint& p : series.points) {
+    for (const PlottedPoint& p : series.points) {
       const std::size_t n = p.succeeded();
       least = std::min(least, n);
       most = std::max(most, n);

@@ -61,13 +61,13 @@ struct Extent {
   }
 };
 
-bool has_interval(const CurvePoint& p) { return std::isfinite(half_width(p.interval)); }
+bool has_interval(const PlottedPoint& p) { return std::isfinite(half_width(p.interval)); }
 
 Extent extent_of(const CurveFigure& figure) {
   Extent e;
   for (const CurveSeries& series : figure.series) {
     for (std::size_t i = 0; i < series.points.size(); ++i) {
-      const CurvePoint& p = series.points[i];
+      const PlottedPoint& p = series.points[i];
       e.x.add(p.x);
       if (i > 0) e.nearest_x = std::min(e.nearest_x, std::abs(p.x - series.points[i - 1].x));
       e.add_y(p.mean);
@@ -96,7 +96,7 @@ std::string csv_of(const CurveFigure& figure, double jitter) {
     const double width = jitter / count;
     const double shift = (static_cast<double>(s) - 0.5 * (count - 1.0)) * width;
     std::string runs;
-    for (const CurvePoint& p : figure.series[s].points) {
+    for (const PlottedPoint& p : figure.series[s].points) {
       std::size_t n = 0;
       for (const double run : p.runs) {
         if (!std::isfinite(run)) continue;

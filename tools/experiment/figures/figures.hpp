@@ -51,7 +51,7 @@ void draw_trajectories(const std::filesystem::path& folder, const std::string& s
                        const TrajectoryFigure& figure);
 
 /// One setting's runs.
-struct CurvePoint {
+struct PlottedPoint {
   double x = 0.0;
   std::vector<double> runs;  ///< NaN: failed
   double mean = 0.0;
@@ -66,7 +66,7 @@ struct CurvePoint {
 
 struct CurveSeries {
   std::string name;  ///< in the legend, if there are several
-  std::vector<CurvePoint> points;
+  std::vector<PlottedPoint> points;
 };
 
 /// A result against a parameter: a dot a run, beside each other, line through the means, band of

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "common/scenario/scenario.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "tools/experiment/figures/figures.hpp"
 #include "tools/experiment/store/data.hpp"
 
@@ -43,7 +44,7 @@ std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& ch
   }
   for (CurveSeries& one : all) {
     std::sort(one.points.begin(), one.points.end(),
-              [](const CurvePoint& a, const CurvePoint& b) { return a.x < b.x; });
+              [](const PlottedPoint& a, const PlottedPoint& b) { return a.x < b.x; });
   }
   return all;
 }
@@ -105,7 +106,7 @@ void draw_trajectories_of(const RunStore& store, const std::filesystem::path& fo
                           const std::string& stem) {
   TrajectoryFigure figure;
   figure.text = text_of(store);
-  figure.half_extent_m = scenario_of(store, 0).world.half_extent_m;
+  figure.half_extent_m = scenario_of(store, 0).get<WorldSettings>().half_extent_m;
   const auto arms = store.arms();
   std::size_t next_arm = 0;  // the first run of each
   store.for_each(
@@ -136,7 +137,7 @@ void draw_risk_map_of(const RunStore& store, const std::filesystem::path& folder
                       const std::string& stem, RiskDefinition definition) {
   RiskMapFigure figure;
   figure.text = text_of(store);
-  figure.half_extent_m = scenario_of(store, 0).world.half_extent_m;
+  figure.half_extent_m = scenario_of(store, 0).get<WorldSettings>().half_extent_m;
   figure.failed = store.failures();
   figure.points = risk_points(store, definition);
   figure.turns = sharp_turns(figure.points);

@@ -12,9 +12,10 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/fnv1a.hpp"
-#include "common/scenario/channel_settings.hpp"
-#include "common/scenario/keys.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
+#include "netem/models/channel_change.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
 #include "tools/experiment/store/run_store.hpp"
 
@@ -45,23 +46,13 @@ std::string hash_of_file(const std::string& file) {
 }
 
 /// The files that a scenario names.
-std::set<std::string> files_of(const Scenario& scenario) {
+std::set<std::string> files_of(Scenario scenario) {
   std::set<std::string> files;
-  const auto add = [&](const std::vector<ScenarioKey>& keys) {
-    for (const ScenarioKey& key : keys) {
-      if (!key.name.ends_with(".file") && key.name != "can.drivetrain" && key.name != "path.csv" &&
-          key.name != "controller.tau_table") {
-        continue;
-      }
-      if (!why_law_ignores(scenario, key.name).empty()) continue;
-      const auto value = key.get(scenario);
-      const auto* text = value ? std::get_if<std::string>(&*value) : nullptr;
-      if (text != nullptr && !text->empty()) files.insert(*text);
-    }
-  };
-  add(scenario_keys());
-  for (const auto& [name, link] : scenario.channel.links) add(named_link_keys(name));
-  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+  for (const ScenarioKey& key : scenario.schema().keys_of(scenario)) {
+    if (!key.file || scenario.schema().left_out(scenario, key)) continue;
+    if (const std::string& file = key.file(scenario); !file.empty()) files.insert(file);
+  }
+  for (const ChannelSettings::Change& change : scenario.get<ChannelSettings>().changes) {
     for (const std::string& setting : change.settings) {
       if (const auto file = file_of_setting(setting)) files.insert(*file);
     }
@@ -81,7 +72,8 @@ std::string inputs_text(const Experiment& experiment) {
 
 std::string plants_text(const Experiment& experiment) {
   std::set<std::string> plants;
-  for (const Arm& arm : experiment.arms) plants.insert(arm.scenario.vehicle.plant_name());
+  for (const Arm& arm : experiment.arms)
+    plants.insert(arm.scenario.get<VehicleSettings>().plant_name());
   return fmt::format("{}", fmt::join(plants, ", "));
 }
 

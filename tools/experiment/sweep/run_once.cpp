@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 
+#include "common/scenario/run_settings.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
@@ -13,10 +14,11 @@ namespace {
 /// The same run, with no more reports than are read: they change nothing but the time it takes.
 Scenario with_few_reports(const Scenario& scenario, double trajectory_period_s) {
   Scenario quiet = scenario;
-  const double slowest_hz = 1.0 / std::max(scenario.run.duration_s, 1.0);
-  quiet.run.truth_rate_hz = trajectory_period_s > 0.0 ? 1.0 / trajectory_period_s : slowest_hz;
-  quiet.run.report_period_s =
-      trajectory_period_s > 0.0 ? trajectory_period_s : scenario.run.duration_s;
+  const double slowest_hz = 1.0 / std::max(scenario.get<RunSettings>().duration_s, 1.0);
+  quiet.get<RunSettings>().truth_rate_hz =
+      trajectory_period_s > 0.0 ? 1.0 / trajectory_period_s : slowest_hz;
+  quiet.get<RunSettings>().report_period_s =
+      trajectory_period_s > 0.0 ? trajectory_period_s : scenario.get<RunSettings>().duration_s;
   return quiet;
 }
 
@@ -40,17 +42,18 @@ RunResult run_to_the_end(const Scenario& scenario, double trajectory_period_s) {
   const link_report_t& down = observer.downlink();
   const auto count = [](std::int64_t n) { return static_cast<double>(n); };
   RunResult result;
-  result.metrics = {truth.epsilon_m,
-                    truth.rmse_m,
-                    truth.max_error_m,
-                    truth.wall_contact_s,
-                    observer.aoi_mean_s(kStart + from_seconds(scenario.run.duration_s)) * 1e3,
-                    count(up.offered),
-                    count(up.lost + up.overflowed),
-                    up.delay_ms_mean,
-                    count(down.offered),
-                    count(down.lost + down.overflowed),
-                    down.delay_ms_mean};
+  result.metrics = {
+      truth.epsilon_m,
+      truth.rmse_m,
+      truth.max_error_m,
+      truth.wall_contact_s,
+      observer.aoi_mean_s(kStart + from_seconds(scenario.get<RunSettings>().duration_s)) * 1e3,
+      count(up.offered),
+      count(up.lost + up.overflowed),
+      up.delay_ms_mean,
+      count(down.offered),
+      count(down.lost + down.overflowed),
+      down.delay_ms_mean};
   if (trajectory_period_s > 0.0) result.trajectory = to_points(observer.trajectory());
   return result;
 }

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/scenario/run_settings.hpp"
+
 namespace tether {
 namespace {
 
@@ -75,7 +77,7 @@ class Workers {
 
   RunResult make(const SweepTask& task) const {
     Scenario scenario = experiment_.arms[task.arm].scenario;
-    scenario.run.seed = task.seed;
+    scenario.get<RunSettings>().seed = task.seed;
     return options_.run(scenario, experiment_.trajectory_period_s);
   }
 

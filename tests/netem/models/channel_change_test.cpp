@@ -1,11 +1,13 @@
+#include "netem/models/channel_change.hpp"
+
 #include <gmock/gmock.h>
 
 #include <string>
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/scenario/channel_settings.hpp"
 #include "common/scenario/scenario.hpp"
+#include "netem/models/channel_settings.hpp"
 
 // [[channel.change]]: other settings of the channel from some time on.
 
@@ -33,11 +35,12 @@ TEST(ScenarioChange, IsReadInOrderAndWrittenAgain) {
   const Scenario s = parse_scenario("[channel.uplink]\nprr = 0.9\n" + change("-1", "\"prr=0.5\"") +
                                         change("2.5", "\"model=markov\", \"markov.p_bad=0.5\""),
                                     "test.toml");
-  ASSERT_EQ(s.channel.changes.size(), 2U);
-  EXPECT_EQ(s.channel.changes[0].at_s, -1.0);
-  EXPECT_THAT(s.channel.changes[0].settings, ElementsAre("prr=0.5"));
-  EXPECT_THAT(s.channel.changes[1].settings, ElementsAre("model=markov", "markov.p_bad=0.5"));
-  EXPECT_EQ(s.channel.uplink.fixed.prr, 0.9);
+  ASSERT_EQ(s.get<ChannelSettings>().changes.size(), 2U);
+  EXPECT_EQ(s.get<ChannelSettings>().changes[0].at_s, -1.0);
+  EXPECT_THAT(s.get<ChannelSettings>().changes[0].settings, ElementsAre("prr=0.5"));
+  EXPECT_THAT(s.get<ChannelSettings>().changes[1].settings,
+              ElementsAre("model=markov", "markov.p_bad=0.5"));
+  EXPECT_EQ(s.get<ChannelSettings>().uplink.fixed.prr, 0.9);
   EXPECT_EQ(to_toml(parse_scenario(to_toml(s), "again")), to_toml(s));
   EXPECT_THAT(to_toml(s), HasSubstr("[[channel.change]]\nat_s = 2.5\n"));
 }
@@ -46,9 +49,10 @@ TEST(ScenarioChange, CanBeGivenAndTakenAwayByAnOverride) {
   const std::string toml = change("1", "\"prr=0.5\"");
   const Scenario other =
       parse_scenario(toml, "x", {"channel.change=[{at_s=3, set=[\"loss=0.1\", \"prr=1\"]}]"});
-  ASSERT_EQ(other.channel.changes.size(), 1U);
-  EXPECT_THAT(other.channel.changes[0].settings, ElementsAre("loss=0.1", "prr=1"));
-  EXPECT_TRUE(parse_scenario(toml, "x", {"channel.change=[]"}).channel.changes.empty());
+  ASSERT_EQ(other.get<ChannelSettings>().changes.size(), 1U);
+  EXPECT_THAT(other.get<ChannelSettings>().changes[0].settings, ElementsAre("loss=0.1", "prr=1"));
+  EXPECT_TRUE(
+      parse_scenario(toml, "x", {"channel.change=[]"}).get<ChannelSettings>().changes.empty());
 }
 
 TEST(ScenarioChange, IsCheckedAgainstTheSettingsInForceByThen) {
@@ -83,12 +87,12 @@ TEST(ScenarioChange, NamesFilesRelativeToTheScenarioOrTheWorkingFolder) {
   const Scenario file = parse_scenario(
       change("1", "\"model=trace\", ' trace.file = \"a b.csv\" ', \"downlink.trace.file=/c.csv\""),
       "folder/x.toml");
-  EXPECT_THAT(file.channel.changes[0].settings,
+  EXPECT_THAT(file.get<ChannelSettings>().changes[0].settings,
               ElementsAre("model=trace", "trace.file=\"folder/a b.csv\"",
                           "downlink.trace.file=\"/c.csv\""));
   const Scenario given = parse_scenario(
       "", "folder/x.toml", {"channel.change=[{at_s=1, set=['model=trace', 'trace.file=b.csv']}]"});
-  EXPECT_EQ(given.channel.changes[0].settings[1], "trace.file=\"b.csv\"");
+  EXPECT_EQ(given.get<ChannelSettings>().changes[0].settings[1], "trace.file=\"b.csv\"");
   EXPECT_EQ(to_toml(parse_scenario(to_toml(file), "again")), to_toml(file));
 }
 
@@ -96,12 +100,12 @@ TEST(ChangeChannel, BeatsWhatIsInForceInEitherForm) {
   const Scenario s = parse_scenario(
       "", "x",
       {"channel.model=markov", "channel.markov.mean_good_s=6", "channel.markov.mean_bad_s=2"});
-  const Scenario half = change_channel(s, {"downlink.markov.p_bad=0.5"}).scenario;
-  EXPECT_EQ(half.channel.downlink.mean_good_s, 4.0);
-  EXPECT_EQ(half.channel.downlink.mean_bad_s, 4.0);
-  EXPECT_EQ(half.channel.uplink.mean_bad_s, 2.0);
-  EXPECT_EQ(change_channel(half, {"markov.mean_bad_s=1"}).scenario.channel.downlink.mean_good_s,
-            4.0);
+  const ChannelSettings half =
+      change_channel(s.get<ChannelSettings>(), {"downlink.markov.p_bad=0.5"}).channel;
+  EXPECT_EQ(half.downlink.mean_good_s, 4.0);
+  EXPECT_EQ(half.downlink.mean_bad_s, 4.0);
+  EXPECT_EQ(half.uplink.mean_bad_s, 2.0);
+  EXPECT_EQ(change_channel(half, {"markov.mean_bad_s=1"}).channel.downlink.mean_good_s, 4.0);
 }
 
 }  // namespace

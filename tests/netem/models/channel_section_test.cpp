@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/scenario/keys.hpp"
 #include "common/scenario/scenario.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 namespace {
@@ -56,7 +56,7 @@ TEST(ScenarioChannel, TheResolvedTextGivesTheSameScenario) {
     const Scenario scenario = parse(text);
     const Scenario again = parse(to_toml(scenario));
     EXPECT_EQ(to_toml(again), to_toml(scenario)) << text;
-    for (const ScenarioKey& key : scenario_keys()) {
+    for (const ScenarioKey& key : ScenarioSchema::all()->keys()) {
       EXPECT_EQ(key.get(again), key.get(scenario)) << key.name;
     }
   }
@@ -72,7 +72,7 @@ TEST(ScenarioChannel, TheResolvedTextNamesOnlyStagesThatAreOn) {
 }
 
 TEST(ScenarioChannel, KeysReachTheirMembers) {
-  const LinkConfig link = parse(kScenarios[6]).channel.uplink;
+  const LinkConfig link = parse(kScenarios[6]).get<ChannelSettings>().uplink;
   EXPECT_EQ(link.outages, (std::vector<std::vector<double>>{{1.0, 2.5}, {3.0, 4.0}}));
   EXPECT_EQ(link.loss, 0.25);
   EXPECT_TRUE(link.in_order);
@@ -87,7 +87,8 @@ TEST(ScenarioChannel, AnOverrideWithoutDirectionSetsBoth) {
   const Scenario s = parse("", {"channel.model=chain", "channel.chain.prr=[1, 0]",
                                 "channel.chain.rates_per_s=[[0, 1], [1, 0]]",
                                 "channel.jitter.law=normal", "channel.jitter.sd_ms=3"});
-  for (const LinkConfig& link : {s.channel.uplink, s.channel.downlink}) {
+  for (const LinkConfig& link :
+       {s.get<ChannelSettings>().uplink, s.get<ChannelSettings>().downlink}) {
     EXPECT_EQ(link.model, LinkConfig::Model::chain);
     EXPECT_EQ(link.chain.prr, (std::vector<double>{1.0, 0.0}));
     EXPECT_EQ(link.jitter.sd_ms, 3.0);
@@ -95,7 +96,7 @@ TEST(ScenarioChannel, AnOverrideWithoutDirectionSetsBoth) {
 }
 
 TEST(ScenarioChannel, ReceptionRatioAndMeanBurstBecomeTheChainsParameters) {
-  const auto ge = parse(kScenarios[1]).channel.uplink.gilbert_elliott;
+  const auto ge = parse(kScenarios[1]).get<ChannelSettings>().uplink.gilbert_elliott;
   EXPECT_DOUBLE_EQ(*ge.r, 1.0 / 7.0);
   EXPECT_DOUBLE_EQ(*ge.p, 0.7 / (0.3 * 7.0));
   EXPECT_THAT(to_toml(parse(kScenarios[1])), Not(HasSubstr("mean_burst")));
@@ -103,11 +104,13 @@ TEST(ScenarioChannel, ReceptionRatioAndMeanBurstBecomeTheChainsParameters) {
 
 TEST(ScenarioChannel, OneOfReceptionRatioAndMeanBurstKeepsTheOther) {
   const auto by_prr = parse(kScenarios[1], {"channel.uplink.gilbert_elliott.prr=0.8"})
-                          .channel.uplink.gilbert_elliott;
+                          .get<ChannelSettings>()
+                          .uplink.gilbert_elliott;
   EXPECT_DOUBLE_EQ(*by_prr.r, 1.0 / 7.0);
   EXPECT_NEAR(*by_prr.r / (*by_prr.p + *by_prr.r), 0.8, 1e-12);
   const auto by_burst = parse(kScenarios[1], {"channel.uplink.gilbert_elliott.mean_burst=10"})
-                            .channel.uplink.gilbert_elliott;
+                            .get<ChannelSettings>()
+                            .uplink.gilbert_elliott;
   EXPECT_DOUBLE_EQ(*by_burst.r, 0.1);
   EXPECT_NEAR(*by_burst.r / (*by_burst.p + *by_burst.r), 0.3, 1e-12);
   EXPECT_THAT(refusal(uplink("model = \"gilbert_elliott\"\ngilbert_elliott.prr = 0.5")),
@@ -213,18 +216,19 @@ TEST(ScenarioChannel, LinksByNameHaveTheKeysOfTheUplink) {
       "= "
       "4.0 }\n[channel.links.lan]\n",
       {"channel.links.sat.delay_ms=270", "channel.links.new.loss=0.25", "channel.prr=0.5"});
-  ASSERT_EQ(s.channel.links.size(), 3U);
-  const LinkConfig& sat = s.channel.links.at("sat");
+  ASSERT_EQ(s.get<ChannelSettings>().links.size(), 3U);
+  const LinkConfig& sat = s.get<ChannelSettings>().links.at("sat");
   EXPECT_EQ(sat.model, LinkConfig::Model::gilbert_elliott);
   EXPECT_DOUBLE_EQ(*sat.gilbert_elliott.r, 0.25);
   EXPECT_EQ(sat.fixed.delay_ms, 270.0);
-  EXPECT_EQ(s.channel.links.at("lan").fixed.prr, 1.0);  // channel.X: uplink and downlink only
-  EXPECT_EQ(s.channel.links.at("new").loss, 0.25);
+  EXPECT_EQ(s.get<ChannelSettings>().links.at("lan").fixed.prr,
+            1.0);  // channel.X: uplink and downlink only
+  EXPECT_EQ(s.get<ChannelSettings>().links.at("new").loss, 0.25);
   const std::string text = to_toml(s);
   EXPECT_THAT(text, AllOf(HasSubstr("[channel.links.lan]\n"), HasSubstr("[channel.links.sat]\n")));
   const Scenario again = parse(text);
   EXPECT_EQ(to_toml(again), text);
-  EXPECT_EQ(again.channel.links.size(), 3U);
+  EXPECT_EQ(again.get<ChannelSettings>().links.size(), 3U);
 }
 
 TEST(ScenarioChannel, WhatIsWrongWithLinksByNameIsRefused) {
@@ -252,7 +256,8 @@ TEST(ScenarioChannel, WhatIsWrongWithLinksByNameIsRefused) {
 
 TEST(ScenarioChannel, NamesOfFilesStartFromTheScenario) {
   const std::string text = "[channel.uplink.jitter]\nlaw = \"table\"\nfile = \"../delays.txt\"";
-  EXPECT_EQ(parse_scenario(text, "scenarios/a.toml").channel.uplink.jitter.file, "delays.txt");
+  EXPECT_EQ(parse_scenario(text, "scenarios/a.toml").get<ChannelSettings>().uplink.jitter.file,
+            "delays.txt");
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "common/base/random.hpp"
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/pose.hpp"
+#include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
 
@@ -16,7 +17,7 @@ namespace tether {
 /// not used).
 class PoseSensor {
  public:
-  PoseSensor(const Scenario::Sensor& config, RandomEngine noise, RandomEngine drift)
+  PoseSensor(const SensorSettings& config, RandomEngine noise, RandomEngine drift)
       : config_(config), random_(noise), drift_random_(drift) {}
 
   Pose2 measure(const Pose2& truth) {
@@ -37,7 +38,7 @@ class PoseSensor {
     drift_.yaw_rad += config_.yaw_drift_radpsqrts * root_s * drift_normal_(drift_random_);
   }
 
-  Scenario::Sensor config_;
+  SensorSettings config_;
   RandomEngine random_;
   boost::random::normal_distribution<double> normal_;
   RandomEngine drift_random_;

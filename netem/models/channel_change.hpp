@@ -1,10 +1,11 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "common/scenario/scenario.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 
@@ -21,16 +22,17 @@ inline constexpr std::size_t kLongestSettingKey = 128;
 
 /// Other settings for a channel that is in use, all at once.
 struct ChannelChange {
-  Scenario scenario;                     ///< the old one but for its channel
+  ChannelSettings channel;
   std::vector<ChannelSetting> settings;  ///< what was given or became another, as it is now
 };
 
-/// The scenario with other settings of its channel. `settings` are "KEY=VALUE" with keys as --set
+/// The channel with other settings. `settings` are "KEY=VALUE" with keys as --set
 /// has them behind "channel." ("downlink.prr=0.45"; "prr=0.45" is both links'), and what is allowed
 /// is what --set allows on top of what is in force now. Names of files are as given. Throws
 /// UsageError with the reason, which begins with `source` if there is one; the links' files are not
 /// looked at here.
-ChannelChange change_channel(const Scenario& in_force, const std::vector<std::string>& settings,
+ChannelChange change_channel(const ChannelSettings& in_force,
+                             const std::vector<std::string>& settings,
                              const std::string& source = "");
 
 /// The file that a setting names; nullopt if it names none.
@@ -42,9 +44,9 @@ std::string setting_in_folder(const std::string& setting, const std::filesystem:
 
 /// The settings that differ from the defaults, in the order of `tether run --keys`, then those of
 /// links by name.
-std::vector<ChannelSetting> channel_settings(const Scenario& scenario);
+std::vector<ChannelSetting> channel_settings(const ChannelSettings& channel);
 
 /// Checks each of channel.change against the settings in force by then. Throws UsageError.
-void check_changes(const Scenario& scenario, const std::string& file);
+void check_changes(const ChannelSettings& channel, const std::string& file);
 
 }  // namespace tether

@@ -1,10 +1,8 @@
 #pragma once
 
-#include <filesystem>
-#include <functional>
 #include <string>
 
-#include "common/scenario/scenario.hpp"
+#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 
@@ -13,25 +11,17 @@ namespace tether {
 std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
                           const std::string& part);
 
-/// The settings of one level, a file or the overrides, as far as these functions need them.
-struct ChannelLevel {
-  std::string source;                                 ///< for messages
-  std::filesystem::path folder;                       ///< names of files start here
-  std::function<bool(const std::string& key)> given;  ///< at this level
-  std::function<void(const std::string& key, double, const std::string& from)> set_derived;
-};
-
 /// Turns the pairs that may be given instead of a model's own parameters into these, so that the
 /// next level beats them in either form: markov.p_bad and mean_cycle_s, gilbert_elliott.prr and
 /// mean_burst. Completes names of files. Throws UsageError for what contradicts itself or cannot
 /// be.
-void resolve_link(const std::string& prefix, LinkConfig& link, const ChannelLevel& level);
+void resolve_link(const std::string& prefix, LinkConfig& link, const ScenarioLevel& level);
 
 /// Why a link of [channel.links] cannot have this name; empty if it can. Its reports are on
 /// NET/NAME.
-std::string why_no_link_name(const std::string& name, const Scenario::Channel& channel);
+std::string why_no_link_name(const std::string& name, const ChannelSettings& channel);
 
 /// Checks what several keys together must fulfil. Throws UsageError.
-void check_channel(const Scenario::Channel& channel, const std::string& source);
+void check_channel(const ChannelSettings& channel, const std::string& source);
 
 }  // namespace tether

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/scenario/map_config.hpp"
-#include "common/scenario/trace_config.hpp"
+#include "netem/link/map_config.hpp"
+#include "netem/link/trace_config.hpp"
 
 namespace tether {
 

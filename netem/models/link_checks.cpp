@@ -1,4 +1,4 @@
-#include "common/scenario/channel_checks.hpp"
+#include "netem/models/link_checks.hpp"
 
 #include <fmt/format.h>
 
@@ -69,10 +69,11 @@ std::string why_stage_is_off(const std::string& prefix, const LinkConfig& link,
   return "";
 }
 
-void resolve_sojourn_times(const std::string& prefix, LinkConfig& link, const ChannelLevel& level) {
+void resolve_sojourn_times(const std::string& prefix, LinkConfig& link,
+                           const ScenarioLevel& level) {
   if (!link.p_bad && !link.mean_cycle_s) return;
   const std::string stationary = fmt::format("{0}markov.p_bad and {0}markov.mean_cycle_s", prefix);
-  if (level.given(prefix + "markov.mean_good_s") || level.given(prefix + "markov.mean_bad_s")) {
+  if (level.has(prefix + "markov.mean_good_s") || level.has(prefix + "markov.mean_bad_s")) {
     throw UsageError(fmt::format("{}: give either {}, or {}markov.mean_good_s and mean_bad_s",
                                  level.source, stationary, prefix));
   }
@@ -87,12 +88,12 @@ void resolve_sojourn_times(const std::string& prefix, LinkConfig& link, const Ch
 }
 
 /// PRR and mean burst length to p and r: the formulas of netem/models/gilbert_elliott.hpp.
-void resolve_burst(const std::string& prefix, LinkConfig& link, const ChannelLevel& level) {
+void resolve_burst(const std::string& prefix, LinkConfig& link, const ScenarioLevel& level) {
   GilbertElliottConfig& ge = link.gilbert_elliott;
   if (!ge.prr && !ge.mean_burst) return;
   const std::string key = prefix + "gilbert_elliott.";
   for (const char* other : {"p", "r", "one_minus_h", "one_minus_k"}) {
-    if (!level.given(key + other)) continue;
+    if (!level.has(key + other)) continue;
     throw UsageError(
         fmt::format("{0}: give either {1}prr and {1}mean_burst, or {1}p, r, one_minus_h and "
                     "one_minus_k",
@@ -268,7 +269,7 @@ class LinkChecker {
   const std::string& source_;
 };
 
-void check_shared_state(const Scenario::Channel& channel, const std::string& source) {
+void check_shared_state(const ChannelSettings& channel, const std::string& source) {
   const LinkConfig &uplink = channel.uplink, &downlink = channel.downlink;
   if (!channel.shared_state) return;
   if (uplink.model != downlink.model) {
@@ -326,18 +327,12 @@ std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
   return why_stage_is_off(prefix, link, part);
 }
 
-void resolve_link(const std::string& prefix, LinkConfig& link, const ChannelLevel& level) {
+void resolve_link(const std::string& prefix, LinkConfig& link, const ScenarioLevel& level) {
   resolve_sojourn_times(prefix, link, level);
   resolve_burst(prefix, link, level);
-  for (const auto& [key, file] :
-       {std::pair<std::string, std::string&>{"jitter.file", link.jitter.file},
-        {"trace.file", link.trace.file},
-        {"map.file", link.map.file}}) {
-    if (level.given(prefix + key)) file = (level.folder / file).lexically_normal().string();
-  }
 }
 
-std::string why_no_link_name(const std::string& name, const Scenario::Channel& channel) {
+std::string why_no_link_name(const std::string& name, const ChannelSettings& channel) {
   if (!is_identifier(name)) return "must be letters, digits, '-' and '_', at most 32";
   const auto upper = [](std::string text) {
     std::transform(text.begin(), text.end(), text.begin(),
@@ -356,7 +351,7 @@ std::string why_no_link_name(const std::string& name, const Scenario::Channel& c
   return "";
 }
 
-void check_channel(const Scenario::Channel& channel, const std::string& source) {
+void check_channel(const ChannelSettings& channel, const std::string& source) {
   channel.for_each_link([&source](const std::string& name, const LinkConfig& link) {
     LinkChecker("channel." + name + ".", link, source).check();
   });

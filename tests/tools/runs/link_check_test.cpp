@@ -6,14 +6,21 @@
 #include <string>
 #include <vector>
 
+#include "controller/laws/controller_settings.hpp"
 #include "netem/check/channel_watch.hpp"
 #include "netem/check/link_monitor.hpp"
 #include "netem/link/delay_law.hpp"
+#include "netem/models/channel_settings.hpp"
+#include "tools/runs/channel_traffic.hpp"
 
 // Links of every kind against what their configuration says of them.
 
 namespace tether {
 namespace {
+
+ChannelReport try_links(const Scenario& scenario, const ChannelTrial& trial) {
+  return try_channel(scenario, channel_traffic(scenario, false), trial);
+}
 
 using ::testing::HasSubstr;
 
@@ -110,7 +117,7 @@ bool covered(const ChannelCheck& c, double slack = 2e-6) {  // ms: delays are wh
 
 TEST(LinkCheck, FindsEveryModelAndStageAsConfigured) {
   for (const auto& [name, keys] : kComparable) {
-    const ChannelReport report = try_channel(scenario_of(keys, 1), {400'000, {}});
+    const ChannelReport report = try_links(scenario_of(keys, 1), {400'000, {}});
     for (const auto* link : {&report.uplink, &report.downlink}) {
       EXPECT_EQ(link->packets, 400'000);
       EXPECT_GE(link->checks.size(), 4U);
@@ -131,7 +138,7 @@ TEST(LinkCheck, IntervalsOfEveryModelCoverTheTruthAsOftenAsTheySay) {
   for (const auto& [name, keys] : kComparable) {
     std::map<std::string, int> misses;
     for (int seed = 1; seed <= kSeeds; ++seed) {
-      const ChannelReport report = try_channel(scenario_of(keys, seed), {10'000, {}});
+      const ChannelReport report = try_links(scenario_of(keys, seed), {10'000, {}});
       for (const auto* link : {&report.uplink, &report.downlink}) {
         for (const ChannelCheck& c : link->checks) misses[c.quantity] += covered(c) ? 0 : 1;
       }
@@ -155,7 +162,7 @@ TEST(LinkCheck, FlagsNoLinkWhoseRarerFateNeverFollowsItself) {
        {kComparable.at("losses apart"), kComparable.at("receptions apart"),
         kComparable.at("shortest bursts"), kComparable.at("lost alone"), never_back}) {
     for (int seed = 1; seed <= kSeeds; ++seed) {
-      const ChannelReport report = try_channel(scenario_of(keys, seed), {20'000, {}});
+      const ChannelReport report = try_links(scenario_of(keys, seed), {20'000, {}});
       for (const auto* link : {&report.uplink, &report.downlink}) {
         const Verdict verdict = overall(link->checks);
         outside += verdict == Verdict::outside ? 1 : 0;
@@ -168,7 +175,7 @@ TEST(LinkCheck, FlagsNoLinkWhoseRarerFateNeverFollowsItself) {
 
 LinkMonitor monitor_told(const Keys& keys) {
   const Scenario scenario = scenario_of(keys, 1);
-  const LinkConfig& link = scenario.channel.uplink;
+  const LinkConfig& link = scenario.get<ChannelSettings>().uplink;
   return LinkMonitor(expect_link(link, load_delay_table(link.jitter), pose_traffic(scenario)));
 }
 
@@ -237,9 +244,9 @@ TEST(LinkCheck, FlagsALinkOfOtherDelays) {
 }
 
 TEST(LinkCheck, CallsARunTooShortThatIs) {
-  const auto report = try_channel(scenario_of({"channel.prr=0.5"}, 1), {60, {}});
+  const auto report = try_links(scenario_of({"channel.prr=0.5"}, 1), {60, {}});
   EXPECT_EQ(overall(report.uplink.checks), Verdict::too_short);
-  const auto perfect = try_channel(scenario_of({}, 1), {60, {}});
+  const auto perfect = try_links(scenario_of({}, 1), {60, {}});
   EXPECT_EQ(overall(perfect.uplink.checks), Verdict::ok);
 }
 
@@ -282,7 +289,7 @@ TEST(LinkCheck, SaysWhatIsNotComparableAndWhy) {
        "same phase"},
       {{"channel.model=map", "channel.map.access_points=[[0, 0]]"}, all, "where the vehicle is"}};
   for (const Open& c : cases) {
-    const ChannelReport report = try_channel(scenario_of(c.keys, 1), {50'000, {}});
+    const ChannelReport report = try_links(scenario_of(c.keys, 1), {50'000, {}});
     for (const ChannelCheck& check : report.uplink.checks) {
       bool open = false;
       for (const std::string& q : c.quantities) open = open || check.quantity.starts_with(q);
@@ -300,10 +307,10 @@ TEST(LinkCheck, SaysWhatIsNotComparableAndWhy) {
 
 TEST(LinkCheck, PacketsWithoutRoomOrInOutagesAreNotTheModelsLosses) {
   const ChannelReport report =
-      try_channel(scenario_of({"channel.prr=0.9", "channel.delay_ms=400", "channel.queue_limit=3",
-                               "channel.outages=[[1, 20]]"},
-                              1),
-                  {50'000, {}});
+      try_links(scenario_of({"channel.prr=0.9", "channel.delay_ms=400", "channel.queue_limit=3",
+                             "channel.outages=[[1, 20]]"},
+                            1),
+                {50'000, {}});
   const ChannelCheck& prr = report.uplink.checks.front();
   EXPECT_EQ(prr.quantity, "PRR");
   EXPECT_EQ(prr.verdict, Verdict::ok);
@@ -327,10 +334,10 @@ TEST(LinkCheck, CommandsThatAnswerPosesAreNoFairSampleOfASharedState) {
 TEST(LinkTraffic, OfAPredictiveLawIsPlansWithAllTheirTwists) {
   Scenario scenario;
   EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 48.0);
-  for (const ControlLaw law : {ControlLaw::predictive, ControlLaw::predictive_consistent}) {
-    scenario.controller.law = law;
-    scenario.controller.horizon_s = 20.0;
-    scenario.controller.plan_step_ms = 50.0;
+  for (const char* law : {"predictive", "predictive_consistent"}) {
+    scenario.get<ControllerSettings>().law = law;
+    scenario.get<ControllerSettings>().horizon_s = 20.0;
+    scenario.get<ControllerSettings>().plan_step_ms = 50.0;
     EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 88.0 + 400 * 8);
   }
 }

@@ -1,13 +1,13 @@
-#include "common/scenario/channel_settings.hpp"
+#include "netem/models/channel_change.hpp"
 
 #include <fmt/format.h>
 
-#include <functional>
 #include <limits>
+#include <memory>
+#include <set>
 
 #include "common/base/errors.hpp"
 #include "common/base/pattern.hpp"
-#include "common/scenario/keys.hpp"
 #include "common/scenario/loader.hpp"
 
 namespace tether {
@@ -15,24 +15,31 @@ namespace {
 
 const std::string kPrefix = "channel.";
 
-/// With those of its links by name that `scenario` has, at their defaults unless they are there.
-Scenario with_links_of(const Scenario& scenario, Scenario other) {
-  for (const auto& [name, link] : scenario.channel.links) other.channel.links.try_emplace(name);
+/// The channel alone.
+Scenario scenario_of(const ChannelSettings& channel) {
+  static const auto kSchema =
+      std::make_shared<const ScenarioSchema>(std::vector<ScenarioSection>{channel_section()});
+  Scenario scenario(kSchema);
+  scenario.get<ChannelSettings>() = channel;
+  return scenario;
+}
+
+/// With those of its links by name that `channel` has, at their defaults unless they are there.
+ChannelSettings with_links_of(const ChannelSettings& channel, ChannelSettings other) {
+  for (const auto& [name, link] : channel.links) other.links.try_emplace(name);
   return other;
 }
 
-/// Those of the channel's keys that `which` selects and that are set, with their values.
-std::vector<ChannelSetting> select(const Scenario& scenario,
-                                   const std::function<bool(const ScenarioKey&)>& which) {
-  std::vector<ScenarioKey> keys = scenario_keys();
-  for (const auto& [name, link] : scenario.channel.links) {
-    const std::vector<ScenarioKey> more = named_link_keys(name);
-    keys.insert(keys.end(), more.begin(), more.end());
-  }
+/// Those of the channel's keys that are set, and were given or have another value than in `before`.
+std::vector<ChannelSetting> differences(const ChannelSettings& channel,
+                                        const ChannelSettings& before,
+                                        const std::set<std::string>& given = {}) {
+  const Scenario now = scenario_of(channel);
+  const Scenario then = scenario_of(with_links_of(channel, before));
   std::vector<ChannelSetting> found;
-  for (const ScenarioKey& key : keys) {
-    const auto value = key.get(scenario);
-    if (!value || !key.name.starts_with(kPrefix) || !which(key)) continue;
+  for (const ScenarioKey& key : now.schema().keys_of(now)) {
+    const auto value = key.get(now);
+    if (!value || (value == key.get(then) && !given.contains(key.name))) continue;
     found.push_back({key.name.substr(kPrefix.size()), to_toml(*value)});
   }
   return found;
@@ -50,11 +57,11 @@ void apply(ScenarioLoader& loader, const std::string& setting, const std::string
 
 }  // namespace
 
-ChannelChange change_channel(const Scenario& in_force, const std::vector<std::string>& settings,
-                             const std::string& source) {
-  Scenario start = in_force;
-  start.channel.changes.clear();  // not for changes to change
-  ScenarioLoader loader(start);
+ChannelChange change_channel(const ChannelSettings& in_force,
+                             const std::vector<std::string>& settings, const std::string& source) {
+  ChannelSettings start = in_force;
+  start.changes.clear();  // not for changes to change
+  ScenarioLoader loader(scenario_of(start));
   const std::string before = source.empty() ? "" : source + ": ";
   for (const std::string& text : settings) apply(loader, text, before + text);
   const std::set<std::string> given = loader.given();
@@ -63,12 +70,9 @@ ChannelChange change_channel(const Scenario& in_force, const std::vector<std::st
   }
   const std::string level = source.empty() ? "settings" : source;
   loader.end_level(level, {});
-  ChannelChange change{loader.finish(level), {}};
-  change.scenario.channel.changes = in_force.channel.changes;
-  const Scenario before_change = with_links_of(change.scenario, in_force);
-  change.settings = select(change.scenario, [&](const ScenarioKey& key) {
-    return given.contains(key.name) || key.get(change.scenario) != key.get(before_change);
-  });
+  ChannelChange change{loader.finish(level).get<ChannelSettings>(), {}};
+  change.channel.changes = in_force.changes;
+  change.settings = differences(change.channel, in_force, given);
   return change;
 }
 
@@ -94,23 +98,21 @@ std::string setting_in_folder(const std::string& setting, const std::filesystem:
   return fmt::format("{}=\"{}\"", part->at(0), file.lexically_normal().string());
 }
 
-std::vector<ChannelSetting> channel_settings(const Scenario& scenario) {
-  const Scenario defaults = with_links_of(scenario, {});
-  return select(scenario,
-                [&](const ScenarioKey& key) { return key.get(scenario) != key.get(defaults); });
+std::vector<ChannelSetting> channel_settings(const ChannelSettings& channel) {
+  return differences(channel, {});
 }
 
-void check_changes(const Scenario& scenario, const std::string& file) {
-  Scenario in_force = scenario;
+void check_changes(const ChannelSettings& channel, const std::string& file) {
+  ChannelSettings in_force = channel;
   double earliest_s = -std::numeric_limits<double>::infinity();
-  for (const Scenario::Channel::Change& change : scenario.channel.changes) {
+  for (const ChannelSettings::Change& change : channel.changes) {
     const std::string source = fmt::format("{}: channel.change at {} s", file, change.at_s);
     if (change.at_s < earliest_s) {
       throw UsageError(
           fmt::format("{} comes after the one at {} s: times must ascend", source, earliest_s));
     }
     earliest_s = change.at_s;
-    in_force = change_channel(in_force, change.settings, source).scenario;
+    in_force = change_channel(in_force, change.settings, source).channel;
   }
 }
 

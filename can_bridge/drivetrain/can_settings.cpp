@@ -1,0 +1,140 @@
+#include "can_bridge/drivetrain/can_settings.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/key_table.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+
+namespace tether {
+namespace {
+
+using Can = CanSettings;
+
+bool has_can(const Scenario& scenario) {
+  return scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can;
+}
+
+void add_bus(KeyTable<Can>& t) {
+  t.file("drivetrain", &Can::drivetrain_file,
+         "what is on the bus: a file of drivetrains/, relative to the scenario file");
+  t.text("interface", &Can::interface, "live: SocketCAN interface");
+  t.number("bit_rate_bps", &Can::bit_rate_bps, {10e3, 1e6, false},
+           "of the simulated bus, and for the bus load");
+  t.boolean("emulate_drives", &Can::emulate_drives,
+            "live: start tether-can-drive; false where real drives are on the bus");
+  t.choice<Can::Wheels>("wheels", &Can::wheels,
+                        {{"sim", Can::Wheels::sim}, {"model", Can::Wheels::model}},
+                        "what emulated drives turn: the simulator's wheels or a simple model");
+  KeyTable<VehicleSettings> of_vehicle("can.");
+  of_vehicle.number("coupling_ms", &VehicleSettings::coupling_ms, {1.0, 50.0, false},
+                    "between messages of emulated drives and simulated wheels");
+  t.append(of_vehicle.take());
+  t.choice<Can::Arm>("arm", &Can::arm, {{"once", Can::Arm::once}, {"never", Can::Arm::never}},
+                     "the run arms the drivetrain once, or leaves it to an operator");
+}
+
+void add_deadlines_and_limits(KeyTable<Can>& t) {
+  constexpr Range kDeadline{1.0, 10e3, false};
+  t.number("cycle_ms", &Can::cycle_ms, {1.0, 100.0, false}, "control cycle: SYNC and setpoints");
+  t.number("stale_ms", &Can::stale_ms, kDeadline, "a command older than this: ramp to zero");
+  t.number("disarm_ms", &Can::disarm_ms, kDeadline,
+           "a command older than this: quick stop and disarm");
+  t.number("max_speed_mps", &Can::max_speed_mps, kPositive, "forward");
+  t.number("max_reverse_mps", &Can::max_reverse_mps, kPositive, "backward");
+  t.number("max_yaw_rate_radps", &Can::max_yaw_rate_radps, kPositive, "either way");
+  t.number("max_acceleration_mps2", &Can::max_acceleration_mps2, kPositive, "away from standstill");
+  t.number("max_deceleration_mps2", &Can::max_deceleration_mps2, kPositive,
+           "towards standstill; at least the acceleration");
+  t.number("max_yaw_acceleration_radps2", &Can::max_yaw_acceleration_radps2, kPositive,
+           "away from standstill");
+  t.number("max_yaw_deceleration_radps2", &Can::max_yaw_deceleration_radps2, kPositive,
+           "towards standstill; at least the acceleration");
+  t.number("max_jerk_mps3", &Can::max_jerk_mps3, kPositive, "change of acceleration per second");
+  t.number("max_yaw_jerk_radps3", &Can::max_yaw_jerk_radps3, kPositive,
+           "change of yaw acceleration per second");
+}
+
+void add_injection(KeyTable<Can>& t) {
+  t.choice<Can::Inject>("inject", &Can::inject,
+                        {{"none", Can::Inject::none},
+                         {"fault", Can::Inject::fault},
+                         {"reboot", Can::Inject::reboot},
+                         {"silence", Can::Inject::silence},
+                         {"sdo_abort", Can::Inject::sdo_abort},
+                         {"encoder_freeze", Can::Inject::encoder_freeze},
+                         {"wheel_slip", Can::Inject::wheel_slip}},
+                        "a fault of the emulated drives");
+  t.whole_number("inject_node", &Can::inject_node, 0, "the drive's node id; 0 = all");
+  t.number("inject_at_s", &Can::inject_at_s, {-1e3, 1e6, false}, "when");
+  t.number("inject_value", &Can::inject_value, {0.0, 65535.0, false},
+           "error code, seconds, object or share: see lcmtypes/tether_drive_fault.lcm");
+}
+
+void check(const Scenario& scenario, const std::string& file) {
+  if (!has_can(scenario)) return;
+  const auto& can = scenario.get<Can>();
+  if (can.drivetrain_file.empty()) {
+    throw UsageError(fmt::format(
+        "{}: vehicle.drivetrain = \"can\" needs can.drivetrain, a file of drivetrains/", file));
+  }
+  if (can.disarm_ms <= can.stale_ms || can.stale_ms < 2.0 * can.cycle_ms) {
+    throw UsageError(
+        fmt::format("{}: must be 2 * can.cycle_ms <= can.stale_ms < can.disarm_ms; "
+                    "they are {}, {} and {} ms",
+                    file, can.cycle_ms, can.stale_ms, can.disarm_ms));
+  }
+  if (can.max_deceleration_mps2 < can.max_acceleration_mps2 ||
+      can.max_yaw_deceleration_radps2 < can.max_yaw_acceleration_radps2) {
+    throw UsageError(
+        fmt::format("{}: stopping must not be weaker than accelerating: can.max_deceleration_mps2 "
+                    "= {} and can.max_yaw_deceleration_radps2 = {} must be at least {} and {}",
+                    file, can.max_deceleration_mps2, can.max_yaw_deceleration_radps2,
+                    can.max_acceleration_mps2, can.max_yaw_acceleration_radps2));
+  }
+  if (can.inject == Can::Inject::wheel_slip &&
+      !(can.inject_value > 0.0 && can.inject_value <= 1.0)) {
+    throw UsageError(fmt::format(
+        "{}: can.inject = \"wheel_slip\" with can.inject_value = {}: must be the share of the "
+        "motion that is lost, above 0, up to 1",
+        file, can.inject_value));
+  }
+}
+
+}  // namespace
+
+ScenarioSection can_section() {
+  KeyTable<Can> t("can.");
+  add_bus(t);
+  add_deadlines_and_limits(t);
+  add_injection(t);
+  ScenarioSection section{.defaults = Can{}, .keys = t.take()};
+  section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
+    return key.name.starts_with("can.") && !has_can(scenario);
+  };
+  section.check = check;
+  return section;
+}
+
+std::vector<PathLimit> can_path_limits(const Scenario& scenario) {
+  if (!has_can(scenario)) return {};
+  const auto& can = scenario.get<Can>();
+  return {{"a speed", "m/s", "can.max_speed_mps", can.max_speed_mps,
+           [](const PathDemand& d) { return d.point.v_mps; }},
+          {"a yaw rate", "rad/s", "can.max_yaw_rate_radps", can.max_yaw_rate_radps,
+           [](const PathDemand& d) { return std::abs(d.point.omega_radps); }},
+          {"an acceleration", "m/s^2", "can.max_acceleration_mps2", can.max_acceleration_mps2,
+           [](const PathDemand& d) { return d.acceleration_mps2; }},
+          {"a deceleration", "m/s^2", "can.max_deceleration_mps2", can.max_deceleration_mps2,
+           [](const PathDemand& d) { return -d.acceleration_mps2; }},
+          {"a yaw acceleration", "rad/s^2", "can.max_yaw_acceleration_radps2",
+           can.max_yaw_acceleration_radps2,
+           [](const PathDemand& d) { return d.yaw_acceleration_radps2; }},
+          {"a yaw deceleration", "rad/s^2", "can.max_yaw_deceleration_radps2",
+           can.max_yaw_deceleration_radps2,
+           [](const PathDemand& d) { return -d.yaw_acceleration_radps2; }}};
+}
+
+}  // namespace tether

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/path/check.hpp"
+#include "common/scenario/section.hpp"
+
+namespace tether {
+
+/// [can], with vehicle.drivetrain = can: the bridge, its limits and time-outs, the bus
+/// (docs/drivetrain.md).
+struct CanSettings {
+  enum class Arm { once, never };
+  enum class Wheels { sim, model };
+  enum class Inject { none, fault, reboot, silence, sdo_abort, encoder_freeze, wheel_slip };
+
+  std::string drivetrain_file;      ///< what is on the bus; relative to the scenario file
+  std::string interface = "vcan0";  ///< live runs: SocketCAN interface
+  double bit_rate_bps = 500'000;    ///< virtual runs: of the bus; reports: for the bus load
+  Wheels wheels = Wheels::sim;      ///< what emulated drives turn
+  bool emulate_drives = true;       ///< live runs start tether-can-drive
+  /// Who presses "arm": once = the run itself, as soon as the drivetrain is ready; never = an
+  /// operator (`tether can arm`).
+  Arm arm = Arm::once;
+  double cycle_ms = 20.0;    ///< of the control loop: SYNC and setpoints
+  double stale_ms = 200.0;   ///< a command older than this: ramp to zero
+  double disarm_ms = 500.0;  ///< a command older than this: quick stop and disarm
+  double max_speed_mps = 3.0;
+  double max_reverse_mps = 3.0;
+  double max_yaw_rate_radps = 2.0;
+  double max_acceleration_mps2 = 1.0;
+  double max_deceleration_mps2 = 1.5;  ///< never below the acceleration
+  double max_yaw_acceleration_radps2 = 2.0;
+  double max_yaw_deceleration_radps2 = 3.0;  ///< never below the acceleration
+  double max_jerk_mps3 = 30.0;
+  double max_yaw_jerk_radps3 = 60.0;
+  // Emulated drives: one fault at a given time, for sweeps of the safety logic.
+  Inject inject = Inject::none;
+  std::int64_t inject_node = 0;  ///< CANopen node id; 0: all
+  double inject_at_s = 10.0;
+  double inject_value = 0.0;  ///< see drive_fault_t
+};
+
+ScenarioSection can_section();
+
+/// What the bridge limits commands to; none without drives on CAN.
+std::vector<PathLimit> can_path_limits(const Scenario& scenario);
+
+}  // namespace tether

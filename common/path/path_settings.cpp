@@ -1,0 +1,147 @@
+#include "common/path/path_settings.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <string_view>
+
+#include "common/base/errors.hpp"
+#include "common/path/kinds.hpp"
+#include "common/scenario/key_table.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+
+namespace tether {
+namespace {
+
+using Path = PathSettings;
+
+constexpr const char* kPrefix = "path.";
+constexpr Range kSize{0.1, 1e4, false};
+constexpr Range kStart_m{-1e4, 1e4, false};
+constexpr Range kAngle{-100.0, 100.0, false};
+constexpr Range kLimit{0.01, 50.0, false};
+
+void add_shapes(KeyTable<Path>& t) {
+  t.number("amplitude_m", TETHER_MEMBER(figure_eight.amplitude_m), {1e-3, 1e4, false},
+           "half length of the figure eight");
+  t.number("rate_radps", TETHER_MEMBER(figure_eight.rate_radps), {1e-6, 100.0, false},
+           "one eight takes 2*pi/this seconds");
+  t.number("rotation_rad", TETHER_MEMBER(figure_eight.rotation_rad), kAngle,
+           "of the eight's long axis against +x");
+  t.file("csv", &Path::csv,
+         "waypoints, CSV: x_m, y_m and, if wanted, v_mps; relative to the scenario file");
+  t.number("radius_m", &Path::radius_m, kSize, "of the circle");
+  t.number("length_m", &Path::length_m, kSize,
+           "of the line; of the rectangle, along the start's heading");
+  t.number("width_m", &Path::width_m, kSize, "of the rectangle, across the start's heading");
+  t.number("corner_radius_m", &Path::corner_radius_m, kSize,
+           "least radius in the rectangle's corners, which are clothoids");
+  t.boolean("clockwise", &Path::clockwise, "circle and rectangle turn right instead of left");
+  t.number("start_x_m", TETHER_MEMBER(start.x_m), kStart_m, "start of circle, line and rectangle");
+  t.number("start_y_m", TETHER_MEMBER(start.y_m), kStart_m, "start of circle, line and rectangle");
+  t.number("start_yaw_rad", TETHER_MEMBER(start.yaw_rad), kAngle,
+           "heading at the start of circle, line and rectangle");
+}
+
+void add_limits(KeyTable<Path>& t) {
+  t.number("speed_mps", TETHER_MEMBER(limits.speed_mps), kLimit,
+           "cruise; less where another limit says so");
+  t.number("max_acceleration_mps2", TETHER_MEMBER(limits.max_acceleration_mps2), kLimit,
+           "along the path; it begins at rest");
+  t.number("max_deceleration_mps2", TETHER_MEMBER(limits.max_deceleration_mps2), kLimit,
+           "along the path; open ones end at rest");
+  t.number("max_lateral_acceleration_mps2", TETHER_MEMBER(limits.max_lateral_acceleration_mps2),
+           kLimit, "square of the speed times curvature");
+  t.number("max_yaw_rate_radps", TETHER_MEMBER(limits.max_yaw_rate_radps), kLimit,
+           "speed times curvature");
+  t.number("max_yaw_acceleration_radps2", TETHER_MEMBER(limits.max_yaw_acceleration_radps2), kLimit,
+           "half of it for changes of the curvature, half for those of the speed");
+}
+
+std::vector<ScenarioKey> keys() {
+  KeyTable<Path> t(kPrefix);
+  std::vector<std::string> names;
+  for (const PathKind& kind : path_kinds()) names.push_back(kind.name);
+  t.one_of("kind", &Path::kind, names, "reference path");
+  add_shapes(t);
+  add_limits(t);
+  for (const PathKind& kind : path_kinds()) t.append(kind.own_keys);
+  return t.take();
+}
+
+/// Other kinds' sizes.
+std::string why_no_effect(const Scenario& scenario, const std::string& key) {
+  if (!key.starts_with(kPrefix) || key == "path.kind") return "";
+  const PathKind& kind = kind_of(scenario.get<Path>());
+  const std::string part = key.substr(std::string_view(kPrefix).size());
+  if (std::find(kind.keys.begin(), kind.keys.end(), part) != kind.keys.end()) return "";
+  return fmt::format("path.kind is \"{}\"", kind.name);
+}
+
+std::unique_ptr<const PlannedPath> plan(const Path& settings, const std::string& file) {
+  try {
+    return plan_path(settings);
+  } catch (const UsageError& error) {
+    // What is wrong with a file of waypoints is said with its name.
+    const bool has_name =
+        !settings.csv.empty() && std::string_view(error.what()).starts_with(settings.csv);
+    throw UsageError(has_name ? error.what() : fmt::format("{}: {}", file, error.what()));
+  }
+}
+
+/// Puts the vehicle where its path begins, but for what `given` says.
+void start_vehicle(Scenario& scenario, const std::set<std::string>& given,
+                   const std::string& file) {
+  const auto path = plan(scenario.get<Path>(), file);
+  if (!path) return;
+  const PathPoint start = path->at(0.0);
+  auto& vehicle = scenario.get<VehicleSettings>();
+  if (!given.contains("vehicle.start_x_m")) vehicle.start_x_m = start.x_m;
+  if (!given.contains("vehicle.start_y_m")) vehicle.start_y_m = start.y_m;
+  if (!given.contains("vehicle.start_yaw_rad")) vehicle.start_yaw_rad = start.yaw_rad;
+}
+
+void check(const Scenario& scenario, const std::string& file,
+           const std::vector<PathLimitsOf>& limits_of) {
+  const auto path = plan(scenario.get<Path>(), file);
+  if (!path) return;
+  std::vector<PathLimit> limits;
+  for (const PathLimitsOf& of : limits_of) {
+    for (PathLimit& limit : of(scenario)) limits.push_back(std::move(limit));
+  }
+  check_path(*path, scenario.get<VehicleSettings>(), scenario.get<WorldSettings>().half_extent_m,
+             limits, file);
+}
+
+}  // namespace
+
+ScenarioSection path_section(const std::vector<PathLimitsOf>& limits) {
+  ScenarioSection section{.defaults = Path{}, .keys = keys()};
+  section.why_no_effect = why_no_effect;
+  section.complete = start_vehicle;
+  section.check = [limits](const Scenario& scenario, const std::string& file) {
+    check(scenario, file, limits);
+  };
+  return section;
+}
+
+std::vector<PathLimit> vehicle_path_limits(const Scenario& scenario) {
+  const auto& vehicle = scenario.get<VehicleSettings>();
+  const auto& world = scenario.get<WorldSettings>();
+  std::vector<PathLimit> limits{
+      {"a wheel's rim speed", "m/s", "vehicle.max_wheel_speed_mps", vehicle.max_wheel_speed_mps,
+       [](const PathDemand& d) { return d.rim_speed_mps; }},
+      {"a wheel's rim acceleration", "m/s^2", "vehicle.max_wheel_acceleration_mps2",
+       vehicle.max_wheel_acceleration_mps2,
+       [](const PathDemand& d) { return d.rim_acceleration_mps2; }}};
+  if (vehicle.plant == VehicleSettings::Plant::ode) {
+    limits.push_back({"a lateral acceleration", "m/s^2", "world.friction * world.gravity_mps2",
+                      world.friction * world.gravity_mps2, [](const PathDemand& d) {
+                        return d.point.v_mps * std::abs(d.point.omega_radps);
+                      }});
+  }
+  return limits;
+}
+
+}  // namespace tether

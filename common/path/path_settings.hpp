@@ -1,0 +1,40 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/path/check.hpp"
+#include "common/path/figure_eight.hpp"
+#include "common/path/limits.hpp"
+#include "common/scenario/own_settings.hpp"
+#include "common/scenario/section.hpp"
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+/// [path]. Which keys a kind uses is said in its row of common/path/kinds.cpp.
+struct PathSettings {
+  std::string kind = "figure_eight";  ///< the name of one of path_kinds()
+  FigureEight::Config figure_eight;
+  std::string csv;               ///< waypoints; relative to the scenario file
+  double radius_m = 8.0;         ///< circle
+  double length_m = 15.0;        ///< line; rounded_rectangle, along the start's heading
+  double width_m = 10.0;         ///< rounded_rectangle, across the start's heading
+  double corner_radius_m = 2.0;  ///< rounded_rectangle, the least
+  bool clockwise = false;        ///< circle, rounded_rectangle
+  Pose2 start;                   ///< circle, line, rounded_rectangle
+  PathLimits limits;             ///< all but the figure eight
+  OwnSettings own;               ///< of kinds that have keys which no other kind has
+};
+
+/// What limits a path, of some sections.
+using PathLimitsOf = std::function<std::vector<PathLimit>(const Scenario&)>;
+
+/// `limits`: of what is between the path and the wheels. The path must keep them all.
+ScenarioSection path_section(const std::vector<PathLimitsOf>& limits);
+
+/// Those of the vehicle and its tyres.
+std::vector<PathLimit> vehicle_path_limits(const Scenario& scenario);
+
+}  // namespace tether

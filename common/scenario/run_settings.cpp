@@ -1,0 +1,21 @@
+#include "common/scenario/run_settings.hpp"
+
+#include "common/scenario/key_table.hpp"
+
+namespace tether {
+
+ScenarioSection run_section() {
+  using Run = RunSettings;
+  KeyTable<Run> t("run.");
+  t.number("duration_s", &Run::duration_s, {0.0, 1e6, true}, "length of the run");
+  t.number("lead_s", &Run::lead_s, {0.0, 1e3, false},
+           "the loop lives this long before the path starts; the vehicle stands");
+  t.whole_number("seed", &Run::seed, 0, "seed of all random streams");
+  t.number("truth_rate_hz", &Run::truth_rate_hz, kRate,
+           "SIM/TRUTH messages and trajectory rows per second");
+  t.number("report_period_s", &Run::report_period_s, {0.01, 1e6, false},
+           "between link reports, and between counter reports");
+  return {.defaults = Run{}, .keys = t.take()};
+}
+
+}  // namespace tether

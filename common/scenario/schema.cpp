@@ -1,0 +1,53 @@
+#include <algorithm>
+#include <utility>
+
+#include "common/scenario/section.hpp"
+
+namespace tether {
+
+ScenarioSchema::ScenarioSchema(std::vector<ScenarioSection> sections)
+    : sections_(std::move(sections)) {
+  for (const ScenarioSection& section : sections_) {
+    keys_.insert(keys_.end(), section.keys.begin(), section.keys.end());
+  }
+}
+
+std::shared_ptr<const ScenarioSchema> ScenarioSchema::all() {
+  static const auto schema = std::make_shared<const ScenarioSchema>(scenario_sections());
+  return schema;
+}
+
+std::vector<ScenarioKey> ScenarioSchema::keys_of(const Scenario& scenario) const {
+  std::vector<ScenarioKey> keys = keys_;
+  for (const ScenarioSection& section : sections_) {
+    if (!section.named) continue;
+    for (const std::string& name : section.named->names(scenario)) {
+      for (ScenarioKey& key : section.named->keys(name)) keys.push_back(std::move(key));
+    }
+  }
+  return keys;
+}
+
+std::string ScenarioSchema::why_no_effect(const Scenario& scenario, const std::string& key) const {
+  for (const ScenarioSection& section : sections_) {
+    if (!section.why_no_effect) continue;
+    if (std::string why = section.why_no_effect(scenario, key); !why.empty()) return why;
+  }
+  return "";
+}
+
+bool ScenarioSchema::left_out(const Scenario& scenario, const ScenarioKey& key) const {
+  return std::any_of(sections_.begin(), sections_.end(), [&](const ScenarioSection& section) {
+    return section.left_out && section.left_out(scenario, key);
+  });
+}
+
+std::vector<std::string> ScenarioSchema::keys_meant_by(const std::string& key) const {
+  for (const ScenarioSection& section : sections_) {
+    if (!section.stands_for) continue;
+    if (auto keys = section.stands_for(key); !keys.empty()) return keys;
+  }
+  return {key};
+}
+
+}  // namespace tether

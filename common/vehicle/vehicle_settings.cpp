@@ -1,0 +1,152 @@
+#include "common/vehicle/vehicle_settings.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/key_table.hpp"
+
+namespace tether {
+namespace {
+
+using World = WorldSettings;
+using Vehicle = VehicleSettings;
+
+constexpr Range kMass{1e-3, 1e5, false};
+constexpr Range kOffset{-100.0, 100.0, false};
+constexpr Range kFriction{0.0, 100.0, false};
+
+void add_body(KeyTable<Vehicle>& t) {
+  t.number("chassis_length_m", &Vehicle::chassis_length_m, kLength, "chassis box along x");
+  t.number("chassis_width_m", &Vehicle::chassis_width_m, kLength, "chassis box along y");
+  t.number("chassis_height_m", &Vehicle::chassis_height_m, kLength, "chassis box along z");
+  t.number("chassis_mass_kg", &Vehicle::chassis_mass_kg, kMass, "chassis box without caster");
+  t.number("wheel_radius_m", &Vehicle::wheel_radius_m, kLength, "drive wheels");
+  t.number("wheel_width_m", &Vehicle::wheel_width_m, kLength, "drive wheels");
+  t.number("wheel_mass_kg", &Vehicle::wheel_mass_kg, kMass, "each drive wheel");
+  t.number("track_m", &Vehicle::track_m, kLength, "between the wheels' centres");
+  t.number("axle_x_m", &Vehicle::axle_x_m, kOffset, "drive axle, relative to the chassis centre");
+  t.number("caster_x_m", &Vehicle::caster_x_m, kOffset,
+           "caster ball, relative to the chassis centre");
+  t.number("caster_radius_m", &Vehicle::caster_radius_m, kLength, "caster ball");
+  t.number("caster_mass_kg", &Vehicle::caster_mass_kg, kMass, "caster ball");
+  t.number("max_wheel_torque_Nm", &Vehicle::max_wheel_torque_Nm, kPositive,
+           "torque limit of each wheel's speed servo");
+  t.number("max_wheel_acceleration_mps2", &Vehicle::max_wheel_acceleration_mps2, kPositive,
+           "slew rate of each wheel's rim speed");
+  t.number("max_wheel_speed_mps", &Vehicle::max_wheel_speed_mps, kPositive,
+           "rim speed limit; both wheels are scaled together");
+}
+
+void add_start(KeyTable<Vehicle>& t) {
+  t.number("start_x_m", &Vehicle::start_x_m, {-1e4, 1e4, false},
+           "axle midpoint at t = 0; that of the path if not given (figure eight: 0)");
+  t.number("start_y_m", &Vehicle::start_y_m, {-1e4, 1e4, false},
+           "axle midpoint at t = 0; that of the path if not given (figure eight: 0)");
+  t.number("start_yaw_rad", &Vehicle::start_yaw_rad, kOffset,
+           "heading at t = 0; that of the path if not given (figure eight: 0)");
+}
+
+void add_errors(KeyTable<Vehicle>& t) {
+  constexpr Range kShare{-0.5, 0.5, false};
+  t.number("payload_kg", &Vehicle::payload_kg, {0.0, 1e5, false},
+           "a load, a point at the chassis centre's height");
+  t.number("payload_x_m", &Vehicle::payload_x_m, kOffset,
+           "of the load, relative to the chassis centre");
+  t.number("payload_y_m", &Vehicle::payload_y_m, kOffset,
+           "of the load, relative to the chassis centre");
+  t.number("radius_error", &Vehicle::radius_error, kShare,
+           "share by which the wheels are larger than the vehicle believes");
+  t.number("track_error", &Vehicle::track_error, kShare,
+           "share by which the vehicle believes in too wide a track");
+  t.number("actuator_lag_ms", &Vehicle::actuator_lag_ms, {0.0, 1e4, false},
+           "time constant of the rim speeds, which nobody allows for");
+  t.number("clock_offset_ms", &Vehicle::clock_offset_ms, {-900.0, 900.0, false},
+           "the vehicle's clock is ahead of the controller's by this");
+}
+
+bool is_one_of(std::string_view key, std::initializer_list<std::string_view> keys) {
+  return std::find(keys.begin(), keys.end(), key) != keys.end();
+}
+
+/// Masses and friction where nothing has any, and errors that drives on CAN do not have.
+std::string why_no_effect(const Scenario& scenario, const std::string& key) {
+  const auto& vehicle = scenario.get<Vehicle>();
+  if (vehicle.drivetrain == Vehicle::Drivetrain::can &&
+      is_one_of(key, {"vehicle.radius_error", "vehicle.track_error", "vehicle.actuator_lag_ms",
+                      "vehicle.clock_offset_ms"})) {
+    return "vehicle.drivetrain is \"can\"";
+  }
+  if (vehicle.plant == Vehicle::Plant::kinematic &&
+      is_one_of(key,
+                {"world.friction", "world.gravity_mps2", "vehicle.chassis_height_m",
+                 "vehicle.chassis_mass_kg", "vehicle.wheel_mass_kg", "vehicle.caster_x_m",
+                 "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.payload_kg",
+                 "vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.max_wheel_torque_Nm"})) {
+    return "vehicle.plant is \"kinematic\"";
+  }
+  return "";
+}
+
+void check(const Scenario& scenario, const std::string& file) {
+  const auto& vehicle = scenario.get<Vehicle>();
+  const double half_extent_m = scenario.get<World>().half_extent_m;
+  for (const char* taken : {"CTRL", "NET", "SIM", "CAN"}) {
+    if (!vehicle.name.starts_with(taken)) continue;
+    throw UsageError(
+        fmt::format("{}: vehicle.name = \"{}\" is not allowed: channels {}... have another meaning",
+                    file, vehicle.name, taken));
+  }
+  const double inside =
+      half_extent_m - std::hypot(vehicle.chassis_length_m, vehicle.chassis_width_m);
+  if (inside < 0.0) {
+    throw UsageError(
+        fmt::format("{}: the vehicle does not fit between walls at ±{} m", file, half_extent_m));
+  }
+  if (std::abs(vehicle.start_x_m) > inside || std::abs(vehicle.start_y_m) > inside) {
+    throw UsageError(fmt::format(
+        "{}: the vehicle starts at ({}, {}) m, in or beyond the walls: vehicle.start_x_m and "
+        "start_y_m must be within ±{:.2f} m for world.half_extent_m = {}",
+        file, vehicle.start_x_m, vehicle.start_y_m, inside, half_extent_m));
+  }
+}
+
+}  // namespace
+
+ScenarioSection world_section() {
+  KeyTable<World> t("world.");
+  t.number("half_extent_m", &World::half_extent_m, {3.0, 1e4, false},
+           "walls stand at x and y = ±this");
+  t.number("friction", &World::friction, kFriction,
+           "Coulomb friction coefficient of tyres on the floor");
+  t.number("wall_friction", &World::wall_friction, kFriction,
+           "Coulomb friction coefficient of the body on walls");
+  t.number("gravity_mps2", &World::gravity_mps2, {0.1, 100.0, false}, "gravity");
+  return {.defaults = World{}, .keys = t.take()};
+}
+
+ScenarioSection vehicle_section() {
+  KeyTable<Vehicle> t("vehicle.");
+  t.choice<Vehicle::Plant>("plant", &Vehicle::plant,
+                           {{"ode", Vehicle::Plant::ode}, {"kinematic", Vehicle::Plant::kinematic}},
+                           "physics of the vehicle: rigid bodies, or rolling without slip (fast)");
+  t.choice<Vehicle::Drivetrain>(
+      "drivetrain", &Vehicle::drivetrain,
+      {{"direct", Vehicle::Drivetrain::direct}, {"can", Vehicle::Drivetrain::can}},
+      "what turns commands into wheel speeds: the simulator, or drives on CAN");
+  t.identifier("name", &Vehicle::name, "first part of its LCM channels");
+  add_body(t);
+  add_start(t);
+  add_errors(t);
+  return {.defaults = Vehicle{}, .keys = t.take(), .why_no_effect = why_no_effect, .check = check};
+}
+
+Instant earliest_stamp(const Sections<RunSettings, VehicleSettings>& settings) {
+  return kStart - from_seconds(settings.get<RunSettings>().lead_s +
+                               std::abs(settings.get<Vehicle>().clock_offset_ms) * 1e-3);
+}
+
+}  // namespace tether

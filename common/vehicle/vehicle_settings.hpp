@@ -1,0 +1,49 @@
+#pragma once
+
+#include <string>
+
+#include "common/base/time.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/scenario/section.hpp"
+#include "common/vehicle/vehicle_config.hpp"
+
+namespace tether {
+
+/// [world]: a flat floor with four walls around the origin.
+struct WorldSettings {
+  double half_extent_m = 22.0;  ///< walls at x = ±half_extent_m and y = ±half_extent_m
+  /// Coulomb coefficient of tyres on the floor: polyurethane on concrete. From about 0.8 on, the
+  /// tyres hold well enough to tip the vehicle over when it skids sideways at 8 m/s.
+  double friction = 0.6;
+  /// Coulomb coefficient of body and wheels on walls. A wheel that rubs a rough wall climbs it.
+  double wall_friction = 0.2;
+  double gravity_mps2 = 9.81;
+};
+
+/// [vehicle]
+struct VehicleSettings : VehicleConfig {
+  enum class Plant { ode, kinematic };
+  enum class Drivetrain { direct, can };
+  Plant plant = Plant::ode;
+  /// As the key has it.
+  const char* plant_name() const { return plant == Plant::kinematic ? "kinematic" : "ode"; }
+  /// What turns commands into wheel speeds: the simulator itself, or drives on a CAN bus.
+  Drivetrain drivetrain = Drivetrain::direct;
+  /// can.coupling_ms: between messages of emulated drives and simulated wheels.
+  double coupling_ms = 5.0;
+  std::string name = "AGV";  ///< first part of its LCM channels
+  // What nobody told the vehicle, nor the controller: sim/plant/drive_errors.hpp. With drives on
+  // CAN they have no effect.
+  double radius_error = 0.0;     ///< share by which the wheels are larger than it believes
+  double track_error = 0.0;      ///< share by which it believes in too wide a track
+  double actuator_lag_ms = 0.0;  ///< time constant of its rim speeds
+  double clock_offset_ms = 0.0;  ///< its clock is ahead of the run's, and the controller's, by this
+};
+
+ScenarioSection world_section();
+ScenarioSection vehicle_section();
+
+/// The earliest time stamp that is of this run, if clocks do not agree.
+Instant earliest_stamp(const Sections<RunSettings, VehicleSettings>& settings);
+
+}  // namespace tether

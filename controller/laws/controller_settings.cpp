@@ -1,0 +1,135 @@
+#include "controller/laws/controller_settings.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/key_table.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "controller/laws/law.hpp"
+
+namespace tether {
+namespace {
+
+using Controller = ControllerSettings;
+
+constexpr Range kGain{1e-3, 1e3, false};
+constexpr double kMostSteps = 4000.0;  // of a plan_t
+
+void add_law_and_timing(KeyTable<Controller>& t) {
+  std::vector<std::string> laws;
+  for (const LawKind& kind : law_kinds()) laws.push_back(kind.name);
+  t.one_of("law", &Controller::law, laws, "control law: docs/controllers.md");
+  t.boolean("external", &Controller::external,
+            "no controller is started: the run waits for one of yours (docs/time.md)");
+  t.number("tau_s", &Controller::tau_s, kNotNegative, "look-ahead");
+  t.choice<Controller::Trigger>(
+      "trigger", &Controller::trigger,
+      {{"event", Controller::Trigger::event}, {"timer", Controller::Trigger::timer}},
+      "a command per pose that arrives, or at a rate");
+  t.number("rate_hz", &Controller::rate_hz, kRate, "trigger = timer: commands per second");
+  t.number("pose_timeout_s", &Controller::pose_timeout_s, kNotNegative,
+           "a pose older than this stops the vehicle; 0 = never");
+  t.boolean("wrap_heading", &Controller::wrap_heading,
+            "heading error within (-pi, pi]; false: as it comes, turning the long way round");
+  t.number("derivative_filter_s", &Controller::derivative_filter_s, kNotNegative,
+           "time constant of the low-pass before the D terms");
+}
+
+void add_planning(KeyTable<Controller>& t) {
+  t.file("tau_table", &Controller::tau_table,
+         "law = pid_adaptive: CSV of look-aheads by network, relative to the scenario file");
+  t.number("horizon_s", &Controller::horizon_s, {0.05, 200.0, false}, "length of a plan");
+  t.number("plan_step_ms", &Controller::plan_step_ms, {5.0, 1000.0, false},
+           "each twist of a plan is in force for this long; a horizon has at most 4000");
+  t.boolean("preload", &Controller::preload, "the first plan is on board before departure");
+}
+
+std::vector<ScenarioKey> gains(KeyTable<PidGains> t, const std::string& unit) {
+  t.number("p", &PidGains::p, kNotNegative, "P gain");
+  t.number("i", &PidGains::i, kNotNegative, "I gain");
+  t.number("d", &PidGains::d, kNotNegative, "D gain");
+  t.number("limit", &PidGains::limit, kPositive, "saturation of the output, ± " + unit);
+  return t.take();
+}
+
+void add_feedback_and_model(KeyTable<Controller>& t) {
+  t.number("tracking.k_x", TETHER_MEMBER(tracking.k_x), kGain, "along the path, 1/s");
+  t.number("tracking.k_y", TETHER_MEMBER(tracking.k_y), kGain, "across the path, 1/m^2");
+  t.number("tracking.k_theta", TETHER_MEMBER(tracking.k_theta), kGain, "heading, 1/m");
+  t.number("tracking.max_lateral_mps2", TETHER_MEMBER(tracking.max_lateral_mps2),
+           {0.1, 100.0, false}, "speed times yaw rate while catching up with the path");
+  t.optional_number("model.track_m", TETHER_MEMBER(model.track_m), kLength,
+                    "in predictions; not set: the vehicle's");
+  t.optional_number("model.max_wheel_acceleration_mps2",
+                    TETHER_MEMBER(model.max_wheel_acceleration_mps2), kPositive,
+                    "in predictions; not set: the vehicle's");
+}
+
+bool uses(const LawKind& law, const std::string& part) {
+  return std::any_of(law.keys.begin(), law.keys.end(),
+                     [&](const std::string& key) { return part.starts_with(key); });
+}
+
+/// Keys of other laws. They are no mistake: one file may have what several laws need.
+bool left_out(const Scenario& scenario, const ScenarioKey& key) {
+  const std::string prefix = "controller.";
+  if (!key.name.starts_with(prefix)) return false;
+  const std::string part = key.name.substr(prefix.size());
+  const auto& kinds = law_kinds();
+  return !uses(kind_of(scenario.get<Controller>()), part) &&
+         std::any_of(kinds.begin(), kinds.end(),
+                     [&](const LawKind& other) { return uses(other, part); });
+}
+
+void check(const Scenario& scenario, const std::string& file) {
+  const auto& controller = scenario.get<Controller>();
+  const LawKind& law = kind_of(controller);
+  if (law.check != nullptr) law.check(controller, file);
+  if (!law.sends_plans) return;
+  if (scenario.get<ActuatorSettings>().policy != ActuatorSettings::Policy::horizon) {
+    throw UsageError(
+        fmt::format("{}: controller.law is one that sends plans, which the vehicle follows with "
+                    "actuator.policy = \"horizon\" only",
+                    file));
+  }
+  if (controller.horizon_s * 1e3 < controller.plan_step_ms) {
+    throw UsageError(
+        fmt::format("{}: controller.horizon_s = {} is shorter than a step of "
+                    "controller.plan_step_ms = {}",
+                    file, controller.horizon_s, controller.plan_step_ms));
+  }
+  if (controller.horizon_s * 1e3 > controller.plan_step_ms * kMostSteps) {
+    throw UsageError(fmt::format(
+        "{}: controller.horizon_s = {} has more than {} steps of controller.plan_step_ms = {}",
+        file, controller.horizon_s, kMostSteps, controller.plan_step_ms));
+  }
+}
+
+}  // namespace
+
+ScenarioSection controller_section() {
+  KeyTable<Controller> t("controller.");
+  add_law_and_timing(t);
+  add_planning(t);
+  t.append(gains(t.within<PidGains>("v.", &Controller::v), "m/s"));
+  t.append(gains(t.within<PidGains>("omega.", &Controller::omega), "rad/s"));
+  add_feedback_and_model(t);
+  for (const LawKind& law : law_kinds()) t.append(law.own_keys);
+  ScenarioSection section{.defaults = Controller{}, .keys = t.take()};
+  section.left_out = left_out;
+  section.check = check;
+  return section;
+}
+
+std::vector<PathLimit> controller_path_limits(const Scenario& scenario) {
+  const auto& controller = scenario.get<Controller>();
+  return {{"a speed", "m/s", "controller.v.limit", controller.v.limit,
+           [](const PathDemand& d) { return d.point.v_mps; }},
+          {"a yaw rate", "rad/s", "controller.omega.limit", controller.omega.limit,
+           [](const PathDemand& d) { return std::abs(d.point.omega_radps); }}};
+}
+
+}  // namespace tether

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/path/check.hpp"
+#include "common/scenario/own_settings.hpp"
+#include "common/scenario/section.hpp"
+
+namespace tether {
+
+/// [controller.v] and [controller.omega]: of a PID
+struct PidGains {
+  double p = 0.0;
+  double i = 0.0;
+  double d = 0.0;
+  double limit = 0.0;  ///< saturation of the output, ±
+};
+
+/// [controller.tracking]: the feedback of the tracking laws
+/// (controller/laws/tracking_feedback.hpp).
+struct TrackingGains {
+  double k_x = 2.5;               ///< 1/s
+  double k_y = 0.8;               ///< 1/m²
+  double k_theta = 2.0;           ///< 1/m
+  double max_lateral_mps2 = 3.0;  ///< v·ω of catching up; the path's own may be more
+};
+
+/// [controller.model]: what predictions take the vehicle for; not set: as it is.
+struct ModelSettings {
+  std::optional<double> track_m;
+  std::optional<double> max_wheel_acceleration_mps2;
+};
+
+/// [controller]. Which keys a law uses is said in its row (law.hpp).
+struct ControllerSettings {
+  enum class Trigger { event, timer };
+  std::string law = "pid";  ///< the name of one of law_kinds()
+  double tau_s = 2.0;       ///< look-ahead τ
+  Trigger trigger = Trigger::event;
+  double rate_hz = 20.0;        ///< trigger = timer: commands per second
+  double pose_timeout_s = 1.0;  ///< a pose older than this stops the vehicle; 0 = never
+  bool wrap_heading = true;     ///< law = pid: the heading error is within (−π, π]
+  PidGains v{0.495, 0.0, 0.15, 8.0};
+  PidGains omega{0.2925, 0.0, 0.16, 2.0};
+  double derivative_filter_s = 0.1;  ///< time constant of the filter before the D term
+  std::string tau_table;  ///< law = pid_adaptive: its look-aheads; relative to the scenario file
+  TrackingGains tracking;
+  // Plans of the predictive laws.
+  double horizon_s = 20.0;
+  double plan_step_ms = 50.0;  ///< each twist of a plan is in force for this long
+  bool preload = false;        ///< the first plan is on board before departure
+  bool external = false;       ///< somebody else's program is the controller
+  ModelSettings model;
+  OwnSettings own;  ///< of laws that have keys which no other law has
+};
+
+ScenarioSection controller_section();
+
+/// What its output is limited to.
+std::vector<PathLimit> controller_path_limits(const Scenario& scenario);
+
+}  // namespace tether
