@@ -62,14 +62,6 @@ class DelayMaker {
   double skipping_ = 0.0;  // share of the packets
 };
 
-DenseMatrix dense(const std::vector<std::vector<double>>& rows) {
-  DenseMatrix matrix(rows.size(), rows.size());
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    for (std::size_t j = 0; j < rows.size(); ++j) matrix(i, j) = rows[i][j];
-  }
-  return matrix;
-}
-
 ChannelExpectation expect_chain(const ChainConfig& chain, const DelayMaker& delay,
                                 double interval_s) {
   std::vector<ExpectedState> states;
@@ -78,11 +70,11 @@ ChannelExpectation expect_chain(const ChainConfig& chain, const DelayMaker& dela
                       delay.of_state(chain.delay_ms.empty() ? 0.0 : chain.delay_ms[i])});
   }
   if (!chain.rates_per_s.empty()) {
-    return ChannelExpectation::process(dense(chain.rates_per_s), interval_s, std::move(states));
+    return ChannelExpectation::process(chain.rates_per_s, interval_s, std::move(states));
   }
-  const DenseMatrix step = dense(chain.probabilities);
-  if (chain.step_s == 0.0) return ChannelExpectation::chain(step, std::move(states));
-  return ChannelExpectation::stepped(step, chain.step_s, interval_s, std::move(states));
+  if (chain.step_s == 0.0) return ChannelExpectation::chain(chain.probabilities, std::move(states));
+  return ChannelExpectation::stepped(chain.probabilities, chain.step_s, interval_s,
+                                     std::move(states));
 }
 
 std::optional<ChannelExpectation> expect_model(const LinkConfig& link, const DelayMaker& delay,

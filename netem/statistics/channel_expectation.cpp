@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <unsupported/Eigen/MatrixFunctions>
 #include <utility>
 
 #include "common/base/errors.hpp"
@@ -13,13 +16,32 @@
 namespace tether {
 namespace {
 
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-void check_rows(const DenseMatrix& transition) {
-  for (std::size_t i = 0; i < transition.rows(); ++i) {
-    double sum = 0.0;
-    for (std::size_t j = 0; j < transition.columns(); ++j) sum += transition(i, j);
+MatrixXd dense(const Matrix& rows) {
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  return MatrixXd::NullaryExpr(n, n, [&rows](Eigen::Index i, Eigen::Index j) {
+    return rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+  });
+}
+
+Matrix rows_of(const MatrixXd& m) {
+  Matrix rows;
+  for (const auto row : m.rowwise()) rows.emplace_back(row.begin(), row.end());
+  return rows;
+}
+
+VectorXd vector(const std::vector<double>& values) {
+  return VectorXd::Map(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+void check_rows(const Matrix& transition) {
+  for (std::size_t i = 0; i < transition.size(); ++i) {
+    const double sum = std::accumulate(transition[i].begin(), transition[i].end(), 0.0);
     if (!(std::abs(sum - 1.0) <= 1e-9)) {
       throw UsageError(fmt::format(
           "channel chain: the probabilities out of state {} sum to {}, not to 1", i, sum));
@@ -27,47 +49,19 @@ void check_rows(const DenseMatrix& transition) {
   }
 }
 
-DenseMatrix product(const DenseMatrix& a, const DenseMatrix& b) {
-  DenseMatrix c(a.rows(), b.columns());
-  for (std::size_t i = 0; i < a.rows(); ++i) {
-    for (std::size_t k = 0; k < a.columns(); ++k) {
-      for (std::size_t j = 0; j < b.columns(); ++j) c(i, j) += a(i, k) * b(k, j);
-    }
-  }
-  return c;
-}
-
-// exp(Q·Δ) by uniformisation, in steps short enough for the series to converge at once; all terms
-// are positive, so nothing cancels.
-DenseMatrix exponential(const DenseMatrix& rates, double interval_s) {
-  const std::size_t n = rates.rows();
-  double fastest = 0.0;
-  std::vector<double> out(n, 0.0);
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j < n; ++j) out[i] += i == j ? 0.0 : rates(i, j);
-    fastest = std::max(fastest, out[i]);
-  }
-  const int halvings =
-      std::max(0, static_cast<int>(std::ceil(std::log2(1e-9 + 4.0 * fastest * interval_s))));
-  const double jumps = fastest * std::ldexp(interval_s, -halvings);  // mean number in a step
-  DenseMatrix uniform(n, n), term(n, n), sum(n, n);
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j < n; ++j) uniform(i, j) = fastest > 0.0 ? rates(i, j) / fastest : 0.0;
-    uniform(i, i) = fastest > 0.0 ? 1.0 - out[i] / fastest : 1.0;
-    term(i, i) = std::exp(-jumps);
-  }
-  constexpr int kTerms = 25;  // jumps <= 1/4: the rest is below 1e-40
-  for (int k = 1; k <= kTerms; ++k) {
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t j = 0; j < n; ++j) sum(i, j) += term(i, j);
-    }
-    term = product(term, uniform);
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t j = 0; j < n; ++j) term(i, j) *= jumps / k;
-    }
-  }
-  for (int k = 0; k < halvings; ++k) sum = product(sum, sum);
-  return sum;
+// n·Cov(mean of column i, mean of column j of `functions`) of time averages along a stationary
+// chain; `functions` has one row per state. With g = (I − P + 1π)⁻¹(f − πf), the fundamental
+// matrix's solution of Poisson's equation, σ_ij = Σ_s π_s (f̃_i g_j + f̃_j g_i − f̃_i f̃_j)(s) (Kemeny
+// & Snell, Finite Markov Chains, 1960, section 4.6). It counts covariances of all lags.
+MatrixXd asymptotic_covariance(const MatrixXd& transition, const VectorXd& stationary,
+                               const MatrixXd& functions) {
+  const MatrixXd centred = functions.rowwise() - stationary.transpose() * functions;
+  MatrixXd a = MatrixXd::Identity(transition.rows(), transition.cols()) - transition;
+  a.rowwise() += stationary.transpose();
+  const MatrixXd g = a.partialPivLu().solve(centred);
+  const MatrixXd weighted = stationary.asDiagonal() * centred;
+  const MatrixXd once = weighted.transpose() * g;
+  return once + once.transpose() - weighted.transpose() * centred;
 }
 
 }  // namespace
@@ -76,20 +70,22 @@ DelayCdf constant_delay(double delay_s) {
   return [delay_s](double t_s) { return t_s >= delay_s ? 1.0 : 0.0; };
 }
 
-ChannelExpectation::ChannelExpectation(DenseMatrix transition, std::vector<ExpectedState> states)
+ChannelExpectation::ChannelExpectation(Matrix transition, std::vector<ExpectedState> states,
+                                       const Matrix& moves)
     : transition_(std::move(transition)), states_(std::move(states)) {
   const std::size_t n = states_.size();
-  assert(n > 0 && transition_.rows() == n && transition_.columns() == n);
+  assert(n > 0 && transition_.size() == n && moves.size() == n);
   check_rows(transition_);
-  stationary_ = stationary_shares(transition_);
-  if (stationary_.empty()) {
+  auto stationary = stationary_distribution(moves);
+  if (!stationary) {
     throw UsageError(
         "channel chain: its states fall into parts that cannot reach each other, so that its "
         "statistics depend on where it begins");
   }
+  stationary_ = *std::move(stationary);
   for (std::size_t s = 0; s < n; ++s) {
     double leave = 0.0;
-    for (std::size_t t = 0; t < n; ++t) leave += t == s ? 0.0 : transition_(s, t);
+    for (std::size_t t = 0; t < n; ++t) leave += t == s ? 0.0 : transition_[s][t];
     sojourns_.push_back(leave > 0.0 ? 1.0 / leave : kInfinity);
   }
   predict_losses();
@@ -101,7 +97,7 @@ void ChannelExpectation::predict_losses() {
     const double loss = 1.0 - states_[s].prr;
     loss_ += stationary_[s] * loss;
     for (std::size_t t = 0; t < states_.size(); ++t) {
-      loss_pair_ += stationary_[s] * loss * transition_(s, t) * (1.0 - states_[t].prr);
+      loss_pair_ += stationary_[s] * loss * transition_[s][t] * (1.0 - states_[t].prr);
     }
   }
   spread_ = make_spread();
@@ -114,40 +110,26 @@ void ChannelExpectation::lose_independently(double probability) {
 }
 
 ChannelExpectation ChannelExpectation::independent(double prr, DelayCdf delay) {
-  DenseMatrix stay(1, 1);
-  stay(0, 0) = 1.0;
-  return {stay, {{"only", prr, std::move(delay)}}};
+  return chain({{1.0}}, {{"only", prr, std::move(delay)}});
 }
 
 ChannelExpectation ChannelExpectation::gilbert_elliott(const GilbertElliott& m, DelayCdf good_delay,
                                                        DelayCdf bad_delay) {
   const double p_bad_to_good = m.p == 0.0 && m.r == 0.0 ? 1.0 : m.r;  // begins, and stays, good
-  DenseMatrix t(2, 2);
-  t(0, 0) = 1.0 - m.p;
-  t(0, 1) = m.p;
-  t(1, 0) = p_bad_to_good;
-  t(1, 1) = 1.0 - p_bad_to_good;
-  return {t,
-          {{"good", 1.0 - m.one_minus_k, std::move(good_delay)},
-           {"bad", 1.0 - m.one_minus_h, std::move(bad_delay)}}};
+  return chain({{1.0 - m.p, m.p}, {p_bad_to_good, 1.0 - p_bad_to_good}},
+               {{"good", 1.0 - m.one_minus_k, std::move(good_delay)},
+                {"bad", 1.0 - m.one_minus_h, std::move(bad_delay)}});
 }
 
 ChannelExpectation ChannelExpectation::four_state(const FourState& m, DelayCdf delay) {
-  DenseMatrix t(4, 4);
-  t(0, 2) = m.p13;
-  t(0, 3) = m.p14;
-  t(0, 0) = 1.0 - m.p13 - m.p14;
-  t(1, 2) = m.p23;
-  t(1, 1) = 1.0 - m.p23;
-  t(2, 0) = m.p31;
-  t(2, 1) = m.p32;
-  t(2, 2) = 1.0 - m.p31 - m.p32;
-  t(3, 0) = 1.0;
-  return {t,
-          {{"received in a gap", 1.0, delay},
-           {"received in a burst", 1.0, delay},
-           {"lost in a burst", 0.0, delay},
-           {"lost alone", 0.0, delay}}};
+  return chain({{1.0 - m.p13 - m.p14, 0.0, m.p13, m.p14},
+                {0.0, 1.0 - m.p23, m.p23, 0.0},
+                {m.p31, m.p32, 1.0 - m.p31 - m.p32, 0.0},
+                {1.0, 0.0, 0.0, 0.0}},
+               {{"received in a gap", 1.0, delay},
+                {"received in a burst", 1.0, delay},
+                {"lost in a burst", 0.0, delay},
+                {"lost alone", 0.0, delay}});
 }
 
 ChannelExpectation ChannelExpectation::markov(double mean_good_s, double mean_bad_s,
@@ -155,62 +137,53 @@ ChannelExpectation ChannelExpectation::markov(double mean_good_s, double mean_ba
                                               ExpectedState bad) {
   const double p_bad = mean_bad_s / (mean_good_s + mean_bad_s);
   const double a = -std::expm1(-interval_s * (1.0 / mean_good_s + 1.0 / mean_bad_s));
-  DenseMatrix t(2, 2);
-  t(0, 1) = p_bad * a;
-  t(0, 0) = 1.0 - t(0, 1);
-  t(1, 0) = (1.0 - p_bad) * a;
-  t(1, 1) = 1.0 - t(1, 0);
-  ChannelExpectation e(t, {std::move(good), std::move(bad)});
+  const double p = p_bad * a, r = (1.0 - p_bad) * a;
+  auto e = chain({{1.0 - p, p}, {r, 1.0 - r}}, {std::move(good), std::move(bad)});
   e.sojourns_ = {mean_good_s, mean_bad_s};
   e.unit_ = Unit::seconds;
   return e;
 }
 
-ChannelExpectation ChannelExpectation::chain(DenseMatrix transition,
+ChannelExpectation ChannelExpectation::chain(const Matrix& transition,
                                              std::vector<ExpectedState> states) {
-  return {std::move(transition), std::move(states)};
+  return {transition, std::move(states), transition};
 }
 
-ChannelExpectation ChannelExpectation::process(const DenseMatrix& rates, double interval_s,
+ChannelExpectation ChannelExpectation::process(const Matrix& rates, double interval_s,
                                                std::vector<ExpectedState> states) {
-  ChannelExpectation e(exponential(rates, interval_s), std::move(states));
-  for (std::size_t i = 0; i < rates.rows(); ++i) {
-    double out = 0.0;
-    for (std::size_t j = 0; j < rates.columns(); ++j) out += i == j ? 0.0 : rates(i, j);
-    e.sojourns_[i] = out > 0.0 ? 1.0 / out : kInfinity;
+  MatrixXd q = dense(rates);
+  q.diagonal().setZero();
+  const VectorXd leave = q.rowwise().sum();
+  q.diagonal() = -leave;
+  ChannelExpectation e(rows_of((q * interval_s).exp()), std::move(states), rates);
+  for (std::size_t i = 0; i < rates.size(); ++i) {
+    const double rate = leave[static_cast<Eigen::Index>(i)];
+    e.sojourns_[i] = rate > 0.0 ? 1.0 / rate : kInfinity;
   }
   e.unit_ = Unit::seconds;
   return e;
 }
 
-ChannelExpectation ChannelExpectation::stepped(const DenseMatrix& probabilities, double step_s,
+ChannelExpectation ChannelExpectation::stepped(const Matrix& probabilities, double step_s,
                                                double interval_s,
                                                std::vector<ExpectedState> states) {
-  const std::size_t n = probabilities.rows();
   // Rows as exact as they can be: powers would multiply what they lack to 1.
-  DenseMatrix step = probabilities, power(n, n);
-  for (std::size_t i = 0; i < n; ++i) {
-    double sum = 0.0;
-    for (std::size_t j = 0; j < n; ++j) sum += step(i, j);
-    for (std::size_t j = 0; j < n; ++j) step(i, j) /= sum;
-    power(i, i) = 1.0;
-  }
+  MatrixXd step = dense(probabilities);
+  const VectorXd sums = step.rowwise().sum();
+  step.array().colwise() /= sums.array();
   constexpr double kRounding = 1e-9;  // of an interval that is a whole number of steps
   const double steps = interval_s / step_s;
   const double whole = std::floor(steps + kRounding);
   const double more = std::max(0.0, steps - whole);
-  DenseMatrix square = step;
+  MatrixXd power = MatrixXd::Identity(step.rows(), step.cols()), square = step;
   for (double left = whole; left > 0.0; left = std::floor(0.5 * left)) {
-    if (std::fmod(left, 2.0) == 1.0) power = product(power, square);
-    square = product(square, square);
+    if (std::fmod(left, 2.0) == 1.0) power *= square;  // Eigen's pow() takes 12 s to compile
+    square *= square;
   }
-  const DenseMatrix next = product(power, step);
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j < n; ++j) power(i, j) += more * (next(i, j) - power(i, j));
-  }
-  ChannelExpectation e(power, std::move(states));
-  for (std::size_t i = 0; i < n; ++i) {
-    const double leave = 1.0 - step(i, i);
+  auto e = chain(rows_of((1.0 - more) * power + more * power * step), std::move(states));
+  for (std::size_t i = 0; i < probabilities.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const double leave = 1.0 - step(k, k);
     e.sojourns_[i] = leave > 0.0 ? step_s / leave : kInfinity;
   }
   e.unit_ = Unit::seconds;
@@ -237,28 +210,28 @@ double ChannelExpectation::changes_per_s() const {
 // The chain of (state, lost, was the one before lost) carries both functions: lost, and lost twice.
 LossSpread ChannelExpectation::make_spread() const {
   const std::size_t n = states_.size();
-  const auto index = [](std::size_t s, int lost, int before) {
-    return 4 * s + 2 * static_cast<std::size_t>(lost) + static_cast<std::size_t>(before);
+  const auto index = [](std::size_t s, Eigen::Index lost, Eigen::Index before) {
+    return static_cast<Eigen::Index>(4 * s) + 2 * lost + before;
   };
   const auto emit = [&](std::size_t s, int lost) {
     return lost == 1 ? 1.0 - states_[s].prr : states_[s].prr;
   };
-  DenseMatrix transition(4 * n, 4 * n), functions(4 * n, 2);
-  std::vector<double> stationary(4 * n);
+  MatrixXd transition = MatrixXd::Zero(index(n, 0, 0), index(n, 0, 0));
+  MatrixXd functions(transition.rows(), 2);
+  VectorXd stationary = VectorXd::Zero(transition.rows());
   for (std::size_t s = 0; s < n; ++s) {
     for (int code = 0; code < 4; ++code) {
       const int lost = code / 2, before = code % 2;
-      const std::size_t from = index(s, lost, before);
-      functions(from, 0) = lost;
-      functions(from, 1) = lost * before;
+      const Eigen::Index from = index(s, lost, before);
+      functions.row(from) << lost, lost * before;
       for (std::size_t t = 0; t < n; ++t) {
         for (int next : {0, 1})
-          transition(from, index(t, next, lost)) = transition_(s, t) * emit(t, next);
-        stationary[from] += stationary_[t] * emit(t, before) * transition_(t, s) * emit(s, lost);
+          transition(from, index(t, next, lost)) = transition_[s][t] * emit(t, next);
+        stationary[from] += stationary_[t] * emit(t, before) * transition_[t][s] * emit(s, lost);
       }
     }
   }
-  const DenseMatrix covariance = asymptotic_covariance(transition, stationary, functions);
+  const MatrixXd covariance = asymptotic_covariance(transition, stationary, functions);
   return loss_spread(loss_, loss_pair_, covariance(0, 0), covariance(0, 1), covariance(1, 1));
 }
 
@@ -296,16 +269,17 @@ double ChannelExpectation::delay_vif(double q) const {
   constexpr double kRounding = 1e-12;
   if (!(share > kRounding && share < 1.0 - kRounding)) return 1.0 + more_delay_vif_;
   // The ratio's linearisation: received·(1[delay <= quantile] − share), whose mean is 0.
-  const std::size_t n = states_.size();
-  DenseMatrix mean(n, 1);
+  std::vector<double> means;
   double within = 0.0;
-  for (std::size_t s = 0; s < n; ++s) {
+  for (std::size_t s = 0; s < states_.size(); ++s) {
     const double f = states_[s].delay(quantile_s), prr = states_[s].prr;
-    mean(s, 0) = prr * (f - share);
+    const double mean = prr * (f - share);
     const double square = prr * (f * (1.0 - share) * (1.0 - share) + (1.0 - f) * share * share);
-    within += stationary_[s] * (square - mean(s, 0) * mean(s, 0));
+    within += stationary_[s] * (square - mean * mean);
+    means.push_back(mean);
   }
-  const double variance = within + asymptotic_covariance(transition_, stationary_, mean)(0, 0);
+  const double variance =
+      within + asymptotic_covariance(dense(transition_), vector(stationary_), vector(means))(0, 0);
   const double vif = variance / ((1.0 - loss_) * share * (1.0 - share));
   return std::max(1.0, vif) + more_delay_vif_;
 }

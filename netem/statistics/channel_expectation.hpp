@@ -6,7 +6,7 @@
 
 #include "netem/models/four_state.hpp"
 #include "netem/models/gilbert_elliott.hpp"
-#include "netem/statistics/dense_matrix.hpp"
+#include "netem/models/markov_chain.hpp"
 #include "netem/statistics/loss_record.hpp"
 
 namespace tether {
@@ -59,19 +59,19 @@ class ChannelExpectation {
 
   /// Any chain that steps once a packet. Throws UsageError if a row does not sum to 1 (to 1e-9), or
   /// if the chain has no unique stationary distribution.
-  static ChannelExpectation chain(DenseMatrix transition, std::vector<ExpectedState> states);
+  static ChannelExpectation chain(const Matrix& transition, std::vector<ExpectedState> states);
 
   /// Any Markov process in continuous time, seen every `interval_s`: `rates` has the rate (1/s) of
   /// each transition off the diagonal; the diagonal is ignored. M = exp(Q·Δ).
-  static ChannelExpectation process(const DenseMatrix& rates, double interval_s,
+  static ChannelExpectation process(const Matrix& rates, double interval_s,
                                     std::vector<ExpectedState> states);
 
   /// A chain that steps at the multiples of `step_s`, seen every `interval_s`. With
   /// Δ/step = m + f, 0 <= f < 1, successive packets are m or m + 1 steps apart, the latter in a
   /// share f: M = (1 − f)P^m + f·P^(m+1), which is exact for P₂ and, for f > 0, an upper bound for
   /// the spread of positively correlated losses.
-  static ChannelExpectation stepped(const DenseMatrix& probabilities, double step_s,
-                                    double interval_s, std::vector<ExpectedState> states);
+  static ChannelExpectation stepped(const Matrix& probabilities, double step_s, double interval_s,
+                                    std::vector<ExpectedState> states);
 
   /// Packets that the states let through are lost with this probability, independently.
   void lose_independently(double probability);
@@ -109,11 +109,12 @@ class ChannelExpectation {
   double delay_vif(double q) const;
 
  private:
-  ChannelExpectation(DenseMatrix transition, std::vector<ExpectedState> states);
+  /// `moves`: rates or probabilities with the same stationary distribution.
+  ChannelExpectation(Matrix transition, std::vector<ExpectedState> states, const Matrix& moves);
   void predict_losses();
   LossSpread make_spread() const;
 
-  DenseMatrix transition_;
+  Matrix transition_;
   std::vector<ExpectedState> states_;
   std::vector<double> stationary_;
   std::vector<double> sojourns_;

@@ -136,9 +136,7 @@ TEST(ChannelExpectation, OfTheFourStateModelIsSalsanosClosedForm) {
 }
 
 TEST(ChannelExpectation, OfAMarkovProcessInTimeIsThatOfItsSampledChain) {
-  DenseMatrix rates(2, 2);
-  rates(0, 1) = 1.0 / 2.4;
-  rates(1, 0) = 1.0 / 0.8;
+  const Matrix rates{{0.0, 1.0 / 2.4}, {1.0 / 0.8, 0.0}};
   const ExpectedState good{"good", 0.99, constant_delay(0.01)},
       bad{"bad", 0.3, constant_delay(0.2)};
   const auto closed = ChannelExpectation::markov(2.4, 0.8, 0.05, good, bad);
@@ -165,9 +163,7 @@ TEST(ChannelExpectation, DelayQuantilesAreThoseOfTheReceivedPackets) {
 }
 
 TEST(ChannelExpectation, RefusesChainsWithoutOneStationaryDistribution) {
-  DenseMatrix parts(2, 2), short_row(2, 2);
-  parts(0, 0) = parts(1, 1) = 1.0;
-  short_row(0, 0) = short_row(1, 0) = 0.9;
+  const Matrix parts{{1.0, 0.0}, {0.0, 1.0}}, short_row{{0.9, 0.0}, {0.9, 0.0}};
   const std::vector<ExpectedState> states(2);
   EXPECT_THROW(ChannelExpectation::chain(parts, states), UsageError);
   EXPECT_THROW(ChannelExpectation::chain(short_row, states), UsageError);
