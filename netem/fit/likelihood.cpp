@@ -1,5 +1,6 @@
 #include "netem/fit/likelihood.hpp"
 
+#include <Eigen/Core>
 #include <cmath>
 #include <limits>
 #include <unordered_map>
@@ -9,23 +10,18 @@ namespace {
 
 constexpr double kImpossible = -std::numeric_limits<double>::infinity();
 
-/// A 2×2 matrix times exp(log_scale).
+/// A matrix over the states good and bad, times exp(log_scale).
 struct Step {
-  double gg = 1.0, gb = 0.0, bg = 0.0, bb = 1.0;
+  Eigen::Matrix2d moves = Eigen::Matrix2d::Identity();
   double log_scale = 0.0;
-
-  void normalise() {
-    const double sum = gg + gb + bg + bb;
-    if (!(sum > 0.0)) return;
-    gg /= sum, gb /= sum, bg /= sum, bb /= sum;
-    log_scale += std::log(sum);
-  }
 };
 
 Step product(const Step& a, const Step& b) {
-  Step c{a.gg * b.gg + a.gb * b.bg, a.gg * b.gb + a.gb * b.bb, a.bg * b.gg + a.bb * b.bg,
-         a.bg * b.gb + a.bb * b.bb, a.log_scale + b.log_scale};
-  c.normalise();
+  Step c{a.moves * b.moves, a.log_scale + b.log_scale};
+  const double sum = c.moves(0, 0) + c.moves(0, 1) + c.moves(1, 0) + c.moves(1, 1);
+  if (!(sum > 0.0)) return c;
+  c.moves /= sum;
+  c.log_scale += std::log(sum);
   return c;
 }
 
@@ -44,8 +40,28 @@ double stationary_bad(double p, double r) { return p + r > 0.0 ? p / (p + r) : 0
 Step step_of(bool lost, const GilbertElliott& m) {
   const double good = lost ? m.one_minus_k : 1.0 - m.one_minus_k;
   const double bad = lost ? m.one_minus_h : 1.0 - m.one_minus_h;
-  return {good * (1.0 - m.p), good * m.p, bad * m.r, bad * (1.0 - m.r), 0.0};
+  Step step;
+  step.moves << good * (1.0 - m.p), good * m.p, bad * m.r, bad * (1.0 - m.r);
+  return step;
 }
+
+/// The logarithm of a product of many probabilities.
+class LogProduct {
+ public:
+  void multiply(double factor) {
+    scale_ *= factor;
+    if (scale_ < 1e-200) take_logarithm();
+  }
+  void add(double logarithm) { sum_ += logarithm; }
+  void take_logarithm() {
+    sum_ += std::log(scale_);
+    scale_ = 1.0;
+  }
+  double sum() const { return sum_; }  ///< up to what was last taken
+
+ private:
+  double sum_ = 0.0, scale_ = 1.0;
+};
 
 /// The chain over a time, for a process whose parts do not depend on it.
 class TimeStep {
@@ -100,27 +116,21 @@ double log_likelihood(const RunLog& log, const GilbertElliott& model) {
     }
   }
   const double pi_bad = stationary_bad(model.p, model.r);
-  double sum = 0.0;
+  LogProduct likelihood;
   for (const auto& segment : log.segments()) {
-    double good = 1.0 - pi_bad, bad = pi_bad, scale = 1.0;
+    Eigen::RowVector2d state(1.0 - pi_bad, pi_bad);
     for (const RunLog::Run& run : segment) {
-      const Step& s = steps[run.lost ? 1 : 0][run.length_index];
-      const double next_good = good * s.gg + bad * s.bg;
-      const double next_bad = good * s.gb + bad * s.bb;
-      const double total = next_good + next_bad;
+      const Step& step = steps[run.lost ? 1 : 0][run.length_index];
+      state *= step.moves;
+      const double total = state.sum();
       if (!(total > 0.0)) return kImpossible;
-      good = next_good / total;
-      bad = next_bad / total;
-      sum += s.log_scale;
-      scale *= total;
-      if (scale < 1e-200) {
-        sum += std::log(scale);
-        scale = 1.0;
-      }
+      state /= total;
+      likelihood.add(step.log_scale);
+      likelihood.multiply(total);
     }
-    sum += std::log(scale);
+    likelihood.take_logarithm();
   }
-  return sum;
+  return likelihood.sum();
 }
 
 GilbertElliott sampled(const MarkovModel& m, double interval_s) {
@@ -131,9 +141,9 @@ GilbertElliott sampled(const MarkovModel& m, double interval_s) {
 
 double log_likelihood(const FateLog& log, const MarkovModel& m) {
   TimeStep step(m);
-  double sum = 0.0;
+  LogProduct likelihood;
   for (const auto& segment : log.segments) {
-    double bad = step.pi_bad, scale = 1.0;
+    double bad = step.pi_bad;
     for (std::size_t i = 0; i < segment.size(); ++i) {
       if (i > 0) {
         bad += step.renewed(segment[i].time_s - segment[i - 1].time_s) * (step.pi_bad - bad);
@@ -143,15 +153,11 @@ double log_likelihood(const FateLog& log, const MarkovModel& m) {
       const double total = by_good + by_bad;
       if (!(total > 0.0)) return kImpossible;
       bad = by_bad / total;
-      scale *= total;
-      if (scale < 1e-200) {
-        sum += std::log(scale);
-        scale = 1.0;
-      }
+      likelihood.multiply(total);
     }
-    sum += std::log(scale);
+    likelihood.take_logarithm();
   }
-  return sum;
+  return likelihood.sum();
 }
 
 std::vector<double> bad_state_posterior(const FateLog& log, const MarkovModel& m) {

@@ -42,24 +42,24 @@ ModelFit maximise_over(std::string name, const Coordinates& coordinates,
     if (c.free) start.push_back(c.scaled());
     all.push_back(c.value);
   }
-  const auto fill = [&](const Values& free) {
-    std::size_t next = 0;
+  const auto fill = [&](const Eigen::VectorXd& free) {
+    Eigen::Index next = 0;
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (coordinates[i].free) all[i] = coordinates[i].natural(free[next++]);
     }
   };
   const Maximum maximum = maximise(
-      [&](const Values& free) {
+      [&](const Eigen::VectorXd& free) {
         fill(free);
         return likelihood(all);
       },
-      start);
+      Eigen::VectorXd::Map(start.data(), static_cast<Eigen::Index>(start.size())));
   fill(maximum.at);
   best = all;
 
   const double z = normal_quantile(0.95);
   ModelFit fit{std::move(name), {}, maximum.value, static_cast<int>(start.size())};
-  std::size_t next = 0;
+  Eigen::Index next = 0;
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Coordinate& c = coordinates[i];
     if (!c.free) {

@@ -104,22 +104,22 @@ TEST(Posterior, IsTheShareOfPathsThatAreBadThere) {
 
 TEST(Maximise, FindsTheTopAndItsCurvature) {
   // −½ (x − a)ᵀ A (x − a) with A = [[4, 1], [1, 2]]: covariance A⁻¹ = [[2, −1], [−1, 4]]/7.
-  const auto f = [](const std::vector<double>& x) {
+  const auto f = [](const Eigen::VectorXd& x) {
     const double u = x[0] - 3.0, v = x[1] + 5.0;
     return 7.0 - 0.5 * (4.0 * u * u + 2.0 * u * v + 2.0 * v * v);
   };
-  const Maximum m = maximise(f, {0.0, 0.0});
+  const Maximum m = maximise(f, Eigen::Vector2d(0.0, 0.0));
   EXPECT_NEAR(m.at[0], 3.0, 1e-4);
   EXPECT_NEAR(m.at[1], -5.0, 1e-4);
   EXPECT_NEAR(m.value, 7.0, 1e-8);
-  ASSERT_EQ(m.covariance.rows(), 2U);
+  ASSERT_EQ(m.covariance.rows(), 2);
   EXPECT_NEAR(m.covariance(0, 0), 2.0 / 7.0, 1e-5);
   EXPECT_NEAR(m.covariance(0, 1), -1.0 / 7.0, 1e-5);
 }
 
 TEST(Maximise, SaysNothingAboutWhatTheFunctionDoesNotDetermine) {
-  const auto ridge = [](const std::vector<double>& x) { return -(x[0] + x[1]) * (x[0] + x[1]); };
-  EXPECT_EQ(maximise(ridge, {1.0, 2.0}).covariance.rows(), 0U);
+  const auto ridge = [](const Eigen::VectorXd& x) { return -(x[0] + x[1]) * (x[0] + x[1]); };
+  EXPECT_EQ(maximise(ridge, Eigen::Vector2d(1.0, 2.0)).covariance.rows(), 0);
 }
 
 // ---------------------------------------------------------------------------- recovery
