@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace tether {
 namespace {
@@ -34,10 +33,7 @@ void MotionModel::advance(State& state, const Twist& command, double dt_s) const
   const double heading_rad = state.pose.yaw_rad + half_turn_rad;
   state.pose.x_m += chord_m * std::cos(heading_rad);
   state.pose.y_m += chord_m * std::sin(heading_rad);
-  state.pose.yaw_rad = heading_rad + half_turn_rad;
-  if (!(std::abs(state.pose.yaw_rad) < std::numbers::pi)) {
-    state.pose.yaw_rad = wrap_angle(state.pose.yaw_rad);
-  }
+  state.pose.yaw_rad = wrap_angle(heading_rad + half_turn_rad);
 }
 
 Twist MotionModel::reachable(const WheelSpeeds& rim, const Twist& command, double dt_s) const {

@@ -30,6 +30,7 @@ inline bool is_usable(const Twist& u) { return is_usable(u.v_mps) && is_usable(u
 
 /// The same angle in (−π, π]. Finite input only.
 inline double wrap_angle(double angle_rad) {
+  if (std::abs(angle_rad) < std::numbers::pi) return angle_rad;
   const double wrapped = std::remainder(angle_rad, 2.0 * std::numbers::pi);
   return wrapped <= -std::numbers::pi ? std::numbers::pi : wrapped;
 }

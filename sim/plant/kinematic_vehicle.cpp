@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 #include <string>
 
@@ -91,8 +90,7 @@ void KinematicVehicle::move(const PlanarMotion& motion) {
   const double scale_s = sinc(half_turn_rad) * step_s_;
   pose.x_m += scale_s * (c * motion.forward_mps - s * motion.left_mps);
   pose.y_m += scale_s * (s * motion.forward_mps + c * motion.left_mps);
-  pose.yaw_rad += 2.0 * half_turn_rad;
-  if (!(std::abs(pose.yaw_rad) < std::numbers::pi)) pose.yaw_rad = wrap_angle(pose.yaw_rad);
+  pose.yaw_rad = wrap_angle(pose.yaw_rad + 2.0 * half_turn_rad);
 }
 
 void KinematicVehicle::move_at_walls(const PlanarMotion& wish) {
