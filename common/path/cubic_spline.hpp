@@ -6,7 +6,8 @@
 namespace tether {
 
 /// The interpolating cubic spline with a continuous second derivative (de Boor, A Practical Guide
-/// to Splines, chapter IV). Boost's interpolators want even knots for that, or given slopes.
+/// to Splines, chapter IV). It is ours because Boost's interpolators want even knots for that, or
+/// given slopes, and Eigen's splines know neither natural nor periodic ends.
 class CubicSpline {
  public:
   enum class Ends {
