@@ -1,9 +1,9 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "common/base/time.hpp"
+#include "netem/link/delay_bins.hpp"
 
 namespace tether {
 
@@ -11,8 +11,6 @@ namespace tether {
 /// mean of what fell into it: a constant delay is reported exactly, others within 1.6 %.
 class DelayHistogram {
  public:
-  DelayHistogram();
-
   /// Negative delays count as zero.
   void add(Duration delay);
 
@@ -29,7 +27,7 @@ class DelayHistogram {
     std::int64_t count = 0;
     std::int64_t sum_ns = 0;
   };
-  std::vector<Bin> bins_;
+  DelayBins<Bin, 7> bins_;
   std::int64_t count_ = 0;
   double sum_ns_ = 0.0;
   Duration max_{0};

@@ -1,30 +1,15 @@
 #include "netem/statistics/delay_statistics.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <boost/math/distributions/binomial.hpp>
 #include <cassert>
 #include <cmath>
 #include <limits>
 
 namespace tether {
-namespace {
-
-// Values below 2^kFineBits have a bin each; above, every power of two is cut into 2^(kFineBits-1)
-// bins.
-constexpr int kFineBits = 9;
-constexpr std::size_t kFineHalf = 1U << (kFineBits - 1);
-
-}  // namespace
-
 void DelayStatistics::add(Duration delay) {
   const std::int64_t ns = std::max<std::int64_t>(0, delay.count());
-  const int shift =
-      std::max(0, static_cast<int>(std::bit_width(static_cast<std::uint64_t>(ns))) - kFineBits);
-  const auto octave = static_cast<std::size_t>(shift);
-  if (octaves_.size() <= octave) octaves_.resize(octave + 1);
-  if (octaves_[octave].empty()) octaves_[octave].resize(2 * kFineHalf);
-  Bin& bin = octaves_[octave][static_cast<std::size_t>(ns >> shift)];
+  Bin& bin = bins_.of(ns);
   bin.low_ns = bin.count == 0 ? ns : std::min(bin.low_ns, ns);
   bin.high_ns = bin.count == 0 ? ns : std::max(bin.high_ns, ns);
   bin.sum_ns += static_cast<double>(ns);
@@ -66,21 +51,6 @@ double DelayStatistics::mean_s() const {
                      : sum_ns_ * 1e-9 / static_cast<double>(count_);
 }
 
-const DelayStatistics::Bin& DelayStatistics::bin_of_rank(std::int64_t rank) const {
-  assert(rank >= 1 && rank <= count_);
-  std::int64_t below = 0;
-  const Bin* last = nullptr;
-  for (const auto& octave : octaves_) {
-    for (const Bin& bin : octave) {
-      if (bin.count == 0) continue;
-      last = &bin;
-      below += bin.count;
-      if (below >= rank) return bin;
-    }
-  }
-  return *last;
-}
-
 Estimate DelayStatistics::quantile(double q, double confidence, double vif) const {
   assert(q > 0.0 && q < 1.0 && vif > 0.0);
   if (count_ == 0) return {};
@@ -89,7 +59,7 @@ Estimate DelayStatistics::quantile(double q, double confidence, double vif) cons
   const auto rank = [&](double share) {
     return std::clamp<std::int64_t>(static_cast<std::int64_t>(std::ceil(share * n)), 1, count_);
   };
-  const Bin& middle = bin_of_rank(rank(q));
+  const Bin& middle = bins_.of_rank(rank(q));
   Estimate e;
   e.value = middle.sum_ns / static_cast<double>(middle.count) * 1e-9;
   e.low = 0.0;
@@ -103,10 +73,10 @@ Estimate DelayStatistics::quantile(double q, double confidence, double vif) cons
   const double high_rank = boost::math::quantile(boost::math::complement(below, tail)) + 1.0;
   if (low_rank >= 1.0) {
     const double r = std::max(1.0, std::floor(low_rank * vif));
-    e.low = static_cast<double>(bin_of_rank(rank(r / n)).low_ns) * 1e-9;
+    e.low = static_cast<double>(bins_.of_rank(rank(r / n)).low_ns) * 1e-9;
   }
   if (high_rank * vif <= n) {
-    e.high = static_cast<double>(bin_of_rank(rank(high_rank * vif / n)).high_ns) * 1e-9;
+    e.high = static_cast<double>(bins_.of_rank(rank(high_rank * vif / n)).high_ns) * 1e-9;
   }
   return e;
 }

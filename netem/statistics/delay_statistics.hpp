@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/time.hpp"
+#include "netem/link/delay_bins.hpp"
 #include "netem/statistics/batch_means.hpp"
 #include "netem/statistics/estimate.hpp"
 
@@ -57,11 +58,10 @@ class DelayStatistics {
     std::int64_t below = 0;  // delays <= threshold
     BatchMeans<1> batches;
   };
-  const Bin& bin_of_rank(std::int64_t rank) const;
   void choose_thresholds();
   void indicate(std::int64_t delay_ns);
 
-  std::vector<std::vector<Bin>> octaves_;
+  DelayBins<Bin, 9> bins_;
   std::int64_t count_ = 0;
   double sum_ns_ = 0.0;
   std::int64_t shortest_ns_ = 0, longest_ns_ = 0;
