@@ -6,7 +6,7 @@ set -euo pipefail
 
 packages=(
     # compiler and build
-    g++ cmake ninja-build pkg-config git ca-certificates
+    g++ cmake ninja-build pkg-config python3 git ca-certificates
     # libraries
     liblcm-dev liblcm-bin libode-dev libboost-dev libeigen3-dev libcli11-dev libfmt-dev
     libtomlplusplus-dev libre2-dev libsqlite3-dev nlohmann-json3-dev libgtest-dev libgmock-dev libbenchmark-dev
@@ -20,7 +20,7 @@ if [ "${1:-}" = tests ]; then
         clang-format clang-tidy                     # lint
         clang libclang-rt-14-dev                    # the sanitizers' build, by a second compiler
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
-        procps util-linux python3                   # process tests
+        procps util-linux                           # process tests
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot

@@ -12,7 +12,7 @@ namespace tether {
 
 /// A field of any of the project's LCM types; integers of all widths are widened.
 using FieldValue = std::variant<std::int64_t, double, bool, std::string, std::vector<std::int64_t>,
-                                std::vector<float>, std::vector<std::string>>;
+                                std::vector<float>, std::vector<double>, std::vector<std::string>>;
 
 /// One LCM type that tools can take apart.
 struct MessageType {

@@ -2,12 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <limits>
-#include <regex>
 #include <set>
 #include <string>
 #include <tether/counters_t.hpp>
@@ -55,34 +51,6 @@ plan_t some_plan() {
   plan.v_mps = {0.1F, 2.0F};
   plan.omega_radps = {-0.3F, std::numeric_limits<float>::infinity()};
   return plan;
-}
-
-// The .lcm files, as {struct name, field names}.
-std::vector<std::pair<std::string, std::vector<std::string>>> lcm_files() {
-  static const std::regex kStruct("struct (\\w+)"), kField("^\\s+\\w+\\s+(\\w+)(\\[\\w+\\])?;");
-  std::vector<std::pair<std::string, std::vector<std::string>>> types;
-  for (const auto& entry : std::filesystem::directory_iterator(TETHER_SOURCE_DIR "/lcmtypes")) {
-    if (entry.path().extension() != ".lcm") continue;
-    std::ifstream file(entry.path());
-    std::smatch match;
-    for (std::string line; std::getline(file, line);) {
-      if (std::regex_search(line, match, kStruct)) types.push_back({match[1], {}});
-      if (std::regex_search(line, match, kField)) types.back().second.push_back(match[1]);
-    }
-  }
-  return types;
-}
-
-TEST(MessageTypes, AreThoseOfTheLcmFilesFieldByField) {
-  const auto files = lcm_files();
-  EXPECT_EQ(files.size(), message_types().size());
-  for (const auto& [name, fields] : files) {
-    const auto known =
-        std::find_if(message_types().begin(), message_types().end(),
-                     [&name = name](const MessageType& t) { return t.name == name; });
-    ASSERT_NE(known, message_types().end()) << name;
-    EXPECT_EQ(known->field_names, fields) << name;
-  }
 }
 
 TEST(MessageTypes, HaveDifferentFingerprints) {
