@@ -6,14 +6,6 @@
 namespace tether {
 namespace {
 
-// Finalizer of SplitMix64 (Steele, Lea, Flood, OOPSLA 2014).
-std::uint64_t mix(std::uint64_t z) {
-  z += 0x9e3779b97f4a7c15ULL;
-  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
-  return z ^ (z >> 31);
-}
-
 RandomEngine engine_from(RandomEngine& random) { return RandomEngine{random()}; }
 
 }  // namespace
@@ -37,7 +29,7 @@ bool Corruption::apply(const Damage& damage, std::vector<std::uint8_t>& bytes) c
   // Floyd's sampling without replacement (Communications of the ACM 30(9), 1987).
   std::vector<bool> chosen(total);
   for (std::uint64_t i = total - wanted; i < total; ++i) {
-    std::uint64_t bit = mix(damage.where + i) % (i + 1);
+    std::uint64_t bit = split_mix(damage.where + i) % (i + 1);
     if (chosen[bit]) bit = i;
     chosen[bit] = true;
     bytes[bit / 8] ^= static_cast<std::uint8_t>(1U << (bit % 8));
@@ -102,7 +94,8 @@ SlotSchedule::SlotSchedule(const SlotConfig& config, RandomEngine random)
       seed_(random()) {}
 
 Instant SlotSchedule::begin_of(std::int64_t slot) const {
-  const double luck = static_cast<double>(mix(seed_ + static_cast<std::uint64_t>(slot)) >> 11);
+  const double luck =
+      static_cast<double>(split_mix(seed_ + static_cast<std::uint64_t>(slot)) >> 11);
   return kStart + slot * period_ +
          Duration{static_cast<Duration::rep>(luck * 0x1p-53 * jitter_ns_)};
 }
