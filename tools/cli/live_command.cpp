@@ -10,6 +10,7 @@
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/scenario_options.hpp"
 #include "tools/processes/live_session.hpp"
 #include "tools/runs/run_summary.hpp"
 
@@ -18,15 +19,14 @@ namespace {
 
 struct LiveOptions {
   LiveSession::Options session;
-  std::optional<std::uint64_t> seed;
+  ScenarioOptions scenario;
   std::optional<double> duration_s;
   bool json = false;
 };
 
 int live(LiveOptions options) {
-  if (options.seed) {
-    options.session.overrides.push_back(fmt::format("run.seed={}", *options.seed));
-  }
+  options.session.scenario_file = options.scenario.file;
+  options.session.overrides = options.scenario.overrides();
   if (options.duration_s) {
     options.session.overrides.push_back(fmt::format("run.duration_s={}", *options.duration_s));
   }
@@ -57,14 +57,8 @@ void add_live_command(CLI::App& tether, Action& action) {
   options->session.lcm_url = kDefaultLcmUrl;
   CLI::App* command = tether.add_subcommand(
       "live", "The loop as processes in real time over LCM; Ctrl-C ends it cleanly");
-  command->add_option("scenario", options->session.scenario_file, "scenario file (TOML)")
-      ->required();
-  command
-      ->add_option("--set", options->session.overrides,
-                   "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
-      ->allow_extra_args(false);
-  command->add_option("--seed", options->seed, "override run.seed")
-      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  add_scenario(*command, options->scenario)->required();
+  add_seed(*command, options->scenario);
   command->add_option("--lcm-url", options->session.lcm_url, "LCM network")
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();

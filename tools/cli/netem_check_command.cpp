@@ -26,6 +26,7 @@
 #include "netem/models/channel_settings.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/scenario_options.hpp"
 #include "tools/runs/channel_report.hpp"
 #include "tools/runs/channel_traffic.hpp"
 
@@ -33,19 +34,11 @@ namespace tether {
 namespace {
 
 struct CheckOptions {
-  std::string scenario_file;
-  std::vector<std::string> overrides;
-  std::optional<std::uint64_t> seed;
+  ScenarioOptions scenario;
   std::int64_t packets = 1'000'000;
   bool json = false;
   std::string interface = "eth0";
 };
-
-Scenario load(const CheckOptions& options) {
-  std::vector<std::string> overrides = options.overrides;
-  if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
-  return load_scenario(options.scenario_file, overrides);
-}
 
 /// On a terminal, how far a trial of more than a second is.
 class Progress {
@@ -121,7 +114,7 @@ void announce_work(const CheckOptions& options, const Scenario& scenario) {
 }
 
 int check(const CheckOptions& options) {
-  const Scenario scenario = load(options);
+  const Scenario scenario = options.scenario.load();
   check_length(options, scenario);
   announce_work(options, scenario);
   ChannelReport report;
@@ -171,7 +164,7 @@ std::string commented(const TcExport& link) {
 }
 
 int export_tc_commands(const CheckOptions& options) {
-  const Scenario scenario = load(options);
+  const Scenario scenario = options.scenario.load();
   const ChannelNames channels(scenario.get<VehicleSettings>().name);
   const std::string& command_channel = kind_of(scenario.get<ControllerSettings>()).sends_plans
                                            ? channels.control_plan
@@ -194,14 +187,6 @@ int export_tc_commands(const CheckOptions& options) {
   return kExitOk;
 }
 
-void add_scenario_options(CLI::App& command, CheckOptions& options) {
-  command.add_option("scenario", options.scenario_file, "scenario file (TOML)")->required();
-  command
-      .add_option("--set", options.overrides,
-                  "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
-      ->allow_extra_args(false);
-}
-
 }  // namespace
 
 void add_netem_scenario_commands(CLI::App& netem, Action& action) {
@@ -211,9 +196,8 @@ void add_netem_scenario_commands(CLI::App& netem, Action& action) {
       "Sends packets through a scenario's links, without vehicle and controller, and compares what "
       "became of them with what is configured. Exit code 1 if anything is outside, or cannot be "
       "told for want of packets.");
-  add_scenario_options(*check_command, *options);
-  check_command->add_option("--seed", options->seed, "override run.seed")
-      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  add_scenario(*check_command, options->scenario)->required();
+  add_seed(*check_command, options->scenario);
   check_command->add_option("--packets", options->packets, "offered to each link [1000000]")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000'000}));
   check_command->add_flag("--json", options->json, "print one JSON object");
@@ -223,7 +207,7 @@ void add_netem_scenario_commands(CLI::App& netem, Action& action) {
       "export-tc",
       "The tc commands that make the Linux kernel's netem impair packets as a scenario's links do, "
       "and, as comments, what it cannot do and why");
-  add_scenario_options(*export_command, *options);
+  add_scenario(*export_command, options->scenario)->required();
   export_command->add_option("--interface", options->interface, "network interface [eth0]")
       ->check([](const std::string& name) {
         const bool fits = !name.empty() && name.size() < 16 &&

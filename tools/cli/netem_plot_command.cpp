@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +15,7 @@
 #include "netem/relay/make_links.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/scenario_options.hpp"
 #include "tools/runs/channel_figure.hpp"
 #include "tools/runs/channel_traffic.hpp"
 
@@ -23,18 +23,14 @@ namespace tether {
 namespace {
 
 struct PlotOptions {
-  std::string scenario_file;
-  std::vector<std::string> overrides;
-  std::optional<std::uint64_t> seed;
+  ScenarioOptions scenario;
   std::string link = "downlink";
   std::int64_t packets = 100'000;
   std::string out;
 };
 
 int plot(const PlotOptions& options) {
-  std::vector<std::string> overrides = options.overrides;
-  if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
-  const Scenario scenario = load_scenario(options.scenario_file, overrides);
+  const Scenario scenario = options.scenario.load();
   const bool up = options.link == "uplink";
   const LinkConfig& config =
       up ? scenario.get<ChannelSettings>().uplink : scenario.get<ChannelSettings>().downlink;
@@ -71,13 +67,8 @@ void add_netem_plot_command(CLI::App& netem, Action& action) {
       "plot",
       "Sends packets through one of a scenario's links, without vehicle and controller, and draws "
       "their losses and the distribution of their delays");
-  command->add_option("scenario", options->scenario_file, "scenario file (TOML)")->required();
-  command
-      ->add_option("--set", options->overrides,
-                   "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
-      ->allow_extra_args(false);
-  command->add_option("--seed", options->seed, "override run.seed")
-      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  add_scenario(*command, options->scenario)->required();
+  add_seed(*command, options->scenario);
   command->add_option("--link", options->link, "uplink or downlink [downlink]")
       ->check(CLI::IsMember({"uplink", "downlink"}));
   command->add_option("--packets", options->packets, "offered to the link [100000]")

@@ -17,6 +17,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "netem/models/channel_settings.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/scenario_options.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/processes/process_run.hpp"
 #include "tools/runs/channel_traffic.hpp"
@@ -28,9 +29,7 @@ namespace tether {
 namespace {
 
 struct RunOptions {
-  std::string scenario_file;
-  std::vector<std::string> overrides;
-  std::optional<std::uint64_t> seed;
+  ScenarioOptions scenario;
   std::string out;
   bool json = false;
   bool keys = false;
@@ -92,10 +91,8 @@ int run(const RunOptions& options) {
   if (options.step && fcntl(STDIN_FILENO, F_GETFD) < 0) {
     throw UsageError("run: --step is told what to do on the standard input, which is closed");
   }
-  if (options.scenario_file.empty()) throw UsageError("run: name a scenario file (see --help)");
-  std::vector<std::string> overrides = options.overrides;
-  if (options.seed) overrides.push_back(fmt::format("run.seed={}", *options.seed));
-  const Scenario scenario = load_scenario(options.scenario_file, overrides);
+  if (options.scenario.file.empty()) throw UsageError("run: name a scenario file (see --help)");
+  const Scenario scenario = options.scenario.load();
 
   std::optional<OutputFolder> folder;
   if (!options.out.empty()) folder.emplace(options.out, scenario);
@@ -105,8 +102,8 @@ int run(const RunOptions& options) {
   std::optional<ClosedLoop> one;
   std::optional<ProcessRun> many;
   if (options.processes) {
-    many.emplace(ProcessRun::Options{.scenario_file = options.scenario_file,
-                                     .overrides = overrides,
+    many.emplace(ProcessRun::Options{.scenario_file = options.scenario.file,
+                                     .overrides = options.scenario.overrides(),
                                      .lcm_url = options.lcm_url,
                                      .patience_s = options.patience_s,
                                      .step = options.step},
@@ -150,13 +147,8 @@ int run(const RunOptions& options) {
 void add_run_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<RunOptions>();
   CLI::App* command = tether.add_subcommand("run", "One run in virtual time: deterministic");
-  command->add_option("scenario", options->scenario_file, "scenario file (TOML)");
-  command
-      ->add_option("--set", options->overrides,
-                   "override a scenario key: KEY=VALUE (repeatable; channel.X sets both ways)")
-      ->allow_extra_args(false);
-  command->add_option("--seed", options->seed, "override run.seed")
-      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  add_scenario(*command, options->scenario);
+  add_seed(*command, options->scenario);
   command->add_option(
       "--out", options->out,
       "folder for scenario.toml, summary.json, trajectory.csv, run.lcmlog, path.png, "
