@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -29,18 +28,11 @@ std::vector<std::string_view> split(std::string_view line) {
   }
 }
 
-template <class Number>
-bool parse(std::string_view text, Number& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc{} && end == text.data() + text.size();
-}
-
 }  // namespace
 
 double finite_number(std::string_view text) {
-  double value = 0.0;
-  return parse(text, value) && std::isfinite(value) ? value
-                                                    : std::numeric_limits<double>::quiet_NaN();
+  const auto value = to_number<double>(text);
+  return value && std::isfinite(*value) ? *value : std::numeric_limits<double>::quiet_NaN();
 }
 
 CsvTable::CsvTable(std::istream& in, std::string name) : in_(in), name_(std::move(name)) {
@@ -79,9 +71,9 @@ double CsvTable::number(const std::string& column) const {
 }
 
 std::int64_t CsvTable::whole_number(const std::string& column) const {
-  std::int64_t value = 0;
-  if (!parse(cell(column), value)) refuse(column, "a whole number");
-  return value;
+  const auto value = to_number<std::int64_t>(cell(column));
+  if (!value) refuse(column, "a whole number");
+  return *value;
 }
 
 void CsvTable::refuse(const std::string& column, const std::string& allowed) const {

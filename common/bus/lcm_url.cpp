@@ -3,11 +3,11 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cstdint>
 
 #include "common/base/errors.hpp"
 #include "common/base/pattern.hpp"
+#include "common/base/text.hpp"
 
 namespace tether {
 namespace {
@@ -18,13 +18,6 @@ constexpr char kAllowed[] =
 
 [[noreturn]] void refuse(const std::string& url, const std::string& why) {
   throw UsageError(fmt::format("LCM URL \"{}\": {} ({})", url, why, kAllowed));
-}
-
-// -1 if `text` is not a whole number.
-std::int64_t whole_number(const std::string& text) {
-  std::int64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc{} && end == text.data() + text.size() ? value : -1;
 }
 
 void check_group(const std::string& url, const std::string& host) {
@@ -48,7 +41,9 @@ bool check_options(const std::string& url, std::string options) {
     const auto equals = option.find('=');
     const std::string key = option.substr(0, equals);
     const std::int64_t value =
-        equals == std::string::npos ? -1 : whole_number(option.substr(equals + 1));
+        equals == std::string::npos
+            ? -1
+            : to_number<std::int64_t>(option.substr(equals + 1)).value_or(-1);
     const bool is_ttl = key == "ttl" && value >= 0 && value <= 255;
     const bool is_buffer = key == "recv_buf_size" && value > 0 && value <= INT32_MAX;
     if (!is_ttl && !is_buffer) refuse(url, fmt::format("bad option \"{}\"", option));
@@ -67,7 +62,8 @@ std::string checked_lcm_url(const std::string& url) {
                     &options = part->at(3);
   if (host.empty()) refuse(url, scheme == "udpm" ? "no multicast group" : "no host");
   if (port.empty()) refuse(url, "no port");
-  if (const std::int64_t number = whole_number(port); number < 1 || number > 65535) {
+  if (const auto number = to_number<std::int64_t>(port).value_or(-1);
+      number < 1 || number > 65535) {
     refuse(url, fmt::format("port \"{}\" is not a number from 1 to 65535", port));
   }
   if (scheme == "tcpq") {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <charconv>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -12,6 +11,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/fnv1a.hpp"
+#include "common/base/text.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
 #include "netem/models/channel_change.hpp"
@@ -140,15 +140,11 @@ void check_same_arms(const RunStore& store, const Experiment& experiment) {
 std::string to_text(const Shard& shard) { return fmt::format("{}/{}", shard.index, shard.count); }
 
 Shard shard_of(const std::string& text) {
-  Shard shard{0, 0};
-  const char* end = text.data() + text.size();
-  const auto [slash, bad_index] = std::from_chars(text.data(), end, shard.index);
-  if (bad_index == std::errc{} && slash != end && *slash == '/') {
-    const auto [last, bad_count] = std::from_chars(slash + 1, end, shard.count);
-    const bool is_good =
-        bad_count == std::errc{} && last == end && shard.index >= 1 && shard.index <= shard.count;
-    if (is_good) return shard;
-  }
+  const std::string_view all = text;
+  const std::size_t slash = std::min(all.find('/'), all.size());
+  const auto index = to_number<std::size_t>(all.substr(0, slash));
+  const auto count = to_number<std::size_t>(all.substr(std::min(slash + 1, all.size())));
+  if (index && count && *index >= 1 && *index <= *count) return {*index, *count};
   throw UsageError(fmt::format("shard \"{}\" must be I/N, from 1/N to N/N", text));
 }
 
