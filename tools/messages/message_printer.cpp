@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <iomanip>
 #include <iterator>
+#include <sstream>
 #include <tether/all_messages.hpp>
 #include <type_traits>
 #include <utility>
@@ -73,9 +75,7 @@ struct CsvFormat {
   std::string operator()(bool x) const { return x ? "1" : "0"; }
   std::string operator()(const std::string& x) const {
     if (x.find_first_of(",\"\r\n") == std::string::npos) return x;
-    std::string quoted = "\"";
-    for (const char c : x) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-    return quoted + '"';
+    return (std::ostringstream() << std::quoted(x, '"', '"')).str();
   }
   template <class T>
   std::string operator()(const std::vector<T>& list) const {
