@@ -34,20 +34,14 @@ class LengthCheck {
   }
 
   template <class Element, class Count>
-  void operator()(const char*, const std::vector<Element>&, Count count) {
-    constexpr bool kStrings = std::is_same_v<Element, std::string>;
-    constexpr std::size_t kShortest = kStrings ? kEmptyString : sizeof(Element);
-    ok_ = ok_ && count >= 0 && static_cast<std::size_t>(count) <= rest_.size() / kShortest;
-    if constexpr (kStrings) {
-      for (Count i = 0; ok_ && i < count; ++i) skip_string();
-    } else if (ok_) {
-      skip(static_cast<std::size_t>(count) * sizeof(Element));
-    }
+  void operator()(const char* name, const std::vector<Element>&, Count count) {
+    ok_ = ok_ && count >= 0;
+    Element element{};
+    for (Count i = 0; ok_ && i < count; ++i) (*this)(name, element);
   }
 
  private:
   static constexpr std::size_t kFingerprint = 8;
-  static constexpr std::size_t kEmptyString = 4 + 1;  // its length and the closing zero
 
   void skip(std::size_t bytes) {
     ok_ = ok_ && bytes <= rest_.size();
