@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <tether/counters_t.hpp>
 #include <tether/link_report_t.hpp>
 
 #include "common/scenario/run_settings.hpp"
