@@ -27,7 +27,7 @@ std::int16_t saturated(double value) {
 
 }  // namespace
 
-EmulatedAgilexV2::EmulatedAgilexV2(const DrivetrainConfig& config, Instant now)
+EmulatedAgilexV2::EmulatedAgilexV2(const AgilexV2Config& config, Instant now)
     : wheel_radius_m_(config.chassis_wheel_radius_m), track_m_(config.chassis_track_m) {
   power_on(now);
 }
@@ -159,6 +159,10 @@ void EmulatedAgilexV2::inject(const DriveFault& fault, Instant now) {
     case DriveFault::Kind::sdo_abort:
       break;
   }
+}
+
+std::unique_ptr<EmulatedDrivetrain> emulate(const AgilexV2Config& config, Instant now) {
+  return std::make_unique<EmulatedAgilexV2>(config, now);
 }
 
 }  // namespace tether

@@ -4,14 +4,14 @@
 #include <cstdint>
 #include <vector>
 
+#include "can_bridge/agilex/config.hpp"
 #include "can_bridge/agilex/v2.hpp"
-#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/emulated/drivetrain.hpp"
 #include "can_bridge/emulated/encoder.hpp"
 
 namespace tether {
 
-/// A chassis that speaks the AgileX protocol, version 2 (agilex_v2.hpp), seen from the bus: it
+/// A chassis that speaks the AgileX protocol, version 2 (v2.hpp), seen from the bus: it
 /// reports 0x211, 0x221, 0x251, 0x252 and 0x311 every 20 ms, follows 0x111 in CAN mode only, and
 /// brakes when 0x111 stays away for 500 ms; then it stays in CAN mode and follows again when
 /// commands return. An exception brakes it, too, and puts it into standby until 0x441.
@@ -25,7 +25,7 @@ namespace tether {
 class EmulatedAgilexV2 final : public EmulatedDrivetrain {
  public:
   /// Powered on at `now`.
-  EmulatedAgilexV2(const DrivetrainConfig& config, Instant now);
+  EmulatedAgilexV2(const AgilexV2Config& config, Instant now);
 
   std::vector<CanFilter> filters() const override;
   void on_frame(const CanFrame& frame, Instant now, std::vector<CanFrame>& out) override;

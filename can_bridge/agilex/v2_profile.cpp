@@ -9,6 +9,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/vehicle_config.hpp"
 
 namespace tether {
 namespace {
@@ -59,7 +60,11 @@ std::string condition_reason(const agilex::SystemState& state) {
 
 }  // namespace
 
-AgilexV2Profile::AgilexV2Profile(const DrivetrainConfig& config, double wheel_radius_m,
+std::unique_ptr<DriveProfile> AgilexV2Config::make_profile(const VehicleConfig& vehicle) const {
+  return std::make_unique<AgilexV2Profile>(*this, vehicle.wheel_radius_m, vehicle.track_m);
+}
+
+AgilexV2Profile::AgilexV2Profile(const AgilexV2Config& config, double wheel_radius_m,
                                  double track_m)
     : config_(config), wheel_radius_m_(wheel_radius_m), track_m_(track_m) {
   assert(wheel_radius_m > 0.0 && track_m > 0.0);

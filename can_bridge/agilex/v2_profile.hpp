@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "can_bridge/agilex/config.hpp"
 #include "can_bridge/agilex/v2.hpp"
-#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 
 namespace tether {
@@ -35,7 +35,7 @@ namespace tether {
 class AgilexV2Profile final : public DriveProfile {
  public:
   /// The vehicle's figures. Throws UsageError where they differ from the chassis' by more than 1 %.
-  AgilexV2Profile(const DrivetrainConfig& config, double wheel_radius_m, double track_m);
+  AgilexV2Profile(const AgilexV2Config& config, double wheel_radius_m, double track_m);
 
   std::vector<CanFilter> filters() const override;
   void start(Instant now) override;
@@ -73,7 +73,7 @@ class AgilexV2Profile final : public DriveProfile {
   std::array<double, 2> wheel_speeds_radps() const;
   bool lasts(Instant now, int milliseconds) const;
 
-  DrivetrainConfig config_;
+  AgilexV2Config config_;
   double wheel_radius_m_;
   double track_m_;
 

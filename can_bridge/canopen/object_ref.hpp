@@ -18,6 +18,11 @@ struct ObjectRef {
   bool operator==(const ObjectRef&) const = default;
 };
 
+/// Whether index and subindex agree, whatever the types.
+inline bool same_object(const ObjectRef& a, const ObjectRef& b) {
+  return a.index == b.index && a.sub == b.sub;
+}
+
 /// "0x60FF:00 i32", as drivetrain files write it.
 std::string to_string(const ObjectRef& object);
 

@@ -18,7 +18,7 @@ constexpr Duration kSecureTimeout = std::chrono::seconds(5);
 constexpr Duration kBlindBraking = std::chrono::seconds(2);
 
 /// One and a half periods: each living drive's heartbeat falls into it.
-Duration listening_time(const DrivetrainConfig& config) {
+Duration listening_time(const Cia402Config& config) {
   return std::chrono::milliseconds(config.drive_heartbeat_ms) * 3 / 2;
 }
 

@@ -29,9 +29,9 @@ struct Sender {
 };
 
 /// What `id` means to a drivetrain.
-Sender sender_of(std::uint32_t id, const DrivetrainConfig& config, const PdoMap& pdos);
+Sender sender_of(std::uint32_t id, const Cia402Config& config, const PdoMap& pdos);
 
 /// All identifiers whose sender is not `other`.
-std::vector<CanFilter> drivetrain_filters(const DrivetrainConfig& config, const PdoMap& pdos);
+std::vector<CanFilter> drivetrain_filters(const Cia402Config& config, const PdoMap& pdos);
 
 }  // namespace tether::cia402

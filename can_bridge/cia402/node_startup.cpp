@@ -43,7 +43,7 @@ std::uint32_t raw(const ObjectRef& object, std::int64_t value) {
 
 }  // namespace
 
-NodeStartup::NodeStartup(const DrivetrainConfig& config, std::uint8_t node)
+NodeStartup::NodeStartup(const Cia402Config& config, std::uint8_t node)
     : name_(node_name(config, node)),
       node_(node),
       boot_timeout_(std::chrono::milliseconds(config.boot_timeout_ms)),

@@ -17,7 +17,7 @@ namespace tether::cia402 {
 /// that reboots during its configuration starts it again, up to 3 times in all.
 class NodeStartup {
  public:
-  NodeStartup(const DrivetrainConfig& config, std::uint8_t node);
+  NodeStartup(const Cia402Config& config, std::uint8_t node);
 
   /// From the beginning, at the next tick.
   void begin();

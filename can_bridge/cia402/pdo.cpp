@@ -38,7 +38,7 @@ std::string pdo_name(const PdoConfig& pdo) {
   return fmt::format("{}PDO{} of node {}", pdo.transmit ? "T" : "R", pdo.number, pdo.node);
 }
 
-PdoMap::Pdo layout(const DrivetrainConfig& config, const PdoConfig& pdo) {
+PdoMap::Pdo layout(const Cia402Config& config, const PdoConfig& pdo) {
   PdoMap::Pdo result;
   result.id = canopen::pdo_id(pdo.transmit, pdo.number, pdo.node);
   result.node = pdo.node;
@@ -48,7 +48,7 @@ PdoMap::Pdo layout(const DrivetrainConfig& config, const PdoConfig& pdo) {
     for (std::size_t axis = 0; axis < config.axes.size(); ++axis) {
       if (config.axes[axis].node != pdo.node) continue;
       for (const Role& role : roles(config.axes[axis], pdo.transmit)) {
-        if (role.object.index != object.index || role.object.sub != object.sub) continue;
+        if (!same_object(role.object, object)) continue;
         if (role.object.bytes != object.bytes) {
           throw UsageError(fmt::format("{}: {} maps {} with {} bytes, but the {} has it with {}",
                                        config.name, pdo_name(pdo), object_text(object),
@@ -80,7 +80,7 @@ bool carries(const std::vector<PdoMap::Pdo>& pdos, Signal signal, std::size_t ax
 
 }  // namespace
 
-PdoMap::PdoMap(const DrivetrainConfig& config) {
+PdoMap::PdoMap(const Cia402Config& config) {
   for (const PdoConfig& pdo : config.pdos) {
     (pdo.transmit ? tpdos_ : rpdos_).push_back(layout(config, pdo));
   }

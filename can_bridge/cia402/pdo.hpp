@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "can_bridge/bus/can_frame.hpp"
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 namespace tether::cia402 {
 
@@ -48,7 +48,7 @@ class PdoMap {
 
   /// Throws UsageError if a PDO is longer than 8 bytes, an RPDO carries what no axis is commanded
   /// by, or an axis lacks controlword, target velocity, statusword, actual velocity or position.
-  explicit PdoMap(const DrivetrainConfig& config);
+  explicit PdoMap(const Cia402Config& config);
 
   /// The RPDOs, in the order of the file.
   void pack(const std::array<Setpoint, 2>& setpoints, std::vector<CanFrame>& out) const;

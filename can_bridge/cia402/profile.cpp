@@ -10,6 +10,7 @@
 #include "can_bridge/cia402/startup.hpp"
 #include "can_bridge/cia402/texts.hpp"
 #include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/vehicle_config.hpp"
 
 namespace tether {
 namespace {
@@ -30,7 +31,11 @@ std::uint16_t more_cautious(std::uint16_t a, std::uint16_t b) {
 
 }  // namespace
 
-Cia402Profile::Cia402Profile(const DrivetrainConfig& config, double wheel_radius_m, double track_m)
+std::unique_ptr<DriveProfile> Cia402Config::make_profile(const VehicleConfig& vehicle) const {
+  return std::make_unique<Cia402Profile>(*this, vehicle.wheel_radius_m, vehicle.track_m);
+}
+
+Cia402Profile::Cia402Profile(const Cia402Config& config, double wheel_radius_m, double track_m)
     : config_(config),
       wheel_radius_m_(wheel_radius_m),
       track_m_(track_m),
@@ -41,7 +46,7 @@ Cia402Profile::Cia402Profile(const DrivetrainConfig& config, double wheel_radius
             cia402::Axis(config.axes[1], cia402::axis_name(config, 1),
                          std::chrono::milliseconds(config.feedback_timeout_ms),
                          config.standstill_radps)} {
-  for (const std::uint8_t id : cia402::drive_nodes(config)) nodes_.emplace_back(config, id);
+  for (const std::uint8_t id : config.nodes()) nodes_.emplace_back(config, id);
 }
 
 std::vector<CanFilter> Cia402Profile::filters() const {

@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "can_bridge/cia402/axis.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/identifiers.hpp"
 #include "can_bridge/cia402/node_startup.hpp"
 #include "can_bridge/cia402/pdo.hpp"
 #include "can_bridge/cia402/standstill.hpp"
 #include "can_bridge/cia402/texts.hpp"
-#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 
 namespace tether {
@@ -53,7 +53,7 @@ namespace tether {
 class Cia402Profile final : public DriveProfile {
  public:
   /// Throws UsageError if the PDOs do not carry what the axes need (cia402::PdoMap).
-  Cia402Profile(const DrivetrainConfig& config, double wheel_radius_m, double track_m);
+  Cia402Profile(const Cia402Config& config, double wheel_radius_m, double track_m);
 
   std::vector<CanFilter> filters() const override;
   void start(Instant now) override;
@@ -94,7 +94,7 @@ class Cia402Profile final : public DriveProfile {
     refused,
   };
   struct Node {
-    Node(const DrivetrainConfig& config, std::uint8_t number)
+    Node(const Cia402Config& config, std::uint8_t number)
         : id(number),
           name(cia402::node_name(config, number)),
           startup(config, number),
@@ -164,7 +164,7 @@ class Cia402Profile final : public DriveProfile {
     return std::chrono::milliseconds(config_.drive_heartbeat_timeout_ms);
   }
 
-  DrivetrainConfig config_;
+  Cia402Config config_;
   double wheel_radius_m_;
   double track_m_;
   cia402::PdoMap pdos_;

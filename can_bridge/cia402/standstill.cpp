@@ -17,7 +17,7 @@ bool is_off(std::optional<DriveState> state) {
 
 }  // namespace
 
-StandstillInquiry::StandstillInquiry(const DrivetrainConfig& config, std::uint8_t node)
+StandstillInquiry::StandstillInquiry(const Cia402Config& config, std::uint8_t node)
     : config_(config),
       sdo_(node, std::chrono::milliseconds(config.sdo_timeout_ms), config.sdo_retries) {
   for (std::size_t axis = 0; axis < config.axes.size(); ++axis) {

@@ -7,7 +7,7 @@
 
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/canopen/sdo_client.hpp"
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 namespace tether::cia402 {
 
@@ -31,7 +31,7 @@ class StandstillInquiry {
     double speed_radps = 0.0;
   };
 
-  StandstillInquiry(const DrivetrainConfig& config, std::uint8_t node);
+  StandstillInquiry(const Cia402Config& config, std::uint8_t node);
 
   /// From the beginning.
   void begin();
@@ -54,7 +54,7 @@ class StandstillInquiry {
   void on_result(const SdoResult& result, Instant now);
   void judge(Instant now);
 
-  DrivetrainConfig config_;
+  Cia402Config config_;
   SdoClient sdo_;
   std::vector<Reading> readings_;  // of this round
   std::size_t question_ = 0;       // two for each axis: statusword, velocity

@@ -43,7 +43,7 @@ SdoStep device_type() {
   return step;
 }
 
-SdoStep watchdog_step(const DrivetrainConfig& config, const WatchdogConfig& watchdog) {
+SdoStep watchdog_step(const Cia402Config& config, const WatchdogConfig& watchdog) {
   const bool consumer = watchdog.kind == WatchdogConfig::Kind::heartbeat_consumer;
   const std::int64_t producer = consumer ? config.master_node : 0;
   SdoStep step = write_and_read(watchdog.object, producer << 16 | watchdog.timeout_ms,
@@ -110,7 +110,7 @@ void add_pdo(const PdoConfig& pdo, std::vector<SdoStep>& steps) {
   steps.push_back(read_only(o.transmission(), pdo.transmission, o.name + " transmission type"));
 }
 
-void add_modes(const DrivetrainConfig& config, std::uint8_t node, std::vector<SdoStep>& steps) {
+void add_modes(const Cia402Config& config, std::uint8_t node, std::vector<SdoStep>& steps) {
   std::vector<ObjectRef> done;
   for (const AxisConfig& axis : config.axes) {
     if (axis.node != node || std::ranges::find(done, axis.mode) != done.end()) continue;
@@ -124,13 +124,7 @@ void add_modes(const DrivetrainConfig& config, std::uint8_t node, std::vector<Sd
 
 }  // namespace
 
-std::vector<std::uint8_t> drive_nodes(const DrivetrainConfig& config) {
-  std::vector<std::uint8_t> nodes{config.axes[0].node};
-  if (config.axes[1].node != config.axes[0].node) nodes.push_back(config.axes[1].node);
-  return nodes;
-}
-
-std::vector<SdoStep> startup_steps(const DrivetrainConfig& config, std::uint8_t node) {
+std::vector<SdoStep> startup_steps(const Cia402Config& config, std::uint8_t node) {
   std::vector<SdoStep> steps{device_type()};
   for (const WatchdogConfig& watchdog : config.watchdogs) {
     if (watchdog.node == node) steps.push_back(watchdog_step(config, watchdog));

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 namespace tether::cia402 {
 
@@ -36,14 +36,11 @@ struct SdoStep {
   std::string meaning;  ///< "heartbeat consumer": for reasons
 };
 
-/// The nodes of a drivetrain, left first, each once.
-std::vector<std::uint8_t> drive_nodes(const DrivetrainConfig& config);
-
 /// Everything that start-up does to `node` after its boot-up message, in this order: device type,
 /// watchdogs, heartbeat producer (0x1017), the watchdogs' reactions, setup objects, PDOs, mode of
 /// operation. A PDO is switched off, cleared, mapped, counted, timed and switched on (CiA
 /// 301, 7.5.2.36), then all of it is read back; one that is `preset` is only read back, except for
 /// its event timer.
-std::vector<SdoStep> startup_steps(const DrivetrainConfig& config, std::uint8_t node);
+std::vector<SdoStep> startup_steps(const Cia402Config& config, std::uint8_t node);
 
 }  // namespace tether::cia402

@@ -42,11 +42,11 @@ constexpr std::array<ErrorMeaning, 24> kErrors{{
 
 }  // namespace
 
-std::string axis_name(const DrivetrainConfig& config, std::size_t axis) {
+std::string axis_name(const Cia402Config& config, std::size_t axis) {
   return fmt::format("{} drive (node {})", axis == 0 ? "left" : "right", config.axes[axis].node);
 }
 
-std::string node_name(const DrivetrainConfig& config, std::uint8_t node) {
+std::string node_name(const Cia402Config& config, std::uint8_t node) {
   const bool left = config.axes[0].node == node, right = config.axes[1].node == node;
   if (left != right) return axis_name(config, left ? 0 : 1);
   return fmt::format("drive (node {})", node);

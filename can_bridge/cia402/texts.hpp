@@ -3,16 +3,16 @@
 #include <cstdint>
 #include <string>
 
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 /// How CiA 402 drives, objects and errors are called in texts for technicians.
 namespace tether::cia402 {
 
 /// "left drive (node 1)", "right drive (node 2)".
-std::string axis_name(const DrivetrainConfig& config, std::size_t axis);
+std::string axis_name(const Cia402Config& config, std::size_t axis);
 
 /// As axis_name() where the node has one axis, else "drive (node 1)".
-std::string node_name(const DrivetrainConfig& config, std::uint8_t node);
+std::string node_name(const Cia402Config& config, std::uint8_t node);
 
 /// "0x1016:1 (heartbeat consumer)"; without meaning: "0x1016:1".
 std::string object_text(const ObjectRef& object, const std::string& meaning = "");

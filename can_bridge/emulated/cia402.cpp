@@ -1,14 +1,10 @@
 #include "can_bridge/emulated/cia402.hpp"
 
-#include <algorithm>
-
 namespace tether {
 
-EmulatedCia402::EmulatedCia402(const DrivetrainConfig& config, Instant now) {
-  for (const AxisConfig& axis : config.axes) {
-    const bool known = std::any_of(nodes_.begin(), nodes_.end(),
-                                   [&axis](const auto& node) { return node->id() == axis.node; });
-    if (!known) nodes_.push_back(std::make_unique<EmulatedNode>(config, axis.node, now));
+EmulatedCia402::EmulatedCia402(const Cia402Config& config, Instant now) {
+  for (const std::uint8_t id : config.nodes()) {
+    nodes_.push_back(std::make_unique<EmulatedNode>(config, id, now));
   }
 }
 
@@ -38,6 +34,10 @@ void EmulatedCia402::inject(const DriveFault& fault, Instant now) {
 
 void EmulatedCia402::list(CounterList& out) const {
   for (const auto& node : nodes_) node->list(out);
+}
+
+std::unique_ptr<EmulatedDrivetrain> emulate(const Cia402Config& config, Instant now) {
+  return std::make_unique<EmulatedCia402>(config, now);
 }
 
 }  // namespace tether

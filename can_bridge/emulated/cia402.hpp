@@ -4,14 +4,14 @@
 #include <memory>
 #include <vector>
 
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/emulated/drivetrain.hpp"
 #include "can_bridge/emulated/node.hpp"
 
 namespace tether {
 
 /// The CiA 402 drives that a drivetrain file describes: one CANopen device for each node id, with
-/// one or two axes (emulated_node.hpp says what each does). Objects, sizes, scales, signs and
+/// one or two axes (node.hpp says what each does). Objects, sizes, scales, signs and
 /// watchdogs are the file's; ramps are in units of target velocity per second.
 ///
 /// Before the first set_wheels() the wheels stand. Where a wheel is at that call is where its
@@ -19,7 +19,7 @@ namespace tether {
 class EmulatedCia402 final : public EmulatedDrivetrain {
  public:
   /// Powered on at `now`; the boot-up messages come EmulatedNode::kBootTime later.
-  EmulatedCia402(const DrivetrainConfig& config, Instant now);
+  EmulatedCia402(const Cia402Config& config, Instant now);
 
   /// All 11-bit data frames: SDO may give a PDO any identifier.
   std::vector<CanFilter> filters() const override { return {{.id = 0, .mask = 0}}; }
@@ -37,5 +37,8 @@ class EmulatedCia402 final : public EmulatedDrivetrain {
  private:
   std::vector<std::unique_ptr<EmulatedNode>> nodes_;
 };
+
+/// The drives, powered on at `now`.
+std::unique_ptr<EmulatedDrivetrain> emulate(const Cia402Config& config, Instant now);
 
 }  // namespace tether

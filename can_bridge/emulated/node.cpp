@@ -23,7 +23,7 @@ std::uint8_t error_register(std::uint16_t code) {
 
 }  // namespace
 
-EmulatedNode::EmulatedNode(const DrivetrainConfig& config, std::uint8_t node, Instant now)
+EmulatedNode::EmulatedNode(const Cia402Config& config, std::uint8_t node, Instant now)
     : id_(node),
       objects_(make_drive_objects(config, node)),
       sdo_(node, objects_.dictionary, [this](Handle h, std::int64_t v) { return write(h, v); }),

@@ -53,7 +53,7 @@ class EmulatedNode final : private RpdoReceiver {
   };
 
   /// Powered on at `now`. Lives where it is: its parts point at each other.
-  EmulatedNode(const DrivetrainConfig& config, std::uint8_t node, Instant now);
+  EmulatedNode(const Cia402Config& config, std::uint8_t node, Instant now);
   EmulatedNode(const EmulatedNode&) = delete;
   EmulatedNode& operator=(const EmulatedNode&) = delete;
 

@@ -22,7 +22,7 @@ bool is_communication(std::uint16_t index) { return index >= 0x1000 && index <= 
 
 class Builder {
  public:
-  Builder(const DrivetrainConfig& config, std::uint8_t node) : config_(config), node_(node) {}
+  Builder(const Cia402Config& config, std::uint8_t node) : config_(config), node_(node) {}
 
   DriveObjects build() {
     add_communication_objects();
@@ -281,14 +281,14 @@ class Builder {
     }
   }
 
-  const DrivetrainConfig& config_;
+  const Cia402Config& config_;
   std::uint8_t node_;
   DriveObjects out_;
 };
 
 }  // namespace
 
-DriveObjects make_drive_objects(const DrivetrainConfig& config, std::uint8_t node) {
+DriveObjects make_drive_objects(const Cia402Config& config, std::uint8_t node) {
   return Builder(config, node).build();
 }
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "can_bridge/canopen/object_dictionary.hpp"
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 namespace tether {
 
@@ -66,6 +66,6 @@ struct DriveObjects {
 ///
 /// A 32-bit object that a PDO or setup write mentions, beside two axes' 16- or 32-bit objects of
 /// the same index and other subindices, holds both as halves, the lower subindex in the lower half.
-DriveObjects make_drive_objects(const DrivetrainConfig& config, std::uint8_t node);
+DriveObjects make_drive_objects(const Cia402Config& config, std::uint8_t node);
 
 }  // namespace tether

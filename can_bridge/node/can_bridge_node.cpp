@@ -13,7 +13,6 @@
 #include <utility>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "can_bridge/drivetrain/checks.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -72,7 +71,7 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
       channels_(settings.get<VehicleSettings>().name),
       profile_(std::move(profile)),
       safety_(safety_config(settings)),
-      whitelist_(config),
+      whitelist_(transmit_rules(config)),
       odometry_(settings.get<VehicleSettings>()),
       cycle_(from_seconds(settings.get<CanSettings>().cycle_ms * 1e-3)),
       wheel_radius_m_(settings.get<VehicleSettings>().wheel_radius_m),

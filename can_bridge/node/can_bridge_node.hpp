@@ -7,8 +7,8 @@
 
 #include "can_bridge/bus/can_port.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/profiles/profiles.hpp"
 #include "can_bridge/safety/odometry.hpp"
 #include "can_bridge/safety/safety_core.hpp"
 #include "can_bridge/safety/transmit_whitelist.hpp"

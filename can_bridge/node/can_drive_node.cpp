@@ -10,6 +10,7 @@
 #include <tether/wheel_targets_t.hpp>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
+#include "can_bridge/profiles/emulation.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 #include "common/bus/message_io.hpp"
@@ -21,11 +22,6 @@ namespace {
 
 Instant first_instant(const DriveSettings& settings) {
   return kStart - from_seconds(settings.get<RunSettings>().lead_s);
-}
-
-std::vector<int> node_ids(const DrivetrainConfig& config) {
-  if (config.profile != DrivetrainConfig::Profile::cia402) return {};
-  return {config.axes[0].node, config.axes[1].node};
 }
 
 DriveFault::Kind kind_of(CanSettings::Inject inject) {
@@ -49,7 +45,7 @@ DriveFault::Kind kind_of(CanSettings::Inject inject) {
   return DriveFault::Kind::none;
 }
 
-void check_inject_node(std::int64_t node, const std::vector<int>& nodes) {
+void check_inject_node(std::int64_t node, const std::vector<std::uint8_t>& nodes) {
   if (node == 0 || std::find(nodes.begin(), nodes.end(), node) != nodes.end()) return;
   std::string allowed = "0 (all)";
   for (const int id : std::set<int>(nodes.begin(), nodes.end())) allowed += fmt::format(", {}", id);
@@ -73,7 +69,7 @@ CanDriveNode::CanDriveNode(const DriveSettings& settings, const DrivetrainConfig
       port_(port),
       channels_(settings.get<VehicleSettings>().name),
       standalone_(settings.get<CanSettings>().wheels == CanSettings::Wheels::model),
-      nodes_(node_ids(config)),
+      nodes_(drive_nodes(config)),
       drives_(make_emulated_drivetrain(config, std::max(loop.now(), first_instant(settings)))),
       wheel_models_{WheelModel(WheelModel::of(settings.get<VehicleSettings>())),
                     WheelModel(WheelModel::of(settings.get<VehicleSettings>()))},

@@ -7,9 +7,9 @@
 
 #include "can_bridge/bus/can_port.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/emulated/drivetrain.hpp"
 #include "can_bridge/emulated/wheel_model.hpp"
+#include "can_bridge/profiles/profiles.hpp"
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
@@ -75,7 +75,7 @@ class CanDriveNode final : public Node {
   CanPort& port_;
   ChannelNames channels_;
   bool standalone_;
-  std::vector<int> nodes_;  // ids a fault may be for, besides 0
+  std::vector<std::uint8_t> nodes_;  // ids a fault may be for, besides 0
   std::unique_ptr<EmulatedDrivetrain> drives_;
   std::array<WheelModel, 2> wheel_models_;
   StreamGuard wheel_guard_;

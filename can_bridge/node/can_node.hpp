@@ -7,7 +7,7 @@
 
 #include "can_bridge/bus/socket_can_port.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 #include "common/loop/node.hpp"
 #include "common/program/node_main.hpp"

@@ -19,7 +19,7 @@ class List {
   /// An object that is there already keeps its place and gets the stricter need.
   void add(const ProbeItem& item) {
     const auto known = std::find_if(items_.begin(), items_.end(), [&](const ProbeItem& other) {
-      return other.object.index == item.object.index && other.object.sub == item.object.sub;
+      return same_object(other.object, item.object);
     });
     if (known == items_.end()) {
       items_.push_back(item);
@@ -129,7 +129,7 @@ void add_pdo(List& list, const PdoConfig& pdo) {
   }
 }
 
-void add_file(List& list, const DrivetrainConfig& config, std::uint8_t node) {
+void add_file(List& list, const Cia402Config& config, std::uint8_t node) {
   for (const PdoConfig& pdo : config.pdos) {
     if (pdo.node == node) add_pdo(list, pdo);
   }
@@ -187,7 +187,7 @@ std::string printable(const std::vector<std::uint8_t>& bytes) {
 
 }  // namespace
 
-std::vector<ProbeItem> probe_items(std::uint8_t node, const DrivetrainConfig* config) {
+std::vector<ProbeItem> probe_items(std::uint8_t node, const Cia402Config* config) {
   List list;
   add_standard(list);
   if (config != nullptr) add_file(list, *config, node);

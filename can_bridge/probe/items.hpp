@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 namespace tether {
 
@@ -43,7 +43,7 @@ struct ProbeItem {
 
 /// What to ask `node`: identity, errors, mode and watchdogs of any CiA 402 drive, and with `config`
 /// each object that its file mentions for this node. Each object once.
-std::vector<ProbeItem> probe_items(std::uint8_t node, const DrivetrainConfig* config);
+std::vector<ProbeItem> probe_items(std::uint8_t node, const Cia402Config* config);
 
 /// A value as people read it: "0x00020192 (CiA 402 drive)".
 std::string probe_value(const ProbeItem& item, const std::vector<std::uint8_t>& bytes);

@@ -92,9 +92,8 @@ bool ProbedNode::fits() const {
          });
 }
 
-Probe::Probe(const std::vector<std::uint8_t>& nodes, const DrivetrainConfig* config, Instant now)
+Probe::Probe(const std::vector<std::uint8_t>& nodes, const Cia402Config* config, Instant now)
     : begin_(now), judges_(config != nullptr) {
-  assert(config == nullptr || config->profile == DrivetrainConfig::Profile::cia402);
   for (const std::uint8_t id : nodes) {
     assert(id >= 1 && id <= 127);
     nodes_.push_back({id, probe_items(id, config), {}, {}, {}, false});

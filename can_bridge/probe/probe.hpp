@@ -42,8 +42,8 @@ class Probe {
   static constexpr Duration kTimeout = std::chrono::milliseconds{300};  ///< for each answer
   static constexpr int kRetries = 1;
 
-  /// `config` (may be null) must be of profile cia402.
-  Probe(const std::vector<std::uint8_t>& nodes, const DrivetrainConfig* config, Instant now);
+  /// `config` may be null.
+  Probe(const std::vector<std::uint8_t>& nodes, const Cia402Config* config, Instant now);
 
   static std::vector<CanFilter> filters();
   void on_frame(const CanFrame& frame, Instant now);

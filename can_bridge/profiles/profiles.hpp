@@ -1,20 +1,68 @@
 #pragma once
 
+#include <concepts>
+#include <cstdint>
 #include <memory>
+#include <string>
+#include <variant>
+#include <vector>
 
+#include "can_bridge/agilex/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
-#include "can_bridge/emulated/drivetrain.hpp"
+#include "can_bridge/drivetrain/file.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 
 namespace tether {
 
-/// The profile that `config` names. Wheel radius and track come from the vehicle.
-std::unique_ptr<DriveProfile> make_drive_profile(const DrivetrainConfig& config,
-                                                 const VehicleConfig& vehicle);
+/// A drivetrain, as described in a file of drivetrains/ (docs/drivetrain.md). This list is the
+/// table of all drive profiles: each type in it is a row, in its profile's own folder, and offers
+/// what ProfileConfig demands. A new profile is one more type here.
+using DrivetrainConfig = std::variant<Cia402Config, AgilexV2Config>;
 
-/// Emulates whatever drivetrain `config` describes.
-std::unique_ptr<EmulatedDrivetrain> make_emulated_drivetrain(const DrivetrainConfig& config,
-                                                             Instant now);
+/// What the row of a profile has to offer: what is missing does not compile. One thing is asked for
+/// in emulation.cpp only, so that the bridge links without it:
+/// `std::unique_ptr<EmulatedDrivetrain> emulate(const Config&, Instant now)`, beside the row.
+template <class Config>
+concept ProfileConfig = std::derived_from<Config, DrivetrainCommon> &&
+    requires(const Config& config, const DrivetrainFile& file, const VehicleConfig& vehicle) {
+  // As files write it: profile = "cia402".
+  { Config::kProfile } -> std::convertible_to<std::string>;
+  // The names of its sections; those of other profiles are refused.
+  { *std::begin(Config::kSections) } -> std::convertible_to<std::string>;
+  // Reads and checks those.
+  { Config::read(file) } -> std::same_as<Config>;
+  // Wheel radius and track come from the vehicle.
+  { config.make_profile(vehicle) } -> std::same_as<std::unique_ptr<DriveProfile>>;
+  // What the bridge may send, by the description alone.
+  { config.transmit_rules() } -> std::same_as<TransmitRules>;
+  // Throws UsageError if the control cycle is too slow for the drives' time-outs.
+  { config.check_cycle(20.0) } -> std::same_as<void>;
+  // The node ids that a fault can be injected into; empty: it has none.
+  { config.nodes() } -> std::same_as<std::vector<std::uint8_t>>;
+};
+
+/// Reads a drivetrain file (TOML). Throws UsageError that names file, line, key and what is
+/// allowed; also for what cannot work (Cia402Config::read()).
+DrivetrainConfig load_drivetrain(const std::string& file);
+
+/// The same from text; `name` stands in for the file in messages.
+DrivetrainConfig parse_drivetrain(const std::string& toml, const std::string& name);
+
+/// The profile that `config` names.
+inline std::unique_ptr<DriveProfile> make_drive_profile(const DrivetrainConfig& config,
+                                                        const VehicleConfig& vehicle) {
+  return std::visit([&](const auto& row) { return row.make_profile(vehicle); }, config);
+}
+inline TransmitRules transmit_rules(const DrivetrainConfig& config) {
+  return std::visit([](const auto& row) { return row.transmit_rules(); }, config);
+}
+inline void check_cycle(const DrivetrainConfig& config, double cycle_ms) {
+  std::visit([=](const auto& row) { row.check_cycle(cycle_ms); }, config);
+}
+inline std::vector<std::uint8_t> drive_nodes(const DrivetrainConfig& config) {
+  return std::visit([](const auto& row) { return row.nodes(); }, config);
+}
 
 }  // namespace tether

@@ -9,8 +9,8 @@
 #include <stdexcept>
 
 #include "can_bridge/bus/socket_can_port.hpp"
-#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/probe/probe.hpp"
+#include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
@@ -20,18 +20,19 @@ namespace {
 
 constexpr Duration kTick = std::chrono::milliseconds{2};
 
-std::optional<DrivetrainConfig> load(const std::string& file) {
+std::optional<Cia402Config> load(const std::string& file) {
   if (file.empty()) return std::nullopt;
-  DrivetrainConfig config = load_drivetrain(file);
-  if (config.profile != DrivetrainConfig::Profile::cia402) {
+  const DrivetrainConfig config = load_drivetrain(file);
+  const auto* const drives = std::get_if<Cia402Config>(&config);
+  if (drives == nullptr) {
     throw UsageError(fmt::format(
         "{}: only CiA 402 drives have objects to read; listen to this one with candump", file));
   }
-  return config;
+  return *drives;
 }
 
 std::vector<std::uint8_t> chosen_nodes(const CanProbeOptions& options,
-                                       const std::optional<DrivetrainConfig>& config) {
+                                       const std::optional<Cia402Config>& config) {
   std::vector<std::uint8_t> nodes;
   const auto add = [&nodes](int node) {
     const auto id = static_cast<std::uint8_t>(node);
@@ -39,7 +40,7 @@ std::vector<std::uint8_t> chosen_nodes(const CanProbeOptions& options,
   };
   for (const int node : options.nodes) add(node);
   if (nodes.empty() && config) {
-    for (const AxisConfig& axis : config->axes) add(axis.node);
+    for (const std::uint8_t node : config->nodes()) add(node);
   }
   if (nodes.empty()) throw UsageError("whom to probe? Give --node or --drivetrain");
   return nodes;
@@ -57,7 +58,7 @@ void check_usable(const SocketCanPort& port, const std::string& interface) {
 }  // namespace
 
 int can_probe(const CanProbeOptions& options) {
-  const std::optional<DrivetrainConfig> config = load(options.drivetrain_file);
+  const std::optional<Cia402Config> config = load(options.drivetrain_file);
   const std::vector<std::uint8_t> nodes = chosen_nodes(options, config);
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());
   SocketCanPort port(options.interface, loop);

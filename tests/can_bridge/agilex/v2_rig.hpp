@@ -17,10 +17,9 @@ inline constexpr double kTrack_m = 1.2;
 inline Duration ms(int milliseconds) { return std::chrono::milliseconds(milliseconds); }
 inline Instant at_ms(int milliseconds) { return kStart + ms(milliseconds); }
 
-inline DrivetrainConfig agilex_chassis() {
-  DrivetrainConfig config;
+inline AgilexV2Config agilex_chassis() {
+  AgilexV2Config config;
   config.name = "test chassis";
-  config.profile = DrivetrainConfig::Profile::agilex_v2;
   config.chassis_wheel_radius_m = kRadius_m;
   config.chassis_track_m = kTrack_m;
   return config;

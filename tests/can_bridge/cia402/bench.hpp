@@ -35,8 +35,8 @@ inline PdoConfig pdo(std::uint8_t node, int number, bool transmit, std::vector<O
 }
 
 /// Two single-axis nodes, the right one mounted the other way round; 60 rpm a revolution/second.
-inline DrivetrainConfig two_nodes() {
-  DrivetrainConfig c;
+inline Cia402Config two_nodes() {
+  Cia402Config c;
   c.name = "two nodes";
   c.axes[0].node = 1;
   c.axes[1].node = 2;
@@ -63,9 +63,8 @@ class Bench {
   static constexpr double kRadius_m = 0.1;
   static constexpr double kTrack_m = 0.5;
 
-  explicit Bench(const DrivetrainConfig& c = two_nodes())
-      : config(c), profile(c, kRadius_m, kTrack_m) {
-    for (const std::uint8_t node : cia402::drive_nodes(c)) {
+  explicit Bench(const Cia402Config& c = two_nodes()) : config(c), profile(c, kRadius_m, kTrack_m) {
+    for (const std::uint8_t node : c.nodes()) {
       drives.emplace_back(c, node);
       drives.back().nmt = canopen::NmtState::pre_operational;
     }
@@ -157,7 +156,7 @@ class Bench {
   }
   long count(const CanFrame& frame) const { return std::count(log.begin(), log.end(), frame); }
 
-  DrivetrainConfig config;
+  Cia402Config config;
   Cia402Profile profile;
   std::vector<FakeDrive> drives;
   Instant now{};

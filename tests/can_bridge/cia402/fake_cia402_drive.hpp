@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 namespace tether::testing {
 
@@ -33,7 +33,7 @@ class FakeDrive {
     std::uint16_t last_control = 0;
   };
 
-  FakeDrive(const DrivetrainConfig& config, std::uint8_t node) : node_(node) {
+  FakeDrive(const Cia402Config& config, std::uint8_t node) : node_(node) {
     for (const AxisConfig& axis : config.axes) {
       if (axis.node != node) continue;
       axes.emplace_back();

@@ -15,8 +15,8 @@ using testing::pdo;
 using testing::two_nodes;
 
 /// One node; the second axis' objects 0x800 further on.
-DrivetrainConfig dual_axis() {
-  DrivetrainConfig c;
+Cia402Config dual_axis() {
+  Cia402Config c;
   c.name = "dual axis";
   AxisConfig& right = c.axes[1];
   for (ObjectRef* o : {&right.controlword, &right.statusword, &right.mode, &right.mode_display,
@@ -37,8 +37,8 @@ DrivetrainConfig dual_axis() {
 
 /// Like a ZLAC8015D: axes in subindices, one controlword, both statuswords in 32 bits, a vendor's
 /// watchdog, no 0x1016, no SYNC.
-DrivetrainConfig shared_controlword() {
-  DrivetrainConfig c;
+Cia402Config shared_controlword() {
+  Cia402Config c;
   c.name = "shared controlword";
   c.sync = false;
   for (std::size_t i = 0; i < 2; ++i) {
@@ -166,7 +166,7 @@ TEST(Cia402Layout, TheVendorsWatchdogCounts) {
 
 // ---------------------------------------------------------------------------- cannot work
 
-std::string complaint(const DrivetrainConfig& config) {
+std::string complaint(const Cia402Config& config) {
   try {
     const Cia402Profile profile(config, 0.1, 0.5);
   } catch (const UsageError& e) {
@@ -176,7 +176,7 @@ std::string complaint(const DrivetrainConfig& config) {
 }
 
 TEST(Cia402Layout, AnAxisWithoutSetpointOrFeedbackInAPdoIsAnError) {
-  DrivetrainConfig c = two_nodes();
+  Cia402Config c = two_nodes();
   c.pdos[3].objects.pop_back();
   EXPECT_EQ(complaint(c),
             "two nodes: no RPDO carries the right drive (node 2)'s 0x60FF:0 (target velocity)");
@@ -187,19 +187,19 @@ TEST(Cia402Layout, AnAxisWithoutSetpointOrFeedbackInAPdoIsAnError) {
 }
 
 TEST(Cia402Layout, AnUnknownObjectInASetpointPdoIsAnError) {
-  DrivetrainConfig c = two_nodes();
+  Cia402Config c = two_nodes();
   c.pdos[0].objects.push_back({0x6071, 0, 2, true});
   EXPECT_EQ(complaint(c), "two nodes: RPDO1 of node 1 maps 0x6071:0, which commands no axis");
 }
 
 TEST(Cia402Layout, APdoOfMoreThanEightBytesIsAnError) {
-  DrivetrainConfig c = two_nodes();
+  Cia402Config c = two_nodes();
   c.pdos[2].objects.push_back({0x2001, 0, 4, false});
   EXPECT_EQ(complaint(c), "two nodes: TPDO2 of node 1 maps more than 8 bytes");
 }
 
 TEST(Cia402Layout, AnObjectOfAnotherSizeThanTheAxisSaysIsAnError) {
-  DrivetrainConfig c = two_nodes();
+  Cia402Config c = two_nodes();
   c.pdos[1].objects[1].bytes = 2;
   EXPECT_EQ(complaint(c),
             "two nodes: TPDO1 of node 1 maps 0x606C:0 with 2 bytes, but the left drive (node 1) "
@@ -207,7 +207,7 @@ TEST(Cia402Layout, AnObjectOfAnotherSizeThanTheAxisSaysIsAnError) {
 }
 
 TEST(Cia402Layout, DummiesAndForeignFeedbackAreAllowed) {
-  DrivetrainConfig c = two_nodes();
+  Cia402Config c = two_nodes();
   c.pdos[0].objects.push_back({0x0005, 0, 1, false});
   c.pdos[0].objects.push_back({0x6060, 0, 1, true});
   c.pdos[1].objects.push_back({0x6077, 0, 2, true});

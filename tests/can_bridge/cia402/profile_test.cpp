@@ -256,7 +256,7 @@ TEST(Cia402Profile, SendsSetpointsThenSyncThenTheHeartbeatAsDue) {
 }
 
 TEST(Cia402Profile, TheHeartbeatIntervalIsRoundedUpToControlCycles) {
-  DrivetrainConfig config = two_nodes();
+  Cia402Config config = two_nodes();
   config.heartbeat_ms = 50;
   Bench bench(config);
   bench.to_enabled();
@@ -278,7 +278,7 @@ TEST(Cia402Profile, ATickThatComesALittleEarlyStillSendsTheHeartbeat) {
 }
 
 TEST(Cia402Profile, SaturationScalesBothWheels) {
-  DrivetrainConfig config = two_nodes();
+  Cia402Config config = two_nodes();
   for (AxisConfig& a : config.axes) {
     a.target_velocity = {0x60FF, 0, 2, true};
     a.target_velocity_per_rps = {6000, 1};

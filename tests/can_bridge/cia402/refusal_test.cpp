@@ -68,7 +68,7 @@ TEST(Cia402Refusal, AnAbortOfAnOptionalObjectIsNoted) {
 }
 
 TEST(Cia402Refusal, ARequiredSetpointDeadlineThatTheDriveLacksIsRefused) {
-  DrivetrainConfig config = two_nodes();
+  Cia402Config config = two_nodes();
   for (PdoConfig& p : config.pdos) p.event_timer_required = true;
   Bench bench(config);
   bench.left().aborts[{0x1400, 5}] = 0x06090011;
@@ -98,7 +98,7 @@ TEST(Cia402Refusal, AWatchdogThatReadsBackZeroIsNone) {
 }
 
 TEST(Cia402Refusal, AWatchdogWhoseReactionCannotBeSetIsRefused) {
-  DrivetrainConfig config = two_nodes();
+  Cia402Config config = two_nodes();
   std::erase_if(config.setup, [](const SetupWrite& s) { return s.object.index == 0x6007; });
   for (WatchdogConfig& w : config.watchdogs) {
     w.reaction = ObjectRef{0x6007, 0, 2, true};
@@ -117,7 +117,7 @@ TEST(Cia402Refusal, AWatchdogWhoseReactionCannotBeSetIsRefused) {
 }
 
 TEST(Cia402Refusal, AWatchdogOfZeroMillisecondsIsNone) {
-  DrivetrainConfig config = two_nodes();
+  Cia402Config config = two_nodes();
   config.watchdogs[0].timeout_ms = 0;
   Bench bench(config);
   bench.profile.start(bench.now);
@@ -126,7 +126,7 @@ TEST(Cia402Refusal, AWatchdogOfZeroMillisecondsIsNone) {
 }
 
 TEST(Cia402Refusal, NoWatchdogConfiguredIsRefused) {
-  DrivetrainConfig config = two_nodes();
+  Cia402Config config = two_nodes();
   config.watchdogs.pop_back();
   Bench bench(config);
   bench.profile.start(bench.now);
@@ -136,7 +136,7 @@ TEST(Cia402Refusal, NoWatchdogConfiguredIsRefused) {
 }
 
 TEST(Cia402Refusal, OneOfTwoWatchdogsIsEnough) {
-  DrivetrainConfig config = two_nodes();
+  Cia402Config config = two_nodes();
   config.watchdogs.push_back({1, WatchdogConfig::Kind::milliseconds, {0x2000, 0, 2, false}, 300});
   Bench bench(config);
   bench.left().aborts[{0x1016, 1}] = 0x06020000;

@@ -55,7 +55,7 @@ TEST(Cia402Startup, ConfiguresADriveInTheOrderThatTheStandardAsksFor) {
 }
 
 TEST(Cia402Startup, ReadsEveryWrittenObjectBack) {
-  const DrivetrainConfig config = two_nodes();
+  const Cia402Config config = two_nodes();
   std::set<std::pair<int, int>> written, read;
   for (const cia402::SdoStep& s : cia402::startup_steps(config, 1)) {
     if (s.write) written.insert({s.object.index, s.object.sub});
@@ -79,7 +79,7 @@ TEST(Cia402Startup, OneTransferAtATimeForEachNode) {
 }
 
 TEST(Cia402Startup, APresetPdoIsOnlyReadBack) {
-  DrivetrainConfig config = two_nodes();
+  Cia402Config config = two_nodes();
   for (PdoConfig& p : config.pdos) p.preset = true;
   for (const cia402::SdoStep& s : cia402::startup_steps(config, 1)) {
     if (s.object.index < 0x1400 || s.object.index >= 0x2000 || s.object.sub == 5) continue;

@@ -1,11 +1,10 @@
-#include "can_bridge/drivetrain/config.hpp"
-
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <string>
 #include <vector>
 
+#include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 
 namespace tether {
@@ -41,7 +40,9 @@ struct Toml {
   }
 };
 
-DrivetrainConfig parse(const Toml& toml) { return parse_drivetrain(toml.text(), "test.toml"); }
+Cia402Config parse(const Toml& toml) {
+  return std::get<Cia402Config>(parse_drivetrain(toml.text(), "test.toml"));
+}
 
 std::string refusal(const std::string& toml) {
   try {
@@ -63,15 +64,15 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 // ---------------------------------------------------------------------------- reading
 
 TEST(DrivetrainFile, WhatIsNotGivenStaysAtItsDefault) {
-  const DrivetrainConfig c = parse({});
-  const DrivetrainConfig defaults;
+  const Cia402Config c = parse({});
+  const Cia402Config defaults;
   EXPECT_EQ(c.sdo_timeout_ms, defaults.sdo_timeout_ms);
   EXPECT_EQ(c.drive_heartbeat_timeout_ms, defaults.drive_heartbeat_timeout_ms);
   EXPECT_EQ(c.axes[0].error_code, defaults.axes[0].error_code);
 }
 
 TEST(DrivetrainFile, RatiosAreWholeNumbersOrFractions) {
-  const DrivetrainConfig c = parse({});
+  const Cia402Config c = parse({});
   EXPECT_EQ(c.axes[0].counts_per_revolution.num, 8192);
   EXPECT_EQ(c.axes[0].counts_per_revolution.den, 3);
   EXPECT_EQ(c.axes[0].actual_velocity_per_rps.num, 600);
@@ -83,7 +84,7 @@ TEST(DrivetrainFile, SetupKeepsItsOrderNodeByNode) {
   toml.setup +=
       "[[setup]]\nnode = 2\nobject = \"0x605E:00 i16\"\nvalue = -1\nrequired = false\n"
       "meaning = \"last\"\n";
-  const DrivetrainConfig c = parse(toml);
+  const Cia402Config c = parse(toml);
   ASSERT_EQ(c.setup.size(), 3U);
   EXPECT_EQ(c.setup[0].node, 1);
   EXPECT_EQ(c.setup[1].node, 2);

@@ -5,7 +5,7 @@
 #include <iterator>
 #include <string>
 
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 
 // A watchdog that notices a lost bridge has to say what it does then.
@@ -28,6 +28,10 @@ std::string with(const std::string& from, const std::string& to) {
   return at == std::string::npos ? text : text.replace(at, from.size(), to);
 }
 
+Cia402Config parse(const std::string& toml) {
+  return std::get<Cia402Config>(parse_drivetrain(toml, "test.toml"));
+}
+
 std::string refusal(const std::string& toml) {
   try {
     parse_drivetrain(toml, "test.toml");
@@ -40,7 +44,7 @@ std::string refusal(const std::string& toml) {
 const std::string kReaction = "\nreaction = \"0x6007:00 i16\"\nreaction_value = 3 ";
 
 TEST(WatchdogReaction, IsWrittenByStartUp) {
-  for (const WatchdogConfig& w : parse_drivetrain(shipped_text(), "test.toml").watchdogs) {
+  for (const WatchdogConfig& w : parse(shipped_text()).watchdogs) {
     EXPECT_EQ(w.reaction, (ObjectRef{0x6007, 0, 2, true}));
     EXPECT_EQ(w.reaction_value, 3);
   }
@@ -57,7 +61,7 @@ TEST(WatchdogReaction, OfAHeartbeatConsumerMustBeSaid) {
 TEST(WatchdogReaction, MayBeFixedInTheDrive) {
   const std::string text = with(kReaction, "\nreaction = \"fixed\"\n");
   EXPECT_EQ(refusal(text), "accepted");
-  EXPECT_FALSE(parse_drivetrain(text, "test.toml").watchdogs[0].reaction.has_value());
+  EXPECT_FALSE(parse(text).watchdogs[0].reaction.has_value());
   EXPECT_THAT(refusal(with("\nreaction = \"0x6007:00 i16\"", "\nreaction = \"fixed\"")),
               HasSubstr("watchdog.reaction_value needs watchdog.reaction ="));
 }

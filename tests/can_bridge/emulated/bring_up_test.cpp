@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 #include "can_bridge/emulated/cia402.hpp"
 #include "can_bridge/profiles/profiles.hpp"
@@ -20,7 +20,8 @@ namespace {
 class BringUp : public ::testing::TestWithParam<const char*> {
  protected:
   BringUp()
-      : config_(load_drivetrain(std::string(TETHER_SOURCE_DIR "/drivetrains/") + GetParam())),
+      : config_(std::get<Cia402Config>(
+            load_drivetrain(std::string(TETHER_SOURCE_DIR "/drivetrains/") + GetParam()))),
         profile_(make_drive_profile(config_, VehicleConfig{})),
         drives_(config_, kStart) {
     drives_.set_wheels({});
@@ -60,7 +61,7 @@ class BringUp : public ::testing::TestWithParam<const char*> {
   }
 
   Instant now_ = kStart;
-  DrivetrainConfig config_;
+  Cia402Config config_;
   std::unique_ptr<DriveProfile> profile_;
   EmulatedCia402 drives_;
   WheelStates wheels_;

@@ -12,8 +12,8 @@ namespace tether::testing {
 
 /// Two single-axis drives, nodes 1 (left) and 2 (right, mounted the other way round), in rpm: as a
 /// drivetrain file would describe them.
-inline DrivetrainConfig two_node_drivetrain() {
-  DrivetrainConfig c;
+inline Cia402Config two_node_drivetrain() {
+  Cia402Config c;
   for (std::uint8_t node : {1, 2}) {
     c.axes[node - 1u].node = node;
     c.axes[node - 1u].sign = node == 1 ? 1 : -1;
@@ -50,7 +50,7 @@ class DriveRig {
     CanFrame frame;
   };
 
-  explicit DriveRig(const DrivetrainConfig& config, Instant start = kStart)
+  explicit DriveRig(const Cia402Config& config, Instant start = kStart)
       : now_(start), drives_(config, start) {
     drives_.set_wheels({});
   }

@@ -12,8 +12,8 @@ using testing::DriveRig;
 constexpr double kRpm = 2.0 * std::numbers::pi / 60.0;
 
 /// One node, axis 2 at +0x800 (IEC 61800-7-201: multiple axes in one device).
-DrivetrainConfig two_axes_by_offset() {
-  DrivetrainConfig c;
+Cia402Config two_axes_by_offset() {
+  Cia402Config c;
   AxisConfig& right = c.axes[1];
   for (ObjectRef* object : {&right.controlword, &right.statusword, &right.mode, &right.mode_display,
                             &right.target_velocity, &right.actual_velocity, &right.actual_position,
@@ -28,8 +28,8 @@ DrivetrainConfig two_axes_by_offset() {
 
 /// One node, subindex 1 left and 2 right, one controlword, both statuswords in one, packed objects,
 /// a vendor's watchdog: as in hub-motor drives for two wheels.
-DrivetrainConfig two_axes_by_subindex() {
-  DrivetrainConfig c;
+Cia402Config two_axes_by_subindex() {
+  Cia402Config c;
   for (std::uint8_t side : {0, 1}) {
     AxisConfig& axis = c.axes[side];
     const auto sub = static_cast<std::uint8_t>(side + 1);
@@ -79,7 +79,7 @@ TEST(EmulatedLayouts, TheSecondAxisAtPlus800HasItsOwnStateMachineAndRamps) {
 }
 
 TEST(EmulatedLayouts, AnOptionOfAxisOneIsNotAxisTwos) {
-  DrivetrainConfig config = two_axes_by_offset();
+  Cia402Config config = two_axes_by_offset();
   config.setup.pop_back();
   DriveRig rig(config);
   rig.run(400);
@@ -95,7 +95,7 @@ TEST(EmulatedLayouts, AnOptionOfAxisOneIsNotAxisTwos) {
 
 TEST(EmulatedLayouts, TheReactionToALostConnectionIsTheWholeDevicesUnlessAxisTwoHasItsOwn) {
   for (const bool own : {false, true}) {
-    DrivetrainConfig config = two_axes_by_offset();
+    Cia402Config config = two_axes_by_offset();
     config.setup.push_back({.node = 1, .object = {0x6007, 0, 2, true}, .meaning = ""});
     if (own) config.setup.push_back({.node = 1, .object = {0x6807, 0, 2, true}, .meaning = ""});
     DriveRig rig(config);

@@ -242,7 +242,7 @@ TEST_F(Heartbeats, Reaction0KeepsDrivingWithAWarning) {
 }
 
 TEST_F(Heartbeats, ADriveWithout6007TakesItForAFault) {
-  DrivetrainConfig config = two_node_drivetrain();
+  Cia402Config config = two_node_drivetrain();
   config.setup.clear();
   DriveRig rig(config);
   rig.run(400);
@@ -284,7 +284,7 @@ TEST_F(Heartbeats, WritingTheConsumerWaitsForAFirstHeartbeatAgain) {
 // ---------------------------------------------------------------------------- vendor watchdog
 
 TEST(VendorWatchdog, FaultsWhenNeitherSdoNorRpdoCameForSoLong) {
-  DrivetrainConfig config = two_node_drivetrain();
+  Cia402Config config = two_node_drivetrain();
   config.watchdogs[0] = {
       .node = 1, .kind = WatchdogConfig::Kind::milliseconds, .object = {0x2000, 0, 2, false}};
   DriveRig rig(config);

@@ -19,7 +19,7 @@ constexpr std::int64_t kInvalidValue = 0x06090030;
 constexpr std::int64_t kUnknownCommand = 0x05040001;
 constexpr std::int64_t kToggle = 0x05030000;
 
-DriveRig booted(const DrivetrainConfig& config = two_node_drivetrain()) {
+DriveRig booted(const Cia402Config& config = two_node_drivetrain()) {
   DriveRig rig(config);
   rig.run(400);
   return rig;
@@ -79,7 +79,7 @@ TEST(EmulatedObjects, HaveTheIdentityOfAServoDrive) {
 }
 
 TEST(EmulatedObjects, HaveNoHeartbeatConsumerUnlessTheConfigurationKnowsOne) {
-  DrivetrainConfig config = two_node_drivetrain();
+  Cia402Config config = two_node_drivetrain();
   config.watchdogs = {
       {.node = 1, .kind = WatchdogConfig::Kind::milliseconds, .object = {0x2000, 0, 2, false}}};
   DriveRig rig = booted(config);
@@ -89,7 +89,7 @@ TEST(EmulatedObjects, HaveNoHeartbeatConsumerUnlessTheConfigurationKnowsOne) {
 }
 
 TEST(EmulatedObjects, HaveOptionCodesOnlyIfTheConfigurationMentionsThem) {
-  DrivetrainConfig config = two_node_drivetrain();
+  Cia402Config config = two_node_drivetrain();
   config.setup.clear();
   DriveRig rig = booted(config);
   for (const std::uint16_t index : {0x1029, 0x6007, 0x605A, 0x605E}) {
@@ -117,7 +117,7 @@ TEST(EmulatedObjects, MapControlwordAndStatuswordByDefaultAsTheDriveProfileSays)
 }
 
 TEST(EmulatedObjects, HavePresetMappingsFromPowerOn) {
-  DrivetrainConfig config = two_node_drivetrain();
+  Cia402Config config = two_node_drivetrain();
   config.pdos[0].preset = true;
   config.pdos[0].event_timer_ms = 0;
   DriveRig rig = booted(config);
@@ -181,7 +181,7 @@ TEST(SdoServer, KnowsWhichOptionCodesAndModesTheDriveHas) {
 }
 
 TEST(SdoServer, ChecksHeartbeatConsumers) {
-  DrivetrainConfig config = two_node_drivetrain();
+  Cia402Config config = two_node_drivetrain();
   config.setup.push_back({.node = 1, .object = {0x1016, 2, 4, false}, .meaning = ""});
   DriveRig rig = booted(config);
   EXPECT_EQ(rig.write(1, 0x1016, 1, 4, 0x0080'00FA), kInvalidValue) << "no node 128";

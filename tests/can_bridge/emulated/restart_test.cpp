@@ -6,7 +6,7 @@
 #include <string>
 
 #include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/drivetrain/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 #include "can_bridge/emulated/cia402.hpp"
 #include "can_bridge/profiles/profiles.hpp"
@@ -20,8 +20,9 @@ namespace {
 constexpr std::int64_t kPowerOff = 2, kQuickStop = 3;
 
 /// The shipped file, without setpoint deadlines: only the heartbeat tells that the bridge is lost.
-DrivetrainConfig two_nodes(bool brake, std::int64_t reaction) {
-  DrivetrainConfig config = load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/two_node_cia402.toml");
+Cia402Config two_nodes(bool brake, std::int64_t reaction) {
+  auto config = std::get<Cia402Config>(
+      load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/two_node_cia402.toml"));
   config.emulated_brake = brake;
   for (WatchdogConfig& watchdog : config.watchdogs) watchdog.reaction_value = reaction;
   for (PdoConfig& pdo : config.pdos) {
@@ -33,7 +34,7 @@ DrivetrainConfig two_nodes(bool brake, std::int64_t reaction) {
 /// Bridge and drives on one ideal bus; wheels follow their targets. 20 ms control cycle.
 class Vehicle {
  public:
-  explicit Vehicle(const DrivetrainConfig& config) : config_(config), drives_(config, kStart) {
+  explicit Vehicle(const Cia402Config& config) : config_(config), drives_(config, kStart) {
     drives_.set_wheels({});
     start_bridge();
   }
@@ -104,7 +105,7 @@ class Vehicle {
   }
 
   Instant now_ = kStart;
-  DrivetrainConfig config_;
+  Cia402Config config_;
   EmulatedCia402 drives_;
   std::unique_ptr<DriveProfile> bridge_;
   WheelStates wheels_;

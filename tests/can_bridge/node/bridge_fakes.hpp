@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
-#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/profiles/profiles.hpp"
 #include "common/loop/event_loop.hpp"
 
 namespace tether::testing {
@@ -104,7 +104,7 @@ inline std::int32_t setpoint_mmps(const CanFrame& frame) {
 }
 
 inline DrivetrainConfig drivetrain() {
-  DrivetrainConfig config;
+  Cia402Config config;
   PdoConfig rpdo;
   rpdo.objects = {config.axes[0].controlword, config.axes[0].target_velocity};
   config.pdos = {rpdo};

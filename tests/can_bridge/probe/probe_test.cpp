@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/emulated/cia402.hpp"
+#include "can_bridge/profiles/profiles.hpp"
 
 namespace tether {
 namespace {
@@ -53,16 +53,16 @@ TEST(ProbeValue, ReadsAsATechnicianThinks) {
 
 // ---------------------------------------------------------------------------- the whole
 
-DrivetrainConfig shipped(const std::string& name) {
-  return load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/" + name);
+Cia402Config shipped(const std::string& name) {
+  return std::get<Cia402Config>(load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/" + name));
 }
 
 /// Runs a probe against emulated drives that have been on for a second; every frame that it sends
 /// is checked to be nothing but a reading.
 class ProbeRun {
  public:
-  ProbeRun(const DrivetrainConfig& drives, const std::vector<std::uint8_t>& nodes,
-           const DrivetrainConfig* file)
+  ProbeRun(const Cia402Config& drives, const std::vector<std::uint8_t>& nodes,
+           const Cia402Config* file)
       : probe(nodes, file, at_ms(1000)), emulator_(drives, kStart) {
     for (int t = 0; t < 1000; ++t) emulator_.tick(at_ms(t), dropped_);
   }
@@ -110,7 +110,7 @@ class ProbeRun {
 };
 
 TEST(Probe, TellsWhatADriveIsWithoutKnowingIt) {
-  const DrivetrainConfig drives = shipped("two_node_cia402.toml");
+  const Cia402Config drives = shipped("two_node_cia402.toml");
   ProbeRun run(drives, {1, 2}, nullptr);
   run.run();
   ASSERT_EQ(run.report.size(), 2U);
@@ -129,7 +129,7 @@ TEST(Probe, TellsWhatADriveIsWithoutKnowingIt) {
 TEST(Probe, EveryShippedFileFitsItsOwnEmulatedDrives) {
   for (const char* const name :
        {"two_node_cia402.toml", "dual_axis_cia402.toml", "zlac8015d.toml"}) {
-    const DrivetrainConfig file = shipped(name);
+    const Cia402Config file = shipped(name);
     std::vector<std::uint8_t> nodes{file.axes[0].node};
     if (file.axes[1].node != nodes[0]) nodes.push_back(file.axes[1].node);
     ProbeRun run(file, nodes, &file);
@@ -142,7 +142,7 @@ TEST(Probe, EveryShippedFileFitsItsOwnEmulatedDrives) {
 }
 
 TEST(Probe, ShowsWhatStartUpWillChange) {
-  const DrivetrainConfig file = shipped("two_node_cia402.toml");
+  const Cia402Config file = shipped("two_node_cia402.toml");
   ProbeRun run(file, {2}, &file);
   run.run();
   const ProbeRow* const watchdog = run.row(0, "0x1016:01");
@@ -158,8 +158,8 @@ TEST(Probe, ShowsWhatStartUpWillChange) {
 }
 
 TEST(Probe, AMissingObjectThatTheFileNeedsIsAProblem) {
-  const DrivetrainConfig drives = shipped("zlac8015d.toml");
-  const DrivetrainConfig file = shipped("dual_axis_cia402.toml");
+  const Cia402Config drives = shipped("zlac8015d.toml");
+  const Cia402Config file = shipped("dual_axis_cia402.toml");
   ProbeRun run(drives, {1}, &file);
   run.run();
   EXPECT_FALSE(run.report[0].fits());
@@ -176,7 +176,7 @@ TEST(Probe, AMissingObjectThatTheFileNeedsIsAProblem) {
 }
 
 TEST(Probe, APresetMappingMustBeTheDrivesOwn) {
-  DrivetrainConfig file = shipped("two_node_cia402.toml");
+  Cia402Config file = shipped("two_node_cia402.toml");
   file.pdos.front().preset = true;  // RPDO1 of node 1
   {
     ProbeRun run(file, {1}, &file);
@@ -193,7 +193,7 @@ TEST(Probe, APresetMappingMustBeTheDrivesOwn) {
 }
 
 TEST(Probe, ANodeThatIsNotThereIsGivenUpSoonAndTheOthersAreStillRead) {
-  const DrivetrainConfig drives = shipped("two_node_cia402.toml");
+  const Cia402Config drives = shipped("two_node_cia402.toml");
   ProbeRun run(drives, {1, 9}, nullptr);
   run.run();
   EXPECT_TRUE(run.report[0].answered);
@@ -221,7 +221,7 @@ TEST(Probe, ListensForHeartbeatsEvenIfAllIsReadSoon) {
 }
 
 TEST(Probe, IsNotDoneBeforeItHasListenedLongEnough) {
-  const DrivetrainConfig drives = shipped("two_node_cia402.toml");
+  const Cia402Config drives = shipped("two_node_cia402.toml");
   ProbeRun run(drives, {1}, nullptr);
   run.run();
   EXPECT_GE(run.ended_ms, 1000 + 1500);

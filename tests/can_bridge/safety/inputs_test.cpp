@@ -4,6 +4,8 @@
 #include <map>
 #include <string>
 
+#include "can_bridge/agilex/config.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/safety/command_watch.hpp"
 #include "can_bridge/safety/request_guard.hpp"
 #include "can_bridge/safety/transmit_whitelist.hpp"
@@ -117,8 +119,8 @@ TEST(RequestGuard, CountsNumbersThatAreNoRequest) {
 }
 
 /// Two nodes, RPDO1 = controlword + target velocity, as in most drives.
-DrivetrainConfig two_nodes() {
-  DrivetrainConfig config;
+Cia402Config two_nodes() {
+  Cia402Config config;
   config.axes[0].node = 1;
   config.axes[1].node = 2;
   for (const std::uint8_t node : {1, 2}) {
@@ -136,7 +138,7 @@ DrivetrainConfig two_nodes() {
 }
 
 TEST(TransmitWhitelist, ASetpointPassesOnlyWhileMovingIsAllowed) {
-  TransmitWhitelist whitelist{two_nodes()};
+  TransmitWhitelist whitelist{two_nodes().transmit_rules()};
   const CanFrame fast = CanFrame::make(0x201, {0x0F, 0x00, 0xE8, 0x03, 0x00, 0x00});
   CanFrame frame = fast;
   EXPECT_TRUE(whitelist.pass(frame, true));
@@ -147,14 +149,14 @@ TEST(TransmitWhitelist, ASetpointPassesOnlyWhileMovingIsAllowed) {
 }
 
 TEST(TransmitWhitelist, AQuickStopWithAForgottenSetpointStillGoesOut) {
-  TransmitWhitelist whitelist{two_nodes()};
+  TransmitWhitelist whitelist{two_nodes().transmit_rules()};
   CanFrame frame = CanFrame::make(0x202, {0x02, 0x00, 0x18, 0xFC, 0xFF, 0xFF});
   EXPECT_TRUE(whitelist.pass(frame, false));
   EXPECT_EQ(frame, CanFrame::make(0x202, {0x02, 0x00, 0x00, 0x00, 0x00, 0x00}));
 }
 
 TEST(TransmitWhitelist, WhatCarriesNoSetpointIsLeftAlone) {
-  TransmitWhitelist whitelist{two_nodes()};
+  TransmitWhitelist whitelist{two_nodes().transmit_rules()};
   for (const CanFrame& frame :
        {CanFrame::make(0x000, {0x01, 0x00}), CanFrame::make(0x080, {}),
         CanFrame::make(0x77F, {0x05}),
@@ -170,14 +172,14 @@ TEST(TransmitWhitelist, WhatCarriesNoSetpointIsLeftAlone) {
 }
 
 TEST(TransmitWhitelist, ASetpointBySdoIsDeniedUnlessMovingIsAllowed) {
-  TransmitWhitelist whitelist{two_nodes()};
+  TransmitWhitelist whitelist{two_nodes().transmit_rules()};
   CanFrame frame = CanFrame::make(0x602, {0x23, 0xFF, 0x60, 0x00, 0x01, 0x00, 0x00, 0x00});
   EXPECT_FALSE(whitelist.pass(frame, false));
   EXPECT_TRUE(whitelist.pass(frame, true));
 }
 
 TEST(TransmitWhitelist, FramesThatNoBridgeSendsAreDeniedEvenWhileMoving) {
-  TransmitWhitelist whitelist{two_nodes()};
+  TransmitWhitelist whitelist{two_nodes().transmit_rules()};
   for (const std::uint32_t id : {0x081, 0x181, 0x203, 0x301, 0x581, 0x603, 0x701, 0x7FF}) {
     CanFrame frame = CanFrame::make(id, {0});
     EXPECT_FALSE(whitelist.pass(frame, true)) << std::hex << id;
@@ -192,7 +194,7 @@ TEST(TransmitWhitelist, FramesThatNoBridgeSendsAreDeniedEvenWhileMoving) {
 }
 
 TEST(TransmitWhitelist, FindsBothSetpointsInOneFrameOfADualAxisNode) {
-  DrivetrainConfig config;
+  Cia402Config config;
   config.axes[0].target_velocity = {0x60FF, 1, 2, true};
   config.axes[1].target_velocity = {0x60FF, 2, 2, true};
   PdoConfig rpdo;
@@ -200,16 +202,14 @@ TEST(TransmitWhitelist, FindsBothSetpointsInOneFrameOfADualAxisNode) {
   rpdo.objects = {config.axes[0].target_velocity, config.axes[0].controlword,
                   config.axes[1].target_velocity};
   config.pdos = {rpdo};
-  TransmitWhitelist whitelist{config};
+  TransmitWhitelist whitelist{config.transmit_rules()};
   CanFrame frame = CanFrame::make(0x301, {1, 2, 3, 4, 5, 6});
   EXPECT_TRUE(whitelist.pass(frame, false));
   EXPECT_EQ(frame, CanFrame::make(0x301, {0, 0, 3, 4, 0, 0}));
 }
 
 TEST(TransmitWhitelist, KnowsAgilexFrames) {
-  DrivetrainConfig config;
-  config.profile = DrivetrainConfig::Profile::agilex_v2;
-  TransmitWhitelist whitelist{config};
+  TransmitWhitelist whitelist{AgilexV2Config{}.transmit_rules()};
   CanFrame motion = CanFrame::make(0x111, {0x01, 0xF4, 0, 0x64, 0, 0, 0, 0});
   EXPECT_TRUE(whitelist.pass(motion, false));
   EXPECT_EQ(motion, CanFrame::make(0x111, {0, 0, 0, 0, 0, 0, 0, 0}));

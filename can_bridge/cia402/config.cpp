@@ -1,17 +1,14 @@
-#include "can_bridge/drivetrain/config.hpp"
+// Cia402Config: how it is read from its file.
+#include "can_bridge/cia402/config.hpp"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
-#include <fstream>
 #include <optional>
-#include <sstream>
 #include <string_view>
 
 #include "can_bridge/canopen/object_ref.hpp"
-#include "can_bridge/drivetrain/checks.hpp"
-#include "common/base/errors.hpp"
-#include "common/base/toml_reader.hpp"
+#include "can_bridge/cia402/checks.hpp"
+#include "can_bridge/drivetrain/file.hpp"
 
 namespace tether {
 namespace {
@@ -32,123 +29,67 @@ constexpr std::array<NamedObject, 8> kObjects{{
 }};
 
 /// Reads one file. Order matters: PDOs name the axes' objects.
-class Parser {
+class Reader {
  public:
-  Parser(const toml::table& top, const std::string& file)
-      : top_(top, file, "",
-             {"name", "profile", "bridge", "drives", "chassis", "left", "right", "setup",
-              "watchdog", "pdo", "emulation"}) {
-    source_.file = file;
-  }
+  explicit Reader(const DrivetrainFile& file) : file_(file) { source_.file = file.name(); }
 
-  DrivetrainConfig parse() {
-    top_.require("name", "a text in quotes (for people)");
-    top_.text("name", config_.name, "for people");
-    read_profile();
-    if (config_.profile == DrivetrainConfig::Profile::agilex_v2) {
-      refuse_sections({"bridge", "left", "right", "setup", "watchdog", "pdo", "emulation"});
-      read_chassis();
-      read_drives(
-          {"feedback_timeout_ms", "boot_timeout_ms", "step_timeout_ms", "standstill_radps"});
-      return config_;
-    }
-    refuse_sections({"chassis"});
+  Cia402Config run() {
     read_bridge();
-    read_drives({"heartbeat_ms", "heartbeat_timeout_ms", "feedback_timeout_ms", "boot_timeout_ms",
-                 "sdo_timeout_ms", "sdo_retries", "step_timeout_ms", "standstill_radps"});
+    read_drives();
     read_axis("left", 0);
     read_axis("right", 1);
-    read_list("setup", &Parser::read_setup);
-    read_list("watchdog", &Parser::read_watchdog);
-    read_list("pdo", &Parser::read_pdo);
+    file_.each("setup", {"node", "object", "value", "required", "meaning"},
+               [this](const TomlReader& r) { read_setup(r); });
+    file_.each("watchdog", {"node", "kind", "object", "timeout_ms", "reaction", "reaction_value"},
+               [this](const TomlReader& r) { read_watchdog(r); });
+    file_.each("pdo",
+               {"node", "rpdo", "tpdo", "preset", "transmission", "event_timer_ms",
+                "event_timer_required", "objects"},
+               [this](const TomlReader& r) { read_pdo(r); });
     read_emulation();
     check_cia402(config_, source_);
     return config_;
   }
 
  private:
-  void read_profile() {
-    const std::string allowed = "\"cia402\" or \"agilex_v2\"";
-    const toml::node& node = top_.require("profile", allowed);
-    const std::string profile = node.value_or(std::string{});
-    if (profile == "cia402") {
-      config_.profile = DrivetrainConfig::Profile::cia402;
-    } else if (profile == "agilex_v2") {
-      config_.profile = DrivetrainConfig::Profile::agilex_v2;
-    } else {
-      top_.refuse("profile", node, allowed);
-    }
-  }
-
-  void refuse_sections(std::initializer_list<const char*> sections) const {
-    for (const char* const section : sections) {
-      if (const toml::node* const node = top_.find(section)) {
-        top_.refuse_at(node->source().begin.line,
-                       fmt::format("[{}] has no effect with profile = \"{}\"", section,
-                                   top_.find("profile")->value_or(std::string{})));
-      }
-    }
-  }
-
-  const toml::table& table(const toml::node& node, const std::string& name) const {
-    if (const auto* const found = node.as_table()) return *found;
-    top_.refuse(name, node, fmt::format("a section [{}]", name));
-  }
-
   void read_bridge() {
-    const toml::node* const node = top_.find("bridge");
-    if (node == nullptr) return;
-    const TomlReader r(table(*node, "bridge"), source_.file, "bridge",
-                       {"node", "heartbeat_ms", "sync"});
-    source_.bridge_line = r.line();
-    r.integer("node", config_.master_node, 1, 127, "CANopen node id of the bridge");
-    r.integer("heartbeat_ms", config_.heartbeat_ms, 10, 1000, "period of the bridge's heartbeat");
-    r.flag("sync", config_.sync, "send SYNC in every control cycle");
+    const auto r = file_.section("bridge", {"node", "heartbeat_ms", "sync"});
+    if (!r) return;
+    r->integer("node", config_.master_node, 1, 127, "CANopen node id of the bridge");
+    r->integer("heartbeat_ms", config_.heartbeat_ms, 10, 1000, "period of the bridge's heartbeat");
+    r->flag("sync", config_.sync, "send SYNC in every control cycle");
   }
 
-  void read_drives(const std::vector<std::string>& keys) {
-    const toml::node* const node = top_.find("drives");
-    if (node == nullptr) return;
-    const TomlReader r(table(*node, "drives"), source_.file, "drives", keys);
-    source_.drives_line = r.line();
-    DrivetrainConfig& c = config_;
-    r.integer("heartbeat_ms", c.drive_heartbeat_ms, 10, 1000, "period of the drives' heartbeat");
-    r.integer("heartbeat_timeout_ms", c.drive_heartbeat_timeout_ms, 30, 3000,
-              "silence that means a dead drive");
-    r.integer("feedback_timeout_ms", c.feedback_timeout_ms, 20, 1000,
-              "age of a wheel's feedback that stops the vehicle");
-    r.integer("boot_timeout_ms", c.boot_timeout_ms, 100, 60'000, "from reset to boot-up message");
-    r.integer("sdo_timeout_ms", c.sdo_timeout_ms, 10, 10'000, "for the answer to one SDO request");
-    r.integer("sdo_retries", c.sdo_retries, 0, 10, "of an SDO request without answer");
-    r.integer("step_timeout_ms", c.step_timeout_ms, 50, 60'000,
-              "for each change of a drive's state");
-    r.number("standstill_radps", c.standstill_radps, 1e-4, 1.0, "wheels slower than this stand");
+  void read_drives() {
+    const auto r = file_.section(
+        "drives", {"heartbeat_ms", "heartbeat_timeout_ms", "feedback_timeout_ms", "boot_timeout_ms",
+                   "sdo_timeout_ms", "sdo_retries", "step_timeout_ms", "standstill_radps"});
+    if (!r) return;
+    source_.drives_line = r->line();
+    Cia402Config& c = config_;
+    r->integer("heartbeat_ms", c.drive_heartbeat_ms, 10, 1000, "period of the drives' heartbeat");
+    r->integer("heartbeat_timeout_ms", c.drive_heartbeat_timeout_ms, 30, 3000,
+               "silence that means a dead drive");
+    read_feedback_and_boot(*r, c);
+    r->integer("sdo_timeout_ms", c.sdo_timeout_ms, 10, 10'000, "for the answer to one SDO request");
+    r->integer("sdo_retries", c.sdo_retries, 0, 10, "of an SDO request without answer");
+    read_step_and_standstill(*r, c);
   }
 
   void read_emulation() {
-    const toml::node* const node = top_.find("emulation");
-    if (node == nullptr) return;
-    const TomlReader r(table(*node, "emulation"), source_.file, "emulation", {"brake"});
-    r.flag("brake", config_.emulated_brake,
-           "a brake holds emulated wheels whose power stage is off; false: they coast");
-  }
-
-  void read_chassis() {
-    const std::string allowed = "a section [chassis] with wheel_radius_m and track_m";
-    const TomlReader r(table(top_.require("chassis", allowed), "chassis"), source_.file, "chassis",
-                       {"wheel_radius_m", "track_m"});
-    r.require("wheel_radius_m", "a number from 0.01 to 2");
-    r.require("track_m", "a number from 0.05 to 10");
-    r.number("wheel_radius_m", config_.chassis_wheel_radius_m, 0.01, 2.0, "of the driven wheels");
-    r.number("track_m", config_.chassis_track_m, 0.05, 10.0, "between wheel centres");
+    const auto r = file_.section("emulation", {"brake"});
+    if (!r) return;
+    r->flag("brake", config_.emulated_brake,
+            "a brake holds emulated wheels whose power stage is off; false: they coast");
   }
 
   void read_axis(const std::string& side, std::size_t number) {
-    const TomlReader r(
-        table(top_.require(side, fmt::format("a section [{}]", side)), side), source_.file, side,
+    const TomlReader r = file_.required_section(
+        side,
         {"node", "sign", "object_offset", "controlword", "statusword", "statusword_shift", "mode",
          "mode_display", "target_velocity", "actual_velocity", "actual_position", "error_code",
-         "target_velocity_per_rps", "actual_velocity_per_rps", "counts_per_revolution"});
+         "target_velocity_per_rps", "actual_velocity_per_rps", "counts_per_revolution"},
+        fmt::format("a section [{}]", side));
     AxisConfig& axis = config_.axes[number];
     source_.axis_lines[number] = r.line();
     r.require("node", "a whole number from 1 to 126 (CANopen node id)");
@@ -197,25 +138,12 @@ class Parser {
     return ratio;
   }
 
-  void read_list(const std::string& name, void (Parser::*read)(const toml::table&)) {
-    const toml::node* const node = top_.find(name);
-    if (node == nullptr) return;
-    const auto* const array = node->as_array();
-    if (array == nullptr) {
-      top_.refuse_at(node->source().begin.line,
-                     fmt::format("{0} is a list: write [[{0}]], with two brackets", name));
-    }
-    for (const toml::node& element : *array) (this->*read)(table(element, name));
-  }
-
   static std::vector<std::int64_t> read_nodes(const TomlReader& r) {
     r.require("node", "a whole number from 1 to 126 (CANopen node id), or several in [ ]");
     return r.integers("node", 1, 126, "CANopen node id");
   }
 
-  void read_setup(const toml::table& table) {
-    const TomlReader r(table, source_.file, "setup",
-                       {"node", "object", "value", "required", "meaning"});
+  void read_setup(const TomlReader& r) {
     SetupWrite write;
     write.object = read_object(r, "object", r.require("object", kObjectForm));
     const auto [min, max] = object_limits(write.object);
@@ -231,9 +159,7 @@ class Parser {
     }
   }
 
-  void read_watchdog(const toml::table& table) {
-    const TomlReader r(table, source_.file, "watchdog",
-                       {"node", "kind", "object", "timeout_ms", "reaction", "reaction_value"});
+  void read_watchdog(const TomlReader& r) {
     WatchdogConfig watchdog;
     const std::string allowed = "\"heartbeat_consumer\" or \"milliseconds\"";
     const toml::node& kind = r.require("kind", allowed);
@@ -290,10 +216,7 @@ class Parser {
     }
   }
 
-  void read_pdo(const toml::table& table) {
-    const TomlReader r(table, source_.file, "pdo",
-                       {"node", "rpdo", "tpdo", "preset", "transmission", "event_timer_ms",
-                        "event_timer_required", "objects"});
+  void read_pdo(const TomlReader& r) {
     if (r.has("rpdo") == r.has("tpdo")) {
       r.refuse_at(r.line(),
                   "pdo needs either rpdo = 1…4 (bridge to drive) or tpdo = 1…4 (drive to "
@@ -356,31 +279,18 @@ class Parser {
     return config_.axes[wants_left ? 0 : 1].*(found->object);
   }
 
-  TomlReader top_;
-  DrivetrainConfig config_;
-  DrivetrainSource source_;
+  const DrivetrainFile& file_;
+  Cia402Config config_;
+  Cia402Source source_;
 };
 
 }  // namespace
 
-DrivetrainConfig parse_drivetrain(const std::string& toml, const std::string& name) {
-  try {
-    const toml::table top = toml::parse(toml, name);
-    return Parser(top, name).parse();
-  } catch (const toml::parse_error& error) {
-    throw UsageError(
-        fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
-  }
-}
+Cia402Config Cia402Config::read(const DrivetrainFile& file) { return Reader(file).run(); }
 
-DrivetrainConfig load_drivetrain(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  if (in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();
-  if (!in.is_open() || in.bad() || !text) {
-    throw UsageError(fmt::format("cannot read the drivetrain file \"{}\"", file));
-  }
-  return parse_drivetrain(text.str(), file);
+std::vector<std::uint8_t> Cia402Config::nodes() const {
+  if (axes[0].node == axes[1].node) return {axes[0].node};
+  return {axes[0].node, axes[1].node};
 }
 
 }  // namespace tether

@@ -1,4 +1,4 @@
-#include "can_bridge/drivetrain/checks.hpp"
+#include "can_bridge/cia402/checks.hpp"
 
 #include <fmt/format.h>
 
@@ -33,8 +33,7 @@ bool is_synchronous(const PdoConfig& pdo) { return pdo.transmission <= 240; }
 
 class Checker {
  public:
-  Checker(const DrivetrainConfig& config, const DrivetrainSource& source)
-      : c_(config), source_(source) {}
+  Checker(const Cia402Config& config, const Cia402Source& source) : c_(config), source_(source) {}
 
   void run() const {
     check_nodes();
@@ -103,7 +102,7 @@ class Checker {
     }
     if (left.node != right.node) return;
     const auto differ = [&](const char* name, const ObjectRef& a, const ObjectRef& b) {
-      if (a.index != b.index || a.sub != b.sub) return;
+      if (!same_object(a, b)) return;
       refuse(source_.axis_lines[1],
              fmt::format("left and right are both on node {} and have the same {}, {}: axes of one "
                          "node may share only controlword, mode, mode_display, error_code and the "
@@ -198,8 +197,7 @@ class Checker {
              fmt::format("setup of {} on node {}: {}", to_string(write.object), write.node, why));
     };
     for (std::size_t j = 0; j < i; ++j) {
-      if (c_.setup[j].node == write.node && c_.setup[j].object.index == write.object.index &&
-          c_.setup[j].object.sub == write.object.sub) {
+      if (c_.setup[j].node == write.node && same_object(c_.setup[j].object, write.object)) {
         refuse_object(fmt::format("is there twice, first in line {}", source_.setup_lines[j]));
       }
     }
@@ -208,13 +206,11 @@ class Checker {
     }
     if (write.object.index == 0x1017) refuse_object("is written from drives.heartbeat_ms");
     for (const WatchdogConfig& watchdog : c_.watchdogs) {
-      if (watchdog.node == write.node && watchdog.object.index == write.object.index &&
-          watchdog.object.sub == write.object.sub) {
+      if (watchdog.node == write.node && same_object(watchdog.object, write.object)) {
         refuse_object("is written from [[watchdog]]");
       }
       if (watchdog.node == write.node && watchdog.reaction &&
-          watchdog.reaction->index == write.object.index &&
-          watchdog.reaction->sub == write.object.sub) {
+          same_object(*watchdog.reaction, write.object)) {
         refuse_object("is written from watchdog.reaction");
       }
     }
@@ -226,7 +222,7 @@ class Checker {
     for (const AxisConfig& axis : c_.axes) {
       if (axis.node != write.node) continue;
       for (const ObjectRef& live : {axis.controlword, axis.target_velocity, axis.mode}) {
-        if (live.index == write.object.index && live.sub == write.object.sub) {
+        if (same_object(live, write.object)) {
           refuse_object("the bridge itself writes it while it runs");
         }
       }
@@ -261,8 +257,8 @@ class Checker {
     }
   }
 
-  const DrivetrainConfig& c_;
-  const DrivetrainSource& source_;
+  const Cia402Config& c_;
+  const Cia402Source& source_;
 };
 
 }  // namespace
@@ -275,25 +271,24 @@ bool is_no_reaction(const ObjectRef& object, std::int64_t value) {
          (object.index - kAbortConnectionOption) % kAxisStep == 0;
 }
 
-void check_cia402(const DrivetrainConfig& config, const DrivetrainSource& source) {
+void check_cia402(const Cia402Config& config, const Cia402Source& source) {
   Checker(config, source).run();
 }
 
-void check_cycle(const DrivetrainConfig& config, double cycle_ms) {
-  if (config.profile != DrivetrainConfig::Profile::cia402) return;
+void Cia402Config::check_cycle(double cycle_ms) const {
   const auto demand = [&](const char* key, double timeout_ms, double period_ms) {
     if (timeout_ms >= 3.0 * period_ms) return;
     throw UsageError(fmt::format(
         "can.cycle_ms = {:g} is not allowed with drivetrain \"{}\": {} = {:g} has to be at least "
         "three times the {:g} ms that pass between frames, or one lost frame stops the vehicle",
-        cycle_ms, config.name, key, timeout_ms, period_ms));
+        cycle_ms, name, key, timeout_ms, period_ms));
   };
-  const double beat_ms = std::ceil(config.heartbeat_ms / cycle_ms) * cycle_ms;
-  for (const WatchdogConfig& watchdog : config.watchdogs) {
+  const double beat_ms = std::ceil(heartbeat_ms / cycle_ms) * cycle_ms;
+  for (const WatchdogConfig& watchdog : watchdogs) {
     demand("watchdog.timeout_ms", watchdog.timeout_ms, beat_ms);
   }
-  demand("drives.feedback_timeout_ms", config.feedback_timeout_ms, cycle_ms);
-  for (const PdoConfig& pdo : config.pdos) {
+  demand("drives.feedback_timeout_ms", feedback_timeout_ms, cycle_ms);
+  for (const PdoConfig& pdo : pdos) {
     if (!pdo.transmit && pdo.event_timer_ms != 0) {
       demand("pdo.event_timer_ms", pdo.event_timer_ms, cycle_ms);
     }

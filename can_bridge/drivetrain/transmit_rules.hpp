@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "can_bridge/canopen/object_ref.hpp"
+
+namespace tether {
+
+/// Which frames a bridge may send, and where in them setpoints are. A profile derives it from the
+/// drivetrain's description alone, never from its own state: TransmitWhitelist holds the profile to
+/// it.
+struct TransmitRules {
+  struct Frame {
+    std::uint32_t id = 0;
+    std::uint8_t setpoint_mask = 0;  ///< bit n: data byte n is part of a setpoint
+  };
+  std::vector<Frame> frames;           ///< no other identifier may be sent
+  std::vector<ObjectRef> setpoints;    ///< objects that only RPDOs may write
+  std::vector<std::uint32_t> sdo_ids;  ///< frames with which they could be written by SDO
+};
+
+}  // namespace tether

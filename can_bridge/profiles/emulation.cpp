@@ -1,0 +1,12 @@
+#include "can_bridge/profiles/emulation.hpp"
+
+#include "can_bridge/emulated/cia402.hpp"
+
+namespace tether {
+
+std::unique_ptr<EmulatedDrivetrain> make_emulated_drivetrain(const DrivetrainConfig& config,
+                                                             Instant now) {
+  return std::visit([now](const auto& profile) { return emulate(profile, now); }, config);
+}
+
+}  // namespace tether
