@@ -27,7 +27,6 @@ struct AgilexV2Config : DrivetrainCommon {
   double chassis_track_m = 1.2;
 
   static AgilexV2Config read(const DrivetrainFile& file);
-  std::unique_ptr<DriveProfile> make_profile(const VehicleConfig& vehicle) const;
   /// Motion (0x111, setpoints in its bytes 0…7), control mode (0x421), clear errors (0x441).
   TransmitRules transmit_rules() const;
   /// Its only watchdog is the chassis' own, of 500 ms: any control cycle will do.
@@ -36,7 +35,11 @@ struct AgilexV2Config : DrivetrainCommon {
   std::vector<std::uint8_t> nodes() const { return {}; }
 };
 
-/// The chassis, powered on at `now` (emulated_v2.hpp).
+/// Its profile; wheel radius and track of the vehicle must agree with the chassis'.
+std::unique_ptr<DriveProfile> make_profile(const AgilexV2Config& config,
+                                           const VehicleConfig& vehicle);
+
+/// The chassis, powered on at `now` (emulated_v2.hpp says what it does).
 std::unique_ptr<EmulatedDrivetrain> emulate(const AgilexV2Config& config, Instant now);
 
 }  // namespace tether

@@ -60,8 +60,9 @@ std::string condition_reason(const agilex::SystemState& state) {
 
 }  // namespace
 
-std::unique_ptr<DriveProfile> AgilexV2Config::make_profile(const VehicleConfig& vehicle) const {
-  return std::make_unique<AgilexV2Profile>(*this, vehicle.wheel_radius_m, vehicle.track_m);
+std::unique_ptr<DriveProfile> make_profile(const AgilexV2Config& config,
+                                           const VehicleConfig& vehicle) {
+  return std::make_unique<AgilexV2Profile>(config, vehicle.wheel_radius_m, vehicle.track_m);
 }
 
 AgilexV2Profile::AgilexV2Profile(const AgilexV2Config& config, double wheel_radius_m,

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,9 +12,7 @@
 
 namespace tether {
 
-class DriveProfile;
 class DrivetrainFile;
-struct VehicleConfig;
 
 /// An exact scale factor: integers, so that nothing drifts.
 struct Ratio {
@@ -113,7 +110,6 @@ struct Cia402Config : DrivetrainCommon {
   /// Refuses also what cannot work: a PDO of more than 8 bytes, an axis whose setpoint or
   /// statusword no PDO carries, a node without watchdog…
   static Cia402Config read(const DrivetrainFile& file);
-  std::unique_ptr<DriveProfile> make_profile(const VehicleConfig& vehicle) const;
   /// NMT (0x000), SYNC (0x080), the bridge's heartbeat (0x700 + master), SDO requests (0x600 +
   /// node) and the configured RPDOs. Setpoints are the axes' target_velocity objects in RPDOs and
   /// SDO downloads.

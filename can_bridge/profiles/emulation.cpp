@@ -6,7 +6,7 @@ namespace tether {
 
 std::unique_ptr<EmulatedDrivetrain> make_emulated_drivetrain(const DrivetrainConfig& config,
                                                              Instant now) {
-  return std::visit([now](const auto& profile) { return emulate(profile, now); }, config);
+  return std::visit([now](const auto& row) { return emulate(row, now); }, config);
 }
 
 }  // namespace tether

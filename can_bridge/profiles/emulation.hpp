@@ -8,8 +8,7 @@
 
 namespace tether {
 
-/// Emulates whatever drivetrain `config` describes, powered on at `now`. Apart from config.hpp, so
-/// that the bridge links without the emulation.
+/// Emulates whatever drivetrain `config` describes, powered on at `now`.
 std::unique_ptr<EmulatedDrivetrain> make_emulated_drivetrain(const DrivetrainConfig& config,
                                                              Instant now);
 

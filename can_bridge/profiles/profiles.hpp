@@ -21,20 +21,20 @@ namespace tether {
 /// what ProfileConfig demands. A new profile is one more type here.
 using DrivetrainConfig = std::variant<Cia402Config, AgilexV2Config>;
 
-/// What the row of a profile has to offer: what is missing does not compile. One thing is asked for
-/// in emulation.cpp only, so that the bridge links without it:
-/// `std::unique_ptr<EmulatedDrivetrain> emulate(const Config&, Instant now)`, beside the row.
+/// What the row of a profile has to offer: what is missing does not compile. Two functions are
+/// asked for where they are called, so that the bridge links without emulation and the emulation
+/// without profiles; they may be declared beside the row, or elsewhere and included there:
+///     std::unique_ptr<DriveProfile> make_profile(const Config&, const VehicleConfig&);
+///     std::unique_ptr<EmulatedDrivetrain> emulate(const Config&, Instant now);
 template <class Config>
 concept ProfileConfig = std::derived_from<Config, DrivetrainCommon> &&
-    requires(const Config& config, const DrivetrainFile& file, const VehicleConfig& vehicle) {
+    requires(const Config& config, const DrivetrainFile& file) {
   // As files write it: profile = "cia402".
   { Config::kProfile } -> std::convertible_to<std::string>;
   // The names of its sections; those of other profiles are refused.
   { *std::begin(Config::kSections) } -> std::convertible_to<std::string>;
   // Reads and checks those.
   { Config::read(file) } -> std::same_as<Config>;
-  // Wheel radius and track come from the vehicle.
-  { config.make_profile(vehicle) } -> std::same_as<std::unique_ptr<DriveProfile>>;
   // What the bridge may send, by the description alone.
   { config.transmit_rules() } -> std::same_as<TransmitRules>;
   // Throws UsageError if the control cycle is too slow for the drives' time-outs.
@@ -50,11 +50,9 @@ DrivetrainConfig load_drivetrain(const std::string& file);
 /// The same from text; `name` stands in for the file in messages.
 DrivetrainConfig parse_drivetrain(const std::string& toml, const std::string& name);
 
-/// The profile that `config` names.
-inline std::unique_ptr<DriveProfile> make_drive_profile(const DrivetrainConfig& config,
-                                                        const VehicleConfig& vehicle) {
-  return std::visit([&](const auto& row) { return row.make_profile(vehicle); }, config);
-}
+/// The profile that `config` names. Wheel radius and track come from the vehicle.
+std::unique_ptr<DriveProfile> make_drive_profile(const DrivetrainConfig& config,
+                                                 const VehicleConfig& vehicle);
 inline TransmitRules transmit_rules(const DrivetrainConfig& config) {
   return std::visit([](const auto& row) { return row.transmit_rules(); }, config);
 }

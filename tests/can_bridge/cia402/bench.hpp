@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/cia402/profile.hpp"
+#include "can_bridge/cia402/profile/profile.hpp"
 #include "tests/can_bridge/cia402/fake_cia402_drive.hpp"
 
 namespace tether::testing {

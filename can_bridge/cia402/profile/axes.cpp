@@ -1,0 +1,98 @@
+#include "can_bridge/cia402/profile/axes.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "can_bridge/cia402/texts.hpp"
+#include "common/vehicle/diff_drive.hpp"
+
+namespace tether::cia402 {
+namespace {
+
+using canopen::DriveState;
+
+/// Of two controlwords for one common object: the one that holds back more.
+std::uint16_t more_cautious(std::uint16_t a, std::uint16_t b) {
+  constexpr std::array kOrder{canopen::kControlQuickStop,      canopen::kControlFaultReset,
+                              canopen::kControlDisableVoltage, canopen::kControlShutdown,
+                              canopen::kControlSwitchOn,       canopen::kControlEnableOperation};
+  return std::ranges::find(kOrder, a) < std::ranges::find(kOrder, b) ? a : b;
+}
+
+bool is_stop(std::uint16_t controlword) {
+  return controlword == canopen::kControlQuickStop ||
+         controlword == canopen::kControlDisableVoltage;
+}
+
+Axis axis_of(const Cia402Config& config, std::size_t i) {
+  return {config.axes[i], axis_name(config, i),
+          std::chrono::milliseconds(config.feedback_timeout_ms), config.standstill_radps};
+}
+
+}  // namespace
+
+Axes::Axes(const Cia402Config& config, double wheel_radius_m, double track_m)
+    : wheel_radius_m_(wheel_radius_m),
+      track_m_(track_m),
+      feedback_timeout_ms_(config.feedback_timeout_ms),
+      pdos_(config),
+      axes_{axis_of(config, 0), axis_of(config, 1)} {}
+
+bool Axes::on_feedback(const CanFrame& frame, Instant now) {
+  return PdoMap::unpack(*pdos_.tpdo(frame.id), frame,
+                        [this, now](const PdoMap::Field& field, std::int64_t value) {
+                          axes_[field.axis].receive(field, value, now);
+                        });
+}
+
+std::string Axes::feedback_text(std::size_t i) const {
+  std::string ids;
+  for (const PdoMap::Pdo& pdo : pdos_.tpdos()) {
+    if (std::ranges::none_of(pdo.fields, [i](const auto& field) { return field.axis == i; })) {
+      continue;
+    }
+    ids += fmt::format("{}0x{:03X}", ids.empty() ? "" : ", ", pdo.id);
+  }
+  return fmt::format("{}: feedback older than {} ms (TPDOs {}): check its supply and the CAN plug",
+                     axes_[i].name(), feedback_timeout_ms_, ids);
+}
+
+std::uint16_t Axes::stop_controlword(std::size_t i, Instant now) {
+  const Axis& axis = axes_[i];
+  if (!released_[i] && is_stop(axis.controlword())) {
+    released_[i] = axis.confirmed_off() || axis.confirmed_state() == DriveState::not_ready ||
+                   axis.confirmed_state() == DriveState::fault ||
+                   (axis.confirmed_standing(now) && believes_standstill(now));
+  }
+  return released_[i] ? canopen::kControlDisableVoltage : canopen::kControlQuickStop;
+}
+
+std::array<std::int64_t, 2> Axes::target_velocities(const Twist& twist) const {
+  const WheelSpeeds speeds = to_wheel_speeds(twist, track_m_);
+  const std::array units{axes_[0].target_units(speeds.left_mps / wheel_radius_m_),
+                         axes_[1].target_units(speeds.right_mps / wheel_radius_m_)};
+  double scale = 1.0;
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    const auto largest = static_cast<double>(axes_[i].largest_target());
+    if (std::abs(units[i]) > largest) scale = std::min(scale, largest / std::abs(units[i]));
+  }
+  return {std::llround(units[0] * scale), std::llround(units[1] * scale)};
+}
+
+void Axes::send(std::array<std::uint16_t, 2> words, const std::array<std::int64_t, 2>& targets,
+                std::vector<CanFrame>& out) {
+  if (axes_[0].node() == axes_[1].node() &&
+      axes_[0].controlword_object() == axes_[1].controlword_object()) {
+    words[0] = words[1] = more_cautious(words[0], words[1]);
+  }
+  std::array<Setpoint, 2> setpoints;
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    axes_[i].command(words[i]);
+    setpoints[i] = {words[i], targets[i]};
+  }
+  pdos_.pack(setpoints, out);
+}
+
+}  // namespace tether::cia402

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "can_bridge/cia402/axis.hpp"
+#include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/pdo.hpp"
+
+namespace tether::cia402 {
+
+/// Both wheels' axes and the process data that they share: what was received, what is sent, and
+/// which of them has braked, so that its power stage may go off.
+class Axes {
+ public:
+  /// Throws UsageError if the PDOs do not carry what the axes need (PdoMap).
+  Axes(const Cia402Config& config, double wheel_radius_m, double track_m);
+
+  Axis& operator[](std::size_t i) { return axes_[i]; }
+  const Axis& operator[](std::size_t i) const { return axes_[i]; }
+  auto begin() { return axes_.begin(); }
+  auto begin() const { return axes_.begin(); }
+  auto end() { return axes_.end(); }
+  auto end() const { return axes_.end(); }
+  std::size_t size() const { return axes_.size(); }
+  const PdoMap& pdos() const { return pdos_; }
+  double wheel_radius_m() const { return wheel_radius_m_; }
+
+  /// A TPDO of the configuration. False: it has another length.
+  bool on_feedback(const CanFrame& frame, Instant now);
+
+  // --- both axes
+  bool fresh(Instant now) const { return axes_[0].fresh(now) && axes_[1].fresh(now); }
+  bool standing(Instant now) const { return axes_[0].standing(now) && axes_[1].standing(now); }
+  bool confirmed_off() const { return axes_[0].confirmed_off() && axes_[1].confirmed_off(); }
+  /// Why axis `i` is not fresh().
+  std::string feedback_text(std::size_t i) const;
+
+  // --- stopping
+  /// Each axis has to brake (again) before its power stage may go off.
+  void hold() { released_ = {}; }
+  void release() { released_ = {true, true}; }
+  bool released(std::size_t i) const { return released_[i]; }
+  /// Feedback is known to lie: until then no standstill is believed.
+  void distrust_standstill(Instant until) { standstill_from_ = until; }
+  bool believes_standstill(Instant now) const { return now >= standstill_from_; }
+  /// Quick stop, until the axis stands or its power stage is off; from then on "disable voltage".
+  std::uint16_t stop_controlword(std::size_t i, Instant now);
+
+  // --- to the drives
+  /// The target velocities for `twist`. A wheel beyond its object's range scales both, so that the
+  /// curvature stays.
+  std::array<std::int64_t, 2> target_velocities(const Twist& twist) const;
+  /// Commands `words` and `targets` and appends the RPDOs. A controlword that both axes share is
+  /// the more cautious of the two.
+  void send(std::array<std::uint16_t, 2> words, const std::array<std::int64_t, 2>& targets,
+            std::vector<CanFrame>& out);
+
+ private:
+  double wheel_radius_m_;
+  double track_m_;
+  std::uint16_t feedback_timeout_ms_;
+  PdoMap pdos_;
+  std::array<Axis, 2> axes_;                  // left, right
+  std::array<bool, 2> released_{};            // braked; the power stage may go off
+  Instant standstill_from_ = Instant::min();  // before that, none is believed
+};
+
+}  // namespace tether::cia402

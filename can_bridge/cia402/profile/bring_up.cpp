@@ -1,0 +1,217 @@
+#include "can_bridge/cia402/profile/bring_up.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace tether::cia402 {
+namespace {
+
+using Verdict = StandstillInquiry::Verdict;
+
+/// For slow brakes, too.
+constexpr Duration kSecureTimeout = std::chrono::seconds(5);
+/// Of a running drive that says nothing about its wheel.
+constexpr Duration kBlindBraking = std::chrono::seconds(2);
+
+/// One and a half periods: each living drive's heartbeat falls into it.
+Duration listening_time(const Cia402Config& config) {
+  return std::chrono::milliseconds(config.drive_heartbeat_ms) * 3 / 2;
+}
+
+}  // namespace
+
+void BringUp::begin() {
+  d_.nodes.begin_inquiry(d_.commanding);
+  d_.commanding = d_.nodes.any_running();
+  d_.axes.hold();
+  d_.stage.enter(d_.nodes.any_heard() ? Stage::securing : Stage::listening);
+}
+
+void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service) {
+  switch (d_.stage.stage()) {
+    case Stage::listening:
+      listen(now);
+      break;
+    case Stage::securing:
+      secure(now, service);
+      break;
+    case Stage::configuring:
+      configure(now, service);
+      break;
+    case Stage::beating:
+      if (d_.heartbeat.beats() >= 2) start_nodes(now, nmt);
+      break;
+    case Stage::activating:
+      activate(now, nmt);
+      break;
+    case Stage::settling:
+      settle(now);
+      break;
+    default:
+      break;
+  }
+}
+
+void BringUp::listen(Instant now) {
+  if (d_.nodes.any_heard()) {
+    d_.stage.enter(Stage::securing);
+  } else if (d_.stage.elapsed(now) >= listening_time(d_.config)) {
+    begin_configuration();
+  }
+  d_.commanding = d_.nodes.any_running();
+}
+
+void BringUp::secure(Instant now, std::vector<CanFrame>& service) {
+  d_.commanding = d_.commanding || d_.nodes.any_running();
+  bool all_safe = d_.stage.elapsed(now) >= listening_time(d_.config);
+  bool all_known = true;
+  for (Node& node : d_.nodes) {
+    if (!node.heard) continue;
+    node.inquiry.tick(now, service);
+    all_safe = all_safe && may_be_reset(node, now);
+    all_known = all_known && node.inquiry.verdict() != Verdict::unknown;
+  }
+  if (all_safe) {
+    begin_configuration();
+  } else if (all_known && d_.stage.elapsed(now) >= kSecureTimeout) {
+    d_.refuse(turning_text(now));
+  }
+}
+
+bool BringUp::may_be_reset(const Node& node, Instant now) const {
+  const Verdict verdict = node.inquiry.verdict();
+  if (verdict != Verdict::silent) return verdict == Verdict::standing;
+  if (!node.running) return true;
+  for (std::size_t i = 0; i < d_.axes.size(); ++i) {
+    if (d_.axes[i].node() != node.id) continue;
+    const bool safe = d_.axes[i].fresh(now) ? d_.axes.released(i) && d_.axes[i].standing(now)
+                                            : d_.stage.elapsed(now) >= kBlindBraking;
+    if (!safe) return false;
+  }
+  return true;
+}
+
+std::string BringUp::turning_text(Instant now) const {
+  std::string all;
+  for (const Node& node : d_.nodes) {
+    if (!node.heard || may_be_reset(node, now)) continue;
+    std::string name = node.name;
+    double speed_radps = 0.0;
+    if (const auto& wheel = node.inquiry.fastest()) {
+      name = d_.axes[wheel->axis].name();
+      speed_radps = wheel->speed_radps;
+    }
+    if (node.inquiry.verdict() == Verdict::silent) {
+      for (const Axis& axis : d_.axes) {
+        if (axis.node() == node.id) speed_radps = axis.feedback().speed_radps;
+      }
+    }
+    all += fmt::format("{}{}: still turns at {:.2f} m/s after {:g} s", all.empty() ? "" : "; ",
+                       name, speed_radps * d_.axes.wheel_radius_m(), to_seconds(kSecureTimeout));
+  }
+  return all + ": check its brake and load; it is not reset while it turns, stop stays commanded";
+}
+
+void BringUp::begin_configuration() {
+  d_.commanding = false;
+  for (Axis& axis : d_.axes) axis.begin();
+  d_.nodes.begin_startup();
+  d_.stage.enter(Stage::configuring);
+}
+
+void BringUp::configure(Instant now, std::vector<CanFrame>& service) {
+  for (Node& node : d_.nodes) node.startup.tick(now, service);
+  if (std::string refusals = d_.nodes.refusals(); !refusals.empty()) {
+    d_.refuse(std::move(refusals));
+  } else if (d_.nodes.started_up()) {
+    d_.heartbeat.restart_count();
+    d_.stage.enter(Stage::beating);
+  }
+}
+
+void BringUp::start_nodes(Instant now, std::vector<CanFrame>& nmt) {
+  d_.nodes.forget_states();
+  for (const Node& node : d_.nodes) {
+    nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::start, node.id));
+  }
+  nmt_start_at_ = now;
+  d_.commanding = true;
+  d_.axes.hold();
+  d_.stage.enter(Stage::activating);
+}
+
+void BringUp::activate(Instant now, std::vector<CanFrame>& nmt) {
+  const bool operational = d_.nodes.all_operational();
+  if (operational && d_.axes.fresh(now)) {
+    d_.stage.enter(Stage::settling);
+    return;
+  }
+  if (d_.stage.elapsed(now) >= d_.step_timeout() + d_.heartbeat_timeout()) {
+    d_.refuse(waiting_for(now) + (operational ? "" : ": check the CAN wiring"));
+    return;
+  }
+  // The frame may have been lost.
+  if (now - nmt_start_at_ >= d_.heartbeat_timeout()) {
+    nmt_start_at_ = now;
+    for (const Node& node : d_.nodes) {
+      if (node.operational()) continue;
+      nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::start, node.id));
+    }
+  }
+}
+
+void BringUp::settle(Instant now) {
+  bool ready = true;
+  for (std::size_t i = 0; i < d_.axes.size(); ++i) {
+    const Axis& axis = d_.axes[i];
+    if (axis.age(now) >= d_.step_timeout()) {
+      d_.refuse(d_.axes.feedback_text(i));
+      return;
+    }
+    ready = ready && axis.fresh(now) && axis.standing(now) && axis.confirmed_off();
+  }
+  if (!ready) return;
+  d_.axes.release();
+  d_.stage.enter(Stage::standby);
+}
+
+std::string BringUp::waiting_for(Instant now) const {
+  switch (d_.stage.stage()) {
+    case Stage::idle:
+      return "not started";
+    case Stage::listening:
+      return "listening for drives that are running already";
+    case Stage::securing:
+      return "braking drives that are running already";
+    case Stage::configuring:
+      return d_.nodes.progress();
+    case Stage::beating:
+      return "letting the drives know the bridge's heartbeat";
+    case Stage::activating:
+      for (const Node& node : d_.nodes) {
+        if (!node.operational()) return node.name + ": not operational after NMT start";
+      }
+      break;
+    case Stage::clearing:
+      return "resetting the drives' faults";
+    default:
+      break;
+  }
+  return not_settled(now);
+}
+
+std::string BringUp::not_settled(Instant now) const {
+  for (std::size_t i = 0; i < d_.axes.size(); ++i) {
+    const Axis& axis = d_.axes[i];
+    if (!axis.fresh(now)) return d_.axes.feedback_text(i);
+    if (!axis.standing(now)) return axis.name() + ": waiting until its wheel stands";
+    if (!axis.confirmed_off()) {
+      return fmt::format("{}: in {}, waiting until its power stage is off", axis.name(),
+                         canopen::to_string(axis.state()));
+    }
+  }
+  return "checking that the wheels stand";
+}
+
+}  // namespace tether::cia402

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "can_bridge/cia402/profile/drives.hpp"
+
+namespace tether::cia402 {
+
+/// The stages from start() to `standby`, or to `refused` with the reason why.
+class BringUp {
+ public:
+  explicit BringUp(Drives& drives) : d_(drives) {}
+
+  /// From the beginning. Drives of which a state is known are braked first.
+  void begin();
+  /// In the stages from `listening` to `settling`. NMT commands go to `nmt`, SDO requests to
+  /// `service`.
+  void tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
+  /// What the present stage is waiting for.
+  std::string waiting_for(Instant now) const;
+
+ private:
+  void listen(Instant now);
+  void secure(Instant now, std::vector<CanFrame>& service);
+  bool may_be_reset(const Node& node, Instant now) const;
+  std::string turning_text(Instant now) const;
+  void begin_configuration();
+  void configure(Instant now, std::vector<CanFrame>& service);
+  void start_nodes(Instant now, std::vector<CanFrame>& nmt);
+  void activate(Instant now, std::vector<CanFrame>& nmt);
+  void settle(Instant now);
+  std::string not_settled(Instant now) const;
+
+  Drives& d_;
+  Instant nmt_start_at_{};
+};
+
+}  // namespace tether::cia402

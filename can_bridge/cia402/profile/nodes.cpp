@@ -1,0 +1,88 @@
+#include "can_bridge/cia402/profile/nodes.hpp"
+
+#include <algorithm>
+
+#include "can_bridge/cia402/texts.hpp"
+
+namespace tether::cia402 {
+
+using canopen::NmtState;
+
+Node::Node(const Cia402Config& config, std::uint8_t number)
+    : id(number),
+      name(node_name(config, number)),
+      startup(config, number),
+      inquiry(config, number) {}
+
+std::optional<NmtState> Node::on_heartbeat(const CanFrame& frame, Instant now) {
+  const auto told = static_cast<NmtState>(frame.data[0]);
+  const bool known = told == NmtState::boot_up || told == NmtState::stopped ||
+                     told == NmtState::operational || told == NmtState::pre_operational;
+  if (frame.size != 1 || !known) return std::nullopt;
+  state = told;
+  if (told == NmtState::boot_up) {
+    heard = running = false;
+    return told;
+  }
+  heartbeat_stamp = now;
+  heard = true;
+  if (told == NmtState::operational) running = true;
+  return told;
+}
+
+Nodes::Nodes(const Cia402Config& config) {
+  for (const std::uint8_t id : config.nodes()) nodes_.emplace_back(config, id);
+}
+
+bool Nodes::any_heard() const { return std::ranges::any_of(nodes_, &Node::heard); }
+bool Nodes::any_running() const { return std::ranges::any_of(nodes_, &Node::running); }
+bool Nodes::all_operational() const { return std::ranges::all_of(nodes_, &Node::operational); }
+
+void Nodes::begin_inquiry(bool commanding) {
+  for (Node& node : nodes_) {
+    node.heard = node.state && node.state != NmtState::boot_up;
+    node.running = commanding && node.operational();
+    node.inquiry.begin();
+  }
+}
+
+void Nodes::begin_startup() {
+  forget_states();
+  for (Node& node : nodes_) {
+    node.heard = node.running = false;
+    node.startup.begin();
+  }
+}
+
+void Nodes::forget_states() {
+  for (Node& node : nodes_) node.state.reset();
+}
+
+std::string Nodes::progress() const {
+  std::string all;
+  for (const Node& node : nodes_) all += (all.empty() ? "" : "; ") + node.startup.progress();
+  return all;
+}
+
+std::string Nodes::refusals() const {
+  std::string all;
+  for (const Node& node : nodes_) {
+    if (node.startup.refusal().empty()) continue;
+    all += (all.empty() ? "" : "; ") + node.startup.refusal();
+  }
+  return all;
+}
+
+bool Nodes::started_up() const {
+  return std::ranges::all_of(nodes_, [](const Node& node) { return node.startup.done(); });
+}
+
+std::vector<std::string> Nodes::notes() const {
+  std::vector<std::string> all;
+  for (const Node& node : nodes_) {
+    all.insert(all.end(), node.startup.notes().begin(), node.startup.notes().end());
+  }
+  return all;
+}
+
+}  // namespace tether::cia402

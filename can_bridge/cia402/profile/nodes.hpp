@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/node_startup.hpp"
+#include "can_bridge/cia402/standstill.hpp"
+
+namespace tether::cia402 {
+
+/// One CANopen node of the drivetrain: what was heard of it, its start-up and its inquiry.
+struct Node {
+  Node(const Cia402Config& config, std::uint8_t number);
+
+  /// A frame with the identifier 0x700 + node: the state that it tells, nullopt if it is no
+  /// heartbeat.
+  std::optional<canopen::NmtState> on_heartbeat(const CanFrame& frame, Instant now);
+  bool operational() const { return state == canopen::NmtState::operational; }
+
+  std::uint8_t id;
+  std::string name;  ///< for reasons
+  NodeStartup startup;
+  StandstillInquiry inquiry;
+  std::optional<canopen::NmtState> state;  ///< of the newest heartbeat
+  Instant heartbeat_stamp{};
+  // Before it is reset:
+  bool heard = false;    ///< in any NMT state, and not booted since
+  bool running = false;  ///< operational
+};
+
+/// The drivetrain's nodes, left first, each once.
+class Nodes {
+ public:
+  explicit Nodes(const Cia402Config& config);
+
+  auto begin() { return nodes_.begin(); }
+  auto begin() const { return nodes_.begin(); }
+  auto end() { return nodes_.end(); }
+  auto end() const { return nodes_.end(); }
+  /// `id` must be one of them.
+  Node& of(std::uint8_t id) { return id == nodes_.front().id ? nodes_.front() : nodes_.back(); }
+
+  bool any_heard() const;
+  bool any_running() const;
+  bool all_operational() const;
+
+  /// A new start, before anything is heard or sent. `commanding`: running ones get setpoints
+  /// already.
+  void begin_inquiry(bool commanding);
+  /// Forgets what was heard and starts all nodes up.
+  void begin_startup();
+  /// Until the next heartbeats.
+  void forget_states();
+
+  /// What the start-up of all of them is waiting for, and why it failed ("" where it has not).
+  std::string progress() const;
+  std::string refusals() const;
+  bool started_up() const;
+  /// What optional objects the drives did without.
+  std::vector<std::string> notes() const;
+
+ private:
+  std::vector<Node> nodes_;
+};
+
+}  // namespace tether::cia402

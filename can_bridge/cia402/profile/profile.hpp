@@ -1,0 +1,115 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/identifiers.hpp"
+#include "can_bridge/cia402/profile/bring_up.hpp"
+#include "can_bridge/cia402/profile/clearing.hpp"
+#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/profile/enabling.hpp"
+#include "can_bridge/cia402/profile/fault_latch.hpp"
+#include "can_bridge/cia402/profile/stopping.hpp"
+#include "can_bridge/drivetrain/drive_profile.hpp"
+
+namespace tether {
+
+struct VehicleConfig;
+
+/// CANopen drives with the CiA 402 drive profile (IEC 61800-7-201) in profile velocity mode: two
+/// nodes, or both axes on one node; objects, sizes, scales, signs and watchdogs as the drivetrain
+/// file says.
+///
+/// Way to `standby`: drives that are there already are braked first; NMT reset, boot-up message,
+/// SDO configuration (cia402::startup_steps), two heartbeats of the bridge (a drive watches over
+/// them only from the first one on, CiA 301, 7.5.2.19), NMT start; then all drives' heartbeats must
+/// say "operational", all feedback must be fresh, the power stages off and the wheels standing.
+///
+/// A reset switches a drive's power stage off, so that its wheel may roll on: no drive is reset
+/// while a wheel is known to turn. A node that was heard in any NMT state, unless it has just
+/// booted, is asked by SDO until its wheels stand (cia402::StandstillInquiry); an operational one
+/// gets quick stop commands meanwhile. After 5 s: `refused`, the quick stop stays commanded, and
+/// reset_fault() tries again. A node that answers no SDO cannot be asked: an operational one may be
+/// reset when its feedback says that it stands or, without feedback, after 2 s of quick stop
+/// commands, any other at once.
+///
+/// Each tick sends, in this order: NMT command if one is due, setpoints (RPDOs), SYNC, the bridge's
+/// heartbeat as due, SDO requests. Setpoints and SYNC are sent only once the drives are configured,
+/// or while running ones are braked. Outside of `enabled` all target velocities are zero.
+///
+/// `faulted`: each axis that still can gets a quick stop and, once its fresh feedback says that it
+/// stands, "disable voltage". Causes: Fault in a statusword, emergency messages other than "no
+/// error", a boot-up message, a missing heartbeat or one that does not say "operational", feedback
+/// too old while enabling or enabled, OperationEnabled left or power stage on unasked, another mode
+/// of operation, another sender of what only the bridge may send. Then reset_fault() clears faults
+/// with a rising edge of controlword bit 7, or starts up again where the drive's configuration may
+/// be lost.
+///
+/// Others may read objects by SDO at any time. intruder() tells of whoever did more since the last
+/// reset_fault().
+///
+/// Before the first frame: `starting`, wheels not valid.
+class Cia402Profile final : public DriveProfile {
+ public:
+  /// Throws UsageError if the PDOs do not carry what the axes need (cia402::PdoMap).
+  Cia402Profile(const Cia402Config& config, double wheel_radius_m, double track_m);
+
+  std::vector<CanFilter> filters() const override;
+  void start(Instant now) override;
+  void on_frame(const CanFrame& frame, Instant now) override;
+  void tick(Instant now, std::vector<CanFrame>& out) override;
+  /// Each wheel beyond its target object's range scales both, so that the curvature stays. A twist
+  /// that is not finite counts as zero.
+  void set_command(const Twist& twist) override;
+  void enable() override;
+  /// `disable` brakes first if the wheels are not known to stand. Acts in `enabling` and `enabled`;
+  /// in all other phases the power stages are off or on their way to it. A stop that takes longer
+  /// than 5 s stays commanded and says so in the reason.
+  void stop(StopKind kind) override;
+  void distrust_standstill(Instant until) override { drives_.axes.distrust_standstill(until); }
+  void reset_fault() override;
+  DrivetrainSnapshot snapshot(Instant now) const override;
+  Counters counters() const override { return counters_; }
+  std::string intruder() const override;
+
+  /// What optional objects the drives did without at the last start-up, for people.
+  std::vector<std::string> notes() const { return drives_.nodes.notes(); }
+
+ private:
+  void on_intruder(std::uint32_t id, cia402::Sender::Kind kind);
+  void on_sdo(const CanFrame& frame, cia402::Node& node);
+  void on_heartbeat(const CanFrame& frame, cia402::Node& node, Instant now);
+  void on_boot_up(cia402::Node& node);
+  void on_emergency(const CanFrame& frame, cia402::Node& node);
+  void on_feedback(const CanFrame& frame, cia402::Node& node, Instant now);
+
+  void restart();
+  void fault(const cia402::Fault& fault) { latch_.latch(fault, drives_.stage, drives_.axes); }
+  void fault(const std::optional<cia402::Fault>& trouble) {
+    if (trouble) fault(*trouble);
+  }
+  void advance(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
+  void send_setpoints(Instant now, std::vector<CanFrame>& out);
+  std::uint16_t wanted_controlword(std::size_t i, Instant now);
+
+  cia402::Drives drives_;
+  cia402::FaultLatch latch_;
+  // The stages that last.
+  cia402::BringUp bring_up_{drives_};
+  cia402::Enabling enabling_{drives_};
+  cia402::Stopping stopping_{drives_};
+  cia402::Clearing clearing_{drives_};
+  Twist command_;
+  Counters counters_;
+  std::vector<std::uint32_t> intruders_;  // their identifiers, each once
+};
+
+/// The profile of such drives; wheel radius and track are the vehicle's.
+std::unique_ptr<DriveProfile> make_profile(const Cia402Config& config,
+                                           const VehicleConfig& vehicle);
+
+}  // namespace tether

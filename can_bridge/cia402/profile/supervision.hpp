@@ -1,0 +1,20 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/profile/fault_latch.hpp"
+
+/// What is wrong with drives that are supervised; nullopt: nothing.
+namespace tether::cia402 {
+
+/// In every tick: drives without heartbeat; while enabling or enabled, feedback that is too old. A
+/// node without heartbeat has no known state any more.
+std::optional<Fault> watch(Drives& drives, Instant now);
+
+/// After each feedback: Fault in its statusword, another mode of operation, OperationEnabled left
+/// or power stage on unasked.
+std::optional<Fault> check_axis(const Drives& drives, std::size_t i);
+
+}  // namespace tether::cia402
