@@ -12,7 +12,7 @@
 
 namespace tether {
 
-/// A chassis that speaks the AgileX protocol, version 2 (agilex_v2.hpp). It takes body twists and
+/// A chassis that speaks the AgileX protocol, version 2 (v2.hpp). It takes body twists and
 /// has no power stages to switch: "standby" is its standby mode, "enabled" its CAN command mode.
 ///
 /// - start(): waits for 0x211, 0x221 and 0x311. A chassis that is in CAN mode already is braked to

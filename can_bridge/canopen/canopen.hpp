@@ -23,6 +23,10 @@ constexpr std::uint32_t pdo_id(bool transmit, int number, std::uint8_t node) {
   return (transmit ? 0x080u : 0x100u) + 0x100u * static_cast<std::uint32_t>(number) + node;
 }
 
+/// Whether an object describes a PDO: its communication or its mapping (CiA 301, 7.5.2.35 to
+/// 7.5.2.38).
+constexpr bool is_pdo_parameter(std::uint16_t index) { return index >= 0x1400 && index < 0x1C00; }
+
 enum class NmtCommand : std::uint8_t {
   start = 0x01,
   stop = 0x02,

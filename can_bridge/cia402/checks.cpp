@@ -7,6 +7,8 @@
 #include <string_view>
 #include <utility>
 
+#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/cia402/texts.hpp"
 #include "common/base/errors.hpp"
 
 namespace tether {
@@ -28,7 +30,6 @@ constexpr std::array<Carried, 5> kCarried{{
     {"actual_position", &AxisConfig::actual_position, true},
 }};
 
-const char* pdo_kind(bool transmit) { return transmit ? "TPDO" : "RPDO"; }
 bool is_synchronous(const PdoConfig& pdo) { return pdo.transmission <= 240; }
 
 class Checker {
@@ -120,8 +121,7 @@ class Checker {
   void check_pdo(std::size_t i) const {
     const PdoConfig& pdo = c_.pdos[i];
     const std::uint32_t line = source_.pdo_lines[i];
-    const std::string name =
-        fmt::format("{}{} of node {}", pdo_kind(pdo.transmit), pdo.number, pdo.node);
+    const std::string name = fmt::format("{} of node {}", cia402::pdo_name(pdo), pdo.node);
     int bytes = 0;
     for (const ObjectRef& object : pdo.objects) bytes += object.bytes;
     if (bytes > 8) {
@@ -184,8 +184,8 @@ class Checker {
       });
       if (carried) continue;
       refuse(source_.axis_lines[side],
-             fmt::format("no {} of node {} carries {}.{} ({})", pdo_kind(value.transmit), axis.node,
-                         kSides[side], value.name, to_string(object)));
+             fmt::format("no {} of node {} carries {}.{} ({})", value.transmit ? "TPDO" : "RPDO",
+                         axis.node, kSides[side], value.name, to_string(object)));
     }
   }
 
@@ -201,7 +201,7 @@ class Checker {
         refuse_object(fmt::format("is there twice, first in line {}", source_.setup_lines[j]));
       }
     }
-    if (write.object.index >= 0x1400 && write.object.index < 0x1C00) {
+    if (canopen::is_pdo_parameter(write.object.index)) {
       refuse_object("PDO parameters are described in [[pdo]]");
     }
     if (write.object.index == 0x1017) refuse_object("is written from drives.heartbeat_ms");

@@ -288,6 +288,11 @@ class Reader {
 
 Cia402Config Cia402Config::read(const DrivetrainFile& file) { return Reader(file).run(); }
 
+std::int64_t Cia402Config::value_of(const WatchdogConfig& watchdog) const {
+  const bool consumer = watchdog.kind == WatchdogConfig::Kind::heartbeat_consumer;
+  return std::int64_t{consumer ? master_node : 0} << 16 | watchdog.timeout_ms;
+}
+
 std::vector<std::uint8_t> Cia402Config::nodes() const {
   if (axes[0].node == axes[1].node) return {axes[0].node};
   return {axes[0].node, axes[1].node};

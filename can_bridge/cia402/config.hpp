@@ -118,6 +118,8 @@ struct Cia402Config : DrivetrainCommon {
   /// would trip when one frame is lost: each has to outlast three of what it waits for. Throws
   /// UsageError.
   void check_cycle(double cycle_ms) const;
+  /// What `watchdog.object` is set to.
+  std::int64_t value_of(const WatchdogConfig& watchdog) const;
   /// The drives' node ids, each once.
   std::vector<std::uint8_t> nodes() const;
 };

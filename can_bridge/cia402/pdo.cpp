@@ -34,11 +34,8 @@ std::vector<Role> roles(const AxisConfig& axis, bool transmit) {
 /// CiA 301, 7.4.7.1: data types as mapping dummies, which a drive ignores.
 bool is_dummy(const ObjectRef& object) { return object.index >= 1 && object.index <= 7; }
 
-std::string pdo_name(const PdoConfig& pdo) {
-  return fmt::format("{}PDO{} of node {}", pdo.transmit ? "T" : "R", pdo.number, pdo.node);
-}
-
 PdoMap::Pdo layout(const Cia402Config& config, const PdoConfig& pdo) {
+  const std::string name = fmt::format("{} of node {}", pdo_name(pdo), pdo.node);
   PdoMap::Pdo result;
   result.id = canopen::pdo_id(pdo.transmit, pdo.number, pdo.node);
   result.node = pdo.node;
@@ -51,19 +48,19 @@ PdoMap::Pdo layout(const Cia402Config& config, const PdoConfig& pdo) {
         if (!same_object(role.object, object)) continue;
         if (role.object.bytes != object.bytes) {
           throw UsageError(fmt::format("{}: {} maps {} with {} bytes, but the {} has it with {}",
-                                       config.name, pdo_name(pdo), object_text(object),
-                                       object.bytes, axis_name(config, axis), role.object.bytes));
+                                       config.name, name, object_text(object), object.bytes,
+                                       axis_name(config, axis), role.object.bytes));
         }
         result.fields.push_back({role.signal, axis, role.object, result.size});
         known = true;
       }
     }
     if (!known) {
-      throw UsageError(fmt::format("{}: {} maps {}, which commands no axis", config.name,
-                                   pdo_name(pdo), object_text(object)));
+      throw UsageError(fmt::format("{}: {} maps {}, which commands no axis", config.name, name,
+                                   object_text(object)));
     }
     if (result.size + object.bytes > 8) {
-      throw UsageError(fmt::format("{}: {} maps more than 8 bytes", config.name, pdo_name(pdo)));
+      throw UsageError(fmt::format("{}: {} maps more than 8 bytes", config.name, name));
     }
     result.size = static_cast<std::uint8_t>(result.size + object.bytes);
   }

@@ -1,11 +1,11 @@
 #include "can_bridge/cia402/startup.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cassert>
 
 #include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/cia402/pdo_objects.hpp"
+#include "can_bridge/cia402/texts.hpp"
 
 namespace tether::cia402 {
 namespace {
@@ -45,41 +45,15 @@ SdoStep device_type() {
 
 SdoStep watchdog_step(const Cia402Config& config, const WatchdogConfig& watchdog) {
   const bool consumer = watchdog.kind == WatchdogConfig::Kind::heartbeat_consumer;
-  const std::int64_t producer = consumer ? config.master_node : 0;
-  SdoStep step = write_and_read(watchdog.object, producer << 16 | watchdog.timeout_ms,
+  SdoStep step = write_and_read(watchdog.object, config.value_of(watchdog),
                                 consumer ? "heartbeat consumer" : "watchdog");
   step.need = SdoStep::Need::watchdog;
   return step;
 }
 
-/// The objects 0x1400…, 0x1600… of a PDO, or 0x1800…, 0x1A00….
-struct PdoObjects {
-  explicit PdoObjects(const PdoConfig& pdo)
-      : communication(
-            static_cast<std::uint16_t>((pdo.transmit ? 0x1800 : 0x1400) + pdo.number - 1)),
-        mapping(static_cast<std::uint16_t>(communication + 0x200)),
-        name(fmt::format("{}PDO{}", pdo.transmit ? "T" : "R", pdo.number)) {}
-
-  ObjectRef id() const { return {communication, 1, 4, false}; }
-  ObjectRef transmission() const { return {communication, 2, 1, false}; }
-  ObjectRef event_timer() const { return {communication, 5, 2, false}; }
-  ObjectRef count() const { return {mapping, 0, 1, false}; }
-  ObjectRef entry(std::size_t i) const {
-    return {mapping, static_cast<std::uint8_t>(i + 1), 4, false};
-  }
-
-  std::uint16_t communication;
-  std::uint16_t mapping;
-  std::string name;
-};
-
-std::int64_t mapping_entry(const ObjectRef& object) {
-  return std::int64_t{object.index} << 16 | object.sub << 8 | std::int64_t{object.bytes} * 8;
-}
-
-SdoStep event_timer_step(const PdoConfig& pdo, const PdoObjects& o) {
-  SdoStep step = write_and_read(o.event_timer(), pdo.event_timer_ms,
-                                o.name + (pdo.transmit ? " event timer" : " deadline"));
+SdoStep event_timer_step(const PdoConfig& pdo) {
+  SdoStep step = write_and_read(PdoObjects(pdo).event_timer(), pdo.event_timer_ms,
+                                pdo_name(pdo) + (pdo.transmit ? " event timer" : " deadline"));
   if (!pdo.transmit && !pdo.event_timer_required) step.need = SdoStep::Need::optional;
   return step;
 }
@@ -87,27 +61,28 @@ SdoStep event_timer_step(const PdoConfig& pdo, const PdoObjects& o) {
 void add_pdo(const PdoConfig& pdo, std::vector<SdoStep>& steps) {
   assert(pdo.number >= 1 && pdo.number <= 4 && pdo.objects.size() <= 8);
   const PdoObjects o(pdo);
+  const std::string name = pdo_name(pdo);
   const std::int64_t id = canopen::pdo_id(pdo.transmit, pdo.number, pdo.node);
   const auto count = static_cast<std::int64_t>(pdo.objects.size());
   if (!pdo.preset) {
-    steps.push_back(write_only(o.id(), kPdoOff | id, o.name + " off"));
-    steps.push_back(write_only(o.count(), 0, o.name + " mapping cleared"));
+    steps.push_back(write_only(o.id(), kPdoOff | id, name + " off"));
+    steps.push_back(write_only(o.count(), 0, name + " mapping cleared"));
     for (std::size_t i = 0; i < pdo.objects.size(); ++i) {
-      steps.push_back(write_only(o.entry(i), mapping_entry(pdo.objects[i]), o.name + " mapping"));
+      steps.push_back(write_only(o.entry(i), mapping_entry(pdo.objects[i]), name + " mapping"));
     }
-    steps.push_back(write_only(o.count(), count, o.name + " mapping count"));
-    steps.push_back(write_only(o.transmission(), pdo.transmission, o.name + " transmission type"));
+    steps.push_back(write_only(o.count(), count, name + " mapping count"));
+    steps.push_back(write_only(o.transmission(), pdo.transmission, name + " transmission type"));
   }
-  if (pdo.event_timer_ms != 0) steps.push_back(event_timer_step(pdo, o));
-  if (!pdo.preset) steps.push_back(write_only(o.id(), id, o.name + " on"));
+  if (pdo.event_timer_ms != 0) steps.push_back(event_timer_step(pdo));
+  if (!pdo.preset) steps.push_back(write_only(o.id(), id, name + " on"));
 
-  steps.push_back(read_only(o.id(), id, o.name + " identifier"));
+  steps.push_back(read_only(o.id(), id, name + " identifier"));
   steps.back().mask = kPdoIdMask;
-  steps.push_back(read_only(o.count(), count, o.name + " mapping count"));
+  steps.push_back(read_only(o.count(), count, name + " mapping count"));
   for (std::size_t i = 0; i < pdo.objects.size(); ++i) {
-    steps.push_back(read_only(o.entry(i), mapping_entry(pdo.objects[i]), o.name + " mapping"));
+    steps.push_back(read_only(o.entry(i), mapping_entry(pdo.objects[i]), name + " mapping"));
   }
-  steps.push_back(read_only(o.transmission(), pdo.transmission, o.name + " transmission type"));
+  steps.push_back(read_only(o.transmission(), pdo.transmission, name + " transmission type"));
 }
 
 void add_modes(const Cia402Config& config, std::uint8_t node, std::vector<SdoStep>& steps) {

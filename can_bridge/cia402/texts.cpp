@@ -52,6 +52,10 @@ std::string node_name(const Cia402Config& config, std::uint8_t node) {
   return fmt::format("drive (node {})", node);
 }
 
+std::string pdo_name(const PdoConfig& pdo) {
+  return fmt::format("{}PDO{}", pdo.transmit ? "T" : "R", pdo.number);
+}
+
 std::string object_text(const ObjectRef& object, const std::string& meaning) {
   const std::string name = fmt::format("0x{:04X}:{:X}", object.index, object.sub);
   return meaning.empty() ? name : fmt::format("{} ({})", name, meaning);

@@ -14,6 +14,9 @@ std::string axis_name(const Cia402Config& config, std::size_t axis);
 /// As axis_name() where the node has one axis, else "drive (node 1)".
 std::string node_name(const Cia402Config& config, std::uint8_t node);
 
+/// "TPDO1".
+std::string pdo_name(const PdoConfig& pdo);
+
 /// "0x1016:1 (heartbeat consumer)"; without meaning: "0x1016:1".
 std::string object_text(const ObjectRef& object, const std::string& meaning = "");
 

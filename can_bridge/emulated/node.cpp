@@ -200,7 +200,7 @@ std::optional<Abort> EmulatedNode::write(Handle h, std::int64_t value) {
   if (const auto code = refuses(h, value)) return code;
   store(h, value);
   const std::uint16_t index = objects_.dictionary.entry(h).ref.index;
-  if (index >= 0x1400 && index <= 0x1BFF) pdos_.reload();
+  if (canopen::is_pdo_parameter(index)) pdos_.reload();
   watch_.written(h);
   return std::nullopt;
 }

@@ -147,7 +147,8 @@ class Builder {
 
   /// An object that the configuration speaks of, whatever it is.
   void mention(ObjectRef ref) {
-    if (dictionary().find(ref.index, ref.sub) != kNone || is_pdo(ref.index)) return;
+    if (canopen::is_pdo_parameter(ref.index)) return;
+    if (dictionary().find(ref.index, ref.sub) != kNone) return;
     if (is_communication(ref.index)) {
       if (ref.index == 0x1016) ref.bytes = 4;
       if (ref.index == 0x1029) ref.bytes = 1;
@@ -237,8 +238,6 @@ class Builder {
     const auto [index, sub] = companion_place(axis, 0x6502);
     ensure({index, sub, 4, false}, Access::read_only, Mapping::transmit, 0x04);  // pv only
   }
-
-  static bool is_pdo(std::uint16_t index) { return index >= 0x1400 && index <= 0x1BFF; }
 
   void add_pdos() {
     for (int number = 1; number <= 4; ++number) {

@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/cia402/pdo_objects.hpp"
+#include "can_bridge/cia402/texts.hpp"
 
 namespace tether {
 namespace {
@@ -88,44 +90,24 @@ void add_axis(List& list, const AxisConfig& axis, const char* side) {
   add(axis.error_code, "error code", Kind::error_code);
 }
 
-/// CiA 301, 7.5.2.35 to 7.5.2.38.
 void add_pdo(List& list, const PdoConfig& pdo) {
-  const auto parameters =
-      static_cast<std::uint16_t>((pdo.transmit ? 0x1800 : 0x1400) + pdo.number - 1);
-  const auto mapping = static_cast<std::uint16_t>(parameters + 0x200);
-  const std::string name = fmt::format("{}{}", pdo.transmit ? "TPDO" : "RPDO", pdo.number);
-  list.add({{parameters, 1, 4, false}, name + " identifier", Kind::cob_id, Need::required, {}});
-  list.add({{parameters, 2, 1, false},
-            name + " transmission",
-            Kind::number,
-            Need::required,
-            pdo.transmission});
+  const cia402::PdoObjects o(pdo);
+  const std::string name = cia402::pdo_name(pdo);
+  list.add({o.id(), name + " identifier", Kind::cob_id, Need::required, {}});
+  list.add(
+      {o.transmission(), name + " transmission", Kind::number, Need::required, pdo.transmission});
   if (pdo.event_timer_ms > 0) {
     const bool required = pdo.transmit || pdo.event_timer_required;
-    list.add({{parameters, 5, 2, false},
-              name + " event timer",
-              Kind::milliseconds,
-              required ? Need::required : Need::optional,
-              pdo.event_timer_ms});
+    list.add({o.event_timer(), name + " event timer", Kind::milliseconds,
+              required ? Need::required : Need::optional, pdo.event_timer_ms});
   }
-  list.add({{mapping, 0, 1, false},
-            name + " number of objects",
-            Kind::number,
-            Need::required,
-            static_cast<std::int64_t>(pdo.objects.size()),
-            pdo.preset});
+  list.add({o.count(), name + " number of objects", Kind::number, Need::required,
+            static_cast<std::int64_t>(pdo.objects.size()), pdo.preset});
   for (std::size_t i = 0; i < pdo.objects.size(); ++i) {
-    const ObjectRef& object = pdo.objects[i];
-    list.add({object, "mapped object", Kind::number, Need::required, {}});
+    list.add({pdo.objects[i], "mapped object", Kind::number, Need::required, {}});
     if (!pdo.preset) continue;
-    const std::int64_t entry =
-        std::int64_t{object.index} << 16 | object.sub << 8 | std::int64_t{object.bytes} * 8;
-    list.add({{mapping, static_cast<std::uint8_t>(i + 1), 4, false},
-              fmt::format("{} object {}", name, i + 1),
-              Kind::mapping,
-              Need::required,
-              entry,
-              true});
+    list.add({o.entry(i), fmt::format("{} object {}", name, i + 1), Kind::mapping, Need::required,
+              cia402::mapping_entry(pdo.objects[i]), true});
   }
 }
 
@@ -142,9 +124,7 @@ void add_file(List& list, const Cia402Config& config, std::uint8_t node) {
     if (watchdog.node != node) continue;
     const bool consumer = watchdog.kind == WatchdogConfig::Kind::heartbeat_consumer;
     list.add({watchdog.object, "watchdog", consumer ? Kind::heartbeat_consumer : Kind::milliseconds,
-              Need::required,
-              consumer ? (std::int64_t{config.master_node} << 16 | watchdog.timeout_ms)
-                       : watchdog.timeout_ms});
+              Need::required, config.value_of(watchdog)});
     if (watchdog.reaction) {
       list.add({*watchdog.reaction, "watchdog's reaction", Kind::number, Need::required,
                 watchdog.reaction_value});

@@ -85,7 +85,7 @@ void SafetyCore::watch_bus(CanState bus) {
   const CanState worst = std::max(worst_bus_, bus);
   worst_bus_ = bus;
   if (worst == CanState::bus_off || worst == CanState::stalled) bus_was_jammed_ = true;
-  // An interface that was taken down, or away, has no frames left.
+  // An interface that is down or gone has dropped its queue: no old frame is left.
   if (bus == CanState::down || bus == CanState::absent) bus_was_jammed_ = false;
   if (bus != CanState::down) restart_unfinished_ = false;
   if (worst == CanState::stalled && !purged_) purge_due_ = purged_ = true;
@@ -107,7 +107,7 @@ void SafetyCore::watch_bus(CanState bus) {
 }
 
 void SafetyCore::purge_bus() {
-  // A stop is more urgent.
+  // There is one action in a cycle, and a stop is more urgent.
   if (!purge_due_ || action_ != Decision::Action::none) return;
   purge_due_ = false;
   action_ = Decision::Action::restart_bus;
@@ -115,7 +115,8 @@ void SafetyCore::purge_bus() {
 
 void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
   const DrivePhase phase = drives.phase;
-  if (phase != last_phase_) notice_.clear();  // what was refused then may be granted now
+  // A refusal's reason is out of date once the drives have gone on.
+  if (phase != last_phase_) notice_.clear();
   last_phase_ = phase;
   turning_ = drives.feedback_fresh && !drives.standstill;
   fastest_rim_mps_ = config_.wheel_radius_m * std::max(std::abs(drives.wheels[0].speed_radps),
@@ -202,7 +203,8 @@ void SafetyCore::advance(Instant now, const DrivetrainSnapshot& drives) {
 }
 
 void SafetyCore::begin_following(Instant now) {
-  // What was zero when ARM was pressed may be so no more: nothing shall start by itself.
+  // The command was fresh and zero when ARM was pressed, but it may have changed while the drives
+  // switched on. The vehicle must not start to move just because they are on now.
   if (commands_.age(now).value_or(Duration::max()) >= config_.stale) {
     begin_quick_stop(now, "the command was not fresh when the drives were on: arm again");
     return;
@@ -260,7 +262,8 @@ void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
         motion_ = Motion::idle;
         return;
       }
-      // It was being enabled a moment ago: that must not win.
+      // The stop began in this cycle, and the drives show standby because they have not yet acted
+      // on the request to enable them. They are told to stop, or they would still switch on.
       action_ = Decision::Action::quick_stop;
       break;
     case DrivePhase::enabling:

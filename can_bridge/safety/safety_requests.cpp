@@ -101,7 +101,7 @@ void SafetyCore::on_bus_restarted(bool done, const std::string& why) {
   purge_due_ = false;
   if (done) {
     bus_was_jammed_ = false;
-    worst_bus_ = CanState::up;  // what was before counts no more
+    worst_bus_ = CanState::up;  // forgets what the restart has put right
     return;
   }
   restart_unfinished_ = worst_bus_ == CanState::down;
@@ -124,7 +124,7 @@ void SafetyCore::wait_for_restarted_bus(Instant now, CanState bus) {
 }
 
 void SafetyCore::finish_reset() {
-  // The profile ignores this where nothing is wrong with its drives.
+  // Harmless where the drives have no fault: the profile ignores it then.
   action_ = Decision::Action::reset_fault;
   estop_latched_ = false;
   fault_latched_ = false;
