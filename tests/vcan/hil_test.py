@@ -12,7 +12,7 @@ SCENARIO = str(SOURCE / "scenarios" / "hil_vcan.toml")
 # User-Mode Linux takes 30 us for a system call, too long for six processes in real time: there,
 # slow motion, and the first turns only.
 NATIVE = os.environ.get("TETHER_CAN_KERNEL") == "native"
-SPEED, DURATION_S = (1.0, 62) if NATIVE else (0.25, 20)
+SPEED, DURATION_S = (1.0, 62) if NATIVE else (0.5, 20)
 LENGTH = f"--set=run.duration_s={DURATION_S}"
 
 
