@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # clang-tidy finds nothing in any source. Usage: lint_tidy.sh BUILD_DIR
 #
-# The sources of a folder are checked a dozen at a time, as one file that includes them: most of the
+# The sources of a folder are checked two dozen at a time, as one file that includes them: most of the
 # work is in the system's headers, which they share. Sources that cannot be compiled together (two
 # things of one name) are checked one by one.
 set -euo pipefail
@@ -45,7 +45,7 @@ tidy() { # BUILD_DIR COMMANDS SOURCES...
 export -f tidy
 
 for folder in common sim controller netem can_bridge tools bench; do
-    find "$folder" -name '*.cpp' ! -name '*main.cpp' ! -name '*_bench.cpp' | sort | xargs --max-args=12
+    find "$folder" -name '*.cpp' ! -name '*main.cpp' ! -name '*_bench.cpp' | sort | xargs --max-args=24
     find "$folder" -name '*main.cpp' -o -name '*_bench.cpp' | sort | xargs --max-args=1
 done | grep . | xargs --max-procs="$(nproc)" -I '{}' bash -c "tidy '$build' '$commands' {}"
 echo "clang-tidy: clean"

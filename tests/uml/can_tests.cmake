@@ -43,6 +43,7 @@ function(tether_add_can_test)
   math(EXPR own "3 * ${T_TIMEOUT}")  # parts that met a pause of this machine are run again
   math(EXPR timeout "${own} + 20")  # with_can.sh's own comes first, and says more
   set_tests_properties(${T_NAME} PROPERTIES LABELS "${labels}" TIMEOUT ${timeout}
-    RESOURCE_LOCK processor_of_uml COST 300
+    COST ${T_TIMEOUT}
     ENVIRONMENT "TETHER_CAN_TIMEOUT=${own};TETHER_CAN_RESULTS=${results}")
+  tether_on_the_wall_clock(${T_NAME} PLACES 4)
 endfunction()

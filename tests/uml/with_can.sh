@@ -49,6 +49,16 @@ run_native() {
     isolate --net "$here/${network}_network.sh" timeout --kill-after=5 "$timeout_s" "$@"
 }
 
+take_processor() { # CTest's choice; without CTest the last one, alone there until this script ends
+    if [[ ${CTEST_RESOURCE_GROUP_0_PROCESSORS:-} =~ ^id:([0-9]+) ]]; then
+        processor=${BASH_REMATCH[1]}
+        return
+    fi
+    processor=$(taskset --cpu-list --pid $$ | sed 's/.*[^0-9]//')
+    exec 9>"${TMPDIR:-/tmp}/tether_guest_$(id -u)"
+    flock 9
+}
+
 run_in_uml() {
     export TETHER_CAN_KERNEL=uml
     job=$(mktemp -d)
@@ -66,14 +76,15 @@ run_in_uml() {
     say_uml
     # On one of this machine's processors: its kernel and its processes take turns anyway, and to
     # wake each other on another processor is slow. Before other work where that is allowed.
-    run=(taskset --cpu-list "$(taskset --cpu-list --pid $$ | sed 's/.*[^0-9]//')")
+    take_processor
+    run=(taskset --cpu-list "$processor")
     if chrt --rr 1 true 2>/dev/null; then run+=(chrt --rr 1); fi
     # The process namespace dies as a whole: with this script, or at the end of the time.
     (isolate --pid --fork --kill-child -- timeout --kill-after=1 "$timeout_s" \
         "${run[@]}" env --chdir=/ TMPDIR="$memory" "$uml" rootfstype=hostfs rootflags=/ rw mem=1024M \
         uml_dir="$job/" con=null con0=null,fd:3 ssl=null ssl0=null,fd:1 quiet \
         init="$here/guest_init.py" tether_job="$job" tether_network="$network" \
-        </dev/null 3>"$job/kernel_log") &
+        </dev/null 3>"$job/kernel_log" 9>&-) &
     uml_pid=$!
     wait "$uml_pid" || true
     uml_pid=
