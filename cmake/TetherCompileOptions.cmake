@@ -25,7 +25,4 @@ function(tether_add_library name)
   add_library(${name} ${ARGN})
   target_link_libraries(${name} PUBLIC tether_options)
   target_precompile_headers(${name} REUSE_FROM tether_headers)
-  if(TETHER_SANITIZE)  # built as a whole, not after each change: together is faster
-    set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
-  endif()
 endfunction()
