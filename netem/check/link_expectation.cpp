@@ -9,10 +9,8 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
-#include "controller/laws/controller_settings.hpp"
 #include "netem/link/delay_law.hpp"
 #include "netem/models/channel_settings.hpp"
-#include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
 namespace {
