@@ -1,0 +1,16 @@
+"""Which sources are mutated, and the test programs that have to notice, in the order in which they
+are asked: one line for each."""
+
+SOURCES = [
+    ("can_bridge/safety/*.cpp", ["can_safety_test", "can_bridge_node_test"]),
+    ("can_bridge/node/can_bridge_node.cpp", ["can_bridge_node_test"]),
+    ("can_bridge/cia402/*.cpp", ["can_profile_test", "can_bridge_node_test"]),
+    ("can_bridge/agilex/*.cpp", ["agilex_v2_test"]),
+    ("can_bridge/bus/in_process_can.cpp", ["in_process_can_test"]),
+    ("common/vehicle/*.cpp", ["common_test"]),
+    ("common/bus/stream_guard.cpp", ["common_test"]),
+]
+
+# Of these files, with these operators, no mutant may live that survivors.toml does not name.
+STRICT = [
+]
