@@ -24,7 +24,9 @@ std::vector<bool>& reached() {
 class Trace : public testing::EmptyTestEventListener {
  public:
   void OnTestSuiteStart(const testing::TestSuite&) override { begin(); }
-  void OnTestStart(const testing::TestInfo&) override { started_ = std::chrono::steady_clock::now(); }
+  void OnTestStart(const testing::TestInfo&) override {
+    started_ = std::chrono::steady_clock::now();
+  }
   void OnTestEnd(const testing::TestInfo& test) override {
     const std::chrono::duration<double, std::milli> took =
         std::chrono::steady_clock::now() - started_;
