@@ -1,0 +1,33 @@
+#include "controller/laws/law.hpp"
+
+#include <gtest/gtest.h>
+
+#include "common/scenario/scenario.hpp"
+#include "tests/support/table_rows.hpp"
+
+namespace tether {
+namespace {
+
+TEST(LawTable, HasARowForEachLawThatOurSourcesDefineOnce) {
+  testing::expect_has_all_rows(law_kinds(), "controller/laws", "LawKind", "_law");
+}
+
+TEST(LawTable, EachLawIsMadeByItsNameInAScenario) {
+  for (const LawKind& kind : law_kinds()) {
+    SCOPED_TRACE(kind.name);
+    const Scenario scenario =
+        parse_scenario("", "",
+                       {"controller.law=" + kind.name,
+                        "controller.tau_table=" TETHER_SOURCE_DIR "/scenarios/tau_table.csv",
+                        kind.sends_plans ? "actuator.policy=horizon" : "actuator.policy=hold"});
+    EXPECT_EQ(&kind_of(scenario.get<ControllerSettings>()), &kind);
+    const auto law = make_law(scenario);
+    ASSERT_NE(law, nullptr);
+    const SeenPose pose;
+    law->on_pose(pose);
+    EXPECT_EQ(std::holds_alternative<Plan>(law->decide(kStart, &pose)), kind.sends_plans);
+  }
+}
+
+}  // namespace
+}  // namespace tether
