@@ -16,6 +16,7 @@
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_policy.hpp"
 #include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/plan_message.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -75,7 +76,7 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
       odometry_(settings.get<VehicleSettings>()),
       cycle_(from_seconds(settings.get<CanSettings>().cycle_ms * 1e-3)),
       wheel_radius_m_(settings.get<VehicleSettings>().wheel_radius_m),
-      takes_plans_(settings.get<ActuatorSettings>().policy == ActuatorSettings::Policy::horizon),
+      takes_plans_(kind_of(settings.get<ActuatorSettings>()).takes_plans),
       counters_(loop, bus, "can_bridge", channels_.can_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {

@@ -1,10 +1,7 @@
 #include "common/vehicle/actuator.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
-
-#include "common/vehicle/actuator_settings.hpp"
 
 namespace tether {
 namespace {
@@ -14,19 +11,12 @@ StopLimits stop_limits(const ActuatorSettings& config, const VehicleConfig& vehi
           vehicle.max_wheel_acceleration_mps2, vehicle.max_wheel_speed_mps, vehicle.track_m};
 }
 
-Twist decayed(const Twist& from, double since_s, double time_constant_s) {
-  constexpr double kTiny_mps = 1e-3, kTiny_radps = 1e-3;
-  const double share = std::exp(-since_s / time_constant_s);
-  const Twist twist{from.v_mps * share, from.omega_radps * share};
-  const bool tiny = std::abs(twist.v_mps) < kTiny_mps && std::abs(twist.omega_radps) < kTiny_radps;
-  return tiny ? Twist{} : twist;
-}
-
 }  // namespace
 
 Actuator::Actuator(const ActuatorSettings& config, const VehicleConfig& vehicle,
                    const StreamGuard::Config& guard)
     : config_(config),
+      policy_(&kind_of(config)),
       limits_(stop_limits(config, vehicle)),
       timeout_(from_seconds(config.timeout_s)),
       plans_(limits_, guard) {}
@@ -54,21 +44,9 @@ Twist Actuator::in_force(Instant now) const {
 }
 
 Twist Actuator::command_in_force(Instant now) const {
-  using Policy = ActuatorSettings::Policy;
   const Duration since = now - arrival_ - timeout_;
-  if (config_.policy == Policy::hold || since < Duration{0}) return command_;
-  switch (config_.policy) {
-    case Policy::hold:
-      return command_;
-    case Policy::zero:
-      return {};
-    case Policy::ramp:
-    case Policy::horizon:
-      return ramp_to_stop(command_, since, limits_);
-    case Policy::decay:
-      return decayed(within_wheel_speed(command_, limits_), to_seconds(since), config_.decay_s);
-  }
-  return {};
+  if (policy_->after_timeout == nullptr || since < Duration{0}) return command_;
+  return policy_->after_timeout(command_, since, config_, limits_);
 }
 
 std::optional<Duration> Actuator::plan_age(Instant now) const {

@@ -6,6 +6,7 @@
 #include "common/base/counters.hpp"
 #include "common/base/time.hpp"
 #include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator_policy.hpp"
 #include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/plan.hpp"
 #include "common/vehicle/plan_buffer.hpp"
@@ -26,7 +27,7 @@ namespace tether {
 ///
 /// Twists that come out may jump; rims do not: plants and the CAN bridge limit their acceleration.
 /// Pure: `now` must not go backwards. Commands are finite and in order (StreamGuard), plans need
-/// not be. With the other policies plans are counted as "plan.unasked" and ignored.
+/// not be. With policies that take no plans these are counted as "plan.unasked" and ignored.
 class Actuator {
  public:
   /// `guard`: for the stamps of plans.
@@ -47,7 +48,7 @@ class Actuator {
   /// did not, and before the first of all takes over; none where twists count.
   std::optional<Duration> plan_age(Instant now) const;
 
-  bool takes_plans() const { return config_.policy == ActuatorSettings::Policy::horizon; }
+  bool takes_plans() const { return policy_->takes_plans; }
 
   /// Appends plan.…: with `horizon`, and with other policies if there were any.
   void list(CounterList& out) const;
@@ -56,6 +57,7 @@ class Actuator {
   Twist command_in_force(Instant now) const;
 
   ActuatorSettings config_;
+  const ActuatorPolicy* policy_;  // of actuator_policies()
   StopLimits limits_;
   Duration timeout_;
   Twist command_;

@@ -1,40 +1,68 @@
 #include "common/vehicle/actuator_settings.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <string_view>
+
 #include "common/scenario/key_table.hpp"
+#include "common/vehicle/actuator_policy.hpp"
 
 namespace tether {
 namespace {
 
 using Actuator = ActuatorSettings;
-using Policy = Actuator::Policy;
+
+constexpr std::string_view kPrefix = "actuator.";
+
+bool uses(const ActuatorPolicy& policy, std::string_view part) {
+  return std::find(policy.keys.begin(), policy.keys.end(), part) != policy.keys.end();
+}
+
+/// "policy = NAME, NAME": those of which `is` is true.
+template <class Predicate>
+std::string policies_that(Predicate is) {
+  std::vector<std::string> names;
+  for (const ActuatorPolicy& policy : actuator_policies()) {
+    if (is(policy)) names.push_back(policy.name);
+  }
+  return fmt::format("policy = {}", fmt::join(names, ", "));
+}
+
+std::string policies_with(std::string_view key) {
+  return policies_that([key](const ActuatorPolicy& policy) { return uses(policy, key); });
+}
 
 /// Of the ways to stop, only the chosen one's keys say something.
 bool left_out(const Scenario& scenario, const ScenarioKey& key) {
-  const Policy policy = scenario.get<Actuator>().policy;
-  if (key.name == "actuator.decay_s") return policy != Policy::decay;
-  const bool is_ramp =
-      key.name == "actuator.deceleration_mps2" || key.name == "actuator.yaw_deceleration_radps2";
-  return is_ramp && policy != Policy::ramp && policy != Policy::horizon;
+  if (!key.name.starts_with(kPrefix)) return false;
+  const std::string_view part = std::string_view(key.name).substr(kPrefix.size());
+  const auto& policies = actuator_policies();
+  return !uses(kind_of(scenario.get<Actuator>()), part) &&
+         std::any_of(policies.begin(), policies.end(),
+                     [&](const ActuatorPolicy& other) { return uses(other, part); });
 }
 
 }  // namespace
 
 ScenarioSection actuator_section() {
-  KeyTable<Actuator> t("actuator.");
-  t.choice<Policy>("policy", &Actuator::policy,
-                   {{"hold", Policy::hold},
-                    {"zero", Policy::zero},
-                    {"ramp", Policy::ramp},
-                    {"decay", Policy::decay},
-                    {"horizon", Policy::horizon}},
-                   "hold the last command, stop in some way after a timeout, or follow plans");
+  KeyTable<Actuator> t{std::string(kPrefix)};
+  std::vector<std::string> names;
+  for (const ActuatorPolicy& policy : actuator_policies()) names.push_back(policy.name);
+  t.one_of("policy", &Actuator::policy, names,
+           "hold the last command, stop in some way after a timeout, or follow plans");
   t.number("timeout_s", &Actuator::timeout_s, kPositive,
-           "policy = zero, ramp, decay, horizon: stop when no new twist came for this long");
-  t.number("decay_s", &Actuator::decay_s, kPositive, "policy = decay: time constant of the stop");
+           policies_that([](const ActuatorPolicy& p) { return p.after_timeout != nullptr; }) +
+               ": stop when no new twist came for this long");
+  t.number("decay_s", &Actuator::decay_s, kPositive,
+           policies_with("decay_s") + ": time constant of the stop");
   t.number("deceleration_mps2", &Actuator::deceleration_mps2, kPositive,
-           "policy = ramp, horizon: of the stop after the timeout or the horizon");
-  t.number("yaw_deceleration_radps2", &Actuator::yaw_deceleration_radps2, kPositive,
-           "policy = ramp, horizon: of the stop after the timeout or the horizon");
+           policies_with("deceleration_mps2") + ": of the stop after the timeout or the horizon");
+  t.number(
+      "yaw_deceleration_radps2", &Actuator::yaw_deceleration_radps2, kPositive,
+      policies_with("yaw_deceleration_radps2") + ": of the stop after the timeout or the horizon");
+  for (const ActuatorPolicy& policy : actuator_policies()) t.append(policy.own_keys);
   return {.defaults = Actuator{}, .keys = t.take(), .left_out = left_out};
 }
 

@@ -1,12 +1,14 @@
 #include "controller/laws/controller_settings.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "common/base/errors.hpp"
 #include "common/scenario/key_table.hpp"
+#include "common/vehicle/actuator_policy.hpp"
 #include "common/vehicle/actuator_settings.hpp"
 #include "controller/laws/law.hpp"
 
@@ -84,16 +86,24 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
                      [&](const LawKind& other) { return uses(other, part); });
 }
 
+std::string policies_for_plans() {
+  std::vector<std::string> names;
+  for (const ActuatorPolicy& policy : actuator_policies()) {
+    if (policy.takes_plans) names.push_back(fmt::format("\"{}\"", policy.name));
+  }
+  return fmt::format("{}", fmt::join(names, " or "));
+}
+
 void check(const Scenario& scenario, const std::string& file) {
   const auto& controller = scenario.get<Controller>();
   const LawKind& law = kind_of(controller);
   if (law.check != nullptr) law.check(controller, file);
   if (!law.sends_plans) return;
-  if (scenario.get<ActuatorSettings>().policy != ActuatorSettings::Policy::horizon) {
+  if (!kind_of(scenario.get<ActuatorSettings>()).takes_plans) {
     throw UsageError(
         fmt::format("{}: controller.law is one that sends plans, which the vehicle follows with "
-                    "actuator.policy = \"horizon\" only",
-                    file));
+                    "actuator.policy = {} only",
+                    file, policies_for_plans()));
   }
   if (controller.horizon_s * 1e3 < controller.plan_step_ms) {
     throw UsageError(

@@ -118,7 +118,7 @@ TEST_F(CanBridgeNodeTest, FollowsCommandsOnceArmed) {
 }
 
 TEST_F(CanBridgeNodeTest, TellsEveryCycleWhichPlanItFollows) {
-  scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::horizon;
+  scenario.get<ActuatorSettings>().policy = "horizon";
   std::vector<Seen<plan_in_force_t>> plans;
   world.collect("CAN/PLAN", plans);
   start();

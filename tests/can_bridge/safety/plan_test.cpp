@@ -20,7 +20,7 @@ struct SafetyPlan : testing::SafetyRig {
 
   SafetyPlan() {
     SafetyCore::Config with_plans = config();
-    with_plans.actuator.policy = ActuatorSettings::Policy::horizon;
+    with_plans.actuator.policy = "horizon";
     core = SafetyCore(with_plans);
     cycle();
   }

@@ -6,20 +6,21 @@
 #include <map>
 #include <string>
 
-#include "common/vehicle/actuator_settings.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator_policy.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/support/table_rows.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
 namespace {
 
-using Policy = ActuatorSettings::Policy;
 using testing::at_ms;
 using testing::at_s;
 using testing::plan;
 constexpr Duration kTick{1};
 
-ActuatorSettings config(Policy policy) {
+ActuatorSettings config(const std::string& policy) {
   ActuatorSettings config;
   config.policy = policy;
   config.timeout_s = 0.5;
@@ -29,14 +30,14 @@ ActuatorSettings config(Policy policy) {
   return config;
 }
 
-Actuator actuator(Policy policy) { return Actuator(config(policy), {}, {}); }
+Actuator actuator(const std::string& policy) { return Actuator(config(policy), {}, {}); }
 
 void expect_twist(const Twist& twist, double v_mps, double omega_radps) {
   EXPECT_NEAR(twist.v_mps, v_mps, 1e-12);
   EXPECT_NEAR(twist.omega_radps, omega_radps, 1e-12);
 }
 
-class EachPolicy : public ::testing::TestWithParam<Policy> {};
+class EachPolicy : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(EachPolicy, StandsStillBeforeTheFirstCommand) {
   for (const double t_s : {-10.0, 0.0, 3.0}) {
@@ -61,7 +62,7 @@ TEST_P(EachPolicy, ANewCommandRestartsTheTimeout) {
 TEST_P(EachPolicy, StandsStillLongAfterTheLastCommandUnlessItHoldsIt) {
   Actuator a = actuator(GetParam());
   a.on_command(at_s(1), {1.0, -0.2});
-  const bool holds = GetParam() == Policy::hold;
+  const bool holds = GetParam() == "hold";
   const Twist twist = a.in_force(at_s(1e6));
   EXPECT_EQ(twist.v_mps, holds ? 1.0 : 0.0);
   EXPECT_EQ(twist.omega_radps, holds ? -0.2 : 0.0);
@@ -69,7 +70,7 @@ TEST_P(EachPolicy, StandsStillLongAfterTheLastCommandUnlessItHoldsIt) {
 
 TEST_P(EachPolicy, OnlyHorizonTakesPlansAndTheOthersCountThem) {
   Actuator a = actuator(GetParam());
-  const bool horizon = GetParam() == Policy::horizon;
+  const bool horizon = GetParam() == "horizon";
   EXPECT_EQ(a.takes_plans(), horizon);
   CounterList none;
   a.list(none);
@@ -82,23 +83,32 @@ TEST_P(EachPolicy, OnlyHorizonTakesPlansAndTheOthersCountThem) {
   EXPECT_EQ(counters.at(horizon ? "plan.accepted" : "plan.unasked"), 1);
 }
 
-std::string policy_name(const ::testing::TestParamInfo<Policy>& info) {
-  constexpr const char* kNames[] = {"hold", "zero", "ramp", "decay", "horizon"};
-  return kNames[static_cast<int>(info.param)];
-}
 INSTANTIATE_TEST_SUITE_P(Actuator, EachPolicy,
-                         ::testing::Values(Policy::hold, Policy::zero, Policy::ramp, Policy::decay,
-                                           Policy::horizon),
-                         policy_name);
+                         ::testing::ValuesIn(testing::names_of(actuator_policies())),
+                         [](const auto& info) { return info.param; });
+
+TEST(ActuatorPolicyTable, HasARowForEachPolicyThatOurSourcesDefineOnce) {
+  testing::expect_has_all_rows(actuator_policies(), "common/vehicle", "ActuatorPolicy", "_policy");
+}
+
+TEST(ActuatorPolicyTable, EachPolicyIsInForceByItsNameInAScenario) {
+  for (const ActuatorPolicy& policy : actuator_policies()) {
+    SCOPED_TRACE(policy.name);
+    const Scenario scenario = parse_scenario("", "", {"actuator.policy=" + policy.name});
+    const auto& settings = scenario.get<ActuatorSettings>();
+    EXPECT_EQ(&kind_of(settings), &policy);
+    EXPECT_EQ(Actuator(settings, {}, {}).takes_plans(), policy.takes_plans);
+  }
+}
 
 TEST(ActuatorZero, StopsExactlyAtTheTimeout) {
-  Actuator a = actuator(Policy::zero);
+  Actuator a = actuator("zero");
   a.on_command(at_s(1), {1.0, 0.2});
   expect_twist(a.in_force(at_s(1.5)), 0.0, 0.0);
 }
 
 TEST(ActuatorRamp, ShrinksBothLinearlyFromTheTimeoutOn) {
-  Actuator a = actuator(Policy::ramp);
+  Actuator a = actuator("ramp");
   a.on_command(at_s(1), {1.0, 0.2});  // 1 m/s at 2 m/s²: 0.5 s
   expect_twist(a.in_force(at_s(1.5)), 1.0, 0.2);
   expect_twist(a.in_force(at_s(1.75)), 0.5, 0.1);
@@ -107,7 +117,7 @@ TEST(ActuatorRamp, ShrinksBothLinearlyFromTheTimeoutOn) {
 }
 
 TEST(ActuatorDecay, HalvesEveryLn2TimeConstantsAndEndsAtZero) {
-  Actuator a = actuator(Policy::decay);
+  Actuator a = actuator("decay");
   a.on_command(at_s(1), {1.0, 0.2});
   expect_twist(a.in_force(at_s(1.5)), 1.0, 0.2);
   const Twist half = a.in_force(at_s(1.5 + 0.25 * std::log(2.0)));
@@ -120,7 +130,7 @@ TEST(ActuatorDecay, HalvesEveryLn2TimeConstantsAndEndsAtZero) {
 }
 
 TEST(ActuatorDecay, AnAbsurdCommandDecaysFromWhatTheWheelsCanTurn) {
-  Actuator a = actuator(Policy::decay);
+  Actuator a = actuator("decay");
   a.on_command(at_s(1), {9e8, 0.0});
   EXPECT_NEAR(a.in_force(at_s(1.5)).v_mps, 10.0, 1e-9);
 }
@@ -152,7 +162,7 @@ TEST(StopRamp, BeginsWithWhatTheWheelsCanTurn) {
 }
 
 TEST(ActuatorHorizon, ExecutesThePlanByTimeAndThenRampsToAStop) {
-  Actuator a = actuator(Policy::horizon);
+  Actuator a = actuator("horizon");
   Plan p = plan(at_s(1), 0);
   for (std::size_t k = 0; k < p.twists.size(); ++k) p.twists[k] = {0.1 * (1.0 + double(k)), 0.0};
   ASSERT_TRUE(a.on_plan(at_s(1), PlanSource::network, p));
@@ -168,7 +178,7 @@ TEST(ActuatorHorizon, ExecutesThePlanByTimeAndThenRampsToAStop) {
 }
 
 TEST(ActuatorHorizon, ATwistEndsAllPlansAndAPlanEndsIt) {
-  Actuator a = actuator(Policy::horizon);
+  Actuator a = actuator("horizon");
   ASSERT_TRUE(a.on_plan(at_s(1), PlanSource::network, plan(at_s(1), 0)));
   ASSERT_TRUE(a.on_plan(at_s(1), PlanSource::network, plan(at_s(1.8), 1)));
   a.on_command(at_s(1.2), {-0.5, 0.0});
@@ -182,7 +192,7 @@ TEST(ActuatorHorizon, ATwistEndsAllPlansAndAPlanEndsIt) {
 }
 
 TEST(ActuatorHorizon, ATwistGoesOnUntilAWaitingPlanTakesOver) {
-  Actuator a = actuator(Policy::horizon);
+  Actuator a = actuator("horizon");
   a.on_command(at_s(1), {0.5, 0.0});
   ASSERT_TRUE(a.on_plan(at_s(1.1), PlanSource::network, plan(at_s(1.3), 0)));
   expect_twist(a.in_force(at_s(1.3) - kTick), 0.5, 0.0);
@@ -190,7 +200,7 @@ TEST(ActuatorHorizon, ATwistGoesOnUntilAWaitingPlanTakesOver) {
 }
 
 TEST(ActuatorHorizon, APlanIsFreshUntilItsHorizonEnds) {
-  Actuator a = actuator(Policy::horizon);
+  Actuator a = actuator("horizon");
   EXPECT_EQ(a.plan_age(at_s(1)), std::nullopt);
   ASSERT_TRUE(a.on_plan(at_s(1), PlanSource::network, plan(at_s(2), 0)));
   EXPECT_EQ(a.plan_age(at_s(1)), Duration{0}) << "the first plan: standing still is what it says";

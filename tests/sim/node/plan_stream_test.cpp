@@ -25,7 +25,6 @@
 namespace tether {
 namespace {
 
-using Policy = ActuatorSettings::Policy;
 using std::chrono::milliseconds;
 using testing::plan;
 
@@ -143,10 +142,13 @@ constexpr auto kOde = VehicleSettings::Plant::ode;
 
 struct Case {
   VehicleSettings::Plant plant;
-  Policy policy;
+  const char* policy;
   int seeds;
   int seconds;
 };
+void PrintTo(const Case& c, std::ostream* out) {
+  *out << (c.plant == kOde ? "ode " : "kinematic ") << c.policy;
+}
 
 class RandomStreams : public ::testing::TestWithParam<Case> {
  protected:
@@ -175,7 +177,7 @@ class RandomStreams : public ::testing::TestWithParam<Case> {
       check_motion(*vehicle, scenario.get<VehicleSettings>());
       if (HasFatalFailure()) return;
     }
-    if (GetParam().policy == Policy::horizon) check_balance(actuator);
+    if (GetParam().policy == std::string("horizon")) check_balance(actuator);
   }
 
  private:
@@ -247,13 +249,11 @@ TEST_P(RandomStreams, LeaveTheMotionWithinTheVehiclesLimits) {
   for (const auto& [name, count] : seen_) EXPECT_GT(count, 0) << name;
 }
 
-INSTANTIATE_TEST_SUITE_P(Plans, RandomStreams,
-                         ::testing::Values(Case{kKinematic, Policy::horizon, 60, 20},
-                                           Case{kKinematic, Policy::hold, 5, 20},
-                                           Case{kKinematic, Policy::zero, 5, 20},
-                                           Case{kKinematic, Policy::ramp, 5, 20},
-                                           Case{kKinematic, Policy::decay, 5, 20},
-                                           Case{kOde, Policy::horizon, 10, 10}));
+INSTANTIATE_TEST_SUITE_P(
+    Plans, RandomStreams,
+    ::testing::Values(Case{kKinematic, "horizon", 60, 20}, Case{kKinematic, "hold", 5, 20},
+                      Case{kKinematic, "zero", 5, 20}, Case{kKinematic, "ramp", 5, 20},
+                      Case{kKinematic, "decay", 5, 20}, Case{kOde, "horizon", 10, 10}));
 
 }  // namespace
 }  // namespace tether

@@ -191,7 +191,7 @@ TEST_F(SimNodeTest, HoldKeepsDrivingWhenCommandsCease) {
 }
 
 TEST_F(SimNodeTest, ZeroPolicyBrakesAtTheTimeout) {
-  scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::zero;
+  scenario.get<ActuatorSettings>().policy = "zero";
   scenario.get<ActuatorSettings>().timeout_s = 0.5;
   start();
   command_at(0.0, 0, 0.3, 0.0);
@@ -236,7 +236,7 @@ TEST_F(SimNodeTest, StaleCommandsNeverReachTheWheels) {
 }
 
 TEST_F(SimNodeTest, RejectedCommandsDoNotRefreshTheTimeout) {
-  scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::zero;
+  scenario.get<ActuatorSettings>().policy = "zero";
   scenario.get<ActuatorSettings>().timeout_s = 0.5;
   start();
   command_at(1.0, 0, 0.3, 0.0);

@@ -41,7 +41,7 @@ class SimPlan : public ::testing::TestWithParam<VehicleSettings::Plant> {
   std::unique_ptr<SimNode> node;
 
   void start() {
-    scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::horizon;
+    scenario.get<ActuatorSettings>().policy = "horizon";
     scenario.get<VehicleSettings>().plant = GetParam();
     world.collect("AGV/POSE", poses);
     world.collect("SIM/COUNTERS", counters);

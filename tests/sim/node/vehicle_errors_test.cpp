@@ -108,7 +108,7 @@ class VehicleClock : public ::testing::TestWithParam<double> {
   VehicleClock() {
     scenario.get<VehicleSettings>().plant = VehicleSettings::Plant::kinematic;
     scenario.get<VehicleSettings>().clock_offset_ms = GetParam();
-    scenario.get<ActuatorSettings>().policy = ActuatorSettings::Policy::horizon;
+    scenario.get<ActuatorSettings>().policy = "horizon";
     scenario.get<SensorSettings>().rate_hz = 10.0;
     world.collect("AGV/POSE", poses);
     node = std::make_unique<SimNode>(scenario, world.loop, world.bus);
