@@ -1,8 +1,5 @@
 #include "netem/check/link_expectation.hpp"
 
-#include <fmt/format.h>
-
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <numbers>
@@ -10,12 +7,10 @@
 
 #include "common/base/errors.hpp"
 #include "netem/link/delay_law.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/models/kinds.hpp"
 
 namespace tether {
 namespace {
-
-using Model = LinkConfig::Model;
 
 /// P[x(z) <= value_s] for a standard normal z, where x never decreases.
 double share_up_to(const DelayLaw& law, double value_s) {
@@ -60,57 +55,6 @@ class DelayMaker {
   double skipping_ = 0.0;  // share of the packets
 };
 
-ChannelExpectation expect_chain(const ChainConfig& chain, const DelayMaker& delay,
-                                double interval_s) {
-  std::vector<ExpectedState> states;
-  for (std::size_t i = 0; i < chain.prr.size(); ++i) {
-    states.push_back({fmt::format("state {}", i), chain.prr[i],
-                      delay.of_state(chain.delay_ms.empty() ? 0.0 : chain.delay_ms[i])});
-  }
-  if (!chain.rates_per_s.empty()) {
-    return ChannelExpectation::process(chain.rates_per_s, interval_s, std::move(states));
-  }
-  if (chain.step_s == 0.0) return ChannelExpectation::chain(chain.probabilities, std::move(states));
-  return ChannelExpectation::stepped(chain.probabilities, chain.step_s, interval_s,
-                                     std::move(states));
-}
-
-std::optional<ChannelExpectation> expect_model(const LinkConfig& link, const DelayMaker& delay,
-                                               double interval_s) {
-  const DelayCdf fixed_delay = delay.of_state(link.fixed.delay_ms);
-  switch (link.model) {
-    case Model::fixed:
-      return ChannelExpectation::independent(link.fixed.prr, fixed_delay);
-    case Model::markov:
-      return ChannelExpectation::markov(link.mean_good_s, link.mean_bad_s, interval_s,
-                                        {"good", link.good.prr, delay.of_state(link.good.delay_ms)},
-                                        {"bad", link.bad.prr, delay.of_state(link.bad.delay_ms)});
-    case Model::gilbert_elliott: {
-      const GilbertElliottConfig& c = link.gilbert_elliott;
-      return ChannelExpectation::gilbert_elliott(
-          {c.p.value(), c.r.value(), c.one_minus_h, c.one_minus_k}, fixed_delay, fixed_delay);
-    }
-    case Model::four_state: {
-      const FourStateConfig& c = link.four_state;
-      const double p13 = c.p13.value();
-      return ChannelExpectation::four_state({p13, c.p31.value_or(1.0 - p13), c.p32, c.p23, c.p14},
-                                            fixed_delay);
-    }
-    case Model::chain:
-      return expect_chain(link.chain, delay, interval_s);
-    case Model::trace:
-    case Model::map:
-      return std::nullopt;
-  }
-  return std::nullopt;
-}
-
-bool moves_in_time(const LinkConfig& link) {
-  return link.model == Model::markov ||
-         (link.model == Model::chain &&
-          (!link.chain.rates_per_s.empty() || link.chain.step_s > 0.0));
-}
-
 double service_s(const LinkConfig& link, const LinkTraffic& traffic) {
   if (link.rate.bits_per_s <= 0.0) return 0.0;
   const double bytes = traffic.packet_bytes + static_cast<double>(link.rate.overhead_bytes);
@@ -136,33 +80,36 @@ std::string why_delays_are_open(const LinkConfig& link, const ChannelExpectation
   return "";
 }
 
+/// The model's, and what the stages do to it.
+ChannelExpectation expect_channel(const LinkConfig& link, ChannelExpectation channel) {
+  channel.lose_independently(link.loss);
+  const double c = std::abs(link.jitter.correlation);
+  if (link.jitter.law != JitterConfig::Law::none) channel.add_delay_vif(2.0 * c / (1.0 - c));
+  return channel;
+}
+
 }  // namespace
 
 LinkExpectation expect_link(const LinkConfig& link, const std::vector<double>& delay_table_ms,
                             const LinkTraffic& traffic) {
   LinkExpectation e;
-  const DelayMaker delay(link, delay_table_ms, service_s(link, traffic));
-  if (link.model == Model::trace || link.model == Model::map) {
-    e.no_losses = e.no_delays =
-        link.model == Model::trace ? "the recording decides" : "where the vehicle is decides";
+  const ChannelModelKind& kind = kind_of(link);
+  if (kind.expect == nullptr) {
+    e.no_losses = e.no_delays = kind.why_open;
     return e;
   }
+  const DelayMaker delay(link, delay_table_ms, service_s(link, traffic));
+  const ExpectedPackets packets{traffic.interval_s,
+                                [&delay](double delay_ms) { return delay.of_state(delay_ms); }};
   try {
-    e.channel = expect_model(link, delay, traffic.interval_s);
+    e.channel = expect_channel(link, kind.expect(link, packets));
   } catch (const UsageError&) {
     e.no_losses = e.no_delays = "packets always come in the same phase of the chain";
     return e;
   }
-  e.moves_in_time = moves_in_time(link);
-  e.channel->lose_independently(link.loss);
-  const double c = std::abs(link.jitter.correlation);
-  if (link.jitter.law != JitterConfig::Law::none) e.channel->add_delay_vif(2.0 * c / (1.0 - c));
+  e.moves_in_time = kind.moves(link) == ChannelModelKind::Moves::in_time;
   e.no_delays = why_delays_are_open(link, *e.channel, traffic);
-  // Gilbert and Elliott's and the four states' begin in the first, whether they return to it or
-  // not.
-  const bool begins_in_first =
-      link.model == Model::gilbert_elliott || link.model == Model::four_state;
-  if (begins_in_first && !(e.channel->stationary()[0] > 0.0)) {
+  if (kind.begins_in_first && !(e.channel->stationary()[0] > 0.0)) {
     e.no_losses = "the state in which the model begins is left for good";
   }
   if (!traffic.selected_because.empty()) e.no_losses = e.no_delays = traffic.selected_because;

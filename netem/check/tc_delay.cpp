@@ -1,17 +1,16 @@
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
 
 #include "netem/check/tc_export.hpp"
+#include "netem/models/kinds.hpp"
 
 namespace tether {
 namespace {
 
 using Law = JitterConfig::Law;
-using Model = LinkConfig::Model;
 
 // iproute2's tables: value = T + J·entry/8192, 4096 entries, drawn uniformly. Pareto: entry/8192 =
 // (4/3)(Y − 1.5), P[Y > y] = y^−3, cut at 4; measured on Debian 12's pareto.dist: mean −0.0335,
@@ -20,30 +19,6 @@ using Model = LinkConfig::Model;
 constexpr double kParetoSd = 1.1547005383792515;       // 2/√3
 constexpr double kParetonormalSd = 1.051771923566881;  // of 0.25 Z + (Y − 1.5)
 constexpr double kMostJitter_ms = 2147.483647;         // the kernel cuts J there
-
-/// The delay that the model adds in all states; nullopt if it differs.
-std::optional<double> only_delay_ms(const LinkConfig& link) {
-  switch (link.model) {
-    case Model::fixed:
-    case Model::gilbert_elliott:
-    case Model::four_state:
-      return link.fixed.delay_ms;
-    case Model::markov:
-      if (link.good.delay_ms == link.bad.delay_ms) return link.good.delay_ms;
-      return std::nullopt;
-    case Model::chain: {
-      const auto& delays = link.chain.delay_ms;
-      if (delays.empty()) return 0.0;
-      const auto [least, most] = std::minmax_element(delays.begin(), delays.end());
-      if (*least == *most) return *least;
-      return std::nullopt;
-    }
-    case Model::trace:
-    case Model::map:
-      return std::nullopt;
-  }
-  return std::nullopt;
-}
 
 /// A jitter law as tc has it.
 struct TcJitter {
@@ -181,9 +156,9 @@ void export_order(const LinkConfig& link, bool varies, TcExport& out) {
 }  // namespace
 
 void export_tc_timing(const LinkConfig& link, const TcSender& sender, TcExport& out) {
-  const std::optional<double> state_ms = only_delay_ms(link);
-  const bool unknown = link.model == Model::trace || link.model == Model::map;
-  if (!state_ms && !unknown) {
+  const auto only_delay_ms = kind_of(link).only_delay_ms;
+  const auto state_ms = only_delay_ms != nullptr ? only_delay_ms(link) : std::optional(0.0);
+  if (!state_ms) {
     out.notes.emplace_back(
         "delays that depend on the state have no equivalent: the states' delays are left out");
   }

@@ -102,6 +102,15 @@ std::vector<ChannelSetting> channel_settings(const ChannelSettings& channel) {
   return differences(channel, {});
 }
 
+std::vector<std::string> channel_files(const ChannelSettings& channel) {
+  Scenario scenario = scenario_of(channel);
+  std::vector<std::string> files;
+  for (const ScenarioKey& key : scenario.schema().keys_of(scenario)) {
+    if (key.file && !key.file(scenario).empty()) files.push_back(key.file(scenario));
+  }
+  return files;
+}
+
 void check_changes(const ChannelSettings& channel, const std::string& file) {
   ChannelSettings in_force = channel;
   double earliest_s = -std::numeric_limits<double>::infinity();

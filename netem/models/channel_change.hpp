@@ -46,6 +46,9 @@ std::string setting_in_folder(const std::string& setting, const std::filesystem:
 /// links by name.
 std::vector<ChannelSetting> channel_settings(const ChannelSettings& channel);
 
+/// The files that the channel's keys name.
+std::vector<std::string> channel_files(const ChannelSettings& channel);
+
 /// Checks each of channel.change against the settings in force by then. Throws UsageError.
 void check_changes(const ChannelSettings& channel, const std::string& file);
 

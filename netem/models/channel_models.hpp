@@ -9,27 +9,17 @@
 #include "netem/link/channel_process.hpp"
 #include "netem/link/link_stages.hpp"
 #include "netem/models/channel_settings.hpp"
-#include "netem/models/markov_chain.hpp"
-#include "netem/models/state_process.hpp"
 
 namespace tether {
 
-/// What decides one link's conditions.
-struct LinkModel {
-  /// What moves in time, whichever link it serves; null for other models.
-  std::shared_ptr<StateProcess> markov;
-  std::shared_ptr<ChainClock> chain;
-  std::shared_ptr<ChannelProcess> process;
-};
-
-/// Of some of a channel's links. With channel.shared_state up- and downlink have the same clock, or
-/// the same process where it is a trace or a map.
+/// What decides the conditions of some of a channel's links. With channel.shared_state up- and
+/// downlink have the same clock, or the same process where it is a trace or a map.
 struct ChannelModels {
-  LinkModel uplink;  ///< of these two both or none
-  LinkModel downlink;
-  std::map<std::string, LinkModel> links;  ///< of [channel.links]
+  std::shared_ptr<ChannelProcess> uplink;  ///< of these two both or none
+  std::shared_ptr<ChannelProcess> downlink;
+  std::map<std::string, std::shared_ptr<ChannelProcess>> links;  ///< of [channel.links]
 
-  const LinkModel& of(const std::string& name) const;
+  const std::shared_ptr<ChannelProcess>& of(const std::string& name) const;
 };
 
 /// Where a channel is when its settings change.

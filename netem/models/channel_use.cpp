@@ -8,6 +8,7 @@
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
 #include "common/scenario/loader.hpp"
+#include "netem/models/kinds.hpp"
 
 namespace tether {
 namespace {
@@ -43,11 +44,8 @@ void ChannelUse::check(const std::string& setting) const {
 void ChannelUse::check_models(const ChannelSettings& channel) const {
   if (!by_rules) return;
   for (const std::string& name : links) {
-    if (link_config(channel, name).model != LinkConfig::Model::map) continue;
-    throw UsageError(
-        fmt::format("link \"{}\" has model = \"map\", which needs to know where the "
-                    "vehicle is; rules decode nothing",
-                    name));
+    const std::string why = why_not_by_rules(name, link_config(channel, name));
+    if (!why.empty()) throw UsageError(why);
   }
 }
 
@@ -67,6 +65,14 @@ void check_overrides(const ChannelUse& use, const std::vector<std::string>& over
       throw UsageError(std::string("--set ") + error.what());
     }
   }
+}
+
+std::string why_not_by_rules(const std::string& name, const LinkConfig& link) {
+  if (!kind_of(link).needs_position) return "";
+  return fmt::format(
+      "link \"{}\" has model = \"{}\", which needs to know where the vehicle is; "
+      "rules decode nothing",
+      name, link.model);
 }
 
 std::string link_key(const std::string& name) {

@@ -34,6 +34,9 @@ void check_overrides(const ChannelUse& use, const std::vector<std::string>& over
 /// The vehicle's two.
 inline const ChannelUse kVehicleLinks{{"uplink", "downlink"}};
 
+/// Why a link cannot be used by rules: its model needs to know where the vehicle is; "" if it can.
+std::string why_not_by_rules(const std::string& name, const LinkConfig& link);
+
 /// What a link's keys begin with: "channel.uplink." or "channel.links.sat.".
 std::string link_key(const std::string& name);
 

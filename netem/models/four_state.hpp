@@ -1,7 +1,10 @@
 #pragma once
 
+#include <optional>
+
 #include "common/base/random.hpp"
 #include "netem/link/channel_process.hpp"
+#include "netem/statistics/channel_expectation.hpp"
 
 namespace tether {
 
@@ -21,6 +24,20 @@ struct FourState {
   double p23 = 1.0;
   double p14 = 0.0;
 };
+
+/// As a link gives it.
+struct FourStateConfig {
+  std::optional<double> p13;  ///< must be given
+  std::optional<double> p31;  ///< 1 − p13 if not given
+  double p32 = 0.0;
+  double p23 = 1.0;
+  double p14 = 0.0;
+
+  bool operator==(const FourStateConfig&) const = default;
+};
+
+/// What packets show of it.
+ChannelExpectation expect_four_state(const FourState& model, DelayCdf delay = constant_delay(0.0));
 
 /// One draw per packet from `random`. state(): 0 … 3 for the model's 1 … 4.
 class FourStateProcess final : public ChannelProcess {

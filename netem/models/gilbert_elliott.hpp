@@ -1,7 +1,11 @@
 #pragma once
 
+#include <optional>
+#include <string>
+
 #include "common/base/random.hpp"
 #include "netem/link/channel_process.hpp"
+#include "netem/statistics/channel_expectation.hpp"
 
 namespace tether {
 
@@ -20,6 +24,18 @@ struct GilbertElliott {
   double one_minus_k = 0.0;
 };
 
+/// A link with this model gives p and r, or prr and mean_burst.
+struct GilbertElliottConfig {
+  std::optional<double> p;           ///< good → bad, per packet
+  std::optional<double> r;           ///< bad → good, per packet
+  double one_minus_h = 1.0;          ///< loss probability in the bad state
+  double one_minus_k = 0.0;          ///< loss probability in the good state
+  std::optional<double> prr;         ///< instead: reception ratio and …
+  std::optional<double> mean_burst;  ///< … mean length of loss bursts, packets
+
+  bool operator==(const GilbertElliottConfig&) const = default;
+};
+
 /// The chain with e_B = 1, e_G = 0 that has this reception ratio (0 < prr < 1) and mean length of
 /// loss bursts L in packets: r = 1/L, p = (1−PRR)/(PRR·L). That needs
 /// mean_burst >= shortest_mean_burst(prr), where p = 1 or r = 1.
@@ -27,6 +43,14 @@ GilbertElliott gilbert_from_burst(double prr, double mean_burst);
 
 /// max(1, (1−PRR)/PRR).
 double shortest_mean_burst(double prr);
+
+/// What packets show of it.
+ChannelExpectation expect_gilbert_elliott(const GilbertElliott& model,
+                                          DelayCdf good_delay = constant_delay(0.0),
+                                          DelayCdf bad_delay = constant_delay(0.0));
+
+/// ` loss gemodel p r 1-h 1-k` of tc-netem(8), with an independent loss behind it.
+std::string tc_gemodel(const GilbertElliott& model, double more_loss);
 
 /// One draw per packet from `random`; the link draws the loss from its own stream.
 /// state(): 0 good, 1 bad.

@@ -12,7 +12,4 @@ namespace tether {
 std::vector<ScenarioKey> link_keys(const std::string& prefix,
                                    const ScenarioField<LinkConfig>& link);
 
-/// Those under "<prefix>trace." and "<prefix>map.".
-void add_trace_and_map_keys(KeyTable<LinkConfig>& t);
-
 }  // namespace tether

@@ -8,8 +8,62 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "netem/models/kinds.hpp"
 
 namespace tether {
+namespace {
+
+constexpr Range kPosition{-1e6, 1e6, false};  // m, dB, ms
+
+std::vector<ScenarioKey> keys(const LinkField& field) {
+  auto t = field.keys_of<MapConfig>("map");
+  t.file("file", &MapConfig::file, "Esri ASCII raster of SNR in dB; or ...");
+  t.rows("access_points", &MapConfig::access_points, kPosition,
+         "... [[x_m, y_m], ...] or [[x_m, y_m, snr_1m_db], ...]");
+  t.number("snr_1m_db", &MapConfig::snr_1m_db, {-200.0, 300.0, false},
+           "access points: SNR at a distance of 1 m");
+  t.number("path_loss_exponent", &MapConfig::path_loss_exponent, {0.0, 10.0, false},
+           "access points: SNR falls by 10 times this per decade of distance");
+  t.number("handover_s", &MapConfig::handover_s, {0.0, 1e3, false},
+           "access points: nothing gets through for so long after a change");
+  t.number("shadowing_sd_db", &MapConfig::shadowing_sd_db, {0.0, 50.0, false},
+           "standard deviation of log-normal shadowing; 0 = none");
+  t.number("shadowing_distance_m", &MapConfig::shadowing_distance_m, {1e-3, 1e6, false},
+           "distance at which the shadowing's correlation is 1/e");
+  t.number("snr50_db", &MapConfig::snr50_db, {-200.0, 300.0, false},
+           "SNR at which half of the packets get through");
+  t.number("slope_db", &MapConfig::slope_db, {1e-3, 100.0, false},
+           "prr = 1/(1 + exp(-(snr - snr50_db)/slope_db))");
+  t.rows("prr_curve", &MapConfig::prr_curve, kPosition,
+         "instead of the two: [[snr_db, prr], ...], linear between");
+  t.number("delay_ms", &MapConfig::delay_ms, kDelayRange_ms, "delay everywhere");
+  t.rows("delay_curve", &MapConfig::delay_curve, kPosition,
+         "instead: [[snr_db, delay_ms], ...], linear between");
+  return t.take();
+}
+
+ProcessPtr make(const ProcessNeeds& needs) {
+  if (needs.shared) return needs.shared;
+  if (needs.same<MapConfig>()) return needs.present;
+  // What stands in the way does so for every link: the streams are not the link's.
+  ProcessPtr made =
+      make_map_process(needs.link.own.get<MapConfig>(), needs.prefix + "map.",
+                       [seed = needs.seed](std::string_view place) {
+                         return random_stream(seed, "shadowing/" + std::string(place));
+                       });
+  const auto old = needs.present_as<MapProcess>();
+  if (const auto where = old ? old->position() : std::nullopt) {
+    made->on_position(where->x_m, where->y_m, needs.now);
+  }
+  return made;
+}
+
+void export_loss(const LinkConfig& link, const TcSender&, TcExport& out) {
+  out.notes.emplace_back("model = \"map\" has no equivalent: netem knows no position");
+  out.command += tc_random_loss(link.loss);
+}
+
+}  // namespace
 
 MapProcess::MapProcess(const MapConfig& config, std::optional<PositionMap> grid,
                        const std::string& key_prefix, const ShadowingStreams& shadowing)
@@ -107,6 +161,16 @@ std::shared_ptr<ChannelProcess> make_map_process(const MapConfig& config,
     throw UsageError(fmt::format("{}file: {}", key_prefix, error.what()));
   }
   return std::make_shared<MapProcess>(config, std::move(grid), key_prefix, shadowing);
+}
+
+ChannelModelKind map_model() {
+  ChannelModelKind kind{.name = "map", .needs_position = true, .keys = keys};
+  kind.not_shared = same_settings<MapConfig>;
+  kind.moves = [](const LinkConfig&) { return ChannelModelKind::Moves::in_time; };
+  kind.make = make;
+  kind.why_open = "where the vehicle is decides";
+  kind.export_loss = export_loss;
+  return kind;
 }
 
 }  // namespace tether

@@ -1,24 +1,16 @@
 #pragma once
 
 #include <memory>
-#include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/random.hpp"
 #include "common/base/time.hpp"
 #include "netem/link/channel_process.hpp"
-#include "netem/link/link_config.hpp"
+#include "netem/statistics/stationary.hpp"
 
 namespace tether {
-
-using Matrix = std::vector<std::vector<double>>;
-
-/// Long-run share of time (or steps) in each state, from rates or probabilities of going from row
-/// to column; the diagonal is not looked at. nullopt if it depends on where the chain begins: there
-/// is more than one set of states that is never left. Subtraction-free elimination, so that small
-/// probabilities keep their relative accuracy (Grassmann, Taksar, Heyman, Operations Research
-/// 33(5), 1985).
-std::optional<std::vector<double>> stationary_distribution(const Matrix& moves);
 
 /// A chain of N states that moves by itself in time. Its state at time t is a function of the seed
 /// and of t only. Begins at t = 0 in a state drawn from the stationary distribution.
@@ -66,6 +58,7 @@ class ChainProcess final : public ChannelProcess {
   }
   int state() const override { return clock_->state(); }
   Instant next_transition() const override { return clock_->next_transition(); }
+  const std::shared_ptr<ChainClock>& clock() const { return clock_; }
 
  private:
   std::shared_ptr<ChainClock> clock_;

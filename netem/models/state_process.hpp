@@ -68,6 +68,7 @@ class MarkovProcess final : public ChannelProcess {
   }
   int state() const override { return clock_->state(); }
   Instant next_transition() const override { return clock_->next_transition(); }
+  const std::shared_ptr<StateProcess>& clock() const { return clock_; }
 
  private:
   std::shared_ptr<StateProcess> clock_;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "netem/models/kinds.hpp"
 
 namespace tether {
 namespace {
@@ -20,6 +21,32 @@ Duration start_in_trace(const Trace& trace, const TraceConfig& config,
                                  key_prefix, *config.start_s, trace.first_s));
   }
   return from_seconds(since_first_s);
+}
+
+std::vector<ScenarioKey> keys(const LinkField& field) {
+  using Interpolation = TraceConfig::Interpolation;
+  using AtEnd = TraceConfig::AtEnd;
+  auto t = field.keys_of<TraceConfig>("trace");
+  t.file("file", &TraceConfig::file, "CSV of recorded conditions: time_s, delay_ms, prr or lost");
+  t.choice<Interpolation>("interpolation", &TraceConfig::interpolation,
+                          {{"step", Interpolation::step}, {"linear", Interpolation::linear}},
+                          "between rows");
+  t.choice<AtEnd>("at_end", &TraceConfig::at_end, {{"hold", AtEnd::hold}, {"loop", AtEnd::loop}},
+                  "after the last row");
+  t.optional_number("start_s", &TraceConfig::start_s, {-4e9, 4e9, false},
+                    "the trace's time at the run's start; its first row's if not given");
+  return t.take();
+}
+
+ProcessPtr make(const ProcessNeeds& needs) {
+  if (needs.shared) return needs.shared;
+  if (needs.same<TraceConfig>()) return needs.present;
+  return make_trace_process(needs.link.own.get<TraceConfig>(), needs.prefix + "trace.");
+}
+
+void export_loss(const LinkConfig& link, const TcSender&, TcExport& out) {
+  out.notes.emplace_back("model = \"trace\" has no equivalent: netem plays no recordings");
+  out.command += tc_random_loss(link.loss);
 }
 
 }  // namespace
@@ -94,6 +121,16 @@ std::shared_ptr<ChannelProcess> make_trace_process(const TraceConfig& config,
         fmt::format("{}file is needed: a CSV file of recorded conditions", key_prefix));
   }
   return std::make_shared<TraceProcess>(load_trace(config.file), config, key_prefix);
+}
+
+ChannelModelKind trace_model() {
+  ChannelModelKind kind{.name = "trace", .keys = keys};
+  kind.not_shared = same_settings<TraceConfig>;
+  kind.moves = [](const LinkConfig&) { return ChannelModelKind::Moves::in_time; };
+  kind.make = make;
+  kind.why_open = "the recording decides";
+  kind.export_loss = export_loss;
+  return kind;
 }
 
 }  // namespace tether

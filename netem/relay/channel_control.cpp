@@ -12,10 +12,10 @@ namespace tether {
 namespace {
 
 /// Requests come from the network: what is not a file, such as a pipe, might block the relay.
-void check_files(const LinkConfig& config) {
-  for (const std::string& file : {config.jitter.file, config.trace.file, config.map.file}) {
+void check_files(const ChannelSettings& channel) {
+  for (const std::string& file : channel_files(channel)) {
     std::error_code error;
-    if (file.empty() || !std::filesystem::exists(file, error)) continue;
+    if (!std::filesystem::exists(file, error)) continue;
     if (std::filesystem::is_regular_file(file, error)) continue;
     throw UsageError(fmt::format("{} is not a regular file", file));
   }
@@ -27,7 +27,7 @@ Link::Change prepare(const Link& link, const NetemSettings& before, const NetemS
   std::vector<double> table_ms;
   if (config.jitter != link_config(before.get<ChannelSettings>(), name).jitter)
     table_ms = load_delay_table(after, name);
-  return link.prepare(config, models.of(name).process, link_streams(before, name), table_ms);
+  return link.prepare(config, models.of(name), link_streams(before, name), table_ms);
 }
 
 }  // namespace
@@ -41,8 +41,7 @@ std::vector<ChannelSetting> ChannelControl::change(const std::vector<std::string
   for (const std::string& setting : settings) use_.check(setting);
   ChannelChange wanted = change_channel(in_force_.get<ChannelSettings>(), settings);
   use_.check_models(wanted.channel);
-  wanted.channel.for_each_link(
-      [](const std::string&, const LinkConfig& link) { check_files(link); });
+  check_files(wanted.channel);
   NetemSettings after = in_force_;
   after.get<ChannelSettings>() = std::move(wanted.channel);
   ChannelMoment moment{now, {}};

@@ -11,8 +11,7 @@ namespace {
 Link make_link(const NetemSettings& settings, const ChannelModels& models,
                const std::string& name) {
   const LinkConfig& config = link_config(settings.get<ChannelSettings>(), name);
-  return {config, models.of(name).process, link_streams(settings, name),
-          load_delay_table(settings, name)};
+  return {config, models.of(name), link_streams(settings, name), load_delay_table(settings, name)};
 }
 
 }  // namespace

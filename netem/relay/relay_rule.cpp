@@ -102,11 +102,8 @@ void check_link(const std::string& rule, const std::string& link, const NetemSet
                              "[channel.links.{}]",
                              link, fmt::join(names, ", "), link.empty() ? "NAME" : link));
   }
-  if (found->model == LinkConfig::Model::map) {
-    refuse(rule, fmt::format("link \"{}\" has model = \"map\", which needs to know where the "
-                             "vehicle is; rules decode nothing",
-                             link));
-  }
+  const std::string why = why_not_by_rules(link, *found);
+  if (!why.empty()) refuse(rule, why);
 }
 
 /// A channel that becomes itself would be heard, relayed, heard …

@@ -113,40 +113,18 @@ ChannelExpectation ChannelExpectation::independent(double prr, DelayCdf delay) {
   return chain({{1.0}}, {{"only", prr, std::move(delay)}});
 }
 
-ChannelExpectation ChannelExpectation::gilbert_elliott(const GilbertElliott& m, DelayCdf good_delay,
-                                                       DelayCdf bad_delay) {
-  const double p_bad_to_good = m.p == 0.0 && m.r == 0.0 ? 1.0 : m.r;  // begins, and stays, good
-  return chain({{1.0 - m.p, m.p}, {p_bad_to_good, 1.0 - p_bad_to_good}},
-               {{"good", 1.0 - m.one_minus_k, std::move(good_delay)},
-                {"bad", 1.0 - m.one_minus_h, std::move(bad_delay)}});
-}
-
-ChannelExpectation ChannelExpectation::four_state(const FourState& m, DelayCdf delay) {
-  return chain({{1.0 - m.p13 - m.p14, 0.0, m.p13, m.p14},
-                {0.0, 1.0 - m.p23, m.p23, 0.0},
-                {m.p31, m.p32, 1.0 - m.p31 - m.p32, 0.0},
-                {1.0, 0.0, 0.0, 0.0}},
-               {{"received in a gap", 1.0, delay},
-                {"received in a burst", 1.0, delay},
-                {"lost in a burst", 0.0, delay},
-                {"lost alone", 0.0, delay}});
-}
-
-ChannelExpectation ChannelExpectation::markov(double mean_good_s, double mean_bad_s,
-                                              double interval_s, ExpectedState good,
-                                              ExpectedState bad) {
-  const double p_bad = mean_bad_s / (mean_good_s + mean_bad_s);
-  const double a = -std::expm1(-interval_s * (1.0 / mean_good_s + 1.0 / mean_bad_s));
-  const double p = p_bad * a, r = (1.0 - p_bad) * a;
-  auto e = chain({{1.0 - p, p}, {r, 1.0 - r}}, {std::move(good), std::move(bad)});
-  e.sojourns_ = {mean_good_s, mean_bad_s};
-  e.unit_ = Unit::seconds;
-  return e;
-}
-
 ChannelExpectation ChannelExpectation::chain(const Matrix& transition,
                                              std::vector<ExpectedState> states) {
   return {transition, std::move(states), transition};
+}
+
+ChannelExpectation ChannelExpectation::in_time(const Matrix& transition,
+                                               std::vector<ExpectedState> states,
+                                               std::vector<double> mean_sojourns_s) {
+  ChannelExpectation e = chain(transition, std::move(states));
+  e.sojourns_ = std::move(mean_sojourns_s);
+  e.unit_ = Unit::seconds;
+  return e;
 }
 
 ChannelExpectation ChannelExpectation::process(const Matrix& rates, double interval_s,

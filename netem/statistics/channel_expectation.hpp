@@ -4,10 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "netem/models/four_state.hpp"
-#include "netem/models/gilbert_elliott.hpp"
-#include "netem/models/markov_chain.hpp"
 #include "netem/statistics/loss_record.hpp"
+#include "netem/statistics/stationary.hpp"
 
 namespace tether {
 
@@ -41,25 +39,13 @@ class ChannelExpectation {
   /// One state, no memory.
   static ChannelExpectation independent(double prr, DelayCdf delay = constant_delay(0.0));
 
-  /// `gemodel p r 1-h 1-k` of tc-netem(8): good → bad with p and bad → good with r at each packet,
-  /// lost with 1−h in the bad state, 1−k in the good one.
-  static ChannelExpectation gilbert_elliott(const GilbertElliott& model,
-                                            DelayCdf good_delay = constant_delay(0.0),
-                                            DelayCdf bad_delay = constant_delay(0.0));
-
-  /// `loss state p13 p31 p32 p23 p14` of tc-netem(8): states 1 received in a gap, 2 received in a
-  /// burst, 3 lost in a burst, 4 lost alone in a gap (whence always back to 1).
-  static ChannelExpectation four_state(const FourState& model,
-                                       DelayCdf delay = constant_delay(0.0));
-
-  /// Two-state Markov process in continuous time, seen by packets every `interval_s`:
-  /// π_B = T_B/(T_G + T_B), a = 1 − exp(−Δ(1/T_G + 1/T_B)), p = π_B·a, r = π_G·a.
-  static ChannelExpectation markov(double mean_good_s, double mean_bad_s, double interval_s,
-                                   ExpectedState good, ExpectedState bad);
-
   /// Any chain that steps once a packet. Throws UsageError if a row does not sum to 1 (to 1e-9), or
   /// if the chain has no unique stationary distribution.
   static ChannelExpectation chain(const Matrix& transition, std::vector<ExpectedState> states);
+
+  /// The same of states that change with time, with their mean sojourn times.
+  static ChannelExpectation in_time(const Matrix& transition, std::vector<ExpectedState> states,
+                                    std::vector<double> mean_sojourns_s);
 
   /// Any Markov process in continuous time, seen every `interval_s`: `rates` has the rate (1/s) of
   /// each transition off the diagonal; the diagonal is ignored. M = exp(Q·Δ).

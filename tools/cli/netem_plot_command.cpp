@@ -43,7 +43,7 @@ int plot(const PlotOptions& options) {
                                  error ? error.message() : "a file has that name"));
   }
   const ChannelFigure figure{
-      fmt::format("{}, {}", options.link, config.model_name()), traffic.interval_s,
+      fmt::format("{}, {}", options.link, config.model), traffic.interval_s,
       sample_fates(up ? links.uplink : links.downlink, traffic, options.packets),
       expect_link(config, load_delay_table(config.jitter), traffic)};
   draw_losses(options.out, figure);

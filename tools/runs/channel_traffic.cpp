@@ -9,6 +9,7 @@
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "netem/models/kinds.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
@@ -40,7 +41,8 @@ LinkTraffic command_traffic(const Scenario& scenario, bool in_loop) {
   if (!in_loop) return traffic;
   traffic.periodic = false;
   if (scenario.get<ChannelSettings>().shared_state &&
-      scenario.get<ChannelSettings>().uplink.model != LinkConfig::Model::fixed) {
+      kind_of(scenario.get<ChannelSettings>().uplink)
+              .moves(scenario.get<ChannelSettings>().uplink) != ChannelModelKind::Moves::never) {
     traffic.selected_because =
         "commands answer the poses that arrive, and the state that both directions share decides "
         "which do";

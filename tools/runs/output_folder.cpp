@@ -80,11 +80,11 @@ Scenario with_waypoints_beside(Scenario scenario, const fs::path& folder) {
 
 /// The scenario with full names of the files that its channel reads.
 Scenario with_absolute_names(Scenario scenario) {
-  scenario.get<ChannelSettings>().for_each_link([](const std::string&, LinkConfig& link) {
-    for (std::string* file : {&link.jitter.file, &link.trace.file, &link.map.file}) {
-      if (!file->empty()) *file = fs::absolute(*file).string();
-    }
-  });
+  for (const ScenarioKey& key : scenario.schema().keys_of(scenario)) {
+    if (!key.file || !key.name.starts_with("channel.")) continue;
+    std::string& file = key.file(scenario);
+    if (!file.empty()) file = fs::absolute(file).string();
+  }
   for (ChannelSettings::Change& change : scenario.get<ChannelSettings>().changes) {
     for (std::string& text : change.settings) text = setting_in_folder(text, fs::current_path());
   }

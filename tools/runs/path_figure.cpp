@@ -7,18 +7,14 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "netem/models/kinds.hpp"
 #include "tools/base/gnuplot.hpp"
 
 namespace tether {
 namespace {
 
 std::string channel_text(const char* name, const LinkConfig& link) {
-  if (link.model == LinkConfig::Model::fixed) {
-    return fmt::format("{} PRR {:g}, δ {:g} ms", name, link.fixed.prr, link.fixed.delay_ms);
-  }
-  if (link.model != LinkConfig::Model::markov) return fmt::format("{} {}", name, link.model_name());
-  return fmt::format("{} Markov, PRR {:g}/{:g}, δ {:g}/{:g} ms", name, link.good.prr, link.bad.prr,
-                     link.good.delay_ms, link.bad.delay_ms);
+  return fmt::format("{} {}", name, describe_model(link));
 }
 
 /// ODE is what figures are expected to come from; another plant says so.

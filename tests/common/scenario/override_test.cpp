@@ -12,6 +12,7 @@
 #include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "netem/models/markov.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 // What --set does, and what scenario files do as files.
@@ -95,8 +96,8 @@ TEST(ScenarioOverride, OfTheChannelReachesTheMarkovModel) {
   const Scenario s = with({"channel.model=markov", "channel.markov.bad.prr=0.2"});
   for (const LinkConfig& link :
        {s.get<ChannelSettings>().uplink, s.get<ChannelSettings>().downlink}) {
-    EXPECT_EQ(link.model, LinkConfig::Model::markov);
-    EXPECT_EQ(link.bad.prr, 0.2);
+    EXPECT_EQ(link.model, "markov");
+    EXPECT_EQ(link.own.get<MarkovConfig>().bad.prr, 0.2);
   }
 }
 
@@ -190,10 +191,13 @@ TEST(ScenarioFile, ThePapersMarkovChannelHasItsProbabilitiesAndSojournTimes) {
   EXPECT_TRUE(s.get<ChannelSettings>().shared_state);
   for (const LinkConfig& link :
        {s.get<ChannelSettings>().uplink, s.get<ChannelSettings>().downlink}) {
-    EXPECT_DOUBLE_EQ(link.mean_bad_s / (link.mean_bad_s + link.mean_good_s), 0.25);
-    EXPECT_DOUBLE_EQ(link.mean_bad_s, 8.0);
-    EXPECT_EQ(link.bad.prr, 0.5);
-    EXPECT_EQ(link.bad.delay_ms, 500.0);
+    EXPECT_DOUBLE_EQ(
+        link.own.get<MarkovConfig>().mean_bad_s /
+            (link.own.get<MarkovConfig>().mean_bad_s + link.own.get<MarkovConfig>().mean_good_s),
+        0.25);
+    EXPECT_DOUBLE_EQ(link.own.get<MarkovConfig>().mean_bad_s, 8.0);
+    EXPECT_EQ(link.own.get<MarkovConfig>().bad.prr, 0.5);
+    EXPECT_EQ(link.own.get<MarkovConfig>().bad.delay_ms, 500.0);
   }
 }
 

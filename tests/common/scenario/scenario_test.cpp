@@ -21,6 +21,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "netem/models/markov.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
@@ -191,8 +192,8 @@ TEST(Scenario, TheResolvedTextGivesTheSameScenarioBitByBit) {
   odd.get<WorldSettings>().friction = std::nextafter(1.0, 2.0);
   odd.get<PathSettings>().figure_eight.amplitude_m = 1e4 / 3.0;
   odd.get<ControllerSettings>().tau_s = 999999.99999999988;
-  odd.get<ChannelSettings>().uplink.model = LinkConfig::Model::markov;
-  odd.get<ChannelSettings>().uplink.mean_good_s = 1.0 / 7.0;
+  odd.get<ChannelSettings>().uplink.model = "markov";
+  odd.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_good_s = 1.0 / 7.0;
   EXPECT_EQ(contents(parse(to_toml(odd))), contents(odd));
   EXPECT_EQ(to_toml(parse(to_toml(odd))), to_toml(odd));
 }
@@ -361,8 +362,8 @@ struct ScenarioSojournTimes : testing::Test {
 TEST_F(ScenarioSojournTimes, FollowFromTheStationaryProbabilityAndTheCycle) {
   const LinkConfig link =
       parse(markov("p_bad = 0.25\nmean_cycle_s = 8.0")).get<ChannelSettings>().uplink;
-  EXPECT_DOUBLE_EQ(link.mean_bad_s, 2.0);
-  EXPECT_DOUBLE_EQ(link.mean_good_s, 6.0);
+  EXPECT_DOUBLE_EQ(link.own.get<MarkovConfig>().mean_bad_s, 2.0);
+  EXPECT_DOUBLE_EQ(link.own.get<MarkovConfig>().mean_good_s, 6.0);
 }
 
 TEST_F(ScenarioSojournTimes, AreWhatTheResolvedScenarioHolds) {
@@ -374,21 +375,25 @@ TEST_F(ScenarioSojournTimes, AreWhatTheResolvedScenarioHolds) {
 TEST_F(ScenarioSojournTimes, OneOfProbabilityAndCycleKeepsTheOther) {
   // The defaults are 24 s good and 8 s bad: P[bad] = 0.25 in a cycle of 32 s.
   const Scenario other_share = parse_scenario(markov("p_bad = 0.5"), "test.toml");
-  EXPECT_DOUBLE_EQ(other_share.get<ChannelSettings>().uplink.mean_bad_s, 16.0);
-  EXPECT_DOUBLE_EQ(other_share.get<ChannelSettings>().uplink.mean_good_s, 16.0);
+  EXPECT_DOUBLE_EQ(other_share.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s,
+                   16.0);
+  EXPECT_DOUBLE_EQ(other_share.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_good_s,
+                   16.0);
   const Scenario other_cycle = parse_scenario(markov("mean_cycle_s = 4.0"), "test.toml");
-  EXPECT_DOUBLE_EQ(other_cycle.get<ChannelSettings>().uplink.mean_bad_s, 1.0);
-  EXPECT_DOUBLE_EQ(other_cycle.get<ChannelSettings>().uplink.mean_good_s, 3.0);
+  EXPECT_DOUBLE_EQ(other_cycle.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s,
+                   1.0);
+  EXPECT_DOUBLE_EQ(other_cycle.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_good_s,
+                   3.0);
 }
 
 TEST_F(ScenarioSojournTimes, AnOverrideBeatsTheFileInEitherForm) {
   const Scenario by_share = parse_scenario(markov("mean_good_s = 6.0\nmean_bad_s = 2.0"),
                                            "test.toml", {"channel.uplink.markov.p_bad=0.5"});
-  EXPECT_DOUBLE_EQ(by_share.get<ChannelSettings>().uplink.mean_bad_s, 4.0);
+  EXPECT_DOUBLE_EQ(by_share.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s, 4.0);
   const Scenario by_time = parse_scenario(markov("p_bad = 0.25\nmean_cycle_s = 8.0"), "test.toml",
                                           {"channel.uplink.markov.mean_bad_s=5"});
-  EXPECT_DOUBLE_EQ(by_time.get<ChannelSettings>().uplink.mean_bad_s, 5.0);
-  EXPECT_DOUBLE_EQ(by_time.get<ChannelSettings>().uplink.mean_good_s, 6.0);
+  EXPECT_DOUBLE_EQ(by_time.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s, 5.0);
+  EXPECT_DOUBLE_EQ(by_time.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_good_s, 6.0);
 }
 
 TEST_F(ScenarioSojournTimes, AreGivenInOneWayOnly) {

@@ -211,7 +211,7 @@ TEST(MakeLinks, LinksHaveIndependentFates) {
 TEST(MakeLinks, SharedStateIsOneProcessIndependentStateAreTwo) {
   Scenario scenario;
   scenario.get<ChannelSettings>().uplink.model = scenario.get<ChannelSettings>().downlink.model =
-      LinkConfig::Model::markov;
+      "markov";
   for (bool shared : {false, true}) {
     scenario.get<ChannelSettings>().shared_state = shared;
     LinkPair links = make_links(scenario);
@@ -225,7 +225,7 @@ TEST(MakeLinks, TheDownlinksFateDoesNotDependOnTheUplinksModel) {
   Scenario plain;
   plain.get<ChannelSettings>().downlink.fixed.prr = 0.5;
   Scenario other = plain;
-  other.get<ChannelSettings>().uplink.model = LinkConfig::Model::markov;
+  other.get<ChannelSettings>().uplink.model = "markov";
   LinkPair a = make_links(plain), b = make_links(other);
   for (int i = 0; i < 1000; ++i) {
     b.uplink.push(at_ms(i), packet(0));

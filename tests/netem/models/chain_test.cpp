@@ -216,7 +216,7 @@ TEST(MakeLinks, ModelsPerPacketFollowTheScenario) {
                             "p32 = 0.3, p23 = 0.6, p14 = 0.01 }"}) {
     Scenario s = parse_scenario(std::string("[channel.uplink]\ndelay_ms = 7.0\n") + model, "x");
     LinkPair links = make_links(s);
-    const auto formula = s.get<ChannelSettings>().uplink.model == LinkConfig::Model::four_state
+    const auto formula = s.get<ChannelSettings>().uplink.model == "four_state"
                              ? LossStatistics::of(FourState{0.02, 0.15, 0.3, 0.6, 0.01})
                              : LossStatistics::of(gilbert_from_burst(0.45, 20.0));
     constexpr int kPackets = 200'000;

@@ -8,6 +8,7 @@
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "netem/models/markov.hpp"
 
 // [[channel.change]]: other settings of the channel from some time on.
 
@@ -102,10 +103,13 @@ TEST(ChangeChannel, BeatsWhatIsInForceInEitherForm) {
       {"channel.model=markov", "channel.markov.mean_good_s=6", "channel.markov.mean_bad_s=2"});
   const ChannelSettings half =
       change_channel(s.get<ChannelSettings>(), {"downlink.markov.p_bad=0.5"}).channel;
-  EXPECT_EQ(half.downlink.mean_good_s, 4.0);
-  EXPECT_EQ(half.downlink.mean_bad_s, 4.0);
-  EXPECT_EQ(half.uplink.mean_bad_s, 2.0);
-  EXPECT_EQ(change_channel(half, {"markov.mean_bad_s=1"}).channel.downlink.mean_good_s, 4.0);
+  EXPECT_EQ(half.downlink.own.get<MarkovConfig>().mean_good_s, 4.0);
+  EXPECT_EQ(half.downlink.own.get<MarkovConfig>().mean_bad_s, 4.0);
+  EXPECT_EQ(half.uplink.own.get<MarkovConfig>().mean_bad_s, 2.0);
+  EXPECT_EQ(change_channel(half, {"markov.mean_bad_s=1"})
+                .channel.downlink.own.get<MarkovConfig>()
+                .mean_good_s,
+            4.0);
 }
 
 }  // namespace

@@ -5,7 +5,9 @@
 
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
+#include "netem/models/chain.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "netem/models/gilbert_elliott.hpp"
 
 namespace tether {
 namespace {
@@ -89,14 +91,15 @@ TEST(ScenarioChannel, AnOverrideWithoutDirectionSetsBoth) {
                                 "channel.jitter.law=normal", "channel.jitter.sd_ms=3"});
   for (const LinkConfig& link :
        {s.get<ChannelSettings>().uplink, s.get<ChannelSettings>().downlink}) {
-    EXPECT_EQ(link.model, LinkConfig::Model::chain);
-    EXPECT_EQ(link.chain.prr, (std::vector<double>{1.0, 0.0}));
+    EXPECT_EQ(link.model, "chain");
+    EXPECT_EQ(link.own.get<ChainConfig>().prr, (std::vector<double>{1.0, 0.0}));
     EXPECT_EQ(link.jitter.sd_ms, 3.0);
   }
 }
 
 TEST(ScenarioChannel, ReceptionRatioAndMeanBurstBecomeTheChainsParameters) {
-  const auto ge = parse(kScenarios[1]).get<ChannelSettings>().uplink.gilbert_elliott;
+  const auto ge =
+      parse(kScenarios[1]).get<ChannelSettings>().uplink.own.get<GilbertElliottConfig>();
   EXPECT_DOUBLE_EQ(*ge.r, 1.0 / 7.0);
   EXPECT_DOUBLE_EQ(*ge.p, 0.7 / (0.3 * 7.0));
   EXPECT_THAT(to_toml(parse(kScenarios[1])), Not(HasSubstr("mean_burst")));
@@ -105,12 +108,12 @@ TEST(ScenarioChannel, ReceptionRatioAndMeanBurstBecomeTheChainsParameters) {
 TEST(ScenarioChannel, OneOfReceptionRatioAndMeanBurstKeepsTheOther) {
   const auto by_prr = parse(kScenarios[1], {"channel.uplink.gilbert_elliott.prr=0.8"})
                           .get<ChannelSettings>()
-                          .uplink.gilbert_elliott;
+                          .uplink.own.get<GilbertElliottConfig>();
   EXPECT_DOUBLE_EQ(*by_prr.r, 1.0 / 7.0);
   EXPECT_NEAR(*by_prr.r / (*by_prr.p + *by_prr.r), 0.8, 1e-12);
   const auto by_burst = parse(kScenarios[1], {"channel.uplink.gilbert_elliott.mean_burst=10"})
                             .get<ChannelSettings>()
-                            .uplink.gilbert_elliott;
+                            .uplink.own.get<GilbertElliottConfig>();
   EXPECT_DOUBLE_EQ(*by_burst.r, 0.1);
   EXPECT_NEAR(*by_burst.r / (*by_burst.p + *by_burst.r), 0.3, 1e-12);
   EXPECT_THAT(refusal(uplink("model = \"gilbert_elliott\"\ngilbert_elliott.prr = 0.5")),
@@ -218,8 +221,8 @@ TEST(ScenarioChannel, LinksByNameHaveTheKeysOfTheUplink) {
       {"channel.links.sat.delay_ms=270", "channel.links.new.loss=0.25", "channel.prr=0.5"});
   ASSERT_EQ(s.get<ChannelSettings>().links.size(), 3U);
   const LinkConfig& sat = s.get<ChannelSettings>().links.at("sat");
-  EXPECT_EQ(sat.model, LinkConfig::Model::gilbert_elliott);
-  EXPECT_DOUBLE_EQ(*sat.gilbert_elliott.r, 0.25);
+  EXPECT_EQ(sat.model, "gilbert_elliott");
+  EXPECT_DOUBLE_EQ(*sat.own.get<GilbertElliottConfig>().r, 0.25);
   EXPECT_EQ(sat.fixed.delay_ms, 270.0);
   EXPECT_EQ(s.get<ChannelSettings>().links.at("lan").fixed.prr,
             1.0);  // channel.X: uplink and downlink only

@@ -7,6 +7,7 @@
 
 #include "common/scenario/run_settings.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "netem/models/markov.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
@@ -115,9 +116,9 @@ TEST_F(NetemNodeTest, ReportsCountDelayAndState) {
 
 TEST_F(NetemNodeTest, ReportsEveryPeriodAndAtEachChangeOfState) {
   scenario.get<RunSettings>().report_period_s = 1.0;
-  scenario.get<ChannelSettings>().uplink.model = LinkConfig::Model::markov;
-  scenario.get<ChannelSettings>().uplink.mean_good_s = 1.5;
-  scenario.get<ChannelSettings>().uplink.mean_bad_s = 0.5;
+  scenario.get<ChannelSettings>().uplink.model = "markov";
+  scenario.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_good_s = 1.5;
+  scenario.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s = 0.5;
   const auto node = start();
   world.loop.run_until(at_s(100));
   EXPECT_EQ(downlink.size(), 101U);  // t = 0, 1 … 100

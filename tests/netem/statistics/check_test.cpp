@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "netem/models/gilbert_elliott.hpp"
+#include "netem/models/markov.hpp"
 #include "netem/statistics/channel_check.hpp"
 #include "netem/statistics/channel_expectation.hpp"
 #include "tests/netem/link/loss_rig.hpp"
@@ -39,9 +41,9 @@ Outcome simulate(const GilbertElliott& m, Duration bad_delay, std::uint64_t seed
 
 std::vector<ChannelCheck> check(const GilbertElliott& configured, const Outcome& r,
                                 double bad_delay_s, const ChannelCheckOptions& options = {}) {
-  return compare_channel(ChannelExpectation::gilbert_elliott(configured, constant_delay(0.0),
-                                                             constant_delay(bad_delay_s)),
-                         r.loss, r.delays, &r.sojourns, options);
+  return compare_channel(
+      expect_gilbert_elliott(configured, constant_delay(0.0), constant_delay(bad_delay_s)), r.loss,
+      r.delays, &r.sojourns, options);
 }
 
 Verdict verdict_on(const std::vector<ChannelCheck>& checks, const std::string& quantity) {
@@ -123,7 +125,7 @@ TEST(ChannelCheck, PredictsNoBurstsOfAProcessInTimeUnderIrregularTraffic) {
   Instant t = kStart;
   for (int i = 0; i < 20000; ++i)
     loss.add(uniform_01(random) < 0.3, t += from_seconds(gap(random)));
-  const auto expected = ChannelExpectation::markov(1.0, 1.0, 0.05, {"good", 0.7}, {"bad", 0.7});
+  const auto expected = expect_markov(1.0, 1.0, 0.05, {"good", 0.7}, {"bad", 0.7});
   const auto checks = compare_channel(expected, loss, {}, nullptr);
   EXPECT_EQ(verdict_on(checks, "PRR"), Verdict::ok);
   EXPECT_EQ(verdict_on(checks, "mean loss burst"), Verdict::not_comparable);

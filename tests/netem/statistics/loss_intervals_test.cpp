@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "netem/models/four_state.hpp"
+#include "netem/models/gilbert_elliott.hpp"
 #include "netem/statistics/channel_expectation.hpp"
 #include "tests/netem/link/loss_rig.hpp"
 
@@ -41,10 +43,10 @@ std::vector<Model> models() {
     return [m](std::uint64_t seed) { return gilbert_elliott(m, seed); };
   };
   return {{"rare, independent", ChannelExpectation::independent(0.99), of({0.0, 1.0, 1.0, 0.01})},
-          {"Gilbert", ChannelExpectation::gilbert_elliott(gilbert), of(gilbert)},
-          {"Gilbert-Elliott", ChannelExpectation::gilbert_elliott(elliott), of(elliott)},
-          {"mostly lost", ChannelExpectation::gilbert_elliott(mostly_lost), of(mostly_lost)},
-          {"four states", ChannelExpectation::four_state(four), make_four}};
+          {"Gilbert", expect_gilbert_elliott(gilbert), of(gilbert)},
+          {"Gilbert-Elliott", expect_gilbert_elliott(elliott), of(elliott)},
+          {"mostly lost", expect_gilbert_elliott(mostly_lost), of(mostly_lost)},
+          {"four states", expect_four_state(four), make_four}};
 }
 
 TEST(LossIntervals, OfAKnownModelCoverTheTruthAsOftenAsTheySay) {
@@ -74,7 +76,7 @@ TEST(LossIntervals, CoverTheTruthWhereTheRarerFateNeverFollowsItself) {
   const GilbertElliott losses{1.0 / 9.0, 1.0, 1.0, 0.0}, receptions{1.0, 3.0 / 7.0, 1.0, 0.0};
   const GilbertElliott almost{0.1, 0.999, 1.0, 0.0};
   for (const GilbertElliott& m : {losses, receptions, almost}) {
-    const ChannelExpectation e = ChannelExpectation::gilbert_elliott(m);
+    const ChannelExpectation e = expect_gilbert_elliott(m);
     const std::string name = "p = " + std::to_string(m.p);
     int prr = 0, burst = 0, lag1 = 0;
     for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
@@ -92,7 +94,7 @@ TEST(LossIntervals, CoverTheTruthWhereTheRarerFateNeverFollowsItself) {
 
 TEST(LossIntervals, WithoutVarianceInflationAreFarTooNarrow) {
   const GilbertElliott m{0.01, 0.05, 1.0, 0.0};  // VIF 32
-  const double prr = ChannelExpectation::gilbert_elliott(m).prr();
+  const double prr = expect_gilbert_elliott(m).prr();
   int misses = 0;
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     Chain chain = gilbert_elliott(m, seed);

@@ -7,6 +7,9 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "netem/models/four_state.hpp"
+#include "netem/models/gilbert_elliott.hpp"
+#include "netem/models/markov.hpp"
 #include "netem/statistics/channel_expectation.hpp"
 #include "netem/statistics/delay_statistics.hpp"
 #include "netem/statistics/loss_record.hpp"
@@ -100,7 +103,7 @@ TEST(ChannelExpectation, OfIndependentLossIsBernoullis) {
 
 TEST(ChannelExpectation, OfTheSimpleGilbertModelIsTheClosedForm) {
   const double p = 0.03, r = 0.2;
-  const auto e = ChannelExpectation::gilbert_elliott({p, r, 1.0, 0.0});
+  const auto e = expect_gilbert_elliott({p, r, 1.0, 0.0});
   EXPECT_NEAR(1.0 - e.prr(), p / (p + r), 1e-14);
   EXPECT_NEAR(e.mean_burst(), 1.0 / r, 1e-12);
   EXPECT_NEAR(e.lag1_correlation(), 1.0 - p - r, 1e-12);
@@ -113,7 +116,7 @@ TEST(ChannelExpectation, OfTheSimpleGilbertModelIsTheClosedForm) {
 
 TEST(ChannelExpectation, OfGilbertElliottIsTheClosedForm) {
   const double p = 0.02, r = 0.1, bad = 0.6, good = 0.01;
-  const auto e = ChannelExpectation::gilbert_elliott({p, r, bad, good});
+  const auto e = expect_gilbert_elliott({p, r, bad, good});
   const double pi_b = p / (p + r), pi_g = r / (p + r), rho = 1.0 - p - r;
   const double loss = pi_g * good + pi_b * bad;
   const double c = pi_g * pi_b * (bad - good) * (bad - good) / (loss * (1.0 - loss));
@@ -126,7 +129,7 @@ TEST(ChannelExpectation, OfTheFourStateModelIsSalsanosClosedForm) {
   // Losses alone (4) and in bursts (3) by balance: π1(p13 + p14) = π3·p31 + π4, π4 = π1·p14,
   // π1·p13 = π3·p31, π2·p23 = π3·p32.
   const FourState m{0.02, 0.3, 0.2, 0.5, 0.01};
-  const auto e = ChannelExpectation::four_state(m);
+  const auto e = expect_four_state(m);
   const double pi1 = 1.0 / (1.0 + m.p14 + m.p13 / m.p31 * (1.0 + m.p32 / m.p23));
   const double pi3 = pi1 * m.p13 / m.p31, pi4 = pi1 * m.p14;
   EXPECT_NEAR(1.0 - e.prr(), pi3 + pi4, 1e-14);
@@ -139,7 +142,7 @@ TEST(ChannelExpectation, OfAMarkovProcessInTimeIsThatOfItsSampledChain) {
   const Matrix rates{{0.0, 1.0 / 2.4}, {1.0 / 0.8, 0.0}};
   const ExpectedState good{"good", 0.99, constant_delay(0.01)},
       bad{"bad", 0.3, constant_delay(0.2)};
-  const auto closed = ChannelExpectation::markov(2.4, 0.8, 0.05, good, bad);
+  const auto closed = expect_markov(2.4, 0.8, 0.05, good, bad);
   const auto numeric = ChannelExpectation::process(rates, 0.05, {good, bad});
   EXPECT_NEAR(closed.prr(), 0.75 * 0.99 + 0.25 * 0.3, 1e-12);
   EXPECT_NEAR(closed.lag1_correlation(), numeric.lag1_correlation(), 1e-12);
@@ -151,8 +154,8 @@ TEST(ChannelExpectation, OfAMarkovProcessInTimeIsThatOfItsSampledChain) {
 
 TEST(ChannelExpectation, DelayQuantilesAreThoseOfTheReceivedPackets) {
   // Received: 3/4·1.0 without delay, 1/4·0.5 with 500 ms: 6/7 of all are at once.
-  const auto e = ChannelExpectation::markov(24.0, 8.0, 0.05, {"good", 1.0, constant_delay(0.0)},
-                                            {"bad", 0.5, constant_delay(0.5)});
+  const auto e = expect_markov(24.0, 8.0, 0.05, {"good", 1.0, constant_delay(0.0)},
+                               {"bad", 0.5, constant_delay(0.5)});
   EXPECT_EQ(e.delay_quantile(0.5), 0.0);
   EXPECT_EQ(e.delay_quantile(0.857), 0.0);
   EXPECT_NEAR(e.delay_quantile(0.858), 0.5, 1e-12);
@@ -226,7 +229,7 @@ TEST(DelayStatistics, CoverTheTruthUnderCorrelationAsOftenAsTheySay) {
     return t_s <= 0.01 ? 0.0 : -std::expm1((0.01 - t_s) / 0.05);
   };
   const GilbertElliott m{0.02, 0.05, 0.4, 0.0};
-  const auto e = ChannelExpectation::gilbert_elliott(m, constant_delay(0.01), bad_delay);
+  const auto e = expect_gilbert_elliott(m, constant_delay(0.01), bad_delay);
   boost::random::exponential_distribution<double> extra(1.0 / 0.05);
   int known = 0, estimated = 0, naive = 0;
   for (std::uint64_t seed = 1; seed <= 1000; ++seed) {

@@ -6,10 +6,11 @@
 #include <set>
 
 #include "common/vehicle/vehicle_settings.hpp"
-#include "netem/models/channel_settings.hpp"
-#include "tests/tools/experiment/file.hpp"
 #include "controller/laws/controller_settings.hpp"
+#include "netem/models/chain.hpp"
+#include "netem/models/channel_settings.hpp"
 #include "sim/sensor/sensor_settings.hpp"
+#include "tests/tools/experiment/file.hpp"
 
 // Axes with names and labels, parts, and what an experiment file wants to see; and the project's
 // own files of control over a bad network.
@@ -200,7 +201,7 @@ TEST(ProjectExperiments, RobustnessHasBothLawsUnderEachErrorAtEachPrr) {
 
 /// PRR and mean burst that a chain of two states has in the long run.
 std::pair<double, double> long_run(const LinkConfig& link) {
-  const auto& p = link.chain.probabilities;
+  const auto& p = link.own.get<ChainConfig>().probabilities;
   const double to_bad = p[0][1], to_good = p[1][0];
   return {to_good / (to_bad + to_good), 1.0 / to_good};
 }
@@ -209,7 +210,7 @@ TEST(ProjectExperiments, BurstsHaveThePrrAndTheLengthOfTheirLabels) {
   for (const char* name : {"control_benchmark", "control_robustness", "control_breaking"}) {
     std::size_t chains = 0;
     for (const Arm& arm : of_the_project(name).arms) {
-      if (arm.scenario.get<ChannelSettings>().uplink.model_name() != "chain") continue;
+      if (arm.scenario.get<ChannelSettings>().uplink.model != "chain") continue;
       ++chains;
       double prr = 0.45, burst = 0.0;  // of control_breaking, which has no PRR
       for (const KeyValue& setting : arm.settings) {

@@ -7,10 +7,11 @@
 
 #include "common/base/errors.hpp"
 #include "common/path/path_settings.hpp"
-#include "tests/tools/runs/run_files.hpp"
-#include "tools/experiment/store/export.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "netem/models/trace_process.hpp"
+#include "tests/tools/runs/run_files.hpp"
+#include "tools/experiment/store/export.hpp"
 
 namespace tether {
 namespace {
@@ -146,8 +147,8 @@ TEST_F(Store, RefusesAnotherVersionOfTheProgram) {
 TEST_F(Store, RefusesATraceThatHasChanged) {
   const auto trace = folder_ / "trace.csv";
   Experiment e = two_arms();
-  e.arms[0].scenario.get<ChannelSettings>().uplink.model = LinkConfig::Model::trace;
-  e.arms[0].scenario.get<ChannelSettings>().uplink.trace.file = trace.string();
+  e.arms[0].scenario.get<ChannelSettings>().uplink.model = "trace";
+  e.arms[0].scenario.get<ChannelSettings>().uplink.own.get<TraceConfig>().file = trace.string();
   std::ofstream(trace) << "time_s,delay_ms,prr\n0,0,1\n";
   begin(e);
   std::ofstream(trace) << "time_s,delay_ms,prr\n0,0,0.5\n";
@@ -178,7 +179,7 @@ TEST_F(Store, RefusesATraceOfALaterChangeThatHasChanged) {
 
 TEST_F(Store, RefusesATraceThatCannotBeRead) {
   Experiment e = two_arms();
-  e.arms[0].scenario.get<ChannelSettings>().uplink.model = LinkConfig::Model::trace;
+  e.arms[0].scenario.get<ChannelSettings>().uplink.model = "trace";
   e.arms[0].scenario.get<ChannelSettings>().uplink.trace.file = "/no/such.csv";
   EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("cannot read /no/such.csv")));
 }
