@@ -180,7 +180,7 @@ TEST_F(Store, RefusesATraceOfALaterChangeThatHasChanged) {
 TEST_F(Store, RefusesATraceThatCannotBeRead) {
   Experiment e = two_arms();
   e.arms[0].scenario.get<ChannelSettings>().uplink.model = "trace";
-  e.arms[0].scenario.get<ChannelSettings>().uplink.trace.file = "/no/such.csv";
+  e.arms[0].scenario.get<ChannelSettings>().uplink.own.get<TraceConfig>().file = "/no/such.csv";
   EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("cannot read /no/such.csv")));
 }
 
