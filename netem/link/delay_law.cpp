@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/math/distributions/gamma.hpp>
 #include <boost/math/special_functions/erf.hpp>
 #include <charconv>
 #include <cmath>
@@ -12,6 +11,7 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "netem/link/jitter_laws.hpp"
 
 namespace tether {
 namespace {
@@ -21,68 +21,9 @@ using Law = JitterConfig::Law;
 // long double inside Boost.Math would cost five times as much for digits that nobody sees.
 using Fast = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
 
-constexpr std::size_t kScoreSteps = 16384;  // of a tabulated law
 constexpr std::size_t kMaxTable = 1'000'000;
 
 double upper_tail(double z) { return 0.5 * std::erfc(z / std::numbers::sqrt2); }
-
-/// Quantile of the gamma law at Φ(z), from the nearer end, where the probability has all digits.
-double gamma_at(const boost::math::gamma_distribution<double, Fast>& gamma, double z) {
-  return z < 0.0 ? quantile(gamma, upper_tail(-z))
-                 : quantile(boost::math::complement(gamma, upper_tail(z)));
-}
-
-/// Y − E Y of a Pareto law from 1.
-double pareto_at(double shape, double z) {
-  return std::pow(upper_tail(z), -1.0 / shape) - shape / (shape - 1.0);
-}
-
-/// Standard deviation of f(z) for a standard normal z, of mean zero: Simpson's rule.
-template <class Function>
-double standard_deviation(Function f) {
-  constexpr int kSteps = 4000;
-  constexpr double kStep = 2.0 * kMaxScore / kSteps;
-  double sum = 0.0;
-  for (int i = 0; i <= kSteps; ++i) {
-    const double z = -kMaxScore + kStep * i;
-    const double weight = i == 0 || i == kSteps ? 1.0 : (i % 2 == 1 ? 4.0 : 2.0);
-    sum += weight * f(z) * f(z) * std::exp(-0.5 * z * z);
-  }
-  return std::sqrt(sum * kStep / 3.0 * std::numbers::inv_sqrtpi / std::numbers::sqrt2);
-}
-
-template <class Function>
-std::vector<double> tabulated(Function f) {
-  std::vector<double> table(kScoreSteps + 1);
-  for (std::size_t i = 0; i <= kScoreSteps; ++i) {
-    table[i] = f(kMaxScore * (2.0 * static_cast<double>(i) / kScoreSteps - 1.0));
-  }
-  return table;
-}
-
-/// x(z) of a law that is tabulated, in seconds.
-std::vector<double> tabulate(const JitterConfig& config, double m, double s) {
-  const double a = config.shape;
-  switch (config.law) {
-    case Law::uniform:
-      return tabulated([=](double z) {
-        return m + s * std::numbers::sqrt3 * std::erf(z / std::numbers::sqrt2);
-      });
-    case Law::pareto: {
-      const double scale = s * (a - 1.0) * std::sqrt((a - 2.0) / a);
-      return tabulated([=](double z) { return m + scale * pareto_at(a, z); });
-    }
-    case Law::paretonormal: {
-      const auto mix = [a](double z) { return 0.25 * z + pareto_at(a, z); };
-      const double scale = s / standard_deviation(mix);
-      return tabulated([=](double z) { return m + scale * mix(z); });
-    }
-    default: {
-      const boost::math::gamma_distribution<double, Fast> gamma(m * m / (s * s), s * s / m);
-      return tabulated([&gamma](double z) { return gamma_at(gamma, z); });
-    }
-  }
-}
 
 template <std::size_t N>
 double polynomial(const double (&c)[N], double x) {
@@ -136,7 +77,7 @@ DelayLaw::DelayLaw(const JitterConfig& config, const std::vector<double>& table_
     for (const double ms : table_ms) table_.push_back(ms * 1e-3);
   } else if (law_ == Law::constant || sd_s_ <= 0.0) {
     law_ = Law::constant;
-  } else if (law_ != Law::normal) {
+  } else if (const auto tabulate = jitter_law(law_).tabulate; tabulate != nullptr) {
     table_ = tabulate(config, mean_s_, sd_s_);
   }
 }

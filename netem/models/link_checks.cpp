@@ -8,6 +8,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/scenario/key_table.hpp"
+#include "netem/link/jitter_laws.hpp"
 #include "netem/models/kinds.hpp"
 
 namespace tether {
@@ -15,27 +16,13 @@ namespace {
 
 using Law = JitterConfig::Law;
 
-const char* name_of(Law law) {
-  constexpr const char* kNames[] = {"none",   "constant",     "uniform", "normal",
-                                    "pareto", "paretonormal", "gamma",   "table"};
-  return kNames[static_cast<std::size_t>(law)];
-}
-
-bool jitter_uses(const JitterConfig& jitter, const std::string& name) {
-  const Law law = jitter.law;
-  if (name == "law") return true;
-  if (name == "table_ms" || name == "file") return law == Law::table;
-  if (name == "shape") return law == Law::pareto || law == Law::paretonormal;
-  if (name == "mean_ms") return law != Law::none && law != Law::table;
-  return law != Law::none && law != Law::constant && (name == "correlation" || law != Law::table);
-}
-
 /// Parts that do nothing while a switch of the same stage is off.
 std::string why_stage_is_off(const std::string& prefix, const LinkConfig& link,
                              const std::string& part) {
   const auto is_zero = [&prefix](const char* key) { return fmt::format("{}{} is 0", prefix, key); };
-  if (part.starts_with("jitter.") && !jitter_uses(link.jitter, part.substr(7))) {
-    return fmt::format("{}jitter.law is \"{}\"", prefix, name_of(link.jitter.law));
+  const JitterLaw& law = jitter_law(link.jitter.law);
+  if (part.starts_with("jitter.") && part != "jitter.law" && !law.uses(part.substr(7))) {
+    return fmt::format("{}jitter.law is \"{}\"", prefix, law.name);
   }
   if (part == "corrupt.bits" && link.corrupt.probability == 0.0) {
     return is_zero("corrupt.probability");
@@ -97,7 +84,7 @@ class LinkChecker {
       return;
     }
     if (jitter.sd_ms <= 0.0) {
-      loaded_.refuse("{0}law = \"{1}\" needs {0}sd_ms > 0", key, name_of(jitter.law));
+      loaded_.refuse("{0}law = \"{1}\" needs {0}sd_ms > 0", key, jitter_law(jitter.law).name);
     }
     if (jitter.law == Law::gamma &&
         (jitter.mean_ms < 0.1 * jitter.sd_ms || jitter.mean_ms > 1e3 * jitter.sd_ms)) {

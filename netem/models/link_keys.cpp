@@ -1,5 +1,6 @@
 #include "netem/models/link_keys.hpp"
 
+#include "netem/link/jitter_laws.hpp"
 #include "netem/models/kinds.hpp"
 
 namespace tether {
@@ -29,15 +30,9 @@ void add_link_itself(KeyTable<LinkConfig>& t) {
 
 void add_jitter(KeyTable<LinkConfig>& t) {
   using Law = JitterConfig::Law;
-  t.choice<Law>("jitter.law", TETHER_MEMBER(jitter.law),
-                {{"none", Law::none},
-                 {"constant", Law::constant},
-                 {"uniform", Law::uniform},
-                 {"normal", Law::normal},
-                 {"pareto", Law::pareto},
-                 {"paretonormal", Law::paretonormal},
-                 {"gamma", Law::gamma},
-                 {"table", Law::table}},
+  Names<Law> laws;
+  for (const JitterLaw& row : jitter_laws()) laws.emplace_back(row.name, row.law);
+  t.choice<Law>("jitter.law", TETHER_MEMBER(jitter.law), laws,
                 "of the delay added to the model's; the sum is never negative");
   t.number("jitter.mean_ms", TETHER_MEMBER(jitter.mean_ms), kSigned, "mean of the law");
   t.number("jitter.sd_ms", TETHER_MEMBER(jitter.sd_ms), kDelayRange_ms,
