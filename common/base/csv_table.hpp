@@ -10,10 +10,10 @@
 
 namespace tether {
 
-/// A CSV file with a header line, row by row: cells between commas, blanks around them and double
-/// quotes around those ignored (a comma between quotes separates all the same), as is a byte order
-/// mark. Empty lines and lines that begin with '#' do not count. Every error is a UsageError that
-/// begins "name:line: ".
+/// A CSV file with a header line, read row by row. Commas separate cells, also between quotes.
+/// Blanks around a cell, then double quotes around it, and a byte order mark are ignored. Empty
+/// lines and lines that begin with '#' do not count. Every error is a UsageError that begins
+/// "name:line: ".
 class CsvTable {
  public:
   /// Reads the header; `name` stands for the file in messages. Throws if there is none, or if it
@@ -24,10 +24,11 @@ class CsvTable {
   /// Moves to the next row; false at the end. Throws if it is not as wide as the header.
   bool next_row();
 
-  /// Of the present row, or of the header before the first; from 1.
+  /// The line of the present row, from 1; before the first row, that of the header.
   int line_number() const { return line_number_; }
 
-  // Of the present row; the header has `column`. The numbers throw if the cell is none.
+  // Cells of the present row; the header must have `column`. number() throws if the cell is not a
+  // number.
   std::string_view cell(const std::string& column) const { return row_[columns_.at(column)]; }
   double number(const std::string& column) const;  ///< finite
   std::int64_t whole_number(const std::string& column) const;

@@ -36,7 +36,8 @@ std::string reason(const RE2& regex) {
 }  // namespace
 
 struct Pattern::Compiled {
-  /// Of group 0, which is the whole text, and the others. Without data: took no part.
+  /// The text of each group; group 0 is the whole text. A piece without data is a group that took
+  /// no part in the match.
   using Groups = std::vector<re2::StringPiece>;
 
   explicit Compiled(const std::string& expression) : regex(expression, options()) {}

@@ -9,10 +9,10 @@
 
 namespace tether {
 
-/// A regular expression of RE2 that whole texts match or do not: what Perl and ECMAScript have, but
-/// for looking around and back-references. In return the time is linear in the text, whatever the
-/// expression: names that come from the network stop nobody. Bytes are compared, not characters;
-/// "." is any but a line feed.
+/// A regular expression of RE2, matched against whole texts. It has what Perl and ECMAScript have,
+/// except look-around and back-references. In return, matching takes time linear in the text,
+/// whatever the expression, so that names from the network cannot stall a program. Bytes are
+/// compared, not characters; "." is any but a line feed.
 class Pattern {
  public:
   /// Throws UsageError, which quotes the expression and says what is wrong with it.

@@ -16,9 +16,10 @@ struct Message {
   std::span<const std::uint8_t> bytes;
 };
 
-/// Publish/subscribe of raw LCM messages. Two implementations: InProcessBus (virtual time) and
-/// LcmBus (real LCM). Messages between one publisher and one subscriber keep their order; a
-/// message published inside a handler is delivered later, never recursively.
+/// Publish/subscribe of raw LCM messages. Implementations: InProcessBus (virtual time), LcmBus and
+/// UdpmBus (real LCM), LockstepBus (real LCM in simulated time). Messages between one publisher and
+/// one subscriber keep their order; a message published inside a handler is delivered later, never
+/// recursively.
 class Bus {
  public:
   using Handler = std::function<void(const Message&)>;

@@ -4,9 +4,9 @@
 
 namespace tether {
 
-/// The LCM channels of one vehicle's loop: the first part says on which side of the network you
-/// are. The default vehicle "AGV" has AGV/… on its side and CTRL/… on the controller's; a vehicle
-/// "AGV7" has AGV7/… and CTRL7/…; any other name X has X/… and CTRL-X/….
+/// The LCM channels of one vehicle's loop: the first part of a name says on which side of the
+/// network it is. The default vehicle "AGV" has AGV/… on its side and CTRL/… on the controller's; a
+/// vehicle "AGV7" has AGV7/… and CTRL7/…; any other name X has X/… and CTRL-X/….
 struct ChannelNames {
   explicit ChannelNames(const std::string& vehicle) {
     const std::string suffix = vehicle.starts_with("AGV") ? vehicle.substr(3) : "-" + vehicle;

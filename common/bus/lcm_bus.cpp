@@ -35,8 +35,8 @@ std::string unreachable(const std::string& url) {
       url, group, group);
 }
 
-/// Whether the kernel has a route to the URL's multicast group. Asked before LCM is, which would
-/// print advice of its own for other tools.
+/// Whether the kernel has a route to the URL's multicast group. Asked before LCM opens the network,
+/// because LCM would print advice of its own that fits other tools.
 bool has_route(const std::string& group) {
   if (group.empty()) return true;
   const int fd =

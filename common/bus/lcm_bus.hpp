@@ -43,7 +43,7 @@ class LcmBus final : public Bus {
   /// Datagrams (a message is one, or one per 64 KiB) that the kernel dropped because this process
   /// did not read them in time; udpm only.
   std::int64_t datagrams_dropped() const;
-  /// All of these.
+  /// Appends all of these counters.
   void list_counters(CounterList& out) const override;
 
   const std::string& url() const { return url_; }

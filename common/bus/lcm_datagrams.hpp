@@ -30,8 +30,8 @@ inline constexpr std::size_t kMaxChannelBytes = 63;
 bool make_lcm_datagrams(std::uint32_t number, std::string_view channel,
                         std::span<const std::uint8_t> bytes, const SendDatagram& send);
 
-/// Makes messages of LCM's datagrams, whatever comes: fragments may come in any order, twice or not
-/// at all, and anything that is not LCM's is counted and left.
+/// Puts messages together from LCM's datagrams. It copes with any input: fragments may come in any
+/// order, twice or not at all, and anything that is not LCM's is counted and left.
 class LcmAssembler {
  public:
   struct Counters {
@@ -39,13 +39,13 @@ class LcmAssembler {
     std::int64_t incomplete = 0;  ///< messages given up, because newer fragments needed the room
   };
 
-  /// Longest message; and the bytes of all messages of which fragments are missing, at most.
+  /// The most bytes of one message, and of all incomplete messages together.
   static constexpr std::size_t kMaxBytes = std::size_t{1} << 26;
-  /// Messages of which fragments are missing, at most.
+  /// The most incomplete messages that are kept.
   static constexpr std::size_t kMaxPending = 256;
 
-  /// The message that this datagram completes, valid until the next call. `sender`: of the
-  /// datagram; messages of different senders may have one number.
+  /// The message that this datagram completes, valid until the next call. `sender` tells the
+  /// senders apart: messages of different senders may have the same number.
   std::optional<Message> take(std::uint64_t sender, std::span<const std::uint8_t> datagram);
 
   const Counters& counters() const { return counters_; }

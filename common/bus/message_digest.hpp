@@ -5,7 +5,7 @@
 
 namespace tether {
 
-/// What tells a message's bytes from others.
+/// Size and checksum of a message, by which its bytes are recognised.
 struct MessageDigest {
   std::int64_t size = 0;
   std::uint32_t crc32 = 0;  ///< as zlib computes it

@@ -14,19 +14,19 @@
 
 namespace tether {
 
-/// Messages that have come, until somebody says when they are to be had. They are known by their
-/// channel and bytes: what nobody asks for, a second copy or somebody else's, only takes room until
-/// newer ones need it.
+/// Keeps messages that have come until they are asked for. A message is found by its channel and
+/// bytes. One that nobody asks for (a second copy, or somebody else's) only takes room until newer
+/// ones need it.
 class MessageInbox {
  public:
   using Bytes = std::vector<std::uint8_t>;
   static constexpr std::size_t kMost = 4096;
 
   void add(const Message& message);
-  /// Takes out one of these bytes.
+  /// Takes out one message with these bytes.
   std::optional<Bytes> take(std::string_view channel, const MessageDigest& digest);
   std::size_t size() const { return size_; }
-  /// By channel, of those that have some.
+  /// The number of messages kept, by channel; channels without any are left out.
   std::map<std::string, std::size_t> sizes() const;
 
  private:

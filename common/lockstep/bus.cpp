@@ -6,7 +6,7 @@
 namespace tether {
 namespace {
 
-/// A grant ends with so much published, lest receivers' buffers overflow.
+/// A grant ends after so many published messages, so that receivers' buffers do not overflow.
 constexpr std::size_t kMostMessages = 64;
 constexpr std::size_t kMostBytes = 32'768;
 

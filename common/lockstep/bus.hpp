@@ -41,7 +41,7 @@ class ChannelFilter {
 class LockstepBus final : public Bus {
  public:
   using Bytes = std::vector<std::uint8_t>;
-  /// What is kept for those who have missed it.
+  /// So many published messages are kept for nodes that have missed one.
   static constexpr std::size_t kKept = 1024;
 
   /// `wire`: the real network. Both must outlive the bus.
@@ -52,11 +52,12 @@ class LockstepBus final : public Bus {
   void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) override;
 
   const std::vector<std::string>& subscriptions() const { return expressions_; }
-  /// Whether the node subscribes to it.
+  /// Whether the node subscribes to this channel.
   bool wants(std::string_view channel) { return wanted_.matches(channel); }
 
-  /// What nodes subscribe to: a message that nobody does keeps the node from nothing. Until then,
-  /// every message may be somebody's.
+  /// Tells what all nodes subscribe to. Publishing a message that one of them receives limits how
+  /// far the node may go on; a message that nobody receives does not. Until this is called, every
+  /// message counts as received by somebody.
   void set_heard(const std::vector<std::string>& expressions);
 
   /// Calls the node's handlers.

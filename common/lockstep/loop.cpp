@@ -25,7 +25,8 @@ void LockstepLoop::add(Instant when, std::uint64_t order, Task task) {
 }
 
 void LockstepLoop::run_before(const EventKey& bound) {
-  // The rest is for the next grant: there are 2^24 numbers, and others wait for a sign of life.
+  // After so many insertions the rest waits for the next grant: a grant has only 2^24 numbers, and
+  // the coordinator waits for a sign of life.
   constexpr std::uint64_t kMostInsertions = 1 << 20;
   bound_ = bound;
   while (!timers_.empty() && next() < bound_ && timers_.insertions() - first_ < kMostInsertions) {

@@ -22,15 +22,15 @@ class LockstepLoop final : public SimulatedLoop {
 
   /// What is scheduled from now on belongs to this grant.
   void begin(std::int64_t grant);
-  /// An event that has got its place elsewhere: the delivery of a message.
+  /// Adds an event whose place in the order is given: the delivery of a message.
   void add(Instant when, std::uint64_t order, Task task);
-  /// Runs what comes before `bound`, unless it has been stopped or there is very much of it.
+  /// Runs the events before `bound`. Ends earlier after stop(), and after very many events.
   void run_before(const EventKey& bound);
-  /// Within run_before(): it goes no further than this.
+  /// Called within run_before(), which then goes no further than to `bound`.
   void limit(const EventKey& bound);
   /// Takes a number for an event that happens elsewhere: counts from 0 with each grant.
   std::uint64_t take_index() { return timers_.take_insertion() - first_; }
-  /// The order of the delivery of what got this number under this grant.
+  /// The place in the order at which a message is delivered that got this number under this grant.
   std::uint64_t delivery_order(std::uint64_t index) const {
     return TimerQueue::order_of(Priority::delivery, first_ + index);
   }

@@ -41,11 +41,12 @@ class LockstepMember {
   LockstepMember(const LockstepMember&) = delete;
   LockstepMember& operator=(const LockstepMember&) = delete;
 
-  /// For the node to live on.
+  /// The loop that the node has to be made with.
   EventLoop& loop() { return loop_; }
   Bus& bus() { return bus_; }
 
-  /// Joins with the node, which has been made and stays alive. `io` is stopped when it is over.
+  /// Joins the run with `node`, which must outlive the member. `io` is stopped when the run is
+  /// over.
   void join(Node& node);
 
   /// The coordinator said that it is over.
@@ -95,7 +96,8 @@ class LockstepMember {
   std::int64_t answers_ = 0;
 };
 
-/// Nodes that may take part, by rank: events that fall on the same place happen in this order.
+/// Nodes that may take part, by rank: when several nodes receive one message, they do so in this
+/// order.
 const std::vector<std::string>& lockstep_nodes();
 
 /// What to do against lost messages, for people.

@@ -23,14 +23,15 @@ struct EventKey {
 inline Instant from_ns(std::int64_t ns) { return Instant{Duration{ns}}; }
 inline std::int64_t to_ns(Instant t) { return t.time_since_epoch().count(); }
 
-/// What is scheduled or published under a grant is numbered from here: as grants follow one another
-/// and their numbers grow, these numbers are those that one queue for all nodes would give. A grant
-/// has room for 2^24, a run for 2^32 grants.
+/// The first number of what is scheduled or published under a grant. Grants follow one another and
+/// their numbers grow, so these numbers sort as those of one queue for all nodes would. A grant has
+/// room for 2^24 numbers, a run for 2^32 grants.
 constexpr std::uint64_t first_insertion(std::int64_t grant) {
   return static_cast<std::uint64_t>(grant) << 24;
 }
 
-/// Number of the first grant. Below it, a node's rank stands for the grant under which it was made.
+/// Number of the first grant. What a node schedules before it joins has the node's rank, a smaller
+/// number, in place of a grant's.
 inline constexpr std::int64_t kFirstGrant = 16;
 
 }  // namespace tether

@@ -2,8 +2,8 @@
 
 namespace tether {
 
-/// A part of the loop. It schedules and subscribes everything in its constructor and then lives
-/// from the event loop's calls.
+/// A part of the control loop. It schedules and subscribes everything in its constructor and then
+/// lives from the event loop's calls.
 class Node {
  public:
   virtual ~Node() = default;

@@ -161,8 +161,9 @@ void RealTimeLoop::wait(Instant until) {
 }
 
 void RealTimeLoop::on_timer() {
-  // Follows the lower quartile of how long the kernel takes to wake this process, so that the wait
-  // ends when it should and not that much later. Who wakes early goes on waiting, awake.
+  // Follows the lower quartile of how long the kernel takes to wake this process. The timer is set
+  // earlier by that much, so that the wait ends on time. A process that is woken too early waits
+  // for the rest without sleeping.
   constexpr std::int64_t kStep_ns = 500, kMax_ns = 100'000;
   const std::int64_t took_ns = read_clock_ns(CLOCK_MONOTONIC) - armed_ns_;
   armed_ns_ = kNotArmed;

@@ -5,8 +5,8 @@
 
 namespace tether {
 
-/// What loops in simulated time share: a queue of tasks, a time that only its owner moves, and
-/// nothing from outside.
+/// What loops in simulated time share: a queue of tasks, and a time that only the loop's owner
+/// moves. No signals and file descriptors reach it.
 class SimulatedLoop : public EventLoop {
  public:
   explicit SimulatedLoop(Instant start) : now_(start) {}

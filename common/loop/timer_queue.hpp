@@ -34,15 +34,15 @@ class TimerQueue {
   /// Not on an empty queue.
   void run_next();
 
-  /// For loops that share one numbering of insertions: order of the earliest task, the largest
-  /// there is on an empty queue; …
+  /// From here on: for loops that share one numbering of insertions. The order of the earliest
+  /// task; UINT64_MAX on an empty queue.
   std::uint64_t next_order() const { return heap_.empty() ? UINT64_MAX : heap_.front().order; }
-  /// … the number of the next insertion, < 2^56, which may be set; …
+  /// The number of the next insertion, < 2^56.
   std::uint64_t insertions() const { return insertions_; }
   void set_insertions(std::uint64_t insertions) { insertions_ = insertions; }
-  /// … takes a number, as an insertion would, for an event that happens elsewhere; …
+  /// Takes a number, as an insertion would, for an event that happens elsewhere.
   std::uint64_t take_insertion() { return insertions_++; }
-  /// … and inserts what has got its order elsewhere.
+  /// Inserts a task whose order is given.
   void add_in_order(Instant when, std::uint64_t order, Task task);
 
  private:

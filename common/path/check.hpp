@@ -17,11 +17,11 @@ struct PathDemand {
   double rim_acceleration_mps2 = 0.0;
 };
 
-/// The most of it that something can do.
+/// The largest demand that a part of the vehicle, or the controller, can meet.
 struct PathLimit {
   const char* what;  ///< "a yaw rate"
   const char* unit;
-  std::string key;  ///< whose value it is
+  std::string key;  ///< the scenario key that sets it
   double value;
   double (*of)(const PathDemand&);
 };

@@ -15,9 +15,10 @@ namespace tether {
 struct PathKind {
   std::string name;
   std::vector<std::string> keys;  ///< of [path], without "path.": all others are refused
-  /// Its curve, to which a speed profile is made. Throws UsageError. Null for a kind with …
+  /// Makes the kind's curve, which then gets a speed profile. Throws UsageError. Null for a kind
+  /// that has `timed`.
   std::unique_ptr<const PathCurve> (*curve)(const PathSettings&) = nullptr;
-  /// … a timing of its own.
+  /// Makes the path of a kind that has a timing of its own. Null for a kind that has `curve`.
   std::shared_ptr<const ReferencePath> (*timed)(const PathSettings&) = nullptr;
   std::vector<ScenarioKey> own_keys = {};  ///< of PathSettings::own; among `keys`, too
 };
@@ -29,8 +30,8 @@ const PathKind& kind_of(const PathSettings& settings);
 /// The path that [path] describes. Throws UsageError as plan_path() does.
 std::shared_ptr<const ReferencePath> make_path(const PathSettings& settings);
 
-/// The same if it is one with a speed profile, else null. Reads path.csv. Throws UsageError that
-/// names the file and line, or the key.
+/// The same for a kind with a speed profile; null for other kinds. Reads path.csv. Throws
+/// UsageError that names the file and line, or the key.
 std::unique_ptr<const PlannedPath> plan_path(const PathSettings& settings);
 
 }  // namespace tether

@@ -70,7 +70,7 @@ std::vector<ScenarioKey> keys() {
   return t.take();
 }
 
-/// Other kinds' sizes.
+/// A key that only other kinds of path use has no effect.
 std::string why_no_effect(const Scenario& scenario, const std::string& key) {
   if (!key.starts_with(kPrefix) || key == "path.kind") return "";
   const PathKind& kind = kind_of(scenario.get<Path>());
@@ -90,7 +90,7 @@ std::unique_ptr<const PlannedPath> plan(const Path& settings, const std::string&
   }
 }
 
-/// Puts the vehicle where its path begins, but for what `given` says.
+/// Puts the vehicle where its path begins. Keys of its start that are in `given` keep their values.
 void start_vehicle(Scenario& scenario, const std::set<std::string>& given,
                    const std::string& file) {
   const auto path = plan(scenario.get<Path>(), file);

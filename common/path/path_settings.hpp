@@ -28,13 +28,13 @@ struct PathSettings {
   OwnSettings own;               ///< of kinds that have keys which no other kind has
 };
 
-/// What limits a path, of some sections.
+/// The limits that some sections put on a path.
 using PathLimitsOf = std::function<std::vector<PathLimit>(const Scenario&)>;
 
-/// `limits`: of what is between the path and the wheels. The path must keep them all.
+/// `limits`: those of each part between the path and the wheels. The path must keep them all.
 ScenarioSection path_section(const std::vector<PathLimitsOf>& limits);
 
-/// Those of the vehicle and its tyres.
+/// The limits of the vehicle and its tyres.
 std::vector<PathLimit> vehicle_path_limits(const Scenario& scenario);
 
 }  // namespace tether

@@ -10,8 +10,8 @@
 
 namespace tether {
 
-/// A curve with a speed profile. Its arc length at any time is in closed form: nothing adds up, so
-/// nothing drifts from lap to lap.
+/// A curve with a speed profile. Its arc length at any time is in closed form: no rounding errors
+/// add up, so that nothing drifts from lap to lap.
 class PlannedPath final : public ReferencePath {
  public:
   /// Throws UsageError where no profile exists.

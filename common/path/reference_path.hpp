@@ -16,8 +16,8 @@ struct Position {
   double y_m = 0.0;
 };
 
-/// A path with its timing: one point for each instant. Paths with an end rest there ever after, and
-/// rest at their start before t = 0 where they begin at rest. Immutable; safe to share.
+/// A path with its timing: one point for each instant. A path with an end rests there from then on.
+/// A path that begins at rest also rests at its start before t = 0. Immutable; safe to share.
 class ReferencePath {
  public:
   virtual ~ReferencePath() = default;

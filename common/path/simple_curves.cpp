@@ -83,8 +83,8 @@ double RoundedRectangleCurve::length_m() const {
   return straight_m + 4.0 * corner_.length_m();
 }
 
-/// Straight on, a corner and straight on to the middle of the next side: half of the sides
-/// `first_m` and `second_m`.
+/// A quarter of the way round, from the middle of a side of length `first_m`: straight on, a
+/// corner, and straight on to the middle of the next side, of length `second_m`.
 CurvePoint RoundedRectangleCurve::quarter(double s_m, double first_m, double second_m) const {
   const double before_m = 0.5 * first_m - corner_.reach_m();
   if (s_m <= before_m) return {s_m, 0.0, 0.0, 0.0};

@@ -19,7 +19,7 @@ std::size_t steps_of(const PathCurve& curve) {
   return static_cast<std::size_t>(std::clamp(steps, kFewestSteps, kMostSteps));
 }
 
-/// What holds at a step, whatever is before and after it.
+/// The limits at one step, whatever is before and after it.
 struct Cap {
   double square = 0.0;        ///< of the speed, m²/s²
   double acceleration = 0.0;  ///< m/s²

@@ -10,12 +10,13 @@ namespace tether {
 
 /// When to be where on a curve: as fast as the limits allow, from rest.
 ///
-/// At even steps of arc length of 5 cm or less the speed is limited by cruise, wish and curvature
-/// κ:
-///   v ≤ speed, v² |κ| ≤ lateral limit, v |κ| ≤ yaw-rate limit, v² |dκ/ds| ≤ ½ yaw-acceleration
-///   limit;
-/// a pass forwards, v² ≤ v₋² + 2 a Δs, and one backwards limit acceleration and deceleration, each
-/// also to |κ| a ≤ ½ yaw-acceleration limit. (Bobrow, Dubowsky and Gibson 1985, for a vehicle.)
+/// The speed is limited at even steps of arc length, of 5 cm or less, by cruise speed, wish and
+/// curvature κ:
+/// - v ≤ speed, v² |κ| ≤ lateral limit, v |κ| ≤ yaw-rate limit;
+/// - v² |dκ/ds| ≤ ½ yaw-acceleration limit.
+/// Then a pass forwards, v² ≤ v₋² + 2 a Δs, limits the acceleration, and one backwards the
+/// deceleration, each also to |κ| a ≤ ½ yaw-acceleration limit. (Bobrow, Dubowsky and Gibson 1985,
+/// for a vehicle.)
 /// Between the steps the acceleration is constant, so that s(t) and v(t) are exact there.
 ///
 /// Open curves end at rest. Closed ones go on lap after lap: the first begins at rest and speeds up

@@ -23,7 +23,7 @@ class WaypointCurve final : public PathCurve {
   CurvePoint at(double s_m) const override;
   /// Between waypoints the square is linear in the arc length: an even acceleration.
   double wanted_speed_mps(double s_m) const override;
-  /// Of the last waypoint up to there.
+  /// That of the last waypoint up to `s_m`.
   std::string source(double s_m) const override;
 
   /// Where each waypoint is.

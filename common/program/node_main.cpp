@@ -39,7 +39,7 @@ struct Options {
 
 /// A clock that differs by more than this is another run's.
 constexpr Duration kClockJump = std::chrono::milliseconds{500};
-/// … if so many messages in a row say so; a single one may be a stray.
+/// So many messages in a row must say so, because a single one may be a stray.
 constexpr int kClockJumpMessages = 3;
 
 /// Follows SIM/CLOCK: sets the loop's time at the first message, stops the loop at a jump.
@@ -122,7 +122,7 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   return End::signal;
 }
 
-/// Simulated time knows one network and no clock of its own.
+/// Refuses options that make no sense in lockstep, which has one network and simulated time.
 void check_lockstep(const Options& options) {
   for (const auto& [given, option] :
        {std::pair{!options.control_lcm_url.empty(), "--control-lcm-url"},

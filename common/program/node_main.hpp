@@ -28,8 +28,8 @@ struct NodeContext {
 /// How long a node may take to wind down (Node::wind_down), at the very most.
 inline constexpr Duration kWindDownLimit = std::chrono::seconds{21};
 
-/// Options of one program alone, which may make it stand alone: it then needs no scenario, joins no
-/// run but starts a clock of its own, and has no --control-lcm-url.
+/// Options that only one program has. They may make it stand alone: it then needs no scenario,
+/// starts a clock of its own instead of joining a run, and has no --control-lcm-url.
 struct OwnOptions {
   std::function<void(CLI::App&)> add = [](CLI::App&) {};
   /// Asked after parsing.

@@ -69,7 +69,7 @@ ScenarioKey list_key(const std::string& name, const ScenarioField<NumberList>& f
 /// A list of lists of numbers, such as a matrix.
 ScenarioKey rows_key(const std::string& name, const ScenarioField<NumberRows>& field, Range range,
                      const std::string& meaning);
-/// One of several texts, by its place among them.
+/// One of several texts; the value is the text's place among them.
 ScenarioKey choice_key(const std::string& name, const std::vector<std::string>& texts,
                        std::function<std::size_t(const Scenario&)> get,
                        std::function<void(Scenario&, std::size_t)> set, const std::string& meaning);
@@ -79,7 +79,7 @@ ScenarioKey choice_key(const std::string& name, const std::vector<std::string>& 
 template <class Settings>
 class KeyTable {
  public:
-  /// Of the section that is this struct. All names get `prefix`.
+  /// For a section whose settings are this struct. All names get `prefix`.
   explicit KeyTable(std::string prefix)
       : KeyTable(std::move(prefix), {[](const Scenario& s) -> auto& { return s.get<Settings>();
 }, [](Scenario& s) -> auto& {
@@ -87,11 +87,11 @@ class KeyTable {
 }
 }  // namespace tether
 ) {}
-/// Of a struct somewhere in a scenario.
+/// For a struct anywhere in a scenario.
 KeyTable(std::string prefix, ScenarioField<Settings> settings)
     : prefix_(std::move(prefix)), settings_(std::move(settings)) {}
 
-/// Of a struct within this one.
+/// For a struct within this one.
 template <class Inner, class Member>
 KeyTable<Inner> within(const std::string& prefix, Member member) const {
   return {prefix_ + prefix, field<Inner>(member)};

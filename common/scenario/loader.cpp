@@ -47,7 +47,8 @@ std::string table_name(const NamedTables& tables, const std::string& key) {
   return key.substr(begin, key.find('.', begin) - begin);
 }
 
-/// What may be given in place of a key: also those that stand for several, "channel.prr".
+/// Keys that may be meant by a misspelt one, also those that stand for several, such as
+/// "channel.prr".
 std::vector<std::string> names_beside(const ScenarioSchema& schema,
                                       const std::vector<ScenarioKey>& keys) {
   std::vector<std::string> names, shorter;
@@ -212,8 +213,8 @@ void ScenarioLoader::apply_override(const std::string& text, const std::string& 
   }
 }
 
-/// What does nothing is a mistake, not a wish: one forgotten line would turn a bad network into a
-/// perfect one.
+/// Refuses keys that have no effect: with one forgotten line, a bad network would otherwise become
+/// a perfect one without notice.
 void ScenarioLoader::end_level(const std::string& source, const std::filesystem::path& folder) {
   for (const ScenarioKey& key : scenario_.schema().keys_of(scenario_)) {
     if (!given_.contains(key.name)) continue;
@@ -251,7 +252,7 @@ Scenario ScenarioLoader::finish(const std::string& file) const {
   return scenario;
 }
 
-/// Of the named table that a key is in, or that a table is.
+/// Makes the named table that `key` is in, or that `key` itself names, if there is none yet.
 void ScenarioLoader::make_table(const std::string& key, const std::string& place) {
   const NamedTables* tables = named_tables(scenario_.schema(), key);
   if (tables != nullptr) tables->make(scenario_, table_name(*tables, key), place);

@@ -19,7 +19,7 @@ class ScenarioLoader {
   ScenarioLoader() = default;
   explicit ScenarioLoader(Scenario start) : scenario_(std::move(start)) {}
 
-  /// What a file has.
+  /// Applies what a file has.
   void apply_table(const toml::table& table, const std::string& prefix, const std::string& file);
 
   /// `text` is "KEY=VALUE"; a key may stand for several (ScenarioSchema::keys_meant_by) and makes

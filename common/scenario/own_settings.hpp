@@ -5,8 +5,8 @@
 
 namespace tether {
 
-/// Settings of what is chosen by name, such as a channel's model: each has a struct of its own,
-/// which only its own files know, and all are at their defaults until somebody writes to them.
+/// Settings of things that are chosen by name, such as control laws. Each choice has a struct of
+/// its own, which only its own files know. A struct is at its defaults until somebody writes to it.
 class OwnSettings {
  public:
   template <class Settings>
@@ -29,7 +29,7 @@ class OwnSettings {
     return *std::any_cast<Settings>(&entries_.back().settings);
   }
 
-  /// What was never written to is at its defaults.
+  /// A struct that was never written to equals one at its defaults.
   bool operator==(const OwnSettings& other) const { return equals(other) && other.equals(*this); }
 
  private:

@@ -54,7 +54,7 @@ class Sections {
  public:
   Sections(const Scenario& scenario)  // NOLINT(google-explicit-constructor)
       : settings_(scenario.get<Settings>()...) {}
-  /// Of one that has these and more.
+  /// From one that has these sections and more.
   template <class... More>
   Sections(const Sections<More...>& more)  // NOLINT(google-explicit-constructor)
       : settings_(more.template get<Settings>()...) {}

@@ -36,14 +36,15 @@ struct ScenarioKey {
   std::function<std::optional<ScenarioValue>(const Scenario&)> get;
   /// False if `value` is of the wrong type or out of range; then nothing changes.
   std::function<bool(Scenario&, const ScenarioValue&)> set;
-  /// Of keys that name a file: the name, which is relative to where it was given. Else empty.
+  /// For keys that name a file: the name, which is relative to where it was given. Empty for
+  /// others.
   std::function<std::string&(Scenario&)> file = {};
 };
 
 /// What was given at one level of settings: in the file, or by the overrides.
 struct ScenarioLevel {
   std::string source;            ///< for messages
-  std::filesystem::path folder;  ///< names of files that were given start here, and do by now
+  std::filesystem::path folder;  ///< by now, names of files given here begin with it
   std::set<std::string> keys;    ///< full names
   /// Sets a key to what follows from others, within the same limits as if it had been given.
   std::function<void(const std::string& key, double value, const std::string& from)> set_derived;
@@ -66,7 +67,7 @@ struct TableList {
   using Table = std::map<std::string, ScenarioValue>;
   std::string key;      ///< "channel.change"
   std::string allowed;  ///< for messages: "each [[channel.change]] must have …"
-  /// Takes the place of what was there. False if one of them is not as it must be.
+  /// Replaces the whole list. False if one of the tables is not as it must be.
   std::function<bool(Scenario&, const std::vector<Table>&)> read;
   std::function<std::string(const Scenario&)> to_toml;
 };
@@ -80,11 +81,12 @@ struct ScenarioSection {
   std::optional<TableList> list = {};
   std::string help = {};  ///< behind the keys' table
 
-  /// Why it is a mistake to give `key`, which does nothing: `vehicle.plant is "kinematic"`; "" if
-  /// it has an effect.
+  /// Why `key` has no effect, such as `vehicle.plant is "kinematic"`: then it is a mistake to give
+  /// it. "" if it has an effect.
   std::function<std::string(const Scenario&, const std::string& key)> why_no_effect = {};
-  /// Whether `key` is left out of the resolved scenario: it does nothing, but to give it is no
-  /// mistake, for one file may have what several choices need; or it says what goes without saying.
+  /// Whether `key` is left out of the resolved scenario: because it has no effect, although it is
+  /// no mistake to give it (one file may hold the keys of several choices); or because it is a
+  /// switch at its default.
   std::function<bool(const Scenario&, const ScenarioKey& key)> left_out = {};
 
   /// The keys that `key` stands for: channel.prr is channel.uplink.prr and channel.downlink.prr.
@@ -95,10 +97,11 @@ struct ScenarioSection {
   /// At the end of each level, so that the next one beats it: turns keys that stand for others into
   /// these. Throws UsageError.
   std::function<void(Scenario&, const ScenarioLevel&)> end_level = {};
-  /// At the end of all: what follows from other sections and was not given at any level (`given`).
+  /// Called once at the end: sets what follows from other sections and was not given at any level.
+  /// `given`: the keys that were.
   std::function<void(Scenario&, const std::set<std::string>& given, const std::string& file)>
       complete = {};
-  /// What several keys together must fulfil, of any sections. Throws UsageError.
+  /// Checks what several keys must fulfil together, of any sections. Throws UsageError.
   std::function<void(const Scenario&, const std::string& file)> check = {};
 };
 
@@ -114,9 +117,9 @@ class ScenarioSchema {
   static std::shared_ptr<const ScenarioSchema> all();
 
   const std::vector<ScenarioSection>& sections() const { return sections_; }
-  /// All but those of named tables.
+  /// All keys but those of named tables.
   const std::vector<ScenarioKey>& keys() const { return keys_; }
-  /// And those of the named tables that `scenario` has.
+  /// All keys, and those of the named tables that `scenario` has.
   std::vector<ScenarioKey> keys_of(const Scenario& scenario) const;
 
   /// Why `key` does nothing, of any section; "" if it has an effect.

@@ -31,19 +31,20 @@ struct Plan {
   std::int64_t seq = 0;
   PlanName name;
   std::int64_t based_on = kBasedOnAny;  ///< id of a plan of the same session, or one of the above
-  /// The same; or a later id: any of these plans that has settled.
+  /// Equal to based_on; or a later id: then the plan is based on any plan of this range that has
+  /// settled.
   std::int64_t based_on_last = kBasedOnAny;
   Instant start;
   Duration step{};
-  /// From here to its end it predicts the vehicle where all settled plans of its session do: on the
-  /// path.
+  /// The plan has settled from here to its end: it predicts the vehicle where all settled plans of
+  /// its session do, on the path.
   Instant settled = Instant::max();
   std::vector<Twist> twists;
 
-  /// What it says ends here. `step` and the number of twists must be in their ranges.
+  /// When the last twist ends. `step` and the number of twists must be in their ranges.
   Instant end() const { return start + step * static_cast<std::int64_t>(twists.size()); }
 
-  /// The twist in force at `t`: the first before the start, the last after the end. Of plans that
+  /// The twist in force at `t`: the first before the start, the last after the end. The plan must
   /// have a twist and step > 0.
   const Twist& at(Instant t) const {
     assert(!twists.empty() && step > Duration{0});

@@ -7,7 +7,7 @@
 namespace tether {
 namespace {
 
-/// What can be said of a plan by itself.
+/// Judges a plan by its contents alone.
 PlanFate judge_contents(const Plan& plan) {
   const bool named = plan.name.session >= 0 && plan.name.id >= 0;
   const bool based = plan.based_on >= 0 ? plan.based_on_last >= plan.based_on
@@ -46,7 +46,7 @@ PlanFate PlanBuffer::offer(Instant now, PlanSource source, Plan plan) {
 PlanFate PlanBuffer::judge(Instant now, PlanSource source, const Plan& plan) {
   const PlanFate contents = judge_contents(plan);
   if (contents != PlanFate::accepted) return contents;
-  // Before the guard: strangers shall not make those of this session look old.
+  // Before the guard: plans of other sessions must not make plans of this session look old.
   if (session_ != plan.name.session && !may_take_over(now, plan)) return PlanFate::other_session;
   if (!guard(source).accept(now, plan.stamp, plan.seq)) return PlanFate::out_of_order;
   if (session_ == plan.name.session) session_heard_ = now;

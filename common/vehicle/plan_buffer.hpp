@@ -40,20 +40,21 @@ inline constexpr std::size_t kPlanFates = 11;
 /// of the plan. Before the first plan takes over there is none.
 ///
 /// Consistency. A plan is based on the plan that the vehicle was predicted to follow until the
-/// start. It is refused unless that is the one which it takes over from, at max(start, now), or
-/// which took over just then. ANY fits always; NONE fits where there is no plan or one of another
-/// session. A plan may be based on a range of ids: on any of them that has settled by then and is
-/// not over, for all these predict the vehicle in the same place (PredictiveLaw).
+/// start. It is refused unless that plan is the one from which it takes over, at max(start, now),
+/// or the one that took over at that very instant. ANY fits always; NONE fits where there is no
+/// plan or one of another session. A plan may be based on a range of ids: on any of them that has
+/// settled by then and is not over, for all these predict the vehicle in the same place
+/// (PredictiveLaw).
 ///
-/// newest() is what poses report: the last of the schedule, even if it still waits. Its sender
-/// knows what it is based on, hence the whole way from the pose on; and plans based on it are
-/// accepted. The first plan of the schedule stays, so there is always something that a plan can be
-/// based on, whatever was lost: on newest(), which only a new plan changes, on NONE from a new
-/// session or before the first, or on ANY.
+/// newest() is what poses report: the last of the schedule, even if it still waits. The sender of
+/// that plan knows what it is based on, and so the whole motion from the pose on; and plans based
+/// on it are accepted. The first plan of the schedule stays, so there is always something that a
+/// plan can be based on, whatever was lost: on newest(), which only a new plan changes, on NONE
+/// from a new session or before the first, or on ANY.
 ///
 /// Sessions. The first plan of another session takes over if it is based on NONE or ANY; the
-/// session before is then superseded, and its plans are refused. Only when the new one was not
-/// heard for kSessionSilence may an old one come back: a damaged packet shall not shut out a
+/// session before is then superseded, and its plans are refused. Only when the new session was not
+/// heard for kSessionSilence may an old one come back, so that a damaged packet does not shut out a
 /// controller for ever. The last kSessions are remembered.
 class PlanBuffer {
  public:
@@ -79,7 +80,7 @@ class PlanBuffer {
   /// The accepted plan that takes over last; none before the first.
   PlanName newest() const;
 
-  /// When the plan in force says no more; none if there is none in force.
+  /// When the last twist of the plan in force ends; none if no plan is in force.
   std::optional<Instant> end(Instant now) const;
   bool empty() const { return schedule_.empty(); }
 

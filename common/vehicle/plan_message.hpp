@@ -13,7 +13,7 @@ namespace tether {
 
 static_assert(Plan::kBasedOnNone == plan_t::NONE && Plan::kBasedOnAny == plan_t::ANY);
 
-/// As it is: nothing is checked.
+/// Copies the fields as they are: nothing is checked.
 inline Plan to_plan(const plan_t& m) {
   Plan plan{from_utime(m.utime),
             m.seq,

@@ -6,7 +6,7 @@
 
 namespace tether {
 
-/// How a vehicle that is not told anything any more comes to a stop. All > 0.
+/// How a vehicle that gets no more commands comes to a stop. All > 0.
 struct StopLimits {
   double deceleration_mps2 = 1.5;
   double yaw_deceleration_radps2 = 3.0;

@@ -24,8 +24,8 @@ struct VehicleConfig {
   double payload_kg = 0.0;
   double payload_x_m = 0.0;
   double payload_y_m = 0.0;
-  /// Of each wheel's speed servo. Half as much again as 3 m/s² of the whole vehicle takes, and
-  /// little more than makes the wheels slip: jammed at a wall, they do not store wheelspin.
+  /// Of each wheel's speed servo. One and a half times what the whole vehicle needs for 3 m/s², and
+  /// little more than makes the wheels slip. So wheels that are jammed at a wall do not spin up.
   double max_wheel_torque_Nm = 4.0;
   /// Slew rate of each servo's rim-speed target. The chassis would lift its nose at 5.4 m/s².
   double max_wheel_acceleration_mps2 = 3.0;

@@ -72,7 +72,8 @@ bool is_one_of(std::string_view key, std::initializer_list<std::string_view> key
   return std::find(keys.begin(), keys.end(), key) != keys.end();
 }
 
-/// Masses and friction where nothing has any, and errors that drives on CAN do not have.
+/// Masses and friction have no effect with the kinematic plant, and the drive's errors none with
+/// drives on CAN.
 std::string why_no_effect(const Scenario& scenario, const std::string& key) {
   const auto& vehicle = scenario.get<Vehicle>();
   if (vehicle.drivetrain == Vehicle::Drivetrain::can &&

@@ -25,15 +25,15 @@ struct VehicleSettings : VehicleConfig {
   enum class Plant { ode, kinematic };
   enum class Drivetrain { direct, can };
   Plant plant = Plant::ode;
-  /// As the key has it.
+  /// As the key's value is written.
   const char* plant_name() const { return plant == Plant::kinematic ? "kinematic" : "ode"; }
   /// What turns commands into wheel speeds: the simulator itself, or drives on a CAN bus.
   Drivetrain drivetrain = Drivetrain::direct;
   /// can.coupling_ms: between messages of emulated drives and simulated wheels.
   double coupling_ms = 5.0;
   std::string name = "AGV";  ///< first part of its LCM channels
-  // What nobody told the vehicle, nor the controller: sim/plant/drive_errors.hpp. With drives on
-  // CAN they have no effect.
+  // Errors that neither the vehicle nor the controller knows of (sim/plant/drive_errors.hpp). With
+  // drives on CAN they have no effect.
   double radius_error = 0.0;     ///< share by which the wheels are larger than it believes
   double track_error = 0.0;      ///< share by which it believes in too wide a track
   double actuator_lag_ms = 0.0;  ///< time constant of its rim speeds
@@ -43,7 +43,7 @@ struct VehicleSettings : VehicleConfig {
 ScenarioSection world_section();
 ScenarioSection vehicle_section();
 
-/// The earliest time stamp that is of this run, if clocks do not agree.
+/// The earliest time stamp that belongs to this run, even if clocks do not agree.
 Instant earliest_stamp(const Sections<RunSettings, VehicleSettings>& settings);
 
 }  // namespace tether
