@@ -11,7 +11,7 @@
 namespace tether {
 namespace {
 
-constexpr std::int64_t kPoses = 30;  // that PRR is estimated from: within ±0.18 in 95 %
+constexpr std::int64_t kPoses = 30;  // to estimate the PRR from: within ±0.18 in 95 %
 constexpr std::size_t kDelays = 15;
 
 TauTable read_table(const std::string& file) {

@@ -8,9 +8,9 @@
 
 namespace tether {
 
-/// The paper's law with the look-ahead that suits the network, as the paper suggests: at each pose,
-/// τ is the table's for the PRR and the delay estimated from poses so far. The downlink, whose
-/// losses nobody tells the controller, is taken to be like the uplink.
+/// The paper's law with the look-ahead that suits the network, as the paper suggests. At each pose,
+/// τ is taken from the table, by the PRR and the delay that are estimated from the poses so far.
+/// Nobody tells the controller the losses of the downlink, so it is taken to be like the uplink.
 class AdaptivePidLaw final : public PidLaw {
  public:
   AdaptivePidLaw(const LawContext& context, TauTable table);

@@ -75,7 +75,8 @@ bool uses(const LawKind& law, const std::string& part) {
                      [&](const std::string& key) { return part.starts_with(key); });
 }
 
-/// Keys of other laws. They are no mistake: one file may have what several laws need.
+/// Keys that only other laws use are left out. They are no mistake: one file may have what several
+/// laws need.
 bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   const std::string prefix = "controller.";
   if (!key.name.starts_with(prefix)) return false;

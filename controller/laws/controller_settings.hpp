@@ -24,10 +24,10 @@ struct TrackingGains {
   double k_x = 2.5;               ///< 1/s
   double k_y = 0.8;               ///< 1/m²
   double k_theta = 2.0;           ///< 1/m
-  double max_lateral_mps2 = 3.0;  ///< v·ω of catching up; the path's own may be more
+  double max_lateral_mps2 = 3.0;  ///< v·ω while catching up; that of the path itself may be more
 };
 
-/// [controller.model]: what predictions take the vehicle for; not set: as it is.
+/// [controller.model]: the vehicle as predictions see it; what is not set is as the vehicle has it.
 struct ModelSettings {
   std::optional<double> track_m;
   std::optional<double> max_wheel_acceleration_mps2;
@@ -58,7 +58,7 @@ struct ControllerSettings {
 
 ScenarioSection controller_section();
 
-/// What its output is limited to.
+/// The limits of the controller's output.
 std::vector<PathLimit> controller_path_limits(const Scenario& scenario);
 
 }  // namespace tether

@@ -25,14 +25,14 @@ struct SeenPose {
   Instant stamp{};    ///< of the measurement
   Instant arrival{};  ///< here
   std::int64_t seq = 0;
-  /// Of the newest plan that the vehicle had accepted by `stamp`, which it follows from its start
-  /// on; nullopt: none of this controller's.
+  /// The id of the newest plan that the vehicle had accepted by `stamp`; it follows that plan from
+  /// the plan's start on. nullopt: no plan of this controller.
   std::optional<std::int64_t> plan_id;
   bool follows_other = false;  ///< it follows a plan of another controller, or of another start
 };
 
-/// What a law decides: the twist to follow from now on, or a plan. Of a plan's fields, stamp, seq
-/// and name.session are the node's business; ids ascend by 1 from 0.
+/// What a law decides: the twist to follow from now on, or a plan. Of a plan's fields, the node
+/// fills in stamp, seq and name.session. Ids ascend by 1 from 0.
 using LawOutput = std::variant<Twist, Plan>;
 
 /// The vehicle against the reference point that the law aims at, for reports.
@@ -41,8 +41,9 @@ struct LawErrors {
   double distance_m = 0.0;
 };
 
-/// A control law: pure, told all it knows. ControllerNode asks it for a decision at each pose or at
-/// a rate, and sees to messages, time-outs and output that is not finite.
+/// A control law. It is pure: it gets all that it knows as arguments. ControllerNode asks it for a
+/// decision at each pose or at a rate, and sees to messages, time-outs and output that is not
+/// finite.
 class Law {
  public:
   virtual ~Law() = default;
@@ -55,7 +56,7 @@ class Law {
   virtual LawOutput decide(Instant now, const SeenPose* newest) = 0;
 
   /// What is sent at `now` in place of a decision: before t = 0, after a pose time-out, or instead
-  /// of an unusable one. Whatever the law integrates starts afresh.
+  /// of an unusable decision. All that the law integrates starts afresh.
   virtual LawOutput stop(Instant) {
     reset();
     return Twist{};
@@ -67,7 +68,7 @@ class Law {
   /// The plan to be on board at t = 0; asked once, before all else.
   virtual std::optional<Plan> preload() { return std::nullopt; }
 
-  /// Of the last decision.
+  /// The errors at the last decision.
   virtual LawErrors errors() const = 0;
   virtual void list_counters(CounterList&) const {}
 };
@@ -86,8 +87,8 @@ struct LawContext {
 struct LawKind {
   std::string name;
   bool sends_plans = false;  ///< instead of twists
-  /// Beginnings of the keys of [controller], without "controller.", that only some laws use, this
-  /// one among them.
+  /// Keys of [controller], or their beginnings, without "controller.", that this law uses but not
+  /// every law.
   std::vector<std::string> keys;
   /// Throws UsageError for what is wrong with its files.
   std::unique_ptr<Law> (*make)(const LawContext&);

@@ -26,8 +26,9 @@ class ReceptionEstimate {
 };
 
 /// How long messages take, from their time stamps: the longest of the last `count`, so that a
-/// prediction for the other direction is seldom late; a link whose delay falls is believed after
-/// `count` messages. Zero before the first one; never negative, whatever the clocks say.
+/// prediction for the other direction is seldom too short. When a link's delay falls, the estimate
+/// follows after `count` messages. Zero before the first one; never negative, whatever the clocks
+/// say.
 class DelayEstimate {
  public:
   static constexpr std::size_t kFew = 5;  ///< to follow a link that changes
@@ -36,7 +37,7 @@ class DelayEstimate {
 
   void add(Duration delay);
   Duration longest() const;
-  /// The middle one, the later of two.
+  /// The median; of two in the middle, the later.
   Duration median() const;
 
  private:

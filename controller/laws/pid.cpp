@@ -9,7 +9,7 @@ namespace tether {
 
 double Pid::step(double error, double dt_s) {
   if (!state_.started) {
-    dt_s = 0.0;  // what came before is not this loop's time
+    dt_s = 0.0;  // the time before the first step does not count
     state_ = {};
     state_.started = true;
     state_.filtered_error = error;

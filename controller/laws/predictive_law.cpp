@@ -11,9 +11,10 @@ namespace tether {
 namespace {
 
 constexpr std::size_t kMostSent = 4000;  // plans remembered
-/// The vehicle may still follow a plan that is over by this long when a pose is taken.
+/// The vehicle may still follow a plan, stopping, that ended up to this long before a pose.
 constexpr Duration kRunOut = std::chrono::seconds{10};
-/// On the path: errors smaller than these. Settled: for so long.
+/// A vehicle with smaller errors than these is on the path. A plan that stays there for so long has
+/// settled.
 constexpr double kOnPath_m = 0.01;
 constexpr double kOnPath_rad = 0.01;
 constexpr Duration kSettling = std::chrono::seconds{2};
@@ -84,8 +85,9 @@ LawOutput PredictiveLaw::decide(Instant now, const SeenPose* newest) {
   return remember(now, std::move(plan), predicted);
 }
 
-/// Makes of a prediction along the plan that the newest pose names one that holds for all settled
-/// plans since: not if there are none, and only every other time if it leaves out the one named.
+/// Turns a prediction along the plan that the newest pose names into one that holds for all settled
+/// plans since. Does nothing if there is no such plan; and if the named plan is not among them,
+/// does so only every other time.
 void PredictiveLaw::extend(Prediction& p, Instant start) {
   const Sent* named = find(p.follows);
   const bool still = named != nullptr && named->is_settled(start) &&
@@ -117,7 +119,7 @@ Instant PredictiveLaw::start_of_next(Instant now) const {
   return std::chrono::ceil<std::chrono::microseconds>(start);  // as it is sent
 }
 
-/// The vehicle at `until`, and what it is taken to follow then.
+/// The vehicle at `until`, and the plan that it is assumed to follow then.
 PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant until) const {
   Instant at = kStart;
   Prediction p = start_of_prediction(newest, at);
@@ -148,7 +150,7 @@ PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* new
   at = newest->stamp;
   if (newest->plan_id || at >= kStart) p.follows = newest->plan_id.value_or(Plan::kBasedOnNone);
   const bool unknown = newest->follows_other || (p.follows >= 0 && find(p.follows) == nullptr);
-  if (unknown) {  // something moves it, hopefully along the path
+  if (unknown) {  // it follows something unknown, most likely along the path
     const PathPoint reference = path_->at(to_seconds(at));
     p.state.rim = model_.rim_of({reference.v_mps, reference.omega_radps});
   } else if (const Sent* sent = followed_at(p.follows, at)) {
@@ -157,7 +159,8 @@ PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* new
   return p;
 }
 
-/// The first plan of all if it is to be taken for in force from within these limits.
+/// The first plan of all, if it is to be assumed that it took over, late, between `from` and
+/// `until`; else null.
 const PredictiveLaw::Sent* PredictiveLaw::late_first(const Prediction& p, Instant from,
                                                      Instant until) const {
   if (p.follows != Plan::kBasedOnNone || sent_.empty() || ordinary_ % 2 == 0) return nullptr;
@@ -166,7 +169,7 @@ const PredictiveLaw::Sent* PredictiveLaw::late_first(const Prediction& p, Instan
   return is_late && first.takes_over > from && first.takes_over < until ? &first : nullptr;
 }
 
-/// Of the plan `id` and those that the vehicle followed before it, the one in force at `when`.
+/// The plan in force at `when`: the plan `id`, or one of those that the vehicle followed before it.
 const PredictiveLaw::Sent* PredictiveLaw::followed_at(std::int64_t id, Instant when) const {
   const Sent* sent = find(id);
   while (sent != nullptr && sent->takes_over > when) sent = find(sent->follows);
@@ -202,7 +205,8 @@ void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
   }
 }
 
-/// Of a vehicle that follows a plan: each step's twist is one that it reaches within the step.
+/// The rim speeds of a vehicle that follows a plan. At the end of each step it has reached the
+/// step's twist, for plans contain no others.
 WheelSpeeds PredictiveLaw::rim_at(const Sent& sent, Instant when) const {
   const Plan& plan = sent.plan;
   MotionModel::State state{{}, sent.state.rim};
@@ -232,7 +236,7 @@ Plan PredictiveLaw::empty_plan(Instant start) {
   return plan;
 }
 
-/// Feedback at each step's beginning, the path's own twist at its middle.
+/// Feedback of the errors at each step's beginning, with the path's own twist at the step's middle.
 Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
   Plan plan = empty_plan(start);
   plan.twists.reserve(steps_);

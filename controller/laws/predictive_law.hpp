@@ -21,31 +21,33 @@ namespace tether {
 /// A plan begins when it should arrive: now plus the longest delay of the last poses. What the
 /// vehicle does until then is predicted from the newest pose, or, before the first one, from the
 /// start of the scenario, where the vehicle is known to stand. The two forms differ in what they
-/// take it to follow:
+/// assume it to follow:
 /// - plain: the plans sent, each from its start on, as if none were lost. The vehicle follows
 ///   whatever arrives (based_on: any). After a loss the prediction, and so the plan, is wrong.
 /// - consistent: the plan that the newest pose names, to its end, as if nothing sent since had
-///   arrived. The plan says so (based_on), and the vehicle refuses it if something had: whatever it
-///   follows was predicted from what it did. Of the plans that are made from one pose, the first to
-///   arrive is followed: more commands than poses mend losses and never do harm.
+///   arrived. The plan says so (based_on), and the vehicle refuses it if something had arrived. So
+///   whatever the vehicle follows was predicted from what it really did. Of the plans that are made
+///   from one pose, the first to arrive is followed: more commands than poses mend losses and never
+///   do harm.
 ///
-/// A pose names one plan X, and none comes for long: plans based on X are refused as soon as one of
-/// them has arrived, and its horizon ends. But whatever the vehicle follows then, it gets onto the
-/// path, where the feedback contracts all predictions onto one: a plan has *settled* when it was
-/// predicted within 1 cm and 10 mrad of the path for 2 s (in which the default gains take errors at
-/// 2.8 m/s to 4 %: (1 + λt) e^−λt, λ = v √K_y); from then on, up to its end, it predicts the
-/// vehicle where all settled ones do. When the newest pose is older than half the horizon, the
-/// consistent form *extends* plans: from the state that the last settled plan since X predicts, it
-/// makes one that is based on whichever plan since X is in force and has settled (Plan::settled;
-/// the vehicle looks that up), on X too if X has settled and the pose says that it did lead onto
-/// the path. It is settled itself from its start on, and so the next: as long as plans get through
-/// within half a horizon, the vehicle goes on without poses, open loop; controller.pose_timeout_s
-/// bounds that. If X is left out, every other plan is an ordinary one, for a vehicle that has
-/// received nothing since.
+/// Suppose that a pose names a plan X, and that no other pose comes for long. Plans based on X are
+/// refused as soon as one of them has arrived, and the horizon of that one ends. But whatever the
+/// vehicle follows then, it gets onto the path, where the feedback contracts all predictions onto
+/// one: a plan has *settled* when it was predicted within 1 cm and 10 mrad of the path for 2 s (in
+/// which the default gains take errors at 2.8 m/s to 4 %: (1 + λt) e^−λt, λ = v √K_y); from then
+/// on, up to its end, it predicts the vehicle where all settled ones do. When the newest pose is
+/// older than half the horizon, the consistent form *extends* plans: from the state that the last
+/// settled plan since X predicts, it makes one that is based on whichever plan since X is in force
+/// and has settled (Plan::settled; the vehicle looks that up), on X too if X has settled and the
+/// pose says that it did lead onto the path. That plan is itself settled from its start on, and so
+/// are the next: as long as plans get through within half a horizon, the vehicle goes on without
+/// poses, open loop; controller.pose_timeout_s bounds that. If X is left out, every other plan is
+/// an ordinary one, for a vehicle that has received nothing since.
 ///
-/// Before the first pose the delay is not known, and plans begin when they are sent. If it turns
-/// out to be longer, the first of them took over in its middle, with the vehicle still at rest: the
-/// consistent form then bases every other plan on that, until a pose says what is in force.
+/// Before the first pose the delay is not known, and plans begin when they are sent. If the delay
+/// turns out to be longer, the first plan took over late, in its middle, while the vehicle was
+/// still at rest. The consistent form then bases every other plan on that assumption, until a pose
+/// says what is in force.
 class PredictiveLaw final : public Law {
  public:
   enum class Form { plain, consistent };
@@ -58,7 +60,7 @@ class PredictiveLaw final : public Law {
   LawOutput stop(Instant now) override;
   bool plans_ahead() const override { return true; }
   std::optional<Plan> preload() override;
-  /// Of the vehicle as predicted for the plan's start.
+  /// The errors of the vehicle as predicted for the plan's start.
   LawErrors errors() const override { return errors_; }
   void list_counters(CounterList& out) const override;
 
@@ -77,7 +79,7 @@ class PredictiveLaw final : public Law {
   struct Prediction {
     MotionModel::State state;
     std::int64_t follows = Plan::kBasedOnNone;
-    /// It holds for all that settled of the plans from the first to the last.
+    /// The prediction holds for all settled plans from the first to the last of this range.
     std::optional<std::pair<std::int64_t, std::int64_t>> range = std::nullopt;
   };
   Instant start_of_next(Instant now) const;
@@ -104,8 +106,8 @@ class PredictiveLaw final : public Law {
   Duration step_;
   std::size_t steps_;
   Duration silence_;
-  bool extends_ = false;       ///< the last plan did
-  std::int64_t ordinary_ = 0;  ///< plans that did not
+  bool extends_ = false;       ///< the last plan did so: see extend()
+  std::int64_t ordinary_ = 0;  ///< number of plans that did not
   std::deque<Sent> sent_;
   std::int64_t next_id_ = 0;
   std::optional<std::int64_t> preloaded_;

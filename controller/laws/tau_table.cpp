@@ -18,7 +18,7 @@ struct Mean {
   double sum = 0.0;
   int count = 0;
 };
-/// By PRR and delay: ε of each τ.
+/// For each PRR and delay: ε by τ.
 using Cells = std::map<std::pair<double, double>, std::map<double, Mean>>;
 
 Cells read_cells(std::istream& in, const std::string& name) {

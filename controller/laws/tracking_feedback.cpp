@@ -6,9 +6,10 @@
 namespace tether {
 namespace {
 
-/// The rest of the acceleration is for the path's own changes of speed, and for turning.
+/// The share of the acceleration that catching up may use. The rest is for the path's own changes
+/// of speed, and for turning.
 constexpr double kCatchUpShare = 0.9;
-/// It turns as if the path had this speed where the path rests and the vehicle does not.
+/// Where the path rests and the vehicle does not, the vehicle turns as if the path had this speed.
 constexpr double kSlowest_mps = 1.0;
 
 }  // namespace
@@ -39,8 +40,8 @@ Twist TrackingFeedback::command(const Pose2& pose, const PathPoint& reference) c
   u.v_mps = std::clamp(reference.v_mps * cos_e + closing_speed(x_e), -max_v_mps_, max_v_mps_);
   const double alpha =
       std::atan2(y_e + look_ahead_m_ * sin_e, look_ahead_m_ * cos_e + std::max(x_e, 0.0));
-  // Not v: catching up at three times the path's speed, the gain would be more than wheels can
-  // turn.
+  // The path's speed, not v: when the vehicle catches up at three times the path's speed, the gain
+  // would ask for more than the wheels can do.
   const double speed_mps = std::max(reference.v_mps, std::min(std::abs(u.v_mps), kSlowest_mps));
   u.omega_radps = std::clamp(reference.omega_radps + speed_mps * gains_.k_theta * alpha,
                              -max_omega_radps_, max_omega_radps_);

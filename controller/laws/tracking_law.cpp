@@ -5,9 +5,9 @@
 namespace tether {
 namespace {
 
-/// Wheel speeds at a pose follow from the commands of this long before it.
+/// Wheel speeds at a pose are computed from the commands of this long before it.
 constexpr Duration kMemory = std::chrono::seconds{4};
-/// Older poses than this are predicted from as if they were this old.
+/// A pose that is older than this is treated as if it were this old.
 constexpr Duration kLongestPrediction = std::chrono::seconds{60};
 constexpr Duration kModelStep = std::chrono::milliseconds{50};
 

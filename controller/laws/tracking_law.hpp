@@ -28,9 +28,10 @@ class TrackingLaw final : public Law {
 };
 
 /// The same on the pose that the vehicle is predicted to have when the command arrives: from the
-/// newest pose, through the commands sent, each in force from the delay of the downlink after it
-/// was sent until the next one. That delay is taken for the median of the last poses'. All commands
-/// are taken to arrive: with much loss, the prediction is wrong (PredictiveLaw mends that).
+/// newest pose, through the commands sent. Each command is in force from its arrival, one delay of
+/// the downlink after it was sent, until that of the next. The delay is assumed to be the median of
+/// the last poses'. All commands are assumed to arrive: with much loss, the prediction is wrong
+/// (PredictiveLaw mends that).
 class CompensatedTrackingLaw final : public Law {
  public:
   explicit CompensatedTrackingLaw(const LawContext& context);

@@ -17,7 +17,7 @@ namespace tether {
 
 namespace {
 
-/// At least 0, so that it is no −1.
+/// Never negative: −1 means "no session".
 std::int64_t session_of_seed(std::uint64_t seed) {
   RandomEngine random = random_stream(seed, "controller/session");
   return static_cast<std::int64_t>(random() >> 1U);
@@ -57,7 +57,8 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
     on_pose(seen);
   });
   if (config_.preload && law_->plans_ahead()) {
-    // Before the first pose of that instant is taken, so that it names the plan.
+    // This priority comes before the first pose of that instant is measured, so that the pose names
+    // the plan.
     loop.at(kStart - from_seconds(settings.get<RunSettings>().lead_s), Priority::physics,
             [this](Instant) {
               const std::optional<Plan> plan = law_->preload();
@@ -103,7 +104,8 @@ void ControllerNode::decide() {
     send(now, law_->stop(now), true);
   } else if (law_->plans_ahead() || (newest_ && now >= kStart)) {
     LawOutput decision = law_->decide(now, newest_ ? &*newest_ : nullptr);
-    if (!is_usable(decision)) {  // no input is known to lead here; NaN must not leave, nor stay
+    if (!is_usable(decision)) {  // no known input leads here, but NaN must neither go out nor stay
+                                 // in the law
       ++unusable_commands_;
       decision = law_->stop(now);
     }

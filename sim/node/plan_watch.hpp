@@ -15,8 +15,8 @@
 namespace tether {
 
 /// With drives on CAN only the bridge knows which plan the vehicle follows: it says so on CAN/PLAN,
-/// and the sensor stamps its poses with the newest that it has heard. None before the first.
-/// Undecodable, duplicated and late messages are counted and change nothing.
+/// and the sensor stamps its poses with the newest that it has heard. Before the first they name
+/// none. Undecodable, duplicated and late messages are counted and change nothing.
 class PlanWatch {
  public:
   /// `loop` and `bus` must outlive the watch.

@@ -23,15 +23,15 @@ namespace tether {
 namespace {
 
 constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
-/// In real time the world moves at least this often: to wake up for each step costs more than the
-/// step itself. Whoever looks at the world in between moves it up to then first.
+/// In real time the world moves at least this often, because waking up for each step costs more
+/// than the step itself. Whatever looks at the world in between first moves it up to that time.
 constexpr Duration kRealTimeBatch = std::chrono::milliseconds{5};
-/// The same in virtual time, for what an event costs: for ODE 1 % of a step, for the kinematic
-/// plant more than one.
+/// The same in virtual time, because of what an event costs: 1 % of a step of ODE, more than a step
+/// of the kinematic plant.
 constexpr Duration kOdeBatch = std::chrono::milliseconds{10};
 constexpr Duration kKinematicBatch = std::chrono::milliseconds{20};
-/// The error of the kinematic plant is looked at this often: to compute the reference costs more
-/// than a step. ε is then off by less than 1 µm (docs/physics.md).
+/// With the kinematic plant the error is measured only this often, because computing the reference
+/// costs more than a step. ε is then off by less than 1 µm (docs/physics.md).
 constexpr Duration kKinematicMetrics = std::chrono::milliseconds{10};
 
 bool is_kinematic(const SimSettings& settings) {
@@ -136,7 +136,7 @@ void SimNode::take_commands(Instant until) {
   arrived_.erase(arrived_.begin(), next);
 }
 
-/// What arrived by then is taken first: the step that begins at `stamp` uses it.
+/// Takes what arrived by `stamp` first, because the step that begins then uses it.
 PlanName SimNode::plan_at(Instant stamp) {
   if (plan_watch_) return plan_watch_->plan();
   take_commands(stamp);

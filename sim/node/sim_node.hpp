@@ -41,10 +41,10 @@ using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, Sensor
 /// nothing. Plans are judged by the Actuator, as of their arrival. A pose names the plan that the
 /// Actuator reports at the pose's stamp.
 ///
-/// With vehicle.drivetrain = can, commands are the CAN bridge's business and the wheels follow
-/// emulated drives (WheelCoupling); which plan is followed, the bridge tells (PlanWatch).
+/// With vehicle.drivetrain = can, the CAN bridge takes the commands and the wheels follow emulated
+/// drives (WheelCoupling); the bridge tells which plan is followed (PlanWatch).
 ///
-/// The world moves in batches of steps, and first when somebody looks at it: nobody sees a
+/// The world moves in batches of steps, and before anything looks at it, so that nobody sees a
 /// difference. With the kinematic plant, the metrics look at every tenth step.
 ///
 /// During the lead (run.lead_s before t = 0) poses and the clock flow and the vehicle stands. From
@@ -59,7 +59,7 @@ class SimNode final : public Node {
   /// Publishes the final truth and counters.
   void finish() override;
 
-  /// As it is now.
+  /// The vehicle as it is now.
   const Plant& vehicle() {
     advance(loop_.now());
     return *vehicle_;
@@ -94,7 +94,7 @@ class SimNode final : public Node {
   std::unique_ptr<Plant> vehicle_;
   Duration metrics_step_;
   Actuator actuator_;
-  std::optional<WheelCoupling> drives_;  ///< instead of the actuator
+  std::optional<WheelCoupling> drives_;  ///< with drives on CAN, instead of the actuator
   std::optional<PlanWatch> plan_watch_;  ///< with drives that follow plans
   PoseSensor sensor_;
   Metrics metrics_;
@@ -108,7 +108,7 @@ class SimNode final : public Node {
     Instant arrival;
     std::variant<Twist, ArrivedPlan> what;
   };
-  std::vector<ArrivedCommand> arrived_;  // not in force yet: a step that began earlier is to come
+  std::vector<ArrivedCommand> arrived_;  // not in force before the next step that begins
   Instant next_step_;
   Instant world_time_ = kStart;  // of the vehicle's state
   Instant last_truth_ = kStart;

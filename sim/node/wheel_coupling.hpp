@@ -16,9 +16,9 @@ namespace tether {
 /// Lets emulated drives turn the simulated wheels: SIM/WHEEL_TARGETS in, SIM/WHEELS out
 /// every can.coupling_ms, when the owner says so.
 ///
-/// The newest target holds; without a new one for kTimeout (the drives' process died: their
-/// spring-applied brakes close) and before the first, the target is zero. Undecodable, non-finite
-/// and late targets are counted and refresh nothing.
+/// The newest target holds. Before the first, and without a new one for kTimeout, the target is
+/// zero: the drives' process has died, so that spring-applied brakes would close. Undecodable,
+/// non-finite and late targets are counted and refresh nothing.
 class WheelCoupling {
  public:
   static constexpr Duration kTimeout = std::chrono::milliseconds{100};

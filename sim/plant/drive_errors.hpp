@@ -7,8 +7,9 @@
 
 namespace tether {
 
-/// From a twist to rim speeds as a real drive does it: with wheels and a track that are not quite
-/// what it takes them for, and with a lag. With all errors zero it is to_wheel_speeds() to the bit.
+/// Turns twists into rim speeds as a real drive does: its wheels and its track are not quite what
+/// it believes, and it lags. With all errors zero the result is that of to_wheel_speeds() to the
+/// bit.
 /// - vehicle.radius_error: the wheels are larger than the drive believes by this share, so that
 ///   rims are as much faster than they should be;
 /// - vehicle.track_error: the drive believes in a track that is wider by this share;

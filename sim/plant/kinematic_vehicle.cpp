@@ -10,7 +10,7 @@
 namespace tether {
 namespace {
 
-// Slower than this at walls is standing: it is what the solver's rounding leaves.
+// A vehicle that is slower than this at walls stands: this much is left by the solver's rounding.
 constexpr double kStanding_mps = 1e-8;
 
 void check_drivable(const VehicleConfig& v, const WorldSettings& w, double step_s) {
@@ -27,7 +27,7 @@ void check_drivable(const VehicleConfig& v, const WorldSettings& w, double step_
 
 /// sin(x)/x.
 double sinc(double x) {
-  // Its series' next term is below 1e-16 there.
+  // Below this, the next term of the series is less than 1e-16.
   constexpr double kSmall = 0.02;
   if (std::abs(x) > kSmall) return std::sin(x) / x;
   const double x2 = x * x;

@@ -44,7 +44,7 @@ class KinematicVehicle final : public Plant {
   WalledFootprint footprint_;
   WheelSpeeds commands_;
   WheelSpeeds mean_;     ///< rim speeds in the last step
-  bool jammed_ = false;  ///< walls leave the last step's wheel speeds no motion
+  bool jammed_ = false;  ///< at walls, the last step's wheel speeds moved nothing
   VehicleState state_;
 };
 

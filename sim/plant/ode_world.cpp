@@ -19,7 +19,8 @@ constexpr double kCfm = 1e-9;
 // Contacts rest up to this deep, so that they do not open and close at every step.
 constexpr double kContactLayer_m = 0.5e-3;
 constexpr double kMaxCorrectingSpeed_mps = 2.0;
-// After a step that needed its limits the next ones probably do too: they do not try without.
+// After a step that needed its limits the next ones probably need them, too, so they are solved
+// with all limits at once.
 constexpr int kLimitedStepsAfterLimit = 100;
 // The chassis box clears the floor until it is tilted by about 19 degrees. Up to 5 degrees (this is
 // their cosine) its corners need no test.

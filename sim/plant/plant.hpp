@@ -40,7 +40,7 @@ class Plant {
 
   /// The state after the last step.
   virtual VehicleState state() const = 0;
-  /// Of it, what is looked at after each step: cheaper than all of it.
+  /// Parts of the state that are needed after each step: cheaper than all of it.
   virtual Position position() const = 0;
   virtual bool wall_contact() const = 0;
 

@@ -58,7 +58,7 @@ double WalledFootprint::speed_mps(const Direction& d) const {
   return d.row[0] * motion_[0] + d.row[1] * motion_[1] + d.row[2] * motion_[2];
 }
 
-/// Replaces the force against a direction; returns by how much it changed.
+/// Replaces the force in a direction; returns by how much it changed.
 double WalledFootprint::push(Direction& direction, double force) {
   const double change = force - direction.force;
   direction.force = force;
@@ -68,7 +68,8 @@ double WalledFootprint::push(Direction& direction, double force) {
   return std::abs(change);
 }
 
-/// Pushes as hard as this contact alone must, outward never pulling, along within its friction.
+/// Pushes as hard as this contact alone needs: away from the wall, never towards it, and along the
+/// wall within the limit of friction.
 double WalledFootprint::push(Contact& contact) {
   const auto stopping = [this](const Direction& d, double limit_mps) {
     return d.force + (speed_mps(d) - limit_mps) / (1.0 + d.row[2] * d.row[2] / turn_weight_m2_);

@@ -20,9 +20,9 @@ struct PlanarMotion {
 /// Where the vehicle's outline (chassis box and both wheels) may go in its walled square.
 ///
 /// Where a motion would take a point of the outline through a wall, the wall pushes the point back,
-/// with Coulomb friction along the wall. What a push changes is the motion of a vehicle without
-/// inertia whose tyres resist slip equally in all directions and in proportion to it: a force f at
-/// the axle's midpoint adds f to the velocity there, a moment m adds m / (track/2)² to ω. Without
+/// with Coulomb friction along the wall. A push acts on the motion of a vehicle without inertia
+/// whose tyres resist slip equally in all directions and in proportion to it: a force f at the
+/// axle's midpoint adds f to the velocity there, a moment m adds m / (track/2)² to ω. Without
 /// friction that is the nearest motion that stays inside, by the mean square of both tyres' slip
 /// (docs/physics.md).
 class WalledFootprint {
@@ -35,7 +35,7 @@ class WalledFootprint {
     return !(std::abs(pose.x_m) < near_m && std::abs(pose.y_m) < near_m);
   }
 
-  /// The motion that the walls make of `wish`. It keeps the outline inside for `step_s`, to first
+  /// The motion that the walls leave of `wish`. It keeps the outline inside for `step_s`, to first
   /// order in the step. `pose` is inside.
   PlanarMotion between_walls(const Pose2& pose, const PlanarMotion& wish, double step_s);
 

@@ -12,9 +12,9 @@
 namespace tether {
 
 /// Turns the true pose into a measured one: white Gaussian noise on x, y and yaw, and a random walk
-/// of each, as odometry without a reference has it, which begins at 0 with the first measurement.
-/// The n-th measurement's errors depend on the seed and n only (they are drawn also when they are
-/// not used).
+/// of each. Odometry without a reference drifts like that; here the walk begins at 0 with the first
+/// measurement. The n-th measurement's errors depend on the seed and n only (they are drawn also
+/// when they are not used).
 class PoseSensor {
  public:
   PoseSensor(const SensorSettings& config, RandomEngine noise, RandomEngine drift)
