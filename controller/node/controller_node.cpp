@@ -104,8 +104,7 @@ void ControllerNode::decide() {
     send(now, law_->stop(now), true);
   } else if (law_->plans_ahead() || (newest_ && now >= kStart)) {
     LawOutput decision = law_->decide(now, newest_ ? &*newest_ : nullptr);
-    if (!is_usable(decision)) {  // no known input leads here, but NaN must neither go out nor stay
-                                 // in the law
+    if (!is_usable(decision)) {  // by no known input; NaN must neither go out nor stay in the law
       ++unusable_commands_;
       decision = law_->stop(now);
     }

@@ -28,9 +28,8 @@ using ControllerNodeSettings =
 ///
 /// A decision is a twist, or with a predictive law a plan.
 /// - Before the first pose, event sends nothing and timer sends zero twists. During the lead,
-/// before
-///   t = 0, both send zero twists. Predictive laws plan in both cases: the vehicle stands at its
-///   start.
+///   before t = 0, both send zero twists. Predictive laws plan in both cases: the vehicle stands at
+///   its start.
 /// - When the newest pose is controller.pose_timeout_s old or older (age by its time stamp, so
 ///   delay counts): event sends one zero twist, or a plan to stop; timer one each time; the law
 ///   starts afresh with the next pose. A pose that arrives too old already is answered by a stop.
