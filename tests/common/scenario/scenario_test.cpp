@@ -148,13 +148,9 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
         !key.name.ends_with(".model") && !key.name.ends_with(".queue_limit")) {
       continue;
     }
-    // Only those of the chosen policy are written; a test of its own follows.
-    if (key.name == "actuator.decay_s" || key.name == "actuator.deceleration_mps2" ||
-        key.name == "actuator.yaw_deceleration_radps2") {
-      continue;
-    }
-    // Only those of the chosen law and drivetrain are written.
-    if (ScenarioSchema::all()->left_out(wanted, key) && key.name.starts_with("controller."))
+    // Only those of the chosen policy, law and drivetrain are written.
+    if (ScenarioSchema::all()->left_out(wanted, key) &&
+        (key.name.starts_with("actuator.") || key.name.starts_with("controller.")))
       continue;
     if (key.name.starts_with("vehicle.") && !useless(wanted, key).empty()) continue;
     // The time-outs of the CAN bridge depend on each other; tests of their own follow.
