@@ -38,7 +38,7 @@ int live(LiveOptions options) {
   const double end_s = to_seconds(session.end());
   const RunSummary summary{.wall_time_s = end_s / options.session.speed,
                            .sim_time_s = static_cast<double>(run.truth().utime) * 1e-6,
-                           .aoi_mean_s = run.aoi_mean_s(session.end()),
+                           .end = session.end(),
                            .node_restarts = session.restarts()};
   check_finite(run);
   const std::string json = to_json(scenario, run, summary);

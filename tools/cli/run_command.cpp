@@ -127,7 +127,7 @@ int run(const RunOptions& options) {
 
   RunSummary summary{.wall_time_s = wall_seconds() - start_s,
                      .sim_time_s = to_seconds(end),
-                     .aoi_mean_s = observer.aoi_mean_s(end)};
+                     .end = end};
   if (channel) summary.channel = channel->report(end);
   if (many) summary.lockstep = many->cost();
   check_finite(observer);

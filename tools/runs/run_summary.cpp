@@ -10,6 +10,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
 #include "tools/runs/channel_report.hpp"
+#include "tools/runs/metric.hpp"
 
 namespace tether {
 namespace {
@@ -82,6 +83,13 @@ std::string drivetrain_text(const DrivetrainObserver& d) {
                             d.odometry_error_m());
 }
 
+void add_metrics(nlohmann::ordered_json& json, Metric::InSummary where, const RunObserver& run,
+                 Instant end) {
+  for (const Metric& metric : metrics()) {
+    if (metric.in_summary == where) json[metric.name] = metric.of(run, end);
+  }
+}
+
 /// Counters of what must not happen in a healthy run.
 bool is_trouble(const std::string& name) {
   for (const char* ordinary : {".accepted", ".missed", ".sent", ".received", ".boots", ".offered",
@@ -105,13 +113,9 @@ void check_finite(const RunObserver& run) {
 }
 
 std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
-  const ground_truth_t& truth = run.truth();
   nlohmann::ordered_json json;
-  json["epsilon_m"] = truth.epsilon_m;
-  json["rmse_m"] = truth.rmse_m;
-  json["max_error_m"] = truth.max_error_m;
-  json["wall_contact_s"] = truth.wall_contact_s;
-  json["collision"] = truth.wall_contact_s > 0.0;
+  add_metrics(json, Metric::InSummary::first, run, summary.end);
+  json["collision"] = run.truth().wall_contact_s > 0.0;
   json["sim_time_s"] = summary.sim_time_s;
   json["wall_time_s"] = summary.wall_time_s;
   json["real_time_factor"] = real_time_factor(summary);
@@ -124,7 +128,7 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
     json["uplink"].update(to_json(summary.channel->uplink));
     json["downlink"].update(to_json(summary.channel->downlink));
   }
-  json["aoi_ms_mean"] = summary.aoi_mean_s * 1e3;
+  add_metrics(json, Metric::InSummary::last, run, summary.end);
   if (run.drivetrain()) json["drivetrain"] = drivetrain_json(*run.drivetrain());
   if (summary.lockstep) {
     const LockstepCost& cost = *summary.lockstep;
@@ -151,7 +155,7 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   text += link_text("downlink", run.downlink());
   if (summary.channel) text += to_text(summary.channel->downlink);
   text += fmt::format("{:<9} mean age of the controller's pose {:.0f} ms\n", "age",
-                      summary.aoi_mean_s * 1e3);
+                      run.aoi_mean_s(summary.end) * 1e3);
   if (run.drivetrain()) text += drivetrain_text(*run.drivetrain());
   text +=
       fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), {} plant, seed {}\n",

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "common/base/time.hpp"
 #include "common/scenario/scenario.hpp"
 #include "netem/check/channel_watch.hpp"
 #include "tools/runs/run_observer.hpp"
@@ -21,7 +22,7 @@ struct LockstepCost {
 struct RunSummary {
   double wall_time_s = 0.0;
   double sim_time_s = 0.0;
-  double aoi_mean_s = 0.0;
+  Instant end = kStart;   ///< of metrics
   int node_restarts = 0;  ///< live runs: how often a node died and was started again
   std::optional<ChannelReport> channel = {};  ///< of runs in one process
   std::optional<LockstepCost> lockstep = {};  ///< of runs in lockstep

@@ -39,7 +39,6 @@ class Claims : public ::testing::Test {
     for (std::size_t arm = 0; arm < grid.size(); ++arm) {
       for (std::size_t n = 1; n <= seeds; ++n) {
         RunResult result;
-        result.metrics.fill(0.0);
         result.metrics[0] = epsilon(grid[arm][0], grid[arm].back(), n);
         runs.push_back({arm, n, result});
       }

@@ -5,10 +5,11 @@
 
 #include <filesystem>
 
-#include "tests/tools/experiment/file.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/models/channel_settings.hpp"
+#include "tests/tools/experiment/file.hpp"
+#include "tools/runs/metric.hpp"
 
 namespace tether {
 namespace {
@@ -174,6 +175,16 @@ most_seeds = 200
   EXPECT_EQ(experiment.precision->metric, "rmse_m");
   EXPECT_EQ(experiment.precision->batch, 20U);
   EXPECT_THAT(experiment.seeds, SizeIs(200));
+}
+
+TEST_F(ExperimentFile, NamesEachMetricAsTheTableDoes) {
+  for (std::size_t i = 0; i < metrics().size(); ++i) {
+    const std::string& name = metrics()[i].name;
+    EXPECT_EQ(metric_number(name), i) << "unlike all others' names";
+    const Experiment experiment =
+        load(fmt::format("[precision]\nmetric = \"{}\"\nhalf_width = 1\nmost_seeds = 50\n", name));
+    EXPECT_EQ(experiment.precision->metric, name);
+  }
 }
 
 struct BadFile {

@@ -34,7 +34,7 @@ Experiment two_arms() {
 
 RunResult result(double epsilon_m) {
   RunResult r;
-  r.metrics.fill(0.5);
+  r.metrics.assign(r.metrics.size(), 0.5);
   r.metrics[0] = epsilon_m;
   r.trajectory = {{0.0F, 1.0F, 2.0F, 3.0F, 4.0F, 5.0F, 0.0F, 1.0F}, {}};
   return r;

@@ -35,7 +35,7 @@ class SweepTables : public ::testing::Test {
       e.arms.push_back({{{"law", '"' + arm.law + '"'}, {"PRR", '"' + arm.prr + '"'}}, {}});
       for (std::size_t i = 0; i < arm.epsilon_m.size(); ++i) {
         RunResult result;
-        result.metrics.fill(0.5);
+        result.metrics.assign(result.metrics.size(), 0.5);
         result.metrics[0] = arm.epsilon_m[i];
         if (std::isnan(arm.epsilon_m[i])) result.failure = "it broke";
         runs.push_back({e.arms.size() - 1, i + 1, result});

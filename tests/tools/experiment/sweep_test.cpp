@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <filesystem>
 #include <thread>
 
@@ -12,6 +13,7 @@
 #include "tools/experiment/store/export.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/loop/closed_loop.hpp"
+#include "tools/runs/metric.hpp"
 #include "tools/runs/run_observer.hpp"
 
 namespace tether {
@@ -88,6 +90,17 @@ TEST_F(Sweep, HasTheResultsOfSingleRuns) {
   std::size_t rows = 0;
   store.for_each([&](const StoredRun& run) { rows = run.result.trajectory.size(); }, true);
   EXPECT_EQ(rows, 7U);  // 0, 0.5 … 3 s
+}
+
+TEST(MetricTable, EachRowHasANameALabelAndANumberOfEachRun) {
+  const RunResult result = run_once(short_scenario(1.0), 0.0);
+  ASSERT_EQ(result.failure, "");
+  ASSERT_EQ(result.metrics.size(), metrics().size());
+  for (std::size_t i = 0; i < metrics().size(); ++i) {
+    EXPECT_NE(metrics()[i].name, "");
+    EXPECT_NE(metrics()[i].label, "") << metrics()[i].name;
+    EXPECT_TRUE(std::isfinite(result.metrics[i])) << metrics()[i].name;
+  }
 }
 
 TEST_F(Sweep, RecordsARunThatFailsAndGoesOn) {

@@ -31,7 +31,7 @@ struct Arm {
 
 /// Seeds are added, a batch at a time, until the 95 % interval of a metric's mean is narrow enough.
 struct Precision {
-  std::string metric;       ///< one of RunResult's
+  std::string metric;       ///< the name of one of metrics()
   double half_width = 0.0;  ///< in the metric's unit
   std::size_t most_seeds = 0;
   std::size_t batch = 20;  ///< at least 10: below that an interval says little

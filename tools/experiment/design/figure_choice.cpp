@@ -13,7 +13,7 @@
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
 #include "tools/experiment/design/grid.hpp"
-#include "tools/experiment/design/run_result.hpp"
+#include "tools/runs/metric.hpp"
 
 namespace tether {
 namespace {

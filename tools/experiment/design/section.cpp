@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
-#include "tools/experiment/design/run_result.hpp"
+#include "tools/runs/metric.hpp"
 
 namespace tether {
 
@@ -58,7 +58,7 @@ bool Section::boolean(const std::string& key, bool otherwise) const {
 
 std::string Section::metric(const std::string& key) const {
   std::string name = text(key, "epsilon_m");
-  if (!metric_number(name)) refuse(key, fmt::format("one of {}", fmt::join(kMetricNames, ", ")));
+  if (!metric_number(name)) refuse(key, fmt::format("one of {}", fmt::join(metric_names(), ", ")));
   return name;
 }
 

@@ -20,7 +20,7 @@ class Section {
   double number(const std::string& key, double low, double high, double otherwise) const;
   std::int64_t whole(const std::string& key, std::int64_t low, std::int64_t otherwise) const;
   bool boolean(const std::string& key, bool otherwise) const;
-  /// One of kMetricNames; epsilon_m if there is none.
+  /// The name of one of metrics(); epsilon_m if there is none.
   std::string metric(const std::string& key) const;
   /// A table within it; null if there is none.
   const toml::table* table(const std::string& key) const;

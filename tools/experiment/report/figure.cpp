@@ -10,6 +10,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tools/experiment/figures/figures.hpp"
 #include "tools/experiment/store/data.hpp"
+#include "tools/runs/metric.hpp"
 
 namespace tether {
 namespace {
@@ -192,11 +193,8 @@ std::string label_of_key(const std::string& key) {
 }
 
 std::string label_of_metric(const std::string& metric) {
-  if (metric == "epsilon_m") return "ε [m]";
-  if (metric == "rmse_m") return "rms error [m]";
-  if (metric == "max_error_m") return "largest error [m]";
-  if (metric == "wall_contact_s") return "time at the walls [s]";
-  return metric;
+  const auto number = metric_number(metric);
+  return number ? metrics()[*number].label : metric;
 }
 
 }  // namespace tether

@@ -20,7 +20,7 @@ class SweepData {
     Summary summary;
   };
 
-  /// `metric` is one of kMetricNames.
+  /// `metric` is the name of one of metrics().
   SweepData(const RunStore& store, const std::string& metric);
 
   const std::vector<ArmData>& arms() const { return arms_; }

@@ -5,7 +5,6 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <set>
 
@@ -97,7 +96,7 @@ void export_runs(const RunStore& store, const std::function<void(const std::stri
   const auto arms = store.arms();
   std::string head = "arm";
   for (const std::string& key : store.keys()) head += "," + csv_cell(key);
-  write(fmt::format("{},seed,plant,failure,{}\n", head, fmt::join(kMetricNames, ",")));
+  write(fmt::format("{},seed,plant,failure,{}\n", head, fmt::join(metric_names(), ",")));
   std::vector<std::string> plants;
   for (const auto& arm : arms) plants.push_back(plant_of(arm.scenario));
   store.for_each([&](const StoredRun& run) {
@@ -119,13 +118,14 @@ void export_means(const RunStore& store, const std::function<void(const std::str
   std::string head = "arm";
   for (const std::string& key : store.keys()) head += "," + csv_cell(key);
   head += ",plant,runs,failed";
-  for (const std::string_view metric : kMetricNames) {
+  for (const std::string& metric : metric_names()) {
     head += fmt::format(",{0},{0}_low,{0}_high", metric);
   }
   write(head + "\n");
-  std::vector<std::array<std::vector<double>, kMetricNames.size()>> values(arms.size());
+  std::vector<std::vector<std::vector<double>>> values(
+      arms.size(), std::vector<std::vector<double>>(metrics().size()));
   store.for_each([&](const StoredRun& run) {
-    for (std::size_t i = 0; i < kMetricNames.size(); ++i) {
+    for (std::size_t i = 0; i < metrics().size(); ++i) {
       values[run.arm][i].push_back(run.result.metrics[i]);
     }
   });
@@ -133,7 +133,7 @@ void export_means(const RunStore& store, const std::function<void(const std::str
     std::string row = fmt::format("{}", arm);
     for (const KeyValue& setting : arms[arm].settings) row += "," + csv_cell(setting.plain());
     row += "," + csv_cell(plant_of(arms[arm].scenario));
-    for (std::size_t i = 0; i < kMetricNames.size(); ++i) {
+    for (std::size_t i = 0; i < metrics().size(); ++i) {
       const Summary s = summarize(values[arm][i], kConfidence, kBootstrapSeed);
       if (i == 0) row += fmt::format(",{},{}", s.n, s.left_out);
       for (const double x : {s.mean, s.mean_interval.low, s.mean_interval.high}) {

@@ -21,7 +21,7 @@ constexpr char kFormat[] = "1";
 
 std::string create_tables() {
   std::string metrics;
-  for (const std::string_view name : kMetricNames) metrics += fmt::format(", {} REAL", name);
+  for (const std::string& name : metric_names()) metrics += fmt::format(", {} REAL", name);
   return fmt::format(
       "CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;"
       "CREATE TABLE arms(arm INTEGER PRIMARY KEY, settings TEXT NOT NULL, scenario TEXT NOT NULL);"
@@ -64,7 +64,7 @@ void check_is_sweep(const Database& database) {
 
 std::string point_columns() {
   std::string columns;
-  for (const std::string_view name : kMetricNames) columns += fmt::format(", {}", name);
+  for (const std::string& name : metric_names()) columns += fmt::format(", {}", name);
   return columns;
 }
 
@@ -100,12 +100,12 @@ StoredRun stored_run(const Statement& row) {
   StoredRun run{
       static_cast<std::size_t>(row.whole(0)), static_cast<std::uint64_t>(row.whole(1)), {}};
   if (!row.is_nothing(2)) run.result.failure = row.text(2);
-  for (std::size_t i = 0; i < kMetricNames.size(); ++i) {
+  for (std::size_t i = 0; i < metrics().size(); ++i) {
     const int column = static_cast<int>(3 + i);
     run.result.metrics[i] =
         row.is_nothing(column) ? std::numeric_limits<double>::quiet_NaN() : row.real(column);
   }
-  run.result.trajectory = points_of(row.bytes(static_cast<int>(3 + kMetricNames.size())));
+  run.result.trajectory = points_of(row.bytes(static_cast<int>(3 + metrics().size())));
   return run;
 }
 
@@ -194,7 +194,7 @@ void RunStore::check_contents() const {
 void RunStore::add(const std::vector<StoredRun>& runs) {
   Transaction adding(*database_);
   std::string places = "?, ?, ?";
-  for (std::size_t i = 0; i < kMetricNames.size(); ++i) places += ", ?";
+  for (std::size_t i = 0; i < metrics().size(); ++i) places += ", ?";
   Statement insert(*database_, fmt::format("INSERT INTO runs VALUES ({})", places));
   Statement insert_points(*database_, "INSERT INTO trajectories VALUES (?, ?, ?)");
   for (const auto& [arm, seed, result] : runs) {
@@ -202,7 +202,7 @@ void RunStore::add(const std::vector<StoredRun>& runs) {
     const auto seed_number = static_cast<std::int64_t>(seed);
     insert.bind(0, arm_number).bind(1, seed_number);
     if (result.failure.empty()) {
-      for (std::size_t i = 0; i < kMetricNames.size(); ++i) {
+      for (std::size_t i = 0; i < metrics().size(); ++i) {
         insert.bind(static_cast<int>(3 + i), result.metrics[i]);
       }
     } else {

@@ -5,6 +5,7 @@
 
 #include "common/scenario/run_settings.hpp"
 #include "tools/loop/closed_loop.hpp"
+#include "tools/runs/metric.hpp"
 #include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
 
@@ -37,23 +38,10 @@ RunResult run_to_the_end(const Scenario& scenario, double trajectory_period_s) {
   const RunObserver observer(scenario, loop.loop(), loop.bus());
   loop.run();
   check_finite(observer);
-  const ground_truth_t& truth = observer.truth();
-  const link_report_t& up = observer.uplink();
-  const link_report_t& down = observer.downlink();
-  const auto count = [](std::int64_t n) { return static_cast<double>(n); };
+  const Instant end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
   RunResult result;
-  result.metrics = {
-      truth.epsilon_m,
-      truth.rmse_m,
-      truth.max_error_m,
-      truth.wall_contact_s,
-      observer.aoi_mean_s(kStart + from_seconds(scenario.get<RunSettings>().duration_s)) * 1e3,
-      count(up.offered),
-      count(up.lost + up.overflowed),
-      up.delay_ms_mean,
-      count(down.offered),
-      count(down.lost + down.overflowed),
-      down.delay_ms_mean};
+  std::transform(metrics().begin(), metrics().end(), result.metrics.begin(),
+                 [&](const Metric& metric) { return metric.of(observer, end); });
   if (trajectory_period_s > 0.0) result.trajectory = to_points(observer.trajectory());
   return result;
 }

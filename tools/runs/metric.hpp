@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/time.hpp"
+
+namespace tether {
+
+class RunObserver;
+
+/// What is known of each run: in sweeps a column of their tables, one of the values of `metric`
+/// and, but for the links', a number of the run's summary. A new one is a row in metric.cpp; if it
+/// takes more than a line, its `of` has a file of its own.
+struct Metric {
+  enum class InSummary { first, last, not_here };  ///< a link's are with the link
+
+  std::string name;   ///< an SQL column, with the unit
+  std::string label;  ///< in figures and tables
+  InSummary in_summary = InSummary::last;
+  /// Of a run that began at t = 0 and was over at `end`. Of newest reports: runs of sweeps have
+  /// few.
+  double (*of)(const RunObserver& run, Instant end) = nullptr;
+};
+
+/// All metrics, in the order of columns.
+const std::vector<Metric>& metrics();
+std::vector<std::string> metric_names();
+
+/// The place of a metric in metrics(); nullopt if there is none of that name.
+std::optional<std::size_t> metric_number(std::string_view name);
+
+}  // namespace tether
