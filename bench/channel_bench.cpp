@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "netem/channel/settings.hpp"
 #include "netem/check/link_monitor.hpp"
 #include "netem/link/delay_law.hpp"
-#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tools/runs/channel_traffic.hpp"
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "netem/channel/settings.hpp"
 #include "netem/link/delay_law.hpp"
-#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 namespace {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "common/loop/event_loop.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/check/link_monitor.hpp"
-#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
 
 namespace tether {

@@ -9,15 +9,15 @@
 
 #include "common/base/random.hpp"
 #include "netem/link/channel_process.hpp"
-#include "netem/models/position_map.hpp"
-#include "netem/models/shadowing.hpp"
+#include "netem/playback/position_map.hpp"
+#include "netem/playback/shadowing.hpp"
 
 namespace tether {
 
 /// Conditions by the vehicle's position: MapProcess has the formulas. SNR comes
 /// from a file or from access points, one of the two.
 struct MapConfig {
-  std::string file;  ///< grid of SNR in dB, Esri ASCII raster (netem/models/position_map.hpp)
+  std::string file;  ///< grid of SNR in dB, Esri ASCII raster (netem/playback/position_map.hpp)
   /// [[x_m, y_m], …] in the world's frame, or [[x_m, y_m, snr_1m_db], …].
   std::vector<std::vector<double>> access_points;
   double snr_1m_db = 60.0;          ///< access points: SNR at 1 m, where they do not give their own

@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "common/base/errors.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/relay/make_links.hpp"
 
 namespace tether {

@@ -3,10 +3,10 @@
 #include <string>
 #include <vector>
 
+#include "netem/channel/change.hpp"
+#include "netem/channel/models.hpp"
+#include "netem/channel/use.hpp"
 #include "netem/link/link.hpp"
-#include "netem/models/channel_change.hpp"
-#include "netem/models/channel_models.hpp"
-#include "netem/models/channel_use.hpp"
 
 namespace tether {
 
@@ -24,7 +24,7 @@ class ChannelControl {
   /// Of the links in use, those that differ from the defaults.
   std::vector<ChannelSetting> settings() const;
 
-  /// Gives the links these settings ("downlink.prr=0.45": netem/models/channel_change.hpp)
+  /// Gives the links these settings ("downlink.prr=0.45": netem/channel/change.hpp)
   /// from their next packet on; Link::apply() and renew_models() say what stays. `links`: in the
   /// order of the use. Returns what was asked for or became another. Reads files. Throws,
   /// UsageError with the reason for what is not allowed or of no effect on these links, and then

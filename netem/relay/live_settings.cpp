@@ -4,7 +4,7 @@
 
 #include "common/bus/message_io.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 
 namespace tether {
 

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "common/base/errors.hpp"
-#include "netem/models/channel_use.hpp"
+#include "netem/channel/use.hpp"
 
 namespace tether {
 namespace {

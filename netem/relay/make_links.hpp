@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "common/scenario/scenario.hpp"
+#include "netem/channel/models.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/link/link.hpp"
-#include "netem/models/channel_models.hpp"
-#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 

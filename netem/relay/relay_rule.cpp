@@ -11,7 +11,7 @@
 #include "common/base/text.hpp"
 #include "common/bus/lcm_datagrams.hpp"
 #include "common/bus/lcm_url.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 
 namespace tether {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "common/base/pattern.hpp"
 #include "common/scenario/scenario.hpp"
-#include "netem/models/channel_use.hpp"
+#include "netem/channel/use.hpp"
 
 namespace tether {
 

@@ -12,7 +12,7 @@
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/loop/event_loop.hpp"
-#include "netem/models/channel_change.hpp"
+#include "netem/channel/change.hpp"
 
 namespace tether {
 

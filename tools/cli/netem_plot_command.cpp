@@ -9,9 +9,9 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/check/channel_sample.hpp"
 #include "netem/link/delay_law.hpp"
-#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"

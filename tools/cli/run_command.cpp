@@ -15,7 +15,7 @@
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
 #include "common/scenario/run_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/scenario_options.hpp"
 #include "tools/loop/closed_loop.hpp"
@@ -125,9 +125,8 @@ int run(const RunOptions& options) {
     run_processes(*many, observer, folder);
   }
 
-  RunSummary summary{.wall_time_s = wall_seconds() - start_s,
-                     .sim_time_s = to_seconds(end),
-                     .end = end};
+  RunSummary summary{
+      .wall_time_s = wall_seconds() - start_s, .sim_time_s = to_seconds(end), .end = end};
   if (channel) summary.channel = channel->report(end);
   if (many) summary.lockstep = many->cost();
   check_finite(observer);

@@ -8,7 +8,7 @@
 
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/kinds.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 

@@ -6,7 +6,7 @@
 
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/kinds.hpp"
 #include "tools/base/gnuplot.hpp"
 

@@ -13,11 +13,11 @@
 #include <vector>
 
 #include "can_bridge/bus/in_process_can.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/node/can_bridge_node.hpp"
 #include "can_bridge/node/can_drive_node.hpp"
 #include "tests/can_bridge/node/bridge_fakes.hpp"
 #include "tests/support/virtual_world.hpp"
-#include "can_bridge/drivetrain/can_settings.hpp"
 
 // A stored log of candump's format, golden/two_node_cia402.log: cold start, a short drive and the
 // end of it with the shipped drivetrain. What its drives said, played to the bridge at the same

@@ -11,7 +11,7 @@
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/markov.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 

@@ -20,7 +20,7 @@
 #include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/markov.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 

@@ -125,8 +125,7 @@ TEST(CompensatedTrackingLaw, FollowsDespiteDelayThatTheOtherDoesNotSurvive) {
 }
 
 TEST(CompensatedTrackingLaw, WithoutDelayItDecidesAsTheOther) {
-  LawRig plain(with_law("tracking")),
-      compensated(with_law("tracking_compensated"));
+  LawRig plain(with_law("tracking")), compensated(with_law("tracking_compensated"));
   for (int i = 0; i < 20; ++i) {
     const Instant t = at_s(i);
     plain.vehicle.pose = {0.3 * i, -0.1 * i, 0.2 * i};

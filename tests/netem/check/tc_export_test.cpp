@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/scenario/scenario.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 
 namespace tether {
 namespace {
@@ -20,7 +20,8 @@ using Keys = std::vector<std::string>;
 
 TcExport exported(Keys keys) {
   for (std::string& key : keys) key = "channel.uplink." + key;
-  return export_tc(parse_scenario("", "test", keys).get<ChannelSettings>().uplink, {"eth0", "AGV/POSE", 0.05});
+  return export_tc(parse_scenario("", "test", keys).get<ChannelSettings>().uplink,
+                   {"eth0", "AGV/POSE", 0.05});
 }
 
 /// The options behind "tc qdisc add dev eth0 root netem".

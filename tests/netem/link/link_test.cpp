@@ -2,8 +2,8 @@
 
 #include <cmath>
 
+#include "netem/channel/settings.hpp"
 #include "netem/link/delay_histogram.hpp"
-#include "netem/models/channel_settings.hpp"
 #include "netem/models/state_process.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tests/support/virtual_world.hpp"

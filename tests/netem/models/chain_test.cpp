@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/markov_chain.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tests/netem/link/loss_statistics.hpp"

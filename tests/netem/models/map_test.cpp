@@ -8,8 +8,8 @@
 
 #include "common/base/errors.hpp"
 #include "netem/models/map_process.hpp"
-#include "netem/models/position_map.hpp"
-#include "netem/models/shadowing.hpp"
+#include "netem/playback/position_map.hpp"
+#include "netem/playback/shadowing.hpp"
 
 namespace tether {
 namespace {

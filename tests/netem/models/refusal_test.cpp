@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "tests/netem/link/channel_rig.hpp"
 
 // Settings that a channel in use does not take: the reason, and that nothing has changed.

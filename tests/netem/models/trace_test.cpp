@@ -1,4 +1,4 @@
-#include "netem/models/trace.hpp"
+#include "netem/playback/trace.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <tether/link_report_t.hpp>
 
 #include "common/scenario/run_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/markov.hpp"
 #include "tests/support/virtual_world.hpp"
 

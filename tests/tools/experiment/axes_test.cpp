@@ -7,8 +7,8 @@
 
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/chain.hpp"
-#include "netem/models/channel_settings.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 #include "tests/tools/experiment/file.hpp"
 

@@ -7,7 +7,7 @@
 
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "tests/tools/experiment/file.hpp"
 #include "tools/runs/metric.hpp"
 

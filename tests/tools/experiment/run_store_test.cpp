@@ -8,7 +8,7 @@
 #include "common/base/errors.hpp"
 #include "common/path/path_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/trace_process.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/experiment/store/export.hpp"

@@ -8,7 +8,7 @@
 
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/experiment/store/export.hpp"
 #include "tools/experiment/sweep/run_once.hpp"

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "netem/channel/settings.hpp"
 #include "netem/check/channel_sample.hpp"
-#include "netem/models/channel_settings.hpp"
 #include "netem/relay/make_links.hpp"
 
 namespace tether {

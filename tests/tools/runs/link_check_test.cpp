@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "controller/laws/controller_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/check/channel_watch.hpp"
 #include "netem/check/link_monitor.hpp"
 #include "netem/link/delay_law.hpp"
-#include "netem/models/channel_settings.hpp"
 #include "tools/runs/channel_traffic.hpp"
 
 // Links of every kind against what their configuration says of them.

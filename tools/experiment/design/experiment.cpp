@@ -16,7 +16,7 @@
 #include "common/scenario/key_table.hpp"
 #include "common/scenario/loader.hpp"
 #include "controller/laws/controller_settings.hpp"
-#include "netem/models/channel_change.hpp"
+#include "netem/channel/change.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
 #include "tools/experiment/design/grid.hpp"
 #include "tools/experiment/design/section.hpp"

@@ -14,8 +14,8 @@
 #include "common/base/text.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
-#include "netem/models/channel_change.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/change.hpp"
+#include "netem/channel/settings.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
 #include "tools/experiment/store/run_store.hpp"
 

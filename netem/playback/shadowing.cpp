@@ -1,4 +1,4 @@
-#include "netem/models/shadowing.hpp"
+#include "netem/playback/shadowing.hpp"
 
 #include <cassert>
 #include <cmath>

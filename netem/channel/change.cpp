@@ -1,4 +1,4 @@
-#include "netem/models/channel_change.hpp"
+#include "netem/channel/change.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "netem/models/link_checks.hpp"
+#include "netem/channel/link_checks.hpp"
 
 #include <fmt/format.h>
 

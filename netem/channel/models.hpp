@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "netem/channel/settings.hpp"
 #include "netem/link/channel_process.hpp"
 #include "netem/link/link_stages.hpp"
-#include "netem/models/channel_settings.hpp"
 
 namespace tether {
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 
 namespace tether {
 

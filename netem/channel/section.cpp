@@ -3,10 +3,10 @@
 #include <cmath>
 
 #include "common/base/errors.hpp"
-#include "netem/models/channel_change.hpp"
-#include "netem/models/channel_settings.hpp"
-#include "netem/models/link_checks.hpp"
-#include "netem/models/link_keys.hpp"
+#include "netem/channel/change.hpp"
+#include "netem/channel/link_checks.hpp"
+#include "netem/channel/link_keys.hpp"
+#include "netem/channel/settings.hpp"
 
 namespace tether {
 namespace {

@@ -1,4 +1,4 @@
-#include "netem/models/channel_change.hpp"
+#include "netem/channel/change.hpp"
 
 #include <gmock/gmock.h>
 
@@ -7,7 +7,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/markov.hpp"
 
 // [[channel.change]]: other settings of the channel from some time on.

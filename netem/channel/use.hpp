@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "netem/models/channel_change.hpp"
+#include "netem/channel/change.hpp"
 
 namespace tether {
 

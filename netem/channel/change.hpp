@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "netem/models/channel_settings.hpp"
+#include "netem/channel/settings.hpp"
 
 namespace tether {
 

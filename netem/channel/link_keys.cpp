@@ -1,4 +1,4 @@
-#include "netem/models/link_keys.hpp"
+#include "netem/channel/link_keys.hpp"
 
 #include "netem/link/jitter_laws.hpp"
 #include "netem/models/kinds.hpp"

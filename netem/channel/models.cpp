@@ -1,8 +1,8 @@
-#include "netem/models/channel_models.hpp"
+#include "netem/channel/models.hpp"
 
 #include <utility>
 
-#include "netem/models/channel_use.hpp"
+#include "netem/channel/use.hpp"
 #include "netem/models/kinds.hpp"
 
 namespace tether {

@@ -1,4 +1,4 @@
-#include "netem/models/channel_use.hpp"
+#include "netem/channel/use.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -5,8 +5,8 @@
 
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
+#include "netem/channel/settings.hpp"
 #include "netem/models/chain.hpp"
-#include "netem/models/channel_settings.hpp"
 #include "netem/models/gilbert_elliott.hpp"
 
 namespace tether {

@@ -1,4 +1,4 @@
-#include "netem/models/position_map.hpp"
+#include "netem/playback/position_map.hpp"
 
 #include <fmt/format.h>
 
