@@ -184,11 +184,11 @@ void export_loss(const LinkConfig& link, const TcSender&, TcExport& out) {
         {c.probabilities[0][1], c.probabilities[1][0], 1.0 - c.prr[1], 1.0 - c.prr[0]}, link.loss);
     return;
   }
-  out.notes.push_back(per_packet
-                          ? "model = \"chain\" has no equivalent: netem has chains of two states "
-                            "(gemodel) and that of four (state) only"
-                          : "model = \"chain\" has no equivalent: netem's states step with "
-                            "packets, not with time");
+  out.notes.emplace_back(
+      per_packet ? "model = \"chain\" has no equivalent: netem has chains of two states "
+                   "(gemodel) and that of four (state) only"
+                 : "model = \"chain\" has no equivalent: netem's states step with "
+                   "packets, not with time");
 }
 
 }  // namespace
