@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/base/errors.hpp"
@@ -7,6 +8,7 @@
 #include "netem/channel/link_checks.hpp"
 #include "netem/channel/link_keys.hpp"
 #include "netem/channel/settings.hpp"
+#include "netem/channel/stages.hpp"
 
 namespace tether {
 namespace {
@@ -126,9 +128,10 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   bool left_out = false;
   with_link_of(scenario, key.name, [&](const auto&, const LinkConfig&, const auto& part) {
     static const Scenario kDefaults;
-    const bool is_switch = part == "loss" || part == "in_order" || part == "jitter.law" ||
-                           part.ends_with(".probability") || part == "rate.bits_per_s" ||
-                           part == "slot.period_ms" || part == "queue_limit_bytes";
+    const auto& stages = link_stage_kinds();
+    const bool is_switch = std::any_of(stages.begin(), stages.end(), [&part](const auto& stage) {
+      return stage.switch_key == part;
+    });
     left_out = is_switch && key.get(scenario) == key.get(kDefaults);
   });
   return left_out;
