@@ -10,9 +10,9 @@
 
 namespace tether {
 
-/// The run's own operator (can.arm = once): presses "arm" while the drivetrain is ready and was
-/// not armed yet in this run, every kPatience, and never again: a vehicle that has been stopped
-/// stays stopped.
+/// The run's own operator (can.arm = once): presses "arm" every kPatience while the drivetrain is
+/// ready, until it has been armed once in this run. It never does so again: a vehicle that has been
+/// stopped stays stopped.
 class ArmOperator {
  public:
   static constexpr Duration kPatience = std::chrono::milliseconds{200};

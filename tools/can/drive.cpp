@@ -64,7 +64,8 @@ class DriveSession {
   }
 
  private:
-  /// Until the bridge's clock is known, and at least for a moment: is somebody else sending?
+  /// Listens until the bridge's clock is known, and at least for a moment, to hear whether somebody
+  /// else sends commands.
   void greet() {
     const Instant begin = loop_.now();
     while (loop_.now() < begin + kListen || (!clock_ && loop_.now() < begin + kFirstReport)) {
@@ -117,7 +118,7 @@ class DriveSession {
     }
     if (drive_->phase() == TwistDrive::Phase::done) return loop_.stop();
     twist_t message{};
-    // The bridge's clock; it may have been started anew with another.
+    // Follows the bridge's clock: the bridge may have been started anew, with another clock.
     message.utime = to_utime(loop_.now() + *clock_);
     message.seq = seq_++;
     message.pose_utime = -1;

@@ -11,8 +11,8 @@ struct CanDriveOptions {
 };
 
 /// Commands one twist for a time (see TwistDrive) on the vehicle's command channel, stamped on the
-/// bridge's clock, and prints distance and yaw by odometry. 0: driven to the end. Throws
-/// std::runtime_error with what went wrong, after zero commands.
+/// bridge's clock, and prints distance and yaw by odometry. Returns 0 when it has been driven to
+/// the end. Throws std::runtime_error with what went wrong, after zero commands.
 int can_drive(const CanOperatorOptions& options, const CanDriveOptions& drive);
 
 }  // namespace tether

@@ -86,7 +86,7 @@ std::int64_t counter(const counters_t& counters, const std::string& name) {
   return counters.value.at(static_cast<std::size_t>(found - counters.name.begin()));
 }
 
-/// Whom a fault may be for: the emulated drives count by node, "node2.rpdos".
+/// The nodes that a fault may be for: the emulated drives' counters begin with them, "node2.rpdos".
 std::string nodes(const counters_t& counters) {
   std::set<int> ids;
   for (const std::string& name : counters.name) {
@@ -129,7 +129,7 @@ int can_request(const CanOperatorOptions& options, std::int32_t request) {
   publish(ear.bus, ear.channels.can_request, message);
 
   const auto outcome = [&] {
-    // States that were on their way already say nothing of the request.
+    // States that the bridge sent before it had the request say nothing about it.
     if (state->utime <= message.utime) return RequestOutcome::pending;
     return judge_request(request, *state, from_utime(state->utime) - from_utime(message.utime));
   };

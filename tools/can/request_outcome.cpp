@@ -10,7 +10,7 @@ RequestOutcome judge_request(std::int32_t request, const drivetrain_state_t& sta
   using State = drivetrain_state_t;
   using enum RequestOutcome;
   const std::int32_t s = state.state;
-  // What shows before the bridge had time to react says nothing.
+  // A state from before the bridge had time to react says nothing.
   const RequestOutcome otherwise = since_request < kReactionTime ? pending : refused;
   switch (request) {
     case drive_request_t::ARM:

@@ -22,8 +22,9 @@ inline constexpr Duration kReactionTime = std::chrono::milliseconds{200};
 /// the state's, both of the bridge's clock.
 /// - ARM: reached when armed. DISARM: when neither armed nor stopping.
 /// - ESTOP: when the e-stop is latched and the vehicle has been stopped (state estop).
-/// - ESTOP_RELEASE: when the state is not estop, or its reason is no more that it is pressed.
-/// - RESET: when disarmed; the drives may start up before.
+/// - ESTOP_RELEASE: when the state is not estop, or its reason no longer says that the e-stop is
+///   pressed.
+/// - RESET: when disarmed; before that, the drives may have to start up.
 RequestOutcome judge_request(std::int32_t request, const drivetrain_state_t& state,
                              Duration since_request);
 

@@ -107,7 +107,7 @@ bool TwistDrive::stands() const {
 bool TwistDrive::beyond_limits(Instant now) const {
   constexpr double kTiny = 1e-6, kFresh_s = 0.15;
   const double age_s = state_->command_age_s;
-  // Commands that do not arrive are another matter: the bridge stops, and says why.
+  // Commands that do not arrive are not judged here: the bridge stops for them, and says why.
   if (now - changed_ < kSettled || age_s < 0.0 || age_s > kFresh_s) return false;
   return std::abs(state_->v_mps - twist_.v_mps) > kTiny ||
          std::abs(state_->omega_radps - twist_.omega_radps) > kTiny;

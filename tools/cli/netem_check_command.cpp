@@ -93,7 +93,7 @@ void check_length(const CheckOptions& options, const Scenario& scenario) {
   }
 }
 
-/// A model in time takes every change of state, also of those that no packet meets.
+/// A model in time takes every change of state, also those that no packet meets.
 void announce_work(const CheckOptions& options, const Scenario& scenario) {
   constexpr double kNoticed = 1e8;  // 6 s of work
   double changes = 0.0;

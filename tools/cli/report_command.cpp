@@ -68,7 +68,8 @@ struct ReproduceOptions {
 
 const std::vector<std::string> kFigures{"f1_paths", "f2_prr", "f3_delay", "f4_tau", "f5_risk"};
 
-/// The project's experiments/, from the program's place in its build tree or here.
+/// The project's folder experiments/: found from the program's place in its build tree, else in the
+/// current folder.
 fs::path experiments_folder(const std::string& given) {
   std::vector<fs::path> candidates{given};
   if (given.empty()) {

@@ -62,7 +62,7 @@ void run_with_progress(ClosedLoop& loop, Instant end) {
   if (shown_s > start_s) fmt::print(stderr, "\r\033[K");
 }
 
-/// A run that breaks off leaves what it had until then.
+/// A run that breaks off leaves what it has written until then.
 void run_processes(ProcessRun& processes, const RunObserver& observer,
                    std::optional<OutputFolder>& folder) {
   try {

@@ -68,7 +68,8 @@ std::string find_types_jar() {
   return jar.string();
 }
 
-/// Becomes lcm-spy. Debian's own start script fails on Java 17, which no longer knows -Xincgc.
+/// Replaces this process by lcm-spy. Debian's own start script fails on Java 17, which no longer
+/// knows -Xincgc.
 int spy(const std::string& lcm_url) {
   const std::string url = checked_lcm_url(lcm_url);
   const fs::path java = find_java();

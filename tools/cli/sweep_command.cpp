@@ -113,7 +113,7 @@ int sweep(const SweepCommandOptions& options) {
   return kExitFailed;
 }
 
-/// A database that would be lost.
+/// Refuses to overwrite a database, whose runs would be lost.
 bool is_database(const std::string& file) {
   constexpr std::string_view kMagic = "SQLite format 3";
   std::string begin(kMagic.size(), '\0');

@@ -45,8 +45,8 @@ class GrantSchedule {
   /// The next grant, which must be answered before the next call; nullopt if nothing is left.
   std::optional<Grant> next();
 
-  /// The answer to a grant of next(), or to one that let a node finish (`grant` has no deliveries
-  /// then, and the run's end as its bound). Throws BadAnswer.
+  /// Takes the answer to a grant of next(), or to one that let a node finish (then `grant` has no
+  /// deliveries, and the run's end as its bound). Throws BadAnswer.
   void answer(std::int64_t id, const Grant& grant, const EventKey& next,
               const std::vector<Publication>& published);
 

@@ -18,7 +18,7 @@ StepConsole::StepConsole(EventLoop& io, TimeManager& manager, int fd)
              "Enter or s [N]: one grant, or N   u SECONDS: run until   c: go on   p: pause   q: "
              "quit\n");
   manager_.hold(Instant::min());
-  // The manager is in the middle of its work then: what comes of it is for later.
+  // This is called in the middle of the manager's work, so the position is shown after it.
   manager_.on_held([this] {
     io_.at(io_.now(), Priority::node, [this](Instant) {
       if (manager_.held()) show();

@@ -14,9 +14,9 @@ namespace tether {
 ///   c                  go on to the end
 ///   p                  stop at once
 ///   q                  end the run
-/// Lines wait for the run to stand still, but for p and q, with which all that wait are forgotten.
-/// Says where the run stands each time it comes to stand still. When the input ends, the run goes
-/// on.
+/// Lines wait until the run stands still. Only p and q act at once, and the lines that wait are
+/// then forgotten. Says where the run stands each time it comes to stand still. When the input
+/// ends, the run goes on.
 class StepConsole {
  public:
   /// Holds the run from its beginning. All must outlive the console.

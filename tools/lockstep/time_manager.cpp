@@ -16,7 +16,7 @@ namespace tether {
 namespace {
 
 constexpr Duration kManagerTick = std::chrono::milliseconds{20};
-/// More than any node needs at one instant of the run's time.
+/// More grants than any run needs at one instant of its time.
 constexpr std::int64_t kMostAtOnce = 100'000;
 
 std::string at_time(Instant t) { return fmt::format("t = {:.6f} s", to_seconds(t)); }
@@ -79,7 +79,8 @@ void TimeManager::hear(const Message& message) {
   }
 }
 
-/// Somebody misses a message: what the node that has got the grant owes its answer for.
+/// A node asks again for a message. If the message belongs to the outstanding grant, that explains
+/// why the grant's node has not answered yet: note it for the error that may follow.
 void TimeManager::on_resend(const time_resend_t& resend) {
   ++counters_.asked_again;
   if (!outstanding_) return;
@@ -222,7 +223,7 @@ void TimeManager::tell(const GrantSchedule::Grant& grant, const time_request_t& 
   }
 }
 
-/// Records what has come, as far as nothing before it is missing.
+/// Records messages in order, up to the first whose bytes have not come yet.
 void TimeManager::take_bytes() {
   for (Recorded& r : record_queue_) {
     if (!r.bytes) r.bytes = inbox_.take(r.message.channel, r.message.digest);
@@ -237,7 +238,8 @@ void TimeManager::take_bytes() {
 
 /// The next grant, if none is out and the run is not held.
 void TimeManager::go_on() {
-  // What nodes keep for those who missed it is limited.
+  // Nodes keep only so many messages for repetition, so nobody goes on while too many are
+  // unrecorded.
   constexpr std::size_t kMostUnrecorded = 256;
   if (outstanding_ || state_ == State::joining || state_ == State::failed) return;
   if (record_queue_.size() > kMostUnrecorded) return;
@@ -267,7 +269,7 @@ void TimeManager::advance() {
     state_ = state_ == State::running ? State::finishing : State::recording;
     return;
   }
-  // A run that is held looks at each grant by itself.
+  // A held run goes no further than to the time until which it may run.
   if (hold_until_ < grant->until.when && !step_) {
     grant->until = std::min(grant->until, {hold_until_ + Duration{1}, 0, -1});
   }

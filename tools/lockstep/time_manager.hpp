@@ -30,7 +30,7 @@ class TimeManager {
     std::int64_t session = 1;        ///< this run's number, > 0
     std::vector<std::string> nodes;  ///< by rank
     Instant end{};                   ///< of the run's time
-    /// What the coordinator waits for a node to join, or to answer a grant.
+    /// How long the coordinator waits for the nodes to join, and for an answer to a grant.
     Duration join_patience = std::chrono::seconds{20};
     Duration patience = std::chrono::seconds{10};
     /// A grant is repeated after this, then less and less often.
@@ -50,7 +50,7 @@ class TimeManager {
     std::int64_t asked_again = 0;       ///< messages asked for again by nodes
     std::int64_t foreign = 0;           ///< protocol messages of other sessions, or undecodable
     std::vector<Duration> round_trips;  ///< of the probes
-    /// From the first grant to the end, without the probes and without what the run was held.
+    /// From the first grant to the end, without the probes and the time for which the run was held.
     Duration wall_time{0};
   };
 
@@ -63,7 +63,7 @@ class TimeManager {
 
   /// The run is complete.
   bool done() const { return state_ == State::done; }
-  /// Why it is not; empty if nothing went wrong so far.
+  /// Why the run failed; empty if nothing went wrong so far.
   const std::string& error() const { return error_; }
 
   /// A node's process has ended; `how`: "was killed by signal 9".
@@ -91,8 +91,8 @@ class TimeManager {
   /// The next event of all.
   Instant next() const { return schedule_.now(); }
   const Counters& counters() const { return counters_; }
-  /// Messages on the network that no node has said to be its own, by channel: copies of others, or
-  /// somebody else's. They had no effect.
+  /// Messages on the network that no node has named as its own, by channel: copies, or somebody
+  /// else's messages. They had no effect.
   std::map<std::string, std::size_t> unaccounted() const { return inbox_.sizes(); }
   /// Nodes that have not joined.
   std::vector<std::string> missing() const;
@@ -145,7 +145,7 @@ class TimeManager {
   std::string error_;
   std::vector<std::optional<time_join_t>> joined_;  // by rank
   std::vector<std::uint8_t> granted_to_;            // the node of each grant
-  Instant begun_at_{};                              // waiting for nodes; then the run
+  Instant begun_at_{};  // when it began to wait for nodes; later, when the run began
   Instant last_welcome_{};
   std::optional<Outstanding> outstanding_;
   std::int64_t next_id_ = kFirstGrant;

@@ -26,8 +26,7 @@ struct FitInput {
 /// - an LCM event log: the field `seq` of the messages of one channel, of any of Tether's types. In
 ///   logs of simulated runs, whose time stamps are the run's, time stamp − `utime` is the delay.
 /// - a capture in classic pcap format (Ethernet, Linux "any", raw IP or loopback; IPv4): the
-/// sequence
-///   number in the header of LCM's UDP messages. LCM counts all messages of a sender, whatever
+///   numbers in the headers of LCM's UDP messages. LCM counts all messages of a sender, whatever
 ///   their channel, so the capture must have all of them. Of messages in several fragments the
 ///   first fragment counts. (pcapng: `editcap -F pcap` converts.)
 /// - CSV with a header line: columns seq and time_s, in the order of arrival, of packets that

@@ -9,7 +9,8 @@ namespace tether {
 // prints to standard output and returns the exit code. std::runtime_error says that there is no
 // relay, UsageError what is wrong with a setting that is not "KEY=VALUE".
 
-/// Other settings for the channel, all at once. 0: they are in force; 1: refused.
+/// Asks for other settings of the channel, all at once. Returns 0 if they are in force, 1 if they
+/// were refused.
 int netem_set(const std::string& lcm_url, const std::vector<std::string>& settings);
 
 /// Shows the settings in force that differ from the defaults.

@@ -30,7 +30,8 @@ constexpr Duration kShutDownPatience = kWindDownLimit + std::chrono::seconds{1};
 constexpr Duration kLinger = std::chrono::milliseconds{200};
 constexpr int kMaxRestarts = 20;
 
-/// In the order in which they end: the bridge still has to stop its drives, and these need wheels.
+/// In the order in which they end: the bridge has to stop its drives first, and the drives need the
+/// simulator's wheels for that.
 std::vector<std::string> programs(const Scenario& scenario) {
   std::vector<std::string> names;
   if (!scenario.get<ControllerSettings>().external) names.emplace_back("tether-controller");
@@ -110,7 +111,8 @@ void LiveSession::on_child_exit(Child& child, int code) {
     if (&child == ending_child_) loop_.stop();
     return;
   }
-  // What stops a node at its very start would stop it again: it has said what. A signal may not.
+  // An error that ends a node at its very start would end it again, and the node has said what it
+  // is. A node that a signal ended may live when it is started again.
   const bool refused = code == kExitUsage || code == 127 || (code == kExitFailed && !child.has_run);
   if (refused || restarts_ >= kMaxRestarts) {
     failure_ = refused ? fmt::format("{} did not start (exit code {})", child.name, code)

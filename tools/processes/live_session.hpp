@@ -17,10 +17,10 @@
 namespace tether {
 
 /// A live run: starts sim, netem, controller and, with drives on CAN, bridge and emulated drives as
-/// processes on one LCM network, arms the drives, watches them and
-/// their messages, and ends them in order. A node that dies is started again and joins the run at
-/// the right time (the run says how often that happened); a node that refuses to start, or fails
-/// before it ran for the first time, ends it.
+/// processes on one LCM network, arms the drives, watches the processes and their messages, and
+/// ends them in order. A node that dies is started again and joins the run at the right time (the
+/// run says how often that happened). A node that refuses to start, or fails before it has run for
+/// the first time, ends the run.
 class LiveSession {
  public:
   struct Options {

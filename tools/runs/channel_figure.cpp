@@ -140,7 +140,7 @@ void draw_delays(const std::filesystem::path& folder, const ChannelFigure& figur
         configured ? fmt::format("{:.6f}\n", expected.channel->delay_cdf(delay_ms * 1e-3)) : "\n";
   }
   write_file(folder / "delays.csv", csv);
-  // The last thousandth, which may be very far out, is in the data only.
+  // The last thousandth may be very far out: it is in the data, not in the drawing.
   const double last = delays[delays.size() - 1 - delays.size() / 1000];
   const double margin = std::max(0.03 * (last - delays.front()), 0.01);
   const double low = std::max(0.0, delays.front() - margin), high = last + margin;

@@ -17,7 +17,7 @@ std::string channel_text(const char* name, const LinkConfig& link) {
   return fmt::format("{} {}", name, describe_model(link));
 }
 
-/// ODE is what figures are expected to come from; another plant says so.
+/// Figures are expected to come from ODE; only another plant is named in them.
 std::string plant_text(const Scenario& scenario) {
   const bool is_ode = scenario.get<VehicleSettings>().plant == VehicleSettings::Plant::ode;
   return is_ode ? "" : fmt::format("{} plant; ", scenario.get<VehicleSettings>().plant_name());

@@ -30,7 +30,7 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
                              [this, &guard, &newest, state](const link_report_t& m) {
                                if (!accept(guard, m.utime, m.seq)) return;
                                newest = m;
-                               // Of what is reported at one instant, the truth may come first.
+                               // Among the reports of one instant, the truth may come first.
                                const bool is_of_last_row =
                                    !trajectory_.empty() && truth_.utime == m.utime;
                                if (is_of_last_row) trajectory_.back().*state = m.state;

@@ -11,7 +11,7 @@
 
 namespace tether {
 
-/// What a run in lockstep took, against its floor: a round trip for each grant.
+/// How long a run in lockstep took, compared with its lower bound: one round trip for each grant.
 struct LockstepCost {
   std::int64_t grants = 0;
   std::optional<double> round_trip_s = {};  ///< median of those measured during the run, if any

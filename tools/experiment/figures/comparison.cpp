@@ -78,7 +78,7 @@ std::vector<LineStyle> styles_of(const ComparisonFigure& figure) {
   return styles;
 }
 
-/// Where the axes are, and what they reach to.
+/// Where the axes lie, and how far they reach.
 struct Frame {
   double left_cm, right_cm, bottom_cm, top_cm;
   LeastMost x, y;
@@ -90,7 +90,7 @@ struct Frame {
 
 bool is_drawn(double value) { return std::isfinite(value) && value > 0.0; }
 
-/// What a series' label stands beside: its last mean, or its first as the floor.
+/// The value beside which a series' label stands: its last mean; of the floor, its first.
 double end_of(const CurveSeries& series, const ComparisonFigure& figure) {
   double value = std::numeric_limits<double>::quiet_NaN(), x = 0.0;
   for (const PlottedPoint& p : series.points) {

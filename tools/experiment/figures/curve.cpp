@@ -127,7 +127,7 @@ std::string axes(const CurveFigure& figure, const Extent& e) {
                      e.x.low - x_margin, e.x.high + x_margin, low, high, log_y ? 1 : 0);
 }
 
-// Of one series, what is what; of several, their names.
+// With one series, the legend says what dots, line and band mean; with several, their names.
 std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
   using Sample = LegendEntry::Sample;
   const auto line = [](std::size_t s) { return fmt::format("lw 1.5 lc rgb \"#{}\"", kColours[s]); };

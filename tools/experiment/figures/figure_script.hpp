@@ -17,7 +17,7 @@ namespace tether {
 std::string gnuplot_text(const std::string& text);
 /// A cell of a .csv, in quotes where it needs them; control characters become blanks.
 std::string csv_cell(const std::string& text);
-/// How wide it is in a figure, about: as its characters, of which those of UTF-8 count once.
+/// About how wide the text is in a figure: its number of characters (not of bytes, in UTF-8).
 double text_cm(const std::string& text);
 
 /// "n = 50 seeds a point", "n = 20–50 seeds a point"; and how many failed, if any did.
@@ -42,8 +42,8 @@ struct LegendEntry {
   std::string name;
 };
 
-/// All around the axes that is not gnuplot's: title, legend (gnuplot's breaks a column too early),
-/// caption. The lines below are the note, then plant and scenario.
+/// What is drawn around the axes without gnuplot's own means: title, legend (gnuplot's breaks a
+/// column too early), caption. The lines below are the note, then plant and scenario.
 class FigureFrame {
  public:
   enum class Legend { above, below };
@@ -51,7 +51,7 @@ class FigureFrame {
   FigureFrame(const FigureText& text, const std::string& note, std::vector<LegendEntry> legend,
               Legend place);
 
-  /// What it takes of the height.
+  /// How much of the figure's height it takes.
   double top_cm() const;
   double bottom_cm() const;
 

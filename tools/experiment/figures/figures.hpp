@@ -69,8 +69,8 @@ struct CurveSeries {
   std::vector<PlottedPoint> points;
 };
 
-/// A result against a parameter: a dot a run, beside each other, line through the means, band of
-/// their intervals; bars too where a band has no neighbour to reach to.
+/// A result against a parameter: one dot for each run, a line through the means, and a band of
+/// their intervals. Where a band has no neighbour to reach to, there are bars, too.
 struct CurveFigure {
   FigureText text;
   std::string x_label;  ///< with unit: "δ [ms]"
@@ -111,7 +111,7 @@ struct HeatCell {
   Mark mark = Mark::none;  ///< tied: the data cannot separate it from the best of its column
 };
 
-/// A box a cell, on even steps whatever the parameters' values; x and y ascend.
+/// One box for each cell. Boxes have even steps, whatever the parameters' values; x and y ascend.
 struct HeatmapFigure {
   FigureText text;
   std::string x_label;  ///< "PRR"
@@ -123,7 +123,7 @@ struct HeatmapFigure {
 void draw_heatmap(const std::filesystem::path& folder, const std::string& stem,
                   const HeatmapFigure& figure);
 
-/// Over the seeds, what begins at one point of the path.
+/// What begins at one point of the path, as a mean over the seeds.
 struct RiskPoint {
   double time_s = 0.0;  ///< since the path's start
   double x_m = 0.0;

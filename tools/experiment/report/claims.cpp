@@ -183,8 +183,8 @@ void judge_loss_against_delay(const SweepData& prr, const SweepData& delay,
                     is_worse ? "" : "less than twice as much, or not beyond chance"});
 }
 
-/// Rises from arm to arm: of two arms' runs, whether chance cannot explain that the second's ε is
-/// not larger; undecided where it can.
+/// Whether ε rises from arm to arm. It does not where the second arm's ε is not larger and chance
+/// cannot explain that; undecided where chance can.
 Claim::Verdict judge_step(const SweepData& data, std::size_t from, std::size_t to) {
   const auto step =
       paired_difference(data.arms()[to].runs, data.arms()[from].runs, kConfidence, kBootstrapSeed);
@@ -207,7 +207,8 @@ struct TauColumn {
   }
 };
 
-/// Whether `tau_s` is the best τ of a column: undecided where it cannot be told from the best.
+/// Whether `tau_s` is the best τ of a column; undecided where the data cannot tell it from the
+/// best.
 Claim judge_best_tau(const SweepData& heatmap, const TauColumn& column, double tau_s,
                      const std::string& paper) {
   const std::size_t best = column.best.best.value();

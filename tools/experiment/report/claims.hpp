@@ -32,8 +32,8 @@ struct PaperResults {
 };
 
 /// All of the paper's claims that the results let us judge, in the order of its figures. A claim
-/// about a mean is judged by the mean, and is undecided where its interval reaches beyond what the
-/// claim says by more than the mean's distance within: never by one number without its interval.
+/// about a mean is judged by the mean with its interval, never by one number alone: it is undecided
+/// where the interval reaches further beyond the claimed range than the mean lies within it.
 std::vector<Claim> judge_claims(const PaperResults& results);
 
 }  // namespace tether

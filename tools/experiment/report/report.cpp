@@ -123,7 +123,8 @@ Report write_report(const fs::path& folder, RiskDefinition risk) {
   for (const RunStore& store : stores) {
     const auto figure = store.figure();
     SweepData data(store, figure ? figure->metric : "epsilon_m");
-    // Several sweeps of one experiment go by their folders, and are no answer to a claim.
+    // Several sweeps of one experiment are named after their folders, and no claim is judged by
+    // them.
     const bool is_only = sweeps_of_name[store.name()] == 1;
     const std::string stem =
         is_only ? store.name() : store.file().parent_path().filename().string();

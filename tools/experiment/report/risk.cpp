@@ -27,7 +27,8 @@ bool is_bad(const TrajectoryPoint& row) {
   return std::max(row.uplink_state, row.downlink_state) > 0.5F;
 }
 
-/// Parts of the path: its thirds, then what is before its first sharp turn, and the rest.
+/// Parts of the path: its three thirds; then the part before its first sharp turn, and the part
+/// after.
 constexpr std::size_t kBeforeTurns = 3, kRest = 4, kParts = 5;
 
 /// What one run adds to the mean of each part.
@@ -97,7 +98,8 @@ std::vector<Sums> sums_of_runs(const RunStore& store, RiskDefinition definition)
   return runs;
 }
 
-/// Of one quantity, from its bootstrap samples; not finite where a part had no run in B.
+/// The estimate of one quantity from its bootstrap samples, which are not finite where a part had
+/// no run in B.
 MeanEstimate estimate(double measured, std::vector<double> samples) {
   std::erase_if(samples, [](double value) { return !std::isfinite(value); });
   if (samples.size() < kResamples / 2) return {measured, {}};

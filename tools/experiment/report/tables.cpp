@@ -217,7 +217,7 @@ SweepTable ratio_table(const SweepData& data, const TableChoice& choice) {
     if (!over || !under) continue;
     const MeanRatio r =
         mean_ratio(data.arms()[*over].runs, data.arms()[*under].runs, kConfidence, kBootstrapSeed);
-    // Without luck (or with one run) there is no interval but the value.
+    // Runs without randomness (or a single run) have no interval, only the value.
     const double low = std::isfinite(r.interval.low) ? r.interval.low : r.ratio;
     const char* holds = low >= choice.limit ? "yes" : r.ratio >= choice.limit ? "mean only" : "no";
     table.rows.push_back(row);

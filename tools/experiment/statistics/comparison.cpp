@@ -76,7 +76,7 @@ class Pair {
     measured_ = of(all);
   }
 
-  // Differs by the same in each seed: nothing to resample.
+  // The difference is the same in each seed: nothing to resample.
   bool constant() const { return constant_; }
   const Difference& measured() const { return measured_; }
 
@@ -209,7 +209,7 @@ MeanRatio mean_ratio(const std::vector<SeededValue>& first, const std::vector<Se
   result.second = summarize(y, confidence, seed);
   if (x.empty()) return result;
   result.ratio = result.first.mean / result.second.mean;
-  if (result.first.sd == 0.0 && result.second.sd == 0.0) {  // no luck in it
+  if (result.first.sd == 0.0 && result.second.sd == 0.0) {  // no randomness in it
     result.interval = {result.ratio, result.ratio};
     return result;
   }

@@ -9,16 +9,16 @@
 
 namespace tether {
 
-/// The result of one run. Runs of several arms (settings) with one seed meet the same luck where
-/// they draw alike, and are compared with each other.
+/// The result of one run. Runs of several arms (settings) with one seed get the same random numbers
+/// where they draw alike, and are compared with each other.
 struct SeededValue {
   std::uint64_t seed = 0;
   double value = 0.0;
 };
 
-/// Fewer pairs separate nothing: even if all differences had one sign, a sign test could not
-/// reject at 5 % (2·0.5^5 = 0.0625). This also holds for runs without any luck, which all differ by
-/// the same.
+/// Fewer pairs separate nothing: even if all differences had one sign, a sign test could not reject
+/// at 5 % (2·0.5^5 = 0.0625). This also holds for runs without any randomness, whose differences
+/// are all the same.
 inline constexpr std::size_t kLeastPairs = 6;
 
 /// Of first − second, over the seeds that both have.
@@ -56,8 +56,8 @@ struct BestArm {
   std::size_t left_out = 0;  ///< seeds that are not in all arms, or not finite in one
 };
 
-/// Compares all over the seeds that all arms with any finite value have; arms without one take no
-/// part (never tied, mean NaN).
+/// Compares all arms that have any finite value, over the seeds that all of these have. The other
+/// arms take no part (never tied, mean NaN).
 ///
 /// Method: the paired differences of all pairs of arms, not only of those with the best, have
 /// simultaneous intervals by the bootstrap of seeds: each pair's |t|, studentised by its sample, is

@@ -6,9 +6,9 @@
 
 namespace tether {
 
-/// Uniform on [0, n), n < 2^32, by one multiplication (Lemire, ACM TOMACS 29(1), 2019). Not
-/// rejecting anything, it prefers some by less than n/2^32: nothing to a bootstrap, which needs
-/// millions.
+/// Uniform on [0, n), n < 2^32, by one multiplication (Lemire, ACM TOMACS 29(1), 2019). It rejects
+/// nothing, so that some numbers come more often than others, by less than n/2^32: negligible for a
+/// bootstrap, which needs millions of numbers.
 inline std::size_t random_index(RandomEngine& random, std::size_t n) {
   return ((random() >> 32) * n) >> 32;
 }

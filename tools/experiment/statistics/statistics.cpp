@@ -47,7 +47,7 @@ std::vector<double> resampled_means(const std::vector<double>& values, std::uint
   return means;
 }
 
-// Which quantile of the resampled means is the interval's end for the normal quantile `z`.
+// The quantile of the resampled means that is the interval's end for the normal quantile `z`.
 double bca_level(double bias, double acceleration, double z) {
   const double shifted = bias + z;
   const double divisor = 1.0 - acceleration * shifted;
@@ -71,7 +71,7 @@ Interval bca_of_mean(const std::vector<double>& ascending, double confidence, st
   const double mean = mean_of(ascending);
   const std::vector<double> means = resampled_means(ascending, seed);
   const double bias = bias_correction(means, mean);
-  // Of the jackknife, which for a mean has this closed form.
+  // The acceleration from the jackknife, which has this closed form for a mean.
   const double acceleration =
       moment_sum(ascending, mean, 3) / (6.0 * std::pow(moment_sum(ascending, mean, 2), 1.5));
   const double z = math::quantile(math::normal(), 0.5 * (1.0 + confidence));

@@ -20,7 +20,7 @@ bool contains(const Interval& interval, double value);
 
 inline constexpr double kConfidence = 0.95;
 inline constexpr int kResamples = 2000;
-/// Of the streams of resamples, where nothing else asks for another.
+/// The seed of the streams of resamples where the caller gives none.
 inline constexpr std::uint64_t kBootstrapSeed = 1;
 
 /// Results of independent runs of one setting, one value a run. Without values all are NaN.
