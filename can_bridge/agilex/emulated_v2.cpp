@@ -77,7 +77,7 @@ void EmulatedAgilexV2::tick(Instant now, std::vector<CanFrame>& out) {
   ramp(now);
   if (now < next_report_) return;
   next_report_ += kPeriod;
-  // A caller that slept does not get a burst.
+  // After a pause of the caller, missed frames are not sent in a burst.
   if (next_report_ <= now) next_report_ = now + kPeriod;
   ++state_.count;
   if (now >= silent_until_) report(out);

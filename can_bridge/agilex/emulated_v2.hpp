@@ -16,8 +16,8 @@ namespace tether {
 /// brakes when 0x111 stays away for 500 ms; then it stays in CAN mode and follows again when
 /// commands return. An exception brakes it, too, and puts it into standby until 0x441.
 ///
-/// Its own, for want of published figures: ramps of 2 m/s² and 4 rad/s², 24.0 V, motor speed =
-/// wheel speed, 0.5 s from power-on to the first frame.
+/// No figures are published for the following, so they are assumed: ramps of 2 m/s² and 4 rad/s²,
+/// 24.0 V, motor speed = wheel speed, 0.5 s from power-on to the first frame.
 ///
 /// Faults: `fault` (value: 0x211's error code; 0: 0x0001), `reboot`, `silence`, `encoder_freeze`,
 /// `wheel_slip`, `none`; it has no objects, so sdo_abort does nothing, and no node ids: whatever

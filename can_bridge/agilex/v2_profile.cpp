@@ -18,11 +18,11 @@ using agilex::Condition;
 using agilex::Mode;
 
 constexpr Duration kRepeat = std::chrono::milliseconds(100);
-/// From 3 m/s at 1 m/s², which every chassis can.
+/// Enough to brake from 3 m/s at 1 m/s², which every chassis can.
 constexpr int kBrakeLimit_ms = 3000;
-/// Five frames of 0x211: a change of mode has shown by then.
+/// Five periods of 0x211: by then, a change of mode shows.
 constexpr int kSettle_ms = 100;
-/// Between two frames, 20 ms apart: no chassis drives 50 m/s.
+/// The most that the way can change between two frames, 20 ms apart: no chassis drives 50 m/s.
 constexpr std::int64_t kLargestStep_mm = 1000;
 
 bool differs(double a, double b) { return std::abs(a - b) > 0.01 * std::abs(b); }
@@ -167,7 +167,7 @@ void AgilexV2Profile::on_frame(const CanFrame& frame, Instant now) {
 void AgilexV2Profile::on_intruder(std::uint32_t id) {
   ++counters_.intruder_frames;
   intruder_ = fmt::format("0x{:03X} from another sender", id);
-  // The first reason stays; and who was refused does not command anything.
+  // The first reason stays, and a chassis that was refused is not commanded at all.
   if (phase_ == DrivePhase::faulted || phase_ == DrivePhase::refused) return;
   fault(fmt::format("another sender uses 0x{:03X}: only one master may command", id));
 }
@@ -185,7 +185,7 @@ void AgilexV2Profile::on_odometry(const agilex::Odometry& odometry, Instant now)
     way_mm_[1] += step[1];
     return;
   }
-  // After a silence, which is a fault of its own, the way may be anything.
+  // After a silence, which is a fault anyway, the way may have changed by any amount.
   const bool running = phase_ == DrivePhase::standby || phase_ == DrivePhase::enabling ||
                        phase_ == DrivePhase::enabled || phase_ == DrivePhase::stopping;
   if (close && running) {
@@ -283,7 +283,7 @@ void AgilexV2Profile::tick_enabling(Instant now, std::vector<CanFrame>& out) {
 
 void AgilexV2Profile::tick_stopping(Instant now, std::vector<CanFrame>& out) {
   if (bring_to_standby(now, stop_kind_ == StopKind::quick, out)) {
-    // A change into CAN mode may be under way still: contradict it, and look again.
+    // A change into CAN mode may still be under way: command standby mode, and look again.
     repeat(now, agilex::mode_frame(Mode::standby), out);
     if (lasts(now, kSettle_ms)) enter(DrivePhase::standby);
   } else if (lasts(now, kBrakeLimit_ms + config_.step_timeout_ms)) {
@@ -292,7 +292,7 @@ void AgilexV2Profile::tick_stopping(Instant now, std::vector<CanFrame>& out) {
 }
 
 bool AgilexV2Profile::bring_to_standby(Instant now, bool brake_first, std::vector<CanFrame>& out) {
-  // In remote control it is somebody else who drives.
+  // A chassis in remote control is driven by somebody else.
   if (state_stamp_ && state_.mode != Mode::can) return true;
   out.push_back(agilex::encode(agilex::kMotionCommand, agilex::Motion{}));
   const bool stands = standstill(now) && now >= standstill_from_;

@@ -21,7 +21,7 @@ namespace tether {
 /// - enabled: 0x111 in every tick. v and ω are rounded to mm/s and mrad/s; beyond ±32.7 both are
 ///   scaled together.
 /// - stopping: zero motion commands until standstill, at most 3 s, then 0x421 = 0. The chassis has
-///   no harder brake than its own ramp. StopKind::disable leaves the first part out.
+///   no harder brake than its own ramp. With StopKind::disable, 0x421 = 0 is sent at once.
 /// - faulted: exception or emergency stop in 0x211, remote control taking over, silence for
 ///   feedback_timeout_ms, a way that jumps by more than a metre (the chassis restarted), time-out
 ///   of a mode change, a motion, mode or clearing command of another sender. While faulted it is
@@ -83,7 +83,7 @@ class AgilexV2Profile final : public DriveProfile {
   std::optional<Instant> repeated_;  // when repeat() last sent, in this phase
   bool clear_errors_ = false;        // in `starting`
   StopKind stop_kind_ = StopKind::quick;
-  Instant standstill_from_ = Instant::min();  // before that, none is believed
+  Instant standstill_from_ = Instant::min();  // until then, standstill is not believed
   agilex::Motion command_;
 
   std::optional<Instant> state_stamp_, motion_stamp_, odometry_stamp_;

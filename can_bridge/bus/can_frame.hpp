@@ -7,8 +7,8 @@
 
 namespace tether {
 
-/// One classic CAN 2.0 data or remote frame. Error frames are no frames here: a CanPort turns them
-/// into its state.
+/// One classic CAN 2.0 data or remote frame. Error frames do not count as frames: a CanPort turns
+/// them into its state.
 struct CanFrame {
   std::uint32_t id = 0;   ///< 11 bits, 29 if `extended`; no flag bits
   std::uint8_t size = 0;  ///< 0…8 data bytes

@@ -51,8 +51,8 @@ class CanPort {
   /// `why` says what an operator has to do.
   virtual bool restart(std::string& why) = 0;
 
-  /// What will be missing in trouble and should be known at the start: restart() is not permitted.
-  /// "" if nothing.
+  /// A warning for the start of a program: what will not work in trouble, because restart() is not
+  /// permitted. "" if there is nothing to warn of.
   virtual std::string warning() const { return ""; }
 
   /// Appends "can.sent", "can.received", "can.send_dropped", "can.rx_overflow"…

@@ -159,7 +159,7 @@ CanLinkMonitor::Changes CanLinkMonitor::drain(int index) const {
     for (; NLMSG_OK(m, left); m = NLMSG_NEXT(m, left)) {
       if (m->nlmsg_len < NLMSG_LENGTH(sizeof(ifinfomsg))) continue;
       const auto info = read_as<ifinfomsg>(NLMSG_DATA(m));
-      // A bridge reports with its own family that a link left it.
+      // A network bridge reports with a family of its own that a link has left it.
       if (info.ifi_family != AF_UNSPEC || info.ifi_index != index) continue;
       if (m->nlmsg_type == RTM_DELLINK) changes.deleted = true;
       if (m->nlmsg_type == RTM_NEWLINK && (info.ifi_flags & IFF_UP) == 0) changes.was_down = true;

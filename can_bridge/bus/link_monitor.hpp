@@ -38,12 +38,12 @@ class CanLinkMonitor {
   /// Readable when a link of this machine may have changed: then call drain().
   int fd() const { return events_fd_; }
 
-  /// What has befallen an interface; perhaps it is over already.
+  /// What has happened to an interface; it may be over already.
   struct Changes {
     bool deleted = false;
     bool was_down = false;
   };
-  /// Reads all that is readable; what it says of the interface of that index.
+  /// Reads all that is readable, and returns what it says of the interface of that index.
   Changes drain(int index) const;
 
   /// Takes the interface up or down; needs CAP_NET_ADMIN. 0, or the errno why not.

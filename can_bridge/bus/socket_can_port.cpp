@@ -64,7 +64,8 @@ void set_option(int fd, int level, int name, const T& value) {
 }
 
 void set_options(int fd) {
-  // Those that tell of the controller's state. Bus errors as such could come at the bus's own rate.
+  // Only error frames that tell the controller's state. Those of single bus errors could come as
+  // often as frames.
   const can_err_mask_t errors = CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED;
   set_option(fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, errors);
   set_option(fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 0);
@@ -159,7 +160,8 @@ void SocketCanPort::apply_filters() const {
 bool SocketCanPort::send(const CanFrame& frame) {
   assert(frame.size <= CAN_MAX_DLEN);
   const bool possible = fd_ >= 0 && state_ != CanState::bus_off && state_ != CanState::down &&
-                        // Half of what waited has gone: then the bus takes frames again.
+                        // Writable means that half of what waited has gone: the bus takes frames
+                        // again.
                         (state_ != CanState::stalled || writable(fd_));
   if (!possible) {
     ++counters_.send_dropped;

@@ -23,12 +23,11 @@ namespace tether {
 /// had to drop because this program was slow are counted in can.rx_overflow.
 ///
 /// State
-/// - error_passive, bus_off: from the controller's error frames, corroborated by what rtnetlink
-/// says
-///   of the controller, because any program on this machine can inject error frames. One that says
-///   bus-off where the controller denies it is counted (can.error_frames_unconfirmed) and not
-///   believed. A virtual bus has no controller to ask: there it is believed, for stopping without
-///   need is safer than the contrary, until the interface was down.
+/// - error_passive, bus_off: from the controller's error frames, confirmed by what rtnetlink says
+///   about the controller, because any program on this machine can inject error frames. A frame
+///   that says bus-off when the controller denies it is counted (can.error_frames_unconfirmed) and
+///   not believed. A virtual bus has no controller to ask. There the frame is believed until the
+///   interface was down, because stopping without need is the safer mistake.
 /// - bus_off: nothing is sent, since the kernel would take frames and keep them for later.
 /// - stalled: for more than kStallTime no frame could be handed over although it was tried. Frames
 ///   that were accepted before still wait, and would go out, late, when the bus recovers: call

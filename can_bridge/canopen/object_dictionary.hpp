@@ -28,12 +28,12 @@ class ObjectDictionary {
     ObjectRef ref;
     Access access = Access::read_write;
     Mapping mapping = Mapping::none;
-    /// A measured value, which is never at rest: its change alone sends no event-driven TPDO.
+    /// A measured value, which changes all the time: its change alone sends no event-driven TPDO.
     bool measured = false;
     std::int64_t initial = 0;  ///< after power-on
     std::int64_t minimum = INT64_MIN;
     std::int64_t maximum = INT64_MAX;
-    /// Packed objects have no value of their own but are two others', as 16-bit halves.
+    /// A packed object has no value of its own: its 16-bit halves are two other objects.
     Handle low_half = kNone;
     Handle high_half = kNone;
     /// Strings (read-only) have their text here, and ref.bytes = 0.

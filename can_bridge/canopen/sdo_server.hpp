@@ -21,7 +21,8 @@ namespace tether {
 class SdoServer {
  public:
   using Handle = ObjectDictionary::Handle;
-  /// The device's part of a write that is allowed so far: stores the value, or says why not.
+  /// The device's part of a write that has passed all checks here: stores the value, or says why
+  /// not.
   using Write = std::function<std::optional<canopen::Abort>(Handle, std::int64_t)>;
 
   SdoServer(std::uint8_t node, ObjectDictionary& dictionary, Write write)

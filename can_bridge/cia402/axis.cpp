@@ -10,10 +10,11 @@ namespace {
 using canopen::DriveState;
 
 constexpr double kTurn_rad = 2.0 * std::numbers::pi;
-// No vehicle's wheel turns faster: bounds what may have been travelled while nothing was heard.
+// No vehicle's wheel turns faster than this. It limits how far a wheel may have turned while
+// nothing was heard.
 constexpr double kFastestWheel_rps = 50.0;
 
-/// a − b as a counter of `bytes` bytes shows it after wrapping around.
+/// a − b of a counter of `bytes` bytes that may have wrapped around in between.
 std::int64_t wrapped_difference(std::int64_t a, std::int64_t b, std::uint8_t bytes) {
   const std::uint64_t range = std::uint64_t{1} << (8 * bytes);
   const std::uint64_t difference =

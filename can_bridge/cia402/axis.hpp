@@ -22,7 +22,8 @@ class Axis {
   /// A new start: forgets what the drive reported. The angle stays where it is.
   void begin();
 
-  /// The drive's encoder may start anywhere now: the next position continues the present angle.
+  /// From now on the drive's encoder may start anywhere: the next position continues the present
+  /// angle.
   void reanchor() { anchored_ = false; }
 
   // --- from the drive
@@ -48,22 +49,22 @@ class Axis {
   const std::string& name() const { return name_; }
   std::uint8_t node() const { return config_.node; }
   const ObjectRef& controlword_object() const { return config_.controlword; }
-  /// By the newest statusword; nullopt if there is none or it matches no state.
+  /// The state by the newest statusword; nullopt if there is none or it matches no state.
   std::optional<canopen::DriveState> state() const;
-  /// By a statusword received since the controlword last changed.
+  /// Whether this is the state by a statusword received since the controlword last changed.
   std::optional<canopen::DriveState> confirmed_state() const;
   bool in_fault() const;
   /// Power stage off, confirmed: SwitchOnDisabled or ReadyToSwitchOn.
   bool confirmed_off() const;
-  /// Stands, by a fresh speed received since the controlword last changed.
+  /// The wheel stands, by a fresh speed received since the controlword last changed.
   bool confirmed_standing(Instant now) const;
   bool standing(Instant now) const;
   /// Statusword, speed and position are all younger than the timeout.
   bool fresh(Instant now) const;
-  /// Of the oldest of these three; the longest duration before the first.
+  /// The age of the oldest of these three; the longest duration if one has not come yet.
   Duration age(Instant now) const;
   std::optional<std::int64_t> mode() const { return mode_; }
-  /// The drive's: 0x603F, else that of its newest emergency message; 0: none.
+  /// The drive's error code: 0x603F, else that of its newest emergency message; 0: none.
   std::uint32_t error_code() const { return error_code_ != 0 ? error_code_ : emergency_code_; }
   WheelFeedback feedback() const;
 

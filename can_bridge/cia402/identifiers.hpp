@@ -12,7 +12,7 @@ namespace tether::cia402 {
 struct Sender {
   enum class Kind {
     other,  ///< nothing to do with this drivetrain
-    // Only the bridge may send these, so that whoever is heard with them is an intruder.
+    // Only the bridge may send these. Whoever else sends one is an intruder.
     nmt,
     sync,
     master_heartbeat,

@@ -133,7 +133,7 @@ void NodeStartup::tick(Instant now, std::vector<CanFrame>& out) {
     deadline_ = now + boot_timeout_;
     state_ = State::booting;
   }
-  // First what has arrived, then a timeout's consequences, so that neither costs a cycle.
+  // First takes what has arrived, then looks at timeouts, so that neither costs an extra cycle.
   if (const auto result = sdo_.take_result()) on_result(*result, now);
   sdo_.tick(now, out);
   if (const auto result = sdo_.take_result()) on_result(*result, now);
@@ -192,7 +192,7 @@ void NodeStartup::on_value(const SdoStep& step, std::int64_t value, Instant now)
   }
   const std::uint32_t difference = raw(step.read_back, value) ^ raw(step.read_back, step.expected);
   if ((difference & step.mask) == 0) {
-    // The timeout is the lower half, of heartbeat consumers, too.
+    // The lower half is the timeout, in heartbeat consumers, too.
     if (step.need == SdoStep::Need::watchdog && (value & 0xFFFF) != 0) ++watchdogs_set_;
     next_step();
     return;

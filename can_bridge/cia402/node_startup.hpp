@@ -10,7 +10,7 @@
 
 namespace tether::cia402 {
 
-/// Brings one node from anything to "configured, pre-operational": NMT reset, boot-up message, SDO
+/// Brings one node from any state to "configured, pre-operational": NMT reset, boot-up message, SDO
 /// steps one by one, each confirmed. Ends done() or with a refusal().
 ///
 /// A node without boot-up message within boot_timeout_ms is reset again, up to 3 times in all; one
@@ -30,9 +30,10 @@ class NodeStartup {
   bool done() const { return state_ == State::done; }
   /// Why the node cannot be used, and what to do about it; "" if nothing is known against it.
   const std::string& refusal() const { return refusal_; }
-  /// What is under way: "left drive (node 1): step 3 of 40: 0x1017:0 (heartbeat producer)".
+  /// The step that is under way: "left drive (node 1): step 3 of 40: 0x1017:0 (heartbeat
+  /// producer)".
   std::string progress() const;
-  /// What optional objects the drive did without.
+  /// The optional objects that the drive does not have, or that it refused.
   const std::vector<std::string>& notes() const { return notes_; }
 
  private:

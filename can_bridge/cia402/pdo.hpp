@@ -29,7 +29,7 @@ struct Setpoint {
 };
 
 /// The process data of a drivetrain, packed and unpacked as its file maps it. An object that both
-/// axes share is unpacked for both; packed, both must want the same of it.
+/// axes share is unpacked for both; to pack it, both axes must want the same value.
 class PdoMap {
  public:
   struct Field {

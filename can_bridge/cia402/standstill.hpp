@@ -17,7 +17,7 @@ namespace tether::cia402 {
 ///
 /// Read of each axis: statusword and actual velocity. Wheels stand when all of them are slower than
 /// standstill_radps; with a power stage that is on, for half a second, because they might be
-/// starting. What the node aborts is not judged.
+/// starting. Objects whose reading the node aborts are left out of the judgement.
 class StandstillInquiry {
  public:
   enum class Verdict {
@@ -57,7 +57,7 @@ class StandstillInquiry {
   Cia402Config config_;
   SdoClient sdo_;
   std::vector<Reading> readings_;  // of this round
-  std::size_t question_ = 0;       // two for each axis: statusword, velocity
+  std::size_t question_ = 0;       // number of the next; each axis has two: statusword, velocity
   Verdict verdict_ = Verdict::unknown;
   std::optional<Wheel> fastest_;
   std::optional<Instant> standing_since_;

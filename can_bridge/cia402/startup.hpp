@@ -21,9 +21,9 @@ struct SdoStep {
     drive_profile,     ///< must be a CiA 402 device type, or 0 (not told)
   };
   enum class Need {
-    required,  ///< abort or another value: the drive cannot be used
-    optional,  ///< … : noted, go on
-    watchdog,  ///< … : go on, but one of a node's watchdogs must succeed
+    required,  ///< if it is aborted or reads another value, the drive cannot be used
+    optional,  ///< then: it is noted, and start-up goes on
+    watchdog,  ///< then: start-up goes on, but one watchdog of the node must succeed
   };
 
   ObjectRef object;

@@ -89,7 +89,8 @@ class DriveProfile {
   /// standby → enabling → enabled. Ignored in any other phase.
   virtual void enable() = 0;
   virtual void stop(StopKind kind) = 0;
-  /// Feedback is known to lie: until then, standstill that it shows switches no power stage off.
+  /// Until then, standstill that feedback shows switches no power stage off, because feedback is
+  /// known to be wrong.
   virtual void distrust_standstill(Instant until) = 0;
   /// Leaves `faulted` or `refused`: clears the drives' faults, and starts up again where a drive
   /// rebooted or was missing.

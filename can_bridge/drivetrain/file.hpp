@@ -37,9 +37,9 @@ class DrivetrainFile {
   const TomlReader& top_;
 };
 
-/// The keys of [drives] that all profiles have: feedback_timeout_ms and boot_timeout_ms …
+/// Reads feedback_timeout_ms and boot_timeout_ms of [drives], which all profiles have.
 void read_feedback_and_boot(const TomlReader& drives, DrivetrainCommon& config);
-/// … step_timeout_ms and standstill_radps.
+/// Reads step_timeout_ms and standstill_radps of [drives], which all profiles have.
 void read_step_and_standstill(const TomlReader& drives, DrivetrainCommon& config);
 
 }  // namespace tether

@@ -8,8 +8,8 @@
 namespace tether {
 
 /// Which frames a bridge may send, and where in them setpoints are. A profile derives it from the
-/// drivetrain's description alone, never from its own state: TransmitWhitelist holds the profile to
-/// it.
+/// drivetrain's description alone, never from its own state: TransmitWhitelist checks every frame
+/// of the profile against them.
 struct TransmitRules {
   struct Frame {
     std::uint32_t id = 0;

@@ -158,7 +158,7 @@ void EmulatedAxis::ramp_to(double target, double acceleration, double decelerati
   double left_s = dt_s;
   const bool slowing = setpoint_ * target < 0.0 || std::abs(target) < std::abs(setpoint_);
   if (slowing) {
-    // Towards zero first, if the target lies on its other side.
+    // First to zero, if the target lies beyond zero.
     const double goal = setpoint_ * target < 0.0 ? 0.0 : target;
     const double needed_s = std::abs(setpoint_ - goal) / deceleration;
     if (needed_s > left_s) {

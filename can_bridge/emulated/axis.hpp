@@ -11,10 +11,10 @@ namespace tether {
 /// velocity mode (CiA 402 = IEC 61800-7-201, -301). Units of speed are those of the target velocity
 /// object; of acceleration, the same per second.
 ///
-/// Controlword commands act at tick(), at most one transition a tick, and as levels: a held
-/// "enable operation" takes ReadyToSwitchOn over SwitchedOn to OperationEnabled. Two need a fresh
-/// write: fault reset (rising edge of bit 7), and leaving QuickStopActive for OperationEnabled.
-/// From SwitchOnDisabled only "shutdown" leads on, so that nothing moves again by itself.
+/// Controlword commands act at tick(), at most one transition a tick, and as levels: a held "enable
+/// operation" takes ReadyToSwitchOn over SwitchedOn to OperationEnabled. Two need a fresh write:
+/// fault reset (rising edge of bit 7), and leaving QuickStopActive for OperationEnabled. Only
+/// "shutdown" leads out of SwitchOnDisabled, so that nothing moves again by itself.
 ///
 /// Power stage off: a spring-applied brake holds the wheel, and the setpoint is zero; without brake
 /// it coasts, and the setpoint is the speed that friction leaves it.
@@ -53,7 +53,7 @@ class EmulatedAxis {
 
   /// A fault: fault reaction, then Fault. The first of several keeps its error code.
   void trip(std::uint16_t error_code);
-  /// As the controlword commands do, but from within: reactions to a lost connection.
+  /// The same as the controlword's commands, but as the drive's own reaction to a lost connection.
   void quick_stop();
   void disable_voltage();
   /// Statusword bit 7.

@@ -36,8 +36,9 @@ struct WheelStates {
 };
 
 /// Emulated drives of one vehicle, seen from the CAN bus: honest drives that ramp, watch over their
-/// master and have faults. No I/O and no clock. The wheels themselves are somebody else's (ODE, or
-/// a simple model): set_wheels() says how they turn, wheel_targets() how the drives want them to.
+/// master and have faults. No I/O and no clock. The wheels themselves belong to the caller (ODE, or
+/// a simple model): set_wheels() tells how they turn, wheel_targets() how the drives want them to
+/// turn.
 class EmulatedDrivetrain {
  public:
   virtual ~EmulatedDrivetrain() = default;

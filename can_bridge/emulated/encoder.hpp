@@ -8,7 +8,8 @@ namespace tether {
 /// An incremental encoder between a wheel and its drive; counts from where it was switched on.
 class EmulatedEncoder {
  public:
-  /// The wheel as it is now. The first call only tells where it stands: the encoder counts motion.
+  /// Tells how the wheel is now. The first call only tells where it stands, because the encoder
+  /// counts motion.
   void turn(double angle_rad, double speed_radps) {
     const double moved_rad = known_ ? angle_rad - wheel_rad_ : 0.0;
     known_ = true;

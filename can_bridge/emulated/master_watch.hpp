@@ -12,7 +12,7 @@
 namespace tether {
 
 /// An emulated drive's watch over its master: heartbeat consumers (0x1016, CiA 301, 7.5.2.19) and
-/// vendors' watchdogs in milliseconds. What follows from a miss is the drive's own affair.
+/// vendors' watchdogs in milliseconds. How the drive reacts to a miss is decided elsewhere.
 class EmulatedMasterWatch {
  public:
   using Handle = ObjectDictionary::Handle;
@@ -35,10 +35,11 @@ class EmulatedMasterWatch {
   /// True once for each producer that fell silent, until it beats again.
   bool heartbeat_missed(Instant now);
 
-  /// The vendor's watchdogs: an SDO request or RPDO came; NMT changed, so that they wait again.
+  /// For the vendor's watchdogs: an SDO request or RPDO came; and: the NMT state changed, so that
+  /// they wait for the first contact again.
   void contact(Instant now);
   void wait_for_contact() { contact_ = false; }
-  /// True once after each last contact.
+  /// True once each time that contact was lost.
   bool watchdog_missed(Instant now);
 
  private:

@@ -176,7 +176,7 @@ void EmulatedNode::produce_heartbeat(Instant now) {
   }
   if (period <= Duration{0} || now < next_heartbeat_) return;
   next_heartbeat_ += period;
-  if (next_heartbeat_ <= now) next_heartbeat_ = now + period;  // after a stall, no burst
+  if (next_heartbeat_ <= now) next_heartbeat_ = now + period;  // after a pause, no burst
   outbox_.push_back(canopen::heartbeat_frame(id_, nmt_));
 }
 

@@ -30,11 +30,11 @@ namespace tether {
 ///   reaction of 0x6007 on each axis (0 none, 1 fault, 2 disable voltage, 3 quick stop; 1 if the
 ///   drive has no 0x6007), and of 0x1029:1 on the NMT state (0 pre-operational, also without the
 ///   object; 1 none; 2 stopped; only if it is operational). The next heartbeat ends it.
-/// - vendor watchdog in milliseconds, 0 = off: operational, from the first SDO or RPDO on, no SDO
-/// or
-///   RPDO for so long: EMCY 0x8130 and fault.
+/// - vendor watchdog in milliseconds, 0 = off: when operational, from the first SDO or RPDO on, and
+///   none came for so long: EMCY 0x8130 and fault.
 /// - RPDO deadline 0x1400:5: EMCY 0x8250 and fault.
-/// - an RPDO shorter than its mapping: ignored, EMCY 0x8210; once until the next good one.
+/// - an RPDO shorter than its mapping: ignored, with EMCY 0x8210 for the first one after a good
+///   one.
 /// - NMT stop or reset communication with the power stage on: the reaction of 0x6007.
 /// EMCY 0x0000 when all errors are gone.
 class EmulatedNode final : private RpdoReceiver {
@@ -52,7 +52,7 @@ class EmulatedNode final : private RpdoReceiver {
     std::int64_t sdo_aborts = 0;
   };
 
-  /// Powered on at `now`. Lives where it is: its parts point at each other.
+  /// Powered on at `now`. It can be neither copied nor moved: its parts point at each other.
   EmulatedNode(const Cia402Config& config, std::uint8_t node, Instant now);
   EmulatedNode(const EmulatedNode&) = delete;
   EmulatedNode& operator=(const EmulatedNode&) = delete;

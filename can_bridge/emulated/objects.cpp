@@ -145,7 +145,7 @@ class Builder {
     }
   }
 
-  /// An object that the configuration speaks of, whatever it is.
+  /// Adds an object that the configuration mentions, whatever it is.
   void mention(ObjectRef ref) {
     if (canopen::is_pdo_parameter(ref.index)) return;
     if (dictionary().find(ref.index, ref.sub) != kNone) return;

@@ -159,7 +159,8 @@ void CanBridgeNode::act(const Decision& decision, Instant now) {
   frames_.clear();
   profile_->tick(now, frames_);
   for (CanFrame& frame : frames_) {
-    // Suspended or starved since the decision: what is left of it is of the past.
+    // The process was suspended or starved since the decision, so that the rest of its frames is
+    // outdated.
     if (loop_.now() - now >= cycle_) {
       ++late_frames_;
     } else if (whitelist_.pass(frame, decision.may_move)) {

@@ -28,8 +28,8 @@ using BridgeSettings = Sections<RunSettings, VehicleSettings, ActuatorSettings, 
 
 /// The bridge between LCM and the drives: AGV/CMD_VEL, AGV/PLAN, AGV/PRELOAD and CAN/REQUEST in,
 /// CAN frames out and in, CAN/STATE, CAN/WHEELS and CAN/ODOMETRY out in every control cycle (and
-/// CAN/PLAN, with actuator.policy = "horizon"), CAN/COUNTERS every run.report_period_s. It
-/// translates; what may move is SafetyCore's decision.
+/// CAN/PLAN, with actuator.policy = "horizon"), CAN/COUNTERS every run.report_period_s. It only
+/// translates: SafetyCore decides what may move.
 ///
 /// A control cycle takes place every can.cycle_ms from the run's beginning (t = −run.lead_s) on, in
 /// this order: decide, tell the profile, collect its frames, pass them through the
@@ -37,8 +37,8 @@ using BridgeSettings = Sections<RunSettings, VehicleSettings, ActuatorSettings, 
 /// hangs, the bus falls silent and the drives' watchdogs stop the vehicle.
 ///
 /// Cycles that the loop missed are not made up for: only the newest sends ("cycle.slips" counts the
-/// others). Nor does a cycle that is held up send anything when its period is over ("tx.late").
-/// Frames that arrive before the first cycle are ignored.
+/// others). A cycle that is held up sends nothing more when its period is over ("tx.late" counts
+/// these frames). Frames that arrive before the first cycle are ignored.
 class CanBridgeNode final : public Node {
  public:
   CanBridgeNode(const BridgeSettings& settings, const DrivetrainConfig& config, EventLoop& loop,

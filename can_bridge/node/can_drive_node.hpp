@@ -44,11 +44,12 @@ using DriveSettings = Sections<RunSettings, VehicleSettings, CanSettings>;
 class CanDriveNode final : public Node {
  public:
   static constexpr Duration kTick = std::chrono::milliseconds{1};
-  /// In real time waking up costs more than the work; frames are answered at once all the same.
+  /// Longer than in virtual time, because waking up costs more than the work. Frames are answered
+  /// at once all the same.
   static constexpr Duration kRealTimeTick = std::chrono::milliseconds{5};
   static constexpr Duration kWheelTimeout = std::chrono::milliseconds{100};
 
-  /// Everything handed in by reference must outlive the node, but for scenario and config.
+  /// Everything handed in by reference must outlive the node, except scenario and config.
   CanDriveNode(const DriveSettings& settings, const DrivetrainConfig& config, EventLoop& loop,
                Bus& bus, CanPort& port);
 

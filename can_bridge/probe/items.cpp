@@ -40,7 +40,8 @@ class List {
   std::vector<ProbeItem> items_;
 };
 
-/// Of any drive. Sizes are left open: this is to see, not to judge.
+/// Objects of any drive. Sizes are left open, because these rows only show values and judge
+/// nothing.
 void add_standard(List& list) {
   const auto add = [&list](std::uint16_t index, std::uint8_t sub, const char* name, Kind kind,
                            Need need) {
@@ -79,7 +80,7 @@ void add_axis(List& list, const AxisConfig& axis, const char* side) {
     list.add({object, fmt::format("{} {}", side, name), kind, Need::required, {}});
   };
   add(axis.controlword, "controlword", Kind::identity);
-  // Half of a longer word is not shown as a state.
+  // A statusword that is half of a longer word is not shown as a state.
   add(axis.statusword, "statusword",
       axis.statusword.bytes == 2 ? Kind::statusword : Kind::identity);
   add(axis.mode, "mode", Kind::number);
@@ -135,7 +136,7 @@ void add_file(List& list, const Cia402Config& config, std::uint8_t node) {
             Kind::milliseconds,
             Need::required,
             config.drive_heartbeat_ms});
-  // Last, for the names: PDOs and setup mention the same objects.
+  // The axes come last, so that their names win: PDOs and setup mention the same objects.
   for (std::size_t side = 0; side < 2; ++side) {
     if (config.axes.at(side).node == node) {
       add_axis(list, config.axes.at(side), side == 0 ? "left" : "right");

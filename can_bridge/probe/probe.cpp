@@ -132,7 +132,7 @@ void Probe::tick(Instant now, std::vector<CanFrame>& out) {
     }
     node.pending->tick(now, out);
   }
-  // Looking must never become doing.
+  // A probe must never change anything.
   for (std::size_t i = first; i < out.size(); ++i) assert(is_upload_request(out[i]));
 }
 

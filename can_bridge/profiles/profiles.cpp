@@ -32,7 +32,7 @@ const std::vector<Row>& rows() {
   return all;
 }
 
-/// The keys of all profiles' files, each once, in an order that agrees with each profile's own.
+/// The keys of all profiles' files, each once. Each profile's own keys keep their order.
 std::vector<std::string> all_keys() {
   std::vector<std::string> keys{"name", "profile"};
   for (const Row& row : rows()) {

@@ -21,9 +21,10 @@ namespace tether {
 /// what ProfileConfig demands. A new profile is one more type here.
 using DrivetrainConfig = std::variant<Cia402Config, AgilexV2Config>;
 
-/// What the row of a profile has to offer: what is missing does not compile. Two functions are
-/// asked for where they are called, so that the bridge links without emulation and the emulation
-/// without profiles; they may be declared beside the row, or elsewhere and included there:
+/// What the row of a profile has to offer. A row that lacks something does not compile. Two
+/// functions are asked for where they are called, so that the bridge links without emulation and
+/// the emulation without profiles; they may be declared beside the row, or elsewhere and included
+/// there:
 ///     std::unique_ptr<DriveProfile> make_profile(const Config&, const VehicleConfig&);
 ///     std::unique_ptr<EmulatedDrivetrain> emulate(const Config&, Instant now);
 template <class Config>

@@ -22,9 +22,9 @@ double staircase_top(double sum, double step) {
   return sum / n + step * (n - 1.0) / 2.0;
 }
 
-/// The largest rate towards zero from which a staircase is down to `away` before zero is crossed,
-/// `distance` (in rates · cycle) from here. With n terms above `away`, the largest n whose terms
-/// all fit: n·away + step·n(n−1)/2 < distance.
+/// The largest rate towards zero that can be taken back, step by step, to `away` before zero is
+/// crossed. Zero is `distance` away (in rates · cycle). A staircase with n terms from `away` on
+/// covers n·away + step·n(n−1)/2; n is the largest number for which that is < distance.
 double crossing_rate(double distance, double away, double step) {
   const double b = away - step / 2.0;
   const double n = std::ceil((std::sqrt(b * b + 2.0 * step * distance) - b) / step) - 1.0;

@@ -7,10 +7,10 @@ namespace tether {
 /// |a| ≤ acceleration away from zero, |a| ≤ deceleration towards zero (a cycle that crosses zero
 /// counts as acceleration), and |a(k) − a(k−1)| ≤ jerk · cycle.
 ///
-/// Time-optimal for a constant target and exact in discrete time: the largest rate is chosen from
-/// which a staircase of steps of jerk · cycle still ends on the target. So it arrives in one go and
-/// stays, whatever the limits. Only a target that jumps nearer than the rate can be taken back is
-/// overshot, by as little as the jerk allows.
+/// Time-optimal for a constant target and exact in discrete time: it chooses the largest rate from
+/// which steps of jerk · cycle back to zero still end on the target. So it arrives without
+/// overshoot and stays there, whatever the limits. Only a target that jumps too near to take the
+/// rate back in time is overshot, by as little as the jerk allows.
 class AxisRamp {
  public:
   struct Limits {
@@ -19,7 +19,7 @@ class AxisRamp {
     double jerk = 1.0;
     double stop_jerk = 1.0;  ///< while stopping: ≥ jerk
   };
-  /// What this axis may do in a cycle, if less than its limits.
+  /// Limits for one cycle, where this axis may do less than its own limits allow.
   struct Share {
     double rate = 0.0;       ///< largest rate towards the target
     double rate_step = 0.0;  ///< largest change of the rate that is planned with
@@ -34,13 +34,13 @@ class AxisRamp {
   /// The limits alone, for a step towards `target`.
   Share limits_towards(double target, bool stopping) const;
 
-  /// One cycle towards `target`. `stopping`: with stop_jerk; a brake so applied is also released
-  /// with it.
+  /// One cycle towards `target`. `stopping`: with stop_jerk, with which a brake that was applied so
+  /// is also released.
   void step(double target, const Share& share, bool stopping);
 
   double value() const { return value_; }
   double rate() const { return rate_; }
-  /// Where it comes to rest if its rate is taken back at once.
+  /// The value at which it comes to rest if its rate is taken back from now on.
   double resting_value() const;
   /// The larger of |value| and |resting value|.
   double occupied() const;

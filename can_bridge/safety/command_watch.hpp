@@ -12,19 +12,20 @@
 
 namespace tether {
 
-/// Decides which twist commands and plans count, what they say now and how old that is. What they
-/// say is the Actuator's business, with the policy of the scenario: what it does when nothing comes
-/// any more happens below, and before, what SafetyCore does about old commands.
+/// Decides which twist commands and plans count, what they say now and how old that is. The
+/// Actuator, with the scenario's policy, works out what they say now, also when nothing comes any
+/// more. Its result goes through what SafetyCore does about old commands.
 ///
-/// Rejected, counted and of no effect whatever, above all not on the age: numbers that are not
-/// finite or absurd (is_usable), and what StreamGuard rejects (duplicated, late, from the future or
-/// of another run).
+/// Commands are rejected and counted if their numbers are not finite or absurd (is_usable), or if
+/// StreamGuard rejects them (duplicated, late, from the future or of another run). They then have
+/// no effect at all, above all none on the age.
 ///
-/// Age is now − min(stamp, arrival): time spent in the network counts, for a command that was
-/// decided half a second ago says nothing of the present. Stamp and arrival are two hosts' clocks.
-/// A sender's clock that is behind by d makes every command look d older: the vehicle stops early
-/// or refuses to arm. One that is ahead hides up to d of the network's delay, but never of the time
-/// since the arrival; beyond the guard's max_ahead (SafetyCore: 50 ms or less) it is rejected.
+/// Age is now − min(stamp, arrival). So time spent in the network counts, because a command that
+/// was decided half a second ago says nothing about the present. Stamp and arrival are two hosts'
+/// clocks. A sender's clock that is behind by d makes every command look d older: the vehicle stops
+/// early or refuses to arm. One that is ahead hides up to d of the network's delay, but never of
+/// the time since the arrival; beyond the guard's max_ahead (SafetyCore: 50 ms or less) it is
+/// rejected.
 ///
 /// A plan says what to do at each time, so where one is in force the age is the time since its
 /// horizon ended, and zero until then, whenever it was decided. A first plan that waits for its
@@ -41,11 +42,11 @@ class CommandWatch {
   /// Whether the plan arriving at `now` is accepted.
   bool offer(Instant now, PlanSource source, Plan plan);
 
-  /// Of the newest accepted command, or of the plan in force; none before the first.
+  /// The age of the newest accepted command, or of the plan in force; none before the first.
   std::optional<Duration> age(Instant now) const;
   /// The twist in force; zero before the first.
   Twist twist(Instant now) const { return actuator_.in_force(now); }
-  /// There is one, and it says (almost) nothing but stand still: below 1 mm/s and 1 mrad/s.
+  /// Whether there is a command, and it says to stand still: below 1 mm/s and 1 mrad/s.
   bool is_zero(Instant now) const;
 
   /// "the newest command is 230 ms old", "was" instead of "is"; with a plan "the horizon of the

@@ -17,8 +17,8 @@ namespace tether {
 ///
 /// For each wheel the difference between setpoint and turned way is added up, cycle by cycle, less
 /// an allowance of a fixed speed + kAllowedShare of the setpoint, for each sign separately and
-/// never below zero (a one-sided CUSUM test; E. S. Page, Biometrika 41, 1954). A sum that reaches a
-/// limit is a wheel lost. Two such tests run: a fast one, and one for slow speeds.
+/// never below zero (a one-sided CUSUM test; E. S. Page, Biometrika 41, 1954). When a sum reaches a
+/// limit, the wheel does not follow. Two such tests run: a fast one, and one for slow speeds.
 ///
 /// A wheel frozen at 2.8 m/s is noticed in 0.1 s, at 0.3 m/s in 1.3 s, at 0.1 m/s in 5 s, below
 /// 0.03 m/s not at all; one that creeps while it should stand, at 0.1 m/s in 3.2 s, at 0.05 m/s in
@@ -38,8 +38,9 @@ class FollowMonitor {
   /// Starts anew: when following begins.
   void reset() { last_.reset(); }
 
-  /// Once per cycle: the twist in force since the last cycle, and the newest feedback. What is
-  /// wrong, for a technician; "" if both wheels follow. Invalid feedback starts it anew.
+  /// Call it once per cycle, with the twist in force since the last cycle and the newest feedback.
+  /// Returns what is wrong, for a technician; "" if both wheels follow. Invalid feedback starts it
+  /// anew.
   std::string update(Instant now, const Twist& setpoint,
                      const std::array<WheelFeedback, 2>& wheels);
 

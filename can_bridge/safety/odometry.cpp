@@ -47,8 +47,9 @@ void Odometry::update(const std::array<WheelFeedback, 2>& wheels) {
 }
 
 bool Odometry::plausible(const WheelFeedback& wheel, const Anchor& anchor) const {
-  // Twice the vehicle's wheel speed, and 50 ms for the stamps of two messages that may wait in
-  // different queues, are more than any wheel does and less than a count that started anew.
+  // The limit is twice the vehicle's wheel speed, and 50 ms more, because the stamps are of two
+  // messages that may wait in different queues. That is more than any wheel turns, and less than
+  // the jump of a count that started anew.
   constexpr double kMargin = 2.0, kStampError_s = 0.05;
   const double elapsed_s = std::max(0.0, to_seconds(wheel.stamp - anchor.stamp));
   return std::abs(wheel.angle_rad - anchor.angle_rad) <=

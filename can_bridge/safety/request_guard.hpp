@@ -12,9 +12,9 @@ namespace tether {
 enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, reset };
 
 /// Lets an operator's requests through, each once and only while fresh: stamped no more than a
-/// second ago, and not in the future (but for kMaxAhead, by which the clocks of two well-kept hosts
-/// may differ), numbered anew as StreamGuard demands. A recorded, delayed or repeated ARM is thus
-/// no ARM.
+/// second ago and not more than kMaxAhead in the future (so much may the clocks of two well-kept
+/// hosts differ), and with a new number, as StreamGuard demands. So an ARM that was recorded,
+/// delayed or repeated arms nothing.
 ///
 /// An e-stop is the exception: it acts whatever its stamp and number. A late one still means that
 /// somebody wanted the vehicle to stand.

@@ -123,7 +123,8 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
                                                        std::abs(drives.wheels[1].speed_radps));
   if (phase == DrivePhase::faulted) {
     latch_fault(drives.reason, Cause::drives);
-    // The profile may learn the error code, or what lies behind missing feedback, only later.
+    // Take the profile's newest reason: it may learn the error code, or why feedback is missing,
+    // only later.
     if (fault_cause_ == Cause::drives) fault_reason_ = drives.reason;
   }
   const bool power_on = phase == DrivePhase::enabled || phase == DrivePhase::enabling;

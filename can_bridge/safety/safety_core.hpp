@@ -39,7 +39,8 @@ struct Decision {
   Twist twist;  ///< setpoint in force; zero unless may_move
   /// Whether a non-zero setpoint may leave: following commands, or on the ramp down from there.
   bool may_move = false;
-  /// With quick_stop, where wheel feedback is known to lie: until then, standstill is not believed.
+  /// With quick_stop, if wheel feedback is known to be wrong: until then, standstill is not
+  /// believed.
   std::optional<Instant> distrust_until;
 };
 
@@ -65,16 +66,16 @@ struct Decision {
 ///   absent, or the loop itself standing still for longer than `disarm` → quick stop and latched
 ///   FAULT until RESET.
 /// - A bus that stalls is restarted at once, so that the setpoints which wait in its queue never
-///   get out: once until the next RESET, for what is sent after that moves nothing. Where that
-///   fails, the reason says so until RESET.
+///   get out. That is done once until the next RESET, because what is sent after it moves nothing.
+///   If it fails, the reason says so until RESET.
 /// - RESET leads to STARTING or DISARMED, never to ARMED. It is refused while the vehicle stops or
 ///   fresh feedback says that its wheels turn, while the e-stop is pressed, and while the bus is
 ///   not up; a bus that was off or stalled is restarted first, so that no old frame is left in a
 ///   queue. error-passive is reported, not latched; but no arming meanwhile.
 /// - Power stages are switched off only at standstill, or by drives that fault. Feedback that was
-///   missing or of a wheel that does not follow may show standstill at full speed: after that they
-///   stay on, braking, for as long as the ramp from the last setpoint takes (|v|/deceleration or
-///   |ω|/yaw deceleration, the longer) and kDistrustMargin.
+///   missing, or of a wheel that does not follow, may show standstill at full speed. After that,
+///   power stages stay on, braking, for as long as the ramp from the last setpoint takes
+///   (|v|/deceleration or |ω|/yaw deceleration, the longer) and kDistrustMargin.
 /// - leave(): quick stop, standstill, power off; no arming any more.
 ///
 /// Before the first cycle: STARTING, zero. This is software, no safety function: an emergency stop
@@ -112,19 +113,19 @@ class SafetyCore {
   void on_plan(Instant now, PlanSource source, Plan plan);
   /// A drive_request_t that arrives at `now`; acts in the next cycle.
   void on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request);
-  /// The bus's state has changed: latches what is over before the next cycle.
+  /// The bus's state has changed. Remembers trouble that is over before the next cycle.
   void on_bus_state(CanState bus);
   /// The answer to Action::restart_bus.
   void on_bus_restarted(bool done, const std::string& why);
 
   Decision cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus);
 
-  /// The program ends: stop and power off, from the next cycle on.
+  /// The program is about to end: from the next cycle on, stops and switches power off.
   void leave(Instant now);
   /// After leave(): power is off and no wheel is known to turn, or leave_wait() is over.
   bool has_left(Instant now) const;
-  /// leave(): how long to wait for that before falling silent, upon which the drives' watchdogs
-  /// act: the ramp from the largest speed or yaw rate and kLeaveMargin, at most kLongestLeave.
+  /// How long to wait for that before the bridge falls silent and the drives' watchdogs act: for
+  /// the ramp from the largest speed or yaw rate and kLeaveMargin, at most kLongestLeave.
   Duration leave_wait() const;
   /// After leave(): what is not in order, such as "the wheels turn at 1.20 m/s …"; "" if nothing.
   std::string left_behind() const;
@@ -197,9 +198,9 @@ class SafetyCore {
 
   CanState worst_bus_ = CanState::up;   ///< since the last cycle
   bool bus_was_jammed_ = false;         ///< old frames may wait in its queues
-  bool purge_due_ = false;              ///< setpoints may: to be thrown away
+  bool purge_due_ = false;              ///< setpoints may wait there: to be thrown away
   bool purged_ = false;                 ///< since the last RESET
-  bool restart_unfinished_ = false;     ///< by the bridge: down, and not up again
+  bool restart_unfinished_ = false;     ///< the bridge took it down, and it is not up again
   std::optional<Instant> reset_since_;  ///< waiting for a restarted bus
   std::optional<Instant> last_cycle_;
   std::optional<Instant> leaving_since_;

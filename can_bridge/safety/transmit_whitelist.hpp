@@ -19,8 +19,8 @@ class TransmitWhitelist {
 
   explicit TransmitWhitelist(TransmitRules rules) : rules_(std::move(rules)) {}
 
-  /// Whether `frame` may be sent. Unless `may_move`, non-zero setpoints in it are made zero: the
-  /// frame itself still goes, for a quick stop may travel in it.
+  /// Whether `frame` may be sent. Unless `may_move`, non-zero setpoints in it are made zero. The
+  /// frame itself is still sent, because it may carry a quick stop.
   bool pass(CanFrame& frame, bool may_move);
 
   const Counters& counters() const { return counters_; }

@@ -38,14 +38,14 @@ TwistLimits twist_limits(const Sections<VehicleSettings, CanSettings>& settings)
 /// - Acceleration, deceleration (towards zero) and jerk limits hold in every cycle, see AxisRamp.
 ///   Wheel speed too, also on the way between two targets: an axis waits for the other to make
 ///   room.
-/// - A constant target is reached without overshoot and then held. From rest it takes
-///   1/F + F/G seconds to within one cycle, or 2/√G where F² ≥ G, with F = min(A/|d|) and
-///   G = min(J/|d|) over both axes (d: the change, A and J: the axis's acceleration and jerk).
+/// - A constant target is reached without overshoot and then held. From rest it takes 1/F + F/G
+///   seconds, give or take one cycle, or 2/√G where F² ≥ G, with F = min(A/|d|) and G = min(J/|d|)
+///   over both axes (d: the change, A and J: the axis's acceleration and jerk).
 ///
-/// stop() is for ramps to zero that must not be late: jerk may delay them by at most
-/// kStopJerkDelay, for which the jerk limit is exceeded where the file sets a smaller one. Zero is
-/// reached after at most max(|v|/deceleration, |ω|/yaw deceleration) + kStopJerkDelay and two
-/// cycles, whatever went before.
+/// stop() is for ramps to zero that must not be late: the jerk limit may delay them by at most
+/// kStopJerkDelay, and is exceeded where it would delay them more. Zero is reached after at most
+/// max(|v|/deceleration, |ω|/yaw deceleration) + kStopJerkDelay and two cycles, whatever went
+/// before.
 class TwistLimiter {
  public:
   explicit TwistLimiter(const TwistLimits& limits);

@@ -13,7 +13,7 @@ namespace {
 
 using canopen::DriveState;
 
-/// Of two controlwords for one common object: the one that holds back more.
+/// The more cautious of two controlwords for one common object.
 std::uint16_t more_cautious(std::uint16_t a, std::uint16_t b) {
   constexpr std::array kOrder{canopen::kControlQuickStop,      canopen::kControlFaultReset,
                               canopen::kControlDisableVoltage, canopen::kControlShutdown,

@@ -36,15 +36,15 @@ class Axes {
   bool fresh(Instant now) const { return axes_[0].fresh(now) && axes_[1].fresh(now); }
   bool standing(Instant now) const { return axes_[0].standing(now) && axes_[1].standing(now); }
   bool confirmed_off() const { return axes_[0].confirmed_off() && axes_[1].confirmed_off(); }
-  /// Why axis `i` is not fresh().
+  /// Why the feedback of axis `i` is not fresh().
   std::string feedback_text(std::size_t i) const;
 
   // --- stopping
-  /// Each axis has to brake (again) before its power stage may go off.
+  /// From now on, each axis has to brake (again) before its power stage may go off.
   void hold() { released_ = {}; }
   void release() { released_ = {true, true}; }
   bool released(std::size_t i) const { return released_[i]; }
-  /// Feedback is known to lie: until then no standstill is believed.
+  /// Until then, no standstill is believed, because feedback is known to be wrong.
   void distrust_standstill(Instant until) { standstill_from_ = until; }
   bool believes_standstill(Instant now) const { return now >= standstill_from_; }
   /// Quick stop, until the axis stands or its power stage is off; from then on "disable voltage".
@@ -66,7 +66,7 @@ class Axes {
   PdoMap pdos_;
   std::array<Axis, 2> axes_;                  // left, right
   std::array<bool, 2> released_{};            // braked; the power stage may go off
-  Instant standstill_from_ = Instant::min();  // before that, none is believed
+  Instant standstill_from_ = Instant::min();  // until then, standstill is not believed
 };
 
 }  // namespace tether::cia402

@@ -9,9 +9,9 @@ namespace {
 
 using Verdict = StandstillInquiry::Verdict;
 
-/// For slow brakes, too.
+/// How long securing may take: enough for slow brakes, too.
 constexpr Duration kSecureTimeout = std::chrono::seconds(5);
-/// Of a running drive that says nothing about its wheel.
+/// How long a running drive that says nothing about its wheel is braked before it is reset.
 constexpr Duration kBlindBraking = std::chrono::seconds(2);
 
 /// One and a half periods: each living drive's heartbeat falls into it.

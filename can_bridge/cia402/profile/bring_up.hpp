@@ -12,7 +12,7 @@ class BringUp {
  public:
   explicit BringUp(Drives& drives) : d_(drives) {}
 
-  /// From the beginning. Drives of which a state is known are braked first.
+  /// Starts from the beginning. Drives that have been heard are braked first.
   void begin();
   /// In the stages from `listening` to `settling`. NMT commands go to `nmt`, SDO requests to
   /// `service`.

@@ -14,9 +14,9 @@ class Clearing {
   explicit Clearing(Drives& drives) : d_(drives) {}
 
   void begin();
-  /// Enters `settling` when no axis is in Fault any more. A fault that stays is one again.
+  /// Enters `settling` when no axis is in Fault any more. A fault that stays is reported again.
   std::optional<Fault> tick(Instant now);
-  /// For an axis in Fault.
+  /// The controlword for an axis in Fault.
   std::uint16_t controlword() const;
 
  private:

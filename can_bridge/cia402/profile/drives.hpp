@@ -22,7 +22,7 @@ struct Drives {
   Duration heartbeat_timeout() const {
     return std::chrono::milliseconds(config.drive_heartbeat_timeout_ms);
   }
-  /// Whatever goes wrong with a drive now is a fault.
+  /// Whether what goes wrong with a drive now counts as a fault.
   bool supervised() const {
     return stage.stage() >= Stage::settling && stage.stage() != Stage::refused && commanding;
   }

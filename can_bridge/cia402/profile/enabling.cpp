@@ -11,7 +11,7 @@ using canopen::DriveState;
 
 constexpr int kTop = 3;
 
-/// How far up the way to OperationEnabled; −1 where it has not begun.
+/// How far a state is on the way to OperationEnabled; −1 if it is not on that way.
 int height(std::optional<DriveState> state) {
   if (!state) return -1;
   switch (*state) {

@@ -17,7 +17,8 @@ struct Fault {
   std::string reason;          ///< for a technician
   bool needs_restart = false;  ///< a drive's configuration may be lost
   Cause cause = Cause::other;
-  /// A drive's own fault on this axis: its error code may come later. `what`: what else to say.
+  /// A fault that the drive of this axis has itself: its error code may come later. `what`: more
+  /// text for the reason.
   std::optional<std::size_t> axis{};
   const char* what = "";
 };
@@ -34,7 +35,7 @@ class FaultLatch {
   void latch(const Fault& fault, StageClock& stage, Axes& axes);
   /// Puts an error code that came after its fault into the reason.
   void tell_error_code(StageClock& stage, const Axes& axes);
-  /// A new start.
+  /// Forgets the fault, for a new start.
   void clear();
 
   bool needs_restart() const { return needs_restart_; }

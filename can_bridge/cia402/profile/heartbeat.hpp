@@ -23,12 +23,13 @@ class HeartbeatProducer {
     ++beats_;
   }
 
-  /// Sent since restart_count().
+  /// How many were sent since restart_count().
   int beats() const { return beats_; }
   void restart_count() { beats_ = 0; }
 
  private:
-  // A timer's tick may come a little early; one cycle too late would be worse.
+  // Ticks may come a little early. Without this slack, such a heartbeat would wait for the next
+  // tick and come a whole cycle late.
   static constexpr Duration kSlack = std::chrono::milliseconds(1);
 
   std::uint8_t node_;

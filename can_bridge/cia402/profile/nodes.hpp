@@ -48,19 +48,19 @@ class Nodes {
   bool any_running() const;
   bool all_operational() const;
 
-  /// A new start, before anything is heard or sent. `commanding`: running ones get setpoints
+  /// A new start, before anything is heard or sent. `commanding`: operational nodes get setpoints
   /// already.
   void begin_inquiry(bool commanding);
   /// Forgets what was heard and starts all nodes up.
   void begin_startup();
-  /// Until the next heartbeats.
+  /// Forgets the nodes' states until their next heartbeats.
   void forget_states();
 
   /// What the start-up of all of them is waiting for, and why it failed ("" where it has not).
   std::string progress() const;
   std::string refusals() const;
   bool started_up() const;
-  /// What optional objects the drives did without.
+  /// The optional objects that the drives do not have, or refused.
   std::vector<std::string> notes() const;
 
  private:

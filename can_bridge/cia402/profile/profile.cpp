@@ -46,7 +46,7 @@ void Cia402Profile::on_frame(const CanFrame& frame, Instant now) {
       on_intruder(frame.id, sender.kind);
       break;
     case Sender::Kind::sdo_request:
-      // Who reads does not command.
+      // Reading an object is not commanding.
       if (!is_upload_request(frame)) on_intruder(frame.id, sender.kind);
       break;
     case Sender::Kind::sdo_response:
@@ -204,7 +204,7 @@ void Cia402Profile::advance(Instant now, std::vector<CanFrame>& nmt,
       break;
     case Stage::enabling:
       fault(enabling_.tick(now));
-      // What was said before does not count.
+      // Commands from before the drives were enabled do not count.
       if (drives_.stage.stage() == Stage::enabled) command_ = {};
       break;
     case Stage::stopping:
@@ -224,7 +224,7 @@ void Cia402Profile::advance(Instant now, std::vector<CanFrame>& nmt,
 
 void Cia402Profile::send_setpoints(Instant now, std::vector<CanFrame>& out) {
   std::array<std::int64_t, 2> targets{};
-  // The only place that decides it.
+  // This is the only place that decides whether setpoints are other than zero.
   if (drives_.stage.stage() == Stage::enabled) targets = drives_.axes.target_velocities(command_);
   drives_.axes.send({wanted_controlword(0, now), wanted_controlword(1, now)}, targets, out);
   if (drives_.config.sync) out.push_back(CanFrame::make(canopen::kSync, {}));

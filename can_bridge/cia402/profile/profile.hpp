@@ -76,7 +76,8 @@ class Cia402Profile final : public DriveProfile {
   Counters counters() const override { return counters_; }
   std::string intruder() const override;
 
-  /// What optional objects the drives did without at the last start-up, for people.
+  /// The optional objects that the drives did not have, or refused, at the last start-up, for
+  /// people.
   std::vector<std::string> notes() const { return drives_.nodes.notes(); }
 
  private:

@@ -28,7 +28,7 @@ enum class Stage {
   refused,
 };
 
-/// What the bridge is told of it.
+/// The stage as the bridge is told of it.
 DrivePhase phase_of(Stage stage);
 
 /// The present stage, for how long, and why.
@@ -42,16 +42,16 @@ class StageClock {
     since_.reset();
     reason_ = std::move(reason);
   }
-  /// The stage stays, what there is to say of it changes.
+  /// Changes the reason; the stage stays.
   void tell(std::string reason) { reason_ = std::move(reason); }
 
-  /// Whenever time goes on: a stage begins with the first tick in it.
+  /// Called in every tick: a stage begins with the first tick in it.
   void mark(Instant now) {
     if (!since_) since_ = now;
   }
   /// The second part of a stage begins.
   void restart(Instant now) { since_ = now; }
-  /// Zero in the first tick.
+  /// How long the stage (or its second part) has lasted; zero in its first tick.
   Duration elapsed(Instant now) const { return now - since_.value_or(now); }
 
  private:
