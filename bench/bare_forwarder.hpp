@@ -5,8 +5,8 @@
 
 namespace tether::bench {
 
-/// The floor of a relay: passes datagrams from one UDP multicast network to another as they are, as
-/// many per system call as are waiting, in a thread of its own that does nothing else.
+/// The lower bound for a relay: passes datagrams from one UDP multicast network to another as they
+/// are, as many per system call as are waiting, in a thread of its own that does nothing else.
 class BareForwarder {
  public:
   /// Both are checked udpm URLs. Throws std::runtime_error if the system refuses a socket.

@@ -20,7 +20,7 @@ inline std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
   return targets;
 }
 
-/// The floor of that run: the identical world with the identical targets, and nothing else.
+/// The lower bound for that run: the identical world with the identical targets, and nothing else.
 inline void step_bare_ode(const Scenario& scenario, const std::vector<WheelSpeeds>& targets) {
   OdeWorld world(scenario.get<VehicleSettings>(), scenario.get<WorldSettings>(),
                  to_seconds(SimNode::kStep));

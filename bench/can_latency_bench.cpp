@@ -121,8 +121,8 @@ void cpu_load(benchmark::State& state) {
   }
 }
 
-/// The floor: two raw sockets, each in a thread of its own; half of a frame's way there and back,
-/// while bridge and drives go on on the other interface.
+/// The lower bound: two raw sockets, each in a thread of its own. Half of the time that a frame
+/// takes there and back, while bridge and drives work on the other interface.
 void bare_echo(benchmark::State& state) {
   drivetrain(state.range(0));
   const CanTap here("vcan1");

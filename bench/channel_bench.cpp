@@ -44,8 +44,8 @@ void caller_alone(benchmark::State& state) {
 }
 BENCHMARK(caller_alone);
 
-/// What a position of the vehicle costs a link of model map, at each of which it is elsewhere or
-/// where it was. Once a pose, not once a packet.
+/// What a position of the vehicle costs a link of model map, for a vehicle that moves and for one
+/// that stands. This is once a pose, not once a packet.
 void position(benchmark::State& state, double step_m) {
   LinkPair links =
       make_links(parse_scenario("", "bench",
@@ -82,7 +82,7 @@ void monitor(benchmark::State& state, const std::vector<std::string>& keys) {
   state.SetItemsProcessed(state.iterations());
 }
 
-/// With so many packets under way: delays of a constant and of a scattering law.
+/// With so many packets under way; with constant and with random delays.
 void crowded(benchmark::State& state, const char* law) {
   const auto packets = static_cast<double>(state.range(0));
   std::vector<std::string> keys{"channel.uplink.delay_ms=" + std::to_string(packets)};

@@ -52,16 +52,16 @@ class LiveDrivetrain {
   /// Arms, or arms again after the bridge has stopped; both by request and zero commands.
   void ensure_armed();
 
-  /// From publishing a command that differs from the settled setpoint, to the kernel's stamp of the
-  /// first RPDO1 of the left drive with another target. The next one in ns.
+  /// The next latency of a command, in ns: from publishing a command that differs from the settled
+  /// setpoint to the kernel's stamp of the first RPDO1 of the left drive with another target.
   std::int64_t command_to_frame_ns();
 
-  /// From the kernel's stamp of a TPDO2 of the left drive with a new position, to the arrival here
-  /// of the CAN/WHEELS that reports it. The next one in ns.
+  /// The next latency of feedback, in ns: from the kernel's stamp of a TPDO2 of the left drive with
+  /// a new position to the arrival here of the CAN/WHEELS that reports it.
   std::int64_t frame_to_report_ns();
 
-  /// Lets it drive at constant speed, armed again where it stops, for `time` all in all. What was
-  /// on the bus while it drove.
+  /// Lets it drive at constant speed for `time` all in all, and arms it again when it has stopped.
+  /// Returns what was on the bus while it drove.
   Traffic drive_for(Duration time);
 
   /// Stops the bridge in good order, then the drives.

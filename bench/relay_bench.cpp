@@ -190,7 +190,7 @@ Latencies measure_latencies(double delay_ms) {
     result.relayed.add(when_ns - sent[number]);
     if (near.contains(number)) result.added.add(when_ns - near[number]);
   });
-  // No divisor of the delay, lest all departures meet arrivals.
+  // The period does not divide the delay, so that departures and arrivals do not always coincide.
   constexpr std::chrono::microseconds kPeriod{1030};
   relay.loop().every(relay.loop().now(), kPeriod, Priority::node, [&](Instant) {
     if (!sending) return;

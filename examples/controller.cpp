@@ -80,7 +80,7 @@ class Controller {
     return bytes;
   }
 
-  /// Publishes the answer to a pose; no bytes for what is no newer pose.
+  /// Publishes the answer to a pose and returns its bytes; none if the message is not a newer pose.
   Bytes command(const Bytes& bytes) {
     tether::pose_t pose{};
     if (!decode(bytes, pose) || pose.seq <= newest_ || pose.utime < 0) return {};
@@ -194,7 +194,7 @@ class Controller {
 
   lcm::LCM& lcm_;
   bool lockstep_;
-  /// Tells this start of the program from any other.
+  /// A number that tells this start of the program from any other.
   const std::int64_t instance_ = std::chrono::system_clock::now().time_since_epoch().count();
   bool left_ = false;
   std::int64_t newest_ = -1;   // pose
