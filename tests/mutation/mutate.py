@@ -112,7 +112,7 @@ class Mutation:
         }
         self.cache = self.build / "mutation_killers.json"
         self.killers = json.loads(self.cache.read_text()) if self.cache.exists() else {}
-        self.expected = tomllib.loads((HERE / "survivors.toml").read_text())["survivor"]
+        self.expected = tomllib.loads((HERE / "survivors.toml").read_text()).get("survivor", [])
 
     def run(self):
         chosen, problems = self.choose()
@@ -131,7 +131,7 @@ class Mutation:
             left_out = {n for s in self.sources for n in s.without}
             chosen = [m for m in chosen if m.number not in left_out]
             lost = set(self.rules.values()) - {self.rules.get(m.number) for m in chosen}
-            if not self.options.only:
+            if self.rules and not self.options.only:
                 problems += [f"rule '{name}': its mutant does not compile" for name in sorted(lost)]
             programs_of = {s.name: s.programs for s in self.sources}
             killers = list(pool.map(lambda m: self.kill(m, programs_of[m.file]), chosen))
@@ -257,13 +257,11 @@ class Mutation:
     # --- judging
 
     def judge(self, chosen, killers):
-        problems, used = [], set()
+        problems = []
         for mutant, killer in zip(chosen, killers):
             rule = self.rules.get(mutant.number)
-            may = next((i for i, e in enumerate(self.expected) if self.matches(e, mutant)), None)
-            if killer is None and may is not None and not rule:
-                used.add(may)
-            elif killer is None:
+            may_live = not rule and any(self.matches(entry, mutant) for entry in self.expected)
+            if killer is None and not may_live:
                 problems.append(f"SURVIVED: {f'rule {rule!r}: ' if rule else ''}{mutant}")
             if self.options.list:
                 print(f"{mutant}   {killer or 'SURVIVED'}{f'   [{rule}]' if rule else ''}")

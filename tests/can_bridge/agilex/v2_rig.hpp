@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "can_bridge/agilex/emulated_v2.hpp"
 #include "can_bridge/agilex/v2.hpp"
+#include "can_bridge/agilex/v2_profile.hpp"
 
 namespace tether::testing {
 
@@ -60,6 +62,56 @@ class Chassis {
 
  private:
   Instant now_;
+};
+
+/// The profile, ticked every 20 ms, with the chassis played by hand.
+class Bridge {
+ public:
+  Bridge() : profile(agilex_chassis(), kRadius_m, kTrack_m) { profile.start(now_); }
+
+  /// What the chassis reports in each of the following cycles.
+  agilex::SystemState state;
+  agilex::Motion motion;
+  agilex::Odometry odometry;
+  bool silent = false;
+
+  std::vector<CanFrame> tick() {
+    if (!silent) {
+      profile.on_frame(agilex::encode(state), now_);
+      profile.on_frame(agilex::encode(agilex::kMotionState, motion), now_);
+      profile.on_frame(agilex::encode(odometry), now_);
+    }
+    std::vector<CanFrame> out;
+    profile.tick(now_, out);
+    now_ += ms(20);
+    return out;
+  }
+  std::vector<CanFrame> tick_for(int milliseconds) {
+    std::vector<CanFrame> all;
+    for (int t = 0; t < milliseconds; t += 20) {
+      const auto out = tick();
+      all.insert(all.end(), out.begin(), out.end());
+    }
+    return all;
+  }
+  void to_enabled() {
+    tick();
+    profile.enable();
+    tick();
+    state.mode = agilex::Mode::can;
+    tick();
+    ASSERT_EQ(phase(), DrivePhase::enabled);
+  }
+  Instant now() const { return now_; }
+  DrivePhase phase() const { return snapshot().phase; }
+  std::string reason() const { return snapshot().reason; }
+  /// As of the last tick.
+  DrivetrainSnapshot snapshot() const { return profile.snapshot(now_ - ms(20)); }
+
+  AgilexV2Profile profile;
+
+ private:
+  Instant now_ = kStart;
 };
 
 /// The newest frame with this identifier.

@@ -55,6 +55,16 @@ TEST(InProcessCan, TheLowestIdentifierThatWaitsGoesFirst) {
   EXPECT_EQ(bus.heard[2].second, kStart + microseconds{330});
 }
 
+TEST(InProcessCan, TheTapHearsEveryFrameOnce) {
+  Bus bus;
+  std::vector<std::uint32_t> tapped;
+  bus.can.on_any_frame([&tapped](const CanFrame& f) { tapped.push_back(f.id); });
+  bus.a.send(CanFrame::make(0x1, {}));
+  bus.listener.send(CanFrame::make(0x2, {}));
+  bus.run(std::chrono::milliseconds{1});
+  EXPECT_EQ(tapped, (std::vector<std::uint32_t>{0x1, 0x2}));
+}
+
 TEST(InProcessCan, NobodyHearsHimself) {
   Bus bus;
   int own = 0;
@@ -129,6 +139,65 @@ TEST(InProcessCan, EachChangeOfStateIsReportedOnce) {
   bus.a.set_state(CanState::absent);
   EXPECT_FALSE(bus.a.restart(why));
   EXPECT_EQ(why, "the interface is absent");
+}
+
+TEST(InProcessCan, WhoeverHasTheLowestIdentifierGoesFirst) {
+  Bus bus;
+  bus.b.send(CanFrame::make(0x700, {}));
+  bus.b.send(CanFrame::make(0x500, {}));
+  bus.a.send(CanFrame::make(0x080, {}));
+  bus.run(microseconds{330});
+  ASSERT_EQ(bus.heard.size(), 3u);
+  EXPECT_EQ(bus.heard[1].first, 0x080u);
+}
+
+TEST(InProcessCan, WhatWaitsInAPortThatGoesAwayIsNeverSent) {
+  for (const CanState away : {CanState::down, CanState::absent}) {
+    Bus bus;
+    bus.b.send(CanFrame::make(0x1, {}));  // has the bus
+    bus.a.send(CanFrame::make(0x201, {}));
+    bus.a.set_state(away);
+    std::string why;
+    EXPECT_FALSE(bus.a.restart(why));
+    bus.a.set_state(CanState::up);
+    bus.run(std::chrono::milliseconds{1});
+    ASSERT_EQ(bus.heard.size(), 1u);
+    EXPECT_EQ(bus.heard[0].first, 0x1u);
+  }
+}
+
+TEST(InProcessCan, WhatWaitsInAStalledPortIsSentWhenItWorksAgain) {
+  Bus bus;
+  bus.a.set_state(CanState::stalled);
+  bus.a.send(CanFrame::make(0x201, {}));
+  bus.run(std::chrono::milliseconds{1});
+  EXPECT_TRUE(bus.heard.empty());
+  bus.a.set_state(CanState::up);
+  bus.run(std::chrono::milliseconds{1});
+  EXPECT_EQ(bus.heard.size(), 1u);
+}
+
+TEST(InProcessCan, CountsWhatItSendsAndHears) {
+  Bus bus;
+  bus.a.send(CanFrame::make(0x201, {}));
+  bus.run(std::chrono::milliseconds{1});
+  bus.a.set_state(CanState::bus_off);
+  CounterList sender, listener;
+  bus.a.list(sender);
+  bus.listener.list(listener);
+  EXPECT_EQ(sender[0], std::make_pair(std::string("can.sent"), std::int64_t{1}));
+  EXPECT_EQ(sender[3], std::make_pair(std::string("can.state_changes"), std::int64_t{1}));
+  EXPECT_EQ(listener[1], std::make_pair(std::string("can.received"), std::int64_t{1}));
+}
+
+TEST(InProcessCan, ARemoteFrameTakesNoTimeForDataAndNoTimeIsNoLoad) {
+  Bus bus;
+  EXPECT_EQ(bus.can.load(kStart), 0.0);
+  CanFrame remote = CanFrame::make(0x201, {1, 2, 3, 4, 5, 6, 7, 8});
+  remote.remote = true;
+  bus.a.send(remote);
+  bus.run(microseconds{1100});
+  EXPECT_NEAR(bus.can.load(kStart), 0.1, 1e-9);
 }
 
 TEST(InProcessCan, TheLoadIsTheShareOfTimeThatTheBusIsBusy) {
