@@ -96,6 +96,12 @@ RULES = [
     ("standstill: believed of lying encoders", "finish_stop", "true", "distrust_until_"),
     ("standstill: lying encoders, missing feedback", "watch_drives", "drop", "feedback_lies_ = true"),
     ("standstill: distrusted for ever", "SafetyCore::arm", "drop", "feedback_lies_ = false"),
+    ("standstill: one of before a drive's quick stop", "Axes::stop_controlword", "operand",
+     r"^axis\.confirmed_standing\(now\)$"),
+    ("standstill: a distrusted one of a drive", "Axes::stop_controlword", "operand", "^believes_standstill"),
+    ("standstill: one of before the stop ends the braking", "Stopping::brake", "true", "^at_once$"),
+    ("standstill: a distrusted one ends the braking", "Stopping::brake", "operand",
+     r"^d_\.axes\.believes_standstill"),
     ("standstill: turns count not", "braking_time", "choice", "to std::abs.from.v_mps"),
 
     # The second time round

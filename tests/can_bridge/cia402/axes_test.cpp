@@ -43,6 +43,16 @@ TEST(Axes, ADistrustedStandstillSwitchesNoPowerOff) {
   EXPECT_EQ(axes.stop_controlword(0, kStart + milliseconds(50)), canopen::kControlDisableVoltage);
 }
 
+TEST(Axes, OnlyFeedbackOfAfterTheQuickStopConfirmsAStandstill) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  axes.on_feedback(feedback(1, 0x0017, 0), kStart);
+  axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
+  EXPECT_EQ(axes.stop_controlword(0, kStart), canopen::kControlQuickStop);
+  axes.on_feedback(feedback(1, 0x0017, 0), kStart);
+  EXPECT_EQ(axes.stop_controlword(0, kStart), canopen::kControlDisableVoltage);
+}
+
 TEST(Axes, OneControlwordForBothAxesIsTheMoreCautious) {
   Cia402Config config = two_nodes();
   config.axes[1] = config.axes[0];

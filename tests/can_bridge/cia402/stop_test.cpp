@@ -119,6 +119,16 @@ TEST(Cia402Profile, StandstillIsNotBelievedWithoutFreshFeedback) {
             "supply and the CAN plug; stop stays commanded");
 }
 
+TEST(Cia402Profile, AStandstillOfBeforeTheStopIsNoneOfAfterIt) {
+  Bench bench;
+  bench.to_enabled();
+  bench.left().send_feedback = false;
+  bench.profile.stop(StopKind::quick);
+  bench.run(milliseconds(2500));
+  EXPECT_EQ(bench.phase(), DrivePhase::stopping) << bench.reason();
+  EXPECT_EQ(bench.controlword(0x201), 0x0002);
+}
+
 TEST(Cia402Profile, DisableSwitchesStandingWheelsOffAtOnce) {
   Bench bench;
   bench.to_enabled();
