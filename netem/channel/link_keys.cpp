@@ -1,7 +1,7 @@
 #include "netem/channel/link_keys.hpp"
 
-#include "netem/models/kinds.hpp"
 #include "netem/channel/stages.hpp"
+#include "netem/models/kinds.hpp"
 
 namespace tether {
 

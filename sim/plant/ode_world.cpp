@@ -25,7 +25,6 @@ constexpr int kLimitedStepsAfterLimit = 100;
 // The chassis box clears the floor until it is tilted by about 19 degrees. Up to 5 degrees (this is
 // their cosine) its corners need no test.
 constexpr double kUprightCosine = 0.996;
-
 // How much deeper one end of an upright chassis edge must be in a wall to carry all of the force.
 constexpr double kFaceYield_m = 1e-3;
 // A wheel whose axle is this close to vertical lies on its side and has no lowest rim point.

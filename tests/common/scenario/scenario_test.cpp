@@ -318,8 +318,7 @@ constexpr BadValue kBadValues[] = {
      "a finite whole number >= 1"},
     {"channel.downlink.markov", "mean_bad_s = 0.0", "channel.downlink.markov.mean_bad_s",
      "a number in [0.001, 1000000000]"},
-    {"actuator", "policy = \"keep\"", "actuator.policy",
-     "\"hold\" or \"zero\" or \"ramp\""},
+    {"actuator", "policy = \"keep\"", "actuator.policy", "\"hold\" or \"zero\" or \"ramp\""},
 };
 
 INSTANTIATE_TEST_SUITE_P(Scenario, ScenarioBadValue, testing::ValuesIn(kBadValues));
@@ -346,63 +345,6 @@ TEST(Scenario, ASharedStateNeedsTheSameModelInBothDirections) {
   const std::string one = "[channel]\nshared_state = true\nuplink.model = \"markov\"\n";
   EXPECT_THAT(refusal(one), HasSubstr("channel.shared_state = true needs the same model"));
   EXPECT_EQ(refusal(one + "downlink.model = \"markov\""), "accepted");
-}
-
-struct ScenarioSojournTimes : testing::Test {
-  std::string markov(const std::string& keys) {
-    return "[channel.uplink]\nmodel = \"markov\"\n[channel.uplink.markov]\n" + keys;
-  }
-};
-
-TEST_F(ScenarioSojournTimes, FollowFromTheStationaryProbabilityAndTheCycle) {
-  const LinkConfig link =
-      parse(markov("p_bad = 0.25\nmean_cycle_s = 8.0")).get<ChannelSettings>().uplink;
-  EXPECT_DOUBLE_EQ(link.own.get<MarkovConfig>().mean_bad_s, 2.0);
-  EXPECT_DOUBLE_EQ(link.own.get<MarkovConfig>().mean_good_s, 6.0);
-}
-
-TEST_F(ScenarioSojournTimes, AreWhatTheResolvedScenarioHolds) {
-  const Scenario s = parse(markov("p_bad = 0.3\nmean_cycle_s = 0.7"));
-  EXPECT_THAT(to_toml(s), AllOf(Not(HasSubstr("p_bad")), Not(HasSubstr("mean_cycle_s"))));
-  EXPECT_EQ(contents(parse(to_toml(s))), contents(s));
-}
-
-TEST_F(ScenarioSojournTimes, OneOfProbabilityAndCycleKeepsTheOther) {
-  // The defaults are 24 s good and 8 s bad: P[bad] = 0.25 in a cycle of 32 s.
-  const Scenario other_share = parse_scenario(markov("p_bad = 0.5"), "test.toml");
-  EXPECT_DOUBLE_EQ(other_share.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s,
-                   16.0);
-  EXPECT_DOUBLE_EQ(other_share.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_good_s,
-                   16.0);
-  const Scenario other_cycle = parse_scenario(markov("mean_cycle_s = 4.0"), "test.toml");
-  EXPECT_DOUBLE_EQ(other_cycle.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s,
-                   1.0);
-  EXPECT_DOUBLE_EQ(other_cycle.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_good_s,
-                   3.0);
-}
-
-TEST_F(ScenarioSojournTimes, AnOverrideBeatsTheFileInEitherForm) {
-  const Scenario by_share = parse_scenario(markov("mean_good_s = 6.0\nmean_bad_s = 2.0"),
-                                           "test.toml", {"channel.uplink.markov.p_bad=0.5"});
-  EXPECT_DOUBLE_EQ(by_share.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s, 4.0);
-  const Scenario by_time = parse_scenario(markov("p_bad = 0.25\nmean_cycle_s = 8.0"), "test.toml",
-                                          {"channel.uplink.markov.mean_bad_s=5"});
-  EXPECT_DOUBLE_EQ(by_time.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_bad_s, 5.0);
-  EXPECT_DOUBLE_EQ(by_time.get<ChannelSettings>().uplink.own.get<MarkovConfig>().mean_good_s, 6.0);
-}
-
-TEST_F(ScenarioSojournTimes, AreGivenInOneWayOnly) {
-  for (const char* other : {"mean_good_s = 6.0", "mean_bad_s = 2.0"}) {
-    EXPECT_THAT(refusal(markov("p_bad = 0.25\nmean_cycle_s = 8.0\n" + std::string(other))),
-                AllOf(StartsWith("test.toml: give either "), HasSubstr("markov.p_bad"),
-                      HasSubstr("channel.uplink.markov.mean_good_s")));
-  }
-}
-
-TEST_F(ScenarioSojournTimes, ThatFollowAreLimitedAsIfTheyHadBeenGiven) {
-  EXPECT_THAT(refusal(markov("p_bad = 0.001\nmean_cycle_s = 0.5")),
-              AllOf(HasSubstr("channel.uplink.markov.mean_bad_s = 0.0005"),
-                    HasSubstr("must be a number in [0.001, 1000000000]")));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "netem/channel/settings.hpp"
 #include "netem/models/chain.hpp"
 #include "netem/models/gilbert_elliott.hpp"
+#include "netem/models/markov.hpp"
 
 namespace tether {
 namespace {
@@ -15,6 +16,7 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
+using testing::StartsWith;
 
 std::string uplink(const std::string& lines) { return "[channel.uplink]\n" + lines + "\n"; }
 
@@ -261,6 +263,61 @@ TEST(ScenarioChannel, NamesOfFilesStartFromTheScenario) {
   const std::string text = "[channel.uplink.jitter]\nlaw = \"table\"\nfile = \"../delays.txt\"";
   EXPECT_EQ(parse_scenario(text, "scenarios/a.toml").get<ChannelSettings>().uplink.jitter.file,
             "delays.txt");
+}
+
+struct ScenarioSojournTimes : testing::Test {
+  std::string markov(const std::string& keys) {
+    return "[channel.uplink]\nmodel = \"markov\"\n[channel.uplink.markov]\n" + keys;
+  }
+  static const MarkovConfig& uplink_markov(const Scenario& s) {
+    return s.get<ChannelSettings>().uplink.own.get<MarkovConfig>();
+  }
+};
+
+TEST_F(ScenarioSojournTimes, FollowFromTheStationaryProbabilityAndTheCycle) {
+  const Scenario s = parse(markov("p_bad = 0.25\nmean_cycle_s = 8.0"));
+  EXPECT_DOUBLE_EQ(uplink_markov(s).mean_bad_s, 2.0);
+  EXPECT_DOUBLE_EQ(uplink_markov(s).mean_good_s, 6.0);
+}
+
+TEST_F(ScenarioSojournTimes, AreWhatTheResolvedScenarioHolds) {
+  const Scenario s = parse(markov("p_bad = 0.3\nmean_cycle_s = 0.7"));
+  EXPECT_THAT(to_toml(s), AllOf(Not(HasSubstr("p_bad")), Not(HasSubstr("mean_cycle_s"))));
+  EXPECT_EQ(to_toml(parse(to_toml(s))), to_toml(s));
+}
+
+TEST_F(ScenarioSojournTimes, OneOfProbabilityAndCycleKeepsTheOther) {
+  // The defaults are 24 s good and 8 s bad: P[bad] = 0.25 in a cycle of 32 s.
+  const Scenario other_share = parse_scenario(markov("p_bad = 0.5"), "test.toml");
+  EXPECT_DOUBLE_EQ(uplink_markov(other_share).mean_bad_s, 16.0);
+  EXPECT_DOUBLE_EQ(uplink_markov(other_share).mean_good_s, 16.0);
+  const Scenario other_cycle = parse_scenario(markov("mean_cycle_s = 4.0"), "test.toml");
+  EXPECT_DOUBLE_EQ(uplink_markov(other_cycle).mean_bad_s, 1.0);
+  EXPECT_DOUBLE_EQ(uplink_markov(other_cycle).mean_good_s, 3.0);
+}
+
+TEST_F(ScenarioSojournTimes, AnOverrideBeatsTheFileInEitherForm) {
+  const Scenario by_share = parse_scenario(markov("mean_good_s = 6.0\nmean_bad_s = 2.0"),
+                                           "test.toml", {"channel.uplink.markov.p_bad=0.5"});
+  EXPECT_DOUBLE_EQ(uplink_markov(by_share).mean_bad_s, 4.0);
+  const Scenario by_time = parse_scenario(markov("p_bad = 0.25\nmean_cycle_s = 8.0"), "test.toml",
+                                          {"channel.uplink.markov.mean_bad_s=5"});
+  EXPECT_DOUBLE_EQ(uplink_markov(by_time).mean_bad_s, 5.0);
+  EXPECT_DOUBLE_EQ(uplink_markov(by_time).mean_good_s, 6.0);
+}
+
+TEST_F(ScenarioSojournTimes, AreGivenInOneWayOnly) {
+  for (const char* other : {"mean_good_s = 6.0", "mean_bad_s = 2.0"}) {
+    EXPECT_THAT(refusal(markov("p_bad = 0.25\nmean_cycle_s = 8.0\n" + std::string(other))),
+                AllOf(StartsWith("test.toml: give either "), HasSubstr("markov.p_bad"),
+                      HasSubstr("channel.uplink.markov.mean_good_s")));
+  }
+}
+
+TEST_F(ScenarioSojournTimes, ThatFollowAreLimitedAsIfTheyHadBeenGiven) {
+  EXPECT_THAT(refusal(markov("p_bad = 0.001\nmean_cycle_s = 0.5")),
+              AllOf(HasSubstr("channel.uplink.markov.mean_bad_s = 0.0005"),
+                    HasSubstr("must be a number in [0.001, 1000000000]")));
 }
 
 }  // namespace
