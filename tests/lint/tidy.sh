@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# clang-tidy finds nothing in any source. Usage: lint_tidy.sh BUILD_DIR
+# clang-tidy finds nothing in any source. Usage: tidy.sh BUILD_DIR
 #
 # The sources of a folder are checked two dozen at a time, as one file that includes them: most of the
 # work is in the system's headers, which they share. Sources that cannot be compiled together (two
-# things of one name) are checked one by one.
+# things of one name) are checked in halves, down to one by one.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 build=$(readlink -f "$1")
@@ -34,9 +34,14 @@ tidy() { # BUILD_DIR COMMANDS SOURCES...
         clang-tidy -p "$commands" --quiet --checks=-bugprone-suspicious-include \
             --header-filter="^$PWD/[a-z_/]+/[^/]*\.[ch]pp\$" "$together" >"$job/found" 2>&1 || status=1
     fi
-    if [ $# = 1 ] || grep --quiet 'clang-diagnostic-error' "$job/found"; then
+    if [ $# = 1 ]; then
+        clang-tidy -p "$commands" --quiet "$1" >"$job/found" 2>&1 || status=1
+    elif grep --quiet 'clang-diagnostic-error' "$job/found"; then
+        rm -r "$job"
         status=0
-        clang-tidy -p "$commands" --quiet "$@" >"$job/found" 2>&1 || status=1
+        tidy "$build" "$commands" "${@:1:$# / 2}" || status=1
+        tidy "$build" "$commands" "${@:$# / 2 + 1}" || status=1
+        return $status
     fi
     grep -v -E '^[0-9]+ warnings? (generated|treated)|^Suppressed|^Use -header-filter' "$job/found" || true
     rm -r "$job"
