@@ -313,12 +313,14 @@ constexpr BadValue kBadValues[] = {
     {"channel.uplink", "prr = -0.1", "channel.uplink.prr", "a number in [0, 1]"},
     {"channel.downlink", "prr = nan", "channel.downlink.prr", "a number in [0, 1]"},
     {"channel.downlink", "model = \"Markov\"", "channel.downlink.model",
-     "\"fixed\" or \"markov\" or \"gilbert_elliott\""},
+     "\"fixed\" or \"markov\" or \"gilbert_elliott\" or \"four_state\" or \"chain\" or \"trace\" "
+     "or \"map\""},
     {"channel.downlink", "queue_limit = 0", "channel.downlink.queue_limit",
      "a finite whole number >= 1"},
     {"channel.downlink.markov", "mean_bad_s = 0.0", "channel.downlink.markov.mean_bad_s",
      "a number in [0.001, 1000000000]"},
-    {"actuator", "policy = \"keep\"", "actuator.policy", "\"hold\" or \"zero\" or \"ramp\""},
+    {"actuator", "policy = \"keep\"", "actuator.policy",
+     "\"hold\" or \"zero\" or \"ramp\" or \"decay\" or \"horizon\""},
 };
 
 INSTANTIATE_TEST_SUITE_P(Scenario, ScenarioBadValue, testing::ValuesIn(kBadValues));
