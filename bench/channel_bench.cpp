@@ -7,8 +7,8 @@
 
 #include "netem/channel/settings.hpp"
 #include "netem/check/link_monitor.hpp"
-#include "netem/link/delay_law.hpp"
 #include "netem/relay/make_links.hpp"
+#include "netem/stages/delay_law.hpp"
 #include "tools/runs/channel_traffic.hpp"
 
 // Cost of a packet in a link: offered, carried, delivered, in virtual time. Each model and each
@@ -73,7 +73,7 @@ void monitor(benchmark::State& state, const std::vector<std::string>& keys) {
     links.uplink.pop_ready(now, [](const Packet&) {});
   }
   const LinkConfig& link = scenario.get<ChannelSettings>().uplink;
-  LinkMonitor monitor(expect_link(link, load_delay_table(link.jitter), pose_traffic(scenario)));
+  LinkMonitor monitor(expect_link(link, pose_traffic(scenario)));
   std::size_t next = 0;
   for (auto _ : state) {
     monitor.on_packet(fates[next]);

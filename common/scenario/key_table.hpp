@@ -81,112 +81,109 @@ class KeyTable {
  public:
   /// For a section whose settings are this struct. All names get `prefix`.
   explicit KeyTable(std::string prefix)
-      : KeyTable(std::move(prefix), {[](const Scenario& s) -> auto& { return s.get<Settings>();
-}, [](Scenario& s) -> auto& {
-  return s.get<Settings>();
-}
-}  // namespace tether
-) {}
-/// For a struct anywhere in a scenario.
-KeyTable(std::string prefix, ScenarioField<Settings> settings)
-    : prefix_(std::move(prefix)), settings_(std::move(settings)) {}
+      : KeyTable(std::move(prefix),
+                 {[](const Scenario& s) -> const Settings& { return s.get<Settings>(); },
+                  [](Scenario& s) -> Settings& { return s.get<Settings>(); }}) {}
+  /// For a struct anywhere in a scenario.
+  KeyTable(std::string prefix, ScenarioField<Settings> settings)
+      : prefix_(std::move(prefix)), settings_(std::move(settings)) {}
 
-/// For a struct within this one.
-template <class Inner, class Member>
-KeyTable<Inner> within(const std::string& prefix, Member member) const {
-  return {prefix_ + prefix, field<Inner>(member)};
-}
+  /// For a struct within this one.
+  template <class Inner, class Member>
+  KeyTable<Inner> within(const std::string& prefix, Member member) const {
+    return {prefix_ + prefix, field<Inner>(member)};
+  }
 
-template <class Member>
-void number(const std::string& name, Member member, Range range, const std::string& meaning) {
-  keys_.push_back(number_key(prefix_ + name, field<double>(member), range, meaning));
-}
-template <class Member>
-void optional_number(const std::string& name, Member member, Range range,
-                     const std::string& meaning) {
-  keys_.push_back(
-      optional_number_key(prefix_ + name, field<std::optional<double>>(member), range, meaning));
-}
-template <class Member>
-void boolean(const std::string& name, Member member, const std::string& meaning) {
-  keys_.push_back(boolean_key(prefix_ + name, field<bool>(member), meaning));
-}
-template <class Member>
-void identifier(const std::string& name, Member member, const std::string& meaning) {
-  keys_.push_back(identifier_key(prefix_ + name, field<std::string>(member), meaning));
-}
-template <class Member>
-void text(const std::string& name, Member member, const std::string& meaning) {
-  keys_.push_back(text_key(prefix_ + name, field<std::string>(member), meaning));
-}
-/// The name of a file, relative to where it is given.
-template <class Member>
-void file(const std::string& name, Member member, const std::string& meaning) {
-  text(name, member, meaning);
-  keys_.back().file = field<std::string>(member).write;
-}
-template <class Member>
-void list(const std::string& name, Member member, Range range, const std::string& meaning) {
-  keys_.push_back(list_key(prefix_ + name, field<NumberList>(member), range, meaning));
-}
-template <class Member>
-void rows(const std::string& name, Member member, Range range, const std::string& meaning) {
-  keys_.push_back(rows_key(prefix_ + name, field<NumberRows>(member), range, meaning));
-}
-/// Of any integer type.
-template <class Member>
-void whole_number(const std::string& name, Member member, std::int64_t low,
-                  const std::string& meaning) {
-  using Whole = std::remove_cvref_t<std::invoke_result_t<Member, Settings&>>;
-  const auto of = field<Whole>(member);
-  keys_.push_back(whole_number_key(
-      prefix_ + name, [of](const Scenario& s) { return static_cast<std::int64_t>(of.read(s)); },
-      [of](Scenario& s, std::int64_t x) { of.write(s) = static_cast<Whole>(x); }, low, meaning));
-}
-template <class Enum, class Member>
-void choice(const std::string& name, Member member, const Names<Enum>& names,
-            const std::string& meaning) {
-  std::vector<std::string> texts;
-  for (const auto& [text, value] : names) texts.push_back(text);
-  const auto of = field<Enum>(member);
-  keys_.push_back(choice_key(
-      prefix_ + name, texts,
-      [of, names](const Scenario& s) {
-        std::size_t i = 0;
-        while (i < names.size() && names[i].second != of.read(s)) ++i;
-        return i;
-      },
-      [of, names](Scenario& s, std::size_t i) { of.write(s) = names[i].second; }, meaning));
-}
-/// One of several texts, where the text is the value.
-template <class Member>
-void one_of(const std::string& name, Member member, const std::vector<std::string>& texts,
-            const std::string& meaning) {
-  Names<std::string> names;
-  for (const std::string& text : texts) names.emplace_back(text, text);
-  choice<std::string>(name, member, names, meaning);
-}
+  template <class Member>
+  void number(const std::string& name, Member member, Range range, const std::string& meaning) {
+    keys_.push_back(number_key(prefix_ + name, field<double>(member), range, meaning));
+  }
+  template <class Member>
+  void optional_number(const std::string& name, Member member, Range range,
+                       const std::string& meaning) {
+    keys_.push_back(
+        optional_number_key(prefix_ + name, field<std::optional<double>>(member), range, meaning));
+  }
+  template <class Member>
+  void boolean(const std::string& name, Member member, const std::string& meaning) {
+    keys_.push_back(boolean_key(prefix_ + name, field<bool>(member), meaning));
+  }
+  template <class Member>
+  void identifier(const std::string& name, Member member, const std::string& meaning) {
+    keys_.push_back(identifier_key(prefix_ + name, field<std::string>(member), meaning));
+  }
+  template <class Member>
+  void text(const std::string& name, Member member, const std::string& meaning) {
+    keys_.push_back(text_key(prefix_ + name, field<std::string>(member), meaning));
+  }
+  /// The name of a file, relative to where it is given.
+  template <class Member>
+  void file(const std::string& name, Member member, const std::string& meaning) {
+    text(name, member, meaning);
+    keys_.back().file = field<std::string>(member).write;
+  }
+  template <class Member>
+  void list(const std::string& name, Member member, Range range, const std::string& meaning) {
+    keys_.push_back(list_key(prefix_ + name, field<NumberList>(member), range, meaning));
+  }
+  template <class Member>
+  void rows(const std::string& name, Member member, Range range, const std::string& meaning) {
+    keys_.push_back(rows_key(prefix_ + name, field<NumberRows>(member), range, meaning));
+  }
+  /// Of any integer type.
+  template <class Member>
+  void whole_number(const std::string& name, Member member, std::int64_t low,
+                    const std::string& meaning) {
+    using Whole = std::remove_cvref_t<std::invoke_result_t<Member, Settings&>>;
+    const auto of = field<Whole>(member);
+    keys_.push_back(whole_number_key(
+        prefix_ + name, [of](const Scenario& s) { return static_cast<std::int64_t>(of.read(s)); },
+        [of](Scenario& s, std::int64_t x) { of.write(s) = static_cast<Whole>(x); }, low, meaning));
+  }
+  template <class Enum, class Member>
+  void choice(const std::string& name, Member member, const Names<Enum>& names,
+              const std::string& meaning) {
+    std::vector<std::string> texts;
+    for (const auto& [text, value] : names) texts.push_back(text);
+    const auto of = field<Enum>(member);
+    keys_.push_back(choice_key(
+        prefix_ + name, texts,
+        [of, names](const Scenario& s) {
+          std::size_t i = 0;
+          while (i < names.size() && names[i].second != of.read(s)) ++i;
+          return i;
+        },
+        [of, names](Scenario& s, std::size_t i) { of.write(s) = names[i].second; }, meaning));
+  }
+  /// One of several texts, where the text is the value.
+  template <class Member>
+  void one_of(const std::string& name, Member member, const std::vector<std::string>& texts,
+              const std::string& meaning) {
+    Names<std::string> names;
+    for (const std::string& text : texts) names.emplace_back(text, text);
+    choice<std::string>(name, member, names, meaning);
+  }
 
-/// Keys that were collected elsewhere; their names are whole already.
-void append(std::vector<ScenarioKey> keys) {
-  for (ScenarioKey& key : keys) keys_.push_back(std::move(key));
-}
-std::vector<ScenarioKey> take() { return std::move(keys_); }
+  /// Keys that were collected elsewhere; their names are whole already.
+  void append(std::vector<ScenarioKey> keys) {
+    for (ScenarioKey& key : keys) keys_.push_back(std::move(key));
+  }
+  std::vector<ScenarioKey> take() { return std::move(keys_); }
 
-private:
-template <class T, class Member>
-ScenarioField<T> field(Member member) const {
-  return {[of = settings_, member](const Scenario& s) -> const T& {
-            return std::invoke(member, of.read(s));
-          },
-          [of = settings_, member](Scenario& s) -> T& { return std::invoke(member, of.write(s)); }};
-}
+ private:
+  template <class T, class Member>
+  ScenarioField<T> field(Member member) const {
+    return {
+        [of = settings_, member](const Scenario& s) -> const T& {
+          return std::invoke(member, of.read(s));
+        },
+        [of = settings_, member](Scenario& s) -> T& { return std::invoke(member, of.write(s)); }};
+  }
 
-std::string prefix_;
-ScenarioField<Settings> settings_;
-std::vector<ScenarioKey> keys_;
-}
-;
+  std::string prefix_;
+  ScenarioField<Settings> settings_;
+  std::vector<ScenarioKey> keys_;
+};
 
 // A member of a member.
 #define TETHER_MEMBER(member) ([](auto& settings) -> auto& { return settings.member; })

@@ -7,8 +7,8 @@
 
 #include "common/base/errors.hpp"
 #include "common/scenario/key_table.hpp"
-#include "netem/channel/stages.hpp"
 #include "netem/models/kinds.hpp"
+#include "netem/stages/kinds.hpp"
 
 namespace tether {
 namespace {

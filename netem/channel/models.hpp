@@ -8,7 +8,7 @@
 
 #include "netem/channel/settings.hpp"
 #include "netem/link/channel_process.hpp"
-#include "netem/link/link_stages.hpp"
+#include "netem/link/link_stage.hpp"
 
 namespace tether {
 

@@ -8,7 +8,7 @@
 #include "netem/channel/link_checks.hpp"
 #include "netem/channel/link_keys.hpp"
 #include "netem/channel/settings.hpp"
-#include "netem/channel/stages.hpp"
+#include "netem/stages/kinds.hpp"
 
 namespace tether {
 namespace {
@@ -21,22 +21,19 @@ constexpr const char* kChanges = "channel.change";
 constexpr double kLatestChange_s = 1e6;
 
 ScenarioField<LinkConfig> in_channel(LinkConfig Channel::*link) {
-  return {[link](const Scenario& s) -> auto& {return s.get<Channel>().*link;
+  return {[link](const Scenario& s) -> const LinkConfig& { return s.get<Channel>().*link; },
+          [link](Scenario& s) -> LinkConfig& { return s.get<Channel>().*link; }};
 }
-, [link](Scenario& s) -> auto& { return s.get<Channel>().*link; }
-};  // namespace
-}  // namespace tether
 
 /// Of [channel.links]. A link that the scenario does not have is a default one.
 ScenarioField<LinkConfig> by_name(const std::string& name) {
-  return {[name](const Scenario& s) -> auto& {static const LinkConfig kDefault;
-  const auto& links = s.get<Channel>().links;
-  const auto found = links.find(name);
-  return found == links.end() ? kDefault : found->second;
-}
-, [name](Scenario& s) -> auto& { return s.get<Channel>().links[name]; }
-}
-;
+  return {[name](const Scenario& s) -> const LinkConfig& {
+            static const LinkConfig kDefault;
+            const auto& links = s.get<Channel>().links;
+            const auto found = links.find(name);
+            return found == links.end() ? kDefault : found->second;
+          },
+          [name](Scenario& s) -> LinkConfig& { return s.get<Channel>().links[name]; }};
 }
 
 NamedTables named_links() {

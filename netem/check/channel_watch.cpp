@@ -4,13 +4,12 @@
 #include <utility>
 
 #include "netem/channel/settings.hpp"
-#include "netem/link/delay_law.hpp"
 
 namespace tether {
 namespace {
 
 LinkMonitor monitor_of(const LinkConfig& link, const LinkTraffic& traffic) {
-  return LinkMonitor(expect_link(link, load_delay_table(link.jitter), traffic));
+  return LinkMonitor(expect_link(link, traffic));
 }
 
 /// In a run, whose settings may change on the way.

@@ -2,21 +2,12 @@
 
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "netem/link/link_config.hpp"
+#include "netem/stages/kinds.hpp"
 #include "netem/statistics/channel_expectation.hpp"
 
 namespace tether {
-
-/// What is sent through a link.
-struct LinkTraffic {
-  double interval_s = 1.0;    ///< between packets; the shortest one if they come irregularly
-  double packet_bytes = 0.0;  ///< of each
-  bool periodic = true;       ///< never two packets within less than interval_s
-  /// Empty, or why packets meet some states of the channel more often than time would have it.
-  std::string selected_because = {};
-};
 
 /// What a link's configuration says that statistics of its packets will show, and what it leaves
 /// open, with the reason in a few words.
@@ -36,8 +27,8 @@ struct LinkExpectation {
   std::string no_delays;                      ///< why delays are open, or ""
 };
 
-/// `delay_table_ms`: load_delay_table(link.jitter). `link` is as scenario loading leaves it.
-LinkExpectation expect_link(const LinkConfig& link, const std::vector<double>& delay_table_ms,
-                            const LinkTraffic& traffic);
+/// `link` is as scenario loading leaves it. Reads the file that its jitter names; throws
+/// UsageError.
+LinkExpectation expect_link(const LinkConfig& link, const LinkTraffic& traffic);
 
 }  // namespace tether

@@ -19,6 +19,26 @@ struct TcExport {
   std::vector<std::string> notes;
 };
 
+enum class TcPart { delay, rate, order, reorder, limit, loss, duplicate, corrupt, slot, schedule };
+
+/// The parts of an export, in the order in which they are written. What has no equivalent comes
+/// last.
+inline constexpr TcPart kTcParts[] = {
+    TcPart::delay, TcPart::rate,      TcPart::order,   TcPart::reorder, TcPart::limit,
+    TcPart::loss,  TcPart::duplicate, TcPart::corrupt, TcPart::slot,    TcPart::schedule};
+
+/// An export under way, to which stages and model append.
+struct TcDraft : TcExport {
+  double state_delay_ms = 0.0;  ///< of the model
+  double loss = 0.0;            ///< besides the model's
+  bool delays_vary = false;
+
+  /// Whether the command has this option already.
+  bool has(const std::string& option) const {
+    return command.find(" " + option + " ") != std::string::npos;
+  }
+};
+
 /// As tc reads numbers: "12.5%", "0.25ms".
 std::string tc_percent(double probability);
 std::string tc_time(double milliseconds);
@@ -28,5 +48,9 @@ std::string tc_random_loss(double loss);
 
 /// Of a packet that passes two losses.
 double loss_of_either(double loss, double other);
+
+/// Bytes of an Ethernet frame with a short LCM message (one fragment, over UDP and IPv4) that are
+/// not the message's own.
+double frame_overhead_bytes(const std::string& channel);
 
 }  // namespace tether

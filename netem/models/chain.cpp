@@ -176,12 +176,12 @@ std::optional<double> only_delay_ms(const LinkConfig& link) {
   return *least;
 }
 
-void export_loss(const LinkConfig& link, const TcSender&, TcExport& out) {
+void export_loss(const LinkConfig& link, const TcSender&, TcDraft& out) {
   const ChainConfig& c = of(link);
   const bool per_packet = is_per_packet(link);
   if (per_packet && c.prr.size() == 2) {
     out.command += tc_gemodel(
-        {c.probabilities[0][1], c.probabilities[1][0], 1.0 - c.prr[1], 1.0 - c.prr[0]}, link.loss);
+        {c.probabilities[0][1], c.probabilities[1][0], 1.0 - c.prr[1], 1.0 - c.prr[0]}, out.loss);
     return;
   }
   out.notes.emplace_back(

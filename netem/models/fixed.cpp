@@ -4,8 +4,8 @@
 namespace tether {
 namespace {
 
-void export_loss(const LinkConfig& link, const TcSender&, TcExport& out) {
-  out.command += tc_random_loss(loss_of_either(1.0 - link.fixed.prr, link.loss));
+void export_loss(const LinkConfig& link, const TcSender&, TcDraft& out) {
+  out.command += tc_random_loss(loss_of_either(1.0 - link.fixed.prr, out.loss));
 }
 
 }  // namespace

@@ -55,15 +55,15 @@ void check(const LoadedLink& loaded) {
   }
 }
 
-void export_loss(const LinkConfig& link, const TcSender&, TcExport& out) {
+void export_loss(const LinkConfig& link, const TcSender&, TcDraft& out) {
   const FourState m = model_of(link);
   out.command += fmt::format(" loss state {} {} {} {} {}", tc_percent(m.p13), tc_percent(m.p31),
                              tc_percent(m.p32), tc_percent(m.p23), tc_percent(m.p14));
-  if (link.loss == 0.0) return;
+  if (out.loss == 0.0) return;
   out.notes.push_back(fmt::format(
       "loss = {:g} is left out: one netem has one loss model; a second one, as its child, would "
       "have it",
-      link.loss));
+      out.loss));
 }
 
 }  // namespace

@@ -140,8 +140,8 @@ ChannelModelKind gilbert_elliott_model() {
     return expect_gilbert_elliott(model_of(link), delay, delay);
   };
   kind.only_delay_ms = own_delay_ms;
-  kind.export_loss = [](const LinkConfig& link, const TcSender&, TcExport& out) {
-    out.command += tc_gemodel(model_of(link), link.loss);
+  kind.export_loss = [](const LinkConfig& link, const TcSender&, TcDraft& out) {
+    out.command += tc_gemodel(model_of(link), out.loss);
   };
   return kind;
 }

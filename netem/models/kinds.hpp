@@ -12,46 +12,16 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/random.hpp"
-#include "common/scenario/key_table.hpp"
 #include "netem/link/channel_process.hpp"
 #include "netem/link/link_config.hpp"
-#include "netem/link/link_stages.hpp"
+#include "netem/link/link_field.hpp"
+#include "netem/link/link_stage.hpp"
 #include "netem/link/tc.hpp"
 #include "netem/statistics/channel_expectation.hpp"
 
 namespace tether {
 
-inline constexpr Range kDelayRange_ms{0.0, 1e6, false};
 inline constexpr double kProbabilityRounding = 1e-9;  ///< of probabilities written in decimal
-
-/// A link's settings in a scenario, for keys.
-struct LinkField {
-  std::string prefix;  ///< of its keys: "channel.uplink."
-  ScenarioField<LinkConfig> link;
-
-  /// Of a model's own settings: "channel.uplink.<model>.".
-  template <class Settings>
-  KeyTable<Settings> keys_of(const std::string& model) const {
-    return {
-        prefix + model + ".",
-        {[read = link.read](const Scenario& s) -> const Settings& {
-           return read(s).own.get<Settings>();
-         },
-         [write = link.write](Scenario& s) -> Settings& { return write(s).own.get<Settings>(); }}};
-  }
-};
-
-/// A link's settings when all of them are known, for checks.
-struct LoadedLink {
-  const LinkConfig& link;
-  std::string prefix;         ///< of its keys
-  const std::string& source;  ///< for messages
-
-  template <class... Args>
-  [[noreturn]] void refuse(fmt::format_string<Args...> text, Args&&... args) const {
-    throw UsageError(source + ": " + fmt::format(text, std::forward<Args>(args)...));
-  }
-};
 
 using ProcessPtr = std::shared_ptr<ChannelProcess>;
 
@@ -150,8 +120,8 @@ struct ChannelModelKind {
 
   /// tc: the delay in all states; nullopt if it differs. Null: nobody knows.
   std::optional<double> (*only_delay_ms)(const LinkConfig&) = nullptr;
-  /// tc: appends ` loss …`, with the link's independent loss, and notes what has no equivalent.
-  void (*export_loss)(const LinkConfig&, const TcSender&, TcExport&) = nullptr;  ///< must be given
+  /// tc: appends ` loss …`, with TcDraft::loss composed, and notes what has no equivalent.
+  void (*export_loss)(const LinkConfig&, const TcSender&, TcDraft&) = nullptr;  ///< must be given
 };
 
 /// All models, in the order in which messages name them and keys are listed.

@@ -58,9 +58,9 @@ ProcessPtr make(const ProcessNeeds& needs) {
   return made;
 }
 
-void export_loss(const LinkConfig& link, const TcSender&, TcExport& out) {
+void export_loss(const LinkConfig&, const TcSender&, TcDraft& out) {
   out.notes.emplace_back("model = \"map\" has no equivalent: netem knows no position");
-  out.command += tc_random_loss(link.loss);
+  out.command += tc_random_loss(out.loss);
 }
 
 }  // namespace

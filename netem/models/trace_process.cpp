@@ -44,9 +44,9 @@ ProcessPtr make(const ProcessNeeds& needs) {
   return make_trace_process(needs.link.own.get<TraceConfig>(), needs.prefix + "trace.");
 }
 
-void export_loss(const LinkConfig& link, const TcSender&, TcExport& out) {
+void export_loss(const LinkConfig&, const TcSender&, TcDraft& out) {
   out.notes.emplace_back("model = \"trace\" has no equivalent: netem plays no recordings");
-  out.command += tc_random_loss(link.loss);
+  out.command += tc_random_loss(out.loss);
 }
 
 }  // namespace

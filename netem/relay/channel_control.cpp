@@ -7,6 +7,7 @@
 #include "common/base/errors.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/relay/make_links.hpp"
+#include "netem/stages/kinds.hpp"
 
 namespace tether {
 namespace {
@@ -21,13 +22,11 @@ void check_files(const ChannelSettings& channel) {
   }
 }
 
-Link::Change prepare(const Link& link, const NetemSettings& before, const NetemSettings& after,
-                     const ChannelModels& models, const std::string& name) {
-  const LinkConfig& config = link_config(after.get<ChannelSettings>(), name);
-  std::vector<double> table_ms;
-  if (config.jitter != link_config(before.get<ChannelSettings>(), name).jitter)
-    table_ms = load_delay_table(after, name);
-  return link.prepare(config, models.of(name), link_streams(before, name), table_ms);
+LinkStages renewed(const Link& link, const NetemSettings& before, const NetemSettings& after,
+                   const std::string& name) {
+  return renewed_stages(link, link_config(before.get<ChannelSettings>(), name),
+                        link_config(after.get<ChannelSettings>(), name), link_key(name),
+                        link_streams(before, name));
 }
 
 }  // namespace
@@ -49,12 +48,14 @@ std::vector<ChannelSetting> ChannelControl::change(const std::vector<std::string
     moment.offered[use_.links[i]] = links[i]->counters().offered;
   }
   ChannelModels models = renew_models(models_, in_force_, after, moment);
-  std::vector<Link::Change> changes;
+  std::vector<LinkStages> stages;
   for (std::size_t i = 0; i < links.size(); ++i) {
-    changes.push_back(prepare(*links[i], in_force_, after, models, use_.links[i]));
+    stages.push_back(renewed(*links[i], in_force_, after, use_.links[i]));
   }
   // Nothing fails from here on.
-  for (std::size_t i = 0; i < links.size(); ++i) links[i]->apply(std::move(changes[i]));
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    links[i]->apply(std::move(stages[i]), models.of(use_.links[i]));
+  }
   models_ = std::move(models);
   in_force_ = std::move(after);
   return use_.select(std::move(wanted.settings));

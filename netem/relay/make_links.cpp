@@ -1,9 +1,7 @@
 #include "netem/relay/make_links.hpp"
 
-#include <fmt/format.h>
-
-#include "common/base/errors.hpp"
 #include "netem/channel/use.hpp"
+#include "netem/stages/kinds.hpp"
 
 namespace tether {
 namespace {
@@ -11,18 +9,10 @@ namespace {
 Link make_link(const NetemSettings& settings, const ChannelModels& models,
                const std::string& name) {
   const LinkConfig& config = link_config(settings.get<ChannelSettings>(), name);
-  return {config, models.of(name), link_streams(settings, name), load_delay_table(settings, name)};
+  return {make_stages(config, link_key(name), link_streams(settings, name)), models.of(name)};
 }
 
 }  // namespace
-
-std::vector<double> load_delay_table(const NetemSettings& settings, const std::string& name) {
-  try {
-    return load_delay_table(link_config(settings.get<ChannelSettings>(), name).jitter);
-  } catch (const UsageError& error) {
-    throw UsageError(fmt::format("{}jitter.file: {}", link_key(name), error.what()));
-  }
-}
 
 LinkPair make_links(const NetemSettings& settings) {
   return make_links(settings, make_models(settings));

@@ -12,8 +12,8 @@ namespace tether {
 
 /// The two links of a scenario, each with its own random streams, "<vehicle>/uplink/<purpose>" and
 /// "<vehicle>/downlink/<purpose>"; with the uplink's state for both where channel.shared_state says
-/// so. Reads the files that the models name. Throws UsageError for those, and for a chain without a
-/// single stationary distribution.
+/// so. Reads the files that models and stages name. Throws UsageError for those, and for a chain
+/// without a single stationary distribution.
 struct LinkPair {
   Link uplink;
   Link downlink;
@@ -21,9 +21,6 @@ struct LinkPair {
 LinkPair make_links(const NetemSettings& settings);
 /// The same with models that have been made already.
 LinkPair make_links(const NetemSettings& settings, const ChannelModels& models);
-
-/// load_delay_table() for a link by its name; messages name its key.
-std::vector<double> load_delay_table(const NetemSettings& settings, const std::string& name);
 
 /// Those of a scenario's links that are named, in this order; `names` are "uplink", "downlink" and
 /// those in its channel.links, each at most once, and `models` made for them. The latter have

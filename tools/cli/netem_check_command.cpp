@@ -23,7 +23,6 @@
 #include "netem/check/channel_watch.hpp"
 #include "netem/check/link_expectation.hpp"
 #include "netem/check/tc_export.hpp"
-#include "netem/link/delay_law.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/scenario_options.hpp"
@@ -100,7 +99,7 @@ void announce_work(const CheckOptions& options, const Scenario& scenario) {
   for (const auto& [link, traffic] :
        {std::pair{&scenario.get<ChannelSettings>().uplink, pose_traffic(scenario)},
         std::pair{&scenario.get<ChannelSettings>().downlink, command_traffic(scenario, false)}}) {
-    const LinkExpectation expected = expect_link(*link, load_delay_table(link->jitter), traffic);
+    const LinkExpectation expected = expect_link(*link, traffic);
     if (!expected.channel) continue;
     changes += expected.channel->changes_per_s() * traffic.interval_s *
                static_cast<double>(options.packets);

@@ -11,7 +11,6 @@
 #include "common/program/cli.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/check/channel_sample.hpp"
-#include "netem/link/delay_law.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
@@ -45,7 +44,7 @@ int plot(const PlotOptions& options) {
   const ChannelFigure figure{
       fmt::format("{}, {}", options.link, config.model), traffic.interval_s,
       sample_fates(up ? links.uplink : links.downlink, traffic, options.packets),
-      expect_link(config, load_delay_table(config.jitter), traffic)};
+      expect_link(config, traffic)};
   draw_losses(options.out, figure);
   draw_delays(options.out, figure);
   TextOutput out;

@@ -6,6 +6,7 @@
 #include "netem/link/delay_histogram.hpp"
 #include "netem/models/state_process.hpp"
 #include "netem/relay/make_links.hpp"
+#include "tests/netem/stages/stage_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
@@ -24,13 +25,9 @@ std::vector<int> pop(Link& link, Instant now) {
   return values;
 }
 
-RandomEngine streams(std::string_view purpose) { return random_stream(1, purpose); }
-
-Link fixed_link(double prr, double delay_ms, std::int64_t queue_limit = 1000) {
-  LinkConfig config;
-  config.queue_limit = queue_limit;
-  const LinkCondition condition{prr, from_seconds(delay_ms * 1e-3)};
-  return {config, std::make_shared<FixedProcess>(condition), streams};
+Link fixed_link(double prr, double delay_ms, int queue_limit = 1000) {
+  return testing::link_with({"queue_limit=" + std::to_string(queue_limit)},
+                            {prr, from_seconds(delay_ms * 1e-3)});
 }
 
 void expect_balance(const Link& link) {
@@ -145,7 +142,9 @@ TEST(Link, PacketsOvertakeWhenTheDelayFalls) {
   while (state->state() != StateProcess::kBad) state->advance(state->next_transition());
   const Instant good_from = state->next_transition();
   const LinkCondition good{}, bad{1.0, std::chrono::milliseconds{500}};
-  Link link(LinkConfig{}, std::make_shared<MarkovProcess>(state, std::array{good, bad}), streams);
+  const auto streams = [](std::string_view purpose) { return random_stream(1, purpose); };
+  Link link(make_stages(LinkConfig{}, "", streams),
+            std::make_shared<MarkovProcess>(state, std::array{good, bad}));
   link.push(good_from - Duration{1}, packet(1));  // in the bad state: 500 ms
   link.push(good_from, packet(2));                // in the good state: at once
   EXPECT_EQ(pop(link, good_from), std::vector<int>{2});

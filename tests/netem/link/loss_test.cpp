@@ -6,10 +6,10 @@
 #include <numeric>
 #include <vector>
 
-#include "netem/link/link.hpp"
 #include "netem/models/four_state.hpp"
 #include "netem/models/gilbert_elliott.hpp"
 #include "netem/models/markov_chain.hpp"
+#include "netem/stages/kinds.hpp"
 #include "tests/netem/link/loss_statistics.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -17,6 +17,15 @@
 // (error level 6e-7 for a normal distribution).
 
 namespace tether {
+
+void PrintTo(const GilbertElliott& m, std::ostream* out) {
+  *out << m.p << " " << m.r << " " << m.one_minus_h << " " << m.one_minus_k;
+}
+
+void PrintTo(const FourState& m, std::ostream* out) {
+  *out << m.p13 << " " << m.p31 << " " << m.p32 << " " << m.p23 << " " << m.p14;
+}
+
 namespace {
 
 using testing::at_s;
@@ -38,7 +47,7 @@ std::shared_ptr<ChannelProcess> process(const FourState& model, std::uint64_t se
 /// Which of `packets` packets a link loses, after as many as it takes to forget how it began.
 std::vector<bool> losses(std::shared_ptr<ChannelProcess> process, std::uint64_t seed,
                          std::size_t packets, std::size_t warm_up) {
-  Link link(LinkConfig{}, std::move(process), streams(seed));
+  Link link(make_stages(LinkConfig{}, "", streams(seed)), std::move(process));
   std::vector<bool> lost;
   for (std::size_t i = 0; i < warm_up + packets; ++i) {
     const bool is_lost = link.push(kStart, {"X", {}}) == Instant::max();

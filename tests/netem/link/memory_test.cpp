@@ -5,8 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "netem/link/link.hpp"
-#include "netem/models/state_process.hpp"
+#include "tests/netem/stages/stage_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
@@ -15,12 +14,9 @@ namespace {
 using testing::at_ms;
 using testing::at_s;
 
-RandomEngine streams(std::string_view purpose) { return random_stream(1, purpose); }
-
 /// Delays everything by 1 s.
-Link delaying_link(const LinkConfig& config) {
-  const LinkCondition condition{1.0, std::chrono::seconds{1}};
-  return {config, std::make_shared<FixedProcess>(condition), streams};
+Link delaying_link(const std::string& setting) {
+  return testing::link_with({setting}, {1.0, std::chrono::seconds{1}});
 }
 
 void expect_balance(const Link& link) {
@@ -29,9 +25,7 @@ void expect_balance(const Link& link) {
 }
 
 TEST(Link, DropsAndCountsWhatIsTooManyBytesUnderWay) {
-  LinkConfig config;
-  config.queue_limit_bytes = 1000;
-  Link link = delaying_link(config);
+  Link link = delaying_link("queue_limit_bytes=1000");
   const auto push = [&link](double t_s, std::size_t bytes) {
     return link.push(at_s(t_s), {"X", std::vector<std::uint8_t>(bytes)}) != Instant::max();
   };
@@ -57,9 +51,7 @@ TEST(Link, AHundredThousandPacketsUnderWayTakeTheMemoryThatTheDocumentsSay) {
   constexpr std::size_t kPayload = 1000;
   constexpr double kPerPacket =
       300.0;  // docs/performance.md: 135; more where a vector has just grown
-  LinkConfig config;
-  config.queue_limit = kPackets;
-  Link link = delaying_link(config);
+  Link link = delaying_link("queue_limit=" + std::to_string(kPackets));
   const std::size_t before = allocated_bytes();
   for (std::int64_t i = 0; i < kPackets + 500; ++i) {
     link.push(at_ms(0.001 * static_cast<double>(i)),

@@ -8,6 +8,7 @@
 #include "netem/channel/settings.hpp"
 #include "netem/models/markov_chain.hpp"
 #include "netem/relay/make_links.hpp"
+#include "netem/stages/kinds.hpp"
 #include "tests/netem/link/loss_statistics.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -162,9 +163,8 @@ TEST(PacketChain, LosesAndLingersAsItsMatrixSays) {
   std::vector<LinkCondition> conditions;
   for (const double e : loss) conditions.push_back({1.0 - e, Duration{0}});
   const auto streams = [](std::string_view purpose) { return random_stream(1, purpose); };
-  Link link(LinkConfig{},
-            std::make_shared<PacketChainProcess>(kSteps, conditions, "key", streams("state")),
-            streams);
+  Link link(make_stages(LinkConfig{}, "", streams),
+            std::make_shared<PacketChainProcess>(kSteps, conditions, "key", streams("state")));
   constexpr int kPackets = 1'000'000;
   int bursts = 0;
   bool before = false;

@@ -25,9 +25,10 @@ class ChannelFigureTest : public ::testing::Test {
     folder_ = fs::temp_directory_path() / (std::string("tether_figure_") + test->name());
     fs::remove_all(folder_);
     fs::create_directories(folder_);
-    scenario_.get<ChannelSettings>().downlink.jitter.law = JitterConfig::Law::gamma;
-    scenario_.get<ChannelSettings>().downlink.jitter.mean_ms = 20.0;
-    scenario_.get<ChannelSettings>().downlink.jitter.sd_ms = 5.0;
+    scenario_ =
+        parse_scenario("", "test.toml",
+                       {"channel.downlink.jitter.law=gamma", "channel.downlink.jitter.mean_ms=20",
+                        "channel.downlink.jitter.sd_ms=5"});
   }
   ~ChannelFigureTest() override { fs::remove_all(folder_); }
 
@@ -35,7 +36,7 @@ class ChannelFigureTest : public ::testing::Test {
     const LinkTraffic traffic{0.05, 50.0};
     LinkPair links = make_links(scenario_);
     return {"a link", traffic.interval_s, sample_fates(links.downlink, traffic, packets),
-            expect_link(scenario_.get<ChannelSettings>().downlink, {}, traffic)};
+            expect_link(scenario_.get<ChannelSettings>().downlink, traffic)};
   }
 
   std::vector<std::vector<std::string>> rows(const std::string& name) const {

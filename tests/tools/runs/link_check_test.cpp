@@ -10,7 +10,6 @@
 #include "netem/channel/settings.hpp"
 #include "netem/check/channel_watch.hpp"
 #include "netem/check/link_monitor.hpp"
-#include "netem/link/delay_law.hpp"
 #include "tools/runs/channel_traffic.hpp"
 
 // Links of every kind against what their configuration says of them.
@@ -176,7 +175,7 @@ TEST(LinkCheck, FlagsNoLinkWhoseRarerFateNeverFollowsItself) {
 LinkMonitor monitor_told(const Keys& keys) {
   const Scenario scenario = scenario_of(keys, 1);
   const LinkConfig& link = scenario.get<ChannelSettings>().uplink;
-  return LinkMonitor(expect_link(link, load_delay_table(link.jitter), pose_traffic(scenario)));
+  return LinkMonitor(expect_link(link, pose_traffic(scenario)));
 }
 
 /// What a monitor says that was told `told`, of a link that is `real`.

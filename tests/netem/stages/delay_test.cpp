@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "netem/link/delay_law.hpp"
+#include "netem/stages/delay_law.hpp"
 
 // Delay laws against Boost.Math. Tolerances of samples: 5 standard deviations.
 
@@ -19,12 +19,11 @@ namespace tether {
 namespace {
 
 using ::testing::HasSubstr;
-using Law = JitterConfig::Law;
 
 constexpr double kSigmas = 5.0;
 
-JitterConfig config(Law law, double mean_ms, double sd_ms, double shape = 3.0) {
-  JitterConfig c;
+JitterSettings config(const char* law, double mean_ms, double sd_ms, double shape = 3.0) {
+  JitterSettings c;
   c.law = law;
   c.mean_ms = mean_ms;
   c.sd_ms = sd_ms;
@@ -35,7 +34,7 @@ JitterConfig config(Law law, double mean_ms, double sd_ms, double shape = 3.0) {
 /// A law and the quantiles [ms] that it should have.
 struct Case {
   const char* name;
-  JitterConfig config;
+  JitterSettings config;
   std::function<double(double p)> quantile_ms;
   double fourth_moment;  // kurtosis; 0: infinite, or heavy enough to make sample variances useless
 };
@@ -51,16 +50,16 @@ std::vector<Case> cases() {
   const boost::math::normal normal(3.0, 2.0);
   const boost::math::gamma_distribution<> gamma(6.25, 1.6), bursty(0.25, 40.0);
   return {
-      {"uniform", config(Law::uniform, 3.0, 2.0),
+      {"uniform", config("uniform", 3.0, 2.0),
        [](double p) { return 3.0 + 2.0 * std::sqrt(3.0) * (2.0 * p - 1.0); }, 1.8},
-      {"normal", config(Law::normal, 3.0, 2.0), [=](double p) { return quantile(normal, p); }, 3.0},
-      {"gamma", config(Law::gamma, 10.0, 4.0), [=](double p) { return quantile(gamma, p); },
+      {"normal", config("normal", 3.0, 2.0), [=](double p) { return quantile(normal, p); }, 3.0},
+      {"gamma", config("gamma", 10.0, 4.0), [=](double p) { return quantile(gamma, p); },
        kurtosis(gamma)},
-      {"bursty gamma", config(Law::gamma, 10.0, 20.0),
-       [=](double p) { return quantile(bursty, p); }, kurtosis(bursty)},
-      {"pareto of tc", config(Law::pareto, 3.0, 2.0, 3.0),
+      {"bursty gamma", config("gamma", 10.0, 20.0), [=](double p) { return quantile(bursty, p); },
+       kurtosis(bursty)},
+      {"pareto of tc", config("pareto", 3.0, 2.0, 3.0),
        [](double p) { return 3.0 + 2.0 * pareto_score(p, 3.0); }, 0.0},
-      {"light pareto", config(Law::pareto, 3.0, 2.0, 50.0),
+      {"light pareto", config("pareto", 3.0, 2.0, 50.0),
        [](double p) { return 3.0 + 2.0 * pareto_score(p, 50.0); },
        kurtosis(boost::math::pareto_distribution<>(1.0, 50.0))},
   };
@@ -127,7 +126,7 @@ double expectation(const DelayLaw& law, const std::function<double(double)>& f) 
 }
 
 TEST(DelayLaw, ParetonormalIsAQuarterNormalAndThreeQuartersOfTcsPareto) {
-  const DelayLaw law(config(Law::paretonormal, 3.0, 2.0), {});
+  const DelayLaw law(config("paretonormal", 3.0, 2.0), {});
   EXPECT_NEAR(expectation(law, [](double x) { return x; }), 3e-3, 1e-8);
   EXPECT_NEAR(expectation(law, [](double x) { return (x - 3e-3) * (x - 3e-3); }), 4e-6, 1e-11);
   const auto w = [](double p) {
@@ -142,12 +141,12 @@ TEST(DelayLaw, ParetonormalIsAQuarterNormalAndThreeQuartersOfTcsPareto) {
 }
 
 TEST(DelayLaw, OfAConstantIsTheConstant) {
-  DelaySequence sequence(DelayLaw(config(Law::constant, 12.5, 0.0), {}), 0.0, {});
+  DelaySequence sequence(DelayLaw(config("constant", 12.5, 0.0), {}), 0.0, {});
   for (int i = 0; i < 10; ++i) EXPECT_EQ(sequence.next(), std::chrono::microseconds{12500});
 }
 
 TEST(DelayLaw, OfATableIsLinearBetweenItsQuantiles) {
-  const DelayLaw law(config(Law::table, 0.0, 0.0), {1.0, 3.0, 103.0});
+  const DelayLaw law(config("table", 0.0, 0.0), {1.0, 3.0, 103.0});
   const boost::math::normal standard;
   EXPECT_NEAR(law.at_score(-8.3), 1e-3, 1e-12);
   EXPECT_NEAR(law.at_score(quantile(standard, 0.25)), 2e-3, 1e-12);
@@ -172,8 +171,7 @@ TEST(DrawNormalScore, IsTheInverseNormalDistributionOfEachDraw) {
 TEST(DelaySequence, NormalDelaysAreAnAutoregressiveProcess) {
   constexpr int kDelays = 400'000;
   for (const double c : {0.3, 0.9, -0.5}) {
-    DelaySequence sequence(DelayLaw(config(Law::normal, 0.0, 1.0), {}), c,
-                           random_stream(2, "delay"));
+    DelaySequence sequence(DelayLaw(config("normal", 0.0, 1.0), {}), c, random_stream(2, "delay"));
     std::vector<double> z;
     for (int i = 0; i < kDelays; ++i) z.push_back(1e3 * to_seconds(sequence.next()));
     for (const int k : {1, 2, 5}) {
@@ -195,7 +193,7 @@ TEST(DelaySequence, NormalDelaysAreAnAutoregressiveProcess) {
 TEST(DelaySequence, UniformDelaysHaveTheRankCorrelationOfAGaussianCopula) {
   constexpr int kDelays = 400'000;
   constexpr double kCorrelation = 0.8;
-  DelaySequence sequence(DelayLaw(config(Law::uniform, 0.0, 1.0), {}), kCorrelation,
+  DelaySequence sequence(DelayLaw(config("uniform", 0.0, 1.0), {}), kCorrelation,
                          random_stream(2, "delay"));
   double products = 0.0, before = 1e3 * to_seconds(sequence.next());
   for (int i = 0; i < kDelays; ++i) {
@@ -214,7 +212,7 @@ TEST(DelaySequence, UniformDelaysHaveTheRankCorrelationOfAGaussianCopula) {
 TEST(DelaySequence, CorrelationLeavesTheLawAsItIs) {
   // One delay each of many sequences, the 20th: independent of each other.
   constexpr int kSequences = 4000;
-  const DelayLaw law(config(Law::gamma, 10.0, 4.0), {});
+  const DelayLaw law(config("gamma", 10.0, 4.0), {});
   const boost::math::gamma_distribution<> gamma(6.25, 1.6);
   int below[3] = {};
   const double levels[3] = {0.1, 0.5, 0.95};
@@ -233,11 +231,10 @@ TEST(DelaySequence, CorrelationLeavesTheLawAsItIs) {
 }
 
 TEST(DelaySequence, EveryDelayTakesOneDrawWhateverTheLaw) {
-  for (const Law kind : {Law::uniform, Law::pareto, Law::gamma}) {
+  for (const char* kind : {"uniform", "pareto", "gamma"}) {
     const DelayLaw law(config(kind, 5.0, 1.0), {});
     DelaySequence sequence(law, 0.5, random_stream(1, "delay"));
-    DelaySequence normal(DelayLaw(config(Law::normal, 0.0, 1e3), {}), 0.5,
-                         random_stream(1, "delay"));
+    DelaySequence normal(DelayLaw(config("normal", 0.0, 1e3), {}), 0.5, random_stream(1, "delay"));
     for (int i = 0; i < 1000; ++i) {
       // Normal delays with a standard deviation of 1 s are the scores, to 1 ns.
       ASSERT_NEAR(to_seconds(sequence.next()), law.at_score(to_seconds(normal.next())), 2e-9) << i;
@@ -251,13 +248,13 @@ struct DelayTableFile : ::testing::Test {
   const std::string file = ::testing::TempDir() + "tether-delays.txt";
   ~DelayTableFile() override { std::remove(file.c_str()); }
 
-  JitterConfig written(const std::string& text) const {
-    JitterConfig c = config(Law::table, 0.0, 0.0);
+  JitterSettings written(const std::string& text) const {
+    JitterSettings c = config("table", 0.0, 0.0);
     c.file = file;
     std::ofstream(c.file) << text;
     return c;
   }
-  std::string refusal(const JitterConfig& c) const {
+  std::string refusal(const JitterSettings& c) const {
     try {
       load_delay_table(c);
     } catch (const UsageError& error) {
@@ -276,7 +273,7 @@ TEST_F(DelayTableFile, IsRefusedWithFileAndLine) {
   EXPECT_THAT(refusal(written("1\n2 ms\n")), HasSubstr("delays.txt:2: \"2 ms\" is not a delay"));
   EXPECT_THAT(refusal(written("1\nnan\n")), HasSubstr("delays.txt:2: "));
   EXPECT_THAT(refusal(written("1\n")), HasSubstr("two or more"));
-  JitterConfig missing = written("");
+  JitterSettings missing = written("");
   missing.file += "x";
   EXPECT_THAT(refusal(missing), HasSubstr("cannot read the delay table"));
 }

@@ -4,7 +4,7 @@
 
 #include "common/base/random.hpp"
 #include "common/base/time.hpp"
-#include "netem/link/link_config.hpp"
+#include "netem/stages/jitter_laws.hpp"
 
 namespace tether {
 
@@ -30,9 +30,9 @@ inline constexpr double kMaxScore = 8.3;
 /// Q or of s, whichever is less strict.
 class DelayLaw {
  public:
-  /// `config.law` is not none; scenario loading has checked the rest. `table_ms` are the quantiles
-  /// of law = table, ascending.
-  DelayLaw(const JitterConfig& config, const std::vector<double>& table_ms);
+  /// `settings.law` is not none; scenario loading has checked the rest. `table_ms` are the
+  /// quantiles of law = table, ascending.
+  DelayLaw(const JitterSettings& settings, const std::vector<double>& table_ms);
 
   /// In seconds; may be negative.
   double at_score(double z) const;
@@ -40,16 +40,16 @@ class DelayLaw {
  private:
   double between(double position) const;
 
-  JitterConfig::Law law_;
+  JitterLaw::Form form_;
   double mean_s_;
   double sd_s_;
   std::vector<double> table_;  // over z or, of law = table, over probability; seconds
 };
 
-/// The quantiles for DelayLaw of law = table: the config's own, or what its file holds. The file
+/// The quantiles for DelayLaw of law = table: the settings' own, or what its file holds. The file
 /// has one delay in ms a line; blank lines and lines that begin with '#' do not count; order does
 /// not matter. Empty for other laws. Throws UsageError with file, line and reason.
-std::vector<double> load_delay_table(const JitterConfig& config);
+std::vector<double> load_delay_table(const JitterSettings& settings);
 
 /// Successive delays. The n-th is a function of the stream and of n: one draw per packet.
 ///

@@ -4,8 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "netem/link/link.hpp"
-#include "netem/models/state_process.hpp"
+#include "tests/netem/stages/stage_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 // What each stage of a link does to packets. Tolerances of samples: 5 standard deviations.
@@ -16,14 +15,11 @@ namespace {
 using testing::at_ms;
 using testing::at_s;
 using ::testing::ElementsAre;
+using testing::link_with;
 
 constexpr double kSigmas = 5.0;
 
-RandomEngine streams(std::string_view purpose) { return random_stream(1, purpose); }
-
-Link make_link(const LinkConfig& config, LinkCondition condition = {}) {
-  return {config, std::make_shared<FixedProcess>(condition), streams};
-}
+using Settings = std::vector<std::string>;
 
 Packet packet(std::size_t bytes, std::uint8_t value = 0) {
   return {"X", std::vector<std::uint8_t>(bytes, value)};
@@ -51,9 +47,7 @@ void expect_share(double count, double of, double share) {
 // -------------------------------------------------------------------- outages
 
 TEST(LinkOutages, LastFromTheirBeginningUntilJustBeforeTheirEnd) {
-  LinkConfig config;
-  config.outages = {{1.0, 2.0}, {2.0, 2.5}, {7.0, 8.0}};
-  Link link = make_link(config);
+  Link link = link_with({"outages=[[1, 2], [2, 2.5], [7, 8]]"});
   const Duration tick{1};
   const std::pair<Instant, bool> expected[] = {{at_s(-5), true},        {at_s(1) - tick, true},
                                                {at_s(1), false},        {at_s(2) - tick, false},
@@ -69,9 +63,7 @@ TEST(LinkOutages, LastFromTheirBeginningUntilJustBeforeTheirEnd) {
 }
 
 TEST(LinkOutages, LetPacketsThatAreUnderWayArrive) {
-  LinkConfig config;
-  config.outages = {{1.0, 2.0}};
-  Link link = make_link(config, {1.0, std::chrono::seconds{1}});
+  Link link = link_with({"outages=[[1, 2]]"}, {1.0, std::chrono::seconds{1}});
   link.push(at_s(0.5), packet(1, 7));
   EXPECT_THAT(pop(link, at_s(1.5)), ElementsAre(7));
 }
@@ -79,9 +71,7 @@ TEST(LinkOutages, LetPacketsThatAreUnderWayArrive) {
 // -------------------------------------------------------------------- independent loss
 
 TEST(LinkLoss, IsIndependentOfTheStatesLoss) {
-  LinkConfig config;
-  config.loss = 0.2;
-  Link link = make_link(config, {0.7, Duration{0}});
+  Link link = link_with({"loss=0.2"}, {0.7, Duration{0}});
   constexpr int kPackets = 200'000;
   for (int i = 0; i < kPackets; ++i) {
     link.push(kStart, packet(1));
@@ -94,9 +84,7 @@ TEST(LinkLoss, IsIndependentOfTheStatesLoss) {
 // -------------------------------------------------------------------- corruption
 
 TEST(LinkCorruption, FlipsExactlySoManyBitsInTheShareOfPackets) {
-  LinkConfig config;
-  config.corrupt = {.probability = 0.3, .bits = 3};
-  Link link = make_link(config);
+  Link link = link_with({"corrupt.probability=0.3", "corrupt.bits=3"});
   constexpr int kPackets = 50'000, kBytes = 11;
   double damaged = 0.0, flips[8 * kBytes] = {};
   for (int i = 0; i < kPackets; ++i) {
@@ -118,9 +106,7 @@ TEST(LinkCorruption, FlipsExactlySoManyBitsInTheShareOfPackets) {
 }
 
 TEST(LinkCorruption, OfAShortPacketFlipsAllItsBitsAndOfAnEmptyOneNone) {
-  LinkConfig config;
-  config.corrupt = {.probability = 1.0, .bits = 9};
-  Link link = make_link(config);
+  Link link = link_with({"corrupt.probability=1", "corrupt.bits=9"});
   link.push(kStart, packet(1, 0x0f));
   EXPECT_THAT(pop(link, kStart), ElementsAre(0xf0));
   link.push(kStart, packet(0));
@@ -130,9 +116,7 @@ TEST(LinkCorruption, OfAShortPacketFlipsAllItsBitsAndOfAnEmptyOneNone) {
 // -------------------------------------------------------------------- duplication
 
 TEST(LinkDuplication, SendsTheShareTwiceAndCountsCopies) {
-  LinkConfig config;
-  config.duplicate_probability = 0.25;
-  Link link = make_link(config, {0.5, std::chrono::milliseconds{5}});
+  Link link = link_with({"duplicate.probability=0.25"}, {0.5, std::chrono::milliseconds{5}});
   constexpr int kPackets = 100'000;
   std::size_t delivered = 0, announced = 0;
   for (int i = 0; i < kPackets; ++i) {
@@ -151,12 +135,8 @@ TEST(LinkDuplication, SendsTheShareTwiceAndCountsCopies) {
 }
 
 TEST(LinkDuplication, ACopyHasAJitterOfItsOwnAndTheSameBytes) {
-  LinkConfig config;
-  config.duplicate_probability = 1.0;
-  config.jitter.law = JitterConfig::Law::uniform;
-  config.jitter.mean_ms = 10.0;
-  config.jitter.sd_ms = 2.0;
-  Link link = make_link(config);
+  Link link = link_with(
+      {"duplicate.probability=1", "jitter.law=uniform", "jitter.mean_ms=10", "jitter.sd_ms=2"});
   int earlier = 0;
   for (int i = 0; i < 1000; ++i) {
     const Instant leaves = link.push(at_s(i), packet(1, 9));
@@ -169,16 +149,11 @@ TEST(LinkDuplication, ACopyHasAJitterOfItsOwnAndTheSameBytes) {
 
 // -------------------------------------------------------------------- rate
 
-LinkConfig rate(double bits_per_s) {
-  LinkConfig config;
-  config.rate.bits_per_s = bits_per_s;
-  return config;
-}
+constexpr const char* kByteAMillisecond = "rate.bits_per_s=8e3";
 
 TEST(LinkRate, PacketsFollowEachOtherAtExactlyTheRate) {
-  LinkConfig config = rate(1e6);
-  config.rate.overhead_bytes = 25;
-  Link link = make_link(config, {1.0, std::chrono::milliseconds{40}});
+  Link link = link_with({"rate.bits_per_s=1e6", "rate.overhead_bytes=25"},
+                        {1.0, std::chrono::milliseconds{40}});
   // (100 + 25)·8 bits take 1 ms, (225 + 25)·8 take 2 ms.
   EXPECT_EQ(ms(link.push(at_ms(0), packet(100))), 41.0);
   EXPECT_EQ(ms(link.push(at_ms(0), packet(225))), 43.0);
@@ -188,9 +163,7 @@ TEST(LinkRate, PacketsFollowEachOtherAtExactlyTheRate) {
 }
 
 TEST(LinkRate, AFullQueueOfPacketsDropsTheTail) {
-  LinkConfig config = rate(8e3);  // 1 byte a millisecond
-  config.rate.queue_packets = 3;
-  Link link = make_link(config);
+  Link link = link_with({kByteAMillisecond, "rate.queue_packets=3"});
   std::vector<double> leaves;
   for (const double t : {0.0, 0.0, 0.0, 0.0, 9.999999, 10.0, 10.0}) {
     leaves.push_back(ms(link.push(at_ms(t), packet(10))));
@@ -201,9 +174,7 @@ TEST(LinkRate, AFullQueueOfPacketsDropsTheTail) {
 }
 
 TEST(LinkRate, AFullQueueOfBytesDropsWhatDoesNotFit) {
-  LinkConfig config = rate(8e3);
-  config.rate.queue_bytes = 25;
-  Link link = make_link(config);
+  Link link = link_with({kByteAMillisecond, "rate.queue_bytes=25"});
   std::vector<double> leaves;
   for (const std::size_t bytes : {10U, 10U, 10U, 5U, 1U}) {
     leaves.push_back(ms(link.push(kStart, packet(bytes))));
@@ -212,9 +183,7 @@ TEST(LinkRate, AFullQueueOfBytesDropsWhatDoesNotFit) {
 }
 
 TEST(LinkRate, CopiesPassTheBottleneckToo) {
-  LinkConfig config = rate(8e3);
-  config.duplicate_probability = 1.0;
-  Link link = make_link(config);
+  Link link = link_with({kByteAMillisecond, "duplicate.probability=1"});
   EXPECT_EQ(ms(link.push(kStart, packet(10))), 10.0);
   EXPECT_EQ(ms(link.copy_departure()), 20.0);
   EXPECT_EQ(ms(link.push(kStart, packet(10))), 30.0);
@@ -223,10 +192,8 @@ TEST(LinkRate, CopiesPassTheBottleneckToo) {
 // -------------------------------------------------------------------- delay and order
 
 TEST(LinkJitter, AddsToTheStatesDelayAndTheSumIsNeverNegative) {
-  LinkConfig config;
-  config.jitter.law = JitterConfig::Law::normal;
-  config.jitter.sd_ms = 10.0;
-  Link link = make_link(config, {1.0, std::chrono::milliseconds{10}});
+  Link link =
+      link_with({"jitter.law=normal", "jitter.sd_ms=10"}, {1.0, std::chrono::milliseconds{10}});
   constexpr int kPackets = 100'000;
   int at_once = 0, above_mean = 0;
   for (int i = 0; i < kPackets; ++i) {
@@ -240,32 +207,25 @@ TEST(LinkJitter, AddsToTheStatesDelayAndTheSumIsNeverNegative) {
   expect_share(above_mean, kPackets, 0.5);
 }
 
-std::vector<int> order_of_departure(const LinkConfig& config) {
-  Link link = make_link(config, {1.0, std::chrono::milliseconds{50}});
+std::vector<int> order_of_departure(const Settings& settings) {
+  Link link = link_with(settings, {1.0, std::chrono::milliseconds{50}});
   for (int i = 0; i < 200; ++i) link.push(at_ms(i), packet(1, static_cast<std::uint8_t>(i)));
   return pop(link, at_s(10));
 }
 
 TEST(LinkOrder, JitterReordersUnlessTheLinkKeepsTheOrder) {
-  LinkConfig config;
-  config.jitter.law = JitterConfig::Law::uniform;
-  config.jitter.sd_ms = 10.0;
-  const auto any = order_of_departure(config);
+  const auto any = order_of_departure({"jitter.law=uniform", "jitter.sd_ms=10"});
   EXPECT_FALSE(std::is_sorted(any.begin(), any.end()));
-  config.in_order = true;
-  const auto kept = order_of_departure(config);
+  const auto kept = order_of_departure({"jitter.law=uniform", "jitter.sd_ms=10", "in_order=true"});
   EXPECT_EQ(kept.size(), 200U);
   EXPECT_TRUE(std::is_sorted(kept.begin(), kept.end()));
 }
 
 TEST(LinkOrder, InOrderAPacketWaitsOnlyForThoseBeforeIt) {
-  LinkConfig config;
-  config.jitter.law = JitterConfig::Law::uniform;
-  config.jitter.mean_ms = 20.0;
-  config.jitter.sd_ms = 10.0;
-  Link free = make_link(config);
-  config.in_order = true;
-  Link ordered = make_link(config);
+  Settings settings{"jitter.law=uniform", "jitter.mean_ms=20", "jitter.sd_ms=10"};
+  Link free = link_with(settings);
+  settings.emplace_back("in_order=true");
+  Link ordered = link_with(settings);
   Instant latest = Instant::min();
   for (int i = 0; i < 1000; ++i) {
     latest = std::max(latest, free.push(at_ms(i), packet(1)));
@@ -274,9 +234,7 @@ TEST(LinkOrder, InOrderAPacketWaitsOnlyForThoseBeforeIt) {
 }
 
 TEST(LinkReordering, LetsTheShareSkipTheirDelay) {
-  LinkConfig config;
-  config.reorder.probability = 0.1;
-  Link link = make_link(config, {1.0, std::chrono::milliseconds{500}});
+  Link link = link_with({"reorder.probability=0.1"}, {1.0, std::chrono::milliseconds{500}});
   constexpr int kPackets = 50'000;
   int at_once = 0;
   for (int i = 0; i < kPackets; ++i) at_once += link.push(at_ms(i), packet(1)) == at_ms(i) ? 1 : 0;
@@ -285,9 +243,8 @@ TEST(LinkReordering, LetsTheShareSkipTheirDelay) {
 }
 
 TEST(LinkReordering, KeepsTheGapBetweenThoseThatSkip) {
-  LinkConfig config;
-  config.reorder = {.probability = 0.5, .gap = 5};
-  Link link = make_link(config, {1.0, std::chrono::milliseconds{500}});
+  Link link = link_with({"reorder.probability=0.5", "reorder.gap=5"},
+                        {1.0, std::chrono::milliseconds{500}});
   int last = -1, skipped = 0, nearest = 1000;
   for (int i = 0; i < 60'000; ++i) {
     if (link.push(at_ms(i), packet(1)) != at_ms(i)) continue;
@@ -304,25 +261,24 @@ TEST(LinkReordering, KeepsTheGapBetweenThoseThatSkip) {
 
 // -------------------------------------------------------------------- all together
 
-LinkConfig everything() {
-  LinkConfig config;
-  config.queue_limit = 60;
-  config.outages = {{1.0, 1.5}, {3.0, 3.2}};
-  config.loss = 0.05;
-  config.corrupt = {.probability = 0.1, .bits = 2};
-  config.duplicate_probability = 0.2;
-  config.rate.bits_per_s = 5e5;
-  config.rate.queue_packets = 20;
-  config.jitter.law = JitterConfig::Law::gamma;
-  config.jitter.mean_ms = config.jitter.sd_ms = 20.0;
-  config.jitter.correlation = 0.5;
-  config.reorder = {.probability = 0.1, .gap = 3};
-  config.slot.period_ms = 5.0;
-  return config;
-}
+const Settings kEverything{"queue_limit=60",
+                           "outages=[[1, 1.5], [3, 3.2]]",
+                           "loss=0.05",
+                           "corrupt.probability=0.1",
+                           "corrupt.bits=2",
+                           "duplicate.probability=0.2",
+                           "rate.bits_per_s=5e5",
+                           "rate.queue_packets=20",
+                           "jitter.law=gamma",
+                           "jitter.mean_ms=20",
+                           "jitter.sd_ms=20",
+                           "jitter.correlation=0.5",
+                           "reorder.probability=0.1",
+                           "reorder.gap=3",
+                           "slot.period_ms=5"};
 
 TEST(Link, AccountsForEveryPacketWithAllStagesOn) {
-  Link link = make_link(everything(), {0.9, std::chrono::milliseconds{10}});
+  Link link = link_with(kEverything, {0.9, std::chrono::milliseconds{10}});
   for (int i = 0; i < 5000; ++i) {
     link.push(at_ms(i), packet(80));
     if (i % 7 == 0) pop(link, at_ms(i));
@@ -339,11 +295,7 @@ TEST(Link, AccountsForEveryPacketWithAllStagesOn) {
 }
 
 TEST(Link, HoldsAHundredThousandPacketsAndRefusesTheNextWithoutForgettingAny) {
-  LinkConfig config;
-  config.jitter.law = JitterConfig::Law::uniform;
-  config.jitter.mean_ms = 5e4;
-  config.jitter.sd_ms = 1e4;
-  Link link = make_link(config);
+  Link link = link_with({"jitter.law=uniform", "jitter.mean_ms=5e4", "jitter.sd_ms=1e4"});
   for (int i = 0; i < 100'000; ++i)
     ASSERT_NE(link.push(at_ms(0.1 * i), packet(64)), Instant::max());
   for (int i = 0; i < 1000; ++i) EXPECT_EQ(link.push(at_s(10), packet(64)), Instant::max());

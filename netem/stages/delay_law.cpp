@@ -1,4 +1,4 @@
-#include "netem/link/delay_law.hpp"
+#include "netem/stages/delay_law.hpp"
 
 #include <fmt/format.h>
 
@@ -11,12 +11,11 @@
 #include <string>
 
 #include "common/base/errors.hpp"
-#include "netem/link/jitter_laws.hpp"
 
 namespace tether {
 namespace {
 
-using Law = JitterConfig::Law;
+using Form = JitterLaw::Form;
 
 // long double inside Boost.Math would cost five times as much for digits that nobody sees.
 using Fast = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
@@ -71,14 +70,16 @@ double normal_score(double u) {
 
 }  // namespace
 
-DelayLaw::DelayLaw(const JitterConfig& config, const std::vector<double>& table_ms)
-    : law_(config.law), mean_s_(config.mean_ms * 1e-3), sd_s_(config.sd_ms * 1e-3) {
-  if (law_ == Law::table) {
+DelayLaw::DelayLaw(const JitterSettings& settings, const std::vector<double>& table_ms)
+    : form_(jitter_law(settings).form),
+      mean_s_(settings.mean_ms * 1e-3),
+      sd_s_(settings.sd_ms * 1e-3) {
+  if (form_ == Form::quantiles) {
     for (const double ms : table_ms) table_.push_back(ms * 1e-3);
-  } else if (law_ == Law::constant || sd_s_ <= 0.0) {
-    law_ = Law::constant;
-  } else if (const auto tabulate = jitter_law(law_).tabulate; tabulate != nullptr) {
-    table_ = tabulate(config, mean_s_, sd_s_);
+  } else if (sd_s_ <= 0.0) {
+    form_ = Form::constant;
+  } else if (form_ == Form::scores) {
+    table_ = jitter_law(settings).tabulate(settings, mean_s_, sd_s_);
   }
 }
 
@@ -90,17 +91,24 @@ double DelayLaw::between(double position) const {
 }
 
 double DelayLaw::at_score(double z) const {
-  if (law_ == Law::constant) return mean_s_;
-  if (law_ == Law::normal) return mean_s_ + sd_s_ * z;
-  if (law_ == Law::table) return between(upper_tail(-z));
+  switch (form_) {
+    case Form::constant:
+      return mean_s_;
+    case Form::normal:
+      return mean_s_ + sd_s_ * z;
+    case Form::quantiles:
+      return between(upper_tail(-z));
+    case Form::scores:
+      break;
+  }
   return between(0.5 * (z / kMaxScore + 1.0));
 }
 
-std::vector<double> load_delay_table(const JitterConfig& config) {
-  if (config.law != Law::table) return {};
-  if (config.file.empty()) return config.table_ms;
-  std::ifstream in(config.file);
-  if (!in) throw UsageError(fmt::format("cannot read the delay table \"{}\"", config.file));
+std::vector<double> load_delay_table(const JitterSettings& settings) {
+  if (jitter_law(settings).form != Form::quantiles) return {};
+  if (settings.file.empty()) return settings.table_ms;
+  std::ifstream in(settings.file);
+  if (!in) throw UsageError(fmt::format("cannot read the delay table \"{}\"", settings.file));
   std::vector<double> table_ms;
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
@@ -113,15 +121,15 @@ std::vector<double> load_delay_table(const JitterConfig& config) {
       throw UsageError(
           fmt::format("{}:{}: \"{}\" is not a delay: must be a number in [-1e6, 1e6] "
                       "(milliseconds)",
-                      config.file, number, line.substr(first, last - first)));
+                      settings.file, number, line.substr(first, last - first)));
     }
     if (table_ms.size() == kMaxTable) {
-      throw UsageError(fmt::format("{}:{}: more than {} delays", config.file, number, kMaxTable));
+      throw UsageError(fmt::format("{}:{}: more than {} delays", settings.file, number, kMaxTable));
     }
     table_ms.push_back(value);
   }
   if (table_ms.size() < 2) {
-    throw UsageError(fmt::format("{}: a delay table needs two or more delays", config.file));
+    throw UsageError(fmt::format("{}: a delay table needs two or more delays", settings.file));
   }
   std::sort(table_ms.begin(), table_ms.end());
   return table_ms;

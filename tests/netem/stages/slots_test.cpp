@@ -5,8 +5,7 @@
 #include <set>
 #include <vector>
 
-#include "netem/link/link.hpp"
-#include "netem/models/state_process.hpp"
+#include "tests/netem/stages/stage_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 // Slotted release. Tolerances of samples: 5 standard deviations.
@@ -16,13 +15,9 @@ namespace {
 
 using testing::at_ms;
 using ::testing::ElementsAre;
+using testing::link_with;
 
 constexpr double kSigmas = 5.0;
-
-Link make_link(const LinkConfig& config) {
-  return {config, std::make_shared<FixedProcess>(LinkCondition{}),
-          [](std::string_view purpose) { return random_stream(1, purpose); }};
-}
 
 Packet packet() { return {"X", {1}}; }
 
@@ -32,14 +27,8 @@ void drop_ready(Link& link, Instant now) {
   link.pop_ready(now, [](const Packet&) {});
 }
 
-LinkConfig slots(double period_ms, std::int64_t packets = 0, double jitter_ms = 0.0) {
-  LinkConfig config;
-  config.slot = {period_ms, jitter_ms, packets};
-  return config;
-}
-
 TEST(LinkSlots, ReleaseAtMultiplesOfThePeriod) {
-  Link link = make_link(slots(100.0));
+  Link link = link_with({"slot.period_ms=100"});
   std::vector<double> leaves;
   for (const double t : {-150.0, -100.0, 0.0, 0.000001, 99.0, 100.0, 250.0}) {
     leaves.push_back(ms(link.push(at_ms(t), packet())));
@@ -48,7 +37,7 @@ TEST(LinkSlots, ReleaseAtMultiplesOfThePeriod) {
 }
 
 TEST(LinkSlots, WithALimitLeaveTheRestForLater) {
-  Link link = make_link(slots(100.0, 2));
+  Link link = link_with({"slot.period_ms=100", "slot.packets=2"});
   std::vector<double> leaves;
   for (const double t : {10.0, 10.0, 10.0, 10.0, 10.0, 110.0, 110.0, 510.0}) {
     leaves.push_back(ms(link.push(at_ms(t), packet())));
@@ -57,10 +46,8 @@ TEST(LinkSlots, WithALimitLeaveTheRestForLater) {
 }
 
 TEST(LinkSlots, WithALimitAndJitterNeverHoldMoreThanTheirPackets) {
-  LinkConfig config = slots(10.0, 3);
-  config.jitter.law = JitterConfig::Law::gamma;
-  config.jitter.mean_ms = config.jitter.sd_ms = 50.0;
-  Link link = make_link(config);
+  Link link = link_with({"slot.period_ms=10", "slot.packets=3", "jitter.law=gamma",
+                         "jitter.mean_ms=50", "jitter.sd_ms=50"});
   std::map<Instant, int> released;
   for (int i = 0; i < 20'000; ++i) {
     const Instant now = at_ms(3.4 * i);  // 2.94 packets a slot
@@ -76,7 +63,8 @@ TEST(LinkSlots, WithALimitAndJitterNeverHoldMoreThanTheirPackets) {
 }
 
 TEST(LinkSlots, ThatBeginLateAreTheSameForAllTraffic) {
-  Link dense = make_link(slots(100.0, 0, 80.0)), sparse = make_link(slots(100.0, 0, 80.0));
+  const std::vector<std::string> late{"slot.period_ms=100", "slot.jitter_ms=80"};
+  Link dense = link_with(late), sparse = link_with(late);
   std::set<Instant> slots_of_dense;
   double sum_ms = 0.0;
   for (int i = 0; i < 100'000; ++i) slots_of_dense.insert(dense.push(at_ms(i), packet()));

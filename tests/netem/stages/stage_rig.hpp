@@ -1,0 +1,24 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "netem/channel/settings.hpp"
+#include "netem/models/state_process.hpp"
+#include "netem/stages/kinds.hpp"
+
+namespace tether::testing {
+
+/// A link with these stages ("jitter.law=normal"), whose channel is always in one condition.
+inline Link link_with(const std::vector<std::string>& settings, LinkCondition condition = {}) {
+  std::vector<std::string> keys;
+  for (const std::string& setting : settings) keys.push_back("channel.uplink." + setting);
+  const Scenario scenario = parse_scenario("", "test.toml", keys);
+  const LinkConfig& link = scenario.get<ChannelSettings>().uplink;
+  const auto streams = [](std::string_view purpose) { return random_stream(1, purpose); };
+  return {make_stages(link, "", streams), std::make_shared<FixedProcess>(condition)};
+}
+
+}  // namespace tether::testing
