@@ -10,6 +10,7 @@ or lives is always one.
   mutate.py --build build/release                what ctest runs: all rules, and STRICT
   mutate.py --build build/release --all          every mutant of every source (sources.py)
   mutate.py --build build/release --only REGEX   those whose line of the list matches
+  mutate.py --build build/release --can          the rules of what needs a kernel with CAN, there
   mutate.py --list                               only lists them
 
 What kills which mutant is remembered in the build folder and asked first the next time.
@@ -31,8 +32,8 @@ import tomllib
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 sys.path.insert(0, str(HERE))
-from rules import RULES, SPECIAL  # noqa: E402
-from sources import SOURCES, STRICT  # noqa: E402
+from rules import CAN_RULES, RULES, SPECIAL  # noqa: E402
+from sources import CAN_SOURCES, SOURCES, STRICT  # noqa: E402
 from syntax import Mutated  # noqa: E402
 
 FIRST_LIMIT_S = 20  # for what took milliseconds
@@ -42,22 +43,26 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, help="build folder, with the test programs built")
     parser.add_argument("--all", action="store_true", help="every mutant, not only rules and STRICT")
+    parser.add_argument("--can", action="store_true", help="rules of sources that need a kernel with CAN")
     parser.add_argument("--only", metavar="REGEX", help="only mutants whose line matches")
     parser.add_argument("--list", action="store_true", help="list the mutants; with --build, after their fate")
     options = parser.parse_args()
-    sources = [Source(path, programs) for path, programs in sources_and_programs()]
+    sources = [Source(path, programs) for path, programs in
+               sources_and_programs(CAN_SOURCES if options.can else SOURCES)]
     number_all(sources)
     if not options.build:
         for source in sources:
             print("\n".join(map(str, source.mutants)))
         return 0
-    with tempfile.TemporaryDirectory(prefix="tether-mutation-") as folder:
+    # A guest kernel has a temporary folder of its own.
+    place = options.build.resolve() if options.can else None
+    with tempfile.TemporaryDirectory(prefix="tether-mutation-", dir=place) as folder:
         return Mutation(options, sources, pathlib.Path(folder)).run()
 
 
-def sources_and_programs():
+def sources_and_programs(listed):
     seen = set()
-    for pattern, programs in SOURCES:
+    for pattern, programs in listed:
         for path in sorted(ROOT.glob(pattern)):
             name = str(path.relative_to(ROOT))
             if name not in seen and not name.endswith("main.cpp"):
@@ -127,14 +132,18 @@ class Mutation:
                 programs)))
             print(f"{len(self.sources)} sources compiled, {len(programs)} programs linked: "
                   f"{time.monotonic() - started:.0f} s", flush=True)
-            self.reach = dict(zip(programs, pool.map(self.trace, programs)))
+            if not self.options.can:
+                self.reach = dict(zip(programs, pool.map(self.trace, programs)))
             left_out = {n for s in self.sources for n in s.without}
             chosen = [m for m in chosen if m.number not in left_out]
             lost = set(self.rules.values()) - {self.rules.get(m.number) for m in chosen}
             if self.rules and not self.options.only:
                 problems += [f"rule '{name}': its mutant does not compile" for name in sorted(lost)]
             programs_of = {s.name: s.programs for s in self.sources}
-            killers = list(pool.map(lambda m: self.kill(m, programs_of[m.file]), chosen))
+            if self.options.can:
+                killers = self.kill_where_can_is(chosen, programs[0])
+            else:
+                killers = list(pool.map(lambda m: self.kill(m, programs_of[m.file]), chosen))
         self.cache.write_text(json.dumps(self.killers, indent=0, sort_keys=True))
         problems += self.judge(chosen, killers)
         print(f"{len(chosen)} mutants, {sum(k is None for k in killers)} survived, {len(left_out)} do not "
@@ -148,7 +157,7 @@ class Mutation:
         """Those to run, and what is wrong with the rules."""
         everything = [m for s in self.sources for m in s.mutants]
         self.rules, problems = {}, []
-        for name, function, operator, text in RULES:
+        for name, function, operator, text in CAN_RULES if self.options.can else RULES:
             found = [m for m in everything if m.operator == operator
                      and re.search(function, m.function) and re.search(text, m.text)]
             if not found:
@@ -237,6 +246,20 @@ class Mutation:
                     return killer
         return None
 
+    def kill_where_can_is(self, chosen, program):
+        """As kill(), all in one boot of a kernel with CAN, and without any mutant first."""
+        numbers = ["", *(str(m.number) for m in chosen)]
+        results = self.folder / "results"
+        results.mkdir()
+        limit_s = 30 * len(numbers)
+        subprocess.run([ROOT / "tests/uml/with_can.sh", HERE / "where_can_is.sh", self.binaries[program], *numbers],
+                       env=os.environ | {"TETHER_CAN_RESULTS": str(results), "TETHER_CAN_TIMEOUT": str(limit_s)},
+                       check=True)
+        killers = [self.killer(program, *(results / f"mutant_{n}").read_text().split("exit code: ")) for n in numbers]
+        if killers[0]:
+            sys.exit(f"{program} fails without any mutant: {killers[0]}")
+        return killers[1:]
+
     def failure(self, program, tests, limit_s, environment):
         environment = os.environ | environment | {"TMPDIR": str(self.folder)}
         if tests:
@@ -247,9 +270,12 @@ class Mutation:
         except subprocess.TimeoutExpired as late:
             started = re.findall(rb"\[ RUN      \] (\S+)", late.stdout or b"")
             return (started[-1].decode() if started else program) + " (hung)"
-        if done.returncode == 0:
+        return self.killer(program, done.stdout.decode(errors="replace"), done.returncode)
+
+    @staticmethod
+    def killer(program, output, code):
+        if int(code) == 0:
             return None
-        output = done.stdout.decode(errors="replace")
         failed = re.findall(r"\[  FAILED  \] ([\w./]+)", output)
         started = re.findall(r"\[ RUN      \] ([\w./]+)", output)
         return failed[0] if failed else (started or [program])[-1] + " (crashed)"

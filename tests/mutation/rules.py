@@ -136,3 +136,18 @@ RULES = [
     ("node: bus events are lost", "CanBridgeNode", "drop", r"^safety_\.on_bus_state"),
     ("node: ends as if all were well", "CanBridgeNode::finish", "false", "left"),
 ]
+
+# Of sources that need a kernel with CAN. Each takes some seconds there.
+CAN_RULES = [
+    ("socket: sends at bus-off", "SocketCanPort::send", "operand", "^state_ != CanState::bus_off$"),
+    ("socket: sends into a stall", "SocketCanPort::send", "operand", "^writable"),
+    ("socket: a stall goes unnoticed", "on_failed_send", "true", "kStallTime"),
+    ("socket: one frame too many is a stall", "on_failed_send", "operand", "kStallTime$"),
+    ("socket: an adapter that went goes unnoticed", "on_failed_send", "false", "ENETDOWN"),
+    ("socket: keeps the socket of an interface that is gone", "follow_link", "false", r"deleted \|\|"),
+    ("socket: forged error frames are believed", "on_error_frame", "false", "Controller::none"),
+    ("socket: lost frames go uncounted", "set_options", "drop", "SO_RXQ_OVFL"),
+    ("socket: bus-off is not a state", "set_state", "false", "Controller::bus_off"),
+    ("socket: down is not a state", "set_state", "false", "^!link_.up"),
+    ("socket: nobody learns why a restart failed", "restart", "drop", "restarting"),
+]

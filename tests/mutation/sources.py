@@ -12,6 +12,11 @@ SOURCES = [
     ("common/bus/stream_guard.cpp", ["common_test"]),
 ]
 
+# The same of sources that need a kernel with CAN.
+CAN_SOURCES = [
+    ("can_bridge/bus/socket_can_port.cpp", ["socket_can_test"]),
+]
+
 # Of these files, with these operators, no mutant may live that survivors.toml does not name.
 STRICT = [
     ("can_bridge/agilex/v2_profile", ["true", "false", "drop", "operand"]),
