@@ -20,7 +20,17 @@ bool CommandWatch::offer(Instant now, Instant stamp, std::int64_t seq, const Twi
 }
 
 bool CommandWatch::offer(Instant now, PlanSource source, Plan plan) {
-  return actuator_.on_plan(now, source, std::move(plan));
+  const Instant stamp = plan.stamp;
+  if (!actuator_.on_plan(now, source, std::move(plan))) return false;
+  plan_as_of_ = std::min(stamp, now);
+  return true;
+}
+
+void CommandWatch::end_plans(Instant now) { actuator_.end_plans(now); }
+
+std::optional<Duration> CommandWatch::plan_silence(Instant now) const {
+  if (!actuator_.plan_age(now)) return std::nullopt;
+  return now - plan_as_of_;
 }
 
 std::optional<Duration> CommandWatch::age(Instant now) const {

@@ -42,8 +42,15 @@ class CommandWatch {
   /// Whether the plan arriving at `now` is accepted.
   bool offer(Instant now, PlanSource source, Plan plan);
 
+  /// The vehicle stops, for a reason that plans do not know: those that were decided before are
+  /// over for good. Twists need nothing of the kind; they are old soon enough.
+  void end_plans(Instant now);
+
   /// The age of the newest accepted command, or of the plan in force; none before the first.
   std::optional<Duration> age(Instant now) const;
+  /// Where a plan counts: now − min(stamp, arrival) of the newest accepted one, which tells whether
+  /// somebody still plans.
+  std::optional<Duration> plan_silence(Instant now) const;
   /// The twist in force; zero before the first.
   Twist twist(Instant now) const { return actuator_.in_force(now); }
   /// Whether there is a command, and it says to stand still: below 1 mm/s and 1 mrad/s.
@@ -61,6 +68,7 @@ class CommandWatch {
  private:
   StreamGuard guard_;
   std::optional<Instant> as_of_;
+  Instant plan_as_of_ = Instant::min();
   Actuator actuator_;
   std::int64_t non_finite_ = 0;
 };

@@ -30,6 +30,10 @@ void SafetyCore::on_command(Instant now, Instant stamp, std::int64_t seq, const 
 }
 
 void SafetyCore::on_plan(Instant now, PlanSource source, Plan plan) {
+  if (source == PlanSource::preload && motion_ != Motion::idle) {
+    ++late_preloads_;
+    return;
+  }
   commands_.offer(now, source, std::move(plan));
 }
 
@@ -44,6 +48,7 @@ void SafetyCore::list(CounterList& out) const {
   commands_.list(out);
   request_guard_.list(out);
   out.emplace_back("disarms", disarms_);
+  if (late_preloads_ > 0) out.emplace_back("plan.preload_while_armed", late_preloads_);
 }
 
 Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
@@ -165,6 +170,7 @@ void SafetyCore::count_disarm() {
 
 void SafetyCore::begin_quick_stop(Instant now, const std::string& why) {
   count_disarm();
+  commands_.end_plans(now);
   motion_ = Motion::stopping;
   motion_since_ = now;
   disable_sent_ = false;
@@ -208,6 +214,10 @@ void SafetyCore::begin_following(Instant now) {
   // switched on. The vehicle must not start to move just because they are on now.
   if (commands_.age(now).value_or(Duration::max()) >= config_.stale) {
     begin_quick_stop(now, "the command was not fresh when the drives were on: arm again");
+    return;
+  }
+  if (!why_no_plan_arms(now).empty()) {
+    begin_quick_stop(now, why_no_plan_arms(now) + ": arm again");
     return;
   }
   if (!commands_.is_zero(now)) {

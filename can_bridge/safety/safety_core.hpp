@@ -57,6 +57,10 @@ struct Decision {
 ///   Plans are of age 0 while they last; from the end of the horizon on they age like commands.
 ///   Of age `disarm` or older → quick stop and disarm: only ARM with a zero command goes on from
 ///   there.
+/// - Whatever ends an armed state, and RESET, ends all plans for good: those stamped before are
+///   refused ("plan.before_stop"). Arming by a plan needs one that is younger than kPlanSilence,
+///   now and when the drives are on. Preloads are for departures: refused unless the vehicle is
+///   disarmed and stands ("plan.preload_while_armed").
 /// - DISARM: ramp to zero, wait for standstill (at most kStandstillWait, then quick stop), power
 ///   off.
 /// - ESTOP: quick stop in the same cycle, latched until ESTOP_RELEASE and RESET; the release alone
@@ -99,6 +103,7 @@ class SafetyCore {
   static constexpr Duration kEnableTimeout = std::chrono::seconds{5};
   /// How long a RESET waits for a restarted bus to come up.
   static constexpr Duration kBusRestartWait = std::chrono::seconds{1};
+  static constexpr Duration kPlanSilence = std::chrono::seconds{1};
   static constexpr Duration kMaxAhead = std::chrono::milliseconds{50};
   static constexpr Duration kDistrustMargin = std::chrono::milliseconds{500};
   /// See leave_wait().
@@ -150,7 +155,8 @@ class SafetyCore {
   void arm(Instant now, const DrivetrainSnapshot& drives, CanState bus);
   std::string obstacle_to_arming(Instant now, const DrivetrainSnapshot& drives, CanState bus) const;
   void reset(Instant now, const DrivetrainSnapshot& drives, CanState bus);
-  void finish_reset();
+  void finish_reset(Instant now);
+  std::string why_no_plan_arms(Instant now) const;
   void wait_for_restarted_bus(Instant now, CanState bus);
 
   void advance(Instant now, const DrivetrainSnapshot& drives);
@@ -208,6 +214,7 @@ class SafetyCore {
   bool turning_ = false;  ///< by fresh feedback of the last cycle
   double fastest_rim_mps_ = 0.0;
   std::int64_t disarms_ = 0;
+  std::int64_t late_preloads_ = 0;
 };
 
 }  // namespace tether

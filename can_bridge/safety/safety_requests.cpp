@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "can_bridge/safety/safety_core.hpp"
 
 // What operators may ask of the safety core: arming, stopping, resetting.
@@ -15,6 +17,7 @@ void SafetyCore::handle(DriveRequest request, Instant now, const DrivetrainSnaps
       if (motion_ == Motion::enabling) begin_quick_stop(now, "disarmed by request");
       if (motion_ != Motion::following) return;
       count_disarm();
+      commands_.end_plans(now);
       motion_ = Motion::ramping;
       setpoint_zero_since_.reset();
       stop_reason_ = "disarmed by request";
@@ -70,12 +73,20 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
         "{} (limit {:.0f} ms): check the controller, the network and both hosts' clocks",
         commands_.age_text(now, "is"), to_milliseconds(config_.stale));
   }
+  if (const std::string why = why_no_plan_arms(now); !why.empty()) return why;
   if (!commands_.is_zero(now)) {
     const Twist twist = commands_.twist(now);
     return fmt::format("the newest command is not zero ({:.3f} m/s, {:.3f} rad/s)", twist.v_mps,
                        twist.omega_radps);
   }
   return "";
+}
+
+std::string SafetyCore::why_no_plan_arms(Instant now) const {
+  const Duration silence = commands_.plan_silence(now).value_or(Duration{0});
+  if (silence < kPlanSilence) return "";
+  return fmt::format("the newest plan is {:.0f} ms old (limit {:.0f} ms): is the controller alive?",
+                     std::floor(to_milliseconds(silence)), to_milliseconds(kPlanSilence));
 }
 
 void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
@@ -93,7 +104,7 @@ void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState b
     action_ = Decision::Action::restart_bus;
     reset_since_ = now;
   } else {
-    finish_reset();
+    finish_reset(now);
   }
 }
 
@@ -116,14 +127,15 @@ void SafetyCore::on_bus_restarted(bool done, const std::string& why) {
 void SafetyCore::wait_for_restarted_bus(Instant now, CanState bus) {
   if (!reset_since_) return;
   if (bus == CanState::up || bus == CanState::error_passive) {
-    finish_reset();
+    finish_reset(now);
   } else if (now - *reset_since_ >= kBusRestartWait) {
     notice_ = fmt::format("reset refused: the CAN bus is still {} after a restart", to_string(bus));
     reset_since_.reset();
   }
 }
 
-void SafetyCore::finish_reset() {
+void SafetyCore::finish_reset(Instant now) {
+  commands_.end_plans(now);
   // Harmless where the drives have no fault: the profile ignores it then.
   action_ = Decision::Action::reset_fault;
   estop_latched_ = false;

@@ -38,6 +38,9 @@ class Actuator {
   /// Whether it was accepted.
   bool on_plan(Instant now, PlanSource source, Plan plan);
 
+  /// The vehicle stops at `now`, whatever it was told: PlanBuffer::stop().
+  void end_plans(Instant now) { plans_.stop(now); }
+
   /// The twist to realise at `now`.
   Twist in_force(Instant now) const;
 

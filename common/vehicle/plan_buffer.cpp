@@ -54,6 +54,7 @@ PlanFate PlanBuffer::judge(Instant now, PlanSource source, const Plan& plan) {
     return entry.plan.name == plan.name;
   });
   if (known) return PlanFate::repeated;
+  if (plan.stamp < stopped_) return PlanFate::before_stop;
   const Duration ahead = source == PlanSource::preload ? kMaxPreload : kMaxAhead;
   if (plan.start > now + ahead) return PlanFate::too_early;
   if (plan.end() <= now) return PlanFate::expired;
@@ -159,6 +160,7 @@ void PlanBuffer::list(CounterList& out) const {
       {"expired", count(PlanFate::expired)},
       {"inconsistent", count(PlanFate::inconsistent)},
       {"overfull", count(PlanFate::overfull)},
+      {"before_stop", count(PlanFate::before_stop)},
       {"missed", order.missed},
       {"sessions", sessions_}};
   for (const auto& [name, value] : all) out.emplace_back(std::string("plan.") + name, value);

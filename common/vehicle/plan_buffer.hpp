@@ -27,8 +27,9 @@ enum class PlanFate {
   expired,        ///< over before it arrived
   inconsistent,   ///< based on another plan than the one that it would take over from
   overfull,       ///< kMaxWaiting wait already
+  before_stop,    ///< decided before the last stop()
 };
-inline constexpr std::size_t kPlanFates = 11;
+inline constexpr std::size_t kPlanFates = 12;
 
 /// Executes plans by time: the schedule of a vehicle. Pure; `now` must not go backwards.
 ///
@@ -73,6 +74,11 @@ class PlanBuffer {
 
   /// Forgets the schedule; sessions stay.
   void clear() { schedule_.clear(); }
+  /// The same, for good: plans that were decided (stamped) before `now` are refused from now on.
+  void stop(Instant now) {
+    clear();
+    stopped_ = now;
+  }
 
   /// The twist to realise; none before a plan takes over.
   std::optional<Twist> in_force(Instant now) const;
@@ -107,6 +113,7 @@ class PlanBuffer {
   StopLimits limits_;
   std::array<StreamGuard, 2> guards_;  // by PlanSource: each numbers its own packets
   std::deque<Entry> schedule_;         // by time of taking over
+  Instant stopped_ = Instant::min();
   std::optional<std::int64_t> session_;
   Instant session_heard_{};
   std::deque<std::int64_t> superseded_;

@@ -68,6 +68,15 @@ RULES = [
     ("arming: the command is not zero at its end", "begin_following", "false", "is_zero"),
     ("arming: the command is stale at its end", "begin_following", "false", "stale"),
 
+    # Plans
+    ("plans: survive a quick stop", "begin_quick_stop", "drop", r"commands_\.end_plans"),
+    ("plans: survive a disarm", "SafetyCore::handle", "drop", r"commands_\.end_plans"),
+    ("plans: survive a reset", "finish_reset", "drop", r"commands_\.end_plans"),
+    ("plans: come late", "PlanBuffer::judge", "false", r"plan\.stamp < stopped_"),
+    ("plans: of the dead arm", "obstacle_to_arming", "false", r"why\.empty"),
+    ("plans: of the dead arm at its end", "begin_following", "false", "why_no_plan_arms"),
+    ("plans: preloads while armed", "SafetyCore::on_plan", "false", "preload"),
+
     # Latches
     ("latch: faults do not", "latch_fault", "negate", "fault_latched_ = true"),
     ("latch: the e-stop does not", "SafetyCore::handle", "drop", "estop_latched_ = true"),

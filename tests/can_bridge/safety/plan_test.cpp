@@ -32,6 +32,10 @@ struct SafetyPlan : testing::SafetyRig {
   void offer(Twist twist, std::size_t count) {
     offer(plan(now, id++, Plan::kBasedOnAny, twist, count));
   }
+  void cycle_until(Instant end) {
+    while (now + kCycle < end) cycle_after(kCycle);
+    now = end;
+  }
   void arm_with_plan() {
     offer(Twist{}, 30);
     request(DriveRequest::arm);
@@ -135,6 +139,114 @@ TEST_F(SafetyPlan, ATwistTakesOverAndAgesAsTwistsDo) {
   EXPECT_EQ(core.command_age(now + milliseconds{30}), milliseconds{30});
   now += kDisarm;
   EXPECT_EQ(cycle().action, Action::quick_stop);
+}
+
+/// What all causes of a stop have in common: the plan from before drives no more, and does not arm.
+void expect_that_the_plan_is_over(SafetyPlan& rig) {
+  Plan old = plan(rig.now, 1000, Plan::kBasedOnAny, Twist{}, 300);
+  old.stamp = rig.now - Duration{1};
+  for (int i = 0; i < 100 && rig.last.state != BridgeState::disarmed; ++i) {
+    rig.drives.standstill = true;
+    rig.request(DriveRequest::estop_release);
+    rig.request(DriveRequest::reset);
+    rig.cycle_after(kCycle);
+    if (rig.drives.phase == DrivePhase::starting) rig.drives.phase = DrivePhase::standby;
+  }
+  ASSERT_EQ(rig.last.state, BridgeState::disarmed) << rig.last.reason;
+  EXPECT_EQ(rig.core.plan(), PlanName{});
+  rig.now += kCycle;
+  old.start = rig.now;
+  rig.core.on_plan(rig.now, PlanSource::network, old);  // was on its way
+  rig.request(DriveRequest::arm);
+  EXPECT_EQ(rig.cycle().state, BridgeState::disarmed);
+  rig.expect_reason("there is no command yet");
+  rig.arm_with_plan();
+}
+
+TEST_F(SafetyPlan, AnEStopEndsThePlanForGood) {
+  drive_plan(1.0);
+  request(DriveRequest::estop);
+  cycle();
+  expect_that_the_plan_is_over(*this);
+}
+
+TEST_F(SafetyPlan, AFaultEndsThePlanForGood) {
+  drive_plan(1.0);
+  bus = CanState::down;
+  cycle();
+  ASSERT_EQ(last.action, Action::quick_stop);
+  bus = CanState::up;
+  expect_that_the_plan_is_over(*this);
+}
+
+TEST_F(SafetyPlan, ADisarmEndsThePlanForGood) {
+  drive_plan(1.0);
+  request(DriveRequest::disarm);
+  cycle();
+  expect_that_the_plan_is_over(*this);
+}
+
+TEST_F(SafetyPlan, AQuickStopEndsThePlanForGood) {
+  const Instant end = drive_plan(1.0);
+  offer(plan(end + seconds{20}, id++, Plan::kBasedOnAny, {1.0, 0.0}, 30));  // waits
+  cycle_until(end + kDisarm);
+  ASSERT_EQ(cycle().action, Action::quick_stop);
+  expect_that_the_plan_is_over(*this);
+}
+
+TEST_F(SafetyPlan, APlanOfBeforeTheResetDoesNotArm) {
+  drive_plan(1.0);
+  request(DriveRequest::estop);
+  for (int i = 0; i < 10; ++i) cycle_after(kCycle), drives.standstill = true;
+  ASSERT_EQ(last.state, BridgeState::estop);
+  offer(Twist{}, 300);
+  expect_that_the_plan_is_over(*this);
+}
+
+TEST_F(SafetyPlan, ThePlanOfASilentControllerDoesNotArm) {
+  offer(Twist{}, 300);
+  cycle_until(now + SafetyCore::kPlanSilence);
+  request(DriveRequest::arm);
+  EXPECT_EQ(cycle().state, BridgeState::disarmed);
+  expect_reason("the newest plan is 1000 ms old (limit 1000 ms): is the controller alive?");
+  offer(Twist{}, 300);
+  cycle_until(now + SafetyCore::kPlanSilence - Duration{1});
+  request(DriveRequest::arm);
+  EXPECT_EQ(cycle().state, BridgeState::arming);
+}
+
+TEST_F(SafetyPlan, AControllerThatFallsSilentWhileTheDrivesSwitchOnDoesNotArm) {
+  offer(Twist{}, 300);
+  cycle_until(now + SafetyCore::kPlanSilence - Duration{1});
+  request(DriveRequest::arm);
+  cycle();
+  for (int i = 0; i < 4; ++i) cycle_after(kCycle), expect_no_motion();
+  EXPECT_EQ(last.state, BridgeState::disarmed);
+  expect_reason("is the controller alive?: arm again");
+}
+
+TEST_F(SafetyPlan, AnOldPreloadDoesNotArm) {
+  Plan preload = plan(now + seconds{60}, id++, Plan::kBasedOnNone, {1.0, 0.0}, 30);
+  preload.stamp = now;
+  core.on_plan(now, PlanSource::preload, preload);
+  cycle_until(now + seconds{59});
+  request(DriveRequest::arm);
+  EXPECT_EQ(cycle().state, BridgeState::disarmed);
+  expect_reason("the newest plan is 59000 ms old");
+}
+
+TEST_F(SafetyPlan, PreloadsAreRefusedWhileArmed) {
+  drive_plan(1.0);
+  const PlanName before = core.plan();
+  Plan preload = plan(now, id++, Plan::kBasedOnAny, {2.0, 0.0}, 30);
+  preload.stamp = now;
+  core.on_plan(now, PlanSource::preload, preload);
+  EXPECT_EQ(core.plan(), before);
+  CounterList counters;
+  core.list(counters);
+  EXPECT_TRUE(std::any_of(counters.begin(), counters.end(), [](const auto& counter) {
+    return counter.first == "plan.preload_while_armed" && counter.second == 1;
+  }));
 }
 
 TEST_F(SafetyPlan, ADisarmedVehicleDoesNotFollowPlans) {

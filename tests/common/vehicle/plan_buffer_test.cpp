@@ -142,6 +142,21 @@ TEST_F(PlanBufferTest, PlansThatStartLaterWaitWhileTheOldOneGoesOn) {
   EXPECT_EQ(v_mps(at_s(1.6)), 3.1);
 }
 
+TEST_F(PlanBufferTest, AStopEndsAllPlansAndThoseDecidedBeforeIt) {
+  ASSERT_EQ(offer(at_s(1), plan(at_s(1), 0)), PlanFate::accepted);
+  ASSERT_EQ(offer(at_s(1), plan(at_s(1.5), 1, kAny)), PlanFate::accepted);
+  buffer.stop(at_s(2));
+  EXPECT_EQ(buffer.in_force(at_s(2)), std::nullopt);
+  EXPECT_EQ(buffer.newest(), PlanName{});
+  Plan late = plan(at_s(2), 2, kAny);
+  late.stamp = at_s(2) - kTick;
+  EXPECT_EQ(offer(at_s(2), late), PlanFate::before_stop);
+  EXPECT_EQ(counters().at("plan.before_stop"), 1);
+  Plan next = plan(at_s(2), 3, kAny);
+  next.stamp = at_s(2);
+  EXPECT_EQ(offer(at_s(2), next), PlanFate::accepted);
+}
+
 TEST_F(PlanBufferTest, APlanThrowsAwayWhatWouldTakeOverLaterAndLeavesTheRest) {
   ASSERT_EQ(offer(at_s(1), plan(at_s(1), 0, kAny, {0.1, 0.0})), PlanFate::accepted);
   ASSERT_EQ(offer(at_s(1), plan(at_s(1.2), 1, kAny, {0.2, 0.0})), PlanFate::accepted);
