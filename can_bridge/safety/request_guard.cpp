@@ -13,7 +13,8 @@ std::optional<DriveRequest> RequestGuard::accept(Instant now, Instant stamp, std
   const bool fresh = now - stamp <= kFresh;
   if (!fresh) ++stale_;
   const bool accepted = fresh && guard_.accept(now, stamp, seq);
-  if (accepted || wanted == DriveRequest::estop) return wanted;
+  const bool is_stop = wanted == DriveRequest::estop || wanted == DriveRequest::disarm;
+  if (accepted || is_stop) return wanted;
   return std::nullopt;
 }
 

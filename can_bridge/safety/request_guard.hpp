@@ -16,8 +16,8 @@ enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, 
 /// hosts differ), and with a new number, as StreamGuard demands. So an ARM that was recorded,
 /// delayed or repeated arms nothing.
 ///
-/// An e-stop is the exception: it acts whatever its stamp and number. A late one still means that
-/// somebody wanted the vehicle to stand.
+/// ESTOP and DISARM are exceptions: they act whatever their stamp and number. A late one still
+/// means that somebody wanted the vehicle to stand.
 class RequestGuard {
  public:
   static constexpr Duration kFresh = std::chrono::seconds{1};

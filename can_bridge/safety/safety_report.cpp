@@ -53,9 +53,13 @@ BridgeState SafetyCore::state(const DrivetrainSnapshot& drives) const {
       return BridgeState::disarmed;
     case DrivePhase::stopping:
       return BridgeState::stopping;
-    default:
-      return BridgeState::starting;
+    case DrivePhase::starting:
+    case DrivePhase::enabling:
+    case DrivePhase::enabled:
+    case DrivePhase::faulted:
+      break;
   }
+  return BridgeState::starting;
 }
 
 std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainSnapshot& drives,

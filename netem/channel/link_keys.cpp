@@ -6,6 +6,18 @@
 #include "netem/stages/kinds.hpp"
 
 namespace tether {
+namespace {
+
+/// Of the models that use one of the link's own keys.
+std::string names_of_models(bool ChannelModelKind::*uses) {
+  std::string names;
+  for (const ChannelModelKind& kind : channel_model_kinds()) {
+    if (kind.*uses) names += (names.empty() ? "" : ", ") + kind.name;
+  }
+  return "model = " + names;
+}
+
+}  // namespace
 
 std::vector<ScenarioKey> link_keys(const std::string& prefix,
                                    const ScenarioField<LinkConfig>& link) {
@@ -13,9 +25,10 @@ std::vector<ScenarioKey> link_keys(const std::string& prefix,
   std::vector<std::string> models;
   for (const ChannelModelKind& kind : channel_model_kinds()) models.push_back(kind.name);
   t.one_of("model", &LinkConfig::model, models, "what decides the conditions of the link");
-  t.number("prr", TETHER_MEMBER(fixed.prr), kRatio, "model = fixed: packet reception ratio");
+  t.number("prr", TETHER_MEMBER(fixed.prr), kRatio,
+           names_of_models(&ChannelModelKind::uses_prr) + ": packet reception ratio");
   t.number("delay_ms", TETHER_MEMBER(fixed.delay_ms), kDelayRange_ms,
-           "model = fixed, gilbert_elliott, four_state: delay");
+           names_of_models(&ChannelModelKind::uses_delay_ms) + ": delay");
   for (const ChannelModelKind& kind : channel_model_kinds()) {
     if (kind.keys != nullptr) t.append(kind.keys({prefix, link}));
   }

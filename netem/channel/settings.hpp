@@ -18,7 +18,7 @@ struct ChannelSettings {
   LinkConfig downlink;
   std::map<std::string, LinkConfig> links;  ///< [channel.links.NAME]: for rules of tether-netem
 
-  /// Other settings from some time on: channel_change.hpp.
+  /// Other settings from some time on: netem/channel/change.hpp.
   struct Change {
     double at_s = 0.0;
     std::vector<std::string> settings;  ///< "KEY=VALUE", keys without "channel."

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,7 @@ enum class TcPart { delay, rate, order, reorder, limit, loss, duplicate, corrupt
 inline constexpr TcPart kTcParts[] = {
     TcPart::delay, TcPart::rate,      TcPart::order,   TcPart::reorder, TcPart::limit,
     TcPart::loss,  TcPart::duplicate, TcPart::corrupt, TcPart::slot,    TcPart::schedule};
+static_assert(std::size(kTcParts) == static_cast<std::size_t>(TcPart::schedule) + 1);
 
 /// An export under way, to which stages and model append.
 struct TcDraft : TcExport {

@@ -84,7 +84,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 }  // namespace
 
 LinkStageKind corrupt_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "corrupt"};
   kind.make = [](const StageNeeds& needs) {
     return of(needs.link).probability > 0.0 ? needs.go_on<Corruption>() : nullptr;
   };

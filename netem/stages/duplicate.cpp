@@ -45,7 +45,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 }  // namespace
 
 LinkStageKind duplicate_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "duplicate"};
   kind.make = [](const StageNeeds& needs) {
     return probability(needs.link) > 0.0 ? needs.go_on<Duplication>() : nullptr;
   };

@@ -56,7 +56,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 }  // namespace
 
 LinkStageKind in_order_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "in_order"};
   kind.make = make;
   kind.keys = keys;
   kind.switch_key = "in_order";

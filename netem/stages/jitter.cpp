@@ -180,7 +180,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 }  // namespace
 
 LinkStageKind jitter_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "jitter"};
   kind.make = make;
   kind.keys = keys;
   kind.switch_key = "jitter.law";

@@ -84,6 +84,7 @@ struct StageEffects {
 /// and a line in kinds.cpp. Its settings are a struct with operator== in LinkConfig::own, at
 /// link.own.get<Settings>(), which nobody else needs to know.
 struct LinkStageKind {
+  std::string name = {};
   /// Null if the stage is off.
   StagePtr (*make)(const StageNeeds&) = nullptr;  ///< must be given. Throws UsageError.
 

@@ -41,7 +41,7 @@ std::vector<ScenarioKey> keys(const LinkField& field) {
 }  // namespace
 
 LinkStageKind loss_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "loss"};
   kind.make = [](const StageNeeds& needs) {
     return probability(needs.link) > 0.0 ? needs.go_on<Loss>() : nullptr;
   };

@@ -72,7 +72,7 @@ void export_tc(const LinkConfig& link, const TcSender& sender, TcDraft& out) {
 }  // namespace
 
 LinkStageKind outages_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "outages"};
   kind.make = [](const StageNeeds& needs) -> StagePtr {
     const auto& settings = needs.settings<OutageSettings>();
     return settings.times_s.empty() ? nullptr : std::make_unique<Outages>(settings);

@@ -99,7 +99,7 @@ void export_tc(const LinkConfig& link, const TcSender& sender, TcDraft& out) {
 }  // namespace
 
 LinkStageKind rate_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "rate"};
   kind.make = [](const StageNeeds& needs) {
     return of(needs.link).bits_per_s > 0.0 ? needs.go_on<RateLimit>() : nullptr;
   };

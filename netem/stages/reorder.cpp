@@ -86,7 +86,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 }  // namespace
 
 LinkStageKind reorder_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "reorder"};
   kind.make = [](const StageNeeds& needs) {
     return of(needs.link).probability > 0.0 ? needs.go_on<Reordering>() : nullptr;
   };

@@ -62,7 +62,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 }  // namespace
 
 LinkStageKind room_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "room"};
   kind.make = [](const StageNeeds& needs) -> StagePtr {
     return std::make_unique<Room>(needs.settings<RoomSettings>());
   };

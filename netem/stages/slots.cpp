@@ -133,7 +133,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 }  // namespace
 
 LinkStageKind slots_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "slots"};
   kind.make = make;
   kind.keys = keys;
   kind.switch_key = "slot.period_ms";

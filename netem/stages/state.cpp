@@ -19,7 +19,7 @@ class State final : public LinkStage {
 }  // namespace
 
 LinkStageKind state_stage() {
-  LinkStageKind kind;
+  LinkStageKind kind{.name = "state"};
   kind.make = [](const StageNeeds& needs) -> StagePtr {
     const auto* present = needs.present_as<State>();
     return present != nullptr ? std::make_unique<State>(*present)

@@ -52,6 +52,7 @@ RULES = [
     ("requests: each acts more than once", "RequestGuard::accept", "operand", "guard_"),
     ("requests: stay pending", "SafetyCore::cycle", "drop", r"requests_\.clear"),
     ("requests: a late e-stop is ignored", "RequestGuard::accept", "operand", "estop"),
+    ("requests: a late disarm is ignored", "RequestGuard::accept", "operand", "disarm"),
 
     # Arming
     _obstacle("e-stop latched", "estop_latched_"),

@@ -81,6 +81,21 @@ def requests(test):
         check(set(d.states(since)) <= {"estop", "starting", "disarmed"}, f"{d.states(since)}")
 
 
+def stop_before_a_bridge_is_heard(test):
+    """A stop is not asked whether it may: it is on its way before anything was heard."""
+    with Operator(test) as d:
+        estop = test.start("tether", "can", "estop")
+        time.sleep(0.5)
+        d.start_drives()
+        d.start_bridge()
+        code = estop.wait(15)
+        said = f"{estop.out()}{estop.err()}"
+        check(code == 0 and "estop: e-stop pressed" in estop.out(), f"{code}: {said}")
+        d.wait_state("estop", 5)
+        d.bridge.kill(signal.SIGKILL)
+        d.tether("estop", code=1, err=["no CAN/STATE yet: repeating the request", "no CAN/STATE on udpm://"])
+
+
 def status(test):
     with Operator(test) as d:
         d.bring_up(SPEED_MPS)
@@ -267,4 +282,4 @@ def probe_of_a_configured_drivetrain(test):
         check("another sender" not in d.state().reason, d.state().reason)
 
 
-main(requests, status, drive, faults, nobody_is_there, probe, probe_of_a_configured_drivetrain)
+main(requests, stop_before_a_bridge_is_heard, status, drive, faults, nobody_is_there, probe, probe_of_a_configured_drivetrain)

@@ -112,9 +112,46 @@ std::string wheel_line(const char* side, double rim_mps, double angle_rad, std::
       error == 0 ? "" : fmt::format(", error 0x{:04X}", static_cast<std::uint32_t>(error)));
 }
 
+constexpr Duration kRepeat = std::chrono::milliseconds{50};
+
+/// For requests that act unconditionally. Until a state that came since then, and by which the
+/// bridge has had two cycles' time, says what became of it.
+int request_stop(const CanOperatorOptions& options, std::int32_t request) {
+  Ear ear(options);
+  std::optional<drivetrain_state_t> first, state;
+  ear.hear<drivetrain_state_t>(ear.channels.can_state, [&](const drivetrain_state_t& m) {
+    if (!first) first = m;
+    state = m;
+  });
+  const auto outcome = [&] {
+    const Duration since =
+        state ? from_utime(state->utime) - from_utime(first->utime) : Duration{0};
+    return since < kRepeat ? RequestOutcome::pending : judge_request(request, *state, since);
+  };
+  const auto sends = kAnswerTime / kRepeat;
+  for (std::int64_t n = 0; n < sends && outcome() == RequestOutcome::pending; ++n) {
+    drive_request_t message{};
+    message.utime = state ? state->utime : 0;
+    message.seq = Ear::sequence_number();
+    message.request = request;
+    publish(ear.bus, ear.channels.can_request, message);
+    if (n == kBridgeHello / kRepeat && !state) {
+      fmt::print(stderr, "no {} yet: repeating the request; use the hard-wired emergency stop\n",
+                 ear.channels.can_state);
+    }
+    ear.wait(kRepeat, [&] { return outcome() != RequestOutcome::pending; });
+  }
+  if (!state) ear.miss(ear.channels.can_state, "tether-can-bridge");
+  fmt::print("{}\n", state_line(*state));
+  return outcome() == RequestOutcome::reached ? kExitOk : kExitFailed;
+}
+
 }  // namespace
 
 int can_request(const CanOperatorOptions& options, std::int32_t request) {
+  if (request == drive_request_t::ESTOP || request == drive_request_t::DISARM) {
+    return request_stop(options, request);
+  }
   Ear ear(options);
   std::optional<drivetrain_state_t> state;
   ear.hear<drivetrain_state_t>(ear.channels.can_state,

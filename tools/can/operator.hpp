@@ -15,7 +15,9 @@ struct CanOperatorOptions {
 // std::runtime_error says whose messages are missing.
 
 /// Asks the bridge (drive_request_t's constant) and waits until it shows what became of it, at most
-/// 10 s. 0: the wanted state was reached.
+/// 10 s. 0: the wanted state was reached. ESTOP and DISARM are sent at once, whether or not a
+/// bridge is heard, and every 50 ms until its state says what they wanted; others wait 2 s for its
+/// clock.
 int can_request(const CanOperatorOptions& options, std::int32_t request);
 
 /// Injects a fault (drive_fault_t's kind) into the emulated drives. 0: they took it.

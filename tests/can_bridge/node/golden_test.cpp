@@ -19,7 +19,7 @@
 #include "tests/can_bridge/node/bridge_fakes.hpp"
 #include "tests/support/virtual_world.hpp"
 
-// A stored log of candump's format, golden/two_node_cia402.log: cold start, a short drive and the
+// A stored log of candump's format, two_node_cia402.log: cold start, a short drive and the
 // end of it with the shipped drivetrain. What its drives said, played to the bridge at the same
 // times, must make it say the same again, frame by frame. Where that is meant to change:
 //   TETHER_GOLDEN_RECORD=tests/can_bridge/node/two_node_cia402.log

@@ -110,6 +110,13 @@ TEST(RequestGuard, AnEStopActsWhateverItsStamp) {
   EXPECT_EQ(guard.accept(kNow, kNow + seconds{5}, 8, 3), DriveRequest::estop);
 }
 
+TEST(RequestGuard, LetsALateOrRepeatedDisarmThrough) {
+  RequestGuard guard(kStart);
+  EXPECT_EQ(guard.accept(kNow, kNow, 7, 2), DriveRequest::disarm);
+  EXPECT_EQ(guard.accept(kNow, kNow, 7, 2), DriveRequest::disarm);
+  EXPECT_EQ(guard.accept(kNow, kNow - seconds{5}, 6, 2), DriveRequest::disarm);
+}
+
 TEST(RequestGuard, CountsNumbersThatAreNoRequest) {
   RequestGuard guard{kStart};
   for (const int number : {0, 6, -1, INT32_MIN, INT32_MAX}) {
