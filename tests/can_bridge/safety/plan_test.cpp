@@ -215,6 +215,18 @@ TEST_F(SafetyPlan, ThePlanOfASilentControllerDoesNotArm) {
   EXPECT_EQ(cycle().state, BridgeState::arming);
 }
 
+TEST_F(SafetyPlan, ForArmingAPlanIsAsOldAsItsStampOrItsArrivalWhicheverIsEarlier) {
+  for (const Duration ahead : {-milliseconds{400}, milliseconds{50}}) {
+    Plan next = plan(now, id++, Plan::kBasedOnAny, Twist{}, 300);
+    next.stamp = now + ahead;
+    core.on_plan(now, PlanSource::network, next);
+    cycle_until(now + SafetyCore::kPlanSilence + std::min(ahead, Duration{0}));
+    request(DriveRequest::arm);
+    EXPECT_EQ(cycle().state, BridgeState::disarmed);
+    expect_reason("the newest plan is 1000 ms old");
+  }
+}
+
 TEST_F(SafetyPlan, AControllerThatFallsSilentWhileTheDrivesSwitchOnDoesNotArm) {
   offer(Twist{}, 300);
   cycle_until(now + SafetyCore::kPlanSilence - Duration{1});
