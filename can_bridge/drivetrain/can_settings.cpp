@@ -94,6 +94,13 @@ void check(const Scenario& scenario, const std::string& file) {
                     file, can.max_deceleration_mps2, can.max_yaw_deceleration_radps2,
                     can.max_acceleration_mps2, can.max_yaw_acceleration_radps2));
   }
+  if (!can.emulate_drives && can.arm == Can::Arm::once) {
+    throw UsageError(fmt::format(
+        "{}: can.arm = \"once\" moves the vehicle whoever stands beside it: with real "
+        "drives (can.emulate_drives = false) it must be \"never\", and an operator arms "
+        "(tether can arm)",
+        file));
+  }
   if (can.inject == Can::Inject::wheel_slip &&
       !(can.inject_value > 0.0 && can.inject_value <= 1.0)) {
     throw UsageError(fmt::format(

@@ -9,7 +9,7 @@ namespace tether {
 
 bool FollowMonitor::exceeds(const Test& test, Sums& sums, double wanted_m, double behind_m,
                             double dt) {
-  const double allowed_m = test.allowed_mps * dt + kAllowedShare * std::abs(wanted_m);
+  const double allowed_m = test.allowed_mps * dt + test.allowed_share * std::abs(wanted_m);
   sums.behind_m = std::max(0.0, sums.behind_m + behind_m - allowed_m);
   sums.ahead_m = std::max(0.0, sums.ahead_m - behind_m - allowed_m);
   return std::max(sums.behind_m, sums.ahead_m) >= test.limit_m;

@@ -17,6 +17,8 @@ AxisRamp::Limits axis_limits(double acceleration, double deceleration, double je
   return {acceleration, deceleration, jerk, std::max(jerk, punctual)};
 }
 
+bool slows(double speed, double target) { return (target - speed) * speed < 0.0; }
+
 /// The factor by which a speed has to be scaled to stay within its limit.
 double scale_to(double limit, double speed) { return speed > limit ? limit / speed : 1.0; }
 
@@ -88,8 +90,9 @@ Twist TwistLimiter::advance(const Twist& target, bool stopping) {
   if (dv > 0.0 && dw > 0.0) {
     const double rate = std::min(v.rate / dv, w.rate / dw);
     const double step = std::min(v.rate_step / dv, w.rate_step / dw);
-    v_share = {rate * dv, step * dv};
-    w_share = {rate * dw, step * dw};
+    const bool v_slows = slows(v_.value(), target.v_mps);
+    if (!v_slows) v_share = {rate * dv, step * dv};
+    if (v_slows || !slows(omega_.value(), target.omega_radps)) w_share = {rate * dw, step * dw};
   }
   // Each axis may use what the other leaves of the wheels' speed: |v| + |ω|·track/2 ≤ maximum.
   const double w_room = std::max(0.0, limits_.max_wheel_speed_mps - v_.occupied()) / half_track_m_;

@@ -34,7 +34,9 @@ TwistLimits twist_limits(const Sections<VehicleSettings, CanSettings>& settings)
 ///   one factor, so that the vehicle goes the commanded curve, slower.
 /// - Changes of v and ω towards the target share one factor too: from rest both rise and arrive
 ///   together, in proportion, as fast as the tighter of the two axes' limits allows. Curvature thus
-///   blends from one command to the next instead of the slower axis dragging behind.
+///   blends from one command to the next instead of the slower axis dragging behind. Braking does
+///   not wait for the curve: a speed that falls falls as if the target had no yaw, and a yaw rate
+///   that falls while the speed does not falls as if that stayed.
 /// - Acceleration, deceleration (towards zero) and jerk limits hold in every cycle, see AxisRamp.
 ///   Wheel speed too, also on the way between two targets: an axis waits for the other to make
 ///   room.

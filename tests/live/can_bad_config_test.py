@@ -75,6 +75,7 @@ def bad_options(test):
         "can.max_deceleration_mps2=1": ["stopping must not be weaker than accelerating", "can.max_deceleration_mps2"],
         "can.max_jerk_mps3=0": ["can.max_jerk_mps3"],
         "can.wheels=square": ["can.wheels", "sim", "model"],
+        "can.emulate_drives=false": ['can.arm = "once"', 'it must be "never"', "tether can arm"],
         "can.arm=always": ["can.arm", "once", "never"],
         "can.speed=1": ["can.speed"],
         "can.interface=can/0": ['CAN interface "can/0"', "such as can0 or vcan0"],
@@ -101,9 +102,10 @@ def bad_injections(test):
 def slow_motion_of_real_drives(test):
     """The bridge's deadlines would take longer, but not what the vehicle does meanwhile."""
     text = ["--speed 0.5: slow motion stretches the bridge's time-outs: only with can.emulate_drives = true"]
-    real = ("--set", "can.emulate_drives=false", "--start-utime", "1", "--speed", "0.5")
-    refused(test, 2, text, "tether-can-bridge", HIL, *real)
-    emulated = test.run("tether-can-bridge", HIL, "--set", "can.interface=vcan9", *real[2:])
+    slow = ("--start-utime", "1", "--speed", "0.5")
+    real = ("--set", "can.emulate_drives=false", "--set", "can.arm=never")
+    refused(test, 2, text, "tether-can-bridge", HIL, *real, *slow)
+    emulated = test.run("tether-can-bridge", HIL, "--set", "can.interface=vcan9", *slow)
     check("slow motion" not in emulated.err(), emulated.err())
 
 

@@ -79,6 +79,21 @@ TEST_F(FollowMonitorTest, AWheelOfWrongSignOrThatRunsAwayIsNoticed) {
   EXPECT_LE(time_to_trouble({0.0, 0.0}, 0.0, 1.0), milliseconds{180});
 }
 
+TEST_F(FollowMonitorTest, AWheelAtSevenTenthsOfItsSetpointIsNoticedWithinFourAndAHalfMeters) {
+  for (const double v_mps : {1.0, -1.0, 2.8}) {
+    monitor.reset();
+    monitor.update(now, {}, wheels);
+    const Duration took = time_to_trouble({v_mps, 0.0}, v_mps, 0.7 * v_mps);
+    EXPECT_LE(to_seconds(took) * std::abs(v_mps), 4.5) << v_mps;
+    EXPECT_NE(trouble.find("the right wheel does not follow"), std::string::npos);
+  }
+}
+
+TEST_F(FollowMonitorTest, TheSmallestErrorThatIsSeenIsATenthAndTwentyMillimetersASecond) {
+  EXPECT_EQ(time_to_trouble({1.0, 0.0}, 1.0 - 0.119, 1.119), seconds{100});
+  EXPECT_LT(time_to_trouble({1.0, 0.0}, 1.0, 1.0 - 0.13), seconds{100});
+}
+
 TEST_F(FollowMonitorTest, ADriveThatLagsBehindItsRampPasses) {
   constexpr int kLagCycles = 10;  // 0.2 s
   constexpr double kStep_mps = 1.5 * 0.02;
