@@ -3,19 +3,22 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 #include <vector>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "tests/can_bridge/safety/random_limits.hpp"
 
 namespace tether {
 namespace {
 
+using testing::kFastest;
+using testing::Random;
+using testing::random_limits;
+using testing::uniform;
+
 constexpr double kRounding = 1e-9;
-/// No random limit of speed or yaw rate is above this.
-constexpr double kFastest = 4.0;
 
 double seconds_per_cycle(const TwistLimits& limits) { return to_seconds(limits.cycle); }
 
@@ -83,30 +86,6 @@ class Watched {
   double w_rate_ = 0.0;
   bool stopped_lately_ = false;
 };
-
-using Random = std::mt19937_64;
-
-double uniform(Random& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
-
-/// From sluggish to brisk, with the wheels' limit within reach of the others or not.
-TwistLimits random_limits(Random& random) {
-  TwistLimits l;
-  l.max_speed_mps = uniform(random, 0.2, kFastest);
-  l.max_reverse_mps = uniform(random, 0.1, kFastest);
-  l.max_yaw_rate_radps = uniform(random, 0.2, 3.0);
-  l.max_acceleration_mps2 = std::exp(uniform(random, -2.0, 2.0));
-  l.max_deceleration_mps2 = l.max_acceleration_mps2 * uniform(random, 1.0, 4.0);
-  l.max_yaw_acceleration_radps2 = std::exp(uniform(random, -2.0, 2.0));
-  l.max_yaw_deceleration_radps2 = l.max_yaw_acceleration_radps2 * uniform(random, 1.0, 4.0);
-  l.max_jerk_mps3 = std::exp(uniform(random, -1.0, 5.0));
-  l.max_yaw_jerk_radps3 = std::exp(uniform(random, -1.0, 5.0));
-  l.max_wheel_speed_mps = uniform(random, 0.3, 6.0);
-  l.track_m = uniform(random, 0.3, 1.5);
-  l.cycle = std::chrono::milliseconds{std::uniform_int_distribution<int>(1, 50)(random)};
-  return l;
-}
 
 Twist random_target(Random& random) {
   Twist t{uniform(random, -5.0, 5.0), uniform(random, -4.0, 4.0)};
@@ -190,55 +169,6 @@ TEST(TwistLimiter, AStopKeepsTheCurveToo) {
     const Twist t = limiter.stop();
     ASSERT_NEAR(t.omega_radps, -0.5 * t.v_mps, kRounding);
   }
-}
-
-/// The way from now on, until v has arrived at `target`.
-double braking_way_m(TwistLimiter limiter, const TwistLimits& limits, const Twist& target) {
-  double way_m = 0.0;
-  for (int n = 0; n < 100'000 && limiter.twist().v_mps > target.v_mps + kRounding; ++n) {
-    way_m += limiter.step(target).v_mps * seconds_per_cycle(limits);
-  }
-  return way_m;
-}
-
-TEST(TwistLimiter, BrakesFromAMeterASecondOnTheSameWayWhateverTheYawOfTheTarget) {
-  TwistLimits limits;
-  limits.max_yaw_acceleration_radps2 = limits.max_yaw_deceleration_radps2 = 0.1;
-  TwistLimiter limiter{limits};
-  for (int n = 0; n < 200; ++n) limiter.step({1.0, 0.0});
-  const double straight_m = braking_way_m(limiter, limits, {});
-  EXPECT_NEAR(straight_m, 1.0 / (2.0 * 1.5), 0.04);
-  EXPECT_NEAR(braking_way_m(limiter, limits, {0.0, 2.0}), straight_m, kRounding);
-}
-
-TEST(TwistLimiter, YawNeverLengthensTheBrakingWay) {
-  Random random(8);
-  for (int trial = 0; trial < 300; ++trial) {
-    const TwistLimits limits = random_limits(random);
-    TwistLimiter limiter{limits};
-    const Twist from{uniform(random, 0.1, 5.0), 0.0};
-    for (int n = 0; n < 20'000 && !arrived(limiter.twist(), limiter.within_speed_limits(from));
-         ++n) {
-      limiter.step(from);
-    }
-    const Twist straight{uniform(random, 0.0, 0.9) * limiter.twist().v_mps, 0.0};
-    Twist turning = straight;
-    turning.omega_radps = uniform(random, -4.0, 4.0);
-    turning = limiter.within_speed_limits(turning);
-    EXPECT_LE(braking_way_m(limiter, limits, turning),
-              braking_way_m(limiter, limits, {turning.v_mps, 0.0}) + kRounding)
-        << "trial " << trial;
-  }
-}
-
-TEST(TwistLimiter, AYawRateFallsWithoutWaitingForASpeedThatRises) {
-  TwistLimits limits;
-  limits.max_acceleration_mps2 = 0.1;
-  TwistLimiter limiter{limits};
-  for (int n = 0; n < 200; ++n) limiter.step({0.0, 1.5});
-  int cycles = 0;
-  for (; limiter.twist().omega_radps > 0.0; ++cycles) limiter.step({2.0, 0.0});
-  EXPECT_NEAR(cycles * 0.02, 1.5 / 3.0, 0.1);
 }
 
 TEST(TwistLimiter, FromRestItArrivesWhenTheLimitsSayAndNotLater) {
