@@ -73,7 +73,7 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
         "{} (limit {:.0f} ms): check the controller, the network and both hosts' clocks",
         commands_.age_text(now, "is"), to_milliseconds(config_.stale));
   }
-  if (const std::string why = why_no_plan_arms(now); !why.empty()) return why;
+  if (std::string why = why_no_plan_arms(now); !why.empty()) return why;
   if (!commands_.is_zero(now)) {
     const Twist twist = commands_.twist(now);
     return fmt::format("the newest command is not zero ({:.3f} m/s, {:.3f} rad/s)", twist.v_mps,
