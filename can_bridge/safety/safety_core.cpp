@@ -216,8 +216,8 @@ void SafetyCore::begin_following(Instant now) {
     begin_quick_stop(now, "the command was not fresh when the drives were on: arm again");
     return;
   }
-  if (!why_no_plan_arms(now).empty()) {
-    begin_quick_stop(now, why_no_plan_arms(now) + ": arm again");
+  if (const std::string why = why_no_plan_arms(now); !why.empty()) {
+    begin_quick_stop(now, why + ": arm again");
     return;
   }
   if (!commands_.is_zero(now)) {

@@ -43,12 +43,7 @@ std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
     if (other.name != kind.name) return model_is;
     return kind.why_no_effect != nullptr ? kind.why_no_effect(prefix, link, part) : "";
   }
-  for (const LinkStageKind& stage : link_stage_kinds()) {
-    if (stage.why_no_effect == nullptr) continue;
-    std::string why = stage.why_no_effect(prefix, link, part);
-    if (!why.empty()) return why;
-  }
-  return "";
+  return why_no_effect_on_stages(prefix, link, part);
 }
 
 void resolve_link(const std::string& prefix, LinkConfig& link, const ScenarioLevel& level) {

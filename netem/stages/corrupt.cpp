@@ -85,15 +85,10 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 
 LinkStageKind corrupt_stage() {
   LinkStageKind kind{.name = "corrupt"};
-  kind.make = [](const StageNeeds& needs) {
-    return of(needs.link).probability > 0.0 ? needs.go_on<Corruption>() : nullptr;
-  };
+  kind.on = [](const LinkConfig& link) { return of(link).probability > 0.0; };
+  kind.make = [](const StageNeeds& needs) { return needs.go_on<Corruption>(); };
   kind.keys = keys;
   kind.switch_key = "corrupt.probability";
-  kind.why_no_effect = [](const std::string& prefix, const LinkConfig& link,
-                          const std::string& part) {
-    return why_off(prefix, of(link).probability, "corrupt.probability", part);
-  };
   kind.export_tc = export_tc;
   kind.tc_part = TcPart::corrupt;
   return kind;

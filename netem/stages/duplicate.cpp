@@ -46,9 +46,8 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 
 LinkStageKind duplicate_stage() {
   LinkStageKind kind{.name = "duplicate"};
-  kind.make = [](const StageNeeds& needs) {
-    return probability(needs.link) > 0.0 ? needs.go_on<Duplication>() : nullptr;
-  };
+  kind.on = [](const LinkConfig& link) { return probability(link) > 0.0; };
+  kind.make = [](const StageNeeds& needs) { return needs.go_on<Duplication>(); };
   kind.keys = keys;
   kind.switch_key = "duplicate.probability";
   kind.export_tc = export_tc;

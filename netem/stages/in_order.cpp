@@ -34,7 +34,6 @@ std::vector<ScenarioKey> keys(const LinkField& field) {
 }
 
 StagePtr make(const StageNeeds& needs) {
-  if (!in_order(needs.link)) return nullptr;
   const auto* present = needs.present_as<InOrder>();
   const Instant latest = present != nullptr ? present->latest() : Instant::min();
   return std::make_unique<InOrder>(std::max(latest, needs.last_departure));
@@ -57,6 +56,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 
 LinkStageKind in_order_stage() {
   LinkStageKind kind{.name = "in_order"};
+  kind.on = in_order;
   kind.make = make;
   kind.keys = keys;
   kind.switch_key = "in_order";

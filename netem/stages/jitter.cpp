@@ -68,7 +68,6 @@ std::vector<double> table_of(const StageNeeds& needs) {
 
 StagePtr make(const StageNeeds& needs) {
   const JitterSettings& settings = of(needs.link);
-  if (!settings.on()) return nullptr;
   const auto* present = needs.present_as<Jitter>();
   const bool same = present != nullptr && needs.same<JitterSettings>();
   const double correlation = settings.correlation;
@@ -181,6 +180,7 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 
 LinkStageKind jitter_stage() {
   LinkStageKind kind{.name = "jitter"};
+  kind.on = [](const LinkConfig& link) { return of(link).on(); };
   kind.make = make;
   kind.keys = keys;
   kind.switch_key = "jitter.law";

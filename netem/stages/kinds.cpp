@@ -26,10 +26,27 @@ const std::vector<LinkStageKind>& link_stage_kinds() {
   return kinds;
 }
 
+namespace {
+
+bool is_on(const LinkStageKind& kind, const LinkConfig& link) {
+  return kind.on == nullptr || kind.on(link);
+}
+
+std::string why_off(const LinkStageKind& kind, const std::string& prefix, const LinkConfig& link,
+                    const std::string& part) {
+  const auto dot = kind.switch_key.find('.');
+  const bool in_its_table =
+      dot != std::string::npos && part.starts_with(kind.switch_key.substr(0, dot + 1));
+  if (is_on(kind, link) || !in_its_table || part == kind.switch_key) return "";
+  return fmt::format("{}{} is 0", prefix, kind.switch_key);
+}
+
+}  // namespace
+
 LinkStages make_stages(const StageNeeds& needs) {
   LinkStages stages;
   for (const LinkStageKind& kind : link_stage_kinds()) {
-    if (StagePtr stage = kind.make(needs)) stages.push_back(std::move(stage));
+    if (is_on(kind, needs.link)) stages.push_back(kind.make(needs));
   }
   return stages;
 }
@@ -50,11 +67,14 @@ LinkStages renewed_stages(const Link& link, const LinkConfig& before, const Link
                       .last_departure = link.under_way().last_departure()});
 }
 
-std::string why_off(const std::string& prefix, double value, const std::string& switch_key,
-                    const std::string& part) {
-  const std::string table = switch_key.substr(0, switch_key.find('.') + 1);
-  if (value != 0.0 || part == switch_key || !part.starts_with(table)) return "";
-  return fmt::format("{}{} is 0", prefix, switch_key);
+std::string why_no_effect_on_stages(const std::string& prefix, const LinkConfig& link,
+                                    const std::string& part) {
+  for (const LinkStageKind& kind : link_stage_kinds()) {
+    std::string why = kind.why_no_effect != nullptr ? kind.why_no_effect(prefix, link, part)
+                                                    : why_off(kind, prefix, link, part);
+    if (!why.empty()) return why;
+  }
+  return "";
 }
 
 }  // namespace tether

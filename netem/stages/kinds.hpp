@@ -85,14 +85,16 @@ struct StageEffects {
 /// link.own.get<Settings>(), which nobody else needs to know.
 struct LinkStageKind {
   std::string name = {};
-  /// Null if the stage is off.
-  StagePtr (*make)(const StageNeeds&) = nullptr;  ///< must be given. Throws UsageError.
+  bool (*on)(const LinkConfig&) = nullptr;  ///< null: always
+  /// Of a stage that is on. Must be given. Throws UsageError.
+  StagePtr (*make)(const StageNeeds&) = nullptr;
 
   /// field.keys_of<Settings>("<name>"), or ("") for the link's own keys, which have no dot.
   std::vector<ScenarioKey> (*keys)(const LinkField& field) = nullptr;
   /// The key that goes without saying in the resolved scenario at its default, behind the prefix.
   std::string switch_key = {};
-  /// Why `part`, the key behind the link's prefix, does nothing; "" if it has an effect.
+  /// Why `part`, the key behind the link's prefix, does nothing; "" if it has an effect. Null:
+  /// where it is off, other keys in the switch's table do nothing: "<prefix><switch key> is 0".
   std::string (*why_no_effect)(const std::string& prefix, const LinkConfig&,
                                const std::string& part) = nullptr;
   /// What several keys together must fulfil. Throws UsageError: link.refuse().
@@ -141,10 +143,8 @@ LinkStages make_stages(const LinkConfig& link, const std::string& prefix,
 LinkStages renewed_stages(const Link& link, const LinkConfig& before, const LinkConfig& after,
                           const std::string& prefix, const LinkStreams& streams);
 
-// For rows.
-
-/// Keys in `table` but for the switch itself, where that is 0: "<prefix><switch key> is 0".
-std::string why_off(const std::string& prefix, double value, const std::string& switch_key,
-                    const std::string& part);
+/// LinkStageKind::why_no_effect of one of the stages; "" if `part` is of none or has an effect.
+std::string why_no_effect_on_stages(const std::string& prefix, const LinkConfig& link,
+                                    const std::string& part);
 
 }  // namespace tether

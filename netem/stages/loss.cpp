@@ -42,9 +42,8 @@ std::vector<ScenarioKey> keys(const LinkField& field) {
 
 LinkStageKind loss_stage() {
   LinkStageKind kind{.name = "loss"};
-  kind.make = [](const StageNeeds& needs) {
-    return probability(needs.link) > 0.0 ? needs.go_on<Loss>() : nullptr;
-  };
+  kind.on = [](const LinkConfig& link) { return probability(link) > 0.0; };
+  kind.make = [](const StageNeeds& needs) { return needs.go_on<Loss>(); };
   kind.keys = keys;
   kind.switch_key = "loss";
   kind.expect = [](const LinkConfig& link, const LinkTraffic&, StageEffects& effects) {

@@ -73,9 +73,9 @@ void export_tc(const LinkConfig& link, const TcSender& sender, TcDraft& out) {
 
 LinkStageKind outages_stage() {
   LinkStageKind kind{.name = "outages"};
+  kind.on = [](const LinkConfig& link) { return !link.own.get<OutageSettings>().times_s.empty(); };
   kind.make = [](const StageNeeds& needs) -> StagePtr {
-    const auto& settings = needs.settings<OutageSettings>();
-    return settings.times_s.empty() ? nullptr : std::make_unique<Outages>(settings);
+    return std::make_unique<Outages>(needs.settings<OutageSettings>());
   };
   kind.keys = keys;
   kind.check = check;

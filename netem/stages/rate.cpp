@@ -100,15 +100,10 @@ void export_tc(const LinkConfig& link, const TcSender& sender, TcDraft& out) {
 
 LinkStageKind rate_stage() {
   LinkStageKind kind{.name = "rate"};
-  kind.make = [](const StageNeeds& needs) {
-    return of(needs.link).bits_per_s > 0.0 ? needs.go_on<RateLimit>() : nullptr;
-  };
+  kind.on = [](const LinkConfig& link) { return of(link).bits_per_s > 0.0; };
+  kind.make = [](const StageNeeds& needs) { return needs.go_on<RateLimit>(); };
   kind.keys = keys;
   kind.switch_key = "rate.bits_per_s";
-  kind.why_no_effect = [](const std::string& prefix, const LinkConfig& link,
-                          const std::string& part) {
-    return why_off(prefix, of(link).bits_per_s, "rate.bits_per_s", part);
-  };
   kind.expect = expect;
   kind.export_tc = export_tc;
   kind.tc_part = TcPart::rate;

@@ -87,15 +87,10 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 
 LinkStageKind reorder_stage() {
   LinkStageKind kind{.name = "reorder"};
-  kind.make = [](const StageNeeds& needs) {
-    return of(needs.link).probability > 0.0 ? needs.go_on<Reordering>() : nullptr;
-  };
+  kind.on = [](const LinkConfig& link) { return of(link).probability > 0.0; };
+  kind.make = [](const StageNeeds& needs) { return needs.go_on<Reordering>(); };
   kind.keys = keys;
   kind.switch_key = "reorder.probability";
-  kind.why_no_effect = [](const std::string& prefix, const LinkConfig& link,
-                          const std::string& part) {
-    return why_off(prefix, of(link).probability, "reorder.probability", part);
-  };
   kind.check = check;
   kind.expect = expect;
   kind.export_tc = export_tc;

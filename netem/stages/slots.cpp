@@ -114,7 +114,6 @@ void check(const LoadedLink& loaded) {
 }
 
 StagePtr make(const StageNeeds& needs) {
-  if (of(needs.link).period_ms <= 0.0) return nullptr;
   const auto* present = needs.present_as<Slots>();
   if (present != nullptr && needs.same<SlotSettings>()) return std::make_unique<Slots>(*present);
   return std::make_unique<Slots>(of(needs.link), needs.streams("slot"));
@@ -134,13 +133,10 @@ void export_tc(const LinkConfig& link, const TcSender&, TcDraft& out) {
 
 LinkStageKind slots_stage() {
   LinkStageKind kind{.name = "slots"};
+  kind.on = [](const LinkConfig& link) { return of(link).period_ms > 0.0; };
   kind.make = make;
   kind.keys = keys;
   kind.switch_key = "slot.period_ms";
-  kind.why_no_effect = [](const std::string& prefix, const LinkConfig& link,
-                          const std::string& part) {
-    return why_off(prefix, of(link).period_ms, "slot.period_ms", part);
-  };
   kind.check = check;
   kind.expect = [](const LinkConfig& link, const LinkTraffic&, StageEffects& effects) {
     if (of(link).period_ms > 0.0) effects.no_delays = "packets wait for slots";

@@ -75,7 +75,7 @@ RULES = [
     ("plans: survive a reset", "finish_reset", "drop", r"commands_\.end_plans"),
     ("plans: come late", "PlanBuffer::judge", "false", r"plan\.stamp < stopped_"),
     ("plans: of the dead arm", "obstacle_to_arming", "false", r"why\.empty"),
-    ("plans: of the dead arm at its end", "begin_following", "false", "why_no_plan_arms"),
+    ("plans: of the dead arm at its end", "begin_following", "false", r"why\.empty"),
     ("plans: preloads while armed", "SafetyCore::on_plan", "false", "preload"),
 
     # Latches
