@@ -97,6 +97,7 @@ class Drivetrain {
   void steer(Instant now) {
     twist_t command{};
     command.utime = to_utime(now);
+    command.pose_utime = -1;
     command.seq = commands_++;
     command.v_mps = now < kStart ? 0.0 : 1.0;
     command.omega_radps = now < kStart ? 0.0 : 0.3;

@@ -156,6 +156,8 @@ class Driver {
     const Instant now = loop_.now();
     twist_t command{};
     command.utime = to_utime(now);
+    command.run = loop_.run_id();
+    command.pose_utime = -1;
     command.seq = commands_++;
     command.v_mps = now < kStart ? 0.0 : 1.0;
     command.omega_radps = now < kStart ? 0.0 : 0.3;

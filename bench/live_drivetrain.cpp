@@ -151,6 +151,7 @@ void LiveDrivetrain::press() {
   }
   last_press_ = now;
   request.utime = to_utime(now);
+  request.run = loop_.run_id();
   request.seq = requests_++;
   publish(bus_, "CAN/REQUEST", request);
 }
@@ -177,6 +178,8 @@ void LiveDrivetrain::send_command() {
   }
   twist_t command{};
   command.utime = to_utime(loop_.now());
+  command.run = loop_.run_id();
+  command.pose_utime = -1;
   command.seq = commands_++;
   command.v_mps = v_mps_;
   publish(bus_, "AGV/CMD_VEL", command);

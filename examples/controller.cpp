@@ -87,6 +87,7 @@ class Controller {
     newest_ = pose.seq;
     tether::twist_t twist{};
     twist.utime = twist.pose_utime = pose.utime;
+    twist.run = pose.run;
     twist.seq = commands_++;
     law(pose, twist);
     return publish("CTRL/CMD_VEL", twist);

@@ -91,11 +91,11 @@ class LcmType:
 
 
 POSE = LcmType(
-    "int64_t utime; int64_t seq; double x_m; double y_m; double yaw_rad; int64_t plan_session;"
+    "int64_t utime; int64_t seq; int64_t run; double x_m; double y_m; double yaw_rad; int64_t plan_session;"
     "int64_t plan_id;"
 )
 TWIST = LcmType(
-    "int64_t utime; int64_t seq; int64_t pose_utime; double v_mps; double omega_radps;"
+    "int64_t utime; int64_t seq; int64_t run; int64_t pose_utime; double v_mps; double omega_radps;"
 )
 JOIN = LcmType(
     "int64_t utime; int64_t seq; int64_t session; int64_t instance; string node; int64_t next_ns;"
@@ -175,6 +175,7 @@ class Controller:
         return TWIST.encode(
             utime=pose.utime,
             seq=self.commands - 1,
+            run=pose.run,
             pose_utime=pose.utime,
             v_mps=v_mps,
             omega_radps=omega_radps,

@@ -24,6 +24,8 @@ constexpr int kBrakeLimit_ms = 3000;
 constexpr int kSettle_ms = 100;
 /// The most that the way can change between two frames, 20 ms apart: no chassis drives 50 m/s.
 constexpr std::int64_t kLargestStep_mm = 1000;
+/// From 3 m/s, wheels without power roll out within 10 s at 0.3 m/s².
+constexpr double kRollOut_s = 10.0;
 
 bool differs(double a, double b) { return std::abs(a - b) > 0.01 * std::abs(b); }
 
@@ -173,18 +175,28 @@ void AgilexV2Profile::on_intruder(std::uint32_t id) {
 }
 
 void AgilexV2Profile::on_odometry(const agilex::Odometry& odometry, Instant now) {
-  const bool first = !odometry_stamp_.has_value();
+  const std::optional<Instant> before = odometry_stamp_;
   const std::array<std::int64_t, 2> step{difference(odometry.left_mm, odometry_.left_mm),
                                          difference(odometry.right_mm, odometry_.right_mm)};
   const bool close = heard_lately(odometry_stamp_, now);
   odometry_ = odometry;
   odometry_stamp_ = now;
-  if (first) return;
-  if (std::abs(step[0]) <= kLargestStep_mm && std::abs(step[1]) <= kLargestStep_mm) {
+  const double speed_before_mps = counted_speed_mps_;
+  const auto [left_radps, right_radps] = wheel_speeds_radps();
+  counted_speed_mps_ = std::max(std::abs(left_radps), std::abs(right_radps)) * wheel_radius_m_;
+  if (!before) return;
+  const std::int64_t largest = std::max(std::abs(step[0]), std::abs(step[1]));
+  const double possible_mm = kLargestStep_mm + 2e3 * speed_before_mps * to_seconds(now - *before);
+  const bool may_have_restarted =
+      !close && std::max(std::abs(std::int64_t{odometry.left_mm}),
+                         std::abs(std::int64_t{odometry.right_mm})) < kLargestStep_mm;
+  if (static_cast<double>(largest) <= possible_mm && !may_have_restarted) {
     way_mm_[0] += step[0];
     way_mm_[1] += step[1];
     return;
   }
+  uncounted_m_ += (speed_before_mps + config_.standstill_radps * wheel_radius_m_) *
+                  std::min(to_seconds(now - *before), kRollOut_s);
   // After a silence, which is a fault anyway, the way may have changed by any amount.
   const bool running = phase_ == DrivePhase::standby || phase_ == DrivePhase::enabling ||
                        phase_ == DrivePhase::enabled || phase_ == DrivePhase::stopping;
@@ -352,12 +364,15 @@ DrivetrainSnapshot AgilexV2Profile::snapshot(Instant now) const {
   s.feedback_fresh = feedback_fresh(now);
   s.standstill = standstill(now);
   const std::array<double, 2> speeds = wheel_speeds_radps();
+  const double fastest_radps = std::max(std::abs(speeds[0]), std::abs(speeds[1]));
+  s.in_doubt = state_.mode == Mode::can || fastest_radps > config_.standstill_radps;
   for (std::size_t i = 0; i < 2; ++i) {
     WheelFeedback& wheel = s.wheels.at(i);
     wheel.valid = motion_stamp_ && odometry_stamp_;
     if (wheel.valid) wheel.stamp = std::max(*motion_stamp_, *odometry_stamp_);
     wheel.position_counts = way_mm_.at(i);
     wheel.angle_rad = static_cast<double>(way_mm_.at(i)) / 1000.0 / wheel_radius_m_;
+    wheel.uncounted_rad = uncounted_m_ / wheel_radius_m_;
     wheel.speed_radps = speeds.at(i);
     wheel.state = state_stamp_ ? state_text(state_) : "";
     wheel.statusword =

@@ -30,6 +30,11 @@ namespace tether {
 ///
 /// Watchdog: the chassis stops when 0x111 stays away for 500 ms (manual); nothing to set or check.
 ///
+/// A chassis does not tell that it has restarted. After a silence its odometer is believed if the
+/// wheels can have gone that far (a metre more than twice what 0x221 said before), and if it is not
+/// within a metre of zero, where a restarted one begins. Else the way goes on from where it was,
+/// and what the speed of before would have made of it in up to 10 s counts as not counted.
+///
 /// Wheel feedback: angles from 0x311, speeds from 0x221. `position_counts` are mm, `statusword` is
 /// 0x211's bytes 0 and 1, `error_code` its bytes 4 and 5, the same for both wheels.
 class AgilexV2Profile final : public DriveProfile {
@@ -91,6 +96,8 @@ class AgilexV2Profile final : public DriveProfile {
   agilex::Motion motion_;
   agilex::Odometry odometry_;             // raw, as last received
   std::array<std::int64_t, 2> way_mm_{};  // unwrapped, since construction
+  double counted_speed_mps_ = 0.0;        // of the faster wheel, at the newest odometer
+  double uncounted_m_ = 0.0;              // of either wheel
 
   Counters counters_;
   std::string intruder_;

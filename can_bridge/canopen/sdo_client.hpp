@@ -43,6 +43,9 @@ class SdoClient {
   /// From read() or write() until take_result() has returned the result.
   bool busy() const { return state_ != State::idle; }
 
+  /// How often the newest request has been sent.
+  int tries() const { return tries_; }
+
   /// A frame with the identifier 0x580 + node. False if it should answer the pending request and
   /// does not: wrong length, command, index or subindex. Without a pending request: true, ignored
   /// (it may answer a tool).

@@ -85,4 +85,15 @@ bool is_upload_request(const CanFrame& frame) {
           frame.data[0] == (kSegment | kToggle));
 }
 
+std::optional<ObjectRef> written_object(const CanFrame& frame) {
+  if (frame.size != 8) return std::nullopt;
+  const auto& d = frame.data;
+  const int command = d[0] >> 5;
+  constexpr int kInitiateDownload = 1, kBlockDownload = 6;
+  const bool initiates =
+      command == kInitiateDownload || (command == kBlockDownload && (d[0] & 1) == 0);
+  if (!initiates) return std::nullopt;
+  return ObjectRef{static_cast<std::uint16_t>(d[1] | d[2] << 8), d[3], 0, false};
+}
+
 }  // namespace tether

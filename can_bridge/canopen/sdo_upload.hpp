@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "can_bridge/bus/can_frame.hpp"
+#include "can_bridge/canopen/object_ref.hpp"
 #include "common/base/time.hpp"
 
 namespace tether {
@@ -65,5 +66,9 @@ class SdoUpload {
 
 /// Whether a frame does nothing but read: an SDO upload request to one of the nodes 1…127.
 bool is_upload_request(const CanFrame& frame);
+
+/// The object that an SDO request begins to write (CiA 301, 7.2.4.3: initiate SDO download, or
+/// block download); its size is not told. nullopt for any other frame.
+std::optional<ObjectRef> written_object(const CanFrame& frame);
 
 }  // namespace tether

@@ -10,9 +10,10 @@ namespace {
 using canopen::DriveState;
 
 constexpr double kTurn_rad = 2.0 * std::numbers::pi;
-// No vehicle's wheel turns faster than this. It limits how far a wheel may have turned while
-// nothing was heard.
+// No vehicle's wheel turns faster than this.
 constexpr double kFastestWheel_rps = 50.0;
+// From 3 m/s, wheels without power roll out within 10 s at 0.3 m/s²; most have brakes.
+constexpr double kRollOut_s = 10.0;
 
 /// a − b of a counter of `bytes` bytes that may have wrapped around in between.
 std::int64_t wrapped_difference(std::int64_t a, std::int64_t b, std::uint8_t bytes) {
@@ -60,7 +61,7 @@ void Axis::receive(const PdoMap::Field& field, std::int64_t value, Instant now) 
       speed_confirms_ = true;
       break;
     case Signal::actual_position:
-      on_position(field.object, value, now);
+      on_position(value, now);
       break;
     case Signal::mode_display:
       mode_ = value;
@@ -75,23 +76,37 @@ void Axis::receive(const PdoMap::Field& field, std::int64_t value, Instant now) 
   }
 }
 
-void Axis::on_position(const ObjectRef& object, std::int64_t raw, Instant now) {
-  const std::int64_t travelled = wrapped_difference(raw, raw_position_, object.bytes);
-  if (anchored_ && position_stamp_) {
+void Axis::on_position(std::int64_t raw, Instant now) {
+  const std::int64_t travelled =
+      wrapped_difference(raw, raw_position_, config_.actual_position.bytes);
+  if (counted_at_) {
+    const double silence_s = to_seconds(now - *counted_at_);
+    const double speed_radps = std::max(std::abs(counted_speed_radps_), std::abs(speed_radps_));
+    const double travelled_rad = static_cast<double>(std::abs(travelled)) * kTurn_rad /
+                                 config_.counts_per_revolution.value();
     // A drive that sets its counter anew without a boot-up message jumps by more than the wheel can
     // have turned: one revolution more than twice what its speed says.
-    const double silence_s = to_seconds(now - *position_stamp_);
-    const double fastest_rps = now - *position_stamp_ > feedback_timeout_
-                                   ? kFastestWheel_rps
-                                   : 2.0 * std::abs(speed_radps_) / kTurn_rad;
-    const double limit = config_.counts_per_revolution.value() * (1.0 + fastest_rps * silence_s);
-    if (std::abs(static_cast<double>(travelled)) <= limit) {
+    const bool possible = travelled_rad <= kTurn_rad + 2.0 * speed_radps * silence_s;
+    if (anchored_ && possible) {
       position_counts_ += config_.sign * travelled;
+    } else {
+      uncounted_rad_ += (speed_radps + standstill_radps_) * std::min(silence_s, kRollOut_s);
+      // Or somebody did push the vehicle.
+      if (anchored_) {
+        uncounted_rad_ += std::min(travelled_rad, kFastestWheel_rps * kTurn_rad * silence_s);
+      }
     }
   }
   raw_position_ = raw;
   anchored_ = true;
-  position_stamp_ = now;
+  position_stamp_ = counted_at_ = now;
+  counted_speed_radps_ = speed_radps_;
+}
+
+void Axis::take_up(std::int64_t raw, Instant now) {
+  if (!anchored_ || !counted_at_) return;
+  on_position(raw, now);
+  counted_speed_radps_ = 0.0;
 }
 
 void Axis::command(std::uint16_t controlword) {
@@ -145,9 +160,10 @@ bool Axis::confirmed_off() const {
          confirmed_state() == DriveState::ready_to_switch_on;
 }
 
+bool Axis::stood() const { return speed_stamp_ && std::abs(speed_radps_) < standstill_radps_; }
+
 bool Axis::standing(Instant now) const {
-  return speed_stamp_ && now - *speed_stamp_ < feedback_timeout_ &&
-         std::abs(speed_radps_) < standstill_radps_;
+  return stood() && now - *speed_stamp_ < feedback_timeout_;
 }
 
 bool Axis::confirmed_standing(Instant now) const { return speed_confirms_ && standing(now); }
@@ -168,6 +184,7 @@ WheelFeedback Axis::feedback() const {
   result.position_counts = position_counts_;
   result.angle_rad =
       static_cast<double>(position_counts_) * kTurn_rad / config_.counts_per_revolution.value();
+  result.uncounted_rad = uncounted_rad_;
   result.speed_radps = speed_radps_;
   result.state = canopen::to_string(state());
   result.statusword = statusword_;

@@ -23,8 +23,14 @@ class Axis {
   void begin();
 
   /// From now on the drive's encoder may start anywhere: the next position continues the present
-  /// angle.
+  /// angle. What the wheel may have turned since the newest position counts as not counted
+  /// (WheelFeedback::uncounted_rad): at the speed of then + standstill_radps, for 10 s at most, in
+  /// which wheels without power have rolled out.
   void reanchor() { anchored_ = false; }
+
+  /// The position of a drive whose feedback was silent, as read by SDO while its wheel stood, and
+  /// which is known not to have rebooted since: what it counted meanwhile is taken up.
+  void take_up(std::int64_t raw, Instant now);
 
   // --- from the drive
   void receive(const PdoMap::Field& field, std::int64_t value, Instant now);
@@ -54,6 +60,10 @@ class Axis {
   /// Whether this is the state by a statusword received since the controlword last changed.
   std::optional<canopen::DriveState> confirmed_state() const;
   bool in_fault() const;
+  /// Whether anything was received of it since begin().
+  bool known() const { return status_stamp_ || speed_stamp_; }
+  /// The newest speed says that the wheel stands, however old it is.
+  bool stood() const;
   /// Power stage off, confirmed: SwitchOnDisabled or ReadyToSwitchOn.
   bool confirmed_off() const;
   /// The wheel stands, by a fresh speed received since the controlword last changed.
@@ -69,7 +79,7 @@ class Axis {
   WheelFeedback feedback() const;
 
  private:
-  void on_position(const ObjectRef& object, std::int64_t raw, Instant now);
+  void on_position(std::int64_t raw, Instant now);
 
   AxisConfig config_;
   std::string name_;
@@ -83,7 +93,10 @@ class Axis {
   double speed_radps_ = 0.0;
   bool anchored_ = false;
   std::int64_t raw_position_ = 0;
-  std::int64_t position_counts_ = 0;  // unwrapped, forward positive
+  std::int64_t position_counts_ = 0;   // unwrapped, forward positive
+  std::optional<Instant> counted_at_;  // when raw_position_ came; outlasts begin()
+  double counted_speed_radps_ = 0.0;   // speed at that time
+  double uncounted_rad_ = 0.0;
   std::optional<std::int64_t> mode_;
   std::uint32_t error_code_ = 0;
   std::uint32_t emergency_code_ = 0;

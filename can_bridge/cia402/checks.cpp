@@ -39,6 +39,7 @@ class Checker {
   void run() const {
     check_nodes();
     check_times();
+    check_warnings();
     check_shared_objects();
     for (std::size_t i = 0; i < c_.pdos.size(); ++i) check_pdo(i);
     for (std::size_t side = 0; side < 2; ++side) check_coverage(side);
@@ -86,6 +87,16 @@ class Checker {
              fmt::format("drives.heartbeat_timeout_ms = {} is not allowed: must be at least {}, "
                          "three times drives.heartbeat_ms, or one lost frame stops the vehicle",
                          c_.drive_heartbeat_timeout_ms, 3 * c_.drive_heartbeat_ms));
+    }
+  }
+
+  void check_warnings() const {
+    for (const std::uint16_t code : {canopen::kEmcyHeartbeat, canopen::kEmcyRpdoTimeout}) {
+      if (!c_.is_warning(code)) continue;
+      refuse(source_.drives_line,
+             fmt::format("drives.emcy_warnings has {}: a drive that says so stops by itself, which "
+                         "is no warning",
+                         cia402::error_text(code)));
     }
   }
 

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <optional>
 #include <string_view>
 
@@ -61,9 +62,10 @@ class Reader {
   }
 
   void read_drives() {
-    const auto r = file_.section(
-        "drives", {"heartbeat_ms", "heartbeat_timeout_ms", "feedback_timeout_ms", "boot_timeout_ms",
-                   "sdo_timeout_ms", "sdo_retries", "step_timeout_ms", "standstill_radps"});
+    const auto r =
+        file_.section("drives", {"heartbeat_ms", "heartbeat_timeout_ms", "feedback_timeout_ms",
+                                 "boot_timeout_ms", "sdo_timeout_ms", "sdo_retries",
+                                 "step_timeout_ms", "standstill_radps", "emcy_warnings"});
     if (!r) return;
     source_.drives_line = r->line();
     Cia402Config& c = config_;
@@ -74,6 +76,10 @@ class Reader {
     r->integer("sdo_timeout_ms", c.sdo_timeout_ms, 10, 10'000, "for the answer to one SDO request");
     r->integer("sdo_retries", c.sdo_retries, 0, 10, "of an SDO request without answer");
     read_step_and_standstill(*r, c);
+    for (const std::int64_t code :
+         r->integers("emcy_warnings", 1, 0xFFFF, "codes of emergency messages that are no fault")) {
+      c.emcy_warnings.push_back(static_cast<std::uint16_t>(code));
+    }
   }
 
   void read_emulation() {
@@ -291,6 +297,17 @@ Cia402Config Cia402Config::read(const DrivetrainFile& file) { return Reader(file
 std::int64_t Cia402Config::value_of(const WatchdogConfig& watchdog) const {
   const bool consumer = watchdog.kind == WatchdogConfig::Kind::heartbeat_consumer;
   return std::int64_t{consumer ? master_node : 0} << 16 | watchdog.timeout_ms;
+}
+
+bool Cia402Config::tells_mode(const AxisConfig& axis) const {
+  return std::ranges::any_of(pdos, [&axis](const PdoConfig& pdo) {
+    return pdo.transmit && pdo.node == axis.node &&
+           std::ranges::find(pdo.objects, axis.mode_display) != pdo.objects.end();
+  });
+}
+
+bool Cia402Config::is_warning(std::uint16_t emergency_code) const {
+  return std::ranges::find(emcy_warnings, emergency_code) != emcy_warnings.end();
 }
 
 std::vector<std::uint8_t> Cia402Config::nodes() const {

@@ -98,8 +98,10 @@ struct Cia402Config : DrivetrainCommon {
   bool sync = true;                        ///< send SYNC every control cycle
   std::uint16_t drive_heartbeat_ms = 100;  ///< of the drives (0x1017)
   std::uint16_t drive_heartbeat_timeout_ms = 300;
-  std::uint16_t sdo_timeout_ms = 200;
+  std::uint16_t sdo_timeout_ms = 500;
   int sdo_retries = 2;
+  /// Codes of emergency messages that are counted and told, and are no fault.
+  std::vector<std::uint16_t> emcy_warnings;
   std::array<AxisConfig, 2> axes;  ///< left, right
   std::vector<SetupWrite> setup;   ///< in this order
   std::vector<WatchdogConfig> watchdogs;
@@ -112,7 +114,7 @@ struct Cia402Config : DrivetrainCommon {
   static Cia402Config read(const DrivetrainFile& file);
   /// NMT (0x000), SYNC (0x080), the bridge's heartbeat (0x700 + master), SDO requests (0x600 +
   /// node) and the configured RPDOs. Setpoints are the axes' target_velocity objects in RPDOs and
-  /// SDO downloads.
+  /// SDO downloads. By SDO, controlwords are "quick stop" or "disable voltage".
   TransmitRules transmit_rules() const;
   /// Refuses a control cycle (can.cycle_ms) so slow that the drives' and the bridge's own time-outs
   /// would trip when one frame is lost: each has to outlast three of what it waits for. Throws
@@ -120,6 +122,9 @@ struct Cia402Config : DrivetrainCommon {
   void check_cycle(double cycle_ms) const;
   /// What `watchdog.object` is set to.
   std::int64_t value_of(const WatchdogConfig& watchdog) const;
+  /// Whether a TPDO carries the mode of operation that `axis` displays.
+  bool tells_mode(const AxisConfig& axis) const;
+  bool is_warning(std::uint16_t emergency_code) const;
   /// The drives' node ids, each once.
   std::vector<std::uint8_t> nodes() const;
 };

@@ -3,12 +3,13 @@
 #include <fmt/format.h>
 
 #include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/cia402/read_back.hpp"
 #include "can_bridge/cia402/texts.hpp"
 
 namespace tether::cia402 {
 namespace {
 
-constexpr int kMaxResets = 3;
+constexpr int kMaxResets = 2;
 constexpr int kMaxBoots = 3;
 constexpr std::int64_t kDriveProfile = 402;
 
@@ -27,18 +28,6 @@ std::string abort_advice(std::uint32_t code) {
     default:
       return "see the drive's manual";
   }
-}
-
-std::string value_text(const ObjectRef& object, std::int64_t value) {
-  if (object.bytes < 4 || object.is_signed) return fmt::format("{}", value);
-  return fmt::format("0x{:X}", static_cast<std::uint64_t>(value));
-}
-
-/// The value as the object's bytes carry it.
-std::uint32_t raw(const ObjectRef& object, std::int64_t value) {
-  std::uint8_t bytes[4]{};
-  canopen::write_integer(bytes, object.bytes, value);
-  return static_cast<std::uint32_t>(canopen::read_integer(bytes, 4, false));
 }
 
 }  // namespace
@@ -82,6 +71,9 @@ void NodeStartup::begin_steps() {
   watchdogs_set_ = 0;
   watchdog_failures_.clear();
   notes_.clear();
+  confirmed_.clear();
+  shows_mode_late_ = false;
+  answers_until_.reset();
   sdo_.cancel();
   begin_step();
 }
@@ -93,7 +85,8 @@ void NodeStartup::begin_step() {
   if (reading_) {
     sdo_.read(step.read_back);
   } else {
-    sdo_.write(step.object, *step.write);
+    const bool kept = same_object(kept_.read_back, step.object);
+    sdo_.write(step.object, *step.write | (kept ? kept_.expected : 0));
   }
 }
 
@@ -123,16 +116,17 @@ void NodeStartup::tick(Instant now, std::vector<CanFrame>& out) {
     } else {
       refuse(
           fmt::format("no boot-up message within {:g} s: is it powered, is the bit rate right, "
-                      "is its node id {}?",
-                      to_seconds(boot_timeout_), node_));
+                      "is its node id {}? If it boots more slowly, raise drives.boot_timeout_ms",
+                      to_seconds(boot_time()), node_));
     }
   }
   if (state_ == State::reset) {
     out.push_back(canopen::nmt_frame(canopen::NmtCommand::reset_node, node_));
     ++resets_;
-    deadline_ = now + boot_timeout_;
+    deadline_ = now + boot_time();
     state_ = State::booting;
   }
+  if (state_ == State::configuring && !answers_until_) answers_until_ = now + boot_time();
   // First takes what has arrived, then looks at timeouts, so that neither costs an extra cycle.
   if (const auto result = sdo_.take_result()) on_result(*result, now);
   sdo_.tick(now, out);
@@ -145,11 +139,16 @@ void NodeStartup::on_result(const SdoResult& result, Instant now) {
   const std::string name = object_text(object, step.meaning);
   switch (result.outcome) {
     case SdoResult::Outcome::no_answer:
-      refuse(
-          fmt::format("no answer to {} of {} in {} tries of {:g} ms: check the CAN plug and "
-                      "termination, and that no other device has node id {}",
-                      reading_ ? "reading" : "writing", name, sdo_tries_,
-                      to_milliseconds(sdo_timeout_), node_));
+      if (step_ == 0 && now < *answers_until_) {  // it has booted and is not ready yet
+        sdo_.read(step.read_back);
+        break;
+      }
+      refuse(fmt::format(
+          "no answer to {} of {} in {} tries of {:g} ms: check the CAN plug and "
+          "termination, and that no other device has node id {}; if it answers more "
+          "slowly, raise drives.{}",
+          reading_ ? "reading" : "writing", name, sdo_tries_, to_milliseconds(sdo_timeout_), node_,
+          step_ == 0 ? "boot_timeout_ms" : "sdo_timeout_ms"));
       break;
     case SdoResult::Outcome::segmented:
       refuse(
@@ -177,8 +176,8 @@ void NodeStartup::on_result(const SdoResult& result, Instant now) {
 }
 
 void NodeStartup::on_value(const SdoStep& step, std::int64_t value, Instant now) {
-  const std::string name = object_text(step.read_back, step.meaning);
   if (step.check == SdoStep::Check::drive_profile) {
+    const std::string name = object_text(step.read_back, step.meaning);
     const std::int64_t profile = value & 0xFFFF;
     if (profile == kDriveProfile || profile == 0) {
       next_step();
@@ -190,10 +189,16 @@ void NodeStartup::on_value(const SdoStep& step, std::int64_t value, Instant now)
     }
     return;
   }
-  const std::uint32_t difference = raw(step.read_back, value) ^ raw(step.read_back, step.expected);
-  if ((difference & step.mask) == 0) {
+  if (step.check == SdoStep::Check::keep) {
+    kept_ = step;
+    kept_.expected = raw(step.read_back, value) & step.mask;
+    next_step();
+    return;
+  }
+  if (is_as_expected(step, value)) {
     // The lower half is the timeout, in heartbeat consumers, too.
     if (step.need == SdoStep::Need::watchdog && (value & 0xFFFF) != 0) ++watchdogs_set_;
+    if (step.check == SdoStep::Check::equal) confirmed_.push_back(step);
     next_step();
     return;
   }
@@ -204,16 +209,24 @@ void NodeStartup::on_value(const SdoStep& step, std::int64_t value, Instant now)
       return;
     }
   }
-  on_failure(step,
-             fmt::format("{} reads {} instead of {}", name, value_text(step.read_back, value),
-                         value_text(step.read_back, step.expected)),
-             "correct the drivetrain file to what the drive allows, see its manual");
+  if (step.need == SdoStep::Need::later && value == 0) {
+    shows_mode_late_ = true;
+    next_step();
+    return;
+  }
+  on_failure(step, deviation_text(step, value),
+             std::string("correct the drivetrain file to what the drive allows, see its manual") +
+                 (step.check == SdoStep::Check::eventually_equal
+                      ? "; a drive that shows its mode only when enabled needs mode_display in a "
+                        "TPDO"
+                      : ""));
 }
 
 void NodeStartup::on_failure(const SdoStep& step, const std::string& what,
                              const std::string& advice) {
   switch (step.need) {
     case SdoStep::Need::required:
+    case SdoStep::Need::later:
       refuse(fmt::format("{}: {}", what, advice));
       return;
     case SdoStep::Need::optional:
@@ -233,8 +246,10 @@ std::string NodeStartup::progress() const {
     case State::booting:
       return fmt::format("{}: waiting for its boot-up message", name_);
     case State::configuring:
-      return fmt::format("{}: step {} of {}: {}", name_, step_ + 1, steps_.size(),
-                         object_text(steps_[step_].object, steps_[step_].meaning));
+      if (step_ == 0) return fmt::format("{}: waiting for its first SDO answer", name_);
+      return fmt::format("{}: step {} of {}: {}{}", name_, step_ + 1, steps_.size(),
+                         object_text(steps_[step_].object, steps_[step_].meaning),
+                         sdo_.tries() > 1 ? ", waiting for its SDO answer" : "");
     case State::done:
       return fmt::format("{}: configured", name_);
     case State::idle:

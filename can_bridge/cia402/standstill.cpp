@@ -10,64 +10,157 @@ using canopen::DriveState;
 
 constexpr Duration kPoweredStandstill = std::chrono::milliseconds(500);
 
-bool is_off(std::optional<DriveState> state) {
+}  // namespace
+
+bool is_power_off(std::optional<DriveState> state) {
   return state == DriveState::not_ready || state == DriveState::switch_on_disabled ||
          state == DriveState::ready_to_switch_on || state == DriveState::fault;
 }
 
-}  // namespace
+bool obeys_quick_stop(std::optional<DriveState> state) {
+  return is_power_off(state) || state == DriveState::quick_stop_active ||
+         state == DriveState::fault_reaction;
+}
 
-StandstillInquiry::StandstillInquiry(const Cia402Config& config, std::uint8_t node)
-    : config_(config),
-      sdo_(node, std::chrono::milliseconds(config.sdo_timeout_ms), config.sdo_retries) {
+StandstillInquiry::StandstillInquiry(const Cia402Config& config, std::uint8_t node,
+                                     Duration timeout)
+    : config_(config), sdo_(node, timeout, config.sdo_retries) {
   for (std::size_t axis = 0; axis < config.axes.size(); ++axis) {
-    if (config.axes[axis].node == node) readings_.push_back({axis, std::nullopt, true});
+    if (config.axes[axis].node == node) readings_.push_back({.axis = axis});
+  }
+  add_questions(Asked::controlword, &AxisConfig::controlword);
+  add_questions(Asked::statusword, &AxisConfig::statusword);
+  add_questions(Asked::velocity, &AxisConfig::actual_velocity);
+  for (const WatchdogConfig& watchdog : config.watchdogs) {
+    if (watchdog.node != node || questions_.back().asked == Asked::watchdog) continue;
+    watchdog_ = config.value_of(watchdog);
+    questions_.push_back({Asked::watchdog, 0, watchdog.object});
+  }
+  add_questions(Asked::position, &AxisConfig::actual_position);
+}
+
+void StandstillInquiry::add_questions(Asked asked, const ObjectRef AxisConfig::*object) {
+  for (std::size_t i = 0; i < readings_.size(); ++i) {
+    questions_.push_back({asked, i, config_.axes[readings_[i].axis].*object});
   }
 }
 
-void StandstillInquiry::begin() {
+void StandstillInquiry::begin(bool stop_first) {
   sdo_.cancel();
+  stop_first_ = stop_first;
+  for (Reading& reading : readings_) reading = {.axis = reading.axis};
   question_ = 0;
+  configured_ = false;
   verdict_ = Verdict::unknown;
   fastest_.reset();
   standing_since_.reset();
+  news_.clear();
 }
 
-void StandstillInquiry::tick(Instant now, std::vector<CanFrame>& out) {
+void StandstillInquiry::tick(Instant now, const std::array<std::uint16_t, 2>& stop_words,
+                             std::vector<CanFrame>& out) {
   if (const auto result = sdo_.take_result()) on_result(*result, now);
-  if (!sdo_.busy()) ask();
+  if (!sdo_.busy()) ask(stop_words);
   sdo_.tick(now, out);
   if (const auto result = sdo_.take_result()) on_result(*result, now);
 }
 
-void StandstillInquiry::ask() {
-  const AxisConfig& axis = config_.axes[readings_[question_ / 2].axis];
-  sdo_.read(question_ % 2 == 0 ? axis.statusword : axis.actual_velocity);
+void StandstillInquiry::ask(const std::array<std::uint16_t, 2>& stop_words) {
+  while (!is_due(questions_[question_], stop_words)) ++question_;
+  const Question& question = questions_[question_];
+  if (question.asked != Asked::controlword) return sdo_.read(question.object);
+  ++writes_;
+  sdo_.write(question.object, stop_words[readings_[question.reading].axis]);
+}
+
+// What may not be due stands before what always is, or behind the end of the round: see
+// on_result().
+bool StandstillInquiry::is_due(const Question& question,
+                               const std::array<std::uint16_t, 2>& stop_words) const {
+  const Reading& reading = readings_[question.reading];
+  switch (question.asked) {
+    case Asked::controlword:
+      return has_to_write(reading, stop_words[reading.axis]);
+    case Asked::watchdog:
+    case Asked::position:
+      return !stop_first_;
+    case Asked::statusword:
+    case Asked::velocity:
+      break;
+  }
+  return true;
+}
+
+bool StandstillInquiry::has_to_write(const Reading& reading, std::uint16_t stop_word) const {
+  if (!reading.asked) return stop_first_;
+  return stop_word == canopen::kControlDisableVoltage ? !is_power_off(reading.state)
+                                                      : !obeys_quick_stop(reading.state);
 }
 
 void StandstillInquiry::on_result(const SdoResult& result, Instant now) {
   if (result.outcome == SdoResult::Outcome::no_answer) {
     verdict_ = Verdict::silent;
+    configured_ = false;
     standing_since_.reset();
     question_ = 0;
     return;
   }
-  const bool told = result.outcome == SdoResult::Outcome::done;
-  Reading& reading = readings_[question_ / 2];
-  const AxisConfig& axis = config_.axes[reading.axis];
-  if (question_ % 2 == 0) {
-    const auto word = static_cast<std::uint16_t>(result.value >> axis.statusword_shift & 0xFFFF);
-    reading.power_off = !told || is_off(canopen::drive_state(word));
-  } else {
-    reading.speed_radps.reset();
-    if (told) {
-      reading.speed_radps = static_cast<double>(axis.sign * result.value) * 2.0 * std::numbers::pi /
-                            axis.actual_velocity_per_rps.value();
-    }
-  }
-  if (++question_ < 2 * readings_.size()) return;
+  note(questions_[question_], result);
+  ++question_;
+  const bool is_last = question_ == questions_.size() ||
+                       (stop_first_ && questions_[question_].asked > Asked::velocity);
+  if (!is_last) return;
   question_ = 0;
   judge(now);
+}
+
+void StandstillInquiry::note(const Question& question, const SdoResult& result) {
+  const bool told = result.outcome == SdoResult::Outcome::done;
+  Reading& reading = readings_[question.reading];
+  switch (question.asked) {
+    case Asked::controlword:
+      return;
+    case Asked::statusword:
+      return on_statusword(reading, result);
+    case Asked::velocity:
+      return on_velocity(reading, result);
+    case Asked::watchdog:
+      configured_ = told && result.value == watchdog_;
+      return;
+    case Asked::position:
+      reading.position.reset();
+      if (told) reading.position = result.value;
+      return;
+  }
+}
+
+std::optional<std::int64_t> StandstillInquiry::position(std::size_t axis) const {
+  for (const Reading& reading : readings_) {
+    if (reading.axis == axis && configured_) return reading.position;
+  }
+  return std::nullopt;
+}
+
+void StandstillInquiry::on_statusword(Reading& reading, const SdoResult& result) {
+  const bool told = result.outcome == SdoResult::Outcome::done;
+  const AxisConfig& axis = config_.axes[reading.axis];
+  reading.asked = true;
+  reading.state.reset();
+  if (told) {
+    const auto word = static_cast<std::uint16_t>(result.value >> axis.statusword_shift & 0xFFFF);
+    reading.state = canopen::drive_state(word);
+    news_.push_back({{Signal::statusword, reading.axis, axis.statusword, 0}, result.value});
+  }
+  reading.power_off = !told || is_power_off(reading.state);
+}
+
+void StandstillInquiry::on_velocity(Reading& reading, const SdoResult& result) {
+  reading.speed_radps.reset();
+  if (result.outcome != SdoResult::Outcome::done) return;
+  const AxisConfig& axis = config_.axes[reading.axis];
+  reading.speed_radps = static_cast<double>(axis.sign * result.value) * 2.0 * std::numbers::pi /
+                        axis.actual_velocity_per_rps.value();
+  news_.push_back({{Signal::actual_velocity, reading.axis, axis.actual_velocity, 0}, result.value});
 }
 
 void StandstillInquiry::judge(Instant now) {

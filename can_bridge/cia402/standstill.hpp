@@ -1,23 +1,34 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/canopen/sdo_client.hpp"
 #include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/pdo.hpp"
 
 namespace tether::cia402 {
 
-/// Asks one node by SDO, again and again, whether its wheels stand. That works in NMT
-/// pre-operational, too, where a drive that has lost its master's heartbeat brakes without telling
-/// anything by PDO. Only reads. No I/O and no clock.
+/// Asks one node by SDO, again and again, whether its wheels stand, and has them stop. That works
+/// in NMT pre-operational, too, where a drive tells nothing and takes no setpoint by PDO. No I/O
+/// and no clock.
 ///
 /// Read of each axis: statusword and actual velocity. Wheels stand when all of them are slower than
 /// standstill_radps; with a power stage that is on, for half a second, because they might be
 /// starting. Objects whose reading the node aborts are left out of the judgement.
+///
+/// Read besides, unless wheels have to stop first: each axis' position, and the node's watchdog,
+/// which start-up has set. A drive that has rebooted has lost what start-up set (CiA 301,
+/// 7.2.8.2.2: power-on values), unless somebody stored it in the drive; its position is then not
+/// told.
+///
+/// Written of each axis: its controlword, "quick stop" or "disable voltage" and nothing else, as
+/// long as the newest statusword does not show that the axis obeys.
 class StandstillInquiry {
  public:
   enum class Verdict {
@@ -30,37 +41,75 @@ class StandstillInquiry {
     std::size_t axis = 0;  ///< 0 left, 1 right
     double speed_radps = 0.0;
   };
+  /// A value that was read, as a TPDO would have told it.
+  using News = std::vector<std::pair<PdoMap::Field, std::int64_t>>;
 
-  StandstillInquiry(const Cia402Config& config, std::uint8_t node);
+  /// `timeout`: after which an unanswered request is sent again, sdo_retries times.
+  StandstillInquiry(const Cia402Config& config, std::uint8_t node, Duration timeout);
 
-  /// From the beginning.
-  void begin();
+  /// From the beginning. `stop_first`: writes the controlwords before it asks anything.
+  void begin(bool stop_first = false);
   /// A frame with the identifier 0x580 + node. False: not the reply that is waited for.
   bool on_sdo(const CanFrame& frame) { return sdo_.on_frame(frame); }
-  void tick(Instant now, std::vector<CanFrame>& out);
+  /// `stop_words`: the controlwords of both axes, left and right.
+  void tick(Instant now, const std::array<std::uint16_t, 2>& stop_words,
+            std::vector<CanFrame>& out);
 
   Verdict verdict() const { return verdict_; }
   /// The fastest wheel of the newest answers.
   const std::optional<Wheel>& fastest() const { return fastest_; }
+  /// The position of this axis by the newest answers, in the drive's counts; nullopt unless the
+  /// drive has not rebooted since start-up configured it.
+  std::optional<std::int64_t> position(std::size_t axis) const;
+  /// What was read since the last call.
+  News take_news() { return std::exchange(news_, {}); }
+  /// How many controlwords were written, repetitions not counted.
+  std::int64_t writes() const { return writes_; }
 
  private:
   struct Reading {
     std::size_t axis = 0;
-    std::optional<double> speed_radps;
+    std::optional<canopen::DriveState> state{};
+    std::optional<double> speed_radps{};
+    bool asked = false;  // the state, at least once
     bool power_off = true;
+    std::optional<std::int64_t> position{};
+  };
+  enum class Asked { controlword, statusword, velocity, watchdog, position };
+  struct Question {
+    Asked asked{};
+    std::size_t reading = 0;
+    ObjectRef object;
   };
 
-  void ask();
+  void add_questions(Asked asked, const ObjectRef AxisConfig::*object);
+  bool is_due(const Question& question, const std::array<std::uint16_t, 2>& stop_words) const;
+  void ask(const std::array<std::uint16_t, 2>& stop_words);
   void on_result(const SdoResult& result, Instant now);
+  void note(const Question& question, const SdoResult& result);
+  void on_statusword(Reading& reading, const SdoResult& result);
+  void on_velocity(Reading& reading, const SdoResult& result);
   void judge(Instant now);
+  bool has_to_write(const Reading& reading, std::uint16_t stop_word) const;
 
   Cia402Config config_;
   SdoClient sdo_;
-  std::vector<Reading> readings_;  // of this round
-  std::size_t question_ = 0;       // number of the next; each axis has two: statusword, velocity
+  bool stop_first_ = false;
+  std::vector<Reading> readings_;    // of this round, or of the last one where not yet asked
+  std::vector<Question> questions_;  // of a round
+  std::size_t question_ = 0;         // number of the next
+  std::int64_t watchdog_ = 0;        // what start-up set
+  bool configured_ = false;          // the drive still has it, as the newest answers say
   Verdict verdict_ = Verdict::unknown;
   std::optional<Wheel> fastest_;
   std::optional<Instant> standing_since_;
+  News news_;
+  std::int64_t writes_ = 0;
 };
+
+/// Whether a drive in this state follows "quick stop": it brakes or its power stage is off.
+bool obeys_quick_stop(std::optional<canopen::DriveState> state);
+/// Whether the power stage is off in this state.
+bool is_power_off(std::optional<canopen::DriveState> state);
 
 }  // namespace tether::cia402

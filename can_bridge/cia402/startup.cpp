@@ -11,8 +11,8 @@ namespace tether::cia402 {
 namespace {
 
 constexpr std::int64_t kPdoOff = 0x80000000;
-// Bit 30 (no RTR) may be the drive's own choice.
-constexpr std::uint32_t kPdoIdMask = 0xBFFFFFFF;
+// Bit 30 (no remote requests) is the drive's own choice.
+constexpr std::uint32_t kNoRemote = 0x40000000;
 
 SdoStep write_only(const ObjectRef& object, std::int64_t value, std::string meaning) {
   SdoStep step;
@@ -43,6 +43,13 @@ SdoStep device_type() {
   return step;
 }
 
+SdoStep keep_bit_30(const ObjectRef& object, std::string meaning) {
+  SdoStep step = read_only(object, 0, std::move(meaning));
+  step.check = SdoStep::Check::keep;
+  step.mask = kNoRemote;
+  return step;
+}
+
 SdoStep watchdog_step(const Cia402Config& config, const WatchdogConfig& watchdog) {
   const bool consumer = watchdog.kind == WatchdogConfig::Kind::heartbeat_consumer;
   SdoStep step = write_and_read(watchdog.object, config.value_of(watchdog),
@@ -65,6 +72,7 @@ void add_pdo(const PdoConfig& pdo, std::vector<SdoStep>& steps) {
   const std::int64_t id = canopen::pdo_id(pdo.transmit, pdo.number, pdo.node);
   const auto count = static_cast<std::int64_t>(pdo.objects.size());
   if (!pdo.preset) {
+    steps.push_back(keep_bit_30(o.id(), name + " identifier"));
     steps.push_back(write_only(o.id(), kPdoOff | id, name + " off"));
     steps.push_back(write_only(o.count(), 0, name + " mapping cleared"));
     for (std::size_t i = 0; i < pdo.objects.size(); ++i) {
@@ -77,7 +85,7 @@ void add_pdo(const PdoConfig& pdo, std::vector<SdoStep>& steps) {
   if (!pdo.preset) steps.push_back(write_only(o.id(), id, name + " on"));
 
   steps.push_back(read_only(o.id(), id, name + " identifier"));
-  steps.back().mask = kPdoIdMask;
+  steps.back().mask = ~kNoRemote;
   steps.push_back(read_only(o.count(), count, name + " mapping count"));
   for (std::size_t i = 0; i < pdo.objects.size(); ++i) {
     steps.push_back(read_only(o.entry(i), mapping_entry(pdo.objects[i]), name + " mapping"));
@@ -93,6 +101,7 @@ void add_modes(const Cia402Config& config, std::uint8_t node, std::vector<SdoSte
     SdoStep step = write_and_read(axis.mode, kProfileVelocity, "mode of operation");
     step.read_back = axis.mode_display;
     step.check = SdoStep::Check::eventually_equal;
+    if (config.tells_mode(axis)) step.need = SdoStep::Need::later;
     steps.push_back(step);
   }
 }
@@ -121,6 +130,18 @@ std::vector<SdoStep> startup_steps(const Cia402Config& config, std::uint8_t node
   }
   add_modes(config, node, steps);
   return steps;
+}
+
+bool is_vital(const Cia402Config& config, std::uint8_t node, std::uint16_t index) {
+  if (canopen::is_pdo_parameter(index)) return true;
+  for (const AxisConfig& axis : config.axes) {
+    if (axis.node == node &&
+        (axis.controlword.index == index || axis.target_velocity.index == index)) {
+      return true;
+    }
+  }
+  return std::ranges::any_of(startup_steps(config, node),
+                             [index](const SdoStep& step) { return step.object.index == index; });
 }
 
 }  // namespace tether::cia402

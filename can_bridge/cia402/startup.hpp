@@ -19,11 +19,13 @@ struct SdoStep {
     equal,             ///< what is read must be `expected` in the bits of `mask`
     eventually_equal,  ///< the same, read again until step_timeout_ms is over
     drive_profile,     ///< must be a CiA 402 device type, or 0 (not told)
+    keep,              ///< what is read in the bits of `mask` stays set in later writes of it
   };
   enum class Need {
     required,  ///< if it is aborted or reads another value, the drive cannot be used
     optional,  ///< then: it is noted, and start-up goes on
     watchdog,  ///< then: start-up goes on, but one watchdog of the node must succeed
+    later,     ///< if it reads 0: start-up goes on, and it must be right when enabled
   };
 
   ObjectRef object;
@@ -40,7 +42,14 @@ struct SdoStep {
 /// watchdogs, heartbeat producer (0x1017), the watchdogs' reactions, setup objects, PDOs, mode of
 /// operation. A PDO is switched off, cleared, mapped, counted, timed and switched on (CiA
 /// 301, 7.5.2.36), then all of it is read back; one that is `preset` is only read back, except for
-/// its event timer.
+/// its event timer. Bit 30 of its identifier (no remote requests) stays as the drive has it.
+///
+/// Some drives show no mode of operation (0) until they are enabled: where a TPDO carries it,
+/// start-up goes on without it (Need::later).
 std::vector<SdoStep> startup_steps(const Cia402Config& config, std::uint8_t node);
+
+/// Whether a write to `index` of `node` could change how its drive is watched over, limited or
+/// commanded: what start-up writes or checks, any PDO parameter, controlword, target velocity.
+bool is_vital(const Cia402Config& config, std::uint8_t node, std::uint16_t index);
 
 }  // namespace tether::cia402

@@ -12,9 +12,11 @@ TransmitRules Cia402Config::transmit_rules() const {
   rules.frames = {{canopen::kNmt}, {canopen::kSync}, {canopen::kHeartbeat + master_node}};
   for (const AxisConfig& axis : axes) {
     rules.setpoints.push_back(axis.target_velocity);
+    rules.controlwords.push_back(axis.controlword);
     rules.sdo_ids.push_back(canopen::kSdoRequest + axis.node);
     rules.frames.push_back({canopen::kSdoRequest + axis.node});
   }
+  rules.stop_words = {canopen::kControlQuickStop, canopen::kControlDisableVoltage};
   for (const PdoConfig& pdo : pdos) {
     if (pdo.transmit) continue;
     assert(pdo.number >= 1 && pdo.number <= 4);

@@ -13,6 +13,8 @@ namespace {
 
 using Can = CanSettings;
 
+constexpr double kMostBlind = 10.0;  ///< s and m, with real drives
+
 bool has_can(const Scenario& scenario) {
   return scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can;
 }
@@ -34,6 +36,11 @@ void add_bus(KeyTable<Can>& t) {
   t.append(of_vehicle.take());
   t.choice<Can::Arm>("arm", &Can::arm, {{"once", Can::Arm::once}, {"never", Can::Arm::never}},
                      "the run arms the drivetrain once, or leaves it to an operator");
+  t.number("operator_timeout_ms", &Can::operator_timeout_ms, {0.0, 10e3, false},
+           "hold-to-run: stop without \"tether can hold\" for this long; 0: off");
+  t.text("estop_file", &Can::estop_file,
+         "live: where the bridge remembers a latched e-stop; empty: with real drives a file of its "
+         "own, else nowhere");
 }
 
 void add_deadlines_and_limits(KeyTable<Can>& t) {
@@ -42,6 +49,11 @@ void add_deadlines_and_limits(KeyTable<Can>& t) {
   t.number("stale_ms", &Can::stale_ms, kDeadline, "a command older than this: ramp to zero");
   t.number("disarm_ms", &Can::disarm_ms, kDeadline,
            "a command older than this: quick stop and disarm");
+  t.number("max_stale_m", &Can::max_stale_m, kPositive,
+           "a command older than the vehicle takes for this way: ramp to zero");
+  t.number("max_blind_s", &Can::max_blind_s, kPositive,
+           "the vehicle stops within this time of the pose that the newest plan was made from");
+  t.number("max_blind_m", &Can::max_blind_m, kPositive, "the same: within this way, by odometry");
   t.number("max_speed_mps", &Can::max_speed_mps, kPositive, "forward");
   t.number("max_reverse_mps", &Can::max_reverse_mps, kPositive, "backward");
   t.number("max_yaw_rate_radps", &Can::max_yaw_rate_radps, kPositive, "either way");
@@ -65,9 +77,11 @@ void add_injection(KeyTable<Can>& t) {
                          {"silence", Can::Inject::silence},
                          {"sdo_abort", Can::Inject::sdo_abort},
                          {"encoder_freeze", Can::Inject::encoder_freeze},
-                         {"wheel_slip", Can::Inject::wheel_slip}},
+                         {"wheel_slip", Can::Inject::wheel_slip},
+                         {"safety_input", Can::Inject::safety_input}},
                         "a fault of the emulated drives");
-  t.whole_number("inject_node", &Can::inject_node, 0, "the drive's node id; 0 = all");
+  t.whole_number("inject_node", &Can::inject_node, 0,
+                 "the drive's node id, or which safety input; 0 = all");
   t.number("inject_at_s", &Can::inject_at_s, {-1e3, 1e6, false}, "when");
   t.number("inject_value", &Can::inject_value, {0.0, 65535.0, false},
            "error code, seconds, object or share: see lcmtypes/tether_drive_fault.lcm");
@@ -101,11 +115,33 @@ void check(const Scenario& scenario, const std::string& file) {
         "(tether can arm)",
         file));
   }
+  // What BlindBudget reckons until the brakes act; with less the vehicle never moves.
+  const double reaction_s = 0.1 + 4e-3 * can.cycle_ms;
+  if (can.max_blind_s <= reaction_s) {
+    throw UsageError(fmt::format(
+        "{}: can.max_blind_s = {} must be above {}, the time until the brakes act (0.1 s and 4 * "
+        "can.cycle_ms)",
+        file, can.max_blind_s, reaction_s));
+  }
+  if (!can.emulate_drives && (can.max_blind_s > kMostBlind || can.max_blind_m > kMostBlind)) {
+    throw UsageError(fmt::format(
+        "{}: can.max_blind_s = {} and can.max_blind_m = {}: with real drives "
+        "(can.emulate_drives = false) at most {} each: so long and so far the vehicle drives "
+        "though nobody sees it",
+        file, can.max_blind_s, can.max_blind_m, kMostBlind));
+  }
   if (can.inject == Can::Inject::wheel_slip &&
       !(can.inject_value > 0.0 && can.inject_value <= 1.0)) {
     throw UsageError(fmt::format(
         "{}: can.inject = \"wheel_slip\" with can.inject_value = {}: must be the share of the "
         "motion that is lost, above 0, up to 1",
+        file, can.inject_value));
+  }
+  if (can.inject == Can::Inject::safety_input && can.inject_value != 0.0 &&
+      can.inject_value != 1.0 && can.inject_value != 2.0) {
+    throw UsageError(fmt::format(
+        "{}: can.inject = \"safety_input\" with can.inject_value = {}: must be 0 (demands), 1 (is "
+        "silent) or 2 (makes no sense)",
         file, can.inject_value));
   }
 }

@@ -14,7 +14,16 @@ namespace tether {
 struct CanSettings {
   enum class Arm { once, never };
   enum class Wheels { sim, model };
-  enum class Inject { none, fault, reboot, silence, sdo_abort, encoder_freeze, wheel_slip };
+  enum class Inject {
+    none,
+    fault,
+    reboot,
+    silence,
+    sdo_abort,
+    encoder_freeze,
+    wheel_slip,
+    safety_input,
+  };
 
   std::string drivetrain_file;      ///< what is on the bus; relative to the scenario file
   std::string interface = "vcan0";  ///< live runs: SocketCAN interface
@@ -24,9 +33,15 @@ struct CanSettings {
   /// Who presses "arm": once = the run itself, as soon as the drivetrain is ready; never = an
   /// operator (`tether can arm`).
   Arm arm = Arm::once;
+  /// Hold-to-run: an operator has to say so often that he holds; 0: nobody has to.
+  double operator_timeout_ms = 0.0;
+  std::string estop_file;    ///< remembers a latched e-stop; "": see docs/drivetrain.md
   double cycle_ms = 20.0;    ///< of the control loop: SYNC and setpoints
   double stale_ms = 200.0;   ///< a command older than this: ramp to zero
   double disarm_ms = 500.0;  ///< a command older than this: quick stop and disarm
+  double max_stale_m = 0.5;  ///< or older than the vehicle takes for this way: ramp to zero
+  double max_blind_s = 1.0;  ///< plans drive on for so long ...
+  double max_blind_m = 1.0;  ///< ... and so far while nobody sees the vehicle
   double max_speed_mps = 3.0;
   double max_reverse_mps = 3.0;
   double max_yaw_rate_radps = 2.0;
@@ -38,7 +53,7 @@ struct CanSettings {
   double max_yaw_jerk_radps3 = 60.0;
   // Emulated drives: one fault at a given time, for sweeps of the safety logic.
   Inject inject = Inject::none;
-  std::int64_t inject_node = 0;  ///< CANopen node id; 0: all
+  std::int64_t inject_node = 0;  ///< CANopen node id, or number of the safety input; 0: all
   double inject_at_s = 10.0;
   double inject_value = 0.0;  ///< see drive_fault_t
 };

@@ -2,6 +2,9 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
+
+#include "can_bridge/drivetrain/safety_input.hpp"
 
 namespace tether {
 
@@ -13,6 +16,7 @@ struct DrivetrainCommon {
   std::uint16_t boot_timeout_ms = 2000;     ///< from reset to the first sign of life
   std::uint16_t step_timeout_ms = 1000;     ///< for each change of a drive's state
   double standstill_radps = 0.05;           ///< wheels slower than this stand
+  std::vector<SafetyInputConfig> safety_inputs;
 };
 
 }  // namespace tether

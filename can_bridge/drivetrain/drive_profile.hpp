@@ -17,7 +17,7 @@ enum class DrivePhase {
   starting,  ///< configuration in progress; power stages off
   refused,   ///< cannot be used: `reason` says what a technician has to look at
   standby,   ///< configured, watched over by its own watchdog, power stages off
-  enabling,  ///< power stages being switched on, setpoint zero
+  enabling,  ///< configuration being verified, power stages being switched on; setpoint zero
   enabled,   ///< follows setpoints
   stopping,  ///< a quick stop or disable is under way
   faulted,   ///< a drive reported a fault, went missing or rebooted: latched until reset_fault()
@@ -32,9 +32,15 @@ enum class StopKind {
 /// What is known of one wheel. SI units at the wheel's rim, forward positive, whatever the drive's
 /// own units and mounting are.
 struct WheelFeedback {
-  bool valid = false;    ///< something was received since the last start
-  Instant stamp{};       ///< of the newest position or speed
-  double angle_rad = 0;  ///< since start-up; counted through the drive's wrap-around
+  bool valid = false;  ///< something was received since the last start
+  Instant stamp{};     ///< of the newest position or speed
+  /// Since the bridge's start; counted through the drive's wrap-around. After a silence it takes up
+  /// what the drive counted meanwhile, unless the drive may have rebooted: then it goes on from
+  /// where it was.
+  double angle_rad = 0;
+  /// How far the wheel may have turned in all without being counted in angle_rad: over reboots of
+  /// its drive and jumps of its counter. Never falls.
+  double uncounted_rad = 0;
   double speed_radps = 0;
   std::int64_t position_counts = 0;  ///< as angle_rad, in the drive's counts, unwrapped, signed
   std::string state;                 ///< "OperationEnabled", "Fault" … as the profile names it
@@ -50,6 +56,9 @@ struct DrivetrainSnapshot {
   std::array<WheelFeedback, 2> wheels;  ///< left, right
   bool standstill = false;              ///< both wheels' fresh feedback says (almost) zero speed
   bool feedback_fresh = false;          ///< both wheels' feedback is younger than its deadline
+  /// A drive that was heard, or commanded, may have power on or turn, as far as is known: however
+  /// old that knowledge is.
+  bool in_doubt = false;
 };
 
 /// The protocol of one make of drivetrain, without I/O and without a clock: frames and time in,
@@ -66,8 +75,14 @@ struct DrivetrainSnapshot {
 class DriveProfile {
  public:
   struct Counters {
-    std::int64_t rejected_frames = 0;  ///< ours by identifier, but of wrong length or content
-    std::int64_t intruder_frames = 0;  ///< commands on this bus that are not ours
+    std::int64_t rejected_frames = 0;     ///< ours by identifier, but of wrong length or content
+    std::int64_t intruder_frames = 0;     ///< commands on this bus that are not ours
+    std::int64_t intruder_writes = 0;     ///< … that changed what the bridge had configured
+    std::int64_t stops_by_sdo = 0;        ///< for drives that do not take them by PDO
+    std::int64_t heartbeat_withheld = 0;  ///< times, so that a drive's watchdog stops it
+    std::int64_t warnings = 0;            ///< messages of the drives that stop nothing
+    /// Feedback beyond what the drives send by themselves: somebody else's.
+    std::int64_t surplus_feedback = 0;
   };
 
   virtual ~DriveProfile() = default;
@@ -102,6 +117,9 @@ class DriveProfile {
   /// For the bridge's own reports: intruders seen so far as text ("0x201 from another sender"), ""
   /// if there was none.
   virtual std::string intruder() const = 0;
+  /// The same for what the drives warned of since the last reset_fault(), each warning once:
+  /// "left drive (node 1): 0x8110 (CAN overrun: messages lost)".
+  virtual std::string warnings() const { return ""; }
 
  protected:
   DriveProfile() = default;

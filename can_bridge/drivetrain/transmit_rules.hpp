@@ -18,6 +18,9 @@ struct TransmitRules {
   std::vector<Frame> frames;           ///< no other identifier may be sent
   std::vector<ObjectRef> setpoints;    ///< objects that only RPDOs may write
   std::vector<std::uint32_t> sdo_ids;  ///< frames with which they could be written by SDO
+  /// Objects that SDO may write with `stop_words` only: drives are switched on by RPDOs alone.
+  std::vector<ObjectRef> controlwords{};
+  std::vector<std::uint32_t> stop_words{};
 };
 
 }  // namespace tether

@@ -14,6 +14,7 @@
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/profiles/profiles.hpp"
+#include "common/base/errors.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/actuator_policy.hpp"
@@ -37,19 +38,39 @@ static_assert(static_cast<int>(DriveRequest::disarm) == drive_request_t::DISARM)
 static_assert(static_cast<int>(DriveRequest::estop) == drive_request_t::ESTOP);
 static_assert(static_cast<int>(DriveRequest::estop_release) == drive_request_t::ESTOP_RELEASE);
 static_assert(static_cast<int>(DriveRequest::reset) == drive_request_t::RESET);
+static_assert(static_cast<int>(DriveRequest::alive) == drive_request_t::ALIVE);
 
 Instant beginning(const BridgeSettings& settings) {
   return kStart - from_seconds(settings.get<RunSettings>().lead_s);
 }
 
 SafetyCore::Config safety_config(const BridgeSettings& settings) {
-  return {from_seconds(settings.get<CanSettings>().stale_ms * 1e-3),
-          from_seconds(settings.get<CanSettings>().disarm_ms * 1e-3),
+  const auto& can = settings.get<CanSettings>();
+  return {from_seconds(can.stale_ms * 1e-3),
+          from_seconds(can.disarm_ms * 1e-3),
+          can.max_stale_m,
+          from_seconds(can.max_blind_s),
+          can.max_blind_m,
+          from_seconds(can.operator_timeout_ms * 1e-3),
           twist_limits(settings),
           beginning(settings),
           settings.get<VehicleSettings>().wheel_radius_m,
           settings.get<ActuatorSettings>(),
           settings.get<VehicleSettings>()};
+}
+
+std::vector<CanFilter> all_filters(const DriveProfile& profile, const SafetyInputs& inputs) {
+  std::vector<CanFilter> filters = profile.filters();
+  for (const CanFilter& wanted : inputs.filters()) {
+    for (const CanFilter& own : profile.filters()) {
+      if (((wanted.id ^ own.id) & own.mask) != 0) continue;
+      throw UsageError(fmt::format(
+          "safety_input.id = 0x{:03X} is a frame of the drivetrain itself: give it another one",
+          wanted.id));
+    }
+    filters.push_back(wanted);
+  }
+  return filters;
 }
 
 double age_s(const WheelFeedback& wheel, Instant now) {
@@ -65,13 +86,15 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
 
 CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainConfig& config,
                              EventLoop& loop, Bus& bus, CanPort& port,
-                             std::unique_ptr<DriveProfile> profile)
+                             std::unique_ptr<DriveProfile> profile, const GpioOpener& open_gpio)
     : loop_(loop),
       bus_(bus),
       port_(port),
       channels_(settings.get<VehicleSettings>().name),
       profile_(std::move(profile)),
       safety_(safety_config(settings)),
+      inputs_(safety_inputs(config)),
+      gpio_(safety_inputs(config), loop, inputs_, open_gpio),
       whitelist_(transmit_rules(config)),
       odometry_(settings.get<VehicleSettings>()),
       cycle_(from_seconds(settings.get<CanSettings>().cycle_ms * 1e-3)),
@@ -84,17 +107,15 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
   if (const std::string warning = port.warning(); !warning.empty()) {
     fmt::print(stderr, "tether-can-bridge: warning: {}\n", warning);
   }
-  subscribe<twist_t>(bus, channels_.vehicle_command, kDeepQueue, undecodable_commands_,
-                     [this](const twist_t& m) { on_command(m); });
-  subscribe_to_plans(bus, channels_, undecodable_plans_, [this](PlanSource source, Plan plan) {
+  subscribe_in_run<twist_t>(bus, loop, channels_.vehicle_command, kDeepQueue, rejected_commands_,
+                            [this](const twist_t& m) { on_command(m); });
+  subscribe_to_plans(bus, loop, channels_, rejected_plans_, [this](PlanSource source, Plan plan) {
     safety_.on_plan(loop_.now(), source, std::move(plan));
   });
-  subscribe<drive_request_t>(bus, channels_.can_request, kDeepQueue, undecodable_requests_,
-                             [this](const drive_request_t& m) {
-                               safety_.on_request(loop_.now(), from_utime(m.utime), m.seq,
-                                                  m.request);
-                             });
-  port.on_frame(profile_->filters(), [this](const CanFrame& frame) { on_frame(frame); });
+  subscribe<drive_request_t>(bus, channels_.can_request, kDeepQueue, rejected_requests_.undecodable,
+                             [this](const drive_request_t& m) { on_request(m); });
+  port.on_frame(all_filters(*profile_, inputs_),
+                [this](const CanFrame& frame) { on_frame(frame); });
   port.on_state([this](CanState state) { safety_.on_bus_state(state); });
   loop.every(beginning(settings), cycle_, Priority::node,
              [this](Instant scheduled) { on_cycle(scheduled); });
@@ -102,10 +123,22 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
 
 void CanBridgeNode::on_command(const twist_t& message) {
   safety_.on_command(loop_.now(), from_utime(message.utime), message.seq,
-                     {message.v_mps, message.omega_radps});
+                     {message.v_mps, message.omega_radps}, pose_time(message.pose_utime));
+}
+
+void CanBridgeNode::on_request(const drive_request_t& message) {
+  // A request to stop acts whatever run it is of.
+  const bool stops =
+      message.request == drive_request_t::ESTOP || message.request == drive_request_t::DISARM;
+  if (message.run != loop_.run_id() && !stops) {
+    ++rejected_requests_.other_run;
+    return;
+  }
+  safety_.on_request(loop_.now(), from_utime(message.utime), message.seq, message.request);
 }
 
 void CanBridgeNode::on_frame(const CanFrame& frame) {
+  if (inputs_.on_frame(frame, loop_.now())) return;
   if (started_) profile_->on_frame(frame, loop_.now());
 }
 
@@ -119,19 +152,23 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   if (!started_) profile_->start(now);
   started_ = true;
 
+  gpio_.read();
+  safety_.on_safety_inputs(inputs_.cycle(now));
   const DrivetrainSnapshot drives = profile_->snapshot(now);
-  const Decision decision = safety_.cycle(now, drives, port_.state());
-  act(decision, now);
   odometry_.update(drives.wheels);
+  const Decision decision = safety_.cycle(now, drives, port_.state(), odometry_.state().distance_m);
+  act(decision, now);
 
   publish_state(decision, now);
   publish_wheels(drives, now);
   publish_odometry(now);
   if (takes_plans_) publish_plan(now);
+  if (estop_file_) estop_file_->remember(decision.estop_latched);
   ++cycles_;
 }
 
 void CanBridgeNode::act(const Decision& decision, Instant now) {
+  if (decision.distrust_until) profile_->distrust_standstill(*decision.distrust_until);
   switch (decision.action) {
     case Decision::Action::none:
       break;
@@ -139,7 +176,6 @@ void CanBridgeNode::act(const Decision& decision, Instant now) {
       profile_->enable();
       break;
     case Decision::Action::quick_stop:
-      if (decision.distrust_until) profile_->distrust_standstill(*decision.distrust_until);
       profile_->stop(StopKind::quick);
       break;
     case Decision::Action::disable:
@@ -173,12 +209,17 @@ void CanBridgeNode::publish_state(const Decision& decision, Instant now) {
   drivetrain_state_t message{};
   message.utime = to_utime(now);
   message.seq = cycles_;
+  message.run = loop_.run_id();
   message.state = static_cast<std::int32_t>(decision.state);
   message.state_name = to_string(decision.state);
   message.reason = decision.reason;
   if (const std::string intruder = profile_->intruder(); !intruder.empty()) {
     if (!message.reason.empty()) message.reason += "; ";
     message.reason += "somebody else commands these drives: " + intruder;
+  }
+  if (const std::string warnings = profile_->warnings(); !warnings.empty()) {
+    if (!message.reason.empty()) message.reason += "; ";
+    message.reason += "warned since the last reset: " + warnings;
   }
   message.bus = to_string(port_.state());
   const auto age = safety_.command_age(now);
@@ -223,6 +264,12 @@ void CanBridgeNode::publish_odometry(Instant now) {
   message.v_mps = state.twist.v_mps;
   message.omega_radps = state.twist.omega_radps;
   message.distance_m = state.distance_m;
+  message.cov_x_x_m2 = state.covariance.x_x;
+  message.cov_x_y_m2 = state.covariance.x_y;
+  message.cov_x_yaw_m_rad = state.covariance.x_yaw;
+  message.cov_y_y_m2 = state.covariance.y_y;
+  message.cov_y_yaw_m_rad = state.covariance.y_yaw;
+  message.cov_yaw_yaw_rad2 = state.covariance.yaw_yaw;
   publish(bus_, channels_.can_odometry, message);
 }
 
@@ -234,6 +281,11 @@ void CanBridgeNode::publish_plan(Instant now) {
   message.session = plan.session;
   message.id = plan.id;
   publish(bus_, channels_.can_plan, message);
+}
+
+void CanBridgeNode::use_estop_file(EstopFile file) {
+  if (file.latched()) safety_.restore_estop();
+  estop_file_ = std::move(file);
 }
 
 bool CanBridgeNode::wind_down() {
@@ -250,16 +302,27 @@ void CanBridgeNode::finish() {
 
 void CanBridgeNode::list_counters(CounterList& out) const {
   safety_.list(out);
-  out.emplace_back("command.undecodable", undecodable_commands_);
-  if (takes_plans_) out.emplace_back("plan.undecodable", undecodable_plans_);
-  out.emplace_back("request.undecodable", undecodable_requests_);
+  inputs_.list(out);
+  rejected_commands_.list("command", out);
+  if (takes_plans_) rejected_plans_.list("plan", out);
+  rejected_requests_.list("request", out);
   port_.list(out);
   const DriveProfile::Counters drive = profile_->counters();
   out.emplace_back("drive.rejected_frames", drive.rejected_frames);
   out.emplace_back("drive.intruder_frames", drive.intruder_frames);
+  // What only some drives can have, and few ever do.
+  const auto list_if_any = [&out](const char* name, std::int64_t count) {
+    if (count > 0) out.emplace_back(name, count);
+  };
+  list_if_any("drive.intruder_writes", drive.intruder_writes);
+  list_if_any("drive.stops_by_sdo", drive.stops_by_sdo);
+  list_if_any("drive.heartbeat_withheld", drive.heartbeat_withheld);
+  list_if_any("drive.warnings", drive.warnings);
+  list_if_any("drive.surplus_feedback", drive.surplus_feedback);
   out.emplace_back("tx.denied", whitelist_.counters().denied);
   out.emplace_back("tx.zeroed", whitelist_.counters().zeroed);
   out.emplace_back("tx.late", late_frames_);
+  out.emplace_back("odometry.gaps", odometry_.gaps());
   out.emplace_back("odometry.reanchored", odometry_.reanchored());
   out.emplace_back("cycle.slips", cycle_slips_);
 }

@@ -2,19 +2,25 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <tether/drive_request_t.hpp>
 #include <tether/twist_t.hpp>
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/gpio/gpio_inputs.hpp"
+#include "can_bridge/node/estop_file.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "can_bridge/safety/odometry.hpp"
 #include "can_bridge/safety/safety_core.hpp"
+#include "can_bridge/safety/safety_inputs.hpp"
 #include "can_bridge/safety/transmit_whitelist.hpp"
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
+#include "common/bus/message_io.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -36,6 +42,10 @@ using BridgeSettings = Sections<RunSettings, VehicleSettings, ActuatorSettings, 
 /// TransmitWhitelist, send. All frames leave in here, heartbeat and SYNC included: when this loop
 /// hangs, the bus falls silent and the drives' watchdogs stop the vehicle.
 ///
+/// Safety inputs (the drivetrain's [[safety_input]]) come by CAN or GPIO, without LCM, and are
+/// handed to the SafetyCore in each cycle. Throws UsageError for GPIO lines in virtual time, and
+/// for a CAN frame that is the drivetrain's own.
+///
 /// Cycles that the loop missed are not made up for: only the newest sends ("cycle.slips" counts the
 /// others). A cycle that is held up sends nothing more when its period is over ("tx.late" counts
 /// these frames). Frames that arrive before the first cycle are ignored.
@@ -45,7 +55,12 @@ class CanBridgeNode final : public Node {
                 Bus& bus, CanPort& port);
   /// With a profile of the caller's, instead of the one that `config` names.
   CanBridgeNode(const BridgeSettings& settings, const DrivetrainConfig& config, EventLoop& loop,
-                Bus& bus, CanPort& port, std::unique_ptr<DriveProfile> profile);
+                Bus& bus, CanPort& port, std::unique_ptr<DriveProfile> profile,
+                const GpioOpener& open_gpio = open_gpiod_line);
+
+  /// From now on the file remembers whether the e-stop is latched; if it says so already, the
+  /// e-stop is pressed. Before the first cycle.
+  void use_estop_file(EstopFile file);
 
   /// Quick stop, standstill, power off; then nothing is sent any more. True when all that is done,
   /// or after SafetyCore::leave_wait().
@@ -57,6 +72,7 @@ class CanBridgeNode final : public Node {
 
  private:
   void on_command(const twist_t& message);
+  void on_request(const drive_request_t& message);
   void on_frame(const CanFrame& frame);
   void on_cycle(Instant scheduled);
   void act(const Decision& decision, Instant now);
@@ -72,21 +88,24 @@ class CanBridgeNode final : public Node {
   ChannelNames channels_;
   std::unique_ptr<DriveProfile> profile_;
   SafetyCore safety_;
+  SafetyInputs inputs_;
+  GpioInputs gpio_;
   TransmitWhitelist whitelist_;
   Odometry odometry_;
   Duration cycle_;
   double wheel_radius_m_;
   bool takes_plans_;
 
+  std::optional<EstopFile> estop_file_;
   bool started_ = false;
   bool left_ = false;
   std::vector<CanFrame> frames_;
   std::int64_t cycles_ = 0;
   std::int64_t cycle_slips_ = 0;
   std::int64_t late_frames_ = 0;
-  std::int64_t undecodable_commands_ = 0;
-  std::int64_t undecodable_requests_ = 0;
-  std::int64_t undecodable_plans_ = 0;
+  Rejected rejected_commands_;
+  Rejected rejected_requests_;
+  Rejected rejected_plans_;
   CounterReporter counters_;
 };
 

@@ -24,25 +24,27 @@ Instant first_instant(const DriveSettings& settings) {
   return kStart - from_seconds(settings.get<RunSettings>().lead_s);
 }
 
-DriveFault::Kind kind_of(CanSettings::Inject inject) {
+std::int32_t kind_of(CanSettings::Inject inject) {
   using Inject = CanSettings::Inject;
   switch (inject) {
     case Inject::none:
-      return DriveFault::Kind::none;
+      return drive_fault_t::NONE;
     case Inject::fault:
-      return DriveFault::Kind::fault;
+      return drive_fault_t::FAULT;
     case Inject::reboot:
-      return DriveFault::Kind::reboot;
+      return drive_fault_t::REBOOT;
     case Inject::silence:
-      return DriveFault::Kind::silence;
+      return drive_fault_t::SILENCE;
     case Inject::sdo_abort:
-      return DriveFault::Kind::sdo_abort;
+      return drive_fault_t::SDO_ABORT;
     case Inject::encoder_freeze:
-      return DriveFault::Kind::encoder_freeze;
+      return drive_fault_t::ENCODER_FREEZE;
     case Inject::wheel_slip:
-      return DriveFault::Kind::wheel_slip;
+      return drive_fault_t::WHEEL_SLIP;
+    case Inject::safety_input:
+      return drive_fault_t::SAFETY_INPUT;
   }
-  return DriveFault::Kind::none;
+  return drive_fault_t::NONE;
 }
 
 void check_inject_node(std::int64_t node, const std::vector<std::uint8_t>& nodes) {
@@ -71,6 +73,8 @@ CanDriveNode::CanDriveNode(const DriveSettings& settings, const DrivetrainConfig
       standalone_(settings.get<CanSettings>().wheels == CanSettings::Wheels::model),
       nodes_(drive_nodes(config)),
       drives_(make_emulated_drivetrain(config, std::max(loop.now(), first_instant(settings)))),
+      inputs_(settings.get<CanSettings>().emulate_drives ? safety_inputs(config)
+                                                         : std::vector<SafetyInputConfig>{}),
       wheel_models_{WheelModel(WheelModel::of(settings.get<VehicleSettings>())),
                     WheelModel(WheelModel::of(settings.get<VehicleSettings>()))},
       wheel_guard_({.earliest = first_instant(settings)}),
@@ -103,12 +107,17 @@ void CanDriveNode::subscribe_to_faults(const DriveSettings& settings) {
                            });
   const CanSettings& can = settings.get<CanSettings>();
   if (can.inject == CanSettings::Inject::none) return;
-  check_inject_node(can.inject_node, nodes_);
+  if (can.inject != CanSettings::Inject::safety_input) {
+    check_inject_node(can.inject_node, nodes_);
+  } else if (!inputs_.has(can.inject_node)) {
+    throw UsageError(
+        fmt::format("can.inject_node = {}: the drivetrain has no such safety input; they are "
+                    "numbered from 1 on, 0 means all",
+                    can.inject_node));
+  }
   loop_.at(kStart + from_seconds(can.inject_at_s), Priority::delivery,
            [this, node = static_cast<std::int32_t>(can.inject_node), kind = kind_of(can.inject),
-            value = can.inject_value](Instant) {
-             on_fault_request(node, static_cast<std::int32_t>(kind), value);
-           });
+            value = can.inject_value](Instant) { on_fault_request(node, kind, value); });
 }
 
 void CanDriveNode::subscribe_to_wheels() {
@@ -137,6 +146,7 @@ void CanDriveNode::tick() {
   const Instant now = loop_.now();
   turn_wheels(now);
   drives_->tick(now, out_);
+  inputs_.tick(now, out_);
   send_all();
 }
 
@@ -193,16 +203,29 @@ void CanDriveNode::send_all() {
 }
 
 void CanDriveNode::on_fault_request(std::int32_t node, std::int32_t kind, double value) {
+  ++(apply(node, kind, value) ? faults_injected_ : faults_refused_);
+}
+
+bool CanDriveNode::apply(std::int32_t node, std::int32_t kind, double value) {
+  if (!tether::is_usable(value)) return false;
+  using Act = EmulatedSafetyInputs::Act;
+  if (kind == drive_fault_t::SAFETY_INPUT) {
+    const bool known = value == 0.0 || value == 1.0 || value == 2.0;
+    if (!known || !inputs_.has(node)) return false;
+    inputs_.set(node, static_cast<Act>(static_cast<int>(value)));
+    return true;
+  }
   const bool node_exists =
       node == 0 || std::find(nodes_.begin(), nodes_.end(), node) != nodes_.end();
-  const bool kind_exists = kind >= static_cast<std::int32_t>(DriveFault::Kind::none) &&
-                           kind <= static_cast<std::int32_t>(DriveFault::Kind::wheel_slip);
-  if (!node_exists || !kind_exists || !tether::is_usable(value)) {
-    ++faults_refused_;
-    return;
+  const bool kind_exists = kind >= drive_fault_t::NONE && kind < drive_fault_t::SAFETY_INPUT;
+  if (kind == drive_fault_t::NONE && inputs_.has(node)) {
+    inputs_.set(node, Act::clear);
+  } else if (!node_exists) {
+    return false;
   }
-  ++faults_injected_;
-  drives_->inject({node, static_cast<DriveFault::Kind>(kind), value}, loop_.now());
+  if (!kind_exists) return false;
+  if (node_exists) drives_->inject({node, static_cast<DriveFault::Kind>(kind), value}, loop_.now());
+  return true;
 }
 
 void CanDriveNode::finish() { counters_.publish_now(); }

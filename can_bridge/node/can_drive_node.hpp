@@ -8,6 +8,7 @@
 #include "can_bridge/bus/can_port.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/emulated/drivetrain.hpp"
+#include "can_bridge/emulated/safety_inputs.hpp"
 #include "can_bridge/emulated/wheel_model.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/bus/bus.hpp"
@@ -37,6 +38,9 @@ using DriveSettings = Sections<RunSettings, VehicleSettings, CanSettings>;
 /// ignored.
 ///
 /// Wheels, standalone: a WheelModel each, shown on SIM/WHEELS every can.coupling_ms.
+///
+/// Safety inputs on CAN are emulated, too, and are clear; but not with can.emulate_drives = false,
+/// for nobody must speak for a real scanner.
 ///
 /// Faults come from the scenario (can.inject…, once at can.inject_at_s) and from CAN/INJECT; a
 /// request of unknown kind, with an unusable value or for a node that is not there is counted and
@@ -68,6 +72,7 @@ class CanDriveNode final : public Node {
   void on_frame(const CanFrame& frame);
   void on_wheels(Instant stamp, std::int64_t seq, const WheelStates& wheels);
   void on_fault_request(std::int32_t node, std::int32_t kind, double value);
+  bool apply(std::int32_t node, std::int32_t kind, double value);
   void send_all();
   void list_counters(CounterList& out) const;
 
@@ -78,6 +83,7 @@ class CanDriveNode final : public Node {
   bool standalone_;
   std::vector<std::uint8_t> nodes_;  // ids a fault may be for, besides 0
   std::unique_ptr<EmulatedDrivetrain> drives_;
+  EmulatedSafetyInputs inputs_;
   std::array<WheelModel, 2> wheel_models_;
   StreamGuard wheel_guard_;
   StreamGuard fault_guard_;

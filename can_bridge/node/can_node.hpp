@@ -26,6 +26,8 @@ class OnSocketCan final : public Node {
         port_(c.scenario.get<CanSettings>().interface, c.loop),
         node_(c.scenario, config_, c.loop, c.bus, port_) {}
 
+  CanNodeType& node() { return node_; }
+
   bool wind_down() override { return node_.wind_down(); }
   void finish() override { node_.finish(); }
 

@@ -32,11 +32,17 @@ const std::vector<Row>& rows() {
   return all;
 }
 
+/// Keys and sections that files of all profiles have.
+const std::vector<std::string>& common_keys() {
+  static const std::vector<std::string> keys{"name", "profile", "safety_input"};
+  return keys;
+}
+
 /// The keys of all profiles' files, each once. Each profile's own keys keep their order.
 std::vector<std::string> all_keys() {
-  std::vector<std::string> keys{"name", "profile"};
+  std::vector<std::string> keys = common_keys();
   for (const Row& row : rows()) {
-    auto next = keys.begin() + 2;
+    auto next = keys.begin() + static_cast<std::ptrdiff_t>(common_keys().size());
     for (const std::string& section : row.sections) {
       const auto found = std::find(keys.begin(), keys.end(), section);
       next = (found != keys.end() ? found : keys.insert(next, section)) + 1;
@@ -64,7 +70,7 @@ const Row& row_of(const TomlReader& top) {
 
 void refuse_sections_of_others(const TomlReader& top, const Row& own) {
   for (const std::string& section : all_keys()) {
-    if (section == "name" || section == "profile") continue;
+    if (std::ranges::find(common_keys(), section) != common_keys().end()) continue;
     const toml::node* const node = top.find(section);
     if (node == nullptr || std::ranges::find(own.sections, section) != own.sections.end()) continue;
     top.refuse_at(node->source().begin.line,
@@ -79,8 +85,14 @@ DrivetrainConfig read(const toml::table& table, const std::string& file) {
   top.text("name", name, "for people");
   const Row& row = row_of(top);
   refuse_sections_of_others(top, row);
-  DrivetrainConfig config = row.read(DrivetrainFile(top));
-  std::visit([&name](DrivetrainCommon& common) { common.name = std::move(name); }, config);
+  const DrivetrainFile sections(top);
+  DrivetrainConfig config = row.read(sections);
+  std::visit(
+      [&](DrivetrainCommon& common) {
+        common.name = std::move(name);
+        common.safety_inputs = read_safety_inputs(sections);
+      },
+      config);
   return config;
 }
 

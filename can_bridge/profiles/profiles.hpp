@@ -60,6 +60,13 @@ inline TransmitRules transmit_rules(const DrivetrainConfig& config) {
 inline void check_cycle(const DrivetrainConfig& config, double cycle_ms) {
   std::visit([=](const auto& row) { row.check_cycle(cycle_ms); }, config);
 }
+inline const std::vector<SafetyInputConfig>& safety_inputs(const DrivetrainConfig& config) {
+  return std::visit(
+      [](const DrivetrainCommon& row) -> const std::vector<SafetyInputConfig>& {
+        return row.safety_inputs;
+      },
+      config);
+}
 inline std::vector<std::uint8_t> drive_nodes(const DrivetrainConfig& config) {
   return std::visit([](const auto& row) { return row.nodes(); }, config);
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 
@@ -29,15 +30,23 @@ namespace tether {
 ///
 /// A plan says what to do at each time, so where one is in force the age is the time since its
 /// horizon ended, and zero until then, whenever it was decided. A first plan that waits for its
-/// start is as fresh, and says zero.
+/// start is as fresh, and says zero. But nobody may drive on for longer than max_blind after the
+/// vehicle was last seen (PlanBuffer::seen): from then on any plan ages. So does a twist that was
+/// decided from a pose as old as that ("command.blind"); one without a pose is its sender's affair.
+///
+/// Five restarts of the twists' numbering within kSendersWindow are two senders that take turns;
+/// one that is started anew now and then is one.
 class CommandWatch {
  public:
-  explicit CommandWatch(const StreamGuard::Config& config, const ActuatorSettings& actuator = {},
-                        const VehicleConfig& vehicle = {})
-      : guard_(config), actuator_(actuator, vehicle, config) {}
+  static constexpr Duration kSendersWindow = std::chrono::seconds{5};
 
-  /// Whether the command arriving at `now` is accepted.
-  bool offer(Instant now, Instant stamp, std::int64_t seq, const Twist& twist);
+  explicit CommandWatch(const StreamGuard::Config& config, const ActuatorSettings& actuator = {},
+                        const VehicleConfig& vehicle = {},
+                        Duration max_blind = std::chrono::seconds{1});
+
+  /// Whether the command arriving at `now`, decided from a pose measured at `pose`, is accepted.
+  bool offer(Instant now, Instant stamp, std::int64_t seq, const Twist& twist,
+             std::optional<Instant> pose = std::nullopt);
 
   /// Whether the plan arriving at `now` is accepted.
   bool offer(Instant now, PlanSource source, Plan plan);
@@ -46,10 +55,28 @@ class CommandWatch {
   /// over for good. Twists need nothing of the kind; they are old soon enough.
   void end_plans(Instant now);
 
+  /// While the vehicle may move: plans of other sessions are refused.
+  void hold_session(bool on) { actuator_.hold_session(on); }
+  std::optional<std::int64_t> session() const { return actuator_.session(); }
+
+  /// Twists that were refused as decided from too old a pose.
+  std::int64_t blind() const { return blind_; }
+
+  /// Whether two senders of twists took turns; until forget_senders().
+  bool two_senders() const { return two_senders_; }
+  void forget_senders();
+
+  bool takes_plans() const { return actuator_.takes_plans(); }
+  /// Whether a plan says what to do; else a twist, or nothing does.
+  bool follows_plan(Instant now) const { return actuator_.plan_age(now).has_value(); }
+  /// When the sender of the newest plan last saw the vehicle; none: never.
+  std::optional<Instant> seen() const { return actuator_.seen(); }
+
   /// The age of the newest accepted command, or of the plan in force; none before the first.
   std::optional<Duration> age(Instant now) const;
-  /// Where a plan counts: now − min(stamp, arrival) of the newest accepted one, which tells whether
-  /// somebody still plans.
+  /// Where a plan counts: now − min(stamp, arrival) of the newest that was accepted from the
+  /// network, which tells whether somebody still plans; Duration::max() if only preloads came,
+  /// which do not tell.
   std::optional<Duration> plan_silence(Instant now) const;
   /// The twist in force; zero before the first.
   Twist twist(Instant now) const { return actuator_.in_force(now); }
@@ -57,7 +84,8 @@ class CommandWatch {
   bool is_zero(Instant now) const;
 
   /// "the newest command is 230 ms old", "was" instead of "is"; with a plan "the horizon of the
-  /// plan in force is 230 ms past". Only where there is an age; whole milliseconds.
+  /// plan in force is 230 ms past", or "the vehicle is unseen for 1230 ms …". Only where there is
+  /// an age; whole milliseconds.
   std::string age_text(Instant now, const char* verb) const;
   /// For poses: Actuator::plan().
   PlanName plan() const { return actuator_.plan(); }
@@ -67,10 +95,18 @@ class CommandWatch {
 
  private:
   StreamGuard guard_;
+  /// How much longer than allowed the vehicle is unseen, where a plan counts; 0 if it is not.
+  Duration overdue(Instant now) const;
+  void note_restart(Instant now);
+
   std::optional<Instant> as_of_;
-  Instant plan_as_of_ = Instant::min();
+  std::optional<Instant> plan_as_of_;
   Actuator actuator_;
+  Duration max_blind_;
   std::int64_t non_finite_ = 0;
+  std::int64_t blind_ = 0;
+  std::deque<Instant> restarts_;  ///< of the last kSendersWindow
+  bool two_senders_ = false;
 };
 
 }  // namespace tether

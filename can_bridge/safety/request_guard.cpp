@@ -5,14 +5,15 @@ namespace tether {
 std::optional<DriveRequest> RequestGuard::accept(Instant now, Instant stamp, std::int64_t seq,
                                                  std::int32_t request) {
   if (request < static_cast<std::int32_t>(DriveRequest::arm) ||
-      request > static_cast<std::int32_t>(DriveRequest::reset)) {
+      request > static_cast<std::int32_t>(DriveRequest::alive)) {
     ++unknown_;
     return std::nullopt;
   }
   const auto wanted = static_cast<DriveRequest>(request);
   const bool fresh = now - stamp <= kFresh;
   if (!fresh) ++stale_;
-  const bool accepted = fresh && guard_.accept(now, stamp, seq);
+  StreamGuard& guard = wanted == DriveRequest::alive ? alive_guard_ : guard_;
+  const bool accepted = fresh && guard.accept(now, stamp, seq);
   const bool is_stop = wanted == DriveRequest::estop || wanted == DriveRequest::disarm;
   if (accepted || is_stop) return wanted;
   return std::nullopt;

@@ -9,7 +9,7 @@
 namespace tether {
 
 /// The requests of drive_request_t, same numbers.
-enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, reset };
+enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, reset, alive };
 
 /// Lets an operator's requests through, each once and only while fresh: stamped no more than a
 /// second ago and not more than kMaxAhead in the future (so much may the clocks of two well-kept
@@ -17,14 +17,16 @@ enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, 
 /// delayed or repeated arms nothing.
 ///
 /// ESTOP and DISARM are exceptions: they act whatever their stamp and number. A late one still
-/// means that somebody wanted the vehicle to stand.
+/// means that somebody wanted the vehicle to stand. ALIVE is a stream of its own, because another
+/// program than the one that arms sends it.
 class RequestGuard {
  public:
   static constexpr Duration kFresh = std::chrono::seconds{1};
   static constexpr Duration kMaxAhead = std::chrono::milliseconds{50};
 
   /// Stamps before `earliest` are of another run.
-  explicit RequestGuard(Instant earliest) : guard_({kMaxAhead, earliest}) {}
+  explicit RequestGuard(Instant earliest)
+      : guard_({kMaxAhead, earliest}), alive_guard_({kMaxAhead, earliest}) {}
 
   /// What to do now, if anything. `request` is the message's number.
   std::optional<DriveRequest> accept(Instant now, Instant stamp, std::int64_t seq,
@@ -35,6 +37,7 @@ class RequestGuard {
 
  private:
   StreamGuard guard_;
+  StreamGuard alive_guard_;
   std::int64_t stale_ = 0;
   std::int64_t unknown_ = 0;
 };

@@ -12,12 +12,26 @@ namespace {
 
 double whole_ms(Duration d) { return std::floor(to_milliseconds(d)); }
 
+BlindBudget::Config budget(const SafetyCore::Config& config) {
+  return {config.max_blind, config.max_blind_m, config.limits.max_deceleration_mps2,
+          config.limits.max_yaw_deceleration_radps2,
+          TwistLimiter::kStopJerkDelay + 4 * config.limits.cycle};
+}
+
+bool is_stop(const Twist& u) { return u.v_mps == 0.0 && u.omega_radps == 0.0; }
+
+bool is_stop(const Plan& plan) {
+  return !plan.twists.empty() && std::all_of(plan.twists.begin(), plan.twists.end(),
+                                             [](const Twist& u) { return is_stop(u); });
+}
+
 }  // namespace
 
 SafetyCore::SafetyCore(const Config& config)
     : config_(config),
       commands_({std::min(kMaxAhead, config.stale / 2), config.earliest}, config.actuator,
-                config.vehicle),
+                config.vehicle, config.max_blind),
+      budget_(budget(config)),
       request_guard_(config.earliest),
       limiter_(config.limits),
       monitor_(config.limits.track_m, config.wheel_radius_m) {
@@ -25,8 +39,13 @@ SafetyCore::SafetyCore(const Config& config)
   assert(config.disarm >= config.stale);
 }
 
-void SafetyCore::on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist) {
-  commands_.offer(now, stamp, seq, twist);
+void SafetyCore::on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist,
+                            std::optional<Instant> pose) {
+  if (motion_ != Motion::idle && commands_.follows_plan(now) && !is_stop(twist)) {
+    ++twists_against_plans_;
+    return;
+  }
+  commands_.offer(now, stamp, seq, twist, pose);
 }
 
 void SafetyCore::on_plan(Instant now, PlanSource source, Plan plan) {
@@ -34,12 +53,22 @@ void SafetyCore::on_plan(Instant now, PlanSource source, Plan plan) {
     ++late_preloads_;
     return;
   }
+  commands_.hold_session(motion_ != Motion::idle);
+  const bool foreign = commands_.takes_plans() && plan.name.session != commands_.session();
+  if (motion_ != Motion::idle && foreign && is_stop(plan)) {
+    ++foreign_stops_;
+    foreign_stop_due_ = true;
+  }
   commands_.offer(now, source, std::move(plan));
 }
 
 void SafetyCore::on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request) {
   const auto accepted = request_guard_.accept(now, stamp, seq, request);
-  if (accepted) requests_.push_back(*accepted);
+  if (accepted == DriveRequest::alive) {
+    held_ = std::min(now, stamp);
+  } else if (accepted) {
+    requests_.push_back(*accepted);
+  }
 }
 
 void SafetyCore::on_bus_state(CanState bus) { worst_bus_ = std::max(worst_bus_, bus); }
@@ -49,16 +78,22 @@ void SafetyCore::list(CounterList& out) const {
   request_guard_.list(out);
   out.emplace_back("disarms", disarms_);
   if (late_preloads_ > 0) out.emplace_back("plan.preload_while_armed", late_preloads_);
+  if (twists_against_plans_ > 0) out.emplace_back("command.against_plan", twists_against_plans_);
+  if (foreign_stops_ > 0) out.emplace_back("plan.stop_of_other_session", foreign_stops_);
 }
 
-Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
+Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus,
+                           double driven_m) {
   action_ = Decision::Action::none;
+  budget_.update(now, driven_m, commands_.seen());
   watch_own_loop(now);
   watch_bus(bus);
   watch_drives(now, drives);
+  watch_senders(now);
   wait_for_restarted_bus(now, bus);
   for (const DriveRequest request : requests_) handle(request, now, drives, bus);
   requests_.clear();
+  obey_inputs(now, drives, bus);
   const bool must_stop = latched() || leaving_since_;
   if (must_stop && motion_ != Motion::idle && motion_ != Motion::stopping) {
     begin_quick_stop(now, latched() ? latched_reason() : "the bridge is being shut down");
@@ -70,7 +105,8 @@ Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanSta
   decision.state = state(drives);
   decision.reason = reason(decision.state, now, drives, bus);
   decision.action = action_;
-  if (action_ == Decision::Action::quick_stop) decision.distrust_until = distrust_until_;
+  decision.estop_latched = estop_latched_;
+  decision.distrust_until = distrust_until_;
   decision.may_move = motion_ == Motion::following || motion_ == Motion::ramping;
   if (decision.may_move) decision.twist = limiter_.twist();
   return decision;
@@ -84,6 +120,16 @@ void SafetyCore::watch_own_loop(Instant now) {
                     whole_ms(now - *last_cycle_)));
   }
   last_cycle_ = now;
+}
+
+void SafetyCore::watch_senders(Instant now) {
+  if (commands_.two_senders()) {
+    latch_fault("two senders take turns to command this vehicle: leave one of them, then reset");
+  }
+  if (!is_held(now)) begin_ramp_down("nobody holds to run any more", now);
+  if (std::exchange(foreign_stop_due_, false)) {
+    begin_ramp_down("a controller of another session said to stand still", now);
+  }
 }
 
 void SafetyCore::watch_bus(CanState bus) {
@@ -124,6 +170,7 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
   if (phase != last_phase_) notice_.clear();
   last_phase_ = phase;
   turning_ = drives.feedback_fresh && !drives.standstill;
+  in_doubt_ = drives.in_doubt;
   fastest_rim_mps_ = config_.wheel_radius_m * std::max(std::abs(drives.wheels[0].speed_radps),
                                                        std::abs(drives.wheels[1].speed_radps));
   if (phase == DrivePhase::faulted) {
@@ -152,7 +199,7 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
     const std::string trouble = monitor_.update(now, limiter_.twist(), drives.wheels);
     if (trouble.empty()) return;
     latch_fault(trouble);
-    feedback_lies_ = true;
+    feedback_lies_ = did_not_follow_ = true;
   }
 }
 
@@ -209,94 +256,6 @@ void SafetyCore::advance(Instant now, const DrivetrainSnapshot& drives) {
   if (motion_ == Motion::stopping) finish_stop(now, drives);
 }
 
-void SafetyCore::begin_following(Instant now) {
-  // The command was fresh and zero when ARM was pressed, but it may have changed while the drives
-  // switched on. The vehicle must not start to move just because they are on now.
-  if (commands_.age(now).value_or(Duration::max()) >= config_.stale) {
-    begin_quick_stop(now, "the command was not fresh when the drives were on: arm again");
-    return;
-  }
-  if (const std::string why = why_no_plan_arms(now); !why.empty()) {
-    begin_quick_stop(now, why + ": arm again");
-    return;
-  }
-  if (!commands_.is_zero(now)) {
-    begin_quick_stop(now, "the command was not zero when the drives were on: arm again");
-    return;
-  }
-  motion_ = Motion::following;
-  motion_since_ = now;
-  limiter_.reset();
-  monitor_.reset();
-  follow(now);
-}
-
-void SafetyCore::follow(Instant now) {
-  const Duration age = commands_.age(now).value_or(Duration::max());
-  if (age < config_.stale) {
-    limiter_.step(commands_.twist(now));
-  } else if (age < config_.disarm) {
-    limiter_.stop();
-  } else {
-    begin_quick_stop(now, commands_.age_text(now, "was") +
-                              ": check the controller and the network; arm again with a zero "
-                              "command");
-  }
-}
-
-void SafetyCore::ramp_down(Instant now, const DrivetrainSnapshot& drives) {
-  limiter_.stop();
-  if (!limiter_.at_rest()) return;
-  if (!setpoint_zero_since_) setpoint_zero_since_ = now;
-  if (drives.standstill) {
-    motion_ = Motion::stopping;
-    motion_since_ = now;
-    disable_sent_ = true;
-    stop_overdue_ = false;
-    distrust_until_.reset();
-    action_ = Decision::Action::disable;
-  } else if (now - *setpoint_zero_since_ >= kStandstillWait) {
-    begin_quick_stop(now, "the wheels still turned after the ramp to zero");
-  }
-}
-
-void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
-  const bool believed = !distrust_until_ || now >= *distrust_until_;
-  switch (drives.phase) {
-    case DrivePhase::starting:
-    case DrivePhase::refused:
-    case DrivePhase::faulted:
-      motion_ = Motion::idle;
-      return;
-    case DrivePhase::standby:
-      if (now != motion_since_) {
-        motion_ = Motion::idle;
-        return;
-      }
-      // The stop began in this cycle, and the drives show standby because they have not yet acted
-      // on the request to enable them. They are told to stop, or they would still switch on.
-      action_ = Decision::Action::quick_stop;
-      break;
-    case DrivePhase::enabling:
-    case DrivePhase::enabled:
-      if (!disable_sent_) action_ = Decision::Action::quick_stop;
-      break;
-    case DrivePhase::stopping:
-      if (drives.standstill && drives.feedback_fresh && believed && !disable_sent_) {
-        disable_sent_ = true;
-        action_ = Decision::Action::disable;
-      }
-      break;
-  }
-  const Instant since = drives.standstill ? distrust_until_.value_or(motion_since_) : motion_since_;
-  if (now - since >= kStopTimeout && !stop_overdue_) {
-    stop_overdue_ = true;
-    latch_fault(drives.standstill ? "the drives do not confirm that their power is off"
-                                  : "the wheels still turn after a quick stop: use the hard-wired "
-                                    "emergency stop");
-  }
-}
-
 void SafetyCore::leave(Instant now) {
   if (!leaving_since_) leaving_since_ = now;
 }
@@ -305,7 +264,7 @@ bool SafetyCore::has_left(Instant now) const {
   if (!leaving_since_) return false;
   if (now - *leaving_since_ >= leave_wait()) return true;
   const bool a_cycle_since = last_cycle_ && *last_cycle_ > *leaving_since_;
-  return a_cycle_since && motion_ == Motion::idle && !powered() && !turning_;
+  return a_cycle_since && motion_ == Motion::idle && !powered() && !turning_ && !in_doubt_;
 }
 
 Duration SafetyCore::leave_wait() const {

@@ -3,13 +3,16 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/safety/blind_budget.hpp"
 #include "can_bridge/safety/command_watch.hpp"
 #include "can_bridge/safety/follow_monitor.hpp"
 #include "can_bridge/safety/request_guard.hpp"
+#include "can_bridge/safety/safety_inputs.hpp"
 #include "can_bridge/safety/twist_limiter.hpp"
 #include "common/vehicle/actuator_settings.hpp"
 
@@ -39,8 +42,8 @@ struct Decision {
   Twist twist;  ///< setpoint in force; zero unless may_move
   /// Whether a non-zero setpoint may leave: following commands, or on the ramp down from there.
   bool may_move = false;
-  /// With quick_stop, if wheel feedback is known to be wrong: until then, standstill is not
-  /// believed.
+  bool estop_latched = false;  ///< has to survive a restart: restore_estop()
+  /// While wheel feedback is known to be wrong: until then, standstill is not believed.
   std::optional<Instant> distrust_until;
 };
 
@@ -55,12 +58,24 @@ struct Decision {
 /// - Commands stamped more than min(kMaxAhead, stale/2) after the bridge's own clock are rejected.
 /// - Armed: a command of age `stale` (CommandWatch) or older → ramp to zero; a fresh one resumes.
 ///   Plans are of age 0 while they last; from the end of the horizon on they age like commands.
-///   Of age `disarm` or older → quick stop and disarm: only ARM with a zero command goes on from
-///   there.
+///   At speed v an age of max_stale_m/v is stale, if that comes earlier. Of age `disarm` or older →
+///   quick stop and disarm: only ARM with a zero command goes on from there.
+/// - Plans drive no farther than BlindBudget lets them: each needs a pose, and from the time at
+/// which
+///   somebody last knew where the vehicle was it can stop within max_blind and max_blind_m. From
+///   max_blind on plans age. For the decelerations to act, kStopJerkDelay and four cycles are
+///   reckoned: two of the limiter, two of drives and feedback.
+/// - The session of plans changes only while disarmed. Until then other sessions' plans are
+/// refused,
+///   but one that says to stand still ("plan.stop_of_other_session") disarms: a stop is obeyed
+///   whoever sends it. Nor does a twist that moves take over from a plan ("command.against_plan"):
+///   one that says to stand still does.
+/// - Two senders of twists (CommandWatch) → FAULT.
+/// - With operator_timeout: no ALIVE for so long → as DISARM, and no arming.
 /// - Whatever ends an armed state, and RESET, ends all plans for good: those stamped before are
-///   refused ("plan.before_stop"). Arming by a plan needs one that is younger than kPlanSilence,
-///   now and when the drives are on. Preloads are for departures: refused unless the vehicle is
-///   disarmed and stands ("plan.preload_while_armed").
+///   refused ("plan.before_stop"). Arming by a plan needs one that is younger than kPlanSilence and
+///   not over, now and when the drives are on. Preloads are for departures: refused unless the
+///   vehicle is disarmed and stands ("plan.preload_while_armed").
 /// - DISARM: ramp to zero, wait for standstill (at most kStandstillWait, then quick stop), power
 ///   off.
 /// - ESTOP: quick stop in the same cycle, latched until ESTOP_RELEASE and RESET; the release alone
@@ -74,13 +89,22 @@ struct Decision {
 ///   If it fails, the reason says so until RESET.
 /// - RESET leads to STARTING or DISARMED, never to ARMED. It is refused while the vehicle stops or
 ///   fresh feedback says that its wheels turn, while the e-stop is pressed, and while the bus is
-///   not up; a bus that was off or stalled is restarted first, so that no old frame is left in a
-///   queue. error-passive is reported, not latched; but no arming meanwhile.
+///   not up; after a wheel that did not follow also until standstill may be believed again, and
+///   fresh feedback says that power is off; a bus that was off or stalled is restarted first, so
+///   that no old frame is left in a queue. error-passive is reported, not latched; but no arming
+///   meanwhile.
 /// - Power stages are switched off only at standstill, or by drives that fault. Feedback that was
 ///   missing, or of a wheel that does not follow, may show standstill at full speed. After that,
 ///   power stages stay on, braking, for as long as the ramp from the last setpoint takes
 ///   (|v|/deceleration or |ω|/yaw deceleration, the longer) and kDistrustMargin.
-/// - leave(): quick stop, standstill, power off; no arming any more.
+/// - Safety inputs (SafetyInputs) may demand a stop: quick stop or ramp, then disarmed; or a ramp
+/// to
+///   standstill from which the vehicle, still armed, goes on when the demand is over. While a stop
+///   is demanded no arming begins, and one that is under way is given up. They may limit the speed
+///   of the faster rim (the curve stays), or emergency-stop: as ESTOP, and the inputs have to be
+///   clear before RESET.
+/// - leave(): quick stop, standstill, power off; no arming any more. Drives of which that is not
+///   known (DrivetrainSnapshot::in_doubt) count as turning.
 ///
 /// Before the first cycle: STARTING, zero. This is software, no safety function: an emergency stop
 /// has to be hard-wired. A bridge that hangs is covered only by the drives' own watchdogs.
@@ -89,6 +113,11 @@ class SafetyCore {
   struct Config {
     Duration stale = std::chrono::milliseconds{200};
     Duration disarm = std::chrono::milliseconds{500};  ///< ≥ stale > 0
+    double max_stale_m = 0.5;                          ///< way on a stale command, before the ramp
+    Duration max_blind = std::chrono::seconds{1};      ///< way on plans, unseen: see BlindBudget
+    double max_blind_m = 1.0;
+    /// Hold-to-run: ALIVE at least so often, or the vehicle ramps to zero and is disarmed; 0: off.
+    Duration operator_timeout{0};
     TwistLimits limits;
     Instant earliest = kStart;  ///< stamps before this are of another run
     double wheel_radius_m = 0.4;
@@ -112,22 +141,29 @@ class SafetyCore {
 
   explicit SafetyCore(const Config& config);
 
-  /// A twist command that arrives at `now`.
-  void on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist);
+  /// A twist command that arrives at `now`; `pose`: when that was measured from which it was made.
+  void on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist,
+                  std::optional<Instant> pose = std::nullopt);
   /// A plan that arrives at `now`.
   void on_plan(Instant now, PlanSource source, Plan plan);
   /// A drive_request_t that arrives at `now`; acts in the next cycle.
   void on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request);
+  /// What the vehicle's safety inputs demand, from the next cycle on. Before the first: nothing.
+  void on_safety_inputs(SafetyDemands demands) { demands_ = std::move(demands); }
   /// The bus's state has changed. Remembers trouble that is over before the next cycle.
   void on_bus_state(CanState bus);
+  /// The e-stop was latched when the bridge ended last: it is pressed again. Before the first
+  /// cycle.
+  void restore_estop();
   /// The answer to Action::restart_bus.
   void on_bus_restarted(bool done, const std::string& why);
 
-  Decision cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus);
+  /// `driven_m`: by odometry so far, never falling.
+  Decision cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus, double driven_m);
 
   /// The program is about to end: from the next cycle on, stops and switches power off.
   void leave(Instant now);
-  /// After leave(): power is off and no wheel is known to turn, or leave_wait() is over.
+  /// After leave(): power is off and the wheels stand, or leave_wait() is over.
   bool has_left(Instant now) const;
   /// How long to wait for that before the bridge falls silent and the drives' watchdogs act: for
   /// the ramp from the largest speed or yaw rate and kLeaveMargin, at most kLongestLeave.
@@ -147,9 +183,13 @@ class SafetyCore {
   enum class Cause { bridge, drives };
 
   void watch_own_loop(Instant now);
+  void watch_senders(Instant now);
   void watch_bus(CanState bus);
   void purge_bus();
   void watch_drives(Instant now, const DrivetrainSnapshot& drives);
+  void obey_inputs(Instant now, const DrivetrainSnapshot& drives, CanState bus);
+  Twist permitted(const Twist& twist) const;
+  std::string inputs_reason() const;
 
   void handle(DriveRequest request, Instant now, const DrivetrainSnapshot& drives, CanState bus);
   void arm(Instant now, const DrivetrainSnapshot& drives, CanState bus);
@@ -157,11 +197,15 @@ class SafetyCore {
   void reset(Instant now, const DrivetrainSnapshot& drives, CanState bus);
   void finish_reset(Instant now);
   std::string why_no_plan_arms(Instant now) const;
+  bool is_held(Instant now) const;
   void wait_for_restarted_bus(Instant now, CanState bus);
 
   void advance(Instant now, const DrivetrainSnapshot& drives);
   void begin_following(Instant now);
   void follow(Instant now);
+  void follow_within_budget(const Twist& wanted, bool planned);
+  void begin_ramp_down(const std::string& why, Instant now);
+  void watch_age(Duration age);
   void ramp_down(Instant now, const DrivetrainSnapshot& drives);
   void finish_stop(Instant now, const DrivetrainSnapshot& drives);
   void begin_quick_stop(Instant now, const std::string& why);
@@ -179,10 +223,12 @@ class SafetyCore {
 
   Config config_;
   CommandWatch commands_;
+  BlindBudget budget_;
   RequestGuard request_guard_;
   TwistLimiter limiter_;
   FollowMonitor monitor_;
   std::vector<DriveRequest> requests_;  ///< accepted since the last cycle
+  SafetyDemands demands_;
 
   Motion motion_ = Motion::idle;
   Instant motion_since_{};
@@ -190,9 +236,11 @@ class SafetyCore {
   bool disable_sent_ = false;                   ///< stopping
   bool stop_overdue_ = false;                   ///< stopping
   bool feedback_lies_ = false;                  ///< since the last ARM
-  std::optional<Instant> distrust_until_;       ///< stopping
+  bool did_not_follow_ = false;                 ///< a wheel, since the last ARM
+  std::optional<Instant> distrust_until_;       ///< since the last stop
   Decision::Action action_ = Decision::Action::none;
 
+  std::optional<Instant> held_;  ///< the newest ALIVE
   bool estop_pressed_ = false;
   bool estop_latched_ = false;
   bool fault_latched_ = false;
@@ -211,10 +259,17 @@ class SafetyCore {
   std::optional<Instant> last_cycle_;
   std::optional<Instant> leaving_since_;
   DrivePhase last_phase_ = DrivePhase::starting;
-  bool turning_ = false;  ///< by fresh feedback of the last cycle
+  bool turning_ = false;   ///< by fresh feedback of the last cycle
+  bool in_doubt_ = false;  ///< DrivetrainSnapshot's, of the last cycle
   double fastest_rim_mps_ = 0.0;
   std::int64_t disarms_ = 0;
   std::int64_t late_preloads_ = 0;
+  std::int64_t foreign_stops_ = 0;
+  std::int64_t twists_against_plans_ = 0;
+  bool foreign_stop_due_ = false;
+  bool slowed_by_budget_ = false;
+  bool stale_ = false;   ///< following: the command is too old to be followed
+  Duration last_age_{};  ///< following
 };
 
 }  // namespace tether

@@ -73,7 +73,7 @@ std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainS
       break;
     case BridgeState::disarmed:
       text = !notice_.empty() ? notice_ : stop_reason_;
-      if (text.empty()) text = "ready to be armed";
+      if (text.empty()) text = demands_.stop.empty() ? "ready to be armed" : demands_.stop;
       break;
     case BridgeState::arming:
       text = "the drives are being switched on";
@@ -98,8 +98,14 @@ std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainS
 }
 
 std::string SafetyCore::armed_reason(Instant now) const {
-  const Duration age = commands_.age(now).value_or(Duration{0});
-  if (age < config_.stale) return "";
+  if (!stale_ && slowed_by_budget_) {
+    return fmt::format(
+        "slowed: the vehicle is unseen for {:.2f} s and {:.2f} m (can.max_blind_s = {}, "
+        "can.max_blind_m = {})",
+        to_seconds(budget_.blind()), budget_.blind_m(), to_seconds(config_.max_blind),
+        config_.max_blind_m);
+  }
+  if (!stale_) return inputs_reason();
   return commands_.age_text(now, "is") + ": ramping to zero";
 }
 
@@ -112,18 +118,21 @@ std::string SafetyCore::latched_reason() const {
   if (!estop_latched_) return fault;
   std::string text =
       estop_pressed_ ? "e-stop pressed: release it, then reset" : "e-stop released: reset to go on";
+  if (!demands_.estop.empty()) text = demands_.estop + ": release it, then reset";
   if (fault_latched_) text += "; besides: " + fault;
   return text;
 }
 
 std::string SafetyCore::left_behind() const {
-  if (!leaving_since_ || !(powered() || turning_)) return "";
+  if (!leaving_since_ || !(powered() || turning_ || in_doubt_)) return "";
   return fmt::format(
       "the bridge ends although {}, power stages {}: the drives' own watchdogs have to stop the "
       "vehicle: use the hard-wired emergency stop",
       turning_ ? fmt::format("the wheels turn at {:.2f} m/s", fastest_rim_mps_)
                : "standstill and power off are not confirmed",
-      powered() ? "on" : "off");
+      powered()   ? "on"
+      : in_doubt_ ? "perhaps on"
+                  : "off");
 }
 
 }  // namespace tether

@@ -14,14 +14,8 @@ void SafetyCore::handle(DriveRequest request, Instant now, const DrivetrainSnaps
     case DriveRequest::arm:
       return arm(now, drives, bus);
     case DriveRequest::disarm:
-      if (motion_ == Motion::enabling) begin_quick_stop(now, "disarmed by request");
-      if (motion_ != Motion::following) return;
-      count_disarm();
-      commands_.end_plans(now);
-      motion_ = Motion::ramping;
-      setpoint_zero_since_.reset();
-      stop_reason_ = "disarmed by request";
-      return;
+      if (motion_ == Motion::idle) commands_.end_plans(now);
+      return begin_ramp_down("disarmed by request", now);
     case DriveRequest::estop:
       estop_pressed_ = true;
       estop_latched_ = true;
@@ -34,8 +28,17 @@ void SafetyCore::handle(DriveRequest request, Instant now, const DrivetrainSnaps
       return;
     case DriveRequest::reset:
       return reset(now, drives, bus);
+    case DriveRequest::alive:  // acts on arrival
+      return;
   }
 }
+
+bool SafetyCore::is_held(Instant now) const {
+  if (config_.operator_timeout == Duration{0}) return true;
+  return held_ && now - *held_ < config_.operator_timeout;
+}
+
+void SafetyCore::restore_estop() { estop_pressed_ = estop_latched_ = true; }
 
 void SafetyCore::arm(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
   if (motion_ == Motion::enabling || motion_ == Motion::following) return;
@@ -47,6 +50,8 @@ void SafetyCore::arm(Instant now, const DrivetrainSnapshot& drives, CanState bus
   notice_.clear();
   stop_reason_.clear();
   feedback_lies_ = false;
+  did_not_follow_ = false;
+  distrust_until_.reset();
   motion_ = Motion::enabling;
   motion_since_ = now;
   action_ = Decision::Action::enable;
@@ -57,16 +62,25 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
   if (leaving_since_) return "the bridge is being shut down";
   if (estop_latched_) return "the e-stop is latched: release it, then reset";
   if (fault_latched_) return "a fault is latched: mend it, then reset";
+  if (!demands_.stop.empty()) return demands_.stop;
   if (motion_ != Motion::idle) return "the vehicle is still stopping";
   if (action_ != Decision::Action::none) return "the drives are just being reset";
   if (bus != CanState::up) return fmt::format("the CAN bus is {}", to_string(bus));
   if (drives.phase != DrivePhase::standby) {
     return fmt::format("the drives are not ready: {}", to_string(drives.phase));
   }
+  if (!is_held(now)) {
+    return fmt::format("nobody holds to run (can.operator_timeout_ms = {:.0f}): tether can hold",
+                       to_milliseconds(config_.operator_timeout));
+  }
   if (!drives.feedback_fresh) return "wheel feedback is missing";
   if (!drives.standstill) return "the wheels are turning: wait for standstill";
 
   const auto age = commands_.age(now);
+  if (!age && commands_.blind() > 0) {
+    return "all commands were made from poses older than can.max_blind_s (pose_utime): check the "
+           "poses' way to the controller";
+  }
   if (!age) return "there is no command yet: start the controller; it has to send zero";
   if (*age >= config_.stale) {
     return fmt::format(
@@ -83,20 +97,32 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
 }
 
 std::string SafetyCore::why_no_plan_arms(Instant now) const {
-  const Duration silence = commands_.plan_silence(now).value_or(Duration{0});
-  if (silence < kPlanSilence) return "";
+  const bool over = commands_.follows_plan(now) && commands_.age(now) > Duration{0};
+  if (over) return commands_.age_text(now, "is");  // its ramp is zero, whatever it said
+  const auto silence = commands_.plan_silence(now);
+  if (!silence || *silence < kPlanSilence) return "";
+  if (*silence == Duration::max()) {
+    return "the only plan is a preload: the controller has to send plans through the network, too";
+  }
   return fmt::format("the newest plan is {:.0f} ms old (limit {:.0f} ms): is the controller alive?",
-                     std::floor(to_milliseconds(silence)), to_milliseconds(kPlanSilence));
+                     std::floor(to_milliseconds(*silence)), to_milliseconds(kPlanSilence));
 }
 
 void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
   if (!latched() && drives.phase != DrivePhase::refused) return;
   if (motion_ != Motion::idle) {
     notice_ = "reset refused: the vehicle is still stopping";
-  } else if (estop_pressed_) {
+  } else if (estop_pressed_ || !demands_.estop.empty()) {
     notice_ = "reset refused: the e-stop is pressed: release it first";
   } else if (drives.feedback_fresh && !drives.standstill) {
     notice_ = "reset refused: the wheels are still turning: wait for standstill";
+  } else if (did_not_follow_ && distrust_until_ && now < *distrust_until_) {
+    notice_ = fmt::format(
+        "reset refused: a wheel's feedback was wrong, so its standstill is not believed for "
+        "another {:.1f} s: look whether the wheels stand",
+        to_seconds(*distrust_until_ - now));
+  } else if (did_not_follow_ && drives.feedback_fresh && drives.in_doubt) {
+    notice_ = "reset refused: a wheel's feedback was wrong, and its drive does not show power off";
   } else if (bus == CanState::absent || (bus == CanState::down && !restart_unfinished_)) {
     notice_ = fmt::format("reset refused: the CAN interface is {}", to_string(bus));
   } else if (bus_was_jammed_ || restart_unfinished_) {
@@ -136,6 +162,7 @@ void SafetyCore::wait_for_restarted_bus(Instant now, CanState bus) {
 
 void SafetyCore::finish_reset(Instant now) {
   commands_.end_plans(now);
+  commands_.forget_senders();
   // Harmless where the drives have no fault: the profile ignores it then.
   action_ = Decision::Action::reset_fault;
   estop_latched_ = false;

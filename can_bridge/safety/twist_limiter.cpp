@@ -65,6 +65,10 @@ Twist TwistLimiter::step(const Twist& target) {
   return advance(within_speed_limits(target), false);
 }
 
+Twist TwistLimiter::brake_to(const Twist& target) {
+  return advance(within_speed_limits(target), true);
+}
+
 Twist TwistLimiter::stop() { return advance({}, true); }
 
 bool TwistLimiter::at_rest() const {

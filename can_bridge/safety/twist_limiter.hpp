@@ -62,6 +62,8 @@ class TwistLimiter {
 
   /// One cycle towards `target` (finite).
   Twist step(const Twist& target);
+  /// The same, but as fast as stop(): for a target that may not wait for the jerk limit.
+  Twist brake_to(const Twist& target);
   /// One cycle towards zero.
   Twist stop();
 

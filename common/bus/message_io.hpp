@@ -8,8 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/counters.hpp"
 #include "common/bus/bus.hpp"
 #include "common/bus/message_lengths.hpp"
+#include "common/loop/event_loop.hpp"
 
 namespace tether {
 
@@ -49,6 +51,32 @@ void subscribe(Bus& bus, const std::string& channel, int queue_capacity, std::in
                     ++undecodable;
                   }
                 });
+}
+
+/// What a subscriber did not take.
+struct Rejected {
+  std::int64_t undecodable = 0;
+  std::int64_t other_run = 0;
+
+  /// Appends "<prefix>.undecodable" and "<prefix>.other_run".
+  void list(const std::string& prefix, CounterList& out) const {
+    out.emplace_back(prefix + ".undecodable", undecodable);
+    out.emplace_back(prefix + ".other_run", other_run);
+  }
+};
+
+/// The same for messages that say which run they are of: those of other runs go no further either.
+template <class LcmType, class Function>
+void subscribe_in_run(Bus& bus, const EventLoop& loop, const std::string& channel,
+                      int queue_capacity, Rejected& rejected, Function function) {
+  subscribe<LcmType>(bus, channel, queue_capacity, rejected.undecodable,
+                     [&loop, &rejected, function = std::move(function)](const LcmType& message) {
+                       if (message.run == loop.run_id()) {
+                         function(message);
+                       } else {
+                         ++rejected.other_run;
+                       }
+                     });
 }
 
 }  // namespace tether

@@ -25,6 +25,10 @@ class EventLoop {
 
   virtual Instant now() const = 0;
 
+  /// Which run this is, so that messages of another run are not taken for this one's (a log that is
+  /// played again): its start, µs since 1970; 0 in virtual time, where nothing comes from outside.
+  virtual std::int64_t run_id() const { return 0; }
+
   /// Intended run seconds per wall second; 0 = as fast as possible.
   virtual double rate() const = 0;
 

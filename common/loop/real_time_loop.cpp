@@ -49,7 +49,8 @@ void watch(int epoll_fd, int fd) {
 
 }  // namespace
 
-RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us, double speed) : speed_(speed) {
+RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us, double speed)
+    : run_id_(start_utime_us), speed_(speed) {
   assert(speed > 0.0);
   start_monotonic_ns_ = start_utime_us * 1000 + wall_to_monotonic_ns();
 
@@ -88,7 +89,8 @@ Instant RealTimeLoop::now() const {
   return Instant{Duration{std::llround(static_cast<double>(wall_ns) * speed_)}};
 }
 
-void RealTimeLoop::set_now(Instant now) {
+void RealTimeLoop::set_now(Instant now, std::int64_t run_id) {
+  run_id_ = run_id;
   start_monotonic_ns_ = read_clock_ns(CLOCK_MONOTONIC) - wall_ns(now.time_since_epoch());
 }
 

@@ -25,6 +25,7 @@ class RealTimeLoop final : public EventLoop {
   ~RealTimeLoop() override;
 
   Instant now() const override;
+  std::int64_t run_id() const override { return run_id_; }
   double rate() const override { return speed_; }
   void at(Instant when, Priority priority, Task task) override;
   void every(Instant first, Duration period, Priority priority, Task task) override;
@@ -36,9 +37,9 @@ class RealTimeLoop final : public EventLoop {
   /// Largest lateness of any periodic task so far.
   Duration lateness_max() const { return lateness_max_; }
 
-  /// Moves the clock so that now() is `now`; for nodes that follow another node's clock, before
-  /// they schedule anything.
-  void set_now(Instant now);
+  /// Moves the clock so that now() is `now`, of the run `run_id`; for nodes that follow another
+  /// node's clock, before they schedule anything.
+  void set_now(Instant now, std::int64_t run_id);
 
   /// Runs until stop(), a termination signal, or `end`.
   void run_until(Instant end);
@@ -66,6 +67,7 @@ class RealTimeLoop final : public EventLoop {
 
   TimerQueue timers_;
   std::vector<Descriptor> descriptors_;
+  std::int64_t run_id_;
   double speed_;
   static constexpr std::int64_t kNotArmed = -1;
   std::int64_t armed_ns_ = kNotArmed;  // what the timer is set to; 0: never

@@ -47,7 +47,7 @@ class ClockFollower {
  public:
   ClockFollower(RealTimeLoop& loop, Bus& bus) : loop_(loop) {
     subscribe<clock_t>(bus, ChannelNames("AGV").clock, 1, undecodable_,
-                       [this](const clock_t& m) { on_clock(from_utime(m.utime)); });
+                       [this](const clock_t& m) { on_clock(from_utime(m.utime), m.run); });
   }
 
   /// Blocks until the first clock message; false if a signal came first.
@@ -58,13 +58,13 @@ class ClockFollower {
   bool jumped() const { return jumped_; }
 
  private:
-  void on_clock(Instant now) {
+  void on_clock(Instant now, std::int64_t run) {
     const Duration difference = now - loop_.now();
     if (!following_) {
-      loop_.set_now(now);
+      loop_.set_now(now, run);
       following_ = true;
       loop_.stop();
-    } else if (difference <= kClockJump && difference >= -kClockJump) {
+    } else if (run == loop_.run_id() && difference <= kClockJump && difference >= -kClockJump) {
       disagreements_ = 0;
     } else if (++disagreements_ >= kClockJumpMessages) {
       jumped_ = true;

@@ -41,6 +41,12 @@ class Actuator {
   /// The vehicle stops at `now`, whatever it was told: PlanBuffer::stop().
   void end_plans(Instant now) { plans_.stop(now); }
 
+  /// For a vehicle that a wrong plan could hurt: see PlanBuffer.
+  void need_poses(Duration max_age) { plans_.need_poses(max_age); }
+  void hold_session(bool on) { plans_.hold_session(on); }
+  std::optional<std::int64_t> session() const { return plans_.session(); }
+  std::optional<Instant> seen() const { return plans_.seen(); }
+
   /// The twist to realise at `now`.
   Twist in_force(Instant now) const;
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "common/base/time.hpp"
@@ -27,7 +28,8 @@ struct Plan {
   static constexpr std::int64_t kBasedOnNone = -1;
   static constexpr std::int64_t kBasedOnAny = -2;
 
-  Instant stamp;  ///< of its message
+  Instant stamp;                ///< of its message
+  std::optional<Instant> pose;  ///< when the pose was measured that it was predicted from
   std::int64_t seq = 0;
   PlanName name;
   std::int64_t based_on = kBasedOnAny;  ///< id of a plan of the same session, or one of the above

@@ -34,12 +34,19 @@ bool is_base_of(const Plan& plan, const Plan& last, Instant t) {
 }  // namespace
 
 PlanBuffer::PlanBuffer(const StopLimits& limits, const StreamGuard::Config& guard)
-    : limits_(limits), guards_{StreamGuard(guard), StreamGuard(guard)} {}
+    : limits_(limits),
+      guards_{StreamGuard(guard), StreamGuard(guard)},
+      max_ahead_(guard.max_ahead) {}
 
 PlanFate PlanBuffer::offer(Instant now, PlanSource source, Plan plan) {
   const PlanFate fate = judge(now, source, plan);
   ++counts_[static_cast<std::size_t>(fate)];
-  if (fate == PlanFate::accepted) insert(now, std::move(plan));
+  if (fate != PlanFate::accepted) return fate;
+  if (max_age_ && source == PlanSource::network) {
+    newest_pose_ = *plan.pose;
+    seen_ = std::min({newest_pose_, plan.stamp, now});
+  }
+  insert(now, std::move(plan));
   return fate;
 }
 
@@ -55,6 +62,10 @@ PlanFate PlanBuffer::judge(Instant now, PlanSource source, const Plan& plan) {
   });
   if (known) return PlanFate::repeated;
   if (plan.stamp < stopped_) return PlanFate::before_stop;
+  if (max_age_ && source == PlanSource::network) {
+    const PlanFate fate = judge_pose(now, plan);
+    if (fate != PlanFate::accepted) return fate;
+  }
   const Duration ahead = source == PlanSource::preload ? kMaxPreload : kMaxAhead;
   if (plan.start > now + ahead) return PlanFate::too_early;
   if (plan.end() <= now) return PlanFate::expired;
@@ -65,7 +76,14 @@ PlanFate PlanBuffer::judge(Instant now, PlanSource source, const Plan& plan) {
   return stay < static_cast<std::ptrdiff_t>(kMaxWaiting) ? PlanFate::accepted : PlanFate::overfull;
 }
 
+PlanFate PlanBuffer::judge_pose(Instant now, const Plan& plan) const {
+  if (!plan.pose || *plan.pose > now + max_ahead_) return PlanFate::without_pose;
+  if (*plan.pose < newest_pose_) return PlanFate::older_pose;
+  return std::min(*plan.pose, plan.stamp) + *max_age_ > now ? PlanFate::accepted : PlanFate::blind;
+}
+
 bool PlanBuffer::may_take_over(Instant now, const Plan& plan) const {
+  if (session_held_) return false;
   if (plan.based_on >= 0) return false;
   const bool is_old =
       std::find(superseded_.begin(), superseded_.end(), plan.name.session) != superseded_.end();
@@ -161,6 +179,9 @@ void PlanBuffer::list(CounterList& out) const {
       {"inconsistent", count(PlanFate::inconsistent)},
       {"overfull", count(PlanFate::overfull)},
       {"before_stop", count(PlanFate::before_stop)},
+      {"without_pose", count(PlanFate::without_pose)},
+      {"older_pose", count(PlanFate::older_pose)},
+      {"blind", count(PlanFate::blind)},
       {"missed", order.missed},
       {"sessions", sessions_}};
   for (const auto& [name, value] : all) out.emplace_back(std::string("plan.") + name, value);

@@ -28,8 +28,12 @@ enum class PlanFate {
   inconsistent,   ///< based on another plan than the one that it would take over from
   overfull,       ///< kMaxWaiting wait already
   before_stop,    ///< decided before the last stop()
+  // Only where plans need poses (need_poses):
+  without_pose,  ///< predicted from no pose, or from one of the future
+  older_pose,    ///< predicted from an older pose than the newest accepted plan
+  blind,         ///< stamped, or predicted from a pose that was measured, too long ago
 };
-inline constexpr std::size_t kPlanFates = 12;
+inline constexpr std::size_t kPlanFates = 15;
 
 /// Executes plans by time: the schedule of a vehicle. Pure; `now` must not go backwards.
 ///
@@ -56,7 +60,8 @@ inline constexpr std::size_t kPlanFates = 12;
 /// Sessions. The first plan of another session takes over if it is based on NONE or ANY; the
 /// session before is then superseded, and its plans are refused. Only when the new session was not
 /// heard for kSessionSilence may an old one come back, so that a damaged packet does not shut out a
-/// controller for ever. The last kSessions are remembered.
+/// controller for ever. The last kSessions are remembered. While hold_session() is on, no session
+/// takes over.
 class PlanBuffer {
  public:
   static constexpr std::size_t kMaxTwists = 4000;
@@ -69,6 +74,15 @@ class PlanBuffer {
 
   PlanBuffer(const StopLimits& limits, const StreamGuard::Config& guard);
 
+  /// From now on, plans from the network are refused unless they were predicted from a pose, not
+  /// older than that of the plan before, and both pose and stamp are younger than `max_age`.
+  void need_poses(Duration max_age) { max_age_ = max_age; }
+
+  /// Whether plans of other sessions than the present one are refused, those of the first too.
+  void hold_session(bool on) { session_held_ = on; }
+  /// The session that is followed; none before the first plan.
+  std::optional<std::int64_t> session() const { return session_; }
+
   /// A plan that arrives at `now`.
   PlanFate offer(Instant now, PlanSource source, Plan plan);
 
@@ -78,6 +92,8 @@ class PlanBuffer {
   void stop(Instant now) {
     clear();
     stopped_ = now;
+    newest_pose_ = Instant::min();
+    seen_.reset();
   }
 
   /// The twist to realise; none before a plan takes over.
@@ -85,6 +101,11 @@ class PlanBuffer {
 
   /// The accepted plan that takes over last; none before the first.
   PlanName newest() const;
+
+  /// Where plans need poses: when somebody last knew where the vehicle is. It is the earliest of
+  /// pose, stamp and arrival of the newest plan that was accepted from the network; none before the
+  /// first and after stop().
+  std::optional<Instant> seen() const { return seen_; }
 
   /// When the last twist of the plan in force ends; none if no plan is in force.
   std::optional<Instant> end(Instant now) const;
@@ -103,6 +124,7 @@ class PlanBuffer {
   };
 
   PlanFate judge(Instant now, PlanSource source, const Plan& plan);
+  PlanFate judge_pose(Instant now, const Plan& plan) const;
   bool may_take_over(Instant now, const Plan& plan) const;
   bool is_consistent(Instant now, const Plan& plan) const;
   const Entry* last_until(Instant t, bool inclusive) const;
@@ -114,6 +136,11 @@ class PlanBuffer {
   std::array<StreamGuard, 2> guards_;  // by PlanSource: each numbers its own packets
   std::deque<Entry> schedule_;         // by time of taking over
   Instant stopped_ = Instant::min();
+  Duration max_ahead_;               // of stamps
+  std::optional<Duration> max_age_;  // of stamp and pose; none: poses are not needed
+  std::optional<Instant> seen_;
+  Instant newest_pose_ = Instant::min();
+  bool session_held_ = false;
   std::optional<std::int64_t> session_;
   Instant session_heard_{};
   std::deque<std::int64_t> superseded_;

@@ -46,16 +46,17 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
       counters_(loop, bus, "controller", channels_.control_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
-  subscribe<pose_t>(bus, channels_.control_pose, 1, undecodable_, [this](const pose_t& m) {
-    SeenPose seen;
-    seen.pose = {m.x_m, m.y_m, m.yaw_rad};
-    seen.stamp = from_utime(m.utime);
-    seen.arrival = loop_.now();
-    seen.seq = m.seq;
-    if (m.plan_session == session_ && m.plan_id >= 0) seen.plan_id = m.plan_id;
-    seen.follows_other = m.plan_session >= 0 && m.plan_session != session_ && m.plan_id >= 0;
-    on_pose(seen);
-  });
+  subscribe_in_run<pose_t>(
+      bus, loop, channels_.control_pose, 1, rejected_, [this](const pose_t& m) {
+        SeenPose seen;
+        seen.pose = {m.x_m, m.y_m, m.yaw_rad};
+        seen.stamp = from_utime(m.utime);
+        seen.arrival = loop_.now();
+        seen.seq = m.seq;
+        if (m.plan_session == session_ && m.plan_id >= 0) seen.plan_id = m.plan_id;
+        seen.follows_other = m.plan_session >= 0 && m.plan_session != session_ && m.plan_id >= 0;
+        on_pose(seen);
+      });
   if (config_.preload && law_->plans_ahead()) {
     // This priority comes before the first pose of that instant is measured, so that the pose names
     // the plan.
@@ -142,6 +143,7 @@ void ControllerNode::send_twist(Instant now, const Twist& twist) {
   twist_t command{};
   command.utime = to_utime(now);
   command.seq = commands_;
+  command.run = loop_.run_id();
   command.pose_utime = pose_utime();
   command.v_mps = twist.v_mps;
   command.omega_radps = twist.omega_radps;
@@ -152,6 +154,7 @@ void ControllerNode::send_plan(Instant now, const Plan& plan, const std::string&
   plan_t message{};
   message.utime = to_utime(now);
   message.seq = commands_;
+  message.run = loop_.run_id();
   message.session = session_;
   message.id = plan.name.id;
   message.based_on = plan.based_on;
@@ -174,7 +177,7 @@ void ControllerNode::finish() { counters_.publish_now(); }
 
 void ControllerNode::list_counters(CounterList& out) const {
   guard_.list("pose", out);
-  out.emplace_back("pose.undecodable", undecodable_);
+  rejected_.list("pose", out);
   out.emplace_back("pose.non_finite", non_finite_);
   out.emplace_back("pose.timeouts", pose_timeouts_);
   out.emplace_back("command.unusable", unusable_commands_);

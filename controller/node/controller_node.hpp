@@ -7,6 +7,7 @@
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
+#include "common/bus/message_io.hpp"
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
@@ -70,7 +71,7 @@ class ControllerNode final : public Node {
   StreamGuard guard_;
 
   std::optional<SeenPose> newest_;
-  std::int64_t undecodable_ = 0;
+  Rejected rejected_;
   std::int64_t non_finite_ = 0;
   std::int64_t commands_ = 0;
   std::int64_t pose_timeouts_ = 0;

@@ -103,11 +103,11 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
 }
 
 void SimNode::subscribe_to_commands() {
-  subscribe<twist_t>(
-      bus_, channels_.vehicle_command, kDeepQueue, undecodable_, [this](const twist_t& m) {
+  subscribe_in_run<twist_t>(
+      bus_, loop_, channels_.vehicle_command, kDeepQueue, rejected_, [this](const twist_t& m) {
         on_command(from_utime(m.utime) - clock_offset_, m.seq, {m.v_mps, m.omega_radps});
       });
-  subscribe_to_plans(bus_, channels_, undecodable_plans_, [this](PlanSource source, Plan plan) {
+  subscribe_to_plans(bus_, loop_, channels_, rejected_plans_, [this](PlanSource source, Plan plan) {
     plan.stamp -= clock_offset_;  // to the run's time, as the vehicle's clock has it
     plan.start -= clock_offset_;
     plan.settled -= clock_offset_;
@@ -182,6 +182,7 @@ void SimNode::sample_pose(Instant now) {
   const PlanName plan = plan_at(stamp);
   pose_t message{};
   message.utime = to_utime(stamp + clock_offset_);
+  message.run = loop_.run_id();
   message.seq = pose_seq_++;
   message.x_m = measured.x_m;
   message.y_m = measured.y_m;
@@ -198,6 +199,7 @@ void SimNode::sample_pose(Instant now) {
 
 void SimNode::publish_clock(Instant now) {
   clock_t message{};
+  message.run = loop_.run_id();
   message.utime = to_utime(now);
   message.seq = clock_seq_++;
   message.rate = loop_.rate();
@@ -247,13 +249,13 @@ void SimNode::finish() {
 
 void SimNode::list_counters(CounterList& out) const {
   guard_.list("command", out);
-  out.emplace_back("command.undecodable", undecodable_);
+  rejected_.list("command", out);
   out.emplace_back("command.non_finite", non_finite_);
   if (drives_) drives_->list(out);
   if (plan_watch_) plan_watch_->list(out);
   if (!drives_) actuator_.list(out);
   if (!drives_ && actuator_.takes_plans()) {
-    out.emplace_back("plan.undecodable", undecodable_plans_);
+    rejected_plans_.list("plan", out);
   }
   out.emplace_back("physics.solver_complaints",
                    static_cast<std::int64_t>(vehicle_->solver_complaints()));

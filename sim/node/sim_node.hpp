@@ -9,6 +9,7 @@
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
+#include "common/bus/message_io.hpp"
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
@@ -117,9 +118,9 @@ class SimNode final : public Node {
   std::int64_t pose_seq_ = 0;
   std::int64_t truth_seq_ = 0;
   std::int64_t clock_seq_ = 0;
-  std::int64_t undecodable_ = 0;
+  Rejected rejected_;
   std::int64_t non_finite_ = 0;
-  std::int64_t undecodable_plans_ = 0;
+  Rejected rejected_plans_;
   CounterReporter counters_;
 };
 

@@ -69,6 +69,7 @@ def bad_options(test):
         "can.disarm_ms=0": ["can.disarm_ms"],
         "can.disarm_ms=150": ["can.stale_ms < can.disarm_ms", "150"],
         "can.stale_ms=30": ["2 * can.cycle_ms <= can.stale_ms"],
+        "can.max_blind_s=0.18": ["can.max_blind_s = 0.18 must be above 0.18", "brakes"],
         "can.cycle_ms=0": ["can.cycle_ms"],
         "can.max_speed_mps=nan": ["can.max_speed_mps"],
         "can.max_speed_mps=-1": ["can.max_speed_mps"],
@@ -93,6 +94,8 @@ def bad_injections(test):
         ("can.inject=fault", "can.inject_node=300"): ["can.inject_node = 300", "allowed: 0 (all), 1, 2"],
         ("can.inject=wheel_slip",): ["wheel_slip", "can.inject_value = 0", "above 0, up to 1"],
         ("can.inject=wheel_slip", "can.inject_value=2"): ["can.inject_value = 2", "up to 1"],
+        ("can.inject=safety_input", "can.inject_value=3"): ["can.inject_value = 3", "2 (makes no sense)"],
+        ("can.inject=safety_input", "can.inject_node=1"): ["can.inject_node = 1", "no such safety input"],
     }
     for settings, texts in cases.items():
         options = [part for s in settings for part in ("--set", s)]

@@ -23,9 +23,9 @@ start_nodes scenario.toml
 "$tether" echo --count 400 >all.txt
 [ "$(grep -c ' utime=' all.txt)" = 400 ] || fail "--count 400 printed $(grep -c ' utime=' all.txt)"
 for line in \
-    '^AGV/POSE pose_t utime=[0-9]+ seq=[0-9]+ x_m=[-0-9.e]+ y_m=[-0-9.e]+ yaw_rad=[-0-9.e]+ plan_session=-1 plan_id=-1$' \
-    '^CTRL/CMD_VEL twist_t utime=[0-9]+ seq=[0-9]+ pose_utime=[0-9]+ v_mps=.* omega_radps=' \
-    '^SIM/CLOCK clock_t utime=[0-9]+ seq=[0-9]+ rate=1$' \
+    '^AGV/POSE pose_t utime=[0-9]+ seq=[0-9]+ run=[0-9]+ x_m=[-0-9.e]+ y_m=[-0-9.e]+ yaw_rad=[-0-9.e]+ plan_session=-1 plan_id=-1$' \
+    '^CTRL/CMD_VEL twist_t utime=[0-9]+ seq=[0-9]+ run=[0-9]+ pose_utime=[0-9]+ v_mps=.* omega_radps=' \
+    '^SIM/CLOCK clock_t utime=[0-9]+ seq=[0-9]+ run=[0-9]+ rate=1$' \
     '^NET/COUNTERS counters_t .* node=netem count=[0-9]+ name=\[uplink.* value=\[[0-9]+, ' \
     '^CTRL/REPORT controller_report_t .* pose_timed_out=false$' \
     '^NET/UPLINK link_report_t .* link=uplink state=0 state_prr=0.5 state_delay_ms=20 ' \

@@ -56,6 +56,10 @@ class Attack:
         self._newest_us = max(self._newest_us + 1, self.network.last("SIM/TRUTH").utime)
         return self._newest_us
 
+    def run(self):
+        """Which one this is: what follows must look like its own."""
+        return self.network.last("AGV/POSE").run
+
     def garbage(self):
         for _ in range(200):
             self.raw("garbage", self.random.randbytes(self.random.randrange(1400)))
@@ -104,36 +108,36 @@ class Attack:
         in the arithmetic behind."""
         for bad in NOT_FINITE:
             for field in ("x_m", "y_m", "yaw_rad"):
-                pose = POSE.encode(utime=self.now_us(), seq=10**6, **{field: bad})
+                pose = POSE.encode(run=self.run(), utime=self.now_us(), seq=10**6, **{field: bad})
                 self.message("non-finite pose", "CTRL/POSE", pose)
             for field in ("v_mps", "omega_radps"):
-                command = TWIST.encode(utime=self.now_us(), seq=10**6, **{field: bad})
+                command = TWIST.encode(run=self.run(), utime=self.now_us(), seq=10**6, **{field: bad})
                 self.message("non-finite command", "AGV/CMD_VEL", command)
         for huge in HUGE:
             for other in HUGE:
                 stamp = self.now_us() + AHEAD_US
-                command = TWIST.encode(utime=stamp, seq=10**6, v_mps=huge, omega_radps=other)
+                command = TWIST.encode(run=self.run(), utime=stamp, seq=10**6, v_mps=huge, omega_radps=other)
                 self.message("huge command", "AGV/CMD_VEL", command)
-                pose = POSE.encode(utime=stamp, seq=10**6, x_m=huge, y_m=other, yaw_rad=huge)
+                pose = POSE.encode(run=self.run(), utime=stamp, seq=10**6, x_m=huge, y_m=other, yaw_rad=huge)
                 self.message("huge pose", "CTRL/POSE", pose)
                 time.sleep(0.005)
 
     def stamps(self):
         for utime in (self.now_us() + 60_000_000, INT64_MAX, self.now_us() * 1000):
-            self.message("from the future", "CTRL/POSE", POSE.encode(utime=utime, seq=10**6))
-            self.message("from the future", "AGV/CMD_VEL", TWIST.encode(utime=utime, seq=10**6))
+            self.message("from the future", "CTRL/POSE", POSE.encode(run=self.run(), utime=utime, seq=10**6))
+            self.message("from the future", "AGV/CMD_VEL", TWIST.encode(run=self.run(), utime=utime, seq=10**6))
         for utime in (0, 1, 2, -1, INT64_MIN):
             for seq in (0, 10**6, INT64_MAX):
-                self.message("from the past", "CTRL/POSE", POSE.encode(utime=utime, seq=seq))
-                self.message("from the past", "AGV/CMD_VEL", TWIST.encode(utime=utime, seq=seq))
+                self.message("from the past", "CTRL/POSE", POSE.encode(run=self.run(), utime=utime, seq=seq))
+                self.message("from the past", "AGV/CMD_VEL", TWIST.encode(run=self.run(), utime=utime, seq=seq))
         for seq in (-1, INT64_MIN):
             stamp = self.now_us() + AHEAD_US
-            self.message("negative seq", "CTRL/POSE", POSE.encode(utime=stamp, seq=seq))
-            self.message("negative seq", "AGV/CMD_VEL", TWIST.encode(utime=stamp, seq=seq))
+            self.message("negative seq", "CTRL/POSE", POSE.encode(run=self.run(), utime=stamp, seq=seq))
+            self.message("negative seq", "AGV/CMD_VEL", TWIST.encode(run=self.run(), utime=stamp, seq=seq))
         # A jump to the largest number, at a time that counts; the real publisher goes on below it.
         stamp = self.now_us() + AHEAD_US
-        self.message("largest seq", "CTRL/POSE", POSE.encode(utime=stamp, seq=INT64_MAX))
-        self.message("largest seq", "AGV/CMD_VEL", TWIST.encode(utime=stamp, seq=INT64_MAX))
+        self.message("largest seq", "CTRL/POSE", POSE.encode(run=self.run(), utime=stamp, seq=INT64_MAX))
+        self.message("largest seq", "AGV/CMD_VEL", TWIST.encode(run=self.run(), utime=stamp, seq=INT64_MAX))
 
     def echoes(self, seconds):
         """Each real message again at once, and the first one again (reordered)."""

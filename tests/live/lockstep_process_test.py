@@ -168,6 +168,7 @@ def obeys_the_terminal(test):
     check(any(decision in line for line in seen), f"{seen}")
     ask("u 2.5")
     check(2.5 < stands()[0] < 2.6, "does not stop at 2.5 s")
+    time.sleep(0.5)  # what is under way is written
     size = (out / "run.lcmlog").stat().st_size
     time.sleep(0.5)
     check((out / "run.lcmlog").stat().st_size == size, "does not stand still")

@@ -27,8 +27,8 @@ def check_tells_right_links_from_short_ones(test):
     for scenario in (PAPER, MARKOV):
         out, err = netem(test, 0, "check", scenario)
         check(err == "", f"on stderr, no terminal: {err}")
-        check("uplink: 1000000 packets of 64 bytes, one every 1000 ms: ok" in out, out)
-        check("downlink: 1000000 packets of 48 bytes, one every 1000 ms: ok" in out, out)
+        check("uplink: 1000000 packets of 72 bytes, one every 1000 ms: ok" in out, out)
+        check("downlink: 1000000 packets of 56 bytes, one every 1000 ms: ok" in out, out)
         check("95 % interval" in out and "at most 0.001" in out, out)
     out, err = netem(test, 1, "check", MARKOV, "--packets", "100")
     check("uplink had too few packets to say: give more than --packets 100" in err, err)

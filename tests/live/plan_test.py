@@ -24,6 +24,7 @@ class Planner:
 
     def send(self, channel, based_on, v=0.5, count=40, **fields):
         values = {"utime": self.now_us(), "seq": self.sent, "session": SESSION, "id": self.sent}
+        values |= {"run": self.network.last("AGV/POSE").run}
         values |= {"based_on": based_on, "based_on_last": based_on}
         values |= {"step_us": STEP_US, "count": count}
         values |= {"v_mps": [v] * count, "omega_radps": [0.0] * count} | fields
@@ -90,7 +91,8 @@ def takes_a_preload_that_the_links_do_not_touch(test):
     for name in ("tether-sim", "tether-netem"):
         test.start(name, *options, *dead)
     wait_until(10, lambda: test.network.last("CTRL/POSE"), "poses")
-    preload = {"session": SESSION, "utime": test.network.last("CTRL/POSE").utime}
+    pose = test.network.last("CTRL/POSE")
+    preload = {"session": SESSION, "utime": pose.utime, "run": pose.run}
     count = 20
     preload |= {"based_on": NONE, "based_on_last": NONE, "step_us": STEP_US, "count": count}
     preload |= {"v_mps": [0.5] * count, "omega_radps": [0.0] * count, "start_utime": 1_000_000}

@@ -159,7 +159,7 @@ TEST(LockstepFaults, AMessageThatIsLostForGoodIsNamedAndHowToMendIt) {
     rig.line(1).faults.swallow = [](const Message& m) { return m.channel == "CTRL/POSE"; };
   });
   EXPECT_THAT(fault.error, HasSubstr("controller could not carry out grant"));
-  EXPECT_THAT(fault.error, HasSubstr("of netem on CTRL/POSE (64 bytes) has not come within 5.0 s"));
+  EXPECT_THAT(fault.error, HasSubstr("of netem on CTRL/POSE (72 bytes) has not come within 5.0 s"));
   EXPECT_THAT(fault.error, HasSubstr("net.core.rmem_max"));
   EXPECT_LT(fault.wall_s, 6.0);
 }

@@ -65,6 +65,7 @@ inline pose_t pose(Instant stamp, std::int64_t seq, double x_m = 0.0, double y_m
 /// A command stamped `stamp`.
 inline twist_t twist(Instant stamp, std::int64_t seq, double v_mps, double omega_radps) {
   twist_t m{};
+  m.pose_utime = -1;
   m.utime = to_utime(stamp);
   m.seq = seq;
   m.v_mps = v_mps;

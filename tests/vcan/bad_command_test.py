@@ -22,7 +22,7 @@ class Controller(Drivetrain):
         if kind is not TWIST or self.spoil is None:
             return super()._send(channel, kind, **values)
         seq = self._seqs[channel] = self._seqs[channel] + 1
-        fields = {"utime": self.utime(), "seq": seq, "pose_utime": -1} | values
+        fields = {"utime": self.utime(), "seq": seq, "run": self.start_utime, "pose_utime": -1} | values
         for payload in self.spoil(fields):
             self.network.send(channel, payload)
 
@@ -50,6 +50,10 @@ def shifted(seconds):
     return lambda fields: [TWIST.encode(**fields | {"utime": fields["utime"] + int(seconds * 1e6)})]
 
 
+def of_another_run(fields):
+    yield TWIST.encode(**fields | {"run": fields["run"] - 60_000_000})
+
+
 def truncated(fields):
     whole = TWIST.encode(**fields)
     yield from (whole[:length] for length in (0, 7, 8, 20, len(whole) - 1))
@@ -67,6 +71,7 @@ def bad_commands(test):
             "clock 1 h ahead": (shifted(3600), "command.from_future"),
             "clock 1 h behind": (shifted(-3600), "command.before_start"),
             "clock 1 s behind": (shifted(-1), "command.time_backwards"),
+            "of another run": (of_another_run, "command.other_run"),
             "truncated": (truncated, "command.undecodable"),
         }
         d.bring_up()
@@ -136,7 +141,7 @@ def bad_requests(test):
         d.wait_state("disarmed", 15)
 
         def send(offset_s=0.0, **values):
-            fields = {"utime": d.utime() + int(offset_s * 1e6), "request": 1} | values
+            fields = {"utime": d.utime() + int(offset_s * 1e6), "run": d.start_utime, "request": 1} | values
             payload = DRIVE_REQUEST.encode(**fields)
             d.network.send("CAN/REQUEST", payload)
             return payload
@@ -146,7 +151,8 @@ def bad_requests(test):
         send(-1.5, seq=1)
         send(+1.5, seq=2)
         send(seq=-1)
-        for unknown in (0, 6, -1, 2**31 - 1):
+        send(seq=3, run=d.start_utime - 60_000_000)
+        for unknown in (0, 7, -1, 2**31 - 1):
             send(seq=3, request=unknown)
         whole = DRIVE_REQUEST.encode(utime=d.utime(), seq=4, request=1)
         for broken in (whole[:-1], whole + b"\0", bytes(8) + whole[8:], b""):
@@ -154,7 +160,7 @@ def bad_requests(test):
         time.sleep(0.5)
         check(d.states(since) == ["disarmed"], f"bad requests: {d.states(since)}")
         after = d.counters()
-        wanted = {"stale": 1, "from_future": 1, "invalid_seq": 1, "unknown": 4, "undecodable": 4}
+        wanted = {"stale": 1, "from_future": 1, "invalid_seq": 1, "unknown": 4, "undecodable": 4, "other_run": 1}
         for name, count in wanted.items():
             risen = after[f"request.{name}"] - before[f"request.{name}"]
             check(risen == count, f"request.{name}: {risen}, not {count}")

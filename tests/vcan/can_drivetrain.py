@@ -18,7 +18,7 @@ SCENARIO = SOURCE / "scenarios" / "hil_vcan.toml"
 TWO_NODES = SOURCE / "drivetrains" / "two_node_cia402.toml"
 
 REQUESTS = {"arm": 1, "disarm": 2, "estop": 3, "estop_release": 4, "reset": 5}
-FAULTS = {"none": 0, "fault": 1, "reboot": 2, "silence": 3, "sdo_abort": 4}
+FAULTS = {"none": 0, "fault": 1, "reboot": 2, "silence": 3, "sdo_abort": 4, "safety_input": 7}
 
 # The two-node drivetrain on a vehicle with wheels of 0.4 m radius, 1.2 m apart.
 WHEEL_RADIUS_M = 0.4
@@ -230,6 +230,8 @@ class Drivetrain:
     def _send(self, channel, lcm_type, **values):
         seq = self._seqs[channel] = self._seqs.get(channel, -1) + 1
         utime = int(time.time() * 1e6) - self.start_utime
+        if lcm_type is not DRIVE_FAULT:
+            values = {"run": self.start_utime} | values
         self.network.send(channel, lcm_type.encode(utime=utime, seq=seq, **values))
 
     def request(self, name):

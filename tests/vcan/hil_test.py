@@ -62,6 +62,8 @@ def plans_that_the_bridge_executes_outlive_loss_and_delay(test):
         "controller.rate_hz": 10,
         "controller.pose_timeout_s": 0,
         "actuator.policy": "horizon",
+        "can.max_blind_s": 10,
+        "can.max_blind_m": 10,
         "channel.prr": 0.5,
         "channel.delay_ms": 150,
         "run.duration_s": 6,

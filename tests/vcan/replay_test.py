@@ -16,7 +16,7 @@ from can_drivetrain import NODES, Drivetrain, Record, patient_file, steps
 from live_support import check, main
 
 CYCLE_S = 0.1
-LEAD_S = 9.0  # start-up takes 50 SDO transfers, one a cycle
+LEAD_S = 14.0  # start-up takes 56 SDO transfers, arming 26, one a cycle
 SPEED_MPS = 0.5
 
 # What the drives send: emergencies, TPDO1 and 2, SDO answers, heartbeats.
@@ -27,7 +27,7 @@ FAULT_AT_S = 1.03
 # Each at its time in the run.
 GOOD = (
     (-5.0, lambda d: d.hold(0.0)),
-    (-1.07, lambda d: d.request("arm")),
+    (-4.07, lambda d: d.request("arm")),
     (0.0, lambda d: d.hold(SPEED_MPS)),
     (1.5, lambda d: d.hold(0.0)),
     (2.53, lambda d: d.request("disarm")),

@@ -30,13 +30,13 @@ SETUP = """
     1017:0=64 1017:0
     6007:0=3 6007:0  1029:1=0 1029:1  605A:0=2 605A:0  605E:0=2 605E:0
     6083:0=3840 6083:0  6084:0=4B00 6084:0  6085:0=4B00 6085:0
-    1400:1=80000{RPDO1} 1600:0=0 1600:1=60400010 1600:2=60FF0020 1600:0=2
+    1400:1 1400:1=80000{RPDO1} 1600:0=0 1600:1=60400010 1600:2=60FF0020 1600:0=2
     1400:2=1 1400:5=64 1400:5 1400:1={RPDO1}
     1400:1 1600:0 1600:1 1600:2 1400:2
-    1800:1=80000{TPDO1} 1A00:0=0 1A00:1=60410010 1A00:2=606C0020 1A00:0=2
+    1800:1 1800:1=80000{TPDO1} 1A00:0=0 1A00:1=60410010 1A00:2=606C0020 1A00:0=2
     1800:2=1 1800:1={TPDO1}
     1800:1 1A00:0 1A00:1 1A00:2 1800:2
-    1801:1=80000{TPDO2} 1A01:0=0 1A01:1=60640020 1A01:2=603F0010 1A01:3=60610008 1A01:0=3
+    1801:1 1801:1=80000{TPDO2} 1A01:0=0 1A01:1=60640020 1A01:2=603F0010 1A01:3=60610008 1A01:0=3
     1801:2=1 1801:1={TPDO2}
     1801:1 1A01:0 1A01:1 1A01:2 1A01:3 1801:2
     6060:0=3 6061:0
@@ -46,6 +46,17 @@ SETUP = """
 def setup_of(node):
     names = {"RPDO1": 0x200 + node, "TPDO1": 0x180 + node, "TPDO2": 0x280 + node}
     return SETUP.format(**{name: f"{value:X}" for name, value in names.items()}).split()
+
+
+def verification_of(node):
+    """What is read again before it is armed: all but device type, mode, and identifiers as they were
+    before they were written."""
+    setup = setup_of(node)
+    return [
+        s
+        for s, then in zip(setup, setup[1:] + [""])
+        if "=" not in s and s not in ("1000:0", "6061:0") and not then.startswith(s + "=")
+    ]
 
 
 class Dissected:
@@ -80,8 +91,13 @@ def check_configuration(frames, node):
     check(counts == (1, 1), f"node {node}: {counts} NMT resets and starts")
     reset, start = resets[0].time, starts[0].time
     boots = [f.time for f in frames if f.id == heartbeat(node) and f.state == 0 and f.time > reset]
-    asked = [f for f in frames if f.id == 0x600 + node]
-    answers = [f for f in frames if f.id == 0x580 + node]
+    questions = [f for f in frames if f.id == 0x600 + node]
+    early = {f.step for f in questions if f.time < reset}
+    check(early <= {"6041:0", "606C:0"}, f"node {node}: {early} before its reset")
+    verified = steps(f.step for f in questions if f.time > start)
+    check(verified == verification_of(node), f"node {node} was verified by {verified}")
+    asked = [f for f in questions if reset < f.time < start]
+    answers = [f for f in frames if f.id == 0x580 + node and reset < f.time < start]
     check(len(boots) == 1 and boots[0] < asked[0].time, f"node {node}: reset, boot-up, SDO")
     found, wanted = steps(f.step for f in asked), setup_of(node)
     check(found == wanted, f"node {node} was configured by\n{found}\nnot by\n{wanted}")
@@ -252,7 +268,7 @@ CONSUMER = b"\x16\x10\x01"  # 1016:1
 TROUBLES = {
     "is silent": (
         lambda answer, reads: None,
-        ["no answer", "200 ms", "0x1016:1"],
+        ["no answer", "500 ms", "0x1016:1"],
     ),
     "answers for another object": (
         lambda answer, reads: answer[:1] + b"\x17\x10\x00" + answer[4:],

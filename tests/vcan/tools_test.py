@@ -224,6 +224,47 @@ def nobody_is_there(test):
         d.tether("dance", code=2)
 
 
+# --- hold to run, and an e-stop that outlives the bridge
+
+def hold_to_run(test):
+    with Operator(test) as d:
+        d.settings += ("can.operator_timeout_ms=500",)
+        d.start_drives()
+        d.start_bridge()
+        d.hold(0.0)
+        d.wait_state("disarmed", 20)
+        time.sleep(0.1)
+        d.tether("arm", code=1, out=["nobody holds to run (can.operator_timeout_ms = 500): tether can hold"])
+        holder = test.start("tether", "can", "hold")
+        wait_until(5, lambda: "disarmed" in holder.out(), "tether can hold shows the state")
+        d.tether("arm", out=["armed"])
+        d.drive(SPEED_MPS)
+        since = time.time()
+        holder.kill(signal.SIGINT)
+        d.wait_state("disarmed", 5, since, "nobody holds to run any more")
+        stands = d.wait_standstill(since) - since
+        test.say(f"measured: tether can hold ended -> wheels stand: {stands * 1e3:.0f} ms")
+        check(holder.wait(5) == 0, f"tether can hold: {holder.process.returncode}")
+
+
+def a_latched_estop_outlives_the_bridge(test):
+    with Operator(test) as d:
+        d.settings += (f"can.estop_file={test.work}/state/estop",)
+        d.start_drives()
+        d.start_bridge()
+        d.wait_state("disarmed", 20)
+        d.tether("estop", out=["estop: e-stop pressed"])
+        wait_until(2, (test.work / "state/estop").exists, "the e-stop's file")
+        d.bridge.kill()
+        since = time.time()
+        d.start_bridge()
+        d.wait_state("estop", 20, since)
+        d.tether("reset", code=1, out=["reset refused: the e-stop is pressed: release it first"])
+        d.tether("release", out=["estop: e-stop released: reset to go on"])
+        d.tether("reset", out=["disarmed: ready to be armed"])
+        wait_until(2, lambda: not (test.work / "state/estop").exists(), "the file is gone")
+
+
 # --- probe
 
 SDO_UPLOAD, SDO_UPLOAD_SEGMENT, SDO_ABORT = 0x40, (0x60, 0x70), 0x80
@@ -282,4 +323,15 @@ def probe_of_a_configured_drivetrain(test):
         check("another sender" not in d.state().reason, d.state().reason)
 
 
-main(requests, stop_before_a_bridge_is_heard, status, drive, faults, nobody_is_there, probe, probe_of_a_configured_drivetrain)
+main(
+    requests,
+    stop_before_a_bridge_is_heard,
+    status,
+    drive,
+    faults,
+    hold_to_run,
+    a_latched_estop_outlives_the_bridge,
+    nobody_is_there,
+    probe,
+    probe_of_a_configured_drivetrain,
+)

@@ -38,6 +38,7 @@ void ArmOperator::on_state(std::int32_t state) {
   drive_request_t request{};
   request.utime = to_utime(now);
   request.seq = seq_++;
+  request.run = loop_.run_id();
   request.request = drive_request_t::ARM;
   publish(bus_, request_channel_, request);
 }

@@ -86,6 +86,7 @@ class DriveSession {
   void on_state(const drivetrain_state_t& m) {
     const bool first = !clock_;
     clock_ = from_utime(m.utime) - loop_.now();
+    run_ = m.run;
     if (drive_) drive_->on_state(m, loop_.now());
     if (drive_ && drive_->phase() == TwistDrive::Phase::waiting) show_waiting(m);
     if (first) loop_.stop();
@@ -121,6 +122,7 @@ class DriveSession {
     // Follows the bridge's clock: the bridge may have been started anew, with another clock.
     message.utime = to_utime(loop_.now() + *clock_);
     message.seq = seq_++;
+    message.run = run_;
     message.pose_utime = -1;
     message.v_mps = twist.v_mps;
     message.omega_radps = twist.omega_radps;
@@ -136,6 +138,7 @@ class DriveSession {
   LcmBus bus_;
   std::optional<TwistDrive> drive_;
   std::optional<Duration> clock_;  // the bridge's minus this loop's
+  std::int64_t run_ = 0;           // the bridge's
   std::set<std::int64_t> own_stamps_;
   std::string foreign_;  ///< channel of another sender
   std::string shown_;

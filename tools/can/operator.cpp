@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <functional>
 #include <numbers>
@@ -58,6 +59,13 @@ class Ear {
       if (loop_.signal() != 0) throw std::runtime_error("interrupted");
     }
     return enough_();
+  }
+
+  /// Listens for so long; false if a signal ends it.
+  bool listen(Duration time) {
+    enough_ = nullptr;
+    loop_.run_until(loop_.now() + time);
+    return loop_.signal() == 0;
   }
 
   [[noreturn]] void miss(const std::string& channel, const char* program) const {
@@ -126,12 +134,16 @@ int request_stop(const CanOperatorOptions& options, std::int32_t request) {
   const auto outcome = [&] {
     const Duration since =
         state ? from_utime(state->utime) - from_utime(first->utime) : Duration{0};
-    return since < kRepeat ? RequestOutcome::pending : judge_request(request, *state, since);
+    if (since < kRepeat) return RequestOutcome::pending;
+    // "Refused" says no more than that no request has arrived yet.
+    const RequestOutcome now = judge_request(request, *state, since);
+    return now == RequestOutcome::refused ? RequestOutcome::pending : now;
   };
   const auto sends = kAnswerTime / kRepeat;
   for (std::int64_t n = 0; n < sends && outcome() == RequestOutcome::pending; ++n) {
     drive_request_t message{};
     message.utime = state ? state->utime : 0;
+    message.run = state ? state->run : 0;
     message.seq = Ear::sequence_number();
     message.request = request;
     publish(ear.bus, ear.channels.can_request, message);
@@ -143,7 +155,9 @@ int request_stop(const CanOperatorOptions& options, std::int32_t request) {
   }
   if (!state) ear.miss(ear.channels.can_state, "tether-can-bridge");
   fmt::print("{}\n", state_line(*state));
-  return outcome() == RequestOutcome::reached ? kExitOk : kExitFailed;
+  if (outcome() == RequestOutcome::reached) return kExitOk;
+  fmt::print(stderr, "NOT STOPPED, after {} requests: use the hard-wired emergency stop\n", sends);
+  return kExitFailed;
 }
 
 }  // namespace
@@ -160,7 +174,8 @@ int can_request(const CanOperatorOptions& options, std::int32_t request) {
     ear.miss(ear.channels.can_state, "tether-can-bridge");
   }
   drive_request_t message{};
-  message.utime = state->utime;  // the bridge's clock, whatever it is
+  message.utime = state->utime;  // the bridge's clock and run, whatever they are
+  message.run = state->run;
   message.seq = Ear::sequence_number();
   message.request = request;
   publish(ear.bus, ear.channels.can_request, message);
@@ -173,6 +188,33 @@ int can_request(const CanOperatorOptions& options, std::int32_t request) {
   ear.wait(kAnswerTime, [&] { return outcome() != RequestOutcome::pending; });
   fmt::print("{}\n", state_line(*state));
   return outcome() == RequestOutcome::reached ? kExitOk : kExitFailed;
+}
+
+int can_hold(const CanOperatorOptions& options) {
+  constexpr Duration kPeriod = std::chrono::milliseconds{50};
+  Ear ear(options);
+  std::optional<drivetrain_state_t> state;
+  ear.hear<drivetrain_state_t>(ear.channels.can_state,
+                               [&](const drivetrain_state_t& m) { state = m; });
+  std::string shown;
+  do {
+    if (!state && !ear.wait(kBridgeHello, [&] { return state.has_value(); })) {
+      ear.miss(ear.channels.can_state, "tether-can-bridge");
+    }
+    if (state_line(*state) != shown) {
+      shown = state_line(*state);
+      fmt::print("{}\n", shown);
+      std::fflush(stdout);
+    }
+    drive_request_t message{};
+    message.utime = state->utime;
+    message.seq = Ear::sequence_number();
+    message.run = state->run;
+    message.request = drive_request_t::ALIVE;
+    publish(ear.bus, ear.channels.can_request, message);
+    state.reset();  // a bridge that is silent is noticed by the next time
+  } while (ear.listen(kPeriod));
+  return kExitOk;
 }
 
 int can_inject(const CanOperatorOptions& options, std::int32_t node, std::int32_t kind,
@@ -199,7 +241,11 @@ int can_inject(const CanOperatorOptions& options, std::int32_t node, std::int32_
     return kExitOk;
   }
   if (counter(*counters, "inject.refused") > refused) {
-    fmt::print("refused: the emulated drives have no such node; allowed: {}\n", nodes(*counters));
+    if (kind == drive_fault_t::SAFETY_INPUT) {
+      fmt::print("refused: the drivetrain has no such safety input, or --value is not 0, 1 or 2\n");
+    } else {
+      fmt::print("refused: the emulated drives have no such node; allowed: {}\n", nodes(*counters));
+    }
   } else {
     fmt::print("not taken: see inject.… in the emulated drives' counters (tether echo)\n");
   }
@@ -234,10 +280,12 @@ int can_status(const CanOperatorOptions& options) {
   }
   if (odometry) {
     fmt::print(
-        "{:<9} x {:.3f} m, y {:.3f} m, yaw {:.3f} rad; {:+.3f} m/s, {:+.3f} rad/s; {:.2f} m "
-        "driven\n",
-        "odometry", odometry->x_m, odometry->y_m, odometry->yaw_rad, odometry->v_mps,
-        odometry->omega_radps, odometry->distance_m);
+        "{:<9} x {:.3f} m, y {:.3f} m, yaw {:.3f} rad (1 sigma: {:.3f} m, {:.3f} m, {:.3f} rad); "
+        "{:+.3f} m/s, {:+.3f} rad/s; {:.2f} m driven\n",
+        "odometry", odometry->x_m, odometry->y_m, odometry->yaw_rad,
+        std::sqrt(odometry->cov_x_x_m2), std::sqrt(odometry->cov_y_y_m2),
+        std::sqrt(odometry->cov_yaw_yaw_rad2), odometry->v_mps, odometry->omega_radps,
+        odometry->distance_m);
   }
   return kExitOk;
 }

@@ -53,7 +53,8 @@ const std::map<std::string, std::int32_t>& fault_kinds() {
       {"silence", drive_fault_t::SILENCE},
       {"sdo_abort", drive_fault_t::SDO_ABORT},
       {"encoder_freeze", drive_fault_t::ENCODER_FREEZE},
-      {"wheel_slip", drive_fault_t::WHEEL_SLIP}};
+      {"wheel_slip", drive_fault_t::WHEEL_SLIP},
+      {"safety_input", drive_fault_t::SAFETY_INPUT}};
   return kKinds;
 }
 
@@ -66,13 +67,16 @@ void add_inject(CLI::App& can, const SharedOptions& options, Action& action) {
       ->add_option("kind", options->kind, "the fault; none ends all but \"fault\" and \"reboot\"")
       ->required()
       ->check(CLI::IsMember(names));
-  command->add_option("--node", options->node, "CANopen node id; 0: all")
+  command
+      ->add_option("--node", options->node,
+                   "CANopen node id, or number of the safety input; 0: all")
       ->check(CLI::Range(0, 127))
       ->capture_default_str();
   command
       ->add_option("--value", options->value,
                    "fault: error code; silence: seconds, 0 for good; sdo_abort: object index, 0 "
-                   "for all; wheel_slip: share, above 0, up to 1")
+                   "for all; wheel_slip: share, above 0, up to 1; safety_input: 0 demands, 1 is "
+                   "silent, 2 makes no sense")
       ->capture_default_str();
   command->callback([options, &action] {
     action = [options] {
@@ -133,6 +137,9 @@ void add_can_command(CLI::App& tether, Action& action) {
               "Release the e-stop; moves nothing, a reset has to follow");
   add_request(*can, options, action, "reset", drive_request_t::RESET,
               "Clear latched faults; does not arm");
+  add_operator_command(*can, options, "hold",
+                       "Hold to run: the vehicle stops when this ends (can.operator_timeout_ms)")
+      ->callback([options, &action] { action = [options] { return can_hold(options->op); }; });
   add_drive(*can, options, action);
   add_inject(*can, options, action);
   add_operator_command(*can, options, "status", "State, wheels and odometry, once")

@@ -19,10 +19,13 @@ class CanLoop {
       : config_(load_drivetrain(scenario.get<CanSettings>().drivetrain_file)),
         can_(loop, scenario.get<CanSettings>().bit_rate_bps),
         drives_(scenario, config_, loop, bus, can_.add_port()),
-        bridge_(scenario, config_, loop, bus, can_.add_port()),
+        bridge_port_(can_.add_port()),
+        bridge_(scenario, config_, loop, bus, bridge_port_),
         operator_(scenario, loop, bus) {}
 
   InProcessCan& can() { return can_; }
+  /// For tests: the bridge's plug.
+  InProcessCan::Port& bridge_port() { return bridge_port_; }
 
   void finish() {
     bridge_.finish();
@@ -33,6 +36,7 @@ class CanLoop {
   DrivetrainConfig config_;
   InProcessCan can_;
   CanDriveNode drives_;
+  InProcessCan::Port& bridge_port_;
   CanBridgeNode bridge_;
   ArmOperator operator_;
 };

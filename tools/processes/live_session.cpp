@@ -61,21 +61,17 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     folder_.emplace(options.out, scenario);
     folder_->record(loop_, bus_);
   }
-  const std::int64_t start_utime_us =
-      RealTimeLoop::wall_utime_us() -
-      to_utime(kStart + from_seconds(to_seconds(loop_.now()) / options.speed));
-  for (const std::string& name : programs(scenario)) add_child(options, name, start_utime_us);
+  for (const std::string& name : programs(scenario)) add_child(options, name);
 }
 
-void LiveSession::add_child(const Options& options, const std::string& name,
-                            std::int64_t start_utime_us) {
+void LiveSession::add_child(const Options& options, const std::string& name) {
   const std::string program = (executable_folder() / name).string();
   if (access(program.c_str(), X_OK) != 0) {
     throw std::runtime_error(fmt::format("cannot start {}: {}; tether expects its nodes beside it",
                                          program, std::generic_category().message(errno)));
   }
   std::vector<std::string> command{program, options.scenario_file, "--lcm-url=" + options.lcm_url,
-                                   fmt::format("--start-utime={}", start_utime_us),
+                                   fmt::format("--start-utime={}", loop_.run_id()),
                                    fmt::format("--speed={}", options.speed)};
   for (const std::string& text : options.overrides) command.push_back("--set=" + text);
 

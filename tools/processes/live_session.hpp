@@ -51,7 +51,7 @@ class LiveSession {
     std::unique_ptr<NodeProcess> process;
     bool has_run = false;
   };
-  void add_child(const Options& options, const std::string& name, std::int64_t start_utime_us);
+  void add_child(const Options& options, const std::string& name);
   void on_child_exit(Child& child, int code);
   void say(const std::string& line);
   void show_status();

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "can_bridge/cia402/startup.hpp"
 #include "can_bridge/cia402/texts.hpp"
 #include "common/vehicle/diff_drive.hpp"
 
@@ -38,13 +39,59 @@ Axes::Axes(const Cia402Config& config, double wheel_radius_m, double track_m)
       track_m_(track_m),
       feedback_timeout_ms_(config.feedback_timeout_ms),
       pdos_(config),
-      axes_{axis_of(config, 0), axis_of(config, 1)} {}
+      axes_{axis_of(config, 0), axis_of(config, 1)},
+      tells_mode_{config.tells_mode(config.axes[0]), config.tells_mode(config.axes[1])} {
+  constexpr int kSlowest = 240;  // of the synchronous transmission types
+  for (const PdoConfig& pdo : config.pdos) {
+    if (!pdo.transmit || pdo.transmission > kSlowest || !config.sync) continue;
+    senders_.emplace(canopen::pdo_id(true, pdo.number, pdo.node), SenderCount(pdo.transmission));
+  }
+}
+
+void Axes::on_sync() {
+  for (auto& [id, count] : senders_) count.on_sync();
+}
+
+bool Axes::count_sender(std::uint32_t id) {
+  const auto found = senders_.find(id);
+  return found == senders_.end() || found->second.on_frame();
+}
+
+bool Axes::two_sources(std::uint32_t id) const {
+  const auto found = senders_.find(id);
+  return found != senders_.end() && found->second.two_sources();
+}
+
+void Axes::restart_sender_count() {
+  for (auto& [id, count] : senders_) count.reset();
+}
+
+void Axes::begin(Instant now) {
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    was_in_doubt_[i] = in_doubt(i, now);
+    axes_[i].begin();
+  }
+}
+
+void Axes::on_news(const StandstillInquiry::News& news, Instant now) {
+  for (const auto& [field, value] : news) axes_[field.axis].receive(field, value, now);
+}
+
+bool Axes::in_doubt(std::size_t i, Instant now) const {
+  const Axis& axis = axes_[i];
+  if (!axis.known()) return was_in_doubt_[i];
+  return !is_power_off(axis.confirmed_state()) || !axis.stood() || !believes_standstill(now);
+}
 
 bool Axes::on_feedback(const CanFrame& frame, Instant now) {
   return PdoMap::unpack(*pdos_.tpdo(frame.id), frame,
                         [this, now](const PdoMap::Field& field, std::int64_t value) {
                           axes_[field.axis].receive(field, value, now);
                         });
+}
+
+bool Axes::shows_velocity_mode(std::size_t i) const {
+  return !tells_mode_[i] || axes_[i].mode() == kProfileVelocity;
 }
 
 std::string Axes::feedback_text(std::size_t i) const {
@@ -81,18 +128,23 @@ std::array<std::int64_t, 2> Axes::target_velocities(const Twist& twist) const {
   return {std::llround(units[0] * scale), std::llround(units[1] * scale)};
 }
 
-void Axes::send(std::array<std::uint16_t, 2> words, const std::array<std::int64_t, 2>& targets,
-                std::vector<CanFrame>& out) {
+std::array<std::uint16_t, 2> Axes::command(std::array<std::uint16_t, 2> words) {
   if (axes_[0].node() == axes_[1].node() &&
       axes_[0].controlword_object() == axes_[1].controlword_object()) {
     words[0] = words[1] = more_cautious(words[0], words[1]);
   }
-  std::array<Setpoint, 2> setpoints;
-  for (std::size_t i = 0; i < axes_.size(); ++i) {
-    axes_[i].command(words[i]);
-    setpoints[i] = {words[i], targets[i]};
-  }
-  pdos_.pack(setpoints, out);
+  for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].command(words[i]);
+  return words;
+}
+
+std::array<std::uint16_t, 2> Axes::command_stop(Instant now) {
+  return command({stop_controlword(0, now), stop_controlword(1, now)});
+}
+
+void Axes::send(std::array<std::uint16_t, 2> words, const std::array<std::int64_t, 2>& targets,
+                std::vector<CanFrame>& out) {
+  words = command(words);
+  pdos_.pack({Setpoint{words[0], targets[0]}, Setpoint{words[1], targets[1]}}, out);
 }
 
 }  // namespace tether::cia402

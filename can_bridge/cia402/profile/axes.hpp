@@ -3,12 +3,15 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "can_bridge/cia402/axis.hpp"
 #include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/pdo.hpp"
+#include "can_bridge/cia402/sender_count.hpp"
+#include "can_bridge/cia402/standstill.hpp"
 
 namespace tether::cia402 {
 
@@ -29,13 +32,32 @@ class Axes {
   const PdoMap& pdos() const { return pdos_; }
   double wheel_radius_m() const { return wheel_radius_m_; }
 
+  /// A new start: forgets what was received, but not that an axis was in_doubt().
+  void begin(Instant now);
+
   /// A TPDO of the configuration. False: it has another length.
   bool on_feedback(const CanFrame& frame, Instant now);
+  /// What was read by SDO counts as if a TPDO had told it.
+  void on_news(const StandstillInquiry::News& news, Instant now);
+
+  // --- who sends the synchronous TPDOs
+  void on_sync();
+  /// One of them has come; others are not counted. False: it is one too many.
+  bool count_sender(std::uint32_t id);
+  bool two_sources(std::uint32_t id) const;
+  /// From the next SYNC on.
+  void restart_sender_count();
 
   // --- both axes
   bool fresh(Instant now) const { return axes_[0].fresh(now) && axes_[1].fresh(now); }
   bool standing(Instant now) const { return axes_[0].standing(now) && axes_[1].standing(now); }
   bool confirmed_off() const { return axes_[0].confirmed_off() && axes_[1].confirmed_off(); }
+  /// Axis `i` may have power on or turn: its newest statusword since the last change of its
+  /// controlword does not say that its power is off, or its newest speed does not say that it
+  /// stands. Not before anything was heard of it.
+  bool in_doubt(std::size_t i, Instant now) const;
+  /// Whether axis `i` shows mode 3; true if no TPDO tells its mode (start-up has read it then).
+  bool shows_velocity_mode(std::size_t i) const;
   /// Why the feedback of axis `i` is not fresh().
   std::string feedback_text(std::size_t i) const;
 
@@ -50,6 +72,9 @@ class Axes {
   /// Quick stop, until the axis stands or its power stage is off; from then on "disable voltage".
   std::uint16_t stop_controlword(std::size_t i, Instant now);
 
+  /// Commands the stop_controlword() of each axis, for drives that get it by SDO.
+  std::array<std::uint16_t, 2> command_stop(Instant now);
+
   // --- to the drives
   /// The target velocities for `twist`. A wheel beyond its object's range scales both, so that the
   /// curvature stays.
@@ -60,13 +85,18 @@ class Axes {
             std::vector<CanFrame>& out);
 
  private:
+  std::array<std::uint16_t, 2> command(std::array<std::uint16_t, 2> words);
+
   double wheel_radius_m_;
   double track_m_;
   std::uint16_t feedback_timeout_ms_;
   PdoMap pdos_;
-  std::array<Axis, 2> axes_;                  // left, right
-  std::array<bool, 2> released_{};            // braked; the power stage may go off
-  Instant standstill_from_ = Instant::min();  // until then, standstill is not believed
+  std::array<Axis, 2> axes_;                      // left, right
+  std::map<std::uint32_t, SenderCount> senders_;  // of the synchronous TPDOs, by identifier
+  std::array<bool, 2> tells_mode_;                // by a TPDO
+  std::array<bool, 2> released_{};                // braked; the power stage may go off
+  std::array<bool, 2> was_in_doubt_{};            // when begin() forgot the axis
+  Instant standstill_from_ = Instant::min();      // until then, standstill is not believed
 };
 
 }  // namespace tether::cia402

@@ -11,7 +11,8 @@ using Verdict = StandstillInquiry::Verdict;
 
 /// How long securing may take: enough for slow brakes, too.
 constexpr Duration kSecureTimeout = std::chrono::seconds(5);
-/// How long a running drive that says nothing about its wheel is braked before it is reset.
+/// How long a running drive that says nothing about its wheel is braked before it is reset, and one
+/// that was lost at speed is left to its own watchdog.
 constexpr Duration kBlindBraking = std::chrono::seconds(2);
 
 /// One and a half periods: each living drive's heartbeat falls into it.
@@ -22,6 +23,7 @@ Duration listening_time(const Cia402Config& config) {
 }  // namespace
 
 void BringUp::begin() {
+  begun_ = true;
   d_.nodes.begin_inquiry(d_.commanding);
   d_.commanding = d_.nodes.any_running();
   d_.axes.hold();
@@ -29,6 +31,8 @@ void BringUp::begin() {
 }
 
 void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service) {
+  if (begun_) note_lost_nodes(now);
+  begun_ = false;
   switch (d_.stage.stage()) {
     case Stage::listening:
       listen(now);
@@ -53,11 +57,18 @@ void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame
   }
 }
 
+void BringUp::note_lost_nodes(Instant now) {
+  for (Node& node : d_.nodes) {
+    node.lost = false;
+    for (std::size_t i = 0; i < d_.axes.size(); ++i) {
+      node.lost = node.lost || (d_.axes[i].node() == node.id && d_.axes.in_doubt(i, now));
+    }
+  }
+}
+
 void BringUp::listen(Instant now) {
-  if (d_.nodes.any_heard()) {
+  if (d_.nodes.any_heard() || d_.stage.elapsed(now) >= listening_time(d_.config)) {
     d_.stage.enter(Stage::securing);
-  } else if (d_.stage.elapsed(now) >= listening_time(d_.config)) {
-    begin_configuration();
   }
   d_.commanding = d_.nodes.any_running();
 }
@@ -66,22 +77,36 @@ void BringUp::secure(Instant now, std::vector<CanFrame>& service) {
   d_.commanding = d_.commanding || d_.nodes.any_running();
   bool all_safe = d_.stage.elapsed(now) >= listening_time(d_.config);
   bool all_known = true;
+  if (!d_.commanding) d_.axes.command_stop(now);
   for (Node& node : d_.nodes) {
-    if (!node.heard) continue;
-    node.inquiry.tick(now, service);
+    if (node.booted()) continue;
+    node.inquiry.tick(now, {d_.axes[0].controlword(), d_.axes[1].controlword()}, service);
+    d_.axes.on_news(node.inquiry.take_news(), now);
     all_safe = all_safe && may_be_reset(node, now);
     all_known = all_known && node.inquiry.verdict() != Verdict::unknown;
   }
   if (all_safe) {
-    begin_configuration();
+    take_up_positions(now);
+    begin_configuration(now);
   } else if (all_known && d_.stage.elapsed(now) >= kSecureTimeout) {
     d_.refuse(turning_text(now));
   }
 }
 
+void BringUp::take_up_positions(Instant now) {
+  for (std::size_t i = 0; i < d_.axes.size(); ++i) {
+    const Node& node = d_.nodes.of(d_.axes[i].node());
+    if (!node.heard || node.inquiry.verdict() != Verdict::standing) continue;
+    if (const auto position = node.inquiry.position(i)) d_.axes[i].take_up(*position, now);
+  }
+}
+
 bool BringUp::may_be_reset(const Node& node, Instant now) const {
   const Verdict verdict = node.inquiry.verdict();
-  if (verdict != Verdict::silent) return verdict == Verdict::standing;
+  if (verdict != Verdict::silent) {
+    return verdict == Verdict::standing && d_.axes.believes_standstill(now);
+  }
+  if (node.lost && d_.stage.elapsed(now) < kBlindBraking) return false;
   if (!node.running) return true;
   for (std::size_t i = 0; i < d_.axes.size(); ++i) {
     if (d_.axes[i].node() != node.id) continue;
@@ -95,7 +120,7 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
 std::string BringUp::turning_text(Instant now) const {
   std::string all;
   for (const Node& node : d_.nodes) {
-    if (!node.heard || may_be_reset(node, now)) continue;
+    if (node.booted() || may_be_reset(node, now)) continue;
     std::string name = node.name;
     double speed_radps = 0.0;
     if (const auto& wheel = node.inquiry.fastest()) {
@@ -113,9 +138,9 @@ std::string BringUp::turning_text(Instant now) const {
   return all + ": check its brake and load; it is not reset while it turns, stop stays commanded";
 }
 
-void BringUp::begin_configuration() {
+void BringUp::begin_configuration(Instant now) {
   d_.commanding = false;
-  for (Axis& axis : d_.axes) axis.begin();
+  d_.axes.begin(now);
   d_.nodes.begin_startup();
   d_.stage.enter(Stage::configuring);
 }
@@ -183,7 +208,8 @@ std::string BringUp::waiting_for(Instant now) const {
     case Stage::listening:
       return "listening for drives that are running already";
     case Stage::securing:
-      return "braking drives that are running already";
+      return d_.nodes.any_heard() ? "braking drives that are running already"
+                                  : "asking the drives whether their wheels stand";
     case Stage::configuring:
       return d_.nodes.progress();
     case Stage::beating:

@@ -12,7 +12,7 @@ class BringUp {
  public:
   explicit BringUp(Drives& drives) : d_(drives) {}
 
-  /// Starts from the beginning. Drives that have been heard are braked first.
+  /// Starts from the beginning. Drives that are heard or answer are braked first.
   void begin();
   /// In the stages from `listening` to `settling`. NMT commands go to `nmt`, SDO requests to
   /// `service`.
@@ -21,11 +21,14 @@ class BringUp {
   std::string waiting_for(Instant now) const;
 
  private:
+  void note_lost_nodes(Instant now);
   void listen(Instant now);
   void secure(Instant now, std::vector<CanFrame>& service);
+  /// The last look at the counters before the reset sets them anew.
+  void take_up_positions(Instant now);
   bool may_be_reset(const Node& node, Instant now) const;
   std::string turning_text(Instant now) const;
-  void begin_configuration();
+  void begin_configuration(Instant now);
   void configure(Instant now, std::vector<CanFrame>& service);
   void start_nodes(Instant now, std::vector<CanFrame>& nmt);
   void activate(Instant now, std::vector<CanFrame>& nmt);
@@ -33,6 +36,7 @@ class BringUp {
   std::string not_settled(Instant now) const;
 
   Drives& d_;
+  bool begun_ = false;  // and not yet ticked
   Instant nmt_start_at_{};
 };
 

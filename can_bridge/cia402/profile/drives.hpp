@@ -22,6 +22,9 @@ struct Drives {
   Duration heartbeat_timeout() const {
     return std::chrono::milliseconds(config.drive_heartbeat_timeout_ms);
   }
+  Duration feedback_timeout() const {
+    return std::chrono::milliseconds(config.feedback_timeout_ms);
+  }
   /// Whether what goes wrong with a drive now counts as a fault.
   bool supervised() const {
     return stage.stage() >= Stage::settling && stage.stage() != Stage::refused && commanding;

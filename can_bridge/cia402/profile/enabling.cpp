@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "can_bridge/cia402/profile/supervision.hpp"
+
 namespace tether::cia402 {
 namespace {
 
@@ -35,11 +37,36 @@ int height(std::optional<DriveState> state) {
 }  // namespace
 
 void Enabling::begin() {
-  d_.stage.enter(Stage::enabling);
-  climbed_ = {-1, -1};
+  d_.stage.enter(Stage::verifying);
+  for (Node& node : d_.nodes) node.read_back.begin(node.startup.confirmed());
 }
 
-std::optional<Fault> Enabling::tick(Instant now) {
+std::optional<Fault> Enabling::tick(Instant now, std::vector<CanFrame>& service) {
+  if (d_.stage.stage() == Stage::verifying) {
+    if (auto fault = verify(now, service)) return fault;
+  }
+  return d_.stage.stage() == Stage::enabling ? climb(now) : std::nullopt;
+}
+
+std::optional<Fault> Enabling::verify(Instant now, std::vector<CanFrame>& service) {
+  bool done = true;
+  for (Node& node : d_.nodes) {
+    node.read_back.tick(now, service);
+    done = done && node.read_back.done();
+    if (node.read_back.deviation().empty()) continue;
+    return Fault{fmt::format("{}: {} before it was to be enabled: another tool changed it? Reset "
+                             "configures the drives anew",
+                             node.name, node.read_back.deviation()),
+                 true};
+  }
+  if (!done) return std::nullopt;
+  d_.stage.enter(Stage::enabling);
+  d_.stage.mark(now);
+  climbed_ = {-1, -1};
+  return std::nullopt;
+}
+
+std::optional<Fault> Enabling::climb(Instant now) {
   bool all_enabled = true;
   for (std::size_t i = 0; i < d_.axes.size(); ++i) {
     const Axis& axis = d_.axes[i];
@@ -48,8 +75,12 @@ std::optional<Fault> Enabling::tick(Instant now) {
       climbed_[i] = std::max(climbed_[i], reached);
       climbed_at_[i] = now;
     }
-    if (reached == kTop) continue;
+    if (reached == kTop && d_.axes.shows_velocity_mode(i)) continue;
     all_enabled = false;
+    if (reached == kTop) {
+      if (now - climbed_at_[i] < d_.feedback_timeout()) continue;
+      return wrong_mode(axis);
+    }
     const bool dropped = climbed_[i] == kTop;
     if (dropped || now - climbed_at_[i] >= d_.step_timeout()) {
       return Fault{fmt::format(

@@ -8,14 +8,34 @@ namespace tether::cia402 {
 
 using canopen::NmtState;
 
+namespace {
+
+/// So long an answer to a drive's stop by SDO is waited for, before it is sent again.
+constexpr Duration kImpatience = std::chrono::milliseconds(50);
+
+}  // namespace
+
 Node::Node(const Cia402Config& config, std::uint8_t number)
     : id(number),
       name(node_name(config, number)),
       startup(config, number),
-      inquiry(config, number) {}
+      read_back(config, number),
+      inquiry(config, number, std::chrono::milliseconds(config.sdo_timeout_ms)),
+      stopper(config, number,
+              std::min<Duration>(kImpatience, std::chrono::milliseconds(config.sdo_timeout_ms))) {}
+
+void Node::on_foreign_nmt(const CanFrame& frame) {
+  if (frame.size != 2 || (frame.data[1] != 0 && frame.data[1] != id)) return;
+  const auto command = static_cast<canopen::NmtCommand>(frame.data[0]);
+  if (command == canopen::NmtCommand::start) return;
+  state.reset();
+  if (command == canopen::NmtCommand::stop) state = NmtState::stopped;
+}
 
 std::optional<NmtState> Node::on_heartbeat(const CanFrame& frame, Instant now) {
-  const auto told = static_cast<NmtState>(frame.data[0]);
+  // Bit 7 is zero in a heartbeat; some drives toggle it, as in answers to node guarding (CiA 301).
+  const std::uint8_t byte = frame.data[0];
+  const auto told = static_cast<NmtState>(byte == 0x80 ? byte : byte & 0x7F);
   const bool known = told == NmtState::boot_up || told == NmtState::stopped ||
                      told == NmtState::operational || told == NmtState::pre_operational;
   if (frame.size != 1 || !known) return std::nullopt;
@@ -37,6 +57,11 @@ Nodes::Nodes(const Cia402Config& config) {
 bool Nodes::any_heard() const { return std::ranges::any_of(nodes_, &Node::heard); }
 bool Nodes::any_running() const { return std::ranges::any_of(nodes_, &Node::running); }
 bool Nodes::all_operational() const { return std::ranges::all_of(nodes_, &Node::operational); }
+
+bool Nodes::show_mode_late(std::uint8_t id) const {
+  return std::ranges::any_of(
+      nodes_, [id](const Node& node) { return node.id == id && node.startup.shows_mode_late(); });
+}
 
 void Nodes::begin_inquiry(bool commanding) {
   for (Node& node : nodes_) {

@@ -8,11 +8,12 @@
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/node_startup.hpp"
+#include "can_bridge/cia402/read_back.hpp"
 #include "can_bridge/cia402/standstill.hpp"
 
 namespace tether::cia402 {
 
-/// One CANopen node of the drivetrain: what was heard of it, its start-up and its inquiry.
+/// One CANopen node of the drivetrain: what was heard of it, its start-up and its inquiries.
 struct Node {
   Node(const Cia402Config& config, std::uint8_t number);
 
@@ -20,16 +21,26 @@ struct Node {
   /// heartbeat.
   std::optional<canopen::NmtState> on_heartbeat(const CanFrame& frame, Instant now);
   bool operational() const { return state == canopen::NmtState::operational; }
+  /// Another's NMT command to this node: it is not known to be operational any more.
+  void on_foreign_nmt(const CanFrame& frame);
+  /// Nothing but its boot-up message was heard of it.
+  bool booted() const { return state == canopen::NmtState::boot_up; }
 
   std::uint8_t id;
   std::string name;  ///< for reasons
   NodeStartup startup;
-  StandstillInquiry inquiry;
+  ReadBack read_back;                      ///< before it is enabled
+  StandstillInquiry inquiry;               ///< before it is reset
+  StandstillInquiry stopper;               ///< impatient: while it is stopped by SDO
   std::optional<canopen::NmtState> state;  ///< of the newest heartbeat
   Instant heartbeat_stamp{};
   // Before it is reset:
   bool heard = false;    ///< in any NMT state, and not booted since
   bool running = false;  ///< operational
+  bool lost = false;     ///< the bridge commanded it, and does not know that it has stopped
+  // While it is to stop (StopAssurance):
+  bool by_sdo = false;       ///< it gets its controlword by SDO
+  bool unconfirmed = false;  ///< it has not told in time that it stops
 };
 
 /// The drivetrain's nodes, left first, each once.
@@ -47,6 +58,8 @@ class Nodes {
   bool any_heard() const;
   bool any_running() const;
   bool all_operational() const;
+  /// Whether node `id` did not show its mode of operation in its start-up.
+  bool show_mode_late(std::uint8_t id) const;
 
   /// A new start, before anything is heard or sent. `commanding`: operational nodes get setpoints
   /// already.

@@ -19,6 +19,13 @@ using cia402::Node;
 using cia402::Sender;
 using cia402::Stage;
 
+namespace {
+
+/// As long as a stop may take (SafetyCore::kStopTimeout).
+constexpr Duration kBrakingWithoutFeedback = std::chrono::seconds(5);
+
+}  // namespace
+
 std::unique_ptr<DriveProfile> make_profile(const Cia402Config& config,
                                            const VehicleConfig& vehicle) {
   return std::make_unique<Cia402Profile>(config, vehicle.wheel_radius_m, vehicle.track_m);
@@ -40,14 +47,16 @@ void Cia402Profile::on_frame(const CanFrame& frame, Instant now) {
     case Sender::Kind::other:
       break;
     case Sender::Kind::nmt:
+      for (Node& node : drives_.nodes) node.on_foreign_nmt(frame);
+      [[fallthrough]];
     case Sender::Kind::sync:
     case Sender::Kind::master_heartbeat:
     case Sender::Kind::setpoint:
-      on_intruder(frame.id, sender.kind);
+      on_intruder(frame, sender);
       break;
     case Sender::Kind::sdo_request:
       // Reading an object is not commanding.
-      if (!is_upload_request(frame)) on_intruder(frame.id, sender.kind);
+      if (!is_upload_request(frame)) on_intruder(frame, sender);
       break;
     case Sender::Kind::sdo_response:
       on_sdo(frame, drives_.nodes.of(sender.node));
@@ -64,17 +73,42 @@ void Cia402Profile::on_frame(const CanFrame& frame, Instant now) {
   }
 }
 
-void Cia402Profile::on_intruder(std::uint32_t id, Sender::Kind kind) {
+void Cia402Profile::on_intruder(const CanFrame& frame, const Sender& sender) {
   ++counters_.intruder_frames;
-  if (std::ranges::find(intruders_, id) == intruders_.end()) intruders_.push_back(id);
-  if (kind == Sender::Kind::sdo_request) return;
-  fault(Fault{fmt::format("another sender uses 0x{:03X}: only one master may command", id),
-              kind == Sender::Kind::nmt});
+  if (std::ranges::find(intruders_, frame.id) == intruders_.end()) intruders_.push_back(frame.id);
+  if (sender.kind == Sender::Kind::sdo_request) return on_foreign_sdo(frame, sender.node);
+  fault(Fault{fmt::format("another sender uses 0x{:03X}: only one master may command", frame.id),
+              sender.kind == Sender::Kind::nmt});
+}
+
+void Cia402Profile::on_foreign_sdo(const CanFrame& frame, std::uint8_t node) {
+  // Before that, start-up will write it anew.
+  if (drives_.stage.stage() < Stage::configuring) return;
+  const std::optional<ObjectRef> object = written_object(frame);
+  if (!object || !cia402::is_vital(drives_.config, node, object->index)) return;
+  ++counters_.intruder_writes;
+  fault(Fault{fmt::format("{}: another sender writes {} by SDO: only one master may configure; "
+                          "reset configures the drives anew",
+                          drives_.nodes.of(node).name, cia402::object_text(*object)),
+              true});
 }
 
 void Cia402Profile::on_sdo(const CanFrame& frame, Node& node) {
-  const bool expected = drives_.stage.stage() == Stage::securing ? node.inquiry.on_sdo(frame)
-                                                                 : node.startup.on_sdo(frame);
+  bool expected = true;
+  switch (drives_.stage.stage()) {
+    case Stage::securing:
+      expected = node.inquiry.on_sdo(frame);
+      break;
+    case Stage::configuring:
+      expected = node.startup.on_sdo(frame);
+      break;
+    case Stage::verifying:
+      expected = node.read_back.on_sdo(frame);
+      break;
+    default:
+      expected = !node.by_sdo || node.stopper.on_sdo(frame);
+      break;
+  }
   if (!expected) ++counters_.rejected_frames;
 }
 
@@ -111,6 +145,12 @@ void Cia402Profile::on_emergency(const CanFrame& frame, Node& node) {
   }
   node.heard = true;
   const auto code = static_cast<std::uint16_t>(canopen::read_integer(frame.data.data(), 2, false));
+  if (drives_.config.is_warning(code)) {
+    ++counters_.warnings;
+    const std::pair warning{node.id, code};
+    if (std::ranges::find(warnings_, warning) == warnings_.end()) warnings_.push_back(warning);
+    return;
+  }
   for (Axis& axis : drives_.axes) {
     if (axis.node() == node.id) axis.on_emergency(code);
   }
@@ -127,10 +167,23 @@ void Cia402Profile::on_feedback(const CanFrame& frame, Node& node, Instant now) 
     return;
   }
   node.heard = node.running = true;
+  if (drives_.supervised()) watch_senders(frame.id, node, now);
   for (std::size_t i = 0; i < drives_.axes.size(); ++i) {
     if (drives_.axes[i].node() == node.id) fault(cia402::check_axis(drives_, i));
   }
   latch_.tell_error_code(drives_.stage, drives_.axes);
+}
+
+void Cia402Profile::watch_senders(std::uint32_t id, const Node& node, Instant now) {
+  if (drives_.axes.count_sender(id)) return;
+  ++counters_.surplus_feedback;
+  if (!drives_.axes.two_sources(id)) return;
+  // The standstill that one of them shows may be the other's.
+  drives_.axes.distrust_standstill(now + kBrakingWithoutFeedback);
+  fault(
+      Fault{fmt::format("two sources send 0x{:03X}, feedback of {}: has another device its node "
+                        "id, or does somebody replay its frames? Feedback is not believed",
+                        id, node.name)});
 }
 
 std::string Cia402Profile::intruder() const {
@@ -139,6 +192,15 @@ std::string Cia402Profile::intruder() const {
     ids += fmt::format("{}0x{:03X}", ids.empty() ? "" : ", ", id);
   }
   return ids.empty() ? ids : ids + " from another sender";
+}
+
+std::string Cia402Profile::warnings() const {
+  std::string all;
+  for (const auto& [node, code] : warnings_) {
+    all += fmt::format("{}{}: {}", all.empty() ? "" : "; ", cia402::node_name(drives_.config, node),
+                       cia402::error_text(code));
+  }
+  return all;
 }
 
 // ---------------------------------------------------------------------------- requests
@@ -155,16 +217,20 @@ void Cia402Profile::set_command(const Twist& twist) {
 }
 
 void Cia402Profile::enable() {
-  if (drives_.stage.stage() == Stage::standby) enabling_.begin();
+  if (drives_.stage.stage() != Stage::standby) return;
+  drives_.axes.distrust_standstill(Instant::min());  // of an earlier stop
+  enabling_.begin();
 }
 
 void Cia402Profile::stop(StopKind kind) {
   const Stage stage = drives_.stage.stage();
-  if (stage == Stage::enabling || stage == Stage::enabled) stopping_.begin(kind);
+  if (stage >= Stage::verifying && stage <= Stage::enabled) stopping_.begin(kind);
 }
 
 void Cia402Profile::reset_fault() {
   intruders_.clear();
+  warnings_.clear();
+  drives_.axes.restart_sender_count();
   const Stage stage = drives_.stage.stage();
   if (stage == Stage::refused || (stage == Stage::faulted && latch_.needs_restart())) {
     restart();
@@ -183,11 +249,13 @@ void Cia402Profile::tick(Instant now, std::vector<CanFrame>& out) {
   stage.mark(now);
   std::vector<CanFrame> nmt, service;
   advance(now, nmt, service);
+  fault(assurance_.tick(now, nmt));
   stage.mark(now);
 
   out.insert(out.end(), nmt.begin(), nmt.end());
   if (drives_.commanding) send_setpoints(now, out);
-  drives_.heartbeat.tick(now, out);
+  if (!assurance_.withholds()) drives_.heartbeat.tick(now, out);
+  assurance_.send_by_sdo(now, service);
   out.insert(out.end(), service.begin(), service.end());
 }
 
@@ -202,8 +270,9 @@ void Cia402Profile::advance(Instant now, std::vector<CanFrame>& nmt,
     case Stage::settling:
       bring_up_.tick(now, nmt, service);
       break;
+    case Stage::verifying:
     case Stage::enabling:
-      fault(enabling_.tick(now));
+      fault(enabling_.tick(now, service));
       // Commands from before the drives were enabled do not count.
       if (drives_.stage.stage() == Stage::enabled) command_ = {};
       break;
@@ -226,8 +295,18 @@ void Cia402Profile::send_setpoints(Instant now, std::vector<CanFrame>& out) {
   std::array<std::int64_t, 2> targets{};
   // This is the only place that decides whether setpoints are other than zero.
   if (drives_.stage.stage() == Stage::enabled) targets = drives_.axes.target_velocities(command_);
-  drives_.axes.send({wanted_controlword(0, now), wanted_controlword(1, now)}, targets, out);
-  if (drives_.config.sync) out.push_back(CanFrame::make(canopen::kSync, {}));
+  std::vector<CanFrame> setpoints;
+  drives_.axes.send({wanted_controlword(0, now), wanted_controlword(1, now)}, targets, setpoints);
+  const bool withholds = assurance_.withholds();
+  for (const CanFrame& frame : setpoints) {
+    const Sender to = cia402::sender_of(frame.id, drives_.config, drives_.axes.pdos());
+    if (withholds && assurance_.withholds_from(drives_.nodes.of(to.node))) continue;
+    out.push_back(frame);
+  }
+  if (!drives_.config.sync || withholds) return;
+  out.push_back(CanFrame::make(canopen::kSync, {}));
+  // Before they are configured, drives may have other PDOs than ours.
+  drives_.supervised() ? drives_.axes.on_sync() : drives_.axes.restart_sender_count();
 }
 
 std::uint16_t Cia402Profile::wanted_controlword(std::size_t i, Instant now) {
@@ -246,13 +325,34 @@ std::uint16_t Cia402Profile::wanted_controlword(std::size_t i, Instant now) {
   return drives_.axes.stop_controlword(i, now);
 }
 
+bool Cia402Profile::in_doubt(Instant now) const {
+  const Stage stage = drives_.stage.stage();
+  const bool asking = stage == Stage::listening || stage == Stage::securing;
+  for (const Node& node : drives_.nodes) {
+    if (asking && (node.heard || node.lost) &&
+        node.inquiry.verdict() != cia402::StandstillInquiry::Verdict::standing) {
+      return true;
+    }
+  }
+  return drives_.axes.in_doubt(0, now) || drives_.axes.in_doubt(1, now);
+}
+
+DriveProfile::Counters Cia402Profile::counters() const {
+  Counters all = counters_;
+  all.stops_by_sdo = assurance_.stops_by_sdo();
+  all.heartbeat_withheld = assurance_.times_withheld();
+  return all;
+}
+
 DrivetrainSnapshot Cia402Profile::snapshot(Instant now) const {
   const cia402::Axes& axes = drives_.axes;
   DrivetrainSnapshot result;
   result.phase = cia402::phase_of(drives_.stage.stage());
   result.reason =
       result.phase == DrivePhase::starting ? bring_up_.waiting_for(now) : drives_.stage.reason();
+  if (const std::string more = assurance_.text(); !more.empty()) result.reason += "; " + more;
   for (std::size_t i = 0; i < axes.size(); ++i) result.wheels[i] = axes[i].feedback();
+  result.in_doubt = in_doubt(now);
   result.feedback_fresh = axes.fresh(now);
   result.standstill = result.feedback_fresh && axes.standing(now);
   return result;

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "can_bridge/cia402/config.hpp"
@@ -13,6 +14,7 @@
 #include "can_bridge/cia402/profile/drives.hpp"
 #include "can_bridge/cia402/profile/enabling.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
+#include "can_bridge/cia402/profile/stop_assurance.hpp"
 #include "can_bridge/cia402/profile/stopping.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 
@@ -30,12 +32,15 @@ struct VehicleConfig;
 /// say "operational", all feedback must be fresh, the power stages off and the wheels standing.
 ///
 /// A reset switches a drive's power stage off, so that its wheel may roll on: no drive is reset
-/// while a wheel is known to turn. A node that was heard in any NMT state, unless it has just
-/// booted, is asked by SDO until its wheels stand (cia402::StandstillInquiry); an operational one
-/// gets quick stop commands meanwhile. After 5 s: `refused`, the quick stop stays commanded, and
-/// reset_fault() tries again. A node that answers no SDO cannot be asked: an operational one may be
-/// reset when its feedback says that it stands or, without feedback, after 2 s of quick stop
-/// commands, any other at once.
+/// while a wheel is known to turn. Each node, unless it has just booted, is asked by SDO until its
+/// wheels stand (cia402::StandstillInquiry), also one that was not heard; it gets quick stop
+/// commands meanwhile, by PDO if it is operational, by SDO if its power is on. After 5 s:
+/// `refused`, the quick stop stays commanded, and reset_fault() tries again. A node that answers no
+/// SDO cannot be asked: an operational one may be reset when its feedback says that it stands or,
+/// without feedback, after 2 s of quick stop commands; one that this bridge had commanded and lost,
+/// after 2 s without the bridge's heartbeat; any other at once.
+///
+/// enable() first reads back what start-up has configured (cia402::Enabling).
 ///
 /// Each tick sends, in this order: NMT command if one is due, setpoints (RPDOs), SYNC, the bridge's
 /// heartbeat as due, SDO requests. Setpoints and SYNC are sent only once the drives are configured,
@@ -43,14 +48,17 @@ struct VehicleConfig;
 ///
 /// `faulted`: each axis that still can gets a quick stop and, once its fresh feedback says that it
 /// stands, "disable voltage". Causes: Fault in a statusword, emergency messages other than "no
-/// error", a boot-up message, a missing heartbeat or one that does not say "operational", feedback
-/// too old while enabling or enabled, OperationEnabled left or power stage on unasked, another mode
-/// of operation, another sender of what only the bridge may send. Then reset_fault() clears faults
-/// with a rising edge of controlword bit 7, or starts up again where the drive's configuration may
-/// be lost.
+/// error" and the configuration's warnings, a boot-up message, a missing heartbeat or one that does
+/// not say "operational", feedback too old while enabling or enabled, OperationEnabled left or
+/// power stage on unasked, another mode of operation, another sender of what only the bridge may
+/// send, two sources of one synchronous TPDO (cia402::SenderCount; then no standstill is believed
+/// until 5 s after the last, or enable()). Then reset_fault() clears faults with a rising edge of
+/// controlword bit 7, or starts up again where the drive's configuration may be lost. Drives that a
+/// stop does not reach by PDO: cia402::StopAssurance.
 ///
-/// Others may read objects by SDO at any time. intruder() tells of whoever did more since the last
-/// reset_fault().
+/// Others may read objects by SDO at any time. Whoever writes what start-up configures, any PDO
+/// parameter, or what commands an axis is a fault from the configuration on; other writes are only
+/// told of by intruder(), until the next reset_fault().
 ///
 /// Before the first frame: `starting`, wheels not valid.
 class Cia402Profile final : public DriveProfile {
@@ -73,20 +81,23 @@ class Cia402Profile final : public DriveProfile {
   void distrust_standstill(Instant until) override { drives_.axes.distrust_standstill(until); }
   void reset_fault() override;
   DrivetrainSnapshot snapshot(Instant now) const override;
-  Counters counters() const override { return counters_; }
+  Counters counters() const override;
   std::string intruder() const override;
+  std::string warnings() const override;
 
   /// The optional objects that the drives did not have, or refused, at the last start-up, for
   /// people.
   std::vector<std::string> notes() const { return drives_.nodes.notes(); }
 
  private:
-  void on_intruder(std::uint32_t id, cia402::Sender::Kind kind);
+  void on_intruder(const CanFrame& frame, const cia402::Sender& sender);
+  void on_foreign_sdo(const CanFrame& frame, std::uint8_t node);
   void on_sdo(const CanFrame& frame, cia402::Node& node);
   void on_heartbeat(const CanFrame& frame, cia402::Node& node, Instant now);
   void on_boot_up(cia402::Node& node);
   void on_emergency(const CanFrame& frame, cia402::Node& node);
   void on_feedback(const CanFrame& frame, cia402::Node& node, Instant now);
+  void watch_senders(std::uint32_t id, const cia402::Node& node, Instant now);
 
   void restart();
   void fault(const cia402::Fault& fault) { latch_.latch(fault, drives_.stage, drives_.axes); }
@@ -96,6 +107,7 @@ class Cia402Profile final : public DriveProfile {
   void advance(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
   void send_setpoints(Instant now, std::vector<CanFrame>& out);
   std::uint16_t wanted_controlword(std::size_t i, Instant now);
+  bool in_doubt(Instant now) const;
 
   cia402::Drives drives_;
   cia402::FaultLatch latch_;
@@ -104,9 +116,11 @@ class Cia402Profile final : public DriveProfile {
   cia402::Enabling enabling_{drives_};
   cia402::Stopping stopping_{drives_};
   cia402::Clearing clearing_{drives_};
+  cia402::StopAssurance assurance_{drives_};
   Twist command_;
   Counters counters_;
-  std::vector<std::uint32_t> intruders_;  // their identifiers, each once
+  std::vector<std::uint32_t> intruders_;                          // their identifiers, each once
+  std::vector<std::pair<std::uint8_t, std::uint16_t>> warnings_;  // node and code, each once
 };
 
 /// The profile of such drives; wheel radius and track are the vehicle's.

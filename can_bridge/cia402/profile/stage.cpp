@@ -15,6 +15,7 @@ DrivePhase phase_of(Stage stage) {
       break;
     case Stage::standby:
       return DrivePhase::standby;
+    case Stage::verifying:
     case Stage::enabling:
       return DrivePhase::enabling;
     case Stage::enabled:

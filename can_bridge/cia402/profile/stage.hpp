@@ -20,6 +20,7 @@ enum class Stage {
   activating,   ///< NMT start, until all drives are operational and send feedback
   settling,     ///< until power stages are off and wheels stand
   standby,
+  verifying,  ///< reading back what start-up has configured, power stages off
   enabling,
   enabled,
   stopping,

@@ -29,7 +29,7 @@ std::optional<Fault> watch(Drives& drives, Instant now) {
     }
   }
   const Stage stage = drives.stage.stage();
-  if (first || (stage != Stage::enabling && stage != Stage::enabled)) return first;
+  if (first || stage < Stage::verifying || stage > Stage::enabled) return first;
   for (std::size_t i = 0; i < drives.axes.size(); ++i) {
     if (drives.axes[i].fresh(now)) continue;
     return Fault{drives.axes.feedback_text(i), false, Fault::Cause::feedback};
@@ -44,23 +44,28 @@ std::optional<Fault> check_axis(const Drives& drives, std::size_t i) {
     return std::nullopt;
   }
   if (axis.in_fault()) return fault_of_axis(drives.axes, i);
-  if (axis.mode().value_or(kProfileVelocity) != kProfileVelocity) {
-    return Fault{fmt::format("{}: mode of operation is {}, not 3 (profile velocity): another tool "
-                             "changed it?",
-                             axis.name(), *axis.mode()),
-                 true};
-  }
+  const std::int64_t mode = axis.mode().value_or(kProfileVelocity);
+  const bool not_shown_yet =
+      mode == 0 && stage != Stage::enabled && drives.nodes.show_mode_late(axis.node());
+  if (mode != kProfileVelocity && !not_shown_yet) return wrong_mode(axis);
   if (stage == Stage::enabled && axis.state() != DriveState::operation_enabled) {
     return Fault{
         fmt::format("{}: went from OperationEnabled to {} unasked: check its main supply, "
                     "STO and enable inputs",
                     axis.name(), canopen::to_string(axis.state()))};
   }
-  if (stage == Stage::standby && powered(axis.confirmed_state())) {
+  if ((stage == Stage::standby || stage == Stage::verifying) && powered(axis.confirmed_state())) {
     return Fault{fmt::format("{}: is in {} unasked: who switched it on?", axis.name(),
                              canopen::to_string(axis.state()))};
   }
   return std::nullopt;
+}
+
+Fault wrong_mode(const Axis& axis) {
+  return {fmt::format("{}: mode of operation is {}, not 3 (profile velocity): another tool changed "
+                      "it?",
+                      axis.name(), axis.mode().value_or(0)),
+          true};
 }
 
 }  // namespace tether::cia402

@@ -13,8 +13,12 @@ namespace tether::cia402 {
 /// node without heartbeat has no known state any more.
 std::optional<Fault> watch(Drives& drives, Instant now);
 
-/// After each feedback: Fault in its statusword, another mode of operation, OperationEnabled left
-/// or power stage on unasked.
+/// After each feedback: Fault in its statusword, another mode of operation (a drive may show none
+/// until it is enabled, if it did so in its start-up), OperationEnabled left or power stage on
+/// unasked.
 std::optional<Fault> check_axis(const Drives& drives, std::size_t i);
+
+/// The fault of an axis whose drive shows another mode of operation than profile velocity.
+Fault wrong_mode(const Axis& axis);
 
 }  // namespace tether::cia402

@@ -49,6 +49,22 @@ TEST(AgilexTrust, FeedbackIsValidFromTheFirstSpeedAndOdometryOn) {
   }
 }
 
+TEST(AgilexTrust, AChassisThatWasLostIsInDoubtUnlessItsNewestWordsSayThatItStandsInStandby) {
+  Bridge never_heard;
+  EXPECT_FALSE(never_heard.snapshot().in_doubt);
+  for (const Mode mode : {Mode::standby, Mode::can, Mode::remote}) {
+    for (const std::int16_t v_mmps : {std::int16_t{-300}, std::int16_t{0}, std::int16_t{300}}) {
+      Bridge b;
+      b.state.mode = mode;
+      b.motion = {v_mmps, 0};
+      b.tick_for(100);
+      b.silent = true;
+      b.tick_for(1000);
+      EXPECT_EQ(b.snapshot().in_doubt, mode == Mode::can || v_mmps != 0) << v_mmps;
+    }
+  }
+}
+
 TEST(AgilexTrust, AChassisThatStaysInCanModeWhenStartedIsAFault) {
   Bridge b;
   b.state.mode = Mode::can;
@@ -168,6 +184,52 @@ TEST(AgilexTrust, TheStatuswordIsConditionAndMode) {
             static_cast<std::uint32_t>(agilex::Condition::exception) << 8 |
                 static_cast<std::uint32_t>(Mode::remote));
   EXPECT_EQ(b.snapshot().wheels[0].state, "Exception");
+}
+
+/// Rolls at 1 m/s, at 5 m and 4 m, and is silent for 2 s.
+struct Gone : Bridge {
+  Gone() {
+    odometry = {5000, 4000};
+    motion = {1000, 0};
+    tick();
+    silent = true;
+    tick_for(2000);
+    silent = false;
+    motion = {};
+  }
+  double way_m(std::size_t wheel) const { return snapshot().wheels[wheel].angle_rad * kRadius_m; }
+  double uncounted_m() const { return snapshot().wheels[0].uncounted_rad * kRadius_m; }
+};
+
+TEST(AgilexTrust, WhatTheChassisCountedDuringASilenceIsTakenUp) {
+  Gone b;
+  b.odometry = {6000, 5100};
+  b.tick();
+  EXPECT_NEAR(b.way_m(0), 1.0, 1e-9);
+  EXPECT_NEAR(b.way_m(1), 1.1, 1e-9);
+  EXPECT_EQ(b.uncounted_m(), 0.0);
+}
+
+TEST(AgilexTrust, ACountNearZeroAfterASilenceMayBeThatOfARestartedChassis) {
+  for (const auto& [left_mm, counts] : {std::pair{1000, true}, std::pair{999, false}}) {
+    Gone b;
+    b.odometry = {left_mm, 0};
+    b.tick();
+    EXPECT_NEAR(b.way_m(0), counts ? -4.0 : 0.0, 1e-9) << left_mm;
+    // 2.02 s at 1 m/s, and at the 0.02 m/s that still count as standing.
+    EXPECT_NEAR(b.uncounted_m(), counts ? 0.0 : 2.02 * 1.02, 1e-9) << left_mm;
+  }
+}
+
+TEST(AgilexTrust, MoreThanTheWheelsCanTurnDuringASilenceIsNotBelieved) {
+  // A metre, and twice 1 m/s for 2.02 s.
+  for (const auto& [moved_mm, counts] : {std::pair{5040, true}, std::pair{5041, false}}) {
+    Gone b;
+    b.odometry = {5000 + moved_mm, 4000};
+    b.tick();
+    EXPECT_NEAR(b.way_m(0), counts ? 5.04 : 0.0, 1e-9);
+    EXPECT_EQ(b.uncounted_m() > 0.0, !counts);
+  }
 }
 
 TEST(AgilexTrust, AfterASilenceTheWayMayBeAnything) {

@@ -78,8 +78,8 @@ TEST_F(AxisTest, AReversedMountingTurnsSignsOfAngleSpeedAndTarget) {
 }
 
 TEST_F(AxisTest, ScalesByExactRatios) {
-  config.target_velocity_per_rps = {512 * 4096, 1875};  // a drive that takes rpm·512·res/1875
-  config.actual_velocity_per_rps = {600, 1};            // 0.1 rpm
+  config.target_velocity_per_rps = {512LL * 4096, 1875};  // a drive that takes rpm·512·res/1875
+  config.actual_velocity_per_rps = {600, 1};              // 0.1 rpm
   axis = make();
   EXPECT_DOUBLE_EQ(axis.target_units(kTurn_rad * 1875), 512.0 * 4096);
   speed(600, 0);
@@ -111,6 +111,57 @@ TEST_F(AxisTest, TravelDuringAGapInTheFeedbackIsNotLost) {
   speed(600, 0);
   position(40960, 1000);  // ten turns in a second of silence
   EXPECT_EQ(counts(), 40960);
+}
+
+TEST_F(AxisTest, TravelDuringAGapInWhichTheWheelBrakedIsNotLost) {
+  position(0, 0);
+  speed(120, 0);  // 2 turns a second
+  position(0, 0);
+  speed(0, 1000);  // the drive's speed comes before its position
+  position(4096, 1000);
+  EXPECT_EQ(counts(), 4096);
+  EXPECT_EQ(axis.feedback().uncounted_rad, 0.0);
+}
+
+TEST_F(AxisTest, MoreThanTheWheelCanHaveTurnedInAGapIsACounterSetAnew) {
+  speed(60, 0);
+  position(0, 0);
+  position(3LL * 4096, 1000);  // a turn, and twice that of one turn a second
+  EXPECT_EQ(counts(), 3 * 4096);
+  position(3 * 4096 + 3 * 4096 + 1, 2000);
+  EXPECT_EQ(counts(), 3 * 4096);
+  EXPECT_GT(axis.feedback().uncounted_rad, 3 * kTurn_rad);
+}
+
+TEST_F(AxisTest, AcrossARebootNoCountIsBelievedAndTheWheelMayHaveRolledOut) {
+  speed(60, 0);
+  position(1000, 0);
+  axis.reanchor();
+  position(1500, 2000);  // as if it had gone on
+  EXPECT_EQ(counts(), 0);
+  // 2 s at one turn a second, and at the speed that still counts as standing.
+  EXPECT_NEAR(axis.feedback().uncounted_rad, 2.0 * (kTurn_rad + 0.05), 1e-9);
+  axis.reanchor();
+  position(0, 62'000);
+  EXPECT_NEAR(axis.feedback().uncounted_rad, 12.0 * (kTurn_rad + 0.05), 1e-9) << "10 s at most";
+}
+
+TEST_F(AxisTest, WhatWasReadBySdoBeforeAResetIsCountedAndTheWheelStood) {
+  speed(60, 0);
+  position(1000, 0);
+  axis.take_up(1500, at(800));
+  axis.begin();
+  EXPECT_EQ(counts(), 500);
+  position(0, 1800);
+  EXPECT_EQ(counts(), 500);
+  EXPECT_NEAR(axis.feedback().uncounted_rad, 0.05, 1e-9);
+}
+
+TEST_F(AxisTest, WhatWasReadBySdoAfterABootUpIsNotCounted) {
+  position(1000, 0);
+  axis.reanchor();
+  axis.take_up(1500, at(800));
+  EXPECT_EQ(counts(), 0);
 }
 
 TEST_F(AxisTest, ANewStartKeepsTheAngleAndForgetsTheRest) {

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <deque>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "can_bridge/cia402/profile/profile.hpp"
@@ -93,7 +95,17 @@ class Bench {
     if (++cycles_ % 5 == 0) {
       for (const FakeDrive& d : drives) d.heartbeat(replies);
     }
-    for (const CanFrame& f : replies) deliver(f);
+    for (; !slow_.empty() && slow_.front().first <= now; slow_.pop_front()) {
+      deliver(slow_.front().second);
+    }
+    for (const CanFrame& f : replies) {
+      const bool sdo = (f.id & ~0x7Fu) == canopen::kSdoResponse;
+      if (sdo && sdo_delay > milliseconds(0)) {
+        slow_.emplace_back(now + sdo_delay, f);
+      } else {
+        deliver(f);
+      }
+    }
     now += kCycle;
   }
   void deliver(const CanFrame& f) {
@@ -118,6 +130,16 @@ class Bench {
   void to_standby() {
     profile.start(now);
     reach(DrivePhase::standby);
+  }
+  /// From standby; the next cycle is the first after the configuration has been verified.
+  void enable_verified() {
+    int cycles = 0;
+    profile.enable();
+    for (; controlword() == 0; ++cycles) cycle();
+    profile.stop(StopKind::disable);
+    reach(DrivePhase::standby);
+    profile.enable();
+    run(kCycle * (cycles - 1));
   }
   void to_enabled() {
     to_standby();
@@ -163,9 +185,11 @@ class Bench {
   std::vector<CanFrame> sent;  // in the newest cycle
   std::vector<CanFrame> log;   // all that the profile ever sent
   bool deaf = false;           // the profile hears nothing
+  milliseconds sdo_delay{0};   // of each SDO answer
 
  private:
   int cycles_ = 0;
+  std::deque<std::pair<Instant, CanFrame>> slow_;
 };
 
 inline CanFrame emergency(std::uint8_t node, std::uint16_t code) {

@@ -15,8 +15,8 @@
 namespace tether::testing {
 
 /// A scripted CANopen node with CiA 402 axes: an object dictionary, PDOs as that maps them, the
-/// state machine, and speeds that move by `ramp` units a cycle; not operational, it brakes. What
-/// goes wrong is said by its public members.
+/// state machine, and speeds that move by `ramp` units a cycle; not operational, it brakes. RPDOs
+/// act at SYNC, SDO at once. What goes wrong is said by its public members.
 class FakeDrive {
  public:
   using Key = std::pair<std::uint16_t, std::uint8_t>;
@@ -53,10 +53,14 @@ class FakeDrive {
   bool send_feedback = true;            // TPDOs
   bool beat = true;                     // heartbeats
   bool boots = true;                    // answers NMT reset
+  bool runs_on = false;                 // does not brake because it is not operational
   std::map<Key, std::uint32_t> aborts;  // all access to these objects
   std::map<Key, std::int64_t> clamps;   // these keep this value, whatever is written
   std::optional<Key> unanswered, segmented, wrong_index;
-  int lost_replies = 0;  // so many SDO replies are lost
+  int lost_replies = 0;          // so many SDO replies are lost
+  std::set<Key> insisted_bits;   // objects that keep bit 30, and abort writes without it
+  bool shows_mode_late = false;  // 0x6061 is 0 unless enabled
+  std::optional<std::int64_t> enabled_mode;  // 0x6061 while enabled
 
   std::vector<Axis> axes;
   canopen::NmtState nmt = canopen::NmtState::operational;
@@ -83,10 +87,10 @@ class FakeDrive {
 
   /// One control cycle: at SYNC, or after the setpoints where there is none.
   void cycle(std::vector<CanFrame>& out) {
-    if (nmt == canopen::NmtState::operational) {
-      for (Axis& axis : axes) run(axis);
-    } else {
-      for (Axis& axis : axes) brake(axis);
+    for (const auto& [k, value] : received_) values_[k] = value;
+    received_.clear();
+    for (Axis& axis : axes) {
+      nmt == canopen::NmtState::operational || runs_on ? run(axis) : brake(axis);
     }
     publish_objects();
     if (nmt != canopen::NmtState::operational || silent || !send_feedback) return;
@@ -94,14 +98,15 @@ class FakeDrive {
       const auto comm = static_cast<std::uint16_t>(0x1800 + n);
       if (object(comm, 1) == 0 || (object(comm, 1) & 0x80000000) != 0) continue;
       out.push_back(tpdo(static_cast<std::uint16_t>(0x1A00 + n),
-                         static_cast<std::uint32_t>(object(comm, 1))));
+                         static_cast<std::uint32_t>(object(comm, 1) & 0x7FF)));
     }
   }
 
-  /// A control cycle in which no SYNC came: only a drive without master moves, namely brakes.
+  /// A control cycle in which no SYNC came: it goes on as it was told before, or brakes.
   void cycle_alone() {
-    if (nmt == canopen::NmtState::operational) return;
-    for (Axis& axis : axes) brake(axis);
+    for (Axis& axis : axes) {
+      nmt == canopen::NmtState::operational || runs_on ? run(axis) : brake(axis);
+    }
     publish_objects();
   }
 
@@ -130,6 +135,8 @@ class FakeDrive {
   }
 
  private:
+  static constexpr std::int64_t kBit30 = 0x40000000;
+
   static Key key(const ObjectRef& o) { return {o.index, o.sub}; }
 
   void forget() {
@@ -146,6 +153,10 @@ class FakeDrive {
       if (boots) reboot(out);
     } else if (command == 0x01) {
       nmt = canopen::NmtState::operational;
+    } else if (command == 0x02) {
+      nmt = canopen::NmtState::stopped;
+    } else if (command == 0x80) {
+      nmt = canopen::NmtState::pre_operational;
     }
   }
 
@@ -154,6 +165,7 @@ class FakeDrive {
     const ObjectRef ref{k.first, k.second, 4, false};
     const std::uint32_t id = canopen::kSdoResponse + node_;
     if (silent || f.data[0] == 0x80 || unanswered == k) return;
+    if (nmt == canopen::NmtState::stopped) return;
     if (lost_replies > 0) {
       --lost_replies;
       return;
@@ -163,6 +175,13 @@ class FakeDrive {
       return;
     }
     CanFrame reply = canopen::sdo_abort(id, ref, 0);
+    if (insisted_bits.contains(k)) {
+      values_[k] |= kBit30;
+      if (f.data[0] != 0x40 && (f.data[7] & 0x40) == 0) {
+        out.push_back(canopen::sdo_abort(id, ref, 0x06090030));
+        return;
+      }
+    }
     if (f.data[0] == 0x40) {
       const std::uint8_t bytes = sizes_.contains(k) ? sizes_.at(k) : 4;
       reply.data[0] = static_cast<std::uint8_t>(segmented == k ? 0x41 : 0x43 | (4 - bytes) << 2);
@@ -184,8 +203,8 @@ class FakeDrive {
     for (int i = 1; i <= object(mapping, 0); ++i) {
       const std::int64_t entry = object(mapping, static_cast<std::uint8_t>(i));
       const auto bytes = static_cast<std::uint8_t>((entry & 0xFF) / 8);
-      values_[{static_cast<std::uint16_t>(entry >> 16),
-               static_cast<std::uint8_t>(entry >> 8 & 0xFF)}] =
+      received_[{static_cast<std::uint16_t>(entry >> 16),
+                 static_cast<std::uint8_t>(entry >> 8 & 0xFF)}] =
           canopen::read_integer(f.data.data() + at, bytes, true);
       at += bytes;
     }
@@ -279,8 +298,15 @@ class FakeDrive {
       values_[key(o.actual_velocity)] = axis.speed;
       values_[key(o.actual_position)] = axis.position;
       values_[key(o.error_code)] = axis.error;
-      values_[key(o.mode_display)] = object(o.mode.index, o.mode.sub);
+      values_[key(o.mode_display)] = shown_mode(axis);
     }
+  }
+
+  std::int64_t shown_mode(const Axis& axis) const {
+    const bool enabled = axis.state == canopen::DriveState::operation_enabled;
+    if (enabled && enabled_mode) return *enabled_mode;
+    if (shows_mode_late && !enabled) return 0;
+    return object(axis.objects.mode.index, axis.objects.mode.sub);
   }
 
   static std::uint16_t statusword(canopen::DriveState state) {
@@ -291,6 +317,7 @@ class FakeDrive {
 
   std::uint8_t node_;
   std::map<Key, std::int64_t> values_;
+  std::map<Key, std::int64_t> received_;  // by RPDO, until the next SYNC
   std::map<Key, std::uint8_t> sizes_{{{0x1017, 0}, 2}, {{0x6061, 0}, 1}};
 };
 

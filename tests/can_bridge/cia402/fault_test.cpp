@@ -154,13 +154,17 @@ TEST(Cia402Fault, ASilentDriveFaultsByItsFeedbackThenSaysThatTheHeartbeatIsGone)
             "supply and the CAN plug");
   expect_left_stops_and_stays_stopped(bench);
   EXPECT_EQ(bench.reason(),
-            "right drive (node 2): no heartbeat for 300 ms: check its supply and the CAN plug");
+            "right drive (node 2): no heartbeat for 300 ms: check its supply and the CAN plug; "
+            "right drive (node 2): stop not confirmed within 200 ms: heartbeat and setpoints are "
+            "withheld, so that the drive's own watchdog stops it");
   // It cannot be seen to stand: the stop stays commanded.
   EXPECT_EQ(bench.controlword(0x202), 0x0002);
   bench.profile.reset_fault();
   const int resets = bench.left().resets;
+  bench.run(milliseconds(1900));
+  EXPECT_EQ(bench.left().resets, resets);  // its watchdog needs time
   bench.run(milliseconds(400));
-  EXPECT_EQ(bench.left().resets, resets + 1);  // nobody waits for the silent one to brake
+  EXPECT_EQ(bench.left().resets, resets + 1);
   bench.right().silent = false;
   EXPECT_TRUE(bench.reach(DrivePhase::standby)) << bench.reason();
 }
@@ -227,8 +231,8 @@ TEST(Cia402Fault, LeavingOperationEnabledUnaskedFaults) {
 TEST(Cia402Fault, FallingBackWhileTheOtherAxisStillClimbsFaults) {
   Bench bench;
   bench.to_standby();
+  bench.enable_verified();
   bench.right_axis().stuck_below = DriveState::ready_to_switch_on;
-  bench.profile.enable();
   bench.run(milliseconds(200));
   bench.left().send_feedback = false;
   bench.deliver(CanFrame::make(0x181, {0x33, 0x02, 0, 0, 0, 0}));

@@ -127,8 +127,8 @@ TEST(Cia402Layout, SharedControlwordEnablesBothAxesAndDrives) {
 TEST(Cia402Layout, SharedControlwordWaitsForTheSlowerAxis) {
   Bench bench(shared_controlword());
   bench.to_standby();
+  bench.enable_verified();
   bench.right_axis().stuck_below = DriveState::ready_to_switch_on;
-  bench.profile.enable();
   bench.run(milliseconds(400));
   EXPECT_EQ(bench.newest(0x201)->data[0], 0x07);
   EXPECT_EQ(bench.left_axis().state, DriveState::switched_on);

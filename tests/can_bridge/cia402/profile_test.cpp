@@ -150,9 +150,9 @@ TEST(Cia402Profile, StartWhileDrivingBrakesFirst) {
 TEST(Cia402Profile, EnablesStepByStepWithZeroTarget) {
   Bench bench;
   bench.to_standby();
+  bench.enable_verified();
   bench.log.clear();
   bench.profile.set_command({1.0, 0.0});
-  bench.profile.enable();
   EXPECT_EQ(bench.phase(), DrivePhase::enabling);
   ASSERT_TRUE(bench.reach(DrivePhase::enabled, milliseconds(200)));
   EXPECT_THAT(controlwords(bench, 0x201), ::testing::ElementsAre(0x06, 0x07, 0x0F));
@@ -168,8 +168,8 @@ TEST(Cia402Profile, EnablesStepByStepWithZeroTarget) {
 TEST(Cia402Profile, IsEnabledOnlyWhenBothAxesAre) {
   Bench bench;
   bench.to_standby();
+  bench.enable_verified();
   bench.right_axis().stuck_below = DriveState::switched_on;
-  bench.profile.enable();
   bench.run(milliseconds(500));
   EXPECT_EQ(bench.left_axis().state, DriveState::operation_enabled);
   EXPECT_EQ(bench.phase(), DrivePhase::enabling);
@@ -194,14 +194,14 @@ TEST(Cia402Profile, AStepThatTakesTooLongFaultsWithWhatToCheck) {
 TEST(Cia402Profile, AnOldStatuswordConfirmsNoStep) {
   Bench bench;
   bench.to_standby();
-  bench.profile.enable();
+  bench.enable_verified();
   bench.left().send_feedback = false;  // no statusword after the controlword
   bench.cycle();
   bench.cycle();
   bench.cycle();
   EXPECT_EQ(bench.controlword(0x201), 0x0006);
   EXPECT_EQ(bench.controlword(0x202), 0x000F);
-  EXPECT_EQ(bench.phase(), DrivePhase::enabling);
+  EXPECT_EQ(bench.phase(), DrivePhase::enabling) << bench.reason();
 }
 
 TEST(Cia402Profile, AStepsTimeBeginsWithEnable) {

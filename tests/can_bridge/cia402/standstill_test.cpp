@@ -141,13 +141,43 @@ TEST(Cia402Standstill, TheRefusalNamesEachDriveThatTurns) {
   EXPECT_THAT(bench.reason(), HasSubstr("; right drive (node 2): still turns at"));
 }
 
+TEST(Cia402Standstill, AStandstillThatIsNotToBeBelievedResetsNoDrive) {
+  Restarted bench{Rolling()};
+  bench.lose_master();
+  for (testing::FakeDrive& d : bench.drives) d.axes[0].speed = 0;
+  bench.profile.distrust_standstill(bench.now + milliseconds(1500));
+  bench.profile.start(bench.now);
+  bench.run(milliseconds(1480));
+  EXPECT_FALSE(bench.reset());
+  bench.run(milliseconds(60));
+  EXPECT_TRUE(bench.reset());
+}
+
+TEST(Cia402Standstill, ADriveThatIsNotHeardIsAskedBeforeItIsReset) {
+  Restarted bench{Rolling()};
+  bench.lose_master();
+  for (testing::FakeDrive& d : bench.drives) {
+    d.beat = false;
+    d.axes[0].ramp = 1;
+  }
+  bench.profile.start(bench.now);
+  bench.run(milliseconds(160));
+  EXPECT_EQ(bench.newest(0x601), nullptr);
+  bench.run(milliseconds(1000));
+  EXPECT_GT(bench.left_axis().speed, 0);
+  EXPECT_FALSE(bench.reset());
+  ASSERT_TRUE(bench.run_until([&] { return bench.reset(); }));
+  EXPECT_EQ(bench.left().fastest_reset, 0);
+  EXPECT_EQ(bench.right().fastest_reset, 0);
+}
+
 TEST(Cia402Standstill, ADriveThatAnswersNoSdoCannotBeAsked) {
   Restarted bench{Rolling()};
   bench.lose_master();
   bench.left().unanswered = {0x6041, 0};
   bench.right_axis().speed = 0;
   bench.profile.start(bench.now);
-  bench.run(milliseconds(600));  // 200 ms, tried three times
+  bench.run(milliseconds(1500));  // 500 ms, tried three times
   EXPECT_EQ(bench.left().resets, 0);
   bench.run(milliseconds(300));
   EXPECT_EQ(bench.left().resets, 1);

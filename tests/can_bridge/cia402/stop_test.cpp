@@ -107,13 +107,18 @@ TEST(Cia402Profile, StandstillIsNotBelievedWithoutFreshFeedback) {
   Bench bench;
   bench.drive({1.0, 0.0});
   bench.profile.stop(StopKind::quick);
+  bench.left_axis().ramp = 0;
+  bench.run(milliseconds(100));  // the quick stop is confirmed
+  bench.left_axis().ramp = 10;
   bench.left().send_feedback = false;
+  bench.left().unanswered = {0x606C, 0};
   bench.run(milliseconds(5100));
   EXPECT_EQ(bench.left_axis().speed, 0);
   EXPECT_EQ(bench.phase(), DrivePhase::stopping);
   EXPECT_EQ(bench.controlword(), 0x0002);
   EXPECT_FALSE(bench.snapshot().standstill);
   EXPECT_FALSE(bench.snapshot().feedback_fresh);
+  EXPECT_TRUE(bench.snapshot().in_doubt);
   EXPECT_EQ(bench.reason(),
             "left drive (node 1): feedback older than 100 ms (TPDOs 0x181, 0x281): check its "
             "supply and the CAN plug; stop stays commanded");
@@ -123,9 +128,10 @@ TEST(Cia402Profile, AStandstillOfBeforeTheStopIsNoneOfAfterIt) {
   Bench bench;
   bench.to_enabled();
   bench.left().send_feedback = false;
+  bench.left().unanswered = {0x6040, 0};
   bench.profile.stop(StopKind::quick);
   bench.run(milliseconds(2500));
-  EXPECT_EQ(bench.phase(), DrivePhase::stopping) << bench.reason();
+  EXPECT_EQ(bench.phase(), DrivePhase::faulted);
   EXPECT_EQ(bench.controlword(0x201), 0x0002);
 }
 

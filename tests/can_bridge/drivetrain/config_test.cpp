@@ -71,6 +71,13 @@ TEST(DrivetrainFile, WhatIsNotGivenStaysAtItsDefault) {
   EXPECT_EQ(c.axes[0].error_code, defaults.axes[0].error_code);
 }
 
+TEST(DrivetrainFile, NamesTheEmergencyMessagesThatAreWarnings) {
+  const Cia402Config c = parse({.drives = "[drives]\nemcy_warnings = [0x8110, 0x4210]\n"});
+  EXPECT_TRUE(c.is_warning(0x8110));
+  EXPECT_TRUE(c.is_warning(0x4210));
+  EXPECT_FALSE(c.is_warning(0x8120));
+}
+
 TEST(DrivetrainFile, RatiosAreWholeNumbersOrFractions) {
   const Cia402Config c = parse({});
   EXPECT_EQ(c.axes[0].counts_per_revolution.num, 8192);
@@ -145,7 +152,8 @@ const Bad kReading[] = {
     {"OtherProfile", &Toml::head, "cia402", "vesc",
      "test.toml:2: profile = 'vesc' is not allowed: must be \"cia402\" or \"agilex_v2\""},
     {"UnknownSection", &Toml::bridge, "[bridge]", "[brigde]",
-     "test.toml:3: unknown key \"brigde\": allowed are name, profile, bridge, drives, chassis, "
+     "test.toml:3: unknown key \"brigde\": allowed are name, profile, safety_input, bridge, "
+     "drives, chassis, "
      "left, right, setup, watchdog, pdo, emulation"},
     {"UnknownKey", &Toml::bridge, "heartbeat_ms", "heartbeat",
      "test.toml:4: unknown key \"bridge.heartbeat\": allowed are node, heartbeat_ms, sync"},
@@ -163,7 +171,11 @@ const Bad kReading[] = {
     {"NoSuchSide", &Toml::left, "[left]", "[drives.left]",
      "test.toml:7: unknown key \"drives.left\": allowed are heartbeat_ms, heartbeat_timeout_ms, "
      "feedback_timeout_ms, boot_timeout_ms, sdo_timeout_ms, sdo_retries, step_timeout_ms, "
-     "standstill_radps"},
+     "standstill_radps, emcy_warnings"},
+    {"NoErrorAsWarning", &Toml::drives, "feedback_timeout_ms = 100", "emcy_warnings = [0x8110, 0]",
+     "test.toml:6: drives.emcy_warnings = [ 0x8110, 0 ] is not allowed: must be a whole number "
+     "from "
+     "1 to 65535 (codes of emergency messages that are no fault), or several in [ ]"},
     {"NodeOutOfRange", &Toml::left, "node = 1", "node = 127",
      "test.toml:8: left.node = 127 is not allowed: must be a whole number from 1 to 126 (CANopen "
      "node id)"},
@@ -249,6 +261,13 @@ const Bad kMeaning[] = {
      "heartbeat_timeout_ms = 299",
      "test.toml:5: drives.heartbeat_timeout_ms = 299 is not allowed: must be at least 300, three "
      "times drives.heartbeat_ms, or one lost frame stops the vehicle"},
+    {"LostBridgeAsWarning", &Toml::drives, "feedback_timeout_ms = 100", "emcy_warnings = 0x8130",
+     "test.toml:5: drives.emcy_warnings has 0x8130 (heartbeat of the bridge lost): a drive that "
+     "says so stops by itself, which is no warning"},
+    {"LostSetpointsAsWarning", &Toml::drives, "feedback_timeout_ms = 100", "emcy_warnings = 0x8250",
+     "test.toml:5: drives.emcy_warnings has 0x8250 (setpoints stopped coming): a drive that says "
+     "so "
+     "stops by itself, which is no warning"},
     {"NobodySendsSync", &Toml::bridge, "heartbeat_ms = 60", "sync = false",
      "test.toml:30: RPDO1 of node 1 has transmission = 1, but bridge.sync = false: nobody sends "
      "SYNC (use 254 or 255)"},

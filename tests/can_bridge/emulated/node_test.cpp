@@ -281,6 +281,30 @@ TEST_F(Heartbeats, WritingTheConsumerWaitsForAFirstHeartbeatAgain) {
   EXPECT_EQ(emcys(), 1u);
 }
 
+TEST_F(Heartbeats, ADriveSentToPreOperationalDrivesOnAndStillWatchesItsMaster) {
+  drive(3, 1);
+  rig_.nmt(0x80, 0);
+  EXPECT_EQ(rig_.node().nmt_state(), NmtState::pre_operational);
+  rig_.send(0x201, {0x02, 0x00});  // the default RPDO1: a quick stop
+  rig_.sync();
+  rig_.run(200);
+  EXPECT_NEAR(speed(), 60.0 * kRpm, 1e-9) << "PDOs are ignored";
+  EXPECT_TRUE(rig_.sent(0x181).empty());
+  EXPECT_EQ(rig_.state(), 0x27) << "SDO is answered";
+  rig_.run(51);
+  EXPECT_EQ(rig_.state(), 0x07) << "250 ms without heartbeat: quick stop";
+}
+
+TEST_F(Heartbeats, APreOperationalDriveTakesAQuickStopBySdo) {
+  drive(3, 1);
+  rig_.nmt(0x80, 0);
+  EXPECT_EQ(rig_.write(1, 0x6040, 0, 2, 0x02), 0);
+  rig_.run(2);
+  EXPECT_EQ(rig_.state(), 0x07);
+  rig_.run(100);
+  EXPECT_EQ(speed(), 0.0);
+}
+
 // ---------------------------------------------------------------------------- vendor watchdog
 
 TEST(VendorWatchdog, FaultsWhenNeitherSdoNorRpdoCameForSoLong) {

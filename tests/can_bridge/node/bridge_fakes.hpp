@@ -61,6 +61,7 @@ struct FakeProfile final : DriveProfile {
   Twist command;
   std::int32_t forced_mmps = 0;
   std::string seen_intruder;
+  std::string seen_warnings;
   std::vector<StopKind> stops;
   std::vector<Instant> distrusted_until;
   int fault_resets = 0;
@@ -94,8 +95,11 @@ struct FakeProfile final : DriveProfile {
     now.phase = DrivePhase::starting;
   }
   DrivetrainSnapshot snapshot(Instant) const override { return now; }
-  Counters counters() const override { return {3, 4}; }
+  Counters counters() const override {
+    return {.rejected_frames = 3, .intruder_frames = 4, .warnings = 5, .surplus_feedback = 5};
+  }
   std::string intruder() const override { return seen_intruder; }
+  std::string warnings() const override { return seen_warnings; }
 };
 
 inline std::int32_t setpoint_mmps(const CanFrame& frame) {

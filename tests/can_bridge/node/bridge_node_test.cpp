@@ -14,7 +14,7 @@
 #include "can_bridge/node/can_bridge_node.hpp"
 #include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
-#include "tests/can_bridge/node/bridge_fakes.hpp"
+#include "tests/can_bridge/node/bridge_rig.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
@@ -34,60 +34,7 @@ using testing::VirtualWorld;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-struct CanBridgeNodeTest : ::testing::Test {
-  Scenario scenario;
-  VirtualWorld world;
-  FakePort port;
-  FakeProfile* profile = nullptr;  // the node's
-  std::unique_ptr<CanBridgeNode> node;
-  std::vector<Seen<drivetrain_state_t>> states;
-  std::vector<Seen<wheel_feedback_t>> wheels;
-  std::vector<Seen<odometry_t>> odometry;
-  std::vector<Seen<counters_t>> counters;
-  std::int64_t request_seq = 0;
-
-  CanBridgeNodeTest() { scenario.get<CanSettings>().cycle_ms = 20.0; }
-
-  void start() {
-    world.collect("CAN/STATE", states);
-    world.collect("CAN/WHEELS", wheels);
-    world.collect("CAN/ODOMETRY", odometry);
-    world.collect("CAN/COUNTERS", counters);
-    auto owned = std::make_unique<FakeProfile>();
-    profile = owned.get();
-    node = std::make_unique<CanBridgeNode>(scenario, drivetrain(), world.loop, world.bus, port,
-                                           std::move(owned));
-  }
-  void request_at(Instant when, std::int32_t what) {
-    drive_request_t m{};
-    m.utime = to_utime(when);
-    m.seq = request_seq++;
-    m.request = what;
-    world.publish_at(when, "CAN/REQUEST", m);
-  }
-  /// Commands every 50 ms in [from, to): zero until 0.5 s, then `v_mps`; ARM at 0.3 s.
-  void steer(double to_s, double v_mps) {
-    request_at(at_s(0.3), drive_request_t::ARM);
-    int seq = 0;
-    for (int ms = 0; ms < to_s * 1000; ms += 50) {
-      world.publish_at(at_ms(ms), "AGV/CMD_VEL",
-                       twist(at_ms(ms), seq++, ms < 500 ? 0.0 : v_mps, 0.0));
-    }
-  }
-  const drivetrain_state_t& state() const { return states.back().message; }
-  std::int64_t count(const std::string& name) {
-    node->finish();
-    world.loop.run_until(world.loop.now());
-    return counter(counters.back().message, name);
-  }
-  int fastest_sent_mmps() const {
-    int fastest = 0;
-    for (const CanFrame& f : port.sent) {
-      if (f.id == 0x201) fastest = std::max(fastest, std::abs(setpoint_mmps(f)));
-    }
-    return fastest;
-  }
-};
+using CanBridgeNodeTest = testing::BridgeRig;
 
 TEST_F(CanBridgeNodeTest, SendsAndReportsOnceACycleFromTheStartOn) {
   start();
@@ -115,42 +62,6 @@ TEST_F(CanBridgeNodeTest, FollowsCommandsOnceArmed) {
   EXPECT_NEAR(state().v_mps, 0.8, 1e-9);
   EXPECT_NEAR(state().command_age_s, 0.03, 1e-9);
   EXPECT_EQ(setpoint_mmps(port.sent.back()), 800);
-}
-
-TEST_F(CanBridgeNodeTest, TellsEveryCycleWhichPlanItFollows) {
-  scenario.get<ActuatorSettings>().policy = "horizon";
-  std::vector<Seen<plan_in_force_t>> plans;
-  world.collect("CAN/PLAN", plans);
-  start();
-  Plan p = testing::plan(at_ms(30), 4, Plan::kBasedOnNone, {});
-  world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(p));
-  p.name.id = p.seq = 5;
-  p.based_on = p.based_on_last = 4;
-  world.publish_at(at_ms(70), "AGV/PRELOAD", testing::to_message(p));
-  world.publish_bytes_at(at_ms(75), "AGV/PLAN", {1, 2, 3});
-  world.loop.run_until(at_ms(100));
-  ASSERT_EQ(plans.size(), 6U);
-  const std::vector<std::int64_t> ids{-1, -1, 4, 4, 5, 5};
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    EXPECT_EQ(plans[i].message.id, ids[i]) << i;
-    EXPECT_EQ(plans[i].message.session, ids[i] < 0 ? -1 : 7) << i;
-    EXPECT_EQ(plans[i].message.seq, static_cast<std::int64_t>(i));
-    EXPECT_EQ(plans[i].message.utime, to_utime(plans[i].when));
-  }
-  EXPECT_EQ(count("plan.accepted"), 2);
-  EXPECT_EQ(count("plan.undecodable"), 1);
-}
-
-TEST_F(CanBridgeNodeTest, WithoutThePolicyItNeitherFollowsPlansNorTells) {
-  std::vector<Seen<plan_in_force_t>> plans;
-  world.collect("CAN/PLAN", plans);
-  start();
-  EXPECT_EQ(count("plan.unasked"), -1);
-  world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(testing::plan(at_ms(30), 4)));
-  world.loop.run_until(at_ms(100));
-  EXPECT_TRUE(plans.empty());
-  EXPECT_EQ(state().command_age_s, -1.0);
-  EXPECT_EQ(count("plan.unasked"), 1);
 }
 
 TEST_F(CanBridgeNodeTest, SendsNoSetpointWithoutArming) {
@@ -327,15 +238,20 @@ TEST_F(CanBridgeNodeTest, ReportsTheWheelsAndWhereTheyLed) {
   EXPECT_NEAR(odometry.back().message.distance_m, 0.2, 1e-9);
 }
 
-TEST_F(CanBridgeNodeTest, ReportsIntrudersAndTheProfilesCounters) {
+TEST_F(CanBridgeNodeTest, ReportsIntrudersWarningsAndTheProfilesCounters) {
   start();
   profile->seen_intruder = "0x201 from another sender";
+  profile->seen_warnings = "left drive (node 1): 0x8110";
   world.loop.run_until(at_s(1.0));
   EXPECT_NE(state().reason.find("0x201 from another sender"), std::string::npos);
+  EXPECT_NE(state().reason.find("; warned since the last reset: left drive (node 1): 0x8110"),
+            std::string::npos);
   ASSERT_FALSE(counters.empty());
   EXPECT_EQ(counters.back().message.node, "can_bridge");
   EXPECT_EQ(count("drive.rejected_frames"), 3);
   EXPECT_EQ(count("drive.intruder_frames"), 4);
+  EXPECT_EQ(count("drive.warnings"), 5);
+  EXPECT_EQ(count("drive.surplus_feedback"), 5);
   EXPECT_EQ(count("can.sent"), static_cast<std::int64_t>(port.sent.size()));
 }
 

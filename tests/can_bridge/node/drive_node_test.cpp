@@ -134,6 +134,19 @@ struct DriveWorld {
   }
 };
 
+TEST(CanDriveNode, SpeaksForSafetyInputsUnlessRealDrivesAreOnTheBus) {
+  for (const bool emulates : {true, false}) {
+    DriveWorld w;
+    SafetyInputConfig input;
+    input.wiring = CanInputWiring{.id = 0x3A0, .clear = 0x55};
+    std::get<Cia402Config>(w.config).safety_inputs = {input};
+    w.scenario.get<CanSettings>().emulate_drives = emulates;
+    w.make();
+    w.world.loop.run_until(at_ms(98));
+    EXPECT_EQ(w.port.sent_with(0x3A0).size(), emulates ? 3U : 0U);  // every 33 ms
+  }
+}
+
 TEST(CanDriveNode, DrivesBootBeforeTheRunIfThereIsLeadTime) {
   DriveWorld s(at_s(-3.0));
   s.scenario.get<RunSettings>().lead_s = 2.0;

@@ -105,9 +105,10 @@ struct Run : VirtualWorld {
     std::int64_t seq = 0;
     for (Instant t = at_ms(103); t < kEnd; t += std::chrono::milliseconds{50}) {
       twist_t m{};
+      m.pose_utime = -1;
       m.utime = to_utime(t);
       m.seq = seq++;
-      m.v_mps = t > at_s(3.0) && t < at_s(4.0) ? 0.5 : 0.0;
+      m.v_mps = t > at_s(3.4) && t < at_s(4.4) ? 0.5 : 0.0;
       m.omega_radps = m.v_mps * 0.6;
       publish_at(t, "AGV/CMD_VEL", m);
     }

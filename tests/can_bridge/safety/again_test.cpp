@@ -138,6 +138,41 @@ TEST_F(LyingFeedback, ATurnThatTakesLongerToEndCountsToo) {
   EXPECT_EQ(*last.distrust_until, now + milliseconds{600} + SafetyCore::kDistrustMargin);
 }
 
+TEST_F(LyingFeedback, IsNotBelievedByAResetEitherAlsoWhenADriveFaultsMeanwhile) {
+  const Instant stopped = freeze();
+  drives.phase = DrivePhase::faulted;
+  drives.reason = "right drive: fault";
+  drives.in_doubt = true;
+  cycle_after(kCycle);
+  for (now += kCycle; now < stopped + kDistrust; now += kCycle) {
+    drives.in_doubt = !drives.in_doubt;  // what drives say of their power does not matter yet
+    request(DriveRequest::reset);
+    ASSERT_NE(cycle().action, Action::reset_fault) << to_seconds(now - stopped);
+    expect_reason("so its standstill is not believed for another");
+    EXPECT_EQ(last.distrust_until, stopped + kDistrust) << "the profile is told, too";
+  }
+  now = stopped + kDistrust;
+  drives.in_doubt = true;
+  request(DriveRequest::reset);
+  EXPECT_NE(cycle().action, Action::reset_fault);
+  expect_reason("its drive does not show power off");
+  drives.in_doubt = false;
+  now += kCycle;
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle().action, Action::reset_fault);
+}
+
+TEST_F(LyingFeedback, OfADriveThatIsGoneCanBeResetAfterItsTime) {
+  const Instant stopped = freeze();
+  drives.phase = DrivePhase::faulted;
+  drives.in_doubt = true;
+  drives.feedback_fresh = drives.standstill = false;
+  cycle_after(kCycle);
+  now = stopped + kDistrust;
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle().action, Action::reset_fault);
+}
+
 TEST_F(LyingFeedback, IsOfThePastOnceTheVehicleIsArmedAgain) {
   const Instant stopped = freeze();
   drives_obey = false;

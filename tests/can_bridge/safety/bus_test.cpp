@@ -316,6 +316,25 @@ TEST_F(Leaving, WaitsForWheelsThatRollAfterTheDrivesFaulted) {
   EXPECT_TRUE(core.has_left(now));
 }
 
+TEST_F(Leaving, DrivesOfWhichNothingIsKnownCountAsTurningWithPowerOn) {
+  drive(1.0);
+  drives.phase = DrivePhase::faulted;
+  drives.feedback_fresh = drives.standstill = false;
+  drives.in_doubt = true;
+  cycle_after(kCycle);
+  core.leave(now);
+  cycle_after(kCycle);
+  EXPECT_FALSE(core.has_left(now));
+  EXPECT_NE(core.left_behind().find("standstill and power off are not confirmed, power stages "
+                                    "perhaps on"),
+            std::string::npos)
+      << core.left_behind();
+  drives.in_doubt = false;
+  cycle_after(kCycle);
+  EXPECT_TRUE(core.has_left(now));
+  EXPECT_EQ(core.left_behind(), "");
+}
+
 TEST_F(Leaving, IsNotOverBeforeItBegan) {
   cycle_after(kCycle);
   EXPECT_FALSE(core.has_left(now + seconds{100}));

@@ -119,7 +119,7 @@ TEST(RequestGuard, LetsALateOrRepeatedDisarmThrough) {
 
 TEST(RequestGuard, CountsNumbersThatAreNoRequest) {
   RequestGuard guard{kStart};
-  for (const int number : {0, 6, -1, INT32_MIN, INT32_MAX}) {
+  for (const int number : {0, 7, -1, INT32_MIN, INT32_MAX}) {
     EXPECT_FALSE(guard.accept(kNow, kNow, 0, number));
   }
   EXPECT_EQ(counters(guard).at("request.unknown"), 5);
@@ -178,11 +178,30 @@ TEST(TransmitWhitelist, WhatCarriesNoSetpointIsLeftAlone) {
   EXPECT_EQ(whitelist.counters().denied, 0);
 }
 
-TEST(TransmitWhitelist, ASetpointBySdoIsDeniedUnlessMovingIsAllowed) {
+TEST(TransmitWhitelist, ASetpointBySdoIsDeniedEvenWhileMoving) {
   TransmitWhitelist whitelist{two_nodes().transmit_rules()};
   CanFrame frame = CanFrame::make(0x602, {0x23, 0xFF, 0x60, 0x00, 0x01, 0x00, 0x00, 0x00});
   EXPECT_FALSE(whitelist.pass(frame, false));
-  EXPECT_TRUE(whitelist.pass(frame, true));
+  EXPECT_FALSE(whitelist.pass(frame, true));
+  CanFrame block = CanFrame::make(0x602, {0xC6, 0xFF, 0x60, 0x00, 0x04, 0x00, 0x00, 0x00});
+  EXPECT_FALSE(whitelist.pass(block, true));
+}
+
+TEST(TransmitWhitelist, BySdoAControlwordOnlyStops) {
+  TransmitWhitelist whitelist{two_nodes().transmit_rules()};
+  for (const int word : {0x0000, 0x0002, 0x0003, 0x0006, 0x0007, 0x000F, 0x0080, 0x0102}) {
+    const bool stops = word == 0x0000 || word == 0x0002;
+    for (const bool may_move : {false, true}) {
+      CanFrame frame =
+          CanFrame::make(0x601, {0x2B, 0x40, 0x60, 0x00, static_cast<std::uint8_t>(word & 0xFF),
+                                 static_cast<std::uint8_t>(word >> 8), 0x00, 0x00});
+      EXPECT_EQ(whitelist.pass(frame, may_move), stops) << std::hex << word;
+    }
+  }
+  CanFrame reading = CanFrame::make(0x601, {0x40, 0x40, 0x60, 0x00, 0x0F, 0, 0, 0});
+  EXPECT_TRUE(whitelist.pass(reading, false));
+  CanFrame segmented = CanFrame::make(0x601, {0x21, 0x40, 0x60, 0x00, 0x02, 0, 0, 0});
+  EXPECT_FALSE(whitelist.pass(segmented, false)) << "two bytes, of which nobody knows the value";
 }
 
 TEST(TransmitWhitelist, FramesThatNoBridgeSendsAreDeniedEvenWhileMoving) {

@@ -27,6 +27,21 @@ TEST_F(EStop, ActsWhateverItsStampAndNumber) {
   EXPECT_EQ(last.action, Action::quick_stop);
 }
 
+TEST_F(EStop, OfBeforeARestartIsPressedUntilReleasedAndReset) {
+  core = SafetyCore(config());
+  core.restore_estop();
+  EXPECT_EQ(cycle().state, BridgeState::estop);
+  EXPECT_TRUE(last.estop_latched);
+  expect_cannot_be_armed();
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::estop);
+  request(DriveRequest::estop_release);
+  request(DriveRequest::reset);
+  cycle_after(kCycle);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
+  EXPECT_FALSE(last.estop_latched);
+}
+
 TEST_F(EStop, HoldsThePowerUntilStandstill) {
   drive(1.0);
   request(DriveRequest::estop);

@@ -21,11 +21,14 @@ struct SafetyPlan : testing::SafetyRig {
   SafetyPlan() {
     SafetyCore::Config with_plans = config();
     with_plans.actuator.policy = "horizon";
+    with_plans.max_blind = seconds{10};  // the budget has tests of its own
+    with_plans.max_blind_m = 100.0;
     core = SafetyCore(with_plans);
     cycle();
   }
   void offer(Plan p) {
     p.stamp = now;
+    p.pose = now;
     core.on_plan(now, PlanSource::network, std::move(p));
   }
   /// Twists of 0.1 s each from now on.
@@ -119,6 +122,27 @@ TEST_F(SafetyPlan, APlanThatIsOverDoesNotArm) {
   expect_reason("the horizon of the plan in force is 200 ms past (limit 200 ms)");
 }
 
+TEST_F(SafetyPlan, TheRampAfterAPlanThatSaidToMoveIsNoCommandToStandStill) {
+  offer({0.05, 0.0}, 1);
+  cycle_until(now + milliseconds{200});
+  request(DriveRequest::arm);
+  EXPECT_EQ(cycle().state, BridgeState::disarmed);
+  EXPECT_EQ(core.command_age(now), milliseconds{100}) << "not yet stale";
+  expect_reason("arming refused: the horizon of the plan in force is 100 ms past");
+}
+
+TEST_F(SafetyPlan, AZeroPlanArmsUntilItsHorizonEndsAndNotAfterIt) {
+  const Instant end = now + milliseconds{100};
+  offer(Twist{}, 1);
+  cycle_until(end + Duration{1});
+  request(DriveRequest::arm);
+  EXPECT_EQ(cycle().state, BridgeState::disarmed);
+  offer(Twist{}, 1);
+  cycle_until(now + milliseconds{100});
+  request(DriveRequest::arm);
+  EXPECT_EQ(cycle().state, BridgeState::arming) << last.reason;
+}
+
 TEST_F(SafetyPlan, AFirstPlanThatWaitsForItsStartArmsAndThenMoves) {
   offer(plan(now + seconds{2}, id++, Plan::kBasedOnNone, {1.0, 0.0}, 30));
   request(DriveRequest::arm);
@@ -132,9 +156,28 @@ TEST_F(SafetyPlan, AFirstPlanThatWaitsForItsStartArmsAndThenMoves) {
   EXPECT_NEAR(last.twist.v_mps, 1.0, 1e-9);
 }
 
-TEST_F(SafetyPlan, ATwistTakesOverAndAgesAsTwistsDo) {
+TEST_F(SafetyPlan, ATwistThatMovesDoesNotTakeOverWhileArmed) {
   drive_plan(1.0);
+  const PlanName before = core.plan();
   command(0.5);
+  EXPECT_EQ(core.plan(), before);
+  CounterList counters;
+  core.list(counters);
+  EXPECT_TRUE(std::find(counters.begin(), counters.end(),
+                        std::pair<std::string, std::int64_t>("command.against_plan", 1)) !=
+              counters.end());
+}
+
+TEST_F(SafetyPlan, ADisarmOfADisarmedVehicleEndsPlansToo) {
+  offer(Twist{}, 300);
+  request(DriveRequest::disarm);
+  cycle();
+  EXPECT_EQ(core.plan(), PlanName{});
+}
+
+TEST_F(SafetyPlan, ATwistThatStandsTakesOverAndAgesAsTwistsDo) {
+  drive_plan(1.0);
+  command(0.0);
   EXPECT_EQ(core.plan(), PlanName{});
   EXPECT_EQ(core.command_age(now + milliseconds{30}), milliseconds{30});
   now += kDisarm;
@@ -244,7 +287,7 @@ TEST_F(SafetyPlan, AnOldPreloadDoesNotArm) {
   cycle_until(now + seconds{59});
   request(DriveRequest::arm);
   EXPECT_EQ(cycle().state, BridgeState::disarmed);
-  expect_reason("the newest plan is 59000 ms old");
+  expect_reason("the only plan is a preload");
 }
 
 TEST_F(SafetyPlan, PreloadsAreRefusedWhileArmed) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <string>
 
@@ -29,6 +30,7 @@ struct SafetyRig : ::testing::Test {
   SafetyCore core{config()};
   Decision last;
   bool drives_obey = true;
+  double driven_m = 0.0;  ///< as setpoints say
   std::int64_t command_seq = 0;
   std::int64_t request_seq = 0;
 
@@ -54,7 +56,8 @@ struct SafetyRig : ::testing::Test {
   }
   /// One cycle at `now`, which does not go on by itself.
   const Decision& cycle() {
-    last = core.cycle(now, drives, bus);
+    last = core.cycle(now, drives, bus, driven_m);
+    driven_m += std::abs(last.twist.v_mps) * to_seconds(kCycle);
     if (drives_obey) obey(last.action);
     return last;
   }

@@ -68,7 +68,7 @@ TEST_F(RealTimeLoopTest, PeriodicTasksDoNotDriftAndAreNeverEarly) {
 TEST(RealTimeLoopInSlowMotion, TakesSoManyTimesLongerAndKeepsTheRunsOwnTime) {
   RealTimeLoop slow(RealTimeLoop::wall_utime_us(), 0.1);
   EXPECT_EQ(slow.rate(), 0.1);
-  slow.set_now(kStart + 7s);
+  slow.set_now(kStart + 7s, 7);
   const auto began = std::chrono::steady_clock::now();
   std::vector<Instant> instants;
   slow.every(kStart + 7005ms, 5ms, Priority::node, [&](Instant scheduled) {
@@ -236,7 +236,8 @@ TEST_F(RealTimeLoopTest, AnExceptionComesOutOfTheRunAndLeavesTheLoopUsable) {
 }
 
 TEST_F(RealTimeLoopTest, TheClockCanBeMovedToAnothers) {
-  loop.set_now(kStart + 1h);
+  loop.set_now(kStart + 1h, 7);
+  EXPECT_EQ(loop.run_id(), 7);
   EXPECT_GE(loop.now(), kStart + 1h);
   EXPECT_LT(loop.now(), kStart + 1h + 10s);
   const Instant due = loop.now() + 5ms;

@@ -46,6 +46,16 @@ std::string refusal(const std::string& toml, const std::vector<std::string>& ove
   return "accepted";
 }
 
+TEST(Scenario, ATimeoutBelowTheTimeBetweenTwoCommandsIsRefused) {
+  const std::string zero = "[actuator]\npolicy = \"zero\"\ntimeout_s = ";
+  EXPECT_EQ(refusal(zero + "0.049\n", {"sensor.rate_hz=20"}),
+            "test.toml: actuator.timeout_s = 0.049 is below the time between two commands, 0.05 s "
+            "(sensor.rate_hz = 20): the vehicle would stop before each of them");
+  EXPECT_EQ(refusal(zero + "0.05\n", {"sensor.rate_hz=20"}), "accepted");
+  EXPECT_THAT(refusal(zero + "0.9\n", {"controller.trigger=timer", "controller.rate_hz=1"}),
+              HasSubstr("(controller.rate_hz = 1)"));
+}
+
 std::string text_of(const std::optional<ScenarioValue>& value) {
   if (!value) return "(not set)";
   if (const auto* b = std::get_if<bool>(&*value)) return *b ? "true" : "false";
@@ -157,6 +167,7 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
     if (key.name.starts_with("can.") && key.name.ends_with("_ms")) continue;
     if (!is_only_choice(key)) key.set(wanted, other_values(key).front());
   }
+  wanted.get<ActuatorSettings>().timeout_s = 4.0;  // not below the time between two commands
   EXPECT_EQ(contents(parse(to_toml(wanted))), contents(wanted));
   EXPECT_NE(contents(wanted), contents(Scenario{}));
 }

@@ -157,6 +157,37 @@ TEST_F(PlanBufferTest, AStopEndsAllPlansAndThoseDecidedBeforeIt) {
   EXPECT_EQ(offer(at_s(2), next), PlanFate::accepted);
 }
 
+TEST_F(PlanBufferTest, WherePlansNeedPosesTheyNeedAFreshOneNotOlderThanTheLast) {
+  buffer.need_poses(seconds{1});
+  EXPECT_EQ(buffer.seen(), std::nullopt);
+  Plan p = plan(at_s(2), 0);
+  p.pose.reset();
+  EXPECT_EQ(offer(at_s(2), p), PlanFate::without_pose);
+  p = plan(at_s(2), 1);
+  p.pose = at_s(1);
+  EXPECT_EQ(offer(at_s(2), p), PlanFate::blind);
+  p.seq = 2;
+  p.pose = at_s(1) + kTick;
+  EXPECT_EQ(offer(at_s(2), p), PlanFate::accepted);
+  EXPECT_EQ(buffer.seen(), at_s(1) + kTick);
+  p.seq = p.name.id = 3;
+  p.pose = at_s(1);
+  EXPECT_EQ(offer(at_s(2), p), PlanFate::older_pose);
+  EXPECT_EQ(buffer.seen(), at_s(1) + kTick);
+}
+
+TEST_F(PlanBufferTest, WhileItsSessionIsHeldNoOtherTakesOver) {
+  ASSERT_EQ(offer(at_s(1), plan(at_s(1), 0)), PlanFate::accepted);
+  Plan other = plan(at_s(2), 1);
+  other.name.session = 8;
+  buffer.hold_session(true);
+  EXPECT_EQ(offer(at_s(2), other), PlanFate::other_session);
+  EXPECT_EQ(buffer.session(), 7);
+  buffer.hold_session(false);
+  EXPECT_EQ(offer(at_s(2), other), PlanFate::accepted);
+  EXPECT_EQ(buffer.session(), 8);
+}
+
 TEST_F(PlanBufferTest, APlanThrowsAwayWhatWouldTakeOverLaterAndLeavesTheRest) {
   ASSERT_EQ(offer(at_s(1), plan(at_s(1), 0, kAny, {0.1, 0.0})), PlanFate::accepted);
   ASSERT_EQ(offer(at_s(1), plan(at_s(1.2), 1, kAny, {0.2, 0.0})), PlanFate::accepted);

@@ -15,6 +15,7 @@ inline Plan plan(Instant start, std::int64_t id, std::int64_t based_on = Plan::k
                  Twist twist = {1.0, 0.5}, std::size_t count = 10) {
   Plan plan;
   plan.stamp = start;
+  plan.pose = start;
   plan.seq = id;
   plan.name = {7, id};
   plan.based_on = plan.based_on_last = based_on;
@@ -32,7 +33,7 @@ inline plan_t to_message(const Plan& plan) {
   m.id = plan.name.id;
   m.based_on = plan.based_on;
   m.based_on_last = plan.based_on_last;
-  m.pose_utime = -1;
+  m.pose_utime = plan.pose ? to_utime(*plan.pose) : plan_t::NONE;
   m.start_utime = to_utime(plan.start);
   m.settled_utime = to_utime(plan.settled);
   m.step_us = static_cast<std::int32_t>(plan.step / std::chrono::microseconds{1});

@@ -74,7 +74,7 @@ TEST(InspectMessage, DecodesAPose) {
   EXPECT_EQ(content.integer("x_m"), std::nullopt);
   EXPECT_EQ(content.integer("nonsense"), std::nullopt);
   EXPECT_EQ(format_message("AGV/POSE", content),
-            "AGV/POSE pose_t utime=50000 seq=1 x_m=0.1 y_m=-2 yaw_rad=nan "
+            "AGV/POSE pose_t utime=50000 seq=1 run=0 x_m=0.1 y_m=-2 yaw_rad=nan "
             "plan_session=3 plan_id=-1");
 }
 
@@ -103,7 +103,7 @@ TEST(InspectMessage, EveryTruncationIsUndecodableAndHarmless) {
 TEST(InspectMessage, TrailingBytesMakeAMessageUndecodable) {
   std::vector<std::uint8_t> bytes = encoded(some_pose());
   bytes.push_back(0);
-  EXPECT_EQ(format_message("X", inspect_message(bytes)), "X pose_t (undecodable, 65 bytes)");
+  EXPECT_EQ(format_message("X", inspect_message(bytes)), "X pose_t (undecodable, 73 bytes)");
 }
 
 TEST(InspectMessage, SurvivesEveryCorruptArrayLength) {
@@ -124,7 +124,7 @@ TEST(FormatMessage, KeepsControlCharactersFromTheTerminal) {
 
 TEST(FormatMessage, ShowsAPlansTwistsAsShortAsFloatsCanBe) {
   EXPECT_EQ(format_message("CTRL/PLAN", inspect_message(encoded(some_plan()))),
-            "CTRL/PLAN plan_t utime=0 seq=0 session=3 id=0 based_on=-2 based_on_last=-2 "
+            "CTRL/PLAN plan_t utime=0 seq=0 run=0 session=3 id=0 based_on=-2 based_on_last=-2 "
             "pose_utime=0 start_utime=0 settled_utime=0 step_us=50000 count=2 v_mps=[0.1, 2] "
             "omega_radps=[-0.3, inf]");
 }

@@ -332,12 +332,12 @@ TEST(LinkCheck, CommandsThatAnswerPosesAreNoFairSampleOfASharedState) {
 
 TEST(LinkTraffic, OfAPredictiveLawIsPlansWithAllTheirTwists) {
   Scenario scenario;
-  EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 48.0);
+  EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 56.0);
   for (const char* law : {"predictive", "predictive_consistent"}) {
     scenario.get<ControllerSettings>().law = law;
     scenario.get<ControllerSettings>().horizon_s = 20.0;
     scenario.get<ControllerSettings>().plan_step_ms = 50.0;
-    EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 88.0 + 400 * 8);
+    EXPECT_EQ(command_traffic(scenario, false).packet_bytes, 96.0 + 400 * 8);
   }
 }
 

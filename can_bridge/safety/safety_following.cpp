@@ -1,0 +1,131 @@
+#include <algorithm>
+#include <cmath>
+
+#include "can_bridge/safety/safety_core.hpp"
+
+// Following commands, and coming to rest from there.
+
+namespace tether {
+
+void SafetyCore::begin_following(Instant now) {
+  // The command was fresh and zero when ARM was pressed, but it may have changed while the drives
+  // switched on. The vehicle must not start to move just because they are on now.
+  if (commands_.age(now).value_or(Duration::max()) >= config_.stale) {
+    begin_quick_stop(now, "the command was not fresh when the drives were on: arm again");
+    return;
+  }
+  if (const std::string why = why_no_plan_arms(now); !why.empty()) {
+    begin_quick_stop(now, why + ": arm again");
+    return;
+  }
+  if (!commands_.is_zero(now)) {
+    begin_quick_stop(now, "the command was not zero when the drives were on: arm again");
+    return;
+  }
+  motion_ = Motion::following;
+  motion_since_ = now;
+  slowed_by_budget_ = stale_ = false;
+  limiter_.reset();
+  monitor_.reset();
+  follow(now);
+}
+
+void SafetyCore::follow(Instant now) {
+  const Duration age = commands_.age(now).value_or(Duration::max());
+  watch_age(age);
+  if (!stale_ && demands_.stop.empty()) {
+    follow_within_budget(permitted(commands_.twist(now)), commands_.follows_plan(now));
+  } else if (age < config_.disarm) {
+    limiter_.stop();
+  } else {
+    begin_quick_stop(now, commands_.age_text(now, "was") +
+                              ": check the controller and the network; arm again with a zero "
+                              "command");
+  }
+}
+
+void SafetyCore::follow_within_budget(const Twist& wanted, bool planned) {
+  const Twist possible = limiter_.within_speed_limits(wanted);
+  const double share = planned ? budget_.share(possible) : 1.0;
+  const bool too_fast = planned && budget_.share(limiter_.twist()) < 1.0;
+  slowed_by_budget_ = share < 1.0;
+  const Twist target{share * possible.v_mps, share * possible.omega_radps};
+  if (too_fast) {
+    limiter_.brake_to(target);
+  } else {
+    limiter_.step(target);
+  }
+}
+
+void SafetyCore::watch_age(Duration age) {
+  const bool too_old = age >= config_.stale;
+  const bool too_far = to_seconds(age) * std::abs(limiter_.twist().v_mps) >= config_.max_stale_m;
+  // Once stale, it stays so until a newer one comes, though the vehicle is slower then.
+  stale_ = too_old || too_far || (stale_ && age > last_age_);
+  last_age_ = age;
+}
+
+void SafetyCore::begin_ramp_down(const std::string& why, Instant now) {
+  if (motion_ == Motion::enabling) begin_quick_stop(now, why);
+  if (motion_ != Motion::following) return;
+  count_disarm();
+  commands_.end_plans(now);
+  motion_ = Motion::ramping;
+  setpoint_zero_since_.reset();
+  stop_reason_ = why;
+}
+
+void SafetyCore::ramp_down(Instant now, const DrivetrainSnapshot& drives) {
+  limiter_.stop();
+  if (!limiter_.at_rest()) return;
+  if (!setpoint_zero_since_) setpoint_zero_since_ = now;
+  if (drives.standstill) {
+    motion_ = Motion::stopping;
+    motion_since_ = now;
+    disable_sent_ = true;
+    stop_overdue_ = false;
+    distrust_until_.reset();
+    action_ = Decision::Action::disable;
+  } else if (now - *setpoint_zero_since_ >= kStandstillWait) {
+    begin_quick_stop(now, "the wheels still turned after the ramp to zero");
+  }
+}
+
+void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
+  const bool believed = !distrust_until_ || now >= *distrust_until_;
+  switch (drives.phase) {
+    case DrivePhase::starting:
+    case DrivePhase::refused:
+    case DrivePhase::faulted:
+      motion_ = Motion::idle;
+      return;
+    case DrivePhase::standby:
+      if (now != motion_since_) {
+        motion_ = Motion::idle;
+        return;
+      }
+      // The stop began in this cycle, and the drives show standby because they have not yet acted
+      // on the request to enable them. They are told to stop, or they would still switch on.
+      action_ = Decision::Action::quick_stop;
+      break;
+    case DrivePhase::enabling:
+    case DrivePhase::enabled:
+      if (!disable_sent_) action_ = Decision::Action::quick_stop;
+      break;
+    case DrivePhase::stopping:
+      if (drives.standstill && drives.feedback_fresh && believed && !disable_sent_) {
+        disable_sent_ = true;
+        action_ = Decision::Action::disable;
+      }
+      break;
+  }
+  const Instant since = drives.standstill ? distrust_until_.value_or(motion_since_) : motion_since_;
+  if (now - since >= kStopTimeout && !stop_overdue_) {
+    stop_overdue_ = true;
+    latch_fault(drives.standstill ? "the drives do not confirm that their power is off"
+                                  : "the wheels still turn after a quick stop: use the hard-wired "
+                                    "emergency stop");
+  }
+}
+
+}  // namespace tether

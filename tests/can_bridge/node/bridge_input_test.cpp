@@ -1,0 +1,63 @@
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <tether/drivetrain_state_t.hpp>
+#include <vector>
+
+#include "can_bridge/node/can_bridge_node.hpp"
+#include "common/base/errors.hpp"
+#include "tests/can_bridge/node/bridge_fakes.hpp"
+#include "tests/support/virtual_world.hpp"
+
+// The bridge and the vehicle's safety inputs.
+namespace tether {
+namespace {
+
+using testing::at_ms;
+using testing::FakePort;
+using testing::FakeProfile;
+using testing::Seen;
+using testing::VirtualWorld;
+
+struct BridgeInputs : ::testing::Test {
+  VirtualWorld world;
+  FakePort port;
+  FakeProfile* profile = nullptr;  // the node's
+  std::unique_ptr<CanBridgeNode> node;
+  std::vector<Seen<drivetrain_state_t>> states;
+
+  void start(std::uint32_t id) {
+    DrivetrainConfig config = testing::drivetrain();
+    SafetyInputConfig input;
+    input.name = "field";
+    input.wiring = SafetyInputConfig::Can{.id = id, .clear = 0xFF};
+    std::get<Cia402Config>(config).safety_inputs = {input};
+    world.collect("CAN/STATE", states);
+    auto owned = std::make_unique<FakeProfile>();
+    profile = owned.get();
+    node = std::make_unique<CanBridgeNode>(Scenario(), config, world.loop, world.bus, port,
+                                           std::move(owned));
+  }
+  std::string reason_at(int ms) {
+    world.loop.run_until(at_ms(ms));
+    return states.back().message.reason;
+  }
+};
+
+TEST_F(BridgeInputs, AreHeardFromTheirFirstFrameOnAndNotByTheProfile) {
+  start(0x3A0);
+  port.frame_handler(CanFrame::make(0x3A0, {0xFF}));  // before the first cycle
+  EXPECT_EQ(reason_at(90), "ready to be armed");
+  EXPECT_EQ(reason_at(100),
+            "safety input field: no frame 0x3A0 for 100 ms: check its supply and plug");
+  port.frame_handler(CanFrame::make(0x3A0, {0x00}));
+  EXPECT_EQ(reason_at(120), "safety input field demands a stop");
+  EXPECT_TRUE(profile->heard.empty());
+}
+
+TEST_F(BridgeInputs, AFrameOfTheDrivetrainItselfIsRefused) {
+  EXPECT_THROW(start(0x181), UsageError);
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,325 @@
+#include "can_bridge/safety/blind_budget.hpp"
+#include "tests/can_bridge/safety/random_limits.hpp"
+#include "tests/can_bridge/safety/rig.hpp"
+#include "tests/common/vehicle/plan_rig.hpp"
+
+// Driving on plans while nobody sees the vehicle: bounded in time and in distance, from the pose
+// that the newest plan was made from, and always with room to stop.
+
+namespace tether {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::kCycle;
+using testing::kDisarm;
+using testing::kStale;
+using testing::plan;
+
+struct Blind : testing::SafetyRig {
+  std::int64_t id = 0;
+
+  Blind() { restart(config()); }
+
+  void restart(SafetyCore::Config config) {
+    config.actuator.policy = "horizon";
+    core = SafetyCore(config);
+    cycle();
+  }
+  /// A plan of 20 s, made from a pose that is `age` old.
+  Plan long_plan(Twist twist, Duration age = {}) {
+    Plan p = plan(now, id++, Plan::kBasedOnAny, twist, 200);
+    p.pose = now - age;
+    return p;
+  }
+  void offer(const Plan& p) { core.on_plan(now, PlanSource::network, p); }
+  void arm_with_plan() {
+    offer(long_plan({}));
+    request(DriveRequest::arm);
+    for (int i = 0; i < 4 && cycle().state != BridgeState::armed; ++i) now += kCycle;
+    ASSERT_EQ(last.state, BridgeState::armed) << last.reason;
+  }
+  /// Armed and at `twist`, by plans that are made from poses `age` old.
+  void drive_plan(Twist twist, Duration age = {}) {
+    arm_with_plan();
+    for (int i = 0; i < 200; ++i) {
+      now += kCycle;
+      offer(long_plan(twist, age));
+      cycle();
+      drives.standstill = last.twist.v_mps == 0.0 && last.twist.omega_radps == 0.0;
+    }
+  }
+  /// The way from now on, with `more` before each cycle, until the vehicle stands.
+  template <class More>
+  double way_until_rest(More more) {
+    const double before = driven_m;
+    const Instant end = now + seconds{60};
+    do {
+      now += kCycle;
+      more();
+      cycle();
+    } while (now < end && (last.twist.v_mps != 0.0 || last.twist.omega_radps != 0.0));
+    return driven_m - before;
+  }
+  std::int64_t count(const std::string& name) const {
+    CounterList all;
+    core.list(all);
+    for (const auto& [key, value] : all) {
+      if (key == name) return value;
+    }
+    return 0;
+  }
+};
+
+TEST_F(Blind, WithPlansEveryCycleItGoesAsFastAsItCanStopIn1mAnd1s) {
+  drive_plan({3.0, 0.0});
+  // r = 0.18 s: 1.5 * (1 - 0.18) m/s and 1.5 * (sqrt(0.18^2 + 2/1.5) - 0.18) m/s; the smaller.
+  EXPECT_NEAR(last.twist.v_mps, 1.23, 0.03);
+  expect_reason(
+      "slowed: the vehicle is unseen for 0.00 s and 0.00 m (can.max_blind_s = 1, "
+      "can.max_blind_m = 1)");
+}
+
+TEST_F(Blind, WithBothLinksDeadItStopsWithinTheBudgetOfTheNewestPlan) {
+  drive_plan({3.0, 0.5});
+  const Instant seen = now;
+  const double way = way_until_rest([] {});
+  EXPECT_LE(to_seconds(now - seen), 1.0);
+  EXPECT_LE(way, 1.0);
+  EXPECT_GT(way, 0.3);
+  while (last.state == BridgeState::armed) cycle_after(kCycle);
+  EXPECT_NEAR(to_seconds(now - seen), 1.5, 0.03) << "max_blind_s, then the ladder of old commands";
+  expect_reason("the vehicle was unseen for 15");
+}
+
+TEST_F(Blind, WithTheUplinkDeadPlansThatStillComeDoNotProlongIt) {
+  drive_plan({1.0, 0.0});
+  const Instant pose = now;
+  const double way = way_until_rest([&] {
+    Plan p = long_plan({1.0, 0.0});
+    p.pose = pose;
+    offer(p);
+  });
+  EXPECT_LE(to_seconds(now - pose), 1.0);
+  EXPECT_LE(way, 1.0);
+  EXPECT_GT(count("plan.accepted"), 0);
+}
+
+TEST_F(Blind, ThePosesAgeCountsAsDrivenBlind) {
+  drive_plan({3.0, 0.0}, milliseconds{500});
+  // 0.5 s are over: 1.5 * (0.5 - 0.18) m/s.
+  EXPECT_NEAR(last.twist.v_mps, 0.48, 0.03);
+}
+
+TEST_F(Blind, ThePlansAgeCountsToo) {
+  arm_with_plan();
+  for (int i = 0; i < 200; ++i) {
+    now += kCycle;
+    Plan p = long_plan({3.0, 0.0});
+    p.stamp = now - milliseconds{500};
+    offer(p);
+    cycle();
+  }
+  EXPECT_NEAR(last.twist.v_mps, 0.48, 0.03);
+}
+
+TEST_F(Blind, DistanceBoundsTheSpeedWhereTimeDoesNot) {
+  SafetyCore::Config config = Blind::config();
+  config.max_blind = seconds{10};
+  restart(config);
+  drive_plan({3.0, 0.0});
+  EXPECT_NEAR(last.twist.v_mps, 1.5 * (std::sqrt(0.18 * 0.18 + 2.0 / 1.5) - 0.18), 0.03);
+  EXPECT_LE(way_until_rest([] {}), 1.0);
+}
+
+TEST_F(Blind, OnTheSpotOnlyTimeBounds) {
+  drive_plan({0.0, 2.0});
+  const Instant seen = now;
+  EXPECT_NEAR(last.twist.omega_radps, 2.0, 0.01);
+  way_until_rest([] {});
+  EXPECT_LE(to_seconds(now - seen), 1.0);
+}
+
+TEST_F(Blind, TheCurveStaysTheCurveWhenTheBudgetSlows) {
+  drive_plan({2.0, 0.5});
+  EXPECT_LT(last.twist.v_mps, 1.3);
+  EXPECT_NEAR(last.twist.omega_radps / last.twist.v_mps, 0.25, 1e-6);
+}
+
+TEST_F(Blind, ANewPlanFromAFreshPoseResumes) {
+  drive_plan({1.0, 0.0});
+  way_until_rest([] {});
+  ASSERT_EQ(last.state, BridgeState::armed);
+  for (int i = 0; i < 100; ++i) {
+    now += kCycle;
+    offer(long_plan({1.0, 0.0}));
+    cycle();
+  }
+  EXPECT_NEAR(last.twist.v_mps, 1.0, 1e-9);
+  EXPECT_EQ(last.reason, "");
+}
+
+TEST_F(Blind, PlansWithoutAPoseAreRefused) {
+  drive_plan({1.0, 0.0});
+  const PlanName before = core.plan();
+  Plan p = long_plan({1.0, 0.0});
+  p.pose.reset();
+  offer(p);
+  EXPECT_EQ(core.plan(), before);
+  EXPECT_EQ(count("plan.without_pose"), 1);
+}
+
+TEST_F(Blind, PlansFromAPoseOfTheFutureAreRefusedAsIfWithout) {
+  arm_with_plan();
+  const PlanName before = core.plan();
+  offer(long_plan({1.0, 0.0}, -SafetyCore::kMaxAhead - Duration{1}));
+  EXPECT_EQ(core.plan(), before);
+  EXPECT_EQ(count("plan.without_pose"), 1);
+  offer(long_plan({1.0, 0.0}, -SafetyCore::kMaxAhead));
+  EXPECT_NE(core.plan(), before);
+}
+
+TEST_F(Blind, PlansFromAnOlderPoseThanTheLastAreRefused) {
+  drive_plan({1.0, 0.0}, milliseconds{100});
+  const PlanName before = core.plan();
+  const std::int64_t refused = count("plan.older_pose");
+  offer(long_plan({1.0, 0.0}, milliseconds{100} + Duration{1}));
+  EXPECT_EQ(core.plan(), before);
+  EXPECT_EQ(count("plan.older_pose"), refused + 1);
+  offer(long_plan({1.0, 0.0}, milliseconds{100}));
+  EXPECT_NE(core.plan(), before) << "two plans from one pose";
+}
+
+TEST_F(Blind, PlansAsOldAsTheBudgetAreRefused) {
+  arm_with_plan();
+  const PlanName before = core.plan();
+  now += seconds{1};
+  Plan p = long_plan({1.0, 0.0});
+  p.stamp = now - seconds{1};
+  offer(p);
+  EXPECT_EQ(core.plan(), before);
+  EXPECT_EQ(count("plan.blind"), 1);
+  p.seq = p.name.id = id++;
+  p.stamp = p.pose.emplace(now - seconds{1} + Duration{1});
+  offer(p);
+  EXPECT_NE(core.plan(), before);
+}
+
+TEST_F(Blind, ATwistFromAPoseAsOldAsTheBudgetIsRefused) {
+  drive(1.0);
+  for (int i = 0; i < 200; ++i) {
+    now += kCycle;
+    core.on_command(now, now, command_seq++, {1.0, 0.0}, kStart + seconds{100});
+    cycle();
+  }
+  EXPECT_EQ(core.disarms(), 1);
+  EXPECT_GT(count("command.blind"), 0);
+  expect_reason("the newest command was");
+}
+
+TEST_F(Blind, APreloadAloneDoesNotArm) {
+  core.on_plan(now, PlanSource::preload, long_plan({}));
+  request(DriveRequest::arm);
+  EXPECT_EQ(cycle().state, BridgeState::disarmed);
+  expect_reason("the only plan is a preload");
+}
+
+TEST_F(Blind, WhileArmedAStrangersPlanIsRefusedAndDoesNotLockOut) {
+  drive_plan({1.0, 0.0});
+  Plan stranger = long_plan({2.5, 0.0});
+  stranger.name.session = 999;
+  offer(stranger);
+  EXPECT_EQ(core.plan().session, 7);
+  EXPECT_EQ(count("plan.other_session"), 1);
+  offer(long_plan({}));
+  EXPECT_EQ(core.plan().id, id - 1);
+  way_until_rest([&] { offer(long_plan({})); });
+  EXPECT_EQ(last.state, BridgeState::armed);
+}
+
+TEST_F(Blind, AFirstPlanMayNotBeginASessionWhileArmedByTwists) {
+  drive(1.0);
+  offer(long_plan({2.5, 0.0}));
+  EXPECT_EQ(core.plan(), PlanName{});
+  EXPECT_EQ(count("plan.other_session"), 1);
+}
+
+TEST_F(Blind, AStopOfAnySessionStopsAndDisarms) {
+  drive_plan({1.0, 0.0});
+  Plan stop = long_plan({});
+  stop.name.session = 3;
+  stop.based_on = stop.based_on_last = 4711;
+  offer(stop);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::stopping);
+  expect_reason("a controller of another session said to stand still");
+  way_until_rest([&] { offer(long_plan({1.0, 0.0})); });
+  drives.standstill = true;
+  for (int i = 0; i < 5; ++i) cycle_after(kCycle);
+  EXPECT_EQ(last.state, BridgeState::disarmed);
+  EXPECT_EQ(count("plan.stop_of_other_session"), 1);
+}
+
+TEST_F(Blind, APlanWithoutTwistsIsNoStop) {
+  drive_plan({1.0, 0.0});
+  Plan empty = long_plan({});
+  empty.name.session = 3;
+  empty.twists.clear();
+  offer(empty);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::armed);
+}
+
+TEST_F(Blind, WhoTakesNoPlansStopsForNone) {
+  core = SafetyCore(Blind::config());
+  drives.phase = DrivePhase::standby;
+  drive(1.0);
+  offer(long_plan({}));
+  keep_commanding(1, 1.0);
+  EXPECT_EQ(last.state, BridgeState::armed);
+}
+
+TEST_F(Blind, ADisarmedVehicleChangesSessions) {
+  arm_with_plan();
+  request(DriveRequest::disarm);
+  for (int i = 0; i < 5; ++i) cycle_after(kCycle);
+  ASSERT_EQ(last.state, BridgeState::disarmed);
+  Plan other = long_plan({});
+  other.name.session = 8;
+  offer(other);
+  EXPECT_EQ(core.plan().session, 8);
+}
+
+/// The limits' own uncertainty: the budget holds whatever the accelerations and jerks are, whenever
+/// the network dies, in bends and while speeding up.
+TEST_F(Blind, TheBudgetHoldsForAnyLimitsAndAnyMoment) {
+  testing::Random random(2026);
+  for (int run = 0; run < 300; ++run) {
+    SafetyCore::Config config = Blind::config();
+    config.limits = testing::random_limits(random);
+    config.limits.cycle = kCycle;
+    config.max_blind = from_seconds(testing::uniform(random, 0.4, 3.0));
+    config.max_blind_m = testing::uniform(random, 0.2, 3.0);
+    drives.phase = DrivePhase::standby;
+    drives.standstill = true;
+    restart(config);
+    arm_with_plan();
+    const auto age_cycles = static_cast<std::size_t>(testing::uniform(random, 0.0, 15.0));
+    const Duration age = static_cast<int>(age_cycles) * kCycle;
+    const Twist twist{testing::uniform(random, -4.0, 4.0), testing::uniform(random, -2.0, 2.0)};
+    const int cycles = 1 + static_cast<int>(testing::uniform(random, 0.0, 150.0));
+    std::vector<double> driven(age_cycles + 1, driven_m);
+    for (int i = 0; i < cycles; ++i) {
+      now += kCycle;
+      offer(long_plan(twist, age));
+      cycle();
+      driven.push_back(driven_m);
+    }
+    const Instant seen = now - age;
+    const double before = driven[driven.size() - 2 - age_cycles];
+    way_until_rest([] {});
+    EXPECT_LE(to_seconds(now - seen), to_seconds(config.max_blind) + 1e-9) << run;
+    EXPECT_LE(driven_m - before, config.max_blind_m + 1e-9) << run;
+  }
+}
+
+}  // namespace
+}  // namespace tether
