@@ -1,0 +1,259 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tether/drivetrain_state_t.hpp>
+#include <utility>
+
+#include "tests/campaign/rules.hpp"
+
+namespace tether::campaign {
+namespace {
+
+/// Wheels slower than this stand: standstill_radps of drivetrains/two_node_cia402.toml (0.05) at a
+/// radius of 0.4 m.
+constexpr double kStands_mps = 0.02;
+/// Quick stop and fault reaction of these drives (0x6085 = 19200).
+constexpr double kQuickStop_mps2 = 4.0;
+/// A drive without setpoints brakes by itself (0x1400:5 = 100 ms); with a tick of its own and one
+/// of the wheels' reports.
+constexpr Duration kDriveDeadline = std::chrono::milliseconds{120};
+/// How long the wheels lag behind the drives' ramps: servo, ticks, reports.
+constexpr Duration kServoLag = std::chrono::milliseconds{50};
+/// What a stranger's frame may do before the bridge's next frames are in force.
+constexpr Duration kForeignReach = std::chrono::milliseconds{60};
+
+/// Jerk limits delay a ramp by 0.1 s and two cycles at most (TwistLimiter::stop); one cycle until
+/// the bridge notices, two of drives and SYNC.
+Duration reaction(const Limits& limits) {
+  return std::chrono::milliseconds{100} + 5 * limits.cycle;
+}
+
+/// While the wheels may turn: intervals in any order, merged by sorted().
+class Permission {
+ public:
+  void add(Instant from, Instant until) {
+    if (from < until) intervals_.push_back({from, until});
+  }
+  const std::vector<Interval>& sorted() {
+    std::sort(intervals_.begin(), intervals_.end(),
+              [](const Interval& a, const Interval& b) { return a.from < b.from; });
+    std::vector<Interval> merged;
+    for (const Interval& i : intervals_) {
+      if (merged.empty() || i.from > merged.back().until) {
+        merged.push_back(i);
+      } else {
+        merged.back().until = std::max(merged.back().until, i.until);
+      }
+    }
+    intervals_ = std::move(merged);
+    return intervals_;
+  }
+
+ private:
+  std::vector<Interval> intervals_;
+};
+
+/// A stranger's frames move drives for a while, whatever the bridge does.
+void permit_strangers(const Record& record, Permission& permission) {
+  for (const Instant t : record.foreign) permission.add(t, t + kForeignReach);
+}
+
+/// While the bridge is suspended or cut off the drives hold their last setpoint, until they notice.
+void permit_silence(const Record& record, Permission& permission) {
+  for (const Fault& fault : record.faults) {
+    const bool silences = fault.kind == FaultKind::bridge_stalls ||
+                          fault.kind == FaultKind::bridge_restarted ||
+                          fault.kind == FaultKind::bus_off || fault.kind == FaultKind::bus_down ||
+                          fault.kind == FaultKind::bus_stalled;
+    if (silences) permission.add(fault.when, fault.when + kDriveDeadline);
+  }
+}
+
+Twist twist_of(const WheelSample& w, const Limits& limits) {
+  return {(w.rim_mps[0] + w.rim_mps[1]) / 2.0, (w.rim_mps[1] - w.rim_mps[0]) / limits.track_m};
+}
+
+double fastest(const WheelSample& w) {
+  return std::max(std::abs(w.rim_mps[0]), std::abs(w.rim_mps[1]));
+}
+
+/// How far and until when a vehicle may go on whose brakes are called for at `from.when`: it goes
+/// on accelerating for `lag`, then brakes at the rates that the bridge or the drives have.
+struct Braking {
+  Instant brakes;  ///< from here on
+  Instant stands;
+  double way_m;
+};
+Braking braking(const WheelSample& from, const Limits& limits, Duration lag) {
+  const double lag_s = to_seconds(lag);
+  const Twist u = twist_of(from, limits);
+  const double v = std::abs(u.v_mps) + limits.acceleration_mps2 * lag_s;
+  const double w = std::abs(u.omega_radps) + limits.yaw_acceleration_radps2 * lag_s;
+  const double rim = v + w * limits.track_m / 2.0;
+  const double a = std::min(limits.deceleration_mps2, kQuickStop_mps2);
+  const double time_s =
+      std::max({v / a, w / limits.yaw_deceleration_radps2, rim / kQuickStop_mps2});
+  return {from.when + lag, from.when + lag + from_seconds(time_s), v * lag_s + v * v / (2.0 * a)};
+}
+
+/// The wheels stand outside what is permitted, but for the time and way of braking after it.
+std::optional<Violation> turns_outside(const Record& record, Permission& permission, Duration lag) {
+  const auto& permitted = permission.sorted();
+  auto next = permitted.begin();
+  Braking limit{kStart, kStart, 0.0};
+  bool inside = false;
+  double way_m = 0.0;
+  Instant before = kStart;
+  for (const WheelSample& w : record.wheels) {
+    while (next != permitted.end() && next->until < w.when) {
+      ++next;
+      inside = true;  // it was, since the last sample
+    }
+    const double dt = to_seconds(w.when - std::exchange(before, w.when));
+    if (next != permitted.end() && next->from <= w.when) {
+      inside = true;
+      continue;
+    }
+    if (std::exchange(inside, false)) {
+      limit = braking(w, record.limits, lag);
+      way_m = 0.0;
+      continue;
+    }
+    way_m += std::abs(twist_of(w, record.limits).v_mps) * dt;
+    if (fastest(w) < kStands_mps) {
+      if (w.when >= limit.brakes) limit.stands = std::min(limit.stands, w.when);
+    } else if (w.when > limit.stands) {
+      return Violation{w.when, fmt::format("{:.3f} m/s, {:.3f} s after they should stand",
+                                           fastest(w), to_seconds(w.when - limit.stands))};
+    } else if (way_m > limit.way_m) {
+      return Violation{
+          w.when, fmt::format("{:.3f} m of way, {:.3f} m are enough to stop", way_m, limit.way_m)};
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<Violation> wheels_turn_unarmed(const Record& record) {
+  Permission permission;
+  for (std::size_t i = 0; i + 1 < record.states.size(); ++i) {
+    if (record.states[i].state != drivetrain_state_t::ARMED) continue;
+    permission.add(record.states[i].when, record.states[i + 1].when);
+  }
+  permit_strangers(record, permission);
+  permit_silence(record, permission);
+  return turns_outside(record, permission, reaction(record.limits));
+}
+
+std::optional<Violation> wheels_turn_on_old_commands(const Record& record) {
+  Permission permission;
+  Freshness fresh;
+  for (const CommandSample& c : record.commands) {
+    fresh.add(c);
+    permission.add(c.when, fresh.as_of(record.limits.max_blind) + record.limits.stale);
+  }
+  permit_strangers(record, permission);
+  permit_silence(record, permission);
+  return turns_outside(record, permission, reaction(record.limits));
+}
+
+std::optional<Violation> wheel_turns_without_setpoints(const Record& record) {
+  for (std::size_t i = 0; i < 2; ++i) {
+    Permission permission;
+    for (const Instant t : record.heard[i]) permission.add(t, t + kDriveDeadline);
+    permit_strangers(record, permission);
+    // Of this wheel alone: the other one may have setpoints.
+    Record one;
+    one.limits = record.limits;
+    one.wheels = record.wheels;
+    for (WheelSample& w : one.wheels) w.rim_mps[1 - i] = w.rim_mps[i];
+    one.limits.deceleration_mps2 = kQuickStop_mps2;
+    one.limits.acceleration_mps2 = kQuickStop_mps2;
+    if (auto v = turns_outside(one, permission, kServoLag)) return v;
+  }
+  return std::nullopt;
+}
+
+namespace {
+
+/// Calls check(sample, seen, way since then) at each wheel sample at which only plans may move the
+/// vehicle, until it returns a violation. `seen`: the newest pose of any plan so far.
+template <class Check>
+std::optional<Violation> on_plans(const Record& record, const Check& check) {
+  const Limits& limits = record.limits;
+  std::vector<std::pair<Instant, double>> ways;  // by the end of each sample
+  std::size_t at_seen = 0;
+  Instant seen = Instant::min(), others = Instant::min();
+  auto command = record.commands.begin();
+  auto foreign = record.foreign.begin();
+  double way_m = 0.0;
+  Instant before = kStart;
+  for (const WheelSample& w : record.wheels) {
+    way_m += std::abs(twist_of(w, limits).v_mps) * to_seconds(w.when - before);
+    before = w.when;
+    ways.emplace_back(w.when, way_m);
+    for (; command != record.commands.end() && command->when <= w.when; ++command) {
+      if (command->plan) seen = std::max(seen, command->seen);
+      if (!command->plan) others = std::max(others, braking(w, limits, limits.stale * 2).stands);
+    }
+    for (; foreign != record.foreign.end() && *foreign <= w.when; ++foreign) {
+      others = std::max(others, braking(w, limits, reaction(limits)).stands);
+    }
+    while (at_seen + 1 < ways.size() && ways[at_seen + 1].first <= seen) ++at_seen;
+    if (seen == Instant::min() || seen < others) continue;
+    if (auto v = check(w, seen, way_m - ways[at_seen].second)) return v;
+  }
+  return std::nullopt;
+}
+
+/// Whether odometry cannot know the way: "by odometry" is what the budget promises.
+bool odometry_lies(const Record& record, Instant from, Instant until) {
+  return std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
+    const bool lies = f.kind == FaultKind::encoder_freeze || f.kind == FaultKind::wheel_slip;
+    return lies && f.when <= until && f.until + kServoLag >= from;
+  });
+}
+
+}  // namespace
+
+std::optional<Violation> blind_for_too_long(const Record& record) {
+  return on_plans(record, [&](const WheelSample& w, Instant seen, double) {
+    const Duration blind = w.when - seen;
+    if (blind <= record.limits.max_blind + kServoLag || fastest(w) < kStands_mps) {
+      return std::optional<Violation>{};
+    }
+    return std::optional(
+        Violation{w.when, fmt::format("{:.3f} m/s, unseen for {:.3f} s of {:.3f}", fastest(w),
+                                      to_seconds(blind), to_seconds(record.limits.max_blind))});
+  });
+}
+
+std::optional<Violation> blind_too_far(const Record& record) {
+  return on_plans(record, [&](const WheelSample& w, Instant seen, double way_m) {
+    const double most_m = record.limits.max_blind_m;
+    if (way_m <= most_m || odometry_lies(record, seen, w.when)) return std::optional<Violation>{};
+    return std::optional(Violation{w.when, fmt::format("{:.3f} m of {:.3f} m since t = {:.3f}",
+                                                       way_m, most_m, to_seconds(seen))});
+  });
+}
+
+std::optional<Violation> no_rest_at_the_end(const Record& record) {
+  constexpr Duration kRest = std::chrono::milliseconds{500};
+  for (const WheelSample& w : record.wheels) {
+    if (w.when < record.end - kRest || fastest(w) < 1e-3) continue;
+    return Violation{w.when, fmt::format("{:.4f} m/s", fastest(w))};
+  }
+  for (const StateSample& s : record.states) {
+    const bool off = s.state != drivetrain_state_t::ARMED &&
+                     s.state != drivetrain_state_t::ARMING &&
+                     s.state != drivetrain_state_t::STOPPING;
+    if (s.when >= record.end - kRest && !off) {
+      return Violation{s.when, fmt::format("still in state {}", s.state)};
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace tether::campaign

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "can_bridge/node/can_bridge_node.hpp"
+#include "can_bridge/profiles/profiles.hpp"
+#include "tests/campaign/record.hpp"
+
+namespace tether::campaign {
+
+/// What all trials share; read once.
+struct Setup {
+  BridgeSettings settings;
+  DrivetrainConfig drivetrain;
+};
+/// scenarios/hil_vcan.toml with wheels of the drives' own, its drivetrain, and no lead.
+Setup load_setup();
+
+/// What the bridge of a trial is told, and what of that rules ask for.
+BridgeSettings settings_of(const Setup& setup, const Trial& trial);
+Limits limits_of(const BridgeSettings& settings);
+
+}  // namespace tether::campaign
