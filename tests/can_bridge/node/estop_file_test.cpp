@@ -4,9 +4,9 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 
 #include "common/base/errors.hpp"
+#include "tests/support/folder.hpp"
 
 namespace tether {
 namespace {
@@ -14,11 +14,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct EstopFileTest : ::testing::Test {
-  fs::path folder = fs::path(::testing::TempDir()) / "tether_estop_file_test";
-  fs::path path = folder / "state" / "estop.AGV.can0";
-
-  EstopFileTest() { fs::remove_all(folder); }
-  ~EstopFileTest() override { fs::remove_all(folder); }
+  testing::Folder folder;
+  fs::path path = folder.path / "state" / "estop.AGV.can0";
 };
 
 TEST_F(EstopFileTest, ALatchOutlivesTheProgramUntilItIsReset) {
@@ -38,8 +35,7 @@ TEST_F(EstopFileTest, ALatchOutlivesTheProgramUntilItIsReset) {
 }
 
 TEST_F(EstopFileTest, ABridgeThatCouldNotRememberDoesNotStart) {
-  fs::create_directories(folder);
-  std::ofstream(folder / "state") << "a file where the folder should be";
+  folder.file("state", "a file where the folder should be");
   EXPECT_THROW(EstopFile{path}, UsageError);
 }
 

@@ -1,9 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
@@ -12,6 +9,7 @@
 #include "common/path/path_settings.hpp"
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "tests/support/folder.hpp"
 
 namespace tether {
 namespace {
@@ -131,34 +129,28 @@ TEST(PathCheck, TheFigureEightIsFreeAsThePaperHasIt) {
 /// A folder with a scenario and waypoints.
 class PathFileTest : public ::testing::Test {
  protected:
-  PathFileTest() {
-    std::string name = (std::filesystem::temp_directory_path() / "tether-path-XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-    std::ofstream(folder_ / "a.toml") << "[path]\nkind = \"csv\"\ncsv = \"lap.csv\"\n";
-  }
-  ~PathFileTest() override { std::filesystem::remove_all(folder_); }
-
   Scenario load(const std::string& csv, const std::vector<std::string>& overrides = {}) {
-    std::ofstream(folder_ / "lap.csv") << csv;
-    return load_scenario((folder_ / "a.toml").string(), overrides);
+    folder_.file("lap.csv", csv);
+    const auto scenario = folder_.file("a.toml", "[path]\nkind = \"csv\"\ncsv = \"lap.csv\"\n");
+    return load_scenario(scenario.string(), overrides);
   }
   std::string refusal(const std::string& csv, const std::vector<std::string>& overrides = {}) {
     try {
       load(csv, overrides);
     } catch (const UsageError& error) {
       const std::string text = error.what();
-      const std::string name = (folder_ / "lap.csv").string();
+      const std::string name = (folder_.path / "lap.csv").string();
       return text.starts_with(name) ? text.substr(name.size() + 1) : text;
     }
     return "accepted";
   }
 
-  std::filesystem::path folder_;
+  testing::Folder folder_;
 };
 
 TEST_F(PathFileTest, IsLookedForBesideTheScenarioAndSetsTheStart) {
   const Scenario s = load("x_m,y_m\n-3,2\n-3,9\n0,12\n");
-  EXPECT_EQ(s.get<PathSettings>().csv, (folder_ / "lap.csv").string());
+  EXPECT_EQ(s.get<PathSettings>().csv, (folder_.path / "lap.csv").string());
   EXPECT_EQ(s.get<VehicleSettings>().start_x_m, -3.0);
   EXPECT_EQ(s.get<VehicleSettings>().start_y_m, 2.0);
   EXPECT_GT(s.get<VehicleSettings>().start_yaw_rad, 1.5);

@@ -1,8 +1,5 @@
 #include <gmock/gmock.h>
-#include <unistd.h>
 
-#include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
@@ -14,15 +11,16 @@
 #include "netem/channel/settings.hpp"
 #include "netem/models/markov.hpp"
 #include "sim/sensor/sensor_settings.hpp"
+#include "tests/support/folder.hpp"
 
 // What --set does, and what scenario files do as files.
 
 namespace tether {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 Scenario with(const std::vector<std::string>& overrides, const std::string& toml = "") {
   return parse_scenario(toml, "test.toml", overrides);
@@ -45,19 +43,6 @@ std::string file_refusal(const std::string& path) {
   }
   return "accepted";
 }
-
-struct ScratchFile {
-  std::filesystem::path path;
-  explicit ScratchFile(const std::string& text) {
-    std::string name = (std::filesystem::temp_directory_path() / "scenario-XXXXXX").string();
-    const int fd = mkstemp(name.data());
-    EXPECT_GE(fd, 0);
-    close(fd);
-    path = name;
-    std::ofstream(path) << text;
-  }
-  ~ScratchFile() { std::filesystem::remove(path); }
-};
 
 TEST(ScenarioOverride, ReplacesWhatTheFileSaysAndTheLastOneWins) {
   const Scenario s =
@@ -165,14 +150,17 @@ TEST(ScenarioFile, ThatCannotBeReadIsRefusedByName) {
 }
 
 TEST(ScenarioFile, MayBeEmpty) {
-  const ScratchFile file("");
-  EXPECT_EQ(to_toml(load_scenario(file.path.string(), {})), to_toml(Scenario{}));
+  const testing::Folder folder;
+  EXPECT_EQ(to_toml(load_scenario(folder.file("empty.toml", "").string(), {})),
+            to_toml(Scenario{}));
 }
 
 TEST(ScenarioFile, IsNamedWithItsPathInMessages) {
-  const ScratchFile file("[run]\nseed = 1\n[sensor]\nrate_hz = \"often\"\n");
-  EXPECT_THAT(file_refusal(file.path.string()),
-              AllOf(StartsWith(file.path.string() + ":4: sensor.rate_hz"), HasSubstr("often")));
+  const testing::Folder folder;
+  const std::string file =
+      folder.file("odd.toml", "[run]\nseed = 1\n[sensor]\nrate_hz = \"often\"\n").string();
+  EXPECT_THAT(file_refusal(file),
+              AllOf(StartsWith(file + ":4: sensor.rate_hz"), HasSubstr("often")));
 }
 
 TEST(ScenarioFile, TheShippedOnesLoadAndRoundTrip) {

@@ -4,14 +4,13 @@
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/pareto.hpp>
 #include <cmath>
-#include <cstdio>
-#include <fstream>
 #include <functional>
 #include <numbers>
 #include <vector>
 
 #include "common/base/errors.hpp"
 #include "netem/stages/delay_law.hpp"
+#include "tests/support/folder.hpp"
 
 // Delay laws against Boost.Math. Tolerances of samples: 5 standard deviations.
 
@@ -245,13 +244,11 @@ TEST(DelaySequence, EveryDelayTakesOneDrawWhateverTheLaw) {
 // -------------------------------------------------------------------- table files
 
 struct DelayTableFile : ::testing::Test {
-  const std::string file = ::testing::TempDir() + "tether-delays.txt";
-  ~DelayTableFile() override { std::remove(file.c_str()); }
+  const testing::Folder folder;
 
   JitterSettings written(const std::string& text) const {
     JitterSettings c = config("table", 0.0, 0.0);
-    c.file = file;
-    std::ofstream(c.file) << text;
+    c.file = folder.file("delays.txt", text).string();
     return c;
   }
   std::string refusal(const JitterSettings& c) const {

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "common/path/figure_eight.hpp"
+#include "tests/support/folder.hpp"
 #include "tests/tools/experiment/laws.hpp"
 #include "tools/base/process.hpp"
 
@@ -32,25 +32,15 @@ PlottedPoint curve_point(double x, const std::vector<double>& runs, std::uint64_
 class ExperimentFiguresTest : public ::testing::Test {
  protected:
   ExperimentFiguresTest() {
-    const std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
     if (const char* kept = std::getenv("TETHER_FIGURES")) {
-      keep_ = true;
-      folder_ = fs::path(kept) / name;
-    } else {
-      folder_ = fs::temp_directory_path() / ("tether_experiment_" + name);
+      folder_ = fs::path(kept) / ::testing::UnitTest::GetInstance()->current_test_info()->name();
+      fs::remove_all(folder_);
+      fs::create_directories(folder_);
     }
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
     text_ = {"", "ode", "paper.toml"};
   }
-  ~ExperimentFiguresTest() override {
-    if (!keep_) fs::remove_all(folder_);
-  }
 
-  std::string contents(const std::string& name) const {
-    std::ifstream in(folder_ / name, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
+  std::string contents(const std::string& name) const { return testing::contents(folder_ / name); }
 
   // All five files are there, each of its kind, and the script alone draws the pictures again.
   void expect_drawn(const std::string& stem) const {
@@ -139,8 +129,8 @@ class ExperimentFiguresTest : public ::testing::Test {
     return figure;
   }
 
-  bool keep_ = false;
-  fs::path folder_;
+  const testing::Folder own_;
+  fs::path folder_ = own_.path;
   FigureText text_;
 };
 

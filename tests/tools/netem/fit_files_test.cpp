@@ -2,9 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <functional>
 #include <sstream>
 #include <stdexcept>
@@ -13,6 +10,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "tests/support/folder.hpp"
 #include "tools/netem/fit.hpp"
 
 namespace tether {
@@ -283,9 +281,9 @@ TEST(ReadFitLog, WantsAChannelWhereThereAreSeveral) {
 // ---------------------------------------------------------------------------- any file
 
 TEST(ReadFitInput, TellsTheFormatsApart) {
-  const auto path = std::filesystem::temp_directory_path() / "netem_fit_files_test";
+  const testing::Folder folder;
   const auto read = [&](const std::string& bytes) {
-    std::ofstream(path, std::ios::binary) << bytes;
+    const auto path = folder.file("some file", bytes);
     return read_fit_input(path.string(), {}).description.substr(path.string().size());
   };
   EXPECT_EQ(read("seq,time_s\n1,0\n"), "");
@@ -294,7 +292,6 @@ TEST(ReadFitInput, TellsTheFormatsApart) {
   EXPECT_EQ(read(record(0, "A", pose(0, 0))), ", channel A");
   EXPECT_NE(refusal([&] { read("\x0a\x0d\x0d\x0a and so on"); }).find("editcap -F pcap"),
             std::string::npos);
-  std::filesystem::remove(path);
   EXPECT_EQ(refusal([&] { read_fit_input("/nowhere", {}); }), "cannot open /nowhere");
   EXPECT_EQ(refusal([&] { read_fit_input("/tmp", {}); }), "/tmp is a directory");
 }

@@ -12,6 +12,7 @@
 #include "netem/channel/settings.hpp"
 #include "netem/check/channel_sample.hpp"
 #include "netem/relay/make_links.hpp"
+#include "tests/support/folder.hpp"
 
 namespace tether {
 namespace {
@@ -21,16 +22,11 @@ namespace fs = std::filesystem;
 class ChannelFigureTest : public ::testing::Test {
  protected:
   ChannelFigureTest() {
-    const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::temp_directory_path() / (std::string("tether_figure_") + test->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
     scenario_ =
         parse_scenario("", "test.toml",
                        {"channel.downlink.jitter.law=gamma", "channel.downlink.jitter.mean_ms=20",
                         "channel.downlink.jitter.sd_ms=5"});
   }
-  ~ChannelFigureTest() override { fs::remove_all(folder_); }
 
   ChannelFigure figure(std::int64_t packets) {
     const LinkTraffic traffic{0.05, 50.0};
@@ -56,7 +52,8 @@ class ChannelFigureTest : public ::testing::Test {
     return fs::exists(folder_ / (name + ".svg")) && fs::file_size(folder_ / (name + ".png")) > 1000;
   }
 
-  fs::path folder_;
+  const testing::Folder own_;
+  const fs::path folder_ = own_.path;
   Scenario scenario_;
 };
 

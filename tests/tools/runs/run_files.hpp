@@ -1,33 +1,16 @@
 #pragma once
 
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <string>
 
+#include "tests/support/folder.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/output_folder.hpp"
 #include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
 
 namespace tether::testing {
-
-/// A temporary folder.
-struct Folder {
-  std::filesystem::path path;
-  Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "tether-loop-XXXXXX").string();
-    path = mkdtemp(name.data());
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-};
-
-inline std::string contents(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 /// A whole run with its files, as `tether run --out` does it.
 inline void run_into(const std::filesystem::path& path, const Scenario& scenario) {
