@@ -14,6 +14,9 @@ namespace tether {
 struct Message {
   std::string_view channel;
   std::span<const std::uint8_t> bytes;
+  /// Who published it, where the network tells: on UDP its address and port (sender_name()); else
+  /// 0.
+  std::uint64_t sender = 0;
 };
 
 /// Publish/subscribe of raw LCM messages. Implementations: InProcessBus (virtual time), LcmBus and

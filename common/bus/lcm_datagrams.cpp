@@ -106,7 +106,7 @@ struct LcmAssembler::Fragment {
 std::optional<Message> LcmAssembler::take(std::uint64_t sender,
                                           std::span<const std::uint8_t> datagram) {
   if (datagram.size() >= kShortHeader && read(datagram, 0, 4) == kShortMagic) {
-    return take_short(datagram);
+    return take_short(sender, datagram);
   }
   if (datagram.size() >= kFragmentHeader && read(datagram, 0, 4) == kFragmentMagic) {
     return take_fragment(sender, datagram);
@@ -114,11 +114,12 @@ std::optional<Message> LcmAssembler::take(std::uint64_t sender,
   return malformed();
 }
 
-std::optional<Message> LcmAssembler::take_short(std::span<const std::uint8_t> datagram) {
+std::optional<Message> LcmAssembler::take_short(std::uint64_t sender,
+                                                std::span<const std::uint8_t> datagram) {
   std::span<const std::uint8_t> rest = datagram.subspan(kShortHeader);
   const std::optional<std::string_view> name = take_name(rest);
   if (!name) return malformed();
-  return Message{*name, rest};
+  return Message{*name, rest, sender};
 }
 
 std::optional<Message> LcmAssembler::take_fragment(std::uint64_t sender,
@@ -148,7 +149,7 @@ std::optional<Message> LcmAssembler::take_fragment(std::uint64_t sender,
   pending_bytes_ -= bytes_.size();
   ages_.erase(message.age);
   pending_.erase(key);
-  return Message{channel_, bytes_};
+  return Message{channel_, bytes_, sender};
 }
 
 LcmAssembler::Partial& LcmAssembler::partial(const Key& key, const Fragment& fragment) {

@@ -61,7 +61,7 @@ class LcmAssembler {
   };
   struct Fragment;
 
-  std::optional<Message> take_short(std::span<const std::uint8_t> datagram);
+  std::optional<Message> take_short(std::uint64_t sender, std::span<const std::uint8_t> datagram);
   std::optional<Message> take_fragment(std::uint64_t sender,
                                        std::span<const std::uint8_t> datagram);
   Partial& partial(const Key& key, const Fragment& fragment);

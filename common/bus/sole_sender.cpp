@@ -1,0 +1,92 @@
+#include "common/bus/sole_sender.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace tether {
+
+bool SenderWatch::overlap(const Sender& a, const Sender& b) {
+  return std::min(a.last, b.last) - std::max(a.first, b.first) >= kOverlap;
+}
+
+void SenderWatch::heard(Instant now, std::uint64_t sender) {
+  if (sender == 0) return;
+  std::erase_if(senders_, [now](const Sender& s) { return now - s.last > kMemory; });
+  const auto known = std::find_if(senders_.begin(), senders_.end(),
+                                  [sender](const Sender& s) { return s.name == sender; });
+  if (known != senders_.end()) {
+    known->last = now;
+    return;
+  }
+  if (senders_.size() == kSenders) {
+    senders_.erase(std::min_element(senders_.begin(), senders_.end(),
+                                    [](const auto& a, const auto& b) { return a.last < b.last; }));
+  }
+  senders_.push_back({sender, now, now});
+}
+
+std::vector<std::uint64_t> SenderWatch::several(Instant now) const {
+  std::vector<std::uint64_t> found;
+  for (const Sender& a : senders_) {
+    const bool at_once = std::any_of(senders_.begin(), senders_.end(), [&](const Sender& b) {
+      const bool lately = now - std::min(a.last, b.last) <= kMemory;
+      return &a != &b && lately && overlap(a, b);
+    });
+    if (at_once) found.push_back(a.name);
+  }
+  return found;
+}
+
+SoleSender::SoleSender(EventLoop& loop, Bus& bus, const std::vector<std::string>& channels,
+                       Report report)
+    : loop_(loop), report_(std::move(report)) {
+  for (const std::string& channel : channels) {
+    Watched& watched = channels_.emplace_back(Watched{channel, {}});
+    bus.subscribe(channel, kDeepQueue,
+                  [this, &watched](const Message& message) { heard(watched, message.sender); });
+  }
+}
+
+void SoleSender::heard(Watched& watched, std::uint64_t sender) {
+  watched.watch.heard(loop_.now(), sender);
+  const bool several = !watched.watch.several(loop_.now()).empty();
+  if (several && !watched.reported) {
+    ++count_;
+    if (report_) report_(watched.channel, who(watched));
+  }
+  watched.reported = several;
+}
+
+std::string SoleSender::who(const Watched& watched) const {
+  std::vector<std::string> names;
+  for (const std::uint64_t sender : watched.watch.several(loop_.now())) {
+    names.push_back(sender_name(sender));
+  }
+  return fmt::format("{}", fmt::join(names, " and "));
+}
+
+bool SoleSender::several(const std::string& channel) const {
+  return std::any_of(channels_.begin(), channels_.end(), [&](const Watched& watched) {
+    return watched.channel == channel && !watched.watch.several(loop_.now()).empty();
+  });
+}
+
+std::string SoleSender::trouble() const {
+  for (const Watched& watched : channels_) {
+    if (const std::string names = who(watched); !names.empty()) {
+      return fmt::format("{}: {}", watched.channel, names);
+    }
+  }
+  return "";
+}
+
+std::string sender_name(std::uint64_t sender) {
+  const in_addr address{static_cast<in_addr_t>(sender >> 16)};
+  return fmt::format("{}:{}", inet_ntoa(address), ntohs(static_cast<std::uint16_t>(sender)));
+}
+
+}  // namespace tether

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <string>
+#include <vector>
+
+#include "common/base/time.hpp"
+#include "common/bus/bus.hpp"
+#include "common/loop/event_loop.hpp"
+
+namespace tether {
+
+/// Tells whether one program sends a stream or several do at the same time, by who sent each of its
+/// messages (Message::sender). One that falls silent when another begins was started anew. Those
+/// whose times overlap by kOverlap or more are several, for kMemory after the last message of
+/// either; so it takes one more message of each than a restart would have. Pure; `now` must not go
+/// backwards. Messages of which the network does not tell who sent them (0) do not count.
+class SenderWatch {
+ public:
+  static constexpr Duration kOverlap = std::chrono::milliseconds{100};
+  static constexpr Duration kMemory = std::chrono::seconds{2};
+  /// Of more senders than this, those heard last are remembered.
+  static constexpr std::size_t kSenders = 8;
+
+  void heard(Instant now, std::uint64_t sender);
+
+  /// Those that send at the same time, in the order in which they began; empty if one does, or
+  /// none.
+  std::vector<std::uint64_t> several(Instant now) const;
+
+ private:
+  struct Sender {
+    std::uint64_t name;
+    Instant first, last;
+  };
+  static bool overlap(const Sender& a, const Sender& b);
+
+  std::vector<Sender> senders_;  ///< by first
+};
+
+/// Watches channels on each of which one program alone should send.
+class SoleSender {
+ public:
+  /// Several programs began to send on a channel: which, and who they are.
+  using Report = std::function<void(const std::string& channel, const std::string& who)>;
+
+  /// Subscribes to these channels, before those who use what comes. `loop` and `bus` must outlive
+  /// it; `report` may be none.
+  SoleSender(EventLoop& loop, Bus& bus, const std::vector<std::string>& channels,
+             Report report = {});
+
+  /// Whether several programs send on this one of the channels now.
+  bool several(const std::string& channel) const;
+  /// "AGV/CMD_VEL: 10.0.0.2:40112 and 10.0.0.3:51200"; "" while there is one of each.
+  std::string trouble() const;
+  /// How often it was noticed.
+  std::int64_t count() const { return count_; }
+
+ private:
+  struct Watched {
+    std::string channel;
+    SenderWatch watch;
+    bool reported = false;
+  };
+  std::string who(const Watched& watched) const;
+  void heard(Watched& watched, std::uint64_t sender);
+
+  EventLoop& loop_;
+  Report report_;
+  std::list<Watched> channels_;
+  std::int64_t count_ = 0;
+};
+
+/// "10.0.0.2:40112" of a Message::sender.
+std::string sender_name(std::uint64_t sender);
+
+}  // namespace tether

@@ -1,0 +1,127 @@
+#include "common/bus/sole_sender.hpp"
+
+#include <gmock/gmock.h>
+
+#include "common/loop/virtual_loop.hpp"
+
+namespace tether {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+constexpr std::uint64_t kAlice = 11, kBob = 22, kCarol = 33;
+constexpr Duration kPeriod = milliseconds{50};
+
+struct SenderWatchTest : ::testing::Test {
+  SenderWatch watch;
+  Instant now = kStart;
+
+  void hear(std::uint64_t sender, Duration after = kPeriod) {
+    now += after;
+    watch.heard(now, sender);
+  }
+  void hear_both(int times) {
+    for (int i = 0; i < times; ++i) hear(kAlice, kPeriod / 2), hear(kBob, kPeriod / 2);
+  }
+};
+
+TEST_F(SenderWatchTest, OneSenderIsOneForEver) {
+  for (int i = 0; i < 1000; ++i) hear(kAlice);
+  EXPECT_THAT(watch.several(now), IsEmpty());
+}
+
+TEST_F(SenderWatchTest, WhoFallsSilentWhenAnotherBeginsWasStartedAnew) {
+  for (const std::uint64_t start : {kAlice, kBob, kCarol, kAlice}) {
+    for (int i = 0; i < 100; ++i) {
+      hear(start);
+      EXPECT_THAT(watch.several(now), IsEmpty());
+    }
+  }
+}
+
+TEST_F(SenderWatchTest, TheOldOnesLastMessagesMayComeAfterTheNewOnesFirst) {
+  hear(kAlice);
+  hear(kBob);
+  hear(kAlice, SenderWatch::kOverlap - nanoseconds{1});
+  for (int i = 0; i < 100; ++i) {
+    hear(kBob);
+    EXPECT_THAT(watch.several(now), IsEmpty());
+  }
+}
+
+TEST_F(SenderWatchTest, TwoAt20HzAreNoticedAfter150Ms) {
+  const Instant begin = now;
+  for (int i = 0; watch.several(now).empty() && i < 100; ++i) hear_both(1);
+  EXPECT_THAT(watch.several(now), ElementsAre(kAlice, kBob));
+  EXPECT_LE(now - begin, milliseconds{150});
+}
+
+TEST_F(SenderWatchTest, TwoAtOneHertzAreNoticedAtTheSecondMessageOfEither) {
+  hear(kAlice), hear(kBob, milliseconds{500}), hear(kAlice, milliseconds{500});
+  EXPECT_THAT(watch.several(now), IsEmpty());
+  hear(kBob, milliseconds{500});
+  EXPECT_THAT(watch.several(now), ElementsAre(kAlice, kBob));
+}
+
+TEST_F(SenderWatchTest, IsSatisfiedWhenOneOfThemHasBeenSilentForTwoSeconds) {
+  hear_both(10);
+  const Instant last = now - kPeriod / 2;  // Alice's
+  EXPECT_THAT(watch.several(last + SenderWatch::kMemory), ElementsAre(kAlice, kBob));
+  EXPECT_THAT(watch.several(last + SenderWatch::kMemory + nanoseconds{1}), IsEmpty());
+}
+
+TEST_F(SenderWatchTest, DoesNotCountWhoIsUnknown) {
+  for (int i = 0; i < 20; ++i) hear(kAlice), hear(0);
+  EXPECT_THAT(watch.several(now), IsEmpty());
+}
+
+TEST_F(SenderWatchTest, AFloodOfSendersDoesNotHideThoseThatGoOn) {
+  std::uint64_t other = 1000;
+  for (int i = 0; i < 100; ++i) {
+    hear_both(1);
+    hear(other++, nanoseconds{1});
+  }
+  EXPECT_THAT(watch.several(now), ElementsAre(kAlice, kBob));
+}
+
+TEST(SoleSenderTest, NamesChannelAndSendersOnceAndThenIsSatisfiedAgain) {
+  /// A network that tells who sends.
+  struct Telling final : Bus {
+    std::vector<Handler> handlers;
+    void publish(std::string_view, std::span<const std::uint8_t>) override {}
+    void subscribe(const std::string& channel, int, Handler handler) override {
+      EXPECT_EQ(channel, "AGV/CMD_VEL");
+      handlers.push_back(std::move(handler));
+    }
+  };
+  VirtualLoop loop;
+  Telling bus;
+  std::vector<std::string> reports;
+  SoleSender sole(loop, bus, {"AGV/CMD_VEL"}, [&](const auto& channel, const auto& who) {
+    reports.push_back(channel + " " + who);
+  });
+  const auto send_each = [&](Instant from, Instant to, std::uint64_t sender) {
+    loop.every(from, kPeriod, Priority::node, [&, to, sender](Instant now) {
+      if (now < to) bus.handlers.at(0)({"AGV/CMD_VEL", {}, sender});
+    });
+  };
+  // 127.0.0.1:256 and 127.0.0.1:257, as UdpmBus numbers them.
+  send_each(kStart, kStart + std::chrono::seconds{10}, 0x0100007f'0001);
+  send_each(kStart + std::chrono::seconds{1}, kStart + std::chrono::seconds{2}, 0x0100007f'0101);
+  loop.run_until(kStart + std::chrono::seconds{1});
+  EXPECT_EQ(sole.trouble(), "");
+  loop.run_until(kStart + std::chrono::seconds{2});
+  EXPECT_TRUE(sole.several("AGV/CMD_VEL"));
+  EXPECT_FALSE(sole.several("AGV/PLAN"));
+  EXPECT_EQ(sole.trouble(), "AGV/CMD_VEL: 127.0.0.1:256 and 127.0.0.1:257");
+  loop.run_until(kStart + std::chrono::seconds{9});
+  EXPECT_EQ(sole.trouble(), "");
+  EXPECT_EQ(sole.count(), 1);
+  EXPECT_THAT(reports, ElementsAre("AGV/CMD_VEL 127.0.0.1:256 and 127.0.0.1:257"));
+}
+
+}  // namespace
+}  // namespace tether
