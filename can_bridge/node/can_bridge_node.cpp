@@ -91,6 +91,7 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
       bus_(bus),
       port_(port),
       channels_(settings.get<VehicleSettings>().name),
+      senders_(loop, bus, {channels_.vehicle_command, channels_.vehicle_plan}),
       profile_(std::move(profile)),
       safety_(safety_config(settings)),
       inputs_(safety_inputs(config)),
@@ -152,6 +153,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   if (!started_) profile_->start(now);
   started_ = true;
 
+  safety_.on_senders(senders_.trouble());
   gpio_.read();
   safety_.on_safety_inputs(inputs_.cycle(now));
   const DrivetrainSnapshot drives = profile_->snapshot(now);
@@ -306,6 +308,7 @@ void CanBridgeNode::list_counters(CounterList& out) const {
   rejected_commands_.list("command", out);
   if (takes_plans_) rejected_plans_.list("plan", out);
   rejected_requests_.list("request", out);
+  senders_.list(out);
   port_.list(out);
   const DriveProfile::Counters drive = profile_->counters();
   out.emplace_back("drive.rejected_frames", drive.rejected_frames);

@@ -21,6 +21,7 @@
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/bus/sole_sender.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -86,6 +87,7 @@ class CanBridgeNode final : public Node {
   Bus& bus_;
   CanPort& port_;
   ChannelNames channels_;
+  SoleSender senders_;
   std::unique_ptr<DriveProfile> profile_;
   SafetyCore safety_;
   SafetyInputs inputs_;

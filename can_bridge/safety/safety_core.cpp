@@ -123,6 +123,11 @@ void SafetyCore::watch_own_loop(Instant now) {
 }
 
 void SafetyCore::watch_senders(Instant now) {
+  if (!several_senders_.empty()) {
+    latch_fault(
+        fmt::format("two programs command this vehicle, on {}: leave one of them, then reset",
+                    several_senders_));
+  }
   if (commands_.two_senders()) {
     latch_fault("two senders take turns to command this vehicle: leave one of them, then reset");
   }

@@ -70,7 +70,8 @@ struct Decision {
 ///   but one that says to stand still ("plan.stop_of_other_session") disarms: a stop is obeyed
 ///   whoever sends it. Nor does a twist that moves take over from a plan ("command.against_plan"):
 ///   one that says to stand still does.
-/// - Two senders of twists (CommandWatch) → FAULT.
+/// - Two senders of twists or plans at the same time → FAULT: as the network tells (on_senders), or
+///   behind a relay as numbers tell (CommandWatch).
 /// - With operator_timeout: no ALIVE for so long → as DISARM, and no arming.
 /// - Whatever ends an armed state, and RESET, ends all plans for good: those stamped before are
 ///   refused ("plan.before_stop"). Arming by a plan needs one that is younger than kPlanSilence and
@@ -148,6 +149,9 @@ class SafetyCore {
   void on_plan(Instant now, PlanSource source, Plan plan);
   /// A drive_request_t that arrives at `now`; acts in the next cycle.
   void on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request);
+  /// Several programs command the vehicle: "AGV/CMD_VEL: 10.0.0.2:40112 and …" (SoleSender); "" if
+  /// not. Holds until the next call.
+  void on_senders(std::string several) { several_senders_ = std::move(several); }
   /// What the vehicle's safety inputs demand, from the next cycle on. Before the first: nothing.
   void on_safety_inputs(SafetyDemands demands) { demands_ = std::move(demands); }
   /// The bus's state has changed. Remembers trouble that is over before the next cycle.
@@ -229,6 +233,7 @@ class SafetyCore {
   FollowMonitor monitor_;
   std::vector<DriveRequest> requests_;  ///< accepted since the last cycle
   SafetyDemands demands_;
+  std::string several_senders_;
 
   Motion motion_ = Motion::idle;
   Instant motion_since_{};

@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <utility>
 
 namespace tether {
@@ -44,6 +45,9 @@ std::vector<std::uint64_t> SenderWatch::several(Instant now) const {
 SoleSender::SoleSender(EventLoop& loop, Bus& bus, const std::vector<std::string>& channels,
                        Report report)
     : loop_(loop), report_(std::move(report)) {
+  if (!report_) {
+    report_ = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
+  }
   for (const std::string& channel : channels) {
     Watched& watched = channels_.emplace_back(Watched{channel, {}});
     bus.subscribe(channel, kDeepQueue,
@@ -52,24 +56,26 @@ SoleSender::SoleSender(EventLoop& loop, Bus& bus, const std::vector<std::string>
 }
 
 void SoleSender::heard(Watched& watched, std::uint64_t sender) {
+  if (sender == 0) return;
   watched.watch.heard(loop_.now(), sender);
-  const bool several = !watched.watch.several(loop_.now()).empty();
-  if (several && !watched.reported) {
+  const std::string several = text(watched);
+  if (!several.empty() && !watched.reported) {
     ++count_;
-    if (report_) report_(watched.channel, who(watched));
+    report_("several programs send at the same time on " + several);
   }
-  watched.reported = several;
+  watched.reported = !several.empty();
 }
 
-std::string SoleSender::who(const Watched& watched) const {
+std::string SoleSender::text(const Watched& watched) const {
   std::vector<std::string> names;
   for (const std::uint64_t sender : watched.watch.several(loop_.now())) {
     names.push_back(sender_name(sender));
   }
-  return fmt::format("{}", fmt::join(names, " and "));
+  if (names.empty()) return "";
+  return fmt::format("{}: {}", watched.channel, fmt::join(names, " and "));
 }
 
-bool SoleSender::several(const std::string& channel) const {
+bool SoleSender::several(std::string_view channel) const {
   return std::any_of(channels_.begin(), channels_.end(), [&](const Watched& watched) {
     return watched.channel == channel && !watched.watch.several(loop_.now()).empty();
   });
@@ -77,11 +83,13 @@ bool SoleSender::several(const std::string& channel) const {
 
 std::string SoleSender::trouble() const {
   for (const Watched& watched : channels_) {
-    if (const std::string names = who(watched); !names.empty()) {
-      return fmt::format("{}: {}", watched.channel, names);
-    }
+    if (std::string several = text(watched); !several.empty()) return several;
   }
   return "";
+}
+
+void SoleSender::list(CounterList& out) const {
+  if (count_ > 0) out.emplace_back("senders.several", count_);
 }
 
 std::string sender_name(std::uint64_t sender) {

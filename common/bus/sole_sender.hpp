@@ -4,6 +4,7 @@
 #include <functional>
 #include <list>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/time.hpp"
@@ -43,20 +44,20 @@ class SenderWatch {
 /// Watches channels on each of which one program alone should send.
 class SoleSender {
  public:
-  /// Several programs began to send on a channel: which, and who they are.
-  using Report = std::function<void(const std::string& channel, const std::string& who)>;
+  /// Told when several programs begin to send on a channel, in words.
+  using Report = std::function<void(const std::string& line)>;
 
   /// Subscribes to these channels, before those who use what comes. `loop` and `bus` must outlive
-  /// it; `report` may be none.
+  /// it. Without `report` it says so on stderr.
   SoleSender(EventLoop& loop, Bus& bus, const std::vector<std::string>& channels,
              Report report = {});
 
   /// Whether several programs send on this one of the channels now.
-  bool several(const std::string& channel) const;
+  bool several(std::string_view channel) const;
   /// "AGV/CMD_VEL: 10.0.0.2:40112 and 10.0.0.3:51200"; "" while there is one of each.
   std::string trouble() const;
-  /// How often it was noticed.
-  std::int64_t count() const { return count_; }
+  /// Appends "senders.several", how often it was noticed, if it ever was.
+  void list(CounterList& out) const;
 
  private:
   struct Watched {
@@ -64,7 +65,7 @@ class SoleSender {
     SenderWatch watch;
     bool reported = false;
   };
-  std::string who(const Watched& watched) const;
+  std::string text(const Watched& watched) const;
   void heard(Watched& watched, std::uint64_t sender);
 
   EventLoop& loop_;

@@ -38,6 +38,7 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
     : loop_(loop),
       bus_(bus),
       channels_(settings.get<VehicleSettings>().name),
+      senders_(loop, bus, {channels_.control_pose}),
       config_(settings.get<ControllerSettings>()),
       pose_timeout_(from_seconds(config_.pose_timeout_s)),
       session_(session.value_or(session_of_seed(settings.get<RunSettings>().seed))),
@@ -178,6 +179,7 @@ void ControllerNode::finish() { counters_.publish_now(); }
 void ControllerNode::list_counters(CounterList& out) const {
   guard_.list("pose", out);
   rejected_.list("pose", out);
+  senders_.list(out);
   out.emplace_back("pose.non_finite", non_finite_);
   out.emplace_back("pose.timeouts", pose_timeouts_);
   out.emplace_back("command.unusable", unusable_commands_);

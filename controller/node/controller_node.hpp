@@ -8,6 +8,7 @@
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/bus/sole_sender.hpp"
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
@@ -64,6 +65,7 @@ class ControllerNode final : public Node {
   EventLoop& loop_;
   Bus& bus_;
   ChannelNames channels_;
+  SoleSender senders_;
   ControllerSettings config_;
   Duration pose_timeout_;
   std::int64_t session_;

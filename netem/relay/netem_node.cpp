@@ -34,6 +34,10 @@ NetemNode::NetemNode(const NetemSettings& settings, const ChannelModels& models,
       wants_position_(links.uplink.process().wants_position() ||
                       links.downlink.process().wants_position()),
       channels_(settings.get<VehicleSettings>().name),
+      vehicle_senders_(loop, vehicle_bus, {channels_.vehicle_pose}),
+      control_senders_(
+          loop, control_bus,
+          {channels_.control_command, channels_.control_plan, channels_.control_preload}),
       counters_(loop, vehicle_bus, "netem", channels_.net_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }),
@@ -50,6 +54,7 @@ NetemNode::NetemNode(const NetemSettings& settings, const ChannelModels& models,
   connect(control_bus, channels_.control_command, downlink_, channels_.vehicle_command);
   connect(control_bus, channels_.control_plan, downlink_, channels_.vehicle_plan);
   control_bus.subscribe(channels_.control_preload, kDeepQueue, [this](const Message& message) {
+    if (refuses(message)) return;
     ++preloads_;
     vehicle_bus_.publish(channels_.vehicle_preload, message.bytes);
   });
@@ -69,9 +74,17 @@ RunningLink::Report NetemNode::report_on(const std::string& channel) {
 
 void NetemNode::connect(Bus& in, const std::string& in_channel, RunningLink& link,
                         const std::string& out_channel) {
-  in.subscribe(in_channel, kDeepQueue, [&link, out_channel](const Message& message) {
+  in.subscribe(in_channel, kDeepQueue, [this, &link, out_channel](const Message& message) {
+    if (refuses(message)) return;
     link.take({out_channel, {message.bytes.begin(), message.bytes.end()}});
   });
+}
+
+bool NetemNode::refuses(const Message& message) {
+  const bool refused =
+      vehicle_senders_.several(message.channel) || control_senders_.several(message.channel);
+  if (refused) ++refused_;
+  return refused;
 }
 
 void NetemNode::watch_position() {
@@ -103,6 +116,9 @@ void NetemNode::list_counters(CounterList& out) const {
   downlink_.list_counters(out);
   if (wants_position_) out.emplace_back("undecodable_positions", undecodable_positions_);
   if (preloads_ > 0) out.emplace_back("preloads", preloads_);
+  vehicle_senders_.list(out);
+  control_senders_.list(out);
+  if (refused_ > 0) out.emplace_back("senders.refused", refused_);
   settings_.list_counters(out);
 }
 

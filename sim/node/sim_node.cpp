@@ -49,6 +49,9 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
     : loop_(loop),
       bus_(bus),
       channels_(settings.get<VehicleSettings>().name),
+      senders_(loop, bus,
+               {channels_.vehicle_command, channels_.vehicle_plan, channels_.can_plan,
+                channels_.wheel_targets}),
       end_(kStart + from_seconds(settings.get<RunSettings>().duration_s)),
       world_end_(end_),
       sensor_latency_(from_seconds(settings.get<SensorSettings>().latency_ms * 1e-3)),
@@ -251,6 +254,7 @@ void SimNode::list_counters(CounterList& out) const {
   guard_.list("command", out);
   rejected_.list("command", out);
   out.emplace_back("command.non_finite", non_finite_);
+  senders_.list(out);
   if (drives_) drives_->list(out);
   if (plan_watch_) plan_watch_->list(out);
   if (!drives_) actuator_.list(out);

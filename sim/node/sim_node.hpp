@@ -10,6 +10,7 @@
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/bus/sole_sender.hpp"
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
@@ -86,6 +87,7 @@ class SimNode final : public Node {
   EventLoop& loop_;
   Bus& bus_;
   ChannelNames channels_;
+  SoleSender senders_;
   Instant end_;        // of truth and metrics
   Instant world_end_;  // of motion
   Duration sensor_latency_;

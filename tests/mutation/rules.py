@@ -84,6 +84,7 @@ RULES = [
     ("plans: drive as fast as they like unseen", "follow_within_budget", "false", "planned"),
     ("plans: a stop of another session", "SafetyCore::on_plan", "false", "is_stop"),
     ("commands: made from an old pose", "CommandWatch::offer", "false", "max_blind_"),
+    ("commands: of two programs", "watch_senders", "false", "several_senders_"),
     ("commands: of two senders", "watch_senders", "false", "two_senders"),
     ("commands: drive far on a stale one", "SafetyCore::watch_age", "operand", "too_far"),
     ("operator: lets go", "watch_senders", "false", "is_held"),

@@ -46,6 +46,24 @@ TEST_F(CanBridgePlanTest, CommandsPlansAndRequestsOfAnotherRunMoveNothingButStop
   EXPECT_NE(state().state, drivetrain_state_t::ARMED);
 }
 
+TEST_F(CanBridgePlanTest,
+       TwoProgramsThatCommandAreAFaultEvenIfTheLatersMessagesAllCountAsReordered) {
+  start();
+  steer(2.0, 0.8);  // numbers from 0 on
+  for (int ms = 1000; ms < 1300; ms += 50) {
+    world.publish_at(at_ms(ms + 10), "AGV/CMD_VEL", twist(at_ms(ms - 60), 1000, 0.0, 0.0));
+  }
+  world.loop.run_until(at_ms(1105));
+  EXPECT_EQ(state().state, drivetrain_state_t::ARMED);
+  world.loop.run_until(at_ms(1185));
+  EXPECT_NE(state().state, drivetrain_state_t::ARMED);
+  EXPECT_EQ(state().reason.find("two programs command this vehicle, on AGV/CMD_VEL: 127.0.0.1:256 "
+                                "and 127.0.0.1:257: leave one of them, then reset"),
+            0U)
+      << state().reason;
+  EXPECT_EQ(count("senders.several"), 1);
+}
+
 TEST_F(CanBridgePlanTest, TellsEveryCycleWhichPlanItFollows) {
   scenario.get<ActuatorSettings>().policy = "horizon";
   std::vector<Seen<plan_in_force_t>> plans;

@@ -18,6 +18,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tests/can_bridge/node/bridge_fakes.hpp"
 #include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/support/telling_bus.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether::testing {
@@ -26,6 +27,7 @@ namespace tether::testing {
 struct BridgeRig : ::testing::Test {
   Scenario scenario;
   VirtualWorld world;
+  TellingBus bus{world.bus, sender_by_number};
   FakePort port;
   FakeProfile* profile = nullptr;  // the node's
   std::unique_ptr<CanBridgeNode> node;
@@ -44,7 +46,7 @@ struct BridgeRig : ::testing::Test {
     world.collect("CAN/COUNTERS", counters);
     auto owned = std::make_unique<FakeProfile>();
     profile = owned.get();
-    node = std::make_unique<CanBridgeNode>(scenario, drivetrain(), world.loop, world.bus, port,
+    node = std::make_unique<CanBridgeNode>(scenario, drivetrain(), world.loop, bus, port,
                                            std::move(owned));
   }
   void request_at(Instant when, std::int32_t what) {

@@ -47,6 +47,24 @@ TEST_F(Senders, AreAFaultOfADisarmedVehicleToo) {
   EXPECT_EQ(last.state, BridgeState::fault);
 }
 
+TEST_F(Senders, SeveralProgramsAreAFaultUntilOneIsLeftAndReset) {
+  drive(1.0);
+  core.on_senders("AGV/CMD_VEL: 10.0.0.2:1 and 10.0.0.3:1");
+  EXPECT_EQ(cycle().action, Action::quick_stop);
+  expect_reason("two programs command this vehicle, on AGV/CMD_VEL: 10.0.0.2:1 and 10.0.0.3:1");
+  drives.standstill = true;
+  for (int i = 0; i < 5; ++i) cycle_after(kCycle);
+  request(DriveRequest::reset);
+  for (int i = 0; i < 5; ++i) cycle_after(kCycle);
+  EXPECT_EQ(last.state, BridgeState::fault) << "they still do";
+  core.on_senders("");
+  request(DriveRequest::reset);
+  cycle_after(kCycle);
+  drives.phase = DrivePhase::standby;
+  cycle_after(kCycle);
+  EXPECT_EQ(last.state, BridgeState::disarmed);
+}
+
 TEST_F(Senders, AControllerThatIsRestartedNowAndThenIsOne) {
   drive(1.0);
   for (int start = 0; start < 10; ++start) {

@@ -52,11 +52,11 @@ TEST_F(SenderWatchTest, TheOldOnesLastMessagesMayComeAfterTheNewOnesFirst) {
   }
 }
 
-TEST_F(SenderWatchTest, TwoAt20HzAreNoticedAfter150Ms) {
+TEST_F(SenderWatchTest, TwoAt20HzAreNoticedWithin200Ms) {
   const Instant begin = now;
   for (int i = 0; watch.several(now).empty() && i < 100; ++i) hear_both(1);
   EXPECT_THAT(watch.several(now), ElementsAre(kAlice, kBob));
-  EXPECT_LE(now - begin, milliseconds{150});
+  EXPECT_LE(now - begin, milliseconds{200});
 }
 
 TEST_F(SenderWatchTest, TwoAtOneHertzAreNoticedAtTheSecondMessageOfEither) {
@@ -100,9 +100,8 @@ TEST(SoleSenderTest, NamesChannelAndSendersOnceAndThenIsSatisfiedAgain) {
   VirtualLoop loop;
   Telling bus;
   std::vector<std::string> reports;
-  SoleSender sole(loop, bus, {"AGV/CMD_VEL"}, [&](const auto& channel, const auto& who) {
-    reports.push_back(channel + " " + who);
-  });
+  SoleSender sole(loop, bus, {"AGV/CMD_VEL"},
+                  [&](const std::string& line) { reports.push_back(line); });
   const auto send_each = [&](Instant from, Instant to, std::uint64_t sender) {
     loop.every(from, kPeriod, Priority::node, [&, to, sender](Instant now) {
       if (now < to) bus.handlers.at(0)({"AGV/CMD_VEL", {}, sender});
@@ -119,8 +118,11 @@ TEST(SoleSenderTest, NamesChannelAndSendersOnceAndThenIsSatisfiedAgain) {
   EXPECT_EQ(sole.trouble(), "AGV/CMD_VEL: 127.0.0.1:256 and 127.0.0.1:257");
   loop.run_until(kStart + std::chrono::seconds{9});
   EXPECT_EQ(sole.trouble(), "");
-  EXPECT_EQ(sole.count(), 1);
-  EXPECT_THAT(reports, ElementsAre("AGV/CMD_VEL 127.0.0.1:256 and 127.0.0.1:257"));
+  CounterList counters;
+  sole.list(counters);
+  EXPECT_THAT(counters, ElementsAre(std::pair<std::string, std::int64_t>("senders.several", 1)));
+  EXPECT_THAT(reports, ElementsAre("several programs send at the same time on AGV/CMD_VEL: "
+                                   "127.0.0.1:256 and 127.0.0.1:257"));
 }
 
 }  // namespace

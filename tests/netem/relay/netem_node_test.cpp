@@ -8,6 +8,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/models/markov.hpp"
+#include "tests/support/telling_bus.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {
@@ -45,6 +46,38 @@ TEST_F(NetemNodeTest, ForwardsRawBytesBothWaysWithoutDecoding) {
   world.loop.run_until(at_s(1));
   EXPECT_EQ(poses, std::vector<std::vector<std::uint8_t>>{garbage});
   EXPECT_EQ(commands, std::vector<std::vector<std::uint8_t>>{garbage});
+}
+
+TEST_F(NetemNodeTest, RelaysNothingOfAChannelWhileTwoProgramsSendOnIt) {
+  testing::TellingBus telling(world.bus, testing::sender_by_number);
+  std::vector<Seen<twist_t>> commands;
+  std::vector<Seen<pose_t>> poses;
+  std::vector<Seen<counters_t>> counters;
+  world.collect("AGV/CMD_VEL", commands);
+  world.collect("CTRL/POSE", poses);
+  world.collect("NET/COUNTERS", counters);
+  NetemNode node(scenario, world.loop, telling, telling);
+  for (int ms = 0; ms < 6000; ms += 50) {
+    world.publish_at(at_ms(ms), "CTRL/CMD_VEL", testing::twist(at_ms(ms), ms / 50, 0.0, 0.0));
+    world.publish_at(at_ms(ms), "AGV/POSE", testing::pose(at_ms(ms), ms / 50));
+    if (ms >= 1000 && ms < 2000) {
+      world.publish_at(at_ms(ms + 10), "CTRL/CMD_VEL", testing::twist(at_ms(ms), 1000, 9.0, 0.0));
+    }
+  }
+  world.loop.run_until(at_s(6));
+  node.finish();
+  world.loop.run_until(at_s(6));
+  EXPECT_EQ(poses.size(), 120U);
+  std::int64_t others = 0, refused = 120 + 20;
+  for (const Seen<twist_t>& command : commands) {
+    others += command.message.v_mps == 9.0 ? 1 : 0;
+    refused -= 1;
+    const bool silent = command.when > at_ms(1150) && command.when < at_ms(3900);
+    EXPECT_FALSE(silent) << to_seconds(command.when);
+  }
+  EXPECT_LE(others, 3) << "until they are known to be two";
+  EXPECT_EQ(testing::counter(counters.back().message, "senders.refused"), refused);
+  EXPECT_EQ(testing::counter(counters.back().message, "senders.several"), 1);
 }
 
 TEST_F(NetemNodeTest, PlansShareTheDownlinkWithCommandsAndPayForTheirSize) {
