@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdint>
 
 #include "common/base/errors.hpp"
@@ -83,6 +84,13 @@ std::string multicast_group(const std::string& url) {
 
 std::uint16_t lcm_port(const std::string& url) {
   return static_cast<std::uint16_t>(std::stoul(url.substr(url.rfind(':') + 1)));
+}
+
+std::string with_next_port(const std::string& url) {
+  const auto port = url.rfind(':') + 1;
+  const auto end = std::min(url.find_first_of("?/", port), url.size());
+  const int next = lcm_port(url) == 65535 ? 1024 : lcm_port(url) + 1;
+  return fmt::format("{}{}{}", url.substr(0, port), next, url.substr(end));
 }
 
 std::int64_t lcm_option(const std::string& url, const std::string& key) {

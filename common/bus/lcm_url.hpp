@@ -21,6 +21,9 @@ std::string multicast_group(const std::string& url);
 /// The port of a checked URL.
 std::uint16_t lcm_port(const std::string& url);
 
+/// The same URL with the next port, for whoever needs a network of his own.
+std::string with_next_port(const std::string& url);
+
 /// "ttl" (0 if absent) or "recv_buf_size" of a checked udpm URL.
 std::int64_t lcm_option(const std::string& url, const std::string& key);
 

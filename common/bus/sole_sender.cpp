@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <netinet/in.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -94,7 +95,10 @@ void SoleSender::list(CounterList& out) const {
 
 std::string sender_name(std::uint64_t sender) {
   const in_addr address{static_cast<in_addr_t>(sender >> 16)};
-  return fmt::format("{}:{}", inet_ntoa(address), ntohs(static_cast<std::uint16_t>(sender)));
+  const int port = ntohs(static_cast<std::uint16_t>(sender));
+  // On the loopback interface datagrams may have no address at all.
+  if (address.s_addr == INADDR_ANY) return fmt::format("this host's port {}", port);
+  return fmt::format("{}:{}", inet_ntoa(address), port);
 }
 
 }  // namespace tether

@@ -74,7 +74,7 @@ class SoleSender {
   std::int64_t count_ = 0;
 };
 
-/// "10.0.0.2:40112" of a Message::sender.
+/// "10.0.0.2:40112" of a Message::sender; "this host's port 40112" where it came without address.
 std::string sender_name(std::uint64_t sender);
 
 }  // namespace tether

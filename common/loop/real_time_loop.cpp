@@ -25,14 +25,14 @@ std::int64_t read_clock_ns(clockid_t id) {
   return t.tv_sec * kNanosecondsPerSecond + t.tv_nsec;
 }
 
-/// What to add to the wall clock to get CLOCK_MONOTONIC. The two cannot be read at once: the best
+/// What to add to the wall clock to get CLOCK_BOOTTIME. The two cannot be read at once: the best
 /// of a few tries is one that was not interrupted.
-std::int64_t wall_to_monotonic_ns() {
+std::int64_t wall_to_boot_ns() {
   std::int64_t best_gap_ns = INT64_MAX, best_ns = 0;
   for (int i = 0; i < 5; ++i) {
-    const std::int64_t before_ns = read_clock_ns(CLOCK_MONOTONIC);
+    const std::int64_t before_ns = read_clock_ns(CLOCK_BOOTTIME);
     const std::int64_t wall_ns = read_clock_ns(CLOCK_REALTIME);
-    const std::int64_t gap_ns = read_clock_ns(CLOCK_MONOTONIC) - before_ns;
+    const std::int64_t gap_ns = read_clock_ns(CLOCK_BOOTTIME) - before_ns;
     if (gap_ns >= best_gap_ns) continue;
     best_gap_ns = gap_ns;
     best_ns = before_ns + gap_ns / 2 - wall_ns;
@@ -49,10 +49,12 @@ void watch(int epoll_fd, int fd) {
 
 }  // namespace
 
-RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us, double speed)
-    : run_id_(start_utime_us), speed_(speed) {
+RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us, double speed,
+                           std::optional<std::int64_t> start_boot_ns)
+    : run_id_(start_utime_us),
+      speed_(speed),
+      start_boot_ns_(start_boot_ns ? *start_boot_ns : start_utime_us * 1000 + wall_to_boot_ns()) {
   assert(speed > 0.0);
-  start_monotonic_ns_ = start_utime_us * 1000 + wall_to_monotonic_ns();
 
   sigset_t signals;
   sigemptyset(&signals);
@@ -65,7 +67,7 @@ RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us, double speed)
   signal_fd_ =
       check_system_call("opening a signalfd", signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK));
   timer_fd_ = check_system_call("opening a timerfd",
-                                timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK));
+                                timerfd_create(CLOCK_BOOTTIME, TFD_CLOEXEC | TFD_NONBLOCK));
   epoll_fd_ = check_system_call("opening an epoll", epoll_create1(EPOLL_CLOEXEC));
   watch(epoll_fd_, signal_fd_);
   watch(epoll_fd_, timer_fd_);
@@ -84,14 +86,14 @@ std::int64_t RealTimeLoop::number_of_this_start() {
 }
 
 Instant RealTimeLoop::now() const {
-  const std::int64_t wall_ns = read_clock_ns(CLOCK_MONOTONIC) - start_monotonic_ns_;
+  const std::int64_t wall_ns = read_clock_ns(CLOCK_BOOTTIME) - start_boot_ns_;
   if (speed_ == 1.0) return Instant{Duration{wall_ns}};
   return Instant{Duration{std::llround(static_cast<double>(wall_ns) * speed_)}};
 }
 
 void RealTimeLoop::set_now(Instant now, std::int64_t run_id) {
   run_id_ = run_id;
-  start_monotonic_ns_ = read_clock_ns(CLOCK_MONOTONIC) - wall_ns(now.time_since_epoch());
+  start_boot_ns_ = read_clock_ns(CLOCK_BOOTTIME) - wall_ns(now.time_since_epoch());
 }
 
 std::int64_t RealTimeLoop::wall_ns(Duration run_time) const {
@@ -167,7 +169,7 @@ void RealTimeLoop::on_timer() {
   // earlier by that much, so that the wait ends on time. A process that is woken too early waits
   // for the rest without sleeping.
   constexpr std::int64_t kStep_ns = 500, kMax_ns = 100'000;
-  const std::int64_t took_ns = read_clock_ns(CLOCK_MONOTONIC) - armed_ns_;
+  const std::int64_t took_ns = read_clock_ns(CLOCK_BOOTTIME) - armed_ns_;
   armed_ns_ = kNotArmed;
   if (!asleep_) return;
   wake_lead_ns_ += took_ns > wake_lead_ns_ ? kStep_ns : -3 * kStep_ns;
@@ -178,8 +180,8 @@ void RealTimeLoop::arm(Instant until) {
   std::int64_t ns = 0;  // never
   if (until != Instant::max()) {
     // An absolute time of zero would disarm the timer; one nanosecond is as much in the past.
-    ns = std::max<std::int64_t>(
-        1, wall_ns(until.time_since_epoch()) + start_monotonic_ns_ - wake_lead_ns_);
+    ns = std::max<std::int64_t>(1,
+                                wall_ns(until.time_since_epoch()) + start_boot_ns_ - wake_lead_ns_);
   }
   if (ns == armed_ns_) return;
   itimerspec spec{};
@@ -188,7 +190,7 @@ void RealTimeLoop::arm(Instant until) {
   check_system_call("arming the timer",
                     timerfd_settime(timer_fd_, TFD_TIMER_ABSTIME, &spec, nullptr));
   armed_ns_ = ns;
-  asleep_ = ns > read_clock_ns(CLOCK_MONOTONIC);
+  asleep_ = ns > read_clock_ns(CLOCK_BOOTTIME);
 }
 
 void RealTimeLoop::read_signal() {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <ctime>
+#include <optional>
 #include <vector>
 
 #include "common/loop/event_loop.hpp"
@@ -9,19 +10,24 @@
 
 namespace tether {
 
-/// Real time (or slow motion): epoll with an absolute timerfd on CLOCK_MONOTONIC, so that periods
-/// do not drift. SIGINT and SIGTERM end run() cleanly (they are blocked for the process from
+/// Real time (or slow motion): epoll with an absolute timerfd on CLOCK_BOOTTIME, so that periods
+/// do not drift, no step of the wall clock is noticed, and the time that the machine is suspended
+/// counts. SIGINT and SIGTERM end run() cleanly (they are blocked for the process from
 /// construction on).
 ///
-/// The run's clock is anchored to the wall clock once, at construction: all nodes of a run get the
-/// same `start_utime_us` and so agree on t = 0, and a node that is restarted in the middle of a
-/// run joins at the right time.
+/// The run's clock is anchored once, at construction: to the wall clock, so that nodes of several
+/// hosts that get the same `start_utime_us` agree on t = 0, or to the host's boot clock, so that a
+/// node that is restarted in the middle of a run joins at the right time, whatever has become of
+/// the wall clock since.
 class RealTimeLoop final : public EventLoop {
  public:
   /// `start_utime_us`: the wall-clock time (µs since 1970) of the run's t = 0.
   /// `speed`: run seconds per wall second, > 0. Below 1 is slow motion, for machines that cannot
   /// keep up; every deadline stretches with it, for all nodes of a run alike.
-  explicit RealTimeLoop(std::int64_t start_utime_us, double speed = 1.0);
+  /// `start_boot_ns`: the same time on this host's CLOCK_BOOTTIME, as another node's
+  /// start_boot_ns() says; `start_utime_us` then only tells runs apart.
+  explicit RealTimeLoop(std::int64_t start_utime_us, double speed = 1.0,
+                        std::optional<std::int64_t> start_boot_ns = std::nullopt);
   ~RealTimeLoop() override;
 
   Instant now() const override;
@@ -36,6 +42,9 @@ class RealTimeLoop final : public EventLoop {
 
   /// Largest lateness of any periodic task so far.
   Duration lateness_max() const { return lateness_max_; }
+
+  /// t = 0 on this host's CLOCK_BOOTTIME.
+  std::int64_t start_boot_ns() const { return start_boot_ns_; }
 
   /// Moves the clock so that now() is `now`, of the run `run_id`; for nodes that follow another
   /// node's clock, before they schedule anything.
@@ -73,7 +82,7 @@ class RealTimeLoop final : public EventLoop {
   std::int64_t armed_ns_ = kNotArmed;  // what the timer is set to; 0: never
   bool asleep_ = false;                // it was set to a time that had not come
   std::int64_t wake_lead_ns_ = 0;      // the timer is set earlier by this
-  std::int64_t start_monotonic_ns_ = 0;
+  std::int64_t start_boot_ns_ = 0;
   int epoll_fd_ = -1;
   int timer_fd_ = -1;
   int signal_fd_ = -1;

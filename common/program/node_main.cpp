@@ -13,7 +13,6 @@
 
 #include "common/base/errors.hpp"
 #include "common/bus/channel_names.hpp"
-#include "common/bus/lcm_bus.hpp"
 #include "common/bus/lcm_url.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/bus/udpm_bus.hpp"
@@ -21,7 +20,9 @@
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
+#include "common/program/presence.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
@@ -32,6 +33,7 @@ struct Options {
   std::string lcm_url = kDefaultLcmUrl;
   std::string control_lcm_url;
   std::optional<std::int64_t> start_utime_us;
+  std::optional<std::int64_t> start_boot_ns;
   double speed = 1.0;
   std::optional<std::int64_t> lockstep_session;
   bool stands_alone = false;
@@ -89,9 +91,10 @@ void wind_down(Node& node, RealTimeLoop& loop) {
 }
 
 End run_once(const NodeProgram& program, const Options& options, const Scenario& scenario) {
-  RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()), options.speed);
-  LcmBus bus(options.lcm_url, loop);
-  std::optional<LcmBus> other;
+  RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()), options.speed,
+                    options.start_boot_ns);
+  UdpmBus bus(options.lcm_url, loop);
+  std::optional<UdpmBus> other;
   if (!options.control_lcm_url.empty() &&
       checked_lcm_url(options.control_lcm_url) != checked_lcm_url(options.lcm_url)) {
     other.emplace(options.control_lcm_url, loop);
@@ -106,6 +109,12 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   }
 
   const auto node = program.make({scenario, loop, bus, control_bus});
+  std::vector<Bus*> networks{&bus};
+  if (other) networks.push_back(&*other);
+  std::optional<Presence> presence;
+  if (!options.stands_alone) {
+    presence.emplace(loop, networks, program.name, scenario.get<VehicleSettings>().name);
+  }
   fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
              bus.url());
   loop.run();
@@ -178,6 +187,11 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
                      ? "wall-clock time of t = 0, microseconds since 1970 [now]"
                      : "wall-clock time of t = 0, microseconds since 1970 [follow SIM/CLOCK]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{4'000'000'000'000'000}));
+  app.add_option(
+         "--start-boot", options.start_boot_ns,
+         "the same time on this host's CLOCK_BOOTTIME, nanoseconds: counts where given, for "
+         "it never steps (`tether live` starts its nodes so)")
+      ->needs(app.get_option("--start-utime"));
   app.add_option("--speed", options.speed,
                  "run seconds per wall second; below 1 is slow motion, the same for all nodes")
       ->check(number_between(0.01, 1.0))

@@ -24,6 +24,16 @@ struct LiveOptions {
   bool json = false;
 };
 
+/// The session's own, and what nodes noticed that it does not hear, on another network.
+std::vector<std::string> findings(const LiveSession& session) {
+  std::vector<std::string> all = session.findings();
+  for (const auto& [name, value] : session.observer().counters()) {
+    if (!all.empty() || !name.ends_with(".senders.several") || value == 0) continue;
+    all.push_back(fmt::format("several programs sent at the same time on one channel: {}", name));
+  }
+  return all;
+}
+
 int live(LiveOptions options) {
   options.session.scenario_file = options.scenario.file;
   options.session.overrides = options.scenario.overrides();
@@ -39,7 +49,8 @@ int live(LiveOptions options) {
   const RunSummary summary{.wall_time_s = end_s / options.session.speed,
                            .sim_time_s = static_cast<double>(run.truth().utime) * 1e-6,
                            .end = session.end(),
-                           .node_restarts = session.restarts()};
+                           .node_restarts = session.restarts(),
+                           .findings = findings(session)};
   check_finite(run);
   const std::string json = to_json(scenario, run, summary);
   if (session.folder()) session.folder()->write(scenario, run, json);
@@ -47,7 +58,7 @@ int live(LiveOptions options) {
   if (!options.json && session.folder()) {
     fmt::print("{:<9} {}\n", "picture", (session.folder()->path() / "path.png").string());
   }
-  return kExitOk;
+  return summary.findings->empty() ? kExitOk : kExitFailed;
 }
 
 }  // namespace

@@ -10,6 +10,9 @@
 #include <system_error>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/bus/lcm_url.hpp"
+#include "common/bus/message_io.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/node_main.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -21,8 +24,14 @@
 namespace tether {
 namespace {
 
-/// Time for all nodes to start before the run's lead, and so before t = 0.
-constexpr std::int64_t kLeadTime_us = 1'500'000;
+constexpr char kName[] = "tether live";
+/// Before any node is started: whoever is on the network is heard twice in this time.
+constexpr Duration kListening = 2 * kPresencePeriod;
+/// Time for that, and for all nodes to start, before the run's lead and so before t = 0.
+constexpr std::int64_t kLeadTime_us = 2'000'000;
+constexpr Duration kWatchPeriod = std::chrono::milliseconds{250};
+/// A node that hangs when it is told to end gets no longer.
+constexpr Duration kEndingPatience = std::chrono::seconds{1};
 constexpr Duration kStatusPeriod = std::chrono::milliseconds{500};
 constexpr Duration kRestartDelay = std::chrono::milliseconds{300};
 constexpr Duration kShutDownPatience = kWindDownLimit + std::chrono::seconds{1};
@@ -44,23 +53,43 @@ std::vector<std::string> programs(const Scenario& scenario) {
   return names;
 }
 
+/// All on which one program alone sends, in a run of one vehicle.
+std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
+  const ChannelNames c(scenario.get<VehicleSettings>().name);
+  return {c.vehicle_pose,   c.vehicle_command,  c.vehicle_plan,  c.vehicle_preload,
+          c.control_pose,   c.control_command,  c.control_plan,  c.control_preload,
+          c.control_report, c.control_counters, c.can_state,     c.can_wheels,
+          c.can_odometry,   c.can_plan,         c.can_counters,  c.drive_counters,
+          c.wheel_states,   c.wheel_targets,    c.uplink_report, c.downlink_report,
+          c.net_counters,   c.net_settings,     c.clock,         c.truth,
+          c.sim_counters};
+}
+
 double prr(const link_report_t& link) { return link.offered > 0 ? reception_ratio(link) : 1.0; }
 
 }  // namespace
 
 LiveSession::LiveSession(const Options& options, const Scenario& scenario)
-    : show_status_(options.show_status && isatty(STDERR_FILENO) != 0),
+    : url_(options.lcm_url),
+      show_status_(options.show_status && isatty(STDERR_FILENO) != 0),
       end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)),
       loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us +
                 to_utime(kStart + from_seconds(scenario.get<RunSettings>().lead_s / options.speed)),
             options.speed),
       bus_(options.lcm_url, loop_),
+      recorder_(options.lcm_url, loop_),
+      vehicle_(scenario.get<VehicleSettings>().name),
+      watch_(loop_.run_id(), host_name(), options.speed),
+      senders_(loop_, bus_, channels_of_one_sender(scenario),
+               [this](const std::string& line) { watch_.several_senders(loop_.now(), line); }),
       observer_(scenario, loop_, bus_),
       operator_(scenario, loop_, bus_) {
   if (!options.out.empty()) {
     folder_.emplace(options.out, scenario);
-    folder_->record(loop_, bus_);
+    folder_->record(loop_, recorder_);
   }
+  subscribe<presence_t>(bus_, kPresenceChannel, kDeepQueue, undecodable_,
+                        [this](const presence_t& presence) { on_presence(presence); });
   for (const std::string& name : programs(scenario)) add_child(options, name);
 }
 
@@ -70,8 +99,11 @@ void LiveSession::add_child(const Options& options, const std::string& name) {
     throw std::runtime_error(fmt::format("cannot start {}: {}; tether expects its nodes beside it",
                                          program, std::generic_category().message(errno)));
   }
-  std::vector<std::string> command{program, options.scenario_file, "--lcm-url=" + options.lcm_url,
+  std::vector<std::string> command{program,
+                                   options.scenario_file,
+                                   "--lcm-url=" + options.lcm_url,
                                    fmt::format("--start-utime={}", loop_.run_id()),
+                                   fmt::format("--start-boot={}", loop_.start_boot_ns()),
                                    fmt::format("--speed={}", options.speed)};
   for (const std::string& text : options.overrides) command.push_back("--set=" + text);
 
@@ -87,8 +119,50 @@ void LiveSession::add_child(const Options& options, const std::string& name) {
       [this, &child](int code) { on_child_exit(child, code); });
 }
 
+void LiveSession::on_presence(const presence_t& presence) {
+  if (!starting_) return watch_.heard(loop_.now(), presence);
+  if (company_.empty() || presence.program == kName) company_ = describe(presence);
+}
+
+void LiveSession::expect_no_company() {
+  loop_.run_until(loop_.now() + from_seconds(to_seconds(kListening) * loop_.rate()));
+  starting_ = false;
+  if (company_.empty()) {
+    presence_.emplace(loop_, std::vector<Bus*>{&bus_}, kName, vehicle_);
+    return;
+  }
+  throw std::runtime_error(
+      fmt::format("another run is on {}: {}. End it, or give this one a network of its own: "
+                  "--lcm-url '{}'",
+                  url_, company_, with_next_port(url_)));
+}
+
+void LiveSession::start(Child& child) {
+  child.process->start();
+  watch_.started(child.name, child.process->pid());
+}
+
+void LiveSession::watch_run() {
+  const Instant now = loop_.now();
+  watch_.update(now);
+  for (auto& child : children_) {
+    const bool has_to_end = ending_ && child.get() == ending_child_;
+    if (!watch_.hangs(child->name, now, has_to_end ? kEndingPatience : RunWatch::kPatience)) {
+      continue;
+    }
+    watch_.given_up(now, child->name);
+    child->process->send_signal(SIGKILL);
+  }
+  for (; findings_said_ < watch_.findings().size(); ++findings_said_) {
+    say(watch_.findings()[findings_said_]);
+  }
+}
+
 void LiveSession::run() {
-  for (auto& child : children_) child->process->start();
+  expect_no_company();
+  for (auto& child : children_) start(*child);
+  loop_.every(loop_.now(), from_seconds(to_seconds(kWatchPeriod) * loop_.rate()),
+              Priority::observer, [this](Instant) { watch_run(); });
   loop_.every(loop_.now(), kStatusPeriod, Priority::observer, [this](Instant) { show_status(); });
   loop_.run_until(end_ + kLinger);
   end_ = std::min(end_, loop_.now());
@@ -103,6 +177,7 @@ void LiveSession::run() {
 }
 
 void LiveSession::on_child_exit(Child& child, int code) {
+  watch_.ended(child.name);
   if (ending_) {
     if (&child == ending_child_) loop_.stop();
     return;
@@ -122,7 +197,7 @@ void LiveSession::on_child_exit(Child& child, int code) {
       "t = {:.1f} s: {} ended with {}; starting it again", to_seconds(loop_.now()), child.name,
       code > 128 ? fmt::format("signal {}", code - 128) : fmt::format("exit code {}", code)));
   loop_.at(loop_.now() + kRestartDelay, Priority::node, [this, &child](Instant) {
-    if (!ending_) child.process->start();
+    if (!ending_) start(child);
   });
 }
 
@@ -140,6 +215,15 @@ void LiveSession::shut_down() {
 
 void LiveSession::say(const std::string& line) {
   fmt::print(stderr, "{}{}\n", show_status_ ? "\r\033[K" : "", line);
+}
+
+std::string LiveSession::trouble() const {
+  std::string text;
+  for (const auto& [program, silence] : watch_.hung(loop_.now())) {
+    text += fmt::format("   {} SILENT for {:.1f} s", program, to_seconds(silence));
+  }
+  if (text.empty() && !watch_.findings().empty()) text = "   INVALID";
+  return text;
 }
 
 std::string LiveSession::drives() const {
@@ -165,9 +249,9 @@ void LiveSession::show_status() {
   }
   fmt::print(
       stderr,
-      "\r\033[Kt {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s{}",
+      "\r\033[Kt {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s{}{}",
       to_seconds(loop_.now()), observer_.truth().epsilon_m, prr(observer_.uplink()), poses_hz,
-      prr(observer_.downlink()), commands_hz, drives());
+      prr(observer_.downlink()), commands_hz, drives(), trouble());
   std::fflush(stderr);
 }
 

@@ -6,11 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "common/bus/lcm_bus.hpp"
+#include "common/bus/sole_sender.hpp"
+#include "common/bus/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
+#include "common/program/presence.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tools/can/arm_operator.hpp"
 #include "tools/processes/node_process.hpp"
+#include "tools/processes/run_watch.hpp"
 #include "tools/runs/output_folder.hpp"
 #include "tools/runs/run_observer.hpp"
 
@@ -19,8 +22,11 @@ namespace tether {
 /// A live run: starts sim, netem, controller and, with drives on CAN, bridge and emulated drives as
 /// processes on one LCM network, arms the drives, watches the processes and their messages, and
 /// ends them in order. A node that dies is started again and joins the run at the right time (the
-/// run says how often that happened). A node that refuses to start, or fails before it has run for
-/// the first time, ends the run.
+/// run says how often that happened); so does one that hangs, after it was ended. A node that
+/// refuses to start, or fails before it has run for the first time, ends the run.
+///
+/// The network has to be its own: a run that finds another there does not start, and whatever else
+/// makes it another run than it says (RunWatch, SoleSender) is said at once and in findings().
 class LiveSession {
  public:
   struct Options {
@@ -34,13 +40,16 @@ class LiveSession {
 
   LiveSession(const Options& options, const Scenario& scenario);
 
-  /// Runs to the scenario's end or until Ctrl-C. Throws if a node cannot run at all.
+  /// Runs to the scenario's end or until Ctrl-C. Throws if a node cannot run at all, or if another
+  /// run is on the network.
   void run();
 
   const RunObserver& observer() const { return observer_; }
   /// Run time when it ended.
   Instant end() const { return end_; }
   int restarts() const { return restarts_; }
+  /// What makes the run invalid, in words; empty if it is what it says.
+  const std::vector<std::string>& findings() const { return watch_.findings(); }
   bool interrupted() const { return loop_.signal() != 0; }
   const std::optional<OutputFolder>& folder() const { return folder_; }
   std::optional<OutputFolder>& folder() { return folder_; }
@@ -51,25 +60,40 @@ class LiveSession {
     std::unique_ptr<NodeProcess> process;
     bool has_run = false;
   };
+  void expect_no_company();
+  void on_presence(const presence_t& presence);
+  void watch_run();
+  void start(Child& child);
   void add_child(const Options& options, const std::string& name);
   void on_child_exit(Child& child, int code);
   void say(const std::string& line);
   void show_status();
   void shut_down();
   std::string drives() const;
+  std::string trouble() const;
 
+  std::string url_;
   bool show_status_;
   bool ending_ = false;
   const Child* ending_child_ = nullptr;
   Instant end_;
   RealTimeLoop loop_;
-  LcmBus bus_;
+  UdpmBus bus_;
+  UdpmBus recorder_;  ///< hears what bus_ publishes, too
+  std::string vehicle_;
+  std::optional<Presence> presence_;  ///< once the network is known to be its own
+  RunWatch watch_;
+  SoleSender senders_;
   RunObserver observer_;
   ArmOperator operator_;
   std::optional<OutputFolder> folder_;
   std::vector<std::unique_ptr<Child>> children_;
   int restarts_ = 0;
   std::string failure_;
+  std::string company_;  ///< another run that was here before; its `tether live`, if it has one
+  bool starting_ = true;
+  std::size_t findings_said_ = 0;
+  std::int64_t undecodable_ = 0;
   std::int64_t last_poses_ = 0;
   std::int64_t last_commands_ = 0;
 };

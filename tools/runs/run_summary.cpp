@@ -39,6 +39,13 @@ std::string link_text(const char* name, const link_report_t& link) {
       link.delay_ms_mean, link.delay_ms_p99);
 }
 
+std::string verdict_text(const std::vector<std::string>& findings) {
+  if (findings.empty()) return "valid     one run on this network, one of each node, all alive\n";
+  std::string text = "INVALID   the numbers below are not those of this scenario\n";
+  for (const std::string& finding : findings) text += fmt::format("{:<9} {}\n", "", finding);
+  return text;
+}
+
 double real_time_factor(const RunSummary& s) {
   return s.wall_time_s > 0.0 ? s.sim_time_s / s.wall_time_s : 0.0;
 }
@@ -116,6 +123,10 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   nlohmann::ordered_json json;
   add_metrics(json, Metric::InSummary::first, run, summary.end);
   json["collision"] = run.truth().wall_contact_s > 0.0;
+  if (summary.findings) {
+    json["valid"] = summary.findings->empty();
+    json["invalid_because"] = *summary.findings;
+  }
   json["sim_time_s"] = summary.sim_time_s;
   json["wall_time_s"] = summary.wall_time_s;
   json["real_time_factor"] = real_time_factor(summary);
@@ -147,9 +158,9 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
 
 std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
   const ground_truth_t& truth = run.truth();
-  std::string text =
-      fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
-                  truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
+  std::string text = summary.findings ? verdict_text(*summary.findings) : "";
+  text += fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
+                      truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
   text += link_text("uplink", run.uplink());
   if (summary.channel) text += to_text(summary.channel->uplink);
   text += link_text("downlink", run.downlink());

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/base/time.hpp"
 #include "common/scenario/scenario.hpp"
@@ -24,6 +25,8 @@ struct RunSummary {
   double sim_time_s = 0.0;
   Instant end = kStart;   ///< of metrics
   int node_restarts = 0;  ///< live runs: how often a node died and was started again
+  /// Live runs: what makes it another run than it says, in words; empty if nothing does.
+  std::optional<std::vector<std::string>> findings = {};
   std::optional<ChannelReport> channel = {};  ///< of runs in one process
   std::optional<LockstepCost> lockstep = {};  ///< of runs in lockstep
 };

@@ -115,5 +115,11 @@ TEST(LcmUrl, NamesItsMulticastGroup) {
   EXPECT_EQ(multicast_group("tcpq://localhost:7700"), "");
 }
 
+TEST(LcmUrl, TheNextPortIsANetworkOfOnesOwn) {
+  EXPECT_EQ(with_next_port("udpm://239.255.76.67:7667?ttl=0"), "udpm://239.255.76.67:7668?ttl=0");
+  EXPECT_EQ(with_next_port("udpm://239.255.76.67:65535"), "udpm://239.255.76.67:1024");
+  EXPECT_EQ(with_next_port("tcpq://10.0.0.1:7700"), "tcpq://10.0.0.1:7701");
+}
+
 }  // namespace
 }  // namespace tether

@@ -87,6 +87,11 @@ TEST_F(SenderWatchTest, AFloodOfSendersDoesNotHideThoseThatGoOn) {
   EXPECT_THAT(watch.several(now), ElementsAre(kAlice, kBob));
 }
 
+TEST(SoleSenderTest, WritesSendersAsAddressAndPort) {
+  EXPECT_EQ(sender_name(0x0200000a'0001), "10.0.0.2:256");
+  EXPECT_EQ(sender_name(0x0001), "this host's port 256");
+}
+
 TEST(SoleSenderTest, NamesChannelAndSendersOnceAndThenIsSatisfiedAgain) {
   /// A network that tells who sends.
   struct Telling final : Bus {

@@ -1,0 +1,35 @@
+#include "common/program/presence.hpp"
+
+#include <unistd.h>
+
+#include <array>
+#include <utility>
+
+#include "common/bus/message_io.hpp"
+
+namespace tether {
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
+}
+
+Presence::Presence(EventLoop& loop, std::vector<Bus*> buses, const std::string& program,
+                   const std::string& vehicle)
+    : loop_(loop), buses_(std::move(buses)) {
+  message_.run = loop.run_id();
+  message_.program = program;
+  message_.vehicle = vehicle;
+  message_.host = host_name();
+  message_.pid = getpid();
+  const Duration period = from_seconds(to_seconds(kPresencePeriod) * loop.rate());
+  loop.every(loop.now(), period, Priority::observer, [this](Instant) { publish_now(); });
+}
+
+void Presence::publish_now() {
+  message_.utime = to_utime(loop_.now());
+  for (Bus* bus : buses_) publish(*bus, kPresenceChannel, message_);
+  ++message_.seq;
+}
+
+}  // namespace tether

@@ -1,0 +1,144 @@
+#!/usr/bin/env -S python3 -B
+"""A live run is what it says: alone on its network, one of each program, all of them alive; or it
+says what is wrong, is invalid and ends with 1. Usage: company_test.py BIN_DIR"""
+
+import json
+import os
+import re
+import signal
+import time
+
+from live_support import PAPER, TWIST, Failure, alive, check, main, wait_for_loop, wait_until
+
+FAST = ("--set=sensor.rate_hz=20",)
+NOTICED_S = 1.5  # within a second; half a second for a busy machine
+
+
+def live(test, *options):
+    return test.start("tether", "live", PAPER, *FAST, *options)
+
+
+def noticed(program, pattern, seconds, began):
+    """How long it took until the program wrote a line that matches."""
+    wait_until(seconds, lambda: re.search(pattern, program.err(), re.MULTILINE), pattern)
+    return time.monotonic() - began
+
+
+def check_verdict(program, code, first_line):
+    got = program.wait(15)
+    check(got == code, f"exit code {got}, not {code}: {program.err()}")
+    check(program.out().startswith(first_line), f"not '{first_line}': {program.out()}")
+
+
+def a_second_run_is_refused_and_harms_nobody(test):
+    first = live(test, "--duration=5")
+    wait_for_loop(test.network)
+    second = live(test)
+    check(second.wait(5) == 1, "exit code of the second")
+    pattern = (
+        rf"another run is on udpm://.*: tether live of AGV, process {first.pid} on host \S+\. End "
+        r"it, or give this one a network of its own: --lcm-url 'udpm://239.255.76.67:7668\?ttl=0'"
+    )
+    check(re.search(pattern, second.err()), second.err())
+    other = live(test, "--duration=2", "--lcm-url=udpm://239.255.76.67:7668?ttl=0")
+    check_verdict(other, 0, "valid ")
+    check_verdict(first, 0, "valid     one run on this network, one of each node, all alive\n")
+
+
+def two_that_start_at_once_are_both_invalid(test):
+    both = [live(test, "--duration=3"), live(test, "--duration=3")]
+    for one, other in (both, both[::-1]):
+        check_verdict(one, 1, "INVALID ")
+        pattern = rf"another run is on this network: \S+( live)? of AGV, process \d+ on host"
+        check(re.search(pattern, one.out()), one.out())
+        check(one.out().count("another run") == 1, f"told more than once: {one.out()}")
+
+
+def run_of(program):
+    """The run id that `tether live` gives its nodes."""
+    for pid in program.children().values():
+        with open(f"/proc/{pid}/cmdline") as file:
+            if found := re.search(r"--start-utime=(\d+)", file.read()):
+                return int(found[1])
+    raise Failure("no node has --start-utime")
+
+
+def a_second_of_each_program_is_named(test):
+    for name in ("tether-controller", "tether-netem", "tether-sim"):
+        run = live(test)
+        wait_for_loop(test.network, since=time.time())
+        second = test.start(name, PAPER, *FAST, f"--start-utime={run_of(run)}")
+        wait_until(5, lambda: ": running, " in second.err(), f"a second {name}")
+        pattern = rf"^t = .* s: a second {name} of AGV, process {second.pid} on host "
+        took = noticed(run, pattern, NOTICED_S, time.monotonic())
+        test.say(f"a second {name} was named after {took:.2f} s")
+        run.kill(signal.SIGINT)
+        check_verdict(run, 1, "INVALID ")
+        second.kill()
+        second.wait(2)
+
+
+def a_stranger_that_sends_commands_is_named(test):
+    run = live(test, "--json")
+    wait_for_loop(test.network)
+    utime = test.network.last("AGV/CMD_VEL").utime
+    began = time.monotonic()
+    for seq in range(20):
+        message = TWIST.encode(utime=utime + 50_000 * seq, seq=seq, run=run_of(run))
+        test.network.send("CTRL/CMD_VEL", message)
+        time.sleep(0.05)
+    pattern = r"several programs send at the same time on CTRL/CMD_VEL: .*port"
+    took = noticed(run, pattern, 1.0, began)
+    test.say(f"two senders of CTRL/CMD_VEL were named after less than {took:.2f} s")
+    run.kill(signal.SIGINT)
+    check(run.wait(5) == 1, "exit code")
+    summary = json.loads(run.out())
+    check(summary["valid"] is False, f"valid: {summary['valid']}")
+    check(re.search(pattern, summary["invalid_because"][0]), f"{summary['invalid_because']}")
+    refused = summary["counters"]["netem.senders.refused"]
+    check(refused > 0, "the relay took sides")
+
+
+def a_stopped_node_is_told_ended_and_started_again(test):
+    run = live(test)
+    wait_for_loop(test.network)
+    victim = run.children()["tether-controller"]
+    os.kill(victim, signal.SIGSTOP)
+    began = time.monotonic()
+    took = noticed(run, r"tether-controller does not answer: stopped, hung or cut off", 2.5, began)
+    ended = noticed(run, r"tether-controller hangs: ending it", 7, began)
+    wait_until(3, lambda: run.children().get("tether-controller", victim) != victim, "a new one")
+    wait_for_loop(test.network, since=time.time())
+    test.say(f"a stopped controller was told after {took:.2f} s and ended after {ended:.2f} s")
+    run.kill(signal.SIGINT)
+    check_verdict(run, 1, "INVALID ")
+    check("tether-controller does not answer" in run.out(), run.out())
+
+
+def ends_soon_though_a_node_hangs(test):
+    for victims in (["tether-sim"], ["tether-sim", "tether-netem", "tether-controller"]):
+        run = live(test)
+        wait_for_loop(test.network, since=time.time())
+        nodes = run.children()
+        for name in victims:
+            os.kill(nodes[name], signal.SIGSTOP)
+        time.sleep(0.3)
+        run.kill(signal.SIGINT)
+        began = time.monotonic()
+        check(run.wait(6) == 1, f"exit code with {victims} stopped: {run.err()}")
+        took = time.monotonic() - began
+        check(took < 3.0, f"took {took:.1f} s")
+        check(not any(map(alive, nodes.values())), "nodes are left")
+        check("tether-sim hangs: ending it" in run.err(), run.err())
+        check(run.out().startswith("INVALID "), run.out())
+        test.say(f"{len(victims)} stopped: ended after {took:.2f} s")
+
+
+main(
+    a_second_run_is_refused_and_harms_nobody,
+    two_that_start_at_once_are_both_invalid,
+    a_second_of_each_program_is_named,
+    a_stranger_that_sends_commands_is_named,
+    a_stopped_node_is_told_ended_and_started_again,
+    ends_soon_though_a_node_hangs,
+)

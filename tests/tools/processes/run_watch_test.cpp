@@ -1,0 +1,157 @@
+#include "tools/processes/run_watch.hpp"
+
+#include <gmock/gmock.h>
+
+namespace tether {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::Pair;
+
+constexpr Duration kPeriod = milliseconds{250};
+
+struct RunWatchTest : ::testing::Test {
+  static constexpr std::int64_t kRun = 1000;
+  RunWatch watch{kRun, "here", 1.0};
+  Instant now = kStart;
+
+  static presence_t presence(const std::string& program, std::int64_t pid) {
+    presence_t p{};
+    p.run = kRun;
+    p.program = program;
+    p.vehicle = "AGV";
+    p.host = "here";
+    p.pid = pid;
+    return p;
+  }
+  void hear(const std::string& program, std::int64_t pid) {
+    watch.heard(now, presence(program, pid));
+  }
+  void pass(Duration time, Duration step = kPeriod) {
+    for (const Instant end = now + time; now < end;) {
+      now = std::min(end, now + step);
+      watch.update(now);
+    }
+  }
+};
+
+TEST_F(RunWatchTest, OneOfEachAllAliveIsInOrder) {
+  watch.started("tether-sim", 1);
+  watch.started("tether-controller", 2);
+  pass(std::chrono::seconds{10});  // while they start
+  for (int i = 0; i < 100; ++i) {
+    hear("tether-sim", 1), hear("tether-controller", 2);
+    pass(kPeriod);
+  }
+  EXPECT_THAT(watch.findings(), IsEmpty());
+  EXPECT_THAT(watch.hung(now), IsEmpty());
+}
+
+TEST_F(RunWatchTest, AProgramIsHungWhenItHasNotBeenHeardForOneAndAHalfSeconds) {
+  watch.started("tether-sim", 1);
+  hear("tether-sim", 1);
+  pass(RunWatch::kSilence - nanoseconds{1});
+  EXPECT_THAT(watch.hung(now), IsEmpty());
+  pass(nanoseconds{1});
+  EXPECT_THAT(watch.hung(now), ElementsAre(Pair("tether-sim", RunWatch::kSilence)));
+  EXPECT_FALSE(watch.hangs("tether-sim", now, RunWatch::kPatience));
+  pass(RunWatch::kPatience - RunWatch::kSilence);
+  EXPECT_TRUE(watch.hangs("tether-sim", now, RunWatch::kPatience));
+  EXPECT_THAT(watch.findings(),
+              ElementsAre("t = 1.5 s: tether-sim does not answer: stopped, hung or cut off"));
+}
+
+TEST_F(RunWatchTest, OneThatAnswersAgainIsNotHungButTheRunWasDisturbed) {
+  watch.started("tether-sim", 1);
+  hear("tether-sim", 1);
+  pass(std::chrono::seconds{3});
+  hear("tether-sim", 1);
+  pass(kPeriod);
+  EXPECT_THAT(watch.hung(now), IsEmpty());
+  EXPECT_EQ(watch.findings().size(), 1U);
+}
+
+TEST_F(RunWatchTest, OneThatHasEndedOrIsStartedAgainIsNotHung) {
+  watch.started("tether-sim", 1);
+  hear("tether-sim", 1);
+  watch.ended("tether-sim");
+  pass(std::chrono::seconds{3});
+  watch.started("tether-sim", 2);
+  pass(std::chrono::seconds{3});
+  hear("tether-sim", 1);  // late
+  hear("tether-sim", 2);
+  pass(kPeriod);
+  EXPECT_THAT(watch.findings(), IsEmpty());
+}
+
+TEST_F(RunWatchTest, NobodyWasSilentWhileTheWatchItselfWasSuspended) {
+  watch.started("tether-sim", 1);
+  pass(kPeriod);
+  hear("tether-sim", 1);
+  pass(std::chrono::seconds{60}, std::chrono::seconds{60});
+  EXPECT_THAT(watch.hung(now), IsEmpty());
+  pass(RunWatch::kSilence);
+  EXPECT_EQ(watch.hung(now).size(), 1U) << "but since then";
+}
+
+TEST_F(RunWatchTest, InSlowMotionTheLimitsAreOnTheWallClock) {
+  watch = RunWatch(kRun, "here", 0.1);
+  watch.started("tether-sim", 1);
+  hear("tether-sim", 1);
+  pass(milliseconds{149}, milliseconds{25});
+  EXPECT_THAT(watch.hung(now), IsEmpty());
+  pass(milliseconds{1});
+  EXPECT_THAT(watch.hung(now), ElementsAre(Pair("tether-sim", RunWatch::kSilence)));
+}
+
+TEST_F(RunWatchTest, ASecondOfAProgramIsNamedOnce) {
+  watch.started("tether-controller", 2);
+  hear("tether-controller", 3);
+  hear("tether-controller", 3);
+  presence_t elsewhere = presence("tether-controller", 2);
+  elsewhere.host = "there\033[2J";
+  watch.heard(now, elsewhere);
+  EXPECT_THAT(
+      watch.findings(),
+      ElementsAre("t = 0.0 s: a second tether-controller of AGV, process 3 on host here",
+                  "t = 0.0 s: a second tether-controller of AGV, process 2 on host there\\x1b[2J"));
+}
+
+TEST_F(RunWatchTest, AProgramThatThisRunDoesNotStartMayBeAnybodys) {
+  watch.started("tether-sim", 1);
+  hear("tether-controller", 7);  // controller.external
+  EXPECT_THAT(watch.findings(), IsEmpty());
+}
+
+TEST_F(RunWatchTest, AnotherRunIsNamed) {
+  presence_t other = presence("tether live", 9);
+  other.run = 2000;
+  watch.heard(now, other);
+  other.program = "tether-sim";
+  watch.heard(now, other);
+  EXPECT_THAT(watch.findings(),
+              ElementsAre("t = 0.0 s: another run is on this network: tether live of AGV, process "
+                          "9 on host here"));
+}
+
+TEST_F(RunWatchTest, SeveralSendersAreToldUnlessAKnownStrangerExplainsThem) {
+  watch.started("tether-sim", 1);
+  watch.several_senders(now, "several programs send at the same time on AGV/POSE: …");
+  hear("tether-sim", 2);
+  watch.several_senders(now, "several programs send at the same time on SIM/CLOCK: …");
+  EXPECT_THAT(watch.findings(),
+              ElementsAre("t = 0.0 s: several programs send at the same time on AGV/POSE: …",
+                          "t = 0.0 s: a second tether-sim of AGV, process 2 on host here"));
+}
+
+TEST_F(RunWatchTest, AFloodOfFindingsIsBounded) {
+  watch.started("tether-sim", 1);
+  for (int pid = 2; pid < 1000; ++pid) hear("tether-sim", pid);
+  EXPECT_EQ(watch.findings().size(), 20U);
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,104 @@
+#include "tools/processes/run_watch.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "tools/messages/message_printer.hpp"
+
+namespace tether {
+namespace {
+
+/// So many different findings are told; more would tell nothing new.
+constexpr std::size_t kMaxFindings = 20;
+
+}  // namespace
+
+std::string describe(const presence_t& presence) {
+  return fmt::format("{} of {}, process {} on host {}", printable(presence.program),
+                     printable(presence.vehicle), presence.pid, printable(presence.host));
+}
+
+void RunWatch::started(const std::string& program, std::int64_t pid) {
+  ended(program);
+  own_[program].pid = pid;
+}
+
+void RunWatch::ended(const std::string& program) {
+  const auto own = own_.find(program);
+  if (own == own_.end()) return;
+  former_.emplace_back(program, own->second.pid);  // its last messages may still come
+  own_.erase(own);
+}
+
+void RunWatch::given_up(Instant now, const std::string& program) {
+  find(now, program + " hangs: ending it");
+  ended(program);
+}
+
+void RunWatch::heard(Instant now, const presence_t& presence) {
+  if (presence.run != run_) return heard_of_other_run(now, presence);
+  const bool here = presence.host == host_;
+  const auto own = own_.find(presence.program);
+  if (here && own != own_.end() && own->second.pid == presence.pid) {
+    own->second.heard = now;
+    return;
+  }
+  const std::pair former(presence.program, presence.pid);
+  if (here && std::find(former_.begin(), former_.end(), former) != former_.end()) return;
+  if (own == own_.end()) return;
+  strangers_ = true;
+  find(now, "a second " + describe(presence));
+}
+
+void RunWatch::heard_of_other_run(Instant now, const presence_t& presence) {
+  strangers_ = true;
+  const auto known = std::find(other_runs_.begin(), other_runs_.end(), presence.run);
+  if (known != other_runs_.end() || other_runs_.size() >= kMaxFindings) return;
+  other_runs_.push_back(presence.run);
+  find(now, "another run is on this network: " + describe(presence));
+}
+
+void RunWatch::several_senders(Instant now, const std::string& line) {
+  if (!strangers_) find(now, line);
+}
+
+void RunWatch::update(Instant now) {
+  const bool was_suspended =
+      updated_ && now - *updated_ > from_seconds(to_seconds(kSilence) * rate_);
+  updated_ = now;
+  for (auto& [program, own] : own_) {
+    if (was_suspended && own.heard) own.heard = now;
+    const bool hangs = own.heard && silence(own, now) >= kSilence;
+    if (hangs && !own.reported) find(now, program + " does not answer: stopped, hung or cut off");
+    own.reported = hangs;
+  }
+}
+
+Duration RunWatch::silence(const Own& own, Instant now) const {
+  return from_seconds(to_seconds(now - *own.heard) / rate_);
+}
+
+std::vector<std::pair<std::string, Duration>> RunWatch::hung(Instant now) const {
+  std::vector<std::pair<std::string, Duration>> hung;
+  for (const auto& [program, own] : own_) {
+    if (own.reported) hung.emplace_back(program, silence(own, now));
+  }
+  return hung;
+}
+
+bool RunWatch::hangs(const std::string& program, Instant now, Duration for_so_long) const {
+  const auto own = own_.find(program);
+  return own != own_.end() && own->second.heard && silence(own->second, now) >= for_so_long;
+}
+
+void RunWatch::find(Instant now, const std::string& what) {
+  if (findings_.size() >= kMaxFindings ||
+      std::find(known_.begin(), known_.end(), what) != known_.end()) {
+    return;
+  }
+  known_.push_back(what);
+  findings_.push_back(fmt::format("t = {:.1f} s: {}", to_seconds(now), what));
+}
+
+}  // namespace tether

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <tether/presence_t.hpp>
+#include <utility>
+#include <vector>
+
+#include "common/base/time.hpp"
+
+namespace tether {
+
+/// Judges whether a live run is what it says: alone on its network, one of each program, all of
+/// them alive. Pure; `now` is the run's time and must not go backwards, and all limits are on the
+/// wall clock: `rate` says how many seconds of the run one of its seconds is.
+///
+/// - Another run: a presence of another run; its first is told.
+/// - A stranger: a program of this run and vehicle, of which one is there already (other host or
+///   process) and which this run has not started.
+/// - Hung: an own program that has been heard, and then is not for kSilence: stopped, in an endless
+///   loop, or cut off. After kPatience it is to be ended: overdue().
+///
+/// While the watch itself was suspended (two updates more than kSilence apart), nobody was silent.
+class RunWatch {
+ public:
+  static constexpr Duration kSilence = std::chrono::milliseconds{1500};
+  static constexpr Duration kPatience = std::chrono::seconds{5};
+
+  RunWatch(std::int64_t run, std::string host, double rate)
+      : run_(run), host_(std::move(host)), rate_(rate) {}
+
+  /// A program of this run was started as this process; its former process is gone.
+  void started(const std::string& program, std::int64_t pid);
+  /// It has ended, and is not expected to be heard.
+  void ended(const std::string& program);
+  /// It hangs, and is being ended.
+  void given_up(Instant now, const std::string& program);
+  /// A message on RUN/PRESENCE.
+  void heard(Instant now, const presence_t& presence);
+  /// What several programs send (SoleSender), in words. Told unless known strangers explain it.
+  void several_senders(Instant now, const std::string& line);
+  /// Regularly, several times a second.
+  void update(Instant now);
+
+  /// Own programs that hang now, and for how long (wall clock).
+  std::vector<std::pair<std::string, Duration>> hung(Instant now) const;
+  /// Whether this program has hung for so long.
+  bool hangs(const std::string& program, Instant now, Duration for_so_long) const;
+
+  /// All that makes the run invalid, in order; each once, with the time at which it was noticed.
+  const std::vector<std::string>& findings() const { return findings_; }
+
+ private:
+  struct Own {
+    std::int64_t pid = -1;
+    std::optional<Instant> heard;  ///< none: not yet since it was started
+    bool reported = false;
+  };
+  void heard_of_other_run(Instant now, const presence_t& presence);
+  Duration silence(const Own& own, Instant now) const;
+  void find(Instant now, const std::string& what);
+
+  std::int64_t run_;
+  std::string host_;
+  double rate_;
+  std::map<std::string, Own> own_;
+  std::vector<std::pair<std::string, std::int64_t>> former_;  ///< processes that this run ended
+  std::vector<std::int64_t> other_runs_;
+  bool strangers_ = false;
+  std::vector<std::string> known_;  ///< found, without their times
+  std::vector<std::string> findings_;
+  std::optional<Instant> updated_;
+};
+
+/// "tether-sim of AGV, process 4711 on host floor3".
+std::string describe(const presence_t& presence);
+
+}  // namespace tether
