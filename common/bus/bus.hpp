@@ -36,6 +36,9 @@ class Bus {
   /// 1, relays and recorders a large number. Subscribe before the loop runs, never in a handler.
   virtual void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) = 0;
 
+  /// Whether a program hears on this bus what it has published on it.
+  virtual bool hears_itself() const { return true; }
+
   /// Appends what went wrong on this network so far, for reports.
   virtual void list_counters(CounterList&) const {}
 

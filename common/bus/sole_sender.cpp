@@ -73,6 +73,7 @@ std::string SoleSender::text(const Watched& watched) const {
     names.push_back(sender_name(sender));
   }
   if (names.empty()) return "";
+  std::sort(names.begin(), names.end());
   return fmt::format("{}: {}", watched.channel, fmt::join(names, " and "));
 }
 

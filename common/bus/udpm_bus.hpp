@@ -31,6 +31,7 @@ class UdpmBus final : public Bus {
   void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
   /// Whatever `queue_capacity`.
   void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) override;
+  bool hears_itself() const override { return false; }
   /// As it is used, buffer size included.
   const std::string& url() const { return url_; }
   /// Datagrams dropped by the kernel, malformed and own ones, incomplete messages, publish

@@ -10,28 +10,27 @@ namespace tether {
 
 LiveSettings::LiveSettings(const NetemSettings& settings, ChannelModels models,
                            const ChannelUse& use, std::vector<RunningLink*> links, EventLoop& loop,
-                           const Networks& networks, std::function<void()> on_change)
+                           const std::vector<Bus*>& buses, std::function<void()> on_change)
     : loop_(loop),
       channels_(settings.get<VehicleSettings>().name),
       links_(std::move(links)),
       on_change_(std::move(on_change)),
       control_(settings, std::move(models), use),
-      requests_(loop, networks.buses, channels_,
+      requests_(loop, buses, channels_,
                 [this](const std::vector<std::string>& settings) { return change(settings); }) {
   try_changes(settings, use);
-  schedule_changes(settings, *networks.buses.front(), networks.hear_us);
+  schedule_changes(settings, *buses.front());
 }
 
-void LiveSettings::schedule_changes(const NetemSettings& settings, Bus& bus, bool hears_us) {
+void LiveSettings::schedule_changes(const NetemSettings& settings, Bus& bus) {
   std::int64_t seq = 0;
   for (const ChannelSettings::Change& change : settings.get<ChannelSettings>().changes) {
     // Before anything else that is sent at this instant.
     loop_.at(kStart + from_seconds(change.at_s), Priority::physics,
-             [this, &bus, hears_us,
-              request = setting_request(0, seq++, change.settings)](Instant) mutable {
+             [this, &bus, request = setting_request(0, seq++, change.settings)](Instant) mutable {
                request.utime = to_utime(loop_.now());
                publish(bus, channels_.net_set, request);
-               if (!hears_us) requests_.take(request);
+               if (!bus.hears_itself()) requests_.take(request);
              });
   }
 }

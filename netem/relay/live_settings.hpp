@@ -20,17 +20,12 @@ namespace tether {
 /// change all links report.
 class LiveSettings {
  public:
-  /// Where requests come from.
-  struct Networks {
-    std::vector<Bus*> buses;  ///< the first for channel.change; as for SettingRequests
-    bool hear_us = true;      ///< whether the buses hear what they publish themselves
-  };
-
-  /// `models`: the links', which are those of `use`, in its order. `on_change`: called behind each
-  /// change. Tries channel.change; throws UsageError for what cannot be done.
+  /// `models`: the links', which are those of `use`, in its order. `buses`: where requests come
+  /// from, the first for channel.change. `on_change`: called behind each change. Tries
+  /// channel.change; throws UsageError for what cannot be done.
   LiveSettings(
       const NetemSettings& settings, ChannelModels models, const ChannelUse& use,
-      std::vector<RunningLink*> links, EventLoop& loop, const Networks& networks,
+      std::vector<RunningLink*> links, EventLoop& loop, const std::vector<Bus*>& buses,
       std::function<void()> on_change = [] {});
   LiveSettings(const LiveSettings&) = delete;
   LiveSettings& operator=(const LiveSettings&) = delete;
@@ -39,7 +34,7 @@ class LiveSettings {
   void list_counters(CounterList& out) const { requests_.list_counters(out); }
 
  private:
-  void schedule_changes(const NetemSettings& settings, Bus& bus, bool hears_us);
+  void schedule_changes(const NetemSettings& settings, Bus& bus);
   std::vector<ChannelSetting> change(const std::vector<std::string>& settings);
 
   EventLoop& loop_;

@@ -48,7 +48,7 @@ NetemNode::NetemNode(const NetemSettings& settings, const ChannelModels& models,
                 from_seconds(settings.get<RunSettings>().report_period_s), publish_on(vehicle_bus),
                 report_on(channels_.downlink_report)),
       settings_(settings, models, kVehicleLinks, {&uplink_, &downlink_}, loop,
-                {{&vehicle_bus, &control_bus}}, [this] { wants_position_ = wants_position(); }) {
+                {&vehicle_bus, &control_bus}, [this] { wants_position_ = wants_position(); }) {
   watch_position();
   connect(vehicle_bus, channels_.vehicle_pose, uplink_, channels_.control_pose);
   connect(control_bus, channels_.control_command, downlink_, channels_.vehicle_command);

@@ -64,7 +64,7 @@ void RelayNode::add_links(const NetemSettings& settings, const std::vector<Relay
         }));
   }
   settings_.emplace(settings, std::move(models), use, std::move(running), loop_,
-                    LiveSettings::Networks{.buses = {&networks_.front().bus()}, .hear_us = false});
+                    std::vector<Bus*>{&networks_.front().bus()});
 }
 
 void RelayNode::take(const Message& message, const std::vector<Route>& routes) {

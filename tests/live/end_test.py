@@ -39,9 +39,10 @@ def ends_on_signal(test):
         took = time.monotonic() - before
         check(code == 0, f"{number.name}: exit code {code}")
         check(not any(map(alive, nodes.values())), f"{number.name}: nodes are left")
-        check(re.match(r"ε = \d+\.\d+ m ", live.out()), f"no summary: {live.out()}")
+        pattern = r"valid     one run on this network, one of each node, all alive\nε = \d+\.\d+ m "
+        check(re.match(pattern, live.out()), f"no summary: {live.out()}")
         check(re.search(r"^uplink +\d+ sent, \d+ delivered", live.out(), re.MULTILINE), "no uplink")
-        test.say(f"{number.name}: ended after {took:.2f} s with {live.out().splitlines()[0]}")
+        test.say(f"{number.name}: ended after {took:.2f} s with {live.out().splitlines()[1]}")
 
 
 def has_no_result_before_the_start(test):

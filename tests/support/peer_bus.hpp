@@ -23,6 +23,8 @@ class Peer final : public Bus {
     loop_.at(loop_.now(), Priority::delivery, [this](Instant) { deaf_ = false; });
   }
 
+  bool hears_itself() const override { return false; }
+
   void subscribe(const std::string& channel_regex, int capacity, Handler handler) override {
     network_.subscribe(channel_regex, capacity,
                        [this, handler = std::move(handler)](const Message& message) {
