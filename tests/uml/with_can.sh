@@ -66,6 +66,11 @@ run_in_uml() {
     trap 'exit 1' HUP INT TERM
     export -p >"$job/environment"
     printf '%q ' "$@" >"$job/command"
+    uml_environment=()
+    if grep --quiet --word-regexp amx_tile /proc/cpuinfo; then
+        c++ -std=c++20 -O2 -shared -fPIC -o "$job/whole_xstate.so" "$here/whole_xstate.cpp"
+        uml_environment=("LD_PRELOAD=$job/whole_xstate.so")
+    fi
 
     # Its memory is a file: best in a tmpfs that is large enough and may be executed from.
     memory=/dev/shm
@@ -81,7 +86,7 @@ run_in_uml() {
     if chrt --rr 1 true 2>/dev/null; then run+=(chrt --rr 1); fi
     # The process namespace dies as a whole: with this script, or at the end of the time.
     (isolate --pid --fork --kill-child -- timeout --kill-after=1 "$timeout_s" \
-        "${run[@]}" env --chdir=/ TMPDIR="$memory" "$uml" rootfstype=hostfs rootflags=/ rw mem=1024M \
+        "${run[@]}" env --chdir=/ "${uml_environment[@]}" TMPDIR="$memory" "$uml" rootfstype=hostfs rootflags=/ rw mem=1024M \
         uml_dir="$job/" con=null con0=null,fd:3 ssl=null ssl0=null,fd:1 quiet \
         init="$here/guest_init.py" tether_job="$job" tether_network="$network" \
         </dev/null 3>"$job/kernel_log" 9>&-) &

@@ -112,7 +112,7 @@ def status(test):
             check("OperationEnabled (0x" in lines[side] and " ms ago" in lines[side], text)
             turns = float(re.search(r"([\d.]+) turns", lines[side])[1])
             counts = int(re.search(r"(\d+) counts", lines[side])[1])
-            check(abs(turns - counts / 81920) < 0.01 and turns > 0.05, text)
+            check(abs(turns - counts / 81920) < 0.01 and turns > 0.01, text)
         driven = float(re.search(r"([\d.]+) m driven", lines["odometry"])[1])
         check(abs(driven - turns * 2 * math.pi * 0.4) < 0.05, text)
 
