@@ -87,6 +87,51 @@ void add_injection(KeyTable<Can>& t) {
            "error code, seconds, object or share: see lcmtypes/tether_drive_fault.lcm");
 }
 
+/// Which real vehicles have in common: whoever sets these looser sets them wrong.
+void check_real_drives(const Can& can, const std::string& file) {
+  if (can.arm == Can::Arm::once) {
+    throw UsageError(fmt::format(
+        "{}: can.arm = \"once\" moves the vehicle whoever stands beside it: with real "
+        "drives (can.emulate_drives = false) it must be \"never\", and an operator arms "
+        "(tether can arm)",
+        file));
+  }
+  struct Bound {
+    const char* key;
+    double value, most;
+    const char* why;
+  };
+  const char* blind = "so long and so far the vehicle drives though nobody sees it";
+  for (const Bound& b : {Bound{"max_blind_s", can.max_blind_s, kMostBlind, blind},
+                         {"max_blind_m", can.max_blind_m, kMostBlind, blind},
+                         {"stale_ms", can.stale_ms, 1000.0, "so long an old command is followed"},
+                         {"max_stale_m", can.max_stale_m, 2.0, "so far an old command is followed"},
+                         {"disarm_ms", can.disarm_ms, 5000.0,
+                          "so long after its last command the vehicle may drive off again"}}) {
+    if (b.value <= b.most) continue;
+    throw UsageError(
+        fmt::format("{}: can.{} = {}: with real drives (can.emulate_drives = false) at most {}: {}",
+                    file, b.key, b.value, b.most, b.why));
+  }
+}
+
+void check_injection(const Can& can, const std::string& file) {
+  if (can.inject == Can::Inject::wheel_slip &&
+      !(can.inject_value > 0.0 && can.inject_value <= 1.0)) {
+    throw UsageError(fmt::format(
+        "{}: can.inject = \"wheel_slip\" with can.inject_value = {}: must be the share of the "
+        "motion that is lost, above 0, up to 1",
+        file, can.inject_value));
+  }
+  if (can.inject == Can::Inject::safety_input && can.inject_value != 0.0 &&
+      can.inject_value != 1.0 && can.inject_value != 2.0) {
+    throw UsageError(fmt::format(
+        "{}: can.inject = \"safety_input\" with can.inject_value = {}: must be 0 (demands), 1 (is "
+        "silent) or 2 (makes no sense)",
+        file, can.inject_value));
+  }
+}
+
 void check(const Scenario& scenario, const std::string& file) {
   if (!has_can(scenario)) return;
   const auto& can = scenario.get<Can>();
@@ -108,13 +153,6 @@ void check(const Scenario& scenario, const std::string& file) {
                     file, can.max_deceleration_mps2, can.max_yaw_deceleration_radps2,
                     can.max_acceleration_mps2, can.max_yaw_acceleration_radps2));
   }
-  if (!can.emulate_drives && can.arm == Can::Arm::once) {
-    throw UsageError(fmt::format(
-        "{}: can.arm = \"once\" moves the vehicle whoever stands beside it: with real "
-        "drives (can.emulate_drives = false) it must be \"never\", and an operator arms "
-        "(tether can arm)",
-        file));
-  }
   // What BlindBudget reckons until the brakes act; with less the vehicle never moves.
   const double reaction_s = 0.1 + 4e-3 * can.cycle_ms;
   if (can.max_blind_s <= reaction_s) {
@@ -123,27 +161,8 @@ void check(const Scenario& scenario, const std::string& file) {
         "can.cycle_ms)",
         file, can.max_blind_s, reaction_s));
   }
-  if (!can.emulate_drives && (can.max_blind_s > kMostBlind || can.max_blind_m > kMostBlind)) {
-    throw UsageError(fmt::format(
-        "{}: can.max_blind_s = {} and can.max_blind_m = {}: with real drives "
-        "(can.emulate_drives = false) at most {} each: so long and so far the vehicle drives "
-        "though nobody sees it",
-        file, can.max_blind_s, can.max_blind_m, kMostBlind));
-  }
-  if (can.inject == Can::Inject::wheel_slip &&
-      !(can.inject_value > 0.0 && can.inject_value <= 1.0)) {
-    throw UsageError(fmt::format(
-        "{}: can.inject = \"wheel_slip\" with can.inject_value = {}: must be the share of the "
-        "motion that is lost, above 0, up to 1",
-        file, can.inject_value));
-  }
-  if (can.inject == Can::Inject::safety_input && can.inject_value != 0.0 &&
-      can.inject_value != 1.0 && can.inject_value != 2.0) {
-    throw UsageError(fmt::format(
-        "{}: can.inject = \"safety_input\" with can.inject_value = {}: must be 0 (demands), 1 (is "
-        "silent) or 2 (makes no sense)",
-        file, can.inject_value));
-  }
+  if (!can.emulate_drives) check_real_drives(can, file);
+  check_injection(can, file);
 }
 
 }  // namespace

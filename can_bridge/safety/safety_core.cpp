@@ -20,11 +20,6 @@ BlindBudget::Config budget(const SafetyCore::Config& config) {
 
 bool is_stop(const Twist& u) { return u.v_mps == 0.0 && u.omega_radps == 0.0; }
 
-bool is_stop(const Plan& plan) {
-  return !plan.twists.empty() && std::all_of(plan.twists.begin(), plan.twists.end(),
-                                             [](const Twist& u) { return is_stop(u); });
-}
-
 }  // namespace
 
 SafetyCore::SafetyCore(const Config& config)
@@ -55,7 +50,7 @@ void SafetyCore::on_plan(Instant now, PlanSource source, Plan plan) {
   }
   commands_.hold_session(motion_ != Motion::idle);
   const bool foreign = commands_.takes_plans() && plan.name.session != commands_.session();
-  if (motion_ != Motion::idle && foreign && is_stop(plan)) {
+  if (motion_ != Motion::idle && foreign && plan.is_stop()) {
     ++foreign_stops_;
     foreign_stop_due_ = true;
   }

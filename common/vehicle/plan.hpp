@@ -43,6 +43,13 @@ struct Plan {
   Instant settled = Instant::max();
   std::vector<Twist> twists;
 
+  /// Whether it says to stand still all the time; an empty one says nothing.
+  bool is_stop() const {
+    return !twists.empty() && std::all_of(twists.begin(), twists.end(), [](const Twist& u) {
+      return u.v_mps == 0.0 && u.omega_radps == 0.0;
+    });
+  }
+
   /// When the last twist ends. `step` and the number of twists must be in their ranges.
   Instant end() const { return start + step * static_cast<std::int64_t>(twists.size()); }
 

@@ -42,7 +42,7 @@ PlanFate PlanBuffer::offer(Instant now, PlanSource source, Plan plan) {
   const PlanFate fate = judge(now, source, plan);
   ++counts_[static_cast<std::size_t>(fate)];
   if (fate != PlanFate::accepted) return fate;
-  if (max_age_ && source == PlanSource::network) {
+  if (max_age_ && source == PlanSource::network && judge_pose(now, plan) == PlanFate::accepted) {
     newest_pose_ = *plan.pose;
     seen_ = std::min({newest_pose_, plan.stamp, now});
   }
@@ -62,7 +62,7 @@ PlanFate PlanBuffer::judge(Instant now, PlanSource source, const Plan& plan) {
   });
   if (known) return PlanFate::repeated;
   if (plan.stamp < stopped_) return PlanFate::before_stop;
-  if (max_age_ && source == PlanSource::network) {
+  if (max_age_ && source == PlanSource::network && !plan.is_stop()) {
     const PlanFate fate = judge_pose(now, plan);
     if (fate != PlanFate::accepted) return fate;
   }

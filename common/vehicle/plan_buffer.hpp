@@ -75,7 +75,8 @@ class PlanBuffer {
   PlanBuffer(const StopLimits& limits, const StreamGuard::Config& guard);
 
   /// From now on, plans from the network are refused unless they were predicted from a pose, not
-  /// older than that of the plan before, and both pose and stamp are younger than `max_age`.
+  /// older than that of the plan before, and both pose and stamp are younger than `max_age`. One
+  /// that says to stand still needs none of that.
   void need_poses(Duration max_age) { max_age_ = max_age; }
 
   /// Whether plans of other sessions than the present one are refused, those of the first too.
@@ -103,8 +104,8 @@ class PlanBuffer {
   PlanName newest() const;
 
   /// Where plans need poses: when somebody last knew where the vehicle is. It is the earliest of
-  /// pose, stamp and arrival of the newest plan that was accepted from the network; none before the
-  /// first and after stop().
+  /// pose, stamp and arrival of the newest plan from the network with a pose that was accepted;
+  /// none before the first and after stop().
   std::optional<Instant> seen() const { return seen_; }
 
   /// When the last twist of the plan in force ends; none if no plan is in force.

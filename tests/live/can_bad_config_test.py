@@ -112,6 +112,21 @@ def slow_motion_of_real_drives(test):
     check("slow motion" not in emulated.err(), emulated.err())
 
 
+def too_loose_for_real_drives(test):
+    cases = {
+        "can.max_blind_s=11": ["can.max_blind_s = 11", "at most 10", "nobody sees it"],
+        "can.max_blind_m=11": ["can.max_blind_m = 11", "at most 10"],
+        "can.stale_ms=1001": ["can.stale_ms = 1001", "at most 1000", "an old command is followed"],
+        "can.max_stale_m=2.1": ["can.max_stale_m = 2.1", "at most 2"],
+        "can.disarm_ms=5001": ["can.disarm_ms = 5001", "at most 5000"],
+    }
+    real = ("--set", "can.emulate_drives=false", "--set", "can.arm=never")
+    for setting, texts in cases.items():
+        options = ("--set", "can.disarm_ms=5000", "--set", setting, "--start-utime", "1")
+        texts = [*texts, "with real drives (can.emulate_drives = false)"]
+        refused(test, 2, texts, "tether-can-bridge", HIL, *real, *options)
+
+
 def a_node_that_cannot_start_ends_a_live_run(test):
     """Without a CAN interface; it is not tried again and again."""
     program = test.run("tether", "live", HIL, "--set", "can.interface=vcan9", seconds=15)
@@ -129,5 +144,6 @@ main(
     bad_options,
     bad_injections,
     slow_motion_of_real_drives,
+    too_loose_for_real_drives,
     a_node_that_cannot_start_ends_a_live_run,
 )

@@ -169,6 +169,18 @@ TEST_F(Blind, PlansWithoutAPoseAreRefused) {
   EXPECT_EQ(count("plan.without_pose"), 1);
 }
 
+TEST_F(Blind, AStopWithoutAPoseIsObeyedAtOnce) {
+  drive_plan({1.0, 0.0});
+  Plan stop = long_plan({});
+  stop.pose.reset();
+  offer(stop);
+  const double before = last.twist.v_mps;
+  cycle_after(kCycle);
+  cycle_after(kCycle);
+  EXPECT_LT(last.twist.v_mps, before);
+  EXPECT_EQ(last.state, BridgeState::armed);
+}
+
 TEST_F(Blind, PlansFromAPoseOfTheFutureAreRefusedAsIfWithout) {
   arm_with_plan();
   const PlanName before = core.plan();

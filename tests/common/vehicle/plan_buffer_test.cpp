@@ -176,6 +176,21 @@ TEST_F(PlanBufferTest, WherePlansNeedPosesTheyNeedAFreshOneNotOlderThanTheLast) 
   EXPECT_EQ(buffer.seen(), at_s(1) + kTick);
 }
 
+TEST_F(PlanBufferTest, OneThatSaysToStandStillNeedsNoPoseAndTellsNothingOfTheVehicle) {
+  buffer.need_poses(seconds{1});
+  ASSERT_EQ(offer(at_s(2), plan(at_s(2), 0)), PlanFate::accepted);
+  const auto seen = buffer.seen();
+  Plan stop = plan(at_s(2), 1);
+  stop.twists.assign(3, Twist{});
+  stop.pose.reset();
+  EXPECT_EQ(offer(at_s(2), stop), PlanFate::accepted);
+  stop.seq = stop.name.id = 2;
+  stop.pose = at_s(0);
+  EXPECT_EQ(offer(at_s(2), stop), PlanFate::accepted);
+  EXPECT_EQ(buffer.seen(), seen);
+  EXPECT_EQ(buffer.in_force(at_s(2))->v_mps, 0.0);
+}
+
 TEST_F(PlanBufferTest, WhileItsSessionIsHeldNoOtherTakesOver) {
   ASSERT_EQ(offer(at_s(1), plan(at_s(1), 0)), PlanFate::accepted);
   Plan other = plan(at_s(2), 1);
