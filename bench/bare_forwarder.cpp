@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/bus/udp_sockets.hpp"
+#include "common/lcm/udp_sockets.hpp"
 
 namespace tether::bench {
 namespace {

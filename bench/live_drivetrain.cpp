@@ -14,8 +14,8 @@
 
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "common/bus/lcm_url.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "tools/base/process.hpp"
 

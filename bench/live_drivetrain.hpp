@@ -14,7 +14,7 @@
 
 #include "bench/can_tap.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "common/bus/lcm_bus.hpp"
+#include "common/lcm/lcm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tools/processes/node_process.hpp"

@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "tools/base/process.hpp"
 
 namespace tether::bench {

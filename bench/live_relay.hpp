@@ -9,7 +9,7 @@
 
 #include "bench/bare_forwarder.hpp"
 #include "bench/cpu_time.hpp"
-#include "common/bus/lcm_bus.hpp"
+#include "common/lcm/lcm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "tools/processes/node_process.hpp"
 

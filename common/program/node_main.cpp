@@ -13,9 +13,10 @@
 
 #include "common/base/errors.hpp"
 #include "common/bus/channel_names.hpp"
-#include "common/bus/lcm_url.hpp"
 #include "common/bus/message_io.hpp"
-#include "common/bus/udpm_bus.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/open_bus.hpp"
+#include "common/lcm/udpm_bus.hpp"
 #include "common/lockstep/member.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
@@ -93,30 +94,31 @@ void wind_down(Node& node, RealTimeLoop& loop) {
 End run_once(const NodeProgram& program, const Options& options, const Scenario& scenario) {
   RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()), options.speed,
                     options.start_boot_ns);
-  UdpmBus bus(options.lcm_url, loop);
-  std::optional<UdpmBus> other;
-  if (!options.control_lcm_url.empty() &&
-      checked_lcm_url(options.control_lcm_url) != checked_lcm_url(options.lcm_url)) {
-    other.emplace(options.control_lcm_url, loop);
+  const std::string url = checked_lcm_url(options.lcm_url);
+  const auto vehicle_bus = open_bus(url, loop);
+  Bus& bus = *vehicle_bus;
+  std::unique_ptr<Bus> other;
+  if (!options.control_lcm_url.empty() && checked_lcm_url(options.control_lcm_url) != url) {
+    other = open_bus(options.control_lcm_url, loop);
   }
   Bus& control_bus = other ? *other : bus;
 
   std::optional<ClockFollower> clock;
   if (!options.start_utime_us && !program.owns_clock && !options.stands_alone) {
     clock.emplace(loop, bus);
-    fmt::print(stderr, "{}: waiting for SIM/CLOCK on {}\n", program.name, bus.url());
+    fmt::print(stderr, "{}: waiting for SIM/CLOCK on {}\n", program.name, url);
     if (!clock->wait()) return End::signal;
   }
 
   const auto node = program.make({scenario, loop, bus, control_bus});
   std::vector<Bus*> networks{&bus};
-  if (other) networks.push_back(&*other);
+  if (other) networks.push_back(other.get());
   std::optional<Presence> presence;
   if (!options.stands_alone) {
     presence.emplace(loop, networks, program.name, scenario.get<VehicleSettings>().name);
   }
   fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
-             bus.url());
+             url);
   loop.run();
   wind_down(*node, loop);
   if (clock && clock->jumped()) {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/bus/lcm_url.hpp"
-#include "common/bus/udpm_bus.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/udpm_bus.hpp"
 #include "common/program/node_main.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "netem/relay/relay_node.hpp"

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "common/bus/lcm_datagrams.hpp"
+#include "common/lcm/lcm_datagrams.hpp"
 
 namespace tether {
 namespace {

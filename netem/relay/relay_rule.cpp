@@ -9,8 +9,8 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
-#include "common/bus/lcm_datagrams.hpp"
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_datagrams.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "netem/channel/settings.hpp"
 
 namespace tether {

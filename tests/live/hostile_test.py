@@ -2,7 +2,7 @@
 """Hostile and broken traffic on the LCM port during a live run: no node dies, the vehicle's state
 stays finite, what was wrong is counted by name, and the loop goes on.
 
-Left out: two fragments whose offset overflows crash any LCM program (see common/bus/lcm_bus.hpp).
+Left out: two fragments whose offset overflows crash any LCM program (see common/lcm/lcm_bus.hpp).
 Usage: hostile_test.py BIN_DIR"""
 
 import json

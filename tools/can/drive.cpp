@@ -13,8 +13,9 @@
 
 #include "common/base/errors.hpp"
 #include "common/bus/channel_names.hpp"
-#include "common/bus/lcm_bus.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/open_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "tools/can/twist_drive.hpp"
@@ -33,7 +34,8 @@ class DriveSession {
         for_s_(drive.for_s),
         twist_(drive.twist),
         loop_(RealTimeLoop::wall_utime_us()),
-        bus_(options.lcm_url, loop_) {
+        url_(checked_lcm_url(options.lcm_url)),
+        network_(open_bus(url_, loop_)) {
     subscribe<drivetrain_state_t>(bus_, channels_.can_state, kDeepQueue, undecodable_,
                                   [this](const drivetrain_state_t& m) { on_state(m); });
     subscribe<odometry_t>(bus_, channels_.can_odometry, kDeepQueue, undecodable_,
@@ -75,7 +77,7 @@ class DriveSession {
     if (!clock_) {
       throw std::runtime_error(
           fmt::format("no {} on {}: is tether-can-bridge running, for vehicle \"{}\"?",
-                      channels_.can_state, bus_.url(), vehicle_));
+                      channels_.can_state, url_, vehicle_));
     }
     if (!foreign_.empty()) {
       throw std::runtime_error(fmt::format(
@@ -135,7 +137,9 @@ class DriveSession {
   double for_s_;
   Twist twist_;
   RealTimeLoop loop_;
-  LcmBus bus_;
+  std::string url_;
+  std::unique_ptr<Bus> network_;
+  Bus& bus_ = *network_;
   std::optional<TwistDrive> drive_;
   std::optional<Duration> clock_;  // the bridge's minus this loop's
   std::int64_t run_ = 0;           // the bridge's

@@ -18,8 +18,9 @@
 #include <tether/wheel_feedback_t.hpp>
 
 #include "common/bus/channel_names.hpp"
-#include "common/bus/lcm_bus.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/open_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "tools/can/request_outcome.hpp"
@@ -39,7 +40,8 @@ class Ear {
       : channels(options.vehicle),
         vehicle_(options.vehicle),
         loop_(RealTimeLoop::wall_utime_us()),
-        bus(options.lcm_url, loop_) {}
+        url_(checked_lcm_url(options.lcm_url)),
+        bus_(open_bus(url_, loop_)) {}
 
   template <class LcmType, class Function>
   void hear(const std::string& channel, Function function) {
@@ -70,7 +72,7 @@ class Ear {
 
   [[noreturn]] void miss(const std::string& channel, const char* program) const {
     throw std::runtime_error(fmt::format("no {} on {}: is {} running, for vehicle \"{}\"?", channel,
-                                         bus.url(), program, vehicle_));
+                                         url_, program, vehicle_));
   }
 
   /// Grows from one call of this program to the next.
@@ -81,11 +83,13 @@ class Ear {
  private:
   std::string vehicle_;
   RealTimeLoop loop_;
+  std::string url_;
+  std::unique_ptr<Bus> bus_;
   std::function<bool()> enough_;
   std::int64_t undecodable_ = 0;
 
  public:
-  LcmBus bus;
+  Bus& bus = *bus_;
 };
 
 std::int64_t counter(const counters_t& counters, const std::string& name) {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "common/program/cli_range.hpp"
 #include "tools/can/drive.hpp"
 #include "tools/can/operator.hpp"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
 #include "tools/cli/commands.hpp"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
 #include "netem/fit/report.hpp"
 #include "tools/base/text_output.hpp"

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/process.hpp"
 #include "tools/cli/commands.hpp"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/bus/lcm_datagrams.hpp"
+#include "common/lcm/lcm_datagrams.hpp"
 #include "common/lockstep/channels.hpp"
 
 namespace tether {

@@ -10,8 +10,9 @@
 
 #include "common/base/errors.hpp"
 #include "common/bus/channel_names.hpp"
-#include "common/bus/lcm_bus.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/open_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "netem/relay/setting_requests.hpp"
@@ -26,7 +27,9 @@ constexpr Duration kAskAgain = std::chrono::milliseconds{500};  // requests may 
 class RelayTalk {
  public:
   explicit RelayTalk(const std::string& lcm_url)
-      : loop_(RealTimeLoop::wall_utime_us()), bus_(lcm_url, loop_) {
+      : url_(checked_lcm_url(lcm_url)),
+        loop_(RealTimeLoop::wall_utime_us()),
+        network_(open_bus(url_, loop_)) {
     subscribe<channel_setting_result_t>(
         bus_, channels_.net_settings, kDeepQueue, undecodable_,
         [this](const channel_setting_result_t& m) { on_answer(m); });
@@ -44,7 +47,7 @@ class RelayTalk {
     }
     if (answer_) return *answer_;
     throw std::runtime_error(fmt::format("no answer on {} at {}: is tether-netem running there?",
-                                         channels_.net_settings, bus_.url()));
+                                         channels_.net_settings, url_));
   }
 
  private:
@@ -55,8 +58,10 @@ class RelayTalk {
   }
 
   ChannelNames channels_{"AGV"};
+  std::string url_;
   RealTimeLoop loop_;
-  LcmBus bus_;
+  std::unique_ptr<Bus> network_;
+  Bus& bus_ = *network_;
   std::int64_t undecodable_ = 0;
   channel_setting_t asked_{};
   std::optional<channel_setting_result_t> answer_;

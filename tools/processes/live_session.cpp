@@ -11,8 +11,9 @@
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/bus/channel_names.hpp"
-#include "common/bus/lcm_url.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/open_bus.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/node_main.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -76,8 +77,8 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
       loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us +
                 to_utime(kStart + from_seconds(scenario.get<RunSettings>().lead_s / options.speed)),
             options.speed),
-      bus_(options.lcm_url, loop_),
-      recorder_(options.lcm_url, loop_),
+      network_(open_bus(options.lcm_url, loop_)),
+      recorder_(open_bus(options.lcm_url, loop_)),
       vehicle_(scenario.get<VehicleSettings>().name),
       watch_(loop_.run_id(), host_name(), options.speed),
       senders_(loop_, bus_, channels_of_one_sender(scenario),
@@ -86,7 +87,7 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
       operator_(scenario, loop_, bus_) {
   if (!options.out.empty()) {
     folder_.emplace(options.out, scenario);
-    folder_->record(loop_, recorder_);
+    folder_->record(loop_, *recorder_);
   }
   subscribe<presence_t>(bus_, kPresenceChannel, kDeepQueue, undecodable_,
                         [this](const presence_t& presence) { on_presence(presence); });
@@ -173,7 +174,7 @@ void LiveSession::run() {
       interrupted() ? "no result: ended before t = 0"
                     : fmt::format("no result: no SIM/TRUTH from tether-sim was heard on {}; does a "
                                   "firewall stop multicast?",
-                                  bus_.url()));
+                                  url_));
 }
 
 void LiveSession::on_child_exit(Child& child, int code) {

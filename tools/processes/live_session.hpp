@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "common/bus/bus.hpp"
 #include "common/bus/sole_sender.hpp"
-#include "common/bus/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/presence.hpp"
 #include "common/scenario/scenario.hpp"
@@ -78,8 +78,9 @@ class LiveSession {
   const Child* ending_child_ = nullptr;
   Instant end_;
   RealTimeLoop loop_;
-  UdpmBus bus_;
-  UdpmBus recorder_;  ///< hears what bus_ publishes, too
+  std::unique_ptr<Bus> network_;
+  std::unique_ptr<Bus> recorder_;  ///< hears what this session publishes, too
+  Bus& bus_ = *network_;
   std::string vehicle_;
   std::optional<Presence> presence_;  ///< once the network is known to be its own
   RunWatch watch_;

@@ -12,8 +12,8 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/system_error.hpp"
-#include "common/bus/lcm_bus.hpp"
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_bus.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "common/lockstep/member.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"

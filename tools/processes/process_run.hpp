@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/bus/in_process_bus.hpp"
-#include "common/bus/udpm_bus.hpp"
+#include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/loop/virtual_loop.hpp"
 #include "common/scenario/scenario.hpp"

@@ -1,4 +1,4 @@
-#include "common/bus/lcm_datagrams.hpp"
+#include "common/lcm/lcm_datagrams.hpp"
 
 #include <gmock/gmock.h>
 

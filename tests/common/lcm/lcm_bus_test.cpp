@@ -1,6 +1,6 @@
 // Real LCM over UDP multicast. Run it through in_own_network.sh: it floods the network with
 // garbage and makes networks of its own.
-#include "common/bus/lcm_bus.hpp"
+#include "common/lcm/lcm_bus.hpp"
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>

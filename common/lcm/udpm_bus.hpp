@@ -1,7 +1,10 @@
 #pragma once
 
+#include <netinet/in.h>
+
 #include <array>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,7 +12,7 @@
 
 #include "common/base/pattern.hpp"
 #include "common/bus/bus.hpp"
-#include "common/bus/lcm_datagrams.hpp"
+#include "common/lcm/lcm_datagrams.hpp"
 #include "common/loop/event_loop.hpp"
 
 namespace tether {
@@ -17,7 +20,8 @@ namespace tether {
 /// A real LCM network over UDP multicast by sockets of our own, for programs that carry much
 /// traffic of others: several times cheaper a message than by way of LCM's receiving thread,
 /// indifferent to fragments that crash LCM, and it never hears what it has published itself, which
-/// it knows by the sender's address. Other LCM programs cannot tell it from LCM.
+/// it knows by the sender's port and that the address is this host's. Other LCM programs cannot
+/// tell it from LCM.
 ///
 /// Handlers run in the loop's thread. What waits, waits in the kernel's buffer (the URL's
 /// recv_buf_size), whose drops are counted. A bus that nobody subscribes to does not receive.
@@ -47,13 +51,16 @@ class UdpmBus final : public Bus {
 
   void listen();
   void receive();
+  bool is_own(std::uint64_t sender);
   void hear(std::uint64_t sender, std::span<const std::uint8_t> datagram);
 
   EventLoop& loop_;
   std::string url_;
   int sending_fd_ = -1;
   int receiving_fd_ = -1;
-  std::uint64_t own_address_ = 0;
+  sockaddr_in group_{};
+  in_port_t own_port_ = 0;
+  std::map<std::uint64_t, bool> same_port_;  ///< senders with our port: whether they are us
   std::uint32_t number_ = 0;
   std::unique_ptr<Batch> batch_;
   LcmAssembler assembler_;

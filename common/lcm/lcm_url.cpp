@@ -1,4 +1,4 @@
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_url.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>

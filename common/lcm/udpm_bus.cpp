@@ -1,4 +1,4 @@
-#include "common/bus/udpm_bus.hpp"
+#include "common/lcm/udpm_bus.hpp"
 
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "common/base/system_error.hpp"
-#include "common/bus/lcm_bus.hpp"
-#include "common/bus/lcm_url.hpp"
-#include "common/bus/udp_sockets.hpp"
+#include "common/lcm/lcm_bus.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/udp_sockets.hpp"
 
 namespace tether {
 namespace {
@@ -64,9 +64,20 @@ UdpmBus::UdpmBus(const std::string& url, EventLoop& loop)
   sending_fd_ = open_udpm_sender(url_);
   sockaddr_in own{};
   socklen_t size = sizeof own;
-  check_system_call("asking for the own address",
+  check_system_call("asking for the own port",
                     getsockname(sending_fd_, reinterpret_cast<sockaddr*>(&own), &size));
-  own_address_ = one_number(own);
+  own_port_ = own.sin_port;
+  group_ = udpm_address(url_);
+}
+
+bool UdpmBus::is_own(std::uint64_t sender) {
+  if (static_cast<in_port_t>(sender) != own_port_) return false;
+  const auto known = same_port_.find(sender);
+  if (known != same_port_.end()) return known->second;
+  constexpr std::size_t kMaxKnown = 1000;  // forged ones
+  if (same_port_.size() >= kMaxKnown) same_port_.clear();
+  const bool own = is_own_address({static_cast<in_addr_t>(sender >> 16)});
+  return same_port_.emplace(sender, own).first->second;
 }
 
 UdpmBus::~UdpmBus() {
@@ -84,6 +95,8 @@ void UdpmBus::publish(std::string_view channel, std::span<const std::uint8_t> by
     std::array<iovec, 2> parts{iovec{const_cast<std::uint8_t*>(header.data()), header.size()},
                                iovec{const_cast<std::uint8_t*>(payload.data()), payload.size()}};
     msghdr message{};
+    message.msg_name = &group_;
+    message.msg_namelen = sizeof group_;
     message.msg_iov = parts.data();
     message.msg_iovlen = parts.size();
     sent = sendmsg(sending_fd_, &message, 0) >= 0 && sent;
@@ -110,7 +123,7 @@ void UdpmBus::receive() {
   // One batch, so that timers run on time under a flood of messages.
   const std::size_t count = batch_->receive(receiving_fd_);
   for (std::size_t i = 0; i < count; ++i) {
-    if (batch_->sender(i) == own_address_) {
+    if (is_own(batch_->sender(i))) {
       ++own_;
     } else if (batch_->truncated(i)) {
       ++truncated_;

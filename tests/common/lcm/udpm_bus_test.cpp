@@ -1,12 +1,12 @@
 // Our sockets beside LCM's, in a network of its own: see lcm_bus_test.cpp.
-#include "common/bus/udpm_bus.hpp"
+#include "common/lcm/udpm_bus.hpp"
 
 #include <gmock/gmock.h>
 
 #include <string>
 #include <vector>
 
-#include "common/bus/lcm_bus.hpp"
+#include "common/lcm/lcm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 
 namespace tether {

@@ -1,4 +1,4 @@
-#include "common/bus/lcm_bus.hpp"
+#include "common/lcm/lcm_bus.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
@@ -15,8 +15,8 @@
 #include "common/base/errors.hpp"
 #include "common/base/pattern.hpp"
 #include "common/base/system_error.hpp"
-#include "common/bus/lcm_url.hpp"
-#include "common/bus/udp_sockets.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/udp_sockets.hpp"
 
 namespace tether {
 namespace {

@@ -1,6 +1,7 @@
-#include "common/bus/udp_sockets.hpp"
+#include "common/lcm/udp_sockets.hpp"
 
 #include <arpa/inet.h>
+#include <ifaddrs.h>
 #include <linux/sock_diag.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -9,7 +10,7 @@
 #include <array>
 
 #include "common/base/system_error.hpp"
-#include "common/bus/lcm_url.hpp"
+#include "common/lcm/lcm_url.hpp"
 
 namespace tether {
 namespace {
@@ -47,10 +48,28 @@ int open_udpm_sender(const std::string& url) {
   const int fd = udp_socket();
   set_option(fd, IPPROTO_IP, IP_MULTICAST_TTL, static_cast<int>(lcm_option(url, "ttl")),
              "setting the multicast TTL");
-  const sockaddr_in group = address_of(inet_addr(multicast_group(url).c_str()), lcm_port(url));
-  check_system_call("reaching " + url,
-                    connect(fd, reinterpret_cast<const sockaddr*>(&group), sizeof group));
+  const sockaddr_in any = address_of(htonl(INADDR_ANY), 0);
+  check_system_call("binding to a port",
+                    bind(fd, reinterpret_cast<const sockaddr*>(&any), sizeof any));
   return fd;
+}
+
+sockaddr_in udpm_address(const std::string& url) {
+  return address_of(inet_addr(multicast_group(url).c_str()), lcm_port(url));
+}
+
+bool is_own_address(in_addr address) {
+  if (address.s_addr == htonl(INADDR_ANY)) return true;
+  ifaddrs* all = nullptr;
+  if (getifaddrs(&all) != 0) return false;
+  bool own = false;
+  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
+    if (one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
+    const auto* found = reinterpret_cast<const sockaddr_in*>(one->ifa_addr);
+    own = own || found->sin_addr.s_addr == address.s_addr;
+  }
+  freeifaddrs(all);
+  return own;
 }
 
 int open_udpm_receiver(const std::string& url) {

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "common/bus/bus.hpp"
+#include "common/loop/event_loop.hpp"
+
+namespace tether {
+
+/// The LCM network of this URL: a UdpmBus for udpm://, a LcmBus for tcpq://. Throws as they do.
+/// `loop` must outlive the bus.
+std::unique_ptr<Bus> open_bus(const std::string& url, EventLoop& loop);
+
+}  // namespace tether
