@@ -4,12 +4,11 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <fstream>
-#include <sstream>
 #include <type_traits>
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 
 namespace tether {
 namespace {
@@ -108,13 +107,7 @@ DrivetrainConfig parse_drivetrain(const std::string& toml, const std::string& na
 }
 
 DrivetrainConfig load_drivetrain(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  if (in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();
-  if (!in.is_open() || in.bad() || !text) {
-    throw UsageError(fmt::format("cannot read the drivetrain file \"{}\"", file));
-  }
-  return parse_drivetrain(text.str(), file);
+  return parse_drivetrain(read_input(file, "the drivetrain file", kMostTomlBytes), file);
 }
 
 }  // namespace tether

@@ -38,7 +38,8 @@ double finite_number(std::string_view text) {
 CsvTable::CsvTable(std::istream& in, std::string name) : in_(in), name_(std::move(name)) {
   if (!next_line()) fail("no header line");
   for (std::string_view cell : split(line_)) {
-    if (!columns_.emplace(cell, width_).second) fail(fmt::format("two columns \"{}\"", cell));
+    if (!columns_.emplace(cell, width_).second)
+      fail(fmt::format("two columns \"{}\"", printable(cell, kLongestValueShown)));
     ++width_;
   }
 }
@@ -77,7 +78,8 @@ std::int64_t CsvTable::whole_number(const std::string& column) const {
 }
 
 void CsvTable::refuse(const std::string& column, const std::string& allowed) const {
-  fail(fmt::format("{} = \"{}\" must be {}", column, cell(column), allowed));
+  fail(fmt::format("{} = \"{}\" must be {}", column, printable(cell(column), kLongestValueShown),
+                   allowed));
 }
 
 void CsvTable::fail(const std::string& reason) const {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <charconv>
+#include <cstddef>
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace tether {
@@ -23,5 +25,19 @@ std::optional<Number> to_number(std::string_view text) {
   if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
   return value;
 }
+
+/// `text` from outside (a file, a message) for terminals: control and non-ASCII bytes as \xNN. Of
+/// more than `most_bytes`, those, then "... (N bytes)".
+std::string printable(std::string_view text, std::size_t most_bytes = 2000);
+
+/// So much of a wrong value is shown in an error.
+inline constexpr std::size_t kLongestValueShown = 100;
+/// So much of a name.
+inline constexpr std::size_t kLongestNameShown = 200;
+inline constexpr std::size_t kLongestMessage = 10'000;
+
+/// A whole message of ours, whatever it quotes: as printable(), but keeps line breaks and
+/// characters in UTF-8 that do nothing to a terminal.
+std::string printable_message(std::string_view text, std::size_t most_bytes = kLongestMessage);
 
 }  // namespace tether

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/text.hpp"
 
 namespace tether {
 namespace {
@@ -25,7 +26,8 @@ TomlReader::TomlReader(const toml::table& table, std::string file, std::string p
     const std::string name(key.str());
     if (std::find(keys.begin(), keys.end(), name) != keys.end()) continue;
     refuse_at(key.source().begin.line,
-              fmt::format("unknown key \"{}\": allowed are {}", full(name), fmt::join(keys, ", ")));
+              fmt::format("unknown key \"{}\": allowed are {}",
+                          printable(full(name), kLongestValueShown), fmt::join(keys, ", ")));
   }
 }
 
@@ -42,7 +44,8 @@ void TomlReader::refuse(const std::string& key, const toml::node& value,
   std::ostringstream shown;
   shown << toml::node_view<const toml::node>(&value);
   refuse_at(value.source().begin.line,
-            fmt::format("{} = {} is not allowed: must be {}", full(key), shown.str(), allowed));
+            fmt::format("{} = {} is not allowed: must be {}", full(key),
+                        printable(shown.str(), kLongestValueShown), allowed));
 }
 
 const toml::node& TomlReader::require(const std::string& key, const std::string& allowed) const {

@@ -9,6 +9,7 @@
 
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 #include "common/vehicle/pose.hpp"
 
 namespace tether {
@@ -103,12 +104,7 @@ Waypoints read_waypoints(std::istream& in, const std::string& name) {
 }
 
 Waypoints load_waypoints(const std::string& file) {
-  std::error_code error;
-  if (std::filesystem::exists(file, error) && !std::filesystem::is_regular_file(file, error)) {
-    throw UsageError(fmt::format("path.csv: {} is not a regular file", file));
-  }
-  std::ifstream in(file);
-  if (!in) throw UsageError(fmt::format("path.csv: cannot open the waypoints {}", file));
+  std::ifstream in = open_input(file, "the waypoints", kMostTableBytes);
   return read_waypoints(in, file);
 }
 

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "common/base/errors.hpp"
+#include "common/base/text.hpp"
 #include "common/version.hpp"
 
 namespace tether {
@@ -14,7 +15,7 @@ namespace tether {
 int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& body) {
   const auto complain = [&app](const char* what) {
     std::fflush(stdout);
-    fmt::print(stderr, "{}: error: {}\n", app.get_name(), what);
+    fmt::print(stderr, "{}: error: {}\n", app.get_name(), printable_message(what));
   };
   try {
     app.parse(argc, argv);

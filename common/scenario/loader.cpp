@@ -161,7 +161,8 @@ const ScenarioKey* ScenarioLoader::find_key(const std::string& key) {
   return found == keys.end() ? nullptr : &*found;
 }
 
-void ScenarioLoader::refuse_unknown(const std::string& place, const std::string& key) {
+void ScenarioLoader::refuse_unknown(const std::string& place, const std::string& given) {
+  const std::string key = printable(given, kLongestValueShown);
   const std::vector<std::string> names = names_beside(scenario_.schema(), keys_beside(key));
   const auto nearest =
       std::min_element(names.begin(), names.end(), [&key](const auto& a, const auto& b) {
@@ -268,7 +269,8 @@ void ScenarioLoader::apply(const std::string& key, const toml::node& node,
     std::ostringstream shown;
     shown << toml::node_view<const toml::node>(&node);
     throw UsageError(fmt::format("{}: {} = {} is not allowed: must be {} ({})", place, key,
-                                 shown.str(), found->allowed, found->meaning));
+                                 printable(shown.str(), kLongestValueShown), found->allowed,
+                                 found->meaning));
   }
   given_.insert(key);
 }

@@ -4,10 +4,9 @@
 #include <toml++/toml.h>
 
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 #include "common/scenario/loader.hpp"
 
 namespace tether {
@@ -41,13 +40,7 @@ Scenario::Scenario(std::shared_ptr<const ScenarioSchema> schema) : schema_(std::
 }
 
 ScenarioLoader start_from_file(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  if (in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();
-  if (!in.is_open() || in.bad() || !text) {
-    throw UsageError(fmt::format("cannot read the scenario file \"{}\"", file));
-  }
-  return start_from_text(text.str(), file);
+  return start_from_text(read_input(file, "the scenario file", kMostTomlBytes), file);
 }
 
 Scenario parse_scenario(const std::string& toml, const std::string& name,

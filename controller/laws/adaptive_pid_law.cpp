@@ -1,12 +1,11 @@
 #include "controller/laws/adaptive_pid_law.hpp"
 
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <fstream>
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 
 namespace tether {
 namespace {
@@ -15,10 +14,7 @@ constexpr std::int64_t kPoses = 30;  // to estimate the PRR from: within ±0.18 
 constexpr std::size_t kDelays = 15;
 
 TauTable read_table(const std::string& file) {
-  std::ifstream in(file);
-  if (!in) {
-    throw UsageError("controller.tau_table: cannot read " + file + ": " + std::strerror(errno));
-  }
+  std::ifstream in = open_input(file, "controller.tau_table", kMostTableBytes);
   return TauTable::read(in, file);
 }
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <map>
@@ -14,6 +13,8 @@
 
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
+#include "common/base/text.hpp"
 
 namespace tether {
 namespace {
@@ -39,7 +40,8 @@ class Words {
     const double value = finite_number(word);
     if (!std::isnan(value)) return value;
     fail(word.empty() ? fmt::format("ends before {}", what)
-                      : fmt::format("{} = \"{}\" must be a finite number", what, word));
+                      : fmt::format("{} = \"{}\" must be a finite number", what,
+                                    printable(word, kLongestValueShown)));
   }
   [[noreturn]] void fail(const std::string& reason) const {
     throw UsageError(fmt::format("{}:{}: {}", name_, line_number_, reason));
@@ -134,15 +136,14 @@ PositionMap PositionMap::read(std::istream& in, const std::string& name) {
     map.values_.push_back(value);
   }
   if (const std::string word = words.next(); !word.empty()) {
-    words.fail(fmt::format("\"{}\" comes after the last of the {} cells", word, cells));
+    words.fail(fmt::format("\"{}\" comes after the last of the {} cells",
+                           printable(word, kLongestValueShown), cells));
   }
   return map;
 }
 
 PositionMap PositionMap::load(const std::string& file) {
-  if (std::filesystem::is_directory(file)) throw UsageError(fmt::format("{} is a directory", file));
-  std::ifstream in(file);
-  if (!in) throw UsageError(fmt::format("cannot open the map {}", file));
+  std::ifstream in = open_input(file, "the map", kMostTableBytes);
   return read(in, file);
 }
 

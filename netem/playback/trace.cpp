@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <optional>
 
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 
 namespace tether {
 namespace {
@@ -91,9 +91,7 @@ Trace read_trace(std::istream& in, const std::string& name) {
 }
 
 Trace load_trace(const std::string& file) {
-  if (std::filesystem::is_directory(file)) throw UsageError(fmt::format("{} is a directory", file));
-  std::ifstream in(file);
-  if (!in) throw UsageError(fmt::format("cannot open the trace {}", file));
+  std::ifstream in = open_input(file, "the trace", kMostTableBytes);
   return read_trace(in, file);
 }
 

@@ -11,6 +11,8 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
+#include "common/base/text.hpp"
 
 namespace tether {
 namespace {
@@ -107,8 +109,7 @@ double DelayLaw::at_score(double z) const {
 std::vector<double> load_delay_table(const JitterSettings& settings) {
   if (jitter_law(settings).form != Form::quantiles) return {};
   if (settings.file.empty()) return settings.table_ms;
-  std::ifstream in(settings.file);
-  if (!in) throw UsageError(fmt::format("cannot read the delay table \"{}\"", settings.file));
+  std::ifstream in = open_input(settings.file, "the delay table", kMostTableBytes);
   std::vector<double> table_ms;
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
@@ -118,10 +119,11 @@ std::vector<double> load_delay_table(const JitterSettings& settings) {
     double value = 0.0;
     const auto [end, failed] = std::from_chars(line.data() + first, line.data() + last, value);
     if (failed != std::errc{} || end != line.data() + last || !(std::abs(value) <= 1e6)) {
-      throw UsageError(
-          fmt::format("{}:{}: \"{}\" is not a delay: must be a number in [-1e6, 1e6] "
-                      "(milliseconds)",
-                      settings.file, number, line.substr(first, last - first)));
+      throw UsageError(fmt::format(
+          "{}:{}: \"{}\" is not a delay: must be a number in [-1e6, 1e6] "
+          "(milliseconds)",
+          settings.file, number,
+          printable(std::string_view(line).substr(first, last - first), kLongestValueShown)));
     }
     if (table_ms.size() == kMaxTable) {
       throw UsageError(fmt::format("{}:{}: more than {} delays", settings.file, number, kMaxTable));

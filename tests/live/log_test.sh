@@ -24,7 +24,7 @@ expect() {
 expect 0 'ground_truth_t' "$tether" log info "$log"
 expect 0 'counters_t' "$tether" log info "$log"
 expect 2 'is not an LCM event log' "$tether" log info scenario.toml
-expect 2 'cannot open nowhere' "$tether" log info nowhere
+expect 2 'cannot read the log "nowhere"' "$tether" log info nowhere
 expect 2 'is a directory' "$tether" log info run
 expect 2 'no channel "AGV/POS"; it has: AGV/CMD_VEL, AGV/POSE, ' "$tether" log csv "$log" AGV/POS
 expect 2 'is the log itself' "$tether" log csv "$log" AGV/POSE --out "run/../$log"

@@ -58,7 +58,7 @@ def refuses_with_the_reason(test):
         (["uplink.prr=0", "prr=2"], "refused, nothing has changed: prr=2: channel.uplink.prr = 2 is"),
         (["uplink.prrr=0"], 'unknown key "channel.uplink.prrr" (did you mean "channel.uplink.prr"'),
         (["markov.bad.prr=0"], "channel.uplink.markov.bad.prr has no effect"),
-        (["model=trace", "trace.file=nowhere.csv"], "cannot open the trace nowhere.csv"),
+        (["model=trace", "trace.file=nowhere.csv"], 'cannot read the trace "nowhere.csv"'),
     ):
         code, said, errors = netem(test, "set", *settings)
         check(code == 1, f"{settings}: exit code {code}")

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/text.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -42,11 +43,14 @@ void DrivetrainObserver::on_state(const drivetrain_state_t& m) {
     armed_s_ += static_cast<double>(m.utime - std::max<std::int64_t>(0, state_.utime)) * 1e-6;
   }
   if (was_armed && !armed) {
-    stop_reason_ = m.reason;
+    stop_reason_ = printable_message(m.reason);
     stopped_at_s_ = static_cast<double>(m.utime) * 1e-6;
   }
   ever_armed_ = ever_armed_ || armed;
   state_ = m;
+  // For terminals and JSON, whoever sent it.
+  state_.state_name = printable_message(m.state_name, kLongestNameShown);
+  state_.reason = printable_message(m.reason);
 }
 
 void DrivetrainObserver::on_truth(const ground_truth_t& m) {

@@ -4,10 +4,13 @@
 
 #include <cmath>
 
+#include "common/base/text.hpp"
+
 namespace tether {
 
 std::string state_line(const drivetrain_state_t& state) {
-  return fmt::format("{}{}{}", state.state_name, state.reason.empty() ? "" : ": ", state.reason);
+  return fmt::format("{}{}{}", printable_message(state.state_name, kLongestNameShown),
+                     state.reason.empty() ? "" : ": ", printable_message(state.reason));
 }
 
 TwistDrive::TwistDrive(const Twist& twist, Duration duration, Instant now)

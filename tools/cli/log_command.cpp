@@ -13,6 +13,8 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
+#include "common/base/text.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
@@ -32,11 +34,8 @@ struct LogOptions {
 /// An open log file; refuses what is not one.
 class LogInput {
  public:
-  explicit LogInput(const std::string& path) : stream_(path, std::ios::binary), reader(stream_) {
-    if (std::filesystem::is_directory(path)) {
-      throw UsageError(fmt::format("{} is a directory, not an LCM event log", path));
-    }
-    if (!stream_) throw UsageError(fmt::format("cannot open {}", path));
+  explicit LogInput(const std::string& path)
+      : stream_(open_input(path, "the log", kMostRecordingBytes)), reader(stream_) {
     if (!reader.looks_like_log()) {
       throw UsageError(fmt::format(
           "{} is not an LCM event log: it does not begin with the bytes ed a1 da 01", path));

@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/base/text.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
 #include "netem/fit/report.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
-#include "tools/messages/message_printer.hpp"
 #include "tools/netem/fit.hpp"
 #include "tools/netem/settings.hpp"
 

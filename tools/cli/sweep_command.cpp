@@ -117,6 +117,7 @@ int sweep(const SweepCommandOptions& options) {
 bool is_database(const std::string& file) {
   constexpr std::string_view kMagic = "SQLite format 3";
   std::string begin(kMagic.size(), '\0');
+  if (!fs::is_regular_file(file)) return false;  // nothing to lose in it; a pipe would not open
   std::ifstream(file, std::ios::binary)
       .read(begin.data(), static_cast<std::streamsize>(begin.size()));
   return begin == kMagic;

@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/text.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/lockstep/channels.hpp"
-#include "tools/messages/message_printer.hpp"
 
 namespace tether {
 namespace {

@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "common/base/text.hpp"
 #include "common/bus/message_io.hpp"
 
 namespace tether {
@@ -147,19 +148,6 @@ std::string csv_values(const std::vector<FieldValue>& values) {
   std::vector<std::string> cells;
   for (const FieldValue& value : values) cells.push_back(std::visit(CsvFormat{}, value));
   return fmt::format("{}", fmt::join(cells, ","));
-}
-
-std::string printable(std::string_view text) {
-  std::string safe;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (byte >= 0x20 && byte < 0x7f) {
-      safe += c;
-    } else {
-      safe += fmt::format("\\x{:02x}", byte);
-    }
-  }
-  return safe;
 }
 
 }  // namespace tether

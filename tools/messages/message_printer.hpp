@@ -56,7 +56,4 @@ std::string format_message(std::string_view channel, const MessageContent& messa
 std::string csv_names(const MessageType& type);
 std::string csv_values(const std::vector<FieldValue>& values);
 
-/// `text` with control and non-ASCII bytes as \xNN.
-std::string printable(std::string_view text);
-
 }  // namespace tether

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "common/base/text.hpp"
 #include "common/base/time.hpp"
 
 namespace tether {

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <map>
 #include <set>
@@ -13,6 +12,8 @@
 
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
+#include "common/base/text.hpp"
 #include "tools/messages/event_log.hpp"
 #include "tools/messages/message_printer.hpp"
 
@@ -163,14 +164,11 @@ FitInput read_fit_log(std::istream& in, const std::string& name, const std::stri
 }
 
 FitInput read_fit_input(const std::string& path, const FitSelection& selection) {
-  if (std::filesystem::is_directory(path)) throw UsageError(fmt::format("{} is a directory", path));
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw UsageError(fmt::format("cannot open {}", path));
+  std::ifstream in = open_input(path, "the recording", kMostRecordingBytes);
   std::string first(4, '\0');
   in.read(first.data(), 4);
   in.clear();
   in.seekg(0);
-  if (!in) throw UsageError(fmt::format("{} cannot be read twice: a pipe?", path));
   const std::set<std::string> pcap{"\xa1\xb2\xc3\xd4", "\xd4\xc3\xb2\xa1", "\xa1\xb2\x3c\x4d",
                                    "\x4d\x3c\xb2\xa1"};
   if (first == "\xed\xa1\xda\x01") return read_fit_log(in, path, selection.channel);
@@ -179,6 +177,7 @@ FitInput read_fit_input(const std::string& path, const FitSelection& selection) 
     throw UsageError(
         fmt::format("{} is in pcapng format; convert it: editcap -F pcap {} out.pcap", path, path));
   }
+  check_input(path, "the table", kMostTableBytes);
   return read_fit_csv(in, path);
 }
 

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
 #include <tether/channel_setting_result_t.hpp>
 
 #include "common/base/errors.hpp"
+#include "common/base/text.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/lcm/lcm_url.hpp"
@@ -67,16 +67,9 @@ class RelayTalk {
   std::optional<channel_setting_result_t> answer_;
 };
 
-/// Texts come from the network.
-std::string safe(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }, '?');
-  return text;
-}
-
 void print_settings(const channel_setting_result_t& answer) {
   for (std::size_t i = 0; i < answer.key.size(); ++i) {
-    fmt::print("  {} = {}\n", safe(answer.key[i]), safe(answer.value[i]));
+    fmt::print("  {} = {}\n", printable(answer.key[i]), printable(answer.value[i]));
   }
 }
 
@@ -92,7 +85,7 @@ int netem_set(const std::string& lcm_url, const std::vector<std::string>& settin
   const std::int64_t relay_utime = talk.ask(0, {}).utime;
   const channel_setting_result_t answer = talk.ask(relay_utime, settings);
   if (answer.applied == 0) {
-    fmt::print("refused, nothing has changed: {}\n", safe(answer.reason));
+    fmt::print("refused, nothing has changed: {}\n", printable(answer.reason));
     return kExitFailed;
   }
   fmt::print("in force since t = {:.3f} s:\n", to_seconds(from_utime(answer.utime)));

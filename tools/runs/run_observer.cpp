@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <tether/pose_t.hpp>
 
+#include "common/base/text.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -12,6 +13,9 @@
 namespace tether {
 
 namespace {
+
+/// Ours are some hundred; anybody can send others.
+constexpr std::size_t kMostCounters = 2000;
 
 StreamGuard::Config from_lead(const Scenario& scenario) {
   return {.earliest = kStart - from_seconds(scenario.get<RunSettings>().lead_s)};
@@ -47,7 +51,9 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
   for (const std::string& channel : reports) {
     subscribe<counters_t>(bus, channel, kDeepQueue, undecodable_, [this](const counters_t& m) {
       for (std::size_t i = 0; i < m.name.size(); ++i) {
-        counters_[m.node + "." + m.name[i]] = m.value[i];
+        const std::string name = printable(m.node + "." + m.name[i], kLongestNameShown);
+        if (counters_.size() == kMostCounters && !counters_.contains(name)) continue;
+        counters_[name] = m.value[i];
       }
     });
   }

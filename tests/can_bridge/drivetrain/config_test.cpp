@@ -115,7 +115,9 @@ TEST(DrivetrainFile, AnUnreadableFileIsNamed) {
     load_drivetrain("/nonexistent/drives.toml");
     FAIL() << "loaded";
   } catch (const UsageError& error) {
-    EXPECT_STREQ(error.what(), "cannot read the drivetrain file \"/nonexistent/drives.toml\"");
+    EXPECT_STREQ(error.what(),
+                 "cannot read the drivetrain file \"/nonexistent/drives.toml\": No such file "
+                 "or directory");
   }
 }
 

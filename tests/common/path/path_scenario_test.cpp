@@ -113,7 +113,7 @@ TEST(PathCheck, NamesTheLimitItsValueAndThePlace) {
       {{"path.kind=circle", "path.radius_m=0.1", "path.max_yaw_rate_radps=0.1"},
        "path.max_yaw_rate_radps and path.max_lateral_acceleration_mps2 leave less than 0.05 m/s"},
       {{"path.kind=csv"}, "needs path.csv"},
-      {{"path.kind=csv", "path.csv=/nowhere.csv"}, "cannot open the waypoints /nowhere.csv"},
+      {{"path.kind=csv", "path.csv=/nowhere.csv"}, "cannot read the waypoints \"/nowhere.csv\""},
   };
   for (const auto& c : cases) {
     EXPECT_THAT(refusal(c.settings), AllOf(StartsWith("a.toml: "), HasSubstr(c.reason)));

@@ -92,8 +92,8 @@ TEST(Waypoints, FilesThatAreNoneAreRefused) {
     }
     return "accepted";
   };
-  EXPECT_THAT(refusal_of("/nowhere.csv"), HasSubstr("cannot open the waypoints /nowhere.csv"));
-  EXPECT_THAT(refusal_of("/tmp"), HasSubstr("not a regular file"));
+  EXPECT_THAT(refusal_of("/nowhere.csv"), HasSubstr("cannot read the waypoints \"/nowhere.csv\""));
+  EXPECT_THAT(refusal_of("/tmp"), HasSubstr("a directory"));
   EXPECT_THAT(refusal_of("/dev/zero"), HasSubstr("not a regular file"));
 }
 

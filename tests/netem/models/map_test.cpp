@@ -278,7 +278,9 @@ TEST(MapProcess, RefusesWhatMakesNoSense) {
   EXPECT_EQ(make(c), "channel.uplink.map.prr_curve: 1.5 must be in [0, 1]");
   c = two_access_points();
   c.file = "/nowhere/m.asc";
-  EXPECT_EQ(make(c), "channel.uplink.map.file: cannot open the map /nowhere/m.asc");
+  EXPECT_EQ(make(c),
+            "channel.uplink.map.file: cannot read the map \"/nowhere/m.asc\": No such file or "
+            "directory");
 }
 
 }  // namespace

@@ -63,7 +63,7 @@ std::vector<Refused> refused() {
       {{"uplink.jitter.law=table", "uplink.jitter.file=/nowhere"},
        "channel.uplink.jitter.file: cannot read the delay table \"/nowhere\""},
       {{"downlink.model=map", "downlink.map.file=/nowhere"},
-       "channel.downlink.map.file: cannot open the map /nowhere"},
+       "channel.downlink.map.file: cannot read the map \"/nowhere\""},
       {{"downlink.model=chain", "downlink.chain.prr=[1.0, 0.5]",
         "downlink.chain.rates_per_s=[[0, 0], [0, 0]]"},
        "where the chain ends up depends on where it begins"}};

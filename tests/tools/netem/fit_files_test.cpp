@@ -292,8 +292,11 @@ TEST(ReadFitInput, TellsTheFormatsApart) {
   EXPECT_EQ(read(record(0, "A", pose(0, 0))), ", channel A");
   EXPECT_NE(refusal([&] { read("\x0a\x0d\x0d\x0a and so on"); }).find("editcap -F pcap"),
             std::string::npos);
-  EXPECT_EQ(refusal([&] { read_fit_input("/nowhere", {}); }), "cannot open /nowhere");
-  EXPECT_EQ(refusal([&] { read_fit_input("/tmp", {}); }), "/tmp is a directory");
+  EXPECT_THAT(refusal([&] { read_fit_input("/nowhere", {}); }),
+              ::testing::HasSubstr("cannot read the recording \"/nowhere\""));
+  EXPECT_THAT(refusal([&] { read_fit_input("/tmp", {}); }), ::testing::HasSubstr("is a directory"));
+  EXPECT_THAT(refusal([&] { read_fit_input("/dev/zero", {}); }),
+              ::testing::HasSubstr("regular file"));
 }
 
 }  // namespace

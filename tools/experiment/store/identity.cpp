@@ -11,6 +11,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/fnv1a.hpp"
+#include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
@@ -38,11 +39,7 @@ std::string precision_text(const std::optional<Precision>& precision) {
 }
 
 std::string hash_of_file(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  text << in.rdbuf();
-  if (!in) throw UsageError(fmt::format("cannot read {}, which the scenario names", file));
-  return fmt::format("{:016x}", fnv1a(text.str()));
+  return fmt::format("{:016x}", fnv1a(read_input(file, "the scenario's file", kMostTableBytes)));
 }
 
 /// The files that a scenario names.
