@@ -1,16 +1,19 @@
 #include "tools/experiment/store/run_store.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <bit>
 #include <filesystem>
 #include <fstream>
 
 #include "common/base/errors.hpp"
+#include "common/base/fnv1a.hpp"
 #include "common/path/path_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/models/trace_process.hpp"
-#include "tests/tools/runs/run_files.hpp"
+#include "tests/tools/experiment/store.hpp"
 #include "tools/experiment/store/export.hpp"
 
 namespace tether {
@@ -20,52 +23,6 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 using ::testing::ThrowsMessage;
-
-Experiment two_arms() {
-  Experiment e;
-  e.name = "two_arms";
-  e.keys = {"channel.prr"};
-  e.arms = {Arm{{{"channel.prr", "1"}}, {}}, Arm{{{"channel.prr", "0.5"}}, {}}};
-  e.arms[1].scenario.get<ChannelSettings>().uplink.fixed.prr = 0.5;
-  e.seeds = {1, 2};
-  e.trajectory_period_s = 1.0;
-  return e;
-}
-
-RunResult result(double epsilon_m) {
-  RunResult r;
-  r.metrics.assign(r.metrics.size(), 0.5);
-  r.metrics[0] = epsilon_m;
-  r.trajectory = {{0.0F, 1.0F, 2.0F, 3.0F, 4.0F, 5.0F, 0.0F, 1.0F}, {}};
-  return r;
-}
-
-RunResult failure(const std::string& why) {
-  RunResult r;
-  r.failure = why;
-  return r;
-}
-
-class Store : public ::testing::Test {
- protected:
-  RunStore begin(const Experiment& experiment = two_arms(), const Shard& shard = {}) {
-    return RunStore::begin(database_in(folder_, shard), experiment, shard);
-  }
-  static std::vector<StoredRun> runs_of(const RunStore& store) {
-    std::vector<StoredRun> runs;
-    store.for_each([&](const StoredRun& run) { runs.push_back(run); }, true);
-    return runs;
-  }
-  static std::string exported(const RunStore& store) {
-    std::string text;
-    export_runs(store, [&text](const std::string& more) { text += more; });
-    return text;
-  }
-
-  testing::Folder own_;
-  const std::filesystem::path& folder_ = own_.path;
-  std::filesystem::path file_ = folder_ / "runs.sqlite";
-};
 
 TEST_F(Store, GivesBackWhatWasPutInByArmAndSeed) {
   begin().add({{1, 2, result(4.0)}, {0, 1, result(1.0)}, {1, 1, failure("it broke")}});
@@ -139,7 +96,8 @@ TEST_F(Store, RefusesAnotherExperimentAndSaysWhatDiffers) {
 TEST_F(Store, RefusesAnotherVersionOfTheProgram) {
   begin();
   Database(file_, Database::Mode::write)
-      .execute("UPDATE meta SET value = '0.0.9+abc' WHERE key = 'version'");
+      .execute(fmt::format("UPDATE meta SET value = '0.0.9+abc', sum = {} WHERE key = 'version'",
+                           std::bit_cast<std::int64_t>(fnv1a("7:version9:0.0.9+abc"))));
   EXPECT_THAT([&] { begin(); },
               ThrowsMessage<UsageError>(HasSubstr("version = 0.0.9+abc; now it is ")));
 }
@@ -181,7 +139,7 @@ TEST_F(Store, RefusesATraceThatCannotBeRead) {
   Experiment e = two_arms();
   e.arms[0].scenario.get<ChannelSettings>().uplink.model = "trace";
   e.arms[0].scenario.get<ChannelSettings>().uplink.own.get<TraceConfig>().file = "/no/such.csv";
-  EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("cannot read /no/such.csv")));
+  EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("\"/no/such.csv\"")));
 }
 
 TEST_F(Store, AnotherFigureIsNoOtherExperiment) {
@@ -240,6 +198,11 @@ TEST_F(Store, RefusesADatabaseThatContradictsItself) {
                 ThrowsMessage<UsageError>(HasSubstr("damaged sweep's database")))
         << damage;
   }
+}
+
+TEST_F(Store, ThatIsADeviceOrAPipeIsRefused) {
+  EXPECT_THAT([] { RunStore::open("/dev/zero"); },
+              ThrowsMessage<UsageError>(HasSubstr("not a regular file")));
 }
 
 TEST_F(Store, ThatIsNotThereIsNamed) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -10,6 +11,9 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/fnv1a.hpp"
+#include "common/base/input_file.hpp"
+#include "common/base/text.hpp"
 #include "common/scenario/key_table.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
 #include "tools/experiment/store/identity.hpp"
@@ -17,22 +21,30 @@
 namespace tether {
 namespace {
 
-constexpr char kFormat[] = "1";
+constexpr char kFormat[] = "2";
+constexpr char kFormatWithoutSums[] = "1";  // still read, unverified
 
 std::string create_tables() {
   std::string metrics;
   for (const std::string& name : metric_names()) metrics += fmt::format(", {} REAL", name);
   return fmt::format(
-      "CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;"
-      "CREATE TABLE arms(arm INTEGER PRIMARY KEY, settings TEXT NOT NULL, scenario TEXT NOT NULL);"
-      "CREATE TABLE runs(arm INTEGER, seed INTEGER, failure TEXT{}, PRIMARY KEY(arm, seed))"
+      "CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL, sum INTEGER NOT NULL)"
       " WITHOUT ROWID;"
-      "CREATE TABLE trajectories(arm INTEGER, seed INTEGER, points BLOB NOT NULL,"
+      "CREATE TABLE arms(arm INTEGER PRIMARY KEY, settings TEXT NOT NULL, scenario TEXT NOT NULL,"
+      " sum INTEGER NOT NULL);"
+      "CREATE TABLE runs(arm INTEGER, seed INTEGER, failure TEXT{}, sum INTEGER NOT NULL,"
+      " PRIMARY KEY(arm, seed))"
+      " WITHOUT ROWID;"
+      "CREATE TABLE trajectories(arm INTEGER, seed INTEGER, points BLOB NOT NULL, sum INTEGER NOT "
+      "NULL,"
       " PRIMARY KEY(arm, seed));",
       metrics);
 }
 
 std::unique_ptr<Database> open_database(const std::filesystem::path& file, Database::Mode mode) {
+  if (std::filesystem::exists(file)) {
+    check_input(file.string(), "the sweep's database", kMostDatabaseBytes);
+  }
   try {
     return std::make_unique<Database>(file, mode);
   } catch (const std::runtime_error& error) {
@@ -53,7 +65,11 @@ bool is_empty(const Database& database) {
 void check_is_sweep(const Database& database) {
   try {
     Statement format(database, "SELECT value FROM meta WHERE key = 'format'");
-    if (!format.step() || format.text(0) != kFormat) throw std::runtime_error("no format");
+    if (!format.step()) throw std::runtime_error("no format");
+    const std::string is = format.text(0);
+    if (is != kFormat && is != kFormatWithoutSums) {
+      throw std::runtime_error(fmt::format("format \"{}\"", printable(is, kLongestValueShown)));
+    }
     Statement check(database, "PRAGMA quick_check(1)");
     if (!check.step() || check.text(0) != "ok") throw std::runtime_error(check.text(0));
   } catch (const std::runtime_error& error) {
@@ -109,9 +125,46 @@ StoredRun stored_run(const Statement& row) {
   return run;
 }
 
-std::string select_runs(bool with_trajectories) {
-  return fmt::format("SELECT arm, seed, failure{}, {} FROM runs {} ORDER BY arm, seed",
+/// Of a row's fields, in the table's order: each with its length, so that none runs into the next.
+class RowSum {
+ public:
+  RowSum& add(std::string_view text) {
+    bytes_ += fmt::format("{}:", text.size());
+    bytes_ += text;
+    return *this;
+  }
+  RowSum& add(std::span<const std::uint8_t> bytes) {
+    return add(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+  }
+  RowSum& add(std::int64_t value) { return add(std::string_view(fmt::format("{}", value))); }
+  /// SQLite's integers are signed.
+  operator std::int64_t() const { return std::bit_cast<std::int64_t>(fnv1a(bytes_)); }
+
+ private:
+  std::string bytes_;
+};
+
+std::int64_t sum_of(const StoredRun& run) {
+  RowSum sum;
+  sum.add(static_cast<std::int64_t>(run.arm)).add(static_cast<std::int64_t>(run.seed));
+  sum.add(run.result.failure);
+  if (!run.result.failure.empty()) return sum;  // its metrics are not stored
+  for (const double metric : run.result.metrics) {
+    // SQLite keeps no NaN, and zero without its sign.
+    sum.add(std::isnan(metric) ? std::string("none") : fmt::format("{}", metric + 0.0));
+  }
+  return sum;
+}
+
+std::string row_name(const StoredRun& run) {
+  return fmt::format("the run of combination {}, seed {}", run.arm, run.seed);
+}
+
+std::string select_runs(bool with_trajectories, bool with_sums) {
+  return fmt::format("SELECT arm, seed, failure{}, {}, {}, {} FROM runs {} ORDER BY arm, seed",
                      point_columns(), with_trajectories ? "points" : "NULL",
+                     with_sums ? "runs.sum" : "NULL",
+                     with_sums && with_trajectories ? "trajectories.sum" : "NULL",
                      with_trajectories ? "LEFT JOIN trajectories USING (arm, seed)" : "");
 }
 
@@ -128,6 +181,12 @@ RunStore RunStore::begin(const std::filesystem::path& file, const Experiment& ex
     store.make(identity, arms);
   } else {
     check_is_sweep(database);
+    if (!store.has_sums()) {
+      throw UsageError(
+          fmt::format("{} is of an older version, without checksums: it can be read, "
+                      "but not gone on with; name another folder",
+                      file.string()));
+    }
     store.check_contents();
     check_same(store, identity);
     check_same_arms(store, experiment);
@@ -152,17 +211,22 @@ void RunStore::make(const Identity& identity, const std::vector<StoredArm>& arms
   database_->execute(create_tables());
   write_meta({{"format", kFormat}, {"wall_time_s", "0"}, {"complete", "false"}});
   write_meta(identity);
-  Statement insert(*database_, "INSERT INTO arms VALUES (?, ?, ?)");
+  Statement insert(*database_, "INSERT INTO arms VALUES (?, ?, ?, ?)");
   for (std::size_t i = 0; i < arms.size(); ++i) {
     insert.bind(0, static_cast<std::int64_t>(i));
-    insert.bind(1, settings_json(arms[i].settings)).bind(2, arms[i].scenario).run();
+    const std::string settings = settings_json(arms[i].settings);
+    insert.bind(1, settings).bind(2, arms[i].scenario);
+    insert.bind(3, RowSum().add(static_cast<std::int64_t>(i)).add(settings).add(arms[i].scenario))
+        .run();
   }
   making.commit();
 }
 
 void RunStore::write_meta(const Identity& values) {
-  Statement insert(*database_, "INSERT OR REPLACE INTO meta VALUES (?, ?)");
-  for (const auto& [key, value] : values) insert.bind(0, key).bind(1, value).run();
+  Statement insert(*database_, "INSERT OR REPLACE INTO meta VALUES (?, ?, ?)");
+  for (const auto& [key, value] : values) {
+    insert.bind(0, key).bind(1, value).bind(2, RowSum().add(key).add(value)).run();
+  }
 }
 
 RunStore RunStore::open(const std::filesystem::path& file) {
@@ -177,6 +241,7 @@ void RunStore::check_contents() const {
   try {
     if (!is_identifier(name())) throw std::runtime_error("a bad name");
     if (!std::isfinite(wall_time_s())) throw std::runtime_error("a bad wall time");
+    identity();  // verifies all that follows
     planned_runs(), keys(), figure(), tables(), plant(), version(), shard();
     const std::size_t count = arms().size();
     Statement range(*database_, "SELECT count(*) FROM runs WHERE arm < 0 OR arm >= ?");
@@ -193,10 +258,10 @@ void RunStore::check_contents() const {
 
 void RunStore::add(const std::vector<StoredRun>& runs) {
   Transaction adding(*database_);
-  std::string places = "?, ?, ?";
+  std::string places = "?, ?, ?, ?";
   for (std::size_t i = 0; i < metrics().size(); ++i) places += ", ?";
   Statement insert(*database_, fmt::format("INSERT INTO runs VALUES ({})", places));
-  Statement insert_points(*database_, "INSERT INTO trajectories VALUES (?, ?, ?)");
+  Statement insert_points(*database_, "INSERT INTO trajectories VALUES (?, ?, ?, ?)");
   for (const auto& [arm, seed, result] : runs) {
     const auto arm_number = static_cast<std::int64_t>(arm);
     const auto seed_number = static_cast<std::int64_t>(seed);
@@ -208,18 +273,32 @@ void RunStore::add(const std::vector<StoredRun>& runs) {
     } else {
       insert.bind(2, result.failure);
     }
+    insert.bind(static_cast<int>(3 + metrics().size()), sum_of({arm, seed, result}));
     insert.run();
     if (result.trajectory.empty()) continue;
     insert_points.bind(0, arm_number).bind(1, seed_number);
-    insert_points.bind_bytes(2, bytes_of(result.trajectory)).run();
+    const auto points = bytes_of(result.trajectory);
+    insert_points.bind_bytes(2, points);
+    insert_points.bind(3, RowSum().add(arm_number).add(seed_number).add(points)).run();
   }
   adding.commit();
 }
 
 void RunStore::for_each(const std::function<void(const StoredRun&)>& use,
                         bool with_trajectories) const {
-  Statement rows(*database_, select_runs(with_trajectories));
-  while (rows.step()) use(stored_run(rows));
+  Statement rows(*database_, select_runs(with_trajectories, has_sums()));
+  const int sum = static_cast<int>(4 + metrics().size());
+  while (rows.step()) {
+    const StoredRun run = stored_run(rows);
+    if (has_sums()) {
+      verify(row_name(run), rows.whole(sum), sum_of(run));
+      if (with_trajectories && !rows.is_nothing(sum - 1)) {
+        verify("the trajectory of " + row_name(run), rows.whole(sum + 1),
+               RowSum().add(rows.whole(0)).add(rows.whole(1)).add(rows.bytes(sum - 1)));
+      }
+    }
+    use(run);
+  }
 }
 
 std::size_t RunStore::size() const {
@@ -256,10 +335,25 @@ std::string RunStore::meta(const std::string& key) const {
 
 Identity RunStore::identity() const {
   Identity identity;
-  Statement rows(*database_, "SELECT key, value FROM meta");
-  while (rows.step()) identity[rows.text(0)] = rows.text(1);
+  Statement rows(*database_, fmt::format("SELECT key, value{} FROM meta", sum_column()));
+  while (rows.step()) {
+    identity[rows.text(0)] = rows.text(1);
+    if (!has_sums()) continue;
+    const std::string key = printable(rows.text(0), kLongestNameShown);
+    verify("meta " + key, rows.whole(2), RowSum().add(rows.text(0)).add(rows.text(1)));
+  }
   for (const char* other : {"format", "wall_time_s", "complete"}) identity.erase(other);
   return identity;
+}
+
+bool RunStore::has_sums() const { return meta("format") != kFormatWithoutSums; }
+
+void RunStore::verify(const std::string& row, std::int64_t stored, std::int64_t actual) const {
+  if (stored == actual) return;
+  throw UsageError(
+      fmt::format("{}: {} does not have its checksum, so something has changed it since: take a "
+                  "copy, or delete the file and repeat the sweep",
+                  file().string(), row));
 }
 
 Shard RunStore::shard() const { return shard_of(meta("shard")); }
@@ -280,8 +374,15 @@ std::vector<TableChoice> RunStore::tables() const {
 
 std::vector<RunStore::StoredArm> RunStore::arms() const {
   std::vector<StoredArm> arms;
-  Statement rows(*database_, "SELECT settings, scenario FROM arms ORDER BY arm");
-  while (rows.step()) arms.push_back({settings_of(rows.text(0)), rows.text(1)});
+  Statement rows(*database_, fmt::format("SELECT settings, scenario, arm{} FROM arms ORDER BY arm",
+                                         sum_column()));
+  while (rows.step()) {
+    if (has_sums()) {
+      verify(fmt::format("combination {}", rows.whole(2)), rows.whole(3),
+             RowSum().add(rows.whole(2)).add(rows.text(0)).add(rows.text(1)));
+    }
+    arms.push_back({settings_of(rows.text(0)), rows.text(1)});
+  }
   return arms;
 }
 

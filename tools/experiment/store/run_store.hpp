@@ -28,6 +28,9 @@ struct StoredRun {
 ///
 /// Tables: meta (key, value), arms (arm, settings, scenario), runs (arm, seed, failure, metrics…),
 /// trajectories (arm, seed, points: 8 little-endian 32-bit floats each, see TrajectoryPoint).
+/// Each row ends with a checksum (`sum`) of its other fields, verified when the row is read: what
+/// differs is refused by name. Databases of version 0.1's format have none: they are read as they
+/// are, unverified, and are not gone on with.
 ///
 /// Throws UsageError where the database is another experiment's, another version's or none at all,
 /// and std::runtime_error where it cannot be read or written; nothing is changed then.
@@ -86,6 +89,9 @@ class RunStore {
   void make(const Identity& identity, const std::vector<StoredArm>& arms);
   void write_meta(const Identity& values);
   void check_contents() const;
+  bool has_sums() const;
+  const char* sum_column() const { return has_sums() ? ", sum" : ""; }
+  void verify(const std::string& row, std::int64_t stored, std::int64_t actual) const;
   std::string meta(const std::string& key) const;
 
   std::unique_ptr<Database> database_;
