@@ -53,8 +53,8 @@ int live(LiveOptions options) {
                            .findings = findings(session)};
   check_finite(run);
   const std::string json = to_json(scenario, run, summary);
-  if (session.folder()) session.folder()->write(scenario, run, json);
   fmt::print("{}", options.json ? json + "\n" : to_text(scenario, run, summary));
+  if (session.folder()) session.folder()->write(scenario, run, json);  // a full disk ends it here
   if (!options.json && session.folder()) {
     fmt::print("{:<9} {}\n", "picture", (session.folder()->path() / "path.png").string());
   }

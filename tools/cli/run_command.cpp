@@ -131,12 +131,12 @@ int run(const RunOptions& options) {
   if (many) summary.lockstep = many->cost();
   check_finite(observer);
   const std::string json = to_json(scenario, observer, summary);
-  if (folder) folder->write(scenario, observer, json);
-  if (options.json) {
-    fmt::print("{}\n", json);
-  } else {
-    fmt::print("{}", to_text(scenario, observer, summary));
-    if (folder) fmt::print("{:<9} {}\n", "picture", (folder->path() / "path.png").string());
+  fmt::print("{}", options.json ? json + "\n" : to_text(scenario, observer, summary));
+  if (folder) {
+    folder->write(scenario, observer, json);  // a full disk ends it here
+    if (!options.json) {
+      fmt::print("{:<9} {}\n", "picture", (folder->path() / "path.png").string());
+    }
   }
   return kExitOk;
 }

@@ -3,13 +3,17 @@
 #include <fmt/format.h>
 #include <fmt/os.h>
 
+#include <cerrno>
+#include <cstdio>
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
 #include <set>
 #include <stdexcept>
+#include <system_error>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
@@ -24,6 +28,7 @@ namespace fs = std::filesystem;
 namespace tether {
 namespace {
 
+constexpr Duration kFlushPeriod = std::chrono::milliseconds{500};
 constexpr std::uintmax_t kEventHeaderBytes = 28;  // sync, number, time stamp, two lengths
 
 /// First words of a scenario.toml that OutputFolder wrote.
@@ -34,9 +39,11 @@ void check_nothing_foreign(const fs::path& folder) {
       "scenario.toml", "summary.json", "trajectory.csv",  "run.lcmlog", "path.gp",
       "path.svg",      "path.png",     "drivetrain.toml", "path.csv",   "incomplete.txt"};
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
+    std::string name = entry.path().filename().string();
     std::string first_line;
-    if (name == "scenario.toml") std::getline(std::ifstream(entry.path()) >> std::ws, first_line);
+    if (name == "scenario.toml" && entry.is_regular_file())
+      std::getline(std::ifstream(entry.path()) >> std::ws, first_line);
+    if (name.ends_with(kUnfinished)) name.resize(name.size() - kUnfinished.size());
     const bool written_by_hand =
         name == "scenario.toml" && !first_line.starts_with(kScenarioHeader);
     const bool no_run = !fs::exists(folder / "scenario.toml");
@@ -53,13 +60,8 @@ void check_nothing_foreign(const fs::path& folder) {
 Scenario with_drivetrain_beside(Scenario scenario, const fs::path& folder) {
   if (scenario.get<VehicleSettings>().drivetrain != VehicleSettings::Drivetrain::can)
     return scenario;
-  std::ifstream in(scenario.get<CanSettings>().drivetrain_file, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (!in || text.empty()) {
-    throw UsageError(fmt::format("cannot read the drivetrain file \"{}\"",
-                                 scenario.get<CanSettings>().drivetrain_file));
-  }
-  write_file(folder / "drivetrain.toml", text);
+  write_file(folder / "drivetrain.toml", read_input(scenario.get<CanSettings>().drivetrain_file,
+                                                    "the drivetrain file", kMostTomlBytes));
   scenario.get<CanSettings>().drivetrain_file = "drivetrain.toml";
   return scenario;
 }
@@ -67,13 +69,8 @@ Scenario with_drivetrain_beside(Scenario scenario, const fs::path& folder) {
 /// The scenario with its waypoints copied into `folder`.
 Scenario with_waypoints_beside(Scenario scenario, const fs::path& folder) {
   if (scenario.get<PathSettings>().kind != "csv") return scenario;
-  std::ifstream in(scenario.get<PathSettings>().csv, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (!in || text.empty()) {
-    throw UsageError(
-        fmt::format("cannot read the waypoints \"{}\"", scenario.get<PathSettings>().csv));
-  }
-  write_file(folder / "path.csv", text);
+  write_file(folder / "path.csv",
+             read_input(scenario.get<PathSettings>().csv, "the waypoints", kMostTableBytes));
   scenario.get<PathSettings>().csv = "path.csv";
   return scenario;
 }
@@ -119,18 +116,32 @@ void EventLogWriter::write(const Message& message) {
   event.datalen = static_cast<std::int32_t>(message.bytes.size());
   // LCM's signature lacks a const; it only reads.
   event.data = const_cast<std::uint8_t*>(message.bytes.data());
-  if (log_->writeEvent(&event) != 0) failed_ = true;
+  errno = 0;
+  if (log_->writeEvent(&event) != 0) return fail();
   bytes_ += kEventHeaderBytes + message.channel.size() + message.bytes.size();
+  if (loop_.now() < next_flush_) return;
+  next_flush_ = loop_.now() + kFlushPeriod;  // a full disk shows only then
+  if (std::fflush(log_->getFilePtr()) != 0) fail();
+}
+
+/// Says at once why, and takes no more: what comes after a gap could not be told from what is
+/// whole.
+void EventLogWriter::fail() {
+  failure_ = fmt::format("cannot write \"{}\": {}", file_.string(),
+                         std::generic_category().message(errno));
+  fmt::print(stderr, "tether: {}; its recording ends here, the run goes on\n", failure_);
+  log_.reset();
 }
 
 void EventLogWriter::close() {
+  if (log_ && std::fflush(log_->getFilePtr()) != 0) fail();
+  if (!failure_.empty()) throw std::runtime_error(failure_ + "; it is incomplete");
   if (!log_) return;
   log_.reset();
   std::error_code error;
   // LCM does not say whether its last buffer reached the disk; the size does.
-  if (failed_ || fs::file_size(file_, error) != bytes_) {
-    throw std::runtime_error(
-        fmt::format("\"{}\" is incomplete: is the disk full?", file_.string()));
+  if (fs::file_size(file_, error) != bytes_) {
+    throw std::runtime_error(fmt::format("\"{}\" is incomplete", file_.string()));
   }
 }
 
@@ -145,12 +156,13 @@ OutputFolder::OutputFolder(const fs::path& folder, const Scenario& scenario) : f
                                  error ? error.message() : "a file of that name is in the way"));
   }
   check_nothing_foreign(folder_);
-  fs::remove(folder_ / "summary.json", error);
-  fs::remove(folder_ / "incomplete.txt", error);
   const Scenario resolved = with_waypoints_beside(
       with_drivetrain_beside(with_absolute_names(scenario), folder_), folder_);
   write_file(folder_ / "scenario.toml",
              kScenarioHeader + std::string(kVersion) + "\n\n" + to_toml(resolved));
+  // Not before there is room for another run's: on a full disk the earlier results stay.
+  fs::remove(folder_ / "summary.json", error);
+  fs::remove(folder_ / "incomplete.txt", error);
 }
 
 void OutputFolder::record(EventLoop& loop, Bus& bus) {

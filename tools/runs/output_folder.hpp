@@ -26,18 +26,22 @@ class EventLogWriter {
   EventLogWriter(const EventLogWriter&) = delete;
   EventLogWriter& operator=(const EventLogWriter&) = delete;
 
-  /// Closes the file; throws if not everything reached the disk.
+  /// Closes the file; throws with the system's reason if not everything reached the disk. A failed
+  /// write is told on standard error within half a second of the run's time, and ends the
+  /// recording.
   void close();
 
  private:
   void write(const Message& message);
+  void fail();
 
   std::filesystem::path file_;
   EventLoop& loop_;
   std::unique_ptr<lcm::LogFile> log_;
   std::uintmax_t bytes_ = 0;
   std::int64_t events_ = 0;
-  bool failed_ = false;
+  Instant next_flush_ = Instant::min();
+  std::string failure_;  // why the recording ended
 };
 
 /// The folder of a run's results: run.lcmlog while it runs, the rest when it is over.
