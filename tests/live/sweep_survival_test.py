@@ -7,6 +7,7 @@ Usage: sweep_survival_test.py BIN_DIR
 import os
 import pathlib
 import random
+import resource
 import signal
 import sqlite3
 import subprocess
@@ -218,6 +219,19 @@ def a_full_disk_loses_nothing(bench):
         subprocess.run(["umount", str(disk)], check=True)
 
 
+def threads_that_cannot_be_made_are_an_error(bench):
+    def with_little_memory():
+        resource.setrlimit(resource.RLIMIT_AS, (400 << 20, 400 << 20))
+
+    command = bench.command(bench.folder / "threads", "--jobs", "200")
+    result = subprocess.run(
+        command, capture_output=True, text=True, timeout=60, preexec_fn=with_little_memory
+    )
+    check(result.returncode == 1, f"exit code {result.returncode}: {result.stderr}")
+    for text in ("cannot start thread", "of 200", "--jobs"):
+        check(text in result.stderr, result.stderr)
+
+
 def a_read_only_folder_is_refused(bench):
     disk = bench.folder / "read_only"
     disk.mkdir()
@@ -251,6 +265,7 @@ def main():
             another_experiment_is_refused,
             a_damaged_database_is_refused_and_kept,
             a_full_disk_loses_nothing,
+            threads_that_cannot_be_made_are_an_error,
             a_read_only_folder_is_refused,
         ):
             start = time.monotonic()

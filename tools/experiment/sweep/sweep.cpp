@@ -1,10 +1,14 @@
 #include "tools/experiment/sweep/sweep.hpp"
 
+#include <fmt/format.h>
+
 #include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
 #include <optional>
+#include <stdexcept>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -22,17 +26,17 @@ class Workers {
  public:
   Workers(const Experiment& experiment, const SweepOptions& options)
       : experiment_(experiment), options_(options) {
-    for (std::size_t i = 0; i < options.jobs; ++i) threads_.emplace_back([this] { work(); });
-  }
-  ~Workers() {
-    {
-      const std::lock_guard lock(mutex_);
-      ending_ = true;
-      tasks_.clear();
+    try {
+      while (threads_.size() < options.jobs) threads_.emplace_back([this] { work(); });
+    } catch (const std::system_error& error) {
+      end();
+      throw std::runtime_error(
+          fmt::format("cannot start thread {} of {}: {}; ask for fewer with --jobs, or raise the "
+                      "limits of processes or memory (ulimit -u, -v)",
+                      threads_.size() + 1, options.jobs, error.code().message()));
     }
-    more_tasks_.notify_all();
-    for (std::thread& thread : threads_) thread.join();
   }
+  ~Workers() { end(); }
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
 
@@ -60,6 +64,16 @@ class Workers {
   }
 
  private:
+  void end() {
+    {
+      const std::lock_guard lock(mutex_);
+      ending_ = true;
+      tasks_.clear();
+    }
+    more_tasks_.notify_all();
+    for (std::thread& thread : threads_) thread.join();
+  }
+
   void work() {
     std::unique_lock lock(mutex_);
     for (;;) {
