@@ -102,6 +102,16 @@ def names_the_node_that_is_silent(test):
     check_ended(test, run, nodes, out, 4, *words)
 
 
+def names_the_node_that_is_stopped_whoever_waits_for_it(test):
+    # Its last messages may not have left when it stops: others then wait for those, not for it.
+    for _ in range(3):
+        for program, node in (("tether-sim", "sim"), ("tether-controller", "controller")):
+            run, nodes, out = started(test, "--patience", "1")
+            os.kill(nodes[program], signal.SIGSTOP)
+            check_ended(test, run, nodes, out, 5, f"{node} did not answer", "is stopped")
+            check("rmem" not in run.err(), f"blames a buffer: {run.err()}")
+
+
 def names_the_node_that_joins_twice(test):
     url = "udpm://239.255.76.67:7674?ttl=0"
     run, nodes, out = started(test, "--lcm-url", url)
@@ -203,6 +213,7 @@ main(
     mends_what_the_kernel_drops,
     names_the_node_that_was_killed,
     names_the_node_that_is_silent,
+    names_the_node_that_is_stopped_whoever_waits_for_it,
     names_the_node_that_joins_twice,
     ends_on_a_signal_and_keeps_what_there_is,
     leaves_nothing_behind_when_killed,

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <fstream>
 #include <stdexcept>
 #include <system_error>
 
@@ -26,6 +27,16 @@ namespace {
 constexpr Duration kEndPatience = std::chrono::seconds{2};
 /// For somebody to start a controller by hand.
 constexpr Duration kPatienceForPeople = std::chrono::minutes{5};
+
+/// Whether somebody has stopped the process (SIGSTOP, a debugger): state T or t of proc(5).
+bool is_stopped(pid_t pid) {
+  std::ifstream in(fmt::format("/proc/{}/stat", pid));
+  std::string stat;
+  std::getline(in, stat);
+  const auto name_ends = stat.rfind(')');  // the name may hold anything
+  if (name_ends == std::string::npos || name_ends + 2 >= stat.size()) return false;
+  return stat[name_ends + 2] == 'T' || stat[name_ends + 2] == 't';
+}
 
 /// A UDP port that nobody uses now.
 std::uint16_t free_port() {
@@ -115,7 +126,9 @@ void ProcessRun::run() {
   for (Child& child : children_) child.process->start();
   io_.run();
   if (!manager_->done()) {
-    const std::string why = manager_->error();
+    // Who waits for a node that is stopped can only say that messages do not come.
+    const std::string stopped = stopped_node();
+    const std::string why = stopped.empty() ? manager_->error() : stopped;
     manager_->dismiss();
     throw std::runtime_error(!why.empty() ? why
                                           : fmt::format("ended by signal {} at t = {:.3f} s",
@@ -123,6 +136,19 @@ void ProcessRun::run() {
   }
   loop_.run_until(end_);
   end_nodes();
+}
+
+std::string ProcessRun::stopped_node() const {
+  if (manager_->error().empty()) return "";
+  for (const Child& child : children_) {
+    if (!child.process->running() || !is_stopped(child.process->pid())) continue;
+    const std::string& why = manager_->error();
+    const std::string silent = child.node + " did not answer";
+    return fmt::format("{}: its process {} is stopped (kill -CONT {} continues it)",
+                       why.starts_with(silent) ? why : silent, child.process->pid(),
+                       child.process->pid());
+  }
+  return "";
 }
 
 LockstepCost ProcessRun::cost() const {
