@@ -1,5 +1,7 @@
 #pragma once
 
+#include <netinet/in.h>
+
 #include <string>
 #include <thread>
 
@@ -16,10 +18,11 @@ class BareForwarder {
   BareForwarder& operator=(const BareForwarder&) = delete;
 
  private:
-  void run() const;
+  void run();
 
   int in_;
   int out_;
+  sockaddr_in group_;  // to send to
   std::thread thread_;
 };
 

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "tools/messages/message_printer.hpp"
+#include "common/base/text.hpp"
 
 namespace tether {
 namespace {
