@@ -57,6 +57,8 @@ class CommandWatch {
 
   /// While the vehicle may move: plans of other sessions are refused.
   void hold_session(bool on) { actuator_.hold_session(on); }
+  /// While it drives: a plan that says to stand still needs no pose.
+  void accept_any_stop(bool on) { actuator_.accept_any_stop(on); }
   std::optional<std::int64_t> session() const { return actuator_.session(); }
 
   /// Twists that were refused as decided from too old a pose.

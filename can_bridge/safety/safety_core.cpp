@@ -49,6 +49,7 @@ void SafetyCore::on_plan(Instant now, PlanSource source, Plan plan) {
     return;
   }
   commands_.hold_session(motion_ != Motion::idle);
+  commands_.accept_any_stop(motion_ == Motion::following);
   const bool foreign = commands_.takes_plans() && plan.name.session != commands_.session();
   if (motion_ != Motion::idle && foreign && plan.is_stop()) {
     ++foreign_stops_;

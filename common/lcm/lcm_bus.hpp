@@ -24,8 +24,8 @@ std::string reachable_lcm_url(const std::string& url);
 ///
 /// A bus that nobody subscribes to does not receive.
 ///
-/// LCM has no authentication, and two crafted fragments can crash any LCM program
-/// (LCM pull request 628): keep the port on a trusted or isolated network.
+/// Two crafted fragments can crash any program that receives by LCM's library over udpm (LCM pull
+/// request 628): open_bus() takes it for tcpq only.
 class LcmBus final : public Bus {
  public:
   /// Throws as reachable_lcm_url() does. `loop` must outlive the bus.

@@ -43,6 +43,7 @@ class Actuator {
 
   /// For a vehicle that a wrong plan could hurt: see PlanBuffer.
   void need_poses(Duration max_age) { plans_.need_poses(max_age); }
+  void accept_any_stop(bool on) { plans_.accept_any_stop(on); }
   void hold_session(bool on) { plans_.hold_session(on); }
   std::optional<std::int64_t> session() const { return plans_.session(); }
   std::optional<Instant> seen() const { return plans_.seen(); }

@@ -62,7 +62,7 @@ PlanFate PlanBuffer::judge(Instant now, PlanSource source, const Plan& plan) {
   });
   if (known) return PlanFate::repeated;
   if (plan.stamp < stopped_) return PlanFate::before_stop;
-  if (max_age_ && source == PlanSource::network && !plan.is_stop()) {
+  if (max_age_ && source == PlanSource::network && !(any_stop_ && plan.is_stop())) {
     const PlanFate fate = judge_pose(now, plan);
     if (fate != PlanFate::accepted) return fate;
   }

@@ -75,9 +75,11 @@ class PlanBuffer {
   PlanBuffer(const StopLimits& limits, const StreamGuard::Config& guard);
 
   /// From now on, plans from the network are refused unless they were predicted from a pose, not
-  /// older than that of the plan before, and both pose and stamp are younger than `max_age`. One
-  /// that says to stand still needs none of that.
+  /// older than that of the plan before, and both pose and stamp are younger than `max_age`.
   void need_poses(Duration max_age) { max_age_ = max_age; }
+
+  /// Whether one that says to stand still needs none of that: of a vehicle that drives.
+  void accept_any_stop(bool on) { any_stop_ = on; }
 
   /// Whether plans of other sessions than the present one are refused, those of the first too.
   void hold_session(bool on) { session_held_ = on; }
@@ -142,6 +144,7 @@ class PlanBuffer {
   std::optional<Instant> seen_;
   Instant newest_pose_ = Instant::min();
   bool session_held_ = false;
+  bool any_stop_ = false;
   std::optional<std::int64_t> session_;
   Instant session_heard_{};
   std::deque<std::int64_t> superseded_;

@@ -176,15 +176,18 @@ TEST_F(PlanBufferTest, WherePlansNeedPosesTheyNeedAFreshOneNotOlderThanTheLast) 
   EXPECT_EQ(buffer.seen(), at_s(1) + kTick);
 }
 
-TEST_F(PlanBufferTest, OneThatSaysToStandStillNeedsNoPoseAndTellsNothingOfTheVehicle) {
+TEST_F(PlanBufferTest, WhileAnyStopIsAcceptedItNeedsNoPoseAndTellsNothingOfTheVehicle) {
   buffer.need_poses(seconds{1});
   ASSERT_EQ(offer(at_s(2), plan(at_s(2), 0)), PlanFate::accepted);
   const auto seen = buffer.seen();
   Plan stop = plan(at_s(2), 1);
   stop.twists.assign(3, Twist{});
   stop.pose.reset();
+  EXPECT_EQ(offer(at_s(2), stop), PlanFate::without_pose);
+  buffer.accept_any_stop(true);
+  stop.seq = stop.name.id = 3;
   EXPECT_EQ(offer(at_s(2), stop), PlanFate::accepted);
-  stop.seq = stop.name.id = 2;
+  stop.seq = stop.name.id = 4;
   stop.pose = at_s(0);
   EXPECT_EQ(offer(at_s(2), stop), PlanFate::accepted);
   EXPECT_EQ(buffer.seen(), seen);
