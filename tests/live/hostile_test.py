@@ -2,12 +2,13 @@
 """Hostile and broken traffic on the LCM port during a live run: no node dies, the vehicle's state
 stays finite, what was wrong is counted by name, and the loop goes on.
 
-Left out: two fragments whose offset overflows crash any LCM program (see common/lcm/lcm_bus.hpp).
+Two fragments whose offset overflows end any program that receives by LCM's library, and no node.
 Usage: hostile_test.py BIN_DIR"""
 
 import json
 import math
 import random
+import shutil
 import signal
 import struct
 import time
@@ -225,4 +226,29 @@ def nodes_live_on(test):
             check(said[name] >= number, f"{stream}.{name} is {said[name]}, below {number}")
 
 
-main(nodes_live_on)
+def fragment(number, offset, payload):
+    """One of two of a message of 100 kB on channel X."""
+    header = struct.pack(">IIIIHH", FRAGMENT_MAGIC, 77, 100_000, offset, number, 2)
+    return header + (b"X\0" if number == 0 else b"") + payload
+
+
+def fragments_that_end_lcms_receivers_end_no_node(test):
+    logger = shutil.which("lcm-logger")
+    check(logger, "no lcm-logger: install liblcm-bin")
+    live = test.start("tether", "live", PAPER, "--set=sensor.rate_hz=20", "--duration=60")
+    wait_for_loop(test.network)
+    victim = test.start(logger, "--quiet", f"--lcm-url={test.network.url}", test.work / "x.lcmlog")
+    time.sleep(0.5)
+    check(victim.running(), "lcm-logger runs")
+    nodes = live.children()
+    test.network.send_raw(fragment(0, 0, bytes(1000)))
+    test.network.send_raw(fragment(1, 0xFFFFFFF0, bytes(1000)))
+    check(victim.wait(5) == -signal.SIGSEGV, f"lcm-logger: {victim.process.returncode}")
+    wait_for_loop(test.network, since=time.time())
+    check(live.children() == nodes, f"a node died: {live.err()}")
+    live.kill(signal.SIGINT)
+    check(live.wait(3) == 0, f"exit code: {live.err()}")
+    test.say("two fragments ended lcm-logger by SIGSEGV, and no node")
+
+
+main(nodes_live_on, fragments_that_end_lcms_receivers_end_no_node)
