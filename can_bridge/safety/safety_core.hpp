@@ -60,16 +60,15 @@ struct Decision {
 ///   Plans are of age 0 while they last; from the end of the horizon on they age like commands.
 ///   At speed v an age of max_stale_m/v is stale, if that comes earlier. Of age `disarm` or older →
 ///   quick stop and disarm: only ARM with a zero command goes on from there.
-/// - Plans drive no farther than BlindBudget lets them: each needs a pose, and from the time at
-/// which
-///   somebody last knew where the vehicle was it can stop within max_blind and max_blind_m. From
-///   max_blind on plans age. For the decelerations to act, kStopJerkDelay and four cycles are
-///   reckoned: two of the limiter, two of drives and feedback.
-/// - The session of plans changes only while disarmed. Until then other sessions' plans are
-/// refused,
-///   but one that says to stand still ("plan.stop_of_other_session") disarms: a stop is obeyed
-///   whoever sends it. Nor does a twist that moves take over from a plan ("command.against_plan"):
-///   one that says to stand still does.
+/// - Plans drive no farther than BlindBudget lets them: each needs a pose, and the vehicle can stop
+///   within max_blind and max_blind_m from when somebody last knew where it was. From max_blind on
+///   plans age. For the decelerations to act, kStopJerkDelay and four cycles are reckoned: two of
+///   the limiter, two of drives and feedback.
+/// - The session of plans changes only while disarmed. Until then plans of other sessions are
+///   refused. A stop is obeyed whoever sends it: a plan of another session that says to stand still
+///   disarms ("plan.stop_of_other_session"), and one of the own session needs no pose. A twist that
+///   moves does not take over from a plan ("command.against_plan"), one that says to stand still
+///   does.
 /// - Two senders of twists or plans at the same time → FAULT: as the network tells (on_senders), or
 ///   behind a relay as numbers tell (CommandWatch).
 /// - With operator_timeout: no ALIVE for so long → as DISARM, and no arming.
@@ -98,12 +97,11 @@ struct Decision {
 ///   missing, or of a wheel that does not follow, may show standstill at full speed. After that,
 ///   power stages stay on, braking, for as long as the ramp from the last setpoint takes
 ///   (|v|/deceleration or |ω|/yaw deceleration, the longer) and kDistrustMargin.
-/// - Safety inputs (SafetyInputs) may demand a stop: quick stop or ramp, then disarmed; or a ramp
-/// to
-///   standstill from which the vehicle, still armed, goes on when the demand is over. While a stop
-///   is demanded no arming begins, and one that is under way is given up. They may limit the speed
-///   of the faster rim (the curve stays), or emergency-stop: as ESTOP, and the inputs have to be
-///   clear before RESET.
+/// - Safety inputs (SafetyInputs) may demand a stop: a quick stop or ramp, then disarmed; or a ramp
+///   to standstill, from which the vehicle, still armed, goes on when the demand is over. While a
+///   stop is demanded no arming begins, and one that is under way is given up. They may limit the
+///   speed of the faster rim (the curve stays), or emergency-stop: as ESTOP, and the inputs have to
+///   be clear before RESET.
 /// - leave(): quick stop, standstill, power off; no arming any more. Drives of which that is not
 ///   known (DrivetrainSnapshot::in_doubt) count as turning.
 ///
