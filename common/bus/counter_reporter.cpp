@@ -21,6 +21,11 @@ void CounterReporter::publish_now() {
   CounterList counters;
   list_(counters);
   counters.emplace_back("loop.slips", static_cast<std::int64_t>(loop_.slips()));
+  CounterList network;
+  bus_.list_counters(network);
+  for (const auto& [name, count] : network) {
+    if (name == "datagrams_dropped" && count > 0) counters.emplace_back("network." + name, count);
+  }
 
   counters_t message{};
   message.utime = to_utime(loop_.now());

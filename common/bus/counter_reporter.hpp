@@ -10,7 +10,8 @@
 
 namespace tether {
 
-/// Publishes a node's named counters (tether.counters_t) every `period`, plus "loop.slips".
+/// Publishes a node's named counters (tether.counters_t) every `period`, plus "loop.slips", and
+/// "network.datagrams_dropped" if there were any.
 class CounterReporter {
  public:
   /// `list` appends the node's counters; it, `loop` and `bus` must outlive the reporter, and the

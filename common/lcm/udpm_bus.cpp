@@ -72,12 +72,10 @@ UdpmBus::UdpmBus(const std::string& url, EventLoop& loop)
 
 bool UdpmBus::is_own(std::uint64_t sender) {
   if (static_cast<in_port_t>(sender) != own_port_) return false;
-  const auto known = same_port_.find(sender);
-  if (known != same_port_.end()) return known->second;
-  constexpr std::size_t kMaxKnown = 1000;  // forged ones
-  if (same_port_.size() >= kMaxKnown) same_port_.clear();
-  const bool own = is_own_address({static_cast<in_addr_t>(sender >> 16)});
-  return same_port_.emplace(sender, own).first->second;
+  if (sender != own_sender_ && is_own_address({static_cast<in_addr_t>(sender >> 16)})) {
+    own_sender_ = sender;
+  }
+  return sender == own_sender_;
 }
 
 UdpmBus::~UdpmBus() {

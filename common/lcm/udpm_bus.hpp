@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,11 +16,10 @@
 
 namespace tether {
 
-/// A real LCM network over UDP multicast by sockets of our own, for programs that carry much
-/// traffic of others: several times cheaper a message than by way of LCM's receiving thread,
-/// indifferent to fragments that crash LCM, and it never hears what it has published itself, which
-/// it knows by the sender's port and that the address is this host's. Other LCM programs cannot
-/// tell it from LCM.
+/// A real LCM network over UDP multicast by sockets of our own: several times cheaper a message
+/// than by way of LCM's receiving thread, indifferent to fragments that crash LCM, and it never
+/// hears what it has published itself, which it knows by the sender's port and that the address is
+/// this host's. Other LCM programs cannot tell it from LCM.
 ///
 /// Handlers run in the loop's thread. What waits, waits in the kernel's buffer (the URL's
 /// recv_buf_size), whose drops are counted. A bus that nobody subscribes to does not receive.
@@ -60,7 +58,7 @@ class UdpmBus final : public Bus {
   int receiving_fd_ = -1;
   sockaddr_in group_{};
   in_port_t own_port_ = 0;
-  std::map<std::uint64_t, bool> same_port_;  ///< senders with our port: whether they are us
+  std::uint64_t own_sender_ = 0;  ///< as last heard; its address may change with the route
   std::uint32_t number_ = 0;
   std::unique_ptr<Batch> batch_;
   LcmAssembler assembler_;

@@ -14,10 +14,12 @@ namespace tether {
 
 #define TETHER_DECLARE(name) PathKind name##_path();
 TETHER_PATH_KINDS(TETHER_DECLARE)
+#undef TETHER_DECLARE
 
 const std::vector<PathKind>& path_kinds() {
 #define TETHER_ROW(name) name##_path(),
   static const std::vector<PathKind> kinds{TETHER_PATH_KINDS(TETHER_ROW)};
+#undef TETHER_ROW
   return kinds;
 }
 

@@ -14,10 +14,12 @@ namespace tether {
 
 #define TETHER_DECLARE(name) ActuatorPolicy name##_policy();
 TETHER_ACTUATOR_POLICIES(TETHER_DECLARE)
+#undef TETHER_DECLARE
 
 const std::vector<ActuatorPolicy>& actuator_policies() {
 #define TETHER_ROW(name) name##_policy(),
   static const std::vector<ActuatorPolicy> policies{TETHER_ACTUATOR_POLICIES(TETHER_ROW)};
+#undef TETHER_ROW
   return policies;
 }
 

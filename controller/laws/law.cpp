@@ -17,10 +17,12 @@ namespace tether {
 
 #define TETHER_DECLARE(name) LawKind name##_law();
 TETHER_CONTROL_LAWS(TETHER_DECLARE)
+#undef TETHER_DECLARE
 
 const std::vector<LawKind>& law_kinds() {
 #define TETHER_ROW(name) name##_law(),
   static const std::vector<LawKind> kinds{TETHER_CONTROL_LAWS(TETHER_ROW)};
+#undef TETHER_ROW
   return kinds;
 }
 

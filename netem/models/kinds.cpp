@@ -16,10 +16,12 @@ namespace tether {
 
 #define TETHER_DECLARE(name) ChannelModelKind name##_model();
 TETHER_CHANNEL_MODELS(TETHER_DECLARE)
+#undef TETHER_DECLARE
 
 const std::vector<ChannelModelKind>& channel_model_kinds() {
 #define TETHER_ROW(name) name##_model(),
   static const std::vector<ChannelModelKind> kinds{TETHER_CHANNEL_MODELS(TETHER_ROW)};
+#undef TETHER_ROW
   return kinds;
 }
 

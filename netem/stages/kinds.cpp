@@ -19,10 +19,12 @@ namespace tether {
 
 #define TETHER_DECLARE(name) LinkStageKind name##_stage();
 TETHER_LINK_STAGES(TETHER_DECLARE)
+#undef TETHER_DECLARE
 
 const std::vector<LinkStageKind>& link_stage_kinds() {
 #define TETHER_ROW(name) name##_stage(),
   static const std::vector<LinkStageKind> kinds{TETHER_LINK_STAGES(TETHER_ROW)};
+#undef TETHER_ROW
   return kinds;
 }
 

@@ -177,6 +177,21 @@ void LiveSession::run() {
                                   url_));
 }
 
+std::vector<std::string> LiveSession::findings() const {
+  std::vector<std::string> all = watch_.findings();
+  if (!folder_) return all;
+  CounterList network;
+  recorder_->list_counters(network);
+  for (const auto& [name, count] : network) {
+    if (name != "datagrams_dropped" || count == 0) continue;
+    all.push_back(
+        fmt::format("the recording lacks {} datagrams: the kernel's buffer was full (as root: "
+                    "sysctl net.core.rmem_max=2097152)",
+                    count));
+  }
+  return all;
+}
+
 void LiveSession::on_child_exit(Child& child, int code) {
   watch_.ended(child.name);
   if (ending_) {

@@ -49,7 +49,7 @@ class LiveSession {
   Instant end() const { return end_; }
   int restarts() const { return restarts_; }
   /// What makes the run invalid, in words; empty if it is what it says.
-  const std::vector<std::string>& findings() const { return watch_.findings(); }
+  std::vector<std::string> findings() const;
   bool interrupted() const { return loop_.signal() != 0; }
   const std::optional<OutputFolder>& folder() const { return folder_; }
   std::optional<OutputFolder>& folder() { return folder_; }

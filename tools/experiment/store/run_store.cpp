@@ -138,7 +138,7 @@ class RowSum {
   }
   RowSum& add(std::int64_t value) { return add(std::string_view(fmt::format("{}", value))); }
   /// SQLite's integers are signed.
-  operator std::int64_t() const { return std::bit_cast<std::int64_t>(fnv1a(bytes_)); }
+  std::int64_t value() const { return std::bit_cast<std::int64_t>(fnv1a(bytes_)); }
 
  private:
   std::string bytes_;
@@ -148,12 +148,12 @@ std::int64_t sum_of(const StoredRun& run) {
   RowSum sum;
   sum.add(static_cast<std::int64_t>(run.arm)).add(static_cast<std::int64_t>(run.seed));
   sum.add(run.result.failure);
-  if (!run.result.failure.empty()) return sum;  // its metrics are not stored
+  if (!run.result.failure.empty()) return sum.value();  // its metrics are not stored
   for (const double metric : run.result.metrics) {
     // SQLite keeps no NaN, and zero without its sign.
     sum.add(std::isnan(metric) ? std::string("none") : fmt::format("{}", metric + 0.0));
   }
-  return sum;
+  return sum.value();
 }
 
 std::string row_name(const StoredRun& run) {
@@ -216,7 +216,10 @@ void RunStore::make(const Identity& identity, const std::vector<StoredArm>& arms
     insert.bind(0, static_cast<std::int64_t>(i));
     const std::string settings = settings_json(arms[i].settings);
     insert.bind(1, settings).bind(2, arms[i].scenario);
-    insert.bind(3, RowSum().add(static_cast<std::int64_t>(i)).add(settings).add(arms[i].scenario))
+    insert
+        .bind(
+            3,
+            RowSum().add(static_cast<std::int64_t>(i)).add(settings).add(arms[i].scenario).value())
         .run();
   }
   making.commit();
@@ -225,7 +228,7 @@ void RunStore::make(const Identity& identity, const std::vector<StoredArm>& arms
 void RunStore::write_meta(const Identity& values) {
   Statement insert(*database_, "INSERT OR REPLACE INTO meta VALUES (?, ?, ?)");
   for (const auto& [key, value] : values) {
-    insert.bind(0, key).bind(1, value).bind(2, RowSum().add(key).add(value)).run();
+    insert.bind(0, key).bind(1, value).bind(2, RowSum().add(key).add(value).value()).run();
   }
 }
 
@@ -279,7 +282,7 @@ void RunStore::add(const std::vector<StoredRun>& runs) {
     insert_points.bind(0, arm_number).bind(1, seed_number);
     const auto points = bytes_of(result.trajectory);
     insert_points.bind_bytes(2, points);
-    insert_points.bind(3, RowSum().add(arm_number).add(seed_number).add(points)).run();
+    insert_points.bind(3, RowSum().add(arm_number).add(seed_number).add(points).value()).run();
   }
   adding.commit();
 }
@@ -294,7 +297,7 @@ void RunStore::for_each(const std::function<void(const StoredRun&)>& use,
       verify(row_name(run), rows.whole(sum), sum_of(run));
       if (with_trajectories && !rows.is_nothing(sum - 1)) {
         verify("the trajectory of " + row_name(run), rows.whole(sum + 1),
-               RowSum().add(rows.whole(0)).add(rows.whole(1)).add(rows.bytes(sum - 1)));
+               RowSum().add(rows.whole(0)).add(rows.whole(1)).add(rows.bytes(sum - 1)).value());
       }
     }
     use(run);
@@ -340,7 +343,7 @@ Identity RunStore::identity() const {
     identity[rows.text(0)] = rows.text(1);
     if (!has_sums()) continue;
     const std::string key = printable(rows.text(0), kLongestNameShown);
-    verify("meta " + key, rows.whole(2), RowSum().add(rows.text(0)).add(rows.text(1)));
+    verify("meta " + key, rows.whole(2), RowSum().add(rows.text(0)).add(rows.text(1)).value());
   }
   for (const char* other : {"format", "wall_time_s", "complete"}) identity.erase(other);
   return identity;
@@ -379,7 +382,7 @@ std::vector<RunStore::StoredArm> RunStore::arms() const {
   while (rows.step()) {
     if (has_sums()) {
       verify(fmt::format("combination {}", rows.whole(2)), rows.whole(3),
-             RowSum().add(rows.whole(2)).add(rows.text(0)).add(rows.text(1)));
+             RowSum().add(rows.whole(2)).add(rows.text(0)).add(rows.text(1)).value());
     }
     arms.push_back({settings_of(rows.text(0)), rows.text(1)});
   }
