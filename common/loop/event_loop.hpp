@@ -46,6 +46,13 @@ class EventLoop {
   /// Stops watching `fd`; before it is closed.
   virtual void remove_fd(int fd) = 0;
 
+  /// Runs `work`, which takes long and must not throw, and then `then`: in simulated time both at
+  /// once; in real time the work in a thread of its own, for which the loop waits when it ends.
+  virtual void aside(std::function<void()> work, Task then) {
+    work();
+    then(now());
+  }
+
   /// Makes run_until() return after the current task.
   virtual void stop() = 0;
 

@@ -1,6 +1,7 @@
 #include "common/loop/real_time_loop.hpp"
 
 #include <sys/epoll.h>
+#include <sys/eventfd.h>
 #include <sys/signalfd.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
@@ -74,6 +75,10 @@ RealTimeLoop::RealTimeLoop(std::int64_t start_utime_us, double speed,
 }
 
 RealTimeLoop::~RealTimeLoop() {
+  for (Aside& aside : asides_) {
+    aside.thread.join();
+    close(aside.done_fd);
+  }
   close(epoll_fd_);
   close(timer_fd_);
   close(signal_fd_);
@@ -120,6 +125,21 @@ void RealTimeLoop::add_fd(int fd, Task task) {
 void RealTimeLoop::remove_fd(int fd) {
   epoll_ctl(epoll_fd_, EPOLL_CTL_DEL, fd, nullptr);
   std::erase_if(descriptors_, [fd](const Descriptor& d) { return d.fd == fd; });
+}
+
+void RealTimeLoop::aside(std::function<void()> work, Task then) {
+  const int fd = check_system_call("opening an eventfd", eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  asides_.push_back({fd, std::jthread([fd, work = std::move(work)] {
+                       work();
+                       eventfd_write(fd, 1);
+                     })});
+  add_fd(fd, [this, ended = std::prev(asides_.end()), then = std::move(then)](Instant now) {
+    remove_fd(ended->done_fd);
+    ended->thread.join();
+    close(ended->done_fd);
+    asides_.erase(ended);
+    then(now);
+  });
 }
 
 void RealTimeLoop::run_until(Instant end) {

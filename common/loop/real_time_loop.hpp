@@ -2,7 +2,9 @@
 
 #include <cstdint>
 #include <ctime>
+#include <list>
 #include <optional>
+#include <thread>
 #include <vector>
 
 #include "common/loop/event_loop.hpp"
@@ -37,6 +39,7 @@ class RealTimeLoop final : public EventLoop {
   void every(Instant first, Duration period, Priority priority, Task task) override;
   void add_fd(int fd, Task task) override;
   void remove_fd(int fd) override;
+  void aside(std::function<void()> work, Task then) override;
   void stop() override { stopped_ = true; }
   std::uint64_t slips() const override { return slips_; }
 
@@ -74,8 +77,15 @@ class RealTimeLoop final : public EventLoop {
   std::int64_t wall_ns(Duration run_time) const;
   void read_signal();
 
+  /// What aside() runs.
+  struct Aside {
+    int done_fd;  // becomes readable
+    std::jthread thread;
+  };
+
   TimerQueue timers_;
   std::vector<Descriptor> descriptors_;
+  std::list<Aside> asides_;
   std::int64_t run_id_;
   double speed_;
   static constexpr std::int64_t kNotArmed = -1;

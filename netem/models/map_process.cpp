@@ -65,7 +65,7 @@ void export_loss(const LinkConfig&, const TcSender&, TcDraft& out) {
 
 }  // namespace
 
-MapProcess::MapProcess(const MapConfig& config, std::optional<PositionMap> grid,
+MapProcess::MapProcess(const MapConfig& config, std::shared_ptr<const PositionMap> grid,
                        const std::string& key_prefix, const ShadowingStreams& shadowing)
     : config_(config), grid_(std::move(grid)) {
   for (const auto& point : config.access_points) {
@@ -75,7 +75,7 @@ MapProcess::MapProcess(const MapConfig& config, std::optional<PositionMap> grid,
     }
     access_points_.push_back({point[0], point[1], point.size() == 3 ? point[2] : config.snr_1m_db});
   }
-  if (grid_.has_value() != access_points_.empty()) {
+  if ((grid_ != nullptr) != access_points_.empty()) {
     throw UsageError(
         fmt::format("model = \"map\" needs one of {0}file and {0}access_points", key_prefix));
   }
@@ -154,9 +154,9 @@ Instant MapProcess::next_transition() const {
 std::shared_ptr<ChannelProcess> make_map_process(const MapConfig& config,
                                                  const std::string& key_prefix,
                                                  const ShadowingStreams& shadowing) {
-  std::optional<PositionMap> grid;
+  std::shared_ptr<const PositionMap> grid;
   try {
-    if (!config.file.empty()) grid = PositionMap::load(config.file);
+    if (!config.file.empty()) grid = PositionMap::kept(config.file);
   } catch (const UsageError& error) {
     throw UsageError(fmt::format("{}file: {}", key_prefix, error.what()));
   }

@@ -52,7 +52,7 @@ class MapProcess final : public ChannelProcess {
  public:
   /// Takes `grid` in place of config.access_points if there is one. Throws UsageError, naming
   /// `key_prefix`, for what makes no sense in `config`.
-  MapProcess(const MapConfig& config, std::optional<PositionMap> grid,
+  MapProcess(const MapConfig& config, std::shared_ptr<const PositionMap> grid,
              const std::string& key_prefix, const ShadowingStreams& shadowing);
 
   void advance(Instant now) override;
@@ -81,7 +81,7 @@ class MapProcess final : public ChannelProcess {
   void move_to(double x_m, double y_m);
 
   MapConfig config_;
-  std::optional<PositionMap> grid_;
+  std::shared_ptr<const PositionMap> grid_;
   std::vector<AccessPoint> access_points_;
   std::vector<Shadowing> shadowing_;  // one per access point, or one
   std::optional<Curve> prr_curve_, delay_curve_;

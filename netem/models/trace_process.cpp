@@ -51,25 +51,26 @@ void export_loss(const LinkConfig&, const TcSender&, TcDraft& out) {
 
 }  // namespace
 
-TraceProcess::TraceProcess(Trace trace, const TraceConfig& config, const std::string& key_prefix)
+TraceProcess::TraceProcess(std::shared_ptr<const Trace> trace, const TraceConfig& config,
+                           const std::string& key_prefix)
     : trace_(std::move(trace)),
       interpolation_(config.interpolation),
       loop_(config.at_end == TraceConfig::AtEnd::loop),
-      start_(start_in_trace(trace_, config, key_prefix)) {
-  if (loop_ && trace_.rows.size() < 2) {
+      start_(start_in_trace(*trace_, config, key_prefix)) {
+  if (loop_ && trace_->rows.size() < 2) {
     throw UsageError(
         fmt::format("{}at_end = \"loop\" needs a trace of two rows or more", key_prefix));
   }
   if (loop_) {
-    const Duration last = trace_.rows.back().since_first;
-    round_ = last + (last - trace_.rows[trace_.rows.size() - 2].since_first);
+    const Duration last = trace_->rows.back().since_first;
+    round_ = last + (last - trace_->rows[trace_->rows.size() - 2].since_first);
   }
   advance(kStart);
   now_ = Instant::min();  // runs may begin before t = 0
 }
 
 void TraceProcess::find_row(Duration since_first) {
-  const auto& rows = trace_.rows;
+  const auto& rows = trace_->rows;
   const auto begins_by = [&](std::size_t row) { return rows[row].since_first <= since_first; };
   const auto holds = [&](std::size_t row) {
     return begins_by(row) && (row + 1 == rows.size() || !begins_by(row + 1));
@@ -88,7 +89,7 @@ void TraceProcess::find_row(Duration since_first) {
 void TraceProcess::advance(Instant now) {
   if (now < now_) return;
   now_ = now;
-  const auto& rows = trace_.rows;
+  const auto& rows = trace_->rows;
   Duration phase = now.time_since_epoch() + start_;
   if (loop_) {
     phase %= round_;
@@ -110,7 +111,7 @@ void TraceProcess::advance(Instant now) {
   if (stays) return;
   const Trace::Row& next = rows[is_last ? 0 : row_ + 1];
   const double share = to_seconds(phase - row.since_first) / to_seconds(end - row.since_first);
-  if (!trace_.of_fates) condition_.prr += share * (next.prr - row.prr);
+  if (!trace_->of_fates) condition_.prr += share * (next.prr - row.prr);
   condition_.delay += from_seconds(share * to_seconds(next.delay - row.delay));
 }
 
@@ -120,7 +121,7 @@ std::shared_ptr<ChannelProcess> make_trace_process(const TraceConfig& config,
     throw UsageError(
         fmt::format("{}file is needed: a CSV file of recorded conditions", key_prefix));
   }
-  return std::make_shared<TraceProcess>(load_trace(config.file), config, key_prefix);
+  return std::make_shared<TraceProcess>(kept_trace(config.file), config, key_prefix);
 }
 
 ChannelModelKind trace_model() {

@@ -38,7 +38,8 @@ struct TraceConfig {
 class TraceProcess final : public ChannelProcess {
  public:
   /// Throws UsageError, naming `key_prefix`, for a looped trace of one row.
-  TraceProcess(Trace trace, const TraceConfig& config, const std::string& key_prefix);
+  TraceProcess(std::shared_ptr<const Trace> trace, const TraceConfig& config,
+               const std::string& key_prefix);
 
   void advance(Instant now) override;
   LinkCondition condition() const override { return condition_; }
@@ -49,7 +50,7 @@ class TraceProcess final : public ChannelProcess {
  private:
   void find_row(Duration since_first);
 
-  Trace trace_;
+  std::shared_ptr<const Trace> trace_;
   TraceConfig::Interpolation interpolation_;
   bool loop_;
   Duration round_{0};  // of a loop

@@ -13,6 +13,7 @@
 
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/file_store.hpp"
 #include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
 
@@ -145,6 +146,11 @@ PositionMap PositionMap::read(std::istream& in, const std::string& name) {
 PositionMap PositionMap::load(const std::string& file) {
   std::ifstream in = open_input(file, "the map", kMostTableBytes);
   return read(in, file);
+}
+
+std::shared_ptr<const PositionMap> PositionMap::kept(const std::string& file) {
+  static FileStore<PositionMap> store(load);
+  return store.get(file);
 }
 
 double PositionMap::cell(std::size_t column, std::size_t row_from_below) const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <istream>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,8 @@ class PositionMap {
   /// Throws UsageError "name:line: …" for what is not such a file, and for cells without data.
   static PositionMap read(std::istream& in, const std::string& name);
   static PositionMap load(const std::string& file);
+  /// The same, read once while the file stays as it is.
+  static std::shared_ptr<const PositionMap> kept(const std::string& file);
 
   /// Bilinear between the centres of cells; beyond the outermost ones, the value at their edge.
   double at(double x_m, double y_m) const;

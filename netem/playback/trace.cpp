@@ -9,6 +9,7 @@
 
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/file_store.hpp"
 #include "common/base/input_file.hpp"
 
 namespace tether {
@@ -93,6 +94,11 @@ Trace read_trace(std::istream& in, const std::string& name) {
 Trace load_trace(const std::string& file) {
   std::ifstream in = open_input(file, "the trace", kMostTableBytes);
   return read_trace(in, file);
+}
+
+std::shared_ptr<const Trace> kept_trace(const std::string& file) {
+  static FileStore<Trace> store(load_trace);
+  return store.get(file);
 }
 
 }  // namespace tether

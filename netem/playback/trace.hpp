@@ -1,6 +1,7 @@
 #pragma once
 
 #include <istream>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -32,5 +33,7 @@ Trace read_trace(std::istream& in, const std::string& name);
 
 /// The same from a file.
 Trace load_trace(const std::string& file);
+/// The same, read once while the file stays as it is.
+std::shared_ptr<const Trace> kept_trace(const std::string& file);
 
 }  // namespace tether

@@ -35,14 +35,35 @@ std::vector<ChannelSetting> ChannelControl::settings() const {
   return use_.select(channel_settings(in_force_.get<ChannelSettings>()));
 }
 
+ChannelChange ChannelControl::wanted(const std::vector<std::string>& settings) const {
+  for (const std::string& setting : settings) use_.check(setting);
+  ChannelChange change = change_channel(in_force_.get<ChannelSettings>(), settings);
+  use_.check_models(change.channel);
+  check_files(change.channel);
+  return change;
+}
+
+std::function<void()> ChannelControl::reading(const std::vector<std::string>& settings) const {
+  NetemSettings after = in_force_;
+  try {
+    after.get<ChannelSettings>() = wanted(settings).channel;
+  } catch (const UsageError&) {
+    return {};
+  }
+  if (channel_files(after.get<ChannelSettings>()).empty()) return {};
+  return [after = std::move(after), links = use_.links] {
+    try {
+      make_links(after, make_models(after, links), links);
+    } catch (const std::exception&) {  // change() will say so
+    }
+  };
+}
+
 std::vector<ChannelSetting> ChannelControl::change(const std::vector<std::string>& settings,
                                                    Instant now, const std::vector<Link*>& links) {
-  for (const std::string& setting : settings) use_.check(setting);
-  ChannelChange wanted = change_channel(in_force_.get<ChannelSettings>(), settings);
-  use_.check_models(wanted.channel);
-  check_files(wanted.channel);
+  ChannelChange change = wanted(settings);
   NetemSettings after = in_force_;
-  after.get<ChannelSettings>() = std::move(wanted.channel);
+  after.get<ChannelSettings>() = std::move(change.channel);
   ChannelMoment moment{now, {}};
   for (std::size_t i = 0; i < links.size(); ++i) {
     moment.offered[use_.links[i]] = links[i]->counters().offered;
@@ -58,7 +79,7 @@ std::vector<ChannelSetting> ChannelControl::change(const std::vector<std::string
   }
   models_ = std::move(models);
   in_force_ = std::move(after);
-  return use_.select(std::move(wanted.settings));
+  return use_.select(std::move(change.settings));
 }
 
 void try_changes(const NetemSettings& settings, const ChannelUse& use) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -32,7 +33,13 @@ class ChannelControl {
   std::vector<ChannelSetting> change(const std::vector<std::string>& settings, Instant now,
                                      const std::vector<Link*>& links);
 
+  /// What change() would take long for, reading files, as work for a thread of its own: they are
+  /// kept then. None if no file is needed, or if change() refuses the settings anyway.
+  std::function<void()> reading(const std::vector<std::string>& settings) const;
+
  private:
+  ChannelChange wanted(const std::vector<std::string>& settings) const;
+
   NetemSettings in_force_;
   ChannelModels models_;
   ChannelUse use_;

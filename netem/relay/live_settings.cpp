@@ -16,8 +16,10 @@ LiveSettings::LiveSettings(const NetemSettings& settings, ChannelModels models,
       links_(std::move(links)),
       on_change_(std::move(on_change)),
       control_(settings, std::move(models), use),
-      requests_(loop, buses, channels_,
-                [this](const std::vector<std::string>& settings) { return change(settings); }) {
+      requests_(
+          loop, buses, channels_,
+          [this](const std::vector<std::string>& settings) { return control_.reading(settings); },
+          [this](const std::vector<std::string>& settings) { return change(settings); }) {
   try_changes(settings, use);
   schedule_changes(settings, *buses.front());
 }

@@ -10,6 +10,7 @@ namespace tether {
 namespace {
 
 constexpr std::size_t kRemembered = 64;
+constexpr std::size_t kMostWaiting = 100;
 constexpr std::size_t kLongestValue = 1000;  // a message's decoder takes 64 KiB at most
 
 std::string cut(std::string text) {
@@ -18,13 +19,30 @@ std::string cut(std::string text) {
   return text + "...";
 }
 
+std::vector<std::string> settings_of(const channel_setting_t& request) {
+  std::vector<std::string> settings;
+  for (std::size_t i = 0; i < request.key.size(); ++i) {
+    settings.push_back(request.key[i] + "=" + request.value[i]);
+  }
+  return settings;
+}
+
+channel_setting_result_t result_of(const channel_setting_t& request, const std::string& reason) {
+  channel_setting_result_t result{};
+  result.request_utime = request.utime;
+  result.request_seq = request.seq;
+  result.reason = reason;
+  return result;
+}
+
 }  // namespace
 
 SettingRequests::SettingRequests(EventLoop& loop, std::vector<Bus*> buses,
-                                 const ChannelNames& channels, Apply apply)
+                                 const ChannelNames& channels, Prepare prepare, Apply apply)
     : loop_(loop),
       buses_(std::move(buses)),
       answers_(channels.net_settings),
+      prepare_(std::move(prepare)),
       apply_(std::move(apply)) {
   buses_.erase(std::unique(buses_.begin(), buses_.end()), buses_.end());
   for (Bus* bus : buses_) {
@@ -34,20 +52,49 @@ SettingRequests::SettingRequests(EventLoop& loop, std::vector<Bus*> buses,
 }
 
 void SettingRequests::take(const channel_setting_t& request) {
-  const auto known = std::find_if(answered_.begin(), answered_.end(), [&](const auto& result) {
+  if (waiting_.size() == kMostWaiting) {
+    ++refused_;
+    return answer(result_of(request, "too many requests wait already"));
+  }
+  waiting_.push_back(request);
+  if (waiting_.size() == 1) go_on();
+}
+
+void SettingRequests::go_on() {
+  while (!waiting_.empty()) {
+    std::function<void()> work;
+    if (known(waiting_.front()) == nullptr) work = prepare_(settings_of(waiting_.front()));
+    if (work) {
+      return loop_.aside(std::move(work), [this](Instant) {
+        carry_out_next();
+        go_on();
+      });
+    }
+    carry_out_next();
+  }
+}
+
+void SettingRequests::carry_out_next() {
+  const channel_setting_t request = waiting_.front();
+  if (const channel_setting_result_t* result = known(request)) {
+    ++repeated_;
+    answer(*result);
+  } else {
+    answer(carried_out(request));
+  }
+  waiting_.pop_front();
+}
+
+const channel_setting_result_t* SettingRequests::known(const channel_setting_t& request) const {
+  const auto found = std::find_if(answered_.begin(), answered_.end(), [&](const auto& result) {
     return result.request_utime == request.utime && result.request_seq == request.seq;
   });
-  if (known != answered_.end()) {
-    ++repeated_;
-    return answer(*known);
-  }
-  channel_setting_result_t result{};
-  result.request_utime = request.utime;
-  result.request_seq = request.seq;
-  std::vector<std::string> settings;
-  for (std::size_t i = 0; i < request.key.size(); ++i) {
-    settings.push_back(request.key[i] + "=" + request.value[i]);
-  }
+  return found == answered_.end() ? nullptr : &*found;
+}
+
+channel_setting_result_t SettingRequests::carried_out(const channel_setting_t& request) {
+  channel_setting_result_t result = result_of(request, "");
+  const std::vector<std::string> settings = settings_of(request);
   try {
     for (const ChannelSetting& setting : apply_(settings)) {
       result.key.push_back(setting.key);
@@ -63,7 +110,7 @@ void SettingRequests::take(const channel_setting_t& request) {
     answered_.push_back(result);
     if (answered_.size() > kRemembered) answered_.pop_front();
   }
-  answer(std::move(result));
+  return result;
 }
 
 void SettingRequests::answer(channel_setting_result_t result) {

@@ -19,15 +19,19 @@ namespace tether {
 /// Takes requests for other settings from NET/SET and answers each on NET/SETTINGS. A request with
 /// the utime and seq of one of the last 64 is a repetition: it gets the same answer again. How old
 /// a request is does not matter, so that recorded ones can be played to a relay of another run.
+/// Requests are carried out one after another; while one is prepared, those behind it wait.
 class SettingRequests {
  public:
   /// Puts settings ("KEY=VALUE") in force; none: nothing to do. Returns what is to be answered.
   /// Throws with the reason, having changed nothing, if it refuses.
   using Apply = std::function<std::vector<ChannelSetting>(const std::vector<std::string>&)>;
 
+  /// What has to be done in a thread of its own before `Apply`, because it takes long; may be none.
+  using Prepare = std::function<std::function<void()>(const std::vector<std::string>&)>;
+
   /// Listens and answers on all `buses`; one that is named twice in a row counts once.
   SettingRequests(EventLoop& loop, std::vector<Bus*> buses, const ChannelNames& channels,
-                  Apply apply);
+                  Prepare prepare, Apply apply);
   SettingRequests(const SettingRequests&) = delete;
   SettingRequests& operator=(const SettingRequests&) = delete;
 
@@ -38,12 +42,18 @@ class SettingRequests {
   void list_counters(CounterList& out) const;
 
  private:
+  void go_on();
+  void carry_out_next();
+  const channel_setting_result_t* known(const channel_setting_t& request) const;
+  channel_setting_result_t carried_out(const channel_setting_t& request);
   void answer(channel_setting_result_t result);
 
   EventLoop& loop_;
   std::vector<Bus*> buses_;
   std::string answers_;
+  Prepare prepare_;
   Apply apply_;
+  std::deque<channel_setting_t> waiting_;          // in order; the first is being prepared
   std::deque<channel_setting_result_t> answered_;  // the oldest first
   std::int64_t seq_ = 0;
   std::int64_t applied_ = 0;

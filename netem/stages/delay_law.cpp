@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "common/base/file_store.hpp"
 #include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
 
@@ -70,6 +71,35 @@ double normal_score(double u) {
   return q < 0.0 ? -z : z;
 }
 
+std::vector<double> read_delay_table(const std::string& file) {
+  std::ifstream in = open_input(file, "the delay table", kMostTableBytes);
+  std::vector<double> table_ms;
+  std::string line;
+  for (int number = 1; std::getline(in, line); ++number) {
+    const auto first = line.find_first_not_of(" \t\r");
+    if (first == std::string::npos || line[first] == '#') continue;
+    const auto last = line.find_last_not_of(" \t\r") + 1;
+    double value = 0.0;
+    const auto [end, failed] = std::from_chars(line.data() + first, line.data() + last, value);
+    if (failed != std::errc{} || end != line.data() + last || !(std::abs(value) <= 1e6)) {
+      throw UsageError(fmt::format(
+          "{}:{}: \"{}\" is not a delay: must be a number in [-1e6, 1e6] "
+          "(milliseconds)",
+          file, number,
+          printable(std::string_view(line).substr(first, last - first), kLongestValueShown)));
+    }
+    if (table_ms.size() == kMaxTable) {
+      throw UsageError(fmt::format("{}:{}: more than {} delays", file, number, kMaxTable));
+    }
+    table_ms.push_back(value);
+  }
+  if (table_ms.size() < 2) {
+    throw UsageError(fmt::format("{}: a delay table needs two or more delays", file));
+  }
+  std::sort(table_ms.begin(), table_ms.end());
+  return table_ms;
+}
+
 }  // namespace
 
 DelayLaw::DelayLaw(const JitterSettings& settings, const std::vector<double>& table_ms)
@@ -109,32 +139,8 @@ double DelayLaw::at_score(double z) const {
 std::vector<double> load_delay_table(const JitterSettings& settings) {
   if (jitter_law(settings).form != Form::quantiles) return {};
   if (settings.file.empty()) return settings.table_ms;
-  std::ifstream in = open_input(settings.file, "the delay table", kMostTableBytes);
-  std::vector<double> table_ms;
-  std::string line;
-  for (int number = 1; std::getline(in, line); ++number) {
-    const auto first = line.find_first_not_of(" \t\r");
-    if (first == std::string::npos || line[first] == '#') continue;
-    const auto last = line.find_last_not_of(" \t\r") + 1;
-    double value = 0.0;
-    const auto [end, failed] = std::from_chars(line.data() + first, line.data() + last, value);
-    if (failed != std::errc{} || end != line.data() + last || !(std::abs(value) <= 1e6)) {
-      throw UsageError(fmt::format(
-          "{}:{}: \"{}\" is not a delay: must be a number in [-1e6, 1e6] "
-          "(milliseconds)",
-          settings.file, number,
-          printable(std::string_view(line).substr(first, last - first), kLongestValueShown)));
-    }
-    if (table_ms.size() == kMaxTable) {
-      throw UsageError(fmt::format("{}:{}: more than {} delays", settings.file, number, kMaxTable));
-    }
-    table_ms.push_back(value);
-  }
-  if (table_ms.size() < 2) {
-    throw UsageError(fmt::format("{}: a delay table needs two or more delays", settings.file));
-  }
-  std::sort(table_ms.begin(), table_ms.end());
-  return table_ms;
+  static FileStore<std::vector<double>> store(read_delay_table);
+  return *store.get(settings.file);
 }
 
 double draw_normal_score(RandomEngine& random) {

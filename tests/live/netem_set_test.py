@@ -70,6 +70,23 @@ def refuses_with_the_reason(test):
     check(poses_of_a_second(test) >= 18, "poses are missing")
 
 
+def goes_on_relaying_while_it_reads_a_long_file(test):
+    long = test.work / "long.csv"
+    rows = 3_000_000
+    long.write_text("time_s,delay_ms,prr\n" + "".join(f"{n},5,1\n" for n in range(rows)))
+    started(test)
+    poses_of_a_second(test)
+    asked = time.time()
+    code, said, _ = netem(test, "set", "model=trace", f"trace.file={long}")
+    took = time.time() - asked
+    check(code == 0 and "uplink.model = " in said, said)
+    arrivals = [m.arrival for m in test.network.messages("CTRL/POSE", since=asked)]
+    gap = max(b - a for a, b in zip([asked, *arrivals], arrivals))
+    test.say(f"{rows} rows in force after {took:.2f} s, longest gap between poses {gap * 1e3:.0f} ms")
+    check(took > 0.4, "the file is too short to try anything")
+    check(gap < took / 3, "the relay stood still while it read")
+
+
 def is_told_off_locally(test):
     code, _, errors = netem(test, "set", "prr")
     check(code == 2 and errors == "tether: error: prr: expected KEY=VALUE\n", f"{code} {errors}")
@@ -180,6 +197,7 @@ def a_relay_with_rules_takes_them_for_its_links(test):
 main(
     stops_and_lets_pass_what_it_is_told,
     refuses_with_the_reason,
+    goes_on_relaying_while_it_reads_a_long_file,
     is_told_off_locally,
     takes_anybodys_message_once,
     takes_a_recorded_runs_changes,

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
@@ -15,12 +16,14 @@
 #include "common/lcm/open_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
+#include "netem/channel/change.hpp"
 #include "netem/relay/setting_requests.hpp"
 
 namespace tether {
 namespace {
 
 constexpr Duration kSettingPatience = std::chrono::seconds{3};
+constexpr Duration kFilePatience = std::chrono::seconds{60};    // the relay may have to read long
 constexpr Duration kAskAgain = std::chrono::milliseconds{500};  // requests may get lost, too
 
 /// Asks the relay on one network and waits for its answers.
@@ -37,9 +40,10 @@ class RelayTalk {
 
   /// `utime`: of the relay's clock, if known.
   channel_setting_result_t ask(std::int64_t utime, const std::vector<std::string>& settings) {
+    const bool of_files = std::any_of(settings.begin(), settings.end(), file_of_setting);
     asked_ = setting_request(utime, RealTimeLoop::wall_utime_us(), settings);
     answer_.reset();
-    const Instant end = loop_.now() + kSettingPatience;
+    const Instant end = loop_.now() + (of_files ? kFilePatience : kSettingPatience);
     while (!answer_ && loop_.now() < end) {
       publish(bus_, channels_.net_set, asked_);
       loop_.run_until(std::min(end, loop_.now() + kAskAgain));

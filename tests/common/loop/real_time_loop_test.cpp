@@ -223,6 +223,39 @@ TEST_F(RealTimeLoopTest, ADescriptorThatCannotBeWatchedIsAnError) {
   EXPECT_THROW(loop.add_fd(-1, [](Instant) {}), std::system_error);
 }
 
+TEST_F(RealTimeLoopTest, WorkAsideDoesNotHoldUpTheLoop) {
+  const auto here = std::this_thread::get_id();
+  int periods = 0;
+  loop.every(loop.now(), 5ms, Priority::node, [&](Instant) { ++periods; });
+  loop.aside(
+      [&] {
+        EXPECT_NE(std::this_thread::get_id(), here);
+        std::this_thread::sleep_for(200ms);
+      },
+      [&](Instant) {
+        EXPECT_EQ(std::this_thread::get_id(), here);
+        EXPECT_GE(periods, 5);
+        loop.stop();
+      });
+  EXPECT_EQ(periods, 0);
+  run();
+  EXPECT_GE(periods, 5);
+}
+
+TEST_F(RealTimeLoopTest, ALoopThatEndsWaitsForTheWorkAside) {
+  bool worked = false;
+  {
+    RealTimeLoop short_lived(RealTimeLoop::wall_utime_us());
+    short_lived.aside(
+        [&] {
+          std::this_thread::sleep_for(50ms);
+          worked = true;
+        },
+        [](Instant) { ADD_FAILURE() << "the loop is gone"; });
+  }
+  EXPECT_TRUE(worked);
+}
+
 TEST_F(RealTimeLoopTest, AnExceptionComesOutOfTheRunAndLeavesTheLoopUsable) {
   loop.at(loop.now(), Priority::node, [](Instant) { throw std::runtime_error("broken"); });
   EXPECT_THROW(run(), std::runtime_error);

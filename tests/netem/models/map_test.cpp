@@ -172,7 +172,7 @@ MapConfig two_access_points() {
 }
 
 TEST(MapProcess, FollowsTheLogDistanceLawOfTheNearestAccessPoint) {
-  MapProcess p(two_access_points(), std::nullopt, "", seeded(1));
+  MapProcess p(two_access_points(), nullptr, "", seeded(1));
   EXPECT_DOUBLE_EQ(p.snr_db(10, 0), 30.0);
   EXPECT_DOUBLE_EQ(p.snr_db(0, 0.1), 50.0);  // not below 1 m
   EXPECT_DOUBLE_EQ(p.snr_db(100, 10), 20.0);
@@ -183,7 +183,7 @@ TEST(MapProcess, TurnsSnrIntoPrrByTheLogisticCurve) {
   MapConfig c = two_access_points();
   c.snr50_db = 30.0;
   c.slope_db = 2.0;
-  MapProcess p(c, std::nullopt, "", seeded(1));
+  MapProcess p(c, nullptr, "", seeded(1));
   p.on_position(10, 0, at_s(1));  // 30 dB
   EXPECT_DOUBLE_EQ(p.condition().prr, 0.5);
   EXPECT_EQ(p.condition().delay, std::chrono::milliseconds{3});
@@ -196,7 +196,7 @@ TEST(MapProcess, TakesCurvesInstead) {
   MapConfig c = two_access_points();
   c.prr_curve = {{0, 0.0}, {50, 1.0}};
   c.delay_curve = {{0, 100.0}, {50, 0.0}};
-  MapProcess p(c, std::nullopt, "", seeded(1));
+  MapProcess p(c, nullptr, "", seeded(1));
   p.on_position(10, 0, at_s(1));
   EXPECT_DOUBLE_EQ(p.condition().prr, 0.6);
   EXPECT_EQ(p.condition().delay, std::chrono::milliseconds{40});
@@ -206,7 +206,7 @@ TEST(MapProcess, NothingGetsThroughDuringAHandover) {
   MapConfig c = two_access_points();
   c.snr50_db = -100.0;
   c.handover_s = 0.2;
-  MapProcess p(c, std::nullopt, "", seeded(1));
+  MapProcess p(c, nullptr, "", seeded(1));
   p.on_position(60, 0, at_s(0));  // the first position is no handover
   EXPECT_EQ(p.state(), 1);
   EXPECT_GT(p.condition().prr, 0.99);
@@ -222,7 +222,7 @@ TEST(MapProcess, NothingGetsThroughDuringAHandover) {
 TEST(MapProcess, ReadsAGrid) {
   MapConfig c;
   c.prr_curve = {{0, 0.0}, {40, 1.0}};
-  MapProcess p(c, grid(kGrid), "", seeded(1));
+  MapProcess p(c, std::make_shared<const PositionMap>(grid(kGrid)), "", seeded(1));
   p.on_position(1, 12, at_s(1));
   EXPECT_DOUBLE_EQ(p.condition().prr, 25.0 / 40.0);
   EXPECT_EQ(p.state(), 0);
@@ -231,30 +231,29 @@ TEST(MapProcess, ReadsAGrid) {
 TEST(MapProcess, ShadowingIsOfThePlaceNotOfTheWayThere) {
   MapConfig c = two_access_points();
   c.shadowing_sd_db = 6.0;
-  MapProcess direct(c, std::nullopt, "", seeded(3)), around(c, std::nullopt, "", seeded(3));
+  MapProcess direct(c, nullptr, "", seeded(3)), around(c, nullptr, "", seeded(3));
   direct.on_position(20, 5, at_s(1));
   for (int i = 0; i < 50; ++i) around.on_position(i, -i, at_s(1 + 0.1 * i));
   around.on_position(20, 5, at_s(10));
   EXPECT_EQ(direct.condition(), around.condition());
-  EXPECT_NE(direct.snr_db(20, 5), MapProcess(c, std::nullopt, "", seeded(4)).snr_db(20, 5));
+  EXPECT_NE(direct.snr_db(20, 5), MapProcess(c, nullptr, "", seeded(4)).snr_db(20, 5));
   EXPECT_NE(direct.snr_db(20, 5), 50.0 - 20.0 * std::log10(std::hypot(20, 5)));
 }
 
 TEST(MapProcess, ShadowingIsOfTheAccessPointInWhicheverOrderTheyStand) {
   MapConfig c = two_access_points();
   c.shadowing_sd_db = 6.0;
-  const MapProcess p(c, std::nullopt, "", seeded(1));
+  const MapProcess p(c, nullptr, "", seeded(1));
   std::swap(c.access_points[0], c.access_points[1]);
-  const MapProcess swapped(c, std::nullopt, "", seeded(1));
+  const MapProcess swapped(c, nullptr, "", seeded(1));
   EXPECT_EQ(p.snr_db(20, 5), swapped.snr_db(20, 5));
   EXPECT_EQ(p.snr_db(70, 5), swapped.snr_db(70, 5));
   c.access_points = {{0, 1}, {100, 0, 40}};
-  EXPECT_GT(std::abs(p.snr_db(20, 5) - MapProcess(c, std::nullopt, "", seeded(1)).snr_db(20, 5)),
-            0.5);
+  EXPECT_GT(std::abs(p.snr_db(20, 5) - MapProcess(c, nullptr, "", seeded(1)).snr_db(20, 5)), 0.5);
 }
 
 TEST(MapProcess, KeepsThePlaceIfThePositionIsNonsense) {
-  MapProcess p(two_access_points(), std::nullopt, "", seeded(1));
+  MapProcess p(two_access_points(), nullptr, "", seeded(1));
   p.on_position(10, 0, at_s(1));
   const LinkCondition before = p.condition();
   for (double bad : {std::nan(""), std::numeric_limits<double>::infinity(), 1e300})

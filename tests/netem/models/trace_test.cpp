@@ -21,6 +21,9 @@ Trace trace(const std::string& text) {
   std::istringstream in(text);
   return read_trace(in, "t.csv");
 }
+std::shared_ptr<const Trace> shared(const std::string& text) {
+  return std::make_shared<const Trace>(trace(text));
+}
 
 std::string refusal(const std::string& text) {
   try {
@@ -130,7 +133,7 @@ TEST(ReadTrace, NamesAFileThatCannotBeOpened) {
 // ---------------------------------------------------------------------------- stepwise
 
 TEST(TraceProcess, ARowHoldsFromItsTimeToTheNextsToTheNanosecond) {
-  TraceProcess p(trace(kThreeRows), kStep, "");
+  TraceProcess p(shared(kThreeRows), kStep, "");
   EXPECT_EQ(at(p, 0), condition(1.0, 20));
   EXPECT_EQ(p.next_transition(), at_ms(100));
   p.advance(at_ms(100) - Duration{1});
@@ -141,7 +144,7 @@ TEST(TraceProcess, ARowHoldsFromItsTimeToTheNextsToTheNanosecond) {
 }
 
 TEST(TraceProcess, HoldsTheFirstRowBeforeAndTheLastAfter) {
-  TraceProcess p(trace(kThreeRows), kStep, "");
+  TraceProcess p(shared(kThreeRows), kStep, "");
   p.advance(at_ms(-500));
   EXPECT_EQ(p.condition(), condition(1.0, 20));
   EXPECT_EQ(p.next_transition(), kStart);  // where the first row begins
@@ -152,16 +155,16 @@ TEST(TraceProcess, HoldsTheFirstRowBeforeAndTheLastAfter) {
 TEST(TraceProcess, StartsWhereToldTo) {
   TraceConfig late = kStep;
   late.start_s = 10.05;
-  TraceProcess p(trace(kThreeRows), late, "");
+  TraceProcess p(shared(kThreeRows), late, "");
   EXPECT_EQ(at(p, 49), condition(1.0, 20));
   EXPECT_EQ(at(p, 50), condition(0.5, 40));
   late.start_s = -3.9e9;
-  EXPECT_NO_THROW(TraceProcess(trace(kThreeRows), late, ""));
-  EXPECT_THROW(TraceProcess(trace("time_s,prr\n1e9,1\n"), late, ""), UsageError);
+  EXPECT_NO_THROW(TraceProcess(shared(kThreeRows), late, ""));
+  EXPECT_THROW(TraceProcess(shared("time_s,prr\n1e9,1\n"), late, ""), UsageError);
 }
 
 TEST(TraceProcess, ALoopPlaysItsLastRowAsLongAsTheOneBefore) {
-  TraceProcess p(trace(kThreeRows), kStepLoop, "");
+  TraceProcess p(shared(kThreeRows), kStepLoop, "");
   EXPECT_EQ(at(p, 299), condition(0.5, 40));
   EXPECT_EQ(p.next_transition(), at_ms(300));
   EXPECT_EQ(at(p, 300), condition(0.0, 0));
@@ -171,13 +174,13 @@ TEST(TraceProcess, ALoopPlaysItsLastRowAsLongAsTheOneBefore) {
   EXPECT_EQ(at(p, 500), condition(1.0, 20));
   EXPECT_EQ(p.next_transition(), at_ms(600));
   EXPECT_EQ(at(p, 500 * 1000 + 250), condition(0.5, 40));
-  TraceProcess before(trace(kThreeRows), kStepLoop, "");
+  TraceProcess before(shared(kThreeRows), kStepLoop, "");
   EXPECT_EQ(at(before, -100), condition(0.0, 0));  // as if it had been running already
   EXPECT_EQ(before.next_transition(), kStart);
 }
 
 TEST(TraceProcess, ALoopPlaysEachRowOfASecondForASecond) {
-  TraceProcess p(trace("time_s,delay_ms,prr\n0,10,1\n1,10,1\n2,10,0\n"), kStepLoop, "");
+  TraceProcess p(shared("time_s,delay_ms,prr\n0,10,1\n1,10,1\n2,10,0\n"), kStepLoop, "");
   int lost = 0;
   for (int ms = 0; ms < 30'000; ms += 100) lost += at(p, ms).prr == 0.0 ? 1 : 0;
   EXPECT_EQ(lost, 100);
@@ -186,7 +189,7 @@ TEST(TraceProcess, ALoopPlaysEachRowOfASecondForASecond) {
 TEST(TraceProcess, ALinearLoopMovesFromItsLastRowToItsFirst) {
   TraceConfig loop = kLinear;
   loop.at_end = TraceConfig::AtEnd::loop;
-  TraceProcess p(trace(kThreeRows), loop, "");
+  TraceProcess p(shared(kThreeRows), loop, "");
   EXPECT_EQ(at(p, 200), condition(0.25, 20));
   EXPECT_EQ(at(p, 300), condition(0.0, 0));
   EXPECT_EQ(at(p, 400), condition(0.5, 10));
@@ -195,7 +198,7 @@ TEST(TraceProcess, ALinearLoopMovesFromItsLastRowToItsFirst) {
 
 TEST(TraceProcess, ALoopOfOneRowIsRefused) {
   try {
-    TraceProcess(trace("time_s,prr\n0,1\n"), kStepLoop, "channel.uplink.trace.");
+    TraceProcess(shared("time_s,prr\n0,1\n"), kStepLoop, "channel.uplink.trace.");
     FAIL();
   } catch (const UsageError& e) {
     EXPECT_STREQ(e.what(),
@@ -207,7 +210,7 @@ TEST(TraceProcess, DoesNotDependOnHowOftenItIsAsked) {
   std::string text = "time_s,prr\n";
   for (int i = 0; i < 200; ++i)
     text += std::to_string(0.013 * i) + "," + std::to_string(i / 200.0) + "\n";
-  TraceProcess often(trace(text), kStepLoop, ""), seldom(trace(text), kStepLoop, "");
+  TraceProcess often(shared(text), kStepLoop, ""), seldom(shared(text), kStepLoop, "");
   for (int ms = 0; ms < 10000; ++ms) {
     often.advance(at_ms(ms));
     if (ms % 377 != 0) continue;
@@ -216,13 +219,13 @@ TEST(TraceProcess, DoesNotDependOnHowOftenItIsAsked) {
 }
 
 TEST(TraceProcess, TimeNeverGoesBack) {
-  TraceProcess p(trace(kThreeRows), kStep, "");
+  TraceProcess p(shared(kThreeRows), kStep, "");
   at(p, 200);
   EXPECT_EQ(at(p, 10), condition(0.5, 40));
 }
 
 TEST(TraceProcess, ReplaysARecordedLogPacketByPacket) {
-  TraceProcess p(trace("time_s,lost\n0,0\n0.05,1\n0.10,1\n0.15,0\n0.20,1\n"), kStep, "");
+  TraceProcess p(shared("time_s,lost\n0,0\n0.05,1\n0.10,1\n0.15,0\n0.20,1\n"), kStep, "");
   std::vector<double> prr;
   for (int i = 0; i < 5; ++i) prr.push_back(p.on_packet(at_ms(50.0 * i)).prr);
   EXPECT_EQ(prr, (std::vector<double>{1, 0, 0, 1, 0}));
@@ -231,7 +234,7 @@ TEST(TraceProcess, ReplaysARecordedLogPacketByPacket) {
 // ---------------------------------------------------------------------------- linear
 
 TEST(TraceProcess, LinearMovesEvenlyBetweenRows) {
-  TraceProcess p(trace(kThreeRows), kLinear, "");
+  TraceProcess p(shared(kThreeRows), kLinear, "");
   EXPECT_EQ(at(p, 0), condition(1.0, 20));
   EXPECT_EQ(at(p, 25).delay, milliseconds{25});
   EXPECT_DOUBLE_EQ(p.condition().prr, 0.875);
@@ -242,13 +245,13 @@ TEST(TraceProcess, LinearMovesEvenlyBetweenRows) {
 }
 
 TEST(TraceProcess, LinearInterpolatesNoFates) {
-  TraceProcess p(trace("time_s,lost,delay_ms\n0,0,10\n1,1,20\n2,0,30\n"), kLinear, "");
+  TraceProcess p(shared("time_s,lost,delay_ms\n0,0,10\n1,1,20\n2,0,30\n"), kLinear, "");
   EXPECT_EQ(at(p, 500), condition(1.0, 15));
   EXPECT_EQ(at(p, 1500).prr, 0.0);
 }
 
 TEST(TraceProcess, LinearInventsNoDelayWhereNothingArrived) {
-  TraceProcess p(trace("time_s,delay_ms,lost\n0,50,0\n1,50,0\n2,,1\n3,50,0\n"), kLinear, "");
+  TraceProcess p(shared("time_s,delay_ms,lost\n0,50,0\n1,50,0\n2,,1\n3,50,0\n"), kLinear, "");
   for (int ms = 0; ms < 3000; ms += 100) EXPECT_EQ(at(p, ms).delay, milliseconds{50}) << ms;
 }
 
