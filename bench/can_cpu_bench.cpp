@@ -27,8 +27,8 @@
 #include "can_bridge/node/can_drive_node.hpp"
 #include "common/base/system_error.hpp"
 #include "common/bus/message_io.hpp"
-#include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"
+#include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "tools/can/arm_operator.hpp"
@@ -101,7 +101,7 @@ class ChildNode {
     try {
       const DrivetrainConfig config = load_drivetrain(scenario.get<CanSettings>().drivetrain_file);
       RealTimeLoop loop(start_utime_us);
-      LcmBus bus(kDefaultLcmUrl, loop);
+      UdpmBus bus(kDefaultLcmUrl, loop);
       LocalPort port(fd, loop);
       NodeType node(scenario, config, loop, bus, port);
       loop.run();
@@ -165,7 +165,7 @@ class Driver {
   }
 
   RealTimeLoop loop_;
-  LcmBus bus_;
+  UdpmBus bus_;
   ArmOperator operator_;
   drivetrain_state_t state_{};
   bool was_armed_ = false;

@@ -14,7 +14,7 @@
 
 #include "bench/can_tap.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "common/lcm/lcm_bus.hpp"
+#include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tools/processes/node_process.hpp"
@@ -96,7 +96,7 @@ class LiveDrivetrain {
   double cycle_ms_;
   std::int64_t start_utime_us_;
   RealTimeLoop loop_;
-  LcmBus bus_;
+  UdpmBus bus_;
   CanTap tap_;
   std::mt19937 random_{1};
   std::deque<std::string> said_;

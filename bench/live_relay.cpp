@@ -54,7 +54,7 @@ void LiveRelay::on_near(Heard heard) {
   if (!std::exchange(hears_near_, true)) listen(near_, near_heard_);
 }
 
-void LiveRelay::listen(LcmBus& bus, Heard& heard) {
+void LiveRelay::listen(UdpmBus& bus, Heard& heard) {
   bus.subscribe(kChannel, kDeepQueue, [&heard](const Message& message) {
     std::uint32_t number = 0;
     std::memcpy(&number, message.bytes.data(), std::min(sizeof number, message.bytes.size()));

@@ -9,7 +9,7 @@
 
 #include "bench/bare_forwarder.hpp"
 #include "bench/cpu_time.hpp"
-#include "common/lcm/lcm_bus.hpp"
+#include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "tools/processes/node_process.hpp"
 
@@ -61,17 +61,17 @@ class LiveRelay {
  private:
   /// Where messages enter a way, and where they come out.
   struct Line {
-    LcmBus out;
-    LcmBus in;
+    UdpmBus out;
+    UdpmBus in;
     Heard heard{};
   };
 
   Line& line(Way way) { return lines_[static_cast<std::size_t>(way)]; }
-  static void listen(LcmBus& bus, Heard& heard);
+  static void listen(UdpmBus& bus, Heard& heard);
 
   RealTimeLoop loop_;
   std::array<Line, 3> lines_;  // by Way
-  LcmBus near_;
+  UdpmBus near_;
   Heard near_heard_;
   BareForwarder forwarder_;
   std::vector<std::uint8_t> bytes_;

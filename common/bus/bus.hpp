@@ -17,6 +17,9 @@ struct Message {
   /// Who published it, where the network tells: on UDP its address and port (sender_name()); else
   /// 0.
   std::uint64_t sender = 0;
+  /// When it arrived, µs since 1970: on UDP by the kernel, so that waiting in this process does not
+  /// count; 0 where the network does not tell.
+  std::int64_t received_utime = 0;
 };
 
 /// Publish/subscribe of raw LCM messages. Implementations: InProcessBus (virtual time), LcmBus and

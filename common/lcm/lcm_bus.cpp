@@ -70,7 +70,9 @@ struct LcmBus::Subscription {
       return;
     }
     try {
-      self->handler({channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size}});
+      self->handler({.channel = channel,
+                     .bytes = {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
+                     .received_utime = buffer->recv_utime});
     } catch (...) {
       if (!self->bus->handler_error_) self->bus->handler_error_ = std::current_exception();
     }

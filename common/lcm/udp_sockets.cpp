@@ -79,6 +79,7 @@ int open_udpm_receiver(const std::string& url) {
   set_option(fd, SOL_SOCKET, SO_REUSEPORT, 1, "sharing the port");
   set_option(fd, SOL_SOCKET, SO_RCVBUF, static_cast<int>(lcm_option(url, "recv_buf_size")),
              "setting the receive buffer");
+  set_option(fd, SOL_SOCKET, SO_TIMESTAMPNS, 1, "asking for times of arrival");
   // Unlike LCM 1.3, which hears every group on its port.
   set_option(fd, IPPROTO_IP, IP_MULTICAST_ALL, 0, "choosing the multicast group");
   const sockaddr_in any = address_of(htonl(INADDR_ANY), lcm_port(url));

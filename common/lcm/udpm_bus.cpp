@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cassert>
+#include <cstring>
 #include <utility>
 
 #include "common/base/system_error.hpp"
@@ -34,25 +35,45 @@ class UdpmBus::Batch {
       messages_[i].msg_hdr.msg_iov = &parts_[i];
       messages_[i].msg_hdr.msg_iovlen = 1;
       messages_[i].msg_hdr.msg_name = &senders_[i];
+      messages_[i].msg_hdr.msg_control = &arrivals_[i];
     }
   }
 
   /// How many were waiting, at most kDatagrams.
   std::size_t receive(int fd) {
-    for (mmsghdr& m : messages_) m.msg_hdr.msg_namelen = sizeof(sockaddr_in);
+    for (mmsghdr& m : messages_) {
+      m.msg_hdr.msg_namelen = sizeof(sockaddr_in);
+      m.msg_hdr.msg_controllen = sizeof(Arrival);
+    }
     const int count = recvmmsg(fd, messages_.data(), kDatagrams, MSG_DONTWAIT, nullptr);
     if (count >= 0) return static_cast<std::size_t>(count);
     if (errno != EAGAIN && errno != EINTR) check_system_call("receiving", count);
     return 0;
   }
   std::uint64_t sender(std::size_t i) const { return one_number(senders_[i]); }
+  std::int64_t arrival_utime(std::size_t i) const {
+    const cmsghdr& note = arrivals_[i].note;
+    if (messages_[i].msg_hdr.msg_controllen < sizeof(cmsghdr) ||
+        note.cmsg_type != SCM_TIMESTAMPNS) {
+      return 0;
+    }
+    timespec time{};
+    std::memcpy(&time, CMSG_DATA(&note), sizeof time);
+    return time.tv_sec * 1'000'000 + time.tv_nsec / 1000;
+  }
   bool truncated(std::size_t i) const { return (messages_[i].msg_hdr.msg_flags & MSG_TRUNC) != 0; }
   std::span<const std::uint8_t> datagram(std::size_t i) const {
     return {bytes_.data() + i * kDatagramBytes, messages_[i].msg_len};
   }
 
  private:
+  union Arrival {
+    cmsghdr note;
+    std::array<char, CMSG_SPACE(sizeof(timespec))> room;
+  };
+
   std::vector<std::uint8_t> bytes_;
+  std::array<Arrival, kDatagrams> arrivals_{};
   std::array<iovec, kDatagrams> parts_{};
   std::array<sockaddr_in, kDatagrams> senders_{};
   std::array<mmsghdr, kDatagrams> messages_{};
@@ -126,14 +147,16 @@ void UdpmBus::receive() {
     } else if (batch_->truncated(i)) {
       ++truncated_;
     } else {
-      hear(batch_->sender(i), batch_->datagram(i));
+      hear(batch_->sender(i), batch_->arrival_utime(i), batch_->datagram(i));
     }
   }
 }
 
-void UdpmBus::hear(std::uint64_t sender, std::span<const std::uint8_t> datagram) {
-  const std::optional<Message> message = assembler_.take(sender, datagram);
+void UdpmBus::hear(std::uint64_t sender, std::int64_t arrival_utime,
+                   std::span<const std::uint8_t> datagram) {
+  std::optional<Message> message = assembler_.take(sender, datagram);
   if (!message || message->channel == kSelfTest) return;
+  message->received_utime = arrival_utime;
   for (const Subscription& s : subscriptions_) {
     if (!s.channel || s.channel->matches(message->channel)) s.handler(*message);
   }

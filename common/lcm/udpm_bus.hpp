@@ -50,7 +50,8 @@ class UdpmBus final : public Bus {
   void listen();
   void receive();
   bool is_own(std::uint64_t sender);
-  void hear(std::uint64_t sender, std::span<const std::uint8_t> datagram);
+  void hear(std::uint64_t sender, std::int64_t arrival_utime,
+            std::span<const std::uint8_t> datagram);
 
   EventLoop& loop_;
   std::string url_;
