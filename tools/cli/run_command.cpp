@@ -76,7 +76,6 @@ void run_processes(ProcessRun& processes, const RunObserver& observer,
     fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
                c.resends, advice_on_lost_messages());
   }
-  if (c.asked_again > 0) return;  // copies are left then
   for (const auto& [channel, count] : processes.unaccounted()) {
     fmt::print(stderr, "tether: {} messages on {} are in no node's answer: they had no effect\n",
                count, channel);

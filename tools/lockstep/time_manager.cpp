@@ -18,6 +18,7 @@ namespace {
 constexpr Duration kManagerTick = std::chrono::milliseconds{20};
 /// More grants than any run needs at one instant of its time.
 constexpr std::int64_t kMostAtOnce = 100'000;
+constexpr std::size_t kMostChannels = 1000;
 
 std::string at_time(Instant t) { return fmt::format("t = {:.6f} s", to_seconds(t)); }
 
@@ -83,6 +84,7 @@ void TimeManager::hear(const Message& message) {
 /// why the grant's node has not answered yet: note it for the error that may follow.
 void TimeManager::on_resend(const time_resend_t& resend) {
   ++counters_.asked_again;
+  if (asked_again_.size() < kMostChannels) asked_again_.insert(resend.channel);
   if (!outstanding_) return;
   const time_grant_t& grant = outstanding_->message;
   for (std::size_t i = 0; i < grant.channel.size(); ++i) {
@@ -234,6 +236,12 @@ void TimeManager::take_bytes() {
     record_stuck_since_ = asked_at_ = io_.now();
     record_(r.message.when, {r.message.channel, *r.bytes});
   }
+}
+
+std::map<std::string, std::size_t> TimeManager::unaccounted() const {
+  auto sizes = inbox_.sizes();
+  for (const std::string& channel : asked_again_) sizes.erase(channel);  // copies are left then
+  return sizes;
 }
 
 /// The next grant, if none is out and the run is not held.

@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <tether/time_grant_t.hpp>
 #include <tether/time_join_t.hpp>
@@ -92,8 +93,8 @@ class TimeManager {
   Instant next() const { return schedule_.now(); }
   const Counters& counters() const { return counters_; }
   /// Messages on the network that no node has named as its own, by channel: copies, or somebody
-  /// else's messages. They had no effect.
-  std::map<std::string, std::size_t> unaccounted() const { return inbox_.sizes(); }
+  /// else's messages. They had no effect. Without channels on which something was asked for again.
+  std::map<std::string, std::size_t> unaccounted() const;
   /// Nodes that have not joined.
   std::vector<std::string> missing() const;
 
@@ -141,6 +142,7 @@ class TimeManager {
   Record record_;
   GrantSchedule schedule_;
   MessageInbox inbox_;
+  std::set<std::string> asked_again_;  // channels
   State state_ = State::joining;
   std::string error_;
   std::vector<std::optional<time_join_t>> joined_;  // by rank

@@ -75,6 +75,7 @@ void TimeManager::watch_record(Instant now) {
     message.publisher = schedule_.name(r.publisher);
     message.channel = r.message.channel;
     message.number = r.message.number;
+    asked_again_.insert(r.message.channel);
     publish(wire_, kTimeResend, message);
   }
 }
