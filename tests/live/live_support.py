@@ -220,6 +220,10 @@ class Network:
         """react(bytes) is called with every later message of the channel, at once; None ends it."""
         self._on_message[channel] = react
 
+    def forget(self):
+        """All that was heard: after a step of the clock that tells when it arrived."""
+        self._heard = {}
+
     def channels(self):
         return set(self._heard)
 
