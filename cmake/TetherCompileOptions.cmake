@@ -11,12 +11,17 @@ if(TETHER_SANITIZE)
   target_compile_options(tether_options INTERFACE ${sanitizers}
     $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   target_link_options(tether_options INTERFACE ${sanitizers})
+  # Libraries, and not the tests, tell fuzzers where they have been.
+  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+    set(TETHER_LIBRARY_OPTIONS -fsanitize=fuzzer-no-link)
+  endif()
 endif()
 
 # tether_add_library(name sources...): a library whose sources share these headers, read once.
 # Without them (-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON) everything builds as well.
 add_library(tether_headers OBJECT ${PROJECT_SOURCE_DIR}/common/base/headers.cpp)
 target_link_libraries(tether_headers PRIVATE tether_options)
+target_compile_options(tether_headers PRIVATE ${TETHER_LIBRARY_OPTIONS})
 target_precompile_headers(tether_headers PRIVATE
   <fmt/format.h>
   <algorithm> <array> <chrono> <cmath> <deque> <filesystem> <functional> <map> <memory> <optional>
@@ -24,5 +29,6 @@ target_precompile_headers(tether_headers PRIVATE
 function(tether_add_library name)
   add_library(${name} ${ARGN})
   target_link_libraries(${name} PUBLIC tether_options)
+  target_compile_options(${name} PRIVATE ${TETHER_LIBRARY_OPTIONS})
   target_precompile_headers(${name} REUSE_FROM tether_headers)
 endfunction()

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -12,7 +13,8 @@ namespace tether {
 /// Walks over an encoded message without decoding it, as a visitor of its type's fields, and notes
 /// whether every length in it is possible within the bytes that follow. LCM 1.3.1's generated code
 /// trusts lengths from the network: a string length of −2³¹ makes it copy 2 GiB from beyond the
-/// message, and a large array count allocates the array before looking at the bytes.
+/// message, and a large array count allocates the array before looking at the bytes. Zeros within a
+/// string would be lost when it is encoded again, as LCM has C's strings.
 class LengthCheck {
  public:
   explicit LengthCheck(std::span<const std::uint8_t> bytes) : rest_(bytes) { skip(kFingerprint); }
@@ -49,8 +51,10 @@ class LengthCheck {
   }
   void skip_string() {
     const auto size = read<std::int32_t>();  // with the closing zero
+    const auto text = rest_;
     ok_ = ok_ && size >= 1;
     if (ok_) skip(static_cast<std::size_t>(size));
+    ok_ = ok_ && std::find(text.begin(), text.begin() + size, 0) == text.begin() + (size - 1);
   }
   template <class Integer>
   Integer read() {

@@ -11,6 +11,14 @@ namespace {
 
 using Segment = std::vector<LoggedPacket>;
 
+/// Whether fewer than one packet in kMostLostEach has arrived: not a channel, but wrong numbers.
+bool is_mostly_gaps(const std::vector<Reception>& arrivals) {
+  constexpr double kMostLostEach = 1000.0;
+  const double packets =
+      static_cast<double>(arrivals.back().seq) - static_cast<double>(arrivals.front().seq) + 1.0;
+  return packets > kMostLostEach * static_cast<double>(arrivals.size() + 1);
+}
+
 /// The packets of one segment, from its arrivals sorted by number, without duplicates.
 Segment fill_gaps(const std::vector<Reception>& arrivals) {
   Segment segment;
@@ -98,7 +106,12 @@ FateLog fates_from_receptions(const std::vector<Reception>& receptions) {
     const auto end = std::unique(arrivals.begin(), arrivals.end(), same);
     log.duplicated += arrivals.end() - end;
     arrivals.erase(end, arrivals.end());
-    if (!arrivals.empty()) log.segments.push_back(fill_gaps(arrivals));
+    if (arrivals.empty()) continue;
+    if (is_mostly_gaps(arrivals)) {
+      log.implausible += std::ssize(arrivals);
+    } else {
+      log.segments.push_back(fill_gaps(arrivals));
+    }
   }
   regularise(log);
   return log;

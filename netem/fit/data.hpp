@@ -30,7 +30,8 @@ struct FateLog {
   double interval_s = 0.0;      ///< mean time between packets; 0 below two
   std::int64_t duplicated = 0;  ///< arrivals of a number that had arrived
   std::int64_t reordered = 0;   ///< arrivals after a higher number
-  /// Arrivals whose number does not fit the times, left out; see divide_into_runs().
+  /// Arrivals whose number does not fit the times (see divide_into_runs()), and segments of which
+  /// fewer than one packet in 1000 arrived, left out.
   std::int64_t implausible = 0;
 
   std::int64_t packets() const;

@@ -217,6 +217,20 @@ TEST(MessageIoLengths, ImpossibleLengthsOfCountersAreRefused) {
   }
 }
 
+TEST(MessageIoLengths, ATextEndsWithItsOnlyZero) {
+  counters_t sent{};
+  sent.node = "netem";
+  auto bytes = encode(sent);
+  const auto text = std::search(bytes.begin(), bytes.end(), sent.node.begin(), sent.node.end());
+  counters_t received{};
+  text[2] = 0;
+  EXPECT_FALSE(decode(bytes, received));
+  text[2] = 't';
+  EXPECT_TRUE(decode(bytes, received));
+  text[5] = 'x';
+  EXPECT_FALSE(decode(bytes, received));
+}
+
 TEST(MessageIoLengths, TheLongestPlanFits) {
   plan_t longest{};
   longest.count = plan_t::MAX_COUNT;

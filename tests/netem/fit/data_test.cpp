@@ -37,6 +37,12 @@ TEST(FatesFromReceptions, LatePacketsAreNotLostAndCopiesCountOnce) {
   EXPECT_EQ(log.reordered, 1);
 }
 
+TEST(FatesFromReceptions, NumbersThatLeapAreNoChannel) {
+  const FateLog log = fates_from_receptions({{0, 0.0}, {1'000'000, 0.0}, {2'000'000, 0.0}});
+  EXPECT_EQ(log.packets(), 0);
+  EXPECT_EQ(log.implausible, 3);
+}
+
 TEST(FatesFromReceptions, ASenderThatStartsAnewBeginsASegment) {
   const FateLog log = fates_from_receptions({{5000, 0.0},
                                              {5001, 0.1},

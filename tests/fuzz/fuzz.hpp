@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "common/base/errors.hpp"
+
+namespace tether::fuzzing {
+
+/// What a fuzz target does with one input: each target defines it. Sanitizers, must() and
+/// exceptions end the fuzzer with a report and the input.
+void try_input(std::span<const std::uint8_t> input);
+
+/// `fact` must hold, whatever the input.
+void must(bool holds, std::string_view fact);
+
+/// The input as text.
+inline std::string text_of(std::span<const std::uint8_t> input) {
+  return {input.begin(), input.end()};
+}
+
+/// Whether `use` takes its input. It may refuse it by an `Error` with some text, and by no other
+/// exception.
+template <class Error = UsageError, class Use>
+bool takes(const Use& use) {
+  try {
+    use();
+    return true;
+  } catch (const Error& refused) {
+    must(!std::string_view(refused.what()).empty(), "a refusal says why");
+    return false;
+  }
+}
+
+}  // namespace tether::fuzzing

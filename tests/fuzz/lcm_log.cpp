@@ -1,0 +1,28 @@
+#include <sstream>
+
+#include "tests/fuzz/fuzz.hpp"
+#include "tools/messages/event_log.hpp"
+#include "tools/messages/message_printer.hpp"
+#include "tools/netem/fit.hpp"
+
+namespace tether::fuzzing {
+
+/// A log is read to its end, whatever it holds: each byte is of a record or of damage.
+void try_input(std::span<const std::uint8_t> input) {
+  std::istringstream in(text_of(input));
+  EventLogReader reader(in);
+  reader.looks_like_log();
+  std::uint64_t accounted = 0;
+  LoggedEvent event;
+  while (reader.next(event)) {
+    accounted += EventLogReader::kHeaderBytes + event.channel.size() + event.data.size();
+    format_message(event.channel, inspect_message(event.data));
+  }
+  for (const LogDamage& damage : reader.damage()) accounted += damage.size_bytes;
+  must(accounted == input.size(), "each byte is of a record or of damage");
+
+  std::istringstream again(text_of(input));
+  takes<std::runtime_error>([&] { read_fit_log(again, "run.lcmlog", ""); });
+}
+
+}  // namespace tether::fuzzing
