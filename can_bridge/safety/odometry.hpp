@@ -4,26 +4,15 @@
 #include <cstdint>
 
 #include "can_bridge/drivetrain/drive_profile.hpp"
+#include "common/vehicle/dead_reckoning.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 
 namespace tether {
 
-/// Upper triangle of a pose's covariance matrix: x and y in the world's frame, in metres, yaw in
-/// radians, counter-clockwise positive (REP-103).
-struct PoseCovariance {
-  double x_x = 0.0;
-  double x_y = 0.0;
-  double x_yaw = 0.0;
-  double y_y = 0.0;
-  double y_yaw = 0.0;
-  double yaw_yaw = 0.0;
-};
-
 /// Dead reckoning from both wheels' angles. Between two updates the wheels are taken to turn at a
-/// constant ratio, so that the axle's midpoint runs along an arc: of length d = (d_l + d_r)/2 and
-/// angle a = (d_r − d_l)/track, with the chord d·sin(a/2)/(a/2) in direction yaw + a/2. Exact for
-/// arcs, whatever their length. Drifts with wheel slip, as all odometry.
+/// constant ratio (DeadReckoning): exact for arcs, of length d and angle a, however long. Drifts
+/// with wheel slip, as all odometry.
 ///
 /// A gap is time without valid feedback of both wheels, or more than kGap between two reports. What
 /// the drives counted meanwhile is taken up with the next valid pair, as one arc (`gaps`). Where
@@ -52,7 +41,7 @@ class Odometry {
     PoseCovariance covariance;
   };
 
-  static constexpr double kVariancePerMetre = 1e-5;  ///< k², m²/m
+  static constexpr double kVariancePerMetre = DeadReckoning::kVariancePerMetre;  ///< k², m²/m
   static constexpr double kGapFactor = 10.0;
   /// Twice the longest control cycle.
   static constexpr Duration kGap = std::chrono::milliseconds{200};

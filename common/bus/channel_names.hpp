@@ -14,7 +14,9 @@ struct ChannelNames {
     vehicle_command = vehicle + "/CMD_VEL";
     vehicle_plan = vehicle + "/PLAN";
     vehicle_preload = vehicle + "/PRELOAD";
+    vehicle_odometry = vehicle + "/ODOMETRY";
     control_pose = "CTRL" + suffix + "/POSE";
+    control_odometry = "CTRL" + suffix + "/ODOMETRY";
     control_command = "CTRL" + suffix + "/CMD_VEL";
     control_plan = "CTRL" + suffix + "/PLAN";
     control_preload = "CTRL" + suffix + "/PRELOAD";
@@ -32,10 +34,12 @@ struct ChannelNames {
   }
 
   std::string vehicle_pose;
+  std::string vehicle_odometry;
   std::string vehicle_command;
   std::string vehicle_plan;
   std::string vehicle_preload;  ///< never impaired
   std::string control_pose;
+  std::string control_odometry;
   std::string control_command;
   std::string control_plan;
   std::string control_preload;  ///< never impaired

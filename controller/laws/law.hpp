@@ -12,6 +12,7 @@
 #include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
 #include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/dead_reckoning.hpp"
 #include "common/vehicle/plan.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -29,6 +30,16 @@ struct SeenPose {
   /// the plan's start on. nullopt: no plan of this controller.
   std::optional<std::int64_t> plan_id;
   bool follows_other = false;  ///< it follows a plan of another controller, or of another start
+};
+
+/// What the vehicle's wheels say, as the controller got it (odometry_t): where it is by dead
+/// reckoning from its nominal start pose, which is not where sensors say that it is.
+struct SeenOdometry {
+  DeadReckoning reckoning;
+  Twist twist;        ///< by the wheels' speeds
+  Instant stamp{};    ///< of the encoders' reading
+  Instant arrival{};  ///< here
+  std::int64_t seq = 0;
 };
 
 /// What a law decides: the twist to follow from now on, or a plan. Of a plan's fields, the node
@@ -50,6 +61,9 @@ class Law {
 
   /// Each accepted pose, stamps ascending.
   virtual void on_pose(const SeenPose&) {}
+
+  /// Each accepted odometry message, stamps ascending. None with sensor.odometry_rate_hz = 0.
+  virtual void on_odometry(const SeenOdometry&) {}
 
   /// The decision at `now`, which does not decrease from call to call. `newest`: the pose that
   /// on_pose() had last; only laws that plan ahead are asked without one, and before t = 0.

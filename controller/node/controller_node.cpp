@@ -38,12 +38,13 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
     : loop_(loop),
       bus_(bus),
       channels_(settings.get<VehicleSettings>().name),
-      senders_(loop, bus, {channels_.control_pose}),
+      senders_(loop, bus, {channels_.control_pose, channels_.control_odometry}),
       config_(settings.get<ControllerSettings>()),
       pose_timeout_(from_seconds(config_.pose_timeout_s)),
       session_(session.value_or(session_of_seed(settings.get<RunSettings>().seed))),
       law_(make_law(settings)),
       guard_({.earliest = earliest_stamp(settings)}),
+      odometry_guard_({.earliest = earliest_stamp(settings)}),
       counters_(loop, bus, "controller", channels_.control_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
@@ -58,6 +59,8 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
         seen.follows_other = m.plan_session >= 0 && m.plan_session != session_ && m.plan_id >= 0;
         on_pose(seen);
       });
+  subscribe<odometry_t>(bus, channels_.control_odometry, kDeepQueue, undecodable_odometry_,
+                        [this](const odometry_t& m) { on_odometry(m); });
   if (config_.preload && law_->plans_ahead()) {
     // This priority comes before the first pose of that instant is measured, so that the pose names
     // the plan.
@@ -87,6 +90,29 @@ void ControllerNode::on_pose(const SeenPose& seen) {
   if (pose_timeout_ > Duration{0} && !timed_out(loop_.now())) {
     loop_.at(seen.stamp + pose_timeout_, Priority::node,
              [this](Instant) { on_possible_timeout(); });
+  }
+}
+
+void ControllerNode::on_odometry(const odometry_t& m) {
+  any_odometry_ = true;
+  SeenOdometry seen;
+  seen.reckoning = {{m.x_m, m.y_m, m.yaw_rad},
+                    {m.cov_x_x_m2, m.cov_x_y_m2, m.cov_x_yaw_m_rad, m.cov_y_y_m2, m.cov_y_yaw_m_rad,
+                     m.cov_yaw_yaw_rad2},
+                    m.distance_m};
+  seen.twist = {m.v_mps, m.omega_radps};
+  seen.stamp = from_utime(m.utime);
+  seen.arrival = loop_.now();
+  seen.seq = m.seq;
+  const PoseCovariance& p = seen.reckoning.covariance;
+  const bool usable =
+      is_usable(seen.reckoning.pose) && is_usable(seen.twist) && is_usable(m.distance_m) &&
+      is_usable(p.x_x) && is_usable(p.x_y) && is_usable(p.x_yaw) && is_usable(p.y_y) &&
+      is_usable(p.y_yaw) && is_usable(p.yaw_yaw);
+  if (!usable) {
+    ++non_finite_odometry_;
+  } else if (odometry_guard_.accept(seen.arrival, seen.stamp, seen.seq)) {
+    law_->on_odometry(seen);
   }
 }
 
@@ -182,6 +208,11 @@ void ControllerNode::list_counters(CounterList& out) const {
   senders_.list(out);
   out.emplace_back("pose.non_finite", non_finite_);
   out.emplace_back("pose.timeouts", pose_timeouts_);
+  if (any_odometry_ || undecodable_odometry_ > 0) {
+    odometry_guard_.list("odometry", out);
+    out.emplace_back("odometry.undecodable", undecodable_odometry_);
+    out.emplace_back("odometry.non_finite", non_finite_odometry_);
+  }
   out.emplace_back("command.unusable", unusable_commands_);
   out.emplace_back("command.sent", commands_);
   law_->list_counters(out);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <tether/odometry_t.hpp>
 
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
@@ -22,8 +23,8 @@ namespace tether {
 using ControllerNodeSettings =
     Sections<RunSettings, VehicleSettings, PathSettings, ControllerSettings, ActuatorSettings>;
 
-/// The remote controller: CTRL/POSE in, CTRL/CMD_VEL or CTRL/PLAN (and CTRL/REPORT, CTRL/COUNTERS)
-/// out.
+/// The remote controller: CTRL/POSE and, if the vehicle sends it, CTRL/ODOMETRY in, CTRL/CMD_VEL or
+/// CTRL/PLAN (and CTRL/REPORT, CTRL/COUNTERS) out.
 ///
 /// `trigger = event`: one decision per accepted pose. `trigger = timer`: decisions at
 /// controller.rate_hz from t = 0 on, or from the start of the run's lead, from the newest pose.
@@ -39,7 +40,8 @@ using ControllerNodeSettings =
 /// - With controller.preload, the first plan is on CTRL/PRELOAD at the beginning of the run.
 ///
 /// Poses that are undecodable, non-finite (or beyond ±1e9), duplicated, late or stamped in the
-/// future are counted and otherwise ignored; they refresh nothing.
+/// future are counted and otherwise ignored; they refresh nothing. So is odometry, which goes to the
+/// law and triggers no decision.
 class ControllerNode final : public Node {
  public:
   /// `session`: tells the plans of this start from those of any other; nullopt: derived from the
@@ -53,6 +55,7 @@ class ControllerNode final : public Node {
 
  private:
   void on_pose(const SeenPose& seen);
+  void on_odometry(const odometry_t& message);
   void decide();
   void on_possible_timeout();
   bool timed_out(Instant now) const;
@@ -72,9 +75,14 @@ class ControllerNode final : public Node {
   std::unique_ptr<Law> law_;
   StreamGuard guard_;
 
+  StreamGuard odometry_guard_;
+
   std::optional<SeenPose> newest_;
   Rejected rejected_;
   std::int64_t non_finite_ = 0;
+  bool any_odometry_ = false;
+  std::int64_t undecodable_odometry_ = 0;
+  std::int64_t non_finite_odometry_ = 0;
   std::int64_t commands_ = 0;
   std::int64_t pose_timeouts_ = 0;
   std::int64_t unusable_commands_ = 0;
