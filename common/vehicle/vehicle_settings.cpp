@@ -48,6 +48,10 @@ void add_start(KeyTable<Vehicle>& t) {
            "axle midpoint at t = 0; that of the path if not given (figure eight: 0)");
   t.number("start_yaw_rad", &Vehicle::start_yaw_rad, kOffset,
            "heading at t = 0; that of the path if not given (figure eight: 0)");
+  t.number("start_error_m", &Vehicle::start_error_m, {0.0, 100.0, false},
+           "standard deviation of the real start in x and y, which nobody knows of; at most 3 of it");
+  t.number("start_error_rad", &Vehicle::start_error_rad, {0.0, 10.0, false},
+           "standard deviation of the real heading at the start; at most 3 of it");
 }
 
 void add_errors(KeyTable<Vehicle>& t) {
@@ -112,6 +116,15 @@ void check(const Scenario& scenario, const std::string& file) {
         "{}: the vehicle starts at ({}, {}) m, in or beyond the walls: vehicle.start_x_m and "
         "start_y_m must be within ±{:.2f} m for world.half_extent_m = {}",
         file, vehicle.start_x_m, vehicle.start_y_m, inside, half_extent_m));
+  }
+  const double farthest_m = std::max(std::abs(vehicle.start_x_m), std::abs(vehicle.start_y_m));
+  if (farthest_m + kStartErrorSigmas * vehicle.start_error_m > inside) {
+    throw UsageError(
+        fmt::format("{}: the vehicle may start in or beyond the walls: its start_x_m = {} and "
+                    "start_y_m = {} are off by up to {} times vehicle.start_error_m = {}, and must "
+                    "stay within ±{:.2f} m for world.half_extent_m = {}",
+                    file, vehicle.start_x_m, vehicle.start_y_m, kStartErrorSigmas,
+                    vehicle.start_error_m, inside, half_extent_m));
   }
 }
 

@@ -32,6 +32,10 @@ struct VehicleSettings : VehicleConfig {
   /// can.coupling_ms: between messages of emulated drives and simulated wheels.
   double coupling_ms = 5.0;
   std::string name = "AGV";  ///< first part of its LCM channels
+  // Standard deviations of where it really stands at t = 0 from start_x_m, … (each axis) and
+  // start_yaw_rad (sim/plant/true_start.hpp), which is all that the controller knows.
+  double start_error_m = 0.0;
+  double start_error_rad = 0.0;
   // Errors that neither the vehicle nor the controller knows of (sim/plant/drive_errors.hpp). With
   // drives on CAN they have no effect.
   double radius_error = 0.0;     ///< share by which the wheels are larger than it believes
@@ -39,6 +43,9 @@ struct VehicleSettings : VehicleConfig {
   double actuator_lag_ms = 0.0;  ///< time constant of its rim speeds
   double clock_offset_ms = 0.0;  ///< its clock is ahead of the run's, and the controller's, by this
 };
+
+/// No start is farther off than this many of vehicle.start_error_m and start_error_rad.
+inline constexpr double kStartErrorSigmas = 3.0;
 
 ScenarioSection world_section();
 ScenarioSection vehicle_section();

@@ -17,6 +17,7 @@
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/plan_message.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "sim/plant/true_start.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
@@ -58,7 +59,11 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
       drive_errors_(settings.get<VehicleSettings>()),
       clock_offset_(from_seconds(settings.get<VehicleSettings>().clock_offset_ms * 1e-3)),
       path_(make_path(settings.get<PathSettings>())),
-      vehicle_(make_plant(settings.get<VehicleSettings>(), settings.get<WorldSettings>(), kStep)),
+      vehicle_(make_plant(
+          at_true_start(settings.get<VehicleSettings>(),
+                        random_stream(settings.get<RunSettings>().seed,
+                                      settings.get<VehicleSettings>().name + "/start")),
+          settings.get<WorldSettings>(), kStep)),
       metrics_step_(is_kinematic(settings) ? kKinematicMetrics : kStep),
       actuator_(settings.get<ActuatorSettings>(), settings.get<VehicleSettings>(),
                 {.earliest = earliest_stamp(settings)}),

@@ -56,7 +56,9 @@ void DrivetrainObserver::on_state(const drivetrain_state_t& m) {
 void DrivetrainObserver::on_truth(const ground_truth_t& m) {
   if (!is_usable(Pose2{m.x_m, m.y_m, m.yaw_rad})) return;
   if (!truth_guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) return;
-  true_distance_m_ += std::hypot(m.x_m - true_x_m_, m.y_m - true_y_m_);
+  // The first is where it really stands, which may not be its nominal start.
+  if (any_truth_) true_distance_m_ += std::hypot(m.x_m - true_x_m_, m.y_m - true_y_m_);
+  any_truth_ = true;
   true_x_m_ = m.x_m;
   true_y_m_ = m.y_m;
 }

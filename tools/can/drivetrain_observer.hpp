@@ -50,6 +50,7 @@ class DrivetrainObserver {
   StreamGuard truth_guard_;
   drivetrain_state_t state_{};
   odometry_t odometry_{};
+  bool any_truth_ = false;
   double true_x_m_ = 0.0;
   double true_y_m_ = 0.0;
   bool ever_armed_ = false;

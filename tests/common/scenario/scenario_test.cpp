@@ -354,6 +354,13 @@ TEST(Scenario, TheVehicleMustStartWithinTheWalls) {
   EXPECT_EQ(refusal("[vehicle]\nstart_x_m = 20.0\n[world]\nhalf_extent_m = 23.0"), "accepted");
 }
 
+TEST(Scenario, TheVehicleMustStandWithinTheWallsWhateverItsStartError) {
+  EXPECT_EQ(refusal("[vehicle]\nstart_x_m = 18.0\nstart_error_m = 0.5"), "accepted");  // 19.76 m
+  EXPECT_THAT(refusal("[vehicle]\nstart_x_m = 18.0\nstart_error_m = 0.6"),
+              AllOf(StartsWith("test.toml: "), HasSubstr("vehicle.start_error_m = 0.6"),
+                    HasSubstr("world.half_extent_m = 22")));
+}
+
 TEST(Scenario, ASharedStateNeedsTheSameModelInBothDirections) {
   const std::string one = "[channel]\nshared_state = true\nuplink.model = \"markov\"\n";
   EXPECT_THAT(refusal(one), HasSubstr("channel.shared_state = true needs the same model"));

@@ -1,0 +1,89 @@
+// What disturbs the vehicle and its sensors, in the whole loop: nobody but the simulator knows.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "controller/laws/law.hpp"
+#include "tests/tools/runs/run_files.hpp"
+#include "tools/loop/closed_loop.hpp"
+
+namespace tether {
+namespace {
+
+using testing::contents;
+using testing::Folder;
+using testing::run_into;
+
+Scenario loaded(const std::vector<std::string>& overrides, const char* file = "paper.toml") {
+  return load_scenario(TETHER_SOURCE_DIR "/scenarios/" + std::string(file), overrides);
+}
+
+const std::vector<std::string> kUncertain{"vehicle.start_error_m=0.2",
+                                          "vehicle.start_error_rad=0.1"};
+
+std::vector<std::string> uncertain(std::vector<std::string> more) {
+  more.insert(more.end(), kUncertain.begin(), kUncertain.end());
+  return more;
+}
+
+Pose2 start_of(const Scenario& scenario) {
+  ClosedLoop loop(scenario);
+  return loop.sim().vehicle().state().pose;
+}
+
+TEST(UncertainStart, IsTheSameWithAnyPlantAndDrivetrain) {
+  const Pose2 ode = start_of(loaded(kUncertain));
+  EXPECT_GT(std::hypot(ode.x_m, ode.y_m), 0.01);
+  EXPECT_GT(std::abs(ode.yaw_rad), 0.001);
+  const Pose2 kinematic = start_of(loaded(uncertain({"vehicle.plant=kinematic"})));
+  EXPECT_NEAR(kinematic.x_m, ode.x_m, 1e-12);
+  EXPECT_NEAR(kinematic.y_m, ode.y_m, 1e-12);
+  EXPECT_NEAR(kinematic.yaw_rad, ode.yaw_rad, 1e-12);
+  const Pose2 can = start_of(loaded(kUncertain, "hil_vcan.toml"));
+  EXPECT_NEAR(can.x_m, ode.x_m, 1e-12);
+}
+
+TEST(UncertainStart, IsAnotherWithAnotherSeed) {
+  EXPECT_NE(start_of(loaded(uncertain({"run.seed=2"}))).x_m,
+            start_of(loaded(uncertain({"run.seed=3"}))).x_m);
+}
+
+TEST(UncertainStart, PlansBeginAtTheNominalOne) {
+  const std::vector<std::string> predictive{"controller.law=predictive", "actuator.policy=horizon"};
+  const auto first_twists = [](const Scenario& scenario) {
+    return std::get<Plan>(make_law(scenario)->decide(kStart, nullptr)).twists;
+  };
+  const auto with = first_twists(loaded(uncertain(predictive)));
+  const auto without = first_twists(loaded(predictive));
+  ASSERT_EQ(with.size(), without.size());
+  for (std::size_t i = 0; i < with.size(); ++i) {
+    EXPECT_EQ(with[i].v_mps, without[i].v_mps);
+    EXPECT_EQ(with[i].omega_radps, without[i].omega_radps);
+  }
+}
+
+TEST(UncertainStart, TheErrorStaysForAVehicleThatDrivesAPreloadedPlanUnseen) {
+  const std::vector<std::string> blind{"controller.law=predictive", "actuator.policy=horizon",
+                                       "controller.preload=true",   "controller.horizon_s=30",
+                                       "run.duration_s=20",         "vehicle.plant=kinematic",
+                                       "channel.prr=0"};
+  ClosedLoop certain(loaded(blind));
+  certain.run();
+  ClosedLoop off(loaded(uncertain(blind)));
+  off.run();
+  EXPECT_LT(certain.sim().metrics().epsilon_m(), 0.1);
+  EXPECT_GT(off.sim().metrics().epsilon_m(), 0.2);
+}
+
+TEST(UncertainStart, TheResolvedScenarioReproducesIt) {
+  const Folder folder;
+  run_into(folder.path / "a", loaded(uncertain({"run.duration_s=3", "run.seed=5"})));
+  run_into(folder.path / "b", load_scenario((folder.path / "a" / "scenario.toml").string(), {}));
+  EXPECT_EQ(contents(folder.path / "a" / "run.lcmlog"), contents(folder.path / "b" / "run.lcmlog"));
+}
+
+}  // namespace
+}  // namespace tether
