@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "common/base/errors.hpp"
+#include "common/path/controlled_point.hpp"
 #include "common/path/kinds.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -64,6 +65,9 @@ std::vector<ScenarioKey> keys() {
   std::vector<std::string> names;
   for (const PathKind& kind : path_kinds()) names.push_back(kind.name);
   t.one_of("kind", &Path::kind, names, "reference path");
+  t.choice<Path::Point>(
+      "point", &Path::point, {{"axle", Path::Point::axle}, {"chassis", Path::Point::chassis}},
+      "of the vehicle, what is to follow the path: the axle's midpoint or the chassis' centre");
   add_shapes(t);
   add_limits(t);
   for (const PathKind& kind : path_kinds()) t.append(kind.own_keys);
@@ -72,7 +76,7 @@ std::vector<ScenarioKey> keys() {
 
 /// A key that only other kinds of path use has no effect.
 std::string why_no_effect(const Scenario& scenario, const std::string& key) {
-  if (!key.starts_with(kPrefix) || key == "path.kind") return "";
+  if (!key.starts_with(kPrefix) || key == "path.kind" || key == "path.point") return "";
   const PathKind& kind = kind_of(scenario.get<Path>());
   const std::string part = key.substr(std::string_view(kPrefix).size());
   if (std::find(kind.keys.begin(), kind.keys.end(), part) != kind.keys.end()) return "";
@@ -97,21 +101,32 @@ void start_vehicle(Scenario& scenario, const std::set<std::string>& given,
   if (!path) return;
   const PathPoint start = path->at(0.0);
   auto& vehicle = scenario.get<VehicleSettings>();
-  if (!given.contains("vehicle.start_x_m")) vehicle.start_x_m = start.x_m;
-  if (!given.contains("vehicle.start_y_m")) vehicle.start_y_m = start.y_m;
+  const Position axle = point_ahead({start.x_m, start.y_m, start.yaw_rad},
+                                    -controlled_point_ahead_m(scenario.get<Path>(), vehicle));
+  if (!given.contains("vehicle.start_x_m")) vehicle.start_x_m = axle.x_m;
+  if (!given.contains("vehicle.start_y_m")) vehicle.start_y_m = axle.y_m;
   if (!given.contains("vehicle.start_yaw_rad")) vehicle.start_yaw_rad = start.yaw_rad;
 }
 
 void check(const Scenario& scenario, const std::string& file,
            const std::vector<PathLimitsOf>& limits_of) {
+  VehicleConfig vehicle = scenario.get<VehicleSettings>();
+  if (scenario.get<Path>().point == Path::Point::chassis) {
+    if (vehicle.axle_x_m >= 0.0) {
+      throw UsageError(
+          fmt::format("{}: path.point = \"chassis\" needs an axle behind the chassis' centre: "
+                      "vehicle.axle_x_m = {} must be negative",
+                      file, vehicle.axle_x_m));
+    }
+    vehicle.axle_x_m = 0.0;  // it is the box's centre that moves along the path
+  }
   const auto path = plan(scenario.get<Path>(), file);
   if (!path) return;
   std::vector<PathLimit> limits;
   for (const PathLimitsOf& of : limits_of) {
     for (PathLimit& limit : of(scenario)) limits.push_back(std::move(limit));
   }
-  check_path(*path, scenario.get<VehicleSettings>(), scenario.get<WorldSettings>().half_extent_m,
-             limits, file);
+  check_path(*path, vehicle, scenario.get<WorldSettings>().half_extent_m, limits, file);
 }
 
 }  // namespace

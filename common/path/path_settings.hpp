@@ -15,7 +15,11 @@ namespace tether {
 
 /// [path]. Which keys a kind uses is said in its row of common/path/kinds.cpp.
 struct PathSettings {
+  /// Of the vehicle, what is to follow the path.
+  enum class Point { axle, chassis };
   std::string kind = "figure_eight";  ///< the name of one of path_kinds()
+  /// The axle's midpoint, or the chassis' centre (controlled_point.hpp).
+  Point point = Point::axle;
   FigureEight::Config figure_eight;
   std::string csv;               ///< waypoints; relative to the scenario file
   double radius_m = 8.0;         ///< circle

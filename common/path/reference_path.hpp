@@ -2,7 +2,8 @@
 
 namespace tether {
 
-/// Where the vehicle's axle midpoint should be and how it should move there (world frame, REP-103).
+/// Where the vehicle's controlled point (path.point), usually its axle's midpoint, should be and
+/// how it should move there (world frame, REP-103).
 struct PathPoint {
   double x_m = 0.0;
   double y_m = 0.0;

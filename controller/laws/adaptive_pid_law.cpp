@@ -21,7 +21,7 @@ TauTable read_table(const std::string& file) {
 }  // namespace
 
 AdaptivePidLaw::AdaptivePidLaw(const LawContext& context, TauTable table)
-    : PidLaw(context.settings.get<ControllerSettings>(), context.path),
+    : PidLaw(context.settings.get<ControllerSettings>(), context.path, context.ahead_m),
       table_(std::move(table)),
       reception_(kPoses),
       delay_(kDelays) {}
@@ -41,6 +41,7 @@ void AdaptivePidLaw::list_counters(CounterList& out) const {
 
 LawKind pid_adaptive_law() {
   return {.name = "pid_adaptive",
+          .steers_any_point = true,
           .keys = {"tau_table"},
           .make = [](const LawContext& context) -> std::unique_ptr<Law> {
             return std::make_unique<AdaptivePidLaw>(

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
+#include "common/path/controlled_point.hpp"
 #include "common/path/kinds.hpp"
 
 namespace tether {
@@ -35,8 +36,12 @@ const LawKind& kind_of(const ControllerSettings& settings) {
 }
 
 std::unique_ptr<Law> make_law(const LawSettings& settings) {
-  return kind_of(settings.get<ControllerSettings>())
-      .make({settings, make_path(settings.get<PathSettings>())});
+  const LawKind& kind = kind_of(settings.get<ControllerSettings>());
+  const auto path = make_path(settings.get<PathSettings>());
+  const double ahead_m =
+      controlled_point_ahead_m(settings.get<PathSettings>(), settings.get<VehicleSettings>());
+  if (ahead_m == 0.0 || kind.steers_any_point) return kind.make({settings, path, ahead_m});
+  return kind.make({settings, std::make_shared<AxlePath>(path, ahead_m), 0.0});
 }
 
 }  // namespace tether

@@ -93,7 +93,9 @@ using LawSettings = Sections<ControllerSettings, VehicleSettings, ActuatorSettin
 /// What laws are made of.
 struct LawContext {
   LawSettings settings;
+  /// Of the point that is `ahead_m` ahead of the axle's midpoint.
   std::shared_ptr<const ReferencePath> path;
+  double ahead_m = 0.0;
 };
 
 /// One of the values of controller.law. A new one is a file with a function <name>_law() that
@@ -101,6 +103,10 @@ struct LawContext {
 struct LawKind {
   std::string name;
   bool sends_plans = false;  ///< instead of twists
+  /// Whether it heeds LawContext::ahead_m. All others are derived for the axle's midpoint: with
+  /// path.point = "chassis" they get the axle's path that takes the chassis' centre along that of
+  /// the scenario (AxlePath), and their errors are those to this one.
+  bool steers_any_point = false;
   /// Keys of [controller], or their beginnings, without "controller.", that this law uses but not
   /// every law.
   std::vector<std::string> keys;

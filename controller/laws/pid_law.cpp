@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/path/controlled_point.hpp"
+
 namespace tether {
 namespace {
 
@@ -12,8 +14,10 @@ Pid make_pid(const PidGains& gains, double derivative_filter_s, bool angular) {
 
 }  // namespace
 
-PidLaw::PidLaw(const ControllerSettings& config, std::shared_ptr<const ReferencePath> path)
+PidLaw::PidLaw(const ControllerSettings& config, std::shared_ptr<const ReferencePath> path,
+               double ahead_m)
     : path_(std::move(path)),
+      ahead_m_(ahead_m),
       tau_s_(config.tau_s),
       wrap_heading_(config.wrap_heading),
       v_(make_pid(config.v, config.derivative_filter_s, false)),
@@ -21,8 +25,9 @@ PidLaw::PidLaw(const ControllerSettings& config, std::shared_ptr<const Reference
 
 Twist PidLaw::step(const Pose2& pose, Instant now) {
   const PathPoint target = path_->at(to_seconds(now) + tau_s_);
-  const double dx_m = target.x_m - pose.x_m;
-  const double dy_m = target.y_m - pose.y_m;
+  const Position point = point_ahead(pose, ahead_m_);
+  const double dx_m = target.x_m - point.x_m;
+  const double dy_m = target.y_m - point.y_m;
   errors_.heading_rad = std::atan2(dy_m, dx_m) - pose.yaw_rad;
   if (wrap_heading_) errors_.heading_rad = wrap_angle(errors_.heading_rad);
   errors_.distance_m = std::hypot(dx_m, dy_m);
@@ -38,9 +43,12 @@ void PidLaw::reset() {
 }
 
 LawKind pid_law() {
-  return {.name = "pid", .keys = {}, .make = [](const LawContext& context) -> std::unique_ptr<Law> {
+  return {.name = "pid",
+          .steers_any_point = true,
+          .keys = {},
+          .make = [](const LawContext& context) -> std::unique_ptr<Law> {
             return std::make_unique<PidLaw>(context.settings.get<ControllerSettings>(),
-                                            context.path);
+                                            context.path, context.ahead_m);
           }};
 }
 

@@ -14,10 +14,13 @@ namespace tether {
 ///   θ_e = atan2(y*(t+τ) − y, x*(t+τ) − x) − θ, wrapped to (−π, π]  → ω
 ///         (not wrapped with wrap_heading = false, where the vehicle may turn the long way round)
 ///   d_e = hypot(x*(t+τ) − x, y*(t+τ) − y)                        → v
+/// (x, y) is the axle's midpoint, or a point `ahead_m` ahead of it, which then is what follows the
+/// path (path.point).
 /// Since d_e ≥ 0 and all gains are ≥ 0, it hardly ever drives backwards.
 class PidLaw : public Law {
  public:
-  PidLaw(const ControllerSettings& config, std::shared_ptr<const ReferencePath> path);
+  PidLaw(const ControllerSettings& config, std::shared_ptr<const ReferencePath> path,
+         double ahead_m = 0.0);
 
   /// The command at `now` for a vehicle last seen at `pose`. Times of successive calls must not
   /// decrease.
@@ -33,6 +36,7 @@ class PidLaw : public Law {
 
  private:
   std::shared_ptr<const ReferencePath> path_;
+  double ahead_m_;
   double tau_s_;
   bool wrap_heading_;
   Pid v_;

@@ -10,6 +10,7 @@
 
 #include "common/bus/message_io.hpp"
 #include "common/loop/timer_queue.hpp"
+#include "common/path/controlled_point.hpp"
 #include "common/path/kinds.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -59,11 +60,13 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
       drive_errors_(settings.get<VehicleSettings>()),
       clock_offset_(from_seconds(settings.get<VehicleSettings>().clock_offset_ms * 1e-3)),
       path_(make_path(settings.get<PathSettings>())),
-      vehicle_(make_plant(
-          at_true_start(settings.get<VehicleSettings>(),
-                        random_stream(settings.get<RunSettings>().seed,
-                                      settings.get<VehicleSettings>().name + "/start")),
-          settings.get<WorldSettings>(), kStep)),
+      point_ahead_m_(
+          controlled_point_ahead_m(settings.get<PathSettings>(), settings.get<VehicleSettings>())),
+      vehicle_(
+          make_plant(at_true_start(settings.get<VehicleSettings>(),
+                                   random_stream(settings.get<RunSettings>().seed,
+                                                 settings.get<VehicleSettings>().name + "/start")),
+                     settings.get<WorldSettings>(), kStep)),
       metrics_step_(is_kinematic(settings) ? kKinematicMetrics : kStep),
       actuator_(settings.get<ActuatorSettings>(), settings.get<VehicleSettings>(),
                 {.earliest = earliest_stamp(settings)}),
@@ -242,9 +245,15 @@ void SimNode::publish_truth() {
 
 Position SimNode::reference() const { return path_->position_at(to_seconds(world_time_)); }
 
+/// On the floor: where the chassis is pitched, its shadow.
+Position SimNode::controlled_point() const {
+  if (point_ahead_m_ == 0.0) return vehicle_->position();
+  return point_ahead(vehicle_->state().pose, point_ahead_m_);
+}
+
 double SimNode::error_m() const {
   const Position reference = this->reference();
-  const Position position = vehicle_->position();
+  const Position position = controlled_point();
   return std::hypot(reference.x_m - position.x_m, reference.y_m - position.y_m);
 }
 

@@ -81,6 +81,7 @@ class SimNode final : public Node {
   void publish_clock(Instant now);
   void publish_truth();
   Position reference() const;
+  Position controlled_point() const;
   double error_m() const;
   void list_counters(CounterList& out) const;
 
@@ -94,6 +95,7 @@ class SimNode final : public Node {
   DriveErrors drive_errors_;
   Duration clock_offset_;  ///< the vehicle's clock is ahead by this
   std::shared_ptr<const ReferencePath> path_;
+  double point_ahead_m_;  ///< of the axle, what is to follow the path
   std::unique_ptr<Plant> vehicle_;
   Duration metrics_step_;
   Actuator actuator_;

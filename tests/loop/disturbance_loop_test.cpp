@@ -85,5 +85,29 @@ TEST(UncertainStart, TheResolvedScenarioReproducesIt) {
   EXPECT_EQ(contents(folder.path / "a" / "run.lcmlog"), contents(folder.path / "b" / "run.lcmlog"));
 }
 
+double epsilon_m(const Scenario& scenario) {
+  ClosedLoop loop(scenario);
+  loop.run();
+  return loop.sim().metrics().epsilon_m();
+}
+
+TEST(ControlledPoint, TheChassisCentreIsCloserToThePapersPathThanTheAxle) {
+  EXPECT_NEAR(epsilon_m(loaded({"path.point=axle"})), 1.7324, 1e-3);
+  EXPECT_NEAR(epsilon_m(loaded({"path.point=chassis"})), 1.4949, 1e-3);
+}
+
+TEST(ControlledPoint, LawsForTheAxleTakeTheChassisCentreAlongThePathAsWell) {
+  const std::vector<std::string> tracking{"controller.law=tracking", "sensor.rate_hz=20",
+                                          "vehicle.plant=kinematic", "run.duration_s=30"};
+  std::vector<std::string> predictive{tracking};
+  predictive[0] = "controller.law=predictive";
+  predictive.emplace_back("actuator.policy=horizon");
+  for (auto law : {tracking, predictive}) {
+    const double axle = epsilon_m(loaded(law));
+    law.emplace_back("path.point=chassis");
+    EXPECT_LT(epsilon_m(loaded(law)), axle) << law[0];  // it begins 0.5 m nearer to the path
+  }
+}
+
 }  // namespace
 }  // namespace tether
