@@ -65,11 +65,11 @@ std::vector<ScenarioKey> keys() {
   std::vector<std::string> names;
   for (const PathKind& kind : path_kinds()) names.push_back(kind.name);
   t.one_of("kind", &Path::kind, names, "reference path");
+  add_shapes(t);
+  add_limits(t);
   t.choice<Path::Point>(
       "point", &Path::point, {{"axle", Path::Point::axle}, {"chassis", Path::Point::chassis}},
       "of the vehicle, what is to follow the path: the axle's midpoint or the chassis' centre");
-  add_shapes(t);
-  add_limits(t);
   for (const PathKind& kind : path_kinds()) t.append(kind.own_keys);
   return t.take();
 }
@@ -94,13 +94,14 @@ std::unique_ptr<const PlannedPath> plan(const Path& settings, const std::string&
   }
 }
 
-/// Puts the vehicle where its path begins. Keys of its start that are in `given` keep their values.
+/// Puts the vehicle's controlled point where its path begins; that of the figure eight, which begins
+/// at full speed, at the origin. Keys of its start that are in `given` keep their values.
 void start_vehicle(Scenario& scenario, const std::set<std::string>& given,
                    const std::string& file) {
   const auto path = plan(scenario.get<Path>(), file);
-  if (!path) return;
-  const PathPoint start = path->at(0.0);
   auto& vehicle = scenario.get<VehicleSettings>();
+  if (!path && scenario.get<Path>().point == Path::Point::axle) return;
+  const PathPoint start = path ? path->at(0.0) : PathPoint{.yaw_rad = vehicle.start_yaw_rad};
   const Position axle = point_ahead({start.x_m, start.y_m, start.yaw_rad},
                                     -controlled_point_ahead_m(scenario.get<Path>(), vehicle));
   if (!given.contains("vehicle.start_x_m")) vehicle.start_x_m = axle.x_m;
