@@ -70,11 +70,8 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
       metrics_step_(is_kinematic(settings) ? kKinematicMetrics : kStep),
       actuator_(settings.get<ActuatorSettings>(), settings.get<VehicleSettings>(),
                 {.earliest = earliest_stamp(settings)}),
-      sensor_(settings.get<SensorSettings>(),
-              random_stream(settings.get<RunSettings>().seed,
-                            settings.get<VehicleSettings>().name + "/sensor/pose"),
-              random_stream(settings.get<RunSettings>().seed,
-                            settings.get<VehicleSettings>().name + "/sensor/drift")),
+      sensor_(settings.get<SensorSettings>(), settings.get<RunSettings>().seed,
+              settings.get<VehicleSettings>().name),
       guard_({.earliest = earliest_stamp(settings)}),
       next_step_(TimerQueue::not_before(loop.now(), kStart + kStep, kStep)),
       world_time_(std::max(kStart, next_step_ - kStep)),
@@ -188,16 +185,20 @@ WheelSpeeds SimNode::wheel_targets(Instant from) {
 void SimNode::sample_pose(Instant now) {
   if (now > end_) return;
   advance(now);
-  const Pose2 measured = sensor_.measure(vehicle_->state().pose);
+  const std::optional<Pose2> measured = sensor_.measure(vehicle_->state().pose);
+  if (!measured) {
+    ++dropped_poses_;
+    return;
+  }
   const Instant stamp = std::min(world_time_, now);
   const PlanName plan = plan_at(stamp);
   pose_t message{};
   message.utime = to_utime(stamp + clock_offset_);
   message.run = loop_.run_id();
   message.seq = pose_seq_++;
-  message.x_m = measured.x_m;
-  message.y_m = measured.y_m;
-  message.yaw_rad = measured.yaw_rad;
+  message.x_m = measured->x_m;
+  message.y_m = measured->y_m;
+  message.yaw_rad = measured->yaw_rad;
   message.plan_session = plan.session;
   message.plan_id = plan.id;
   if (sensor_latency_ == Duration{0}) {
@@ -269,6 +270,7 @@ void SimNode::list_counters(CounterList& out) const {
   rejected_.list("command", out);
   out.emplace_back("command.non_finite", non_finite_);
   senders_.list(out);
+  if (dropped_poses_ > 0) out.emplace_back("pose.dropped", dropped_poses_);
   if (drives_) drives_->list(out);
   if (plan_watch_) plan_watch_->list(out);
   if (!drives_) actuator_.list(out);

@@ -120,6 +120,7 @@ class SimNode final : public Node {
   Duration unmeasured_{0};          // since the last addition to the metrics
   Duration unmeasured_contact_{0};  // of it, at a wall
   std::int64_t pose_seq_ = 0;
+  std::int64_t dropped_poses_ = 0;
   std::int64_t truth_seq_ = 0;
   std::int64_t clock_seq_ = 0;
   Rejected rejected_;

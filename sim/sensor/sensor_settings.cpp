@@ -3,21 +3,62 @@
 #include "common/scenario/key_table.hpp"
 
 namespace tether {
+namespace {
 
-ScenarioSection sensor_section() {
-  using Sensor = SensorSettings;
-  KeyTable<Sensor> t("sensor.");
-  t.number("rate_hz", &Sensor::rate_hz, kRate, "poses per second");
+using Sensor = SensorSettings;
+
+constexpr Range kBias{-1e4, 1e4, false};
+constexpr Range kPerMinute{0.0, 6000.0, false};
+
+void add_noise(KeyTable<Sensor>& t) {
   t.number("position_noise_m", &Sensor::position_noise_m, kNotNegative,
-           "standard deviation of white noise on x and y");
+           "standard deviation of noise on x and y");
   t.number("yaw_noise_rad", &Sensor::yaw_noise_rad, kNotNegative,
-           "standard deviation of white noise on yaw");
+           "standard deviation of noise on yaw");
+  t.number("noise_correlation_s", &Sensor::noise_correlation_s, kNotNegative,
+           "correlation time of both noises (first-order Gauss-Markov); 0 = white");
+  t.number("bias_x_m", &Sensor::bias_x_m, kBias, "constant error of x");
+  t.number("bias_y_m", &Sensor::bias_y_m, kBias, "constant error of y");
+  t.number("bias_yaw_rad", &Sensor::bias_yaw_rad, {-100.0, 100.0, false}, "constant error of yaw");
   t.number("position_drift_mpsqrts", &Sensor::position_drift_mpsqrts, kNotNegative,
            "random walk on x and y: standard deviation after 1 s");
   t.number("yaw_drift_radpsqrts", &Sensor::yaw_drift_radpsqrts, kNotNegative,
            "random walk on yaw: standard deviation after 1 s");
+}
+
+void add_events(KeyTable<Sensor>& t) {
+  t.number("jumps_per_min", &Sensor::jumps_per_min, kPerMinute,
+           "localisation jumps, at random times (Poisson)");
+  t.number("jump_m", &Sensor::jump_m, kNotNegative, "standard deviation of a jump in x and y");
+  t.number("jump_rad", &Sensor::jump_rad, kNotNegative, "standard deviation of a jump in yaw");
+  t.number("jump_s", &Sensor::jump_s, kNotNegative, "how long a jump lasts; 0 = until the next");
+  t.number("dropouts_per_min", &Sensor::dropouts_per_min, kPerMinute,
+           "times without any pose, beginning at random while there are poses (Poisson)");
+  t.number("dropout_s", &Sensor::dropout_s, kPositive, "their mean duration (exponential)");
+}
+
+/// What says more of something that does not happen is no mistake: a sweep may have 0 among others.
+bool left_out(const Scenario& scenario, const ScenarioKey& key) {
+  const auto& sensor = scenario.get<Sensor>();
+  if (key.name.starts_with("sensor.jump_")) return sensor.jumps_per_min == 0.0;
+  if (key.name == "sensor.dropout_s") return sensor.dropouts_per_min == 0.0;
+  if (key.name == "sensor.noise_correlation_s") {
+    return sensor.position_noise_m == 0.0 && sensor.yaw_noise_rad == 0.0;
+  }
+  return false;
+}
+
+}  // namespace
+
+ScenarioSection sensor_section() {
+  KeyTable<Sensor> t("sensor.");
+  t.number("rate_hz", &Sensor::rate_hz, kRate, "poses per second");
+  add_noise(t);
+  add_events(t);
   t.number("latency_ms", &Sensor::latency_ms, {0.0, 1e6, false}, "from measurement to publication");
-  return {.defaults = Sensor{}, .keys = t.take()};
+  ScenarioSection section{.defaults = Sensor{}, .keys = t.take()};
+  section.left_out = left_out;
+  return section;
 }
 
 }  // namespace tether

@@ -27,70 +27,7 @@ using testing::VirtualWorld;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// ---------------------------------------------------------------------------- sensor, metrics
-
-TEST(PoseSensor, WithoutNoiseIsTheTruth) {
-  PoseSensor sensor({}, random_stream(1, "sensor"), random_stream(1, "drift"));
-  const Pose2 p = sensor.measure({1.0, 2.0, 3.0});
-  EXPECT_EQ(p.x_m, 1.0);
-  EXPECT_EQ(p.y_m, 2.0);
-  EXPECT_EQ(p.yaw_rad, 3.0);
-}
-
-TEST(PoseSensor, NoiseHasTheConfiguredDeviationAndNoBias) {
-  constexpr int kSamples = 20000;
-  SensorSettings config;
-  config.position_noise_m = 0.02;
-  config.yaw_noise_rad = 0.01;
-  PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(1, "drift"));
-  double sum[3] = {}, squares[3] = {};
-  for (int i = 0; i < kSamples; ++i) {
-    const Pose2 p = sensor.measure({});
-    const double value[3] = {p.x_m, p.y_m, p.yaw_rad};
-    for (int k = 0; k < 3; ++k) {
-      sum[k] += value[k];
-      squares[k] += value[k] * value[k];
-    }
-  }
-  const double sigma[3] = {0.02, 0.02, 0.01};
-  for (int k = 0; k < 3; ++k) {
-    // Standard errors: of the mean σ/√n, of σ itself about σ/√(2n). Four of them.
-    EXPECT_NEAR(sum[k] / kSamples, 0.0, 4.0 * sigma[k] / std::sqrt(kSamples));
-    EXPECT_NEAR(std::sqrt(squares[k] / kSamples), sigma[k],
-                4.0 * sigma[k] / std::sqrt(2.0 * kSamples));
-  }
-}
-
-TEST(PoseSensor, DriftGrowsWithTheRootOfTime) {
-  SensorSettings config;
-  config.rate_hz = 4.0;
-  config.position_drift_mpsqrts = 0.1;
-  config.yaw_drift_radpsqrts = 0.02;
-  double squares_m2 = 0.0, squares_rad2 = 0.0;
-  constexpr int kSensors = 1000;
-  constexpr double kTime_s = 9.0;
-  for (std::uint64_t seed = 1; seed <= kSensors; ++seed) {
-    PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(seed, "drift"));
-    Pose2 pose = sensor.measure({});
-    EXPECT_EQ(pose.x_m, 0.0) << "it begins with the truth";
-    for (int i = 0; i < 4 * static_cast<int>(kTime_s); ++i) pose = sensor.measure({});
-    squares_m2 += pose.x_m * pose.x_m + pose.y_m * pose.y_m;
-    squares_rad2 += pose.yaw_rad * pose.yaw_rad;
-  }
-  // A sum of n squares of normals has the relative deviation sqrt(2/n): 3.2 % and 4.5 %; three of
-  // them.
-  EXPECT_NEAR(squares_m2 / (2 * kSensors) / (0.01 * kTime_s), 1.0, 3.0 * 0.032);
-  EXPECT_NEAR(squares_rad2 / kSensors / (0.0004 * kTime_s), 1.0, 3.0 * 0.045);
-}
-
-TEST(PoseSensor, NoisyYawStaysWrapped) {
-  SensorSettings config;
-  config.yaw_noise_rad = 0.5;
-  PoseSensor sensor(config, random_stream(1, "sensor"), random_stream(1, "drift"));
-  for (int i = 0; i < 1000; ++i) {
-    EXPECT_LE(std::abs(sensor.measure({0.0, 0.0, 3.14}).yaw_rad), 3.1415926535897936);
-  }
-}
+// ---------------------------------------------------------------------------- metrics
 
 TEST(Metrics, EpsilonIsTheTimeMeanOfTheError) {
   Metrics m;
@@ -162,6 +99,19 @@ TEST_F(SimNodeTest, SensorLatencyDelaysThePoseButNotItsTimeStamp) {
   ASSERT_EQ(poses.size(), 2U);
   EXPECT_EQ(poses[1].when, at_ms(1080));
   EXPECT_EQ(poses[1].message.utime, 1'000'000);
+}
+
+TEST_F(SimNodeTest, ADropoutIsAGapInTimeButNotInTheNumbersOfPoses) {
+  scenario.get<SensorSettings>().rate_hz = 10.0;
+  scenario.get<SensorSettings>().dropouts_per_min = 30.0;
+  start();
+  world.loop.run_until(at_s(30));
+  ASSERT_GT(poses.size(), 50U);
+  ASSERT_LT(poses.size(), 290U);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    EXPECT_EQ(poses[i].message.seq, static_cast<std::int64_t>(i)) << "nothing was lost on the way";
+  }
+  EXPECT_EQ(count("pose.dropped"), 301 - static_cast<std::int64_t>(poses.size()));
 }
 
 TEST_F(SimNodeTest, PoseIsStampedWithTheStepItShows) {
