@@ -14,7 +14,8 @@ namespace tether::bench {
 inline std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
   std::vector<WheelSpeeds> targets;
   ClosedLoop loop(scenario);
-  loop.loop().every(kStart + SimNode::kStep, SimNode::kStep, Priority::observer,
+  const Duration step = step_of(scenario.get<WorldSettings>());
+  loop.loop().every(kStart + step, step, Priority::observer,
                     [&](Instant) { targets.push_back(loop.sim().vehicle().servo_targets()); });
   loop.run();
   return targets;
@@ -23,7 +24,7 @@ inline std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
 /// The lower bound for that run: the identical world with the identical targets, and nothing else.
 inline void step_bare_ode(const Scenario& scenario, const std::vector<WheelSpeeds>& targets) {
   OdeWorld world(scenario.get<VehicleSettings>(), scenario.get<WorldSettings>(),
-                 to_seconds(SimNode::kStep));
+                 to_seconds(step_of(scenario.get<WorldSettings>())));
   for (const WheelSpeeds& t : targets) world.step(t);
   benchmark::DoNotOptimize(world.rim_speeds());
 }

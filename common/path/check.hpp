@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -20,10 +21,10 @@ struct PathDemand {
 /// The largest demand that a part of the vehicle, or the controller, can meet.
 struct PathLimit {
   const char* what;  ///< "a yaw rate"
-  const char* unit;
+  std::string unit;
   std::string key;  ///< the scenario key that sets it
   double value;
-  double (*of)(const PathDemand&);
+  std::function<double(const PathDemand&)> of;
 };
 
 /// Throws UsageError unless the vehicle can follow `path` within all limits and between walls at

@@ -10,6 +10,7 @@
 #include "common/path/controlled_point.hpp"
 #include "common/path/kinds.hpp"
 #include "common/scenario/key_table.hpp"
+#include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
@@ -145,17 +146,27 @@ ScenarioSection path_section(const std::vector<PathLimitsOf>& limits) {
 std::vector<PathLimit> vehicle_path_limits(const Scenario& scenario) {
   const auto& vehicle = scenario.get<VehicleSettings>();
   const auto& world = scenario.get<WorldSettings>();
+  const bool is_ode = vehicle.plant == VehicleSettings::Plant::ode;
+  const double share = is_ode ? loaded_acceleration_share(vehicle) : 1.0;
   std::vector<PathLimit> limits{
       {"a wheel's rim speed", "m/s", "vehicle.max_wheel_speed_mps", vehicle.max_wheel_speed_mps,
        [](const PathDemand& d) { return d.rim_speed_mps; }},
-      {"a wheel's rim acceleration", "m/s^2", "vehicle.max_wheel_acceleration_mps2",
-       vehicle.max_wheel_acceleration_mps2,
+      {"a wheel's rim acceleration", "m/s^2",
+       share < 1.0 ? "with vehicle.payload_kg, vehicle.max_wheel_acceleration_mps2"
+                   : "vehicle.max_wheel_acceleration_mps2",
+       vehicle.max_wheel_acceleration_mps2 * share,
        [](const PathDemand& d) { return d.rim_acceleration_mps2; }}};
-  if (vehicle.plant == VehicleSettings::Plant::ode) {
-    limits.push_back({"a lateral acceleration", "m/s^2", "world.friction * world.gravity_mps2",
-                      world.friction * world.gravity_mps2, [](const PathDemand& d) {
-                        return d.point.v_mps * std::abs(d.point.omega_radps);
-                      }});
+  if (is_ode) {
+    const VehicleConfig& body = vehicle;
+    limits.push_back(
+        {"a friction coefficient",
+         fmt::format("at the drive wheels, which carry {:.0f} % of the weight",
+                     100.0 * axle_load_share(vehicle)),
+         "world.friction", world.friction,
+         [body, gravity_mps2 = world.gravity_mps2](const PathDemand& d) {
+           return needed_friction(body, gravity_mps2,
+                                  {d.point.v_mps, d.point.omega_radps, d.acceleration_mps2});
+         }});
   }
   return limits;
 }

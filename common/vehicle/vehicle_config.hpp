@@ -30,6 +30,17 @@ struct VehicleConfig {
   /// Slew rate of each servo's rim-speed target. The chassis would lift its nose at 5.4 m/s².
   double max_wheel_acceleration_mps2 = 3.0;
   double max_wheel_speed_mps = 10.0;  ///< rim speed; both wheels are scaled together
+  /// How much of the acceleration limit a payload takes (grip.hpp): 0 none of it.
+  double load_scaling = 0.0;
+  /// How tyres hold: as ball joints up to the limit of friction, or as brushes that yield
+  /// (sim/plant/tyre.hpp).
+  enum class Tyre { rigid, brush };
+  Tyre tyre = Tyre::rigid;
+  /// Force over load by slip, of a brush that does not slide. Assumed: solid tyres' data sheets do
+  /// not say; car tyres have 10 to 30.
+  double tyre_stiffness = 20.0;
+  /// A brush's relaxation length, half the length of its contact. Assumed.
+  double tyre_relaxation_m = 0.02;
   double start_x_m = 0.0;
   double start_y_m = 0.0;
   double start_yaw_rad = 0.0;

@@ -41,6 +41,18 @@ void add_body(KeyTable<Vehicle>& t) {
            "rim speed limit; both wheels are scaled together");
 }
 
+void add_tyres(KeyTable<Vehicle>& t) {
+  t.number("load_scaling", &Vehicle::load_scaling, kRatio,
+           "payload's effect on max_wheel_acceleration_mps2, times (empty/loaded mass)^this");
+  t.choice<Vehicle::Tyre>("tyre", &Vehicle::tyre,
+                          {{"rigid", Vehicle::Tyre::rigid}, {"brush", Vehicle::Tyre::brush}},
+                          "roll without slip up to the limit of friction, or slip as brushes do");
+  t.number("tyre_stiffness", &Vehicle::tyre_stiffness, {1.0, 1000.0, false},
+           "tyre = brush: force over load by slip, before it slides");
+  t.number("tyre_relaxation_m", &Vehicle::tyre_relaxation_m, {1e-3, 1.0, false},
+           "tyre = brush: rolled length in which the force builds up");
+}
+
 void add_start(KeyTable<Vehicle>& t) {
   t.number("start_x_m", &Vehicle::start_x_m, {-1e4, 1e4, false},
            "axle midpoint at t = 0; that of the path if not given (figure eight: 0)");
@@ -90,13 +102,47 @@ std::string why_no_effect(const Scenario& scenario, const std::string& key) {
                 {"world.friction", "world.gravity_mps2", "vehicle.chassis_height_m",
                  "vehicle.chassis_mass_kg", "vehicle.wheel_mass_kg", "vehicle.caster_x_m",
                  "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.payload_kg",
-                 "vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.max_wheel_torque_Nm"})) {
+                 "vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.max_wheel_torque_Nm",
+                 "vehicle.load_scaling", "vehicle.tyre", "vehicle.tyre_stiffness",
+                 "vehicle.tyre_relaxation_m"})) {
     return "vehicle.plant is \"kinematic\"";
+  }
+  if (vehicle.tyre == Vehicle::Tyre::rigid &&
+      is_one_of(key, {"vehicle.tyre_stiffness", "vehicle.tyre_relaxation_m"})) {
+    return "vehicle.tyre is \"rigid\"";
   }
   return "";
 }
 
+/// A step must fit into the batches in which the world moves, and not be longer than the time
+/// between two messages about it.
+void check_step(const Scenario& scenario, const std::string& file) {
+  const Duration step = step_of(scenario.get<World>());
+  const double step_ms = scenario.get<World>().step_ms;
+  constexpr Duration kBatch = std::chrono::milliseconds{10};
+  constexpr Duration kMicrosecond = std::chrono::microseconds{1};
+  if (step % kMicrosecond != Duration{0} || kBatch % step != Duration{0}) {
+    throw UsageError(
+        fmt::format("{}: world.step_ms = {}: the step must be whole microseconds and go into 10 ms "
+                    "without rest: 0.1, 0.125, 0.2, 0.25, 0.5, 1, 2, 2.5, 5 or 10",
+                    file, step_ms));
+  }
+  if (step > from_seconds(1.0 / scenario.get<RunSettings>().truth_rate_hz)) {
+    throw UsageError(
+        fmt::format("{}: run.truth_rate_hz = {} asks for more than one state a step: "
+                    "world.step_ms = {}",
+                    file, scenario.get<RunSettings>().truth_rate_hz, step_ms));
+  }
+  const auto& vehicle = scenario.get<Vehicle>();
+  if (vehicle.drivetrain == Vehicle::Drivetrain::can && step_ms > vehicle.coupling_ms) {
+    throw UsageError(fmt::format("{}: can.coupling_ms = {} is shorter than a step: "
+                                 "world.step_ms = {}",
+                                 file, vehicle.coupling_ms, step_ms));
+  }
+}
+
 void check(const Scenario& scenario, const std::string& file) {
+  check_step(scenario, file);
   const auto& vehicle = scenario.get<Vehicle>();
   const double half_extent_m = scenario.get<World>().half_extent_m;
   for (const char* taken : {"CTRL", "NET", "SIM", "CAN"}) {
@@ -139,6 +185,8 @@ ScenarioSection world_section() {
   t.number("wall_friction", &World::wall_friction, kFriction,
            "Coulomb friction coefficient of the body on walls");
   t.number("gravity_mps2", &World::gravity_mps2, {0.1, 100.0, false}, "gravity");
+  t.number("step_ms", &World::step_ms, {0.05, 10.0, false},
+           "of the physics; goes into 10 ms without rest");
   return {.defaults = World{}, .keys = t.take()};
 }
 
@@ -153,6 +201,7 @@ ScenarioSection vehicle_section() {
       "what turns commands into wheel speeds: the simulator, or drives on CAN");
   t.identifier("name", &Vehicle::name, "first part of its LCM channels");
   add_body(t);
+  add_tyres(t);
   add_start(t);
   add_errors(t);
   return {.defaults = Vehicle{}, .keys = t.take(), .why_no_effect = why_no_effect, .check = check};

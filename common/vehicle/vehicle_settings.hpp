@@ -18,7 +18,10 @@ struct WorldSettings {
   /// Coulomb coefficient of body and wheels on walls. A wheel that rubs a rough wall climbs it.
   double wall_friction = 0.2;
   double gravity_mps2 = 9.81;
+  double step_ms = 1.0;  ///< of the physics
 };
+
+inline Duration step_of(const WorldSettings& world) { return from_seconds(world.step_ms * 1e-3); }
 
 /// [vehicle]
 struct VehicleSettings : VehicleConfig {

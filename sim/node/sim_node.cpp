@@ -54,6 +54,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
       senders_(loop, bus,
                {channels_.vehicle_command, channels_.vehicle_plan, channels_.can_plan,
                 channels_.wheel_targets}),
+      step_(step_of(settings.get<WorldSettings>())),
       end_(kStart + from_seconds(settings.get<RunSettings>().duration_s)),
       world_end_(end_),
       sensor_latency_(from_seconds(settings.get<SensorSettings>().latency_ms * 1e-3)),
@@ -66,15 +67,15 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
           make_plant(at_true_start(settings.get<VehicleSettings>(),
                                    random_stream(settings.get<RunSettings>().seed,
                                                  settings.get<VehicleSettings>().name + "/start")),
-                     settings.get<WorldSettings>(), kStep)),
-      metrics_step_(is_kinematic(settings) ? kKinematicMetrics : kStep),
+                     settings.get<WorldSettings>(), step_)),
+      metrics_step_(is_kinematic(settings) ? std::max(kKinematicMetrics, step_) : step_),
       actuator_(settings.get<ActuatorSettings>(), settings.get<VehicleSettings>(),
                 {.earliest = earliest_stamp(settings)}),
       sensor_(settings.get<SensorSettings>(), settings.get<RunSettings>().seed,
               settings.get<VehicleSettings>().name),
       guard_({.earliest = earliest_stamp(settings)}),
-      next_step_(TimerQueue::not_before(loop.now(), kStart + kStep, kStep)),
-      world_time_(std::max(kStart, next_step_ - kStep)),
+      next_step_(TimerQueue::not_before(loop.now(), kStart + step_, step_)),
+      world_time_(std::max(kStart, next_step_ - step_)),
       counters_(loop, bus, "sim", channels_.sim_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) {
@@ -155,12 +156,12 @@ void SimNode::advance(Instant until) {
   while (next_step_ <= std::min(until, world_end_)) {
     if (next_step_ > end_) publish_truth();  // the last one
     step(next_step_);
-    next_step_ += kStep;
+    next_step_ += step_;
   }
 }
 
 void SimNode::step(Instant now) {
-  const Instant from = now - kStep;
+  const Instant from = now - step_;
   vehicle_->set_wheel_targets(wheel_targets(from));
   vehicle_->step();
   world_time_ = now;
@@ -168,9 +169,9 @@ void SimNode::step(Instant now) {
 }
 
 void SimNode::measure(Instant now) {
-  unmeasured_ += kStep;
-  if (vehicle_->wall_contact()) unmeasured_contact_ += kStep;
-  const bool is_last = now + kStep > end_;
+  unmeasured_ += step_;
+  if (vehicle_->wall_contact()) unmeasured_contact_ += step_;
+  const bool is_last = now + step_ > end_;
   if (unmeasured_ < metrics_step_ && !is_last) return;
   metrics_.add(to_seconds(unmeasured_), error_m(), to_seconds(unmeasured_contact_));
   unmeasured_ = unmeasured_contact_ = Duration{0};
@@ -179,7 +180,7 @@ void SimNode::measure(Instant now) {
 WheelSpeeds SimNode::wheel_targets(Instant from) {
   if (drives_) return drives_->in_force(from);
   if (!arrived_.empty()) take_commands(from);
-  return drive_errors_.step(actuator_.in_force(from), to_seconds(kStep));
+  return drive_errors_.step(actuator_.in_force(from), to_seconds(step_));
 }
 
 void SimNode::sample_pose(Instant now) {

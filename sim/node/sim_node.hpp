@@ -34,10 +34,10 @@ namespace tether {
 using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, SensorSettings,
                              PathSettings, ActuatorSettings>;
 
-/// The vehicle side: physics at 1 kHz, AGV/POSE out, AGV/CMD_VEL, AGV/PLAN and AGV/PRELOAD in, the
+/// The vehicle side: physics in steps of world.step_ms, AGV/POSE out, AGV/CMD_VEL, AGV/PLAN and AGV/PRELOAD in, the
 /// truth on SIM/TRUTH and the run's clock on SIM/CLOCK.
 ///
-/// Each step [t, t + 1 ms) uses the twist in force at t. A command therefore acts from the first
+/// Each step [t, t + step) uses the twist in force at t. A command therefore acts from the first
 /// step that starts at or after its arrival. Commands that are undecodable, non-finite (or beyond
 /// ±1e9), duplicated, late or stamped in the future are counted and otherwise ignored; they refresh
 /// nothing. Plans are judged by the Actuator, as of their arrival. A pose names the plan that the
@@ -54,8 +54,6 @@ using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, Sensor
 /// then; with drives on CAN it goes on, so that they can be brought to a stop.
 class SimNode final : public Node {
  public:
-  static constexpr Duration kStep = std::chrono::milliseconds{1};
-
   SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus);
 
   /// Publishes the final truth and counters.
@@ -89,6 +87,7 @@ class SimNode final : public Node {
   Bus& bus_;
   ChannelNames channels_;
   SoleSender senders_;
+  Duration step_;      // of the physics
   Instant end_;        // of truth and metrics
   Instant world_end_;  // of motion
   Duration sensor_latency_;

@@ -20,7 +20,7 @@ namespace tether {
 /// wheels turn as commanded and slip.
 class KinematicVehicle final : public Plant {
  public:
-  /// `step` is the fixed step; the project uses 1 ms.
+  /// `step` is the fixed step, world.step_ms.
   /// Throws std::invalid_argument for sizes and limits that are not positive, and for a start that
   /// is not between the walls.
   KinematicVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/ode_world.hpp"
 
@@ -26,6 +27,8 @@ void check_bodies(const VehicleConfig& v, const WorldSettings& w, double step_s)
   require_plant(
       w.half_extent_m > 0 && w.friction >= 0 && w.wall_friction >= 0 && w.gravity_mps2 > 0,
       "walls need a positive distance, friction must not be negative, gravity positive");
+  require_plant(v.tyre_stiffness > 0 && v.tyre_relaxation_m > 0,
+                "tyres need a positive stiffness and relaxation length");
   check_start_and_step(v, w, step_s);
 }
 
@@ -36,7 +39,10 @@ struct OdeVehicle::World : OdeWorld {
 };
 
 OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step)
-    : config_(vehicle), step_s_(to_seconds(step)) {
+    : config_(vehicle),
+      step_s_(to_seconds(step)),
+      max_change_mps_(vehicle.max_wheel_acceleration_mps2 * loaded_acceleration_share(vehicle) *
+                      step_s_) {
   check_bodies(vehicle, world, step_s_);
   world_ = std::make_unique<World>(vehicle, world, step_s_);
 }
@@ -52,8 +58,7 @@ void OdeVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
 
 void OdeVehicle::step() {
   prepare_ode_thread();
-  const double max_change_mps = config_.max_wheel_acceleration_mps2 * step_s_;
-  servo_targets_ = approach(servo_targets_, commands_, max_change_mps);
+  servo_targets_ = approach(servo_targets_, commands_, max_change_mps_);
 
   const std::uint64_t complaints_before = ode_complaints_of_this_thread();
   world_->step(servo_targets_);

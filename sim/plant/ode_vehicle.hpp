@@ -14,14 +14,14 @@ namespace tether {
 /// The AGV in its walled square, as rigid bodies in ODE (docs/physics.md).
 ///
 /// Commands are rim speeds. Each wheel's servo target moves towards its command at no more than
-/// `max_wheel_acceleration_mps2`, and the servo drives the wheel to its target with no more than
+/// `max_wheel_acceleration_mps2`, less with a payload if load_scaling says so, and the servo drives the wheel to its target with no more than
 /// `max_wheel_torque_Nm`; until the first command both commands are zero, so the vehicle brakes.
 ///
 /// Vehicles do not interact and share no state: any number may be stepped from any threads, each
 /// by one thread at a time, and equal inputs give bit-identical states.
 class OdeVehicle final : public Plant {
  public:
-  /// `step` is the fixed physics step; the project uses 1 ms.
+  /// `step` is the fixed physics step, world.step_ms.
   /// Throws std::invalid_argument if the configuration is not a vehicle that can stand.
   OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step);
   ~OdeVehicle() override;
@@ -43,6 +43,7 @@ class OdeVehicle final : public Plant {
 
   VehicleConfig config_;
   double step_s_;
+  double max_change_mps_;  ///< of a servo's target, in a step
   std::unique_ptr<World> world_;
   WheelSpeeds commands_;
   WheelSpeeds servo_targets_;

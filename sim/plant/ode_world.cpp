@@ -2,10 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
-#include <cstdlib>
-#include <mutex>
 
 #include "common/vehicle/vehicle_settings.hpp"
 
@@ -30,32 +26,6 @@ constexpr double kFaceYield_m = 1e-3;
 // A wheel whose axle is this close to vertical lies on its side and has no lowest rim point.
 constexpr double kLyingWheel = 0.1;
 
-thread_local std::uint64_t t_complaints = 0;
-
-void count_complaint(int, const char*, va_list) { ++t_complaints; }
-
-[[noreturn]] void die(const char* kind, int number, const char* format, va_list arguments) {
-  std::fprintf(stderr, "tether: ODE %s %d: ", kind, number);
-  std::vfprintf(stderr, format, arguments);
-  std::fprintf(stderr, "\n");
-  std::abort();
-}
-
-void on_error(int number, const char* format, va_list arguments) {
-  die("error", number, format, arguments);
-}
-
-void on_debug(int number, const char* format, va_list arguments) {
-  die("internal error", number, format, arguments);
-}
-
-struct OdeThreadData {
-  OdeThreadData() { dAllocateODEDataForThread(dAllocateMaskAll); }
-  ~OdeThreadData() { dCleanupODEAllDataForThread(); }
-  OdeThreadData(const OdeThreadData&) = delete;
-  OdeThreadData& operator=(const OdeThreadData&) = delete;
-};
-
 std::array<double, 3> operator-(const std::array<double, 3>& a, const std::array<double, 3>& b) {
   return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
 }
@@ -63,19 +33,6 @@ std::array<double, 3> operator-(const std::array<double, 3>& a, const std::array
 double norm(const std::array<double, 3>& a) { return std::hypot(a[0], a[1], a[2]); }
 
 }  // namespace
-
-void prepare_ode_thread() {
-  static std::once_flag once;
-  std::call_once(once, [] {
-    dInitODE2(0);
-    dSetMessageHandler(count_complaint);
-    dSetErrorHandler(on_error);
-    dSetDebugHandler(on_debug);
-  });
-  thread_local OdeThreadData data;
-}
-
-std::uint64_t ode_complaints_of_this_thread() { return t_complaints; }
 
 OdeWorld::OdeWorld(const VehicleConfig& vehicle, const WorldSettings& world, double step_s)
     : step_s_(step_s),
@@ -107,6 +64,7 @@ OdeWorld::OdeWorld(const VehicleConfig& vehicle, const WorldSettings& world, dou
   build_chassis(vehicle);
   build_wheel(vehicle, kLeft);
   build_wheel(vehicle, kRight);
+  if (vehicle.tyre == VehicleConfig::Tyre::brush) make_brushes(vehicle, world);
 }
 
 OdeWorld::~OdeWorld() {
@@ -204,6 +162,7 @@ void OdeWorld::step(const WheelSpeeds& targets) {
   add_wall_contacts();
   add_chassis_floor_contacts();
   find_tyre_points();
+  if (!brushes_.empty()) return step_on_brushes();
 
   const bool rolls = tyres_[kLeft].touches && tyres_[kRight].touches;
   if (wall_contact_ || chassis_on_floor_) limited_steps_left_ = kLimitedStepsAfterLimit;

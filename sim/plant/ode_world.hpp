@@ -4,11 +4,13 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "sim/plant/tyre.hpp"
 
 namespace tether {
 
@@ -32,6 +34,9 @@ std::uint64_t ode_complaints_of_this_thread();
 /// solver one inequality instead of nine; if the forces that come out break a limit, the bodies are
 /// put back and the step is solved with all limits. Both ways satisfy the same equations whenever
 /// the limits hold.
+///
+/// With vehicle.tyre = "brush" tyres slip as BrushTyre says: each step has rows for their slip in
+/// place of friction, and the limits of the servos. Their normal force is that of the step before.
 class OdeWorld {
  public:
   OdeWorld(const VehicleConfig& vehicle, const WorldSettings& world, double step_s);
@@ -94,6 +99,10 @@ class OdeWorld {
   void place_tyre_joints();
   void add_tyre_contacts();
   bool within_limits() const;
+  // With brush tyres, in ode_tyres.cpp.
+  void make_brushes(const VehicleConfig& vehicle, const WorldSettings& world);
+  void step_on_brushes();
+  void add_brush_contact(Body side);
   void save_bodies();
   void restore_bodies();
 
@@ -121,6 +130,8 @@ class OdeWorld {
   std::array<std::array<double, 3>, 8> corners_m_{};  ///< of the box; i and i + 4: one upright edge
 
   TyrePoint tyres_[2];
+  std::vector<BrushTyre> brushes_;  ///< left and right; empty: tyres are rigid
+  double pressing_N_[2] = {};       ///< on brushes, in the last step in which they touched
   BodyState saved_[3];
   bool wall_contact_ = false;
   bool chassis_on_floor_ = false;

@@ -1,11 +1,24 @@
 #include "sim/sensor/sensor_settings.hpp"
 
+#include <fmt/format.h>
+
+#include "common/base/errors.hpp"
 #include "common/scenario/key_table.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
 
 using Sensor = SensorSettings;
+
+void check(const Scenario& scenario, const std::string& file) {
+  const double rate_hz = scenario.get<SensorSettings>().rate_hz;
+  const WorldSettings& world = scenario.get<WorldSettings>();
+  if (from_seconds(1.0 / rate_hz) >= step_of(world)) return;
+  throw UsageError(
+      fmt::format("{}: sensor.rate_hz = {} asks for more than one pose a step: world.step_ms = {}",
+                  file, rate_hz, world.step_ms));
+}
 
 constexpr Range kBias{-1e4, 1e4, false};
 constexpr Range kPerMinute{0.0, 6000.0, false};
@@ -58,6 +71,7 @@ ScenarioSection sensor_section() {
   t.number("latency_ms", &Sensor::latency_ms, {0.0, 1e6, false}, "from measurement to publication");
   ScenarioSection section{.defaults = Sensor{}, .keys = t.take()};
   section.left_out = left_out;
+  section.check = check;
   return section;
 }
 
