@@ -158,15 +158,15 @@ std::vector<PathLimit> vehicle_path_limits(const Scenario& scenario) {
        [](const PathDemand& d) { return d.rim_acceleration_mps2; }}};
   if (is_ode) {
     const VehicleConfig& body = vehicle;
-    limits.push_back(
-        {"a friction coefficient",
-         fmt::format("at the drive wheels, which carry {:.0f} % of the weight",
-                     100.0 * axle_load_share(vehicle)),
-         "world.friction", world.friction,
-         [body, gravity_mps2 = world.gravity_mps2](const PathDemand& d) {
-           return needed_friction(body, gravity_mps2,
-                                  {d.point.v_mps, d.point.omega_radps, d.acceleration_mps2});
-         }});
+    limits.push_back({"a friction coefficient",
+                      fmt::format("at the drive wheels, which carry {:.0f} % of the weight",
+                                  100.0 * axle_load_share(vehicle)),
+                      "world.friction", world.friction,
+                      [body, gravity_mps2 = world.gravity_mps2](const PathDemand& d) {
+                        return needed_friction(
+                            body, gravity_mps2,
+                            {d.point.v_mps, d.point.omega_radps, d.acceleration_mps2});
+                      }});
   }
   return limits;
 }

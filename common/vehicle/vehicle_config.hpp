@@ -5,13 +5,14 @@
 namespace tether {
 
 /// The vehicle: a differential drive with a passive caster in front (PIMRC 2025 paper, section
-/// "Vehicle"). Positions are relative to the chassis centre, which rides at wheel-axle height.
-/// The vehicle's *pose* is that of the axle's midpoint.
+/// "Vehicle"). Positions are relative to the chassis centre, which rides chassis_z_m above the
+/// axle. The vehicle's *pose* is that of the axle's midpoint.
 struct VehicleConfig {
   double chassis_length_m = 2.0;
   double chassis_width_m = 1.0;
   double chassis_height_m = 0.5;
   double chassis_mass_kg = 1.14395;
+  double chassis_z_m = 0.0;  ///< of the chassis centre, above the axle
   double wheel_radius_m = 0.4;
   double wheel_width_m = 0.2;
   double wheel_mass_kg = 1.0;
@@ -20,10 +21,11 @@ struct VehicleConfig {
   double caster_x_m = 0.8;  ///< of the caster ball, relative to the chassis centre
   double caster_radius_m = 0.2;
   double caster_mass_kg = 0.2688;  ///< puts the centre of mass at x = −0.23 m, the paper's C
-  // A load: a point at the chassis centre's height, relative to it; not there if it weighs nothing.
+  // A load: a point, relative to the chassis centre; not there if it weighs nothing.
   double payload_kg = 0.0;
   double payload_x_m = 0.0;
   double payload_y_m = 0.0;
+  double payload_z_m = 0.0;
   /// Of each wheel's speed servo. One and a half times what the whole vehicle needs for 3 m/s², and
   /// little more than makes the wheels slip. So wheels that are jammed at a wall do not spin up.
   double max_wheel_torque_Nm = 4.0;

@@ -24,6 +24,8 @@ void add_body(KeyTable<Vehicle>& t) {
   t.number("chassis_width_m", &Vehicle::chassis_width_m, kLength, "chassis box along y");
   t.number("chassis_height_m", &Vehicle::chassis_height_m, kLength, "chassis box along z");
   t.number("chassis_mass_kg", &Vehicle::chassis_mass_kg, kMass, "chassis box without caster");
+  t.number("chassis_z_m", &Vehicle::chassis_z_m, {-1.0, 10.0, false},
+           "chassis centre above the drive axle");
   t.number("wheel_radius_m", &Vehicle::wheel_radius_m, kLength, "drive wheels");
   t.number("wheel_width_m", &Vehicle::wheel_width_m, kLength, "drive wheels");
   t.number("wheel_mass_kg", &Vehicle::wheel_mass_kg, kMass, "each drive wheel");
@@ -68,11 +70,12 @@ void add_start(KeyTable<Vehicle>& t) {
 
 void add_errors(KeyTable<Vehicle>& t) {
   constexpr Range kShare{-0.5, 0.5, false};
-  t.number("payload_kg", &Vehicle::payload_kg, {0.0, 1e5, false},
-           "a load, a point at the chassis centre's height");
+  t.number("payload_kg", &Vehicle::payload_kg, {0.0, 1e5, false}, "a load, a point");
   t.number("payload_x_m", &Vehicle::payload_x_m, kOffset,
            "of the load, relative to the chassis centre");
   t.number("payload_y_m", &Vehicle::payload_y_m, kOffset,
+           "of the load, relative to the chassis centre");
+  t.number("payload_z_m", &Vehicle::payload_z_m, {-1.0, 10.0, false},
            "of the load, relative to the chassis centre");
   t.number("radius_error", &Vehicle::radius_error, kShare,
            "share by which the wheels are larger than the vehicle believes");
@@ -98,13 +101,12 @@ std::string why_no_effect(const Scenario& scenario, const std::string& key) {
     return "vehicle.drivetrain is \"can\"";
   }
   if (vehicle.plant == Vehicle::Plant::kinematic &&
-      is_one_of(key,
-                {"world.friction", "world.gravity_mps2", "vehicle.chassis_height_m",
-                 "vehicle.chassis_mass_kg", "vehicle.wheel_mass_kg", "vehicle.caster_x_m",
-                 "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.payload_kg",
-                 "vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.max_wheel_torque_Nm",
-                 "vehicle.load_scaling", "vehicle.tyre", "vehicle.tyre_stiffness",
-                 "vehicle.tyre_relaxation_m"})) {
+      is_one_of(key, {"world.friction", "world.gravity_mps2", "vehicle.chassis_height_m",
+                      "vehicle.chassis_mass_kg", "vehicle.wheel_mass_kg", "vehicle.caster_x_m",
+                      "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.payload_kg",
+                      "vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.payload_z_m",
+                      "vehicle.chassis_z_m", "vehicle.max_wheel_torque_Nm", "vehicle.load_scaling",
+                      "vehicle.tyre", "vehicle.tyre_stiffness", "vehicle.tyre_relaxation_m"})) {
     return "vehicle.plant is \"kinematic\"";
   }
   if (vehicle.tyre == Vehicle::Tyre::rigid &&
@@ -135,9 +137,10 @@ void check_step(const Scenario& scenario, const std::string& file) {
   }
   const auto& vehicle = scenario.get<Vehicle>();
   if (vehicle.drivetrain == Vehicle::Drivetrain::can && step_ms > vehicle.coupling_ms) {
-    throw UsageError(fmt::format("{}: can.coupling_ms = {} is shorter than a step: "
-                                 "world.step_ms = {}",
-                                 file, vehicle.coupling_ms, step_ms));
+    throw UsageError(
+        fmt::format("{}: can.coupling_ms = {} is shorter than a step: "
+                    "world.step_ms = {}",
+                    file, vehicle.coupling_ms, step_ms));
   }
 }
 

@@ -34,8 +34,8 @@ namespace tether {
 using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, SensorSettings,
                              PathSettings, ActuatorSettings>;
 
-/// The vehicle side: physics in steps of world.step_ms, AGV/POSE out, AGV/CMD_VEL, AGV/PLAN and AGV/PRELOAD in, the
-/// truth on SIM/TRUTH and the run's clock on SIM/CLOCK.
+/// The vehicle side: physics in steps of world.step_ms, AGV/POSE out, AGV/CMD_VEL, AGV/PLAN and
+/// AGV/PRELOAD in, the truth on SIM/TRUTH and the run's clock on SIM/CLOCK.
 ///
 /// Each step [t, t + step) uses the twist in force at t. A command therefore acts from the first
 /// step that starts at or after its arrival. Commands that are undecodable, non-finite (or beyond

@@ -43,11 +43,10 @@ void OdeWorld::add_brush_contact(Body side) {
   const dReal* rolling = tyre.rolling;
   dVector3 velocity;
   dBodyGetPointVel(bodies_[side], tyre.position[0], tyre.position[1], tyre.position[2], velocity);
-  const BrushTyre::Row row =
-      brushes_[side].prepare({velocity[0] * rolling[0] + velocity[1] * rolling[1],
-                              velocity[1] * rolling[0] - velocity[0] * rolling[1]},
-                             dJointGetHingeAngleRate(hinges_[side]) * wheel_radius_m_,
-                             pressing_N_[side], step_s_);
+  const BrushTyre::Row row = brushes_[side].prepare(
+      {velocity[0] * rolling[0] + velocity[1] * rolling[1],
+       velocity[1] * rolling[0] - velocity[0] * rolling[1]},
+      dJointGetHingeAngleRate(hinges_[side]) * wheel_radius_m_, pressing_N_[side], step_s_);
   dContact contact{};
   contact.surface.mode = dContactFDir1;
   if (row.softness_mps_N > 0.0) {

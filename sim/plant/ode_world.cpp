@@ -78,8 +78,9 @@ void OdeWorld::build_chassis(const VehicleConfig& vehicle) {
   dMass mass;
   dMassSetBoxTotal(&mass, vehicle.chassis_mass_kg, vehicle.chassis_length_m,
                    vehicle.chassis_width_m, vehicle.chassis_height_m);
-  const std::array<double, 3> caster{vehicle.caster_x_m, 0.0,
-                                     vehicle.caster_radius_m - vehicle.wheel_radius_m};
+  const std::array<double, 3> caster{
+      vehicle.caster_x_m, 0.0,
+      vehicle.caster_radius_m - vehicle.wheel_radius_m - vehicle.chassis_z_m};
   if (vehicle.caster_mass_kg > 0.0) {
     dMass ball;
     dMassSetSphereTotal(&ball, vehicle.caster_mass_kg, vehicle.caster_radius_m);
@@ -90,13 +91,14 @@ void OdeWorld::build_chassis(const VehicleConfig& vehicle) {
     constexpr double kPayloadRadius_m = 0.1;  // small: it shifts the centre of mass
     dMass payload;
     dMassSetSphereTotal(&payload, vehicle.payload_kg, kPayloadRadius_m);
-    dMassTranslate(&payload, vehicle.payload_x_m, vehicle.payload_y_m, 0.0);
+    dMassTranslate(&payload, vehicle.payload_x_m, vehicle.payload_y_m, vehicle.payload_z_m);
     dMassAdd(&mass, &payload);
   }
   const std::array<double, 3> centre{mass.c[0], mass.c[1], mass.c[2]};
   dMassTranslate(&mass, -mass.c[0], -mass.c[1], -mass.c[2]);
 
-  axle_in_chassis_m_ = std::array<double, 3>{vehicle.axle_x_m, 0.0, 0.0} - centre;
+  axle_in_chassis_m_ =
+      std::array<double, 3>{vehicle.axle_x_m, 0.0, 0.0 - vehicle.chassis_z_m} - centre;
   caster_in_chassis_m_ = caster - centre;
   for (std::size_t i = 0; i < corners_m_.size(); ++i) {
     const std::array<double, 3> corner{(i & 1 ? 0.5 : -0.5) * vehicle.chassis_length_m,

@@ -6,8 +6,8 @@
 namespace tether {
 namespace {
 
-// Time constant of the rubber's loss: at the 14 Hz of vehicle against tyres at rest, a loss factor of
-// 0.4. Assumed; while the wheel rolls it changes next to nothing.
+// Time constant of the rubber's loss: at the 14 Hz of vehicle against tyres at rest, a loss factor
+// of 0.4. Assumed; while the wheel rolls it changes next to nothing.
 constexpr double kLoss_s = 5e-3;
 
 double norm(const BrushTyre::Vector& v) { return std::hypot(v[0], v[1]); }
@@ -32,8 +32,7 @@ BrushTyre::Row BrushTyre::prepare(const Vector& slip_mps, double rolling_mps, do
     stretch[i] = next_m + loss * (next_m - u[i]);
   }
   // At no stretch the secant is the tangent; a tenth of a per mille of sliding is close enough.
-  const double slip =
-      std::max(norm(stretch) / config_.relaxation_m, 1e-4 * sliding_slip(config_));
+  const double slip = std::max(norm(stretch) / config_.relaxation_m, 1e-4 * sliding_slip(config_));
   const double force = force_N(config_, slip, pressing_N);
   stiffness_Npm_ = force > 0.0 ? force / (slip * config_.relaxation_m) : 0.0;
   Row row;

@@ -14,9 +14,9 @@ namespace tether {
 ///   F(σ) = μ N (3 θσ − 3 (θσ)² + (θσ)³)  for θσ < 1,   μ N beyond,   θ = k/(3 μ),
 ///
 /// equal in all directions: longitudinal and lateral slip share one limit, a circle. Source:
-/// H. B. Pacejka, Tire and Vehicle Dynamics, chapter 3, the brush model for combined slip with equal
-/// stiffnesses (quoted from memory; its equation's number was not looked up). No self-aligning
-/// moment: the contact is a point.
+/// H. B. Pacejka, Tire and Vehicle Dynamics, chapter 3, the brush model for combined slip with
+/// equal stiffnesses (quoted from memory; its equation's number was not looked up). No
+/// self-aligning moment: the contact is a point.
 ///
 /// **Relaxation.** At standstill σ has no meaning, and at low speed 1/|V_r| has no bound. So the
 /// deflection u of the contact is a state: it is dragged along by slip and released by rolling,
@@ -24,14 +24,14 @@ namespace tether {
 ///   du/dt = V_s − (|V_r|/ℓ) u,     F = −F(|u|/ℓ) u/|u|,   |u| ≤ ℓ/θ
 ///
 /// (ibid., chapter 7, the transient "single contact point" model). Steadily rolling, u/ℓ = σ; at
-/// rest, the tyre is a spring of k N/ℓ, which holds without creeping. A loss of rubber, τ du/dt added
-/// to u, damps what this spring and the vehicle's mass would do.
+/// rest, the tyre is a spring of k N/ℓ, which holds without creeping. A loss of rubber, τ du/dt
+/// added to u, damps what this spring and the vehicle's mass would do.
 ///
 /// **Step.** Backward Euler, whose only unknown is the velocity after the step: u' =
 /// (u + h V')/(1 + |V_r|h/ℓ). With the secant stiffness K = F(|w|/ℓ)/|w| at the stretch w expected
 /// from the velocity before the step, the force is linear in V', so the solver of the bodies gets a
-/// row "V' = bias − softness · F" (a constraint with softness), and the step is stable however stiff
-/// the tyre or light the wheel.
+/// row "V' = bias − softness · F" (a constraint with softness), and the step is stable however
+/// stiff the tyre or light the wheel.
 class BrushTyre {
  public:
   struct Config {

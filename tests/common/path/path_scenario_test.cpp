@@ -1,6 +1,8 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -120,6 +122,38 @@ TEST(PathCheck, NamesTheLimitItsValueAndThePlace) {
   }
   EXPECT_THAT(refusal({"path.kind=line", "path.length_m=30"}),
               HasSubstr("a.toml: 20.55 m along the path, at (20.55, 0.00) m"));
+}
+
+TEST(PathCheck, TyresHoldTheirShareOfTheWeightOnly) {
+  // 79 % of the weight at friction 0.6: 4.66 m/s².
+  const auto at = [](double lateral_mps2, std::vector<std::string> more = {}) {
+    const double radius_m = 6.0;
+    more.insert(more.end(),
+                {"path.kind=circle", fmt::format("path.radius_m={}", radius_m),
+                 fmt::format("path.speed_mps={}", std::sqrt(lateral_mps2 * radius_m)),
+                 "path.max_lateral_acceleration_mps2=50", "path.max_yaw_rate_radps=50"});
+    return refusal(more);
+  };
+  EXPECT_EQ(at(4.65), "accepted");
+  EXPECT_THAT(at(4.68), AllOf(HasSubstr("the path needs a friction coefficient of 0.60"),
+                              HasSubstr("at the drive wheels, which carry 79 % of the weight; "
+                                        "world.friction = 0.6")));
+  EXPECT_EQ(at(5.5, {"world.friction=0.8"}), "accepted");
+  // A load over the axle presses the tyres; over the caster, it does not.
+  EXPECT_EQ(at(5.2, {"vehicle.payload_kg=5", "vehicle.payload_x_m=-0.5"}), "accepted");
+  EXPECT_THAT(at(3.5, {"vehicle.payload_kg=5", "vehicle.payload_x_m=0.7"}),
+              HasSubstr("which carry 37 % of the weight; world.friction = 0.6"));
+  // Circles of friction hold less than ODE's pyramid.
+  EXPECT_EQ(at(4.0, {"vehicle.tyre=brush"}), "accepted");
+  EXPECT_THAT(at(4.2, {"vehicle.tyre=brush"}), HasSubstr("world.friction = 0.6"));
+  EXPECT_EQ(at(5.5, {"vehicle.plant=kinematic"}), "accepted");
+}
+
+TEST(PathCheck, AnAccelerationIsThatOfTheLoadedVehicle) {
+  const std::vector<std::string> loaded{"path.kind=line", "path.max_acceleration_mps2=2",
+                                        "vehicle.payload_kg=3.41275", "vehicle.load_scaling=1"};
+  EXPECT_THAT(refusal(loaded),
+              HasSubstr("with vehicle.payload_kg, vehicle.max_wheel_acceleration_mps2 = 1.5"));
 }
 
 TEST(PathCheck, TheFigureEightIsFreeAsThePaperHasIt) {
