@@ -41,10 +41,10 @@ struct DeadReckoning {
     double turn_rad = 0.0;
     double direction_rad = 0.0;  ///< of the chord, in the world
   };
-  /// Both wheels turned at a constant ratio, so that the axle's midpoint ran along an arc: of length
-  /// d = (d_l + d_r)/2 and angle a = (d_r − d_l)/track, with the chord d·sin(a/2)/(a/2) in direction
-  /// yaw + a/2. The covariance follows to first order: F P Fᵀ of the pose before, and that of each
-  /// wheel's way, errors of their own.
+  /// Both wheels turned at a constant ratio, so that the axle's midpoint ran along an arc: of
+  /// length d = (d_l + d_r)/2 and angle a = (d_r − d_l)/track, with the chord d·sin(a/2)/(a/2) in
+  /// direction yaw + a/2. The covariance follows to first order: F P Fᵀ of the pose before, and
+  /// that of each wheel's way, errors of their own.
   Step move(const RolledWays& ways, double track_m);
 };
 

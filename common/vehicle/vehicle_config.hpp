@@ -31,6 +31,9 @@ struct VehicleConfig {
   double max_wheel_torque_Nm = 4.0;
   /// Slew rate of each servo's rim-speed target. The chassis would lift its nose at 5.4 m/s².
   double max_wheel_acceleration_mps2 = 3.0;
+  // Of each wheel, at its rim, against its motion; nobody knows of it.
+  double left_drag_N = 0.0;
+  double right_drag_N = 0.0;
   double max_wheel_speed_mps = 10.0;  ///< rim speed; both wheels are scaled together
   /// How much of the acceleration limit a payload takes (grip.hpp): 0 none of it.
   double load_scaling = 0.0;

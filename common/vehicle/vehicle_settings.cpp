@@ -62,8 +62,9 @@ void add_start(KeyTable<Vehicle>& t) {
            "axle midpoint at t = 0; that of the path if not given (figure eight: 0)");
   t.number("start_yaw_rad", &Vehicle::start_yaw_rad, kOffset,
            "heading at t = 0; that of the path if not given (figure eight: 0)");
-  t.number("start_error_m", &Vehicle::start_error_m, {0.0, 100.0, false},
-           "standard deviation of the real start in x and y, which nobody knows of; at most 3 of it");
+  t.number(
+      "start_error_m", &Vehicle::start_error_m, {0.0, 100.0, false},
+      "standard deviation of the real start in x and y, which nobody knows of; at most 3 of it");
   t.number("start_error_rad", &Vehicle::start_error_rad, {0.0, 10.0, false},
            "standard deviation of the real heading at the start; at most 3 of it");
 }
@@ -81,6 +82,9 @@ void add_errors(KeyTable<Vehicle>& t) {
            "share by which the wheels are larger than the vehicle believes");
   t.number("track_error", &Vehicle::track_error, kShare,
            "share by which the vehicle believes in too wide a track");
+  t.number("left_drag_N", &Vehicle::left_drag_N, kNotNegative,
+           "drag of the left wheel, a constant force at its rim against its motion");
+  t.number("right_drag_N", &Vehicle::right_drag_N, kNotNegative, "the same of the right wheel");
   t.number("actuator_lag_ms", &Vehicle::actuator_lag_ms, {0.0, 1e4, false},
            "time constant of the rim speeds, which nobody allows for");
   t.number("clock_offset_ms", &Vehicle::clock_offset_ms, {-900.0, 900.0, false},
@@ -100,13 +104,31 @@ std::string why_no_effect(const Scenario& scenario, const std::string& key) {
                       "vehicle.clock_offset_ms"})) {
     return "vehicle.drivetrain is \"can\"";
   }
-  if (vehicle.plant == Vehicle::Plant::kinematic &&
-      is_one_of(key, {"world.friction", "world.gravity_mps2", "vehicle.chassis_height_m",
-                      "vehicle.chassis_mass_kg", "vehicle.wheel_mass_kg", "vehicle.caster_x_m",
-                      "vehicle.caster_radius_m", "vehicle.caster_mass_kg", "vehicle.payload_kg",
-                      "vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.payload_z_m",
-                      "vehicle.chassis_z_m", "vehicle.max_wheel_torque_Nm", "vehicle.load_scaling",
-                      "vehicle.tyre", "vehicle.tyre_stiffness", "vehicle.tyre_relaxation_m"})) {
+  if (vehicle.plant == Vehicle::Plant::kinematic && is_one_of(key, {"world.friction",
+                                                                    "world.gravity_mps2",
+                                                                    "vehicle.chassis_height_m",
+                                                                    "vehicle.chassis_mass_kg",
+                                                                    "vehicle.wheel_mass_kg",
+                                                                    "vehicle.caster_x_m",
+                                                                    "vehicle.caster_radius_m",
+                                                                    "vehicle.caster_mass_kg",
+                                                                    "vehicle.payload_kg",
+                                                                    "vehicle.payload_x_m",
+                                                                    "vehicle.payload_y_m",
+                                                                    "vehicle.payload_z_m",
+                                                                    "vehicle.chassis_z_m",
+                                                                    "vehicle.max_wheel_torque_Nm",
+                                                                    "vehicle.load_scaling",
+                                                                    "vehicle.tyre",
+                                                                    "vehicle.tyre_stiffness",
+                                                                    "vehicle.tyre_relaxation_m",
+                                                                    "vehicle.left_drag_N",
+                                                                    "vehicle.right_drag_N",
+                                                                    "world.slope_x",
+                                                                    "world.slope_y",
+                                                                    "world.bump_spacing_m",
+                                                                    "world.bump_height_m",
+                                                                    "world.bump_length_m"})) {
     return "vehicle.plant is \"kinematic\"";
   }
   if (vehicle.tyre == Vehicle::Tyre::rigid &&
@@ -190,7 +212,20 @@ ScenarioSection world_section() {
   t.number("gravity_mps2", &World::gravity_mps2, {0.1, 100.0, false}, "gravity");
   t.number("step_ms", &World::step_ms, {0.05, 10.0, false},
            "of the physics; goes into 10 ms without rest");
-  return {.defaults = World{}, .keys = t.take()};
+  constexpr Range kSlope{-0.5, 0.5, false};
+  t.number("slope_x", &World::slope_x, kSlope, "by how much the floor rises along x, m/m");
+  t.number("slope_y", &World::slope_y, kSlope, "by how much the floor rises along y, m/m");
+  t.number("bump_spacing_m", &World::bump_spacing_m, kNotNegative,
+           "mean way of each wheel between two bumps, at random places; 0 = none");
+  t.number("bump_height_m", &World::bump_height_m, {0.0, 1.0, false}, "of a bump, a half sine");
+  t.number("bump_length_m", &World::bump_length_m, kLength, "of a bump, along the wheel's way");
+  ScenarioSection section{.defaults = World{}, .keys = t.take()};
+  // A sweep may have 0 bumps among others.
+  section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
+    return scenario.get<World>().bump_spacing_m == 0.0 &&
+           is_one_of(key.name, {"world.bump_height_m", "world.bump_length_m"});
+  };
+  return section;
 }
 
 ScenarioSection vehicle_section() {

@@ -19,6 +19,13 @@ struct WorldSettings {
   double wall_friction = 0.2;
   double gravity_mps2 = 9.81;
   double step_ms = 1.0;  ///< of the physics
+  // By how much the floor rises along x and y, m/m. Positions stay in the floor's frame.
+  double slope_x = 0.0;
+  double slope_y = 0.0;
+  // Bumps, half sines (sim/plant/disturbances.hpp).
+  double bump_spacing_m = 0.0;  ///< each wheel's mean way between two; 0: none
+  double bump_height_m = 0.01;
+  double bump_length_m = 0.2;
 };
 
 inline Duration step_of(const WorldSettings& world) { return from_seconds(world.step_ms * 1e-3); }

@@ -67,7 +67,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
           make_plant(at_true_start(settings.get<VehicleSettings>(),
                                    random_stream(settings.get<RunSettings>().seed,
                                                  settings.get<VehicleSettings>().name + "/start")),
-                     settings.get<WorldSettings>(), step_)),
+                     settings.get<WorldSettings>(), step_, settings.get<RunSettings>().seed)),
       metrics_step_(is_kinematic(settings) ? std::max(kKinematicMetrics, step_) : step_),
       actuator_(settings.get<ActuatorSettings>(), settings.get<VehicleSettings>(),
                 {.earliest = earliest_stamp(settings)}),

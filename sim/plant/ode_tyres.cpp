@@ -26,7 +26,7 @@ void OdeWorld::step_on_brushes() {
       brushes_[side].lift();
     }
   }
-  dWorldStep(world_, step_s_);
+  solve();
   ++limited_steps_;
   for (const Body side : {kLeft, kRight}) {
     if (!tyres_[side].touches) continue;

@@ -38,11 +38,13 @@ struct OdeVehicle::World : OdeWorld {
   using OdeWorld::OdeWorld;
 };
 
-OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step)
+OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step,
+                       RandomEngine random)
     : config_(vehicle),
       step_s_(to_seconds(step)),
       max_change_mps_(vehicle.max_wheel_acceleration_mps2 * loaded_acceleration_share(vehicle) *
-                      step_s_) {
+                      step_s_),
+      disturbances_(vehicle, world, step_s_, random) {
   check_bodies(vehicle, world, step_s_);
   world_ = std::make_unique<World>(vehicle, world, step_s_);
 }
@@ -59,6 +61,10 @@ void OdeVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
 void OdeVehicle::step() {
   prepare_ode_thread();
   servo_targets_ = approach(servo_targets_, commands_, max_change_mps_);
+
+  if (disturbances_.any()) {
+    world_->set_wheel_loads(disturbances_.step(world_->rim_speeds()));
+  }
 
   const std::uint64_t complaints_before = ode_complaints_of_this_thread();
   world_->step(servo_targets_);

@@ -7,6 +7,7 @@
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "sim/plant/disturbances.hpp"
 #include "sim/plant/plant.hpp"
 
 namespace tether {
@@ -24,7 +25,9 @@ class OdeVehicle final : public Plant {
  public:
   /// `step` is the fixed physics step, world.step_ms.
   /// Throws std::invalid_argument if the configuration is not a vehicle that can stand.
-  OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step);
+  /// `random`: of the bumps.
+  OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step,
+             RandomEngine random = RandomEngine{});
   ~OdeVehicle() override;
   OdeVehicle(const OdeVehicle&) = delete;
   OdeVehicle& operator=(const OdeVehicle&) = delete;
@@ -46,6 +49,7 @@ class OdeVehicle final : public Plant {
   double step_s_;
   double max_change_mps_;  ///< of a servo's target, in a step
   std::unique_ptr<World> world_;
+  Disturbances disturbances_;
   WheelSpeeds commands_;
   WheelSpeeds servo_targets_;
   double left_wheel_angle_rad_ = 0.0;

@@ -54,7 +54,7 @@ OdeWorld::OdeWorld(const VehicleConfig& vehicle, const WorldSettings& world, dou
   threading_ = dThreadingAllocateSelfThreadedImplementation();
   dWorldSetStepThreadingImplementation(world_, dThreadingImplementationGetFunctions(threading_),
                                        threading_);
-  dWorldSetGravity(world_, 0, 0, -world.gravity_mps2);
+  set_gravity(world);
   dWorldSetERP(world_, kErp);
   dWorldSetCFM(world_, kCfm);
   dWorldSetContactSurfaceLayer(world_, kContactLayer_m);
@@ -172,7 +172,7 @@ void OdeWorld::step(const WheelSpeeds& targets) {
     set_limited(false);
     place_tyre_joints();
     save_bodies();
-    dWorldStep(world_, step_s_);
+    solve();
     if (within_limits()) return;
     restore_bodies();
     limited_steps_left_ = kLimitedStepsAfterLimit;
@@ -180,7 +180,7 @@ void OdeWorld::step(const WheelSpeeds& targets) {
   }
   set_limited(true);
   add_tyre_contacts();
-  dWorldStep(world_, step_s_);
+  solve();
   ++limited_steps_;
   limited_steps_left_ = std::max(0, limited_steps_left_ - 1);
 }

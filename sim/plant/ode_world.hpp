@@ -10,6 +10,7 @@
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "sim/plant/disturbances.hpp"
 #include "sim/plant/tyre.hpp"
 
 namespace tether {
@@ -46,6 +47,9 @@ class OdeWorld {
 
   /// One step; `targets` are the rim speeds that the servos drive towards, torque permitting.
   void step(const WheelSpeeds& targets);
+
+  /// What acts on the wheels in each step from now on, beside servos and floor.
+  void set_wheel_loads(const WheelLoads& loads);
 
   /// Rim speeds relative to the chassis, forward positive: what an encoder sees.
   WheelSpeeds rim_speeds() const;
@@ -95,6 +99,8 @@ class OdeWorld {
   void add_contact(dBodyID body, const dReal* point, const Plane& plane,
                    const dReal* first_friction);
 
+  void set_gravity(const WorldSettings& world);
+  void solve();
   void set_limited(bool limited);
   void place_tyre_joints();
   void add_tyre_contacts();
@@ -129,9 +135,11 @@ class OdeWorld {
   std::array<double, 3> caster_in_chassis_m_{};
   std::array<std::array<double, 3>, 8> corners_m_{};  ///< of the box; i and i + 4: one upright edge
 
-  TyrePoint tyres_[2];
+  TyrePoint tyres_[2] = {};
   std::vector<BrushTyre> brushes_;  ///< left and right; empty: tyres are rigid
   double pressing_N_[2] = {};       ///< on brushes, in the last step in which they touched
+  WheelLoads loads_;
+  bool loaded_ = false;
   BodyState saved_[3];
   bool wall_contact_ = false;
   bool chassis_on_floor_ = false;

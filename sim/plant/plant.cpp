@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/base/random.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/kinematic_vehicle.hpp"
 #include "sim/plant/ode_vehicle.hpp"
@@ -25,11 +26,12 @@ void check_start_and_step(const VehicleConfig& vehicle, const WorldSettings& wor
 }
 
 std::unique_ptr<Plant> make_plant(const VehicleSettings& vehicle, const WorldSettings& world,
-                                  Duration step) {
+                                  Duration step, std::uint64_t seed) {
   if (vehicle.plant == VehicleSettings::Plant::kinematic) {
     return std::make_unique<KinematicVehicle>(vehicle, world, step);
   }
-  return std::make_unique<OdeVehicle>(vehicle, world, step);
+  return std::make_unique<OdeVehicle>(vehicle, world, step,
+                                      random_stream(seed, vehicle.name + "/bumps"));
 }
 
 }  // namespace tether

@@ -62,9 +62,10 @@ void require_plant(bool good, const char* what);
 /// What all plants require of where they start and how they step.
 void check_start_and_step(const VehicleConfig& vehicle, const WorldSettings& world, double step_s);
 
-/// The plant that `vehicle.plant` names. `step` is the fixed physics step, world.step_ms.
-/// Throws std::invalid_argument if the configuration is not a vehicle that can stand.
+/// The plant that `vehicle.plant` names. `step` is the fixed physics step; world.step_ms.
+/// `seed`: the run's; bumps have the stream "<vehicle>/bumps". Throws std::invalid_argument if the
+/// configuration is not a vehicle that can stand.
 std::unique_ptr<Plant> make_plant(const VehicleSettings& vehicle, const WorldSettings& world,
-                                  Duration step);
+                                  Duration step, std::uint64_t seed = 0);
 
 }  // namespace tether
