@@ -22,9 +22,12 @@ inline std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
 }
 
 /// The lower bound for that run: the identical world with the identical targets, and nothing else.
-inline void step_bare_ode(const Scenario& scenario, const std::vector<WheelSpeeds>& targets) {
+/// `always_limited`: each step is solved with all limits at once.
+inline void step_bare_ode(const Scenario& scenario, const std::vector<WheelSpeeds>& targets,
+                          bool always_limited = false) {
   OdeWorld world(scenario.get<VehicleSettings>(), scenario.get<WorldSettings>(),
                  to_seconds(step_of(scenario.get<WorldSettings>())));
+  world.set_always_limited(always_limited);
   for (const WheelSpeeds& t : targets) world.step(t);
   benchmark::DoNotOptimize(world.rim_speeds());
 }

@@ -1,6 +1,7 @@
 #include <benchmark/benchmark.h>
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bench/bare_ode.hpp"
@@ -13,7 +14,7 @@
 // A whole closed-loop run without file output, against its floor: bare ODE stepping of the
 // identical world with the identical servo targets. Both are timed in turn, A B A B …, so that the
 // ratio holds while the machine's speed drifts. The kinematic plant's whole run is compared with
-// ODE's in the same way.
+// ODE's in the same way, and so are tyres that slip with rigid ones.
 
 namespace tether {
 namespace {
@@ -33,8 +34,11 @@ void run_loop(const Scenario& scenario) {
   benchmark::DoNotOptimize(closed_loop.sim().metrics().epsilon_m());
 }
 
-void whole_run(benchmark::State& state, const std::vector<std::string>& overrides) {
-  const Scenario scenario = paper(overrides);
+Scenario shipped(const std::string& name) {
+  return load_scenario(TETHER_SOURCE_DIR "/scenarios/" + name + ".toml", {});
+}
+
+void compare_with_bare_ode(benchmark::State& state, const Scenario& scenario) {
   const std::vector<WheelSpeeds> targets = record_servo_targets(scenario);
   const auto bare = [&] { bench::step_bare_ode(scenario, targets); };
   const auto loop = [&] { run_loop(scenario); };
@@ -53,6 +57,10 @@ void whole_run(benchmark::State& state, const std::vector<std::string>& override
   state.counters["real_time_factor"] = scenario.get<RunSettings>().duration_s / median(loop_s);
 }
 
+void whole_run(benchmark::State& state, const std::vector<std::string>& overrides) {
+  compare_with_bare_ode(state, paper(overrides));
+}
+
 BENCHMARK_CAPTURE(whole_run, paper_1_Hz, std::vector<std::string>{})
     ->UseManualTime()
     ->Iterations(bench::rounds(25))
@@ -62,6 +70,51 @@ BENCHMARK_CAPTURE(whole_run, pose_and_command_20_Hz, std::vector<std::string>{"s
     ->Iterations(bench::rounds(25))
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(whole_run, at_the_walls_prr_0_1, std::vector<std::string>{"channel.prr=0.1"})
+    ->UseManualTime()
+    ->Iterations(bench::rounds(25))
+    ->Unit(benchmark::kMillisecond);
+
+void agv_run(benchmark::State& state, const std::string& name) {
+  compare_with_bare_ode(state, shipped(name));
+}
+
+BENCHMARK_CAPTURE(agv_run, agv_200kg, std::string("agv_200kg"))
+    ->UseManualTime()
+    ->Iterations(bench::rounds(9))
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(agv_run, agv_1000kg, std::string("agv_1000kg"))
+    ->UseManualTime()
+    ->Iterations(bench::rounds(9))
+    ->Unit(benchmark::kMillisecond);
+
+/// ODE alone on brush tyres, against rigid ones with the same targets: solved as rolling first, as
+/// the plant does, and with all limits at every step.
+void brush_tyres(benchmark::State& state, const std::vector<std::string>& overrides) {
+  const Scenario rigid = paper(overrides);
+  Scenario brush = rigid;
+  brush.get<VehicleSettings>().tyre = VehicleConfig::Tyre::brush;
+  const std::vector<WheelSpeeds> targets = record_servo_targets(rigid);
+  std::vector<double> rigid_s, limited_s, brush_s, ratio, limited_ratio;
+  for (auto unused : state) {
+    (void)unused;
+    rigid_s.push_back(seconds_of([&] { bench::step_bare_ode(rigid, targets); }));
+    limited_s.push_back(seconds_of([&] { bench::step_bare_ode(rigid, targets, true); }));
+    brush_s.push_back(seconds_of([&] { bench::step_bare_ode(brush, targets); }));
+    ratio.push_back(brush_s.back() / rigid_s.back());
+    limited_ratio.push_back(brush_s.back() / limited_s.back());
+    state.SetIterationTime(brush_s.back());
+  }
+  const auto us_per_step = [&](std::vector<double> s) {
+    return median(std::move(s)) * 1e6 / static_cast<double>(targets.size());
+  };
+  state.counters["rigid_us_per_step"] = us_per_step(rigid_s);
+  state.counters["limited_us_per_step"] = us_per_step(limited_s);
+  state.counters["brush_us_per_step"] = us_per_step(brush_s);
+  state.counters["brush_over_rigid"] = median(ratio);
+  state.counters["brush_over_limited"] = median(limited_ratio);
+}
+
+BENCHMARK_CAPTURE(brush_tyres, paper_1_Hz, std::vector<std::string>{})
     ->UseManualTime()
     ->Iterations(bench::rounds(25))
     ->Unit(benchmark::kMillisecond);
