@@ -40,6 +40,10 @@ bool is_kinematic(const SimSettings& settings) {
   return settings.get<VehicleSettings>().plant == VehicleSettings::Plant::kinematic;
 }
 
+Metrics::Settings metrics_of(const RunSettings& run) {
+  return {run.settled_from_s, run.lost_beyond_m, run.lost_for_s};
+}
+
 Duration batch_of(const SimSettings& settings, const EventLoop& loop) {
   if (loop.rate() > 0.0) return kRealTimeBatch;
   return is_kinematic(settings) ? kKinematicBatch : kOdeBatch;
@@ -73,6 +77,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
                 {.earliest = earliest_stamp(settings)}),
       sensor_(settings.get<SensorSettings>(), settings.get<RunSettings>().seed,
               settings.get<VehicleSettings>().name),
+      metrics_(metrics_of(settings.get<RunSettings>())),
       guard_({.earliest = earliest_stamp(settings)}),
       next_step_(TimerQueue::not_before(loop.now(), kStart + step_, step_)),
       world_time_(std::max(kStart, next_step_ - step_)),
@@ -82,7 +87,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
                   advance(loop_.now());
                   list_counters(out);
                 }) {
-  metrics_.start(error_m());
+  metrics_.start(error_m(), to_seconds(world_time_));
   const Duration batch = batch_of(settings, loop);
   loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
   if (settings.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
@@ -241,6 +246,12 @@ void SimNode::publish_truth() {
   message.rmse_m = metrics_.rmse_m();
   message.max_error_m = metrics_.max_error_m();
   message.wall_contact_s = metrics_.wall_contact_s();
+  message.settled_epsilon_m = metrics_.settled_epsilon_m();
+  message.settled_max_error_m = metrics_.settled_max_error_m();
+  message.lost_from_s = metrics_.lost_from_s();
+  message.return_s = metrics_.return_s();
+  message.away_s = metrics_.away_s();
+  message.lost = metrics_.lost() ? 1 : 0;
   message.wall_contact = s.wall_contact ? 1 : 0;
   publish(bus_, channels_.truth, message);
 }

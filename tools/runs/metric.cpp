@@ -8,7 +8,9 @@ namespace tether {
 namespace {
 
 constexpr auto kFirst = Metric::InSummary::first, kLast = Metric::InSummary::last,
-               kWithLink = Metric::InSummary::not_here;
+               kElsewhere = Metric::InSummary::not_here;
+
+constexpr bool kIsError = true;
 
 double sent(const link_report_t& link) { return static_cast<double>(link.offered); }
 double lost(const link_report_t& link) { return static_cast<double>(link.lost + link.overflowed); }
@@ -18,23 +20,36 @@ double lost(const link_report_t& link) { return static_cast<double>(link.lost + 
 const std::vector<Metric>& metrics() {
   using Run = const RunObserver&;
   static const std::vector<Metric> kMetrics{
-      {"epsilon_m", "ε [m]", kFirst, [](Run r, Instant) { return r.truth().epsilon_m; }},
-      {"rmse_m", "rms error [m]", kFirst, [](Run r, Instant) { return r.truth().rmse_m; }},
+      {"epsilon_m", "ε [m]", kFirst, [](Run r, Instant) { return r.truth().epsilon_m; }, kIsError},
+      {"rmse_m", "rms error [m]", kFirst, [](Run r, Instant) { return r.truth().rmse_m; },
+       kIsError},
       {"max_error_m", "largest error [m]", kFirst,
-       [](Run r, Instant) { return r.truth().max_error_m; }},
+       [](Run r, Instant) { return r.truth().max_error_m; }, kIsError},
       {"wall_contact_s", "time at the walls [s]", kFirst,
        [](Run r, Instant) { return r.truth().wall_contact_s; }},
+      {"settled_epsilon_m", "ε after the start [m]", kFirst,
+       [](Run r, Instant) { return r.truth().settled_epsilon_m; }, kIsError},
+      {"settled_max_error_m", "largest error after the start [m]", kFirst,
+       [](Run r, Instant) { return r.truth().settled_max_error_m; }, kIsError},
+      {"lost", "share of lost vehicles", kElsewhere,
+       [](Run r, Instant) { return r.truth().lost ? 1.0 : 0.0; }},
+      {"lost_from_s", "time until lost, or the run's end [s]", kElsewhere,
+       [](Run r, Instant) { return r.truth().lost_from_s; }},
+      {"return_s", "longest time to return [s]", kFirst,
+       [](Run r, Instant) { return r.truth().return_s; }},
+      {"away_s", "time away at the end [s]", kFirst,
+       [](Run r, Instant) { return r.truth().away_s; }},
       {"aoi_ms_mean", "aoi_ms_mean", kLast,
        [](Run r, Instant end) { return r.aoi_mean_s(end) * 1e3; }},
-      {"uplink_sent", "uplink_sent", kWithLink, [](Run r, Instant) { return sent(r.uplink()); }},
-      {"uplink_lost", "uplink_lost", kWithLink, [](Run r, Instant) { return lost(r.uplink()); }},
-      {"uplink_delay_ms_mean", "uplink_delay_ms_mean", kWithLink,
+      {"uplink_sent", "uplink_sent", kElsewhere, [](Run r, Instant) { return sent(r.uplink()); }},
+      {"uplink_lost", "uplink_lost", kElsewhere, [](Run r, Instant) { return lost(r.uplink()); }},
+      {"uplink_delay_ms_mean", "uplink_delay_ms_mean", kElsewhere,
        [](Run r, Instant) { return r.uplink().delay_ms_mean; }},
-      {"downlink_sent", "downlink_sent", kWithLink,
+      {"downlink_sent", "downlink_sent", kElsewhere,
        [](Run r, Instant) { return sent(r.downlink()); }},
-      {"downlink_lost", "downlink_lost", kWithLink,
+      {"downlink_lost", "downlink_lost", kElsewhere,
        [](Run r, Instant) { return lost(r.downlink()); }},
-      {"downlink_delay_ms_mean", "downlink_delay_ms_mean", kWithLink,
+      {"downlink_delay_ms_mean", "downlink_delay_ms_mean", kElsewhere,
        [](Run r, Instant) { return r.downlink().delay_ms_mean; }},
   };
   return kMetrics;

@@ -13,10 +13,11 @@ namespace tether {
 class RunObserver;
 
 /// What is known of each run: in sweeps a column of their tables, one of the values of `metric`
-/// and, but for the links', a number of the run's summary. A new one is a row in metric.cpp; if it
-/// takes more than a line, its `of` has a file of its own.
+/// and, but for the links' and `lost`, a number of the run's summary. A new one is a row in
+/// metric.cpp; if it takes more than a line, its `of` has a file of its own.
 struct Metric {
-  enum class InSummary { first, last, not_here };  ///< a link's are with the link
+  /// A link's are with the link; `lost` is no number there.
+  enum class InSummary { first, last, not_here };
 
   std::string name;   ///< an SQL column, with the unit
   std::string label;  ///< in figures and tables
@@ -24,6 +25,8 @@ struct Metric {
   /// Of a run that began at t = 0 and was over at `end`. Of newest reports: runs of sweeps have
   /// few.
   double (*of)(const RunObserver& run, Instant end) = nullptr;
+  /// A distance to the reference: tables give it of the vehicles that were not lost.
+  bool is_error = false;
 };
 
 /// All metrics, in the order of columns.

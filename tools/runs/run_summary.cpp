@@ -97,6 +97,23 @@ void add_metrics(nlohmann::ordered_json& json, Metric::InSummary where, const Ru
   }
 }
 
+/// How the vehicle did after the start, where there is a time after it, and whether it was lost.
+std::string settled_text(const ground_truth_t& truth, const RunSettings& run) {
+  std::string text;
+  if (run.duration_s > run.settled_from_s) {
+    text = fmt::format("{:<9} from {:g} s on: ε = {:.3f} m, largest {:.2f} m\n", "settled",
+                       run.settled_from_s, truth.settled_epsilon_m, truth.settled_max_error_m);
+  }
+  if (!truth.lost) return text;
+  if (truth.return_s < run.lost_for_s) {  // it never came back
+    return text + fmt::format("{:<9} from {:.1f} s on\n", "LOST", truth.lost_from_s);
+  }
+  text += fmt::format("{:<9} at {:.1f} s, back after {:.1f} s at most", "LOST", truth.lost_from_s,
+                      truth.return_s);
+  if (truth.away_s > 0.0) text += fmt::format(", away for the last {:.1f} s", truth.away_s);
+  return text + "\n";
+}
+
 /// Counters of what must not happen in a healthy run.
 bool is_trouble(const std::string& name) {
   for (const char* ordinary : {".accepted", ".missed", ".sent", ".received", ".boots", ".offered",
@@ -122,6 +139,9 @@ void check_finite(const RunObserver& run) {
 std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {
   nlohmann::ordered_json json;
   add_metrics(json, Metric::InSummary::first, run, summary.end);
+  json["lost"] = run.truth().lost != 0;
+  json["lost_from_s"] = nullptr;
+  if (run.truth().lost) json["lost_from_s"] = run.truth().lost_from_s;
   json["collision"] = run.truth().wall_contact_s > 0.0;
   if (summary.findings) {
     json["valid"] = summary.findings->empty();
@@ -161,6 +181,7 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   std::string text = summary.findings ? verdict_text(*summary.findings) : "";
   text += fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
                       truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
+  text += settled_text(truth, scenario.get<RunSettings>());
   text += link_text("uplink", run.uplink());
   if (summary.channel) text += to_text(summary.channel->uplink);
   text += link_text("downlink", run.downlink());

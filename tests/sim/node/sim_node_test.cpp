@@ -7,6 +7,8 @@
 #include <tether/clock_t.hpp>
 #include <tether/counters_t.hpp>
 #include <tether/ground_truth_t.hpp>
+#include <utility>
+#include <vector>
 
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/actuator_settings.hpp"
@@ -50,6 +52,92 @@ TEST(Metrics, CountsTimeAtTheWalls) {
   m.start(0.0);
   for (int i = 0; i < 10; ++i) m.add(0.001, 0.0, i < 4 ? 0.001 : 0.0);
   EXPECT_NEAR(m.wall_contact_s(), 0.004, 1e-12);
+}
+
+constexpr Metrics::Settings kQuick{.settled_from_s = 2.0, .lost_beyond_m = 1.0, .lost_for_s = 3.0};
+
+/// Tells the metrics a piecewise linear error by its corners (t_s, error_m), in steps of 10 ms.
+Metrics followed(const std::vector<std::pair<double, double>>& corners,
+                 const Metrics::Settings& settings = kQuick) {
+  Metrics m(settings);
+  m.start(corners.front().second, corners.front().first);
+  for (std::size_t i = 1; i < corners.size(); ++i) {
+    const auto [from_s, from_m] = corners[i - 1];
+    const auto [to_s, to_m] = corners[i];
+    const int steps = static_cast<int>(std::lround((to_s - from_s) * 100.0));
+    for (int k = 1; k <= steps; ++k) {
+      m.add((to_s - from_s) / steps, from_m + (to_m - from_m) * k / steps, 0.0);
+    }
+  }
+  return m;
+}
+
+TEST(SettledMetrics, LeaveOutTheStart) {
+  const Metrics m = followed({{0.0, 9.0}, {1.0, 0.0}, {2.0, 0.0}, {4.0, 0.5}});
+  EXPECT_NEAR(m.settled_epsilon_m(), 0.25, 1e-9);
+  EXPECT_NEAR(m.settled_max_error_m(), 0.5, 1e-9);
+  EXPECT_EQ(m.max_error_m(), 9.0);
+}
+
+TEST(SettledMetrics, TakeTheStepInWhichTheyBeginInPart) {
+  Metrics m(kQuick);
+  m.start(4.0);
+  m.add(4.0, 0.0, 0.0);  // 2 m at 2 s
+  EXPECT_NEAR(m.settled_epsilon_m(), 1.0, 1e-12);
+  EXPECT_NEAR(m.settled_max_error_m(), 2.0, 1e-12);
+}
+
+TEST(SettledMetrics, FromTheStartOnAreThoseOfTheWholeRun) {
+  const Metrics m = followed({{0.0, 0.3}, {1.0, 0.7}, {3.0, 0.2}}, {.settled_from_s = 0.0});
+  EXPECT_NEAR(m.settled_epsilon_m(), m.epsilon_m(), 1e-12);
+  EXPECT_NEAR(m.settled_max_error_m(), m.max_error_m(), 1e-12);
+}
+
+TEST(SettledMetrics, OfAShorterRunAreTheErrorAtItsEnd) {
+  const Metrics m = followed({{0.0, 0.9}, {1.5, 0.4}});
+  EXPECT_EQ(m.settled_epsilon_m(), m.error_m());
+  EXPECT_EQ(m.settled_max_error_m(), m.error_m());
+}
+
+TEST(LostVehicle, IsTheOneThatStaysBeyondTheLimitWithoutABreak) {
+  EXPECT_TRUE(followed({{0.0, 2.0}, {3.01, 2.0}}).lost());
+  EXPECT_FALSE(followed({{0.0, 2.0}, {2.99, 2.0}}).lost()) << "not long enough";
+  EXPECT_FALSE(followed({{0.0, 1.0}, {9.0, 1.0}}).lost()) << "at the limit, not beyond";
+  EXPECT_FALSE(followed({{0.0, 2.0}, {2.0, 2.0}, {2.1, 0.9}, {2.2, 2.0}, {4.5, 2.0}}).lost())
+      << "two excursions are not one";
+}
+
+TEST(LostVehicle, IsLostSinceItPassedTheLimit) {
+  const Metrics m = followed({{0.0, 0.0}, {4.0, 2.0}, {9.0, 2.0}});
+  EXPECT_TRUE(m.lost());
+  EXPECT_NEAR(m.lost_from_s(), 2.0, 1e-9);
+  EXPECT_NEAR(m.away_s(), 7.0, 1e-9);
+  EXPECT_EQ(m.return_s(), 0.0) << "it is not back";
+}
+
+TEST(LostVehicle, IsNotLostUpToNowBeforeIt) {
+  EXPECT_NEAR(followed({{0.0, 0.0}, {4.0, 2.0}}).lost_from_s(), 4.0, 1e-9);
+}
+
+TEST(LostVehicle, WasLostEvenIfItIsBack) {
+  const Metrics m = followed({{0.0, 2.0}, {4.0, 2.0}, {4.1, 0.0}, {9.0, 0.0}, {9.1, 2.0}});
+  EXPECT_TRUE(m.lost());
+  EXPECT_EQ(m.lost_from_s(), 0.0);
+  EXPECT_NEAR(m.return_s(), 4.05, 1e-9);
+  EXPECT_NEAR(m.away_s(), 0.05, 1e-9);
+}
+
+TEST(LostVehicle, TimeToReturnIsThatOfTheLongestExcursionThatIsOver) {
+  const Metrics m = followed(
+      {{0.0, 0.0}, {1.0, 2.0}, {2.0, 0.0}, {3.0, 4.0}, {4.0, 0.0}, {5.0, 2.0}, {5.5, 0.0}});
+  EXPECT_NEAR(m.return_s(), 1.5, 1e-9);
+  EXPECT_FALSE(m.lost());
+  EXPECT_EQ(m.away_s(), 0.0);
+}
+
+TEST(LostVehicle, WithoutATimeToBeGivenIsLostAtOnce) {
+  const Metrics m = followed({{0.0, 0.0}, {1.0, 1.1}}, {.lost_beyond_m = 1.0, .lost_for_s = 0.0});
+  EXPECT_TRUE(m.lost());
 }
 
 // ---------------------------------------------------------------------------- node

@@ -82,10 +82,16 @@ TEST_F(Sweep, HasTheResultsOfSingleRuns) {
     ClosedLoop loop(scenario);
     const RunObserver observer(scenario, loop.loop(), loop.bus());
     loop.run();
-    EXPECT_EQ(run.result.metrics[0], observer.truth().epsilon_m);
-    EXPECT_EQ(run.result.metrics[2], observer.truth().max_error_m);
-    EXPECT_EQ(run.result.metrics[4], observer.aoi_mean_s(kStart + std::chrono::seconds{3}) * 1e3);
-    EXPECT_EQ(run.result.metrics[6], static_cast<double>(observer.uplink().lost));
+    const auto metric = [&run](const char* name) {
+      return run.result.metrics.at(metric_number(name).value());
+    };
+    EXPECT_EQ(metric("epsilon_m"), observer.truth().epsilon_m);
+    EXPECT_EQ(metric("max_error_m"), observer.truth().max_error_m);
+    EXPECT_EQ(metric("settled_epsilon_m"), observer.truth().settled_epsilon_m);
+    EXPECT_EQ(metric("lost"), 0.0);
+    EXPECT_EQ(metric("lost_from_s"), 3.0) << "not up to the run's end";
+    EXPECT_EQ(metric("aoi_ms_mean"), observer.aoi_mean_s(kStart + std::chrono::seconds{3}) * 1e3);
+    EXPECT_EQ(metric("uplink_lost"), static_cast<double>(observer.uplink().lost));
   });
   std::size_t rows = 0;
   store.for_each([&](const StoredRun& run) { rows = run.result.trajectory.size(); }, true);
