@@ -6,9 +6,23 @@
 
 namespace tether {
 
+/// How a drive differs from what it is told, as far as that is known (controller/estimation). As
+/// it is, it does what it is told.
+struct DriveModel {
+  double rim_scale = 1.0;   ///< rims are faster than commanded by this factor: larger wheels
+  double turn_scale = 1.0;  ///< and differ from each other by this factor more: a narrower track
+  double lag_s = 0.0;       ///< time constant, first order, of the rims' targets
+  /// Added to what the wheels do while they turn or should: slopes, drag, slip.
+  double v_bias_mps = 0.0;
+  double omega_bias_radps = 0.0;
+
+  bool operator==(const DriveModel&) const = default;
+};
+
 /// What a vehicle does with a commanded twist, as far as controllers predict it: two rolling
 /// wheels, each of which moves to its commanded rim speed at a limited acceleration. No masses, no
-/// slip, no walls.
+/// slip, no walls. With a DriveModel the rim speeds aimed at are
+///   rim_scale · (v ∓ turn_scale · ω · track/2), behind a low-pass L' = (target − L)/lag.
 class MotionModel {
  public:
   struct Limits {
@@ -19,24 +33,39 @@ class MotionModel {
   struct State {
     Pose2 pose;
     WheelSpeeds rim;
+    WheelSpeeds lagging{};  ///< what the rims aim at
   };
+  /// With a lag, or in steps of a filter, no step is longer.
+  static constexpr double kShort_s = 0.01;
 
-  explicit MotionModel(const Limits& limits) : limits_(limits) {}
+  explicit MotionModel(const Limits& limits, const DriveModel& drive = {})
+      : limits_(limits), drive_(drive), ideal_(drive == DriveModel{}) {}
 
   /// Moves for `dt_s` ≥ 0 with `command` in force throughout. The distance that each wheel rolls is
   /// exact; the path is the arc of the mean speeds, off by at most
-  /// dt³/12 · (|v| |dω/dt| + |ω| |dv/dt|).
+  /// dt³/12 · (|v| |dω/dt| + |ω| |dv/dt|). A lag is stepped by kShort_s at most (backward Euler).
   void advance(State& state, const Twist& command, double dt_s) const;
 
   /// The twist that `command` leads to from `rim` within `dt_s`: all that the limits allow of it.
   Twist reachable(const WheelSpeeds& rim, const Twist& command, double dt_s) const;
 
+  /// The command that makes the vehicle do `wish`, at the latest at the end of `dt_s`: the inverse
+  /// of the DriveModel. A lag is led by four times the change at most.
+  Twist command_for(const State& state, const Twist& wish, double dt_s) const;
+
   Twist twist(const State& state) const { return to_twist(state.rim, limits_.track_m); }
   WheelSpeeds rim_of(const Twist& twist) const { return to_wheel_speeds(twist, limits_.track_m); }
   const Limits& limits() const { return limits_; }
+  const DriveModel& drive() const { return drive_; }
 
  private:
+  WheelSpeeds target_of(const Twist& command) const;
+  void move(State& state, double left_m, double right_m, double dt_s) const;
+  void step_with_lag(State& state, const WheelSpeeds& target, double dt_s) const;
+
   Limits limits_;
+  DriveModel drive_;
+  bool ideal_;
 };
 
 }  // namespace tether

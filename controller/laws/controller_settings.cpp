@@ -70,6 +70,34 @@ void add_feedback_and_model(KeyTable<Controller>& t) {
                     "in predictions; not set: the vehicle's");
 }
 
+void add_estimation(KeyTable<Controller>& t) {
+  constexpr Range kNoise{1e-6, 100.0, false};
+  constexpr Range kDrift{0.0, 100.0, false};
+  t.choice<Controller::Estimator>(
+      "estimator", &Controller::estimator,
+      {{"none", Controller::Estimator::none}, {"ekf", Controller::Estimator::ekf}},
+      "what laws take for the pose: the newest one, or that of an extended Kalman filter");
+  t.number("ekf.position_noise_m", TETHER_MEMBER(ekf.position_noise_m), kNoise,
+           "standard deviation of a pose's noise on x and y, as the filter takes it");
+  t.number("ekf.yaw_noise_rad", TETHER_MEMBER(ekf.yaw_noise_rad), kNoise, "likewise on yaw");
+  t.number("ekf.position_drift_mpsqrts", TETHER_MEMBER(ekf.position_drift_mpsqrts), kDrift,
+           "random walk of the vehicle's x and y while its wheels turn, after 1 s: process noise");
+  t.number("ekf.yaw_drift_radpsqrts", TETHER_MEMBER(ekf.yaw_drift_radpsqrts), kDrift,
+           "likewise of its yaw");
+  t.number("ekf.start_m", TETHER_MEMBER(ekf.start_m), kDrift,
+           "standard deviation of the start's x and y");
+  t.number("ekf.start_rad", TETHER_MEMBER(ekf.start_rad), kDrift, "likewise of its yaw");
+  t.boolean("adapt.radius", TETHER_MEMBER(adapt.radius), "the filter estimates the wheels' size");
+  t.boolean("adapt.track", TETHER_MEMBER(adapt.track), "… the track that the drive believes in");
+  t.boolean("adapt.lag", TETHER_MEMBER(adapt.lag), "… the lag of its rim speeds");
+  t.boolean("adapt.bias", TETHER_MEMBER(adapt.bias),
+            "… a speed and a yaw rate that are added to its own: slopes, drag, slip");
+}
+
+bool is_of_filter(const std::string& key) {
+  return key.starts_with("controller.ekf.") || key.starts_with("controller.adapt.");
+}
+
 bool uses(const LawKind& law, const std::string& part) {
   return std::any_of(law.keys.begin(), law.keys.end(),
                      [&](const std::string& key) { return part.starts_with(key); });
@@ -80,11 +108,20 @@ bool uses(const LawKind& law, const std::string& part) {
 bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   const std::string prefix = "controller.";
   if (!key.name.starts_with(prefix)) return false;
+  if (scenario.get<Controller>().estimator == Controller::Estimator::none &&
+      (is_of_filter(key.name) || key.name == prefix + "estimator")) {
+    return true;
+  }
   const std::string part = key.name.substr(prefix.size());
   const auto& kinds = law_kinds();
   return !uses(kind_of(scenario.get<Controller>()), part) &&
          std::any_of(kinds.begin(), kinds.end(),
                      [&](const LawKind& other) { return uses(other, part); });
+}
+
+std::string why_no_effect(const Scenario& scenario, const std::string& key) {
+  const bool none = scenario.get<Controller>().estimator == Controller::Estimator::none;
+  return none && is_of_filter(key) ? "controller.estimator is \"none\"" : "";
 }
 
 std::string policies_for_plans() {
@@ -128,8 +165,10 @@ ScenarioSection controller_section() {
   t.append(gains(t.within<PidGains>("v.", &Controller::v), "m/s"));
   t.append(gains(t.within<PidGains>("omega.", &Controller::omega), "rad/s"));
   add_feedback_and_model(t);
+  add_estimation(t);
   for (const LawKind& law : law_kinds()) t.append(law.own_keys);
   ScenarioSection section{.defaults = Controller{}, .keys = t.take()};
+  section.why_no_effect = why_no_effect;
   section.left_out = left_out;
   section.check = check;
   return section;

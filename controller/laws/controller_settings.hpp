@@ -7,6 +7,7 @@
 #include "common/path/check.hpp"
 #include "common/scenario/own_settings.hpp"
 #include "common/scenario/section.hpp"
+#include "controller/estimation/pose_filter.hpp"
 
 namespace tether {
 
@@ -53,6 +54,11 @@ struct ControllerSettings {
   bool preload = false;        ///< the first plan is on board before departure
   bool external = false;       ///< somebody else's program is the controller
   ModelSettings model;
+  /// What a law takes for the vehicle's pose: the newest one as it came, or the filter's.
+  enum class Estimator { none, ekf };
+  Estimator estimator = Estimator::none;
+  PoseFilterSettings ekf;  ///< estimator = ekf, as is what follows
+  Adaptation adapt;
   OwnSettings own;  ///< of laws that have keys which no other law has
 };
 

@@ -25,6 +25,15 @@ bool is_on_path(const Pose2& pose, const PathPoint& reference) {
          std::abs(wrap_angle(reference.yaw_rad - pose.yaw_rad)) < kOnPath_rad;
 }
 
+/// A vehicle as MotionModel has it, to be moved as a PoseFilter is.
+struct ModelVehicle {
+  const MotionModel& model;
+  MotionModel::State& state;
+
+  void advance(const Twist& twist, double dt_s) { model.advance(state, twist, dt_s); }
+  bool stands() const { return state.rim.left_mps == 0.0 && state.rim.right_mps == 0.0; }
+};
+
 }  // namespace
 
 PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
@@ -46,7 +55,11 @@ PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const Actuato
       step_(std::chrono::microseconds{std::llround(controller.plan_step_ms * 1e3)}),
       steps_(static_cast<std::size_t>(
           std::max(1.0, std::round(controller.horizon_s / to_seconds(step_))))),
-      silence_(step_ * static_cast<std::int64_t>(steps_) / 2) {}
+      silence_(step_ * static_cast<std::int64_t>(steps_) / 2) {
+  if (controller.estimator == ControllerSettings::Estimator::ekf) {
+    filter_.emplace(controller.ekf, controller.adapt, model_, start_pose_);
+  }
+}
 
 void PredictiveLaw::on_pose(const SeenPose& seen) {
   delay_.add(seen.arrival - seen.stamp);
@@ -58,8 +71,28 @@ void PredictiveLaw::on_pose(const SeenPose& seen) {
     }
   }
   any_pose_ = true;
-  if (seen.follows_other || (seen.plan_id && find(*seen.plan_id) == nullptr)) ++unknown_;
+  if (is_unknown(seen)) ++unknown_;
+  if (filter_) estimate(seen);
   while (!sent_.empty() && sent_.front().plan.end() + kRunOut < seen.stamp) sent_.pop_front();
+}
+
+bool PredictiveLaw::is_unknown(const SeenPose& seen) const {
+  return seen.follows_other || (seen.plan_id && find(*seen.plan_id) == nullptr);
+}
+
+/// Moves the filter to a pose, along the plans that the vehicle followed by what the pose says.
+void PredictiveLaw::estimate(const SeenPose& seen) {
+  Instant at = estimated_at_.value_or(std::min(seen.stamp, kStart));
+  estimated_at_ = seen.stamp;
+  if (is_unknown(seen)) {
+    filter_->restart(seen.pose, rim_on_path(seen.stamp));
+    return;
+  }
+  const std::int64_t none =
+      seen.stamp >= kStart ? Plan::kBasedOnNone : preloaded_.value_or(Plan::kBasedOnNone);
+  follow_until(seen.plan_id.value_or(none), at, seen.stamp, *filter_);
+  filter_->update(seen.pose);
+  model_ = filter_->model();
 }
 
 std::optional<Plan> PredictiveLaw::preload() {
@@ -102,7 +135,8 @@ void PredictiveLaw::extend(Prediction& p, Instant start) {
   if (!any) return;
   Instant at = since->takes_over;
   p.state = since->state;
-  follow(&since->plan, at, start, p.state);
+  ModelVehicle vehicle{model_, p.state};
+  follow(&since->plan, at, start, vehicle);
   p.follows = since->plan.name.id;
 }
 
@@ -123,18 +157,19 @@ Instant PredictiveLaw::start_of_next(Instant now) const {
 PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant until) const {
   Instant at = kStart;
   Prediction p = start_of_prediction(newest, at);
+  ModelVehicle vehicle{model_, p.state};
   if (form_ == Form::plain) {
     const std::int64_t known = p.follows;
     for (const Sent& sent : sent_) {
       if (sent.plan.name.id <= known || sent.takes_over <= at || sent.takes_over >= until) continue;
-      follow_until(p.follows, at, sent.takes_over, p.state);
+      follow_until(p.follows, at, sent.takes_over, vehicle);
       p.follows = sent.plan.name.id;
     }
   } else if (const Sent* late = late_first(p, at, until)) {
-    follow_until(p.follows, at, late->takes_over, p.state);
+    follow_until(p.follows, at, late->takes_over, vehicle);
     p.follows = late->plan.name.id;
   }
-  follow_until(p.follows, at, until, p.state);
+  follow_until(p.follows, at, until, vehicle);
   return p;
 }
 
@@ -149,14 +184,22 @@ PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* new
   p.state.pose = newest->pose;
   at = newest->stamp;
   if (newest->plan_id || at >= kStart) p.follows = newest->plan_id.value_or(Plan::kBasedOnNone);
+  if (filter_ && at == estimated_at_) {
+    p.state = filter_->state();
+    return p;
+  }
   const bool unknown = newest->follows_other || (p.follows >= 0 && find(p.follows) == nullptr);
   if (unknown) {  // it follows something unknown, most likely along the path
-    const PathPoint reference = path_->at(to_seconds(at));
-    p.state.rim = model_.rim_of({reference.v_mps, reference.omega_radps});
+    p.state.rim = rim_on_path(at);
   } else if (const Sent* sent = followed_at(p.follows, at)) {
     p.state.rim = rim_at(*sent, at);
   }
   return p;
+}
+
+WheelSpeeds PredictiveLaw::rim_on_path(Instant when) const {
+  const PathPoint reference = path_->at(to_seconds(when));
+  return model_.rim_of({reference.v_mps, reference.omega_radps});
 }
 
 /// The first plan of all, if it is to be assumed that it took over, late, between `from` and
@@ -176,19 +219,21 @@ const PredictiveLaw::Sent* PredictiveLaw::followed_at(std::int64_t id, Instant w
   return sent;
 }
 
-/// Moves `state` to `until` along the plan `id` and those before it.
+/// Moves `vehicle` to `until` along the plan `id` and those before it.
+template <class Vehicle>
 void PredictiveLaw::follow_until(std::int64_t id, Instant& at, Instant until,
-                                 MotionModel::State& state) const {
+                                 Vehicle& vehicle) const {
   const Sent* last = find(id);
   if (last != nullptr && last->takes_over > at) {
-    follow_until(last->follows, at, std::min(until, last->takes_over), state);
+    follow_until(last->follows, at, std::min(until, last->takes_over), vehicle);
   }
-  follow(last == nullptr ? nullptr : &last->plan, at, until, state);
+  follow(last == nullptr ? nullptr : &last->plan, at, until, vehicle);
 }
 
-/// Moves `state` along a plan from its start on; without one, and behind its end, to a standstill.
-void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
-                           MotionModel::State& state) const {
+/// Moves `vehicle` along a plan from its start on; without one, and behind its end, to a
+/// standstill.
+template <class Vehicle>
+void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until, Vehicle& vehicle) const {
   while (at < until) {
     Instant end = std::min(until, at + step_);
     Twist twist;
@@ -197,10 +242,10 @@ void PredictiveLaw::follow(const Plan* plan, Instant& at, Instant until,
       end = std::min(until, plan->start + ((at - plan->start) / step_ + 1) * step_);
     } else if (plan != nullptr && at < plan->end() + kRunOut) {
       twist = ramp_to_stop(plan->twists.back(), at - plan->end() + (end - at) / 2, run_out_);
-    } else if (state.rim.left_mps == 0.0 && state.rim.right_mps == 0.0) {
+    } else if (vehicle.stands()) {
       end = until;  // it stands
     }
-    model_.advance(state, twist, to_seconds(end - at));
+    vehicle.advance(twist, to_seconds(end - at));
     at = end;
   }
 }
@@ -217,7 +262,8 @@ WheelSpeeds PredictiveLaw::rim_at(const Sent& sent, Instant when) const {
     state.rim = model_.rim_of(plan.twists[last]);
     at = plan.start + plan.step * static_cast<std::int64_t>(last + 1);
   }
-  follow(&plan, at, when, state);
+  ModelVehicle vehicle{model_, state};
+  follow(&plan, at, when, vehicle);
   return state.rim;
 }
 
@@ -250,7 +296,8 @@ Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
     reference.v_mps = 0.5 * (here.v_mps + next.v_mps);
     reference.omega_radps = 0.5 * (here.omega_radps + next.omega_radps);
     const Twist wish = feedback_.command(state.pose, reference);
-    const Twist twist = model_.reachable(state.rim, wish, step_s);
+    const Twist twist =
+        model_.command_for(state, model_.reachable(state.rim, wish, step_s), step_s);
     plan.twists.push_back(twist);
     model_.advance(state, twist, step_s);
     here = next;
@@ -274,6 +321,7 @@ Plan& PredictiveLaw::remember(Instant now, Plan plan, const Prediction& predicte
 void PredictiveLaw::list_counters(CounterList& out) const {
   out.emplace_back("plan.made", next_id_);
   out.emplace_back("plan.followed_unknown", unknown_);
+  if (filter_) filter_->list_counters(out);
 }
 
 namespace {

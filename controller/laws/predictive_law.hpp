@@ -7,6 +7,7 @@
 
 #include "common/vehicle/motion_model.hpp"
 #include "common/vehicle/stop_ramp.hpp"
+#include "controller/estimation/pose_filter.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/network_estimate.hpp"
 #include "controller/laws/tracking_feedback.hpp"
@@ -43,6 +44,11 @@ namespace tether {
 /// are the next: as long as plans get through within half a horizon, the vehicle goes on without
 /// poses, open loop; controller.pose_timeout_s bounds that. If X is left out, every other plan is
 /// an ordinary one, for a vehicle that has received nothing since.
+///
+/// With an estimator (controller.estimator) the newest pose is not taken for the truth: PoseFilter
+/// moves along the plans that the vehicle followed from pose to pose, each of which names the last
+/// of them. Predictions start from its estimate, on its estimate of the drive, and plans hold the
+/// commands by which such a drive does what they mean.
 ///
 /// Before the first pose the delay is not known, and plans begin when they are sent. If the delay
 /// turns out to be longer, the first plan took over late, in its middle, while the vehicle was
@@ -88,8 +94,13 @@ class PredictiveLaw final : public Law {
   void extend(Prediction& p, Instant start);
   const Sent* late_first(const Prediction& p, Instant from, Instant until) const;
   const Sent* followed_at(std::int64_t id, Instant when) const;
-  void follow_until(std::int64_t id, Instant& at, Instant until, MotionModel::State& state) const;
-  void follow(const Plan* plan, Instant& at, Instant until, MotionModel::State& state) const;
+  void estimate(const SeenPose& seen);
+  bool is_unknown(const SeenPose& seen) const;
+  template <class Vehicle>
+  void follow_until(std::int64_t id, Instant& at, Instant until, Vehicle& vehicle) const;
+  template <class Vehicle>
+  void follow(const Plan* plan, Instant& at, Instant until, Vehicle& vehicle) const;
+  WheelSpeeds rim_on_path(Instant when) const;
   WheelSpeeds rim_at(const Sent& sent, Instant when) const;
   const Sent* find(std::int64_t id) const;
   Plan empty_plan(Instant start);
@@ -101,6 +112,8 @@ class PredictiveLaw final : public Law {
   TrackingFeedback feedback_;
   DelayEstimate delay_;
   Form form_;
+  std::optional<PoseFilter> filter_;
+  std::optional<Instant> estimated_at_;  ///< when the filter's estimate is of
   StopLimits run_out_;
   Pose2 start_pose_;
   Duration step_;

@@ -1,0 +1,257 @@
+#include "controller/estimation/pose_filter.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+namespace tether {
+namespace {
+
+constexpr int kN = static_cast<int>(PoseFilter::kStates);
+using Square = Eigen::Matrix<double, kN, kN, Eigen::RowMajor>;
+using Column = Eigen::Matrix<double, kN, 1>;
+
+enum Index { kX, kY, kYaw, kLeft, kRight, kLeftAim, kRightAim, kScale, kTurn, kLag, kBias, kSpin };
+
+Eigen::Map<Square> square(PoseFilter::Covariance& a) { return Eigen::Map<Square>(a.data()); }
+Eigen::Map<const Square> square(const PoseFilter::Covariance& a) {
+  return Eigen::Map<const Square>(a.data());
+}
+
+/// What is known of a parameter before the first pose, and how far it wanders: standard deviations,
+/// at first and after 1 s.
+struct Prior {
+  int index;
+  double at_first;
+  double wander_psqrts;
+};
+constexpr Prior kRadiusPrior{kScale, 0.03, 2e-4};
+constexpr Prior kTrackPrior{kTurn, 0.03, 2e-4};
+constexpr Prior kLagPrior{kLag, 0.08, 1e-3};
+constexpr Prior kBiasPrior{kBias, 0.01, 5e-3};
+constexpr Prior kSpinPrior{kSpin, 0.003, 2e-3};
+
+template <class Function>
+void for_adapted(const Adaptation& adapt, Function use) {
+  if (adapt.radius) use(kRadiusPrior);
+  if (adapt.track) use(kTrackPrior);
+  if (adapt.lag) use(kLagPrior);
+  if (adapt.bias) use(kBiasPrior);
+  if (adapt.bias) use(kSpinPrior);
+}
+
+double squared(double x) { return x * x; }
+
+/// Rows of one wheel: its aim and its speed after the step.
+void fill_wheel(Square& f, int rim, int aim, const MotionModel& model, double before_mps,
+                double aim_before_mps, double aim_after_mps, const Twist& command, double sign,
+                double dt_s) {
+  const DriveModel& drive = model.drive();
+  const double turn_mps = sign * 0.5 * model.limits().track_m * command.omega_radps;
+  const double target_mps = drive.rim_scale * (command.v_mps + drive.turn_scale * turn_mps);
+  const double share = dt_s / (drive.lag_s + dt_s);
+  f(aim, aim) = 1.0 - share;
+  f(aim, kScale) = share * target_mps / drive.rim_scale;
+  f(aim, kTurn) = share * drive.rim_scale * turn_mps;
+  f(aim, kLag) = -dt_s / squared(drive.lag_s + dt_s) * (target_mps - aim_before_mps);
+  const double most_mps = model.limits().max_wheel_acceleration_mps2 * dt_s;
+  const bool free = std::abs(aim_after_mps - before_mps) <= most_mps;
+  if (free) f.row(rim) = f.row(aim);  // else it is on its way, and keeps the identity's row
+}
+
+}  // namespace
+
+PoseFilter::PoseFilter(const PoseFilterSettings& settings, const Adaptation& adapt,
+                       const MotionModel& model, const Pose2& start)
+    : settings_(settings), adapt_(adapt), model_(model) {
+  state_.pose = start;
+  auto p = square(covariance_);
+  p(kX, kX) = p(kY, kY) = squared(settings_.start_m);
+  p(kYaw, kYaw) = squared(settings_.start_rad);
+  for_adapted(adapt_,
+              [&](const Prior& prior) { p(prior.index, prior.index) = squared(prior.at_first); });
+}
+
+bool PoseFilter::stands() const {
+  const auto rests = [](const WheelSpeeds& w) {
+    return std::abs(w.left_mps) < 1e-6 && std::abs(w.right_mps) < 1e-6;
+  };
+  return rests(state_.rim) && rests(state_.lagging);
+}
+
+void PoseFilter::advance(const Twist& command, double dt_s) {
+  const bool told_to_stand = command.v_mps == 0.0 && command.omega_radps == 0.0;
+  const double steps = std::ceil(dt_s / MotionModel::kShort_s - 1e-9);
+  for (double i = 0.0; i < steps; i += 1.0) {
+    if (told_to_stand && stands()) return;
+    step(command, dt_s / steps);
+  }
+}
+
+void PoseFilter::step(const Twist& command, double dt_s) {
+  const MotionModel::State before = state_;
+  model_.advance(state_, command, dt_s);
+  const Covariance jacobian = PoseFilter::jacobian(model_, before, state_, command, dt_s);
+  const auto f = square(jacobian);
+  auto p = square(covariance_);
+  const Square moved = f * p;
+  p.noalias() = moved * f.transpose();
+  p(kX, kX) += squared(settings_.position_drift_mpsqrts) * dt_s;
+  p(kY, kY) += squared(settings_.position_drift_mpsqrts) * dt_s;
+  p(kYaw, kYaw) += squared(settings_.yaw_drift_radpsqrts) * dt_s;
+  for_adapted(adapt_, [&](const Prior& prior) {
+    p(prior.index, prior.index) += squared(prior.wander_psqrts) * dt_s;
+  });
+}
+
+PoseFilter::Covariance PoseFilter::jacobian(const MotionModel& model,
+                                            const MotionModel::State& before,
+                                            const MotionModel::State& after, const Twist& command,
+                                            double dt_s) {
+  Square f = Square::Identity();
+  fill_wheel(f, kLeft, kLeftAim, model, before.rim.left_mps, before.lagging.left_mps,
+             after.lagging.left_mps, command, -1.0, dt_s);
+  fill_wheel(f, kRight, kRightAim, model, before.rim.right_mps, before.lagging.right_mps,
+             after.lagging.right_mps, command, 1.0, dt_s);
+  // Each wheel rolls by the mean of its speeds.
+  const double track_m = model.limits().track_m;
+  Column left_m = 0.5 * dt_s * f.row(kLeft).transpose();
+  Column right_m = 0.5 * dt_s * f.row(kRight).transpose();
+  left_m(kLeft) += 0.5 * dt_s;
+  right_m(kRight) += 0.5 * dt_s;
+  Column arc_m = 0.5 * (left_m + right_m);
+  Column turn_rad = (right_m - left_m) / track_m;
+  arc_m(kBias) = dt_s;
+  turn_rad(kSpin) = dt_s;
+  const double arc =
+      0.25 * dt_s *
+          (before.rim.left_mps + after.rim.left_mps + before.rim.right_mps + after.rim.right_mps) +
+      model.drive().v_bias_mps * dt_s;
+  const double yaw_rad =
+      before.pose.yaw_rad + 0.5 * wrap_angle(after.pose.yaw_rad - before.pose.yaw_rad);
+  Column heading_rad = 0.5 * turn_rad;
+  heading_rad(kYaw) += 1.0;
+  const double c = std::cos(yaw_rad), s = std::sin(yaw_rad);
+  f.row(kX) += (c * arc_m - s * arc * heading_rad).transpose();
+  f.row(kY) += (s * arc_m + c * arc * heading_rad).transpose();
+  f.row(kYaw) += turn_rad.transpose();
+  Covariance out{};
+  square(out) = f;
+  return out;
+}
+
+PoseFilter::Verdict PoseFilter::update(const Pose2& measured) {
+  const Eigen::Vector3d innovation{measured.x_m - state_.pose.x_m, measured.y_m - state_.pose.y_m,
+                                   wrap_angle(measured.yaw_rad - state_.pose.yaw_rad)};
+  auto p = square(covariance_);
+  const Eigen::Vector3d noise{squared(settings_.position_noise_m),
+                              squared(settings_.position_noise_m),
+                              squared(settings_.yaw_noise_rad)};
+  const Eigen::Matrix3d spread = p.topLeftCorner<3, 3>() + Eigen::Matrix3d(noise.asDiagonal());
+  const Eigen::LDLT<Eigen::Matrix3d> solver(spread);
+  last_nis_ = innovation.dot(solver.solve(innovation));
+  if (!(last_nis_ <= kGate)) {
+    const Pose2 gone{innovation(0), innovation(1), innovation(2)};
+    agreeing_ = agreeing_ > 0 && agrees(gone) ? agreeing_ + 1 : 1;
+    last_gated_ = gone;
+    ++gated_;
+    if (++in_a_row_ < kMostGated && agreeing_ < kAgreeing) return Verdict::gated;
+    ++resets_;
+    forget_pose(measured);
+    return Verdict::reset;
+  }
+  agreeing_ = in_a_row_ = 0;
+  ++accepted_;
+  sum_nis_ += last_nis_;
+  const Eigen::Matrix<double, kN, 3> gain =
+      solver.solve(Eigen::Matrix<double, 3, kN>(p.topRows<3>())).transpose();
+  const Column correction = gain * innovation;
+  // Joseph's form keeps it symmetric and positive.
+  Square keep = Square::Identity();
+  keep.leftCols<3>() -= gain;
+  p = (keep * p * keep.transpose() + gain * noise.asDiagonal() * gain.transpose()).eval();
+  PoseFilter::Vector now = values();
+  for (std::size_t i = 0; i < kStates; ++i) now[i] += correction(static_cast<int>(i));
+  set_values(now);
+  return Verdict::accepted;
+}
+
+void PoseFilter::restart(const Pose2& measured, const WheelSpeeds& rim) {
+  forget_pose(measured);
+  state_.rim = state_.lagging = rim;
+}
+
+void PoseFilter::forget_pose(const Pose2& measured) {
+  agreeing_ = in_a_row_ = 0;
+  state_.pose = measured;
+  auto p = square(covariance_);
+  p.topRows<3>().setZero();
+  p.leftCols<3>().setZero();
+  p(kX, kX) = p(kY, kY) = squared(settings_.position_noise_m);
+  p(kYaw, kYaw) = squared(settings_.yaw_noise_rad);
+}
+
+/// Whether two gated poses in a row see the vehicle in the same other place.
+bool PoseFilter::agrees(const Pose2& innovation) const {
+  const double dx_m = innovation.x_m - last_gated_.x_m, dy_m = innovation.y_m - last_gated_.y_m;
+  const double dyaw_rad = wrap_angle(innovation.yaw_rad - last_gated_.yaw_rad);
+  const double position = squared(settings_.position_noise_m) + covariance_[0];
+  const double yaw =
+      squared(settings_.yaw_noise_rad) + covariance_[static_cast<std::size_t>(kYaw * kN + kYaw)];
+  return (squared(dx_m) + squared(dy_m)) / (2.0 * position) + squared(dyaw_rad) / (2.0 * yaw) <=
+         kGate;
+}
+
+PoseFilter::Vector PoseFilter::values() const {
+  const DriveModel& d = model_.drive();
+  return {state_.pose.x_m,
+          state_.pose.y_m,
+          state_.pose.yaw_rad,
+          state_.rim.left_mps,
+          state_.rim.right_mps,
+          state_.lagging.left_mps,
+          state_.lagging.right_mps,
+          d.rim_scale,
+          d.turn_scale,
+          d.lag_s,
+          d.v_bias_mps,
+          d.omega_bias_radps};
+}
+
+void PoseFilter::set_values(const Vector& v) {
+  state_.pose = {v[kX], v[kY], wrap_angle(v[kYaw])};
+  state_.rim = {v[kLeft], v[kRight]};
+  state_.lagging = {v[kLeftAim], v[kRightAim]};
+  model_ =
+      MotionModel(model_.limits(),
+                  {.rim_scale = std::clamp(v[kScale], 1.0 - kMostScale, 1.0 + kMostScale),
+                   .turn_scale = std::clamp(v[kTurn], 1.0 - kMostScale, 1.0 + kMostScale),
+                   .lag_s = std::clamp(v[kLag], 0.0, kMostLag_s),
+                   .v_bias_mps = std::clamp(v[kBias], -kMostBias_mps, kMostBias_mps),
+                   .omega_bias_radps = std::clamp(v[kSpin], -kMostBias_radps, kMostBias_radps)});
+}
+
+double PoseFilter::standard_deviation(std::size_t i) const {
+  return std::sqrt(covariance_[i * kStates + i]);
+}
+
+double PoseFilter::mean_nis() const {
+  return accepted_ == 0 ? 0.0 : sum_nis_ / static_cast<double>(accepted_);
+}
+
+void PoseFilter::list_counters(CounterList& out) const {
+  out.emplace_back("ekf.accepted", accepted_);
+  out.emplace_back("ekf.gated", gated_);
+  out.emplace_back("ekf.resets", resets_);
+  out.emplace_back("ekf.nis_per_mille", std::llround(mean_nis() * 1e3));
+  const DriveModel& drive = model_.drive();
+  const auto millionths = [](double x) { return std::llround(x * 1e6); };
+  if (adapt_.radius) out.emplace_back("ekf.radius_ppm", millionths(drive.rim_scale - 1.0));
+  if (adapt_.track) out.emplace_back("ekf.track_ppm", millionths(drive.turn_scale - 1.0));
+  if (adapt_.lag) out.emplace_back("ekf.lag_us", millionths(drive.lag_s));
+  if (adapt_.bias) out.emplace_back("ekf.bias_um_per_s", millionths(drive.v_bias_mps));
+  if (adapt_.bias) out.emplace_back("ekf.bias_urad_per_s", millionths(drive.omega_bias_radps));
+}
+
+}  // namespace tether
