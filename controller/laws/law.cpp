@@ -14,7 +14,8 @@ namespace tether {
   LAW(tracking)                  \
   LAW(tracking_compensated)      \
   LAW(predictive)                \
-  LAW(predictive_consistent)
+  LAW(predictive_consistent)     \
+  LAW(mpc)
 
 #define TETHER_DECLARE(name) LawKind name##_law();
 TETHER_CONTROL_LAWS(TETHER_DECLARE)

@@ -36,10 +36,13 @@ struct ModelVehicle {
 
 }  // namespace
 
-PredictiveLaw::PredictiveLaw(const LawContext& context, Form form)
+PredictiveLaw::PredictiveLaw(const LawContext& context, Form form,
+                             std::optional<MpcPlanner> planner)
     : PredictiveLaw(context.settings.get<ControllerSettings>(),
                     context.settings.get<ActuatorSettings>(),
-                    context.settings.get<VehicleSettings>(), context, form) {}
+                    context.settings.get<VehicleSettings>(), context, form) {
+  planner_ = std::move(planner);
+}
 
 PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const ActuatorSettings& actuator,
                              const VehicleSettings& vehicle, const LawContext& context, Form form)
@@ -282,8 +285,35 @@ Plan PredictiveLaw::empty_plan(Instant start) {
   return plan;
 }
 
-/// Feedback of the errors at each step's beginning, with the path's own twist at the step's middle.
+/// Feedback of the errors at a step's beginning, with the path's own twist at the step's middle.
+Twist PredictiveLaw::wish_at(const Pose2& pose, const PathPoint& here,
+                             const PathPoint& next) const {
+  PathPoint reference = here;
+  reference.v_mps = 0.5 * (here.v_mps + next.v_mps);
+  reference.omega_radps = 0.5 * (here.omega_radps + next.omega_radps);
+  return feedback_.command(pose, reference);
+}
+
+/// What the planner makes of the roll-out; empty without one.
+std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state, Instant start) {
+  if (!planner_) return {};
+  const double step_s = to_seconds(step_), start_s = to_seconds(start);
+  const MotionModel ideal(model_.limits());
+  MotionModel::State rolled = state;
+  std::vector<Twist> guess;
+  PathPoint here = path_->at(start_s);
+  for (std::size_t i = 1; i <= std::min(steps_, planner_->steps()); ++i) {
+    const PathPoint next = path_->at(start_s + static_cast<double>(i) * step_s);
+    guess.push_back(model_.reachable(rolled.rim, wish_at(rolled.pose, here, next), step_s));
+    ideal.advance(rolled, guess.back(), step_s);
+    here = next;
+  }
+  return planner_->improve(model_, state, start_s, step_s, std::move(guess));
+}
+
+/// The planner's wishes first, if there is one, then those of the feedback.
 Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
+  const std::vector<Twist> first = optimised(state, start);
   Plan plan = empty_plan(start);
   plan.twists.reserve(steps_);
   const double step_s = to_seconds(step_);
@@ -292,10 +322,7 @@ Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
   Duration on_path{};
   for (std::size_t i = 1; i <= steps_; ++i) {
     const PathPoint next = path_->at(start_s + static_cast<double>(i) * step_s);
-    PathPoint reference = here;
-    reference.v_mps = 0.5 * (here.v_mps + next.v_mps);
-    reference.omega_radps = 0.5 * (here.omega_radps + next.omega_radps);
-    const Twist wish = feedback_.command(state.pose, reference);
+    const Twist wish = i <= first.size() ? first[i - 1] : wish_at(state.pose, here, next);
     const Twist twist =
         model_.command_for(state, model_.reachable(state.rim, wish, step_s), step_s);
     plan.twists.push_back(twist);
@@ -321,6 +348,7 @@ Plan& PredictiveLaw::remember(Instant now, Plan plan, const Prediction& predicte
 void PredictiveLaw::list_counters(CounterList& out) const {
   out.emplace_back("plan.made", next_id_);
   out.emplace_back("plan.followed_unknown", unknown_);
+  if (planner_) out.emplace_back("plan.not_improved", planner_->failures());
   if (filter_) filter_->list_counters(out);
 }
 
@@ -342,6 +370,18 @@ LawKind predictive_law() { return kind<PredictiveLaw::Form::plain>("predictive")
 
 LawKind predictive_consistent_law() {
   return kind<PredictiveLaw::Form::consistent>("predictive_consistent");
+}
+
+LawKind mpc_law() {
+  LawKind kind = tether::kind<PredictiveLaw::Form::consistent>("mpc");
+  kind.keys.emplace_back("mpc.");
+  kind.own_keys = MpcSettings::keys();
+  kind.make = [](const LawContext& context) -> std::unique_ptr<Law> {
+    const auto& settings = context.settings.get<ControllerSettings>().own.get<MpcSettings>();
+    return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::consistent,
+                                           MpcPlanner(settings, context.path));
+  };
+  return kind;
 }
 
 }  // namespace tether

@@ -4,11 +4,13 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "common/vehicle/motion_model.hpp"
 #include "common/vehicle/stop_ramp.hpp"
 #include "controller/estimation/pose_filter.hpp"
 #include "controller/laws/law.hpp"
+#include "controller/laws/mpc_planner.hpp"
 #include "controller/laws/network_estimate.hpp"
 #include "controller/laws/tracking_feedback.hpp"
 
@@ -58,7 +60,9 @@ class PredictiveLaw final : public Law {
  public:
   enum class Form { plain, consistent };
 
-  PredictiveLaw(const LawContext& context, Form form);
+  /// With a planner: the first steps of its plans are not only rolled out, but optimised.
+  PredictiveLaw(const LawContext& context, Form form,
+                std::optional<MpcPlanner> planner = std::nullopt);
 
   void on_pose(const SeenPose& seen) override;
   LawOutput decide(Instant now, const SeenPose* newest) override;
@@ -104,12 +108,15 @@ class PredictiveLaw final : public Law {
   WheelSpeeds rim_at(const Sent& sent, Instant when) const;
   const Sent* find(std::int64_t id) const;
   Plan empty_plan(Instant start);
+  std::vector<Twist> optimised(const MotionModel::State& state, Instant start);
+  Twist wish_at(const Pose2& pose, const PathPoint& here, const PathPoint& next) const;
   Plan roll_out(MotionModel::State state, Instant start);
   Plan& remember(Instant now, Plan plan, const Prediction& predicted);
 
   std::shared_ptr<const ReferencePath> path_;
   MotionModel model_;
   TrackingFeedback feedback_;
+  std::optional<MpcPlanner> planner_;
   DelayEstimate delay_;
   Form form_;
   std::optional<PoseFilter> filter_;
