@@ -57,6 +57,8 @@ class OdeWorld {
   dBodyID chassis() const { return bodies_[kChassis]; }
   /// The axle's midpoint in the chassis body's frame, whose origin is its centre of mass.
   const std::array<double, 3>& axle_in_chassis_m() const { return axle_in_chassis_m_; }
+  /// With brush tyres, the normal forces [N] on the left and the right one in the last step.
+  std::array<double, 2> pressing() const { return pressing_N_; }
   /// Whether anything touched a wall in the last step.
   bool wall_contact() const { return wall_contact_; }
   /// Steps so far that were solved with all limits, and how many of them only at the second try.
@@ -136,8 +138,8 @@ class OdeWorld {
   std::array<std::array<double, 3>, 8> corners_m_{};  ///< of the box; i and i + 4: one upright edge
 
   TyrePoint tyres_[2] = {};
-  std::vector<BrushTyre> brushes_;  ///< left and right; empty: tyres are rigid
-  double pressing_N_[2] = {};       ///< on brushes, in the last step in which they touched
+  std::vector<BrushTyre> brushes_;      ///< left and right; empty: tyres are rigid
+  std::array<double, 2> pressing_N_{};  ///< on brushes, in the last step in which they touched
   WheelLoads loads_;
   bool loaded_ = false;
   BodyState saved_[3];

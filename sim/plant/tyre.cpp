@@ -14,7 +14,7 @@ double norm(const BrushTyre::Vector& v) { return std::hypot(v[0], v[1]); }
 
 }  // namespace
 
-double BrushTyre::force_N(const Config& config, double slip, double pressing_N) {
+double BrushTyre::steady_force(const Config& config, double slip, double pressing_N) {
   if (config.friction <= 0.0 || pressing_N <= 0.0) return 0.0;
   const double x = std::min(1.0, std::abs(slip) / sliding_slip(config));
   return config.friction * pressing_N * x * (3.0 - x * (3.0 - x));
@@ -33,7 +33,7 @@ BrushTyre::Row BrushTyre::prepare(const Vector& slip_mps, double rolling_mps, do
   }
   // At no stretch the secant is the tangent; a tenth of a per mille of sliding is close enough.
   const double slip = std::max(norm(stretch) / config_.relaxation_m, 1e-4 * sliding_slip(config_));
-  const double force = force_N(config_, slip, pressing_N);
+  const double force = steady_force(config_, slip, pressing_N);
   stiffness_Npm_ = force > 0.0 ? force / (slip * config_.relaxation_m) : 0.0;
   Row row;
   if (stiffness_Npm_ == 0.0) return row;

@@ -57,8 +57,8 @@ class BrushTyre {
   /// The tyre is in the air.
   void lift() { *this = BrushTyre(config_); }
 
-  /// Size of the force in steady slip, F(σ).
-  static double force_N(const Config& config, double slip, double pressing_N);
+  /// Size of the force in steady slip, F(σ), in newtons.
+  static double steady_force(const Config& config, double slip, double pressing_N);
   /// The slip from which on all bristles slide, 1/θ.
   static double sliding_slip(const Config& config) {
     return 3.0 * config.friction / config.stiffness;

@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/vehicle/grip.hpp"
 #include "sim/plant/ode_vehicle.hpp"
+#include "sim/plant/ode_world.hpp"
 #include "sim/plant/tyre.hpp"
 #include "tests/sim/plant/plant_rig.hpp"
 
@@ -181,13 +183,34 @@ Circle drive_circle(const VehicleConfig& config, double friction, const Twist& t
 Circle find_onset(const VehicleConfig& config, double friction, double omega_radps, double slip) {
   double low = 0.7 * friction * kGravity / 2.0, high = 1.2 * friction * kGravity;
   Circle at_low;
-  for (int i = 0; i < 7; ++i) {
+  for (int i = 0; i < 6; ++i) {
     const double middle = 0.5 * (low + high);
     const Circle c = drive_circle(config, friction, {middle / omega_radps, omega_radps});
     (c.sideways > slip ? high : low) = middle;
     if (c.sideways <= slip) at_low = c;
   }
   return at_low;
+}
+
+TEST(Slip, TheFloorPressesTheTyresAsTheBalancesSay) {
+  for (VehicleConfig config : {unlimited(toy()), unlimited(heavy())}) {
+    config.tyre_stiffness = 1000.0;  // next to no slip
+    config.payload_kg += 0.3;
+    config.payload_y_m = 0.1;
+    for (const double omega : {2.0, -1.0}) {
+      OdeWorld world(config, kOpenFloor, kStep_s);
+      for (int i = 0; i < 4000; ++i) {
+        const double share = std::min(1.0, i / 2000.0);
+        world.step(to_wheel_speeds({1.6 * share, omega * share}, config.track_m));
+      }
+      const TyreLoads expected = tyre_loads(config, kGravity, {1.6, omega, 0.0});
+      for (const int side : {0, 1}) {
+        EXPECT_NEAR(world.pressing()[side], expected.pressing_N[side],
+                    0.005 * expected.pressing_N[side])
+            << omega;
+      }
+    }
+  }
 }
 
 TEST(Slip, RigidTyresLetGoAtTheFrictionOfTheAxlesLoad) {

@@ -27,13 +27,13 @@ BrushTyre::Vector drag(BrushTyre& tyre, const BrushTyre::Vector& slip_mps, doubl
 
 TEST(BrushTyre, ForceBeginsWithTheStiffnessAndEndsAtTheFriction) {
   const double tiny = 1e-6;
-  EXPECT_NEAR(BrushTyre::force_N(kTyre, tiny, kPressing_N) / tiny, 20.0 * kPressing_N, 1.0);
+  EXPECT_NEAR(BrushTyre::steady_force(kTyre, tiny, kPressing_N) / tiny, 20.0 * kPressing_N, 1.0);
   const double sliding = BrushTyre::sliding_slip(kTyre);
   EXPECT_DOUBLE_EQ(sliding, 3.0 * 0.6 / 20.0);
-  EXPECT_DOUBLE_EQ(BrushTyre::force_N(kTyre, sliding, kPressing_N), 0.6 * kPressing_N);
-  EXPECT_DOUBLE_EQ(BrushTyre::force_N(kTyre, 10.0, kPressing_N), 0.6 * kPressing_N);
+  EXPECT_DOUBLE_EQ(BrushTyre::steady_force(kTyre, sliding, kPressing_N), 0.6 * kPressing_N);
+  EXPECT_DOUBLE_EQ(BrushTyre::steady_force(kTyre, 10.0, kPressing_N), 0.6 * kPressing_N);
   // Half way to sliding: 1 - (1 - 1/2)³ of the friction.
-  EXPECT_DOUBLE_EQ(BrushTyre::force_N(kTyre, 0.5 * sliding, kPressing_N),
+  EXPECT_DOUBLE_EQ(BrushTyre::steady_force(kTyre, 0.5 * sliding, kPressing_N),
                    0.875 * 0.6 * kPressing_N);
 }
 
@@ -45,7 +45,7 @@ TEST(BrushTyre, RollingSteadilyFollowsTheSlipCurve) {
       // Ten relaxation lengths.
       const BrushTyre::Vector f =
           drag(tyre, {slip_mps, 0.0}, rolling_mps, 0.2 / std::abs(rolling_mps) + 0.1);
-      const double expected_N = BrushTyre::force_N(kTyre, slip, kPressing_N);
+      const double expected_N = BrushTyre::steady_force(kTyre, slip, kPressing_N);
       // A tyre that slides is limited only as precisely as a step's slip is of the stretch.
       EXPECT_NEAR(-f[0], expected_N, 0.002 * expected_N) << slip << " at " << rolling_mps;
       EXPECT_EQ(f[1], 0.0);
@@ -69,7 +69,7 @@ TEST(BrushTyre, AtRestItIsASpringThatHolds) {
   const BrushTyre::Vector f = drag(tyre, {0.0, 0.0}, 0.0, 10.0);
   EXPECT_NEAR(tyre.deflection_m()[0], 1e-3, 2e-5);
   const double slip = tyre.deflection_m()[0] / kTyre.relaxation_m;
-  EXPECT_NEAR(-f[0], BrushTyre::force_N(kTyre, slip, kPressing_N), 1e-3);
+  EXPECT_NEAR(-f[0], BrushTyre::steady_force(kTyre, slip, kPressing_N), 1e-3);
 }
 
 TEST(BrushTyre, ForceBuildsUpOverTheRelaxationLength) {
@@ -78,7 +78,7 @@ TEST(BrushTyre, ForceBuildsUpOverTheRelaxationLength) {
   // One relaxation length: 1 - 1/e of a small force. The loss adds the rate, 5 ms of 40 ms.
   const BrushTyre::Vector f =
       drag(tyre, {1e-5, 0.0}, rolling_mps, kTyre.relaxation_m / rolling_mps, 1e-5);
-  const double share = -f[0] / BrushTyre::force_N(kTyre, 2e-5, kPressing_N);
+  const double share = -f[0] / BrushTyre::steady_force(kTyre, 2e-5, kPressing_N);
   EXPECT_NEAR(share, 1.0 - std::exp(-1.0) * (1.0 - 5e-3 / 40e-3), 0.002);
 }
 
