@@ -82,12 +82,13 @@ struct TyreLoads {
 ///
 ///   forces   F_xl + F_xr = m (dv/dt − ω²d),   F_y = m (v ω − ω²e)
 ///   yaw      (F_xr − F_xl) track/2 = m d v ω − m e dv/dt
-///   pitch    N L = m g (L − d) + m h dv/dt − ω² S_x,   N = N_l + N_r
-///   roll     (N_l − N_r) track/2 = m g e − m h v ω + ω² S_y − m_w r v ω
+///   pitch    N L = m g (L − d) + (m h + m_w r) dv/dt − ω² S_x,   N = N_l + N_r
+///   roll     (N_l − N_r) track/2 = m g e − (m h + m_w r) v ω + ω² S_y
 ///
 /// The mass at x has the acceleration dv/dt − ω²x forward and v ω to the left, and these act at its
-/// height; the last term turns the wheels' spin (each ½ m_w r² v/r) round with the vehicle. Any
-/// text on rigid bodies has these balances. A test compares them with ODE's forces.
+/// height. The terms with m_w are of the wheels' spin, ½ m_w r² v/r each: of what it takes to
+/// change it, and to turn it round with the vehicle. Any text on rigid bodies has these balances. A
+/// test compares them with ODE's forces.
 inline TyreLoads tyre_loads(const VehicleConfig& v, double gravity_mps2, const GripDemand& demand) {
   const VehicleWeight w = vehicle_weight(v);
   const double m = w.mass_kg;
@@ -97,12 +98,13 @@ inline TyreLoads tyre_loads(const VehicleConfig& v, double gravity_mps2, const G
   const double lever_m = v.caster_x_m - v.axle_x_m;
   const double along_N = m * (a - omega2 * w.ahead_m);
   const double apart_N = 2.0 * m * (w.ahead_m * turn - w.left_m * a) / v.track_m;
-  const double axle_N = lever_m == 0.0 ? m * gravity_mps2
-                                       : (m * gravity_mps2 * (lever_m - w.ahead_m) +
-                                          m * w.height_m * a - omega2 * w.ahead_height_kgm2) /
-                                             lever_m;
-  const double roll_Nm = m * gravity_mps2 * w.left_m - m * w.height_m * turn +
-                         omega2 * w.left_height_kgm2 - v.wheel_mass_kg * v.wheel_radius_m * turn;
+  const double spin_kgm = v.wheel_mass_kg * v.wheel_radius_m;
+  const double height_kgm = m * w.height_m + spin_kgm;
+  const double pitch_Nm =
+      m * gravity_mps2 * (lever_m - w.ahead_m) + height_kgm * a - omega2 * w.ahead_height_kgm2;
+  const double axle_N = lever_m == 0.0 ? m * gravity_mps2 : pitch_Nm / lever_m;
+  const double roll_Nm =
+      m * gravity_mps2 * w.left_m - height_kgm * turn + omega2 * w.left_height_kgm2;
   const double shift_N = 2.0 * roll_Nm / v.track_m;
   return {.across_N = m * (turn - omega2 * w.left_m),
           .along_N = {0.5 * (along_N - apart_N), 0.5 * (along_N + apart_N)},

@@ -80,9 +80,9 @@ TEST(Grip, IsTheSameToBothSidesAndLessOnTheLoadedOne) {
 }
 
 TEST(Grip, AVehicleThatLiftsOffNeedsMoreThanFriction) {
-  // The nose: m g d = m a h at 9.81 * 0.27 / 0.384 m/s².
-  EXPECT_LT(needed_friction(brush(), kGravity, {1.0, 0.0, 6.8}), 1.0);
-  EXPECT_EQ(needed_friction(brush(), kGravity, {1.0, 0.0, 7.0}),
+  // The nose: m g d = (m h + m_w r) a, at 5.28 m/s².
+  EXPECT_LT(needed_friction(brush(), kGravity, {1.0, 0.0, 5.2}), 1.0);
+  EXPECT_EQ(needed_friction(brush(), kGravity, {1.0, 0.0, 5.4}),
             std::numeric_limits<double>::infinity());
   EXPECT_EQ(needed_friction({}, kGravity, {20.0, 1.0, 0.0}),
             std::numeric_limits<double>::infinity());
