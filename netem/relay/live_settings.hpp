@@ -30,6 +30,9 @@ class LiveSettings {
   LiveSettings(const LiveSettings&) = delete;
   LiveSettings& operator=(const LiveSettings&) = delete;
 
+  /// With the channel's settings as they are now.
+  const NetemSettings& in_force() const { return control_.in_force(); }
+
   /// "settings.applied" and so on; only those that happened.
   void list_counters(CounterList& out) const { requests_.list_counters(out); }
 

@@ -34,7 +34,7 @@ NetemNode::NetemNode(const NetemSettings& settings, const ChannelModels& models,
       wants_position_(links.uplink.process().wants_position() ||
                       links.downlink.process().wants_position()),
       channels_(settings.get<VehicleSettings>().name),
-      vehicle_senders_(loop, vehicle_bus, {channels_.vehicle_pose}),
+      vehicle_senders_(loop, vehicle_bus, {channels_.vehicle_pose, channels_.vehicle_odometry}),
       control_senders_(
           loop, control_bus,
           {channels_.control_command, channels_.control_plan, channels_.control_preload}),
@@ -47,12 +47,20 @@ NetemNode::NetemNode(const NetemSettings& settings, const ChannelModels& models,
       downlink_("downlink", std::move(links.downlink), loop,
                 from_seconds(settings.get<RunSettings>().report_period_s), publish_on(vehicle_bus),
                 report_on(channels_.downlink_report)),
+      odometry_(settings, "odometry", "uplink", uplink_.link(), loop, publish_on(control_bus)),
       settings_(settings, models, kVehicleLinks, {&uplink_, &downlink_}, loop,
-                {&vehicle_bus, &control_bus}, [this] { wants_position_ = wants_position(); }) {
+                {&vehicle_bus, &control_bus}, [this] {
+                  wants_position_ = wants_position();
+                  odometry_.renew(settings_.in_force());
+                }) {
   watch_position();
   connect(vehicle_bus, channels_.vehicle_pose, uplink_, channels_.control_pose);
   connect(control_bus, channels_.control_command, downlink_, channels_.vehicle_command);
   connect(control_bus, channels_.control_plan, downlink_, channels_.vehicle_plan);
+  vehicle_bus.subscribe(channels_.vehicle_odometry, kDeepQueue, [this](const Message& message) {
+    if (refuses(message)) return;
+    odometry_.take({channels_.control_odometry, {message.bytes.begin(), message.bytes.end()}});
+  });
   control_bus.subscribe(channels_.control_preload, kDeepQueue, [this](const Message& message) {
     if (refuses(message)) return;
     ++preloads_;
@@ -114,6 +122,7 @@ void NetemNode::finish() {
 void NetemNode::list_counters(CounterList& out) const {
   uplink_.list_counters(out);
   downlink_.list_counters(out);
+  odometry_.list_counters(out);
   if (wants_position_) out.emplace_back("undecodable_positions", undecodable_positions_);
   if (preloads_ > 0) out.emplace_back("preloads", preloads_);
   vehicle_senders_.list(out);

@@ -10,6 +10,7 @@
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
 #include "common/scenario/scenario.hpp"
+#include "netem/relay/companion_link.hpp"
 #include "netem/relay/live_settings.hpp"
 #include "netem/relay/make_links.hpp"
 #include "netem/relay/running_link.hpp"
@@ -17,7 +18,9 @@
 namespace tether {
 
 /// The relay between the two sides of the network: AGV/POSE → uplink → CTRL/POSE, and
-/// CTRL/CMD_VEL → downlink → AGV/CMD_VEL and CTRL/PLAN → downlink → AGV/PLAN, as raw bytes. What is
+/// CTRL/CMD_VEL → downlink → AGV/CMD_VEL and CTRL/PLAN → downlink → AGV/PLAN, as raw bytes.
+/// AGV/ODOMETRY → CTRL/ODOMETRY goes beside the poses (CompanionLink) and changes nothing for them;
+/// reports are about poses alone. What is
 /// handed over before departure, CTRL/PRELOAD → AGV/PRELOAD, passes by the links. Reports on
 /// NET/UPLINK and NET/DOWNLINK every run.report_period_s and at each change of a channel's state or
 /// settings. While several programs send on one of these channels at the same time it relays none
@@ -65,6 +68,7 @@ class NetemNode final : public Node {
   CounterReporter counters_;
   RunningLink uplink_;
   RunningLink downlink_;
+  CompanionLink odometry_;
   LiveSettings settings_;
 };
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <tether/clock_t.hpp>
 #include <tether/ground_truth_t.hpp>
+#include <tether/odometry_t.hpp>
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
 #include <utility>
@@ -35,6 +36,9 @@ constexpr Duration kKinematicBatch = std::chrono::milliseconds{20};
 /// With the kinematic plant the error is measured only this often, because computing the reference
 /// costs more than a step. ε is then off by less than 1 µm (docs/physics.md).
 constexpr Duration kKinematicMetrics = std::chrono::milliseconds{10};
+
+/// How often the vehicle reads its encoders, whatever rate its odometry is sent at.
+constexpr Duration kEncoderPeriod = std::chrono::milliseconds{10};
 
 bool is_kinematic(const SimSettings& settings) {
   return settings.get<VehicleSettings>().plant == VehicleSettings::Plant::kinematic;
@@ -107,6 +111,10 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
   const Duration pose_period = from_seconds(1.0 / settings.get<SensorSettings>().rate_hz);
   loop.every(first_tick(lead, pose_period), pose_period, Priority::node,
              [this](Instant now) { sample_pose(now); });
+  if (settings.get<SensorSettings>().odometry_rate_hz > 0.0) {
+    odometry_.emplace(settings.get<VehicleSettings>());
+    start_odometry(settings.get<SensorSettings>().odometry_rate_hz, lead);
+  }
   loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
              [this](Instant now) { publish_clock(now); });
   loop.every(kStart, from_seconds(1.0 / settings.get<RunSettings>().truth_rate_hz),
@@ -170,6 +178,7 @@ void SimNode::step(Instant now) {
   vehicle_->set_wheel_targets(wheel_targets(from));
   vehicle_->step();
   world_time_ = now;
+  if (odometry_ && (now - kStart) % kEncoderPeriod == Duration{0}) read_encoders();
   if (now <= end_) measure(now);
 }
 
@@ -213,6 +222,41 @@ void SimNode::sample_pose(Instant now) {
     loop_.at(now + sensor_latency_, Priority::node,
              [this, message](Instant) { publish(bus_, channels_.vehicle_pose, message); });
   }
+}
+
+void SimNode::start_odometry(double rate_hz, Duration lead) {
+  const Duration period = from_seconds(1.0 / rate_hz);
+  loop_.every(first_tick(lead, period), period, Priority::node,
+              [this](Instant now) { publish_odometry(now); });
+}
+
+void SimNode::read_encoders() {
+  const VehicleState s = vehicle_->state();
+  odometry_->update(s.left_wheel_angle_rad, s.right_wheel_angle_rad);
+}
+
+void SimNode::publish_odometry(Instant now) {
+  if (now > end_) return;
+  advance(now);
+  read_encoders();
+  const DeadReckoning& s = odometry_->state();
+  const Twist twist = odometry_->twist(vehicle_->state().rim_speeds);
+  odometry_t message{};
+  message.utime = to_utime(std::min(world_time_, now) + clock_offset_);
+  message.seq = odometry_seq_++;
+  message.x_m = s.pose.x_m;
+  message.y_m = s.pose.y_m;
+  message.yaw_rad = s.pose.yaw_rad;
+  message.v_mps = twist.v_mps;
+  message.omega_radps = twist.omega_radps;
+  message.distance_m = s.distance_m;
+  message.cov_x_x_m2 = s.covariance.x_x;
+  message.cov_x_y_m2 = s.covariance.x_y;
+  message.cov_x_yaw_m_rad = s.covariance.x_yaw;
+  message.cov_y_y_m2 = s.covariance.y_y;
+  message.cov_y_yaw_m_rad = s.covariance.y_yaw;
+  message.cov_yaw_yaw_rad2 = s.covariance.yaw_yaw;
+  publish(bus_, channels_.vehicle_odometry, message);
 }
 
 void SimNode::publish_clock(Instant now) {

@@ -27,6 +27,7 @@
 #include "sim/plant/plant.hpp"
 #include "sim/sensor/pose_sensor.hpp"
 #include "sim/sensor/sensor_settings.hpp"
+#include "sim/sensor/wheel_odometry.hpp"
 
 namespace tether {
 
@@ -34,8 +35,9 @@ namespace tether {
 using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, SensorSettings,
                              PathSettings, ActuatorSettings>;
 
-/// The vehicle side: physics in steps of world.step_ms, AGV/POSE out, AGV/CMD_VEL, AGV/PLAN and
-/// AGV/PRELOAD in, the truth on SIM/TRUTH and the run's clock on SIM/CLOCK.
+/// The vehicle side: physics in steps of world.step_ms, AGV/POSE and, with sensor.odometry_rate_hz,
+/// AGV/ODOMETRY out, AGV/CMD_VEL, AGV/PLAN and AGV/PRELOAD in, the truth on SIM/TRUTH and the run's
+/// clock on SIM/CLOCK.
 ///
 /// Each step [t, t + step) uses the twist in force at t. A command therefore acts from the first
 /// step that starts at or after its arrival. Commands that are undecodable, non-finite (or beyond
@@ -76,6 +78,9 @@ class SimNode final : public Node {
   void measure(Instant now);
   WheelSpeeds wheel_targets(Instant from);
   void sample_pose(Instant now);
+  void start_odometry(double rate_hz, Duration lead);
+  void read_encoders();
+  void publish_odometry(Instant now);
   void publish_clock(Instant now);
   void publish_truth();
   Position reference() const;
@@ -101,6 +106,8 @@ class SimNode final : public Node {
   std::optional<WheelCoupling> drives_;  ///< with drives on CAN, instead of the actuator
   std::optional<PlanWatch> plan_watch_;  ///< with drives that follow plans
   PoseSensor sensor_;
+  std::optional<WheelOdometry> odometry_;  ///< if it is sent
+  std::int64_t odometry_seq_ = 0;
   Metrics metrics_;
   StreamGuard guard_;
 

@@ -69,6 +69,8 @@ ScenarioSection sensor_section() {
   add_noise(t);
   add_events(t);
   t.number("latency_ms", &Sensor::latency_ms, {0.0, 1e6, false}, "from measurement to publication");
+  t.number("odometry_rate_hz", &Sensor::odometry_rate_hz, {0.0, 1000.0, false},
+           "the wheels' odometry, sent to the controller, per second; 0 = none");
   ScenarioSection section{.defaults = Sensor{}, .keys = t.take()};
   section.left_out = left_out;
   section.check = check;

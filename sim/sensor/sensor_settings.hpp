@@ -23,8 +23,9 @@ struct SensorSettings {
   double jump_s = 0.0;    ///< until it is right again; 0: until the next jump
   // No poses for a while (dropouts.hpp).
   double dropouts_per_min = 0.0;
-  double dropout_s = 1.0;   ///< mean duration
-  double latency_ms = 0.0;  ///< from measurement to publication
+  double dropout_s = 1.0;         ///< mean duration
+  double latency_ms = 0.0;        ///< from measurement to publication
+  double odometry_rate_hz = 0.0;  ///< 0: none (wheel_odometry.hpp)
 };
 
 ScenarioSection sensor_section();

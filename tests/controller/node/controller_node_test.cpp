@@ -67,6 +67,28 @@ TEST_F(ControllerNodeTest, TimerTriggerSendsZeroTwistsBeforeTheFirstPose) {
   }
 }
 
+TEST_F(ControllerNodeTest, OdometryIsCheckedAsPosesAreAndTriggersNothing) {
+  start();
+  const auto odometry = [](double t_s, std::int64_t seq, double x_m = 0.0) {
+    odometry_t m{};
+    m.utime = to_utime(at_s(t_s));
+    m.seq = seq;
+    m.x_m = x_m;
+    return m;
+  };
+  world.publish_at(at_s(1), "CTRL/ODOMETRY", odometry(0.9, 0));
+  world.publish_at(at_s(2), "CTRL/ODOMETRY", odometry(1.9, 1, kNaN));
+  world.publish_at(at_s(3), "CTRL/ODOMETRY", odometry(0.9, 0));
+  world.publish_bytes_at(at_s(3), "CTRL/ODOMETRY", {1, 2, 3});
+  world.publish_at(at_s(4), "CTRL/ODOMETRY", odometry(3.9, 2));
+  world.loop.run_until(at_s(5));
+  EXPECT_TRUE(commands.empty());
+  EXPECT_EQ(count("odometry.accepted"), 2);
+  EXPECT_EQ(count("odometry.non_finite"), 1);
+  EXPECT_EQ(count("odometry.duplicated"), 1);
+  EXPECT_EQ(count("odometry.undecodable"), 1);
+}
+
 TEST_F(ControllerNodeTest, EventTriggerAnswersEachPoseAtOnce) {
   scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
