@@ -220,7 +220,27 @@ TEST_F(ExperimentFiguresTest, AComparisonNamesEachLineBesideItsEnd) {
     EXPECT_TRUE(shows("laws", name)) << name;
   }
   EXPECT_TRUE(shows("laws", "n = 2–20 seeds a point; lines: means"));
-  EXPECT_TRUE(has_row("laws", "4,1,0.03,0.03,0.03,2,0,the floor,ode"));
+  EXPECT_TRUE(has_row("laws", "4,1,0.03,0.03,0.03,2,0,0,the floor,ode"));
+}
+
+TEST_F(ExperimentFiguresTest, CrossOutMeansOfTwoHumpsAndSayHowManyWereLost) {
+  PlottedPoint lossy = curve_point(0.5, {1.0, 2.0, 22.0}, 1);
+  lossy.lost = 1;
+  ComparisonFigure comparison;
+  comparison.text = text_;
+  comparison.series = {{"a law", {lossy, curve_point(1.0, {1.0, 2.0, 3.0}, 1)}}};
+  draw_comparison(folder_, "lossy", comparison);
+  expect_drawn("lossy");
+  EXPECT_TRUE(shows("lossy", "vehicles were lost (at most 33 %)"));
+  CurveFigure curve;
+  curve.text = text_;
+  curve.series = comparison.series;
+  draw_curve(folder_, "lossy_curve", curve);
+  expect_drawn("lossy_curve");
+  EXPECT_TRUE(shows("lossy_curve", "vehicles were lost (at most 33 %)"));
+  curve.series[0].points[0].lost = 0;
+  draw_curve(folder_, "healthy", curve);
+  EXPECT_FALSE(shows("healthy", "lost"));
 }
 
 TEST_F(ExperimentFiguresTest, ComparisonsOfDegenerateDataAreDrawn) {
@@ -249,7 +269,7 @@ TEST_F(ExperimentFiguresTest, OneRunAPointHasNoBand) {
   expect_drawn("curve");
   EXPECT_TRUE(shows("curve", "n = 1 seed a point"));
   EXPECT_FALSE(shows("curve", "interval"));
-  EXPECT_TRUE(has_row("curve", "1,mean,500,500,3.5,nan,nan,1,,ode"));
+  EXPECT_TRUE(has_row("curve", "1,mean,500,500,3.5,nan,nan,1,0,,ode"));
 }
 
 TEST_F(ExperimentFiguresTest, CurvesOfDegenerateDataAreDrawn) {

@@ -28,6 +28,18 @@ struct EightyTwenty {
   }
 };
 
+/// What PRR 0.85 does to the paper's vehicle: 3.7 % are lost at about 22 m, the others are well.
+struct RarelyLost {
+  static constexpr double kLost = 0.037, kSurvivors_m = 1.9;
+
+  double mean() const { return (1.0 - kLost) * kSurvivors_m + kLost * 22.0; }
+  double operator()(RandomEngine& random) const {
+    const bool lost = uniform_01(random) < kLost;
+    boost::random::normal_distribution<double> around(lost ? 22.0 : kSurvivors_m, lost ? 1.0 : 0.1);
+    return around(random);
+  }
+};
+
 template <typename Law>
 std::vector<double> sample(const Law& law, std::size_t n, RandomEngine& random) {
   std::vector<double> values(n);

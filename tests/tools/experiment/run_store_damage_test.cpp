@@ -1,3 +1,4 @@
+#include <cmath>
 #include <fstream>
 #include <utility>
 
@@ -78,6 +79,37 @@ TEST_F(Store, WithoutChecksumsIsReadButNotGoneOnWith) {
   }
   EXPECT_EQ(runs_of(RunStore::open(file_)).at(0).result, result(1.0));
   EXPECT_THAT([&] { begin(); }, ThrowsMessage<UsageError>(HasSubstr("without checksums")));
+}
+
+// A database without the newer metrics, with the checksums that it had then.
+TEST_F(Store, FromBeforeAMetricIsReadWithoutItButNotGoneOnWith) {
+  begin().add({{0, 1, failure("it broke")}, {1, 1, failure("it broke, too")}});
+  Database(file_, Database::Mode::write)
+      .execute("ALTER TABLE runs DROP COLUMN lost; ALTER TABLE runs DROP COLUMN return_s");
+  EXPECT_THAT(runs_of(RunStore::open(file_)), SizeIs(2));
+  EXPECT_THAT([&] { begin(); },
+              ThrowsMessage<UsageError>(HasSubstr("without the metrics lost, return_s")));
+}
+
+TEST_F(Store, WithoutChecksumsMayLackAMetric) {
+  begin().add({{0, 1, result(1.0)}});
+  {
+    Database old(file_, Database::Mode::write);
+    old.execute(
+        "ALTER TABLE runs DROP COLUMN lost; ALTER TABLE runs DROP COLUMN sum;"
+        "ALTER TABLE arms DROP COLUMN sum; ALTER TABLE trajectories DROP COLUMN sum;"
+        "ALTER TABLE meta DROP COLUMN sum; UPDATE meta SET value = '1' WHERE key = 'format'");
+  }
+  const RunResult read = runs_of(RunStore::open(file_)).at(0).result;
+  EXPECT_EQ(read.metrics[0], 1.0);
+  EXPECT_TRUE(std::isnan(read.metrics[metric_number("lost").value()]));
+}
+
+TEST_F(Store, DoesNotTakeALostColumnForAnOlderVersion) {
+  begin().add({{0, 1, result(1.0)}});
+  Database(file_, Database::Mode::write).execute("ALTER TABLE runs DROP COLUMN lost");
+  EXPECT_THAT([&] { runs_of(RunStore::open(file_)); },
+              ThrowsMessage<UsageError>(HasSubstr("checksum")));
 }
 
 }  // namespace

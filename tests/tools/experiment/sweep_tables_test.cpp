@@ -17,7 +17,7 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// Arms by (law, PRR), with the results of the seeds 1, 2, …; NaN: failed.
+/// Arms by (law, PRR), with the results of the seeds 1, 2, …; NaN: failed; above 15: lost.
 struct HandMade {
   std::string law, prr;
   std::vector<double> epsilon_m;
@@ -37,6 +37,7 @@ class SweepTables : public ::testing::Test {
         RunResult result;
         result.metrics.assign(result.metrics.size(), 0.5);
         result.metrics[0] = arm.epsilon_m[i];
+        result.metrics[metric_number("lost").value()] = arm.epsilon_m[i] > 15.0 ? 1.0 : 0.0;
         if (std::isnan(arm.epsilon_m[i])) result.failure = "it broke";
         runs.push_back({e.arms.size() - 1, i + 1, result});
       }
@@ -75,8 +76,64 @@ TEST_F(SweepTables, MeansGoAcrossByTheirColumns) {
                                           ElementsAre("b", "0.25 [0.25, 0.25]", "")));
   EXPECT_EQ(tables[0].note, "ε [m]: mean [its 95 % interval]; n = 2 to 3 runs a cell");
   EXPECT_EQ(tables[0].csv,
-            "law,PRR,mean,low,high,n,failed\na,1,2,2,2,3,0\na,0.5,3,3,3,2,1\n"
-            "b,1,0.25,0.25,0.25,3,0\n");
+            "law,PRR,mean,low,high,n,failed,survivors_mean,survivors_low,survivors_high,lost,"
+            "lost_low,lost_high\na,1,2,2,2,3,0,2,2,2,0,0,0.707598\n"
+            "a,0.5,3,3,3,2,1,3,3,3,0,0,0.841886\nb,1,0.25,0.25,0.25,3,0,0.25,0.25,0.25,0,0,"
+            "0.707598\n");
+}
+
+TEST_F(SweepTables, WhereVehiclesWereLostTheMeanIsThatOfTheOthers) {
+  TableChoice by_prr = choice(TableChoice::Kind::means);
+  by_prr.columns = {"PRR"};
+  const RunStore store = store_of(
+      {{"a", "1", {2, 2, 2}}, {"a", "0.5", {3, 22, 3, kFailed}}, {"a", "0.1", {20, 22}}}, {by_prr});
+  const SweepTable table = tables_of(store).at(0);
+  EXPECT_THAT(table.rows[1], ElementsAre("2 [2, 2]", "3 [3, 3], lost 1/3 [0.84, 90.6] %",
+                                         "-, lost 2/2 [15.8, 100] %"));
+  EXPECT_THAT(table.note, HasSubstr("3 of 5 vehicles were lost"));
+  EXPECT_THAT(table.csv, HasSubstr("\n0.5,9.33333,"));
+  EXPECT_THAT(table.csv, HasSubstr(",3,1,3,3,3,0.333333,0.00840376,0.905701\n"));
+}
+
+TEST_F(SweepTables, OfWhatIsNoErrorTheMeanIsThatOfAllVehicles) {
+  TableChoice sent = choice(TableChoice::Kind::means);
+  sent.metric = "uplink_sent";
+  const RunStore store = store_of({{"a", "1", {2, 22}}, {"a", "0.5", {2, 2}}}, {sent});
+  const SweepTable table = tables_of(store).at(0);
+  EXPECT_EQ(table.rows[1].back(), "0.5 [0.5, 0.5]");
+  EXPECT_THAT(table.note, ::testing::Not(HasSubstr("lost")));
+}
+
+TEST_F(SweepTables, TheShareOfLostVehiclesHasTheIntervalOfAShare) {
+  TableChoice lost = choice(TableChoice::Kind::means);
+  lost.metric = "lost";
+  const RunStore store = store_of({{"a", "1", {2, 2, 2}}, {"a", "0.5", {3, 22, 3}}}, {lost});
+  const SweepTable table = tables_of(store).at(0);
+  EXPECT_THAT(table.rows[1].back(), "0 [0, 0.708]");
+  EXPECT_THAT(table.rows[2].back(), "0.333 [0.0084, 0.906]");
+}
+
+TEST_F(SweepTables, RatiosOfMeansWithLostVehiclesSaySo) {
+  TableChoice ratio = choice(TableChoice::Kind::ratio);
+  ratio.key = "law";
+  ratio.over = "PID";
+  ratio.under = "new";
+  const RunStore store = store_of({{"PID", "1", {4, 22}}, {"new", "1", {2, 2}}}, {ratio});
+  EXPECT_THAT(tables_of(store).at(0).note,
+              HasSubstr("; 1 of 2 vehicles were lost, which the means include"));
+}
+
+TEST_F(SweepTables, OfAllCombinationsHasTheLostOnesWhereThereAreSome) {
+  const std::vector<HandMade> healthy{{"a", "1", {2, 2}}};
+  store_of(healthy);
+  write_report(own_.path, RiskDefinition::whole_run);
+  EXPECT_THAT(testing::contents(own_.path / "report.md"), ::testing::Not(HasSubstr("lost [95 %]")));
+  std::filesystem::remove(own_.path / "runs.sqlite");
+  store_of({{"a", "1", {2, 2}}, {"a", "0.5", {3, 22, 3}}});
+  write_report(own_.path, RiskDefinition::whole_run);
+  EXPECT_THAT(testing::contents(own_.path / "report.md"),
+              AllOf(HasSubstr("lost [95 %] | mean of the others [95 %]"), HasSubstr("two humps"),
+                    HasSubstr("lost 1/3 [0.84, 90.6] % | 3 [3, 3]")));
 }
 
 TEST_F(SweepTables, AKeyThatIsTheSameInAllArmsIsNoColumn) {
@@ -146,8 +203,9 @@ TEST_F(SweepTables, AreInTheReportAndBesideItAsData) {
                         "| a\\|b | 2 [2, 2] | 3 [3, 3] |\n| c | 4 [4, 4] |  |\n\nε [m]: mean"));
   EXPECT_THAT(testing::contents(own_.path / "report.html"),
               AllOf(HasSubstr("<h3>By hand</h3>"), HasSubstr("<td class=\"number\">3 [3, 3]")));
-  EXPECT_EQ(testing::contents(own_.path / "by_hand_table1.csv"),
-            "law,PRR,mean,low,high,n,failed\na|b,1,2,2,2,2,0\na|b,0.5,3,3,3,2,0\nc,1,4,4,4,2,0\n");
+  EXPECT_THAT(testing::contents(own_.path / "by_hand_table1.csv"),
+              AllOf(HasSubstr("law,PRR,mean,low,high,n,failed,"), HasSubstr("\na|b,1,2,2,2,2,0,"),
+                    HasSubstr("\na|b,0.5,3,3,3,2,0,"), HasSubstr("\nc,1,4,4,4,2,0,")));
 }
 
 TEST_F(SweepTables, ExportedMeansHaveARowForEachArmWithIntervalsAndFailures) {

@@ -48,6 +48,10 @@ constexpr char kComparisonCommands[] = R"gnuplot(
       command = command . sprintf(", data every ::1 using (%s $2 : NaN):3 " \
         . "with linespoints pt %s ps 0.45 lw 1.5 dt %s lc rgb '#%s'", rows, word(points, s), \
         word(dashes, s), colour)
+      if (losses) {
+        command = command . sprintf(", data every ::1 using (%s ($8 > 0 ? $2 : NaN) : NaN):3 " \
+          . "with points pt 2 ps 0.6 lw 1 lc rgb '#000000'", rows)
+      }
     }
   }
   eval command
@@ -180,11 +184,11 @@ std::string direct_labels(const ComparisonFigure& figure, const Frame& frame,
 }
 
 std::string comparison_csv(const ComparisonFigure& figure) {
-  std::string csv = "series,x,mean,low,high,n,failed,name\n";
+  std::string csv = "series,x,mean,low,high,n,failed,lost,name\n";
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
     for (const PlottedPoint& p : figure.series[s].points) {
-      csv += fmt::format("{},{},{},{},{},{},{},{}\n", s + 1, p.x, p.mean, p.interval.low,
-                         p.interval.high, p.succeeded(), p.runs.size() - p.succeeded(),
+      csv += fmt::format("{},{},{},{},{},{},{},{},{}\n", s + 1, p.x, p.mean, p.interval.low,
+                         p.interval.high, p.succeeded(), p.runs.size() - p.succeeded(), p.lost,
                          csv_cell(figure.series[s].name));
     }
   }
@@ -215,7 +219,7 @@ std::string note_of(const ComparisonFigure& figure) {
   }
   return seeds_note(least, most, failed) +
          fmt::format("; lines: means, bands: {:g} % intervals", 100.0 * figure.confidence) +
-         (figure.note.empty() ? "" : ". " + figure.note);
+         losses_note(figure.series) + (figure.note.empty() ? "" : ". " + figure.note);
 }
 
 }  // namespace
@@ -254,9 +258,10 @@ void draw_comparison(const std::filesystem::path& folder, const std::string& ste
       frame.top_cm);
   variables += fmt::format(
       "x_label = {}\ny_label = {}\ncolours = \"{}\"\npoints = \"{}\"\ndashes = \"{}\"\n"
-      "series = {}\nfloor_series = {}\nfloor_value = {}\nxtics_command = {}\n",
+      "series = {}\nfloor_series = {}\nfloor_value = {}\nxtics_command = {}\nlosses = {}\n",
       gnuplot_text(figure.x_label), gnuplot_text(figure.y_label), colours, points, dashes,
-      figure.series.size(), floor_series, floor_value, gnuplot_text(tics(figure)));
+      figure.series.size(), floor_series, floor_value, gnuplot_text(tics(figure)),
+      losses_note(figure.series).empty() ? 0 : 1);
   variables += direct_labels(figure, frame, styles);
   draw_figure(folder, stem, comparison_csv(figure), figure.text, variables, kComparisonCommands);
 }

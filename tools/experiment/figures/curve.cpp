@@ -37,6 +37,10 @@ constexpr char kCurveCommands[] = R"gnuplot(
     }
     command = command . sprintf(", data every ::1 using (%s 'mean' ? $3 : NaN):5 " \
       . "with linespoints pt 7 ps 0.45 lw 1.5 lc rgb '#%s'", rows, colour)
+    if (losses) {
+      command = command . sprintf(", data every ::1 using (%s 'mean' && $9 > 0 ? $3 : NaN):5 " \
+        . "with points pt 2 ps 0.6 lw 1 lc rgb '#000000'", rows)
+    }
   }
   eval command
 )gnuplot";
@@ -89,7 +93,7 @@ Extent extent_of(const CurveFigure& figure) {
 
 // Means come first, and without gaps, so that lines and bands hold together.
 std::string csv_of(const CurveFigure& figure, double jitter) {
-  std::string csv = "series,kind,x,x_drawn,value,low,high,n,name\n";
+  std::string csv = "series,kind,x,x_drawn,value,low,high,n,lost,name\n";
   const auto count = static_cast<double>(figure.series.size());
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
     const std::string name = csv_cell(figure.series[s].name);
@@ -102,11 +106,11 @@ std::string csv_of(const CurveFigure& figure, double jitter) {
         if (!std::isfinite(run)) continue;
         // The golden ratio's multiples spread evenly, whatever their number.
         const double turn = std::fmod(0.6180339887498949 * static_cast<double>(++n), 1.0);
-        runs += fmt::format("{},run,{},{:.6g},{},,,,{}\n", s + 1, p.x,
+        runs += fmt::format("{},run,{},{:.6g},{},,,,,{}\n", s + 1, p.x,
                             p.x + shift + 0.8 * width * (turn - 0.5), run, name);
       }
-      csv += fmt::format("{},mean,{},{},{},{},{},{},{}\n", s + 1, p.x, p.x, p.mean, p.interval.low,
-                         p.interval.high, n, name);
+      csv += fmt::format("{},mean,{},{},{},{},{},{},{},{}\n", s + 1, p.x, p.x, p.mean,
+                         p.interval.low, p.interval.high, n, p.lost, name);
     }
     csv += runs;
   }
@@ -162,15 +166,17 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
     note += fmt::format(". Dots: runs; lines: means; bands: their {:g} % intervals",
                         100.0 * figure.confidence);
   }
+  note += losses_note(figure.series);
   const FigureFrame frame(figure.text, note, legend_of(figure, e.intervals),
                           FigureFrame::Legend::above);
   std::string variables = frame.variables(stem, figure.text.height_cm);
   variables += axes(figure, e);
   variables += "colours = \"";
   for (std::size_t s = 0; s < count; ++s) variables += fmt::format("{} ", kColours[s]);
-  variables += fmt::format("\"\nx_label = {}\ny_label = {}\nbars = {}\nseries = {}\n",
-                           gnuplot_text(figure.x_label), gnuplot_text(figure.y_label),
-                           e.lonely_interval ? 1 : 0, count);
+  variables +=
+      fmt::format("\"\nx_label = {}\ny_label = {}\nbars = {}\nseries = {}\nlosses = {}\n",
+                  gnuplot_text(figure.x_label), gnuplot_text(figure.y_label),
+                  e.lonely_interval ? 1 : 0, count, losses_note(figure.series).empty() ? 0 : 1);
   draw_figure(folder, stem, csv_of(figure, e.jitter()), figure.text, variables, kCurveCommands);
 }
 

@@ -143,6 +143,19 @@ std::string seeds_note(std::size_t least, std::size_t most, std::size_t failed) 
   return note;
 }
 
+std::string losses_note(const std::vector<CurveSeries>& all) {
+  double most = 0.0;
+  for (const CurveSeries& series : all) {
+    for (const PlottedPoint& p : series.points) {
+      if (p.lost == 0) continue;
+      most = std::max(most, static_cast<double>(p.lost) / static_cast<double>(p.runs.size()));
+    }
+  }
+  if (most == 0.0) return "";
+  return fmt::format("; ×: vehicles were lost (at most {:.2g} %), the mean is of both humps",
+                     100.0 * most);
+}
+
 FigureFrame::FigureFrame(const FigureText& text, const std::string& note,
                          std::vector<LegendEntry> legend, Legend place)
     : text_(text),

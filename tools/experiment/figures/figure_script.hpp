@@ -23,6 +23,9 @@ double text_cm(const std::string& text);
 /// "n = 50 seeds a point", "n = 20–50 seeds a point"; and how many failed, if any did.
 std::string seeds_note(std::size_t least, std::size_t most, std::size_t failed);
 
+/// "; ×: vehicles were lost (at most 6.7 %) …" if some were at any point; else nothing.
+std::string losses_note(const std::vector<CurveSeries>& all);
+
 /// The least and most of what was added, if anything.
 struct LeastMost {
   double low = std::numeric_limits<double>::infinity();

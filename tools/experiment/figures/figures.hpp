@@ -56,6 +56,9 @@ struct PlottedPoint {
   std::vector<double> runs;  ///< NaN: failed
   double mean = 0.0;
   Interval interval;  ///< of the mean; NaN: none, as with one run
+  /// How many of the vehicles were lost: if any, the mean is that of two humps, and its point has a
+  /// cross.
+  std::size_t lost = 0;
 
   /// How many runs have a result.
   std::size_t succeeded() const {

@@ -35,13 +35,14 @@ std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& ch
   std::vector<CurveSeries> all;
   std::map<std::string, std::size_t> places;  // by the value of choice.y
   for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
-    const auto& [settings, runs, summary] = data.arms()[arm];
-    if (!is_selected(choice.where, settings)) continue;
+    const SweepData::ArmData& from = data.arms()[arm];
+    if (!is_selected(choice.where, from.settings)) continue;
     const std::string name = data.text(arm, choice.y);
     const auto [place, is_new] = places.emplace(name, all.size());
     if (is_new) all.push_back({choice.y.empty() ? "" : before_names + name, {}});
-    all[place->second].points.push_back(
-        {data.number(arm, choice.x), values_of(runs), summary.mean, summary.mean_interval});
+    all[place->second].points.push_back({data.number(arm, choice.x), values_of(from.runs),
+                                         from.summary.mean, from.summary.mean_interval,
+                                         from.has_two_humps ? from.survival.lost.count : 0});
   }
   for (CurveSeries& one : all) {
     std::sort(one.points.begin(), one.points.end(),

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -23,12 +24,27 @@ std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
 }
 
+bool has_losses(const SweepData::ArmData& arm) { return arm.survival.lost.count > 0; }
+
+constexpr std::array kLossHeads{"lost [95 %]", "mean of the others [95 %]",
+                                "back after [s] [95 %]"};
+
+/// Of which vehicles were lost, how the others did, and how long all that left took to be back.
+std::array<std::string, kLossHeads.size()> loss_cells(const SweepData::ArmData& arm) {
+  if (arm.survival.lost.n == 0) return {"-", "-", "-"};
+  std::string back = mean_text(arm.returns.times);
+  if (arm.returns.times.n > 0) back += fmt::format(", n = {}", arm.returns.times.n);
+  if (arm.returns.not_back > 0) back += fmt::format("; {} not back", arm.returns.not_back);
+  return {lost_text(arm.survival.lost), mean_text(arm.survival.survivors), back};
+}
+
 std::vector<std::vector<std::string>> table_of(const RunStore& store, const SweepData& data) {
   std::vector<std::string> head = store.keys();
   for (const char* column : {"n", "failed", "mean [95 %]", "sd", "median [95 %]", "5 %", "95 %",
                              "largest", "minus the first [95 %]"}) {
     head.emplace_back(column);
   }
+  head.insert(head.end(), kLossHeads.begin(), kLossHeads.end());
   std::vector<std::vector<std::string>> table{head};
   for (const SweepData::ArmData& arm : data.arms()) {
     std::vector<std::string> row;
@@ -38,12 +54,17 @@ std::vector<std::vector<std::string>> table_of(const RunStore& store, const Swee
     const auto difference =
         paired_difference(arm.runs, data.arms().front().runs, kConfidence, kBootstrapSeed);
     for (const std::string& cell :
-         {std::to_string(s.n), std::to_string(s.left_out), mean_text(s), number(s.sd),
+         {std::to_string(s.n), std::to_string(s.left_out),
+          arm.has_two_humps ? "two humps" : mean_text(s), number(s.sd),
           number(s.median) + (has_interval ? " " + interval_text(s.median_interval) : ""),
           number(s.q05), number(s.q95), number(s.max), mean_text(difference.difference)}) {
       row.push_back(cell);
     }
+    for (const std::string& cell : loss_cells(arm)) row.push_back(cell);
     table.push_back(row);
+  }
+  if (std::none_of(data.arms().begin(), data.arms().end(), has_losses)) {
+    for (auto& row : table) row.resize(row.size() - kLossHeads.size());
   }
   return table;
 }

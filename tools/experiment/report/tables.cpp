@@ -79,6 +79,31 @@ std::string cell_of(double value, const Interval& interval) {
                      digits_of(interval.high));
 }
 
+/// Of survivors where there is no one mean.
+std::string cell_of(const SweepData::ArmData& arm) {
+  const Summary& s = arm.has_two_humps ? arm.survival.survivors : arm.summary;
+  const std::string mean = cell_of(s.mean, s.mean_interval);
+  return arm.has_two_humps ? mean + ", " + lost_text(arm.survival.lost) : mean;
+}
+
+/// What a note adds where means are of two humps, and what the cells then are.
+std::string humps_note(const SweepData& data, const std::vector<std::size_t>& arms) {
+  std::size_t lost = 0, n = 0;
+  for (const std::size_t number : arms) {
+    const SweepData::ArmData& arm = data.arms()[number];
+    if (!arm.has_two_humps) continue;
+    lost += arm.survival.lost.count;
+    n += arm.survival.lost.n;
+  }
+  return lost == 0 ? "" : fmt::format("{} of {} vehicles were lost", lost, n);
+}
+
+/// Of tables whose means are of all runs.
+std::string means_warning(const SweepData& data, const std::vector<std::size_t>& arms) {
+  const std::string humps = humps_note(data, arms);
+  return humps.empty() ? "" : fmt::format("; {}, which the means include", humps);
+}
+
 std::string cell_of(const Summary& s) { return cell_of(s.mean, s.mean_interval); }
 
 std::string csv_numbers(const std::vector<double>& values) {
@@ -87,6 +112,13 @@ std::string csv_numbers(const std::vector<double>& values) {
     cells += std::isfinite(value) ? fmt::format(",{:.6g}", value) : ",";
   }
   return cells;
+}
+
+/// Survivors' mean and the share of lost vehicles, each with its interval.
+std::string survival_csv(const Survival& s) {
+  const Interval &survivors = s.survivors.mean_interval, &lost = s.lost.interval;
+  return csv_numbers(
+      {s.survivors.mean, survivors.low, survivors.high, s.lost.value, lost.low, lost.high});
 }
 
 std::string csv_labels(const Labels& labels) {
@@ -170,7 +202,9 @@ SweepTable means_table(const SweepData& data, const TableChoice& choice) {
   }
   std::vector<std::string> csv_keys = row_keys;
   csv_keys.insert(csv_keys.end(), column_keys.begin(), column_keys.end());
-  table.csv = csv_labels(csv_keys) + ",mean,low,high,n,failed\n";
+  table.csv = csv_labels(csv_keys) +
+              ",mean,low,high,n,failed,survivors_mean,survivors_low,survivors_high,lost,lost_low,"
+              "lost_high\n";
   std::vector<std::size_t> counts;
   for (const Labels& row : places_of(data, chosen, row_keys)) {
     table.rows.push_back(row);
@@ -178,17 +212,23 @@ SweepTable means_table(const SweepData& data, const TableChoice& choice) {
       Labels place = row;
       place.insert(place.end(), column.begin(), column.end());
       const auto arm = arm_at(data, chosen, csv_keys, place);
-      table.rows.back().push_back(arm ? cell_of(data.arms()[*arm].summary) : "");
+      table.rows.back().push_back(arm ? cell_of(data.arms()[*arm]) : "");
       if (!arm) continue;
       const Summary& s = data.arms()[*arm].summary;
       counts.push_back(s.n);
-      table.csv += csv_labels(place) +
-                   csv_numbers({s.mean, s.mean_interval.low, s.mean_interval.high}) +
-                   fmt::format(",{},{}\n", s.n, s.left_out);
+      table.csv +=
+          csv_labels(place) + csv_numbers({s.mean, s.mean_interval.low, s.mean_interval.high}) +
+          fmt::format(",{},{}", s.n, s.left_out) + survival_csv(data.arms()[*arm].survival) + "\n";
     }
   }
   table.note = fmt::format("{}: mean [its 95 % interval]; {} runs a cell",
                            label_of_metric(data.metric()), n_text(counts));
+  if (const std::string humps = humps_note(data, chosen.arms); !humps.empty()) {
+    table.note += fmt::format(
+        "; where vehicles were lost, that of the others, and the share of lost ones with its exact "
+        "95 % interval: {}",
+        humps);
+  }
   return table;
 }
 
@@ -238,6 +278,7 @@ SweepTable ratio_table(const SweepData& data, const TableChoice& choice) {
       "{}: mean [its 95 % interval], and the ratio of the means with that of the bootstrap over "
       "common seeds; {} pairs a row",
       label_of_metric(data.metric()), n_text(counts));
+  table.note += means_warning(data, chosen.arms);
   return table;
 }
 
@@ -284,6 +325,7 @@ SweepTable limit_table(const SweepData& data, const TableChoice& choice) {
                  "\n";
   }
   table.note = fmt::format("{}: mean [its 95 % interval]; {} runs a value", metric, n_text(counts));
+  table.note += means_warning(data, chosen.arms);
   return table;
 }
 

@@ -63,6 +63,9 @@ double quantile(const std::vector<double>& ascending, double p);
 ///     log-normal, σ = 1   81.9 %   86.8 %   89.9 %   92.5 %
 ///     80/20               86.9 %   96.8 %   95.7 %   94.9 %
 ///
+/// The mean is the wrong question where few vehicles are lost: of 30 runs with 3.7 % lost, 32 % of
+/// the data sets show none, and the interval covers 67.1 %. There, see survival.hpp.
+///
 /// Stopping by this interval: when seeds are added batch by batch until half_width() is small
 /// enough, the rule prefers to stop where the spread came out too small by chance, and the last
 /// interval holds the true mean less often (Chow and Robbins, Annals of Mathematical Statistics 36,

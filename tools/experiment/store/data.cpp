@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "common/base/csv_table.hpp"
@@ -12,18 +13,39 @@ namespace tether {
 
 namespace {
 
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
 bool is_same(double a, double b) { return std::abs(a - b) <= 1e-9; }
 
 }  // namespace
 
 SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_(metric) {
   const std::size_t number = metric_number(metric).value();
-  for (const auto& arm : store.arms()) arms_.push_back({arm.settings, {}, {}});
+  const std::size_t lost = metric_number("lost").value();
+  const std::size_t returned = metric_number("return_s").value();
+  const std::size_t away = metric_number("away_s").value();
+  const auto stored = store.arms();
+  for (const auto& arm : stored) arms_.push_back({arm.settings, {}, {}, {}, {}});
+  struct Columns {
+    std::vector<double> lost, returned, away;
+  };
+  std::vector<Columns> columns(stored.size());
   store.for_each([&](const StoredRun& run) {
-    arms_.at(run.arm).runs.push_back({run.seed, run.result.metrics[number]});
+    const auto& values = run.result.metrics;
+    arms_.at(run.arm).runs.push_back({run.seed, values[number]});
+    const bool has_failed = !run.result.failure.empty();
+    columns[run.arm].lost.push_back(has_failed ? kUnknown : values[lost]);
+    columns[run.arm].returned.push_back(has_failed ? kUnknown : values[returned]);
+    columns[run.arm].away.push_back(has_failed ? kUnknown : values[away]);
   });
-  for (ArmData& arm : arms_) {
-    arm.summary = summarize(values_of(arm.runs), kConfidence, kBootstrapSeed);
+  for (std::size_t i = 0; i < arms_.size(); ++i) {
+    ArmData& arm = arms_[i];
+    const std::vector<double> values = values_of(arm.runs);
+    arm.summary = summarize(values, kConfidence, kBootstrapSeed);
+    arm.survival = survival_of(values, columns[i].lost, kConfidence, kBootstrapSeed);
+    arm.returns = returns_of(columns[i].returned, columns[i].away, kConfidence, kBootstrapSeed);
+    arm.has_two_humps = metrics()[number].is_error && arm.survival.lost.count > 0;
+    if (number == lost) arm.summary.mean_interval = arm.survival.lost.interval;
   }
 }
 
@@ -73,6 +95,11 @@ std::vector<double> values_of(const std::vector<SeededValue>& runs) {
 
 std::string interval_text(const Interval& interval) {
   return fmt::format("[{:.4g}, {:.4g}]", interval.low, interval.high);
+}
+
+std::string lost_text(const Share& lost) {
+  return fmt::format("lost {}/{} [{:.3g}, {:.3g}] %", lost.count, lost.n, 100.0 * lost.interval.low,
+                     100.0 * lost.interval.high);
 }
 
 std::string mean_text(const Summary& summary) {

@@ -7,17 +7,25 @@
 
 #include "tools/experiment/statistics/comparison.hpp"
 #include "tools/experiment/statistics/statistics.hpp"
+#include "tools/experiment/statistics/survival.hpp"
 #include "tools/experiment/store/run_store.hpp"
 
 namespace tether {
 
-/// One metric of all runs of a sweep, in memory.
+/// One metric of all runs of a sweep, in memory. The mean of `lost` is a share, with the interval
+/// of a share.
 class SweepData {
  public:
   struct ArmData {
     std::vector<KeyValue> settings;
     std::vector<SeededValue> runs;  ///< NaN: failed
     Summary summary;
+    Survival survival;  ///< with the metric's survivors, where the database knows of losses
+    Returns returns;
+
+    /// The metric is an error, and some vehicle was lost: its law has two humps, and one mean of
+    /// both is not to be shown alone.
+    bool has_two_humps = false;
   };
 
   /// `metric` is the name of one of metrics().
@@ -49,5 +57,7 @@ std::vector<double> values_of(const std::vector<SeededValue>& runs);
 /// without runs.
 std::string mean_text(const Summary& summary);
 std::string interval_text(const Interval& interval);
+/// "lost 2/30 [0.82, 22.1] %".
+std::string lost_text(const Share& lost);
 
 }  // namespace tether

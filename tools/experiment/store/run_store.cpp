@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -11,12 +10,12 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
-#include "common/base/fnv1a.hpp"
 #include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
 #include "common/scenario/key_table.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
 #include "tools/experiment/store/identity.hpp"
+#include "tools/experiment/store/run_rows.hpp"
 
 namespace tether {
 namespace {
@@ -78,12 +77,6 @@ void check_is_sweep(const Database& database) {
   }
 }
 
-std::string point_columns() {
-  std::string columns;
-  for (const std::string& name : metric_names()) columns += fmt::format(", {}", name);
-  return columns;
-}
-
 std::string settings_json(const std::vector<KeyValue>& settings) {
   auto json = nlohmann::ordered_json::array();
   for (const auto& [key, value] : settings) json.push_back({key, value});
@@ -125,44 +118,13 @@ StoredRun stored_run(const Statement& row) {
   return run;
 }
 
-/// Of a row's fields, in the table's order: each with its length, so that none runs into the next.
-class RowSum {
- public:
-  RowSum& add(std::string_view text) {
-    bytes_ += fmt::format("{}:", text.size());
-    bytes_ += text;
-    return *this;
-  }
-  RowSum& add(std::span<const std::uint8_t> bytes) {
-    return add(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
-  }
-  RowSum& add(std::int64_t value) { return add(std::string_view(fmt::format("{}", value))); }
-  /// SQLite's integers are signed.
-  std::int64_t value() const { return std::bit_cast<std::int64_t>(fnv1a(bytes_)); }
-
- private:
-  std::string bytes_;
-};
-
-std::int64_t sum_of(const StoredRun& run) {
-  RowSum sum;
-  sum.add(static_cast<std::int64_t>(run.arm)).add(static_cast<std::int64_t>(run.seed));
-  sum.add(run.result.failure);
-  if (!run.result.failure.empty()) return sum.value();  // its metrics are not stored
-  for (const double metric : run.result.metrics) {
-    // SQLite keeps no NaN, and zero without its sign.
-    sum.add(std::isnan(metric) ? std::string("none") : fmt::format("{}", metric + 0.0));
-  }
-  return sum.value();
-}
-
 std::string row_name(const StoredRun& run) {
   return fmt::format("the run of combination {}, seed {}", run.arm, run.seed);
 }
 
-std::string select_runs(bool with_trajectories, bool with_sums) {
+std::string select_runs(const MetricColumns& has_metric, bool with_trajectories, bool with_sums) {
   return fmt::format("SELECT arm, seed, failure{}, {}, {}, {} FROM runs {} ORDER BY arm, seed",
-                     point_columns(), with_trajectories ? "points" : "NULL",
+                     selected_metrics(has_metric), with_trajectories ? "points" : "NULL",
                      with_sums ? "runs.sum" : "NULL",
                      with_sums && with_trajectories ? "trajectories.sum" : "NULL",
                      with_trajectories ? "LEFT JOIN trajectories USING (arm, seed)" : "");
@@ -188,6 +150,13 @@ RunStore RunStore::begin(const std::filesystem::path& file, const Experiment& ex
                       file.string()));
     }
     store.check_contents();
+    if (const std::string missing = missing_metrics(metric_columns_of(database));
+        !missing.empty()) {
+      throw UsageError(
+          fmt::format("{} is of an older version, without the metrics {}: it can be read, but not "
+                      "gone on with; name another folder",
+                      file.string(), missing));
+    }
     check_same(store, identity);
     check_same_arms(store, experiment);
     store.write_meta({{"figure", identity.at("figure")}, {"tables", identity.at("tables")}});
@@ -261,6 +230,7 @@ void RunStore::check_contents() const {
 
 void RunStore::add(const std::vector<StoredRun>& runs) {
   Transaction adding(*database_);
+  const MetricColumns all(metrics().size(), true);
   std::string places = "?, ?, ?, ?";
   for (std::size_t i = 0; i < metrics().size(); ++i) places += ", ?";
   Statement insert(*database_, fmt::format("INSERT INTO runs VALUES ({})", places));
@@ -276,7 +246,7 @@ void RunStore::add(const std::vector<StoredRun>& runs) {
     } else {
       insert.bind(2, result.failure);
     }
-    insert.bind(static_cast<int>(3 + metrics().size()), sum_of({arm, seed, result}));
+    insert.bind(static_cast<int>(3 + metrics().size()), sum_of({arm, seed, result}, all));
     insert.run();
     if (result.trajectory.empty()) continue;
     insert_points.bind(0, arm_number).bind(1, seed_number);
@@ -289,12 +259,13 @@ void RunStore::add(const std::vector<StoredRun>& runs) {
 
 void RunStore::for_each(const std::function<void(const StoredRun&)>& use,
                         bool with_trajectories) const {
-  Statement rows(*database_, select_runs(with_trajectories, has_sums()));
+  const MetricColumns has_metric = metric_columns_of(*database_);
+  Statement rows(*database_, select_runs(has_metric, with_trajectories, has_sums()));
   const int sum = static_cast<int>(4 + metrics().size());
   while (rows.step()) {
     const StoredRun run = stored_run(rows);
     if (has_sums()) {
-      verify(row_name(run), rows.whole(sum), sum_of(run));
+      verify(row_name(run), rows.whole(sum), sum_of(run, has_metric));
       if (with_trajectories && !rows.is_nothing(sum - 1)) {
         verify("the trajectory of " + row_name(run), rows.whole(sum + 1),
                RowSum().add(rows.whole(0)).add(rows.whole(1)).add(rows.bytes(sum - 1)).value());

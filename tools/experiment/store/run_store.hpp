@@ -30,7 +30,8 @@ struct StoredRun {
 /// trajectories (arm, seed, points: 8 little-endian 32-bit floats each, see TrajectoryPoint).
 /// Each row ends with a checksum (`sum`) of its other fields, verified when the row is read: what
 /// differs is refused by name. Databases of version 0.1's format have none: they are read as they
-/// are, unverified, and are not gone on with.
+/// are, unverified, and are not gone on with. Those from before a metric was added are read with
+/// NaN for it, and are not gone on with either.
 ///
 /// Throws UsageError where the database is another experiment's, another version's or none at all,
 /// and std::runtime_error where it cannot be read or written; nothing is changed then.
