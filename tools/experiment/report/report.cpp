@@ -35,7 +35,7 @@ std::array<std::string, kLossHeads.size()> loss_cells(const SweepData::ArmData& 
   std::string back = mean_text(arm.returns.times);
   if (arm.returns.times.n > 0) back += fmt::format(", n = {}", arm.returns.times.n);
   if (arm.returns.not_back > 0) back += fmt::format("; {} not back", arm.returns.not_back);
-  return {lost_text(arm.survival.lost), mean_text(arm.survival.survivors), back};
+  return {share_text(arm.survival.lost), mean_text(arm.survival.survivors), back};
 }
 
 std::vector<std::vector<std::string>> table_of(const RunStore& store, const SweepData& data) {

@@ -83,19 +83,20 @@ std::string cell_of(double value, const Interval& interval) {
 std::string cell_of(const SweepData::ArmData& arm) {
   const Summary& s = arm.has_two_humps ? arm.survival.survivors : arm.summary;
   const std::string mean = cell_of(s.mean, s.mean_interval);
-  return arm.has_two_humps ? mean + ", " + lost_text(arm.survival.lost) : mean;
+  return arm.has_two_humps ? mean + ", lost " + share_text(arm.survival.lost) : mean;
 }
 
-/// What a note adds where means are of two humps, and what the cells then are.
+/// "3 of 60 vehicles were lost", if some mean is of two humps; else nothing.
 std::string humps_note(const SweepData& data, const std::vector<std::size_t>& arms) {
+  bool has_two_humps = false;
   std::size_t lost = 0, n = 0;
   for (const std::size_t number : arms) {
     const SweepData::ArmData& arm = data.arms()[number];
-    if (!arm.has_two_humps) continue;
+    has_two_humps = has_two_humps || arm.has_two_humps;
     lost += arm.survival.lost.count;
     n += arm.survival.lost.n;
   }
-  return lost == 0 ? "" : fmt::format("{} of {} vehicles were lost", lost, n);
+  return has_two_humps ? fmt::format("{} of {} vehicles were lost", lost, n) : "";
 }
 
 /// Of tables whose means are of all runs.

@@ -97,9 +97,9 @@ std::string interval_text(const Interval& interval) {
   return fmt::format("[{:.4g}, {:.4g}]", interval.low, interval.high);
 }
 
-std::string lost_text(const Share& lost) {
-  return fmt::format("lost {}/{} [{:.3g}, {:.3g}] %", lost.count, lost.n, 100.0 * lost.interval.low,
-                     100.0 * lost.interval.high);
+std::string share_text(const Share& share) {
+  return fmt::format("{}/{} [{:.3g}, {:.3g}] %", share.count, share.n, 100.0 * share.interval.low,
+                     100.0 * share.interval.high);
 }
 
 std::string mean_text(const Summary& summary) {

@@ -57,7 +57,7 @@ std::vector<double> values_of(const std::vector<SeededValue>& runs);
 /// without runs.
 std::string mean_text(const Summary& summary);
 std::string interval_text(const Interval& interval);
-/// "lost 2/30 [0.82, 22.1] %".
-std::string lost_text(const Share& lost);
+/// "2/30 [0.82, 22.1] %".
+std::string share_text(const Share& share);
 
 }  // namespace tether
