@@ -63,8 +63,8 @@ void fill_wheel(Square& f, int rim, int aim, const MotionModel& model, double be
 }  // namespace
 
 PoseFilter::PoseFilter(const PoseFilterSettings& settings, const Adaptation& adapt,
-                       const MotionModel& model, const Pose2& start)
-    : settings_(settings), adapt_(adapt), model_(model) {
+                       const MotionModel::Limits& limits, const Pose2& start)
+    : settings_(settings), adapt_(adapt), model_(limits, {.lag_s = settings.lag_ms * 1e-3}) {
   state_.pose = start;
   auto p = square(covariance_);
   p(kX, kX) = p(kY, kY) = squared(settings_.start_m);
@@ -175,6 +175,12 @@ PoseFilter::Verdict PoseFilter::update(const Pose2& measured) {
   for (std::size_t i = 0; i < kStates; ++i) now[i] += correction(static_cast<int>(i));
   set_values(now);
   return Verdict::accepted;
+}
+
+void PoseFilter::widen(double position_m) {
+  auto p = square(covariance_);
+  p(kX, kX) += squared(position_m);
+  p(kY, kY) += squared(position_m);
 }
 
 void PoseFilter::restart(const Pose2& measured, const WheelSpeeds& rim) {

@@ -18,6 +18,7 @@ struct PoseFilterSettings {
   double yaw_drift_radpsqrts = 1e-3;     ///< likewise of the yaw
   double start_m = 0.02;                 ///< of the start, each axis
   double start_rad = 0.01;
+  double lag_ms = 0.0;  ///< of the drive; with adapt.lag: what it is taken for at first
 };
 
 /// Which numbers of DriveModel are estimated with the pose. Those that are not stay as given.
@@ -65,13 +66,16 @@ class PoseFilter {
   using Covariance = std::array<double, kStates * kStates>;  ///< symmetric
   using Vector = std::array<double, kStates>;
 
-  PoseFilter(const PoseFilterSettings& settings, const Adaptation& adapt, const MotionModel& model,
-             const Pose2& start);
+  /// `limits`: of the vehicle.
+  PoseFilter(const PoseFilterSettings& settings, const Adaptation& adapt,
+             const MotionModel::Limits& limits, const Pose2& start);
 
   /// The vehicle moves on by `dt_s` ≥ 0 with `command` in force.
   void advance(const Twist& command, double dt_s);
   /// A pose measured now. It must be finite.
   Verdict update(const Pose2& measured);
+  /// The position is known less well, by this standard deviation more of each axis.
+  void widen(double position_m);
   /// Forgets the pose: it is the measured one. The wheels turn as `rim` says.
   void restart(const Pose2& measured, const WheelSpeeds& rim);
 

@@ -87,11 +87,17 @@ void add_estimation(KeyTable<Controller>& t) {
   t.number("ekf.start_m", TETHER_MEMBER(ekf.start_m), kDrift,
            "standard deviation of the start's x and y");
   t.number("ekf.start_rad", TETHER_MEMBER(ekf.start_rad), kDrift, "likewise of its yaw");
+  t.number("ekf.lag_ms", TETHER_MEMBER(ekf.lag_ms), {0.0, 500.0, false},
+           "time constant of the drive's rim speeds; with adapt.lag at first");
   t.boolean("adapt.radius", TETHER_MEMBER(adapt.radius), "the filter estimates the wheels' size");
   t.boolean("adapt.track", TETHER_MEMBER(adapt.track), "… the track that the drive believes in");
   t.boolean("adapt.lag", TETHER_MEMBER(adapt.lag), "… the lag of its rim speeds");
   t.boolean("adapt.bias", TETHER_MEMBER(adapt.bias),
             "… a speed and a yaw rate that are added to its own: slopes, drag, slip");
+  t.boolean("adapt.clock", &Controller::adapt_clock,
+            "law sends plans: by how much the vehicle's clock is ahead, from delays both ways");
+  t.number("sensor_latency_ms", &Controller::sensor_latency_ms, {0.0, 1e4, false},
+           "of a pose's age when it arrives, what its sensor took: no delay of the network");
 }
 
 bool is_of_filter(const std::string& key) {
@@ -110,6 +116,10 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   if (!key.name.starts_with(prefix)) return false;
   if (scenario.get<Controller>().estimator == Controller::Estimator::none &&
       (is_of_filter(key.name) || key.name == prefix + "estimator")) {
+    return true;
+  }
+  if (key.name == prefix + "sensor_latency_ms" &&
+      scenario.get<Controller>().sensor_latency_ms == 0.0) {
     return true;
   }
   const std::string part = key.name.substr(prefix.size());

@@ -59,6 +59,8 @@ struct ControllerSettings {
   Estimator estimator = Estimator::none;
   PoseFilterSettings ekf;  ///< estimator = ekf, as is what follows
   Adaptation adapt;
+  bool adapt_clock = false;        ///< the vehicle's clock is estimated (ClockEstimate)
+  double sensor_latency_ms = 0.0;  ///< of a pose's age at its arrival, what the sensor took
   OwnSettings own;  ///< of laws that have keys which no other law has
 };
 

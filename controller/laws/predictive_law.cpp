@@ -17,6 +17,7 @@ constexpr Duration kRunOut = std::chrono::seconds{10};
 /// settled.
 constexpr double kOnPath_m = 0.01;
 constexpr double kOnPath_rad = 0.01;
+constexpr Duration kSameClock = std::chrono::milliseconds{3};
 constexpr Duration kSettling = std::chrono::seconds{2};
 
 bool is_on_path(const Pose2& pose, const PathPoint& reference) {
@@ -51,6 +52,9 @@ PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const Actuato
       feedback_(controller, model_.limits().max_wheel_acceleration_mps2),
       delay_(DelayEstimate::kFew),
       form_(form),
+      sensor_latency_(from_seconds(controller.sensor_latency_ms * 1e-3)),
+      adapts_clock_(controller.estimator == ControllerSettings::Estimator::ekf &&
+                    controller.adapt_clock),
       run_out_{actuator.deceleration_mps2, actuator.yaw_deceleration_radps2,
                model_.limits().max_wheel_acceleration_mps2, model_.limits().max_wheel_speed_mps,
                model_.limits().track_m},
@@ -60,16 +64,18 @@ PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const Actuato
           std::max(1.0, std::round(controller.horizon_s / to_seconds(step_))))),
       silence_(step_ * static_cast<std::int64_t>(steps_) / 2) {
   if (controller.estimator == ControllerSettings::Estimator::ekf) {
-    filter_.emplace(controller.ekf, controller.adapt, model_, start_pose_);
+    filter_.emplace(controller.ekf, controller.adapt, model_.limits(), start_pose_);
+    model_ = filter_->model();
   }
 }
 
 void PredictiveLaw::on_pose(const SeenPose& seen) {
-  delay_.add(seen.arrival - seen.stamp);
+  delay_.add(seen.arrival - seen.stamp - sensor_latency_);
+  if (adapts_clock_) estimate_clock(seen);
   if (!any_pose_) {
     for (Sent& sent : sent_) {
       if (sent.plan.name.id == preloaded_) continue;  // it did not come through the network
-      sent.takes_over = std::max(sent.takes_over, sent.sent + delay_.longest());
+      sent.takes_over = std::max(sent.takes_over, sent.sent + way_down());
       if (sent.takes_over > sent.plan.start) sent.plan.settled = Instant::max();
     }
   }
@@ -83,6 +89,26 @@ bool PredictiveLaw::is_unknown(const SeenPose& seen) const {
   return seen.follows_other || (seen.plan_id && find(*seen.plan_id) == nullptr);
 }
 
+/// By how much the first of the plans that led to `id` is assumed to have taken over late.
+Duration PredictiveLaw::late_start(std::int64_t id) const {
+  const Sent* first = find(id);
+  while (first != nullptr && find(first->follows) != nullptr) first = find(first->follows);
+  return first == nullptr ? Duration{0} : first->takes_over - first->plan.start;
+}
+
+/// A plan that a pose names first came on board between the pose before and this one.
+void PredictiveLaw::estimate_clock(const SeenPose& seen) {
+  clock_.add_up(seen.arrival - seen.stamp - sensor_latency_);
+  const Sent* sent = seen.plan_id ? find(*seen.plan_id) : nullptr;
+  if (last_ && sent != nullptr && seen.plan_id != last_->plan_id && seen.plan_id != preloaded_) {
+    clock_.add_down(last_->stamp - sent->sent, seen.stamp - sent->sent);
+  }
+  last_ = seen;
+  // Plans that differ are not consistent: a change that is too small to matter is left.
+  const Duration offset = clock_.offset();
+  if (std::chrono::abs(offset - clock_offset_) > kSameClock) clock_offset_ = offset;
+}
+
 /// Moves the filter to a pose, along the plans that the vehicle followed by what the pose says.
 void PredictiveLaw::estimate(const SeenPose& seen) {
   Instant at = estimated_at_.value_or(std::min(seen.stamp, kStart));
@@ -93,7 +119,12 @@ void PredictiveLaw::estimate(const SeenPose& seen) {
   }
   const std::int64_t none =
       seen.stamp >= kStart ? Plan::kBasedOnNone : preloaded_.value_or(Plan::kBasedOnNone);
-  follow_until(seen.plan_id.value_or(none), at, seen.stamp, *filter_);
+  const bool stood = filter_->stands();
+  const std::int64_t id = seen.plan_id.value_or(none);
+  follow_until(id, at, seen.stamp, *filter_);
+  if (stood && !filter_->stands()) {  // how late the first plan took over is a guess
+    filter_->widen(to_seconds(late_start(id)) * 0.5 * filter_->model().twist(filter_->state()).v_mps);
+  }
   filter_->update(seen.pose);
   model_ = filter_->model();
 }
@@ -111,7 +142,7 @@ LawOutput PredictiveLaw::decide(Instant now, const SeenPose* newest) {
   if (form_ == Form::consistent && now - (newest ? newest->stamp : kStart) > silence_) {
     extend(predicted, start);
   }
-  errors_ = errors_to(predicted.state.pose, path_->at(to_seconds(start)));
+  errors_ = errors_to(predicted.state.pose, reference_at(start));
   Plan plan = roll_out(predicted.state, start);
   if (predicted.range) {
     plan.settled = start;
@@ -127,7 +158,7 @@ LawOutput PredictiveLaw::decide(Instant now, const SeenPose* newest) {
 void PredictiveLaw::extend(Prediction& p, Instant start) {
   const Sent* named = find(p.follows);
   const bool still = named != nullptr && named->is_settled(start) &&
-                     is_on_path(p.state.pose, path_->at(to_seconds(start)));
+                     is_on_path(p.state.pose, reference_at(start));
   const auto since = std::find_if(sent_.rbegin(), sent_.rend(), [&](const Sent& sent) {
     return sent.plan.name.id <= p.follows || sent.is_settled(start);
   });
@@ -152,7 +183,7 @@ LawOutput PredictiveLaw::stop(Instant now) {
 }
 
 Instant PredictiveLaw::start_of_next(Instant now) const {
-  const Instant start = std::max(now + delay_.longest(), kStart);
+  const Instant start = std::max(now + way_down(), kStart);
   return std::chrono::ceil<std::chrono::microseconds>(start);  // as it is sent
 }
 
@@ -201,7 +232,7 @@ PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* new
 }
 
 WheelSpeeds PredictiveLaw::rim_on_path(Instant when) const {
-  const PathPoint reference = path_->at(to_seconds(when));
+  const PathPoint reference = reference_at(when);
   return model_.rim_of({reference.v_mps, reference.omega_radps});
 }
 
@@ -317,7 +348,7 @@ Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
   Plan plan = empty_plan(start);
   plan.twists.reserve(steps_);
   const double step_s = to_seconds(step_);
-  const double start_s = to_seconds(start);
+  const double start_s = to_seconds(start - clock_offset_);
   PathPoint here = path_->at(start_s);
   Duration on_path{};
   for (std::size_t i = 1; i <= steps_; ++i) {
@@ -350,6 +381,7 @@ void PredictiveLaw::list_counters(CounterList& out) const {
   out.emplace_back("plan.followed_unknown", unknown_);
   if (planner_) out.emplace_back("plan.not_improved", planner_->failures());
   if (filter_) filter_->list_counters(out);
+  if (adapts_clock_) out.emplace_back("ekf.clock_us", to_utime(kStart + clock_offset_));
 }
 
 namespace {
@@ -358,7 +390,7 @@ template <PredictiveLaw::Form form>
 LawKind kind(const std::string& name) {
   return {.name = name,
           .sends_plans = true,
-          .keys = {"tracking.", "model.", "horizon_s", "plan_step_ms", "preload"},
+          .keys = {"tracking.", "model.", "horizon_s", "plan_step_ms", "preload", "sensor_latency_ms"},
           .make = [](const LawContext& context) -> std::unique_ptr<Law> {
             return std::make_unique<PredictiveLaw>(context, form);
           }};

@@ -8,6 +8,7 @@
 
 #include "common/vehicle/motion_model.hpp"
 #include "common/vehicle/stop_ramp.hpp"
+#include "controller/estimation/clock_estimate.hpp"
 #include "controller/estimation/pose_filter.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/mpc_planner.hpp"
@@ -99,7 +100,12 @@ class PredictiveLaw final : public Law {
   const Sent* late_first(const Prediction& p, Instant from, Instant until) const;
   const Sent* followed_at(std::int64_t id, Instant when) const;
   void estimate(const SeenPose& seen);
+  void estimate_clock(const SeenPose& seen);
+  Duration late_start(std::int64_t id) const;
   bool is_unknown(const SeenPose& seen) const;
+  Duration way_down() const { return delay_.longest() + 2 * clock_offset_; }
+  /// The path's point while the vehicle's clock says `when`.
+  PathPoint reference_at(Instant when) const { return path_->at(to_seconds(when - clock_offset_)); }
   template <class Vehicle>
   void follow_until(std::int64_t id, Instant& at, Instant until, Vehicle& vehicle) const;
   template <class Vehicle>
@@ -121,6 +127,11 @@ class PredictiveLaw final : public Law {
   Form form_;
   std::optional<PoseFilter> filter_;
   std::optional<Instant> estimated_at_;  ///< when the filter's estimate is of
+  Duration sensor_latency_;
+  bool adapts_clock_;
+  ClockEstimate clock_;
+  Duration clock_offset_{};                ///< the vehicle's, as it is used
+  std::optional<SeenPose> last_;           ///< the pose before
   StopLimits run_out_;
   Pose2 start_pose_;
   Duration step_;

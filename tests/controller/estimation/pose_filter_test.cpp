@@ -46,7 +46,7 @@ struct FilterRig {
   explicit FilterRig(std::uint64_t seed, const Adaptation& adapt = kNothing,
                      const DriveModel& drive = {})
       : truth_model({}, drive),
-        filter(settings, adapt, MotionModel({}), {}),
+        filter(settings, adapt, {}, {}),
         random(random_stream(seed, "filter rig")) {
     truth.pose = {settings.start_m * draw(), settings.start_m * draw(),
                   settings.start_rad * draw()};
