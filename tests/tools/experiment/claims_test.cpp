@@ -123,6 +123,33 @@ TEST_F(Claims, AboutDelayWantARiseInAStraightLine) {
             Verdict::not_reproduced);
 }
 
+TEST_F(Claims, AboutTheRiseWithDelayWantTheRiseItselfWithinItsBand) {
+  const auto judge = [this](double rise_m, const std::string& claim) {
+    PaperResults results;
+    results.delay.emplace(
+        data({"channel.delay_ms"}, {{0}, {250}, {500}}, 6,
+             [rise_m](double ms, double, std::size_t) { return 1.75 + rise_m * ms / 500.0; }));
+    return find(judge_claims(results), claim).verdict;
+  };
+  EXPECT_EQ(judge(0.3, "over 500 ms"), Verdict::reproduced);
+  // An error that ends where the paper's does, but rises faster.
+  EXPECT_EQ(judge(0.44, "at 500 ms"), Verdict::reproduced);
+  EXPECT_EQ(judge(0.44, "over 500 ms"), Verdict::not_reproduced);
+  EXPECT_EQ(judge(0.1, "over 500 ms"), Verdict::not_reproduced);
+}
+
+TEST_F(Claims, AboutThePlateauWantItsLargestMeanWithinTheBand) {
+  const auto judge = [this](double shift_m) {
+    PaperResults results;
+    results.prr.emplace(by_prr([shift_m](double prr, double, std::size_t n) {
+      return as_in_the_paper(prr, 0.0, n) + (prr == 0.25 ? shift_m : 0.0);
+    }));
+    return find(judge_claims(results), "plateau, PRR").verdict;
+  };
+  EXPECT_EQ(judge(0.0), Verdict::reproduced);
+  EXPECT_EQ(judge(4.0), Verdict::not_reproduced);
+}
+
 TEST_F(Claims, AboutTheBestLookAheadNeedItToBeSeparated) {
   std::vector<std::vector<double>> grid;
   for (const double prr : {0.45, 0.65, 1.0}) {
