@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <fstream>
 #include <memory>
 #include <optional>
@@ -18,6 +19,7 @@
 #include "tools/experiment/design/experiment.hpp"
 #include "tools/experiment/report/report.hpp"
 #include "tools/experiment/store/export.hpp"
+#include "tools/experiment/store/never_commanded.hpp"
 #include "tools/experiment/sweep/lock.hpp"
 #include "tools/experiment/sweep/progress.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
@@ -123,14 +125,18 @@ bool is_database(const std::string& file) {
   return begin == kMagic;
 }
 
-int export_csv(const std::string& folder, const std::string& out, bool means) {
+enum class Rows : std::uint8_t { runs, means, stratified };
+
+int export_csv(const std::string& folder, const std::string& out, Rows rows) {
   const RunStore store = RunStore::open(database_of(folder));
   if (is_database(out) || out.ends_with("-wal") || out.ends_with("-shm")) {
     throw UsageError(fmt::format("--out {} is a database: name a file for the CSV", out));
   }
   TextOutput output(out);
   const auto write = [&output](const std::string& text) { output.write(text); };
-  means ? export_means(store, write) : export_runs(store, write);
+  if (rows == Rows::runs) export_runs(store, write);
+  if (rows == Rows::means) export_means(store, write);
+  if (rows == Rows::stratified) export_stratified(store, write);
   output.close();
   if (!store.is_complete()) {
     fmt::print(stderr, "{}: the sweep is not complete\n", store.file().string());
@@ -168,9 +174,16 @@ void add_sweep_command(CLI::App& tether, Action& action) {
   exporting->add_option("folder", *folder, "a sweep's folder, or its database")->required();
   exporting->add_option("--out", *out, "file to write [standard output]");
   auto means = std::make_shared<bool>(false);
-  exporting->add_flag("--means", *means, "one row for each combination: means over the seeds");
-  exporting->callback([folder, out, means, &action] {
-    action = [folder, out, means] { return export_csv(*folder, *out, *means); };
+  CLI::Option* of_means =
+      exporting->add_flag("--means", *means, "one row for each combination: means over the seeds");
+  auto stratified = std::make_shared<bool>(false);
+  exporting
+      ->add_flag("--stratified", *stratified,
+                 "likewise: mean of epsilon, with the known chance that no command ever arrives")
+      ->excludes(of_means);
+  exporting->callback([folder, out, means, stratified, &action] {
+    const Rows rows = *stratified ? Rows::stratified : *means ? Rows::means : Rows::runs;
+    action = [folder, out, rows] { return export_csv(*folder, *out, rows); };
   });
 }
 

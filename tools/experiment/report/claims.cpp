@@ -41,10 +41,30 @@ std::string mean_and_n(const Summary& summary) {
   return fmt::format("{} m (n = {})", mean_text(summary), summary.n);
 }
 
+/// An arm's mean; the better one where there is one (PaperResults::prr_by_command).
+struct ArmMean {
+  Summary summary;
+  std::string text;
+
+  ArmMean(const SweepData& data, std::size_t arm, const std::vector<CommandedRuns>& by_command)
+      : summary(data.arms()[arm].summary), text(mean_and_n(summary)) {
+    if (arm >= by_command.size() || !std::isfinite(by_command[arm].epsilon_m.mean)) return;
+    const CommandedRuns& runs = by_command[arm];
+    summary.mean = runs.epsilon_m.mean;
+    summary.mean_interval = runs.epsilon_m.interval;
+    text = fmt::format(
+        "{} m (n = {}; {:.0f} % never get a command, weighed as the {:.1f} % that "
+        "chance gives)",
+        mean_text(summary), runs.runs,
+        100.0 * static_cast<double>(runs.never) / static_cast<double>(runs.runs),
+        100.0 * runs.probability.value());
+  }
+};
+
 /// A claim about the means at some values of a key.
 Claim about_means(const SweepData& data, const std::string& figure, const std::string& paper,
                   const std::string& key, const std::vector<double>& values, double low,
-                  double high) {
+                  double high, const std::vector<CommandedRuns>& by_command = {}) {
   Claim claim{figure, paper, "", Claim::Verdict::reproduced, ""};
   std::string missing;
   for (const double value : values) {
@@ -53,10 +73,10 @@ Claim about_means(const SweepData& data, const std::string& figure, const std::s
       missing += fmt::format("{}{:g}", missing.empty() ? "no runs at " : ", ", value);
       continue;
     }
-    const Summary& summary = data.arms()[*arm].summary;
+    const ArmMean mean(data, *arm, by_command);
     claim.ours += fmt::format("{}{} {:g}: {}", claim.ours.empty() ? "" : "; ",
-                              key == kPrr ? "PRR" : "δ [ms]", value, mean_and_n(summary));
-    claim.verdict = worst(claim.verdict, judge_mean(summary, low, high));
+                              key == kPrr ? "PRR" : "δ [ms]", value, mean.text);
+    claim.verdict = worst(claim.verdict, judge_mean(mean.summary, low, high));
   }
   claim.reason = reason_of(claim.verdict);
   if (!missing.empty()) {
@@ -87,16 +107,17 @@ Claim about_plateau(const SweepData& prr) {
   return claim;
 }
 
-void judge_baseline(const SweepData& prr, std::vector<Claim>& claims) {
+void judge_baseline(const SweepData& prr, const std::vector<CommandedRuns>& by_command,
+                    std::vector<Claim>& claims) {
   claims.push_back(about_means(
       prr, "F2", fmt::format("ε ≈ 1.8 m at PRR 1, τ = 2 s ({})", band_text(kUnimpaired)), kPrr,
       {1.0}, kUnimpaired.low_m(), kUnimpaired.high_m()));
   claims.push_back(about_means(prr, "F2", fmt::format("below {:g} m at PRR 0.85", kNearlyDown_m),
                                kPrr, {0.85}, 0.0, kNearlyDown_m));
   claims.push_back(about_plateau(prr));
-  claims.push_back(about_means(prr, "F2",
-                               fmt::format("ε ≈ 15 m at PRR ≤ 0.1 ({})", band_text(kFewCommands)),
-                               kPrr, {0.05, 0.1}, kFewCommands.low_m(), kFewCommands.high_m()));
+  claims.push_back(
+      about_means(prr, "F2", fmt::format("ε ≈ 15 m at PRR ≤ 0.1 ({})", band_text(kFewCommands)),
+                  kPrr, {0.05, 0.1}, kFewCommands.low_m(), kFewCommands.high_m(), by_command));
 }
 
 void judge_singles(const SweepData& prr, std::vector<Claim>& claims) {
@@ -362,7 +383,7 @@ std::string to_text(Claim::Verdict verdict) {
 std::vector<Claim> judge_claims(const PaperResults& results) {
   std::vector<Claim> claims;
   if (results.prr) {
-    judge_baseline(*results.prr, claims);
+    judge_baseline(*results.prr, results.prr_by_command, claims);
     judge_singles(*results.prr, claims);
     judge_bell(*results.prr, claims);
   }

@@ -7,6 +7,7 @@
 
 #include "tools/experiment/report/risk.hpp"
 #include "tools/experiment/store/data.hpp"
+#include "tools/experiment/store/never_commanded.hpp"
 
 namespace tether {
 
@@ -25,7 +26,9 @@ std::string to_text(Claim::Verdict verdict);
 
 /// The results that claims are about; those that are not there are not judged.
 struct PaperResults {
-  std::optional<SweepData> prr;      ///< F2: ε by channel.prr
+  std::optional<SweepData> prr;  ///< F2: ε by channel.prr
+  /// F2's arms in their order: their means, where these are finite, are better ones.
+  std::vector<CommandedRuns> prr_by_command;
   std::optional<SweepData> delay;    ///< F3: ε by channel.delay_ms
   std::optional<SweepData> heatmap;  ///< F4: ε by channel.prr and controller.tau_s
   std::optional<RiskFall> risk;      ///< F5
@@ -33,7 +36,7 @@ struct PaperResults {
 
 /// All of the paper's claims that the results let us judge, in the order of its figures. A claim
 /// about a mean is judged by the mean with its interval, never by one number alone: it is undecided
-/// where the interval reaches further beyond the claimed range than the mean lies within it.
+/// where the interval reaches beyond the claimed range or, from without, into it.
 std::vector<Claim> judge_claims(const PaperResults& results);
 
 }  // namespace tether

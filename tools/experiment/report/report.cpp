@@ -93,7 +93,10 @@ void add_results(const RunStore& store, SweepData data, RiskDefinition risk,
   if (name == "f5_risk" && store.size() > 0) results.risk = risk_fall(store, risk);
   if (data.metric() != "epsilon_m") return;
   std::optional<SweepData>* result = nullptr;
-  if (name == "f2_prr") result = &results.prr;
+  if (name == "f2_prr") {
+    result = &results.prr;
+    results.prr_by_command = by_command(store);
+  }
   if (name == "f3_delay") result = &results.delay;
   if (name == "f4_tau") result = &results.heatmap;
   if (result != nullptr) *result = std::move(data);
