@@ -37,7 +37,18 @@ Sample epsilon_over_seeds(const std::string& prr, int seeds) {
 TEST(PaperBaseline, EpsilonWithoutImpairmentIsAboutOnePointEightMetres) {
   const double e = epsilon_m({});
   EXPECT_GE(e, 1.7);
-  EXPECT_LE(e, 1.95);
+  EXPECT_LE(e, 1.9);
+}
+
+TEST(PaperBaseline, OfASlowVehicleEpsilonIsFrom1Point8To2Point1MetresAtHalfASecond) {
+  const auto slow_m = [](const char* delay_ms) {
+    ClosedLoop loop(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper_slow.toml",
+                                  {std::string("channel.delay_ms=") + delay_ms}));
+    loop.run();
+    return loop.sim().metrics().epsilon_m();
+  };
+  EXPECT_NEAR(slow_m("0"), 1.8, 0.1);
+  EXPECT_NEAR(slow_m("500"), 2.1, 0.1);
 }
 
 TEST(PaperBaseline, EpsilonRisesWithDelayAndStaysBelowTwoPointThreeMetres) {

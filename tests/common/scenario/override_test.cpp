@@ -164,7 +164,7 @@ TEST(ScenarioFile, IsNamedWithItsPathInMessages) {
 }
 
 TEST(ScenarioFile, TheShippedOnesLoadAndRoundTrip) {
-  for (const char* name : {"paper.toml", "paper_markov.toml"}) {
+  for (const char* name : {"paper.toml", "paper_markov.toml", "paper_slow.toml"}) {
     const Scenario s = load_scenario(std::string(TETHER_SOURCE_DIR "/scenarios/") + name, {});
     EXPECT_EQ(s.get<RunSettings>().duration_s, 62.0);
     EXPECT_EQ(s.get<SensorSettings>().rate_hz, 1.0);
@@ -172,6 +172,14 @@ TEST(ScenarioFile, TheShippedOnesLoadAndRoundTrip) {
     EXPECT_EQ(s.get<ActuatorSettings>().policy, "hold");
     EXPECT_EQ(to_toml(parse_scenario(to_toml(s), "again")), to_toml(s));
   }
+}
+
+TEST(ScenarioFile, ThePapersSlowVehicleDiffersInWhatItsDocumentationSaysOnly) {
+  const std::string folder = TETHER_SOURCE_DIR "/scenarios/";
+  EXPECT_EQ(
+      to_toml(load_scenario(folder + "paper_slow.toml", {})),
+      to_toml(load_scenario(folder + "paper.toml", {"controller.v.limit=2.8", "controller.v.p=0.48",
+                                                    "controller.v.d=0"})));
 }
 
 TEST(ScenarioFile, ThePapersMarkovChannelHasItsProbabilitiesAndSojournTimes) {
