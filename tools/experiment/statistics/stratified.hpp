@@ -28,7 +28,8 @@ struct StratifiedMean {
 /// Unbiased, given that each kind with p_h > 0 has a run; else all is NaN. Probabilities sum to 1.
 ///
 /// The interval is BCa's (bca_interval()), runs resampled within their kind; none where a kind with
-/// p_h > 0 has only one run. `seed` as in statistics.hpp.
+/// p_h > 0 has only one run; by few runs of a kind it holds the mean less often, as mean_interval()
+/// does by as many. `seed` as in statistics.hpp.
 StratifiedMean stratified_mean(const std::vector<Stratum>& strata, double confidence,
                                std::uint64_t seed);
 
