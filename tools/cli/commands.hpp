@@ -12,6 +12,7 @@ using Action = std::function<int()>;
 // `tether` and `action` outlive the parsing and the action.
 void add_run_command(CLI::App& tether, Action& action);
 void add_sweep_command(CLI::App& tether, Action& action);
+void add_tune_command(CLI::App& tether, Action& action);
 void add_merge_command(CLI::App& tether, Action& action);
 void add_report_command(CLI::App& tether, Action& action);
 void add_reproduce_command(CLI::App& tether, Action& action);

@@ -44,6 +44,7 @@ int main(int argc, char** argv) {
   Action action;
   add_run_command(app, action);
   add_sweep_command(app, action);
+  add_tune_command(app, action);
   add_merge_command(app, action);
   add_report_command(app, action);
   add_reproduce_command(app, action);

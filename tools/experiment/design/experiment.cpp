@@ -18,8 +18,10 @@
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/change.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
+#include "tools/experiment/design/gains.hpp"
 #include "tools/experiment/design/grid.hpp"
 #include "tools/experiment/design/section.hpp"
+#include "tools/experiment/design/seeds.hpp"
 #include "tools/experiment/statistics/statistics.hpp"
 
 namespace tether {
@@ -27,18 +29,6 @@ namespace {
 
 constexpr std::size_t kSmallestBatch = kLeastSeeds;
 constexpr std::int64_t kDefaultBatch = 20;
-
-toml::table parse_file(const std::string& file) {
-  try {
-    return toml::parse_file(file);
-  } catch (const toml::parse_error& error) {
-    if (!error.source().begin) {
-      throw UsageError(fmt::format("cannot read the experiment file \"{}\"", file));
-    }
-    throw UsageError(
-        fmt::format("{}:{}: {}", file, error.source().begin.line, error.description()));
-  }
-}
 
 /// Runs of an experiment are in one process.
 void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
@@ -49,40 +39,6 @@ void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
         "tether run --processes and tether live wait for another",
         file));
   }
-}
-
-std::vector<std::uint64_t> seeds_from(std::int64_t first, std::int64_t count) {
-  std::vector<std::uint64_t> seeds(static_cast<std::size_t>(count));
-  std::iota(seeds.begin(), seeds.end(), first);
-  return seeds;
-}
-
-/// seeds = 50, { first = 201, last = 250 }, or a list.
-std::vector<std::uint64_t> read_seeds(const Section& file, const std::string& name) {
-  const toml::node* node = file.get("seeds");
-  if (node == nullptr)
-    file.refuse("seeds", "given: how many, or the first and the last, or a list");
-  if (const auto* range = node->as_table()) {
-    const Section section(*range, "seeds.", name, {"first", "last"});
-    for (const char* key : {"first", "last"}) {
-      if (section.get(key) == nullptr) section.refuse(key, "given");
-    }
-    const std::int64_t first = section.whole("first", 0, 0);
-    return seeds_from(first, section.whole("last", first, 0) - first + 1);
-  }
-  const auto* list = node->as_array();
-  if (list == nullptr) return seeds_from(1, file.whole("seeds", 1, 1));
-  std::vector<std::uint64_t> seeds;
-  std::set<std::int64_t> seen;
-  for (const toml::node& entry : *list) {
-    const auto* seed = entry.as_integer();
-    if (seed == nullptr || seed->get() < 0 || !seen.insert(seed->get()).second) {
-      file.refuse("seeds", "whole numbers from 0 on, each once");
-    }
-    seeds.push_back(static_cast<std::uint64_t>(seed->get()));
-  }
-  if (seeds.empty()) file.refuse("seeds", "one seed or more");
-  return seeds;
 }
 
 std::optional<Precision> read_precision(const Section& file, const std::string& name) {
@@ -163,6 +119,13 @@ void add_arms(const ArmSource& from, const ScenarioLoader& start, const Part& pa
   }
 }
 
+/// The file of tuned gains that the experiment names.
+std::optional<Gains> gains_of(const Section& section, const std::string& file) {
+  const std::string name = section.text("gains", "");
+  if (name.empty()) return std::nullopt;
+  return read_gains((std::filesystem::path(file).parent_path() / name).lexically_normal().string());
+}
+
 void check_no_arm_twice(const std::vector<Arm>& arms, const std::string& file) {
   std::set<std::string> seen;
   for (const Arm& arm : arms) {
@@ -217,11 +180,11 @@ std::uint64_t Experiment::stride() const {
 
 Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides,
                            bool quick) {
-  const toml::table table = parse_file(file);
+  const toml::table table = parse_experiment(file);
   const Section section(
       table, "", file,
       {"name", "scenario", "seeds", "quick_seeds", "common_random_numbers", "trajectory_period_s",
-       "set", "grid", "zip", "axis", "part", "precision", "figure", "table"});
+       "gains", "set", "grid", "zip", "axis", "part", "precision", "figure", "table"});
   const std::filesystem::path path(file);
   Experiment experiment;
   experiment.overrides = overrides;
@@ -247,7 +210,9 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
   }
   experiment.common_random_numbers = section.boolean("common_random_numbers", true);
   experiment.trajectory_period_s = section.number("trajectory_period_s", 0.01, 1e6, 0.0);
-  const std::vector<Part> parts = read_parts(table, file);
+  const std::optional<Gains> gains = gains_of(section, file);
+  const std::vector<Part> parts =
+      read_parts(table, file, [&](const PlacedSetting& given) { return expanded(given, gains); });
   experiment.keys = keys_of(parts.front().axes);
   experiment.figure = read_figure(section, file, experiment.keys);
   experiment.tables = read_tables(section, file, experiment.keys);
@@ -258,6 +223,7 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
   check_no_arm_twice(experiment.arms, file);
   check_controllers(experiment.arms, file);
   check_choices(experiment, file);
+  if (gains) check_disjoint(*gains, experiment, file);
   const std::uint64_t largest = *std::max_element(experiment.seeds.begin(), experiment.seeds.end());
   constexpr auto kMost = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
   if (!experiment.common_random_numbers && largest >= kMost / experiment.arms.size()) {

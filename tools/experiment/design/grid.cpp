@@ -47,6 +47,11 @@ bool is_before(const PlacedNode& a, const PlacedNode& b) {
   return position(a) < position(b);
 }
 
+std::set<std::string> meant_by(const std::string& key) {
+  const auto keys = ScenarioSchema::all()->keys_meant_by(key);
+  return {keys.begin(), keys.end()};
+}
+
 /// { from, to, step } or { from, to, count }.
 std::vector<std::string> range_values(const PlacedNode& given) {
   const toml::table& table = *given.node->as_table();
@@ -118,21 +123,19 @@ Axis make_axis(const std::vector<PlacedNode>& keys, const std::string& place) {
 }
 
 /// What a named axis' point sets.
-GridPoint named_point(const std::string& axis, const PlacedNode& given, const std::string& file) {
+GridPoint named_point(const std::string& axis, const PlacedNode& given, const std::string& file,
+                      const Expand& expand) {
   const toml::table* table = given.node->as_table();
   if (table == nullptr) {
     throw UsageError(fmt::format("{}: axis.{}.\"{}\" must be a table of scenario keys", given.place,
                                  axis, given.key));
   }
-  GridPoint point{{{axis, "\"" + given.key + "\""}}, {}};
-  for (const PlacedNode& key : flatten(*table, file)) {
-    point.applied.push_back({{key.key, value_text(*key.node)}, key.place});
-  }
-  return point;
+  return {{{axis, "\"" + given.key + "\""}}, settings_in(*table, file, expand)};
 }
 
 /// [axis.NAME]: tables by label, in the order of the file.
-Axis named_axis(const std::string& name, const toml::node& node, const std::string& file) {
+Axis named_axis(const std::string& name, const toml::node& node, const std::string& file,
+                const Expand& expand) {
   const toml::table* labels = node.as_table();
   if (!is_identifier(name) || labels == nullptr || labels->empty()) {
     throw UsageError(fmt::format(
@@ -140,13 +143,11 @@ Axis named_axis(const std::string& name, const toml::node& node, const std::stri
         "and labels with tables of scenario keys",
         place_of(node, file)));
   }
-  std::vector<PlacedNode> points;
-  for (const auto& [label, point] : *labels) {
-    points.push_back({std::string(label.str()), &point, place_of(point, file)});
-  }
-  std::sort(points.begin(), points.end(), is_before);
+  const std::vector<PlacedNode> points = entries(*labels, file);
   Axis axis{{name}, {}, points.front().place};
-  for (const PlacedNode& point : points) axis.points.push_back(named_point(name, point, file));
+  for (const PlacedNode& point : points) {
+    axis.points.push_back(named_point(name, point, file, expand));
+  }
   return axis;
 }
 
@@ -193,15 +194,15 @@ void check_part_keys(const toml::table& part, const std::string& file) {
 }
 
 /// [set], with places.
-void add_settings(const toml::table& table, const std::string& file,
+void add_settings(const toml::table& table, const std::string& file, const Expand& expand,
                   std::vector<PlacedSetting>& settings) {
   const toml::node* set = table.get("set");
   if (set == nullptr) return;
   if (!set->is_table()) {
     throw UsageError(fmt::format("{}: set must be a table, [set]", place_of(*set, file)));
   }
-  for (const PlacedNode& given : flatten(*set->as_table(), file)) {
-    settings.push_back({{given.key, value_text(*given.node)}, given.place});
+  for (PlacedSetting& setting : settings_in(*set->as_table(), file, expand)) {
+    settings.push_back(std::move(setting));
   }
 }
 
@@ -222,6 +223,33 @@ std::vector<PlacedNode> flatten(const toml::table& table, const std::string& fil
   return nodes;
 }
 
+std::vector<PlacedNode> entries(const toml::table& table, const std::string& file) {
+  std::vector<PlacedNode> nodes;
+  for (const auto& [key, node] : table) {
+    nodes.push_back({std::string(key.str()), &node, place_of(node, file)});
+  }
+  std::sort(nodes.begin(), nodes.end(), is_before);
+  return nodes;
+}
+
+std::vector<PlacedSetting> settings_in(const toml::table& table, const std::string& file,
+                                       const Expand& expand) {
+  std::set<std::string> own;
+  const std::vector<PlacedNode> nodes = flatten(table, file);
+  for (const PlacedNode& given : nodes) own.merge(meant_by(given.key));
+  std::vector<PlacedSetting> settings;
+  for (const PlacedNode& given : nodes) {
+    for (const auto& meant : expand({{given.key, value_text(*given.node)}, given.place})) {
+      const std::set<std::string> keys = meant_by(meant.setting.key);
+      const bool is_beaten = meant.setting.key != given.key &&
+                             std::any_of(keys.begin(), keys.end(),
+                                         [&own](const auto& key) { return own.contains(key); });
+      if (!is_beaten) settings.push_back(meant);
+    }
+  }
+  return settings;
+}
+
 std::string value_text(const toml::node& node) {
   if (const auto* number = node.as_floating_point()) return fmt::format("{}", number->get());
   if (const auto* list = node.as_array()) {
@@ -234,7 +262,8 @@ std::string value_text(const toml::node& node) {
   return out.str();
 }
 
-std::vector<Axis> read_axes(const toml::table& experiment, const std::string& file) {
+std::vector<Axis> read_axes(const toml::table& experiment, const std::string& file,
+                            const Expand& expand) {
   std::vector<std::pair<toml::source_index, Axis>> placed;  // with their lines
   if (const toml::node* grid = experiment.get("grid")) {
     for (const PlacedNode& key : flatten(*table_or_refuse(*grid, file, "[grid]"), file)) {
@@ -255,7 +284,7 @@ std::vector<Axis> read_axes(const toml::table& experiment, const std::string& fi
   }
   if (const toml::node* named = experiment.get("axis")) {
     for (const auto& [name, node] : *table_or_refuse(*named, file, "[axis]")) {
-      Axis axis = named_axis(std::string(name.str()), node, file);
+      Axis axis = named_axis(std::string(name.str()), node, file, expand);
       placed.emplace_back(line_of(axis), std::move(axis));
     }
   }
@@ -267,9 +296,10 @@ std::vector<Axis> read_axes(const toml::table& experiment, const std::string& fi
   return axes;
 }
 
-std::vector<Part> read_parts(const toml::table& experiment, const std::string& file) {
-  Part common{{}, read_axes(experiment, file)};
-  add_settings(experiment, file, common.settings);
+std::vector<Part> read_parts(const toml::table& experiment, const std::string& file,
+                             const Expand& expand) {
+  Part common{{}, read_axes(experiment, file, expand)};
+  add_settings(experiment, file, expand, common.settings);
   const toml::node* parts = experiment.get("part");
   if (parts == nullptr) return {common};
   const auto* list = parts->as_array();
@@ -281,8 +311,8 @@ std::vector<Part> read_parts(const toml::table& experiment, const std::string& f
     const toml::table& table = *table_or_refuse(node, file, "[[part]]");
     check_part_keys(table, file);
     Part part = common;
-    add_settings(table, file, part.settings);
-    for (Axis& own : read_axes(table, file)) {
+    add_settings(table, file, expand, part.settings);
+    for (Axis& own : read_axes(table, file, expand)) {
       const auto same = std::find_if(part.axes.begin(), part.axes.end(),
                                      [&own](const Axis& axis) { return axis.keys == own.keys; });
       if (same == part.axes.end()) {

@@ -2,6 +2,7 @@
 
 #include <toml++/toml.h>
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -28,10 +29,14 @@ struct Axis {
   std::string place;              ///< "file.toml:12"
 };
 
+/// What a setting of [set] or of a named axis' point stands for: itself, or several.
+using Expand = std::function<std::vector<PlacedSetting>(const PlacedSetting&)>;
+
 /// The axes of [grid], each key one, of [[zip]], each table one, and of [axis.NAME], each name one,
 /// in the file's order. Throws UsageError for values that are no list and no range, lists without
 /// values, with a value twice or of different lengths within a zip, and keys given twice.
-std::vector<Axis> read_axes(const toml::table& experiment, const std::string& file);
+std::vector<Axis> read_axes(const toml::table& experiment, const std::string& file,
+                            const Expand& expand);
 
 /// A [[part]] of an experiment: the common settings and axes, and its own after them; an axis takes
 /// the place of a common one of the same keys.
@@ -41,7 +46,8 @@ struct Part {
 };
 
 /// All parts; one if the file has none. Throws UsageError also if they do not vary the same keys.
-std::vector<Part> read_parts(const toml::table& experiment, const std::string& file);
+std::vector<Part> read_parts(const toml::table& experiment, const std::string& file,
+                             const Expand& expand);
 
 /// All keys of some axes, in their order.
 std::vector<std::string> keys_of(const std::vector<Axis>& axes);
@@ -57,6 +63,12 @@ struct PlacedNode {
   std::string place;
 };
 std::vector<PlacedNode> flatten(const toml::table& table, const std::string& file);
+/// The same of the table's own entries: a table within it is one.
+std::vector<PlacedNode> entries(const toml::table& table, const std::string& file);
+
+/// The settings of a table, each expanded: what the table has beside beats what one stands for.
+std::vector<PlacedSetting> settings_in(const toml::table& table, const std::string& file,
+                                       const Expand& expand);
 
 /// A value as TOML has it, on one line; numbers as the shortest text that reads as the same.
 std::string value_text(const toml::node& node);

@@ -18,19 +18,11 @@
 #include "netem/channel/change.hpp"
 #include "netem/channel/settings.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
+#include "tools/experiment/design/seeds.hpp"
 #include "tools/experiment/store/run_store.hpp"
 
 namespace tether {
 namespace {
-
-std::string seeds_text(const Experiment& experiment) {
-  const auto& seeds = experiment.seeds;
-  if (seeds.empty()) return "none";
-  for (std::size_t i = 0; i < seeds.size(); ++i) {
-    if (seeds[i] != seeds.front() + i) return fmt::format("{}", fmt::join(seeds, ", "));
-  }
-  return fmt::format("{} to {}", seeds.front(), seeds.back());
-}
 
 std::string precision_text(const std::optional<Precision>& precision) {
   if (!precision) return "none";
@@ -87,7 +79,7 @@ Identity identity_of(const Experiment& experiment, const Shard& shard) {
   return {{"name", experiment.name},
           {"version", kVersion},
           {"plant", plants_text(experiment)},
-          {"seeds", seeds_text(experiment)},
+          {"seeds", seeds_text(experiment.seeds)},
           {"precision", precision_text(experiment.precision)},
           {"common_random_numbers", experiment.common_random_numbers ? "true" : "false"},
           {"trajectory_period_s", fmt::format("{}", experiment.trajectory_period_s)},

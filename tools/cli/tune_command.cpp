@@ -1,0 +1,89 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/program/cli.hpp"
+#include "tools/base/write_file.hpp"
+#include "tools/cli/commands.hpp"
+#include "tools/experiment/design/gains.hpp"
+#include "tools/experiment/sweep/session.hpp"
+#include "tools/experiment/tune/tune.hpp"
+
+namespace tether {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct TuneCommandOptions {
+  std::string file;
+  std::vector<std::string> overrides;
+  std::optional<std::size_t> jobs;
+  std::string out;
+  bool quick = false;
+};
+
+/// What the result depends on: not --jobs and --out.
+std::string command_of(const TuneCommandOptions& options) {
+  std::string command = "tether tune " + options.file;
+  for (const std::string& text : options.overrides) command += " --set " + text;
+  return command + (options.quick ? " --quick" : "");
+}
+
+void print_result(const Gains& gains) {
+  fmt::print("{}, seeds of training; untuned -> tuned\n", gains.objective);
+  for (const TunedLaw& law : gains.laws) {
+    fmt::print("{}: {:.4g} -> {:.4g}\n ", law.name, law.before, law.after);
+    for (const auto& [key, value] : law.gains) fmt::print(" {} = {}", key, value);
+    fmt::print("\n");
+    for (std::size_t i = 0; i < law.conditions.size(); ++i) {
+      fmt::print("  {}: {:.4g} -> {:.4g}\n", law.conditions[i], law.means_before[i],
+                 law.means_after[i]);
+    }
+  }
+}
+
+int run_tune(const TuneCommandOptions& options) {
+  if (options.file.empty()) throw UsageError("tune: name a tuning file (see --help)");
+  const Tuning tuning = load_tuning(options.file, options.overrides, options.quick);
+  const std::string name = tuning.name + (options.quick ? "-quick" : "");
+  const fs::path folder = options.out.empty() ? fs::path("out") / name : fs::path(options.out);
+  const auto gains =
+      tune(tuning, folder, options.jobs.value_or(default_jobs()), command_of(options));
+  if (!gains) {
+    fmt::print(stderr, "stopped; the same command goes on from here\n");
+    return kExitFailed;
+  }
+  const fs::path file = folder / "gains.toml";
+  write_file(file, to_toml(*gains));
+  print_result(*gains);
+  fmt::print("gains     {}\n", file.string());
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_tune_command(CLI::App& tether, Action& action) {
+  auto options = std::make_shared<TuneCommandOptions>();
+  CLI::App* command = tether.add_subcommand(
+      "tune", "Tune the gains of laws, all with the same effort; goes on where it was interrupted");
+  command->add_option("tuning", options->file, "tuning file (TOML)");
+  command
+      ->add_option("--set", options->overrides,
+                   "override a scenario key of all runs: KEY=VALUE (repeatable)")
+      ->allow_extra_args(false);
+  command->add_option("--jobs", options->jobs, "runs at a time [one per core]")
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--out", options->out,
+                      "folder of gains.toml and all runs [out/NAME; with --quick out/NAME-quick]");
+  command->add_flag("--quick", options->quick,
+                    "no more than the file's quick_seeds and quick_evaluations");
+  command->callback([options, &action] { action = [options] { return run_tune(*options); }; });
+}
+
+}  // namespace tether

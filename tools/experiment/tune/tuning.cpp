@@ -1,0 +1,266 @@
+#include "tools/experiment/tune/tuning.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <optional>
+#include <variant>
+
+#include "common/base/errors.hpp"
+#include "common/base/text.hpp"
+#include "common/scenario/key_table.hpp"
+#include "common/scenario/loader.hpp"
+#include "tools/experiment/design/section.hpp"
+#include "tools/experiment/design/seeds.hpp"
+
+namespace tether {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kLargest = 1e300;
+
+std::vector<PlacedSetting> as_they_are(const PlacedSetting& given) { return {given}; }
+
+const toml::table& table_of(const PlacedNode& given, const std::string& what) {
+  const toml::table* table = given.node->as_table();
+  if (table != nullptr) return *table;
+  throw UsageError(fmt::format("{}: {} must be a table", given.place, what));
+}
+
+/// The tables that a table of the file has, in their order; at least one.
+std::vector<PlacedNode> named_tables(const Section& section, const std::string& key,
+                                     const std::string& file) {
+  const toml::table* table = section.table(key);
+  if (table == nullptr || table->empty()) {
+    section.refuse(key, fmt::format("given: [{}.\"NAME\"] for each", key));
+  }
+  return entries(*table, file);
+}
+
+TunedKey read_key(const PlacedNode& given, const std::string& file) {
+  const std::string what = fmt::format("{} = {{ from, to, scale }}", given.key);
+  const Section section(table_of(given, what), given.key + ".", file, {"from", "to", "scale"});
+  for (const char* bound : {"from", "to"}) {
+    if (section.get(bound) == nullptr) section.refuse(bound, "given");
+  }
+  TunedKey key{given.key, section.number("from", -kLargest, kLargest, 0.0), 0.0, false,
+               given.place};
+  key.to = section.number("to", key.from, kLargest, 0.0);
+  if (!(key.from < key.to)) section.refuse("to", fmt::format("more than from, {}", key.from));
+  const std::string scale = section.text("scale", "linear");
+  if (scale != "linear" && scale != "log") section.refuse("scale", "\"linear\" or \"log\"");
+  key.is_log = scale == "log";
+  if (key.is_log && key.from <= 0.0) section.refuse("from", "positive where scale is \"log\"");
+  return key;
+}
+
+using Bounds = std::map<std::string, std::vector<TunedKey>>;
+
+Bounds read_bounds(const Section& section, const std::string& file) {
+  Bounds bounds;
+  for (const PlacedNode& set : named_tables(section, "bounds", file)) {
+    std::vector<TunedKey>& keys = bounds[set.key];
+    for (const PlacedNode& key : flatten(table_of(set, "bounds." + set.key), file)) {
+      keys.push_back(read_key(key, file));
+    }
+    if (keys.empty()) {
+      throw UsageError(fmt::format("{}: bounds.{} has no key", set.place, set.key));
+    }
+  }
+  return bounds;
+}
+
+/// The numbers of the conditions that a law names; of all if it names none.
+std::vector<std::size_t> conditions_of(const PlacedNode& law, const toml::node* names,
+                                       const Tuning& tuning) {
+  std::vector<std::size_t> numbers(tuning.conditions.size());
+  std::iota(numbers.begin(), numbers.end(), 0);
+  if (names == nullptr) return numbers;
+  std::vector<std::string> allowed;
+  for (const TuningCondition& condition : tuning.conditions) allowed.push_back(condition.name);
+  std::vector<std::size_t> chosen;
+  const toml::array* list = names->as_array();
+  for (std::size_t i = 0; list != nullptr && i < list->size(); ++i) {
+    const auto name = (*list)[i].value<std::string>().value_or("");
+    const auto found = std::find(allowed.begin(), allowed.end(), name);
+    if (found == allowed.end()) {
+      chosen.clear();
+      break;
+    }
+    chosen.push_back(static_cast<std::size_t>(found - allowed.begin()));
+  }
+  if (!chosen.empty()) return chosen;
+  throw UsageError(fmt::format("{}: law.\"{}\".conditions must be a list of \"{}\"", law.place,
+                               law.key, fmt::join(allowed, "\", \"")));
+}
+
+TuningLaw read_law(const PlacedNode& given, const Bounds& bounds, const Tuning& tuning) {
+  const toml::table& table = table_of(given, fmt::format("law.\"{}\"", given.key));
+  TuningLaw law;
+  law.name = given.key;
+  law.conditions = conditions_of(given, table.get("conditions"), tuning);
+  const auto set = bounds.find(table["bounds"].value<std::string>().value_or(""));
+  if (set == bounds.end()) {
+    std::vector<std::string> names;
+    for (const auto& [name, keys] : bounds) names.push_back(name);
+    throw UsageError(fmt::format("{}: law.\"{}\".bounds must be given, one of \"{}\"", given.place,
+                                 given.key, fmt::join(names, "\", \"")));
+  }
+  law.keys = set->second;
+  for (const PlacedSetting& setting : settings_in(table, tuning.file, as_they_are)) {
+    if (setting.setting.key == "bounds" || setting.setting.key == "conditions") continue;
+    law.settings.push_back(setting);
+  }
+  return law;
+}
+
+std::optional<ScenarioKey> find_key(const Scenario& scenario, const TunedKey& key) {
+  const std::string name = ScenarioSchema::all()->keys_meant_by(key.key).front();
+  for (const ScenarioKey& one : scenario.schema().keys_of(scenario)) {
+    if (one.name == name) return one;
+  }
+  return std::nullopt;
+}
+
+/// What a key has in a scenario.
+double value_in(const Scenario& scenario, const TunedKey& key) {
+  const auto found = find_key(scenario, key);
+  const auto value = found ? found->get(scenario) : std::nullopt;
+  if (value && std::holds_alternative<double>(*value)) return std::get<double>(*value);
+  throw UsageError(fmt::format(
+      "{}: {} must be a scenario key whose value is a number, and set: tuning starts from it",
+      key.place, key.key));
+}
+
+/// Fills in what the law has untuned, and refuses bounds that the scenario refuses.
+void start_from_scenario(const Tuning& tuning, TuningLaw& law) {
+  TuningLaw untuned = law;
+  untuned.keys.clear();
+  for (const std::size_t condition : law.conditions) {
+    const Scenario scenario = tuning.scenario_of(untuned, condition, {});
+    if (!law.start.empty()) continue;  // the others are to be loaded only
+    for (const TunedKey& key : law.keys) law.start.push_back(value_in(scenario, key));
+  }
+  for (std::size_t i = 0; i < law.keys.size(); ++i) {
+    const TunedKey& key = law.keys[i];
+    bool has_effect = false;
+    for (const double bound : {key.from, key.to}) {
+      std::vector<double> values = law.start;
+      values[i] = bound;
+      const Scenario scenario = tuning.scenario_of(law, law.conditions.front(), values);
+      has_effect |= !scenario.schema().left_out(scenario, find_key(scenario, key).value());
+    }
+    if (has_effect) continue;
+    throw UsageError(
+        fmt::format("{}: {} has no effect on law \"{}\"", key.place, key.key, law.name));
+  }
+}
+
+void read_effort(const Section& section, bool quick, Tuning& tuning) {
+  const auto effort = [&](const char* all_key, std::int64_t least, std::int64_t otherwise) {
+    const std::int64_t all = section.whole(all_key, least, otherwise);
+    const std::string quick_key = fmt::format("quick_{}", all_key);
+    const std::int64_t few = std::min(section.whole(quick_key, least, all), all);
+    return static_cast<std::size_t>(quick ? few : all);
+  };
+  tuning.budget.evaluations = effort("evaluations", 2, 120);
+  tuning.budget.rounds = static_cast<std::size_t>(section.whole("rounds", 1, 9));
+  tuning.budget.rounds = std::min(tuning.budget.rounds, tuning.budget.evaluations / 2);
+  const auto all = static_cast<std::int64_t>(tuning.seeds.size());
+  const std::int64_t few = std::min(section.whole("quick_seeds", 1, all), all);
+  if (quick) tuning.seeds.resize(static_cast<std::size_t>(few));
+}
+
+}  // namespace
+
+double TunedKey::at(double coordinate) const {
+  const double value =
+      is_log ? from * std::pow(to / from, coordinate) : from + coordinate * (to - from);
+  const double rounded = to_number<double>(fmt::format("{:.3g}", value)).value();
+  return std::clamp(rounded, from, to);
+}
+
+double TunedKey::coordinate_of(double value) const {
+  const double inside = std::clamp(value, from, to);
+  return is_log ? std::log(inside / from) / std::log(to / from) : (inside - from) / (to - from);
+}
+
+std::string number_text(double value) { return to_toml(ScenarioValue(value)); }
+
+std::string Tuning::objective() const {
+  return fmt::format("{} mean over the conditions of the mean of {}{} over the seeds",
+                     is_geometric ? "geometric" : "arithmetic", metric,
+                     std::isfinite(most) ? fmt::format(", {} at most,", most) : "");
+}
+
+Scenario Tuning::scenario_of(const TuningLaw& law, std::size_t condition,
+                             const std::vector<double>& values) const {
+  ScenarioLoader loader = start_from_file(scenario_file);
+  const auto apply = [&loader](const PlacedSetting& given) {
+    if (given.setting.key == "run.seed") {
+      throw UsageError(fmt::format("{}: run.seed is every run's own: use seeds", given.place));
+    }
+    loader.apply_override(fmt::format("{}={}", given.setting.key, given.setting.value),
+                          given.place);
+  };
+  const auto& of_condition = conditions[condition].settings;
+  std::for_each(set.begin(), set.end(), apply);
+  std::for_each(law.settings.begin(), law.settings.end(), apply);
+  std::for_each(of_condition.begin(), of_condition.end(), apply);
+  for (std::size_t i = 0; i < law.keys.size(); ++i) {
+    apply({{law.keys[i].key, number_text(values[i])}, law.keys[i].place});
+  }
+  loader.end_level(file, fs::path(file).parent_path());
+  for (const std::string& text : overrides) loader.apply_override(text, "--set " + text);
+  loader.end_level("--set", {});
+  return loader.finish(scenario_file);
+}
+
+Tuning load_tuning(const std::string& file, const std::vector<std::string>& overrides, bool quick) {
+  const toml::table table = parse_experiment(file);
+  const Section section(
+      table, "", file,
+      {"name", "scenario", "seeds", "quick_seeds", "metric", "most", "mean", "evaluations",
+       "quick_evaluations", "rounds", "set", "condition", "bounds", "law"});
+  Tuning tuning;
+  tuning.file = file;
+  tuning.overrides = overrides;
+  tuning.name = section.text("name", fs::path(file).stem().string());
+  if (!is_identifier(tuning.name)) {
+    section.refuse("name", "letters, digits, '-' and '_', at most 32");
+  }
+  const std::string scenario = section.text("scenario", "");
+  if (scenario.empty()) section.refuse("scenario", "given: a scenario file");
+  tuning.scenario_file = (fs::path(file).parent_path() / scenario).lexically_normal().string();
+  tuning.metric = section.metric("metric");
+  tuning.most = section.number("most", 1e-12, kLargest, std::numeric_limits<double>::infinity());
+  const std::string mean = section.text("mean", "geometric");
+  if (mean != "geometric" && mean != "arithmetic") {
+    section.refuse("mean", "\"geometric\" or \"arithmetic\"");
+  }
+  tuning.is_geometric = mean == "geometric";
+  tuning.seeds = read_seeds(section, file);
+  read_effort(section, quick, tuning);
+  if (const toml::table* set = section.table("set")) {
+    tuning.set = settings_in(*set, file, as_they_are);
+  }
+  for (const PlacedNode& given : named_tables(section, "condition", file)) {
+    const toml::table& settings = table_of(given, fmt::format("condition.\"{}\"", given.key));
+    tuning.conditions.push_back({given.key, settings_in(settings, file, as_they_are)});
+  }
+  const Bounds bounds = read_bounds(section, file);
+  for (const PlacedNode& given : named_tables(section, "law", file)) {
+    tuning.laws.push_back(read_law(given, bounds, tuning));
+    start_from_scenario(tuning, tuning.laws.back());
+  }
+  return tuning;
+}
+
+}  // namespace tether

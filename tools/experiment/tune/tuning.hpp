@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+#include "tools/experiment/design/experiment.hpp"
+#include "tools/experiment/design/grid.hpp"
+#include "tools/experiment/tune/search.hpp"
+
+namespace tether {
+
+/// A scenario key that is tuned, and within which bounds.
+struct TunedKey {
+  std::string key;
+  double from = 0.0, to = 0.0;
+  bool is_log = false;  ///< the search's steps are factors; then `from` is positive
+  std::string place;    ///< "tune.toml:12"
+
+  /// Values from where the search is, rounded to three significant digits, and back.
+  double at(double coordinate) const;
+  double coordinate_of(double value) const;
+};
+
+/// What a law is tuned for.
+struct TuningCondition {
+  std::string name;
+  std::vector<PlacedSetting> settings;
+};
+
+/// A law at its rates.
+struct TuningLaw {
+  std::string name;
+  std::vector<PlacedSetting> settings;
+  std::vector<TunedKey> keys;
+  std::vector<std::size_t> conditions;  ///< numbers of Tuning::conditions
+  std::vector<double> start;            ///< what its keys are without tuning
+};
+
+/// A tuning file (docs/experiments.md): which laws to tune, for what, and with which effort.
+struct Tuning {
+  std::string name;
+  std::string scenario_file, file;
+  std::vector<std::string> overrides;
+  std::string metric;
+  double most = 0.0;         ///< a run's metric counts as no more; infinity: as it is
+  bool is_geometric = true;  ///< the mean over the conditions; else arithmetic
+  std::vector<std::uint64_t> seeds;
+  SearchBudget budget;  ///< of each law
+  std::vector<PlacedSetting> set;
+  std::vector<TuningCondition> conditions;
+  std::vector<TuningLaw> laws;
+
+  /// What is minimised, for people.
+  std::string objective() const;
+  /// The scenario of a law under one of the conditions, with these values of its keys.
+  Scenario scenario_of(const TuningLaw& law, std::size_t condition,
+                       const std::vector<double>& values) const;
+};
+
+/// Reads the file and its scenario; `overrides` ("KEY=VALUE") apply on top of both. `quick`: with
+/// no more than the file's quick_seeds and quick_evaluations. Throws UsageError that names file,
+/// line, key and what is allowed, also if a bound is a value that the scenario must not have.
+Tuning load_tuning(const std::string& file, const std::vector<std::string>& overrides = {},
+                   bool quick = false);
+
+/// A number as a gains file has it: as the shortest text that reads as the same.
+std::string number_text(double value);
+
+}  // namespace tether
