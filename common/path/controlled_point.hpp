@@ -1,8 +1,6 @@
 #pragma once
 
-#include <memory>
-#include <mutex>
-#include <vector>
+#include <cmath>
 
 #include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
@@ -17,34 +15,8 @@ inline double controlled_point_ahead_m(const PathSettings& path, const VehicleCo
 }
 
 /// The point that is `ahead_m` ahead of the axle's midpoint.
-Position point_ahead(const Pose2& axle, double ahead_m);
-
-/// How the axle's midpoint must move so that a point `ahead_m` > 0 ahead of it moves along another
-/// path: for laws that are derived for the axle's midpoint. A body point with velocity V whose
-/// wheels do not slip sideways turns the vehicle by
-///   dθ/dt = V · n(θ) / a,   n(θ) = (−sin θ, cos θ),
-/// because only the forward part of the axle's velocity is free (a = ahead_m; it follows from
-/// p = axle + a (cos θ, sin θ)). While the path goes forward, θ forgets how it began at the rate
-/// |V|/a: the vehicle's heading trails the path's by asin(a κ) where the curvature is κ.
-///
-/// θ is integrated once, by Runge-Kutta in steps of 10 ms from 20 s before t = 0 on, where θ is the
-/// path's heading; so it is settled at t = 0 if the path moves before. Outside of that time and
-/// beyond a day, θ is the path's own. Safe to share; the same answers whatever was asked before.
-class AxlePath final : public ReferencePath {
- public:
-  AxlePath(std::shared_ptr<const ReferencePath> path, double ahead_m);
-
-  PathPoint at(double t_s) const override;
-
- private:
-  double heading_at(double t_s, double path_yaw_rad) const;
-  double turn_rate(const PathPoint& p, double heading_rad) const;
-  void extend(std::size_t count) const;
-
-  std::shared_ptr<const ReferencePath> path_;
-  double ahead_m_;
-  mutable std::mutex mutex_;
-  mutable std::vector<double> headings_rad_;  ///< one a step, not wrapped
-};
+inline Position point_ahead(const Pose2& axle, double ahead_m) {
+  return {axle.x_m + ahead_m * std::cos(axle.yaw_rad), axle.y_m + ahead_m * std::sin(axle.yaw_rad)};
+}
 
 }  // namespace tether

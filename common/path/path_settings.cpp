@@ -95,8 +95,8 @@ std::unique_ptr<const PlannedPath> plan(const Path& settings, const std::string&
   }
 }
 
-/// Puts the vehicle's controlled point where its path begins; that of the figure eight, which begins
-/// at full speed, at the origin. Keys of its start that are in `given` keep their values.
+/// Puts the vehicle's controlled point where its path begins; that of the figure eight, which
+/// begins at full speed, at the origin. Keys of its start that are in `given` keep their values.
 void start_vehicle(Scenario& scenario, const std::set<std::string>& given,
                    const std::string& file) {
   const auto path = plan(scenario.get<Path>(), file);

@@ -5,6 +5,7 @@
 
 #include "common/path/controlled_point.hpp"
 #include "common/path/kinds.hpp"
+#include "controller/laws/axle_path.hpp"
 
 namespace tether {
 

@@ -105,10 +105,10 @@ void ControllerNode::on_odometry(const odometry_t& m) {
   seen.arrival = loop_.now();
   seen.seq = m.seq;
   const PoseCovariance& p = seen.reckoning.covariance;
-  const bool usable =
-      is_usable(seen.reckoning.pose) && is_usable(seen.twist) && is_usable(m.distance_m) &&
-      is_usable(p.x_x) && is_usable(p.x_y) && is_usable(p.x_yaw) && is_usable(p.y_y) &&
-      is_usable(p.y_yaw) && is_usable(p.yaw_yaw);
+  const bool usable = is_usable(seen.reckoning.pose) && is_usable(seen.twist) &&
+                      is_usable(m.distance_m) && is_usable(p.x_x) && is_usable(p.x_y) &&
+                      is_usable(p.x_yaw) && is_usable(p.y_y) && is_usable(p.y_yaw) &&
+                      is_usable(p.yaw_yaw);
   if (!usable) {
     ++non_finite_odometry_;
   } else if (odometry_guard_.accept(seen.arrival, seen.stamp, seen.seq)) {

@@ -40,8 +40,8 @@ using ControllerNodeSettings =
 /// - With controller.preload, the first plan is on CTRL/PRELOAD at the beginning of the run.
 ///
 /// Poses that are undecodable, non-finite (or beyond ±1e9), duplicated, late or stamped in the
-/// future are counted and otherwise ignored; they refresh nothing. So is odometry, which goes to the
-/// law and triggers no decision.
+/// future are counted and otherwise ignored; they refresh nothing. So is odometry, which goes to
+/// the law and triggers no decision.
 class ControllerNode final : public Node {
  public:
   /// `session`: tells the plans of this start from those of any other; nullopt: derived from the

@@ -36,8 +36,8 @@ void expect_as_in_one_process(const Scenario& s, const LineFaults& faults = {}) 
 TEST(Lockstep, GivesWhatOneProcessGives) {
   expect_as_in_one_process(scenario());
   expect_as_in_one_process(scenario({"vehicle.plant=ode", "run.seed=5", "run.duration_s=1"}));
-  expect_as_in_one_process(scenario({"vehicle.start_error_m=0.2", "vehicle.start_error_rad=0.1",
-                                     "sensor.odometry_rate_hz=25"}));
+  expect_as_in_one_process(scenario(
+      {"vehicle.start_error_m=0.2", "vehicle.start_error_rad=0.1", "sensor.odometry_rate_hz=25"}));
 }
 
 TEST(Lockstep, WithTiesBetweenTheNodes) {

@@ -14,7 +14,8 @@ constexpr double kTrack_m = 1.2;
 TEST(DeadReckoning, IsExactOnArcs) {
   DeadReckoning quarter{{1.0, 2.0, 0.0}, {}, 0.0};
   const double half_pi = std::numbers::pi / 2;
-  quarter.move({half_pi * (3.0 - 0.6), half_pi * (3.0 + 0.6)}, kTrack_m);  // to the left, radius 3 m
+  quarter.move({half_pi * (3.0 - 0.6), half_pi * (3.0 + 0.6)},
+               kTrack_m);  // to the left, radius 3 m
   EXPECT_NEAR(quarter.pose.x_m, 4.0, 1e-12);
   EXPECT_NEAR(quarter.pose.y_m, 5.0, 1e-12);
   EXPECT_NEAR(quarter.pose.yaw_rad, half_pi, 1e-12);

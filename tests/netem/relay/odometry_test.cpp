@@ -96,8 +96,8 @@ TEST(RelayedOdometry, MeetsTheStateThatThePosesMeet) {
 }
 
 TEST(RelayedOdometry, FollowsChangesOfTheUplinksSettings) {
-  const Relayed r = relayed(
-      {"channel.change=[{at_s=30, set=['uplink.delay_ms=40', 'uplink.loss=1']}]"}, true);
+  const Relayed r =
+      relayed({"channel.change=[{at_s=30, set=['uplink.delay_ms=40', 'uplink.loss=1']}]"}, true);
   EXPECT_EQ(r.odometry.size(), 300U);
   EXPECT_LT(r.odometry.back().when, at_s(30));
 }

@@ -1,7 +1,9 @@
-#include "common/path/controlled_point.hpp"
+#include "controller/laws/axle_path.hpp"
 
 #include <cmath>
 #include <utility>
+
+#include "common/vehicle/pose.hpp"
 
 namespace tether {
 namespace {
@@ -11,10 +13,6 @@ constexpr double kEarliest_s = -20.0;
 constexpr double kLatest_s = 86400.0;
 
 }  // namespace
-
-Position point_ahead(const Pose2& axle, double ahead_m) {
-  return {axle.x_m + ahead_m * std::cos(axle.yaw_rad), axle.y_m + ahead_m * std::sin(axle.yaw_rad)};
-}
 
 AxlePath::AxlePath(std::shared_ptr<const ReferencePath> path, double ahead_m)
     : path_(std::move(path)), ahead_m_(ahead_m) {
