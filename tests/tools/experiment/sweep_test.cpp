@@ -1,5 +1,6 @@
 #include "tools/experiment/sweep/sweep.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -15,6 +16,7 @@
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/metric.hpp"
 #include "tools/runs/run_observer.hpp"
+#include "tools/runs/run_summary.hpp"
 
 namespace tether {
 namespace {
@@ -96,6 +98,22 @@ TEST_F(Sweep, HasTheResultsOfSingleRuns) {
   std::size_t rows = 0;
   store.for_each([&](const StoredRun& run) { rows = run.result.trajectory.size(); }, true);
   EXPECT_EQ(rows, 7U);  // 0, 0.5 … 3 s
+}
+
+TEST(RunSummaryText, SaysSinceWhenAVehicleIsLost) {
+  Scenario scenario = short_scenario(0.0);  // it never gets a command
+  scenario.get<RunSettings>().lost_beyond_m = 1.0;
+  scenario.get<RunSettings>().lost_for_s = 0.5;
+  ClosedLoop loop(scenario);
+  const RunObserver observer(scenario, loop.loop(), loop.bus());
+  loop.run();
+  const std::string text = to_text(scenario, observer, {});
+  EXPECT_NE(text.find(fmt::format("LOST      from {:.1f} s on\n", observer.truth().lost_from_s)),
+            std::string::npos)
+      << text;
+  EXPECT_EQ(text.find("settled"), std::string::npos) << "3 s are not yet settled";
+  EXPECT_NE(to_json(scenario, observer, {}).find("\"lost\": true"), std::string::npos);
+  EXPECT_NEAR(observer.truth().lost_from_s + observer.truth().away_s, 3.0, 1e-9);
 }
 
 TEST(MetricTable, EachRowHasANameALabelAndANumberOfEachRun) {
