@@ -6,10 +6,10 @@ namespace tether {
 
 /// By how much the vehicle's clock is ahead of the controller's.
 ///
-/// Nothing in poses and plans shows it by itself: stamps of poses and starts of plans are by the same
-/// clock, so the vehicle is where it should be, but by its own clock: v · offset away. Only delays
-/// bound it, for none is negative: a pose that took `up` by stamp and arrival, and a plan that took
-/// `down` by when it was sent and when it was on board, give
+/// Nothing in poses and plans shows it by itself: stamps of poses and starts of plans are by the
+/// same clock, so the vehicle is where it should be, but by its own clock: v · offset away. Only
+/// delays bound it, for none is negative: a pose that took `up` by stamp and arrival, and a plan
+/// that took `down` by when it was sent and when it was on board, give
 ///   up = δ_up − offset,   down = δ_down + offset,   so −up ≤ offset ≤ down.
 /// Where the two directions take equally long, offset = (down − up)/2, as in NTP (RFC 5905, section
 /// 8); where they do not, it is wrong by half the difference. When a plan was on board is known to
@@ -32,9 +32,9 @@ class ClockEstimate {
   Duration offset() const;
 
  private:
-  Duration up_ = Duration::max();           // the shortest
-  Duration down_most_ = Duration::max();    // the lowest upper bound
-  Duration down_least_ = Duration::min();   // the highest lower bound
+  Duration up_ = Duration::max();          // the shortest
+  Duration down_most_ = Duration::max();   // the lowest upper bound
+  Duration down_least_ = Duration::min();  // the highest lower bound
 };
 
 }  // namespace tether

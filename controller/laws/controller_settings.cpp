@@ -95,7 +95,7 @@ void add_estimation(KeyTable<Controller>& t) {
   t.boolean("adapt.bias", TETHER_MEMBER(adapt.bias),
             "… a speed and a yaw rate that are added to its own: slopes, drag, slip");
   t.boolean("adapt.clock", &Controller::adapt_clock,
-            "law sends plans: by how much the vehicle's clock is ahead, from delays both ways");
+            "by how much the vehicle's clock is ahead, from delays both ways");
   t.number("sensor_latency_ms", &Controller::sensor_latency_ms, {0.0, 1e4, false},
            "of a pose's age when it arrives, what its sensor took: no delay of the network");
 }
@@ -109,29 +109,36 @@ bool uses(const LawKind& law, const std::string& part) {
                      [&](const std::string& key) { return part.starts_with(key); });
 }
 
+std::string why_no_effect(const Scenario& scenario, const std::string& key) {
+  const auto& controller = scenario.get<Controller>();
+  const bool none = controller.estimator == Controller::Estimator::none;
+  if (none && is_of_filter(key)) return "controller.estimator is \"none\"";
+  if (key.starts_with("controller.adapt.") && !kind_of(controller).sends_plans) {
+    return fmt::format("controller.law is \"{}\", which sends twists", controller.law);
+  }
+  return "";
+}
+
 /// Keys that only other laws use are left out. They are no mistake: one file may have what several
 /// laws need.
 bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   const std::string prefix = "controller.";
   if (!key.name.starts_with(prefix)) return false;
   if (scenario.get<Controller>().estimator == Controller::Estimator::none &&
-      (is_of_filter(key.name) || key.name == prefix + "estimator")) {
+      key.name == prefix + "estimator") {
     return true;
   }
-  if (key.name == prefix + "sensor_latency_ms" &&
-      scenario.get<Controller>().sensor_latency_ms == 0.0) {
-    return true;
-  }
+  if (!why_no_effect(scenario, key.name).empty()) return true;
   const std::string part = key.name.substr(prefix.size());
+  const auto& controller = scenario.get<Controller>();
+  if (part == "sensor_latency_ms") {
+    if (controller.sensor_latency_ms == 0.0) return true;
+    if (controller.estimator == Controller::Estimator::ekf) return false;
+  }
   const auto& kinds = law_kinds();
   return !uses(kind_of(scenario.get<Controller>()), part) &&
          std::any_of(kinds.begin(), kinds.end(),
                      [&](const LawKind& other) { return uses(other, part); });
-}
-
-std::string why_no_effect(const Scenario& scenario, const std::string& key) {
-  const bool none = scenario.get<Controller>().estimator == Controller::Estimator::none;
-  return none && is_of_filter(key) ? "controller.estimator is \"none\"" : "";
 }
 
 std::string policies_for_plans() {

@@ -61,7 +61,7 @@ struct ControllerSettings {
   Adaptation adapt;
   bool adapt_clock = false;        ///< the vehicle's clock is estimated (ClockEstimate)
   double sensor_latency_ms = 0.0;  ///< of a pose's age at its arrival, what the sensor took
-  OwnSettings own;  ///< of laws that have keys which no other law has
+  OwnSettings own;                 ///< of laws that have keys which no other law has
 };
 
 ScenarioSection controller_section();

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 #include "common/path/controlled_point.hpp"
 #include "common/path/kinds.hpp"
 #include "controller/laws/axle_path.hpp"
+#include "controller/laws/filtered_law.hpp"
 
 namespace tether {
 
@@ -38,12 +40,18 @@ const LawKind& kind_of(const ControllerSettings& settings) {
 }
 
 std::unique_ptr<Law> make_law(const LawSettings& settings) {
-  const LawKind& kind = kind_of(settings.get<ControllerSettings>());
-  const auto path = make_path(settings.get<PathSettings>());
-  const double ahead_m =
-      controlled_point_ahead_m(settings.get<PathSettings>(), settings.get<VehicleSettings>());
-  if (ahead_m == 0.0 || kind.steers_any_point) return kind.make({settings, path, ahead_m});
-  return kind.make({settings, std::make_shared<AxlePath>(path, ahead_m), 0.0});
+  const auto& controller = settings.get<ControllerSettings>();
+  const LawKind& kind = kind_of(controller);
+  LawContext context{
+      settings, make_path(settings.get<PathSettings>()),
+      controlled_point_ahead_m(settings.get<PathSettings>(), settings.get<VehicleSettings>())};
+  if (context.ahead_m != 0.0 && !kind.steers_any_point) {
+    context.path = std::make_shared<AxlePath>(context.path, context.ahead_m);
+    context.ahead_m = 0.0;
+  }
+  std::unique_ptr<Law> law = kind.make(context);
+  if (controller.estimator == ControllerSettings::Estimator::none || kind.sends_plans) return law;
+  return std::make_unique<FilteredLaw>(std::move(law), context);
 }
 
 }  // namespace tether

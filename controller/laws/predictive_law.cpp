@@ -123,7 +123,8 @@ void PredictiveLaw::estimate(const SeenPose& seen) {
   const std::int64_t id = seen.plan_id.value_or(none);
   follow_until(id, at, seen.stamp, *filter_);
   if (stood && !filter_->stands()) {  // how late the first plan took over is a guess
-    filter_->widen(to_seconds(late_start(id)) * 0.5 * filter_->model().twist(filter_->state()).v_mps);
+    filter_->widen(to_seconds(late_start(id)) * 0.5 *
+                   filter_->model().twist(filter_->state()).v_mps);
   }
   filter_->update(seen.pose);
   model_ = filter_->model();
@@ -157,8 +158,8 @@ LawOutput PredictiveLaw::decide(Instant now, const SeenPose* newest) {
 /// does so only every other time.
 void PredictiveLaw::extend(Prediction& p, Instant start) {
   const Sent* named = find(p.follows);
-  const bool still = named != nullptr && named->is_settled(start) &&
-                     is_on_path(p.state.pose, reference_at(start));
+  const bool still =
+      named != nullptr && named->is_settled(start) && is_on_path(p.state.pose, reference_at(start));
   const auto since = std::find_if(sent_.rbegin(), sent_.rend(), [&](const Sent& sent) {
     return sent.plan.name.id <= p.follows || sent.is_settled(start);
   });
@@ -388,12 +389,13 @@ namespace {
 
 template <PredictiveLaw::Form form>
 LawKind kind(const std::string& name) {
-  return {.name = name,
-          .sends_plans = true,
-          .keys = {"tracking.", "model.", "horizon_s", "plan_step_ms", "preload", "sensor_latency_ms"},
-          .make = [](const LawContext& context) -> std::unique_ptr<Law> {
-            return std::make_unique<PredictiveLaw>(context, form);
-          }};
+  return {
+      .name = name,
+      .sends_plans = true,
+      .keys = {"tracking.", "model.", "horizon_s", "plan_step_ms", "preload", "sensor_latency_ms"},
+      .make = [](const LawContext& context) -> std::unique_ptr<Law> {
+        return std::make_unique<PredictiveLaw>(context, form);
+      }};
 }
 
 }  // namespace

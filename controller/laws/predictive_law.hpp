@@ -130,8 +130,8 @@ class PredictiveLaw final : public Law {
   Duration sensor_latency_;
   bool adapts_clock_;
   ClockEstimate clock_;
-  Duration clock_offset_{};                ///< the vehicle's, as it is used
-  std::optional<SeenPose> last_;           ///< the pose before
+  Duration clock_offset_{};       ///< the vehicle's, as it is used
+  std::optional<SeenPose> last_;  ///< the pose before
   StopLimits run_out_;
   Pose2 start_pose_;
   Duration step_;

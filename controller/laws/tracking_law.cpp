@@ -38,10 +38,12 @@ CompensatedTrackingLaw::CompensatedTrackingLaw(const LawContext& context)
       model_(model_of(context.settings)),
       feedback_(context.settings.get<ControllerSettings>(),
                 model_.limits().max_wheel_acceleration_mps2),
-      delay_(DelayEstimate::kFew) {}
+      delay_(DelayEstimate::kFew),
+      sensor_latency_(
+          from_seconds(context.settings.get<ControllerSettings>().sensor_latency_ms * 1e-3)) {}
 
 void CompensatedTrackingLaw::on_pose(const SeenPose& seen) {
-  delay_.add(seen.arrival - seen.stamp);
+  delay_.add(seen.arrival - seen.stamp - sensor_latency_);
   // The command in force at the start of the memory is kept.
   const Instant oldest = seen.stamp - kMemory - delay_.longest();
   while (sent_.size() > 1 && sent_[1].when <= oldest) sent_.pop_front();
@@ -104,7 +106,7 @@ LawKind tracking_law() {
 
 LawKind tracking_compensated_law() {
   return {.name = "tracking_compensated",
-          .keys = {"tracking.", "model."},
+          .keys = {"tracking.", "model.", "sensor_latency_ms"},
           .make = [](const LawContext& context) -> std::unique_ptr<Law> {
             return std::make_unique<CompensatedTrackingLaw>(context);
           }};

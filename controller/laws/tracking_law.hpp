@@ -53,6 +53,7 @@ class CompensatedTrackingLaw final : public Law {
   MotionModel model_;
   TrackingFeedback feedback_;
   DelayEstimate delay_;
+  Duration sensor_latency_;
   std::deque<SentTwist> sent_;
   LawErrors errors_;
 };

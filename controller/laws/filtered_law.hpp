@@ -1,0 +1,46 @@
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+
+#include "controller/estimation/pose_filter.hpp"
+#include "controller/laws/law.hpp"
+#include "controller/laws/network_estimate.hpp"
+
+namespace tether {
+
+/// A law that sends twists, behind a PoseFilter: it gets each pose as the filter estimates it. The
+/// filter moves by the twists that were sent, each in force from the median delay of the last poses
+/// after it was sent until the next takes over, as if none were lost. What is lost it does not
+/// know, so at a PRR far from 1 its motion is wrong, and poses that say so may be gated: then plans
+/// are better. Adaptation would take losses for errors of the drive, and is not done.
+class FilteredLaw final : public Law {
+ public:
+  FilteredLaw(std::unique_ptr<Law> law, const LawContext& context);
+
+  void on_pose(const SeenPose& seen) override;
+  LawOutput decide(Instant now, const SeenPose* newest) override;
+  LawOutput stop(Instant now) override;
+  void reset() override { law_->reset(); }
+  LawErrors errors() const override { return law_->errors(); }
+  void list_counters(CounterList& out) const override;
+
+ private:
+  struct SentTwist {
+    Instant when;
+    Twist twist;
+  };
+  LawOutput remember(Instant now, LawOutput output);
+  void move_to(Instant stamp);
+
+  std::unique_ptr<Law> law_;
+  PoseFilter filter_;
+  DelayEstimate delay_;
+  Duration sensor_latency_;
+  std::optional<Instant> at_;  ///< what the filter's estimate is of
+  std::optional<SeenPose> estimate_;
+  std::deque<SentTwist> sent_;  ///< the first is in force at at_
+};
+
+}  // namespace tether
