@@ -170,32 +170,35 @@ std::size_t count(const Experiment& e, const Selection& selection) {
 TEST(ProjectExperiments, AllLoad) {
   std::size_t files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(TETHER_SOURCE_DIR "/experiments")) {
+    if (entry.is_directory()) continue;
     EXPECT_NO_THROW(load_experiment(entry.path().string())) << entry.path();
     ++files;
   }
   EXPECT_GE(files, 13U);
 }
 
-TEST(ProjectExperiments, TheBenchmarkHasThirteenLawsInFifteenChannelsAndTheBoundOnBoard) {
+TEST(ProjectExperiments, TheBenchmarkHasTenLawsInFifteenChannelsAndThreeNullControls) {
   const Experiment e = of_the_project("control_benchmark");
   EXPECT_THAT(e.keys, ElementsAre("law", "PRR", "delay_ms", "burst"));
-  EXPECT_THAT(e.arms, SizeIs(13 * 15 + 1));
-  EXPECT_EQ(count(e, {{"delay_ms", {"0"}}, {"burst", {"none"}}}), 13U * 7 + 1);
-  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 13U * 6);
-  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 13U * 2);
-  EXPECT_EQ(count(e, {{"law", {"on board, no network"}}}), 1U);
+  EXPECT_THAT(e.arms, SizeIs(10 * 15 + 3));
+  EXPECT_EQ(count(e, {{"delay_ms", {"0"}}, {"burst", {"none"}}}), 10U * 7 + 3);
+  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 10U * 6);
+  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 10U * 2);
+  EXPECT_EQ(count(e, {{"law", {"plan on board, no packet"}}}), 1U);
   EXPECT_THAT(e.seeds, SizeIs(30));
   EXPECT_TRUE(e.common_random_numbers);
   EXPECT_THAT(of_the_project("control_benchmark", true).seeds, SizeIs(4));
   for (const Arm& arm : e.arms) {
     EXPECT_EQ(arm.scenario.get<VehicleSettings>().max_wheel_acceleration_mps2, 3.0) << arm.text();
+    EXPECT_EQ(arm.scenario.get<VehicleSettings>().start_error_m, 0.1) << arm.text();
+    EXPECT_EQ(arm.scenario.get<SensorSettings>().position_noise_m, 0.02) << arm.text();
   }
 }
 
-TEST(ProjectExperiments, RobustnessHasBothLawsUnderEachErrorAtEachPrr) {
+TEST(ProjectExperiments, RobustnessHasBothLawsUnderEachErrorAtEachPrrAndTwoNullControls) {
   const Experiment e = of_the_project("control_robustness");
-  EXPECT_THAT(e.arms, SizeIs(2 * (11 * 5 + 2 * 4)));
-  EXPECT_EQ(count(e, {{"law", {"PID, hold (paper)"}}, {"error", {"none"}}}), 5U);
+  EXPECT_THAT(e.arms, SizeIs(2 * (11 * 5 + 2 * 4) + 2 * 11));
+  EXPECT_EQ(count(e, {{"law", {"PID, 20/20 Hz"}}, {"error", {"none"}}}), 5U);
   EXPECT_EQ(count(e, {{"error", {"bursts of 20 packets"}}}), 8U);
 }
 

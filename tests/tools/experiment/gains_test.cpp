@@ -80,6 +80,7 @@ TEST_F(TunedGains, WhatTheyDoNotHaveIsRefused) {
   EXPECT_THAT(why_refused("seeds = 1\n[axis.law.a]\ntuned = \"PID\"\n"),
               HasSubstr("e.toml:4: tuned = \"PID\" needs a file of gains"));
   EXPECT_THAT(why_refused("seeds = 1\ngains = \"no.toml\"\n"), HasSubstr("no.toml"));
+  EXPECT_THAT(why_refused("seeds = 1\ngains = \"/dev/zero\"\n"), HasSubstr("/dev/zero"));
   EXPECT_THAT(why_refused(head + "tuned = \"PID\"\n[grid]\ncontroller.tau_s = [1, 2]\n"),
               HasSubstr("controller.tau_s is varied twice"));
 }

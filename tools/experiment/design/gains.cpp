@@ -7,6 +7,7 @@
 #include <set>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/scenario/section.hpp"
 #include "tools/experiment/design/section.hpp"
@@ -66,6 +67,7 @@ TunedLaw read_law(const PlacedNode& given, const std::string& file) {
 }  // namespace
 
 Gains read_gains(const std::string& file) {
+  check_input(file, "the file of gains", kMostTomlBytes);  // an experiment names it: no device
   const toml::table table = parse_experiment(file);
   const Section section(table, "", file,
                         {"version", "command", "objective", "seeds", "evaluations", "law"});
