@@ -406,16 +406,4 @@ LawKind predictive_consistent_law() {
   return kind<PredictiveLaw::Form::consistent>("predictive_consistent");
 }
 
-LawKind mpc_law() {
-  LawKind kind = tether::kind<PredictiveLaw::Form::consistent>("mpc");
-  kind.keys.emplace_back("mpc.");
-  kind.own_keys = MpcSettings::keys();
-  kind.make = [](const LawContext& context) -> std::unique_ptr<Law> {
-    const auto& settings = context.settings.get<ControllerSettings>().own.get<MpcSettings>();
-    return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::consistent,
-                                           MpcPlanner(settings, context.path));
-  };
-  return kind;
-}
-
 }  // namespace tether

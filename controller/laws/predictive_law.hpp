@@ -11,9 +11,9 @@
 #include "controller/estimation/clock_estimate.hpp"
 #include "controller/estimation/pose_filter.hpp"
 #include "controller/laws/law.hpp"
-#include "controller/laws/mpc_planner.hpp"
 #include "controller/laws/network_estimate.hpp"
 #include "controller/laws/tracking_feedback.hpp"
+#include "controller/mpc/mpc_planner.hpp"
 
 namespace tether {
 

@@ -1,12 +1,9 @@
-#include "controller/laws/mpc_planner.hpp"
+#include "controller/mpc/mpc_planner.hpp"
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <utility>
-
-#include "common/scenario/key_table.hpp"
-#include "controller/laws/controller_settings.hpp"
 
 namespace tether {
 namespace {
@@ -68,24 +65,6 @@ struct MpcPlanner::Trajectory {
     return k + 1 == errors.size() ? terminal : 1.0;
   }
 };
-
-std::vector<ScenarioKey> MpcSettings::keys() {
-  using Mpc = MpcSettings;
-  KeyTable<Mpc> t(
-      "controller.mpc.",
-      {[](const Scenario& s) -> const Mpc& { return s.get<ControllerSettings>().own.get<Mpc>(); },
-       [](Scenario& s) -> Mpc& { return s.get<ControllerSettings>().own.get<Mpc>(); }});
-  t.number("steps", &Mpc::steps, {1.0, 200.0, false}, "of a plan, whole, that are optimised");
-  t.number("heading_m2", &Mpc::heading_m2, kNotNegative,
-           "weight of a heading error's square against a distance's");
-  t.number("rim_s2", &Mpc::rim_s2, {1e-6, 1e3, false},
-           "weight of the square of a rim's change in a step, beyond the path's own");
-  t.number("terminal", &Mpc::terminal, {1.0, 1e3, false}, "weight of the last step");
-  t.number("within_m", &Mpc::within_m, kNotNegative,
-           "farther off the path, plans are the tracking law's");
-  t.number("iterations", &Mpc::iterations, {1.0, 10.0, false}, "of linearisation, whole");
-  return t.take();
-}
 
 MpcPlanner::MpcPlanner(const MpcSettings& settings, std::shared_ptr<const ReferencePath> path)
     : settings_(settings), path_(std::move(path)) {}

@@ -1,4 +1,4 @@
-#include "controller/laws/box_qp.hpp"
+#include "controller/mpc/box_qp.hpp"
 
 #include <Eigen/Core>
 #include <nlopt.hpp>

@@ -6,9 +6,8 @@
 #include <vector>
 
 #include "common/path/reference_path.hpp"
-#include "common/scenario/section.hpp"
 #include "common/vehicle/motion_model.hpp"
-#include "controller/laws/box_qp.hpp"
+#include "controller/mpc/box_qp.hpp"
 
 namespace tether {
 
@@ -22,7 +21,6 @@ struct MpcSettings {
   double iterations = 2.0;  ///< of linearisation
 
   bool operator==(const MpcSettings&) const = default;
-  static std::vector<ScenarioKey> keys();
 };
 
 /// Model predictive control of the first steps of a plan: the rim speeds l_k, r_k at the ends of
