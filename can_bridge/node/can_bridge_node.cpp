@@ -14,12 +14,12 @@
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/profiles/profiles.hpp"
+#include "common/actuator/actuator_policy.hpp"
+#include "common/actuator/actuator_settings.hpp"
+#include "common/actuator/plan_message.hpp"
 #include "common/base/errors.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
-#include "common/vehicle/actuator_policy.hpp"
-#include "common/vehicle/actuator_settings.hpp"
-#include "common/vehicle/plan_message.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {

@@ -17,6 +17,7 @@
 #include "can_bridge/safety/safety_core.hpp"
 #include "can_bridge/safety/safety_inputs.hpp"
 #include "can_bridge/safety/transmit_whitelist.hpp"
+#include "common/actuator/actuator_settings.hpp"
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
@@ -25,7 +26,6 @@
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
 #include "common/scenario/run_settings.hpp"
-#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {

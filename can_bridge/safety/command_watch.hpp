@@ -5,10 +5,10 @@
 #include <optional>
 #include <string>
 
+#include "common/actuator/actuator.hpp"
+#include "common/actuator/actuator_settings.hpp"
 #include "common/base/time.hpp"
 #include "common/bus/stream_guard.hpp"
-#include "common/vehicle/actuator.hpp"
-#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/pose.hpp"
 
 namespace tether {

@@ -14,7 +14,7 @@
 #include "can_bridge/safety/request_guard.hpp"
 #include "can_bridge/safety/safety_inputs.hpp"
 #include "can_bridge/safety/twist_limiter.hpp"
-#include "common/vehicle/actuator_settings.hpp"
+#include "common/actuator/actuator_settings.hpp"
 
 namespace tether {
 

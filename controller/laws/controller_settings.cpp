@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/actuator/actuator_policy.hpp"
+#include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
 #include "common/scenario/key_table.hpp"
-#include "common/vehicle/actuator_policy.hpp"
-#include "common/vehicle/actuator_settings.hpp"
 #include "controller/laws/law.hpp"
 
 namespace tether {

@@ -3,13 +3,13 @@
 #include <cstdint>
 #include <tether/plan_in_force_t.hpp>
 
+#include "common/actuator/plan.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/bus/stream_guard.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/scenario/scenario.hpp"
-#include "common/vehicle/plan.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {

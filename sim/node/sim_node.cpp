@@ -9,15 +9,15 @@
 #include <tether/twist_t.hpp>
 #include <utility>
 
+#include "common/actuator/actuator_settings.hpp"
+#include "common/actuator/plan_message.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/loop/timer_queue.hpp"
 #include "common/path/controlled_point.hpp"
 #include "common/path/kinds.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/scenario/run_settings.hpp"
-#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
-#include "common/vehicle/plan_message.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/true_start.hpp"
 #include "sim/sensor/sensor_settings.hpp"

@@ -6,6 +6,8 @@
 #include <variant>
 #include <vector>
 
+#include "common/actuator/actuator.hpp"
+#include "common/actuator/actuator_settings.hpp"
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/counter_reporter.hpp"
@@ -17,8 +19,6 @@
 #include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
 #include "common/scenario/run_settings.hpp"
-#include "common/vehicle/actuator.hpp"
-#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/metrics.hpp"
 #include "sim/node/plan_watch.hpp"

@@ -8,6 +8,7 @@ SOURCES = [
     ("can_bridge/cia402/profile/*.cpp", ["can_profile_test", "emulated_bring_up_test"]),
     ("can_bridge/agilex/*.cpp", ["agilex_v2_test"]),
     ("can_bridge/bus/in_process_can.cpp", ["in_process_can_test"]),
+    ("common/actuator/*.cpp", ["common_test"]),
     ("common/vehicle/*.cpp", ["common_test"]),
     ("common/bus/stream_guard.cpp", ["common_test"]),
 ]

@@ -1,7 +1,7 @@
 #include "can_bridge/safety/blind_budget.hpp"
 #include "tests/can_bridge/safety/random_limits.hpp"
 #include "tests/can_bridge/safety/rig.hpp"
-#include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/common/actuator/plan_rig.hpp"
 
 // Driving on plans while nobody sees the vehicle: bounded in time and in distance, from the pose
 // that the newest plan was made from, and always with room to stop.

@@ -1,6 +1,6 @@
-#include "common/vehicle/actuator_settings.hpp"
+#include "common/actuator/actuator_settings.hpp"
 #include "tests/can_bridge/safety/rig.hpp"
-#include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/common/actuator/plan_rig.hpp"
 
 // Plans in the CAN bridge: fresh while they last; from the end of the horizon on the ladder of old
 // commands counts.

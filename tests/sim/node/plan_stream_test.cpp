@@ -12,12 +12,12 @@
 #include <string>
 #include <vector>
 
-#include "common/vehicle/actuator.hpp"
-#include "common/vehicle/actuator_settings.hpp"
+#include "common/actuator/actuator.hpp"
+#include "common/actuator/actuator_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/plant.hpp"
-#include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/common/actuator/plan_rig.hpp"
 
 // Whatever plans and commands arrive, in whatever order and time: the vehicle's motion is finite
 // and within its limits, and every plan is counted once. Which plan is followed, and when, is the

@@ -11,11 +11,11 @@
 #include <tether/pose_t.hpp>
 #include <vector>
 
-#include "common/vehicle/actuator_settings.hpp"
+#include "common/actuator/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
 #include "sim/sensor/sensor_settings.hpp"
-#include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 // Plans at the simulated vehicle: executed by time, named in poses, counted.

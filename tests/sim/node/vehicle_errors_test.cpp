@@ -4,14 +4,14 @@
 #include <cmath>
 #include <memory>
 
-#include "common/vehicle/actuator_settings.hpp"
+#include "common/actuator/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/ode_world.hpp"
 #include "sim/plant/plant.hpp"
 #include "sim/sensor/sensor_settings.hpp"
-#include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 // What nobody told the vehicle: vehicle.radius_error, .track_error, .actuator_lag_ms,

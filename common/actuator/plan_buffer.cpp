@@ -1,4 +1,4 @@
-#include "common/vehicle/plan_buffer.hpp"
+#include "common/actuator/plan_buffer.hpp"
 
 #include <algorithm>
 #include <numeric>

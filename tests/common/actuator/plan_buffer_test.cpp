@@ -1,4 +1,4 @@
-#include "common/vehicle/plan_buffer.hpp"
+#include "common/actuator/plan_buffer.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 // What is refused for what it is, what is executed when, and what poses report.

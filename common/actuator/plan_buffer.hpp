@@ -6,9 +6,9 @@
 #include <optional>
 #include <vector>
 
+#include "common/actuator/plan.hpp"
 #include "common/base/counters.hpp"
 #include "common/bus/stream_guard.hpp"
-#include "common/vehicle/plan.hpp"
 #include "common/vehicle/stop_ramp.hpp"
 
 namespace tether {

@@ -1,4 +1,4 @@
-#include "common/vehicle/actuator_policy.hpp"
+#include "common/actuator/actuator_policy.hpp"
 
 namespace tether {
 

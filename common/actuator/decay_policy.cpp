@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "common/vehicle/actuator_policy.hpp"
+#include "common/actuator/actuator_policy.hpp"
 
 namespace tether {
 namespace {

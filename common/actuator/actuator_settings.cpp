@@ -1,4 +1,4 @@
-#include "common/vehicle/actuator_settings.hpp"
+#include "common/actuator/actuator_settings.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <string_view>
 
+#include "common/actuator/actuator_policy.hpp"
 #include "common/scenario/key_table.hpp"
-#include "common/vehicle/actuator_policy.hpp"
 
 namespace tether {
 namespace {

@@ -5,10 +5,10 @@
 #include <string>
 #include <tether/plan_t.hpp>
 
+#include "common/actuator/plan.hpp"
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
-#include "common/vehicle/plan.hpp"
 
 namespace tether {
 

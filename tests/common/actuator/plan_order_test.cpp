@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/vehicle/plan_buffer.hpp"
-#include "tests/common/vehicle/plan_rig.hpp"
+#include "common/actuator/plan_buffer.hpp"
+#include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
 // What a plan may be based on, whose plans are taken, and that no loss ever shuts a controller out.

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "common/actuator/actuator_settings.hpp"
 #include "common/base/time.hpp"
-#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/stop_ramp.hpp"
 

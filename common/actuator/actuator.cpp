@@ -1,4 +1,4 @@
-#include "common/vehicle/actuator.hpp"
+#include "common/actuator/actuator.hpp"
 
 #include <algorithm>
 #include <utility>

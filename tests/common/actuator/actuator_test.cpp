@@ -1,4 +1,4 @@
-#include "common/vehicle/actuator.hpp"
+#include "common/actuator/actuator.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,9 +6,9 @@
 #include <map>
 #include <string>
 
+#include "common/actuator/actuator_policy.hpp"
 #include "common/scenario/scenario.hpp"
-#include "common/vehicle/actuator_policy.hpp"
-#include "tests/common/vehicle/plan_rig.hpp"
+#include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/table_rows.hpp"
 #include "tests/support/virtual_world.hpp"
 

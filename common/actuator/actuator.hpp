@@ -3,13 +3,13 @@
 #include <cstdint>
 #include <optional>
 
+#include "common/actuator/actuator_policy.hpp"
+#include "common/actuator/actuator_settings.hpp"
+#include "common/actuator/plan.hpp"
+#include "common/actuator/plan_buffer.hpp"
 #include "common/base/counters.hpp"
 #include "common/base/time.hpp"
 #include "common/scenario/scenario.hpp"
-#include "common/vehicle/actuator_policy.hpp"
-#include "common/vehicle/actuator_settings.hpp"
-#include "common/vehicle/plan.hpp"
-#include "common/vehicle/plan_buffer.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/stop_ramp.hpp"
 
