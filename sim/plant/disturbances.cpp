@@ -61,12 +61,12 @@ WheelLoads Disturbances::step(const WheelSpeeds& rim) {
   WheelLoads loads;
   if (bumpy_)
     loads = {bumps_[0].step(rim.left_mps, step_s_), bumps_[1].step(rim.right_mps, step_s_)};
-  loads[0].torque_Nm = drag_torque_Nm(drag_N_[0], rim.left_mps);
-  loads[1].torque_Nm = drag_torque_Nm(drag_N_[1], rim.right_mps);
+  loads[0].torque_Nm = drag_torque(drag_N_[0], rim.left_mps);
+  loads[1].torque_Nm = drag_torque(drag_N_[1], rim.right_mps);
   return loads;
 }
 
-double Disturbances::drag_torque_Nm(double drag_N, double rim_mps) const {
+double Disturbances::drag_torque(double drag_N, double rim_mps) const {
   const double half_stop_Nm =
       0.5 * wheel_inertia_kgm2_ * std::abs(rim_mps) / (wheel_radius_m_ * step_s_);
   return -std::copysign(std::min(drag_N * wheel_radius_m_, half_stop_Nm), rim_mps);

@@ -64,7 +64,7 @@ class Disturbances {
   WheelLoads step(const WheelSpeeds& rim);
 
  private:
-  double drag_torque_Nm(double drag_N, double rim_mps) const;
+  double drag_torque(double drag_N, double rim_mps) const;
 
   double step_s_;
   double wheel_radius_m_;
