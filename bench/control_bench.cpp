@@ -21,7 +21,7 @@ namespace {
 
 Scenario scenario_of(const std::string& law, std::vector<std::string> more = {}) {
   more.push_back("controller.law=" + law);
-  if (law.starts_with("predictive")) more.emplace_back("actuator.policy=horizon");
+  if (law.starts_with("predictive") || law == "mpc") more.emplace_back("actuator.policy=horizon");
   return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", more);
 }
 
