@@ -88,7 +88,7 @@ INSTANTIATE_TEST_SUITE_P(Actuator, EachPolicy,
                          [](const auto& info) { return info.param; });
 
 TEST(ActuatorPolicyTable, HasARowForEachPolicyThatOurSourcesDefineOnce) {
-  testing::expect_has_all_rows(actuator_policies(), "common/vehicle", "ActuatorPolicy", "_policy");
+  testing::expect_has_all_rows(actuator_policies(), "common/actuator", "ActuatorPolicy", "_policy");
 }
 
 TEST(ActuatorPolicyTable, EachPolicyIsInForceByItsNameInAScenario) {
