@@ -13,18 +13,9 @@ namespace {
 constexpr std::size_t kMostSent = 4000;  // plans remembered
 /// The vehicle may still follow a plan, stopping, that ended up to this long before a pose.
 constexpr Duration kRunOut = std::chrono::seconds{10};
-/// A vehicle with smaller errors than these is on the path. A plan that stays there for so long has
-/// settled.
-constexpr double kOnPath_m = 0.01;
-constexpr double kOnPath_rad = 0.01;
 constexpr Duration kSameClock = std::chrono::milliseconds{3};
+/// A plan that is on the path for so long has settled.
 constexpr Duration kSettling = std::chrono::seconds{2};
-
-bool is_on_path(const Pose2& pose, const PathPoint& reference) {
-  const double dx_m = reference.x_m - pose.x_m, dy_m = reference.y_m - pose.y_m;
-  return dx_m * dx_m + dy_m * dy_m < kOnPath_m * kOnPath_m &&
-         std::abs(wrap_angle(reference.yaw_rad - pose.yaw_rad)) < kOnPath_rad;
-}
 
 /// A vehicle as MotionModel has it, to be moved as a PoseFilter is.
 struct ModelVehicle {

@@ -11,6 +11,8 @@ namespace {
 constexpr double kCatchUpShare = 0.9;
 /// Where the path rests and the vehicle does not, the vehicle turns as if the path had this speed.
 constexpr double kSlowest_mps = 1.0;
+constexpr double kOnPath_m = 0.01;
+constexpr double kOnPath_rad = 0.01;
 
 }  // namespace
 
@@ -52,6 +54,12 @@ Twist TrackingFeedback::command(const Pose2& pose, const PathPoint& reference) c
     u.v_mps = std::copysign(std::max(slower_mps, reference.v_mps), u.v_mps);
   }
   return u;
+}
+
+bool is_on_path(const Pose2& pose, const PathPoint& reference) {
+  const double dx_m = reference.x_m - pose.x_m, dy_m = reference.y_m - pose.y_m;
+  return dx_m * dx_m + dy_m * dy_m < kOnPath_m * kOnPath_m &&
+         std::abs(wrap_angle(reference.yaw_rad - pose.yaw_rad)) < kOnPath_rad;
 }
 
 LawErrors errors_to(const Pose2& pose, const PathPoint& reference) {

@@ -49,4 +49,7 @@ class TrackingFeedback {
 /// The errors of a vehicle at `pose` to the reference point.
 LawErrors errors_to(const Pose2& pose, const PathPoint& reference);
 
+/// Whether they are below 1 cm and 10 mrad of the path's own heading.
+bool is_on_path(const Pose2& pose, const PathPoint& reference);
+
 }  // namespace tether
