@@ -203,8 +203,7 @@ bool PoseFilter::agrees(const Pose2& innovation) const {
   const double dx_m = innovation.x_m - last_gated_.x_m, dy_m = innovation.y_m - last_gated_.y_m;
   const double dyaw_rad = wrap_angle(innovation.yaw_rad - last_gated_.yaw_rad);
   const double position = squared(settings_.position_noise_m) + covariance_[0];
-  const double yaw =
-      squared(settings_.yaw_noise_rad) + covariance_[static_cast<std::size_t>(kYaw * kN + kYaw)];
+  const double yaw = squared(settings_.yaw_noise_rad) + covariance_[kYaw * kStates + kYaw];
   return (squared(dx_m) + squared(dy_m)) / (2.0 * position) + squared(dyaw_rad) / (2.0 * yaw) <=
          kGate;
 }
