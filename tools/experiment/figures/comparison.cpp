@@ -176,7 +176,7 @@ std::string direct_labels(const ComparisonFigure& figure, const Frame& frame,
         "set arrow {0} from screen {1:.3f} / width_cm, screen {2:.3f} / height_cm to screen "
         "{3:.3f} / width_cm, screen {4:.3f} / height_cm nohead lw 0.6 dt {7} lc rgb \"#{5}\"; "
         "set label {0} text_{0} at screen {6:.3f} / width_cm, screen {4:.3f} / height_cm left "
-        "noenhanced font \",7\" tc rgb \"#{5}\"; ",
+        "noenhanced font \",6\" tc rgb \"#{5}\"; ",
         tag, frame.right_cm, wanted_cm[i], frame.right_cm + kLeader_cm - 0.08, placed_cm[i],
         styles[s].colour, frame.right_cm + kLeader_cm, styles[s].dash);
   }
@@ -204,7 +204,7 @@ std::string tics(const ComparisonFigure& figure) {
   }
   std::string list;
   for (const auto& [x, tic] : places) list += (list.empty() ? "" : ", ") + tic;
-  return "set xtics (" + list + ")";
+  return "set xtics font \",6\" (" + list + ")";
 }
 
 std::string note_of(const ComparisonFigure& figure) {

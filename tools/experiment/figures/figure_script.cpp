@@ -152,7 +152,7 @@ std::string losses_note(const std::vector<CurveSeries>& all) {
     }
   }
   if (most == 0.0) return "";
-  return fmt::format("; ×: vehicles were lost (at most {:.2g} %), the mean is of both humps",
+  return fmt::format("; ×: vehicles were lost (at most {:.0f} %), the mean is of both humps",
                      100.0 * most);
 }
 
