@@ -53,7 +53,8 @@ struct Adaptation {
 class PoseFilter {
  public:
   static constexpr std::size_t kStates = 12;
-  static constexpr double kGate = 16.266;  ///< 0.999 quantile of χ², 3 degrees of freedom
+  static constexpr double kGate = 16.266;       ///< 0.999 quantile of χ², 3 degrees of freedom
+  static constexpr double kWheelGate = 13.816;  ///< the same of 2 degrees of freedom
   static constexpr int kAgreeing = 3;
   static constexpr int kMostGated = 6;
   // Bounds of parameters.
@@ -74,6 +75,11 @@ class PoseFilter {
   void advance(const Twist& command, double dt_s);
   /// A pose measured now. It must be finite.
   Verdict update(const Pose2& measured);
+  /// What the wheels' encoders say that the vehicle does now: its rims as the drive takes them to
+  /// be, v/rim_scale and ω/(rim_scale turn_scale). With poses this tells errors of wheels and track
+  /// from a lag, which poses alone take long to do. A reading beyond kWheelGate is not used. From
+  /// the first one on, what the rims aim at walks at random, so that readings count.
+  void update_wheels(const Twist& read);
   /// The position is known less well, by this standard deviation more of each axis.
   void widen(double position_m);
   /// Forgets the pose: it is the measured one. The wheels turn as `rim` says.
@@ -95,9 +101,11 @@ class PoseFilter {
   double mean_nis() const;
   std::int64_t accepted() const { return accepted_; }
   std::int64_t gated() const { return gated_; }
+  std::int64_t wheels_used() const { return wheels_used_; }
   std::int64_t resets() const { return resets_; }
 
-  /// Appends "ekf.accepted", "ekf.gated", "ekf.resets", "ekf.nis_per_mille" (the mean, of 3000 if
+  /// Appends "ekf.accepted", "ekf.gated", "ekf.resets", with odometry "ekf.wheels_used" and
+  /// "ekf.wheels_gated", "ekf.nis_per_mille" (the mean, of 3000 if
   /// all is as assumed), and what is adapted: "ekf.radius_ppm" (rim_scale − 1), "ekf.track_ppm"
   /// (turn_scale − 1), "ekf.lag_us", "ekf.bias_um_per_s", "ekf.bias_urad_per_s".
   void list_counters(CounterList& out) const;
@@ -125,6 +133,8 @@ class PoseFilter {
   double sum_nis_ = 0.0;
   std::int64_t accepted_ = 0;
   std::int64_t gated_ = 0;
+  std::int64_t wheels_used_ = 0;
+  std::int64_t wheels_gated_ = 0;
   std::int64_t resets_ = 0;
 };
 

@@ -24,7 +24,8 @@ FilteredLaw::FilteredLaw(std::unique_ptr<Law> law, const LawContext& context)
 
 void FilteredLaw::on_pose(const SeenPose& seen) {
   delay_.add(seen.arrival - seen.stamp - sensor_latency_);
-  move_to(seen.stamp);
+  wheels_.use(at_.value_or(seen.stamp), seen.stamp, filter_,
+              [this](Instant until) { move_to(until); });
   filter_.update(seen.pose);
   estimate_ = seen;
   estimate_->pose = filter_.state().pose;

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "controller/estimation/pose_filter.hpp"
+#include "controller/estimation/wheel_readings.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/network_estimate.hpp"
 
@@ -20,6 +21,7 @@ class FilteredLaw final : public Law {
   FilteredLaw(std::unique_ptr<Law> law, const LawContext& context);
 
   void on_pose(const SeenPose& seen) override;
+  void on_odometry(const SeenOdometry& seen) override { wheels_.add(seen.stamp, seen.twist); }
   LawOutput decide(Instant now, const SeenPose* newest) override;
   LawOutput stop(Instant now) override;
   void reset() override { law_->reset(); }
@@ -36,6 +38,7 @@ class FilteredLaw final : public Law {
 
   std::unique_ptr<Law> law_;
   PoseFilter filter_;
+  WheelReadings wheels_;
   DelayEstimate delay_;
   Duration sensor_latency_;
   std::optional<Instant> at_;  ///< what the filter's estimate is of

@@ -76,10 +76,6 @@ void PredictiveLaw::on_pose(const SeenPose& seen) {
   while (!sent_.empty() && sent_.front().plan.end() + kRunOut < seen.stamp) sent_.pop_front();
 }
 
-bool PredictiveLaw::is_unknown(const SeenPose& seen) const {
-  return seen.follows_other || (seen.plan_id && find(*seen.plan_id) == nullptr);
-}
-
 /// By how much the first of the plans that led to `id` is assumed to have taken over late.
 Duration PredictiveLaw::late_start(std::int64_t id) const {
   const Sent* first = find(id);
@@ -100,7 +96,7 @@ void PredictiveLaw::estimate_clock(const SeenPose& seen) {
   if (std::chrono::abs(offset - clock_offset_) > kSameClock) clock_offset_ = offset;
 }
 
-/// Moves the filter to a pose, along the plans that the vehicle followed by what the pose says.
+/// Moves the filter to a pose, along the plans that the vehicle followed as the pose says.
 void PredictiveLaw::estimate(const SeenPose& seen) {
   Instant at = estimated_at_.value_or(std::min(seen.stamp, kStart));
   estimated_at_ = seen.stamp;
@@ -112,7 +108,8 @@ void PredictiveLaw::estimate(const SeenPose& seen) {
       seen.stamp >= kStart ? Plan::kBasedOnNone : preloaded_.value_or(Plan::kBasedOnNone);
   const bool stood = filter_->stands();
   const std::int64_t id = seen.plan_id.value_or(none);
-  follow_until(id, at, seen.stamp, *filter_);
+  wheels_.use(at, seen.stamp, *filter_,
+              [&](Instant until) { follow_until(id, at, until, *filter_); });
   if (stood && !filter_->stands()) {  // how late the first plan took over is a guess
     filter_->widen(to_seconds(late_start(id)) * 0.5 *
                    filter_->model().twist(filter_->state()).v_mps);

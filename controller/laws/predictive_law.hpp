@@ -10,6 +10,7 @@
 #include "common/vehicle/stop_ramp.hpp"
 #include "controller/estimation/clock_estimate.hpp"
 #include "controller/estimation/pose_filter.hpp"
+#include "controller/estimation/wheel_readings.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/network_estimate.hpp"
 #include "controller/laws/tracking_feedback.hpp"
@@ -66,6 +67,9 @@ class PredictiveLaw final : public Law {
                 std::optional<MpcPlanner> planner = std::nullopt);
 
   void on_pose(const SeenPose& seen) override;
+  void on_odometry(const SeenOdometry& seen) override {
+    if (filter_) wheels_.add(seen.stamp, seen.twist);
+  }
   LawOutput decide(Instant now, const SeenPose* newest) override;
   /// A plan that ends at once: the vehicle stops.
   LawOutput stop(Instant now) override;
@@ -102,7 +106,9 @@ class PredictiveLaw final : public Law {
   void estimate(const SeenPose& seen);
   void estimate_clock(const SeenPose& seen);
   Duration late_start(std::int64_t id) const;
-  bool is_unknown(const SeenPose& seen) const;
+  bool is_unknown(const SeenPose& seen) const {
+    return seen.follows_other || (seen.plan_id && find(*seen.plan_id) == nullptr);
+  }
   Duration way_down() const { return delay_.longest() + 2 * clock_offset_; }
   /// The path's point while the vehicle's clock says `when`.
   PathPoint reference_at(Instant when) const { return path_->at(to_seconds(when - clock_offset_)); }
@@ -126,6 +132,7 @@ class PredictiveLaw final : public Law {
   DelayEstimate delay_;
   Form form_;
   std::optional<PoseFilter> filter_;
+  WheelReadings wheels_;
   std::optional<Instant> estimated_at_;  ///< when the filter's estimate is of
   Duration sensor_latency_;
   bool adapts_clock_;
