@@ -177,13 +177,13 @@ TEST(ProjectExperiments, AllLoad) {
   EXPECT_GE(files, 13U);
 }
 
-TEST(ProjectExperiments, TheBenchmarkHasTenLawsInFifteenChannelsAndThreeNullControls) {
+TEST(ProjectExperiments, TheBenchmarkHasTwelveLawsInFifteenChannelsAndThreeNullControls) {
   const Experiment e = of_the_project("control_benchmark");
   EXPECT_THAT(e.keys, ElementsAre("law", "PRR", "delay_ms", "burst"));
-  EXPECT_THAT(e.arms, SizeIs(10 * 15 + 3));
-  EXPECT_EQ(count(e, {{"delay_ms", {"0"}}, {"burst", {"none"}}}), 10U * 7 + 3);
-  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 10U * 6);
-  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 10U * 2);
+  EXPECT_THAT(e.arms, SizeIs(12 * 15 + 3));
+  EXPECT_EQ(count(e, {{"delay_ms", {"0"}}, {"burst", {"none"}}}), 12U * 7 + 3);
+  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 12U * 6);
+  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 12U * 2);
   EXPECT_EQ(count(e, {{"law", {"plan on board, no packet"}}}), 1U);
   EXPECT_THAT(e.seeds, SizeIs(30));
   EXPECT_TRUE(e.common_random_numbers);
