@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -38,7 +40,8 @@ std::string to_toml(const ScenarioValue& value) {
 
 std::string to_toml(const Scenario& scenario) {
   const ScenarioSchema& schema = scenario.schema();
-  std::string text, section;
+  // A table may have but one header, wherever its keys stand.
+  std::vector<std::pair<std::string, std::string>> tables;
   for (const ScenarioKey& key : schema.keys_of(scenario)) {
     const auto value = key.get(scenario);
     if (!value || !schema.why_no_effect(scenario, key.name).empty() ||
@@ -46,11 +49,15 @@ std::string to_toml(const Scenario& scenario) {
       continue;
     }
     const auto dot = key.name.rfind('.');
-    if (key.name.substr(0, dot) != section) {
-      section = key.name.substr(0, dot);
-      text += fmt::format("{}[{}]\n", text.empty() ? "" : "\n", section);
-    }
-    text += fmt::format("{} = {}\n", key.name.substr(dot + 1), to_toml(*value));
+    const std::string name = key.name.substr(0, dot);
+    auto table = std::find_if(tables.begin(), tables.end(),
+                              [&name](const auto& other) { return other.first == name; });
+    if (table == tables.end()) table = tables.insert(tables.end(), {name, ""});
+    table->second += fmt::format("{} = {}\n", key.name.substr(dot + 1), to_toml(*value));
+  }
+  std::string text;
+  for (const auto& [name, keys] : tables) {
+    text += fmt::format("{}[{}]\n{}", text.empty() ? "" : "\n", name, keys);
   }
   for (const ScenarioSection& part : schema.sections()) {
     if (part.list) text += part.list->to_toml(scenario);

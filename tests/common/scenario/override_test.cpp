@@ -8,6 +8,8 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "controller/laws/law.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/models/markov.hpp"
 #include "sim/sensor/sensor_settings.hpp"
@@ -161,6 +163,20 @@ TEST(ScenarioFile, IsNamedWithItsPathInMessages) {
       folder.file("odd.toml", "[run]\nseed = 1\n[sensor]\nrate_hz = \"often\"\n").string();
   EXPECT_THAT(file_refusal(file),
               AllOf(StartsWith(file + ":4: sensor.rate_hz"), HasSubstr("often")));
+}
+
+TEST(ScenarioFile, ResolvesToItselfWithEveryLawBehindTheFilter) {
+  for (const LawKind& law : law_kinds()) {
+    std::vector<std::string> overrides{"controller.law=" + law.name, "controller.estimator=ekf",
+                                       "controller.sensor_latency_ms=50"};
+    if (law.sends_plans) {
+      overrides.insert(overrides.end(), {"actuator.policy=horizon", "controller.adapt.lag=true"});
+    }
+    const std::string text =
+        to_toml(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides));
+    EXPECT_EQ(to_toml(parse_scenario(text, TETHER_SOURCE_DIR "/scenarios/again.toml")), text)
+        << law.name;
+  }
 }
 
 TEST(ScenarioFile, TheShippedOnesLoadAndRoundTrip) {
