@@ -1,5 +1,7 @@
 #include "common/loop/real_time_loop.hpp"
 
+#include <pthread.h>
+#include <sched.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/signalfd.h>
@@ -19,6 +21,13 @@ namespace tether {
 namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
+
+/// A program may run with a real-time priority (chrt). Its loop needs that; what works beside the
+/// loop does not, and would take turns of 100 ms with it where they share a processor.
+void give_up_priority() {
+  const sched_param none{};
+  pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
+}
 
 std::int64_t read_clock_ns(clockid_t id) {
   timespec t{};
@@ -130,6 +139,7 @@ void RealTimeLoop::remove_fd(int fd) {
 void RealTimeLoop::aside(std::function<void()> work, Task then) {
   const int fd = check_system_call("opening an eventfd", eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
   asides_.push_back({fd, std::jthread([fd, work = std::move(work)] {
+                       give_up_priority();
                        work();
                        eventfd_write(fd, 1);
                      })});
