@@ -189,9 +189,7 @@ PoseFilter::Verdict PoseFilter::update(const Pose2& measured) {
       solver.solve(Eigen::Matrix<double, 3, kN>(p.topRows<3>())).transpose();
   const Column correction = gain * innovation;
   shrink<3>(p, gain, Eigen::Matrix<double, 3, kN>::Identity(), noise);
-  PoseFilter::Vector now = values();
-  for (std::size_t i = 0; i < kStates; ++i) now[i] += correction(static_cast<int>(i));
-  set_values(now);
+  add(correction.data());
   return Verdict::accepted;
 }
 
@@ -222,8 +220,12 @@ void PoseFilter::update_wheels(const Twist& read) {
   const Eigen::Matrix<double, kN, 2> gain = solver.solve(together.transpose()).transpose();
   const Column correction = gain * innovation;
   shrink<2>(p, gain, h, noise);
-  PoseFilter::Vector now = values();
-  for (std::size_t i = 0; i < kStates; ++i) now[i] += correction(static_cast<int>(i));
+  add(correction.data());
+}
+
+void PoseFilter::add(const double* correction) {
+  Vector now = values();
+  for (std::size_t i = 0; i < kStates; ++i) now[i] += correction[i];
   set_values(now);
 }
 

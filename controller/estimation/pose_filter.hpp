@@ -118,6 +118,7 @@ class PoseFilter {
  private:
   void step(const Twist& command, double dt_s);
   void set_values(const Vector& values);
+  void add(const double* correction);  ///< one for each state
   bool agrees(const Pose2& innovation) const;
   void forget_pose(const Pose2& measured);
 

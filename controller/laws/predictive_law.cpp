@@ -315,9 +315,9 @@ Twist PredictiveLaw::wish_at(const Pose2& pose, const PathPoint& here,
 }
 
 /// What the planner makes of the roll-out; empty without one.
-std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state, Instant start) {
+std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state, double start_s) {
   if (!planner_) return {};
-  const double step_s = to_seconds(step_), start_s = to_seconds(start);
+  const double step_s = to_seconds(step_);
   const MotionModel ideal(model_.limits());
   MotionModel::State rolled = state;
   std::vector<Twist> guess;
@@ -333,11 +333,11 @@ std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state, Ins
 
 /// The planner's wishes first, if there is one, then those of the feedback.
 Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
-  const std::vector<Twist> first = optimised(state, start);
-  Plan plan = empty_plan(start);
-  plan.twists.reserve(steps_);
   const double step_s = to_seconds(step_);
   const double start_s = to_seconds(start - clock_offset_);
+  const std::vector<Twist> first = optimised(state, start_s);
+  Plan plan = empty_plan(start);
+  plan.twists.reserve(steps_);
   PathPoint here = path_->at(start_s);
   Duration on_path{};
   for (std::size_t i = 1; i <= steps_; ++i) {

@@ -120,7 +120,7 @@ class PredictiveLaw final : public Law {
   WheelSpeeds rim_at(const Sent& sent, Instant when) const;
   const Sent* find(std::int64_t id) const;
   Plan empty_plan(Instant start);
-  std::vector<Twist> optimised(const MotionModel::State& state, Instant start);
+  std::vector<Twist> optimised(const MotionModel::State& state, double start_s);
   Twist wish_at(const Pose2& pose, const PathPoint& here, const PathPoint& next) const;
   Plan roll_out(MotionModel::State state, Instant start);
   Plan& remember(Instant now, Plan plan, const Prediction& predicted);
