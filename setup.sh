@@ -21,6 +21,7 @@ if [ "${1:-}" = tests ]; then
         clang libclang-rt-14-dev                    # the sanitizers' build, by a second compiler
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         procps util-linux                           # process tests
+        zsh groff-base                              # completion, manual pages
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot

@@ -5,9 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <stdexcept>
+#include <string>
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
+#include "common/program/manual.hpp"
 #include "common/version.hpp"
 
 namespace tether {
@@ -38,8 +40,18 @@ int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& bo
   }
 }
 
-void add_version(CLI::App& app) {
+void add_about(CLI::App& app) {
   app.set_version_flag("--version", fmt::format("{} {}", app.get_name(), kVersion));
+  // Ends the parsing as --version does, whatever else is required.
+  const auto print = [](const std::string& text) { throw CLI::CallForVersion(text, 0); };
+  app.add_flag_callback(
+      "--man", [&app, print] { print(manual_page(app)); }, "Print the manual page: | man -l -");
+  app.add_option_function<std::string>(
+         "--completion",
+         [&app, print](const std::string& shell) { print(completion_script(app, shell)); },
+         "Print what completes the command line in a shell")
+      ->check(CLI::IsMember({"bash", "zsh"}))
+      ->trigger_on_parse();
 }
 
 }  // namespace tether

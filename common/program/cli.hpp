@@ -18,7 +18,7 @@ enum ExitCode : int { kExitOk = 0, kExitFailed = 1, kExitUsage = 2 };
 /// kExitFailed; both after one message on stderr.
 int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& body);
 
-/// `--version` and house style for a program or subcommand.
-void add_version(CLI::App& app);
+/// `--version`, `--man` and `--completion bash|zsh` (manual.hpp): each prints and ends the program.
+void add_about(CLI::App& app);
 
 }  // namespace tether

@@ -173,7 +173,7 @@ Scenario scenario_of(const Options& options) {
 int node_main(int argc, char** argv, const NodeProgram& program) {
   Options options;
   CLI::App app(program.description, program.name);
-  add_version(app);
+  add_about(app);
   app.add_option("scenario", options.scenario_file, "scenario file (TOML)");
   app.add_option("--set", options.overrides, "override a scenario key: KEY=VALUE (repeatable)")
       ->allow_extra_args(false);

@@ -39,7 +39,7 @@ int main(int argc, char** argv) {
   CLI::App app("Tether: how much delay and loss does a remotely controlled AGV survive?", "tether");
   app.footer(
       "Also: tether sim, netem, controller, can-bridge and can-drive; the nodes of a live run.");
-  add_version(app);
+  add_about(app);
   app.require_subcommand(1);
   Action action;
   add_run_command(app, action);

@@ -28,7 +28,7 @@ Outcome run(std::vector<std::string> arguments, const std::function<int()>& body
   for (auto& a : arguments) argv.push_back(a.data());
 
   CLI::App app("a program for tests", "tether-test");
-  add_version(app);
+  add_about(app);
   int number = 0;
   app.add_option("--number", number, "any number");
 
