@@ -2,12 +2,15 @@
 """`tether live` ends cleanly, whoever ends it, and says how the run is going while it lasts.
 Usage: end_test.py BIN_DIR"""
 
+import fcntl
 import json
 import os
 import pty
 import re
 import select
 import signal
+import struct
+import termios
 import threading
 import time
 
@@ -85,8 +88,9 @@ def lasts_as_long_as_told(test):
 class Terminal:
     """A terminal that keeps what is written to it."""
 
-    def __init__(self):
+    def __init__(self, columns=0, rows=0):
         self.reader, self.writer = pty.openpty()
+        fcntl.ioctl(self.writer, termios.TIOCSWINSZ, struct.pack("4H", rows, columns, 0, 0))
         self.text = b""
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -123,10 +127,38 @@ def shows_one_status_line(test):
     test.say("before it:     " + text[: found[0].start()].replace("\r\x1b[K", "").strip())
 
 
+def shows_a_map_where_there_is_room(test):
+    terminal = Terminal(columns=79, rows=18)
+    live, _ = started(test, stderr=terminal.writer)
+    os.close(terminal.writer)
+
+    def frames():
+        found = re.split(r"\x1b\[\d+A\x1b\[J", terminal.text.decode())
+        return found if len(found) >= 6 else None
+
+    frame = wait_until(10, frames, "six frames")[-2]
+    lines = re.sub(r"\x1b\[\d*m", "", frame).split("\r\n")
+    live.kill(signal.SIGINT)
+    check(live.wait(3) == 0, "exit code")
+    check(len(lines) == 17, f"{len(lines)} lines: {frame!r}")
+    check(max(map(len, lines)) <= 79, f"too wide: {lines}")
+    map_of_it = "".join(line[:32] for line in lines)
+    check(re.search("[\u2801-\u28ff]", map_of_it), f"no path: {lines}")
+    check(re.search("[→↗↑↖←↙↓↘]", map_of_it), f"no vehicle: {lines}")
+    for fact in (r"t \d+\.\d of 62 s", r"uplink +PRR 1.00", r"valid so far"):
+        check(any(re.search(fact, line) for line in lines), f"no {fact}: {lines}")
+    time.sleep(0.1)
+    check(terminal.text.decode().endswith("\x1b[J"), "the dashboard stays")
+    test.say("on a large terminal:")
+    for line in lines:
+        test.say(line)
+
+
 main(
     ends_on_signal,
     has_no_result_before_the_start,
     leaves_nothing_behind_when_killed,
     lasts_as_long_as_told,
     shows_one_status_line,
+    shows_a_map_where_there_is_room,
 )

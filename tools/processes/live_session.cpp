@@ -66,13 +66,12 @@ std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
           c.sim_counters};
 }
 
-double prr(const link_report_t& link) { return link.offered > 0 ? reception_ratio(link) : 1.0; }
-
 }  // namespace
 
 LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     : url_(options.lcm_url),
-      show_status_(options.show_status && isatty(STDERR_FILENO) != 0),
+      status_(options.show_status),
+      dashboard_(scenario),
       end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)),
       loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us +
                 to_utime(kStart + from_seconds(scenario.get<RunSettings>().lead_s / options.speed)),
@@ -115,7 +114,7 @@ void LiveSession::add_child(const Options& options, const std::string& name) {
       loop_, std::move(command),
       [this, &child](const std::string& line) {
         if (line.starts_with(child.name + ": running, ")) child.has_run = true;
-        say(line);
+        status_.say(line);
       },
       [this, &child](int code) { on_child_exit(child, code); });
 }
@@ -155,7 +154,7 @@ void LiveSession::watch_run() {
     child->process->send_signal(SIGKILL);
   }
   for (; findings_said_ < watch_.findings().size(); ++findings_said_) {
-    say(watch_.findings()[findings_said_]);
+    status_.say(watch_.findings()[findings_said_]);
   }
 }
 
@@ -209,7 +208,7 @@ void LiveSession::on_child_exit(Child& child, int code) {
     return;
   }
   ++restarts_;
-  say(fmt::format(
+  status_.say(fmt::format(
       "t = {:.1f} s: {} ended with {}; starting it again", to_seconds(loop_.now()), child.name,
       code > 128 ? fmt::format("signal {}", code - 128) : fmt::format("exit code {}", code)));
   loop_.at(loop_.now() + kRestartDelay, Priority::node, [this, &child](Instant) {
@@ -226,26 +225,21 @@ void LiveSession::shut_down() {
   }
   for (auto& child : children_) child->process->send_signal(SIGKILL);
   loop_.run_until(loop_.now() + kLinger);
-  if (show_status_) fmt::print(stderr, "\r\033[K");
+  status_.clear();
 }
 
-void LiveSession::say(const std::string& line) {
-  fmt::print(stderr, "{}{}\n", show_status_ ? "\r\033[K" : "", line);
-}
-
-std::string LiveSession::trouble() const {
-  std::string text;
+std::vector<std::string> LiveSession::silent() const {
+  std::vector<std::string> all;
   for (const auto& [program, silence] : watch_.hung(loop_.now())) {
-    text += fmt::format("   {} SILENT for {:.1f} s", program, to_seconds(silence));
+    all.push_back(fmt::format("{} SILENT for {:.1f} s", program, to_seconds(silence)));
   }
-  if (text.empty() && !watch_.findings().empty()) text = "   INVALID";
-  return text;
+  return all;
 }
 
 std::string LiveSession::drives() const {
   if (!observer_.drivetrain()) return "";
   const drivetrain_state_t& state = observer_.drivetrain()->state();
-  return fmt::format("   drives {}", state.seq > 0 ? state.state_name : "silent");
+  return state.seq > 0 ? state.state_name : "silent";
 }
 
 void LiveSession::show_status() {
@@ -255,20 +249,19 @@ void LiveSession::show_status() {
     last = now;
     return per_second;
   };
-  const double poses_hz = rate(observer_.poses_received(), last_poses_);
-  const double commands_hz = rate(observer_.commands_received(), last_commands_);
-  if (!show_status_) return;
+  const Dashboard::Moment moment{.t_s = to_seconds(loop_.now()),
+                                 .poses_hz = rate(observer_.poses_received(), last_poses_),
+                                 .commands_hz = rate(observer_.commands_received(), last_commands_),
+                                 .drives = drives(),
+                                 .findings = watch_.findings(),
+                                 .silent = silent()};
   if (loop_.now() < kStart) {
-    fmt::print(stderr, "\r\033[Kstarting{}", drives());
-    std::fflush(stderr);
-    return;
+    status_.show({moment.drives.empty() ? "starting" : "starting   drives " + moment.drives});
+  } else if (status_.has_room(Dashboard::kColumns, Dashboard::kRows)) {
+    status_.show(dashboard_.lines(observer_, moment));
+  } else {
+    status_.show({Dashboard::line(observer_, moment)});
   }
-  fmt::print(
-      stderr,
-      "\r\033[Kt {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s{}{}",
-      to_seconds(loop_.now()), observer_.truth().epsilon_m, prr(observer_.uplink()), poses_hz,
-      prr(observer_.downlink()), commands_hz, drives(), trouble());
-  std::fflush(stderr);
 }
 
 }  // namespace tether

@@ -12,8 +12,10 @@
 #include "common/program/presence.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tools/can/arm_operator.hpp"
+#include "tools/processes/dashboard.hpp"
 #include "tools/processes/node_process.hpp"
 #include "tools/processes/run_watch.hpp"
+#include "tools/processes/terminal_status.hpp"
 #include "tools/runs/output_folder.hpp"
 #include "tools/runs/run_observer.hpp"
 
@@ -35,7 +37,7 @@ class LiveSession {
     std::string lcm_url;
     std::string out;          ///< folder for results; empty for none
     double speed = 1.0;       ///< run seconds per wall second
-    bool show_status = true;  ///< status line on stderr
+    bool show_status = true;  ///< if stderr is a terminal: a dashboard, or a line if it is small
   };
 
   LiveSession(const Options& options, const Scenario& scenario);
@@ -66,14 +68,14 @@ class LiveSession {
   void start(Child& child);
   void add_child(const Options& options, const std::string& name);
   void on_child_exit(Child& child, int code);
-  void say(const std::string& line);
   void show_status();
   void shut_down();
   std::string drives() const;
-  std::string trouble() const;
+  std::vector<std::string> silent() const;
 
   std::string url_;
-  bool show_status_;
+  TerminalStatus status_;
+  Dashboard dashboard_;
   bool ending_ = false;
   const Child* ending_child_ = nullptr;
   Instant end_;

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <string>
+#include <tether/link_report_t.hpp>
+#include <vector>
+
+#include "common/path/reference_path.hpp"
+#include "common/scenario/scenario.hpp"
+#include "tools/runs/run_observer.hpp"
+
+namespace tether {
+
+/// How a live run is going, for a terminal. Pure.
+class Dashboard {
+ public:
+  static constexpr int kColumns = 79, kRows = 17;
+
+  /// What an observer of the run does not know.
+  struct Moment {
+    double t_s = 0.0;
+    double poses_hz = 0.0, commands_hz = 0.0;
+    std::string drives;                 ///< state of the drives on CAN; empty: there are none
+    std::vector<std::string> findings;  ///< what makes the run invalid
+    std::vector<std::string> silent;    ///< what is silent, and for how long
+  };
+
+  explicit Dashboard(const Scenario& scenario);
+
+  /// In one line of fewer than 80 columns, but for what is wrong: t, ε, reception ratio and packets
+  /// a second each way, the drives.
+  static std::string line(const RunObserver& run, const Moment& moment);
+  /// The same beside a map: the path faint, the way of the last 20 s, the vehicle as an arrow. At
+  /// most kRows lines of at most kColumns columns.
+  std::vector<std::string> lines(const RunObserver& run, const Moment& moment) const;
+
+ private:
+  std::string map_title() const;
+  std::vector<std::string> map(const RunObserver& run, const Moment& moment) const;
+  std::vector<std::string> facts(const RunObserver& run, const Moment& moment) const;
+
+  double duration_s_;
+  double half_extent_m_;  ///< of the map
+  std::vector<Position> path_;
+};
+
+}  // namespace tether

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tether {
+
+/// What stands at the end of a terminal (standard error) while a program runs, and changes in
+/// place; lines that are said meanwhile stay above it. Without a terminal only these are written.
+class TerminalStatus {
+ public:
+  /// `wanted`: false for lines only, whatever standard error is.
+  explicit TerminalStatus(bool wanted);
+
+  bool shown() const { return shown_; }
+  /// Whether the terminal, as large as it is now, has room for so much and the line below it.
+  bool has_room(int columns, int rows) const;
+
+  /// Replaces the status. Each line has to fit into a row.
+  void show(const std::vector<std::string>& lines);
+  /// Writes a line that stays.
+  void say(const std::string& line);
+  /// Takes the status away.
+  void clear();
+
+ private:
+  std::string erasure() const;
+
+  bool shown_;
+  std::vector<std::string> lines_;
+};
+
+}  // namespace tether
