@@ -5,8 +5,11 @@ verdicts.
 Usage: report_page_test.py BIN_DIR
 """
 
+import html
+import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -58,6 +61,35 @@ def pixels(picture, colour):
     return int(float(histogram))
 
 
+# Opens the first chart and clicks at its series' second point, as a reader does.
+CLICK = """<script>{
+  const chart = Chart.getChart(document.querySelector("canvas"));
+  const { x, y } = chart.getDatasetMeta(0).data[1];
+  const { left, top } = chart.canvas.getBoundingClientRect();
+  const at = { clientX: left + x, clientY: top + y, bubbles: true };
+  chart.canvas.dispatchEvent(new MouseEvent("click", at));
+}</script></body>"""
+
+
+def explores(tether, browser, text, folder):
+    """A click at a point shows its runs, and the command that it shows makes one of them again."""
+    page = folder / "clicked.html"
+    opened = text.replace('<details class="chart">', '<details class="chart" open>')
+    page.write_text(opened.replace("</body>", CLICK))
+    dom = run(*browser, "--window-size=1000,3000", "--virtual-time-budget=2000", "--dump-dom", page.as_uri())
+    shown = re.search(r'<div class="runs"><p>(.*?)<select>(.*?)</select>.*?<pre>(.*?)</pre>', dom, re.DOTALL)
+    check(shown, "a click at a point shows nothing")
+    title, runs, command = (html.unescape(part) for part in shown.groups())
+    check("PRR 0.3" in title and "n = 12" in title, f"not the point that was clicked: {title}")
+    seed, value = re.match(r'<option value="(\d+)">seed \d+: ([\d.]+)<', runs).groups()
+    check(len(re.findall("<option", runs)) == 12, f"not all runs: {runs}")
+    print(f"{title}\n{command}")
+    subprocess.run(command.split("\n")[0].replace("tether", tether, 1), shell=True, check=True, cwd=folder)
+    again = run(tether, "run", str(folder / "again.toml"), "--json")
+    epsilon_m = json.loads(again)["epsilon_m"]
+    check(float(f"{epsilon_m:.4g}") == float(value), f"seed {seed} again: {epsilon_m}, not {value}")
+
+
 def main():
     tether = str(pathlib.Path(sys.argv[1]).resolve() / "tether")
     for program, package in (("chromium", "chromium"), ("convert", "imagemagick")):
@@ -77,7 +109,8 @@ def main():
         check("at PRR 1 the best τ is 2 s" in said, f"no claim in: {said}")
         page = folder / "out" / "report.html"
         text = page.read_text()
-        check("http" not in text.replace("http://www.w3.org", ""), "the page refers to the net")
+        check(not re.search(r"""(src|href)=["']?http|url\(["']?http|fetch\(|XMLHttp|WebSocket""", text),
+              "the page refers to the net")
 
         browser = ["chromium", "--headless=new", "--no-sandbox", "--disable-gpu",
                    "--hide-scrollbars", f"--user-data-dir={folder}/profile"]
@@ -95,6 +128,7 @@ def main():
         print(f"{blue} blue pixels, {red} red ones")
         check(blue > 500, f"only {blue} pixels of the curve's blue: is the figure shown?")
         check(red > 500, f"only {red} pixels of the boxes' red: is the heat map shown?")
+        explores(tether, browser, text, folder)
         # Two sweeps of one experiment go by their folders and are no answer to a claim.
         shutil.copytree(folder / "out" / "f2_prr", folder / "out" / "again")
         said = run(tether, "report", str(folder / "out"))

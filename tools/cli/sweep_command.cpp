@@ -14,6 +14,7 @@
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/version.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/experiment/design/experiment.hpp"
@@ -144,6 +145,28 @@ int export_csv(const std::string& folder, const std::string& out, Rows rows) {
   return kExitOk;
 }
 
+/// The scenario of one run of a sweep: `tether run` makes it again.
+int print_scenario(const std::string& folder, std::size_t arm, std::uint64_t seed,
+                   const std::string& out) {
+  const RunStore store = RunStore::open(database_of(folder));
+  const auto arms = store.arms();
+  if (arm >= arms.size()) {
+    throw UsageError(fmt::format("{}: there is no arm {}; allowed: 0 to {}", store.file().string(),
+                                 arm, arms.size() - 1));
+  }
+  Scenario scenario = parse_scenario(arms[arm].scenario, store.file().string());
+  scenario.get<RunSettings>().seed = seed;
+  TextOutput output(out);
+  output.write(to_toml(scenario));
+  output.close();
+  const std::string made_by = store.version();
+  if (made_by != kVersion) {
+    fmt::print(stderr, "{}: made by tether {}, this is {}: the run may differ\n",
+               store.file().string(), made_by, kVersion);
+  }
+  return kExitOk;
+}
+
 }  // namespace
 
 void add_sweep_command(CLI::App& tether, Action& action) {
@@ -184,6 +207,25 @@ void add_sweep_command(CLI::App& tether, Action& action) {
   exporting->callback([folder, out, means, stratified, &action] {
     const Rows rows = *stratified ? Rows::stratified : *means ? Rows::means : Rows::runs;
     action = [folder, out, rows] { return export_csv(*folder, *out, rows); };
+  });
+
+  struct OneRun {
+    std::string folder, out;
+    std::size_t arm = 0;
+    std::uint64_t seed = 0;
+  };
+  auto one = std::make_shared<OneRun>();
+  CLI::App* scenario = command->add_subcommand(
+      "scenario", "The scenario of one run of a sweep, for `tether run`: the same result again");
+  scenario->add_option("folder", one->folder, "a sweep's folder, or its database")->required();
+  scenario->add_option("arm", one->arm, "the combination's number, as `tether sweep export` has it")
+      ->required();
+  scenario->add_option("seed", one->seed, "of the run")
+      ->required()
+      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
+  scenario->add_option("--out", one->out, "file to write [standard output]");
+  scenario->callback([one, &action] {
+    action = [one] { return print_scenario(one->folder, one->arm, one->seed, one->out); };
   });
 }
 

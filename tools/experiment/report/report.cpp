@@ -11,6 +11,7 @@
 
 #include "common/base/errors.hpp"
 #include "tools/base/write_file.hpp"
+#include "tools/experiment/report/chart.hpp"
 #include "tools/experiment/report/figure.hpp"
 #include "tools/experiment/store/data.hpp"
 #include "tools/experiment/store/export.hpp"
@@ -124,6 +125,7 @@ ReportSection make_section(const RunStore& store, const SweepData& data, const f
   section.planned = store.planned_runs();
   section.is_complete = store.is_complete();
   if (draw_sweep_figure(store, data, folder, stem, risk)) section.figure = stem;
+  section.chart = chart_json(store, data);
   section.table = table_of(store, data);
   section.tables = tables_of(store);
   for (std::size_t i = 0; i < section.tables.size(); ++i) {

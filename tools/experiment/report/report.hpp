@@ -22,6 +22,7 @@ struct ReportSection {
   bool is_common = true;  ///< the arms share seeds: without, nothing is compared
   std::string overrides;  ///< of the experiment file: "--set" of the command; empty: none
   std::string figure;     ///< stem of its files in the report's folder; empty: none
+  std::string chart;      ///< chart_json(); empty: none
   /// A head and a row an arm: mean with interval, sd, median, quantiles, n; and the difference to
   /// the first arm on the same seeds.
   std::vector<std::vector<std::string>> table;
@@ -36,7 +37,8 @@ struct Report {
   std::vector<Claim> claims;
 };
 
-/// One file with everything in it, for any browser, offline; figures from `folder`.
+/// One file with everything in it, for any browser, offline; figures from `folder`, the scripts of
+/// charts from the programs' share folder.
 std::string to_html(const Report& report, const std::filesystem::path& folder);
 /// The same for reading as text; figures by name.
 std::string to_markdown(const Report& report);

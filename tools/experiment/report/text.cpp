@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "common/version.hpp"
+#include "tools/base/share.hpp"
 #include "tools/experiment/report/report.hpp"
 #include "tools/experiment/sweep/progress.hpp"
 
@@ -22,6 +23,7 @@ td.number { text-align: right; white-space: nowrap }
 .reproduced { color: #00664b } .not { color: #a03c00 } .undecided { color: #555 }
 pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: .8rem }
 .scroll { overflow-x: auto }
+canvas { background: #fff }
 )";
 
 std::string escaped(const std::string& text) {
@@ -47,13 +49,17 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
-/// A file as the address of an image.
-std::string data_url(const std::filesystem::path& svg) {
-  std::ifstream in(svg, std::ios::binary);
+std::string contents(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
   text << in.rdbuf();
+  return text.str();
+}
+
+/// A file as the address of an image.
+std::string data_url(const std::filesystem::path& svg) {
   std::string url = "data:image/svg+xml,";
-  for (const char c : text.str()) {
+  for (const char c : contents(svg)) {
     const auto byte = static_cast<unsigned char>(c);
     const bool is_plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
                           (c >= '0' && c <= '9') ||
@@ -119,11 +125,26 @@ std::string html_rows(const std::vector<std::vector<std::string>>& rows, bool fi
   return html + "</table>";
 }
 
+/// JSON within a script: nothing in it may end the script.
+std::string script_data(std::string json) {
+  for (std::size_t i = json.find("</"); i != std::string::npos; i = json.find("</", i + 3)) {
+    json.insert(i + 1, "\\");
+  }
+  return json;
+}
+
 std::string html_of(const ReportSection& s, const std::filesystem::path& folder) {
   std::string html = fmt::format("<h2 id=\"{0}\">{1}</h2>\n", escaped(s.name), escaped(s.title));
   if (!s.figure.empty()) {
     html += fmt::format("<img alt=\"{}\" src=\"{}\">\n", escaped(s.title),
                         data_url(folder / (s.figure + ".svg")));
+  }
+  if (!s.chart.empty()) {
+    html += fmt::format(
+        "<details class=\"chart\"><summary>Explore: values, single series, the runs behind a "
+        "point</summary><canvas></canvas><div class=\"runs\">A point's click shows its runs.</div>"
+        "<script type=\"application/json\">{}</script></details>\n",
+        script_data(s.chart));
   }
   html += fmt::format("<p class=\"facts\">{}", escaped(facts(s)));
   if (!s.figure.empty()) {
@@ -190,7 +211,16 @@ std::string to_html(const Report& report, const std::filesystem::path& folder) {
     }
     html += "</table>\n";
   }
-  for (const ReportSection& section : report.sections) html += html_of(section, folder);
+  bool has_charts = false;
+  for (const ReportSection& section : report.sections) {
+    html += html_of(section, folder);
+    has_charts = has_charts || !section.chart.empty();
+  }
+  if (has_charts) {
+    for (const char* script : {"chart.min.js", "report.js"}) {
+      html += fmt::format("<script>{}</script>\n", contents(shared_file(script)));
+    }
+  }
   return html + "</body></html>\n";
 }
 
