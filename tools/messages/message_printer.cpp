@@ -44,10 +44,12 @@ std::optional<std::vector<FieldValue>> decode_values(std::span<const std::uint8_
 
 template <class LcmType>
 MessageType describe() {
-  MessageType type{LcmType::getTypeName(), LcmType::getHash(), {}, &decode_values<LcmType>};
+  MessageType type{LcmType::getTypeName(), LcmType::getHash(), {}, {}, &decode_values<LcmType>};
   LcmType message{};
-  visit_fields(message,
-               [&](const char* name, const auto&...) { type.field_names.push_back(name); });
+  visit_fields(message, [&](const char* name, const auto& x, auto...) {
+    type.field_names.push_back(name);
+    type.empty.push_back(to_value(x));
+  });
   return type;
 }
 

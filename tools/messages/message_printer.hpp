@@ -19,6 +19,7 @@ struct MessageType {
   std::string name;                      ///< as lcm-spy shows it: "pose_t"
   std::int64_t fingerprint = 0;          ///< what its messages begin with
   std::vector<std::string> field_names;  ///< in the order of the .lcm file
+  std::vector<FieldValue> empty;         ///< of an empty message: which kind each field is
   /// Values in the order of field_names; nothing if `bytes` are not exactly one such message.
   std::optional<std::vector<FieldValue>> (*decode)(std::span<const std::uint8_t> bytes) = nullptr;
 };
