@@ -6,18 +6,19 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
 
 #include "common/base/errors.hpp"
-#include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/log_export.hpp"
+#include "tools/log/csv_export.hpp"
+#include "tools/log/log_input.hpp"
 #include "tools/messages/event_log.hpp"
 #include "tools/messages/message_printer.hpp"
 #include "tools/messages/stream_statistics.hpp"
@@ -30,33 +31,6 @@ struct LogOptions {
   std::string channel;
   std::string out;
 };
-
-/// An open log file; refuses what is not one.
-class LogInput {
- public:
-  explicit LogInput(const std::string& path)
-      : stream_(open_input(path, "the log", kMostRecordingBytes)), reader(stream_) {
-    if (!reader.looks_like_log()) {
-      throw UsageError(fmt::format(
-          "{} is not an LCM event log: it does not begin with the bytes ed a1 da 01", path));
-    }
-  }
-
- private:
-  std::ifstream stream_;
-
- public:
-  EventLogReader reader;
-};
-
-std::string describe(const LogDamage& damage) {
-  if (damage.truncated_tail) {
-    return fmt::format("TRUNCATED: ends in the middle of the record at byte {}; {} bytes lost",
-                       damage.offset_bytes, damage.size_bytes);
-  }
-  return fmt::format("DAMAGED: no usable record from byte {} on; {} bytes skipped",
-                     damage.offset_bytes, damage.size_bytes);
-}
 
 /// lcm-logger stamps with the wall clock, simulated runs with the run's time.
 std::string describe_time(std::int64_t timestamp_us) {
@@ -108,14 +82,6 @@ void check_output(const LogOptions& options) {
   if (!options.out.empty() && std::filesystem::equivalent(options.file, options.out, ignored)) {
     throw UsageError(fmt::format("--out {} is the log itself", options.out));
   }
-}
-
-std::string csv_row(std::int64_t timestamp_us, const MessageContent& message) {
-  const bool negative = timestamp_us < 0;
-  const std::uint64_t us = negative ? 0 - static_cast<std::uint64_t>(timestamp_us)
-                                    : static_cast<std::uint64_t>(timestamp_us);
-  return fmt::format("{}{}.{:06},{}\n", negative ? "-" : "", us / 1'000'000, us % 1'000'000,
-                     csv_values(message.values));
 }
 
 int log_csv(const LogOptions& options) {
@@ -174,11 +140,18 @@ void add_log_command(CLI::App& tether, Action& action) {
   info->callback([options, &action] { action = [options] { return log_info(*options); }; });
 
   CLI::App* const csv = log->add_subcommand(
-      "csv", "One channel as a table: t_s (the log's time stamp), then one column per field");
+      "csv", "Channels as tables: t_s (the log's time stamp), then one column per field");
   csv->add_option("file", options->file, "LCM event log")->required();
-  csv->add_option("channel", options->channel, "channel name, such as AGV/POSE")->required();
-  csv->add_option("--out", options->out, "file to write [standard output]");
-  csv->callback([options, &action] { action = [options] { return log_csv(*options); }; });
+  csv->add_option("channel", options->channel, "channel name, such as AGV/POSE [all of them]");
+  csv->add_option("--out", options->out,
+                  "file to write [standard output]; of all channels: the folder");
+  csv->callback([options, &action] {
+    action = [options] {
+      return options->channel.empty() ? log_csv_all(options->file, options->out)
+                                      : log_csv(*options);
+    };
+  });
+  add_log_mcap_command(*log, action);
 }
 
 }  // namespace tether

@@ -100,12 +100,25 @@ const MessageType* find_message_type(std::int64_t fingerprint) {
   return nullptr;
 }
 
-std::optional<std::int64_t> MessageContent::integer(std::string_view field_name) const {
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    if (type->field_names[i] != field_name) continue;
-    if (const auto* value = std::get_if<std::int64_t>(&values[i])) return *value;
+namespace {
+
+template <class T>
+std::optional<T> field(const MessageContent& message, std::string_view name) {
+  for (std::size_t i = 0; i < message.values.size(); ++i) {
+    if (message.type->field_names[i] != name) continue;
+    if (const auto* value = std::get_if<T>(&message.values[i])) return *value;
   }
   return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<std::int64_t> MessageContent::integer(std::string_view field_name) const {
+  return field<std::int64_t>(*this, field_name);
+}
+
+std::optional<double> MessageContent::real(std::string_view field_name) const {
+  return field<double>(*this, field_name);
 }
 
 MessageContent inspect_message(std::span<const std::uint8_t> bytes) {

@@ -41,6 +41,8 @@ struct MessageContent {
   bool decoded() const { return !values.empty(); }
   /// The integer field of that name, if decoded and it has one.
   std::optional<std::int64_t> integer(std::string_view field_name) const;
+  /// The double of that name, likewise.
+  std::optional<double> real(std::string_view field_name) const;
 };
 
 MessageContent inspect_message(std::span<const std::uint8_t> bytes);

@@ -14,14 +14,6 @@ namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
-std::optional<double> number(const MessageContent& message, std::string_view name) {
-  for (std::size_t i = 0; i < message.values.size(); ++i) {
-    if (message.type->field_names[i] != name) continue;
-    if (const auto* value = std::get_if<double>(&message.values[i])) return *value;
-  }
-  return std::nullopt;
-}
-
 std::string time_json(std::int64_t time_ns) {
   return fmt::format(R"({{"sec":{},"nsec":{}}})", time_ns / kSecond_ns, time_ns % kSecond_ns);
 }
@@ -38,8 +30,8 @@ std::string rotation_json(const Pose2& pose) {
 }  // namespace
 
 std::optional<Pose2> pose_of(const MessageContent& message) {
-  const auto x_m = number(message, "x_m"), y_m = number(message, "y_m"),
-             yaw_rad = number(message, "yaw_rad");
+  const auto x_m = message.real("x_m"), y_m = message.real("y_m"),
+             yaw_rad = message.real("yaw_rad");
   if (!x_m || !y_m || !yaw_rad) return std::nullopt;
   const Pose2 pose{*x_m, *y_m, *yaw_rad};
   if (!is_usable(pose)) return std::nullopt;
@@ -70,7 +62,7 @@ void SceneView::on_message(std::string_view channel, const MessageContent& messa
     out.push_back({kSceneChannel, kSceneUpdate, scene_update(time_ns)});
   }
   out.push_back({kFramesChannel, kFrameTransform, frame_transform_json(channel, *pose, time_ns)});
-  const auto x_m = number(message, "x_ref_m"), y_m = number(message, "y_ref_m");
+  const auto x_m = message.real("x_ref_m"), y_m = message.real("y_ref_m");
   if (!x_m || !y_m) return;
   const Pose2 reference{*x_m, *y_m, 0.0};
   if (!is_usable(reference)) return;

@@ -1,0 +1,159 @@
+#include "tools/cli/log_export.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <system_error>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/program/cli.hpp"
+#include "common/scenario/scenario.hpp"
+#include "tools/base/replacing_output.hpp"
+#include "tools/base/text_output.hpp"
+#include "tools/log/csv_export.hpp"
+#include "tools/log/log_input.hpp"
+#include "tools/log/log_survey.hpp"
+#include "tools/log/mcap_export.hpp"
+#include "tools/scene/scene_setting.hpp"
+
+namespace tether {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct McapOptions {
+  std::string file;
+  std::string out;
+  std::string scenario;
+  bool ros2 = false;
+};
+
+void tell_left_out(const std::string& file, const LeftOut& left_out,
+                   const std::vector<LogDamage>& damage) {
+  for (const LogDamage& place : damage) fmt::print(stderr, "{}: {}\n", file, describe(place));
+  for (const std::string& line : left_out.lines()) {
+    fmt::print(stderr, "{}: left out {}\n", file, line);
+  }
+}
+
+/// Throws UsageError if there is nothing to convert.
+LogSurvey survey_of(const std::string& file) {
+  LogInput input(file);
+  LogSurvey survey = survey_log(input.reader);
+  if (survey.events == 0) throw UsageError(file + " is empty: it has no messages");
+  if (survey.channels.empty()) {
+    throw UsageError(fmt::format("{}: none of the {} messages is of a type that Tether knows", file,
+                                 survey.events));
+  }
+  return survey;
+}
+
+/// run.lcmlog becomes run.mcap, and lcmlog-2026-01-01.00 lcmlog-2026-01-01.00.mcap.
+std::string default_out(const std::string& file) {
+  fs::path out(file);
+  if (out.extension() == ".lcmlog" || out.extension() == ".log") out.replace_extension();
+  return out.string() + ".mcap";
+}
+
+void check_out(const McapOptions& options) {
+  std::error_code ignored;
+  if (fs::equivalent(options.file, options.out, ignored)) {
+    throw UsageError(fmt::format("--out {} is the log itself", options.out));
+  }
+  if (fs::is_directory(options.out, ignored)) {
+    throw UsageError(fmt::format("--out {} is a directory", options.out));
+  }
+}
+
+/// What is to be seen beside the messages: of the scenario that is named, else of the one that
+/// `tether run --out` and `tether live --out` put beside the log.
+SceneSetting setting_of(const McapOptions& options) {
+  if (!options.scenario.empty()) return scene_setting(load_scenario(options.scenario, {}));
+  const fs::path beside = fs::path(options.file).parent_path() / "scenario.toml";
+  std::error_code ignored;
+  if (!fs::is_regular_file(beside, ignored)) return {};
+  try {
+    return scene_setting(load_scenario(beside.string(), {}));
+  } catch (const UsageError& error) {
+    fmt::print(stderr, "no path and no shapes: {}\n", error.what());
+    return {};
+  }
+}
+
+int log_mcap(McapOptions options) {
+  if (options.out.empty()) options.out = default_out(options.file);
+  const LogSurvey survey = survey_of(options.file);
+  check_out(options);
+  LogInput input(options.file);
+  const McapExport how{options.ros2, setting_of(options), "tether"};
+  ReplacingOutput out(options.out);
+  const McapExportReport report =
+      export_mcap(input.reader, survey, how, [&](std::string_view bytes) { out.write(bytes); });
+  if (report.converted == 0) {
+    throw UsageError(fmt::format("{}: none of the {} messages has a counterpart in ROS 2",
+                                 options.file, report.events));
+  }
+  out.close();
+  TextOutput said;
+  said.write(fmt::format("{}: {} messages from {} of the log's {} events, {} bytes\n", options.out,
+                         report.messages, report.converted, report.events, report.bytes));
+  if (report.shift_us > 0) {
+    said.write(fmt::format("times are {} s later than in the log, where they begin below 0\n",
+                           report.shift_us / 1'000'000));
+  }
+  said.close();
+  tell_left_out(options.file, report.left_out, report.damage);
+  return kExitOk;
+}
+
+/// The folder is made, or is there and empty: no table of another log stays beside ours.
+void take_folder(const std::string& folder) {
+  std::error_code error;
+  if (fs::exists(folder, error)) {
+    if (!fs::is_directory(folder, error)) {
+      throw UsageError(fmt::format("--out {} is not a folder: all channels need one", folder));
+    }
+    if (!fs::is_empty(folder, error) || error) {
+      throw UsageError(fmt::format("--out {} is not empty: name a new folder", folder));
+    }
+  } else if (!error) {
+    fs::create_directories(folder, error);
+  }
+  if (error) throw UsageError(fmt::format("cannot use --out {}: {}", folder, error.message()));
+}
+
+}  // namespace
+
+int log_csv_all(const std::string& file, const std::string& folder) {
+  if (folder.empty()) {
+    throw UsageError("tether log csv of all channels needs --out FOLDER; or name a channel");
+  }
+  survey_of(file);
+  take_folder(folder);
+  LogInput input(file);
+  const CsvExportReport report = csv_export_all(input.reader, folder);
+  TextOutput said;
+  for (const CsvTable& table : report.tables) {
+    said.write(fmt::format("{}: {} rows, {}\n", (fs::path(folder) / table.file).string(),
+                           table.rows, table.type));
+  }
+  said.close();
+  tell_left_out(file, report.left_out, report.damage);
+  return kExitOk;
+}
+
+void add_log_mcap_command(CLI::App& log, Action& action) {
+  auto options = std::make_shared<McapOptions>();
+  CLI::App* const mcap = log.add_subcommand(
+      "mcap", "All channels as MCAP, with JSON for Foxglove or, with --ros2, as a ROS 2 bag");
+  mcap->add_option("file", options->file, "LCM event log")->required();
+  mcap->add_option("--out", options->out, "file to write [the log's name with .mcap]");
+  mcap->add_flag("--ros2", options->ros2, "a ROS 2 bag: what ROS 2 has messages for, in CDR");
+  mcap->add_option("--scenario", options->scenario,
+                   "whose vehicle, walls and path are shown [scenario.toml beside the log]");
+  mcap->callback([options, &action] { action = [options] { return log_mcap(*options); }; });
+}
+
+}  // namespace tether

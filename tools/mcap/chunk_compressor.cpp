@@ -1,0 +1,43 @@
+#include "tools/mcap/chunk_compressor.hpp"
+
+#include <zstd.h>
+
+#include <new>
+#include <stdexcept>
+
+namespace tether {
+namespace {
+
+// zstd's fastest of its regular levels: for 1 MiB of messages in JSON it is four times as fast as
+// the default, 3, and its output a sixth larger.
+constexpr int kLevel = 1;
+
+}  // namespace
+
+struct ChunkCompressor::State {
+  ZSTD_CCtx* context = ZSTD_createCCtx();
+  std::string out;
+
+  State() {
+    if (context == nullptr) throw std::bad_alloc();
+  }
+  ~State() { ZSTD_freeCCtx(context); }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+};
+
+ChunkCompressor::ChunkCompressor() : state_(std::make_unique<State>()) {}
+ChunkCompressor::~ChunkCompressor() = default;
+
+std::string_view ChunkCompressor::compress(std::string_view bytes) {
+  std::string& out = state_->out;
+  out.resize(ZSTD_compressBound(bytes.size()));
+  const std::size_t size = ZSTD_compressCCtx(state_->context, out.data(), out.size(), bytes.data(),
+                                             bytes.size(), kLevel);
+  if (ZSTD_isError(size) != 0) {
+    throw std::runtime_error(std::string("zstd: ") + ZSTD_getErrorName(size));
+  }
+  return std::string_view(out).substr(0, size);
+}
+
+}  // namespace tether

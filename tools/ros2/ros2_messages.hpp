@@ -1,0 +1,45 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/vehicle/pose.hpp"
+
+namespace tether {
+
+// Messages of ROS 2 in CDR. Everything is planar: z, roll and pitch are 0. Times are nanoseconds of
+// the run; ROS 2 has whole seconds in 32 bits, at whose ends they stop.
+
+/// std_msgs/Header
+struct RosHeader {
+  std::int64_t stamp_ns = 0;
+  std::string_view frame_id;
+};
+
+/// Of a pose in the plane: x², xy, x·yaw, y², y·yaw, yaw².
+using PlanarCovariance = std::array<double, 6>;
+
+struct RosTransform {
+  RosHeader header;
+  std::string_view child_frame_id;
+  Pose2 pose;
+};
+
+struct RosPose {
+  RosHeader header;
+  Pose2 pose;
+};
+
+std::string clock_cdr(std::int64_t time_ns);
+std::string twist_cdr(const Twist& twist);
+std::string pose_cdr(const RosPose& pose);
+/// The twist's covariance is zeros, as ROS 2 has it for what is not known.
+std::string odometry_cdr(const RosTransform& pose, const PlanarCovariance& covariance,
+                         const Twist& twist);
+std::string path_cdr(const RosHeader& header, const std::vector<RosPose>& poses);
+std::string tf_cdr(const std::vector<RosTransform>& transforms);
+
+}  // namespace tether
