@@ -1,6 +1,8 @@
 #include <sstream>
 
 #include "tests/fuzz/fuzz.hpp"
+#include "tools/log/log_survey.hpp"
+#include "tools/log/mcap_export.hpp"
 #include "tools/messages/event_log.hpp"
 #include "tools/messages/message_printer.hpp"
 #include "tools/netem/fit.hpp"
@@ -20,6 +22,16 @@ void try_input(std::span<const std::uint8_t> input) {
   }
   for (const LogDamage& damage : reader.damage()) accounted += damage.size_bytes;
   must(accounted == input.size(), "each byte is of a record or of damage");
+
+  // What becomes MCAP accounts for each event.
+  for (const bool ros2 : {false, true}) {
+    std::istringstream first(text_of(input)), second(text_of(input));
+    EventLogReader surveyed(first), exported(second);
+    const LogSurvey survey = survey_log(surveyed);
+    const auto report = export_mcap(exported, survey, {ros2, {}, ""}, [](std::string_view) {});
+    must(report.events == survey.events, "the same events twice");
+    must(report.converted + report.left_out.count() == report.events, "each is taken or left out");
+  }
 
   std::istringstream again(text_of(input));
   takes<std::runtime_error>([&] { read_fit_log(again, "run.lcmlog", ""); });

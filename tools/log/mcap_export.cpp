@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <optional>
 #include <utility>
 
@@ -18,7 +19,23 @@
 namespace tether {
 namespace {
 
-/// When, and the how manyth: what all that one event becomes has in common.
+// Damaged records may say anything: times stay where 64 bits hold them in nanoseconds.
+constexpr std::int64_t kLatest_us = INT64_MAX / 1000;
+constexpr std::int64_t kEarliest_us = -1'000'000'000'000'000;  // 31 years before 0
+
+/// MCAP's times are not negative: whole seconds that make the earliest so.
+std::int64_t shift_of(const LogSurvey& survey) {
+  constexpr std::int64_t kSecond_us = 1'000'000;
+  const std::int64_t earliest_us = std::max(survey.earliest_us, kEarliest_us);
+  return earliest_us >= 0 ? 0 : (-(earliest_us + 1) / kSecond_us + 1) * kSecond_us;
+}
+
+std::uint64_t shifted_ns(std::int64_t time_us, std::int64_t shift_us) {
+  const std::int64_t us = std::clamp(time_us, kEarliest_us, kLatest_us) + shift_us;
+  return static_cast<std::uint64_t>(std::clamp<std::int64_t>(us, 0, kLatest_us)) * 1000;
+}
+
+/// When, and with which number: what all that one event becomes has in common.
 struct Stamp {
   std::uint64_t time_ns = 0;
   std::uint32_t sequence = 0;
@@ -129,8 +146,7 @@ class RosConverter final : public Converter {
     channels_.message_encoding = "cdr";
     channels_.metadata = {{"offered_qos_profiles", ""}};  // rosbag2 then offers its default
     if (path.empty()) return;
-    const auto start_us = static_cast<std::uint64_t>(survey.earliest_us + shift_us);
-    write(conversion_.plan(path), {start_us * 1000, 0});
+    write(conversion_.plan(path), {shifted_ns(survey.earliest_us, shift_us), 0});
   }
 
   std::string take(const LoggedEvent& event, const MessageContent& message,
@@ -155,19 +171,6 @@ class RosConverter final : public Converter {
   RosConversion conversion_;
   std::vector<RosMessage> made_;
 };
-
-/// MCAP's times are not negative: whole seconds that make the earliest so.
-std::int64_t shift_of(const LogSurvey& survey) {
-  constexpr std::int64_t kSecond_us = 1'000'000;
-  if (survey.earliest_us >= 0) return 0;
-  return (-(survey.earliest_us + 1) / kSecond_us + 1) * kSecond_us;
-}
-
-/// Times far from any that a log can have stay where a 64-bit number of nanoseconds can be.
-std::uint64_t nanoseconds(std::int64_t us) {
-  constexpr std::int64_t kMost_us = INT64_MAX / 1000;
-  return static_cast<std::uint64_t>(std::clamp<std::int64_t>(us, 0, kMost_us)) * 1000;
-}
 
 void add_remarks(McapWriter& writer, const McapExportReport& report) {
   McapWriter::Texts remarks = {
@@ -202,8 +205,7 @@ McapExportReport export_mcap(EventLogReader& log, const LogSurvey& survey,
     std::string why = why_unusable(message);
     if (why.empty()) {
       const auto seq = static_cast<std::uint32_t>(message.integer("seq").value_or(0));
-      why =
-          converter->take(event, message, {nanoseconds(event.timestamp_us + report.shift_us), seq});
+      why = converter->take(event, message, {shifted_ns(event.timestamp_us, report.shift_us), seq});
     }
     if (why.empty()) {
       ++report.converted;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cmath>
 #include <initializer_list>
 
 #include "common/vehicle/pose.hpp"
@@ -105,7 +106,7 @@ bool RosConversion::convert(std::string_view channel, const MessageContent& mess
 RosMessage RosConversion::plan(const std::vector<TimedPoint>& path) const {
   std::vector<RosPose> poses;
   for (const TimedPoint& p : path) {
-    const auto stamp_ns = static_cast<std::int64_t>(p.t_s * 1e9) + shift_ns_;
+    const auto stamp_ns = std::llround(p.t_s * 1e9) + shift_ns_;
     poses.push_back({{stamp_ns, kMap}, {p.point.x_m, p.point.y_m, p.point.yaw_rad}});
   }
   return {"/plan", kRosPath, path_cdr({shift_ns_, kMap}, poses)};
