@@ -176,6 +176,9 @@ ScenarioSection can_section() {
   section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
     return key.name.starts_with("can.") && !has_can(scenario);
   };
+  for (const char* of_fault : {"can.inject_node", "can.inject_at_s", "can.inject_value"}) {
+    section.switched.push_back({of_fault, {"can.inject"}, std::string("none")});
+  }
   section.check = check;
   return section;
 }

@@ -7,7 +7,6 @@
 #include <string>
 #include <tether/drive_request_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
-#include <tether/odometry_t.hpp>
 #include <tether/plan_in_force_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
 #include <utility>
@@ -20,6 +19,7 @@
 #include "common/base/errors.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/odometry_message.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
@@ -257,22 +257,8 @@ void CanBridgeNode::publish_wheels(const DrivetrainSnapshot& drives, Instant now
 
 void CanBridgeNode::publish_odometry(Instant now) {
   const Odometry::State& state = odometry_.state();
-  odometry_t message{};
-  message.utime = to_utime(now);
-  message.seq = cycles_;
-  message.x_m = state.pose.x_m;
-  message.y_m = state.pose.y_m;
-  message.yaw_rad = state.pose.yaw_rad;
-  message.v_mps = state.twist.v_mps;
-  message.omega_radps = state.twist.omega_radps;
-  message.distance_m = state.distance_m;
-  message.cov_x_x_m2 = state.covariance.x_x;
-  message.cov_x_y_m2 = state.covariance.x_y;
-  message.cov_x_yaw_m_rad = state.covariance.x_yaw;
-  message.cov_y_y_m2 = state.covariance.y_y;
-  message.cov_y_yaw_m_rad = state.covariance.y_yaw;
-  message.cov_yaw_yaw_rad2 = state.covariance.yaw_yaw;
-  publish(bus_, channels_.can_odometry, message);
+  publish(bus_, channels_.can_odometry,
+          odometry_message(now, cycles_, state, state.twist));
 }
 
 void CanBridgeNode::publish_plan(Instant now) {

@@ -65,16 +65,11 @@ double Odometry::most_m(const WheelFeedback& wheel, const Anchor& anchor) const 
 }
 
 void Odometry::move(const PerWheel& rims_m, const PerWheel& variances_m2, bool gap) {
-  DeadReckoning reckoning{state_.pose, state_.covariance, state_.distance_m};
   const auto [arc_m, turn_rad, direction_rad] =
-      reckoning.move({rims_m[0], rims_m[1], variances_m2[0], variances_m2[1]}, track_m_);
-  if (gap) {
-    reckoning.covariance.add(-std::sin(direction_rad), std::cos(direction_rad), 0.0,
-                             arc_m * arc_m * turn_rad * turn_rad / 12.0);
-  }
-  state_.pose = reckoning.pose;
-  state_.covariance = reckoning.covariance;
-  state_.distance_m = reckoning.distance_m;
+      state_.move({rims_m[0], rims_m[1], variances_m2[0], variances_m2[1]}, track_m_);
+  if (!gap) return;
+  state_.covariance.add(-std::sin(direction_rad), std::cos(direction_rad), 0.0,
+                        arc_m * arc_m * turn_rad * turn_rad / 12.0);
 }
 
 }  // namespace tether

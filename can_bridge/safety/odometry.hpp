@@ -34,11 +34,9 @@ namespace tether {
 ///   much, too, after a jump, with what the wheel can turn at most.
 class Odometry {
  public:
-  struct State {
-    Pose2 pose;               ///< axle midpoint; starts at the vehicle's start pose
-    Twist twist;              ///< of the newest valid wheel speeds; zero before and while invalid
-    double distance_m = 0.0;  ///< path length, never falling
-    PoseCovariance covariance;
+  /// From the vehicle's start pose on.
+  struct State : DeadReckoning {
+    Twist twist;  ///< of the newest valid wheel speeds; zero before and while invalid
   };
 
   static constexpr double kVariancePerMetre = DeadReckoning::kVariancePerMetre;  ///< k², m²/m

@@ -19,6 +19,21 @@ std::string range_text(std::int64_t min, std::int64_t max, const std::string& me
 
 }  // namespace
 
+std::string toml_text(const toml::node& value) {
+  if (const auto* number = value.as_floating_point()) {
+    const std::string text = fmt::format("{}", number->get());
+    return text.find_first_not_of("-0123456789") == std::string::npos ? text + ".0" : text;
+  }
+  if (const auto* list = value.as_array()) {
+    std::vector<std::string> entries;
+    for (const toml::node& entry : *list) entries.push_back(toml_text(entry));
+    return fmt::format("[{}]", fmt::join(entries, ", "));
+  }
+  std::ostringstream text;
+  text << toml::node_view<const toml::node>(&value);
+  return text.str();
+}
+
 TomlReader::TomlReader(const toml::table& table, std::string file, std::string path,
                        const std::vector<std::string>& keys)
     : table_(table), file_(std::move(file)), path_(std::move(path)) {
@@ -41,11 +56,9 @@ void TomlReader::refuse_at(std::uint32_t line, const std::string& message) const
 
 void TomlReader::refuse(const std::string& key, const toml::node& value,
                         const std::string& allowed) const {
-  std::ostringstream shown;
-  shown << toml::node_view<const toml::node>(&value);
   refuse_at(value.source().begin.line,
             fmt::format("{} = {} is not allowed: must be {}", full(key),
-                        printable(shown.str(), kLongestValueShown), allowed));
+                        printable(toml_text(value), kLongestValueShown), allowed));
 }
 
 const toml::node& TomlReader::require(const std::string& key, const std::string& allowed) const {

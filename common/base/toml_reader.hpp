@@ -9,6 +9,10 @@
 
 namespace tether {
 
+/// A value for messages, as TOML has it, each number by the shortest text that reads as the same
+/// (toml++ prints 0.1 with 17 digits).
+std::string toml_text(const toml::node& value);
+
 /// One table of a TOML file, read strictly: a key that is not in `keys` is refused at once, and a
 /// value of another type or out of range when it is asked for. Each refusal is a UsageError of one
 /// line: file, line, key, value, what is allowed.

@@ -11,6 +11,7 @@
 #include "common/path/kinds.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/vehicle/grip.hpp"
+#include "common/vehicle/motor_torque.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
@@ -147,17 +148,24 @@ std::vector<PathLimit> vehicle_path_limits(const Scenario& scenario) {
   const auto& vehicle = scenario.get<VehicleSettings>();
   const auto& world = scenario.get<WorldSettings>();
   const bool is_ode = vehicle.plant == VehicleSettings::Plant::ode;
-  const double share = is_ode ? loaded_acceleration_share(vehicle) : 1.0;
   std::vector<PathLimit> limits{
       {"a wheel's rim speed", "m/s", "vehicle.max_wheel_speed_mps", vehicle.max_wheel_speed_mps,
        [](const PathDemand& d) { return d.rim_speed_mps; }},
       {"a wheel's rim acceleration", "m/s^2",
-       share < 1.0 ? "with vehicle.payload_kg, vehicle.max_wheel_acceleration_mps2"
-                   : "vehicle.max_wheel_acceleration_mps2",
-       vehicle.max_wheel_acceleration_mps2 * share,
+       "vehicle.max_wheel_acceleration_mps2", vehicle.max_wheel_acceleration_mps2,
        [](const PathDemand& d) { return d.rim_acceleration_mps2; }}};
   if (is_ode) {
     const VehicleConfig& body = vehicle;
+    limits.push_back(
+        {"a motor's torque", "N*m",
+         vehicle.payload_kg > 0.0 ? "with vehicle.payload_kg, vehicle.max_wheel_torque_Nm"
+                                  : "vehicle.max_wheel_torque_Nm",
+         vehicle.max_wheel_torque_Nm, [body](const PathDemand& d) {
+           return needed_torque_Nm(body,
+                                   {d.point.v_mps, d.point.omega_radps, d.acceleration_mps2},
+                                   std::copysign(1.0, d.point.omega_radps) *
+                                       d.yaw_acceleration_radps2);
+         }});
     limits.push_back({"a friction coefficient",
                       fmt::format("at the drive wheels, which carry {:.0f} % of the weight",
                                   100.0 * axle_load_share(vehicle)),

@@ -1,17 +1,18 @@
 #include "common/scenario/loader.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
 #include <map>
 #include <numeric>
 #include <optional>
-#include <sstream>
 #include <utility>
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
+#include "common/base/toml_reader.hpp"
 
 namespace tether {
 namespace {
@@ -214,12 +215,26 @@ void ScenarioLoader::apply_override(const std::string& text, const std::string& 
   }
 }
 
+/// "sensor.jumps_per_min is 0"; "" if what `key` says more of is on, or if this level says that it
+/// is off.
+std::string ScenarioLoader::why_switched_off(const std::string& key) const {
+  const SwitchedKey* off = scenario_.schema().switched_off(scenario_, key);
+  if (off == nullptr || std::any_of(off->switches.begin(), off->switches.end(),
+                                    [&](const auto& name) { return given_.contains(name); })) {
+    return "";
+  }
+  const bool is_zero = off->off == ScenarioValue(0.0);
+  return fmt::format("{} {} {}", fmt::join(off->switches, " and "),
+                     off->switches.size() > 1 ? "are" : "is", is_zero ? "0" : to_toml(off->off));
+}
+
 /// Refuses keys that have no effect: with one forgotten line, a bad network would otherwise become
 /// a perfect one without notice.
 void ScenarioLoader::end_level(const std::string& source, const std::filesystem::path& folder) {
   for (const ScenarioKey& key : scenario_.schema().keys_of(scenario_)) {
     if (!given_.contains(key.name)) continue;
-    const std::string why = scenario_.schema().why_no_effect(scenario_, key.name);
+    std::string why = scenario_.schema().why_no_effect(scenario_, key.name);
+    if (why.empty()) why = why_switched_off(key.name);
     if (why.empty()) continue;
     throw UsageError(fmt::format("{}: {} has no effect: {}", source, key.name, why));
   }
@@ -266,10 +281,8 @@ void ScenarioLoader::apply(const std::string& key, const toml::node& node,
   make_table(key, place);
   const auto value = to_value(node);
   if (!value || !found->set(scenario_, *value)) {
-    std::ostringstream shown;
-    shown << toml::node_view<const toml::node>(&node);
     throw UsageError(fmt::format("{}: {} = {} is not allowed: must be {} ({})", place, key,
-                                 printable(shown.str(), kLongestValueShown), found->allowed,
+                                 printable(toml_text(node), kLongestValueShown), found->allowed,
                                  found->meaning));
   }
   given_.insert(key);

@@ -41,6 +41,7 @@ class ScenarioLoader {
  private:
   const std::vector<ScenarioKey>& keys_beside(const std::string& key);
   const ScenarioKey* find_key(const std::string& key);
+  std::string why_switched_off(const std::string& key) const;
   [[noreturn]] void refuse_unknown(const std::string& place, const std::string& key);
   void make_table(const std::string& key, const std::string& place);
   void apply(const std::string& key, const toml::node& node, const std::string& place);

@@ -37,9 +37,27 @@ std::string ScenarioSchema::why_no_effect(const Scenario& scenario, const std::s
 }
 
 bool ScenarioSchema::left_out(const Scenario& scenario, const ScenarioKey& key) const {
+  if (switched_off(scenario, key.name) != nullptr) return true;
   return std::any_of(sections_.begin(), sections_.end(), [&](const ScenarioSection& section) {
     return section.left_out && section.left_out(scenario, key);
   });
+}
+
+const SwitchedKey* ScenarioSchema::switched_off(const Scenario& scenario,
+                                                const std::string& key) const {
+  for (const ScenarioSection& section : sections_) {
+    for (const SwitchedKey& switched : section.switched) {
+      if (switched.key != key) continue;
+      const bool off = std::all_of(
+          section.keys.begin(), section.keys.end(), [&](const ScenarioKey& other) {
+            return std::find(switched.switches.begin(), switched.switches.end(), other.name) ==
+                       switched.switches.end() ||
+                   other.get(scenario) == switched.off;
+          });
+      if (off) return &switched;
+    }
+  }
+  return nullptr;
 }
 
 std::vector<std::string> ScenarioSchema::keys_meant_by(const std::string& key) const {

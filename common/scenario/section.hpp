@@ -72,6 +72,15 @@ struct TableList {
   std::function<std::string(const Scenario&)> to_toml;
 };
 
+/// A key that says more of something which switches turn on. With all of them off it has no effect
+/// and is left out of the resolved scenario; to give it is a mistake, unless the same level gives a
+/// switch: a sweep may have 0 among others.
+struct SwitchedKey {
+  std::string key;                    ///< full name
+  std::vector<std::string> switches;  ///< full names
+  ScenarioValue off = 0.0;            ///< what they are when they are off
+};
+
 /// A section of the scenario: a struct of settings with its keys and all that is to be said of
 /// them. A room gives one for each struct that it owns. What is left empty does nothing.
 struct ScenarioSection {
@@ -84,6 +93,7 @@ struct ScenarioSection {
   /// Why `key` has no effect, such as `vehicle.plant is "kinematic"`: then it is a mistake to give
   /// it. "" if it has an effect.
   std::function<std::string(const Scenario&, const std::string& key)> why_no_effect = {};
+  std::vector<SwitchedKey> switched = {};
   /// Whether `key` is left out of the resolved scenario: because it has no effect, although it is
   /// no mistake to give it (one file may hold the keys of several choices); or because it is a
   /// switch at its default.
@@ -125,6 +135,8 @@ class ScenarioSchema {
   /// Why `key` does nothing, of any section; "" if it has an effect.
   std::string why_no_effect(const Scenario& scenario, const std::string& key) const;
   bool left_out(const Scenario& scenario, const ScenarioKey& key) const;
+  /// The switches of `key`, if it has some and all are off: then it has no effect.
+  const SwitchedKey* switched_off(const Scenario& scenario, const std::string& key) const;
   /// The keys that `key` stands for: itself, or several.
   std::vector<std::string> keys_meant_by(const std::string& key) const;
 

@@ -54,14 +54,6 @@ inline double axle_load_share(const VehicleConfig& v) {
   return lever_m == 0.0 ? 1.0 : 1.0 - vehicle_weight(v).ahead_m / lever_m;
 }
 
-/// The share of max_wheel_acceleration_mps2 that is left with the payload: (m_empty /
-/// m)^load_scaling. 0: a load changes nothing, 1: the drives give each load the same force.
-inline double loaded_acceleration_share(const VehicleConfig& v) {
-  if (v.load_scaling == 0.0 || v.payload_kg == 0.0) return 1.0;
-  const double mass_kg = vehicle_weight(v).mass_kg;
-  return std::pow((mass_kg - v.payload_kg) / mass_kg, v.load_scaling);
-}
-
 /// A steady demand: speed and yaw rate at the axle's midpoint, and how fast the speed changes.
 struct GripDemand {
   double v_mps = 0.0;

@@ -4,6 +4,9 @@
 
 namespace tether {
 
+/// A payload is a point for all but its own inertia, that of a ball of this size.
+inline constexpr double kPayloadRadius_m = 0.1;
+
 /// The vehicle: a differential drive with a passive caster in front (PIMRC 2025 paper, section
 /// "Vehicle"). Positions are relative to the chassis centre, which rides chassis_z_m above the
 /// axle. The vehicle's *pose* is that of the axle's midpoint.
@@ -35,8 +38,9 @@ struct VehicleConfig {
   double left_drag_N = 0.0;
   double right_drag_N = 0.0;
   double max_wheel_speed_mps = 10.0;  ///< rim speed; both wheels are scaled together
-  /// How much of the acceleration limit a payload takes (grip.hpp): 0 none of it.
-  double load_scaling = 0.0;
+  /// Each ramp begins at its wheel's speed, not at its target before: so no target runs ahead of a
+  /// wheel whose motor gives all it can, and a load leaves the acceleration of motor_torque.hpp.
+  bool anti_windup = false;
   /// How tyres hold: as ball joints up to the limit of friction, or as brushes that yield
   /// (sim/plant/tyre.hpp).
   enum class Tyre { rigid, brush };

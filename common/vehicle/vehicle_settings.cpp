@@ -44,8 +44,8 @@ void add_body(KeyTable<Vehicle>& t) {
 }
 
 void add_tyres(KeyTable<Vehicle>& t) {
-  t.number("load_scaling", &Vehicle::load_scaling, kRatio,
-           "payload's effect on max_wheel_acceleration_mps2, times (empty/loaded mass)^this");
+  t.boolean("anti_windup", &Vehicle::anti_windup,
+            "no wheel's target runs ahead of a wheel whose motor is at max_wheel_torque_Nm");
   t.choice<Vehicle::Tyre>("tyre", &Vehicle::tyre,
                           {{"rigid", Vehicle::Tyre::rigid}, {"brush", Vehicle::Tyre::brush}},
                           "roll without slip up to the limit of friction, or slip as brushes do");
@@ -118,7 +118,7 @@ std::string why_no_effect(const Scenario& scenario, const std::string& key) {
                                                                     "vehicle.payload_z_m",
                                                                     "vehicle.chassis_z_m",
                                                                     "vehicle.max_wheel_torque_Nm",
-                                                                    "vehicle.load_scaling",
+                                                                    "vehicle.anti_windup",
                                                                     "vehicle.tyre",
                                                                     "vehicle.tyre_stiffness",
                                                                     "vehicle.tyre_relaxation_m",
@@ -220,11 +220,9 @@ ScenarioSection world_section() {
   t.number("bump_height_m", &World::bump_height_m, {0.0, 1.0, false}, "of a bump, a half sine");
   t.number("bump_length_m", &World::bump_length_m, kLength, "of a bump, along the wheel's way");
   ScenarioSection section{.defaults = World{}, .keys = t.take()};
-  // A sweep may have 0 bumps among others.
-  section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
-    return scenario.get<World>().bump_spacing_m == 0.0 &&
-           is_one_of(key.name, {"world.bump_height_m", "world.bump_length_m"});
-  };
+  for (const char* of_bumps : {"world.bump_height_m", "world.bump_length_m"}) {
+    section.switched.push_back({of_bumps, {"world.bump_spacing_m"}});
+  }
   return section;
 }
 
@@ -242,7 +240,13 @@ ScenarioSection vehicle_section() {
   add_tyres(t);
   add_start(t);
   add_errors(t);
-  return {.defaults = Vehicle{}, .keys = t.take(), .why_no_effect = why_no_effect, .check = check};
+  ScenarioSection section{.defaults = Vehicle{}, .keys = t.take()};
+  section.why_no_effect = why_no_effect;
+  for (const char* of_load : {"vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.payload_z_m"}) {
+    section.switched.push_back({of_load, {"vehicle.payload_kg"}});
+  }
+  section.check = check;
+  return section;
 }
 
 Instant earliest_stamp(const Sections<RunSettings, VehicleSettings>& settings) {

@@ -42,6 +42,29 @@ std::vector<ScenarioKey> keys(const LinkField& field) {
   return t.take();
 }
 
+/// Keys of what the others replace, and of shadowing that is not there.
+std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
+                          const std::string& part) {
+  const auto& map = link.own.get<MapConfig>();
+  const auto is_one_of = [key = part.substr(std::string_view("map.").size())](
+                             std::initializer_list<std::string_view> keys) {
+    return std::find(keys.begin(), keys.end(), key) != keys.end();
+  };
+  if (map.shadowing_sd_db == 0.0 && is_one_of({"shadowing_distance_m"})) {
+    return fmt::format("{}map.shadowing_sd_db is 0", prefix);
+  }
+  if (!map.file.empty() && is_one_of({"snr_1m_db", "path_loss_exponent", "handover_s"})) {
+    return fmt::format("{}map.file is given", prefix);
+  }
+  if (!map.prr_curve.empty() && is_one_of({"snr50_db", "slope_db"})) {
+    return fmt::format("{}map.prr_curve is given", prefix);
+  }
+  if (!map.delay_curve.empty() && is_one_of({"delay_ms"})) {
+    return fmt::format("{}map.delay_curve is given", prefix);
+  }
+  return "";
+}
+
 ProcessPtr make(const ProcessNeeds& needs) {
   if (needs.shared) return needs.shared;
   if (needs.same<MapConfig>()) return needs.present;
@@ -167,6 +190,7 @@ ChannelModelKind map_model() {
   ChannelModelKind kind{.name = "map", .needs_position = true, .keys = keys};
   kind.not_shared = same_settings<MapConfig>;
   kind.moves = [](const LinkConfig&) { return ChannelModelKind::Moves::in_time; };
+  kind.why_no_effect = why_no_effect;
   kind.make = make;
   kind.why_open = "where the vehicle is decides";
   kind.export_loss = export_loss;

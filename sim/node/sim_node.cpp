@@ -4,7 +4,6 @@
 #include <cmath>
 #include <tether/clock_t.hpp>
 #include <tether/ground_truth_t.hpp>
-#include <tether/odometry_t.hpp>
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
 #include <utility>
@@ -18,6 +17,7 @@
 #include "common/path/path_settings.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/odometry_message.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/true_start.hpp"
 #include "sim/sensor/sensor_settings.hpp"
@@ -241,22 +241,9 @@ void SimNode::publish_odometry(Instant now) {
   read_encoders();
   const DeadReckoning& s = odometry_->state();
   const Twist twist = odometry_->twist(vehicle_->state().rim_speeds);
-  odometry_t message{};
-  message.utime = to_utime(std::min(world_time_, now) + clock_offset_);
-  message.seq = odometry_seq_++;
-  message.x_m = s.pose.x_m;
-  message.y_m = s.pose.y_m;
-  message.yaw_rad = s.pose.yaw_rad;
-  message.v_mps = twist.v_mps;
-  message.omega_radps = twist.omega_radps;
-  message.distance_m = s.distance_m;
-  message.cov_x_x_m2 = s.covariance.x_x;
-  message.cov_x_y_m2 = s.covariance.x_y;
-  message.cov_x_yaw_m_rad = s.covariance.x_yaw;
-  message.cov_y_y_m2 = s.covariance.y_y;
-  message.cov_y_yaw_m_rad = s.covariance.y_yaw;
-  message.cov_yaw_yaw_rad2 = s.covariance.yaw_yaw;
-  publish(bus_, channels_.vehicle_odometry, message);
+  const Instant stamp = std::min(world_time_, now) + clock_offset_;
+  publish(bus_, channels_.vehicle_odometry,
+          odometry_message(stamp, odometry_seq_++, s, twist));
 }
 
 void SimNode::publish_clock(Instant now) {
@@ -283,6 +270,8 @@ void SimNode::publish_truth() {
   message.omega_radps = s.twist.omega_radps;
   message.left_rim_mps = s.rim_speeds.left_mps;
   message.right_rim_mps = s.rim_speeds.right_mps;
+  message.left_torque_Nm = s.left_torque_Nm;
+  message.right_torque_Nm = s.right_torque_Nm;
   message.x_ref_m = reference.x_m;
   message.y_ref_m = reference.y_m;
   message.error_m = error_m();

@@ -5,7 +5,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/ode_world.hpp"
 
@@ -42,8 +41,7 @@ OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world,
                        RandomEngine random)
     : config_(vehicle),
       step_s_(to_seconds(step)),
-      max_change_mps_(vehicle.max_wheel_acceleration_mps2 * loaded_acceleration_share(vehicle) *
-                      step_s_),
+      max_change_mps_(vehicle.max_wheel_acceleration_mps2 * step_s_),
       disturbances_(vehicle, world, step_s_, random) {
   check_bodies(vehicle, world, step_s_);
   world_ = std::make_unique<World>(vehicle, world, step_s_);
@@ -60,7 +58,8 @@ void OdeVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
 
 void OdeVehicle::step() {
   prepare_ode_thread();
-  servo_targets_ = approach(servo_targets_, commands_, max_change_mps_);
+  const WheelSpeeds begin = config_.anti_windup ? world_->rim_speeds() : servo_targets_;
+  servo_targets_ = approach(begin, commands_, max_change_mps_);
 
   if (disturbances_.any()) {
     world_->set_wheel_loads(disturbances_.step(world_->rim_speeds()));
@@ -114,6 +113,8 @@ VehicleState OdeVehicle::state() const {
   state.rim_speeds = world_->rim_speeds();
   state.left_wheel_angle_rad = left_wheel_angle_rad_;
   state.right_wheel_angle_rad = right_wheel_angle_rad_;
+  state.left_torque_Nm = world_->motor_torque_Nm(OdeWorld::kLeft);
+  state.right_torque_Nm = world_->motor_torque_Nm(OdeWorld::kRight);
   state.wall_contact = world_->wall_contact();
   return state;
 }

@@ -15,9 +15,9 @@ namespace tether {
 /// The AGV in its walled square, as rigid bodies in ODE (docs/physics.md).
 ///
 /// Commands are rim speeds. Each wheel's servo target moves towards its command at no more than
-/// `max_wheel_acceleration_mps2`, less with a payload if load_scaling says so, and the servo drives
-/// the wheel to its target with no more than `max_wheel_torque_Nm`; until the first command both
-/// commands are zero, so the vehicle brakes.
+/// `max_wheel_acceleration_mps2`, and the servo drives the wheel to its target with no more than
+/// `max_wheel_torque_Nm`; until the first command both commands are zero, so the vehicle brakes.
+/// With `anti_windup` each target moves from its wheel's speed.
 ///
 /// Vehicles do not interact and share no state: any number may be stepped from any threads, each
 /// by one thread at a time, and equal inputs give bit-identical states.

@@ -40,6 +40,8 @@ std::uint64_t ode_complaints_of_this_thread();
 /// place of friction, and the limits of the servos. Their normal force is that of the step before.
 class OdeWorld {
  public:
+  enum Body { kLeft = 0, kRight = 1, kChassis = 2 };
+
   OdeWorld(const VehicleConfig& vehicle, const WorldSettings& world, double step_s);
   ~OdeWorld();
   OdeWorld(const OdeWorld&) = delete;
@@ -53,6 +55,9 @@ class OdeWorld {
 
   /// Rim speeds relative to the chassis, forward positive: what an encoder sees.
   WheelSpeeds rim_speeds() const;
+
+  /// What the motor of a wheel, kLeft or kRight, did in the last step, forward positive.
+  double motor_torque_Nm(Body side) const;
 
   dBodyID chassis() const { return bodies_[kChassis]; }
   /// The axle's midpoint in the chassis body's frame, whose origin is its centre of mass.
@@ -69,7 +74,6 @@ class OdeWorld {
   void set_always_limited(bool always) { always_limited_ = always; }
 
  private:
-  enum Body { kLeft = 0, kRight = 1, kChassis = 2 };
   struct Plane {
     dReal normal[3];  ///< points to the inside
     dReal offset_m;   ///< inside is normal · p ≥ offset

@@ -19,6 +19,8 @@ struct VehicleState {
   WheelSpeeds rim_speeds;              ///< relative to the chassis: what encoders would measure
   double left_wheel_angle_rad = 0.0;   ///< since the start, unbounded, forward positive
   double right_wheel_angle_rad = 0.0;  ///< since the start, unbounded, forward positive
+  double left_torque_Nm = 0.0;         ///< of the motor in the last step, forward positive
+  double right_torque_Nm = 0.0;        ///< likewise; both 0 for plants without forces
   double height_m = 0.0;               ///< of the axle's midpoint above the floor
   double roll_rad = 0.0;               ///< positive: leans to the right
   double pitch_rad = 0.0;              ///< positive: nose down

@@ -50,15 +50,13 @@ void add_events(KeyTable<Sensor>& t) {
   t.number("dropout_s", &Sensor::dropout_s, kPositive, "their mean duration (exponential)");
 }
 
-/// What says more of something that does not happen is no mistake: a sweep may have 0 among others.
-bool left_out(const Scenario& scenario, const ScenarioKey& key) {
-  const auto& sensor = scenario.get<Sensor>();
-  if (key.name.starts_with("sensor.jump_")) return sensor.jumps_per_min == 0.0;
-  if (key.name == "sensor.dropout_s") return sensor.dropouts_per_min == 0.0;
-  if (key.name == "sensor.noise_correlation_s") {
-    return sensor.position_noise_m == 0.0 && sensor.yaw_noise_rad == 0.0;
-  }
-  return false;
+std::vector<SwitchedKey> switched_keys() {
+  const std::string jumps = "sensor.jumps_per_min";
+  return {{"sensor.jump_m", {jumps}},
+          {"sensor.jump_rad", {jumps}},
+          {"sensor.jump_s", {jumps}},
+          {"sensor.dropout_s", {"sensor.dropouts_per_min"}},
+          {"sensor.noise_correlation_s", {"sensor.position_noise_m", "sensor.yaw_noise_rad"}}};
 }
 
 }  // namespace
@@ -72,7 +70,7 @@ ScenarioSection sensor_section() {
   t.number("odometry_rate_hz", &Sensor::odometry_rate_hz, {0.0, 1000.0, false},
            "the wheels' odometry, sent to the controller, per second; 0 = none");
   ScenarioSection section{.defaults = Sensor{}, .keys = t.take()};
-  section.left_out = left_out;
+  section.switched = switched_keys();
   section.check = check;
   return section;
 }

@@ -96,7 +96,7 @@ TEST(AgvLoop, KeysOfTyresWithoutEffectAreRefused) {
   EXPECT_THAT(refusal("paper", {"vehicle.tyre_stiffness=30"}),
               HasSubstr("vehicle.tyre_stiffness has no effect: vehicle.tyre is \"rigid\""));
   EXPECT_EQ(refusal("paper", {"vehicle.tyre=brush", "vehicle.tyre_stiffness=30"}), "accepted");
-  for (const char* key : {"vehicle.tyre=brush", "vehicle.load_scaling=1", "vehicle.chassis_z_m=1",
+  for (const char* key : {"vehicle.tyre=brush", "vehicle.anti_windup=true", "vehicle.chassis_z_m=1",
                           "vehicle.payload_z_m=1", "vehicle.tyre_relaxation_m=0.1"}) {
     EXPECT_THAT(refusal("paper", {"vehicle.plant=kinematic", key}),
                 HasSubstr("has no effect: vehicle.plant is \"kinematic\""));

@@ -149,11 +149,17 @@ TEST(PathCheck, TyresHoldTheirShareOfTheWeightOnly) {
   EXPECT_EQ(at(5.5, {"vehicle.plant=kinematic"}), "accepted");
 }
 
-TEST(PathCheck, AnAccelerationIsThatOfTheLoadedVehicle) {
-  const std::vector<std::string> loaded{"path.kind=line", "path.max_acceleration_mps2=2",
-                                        "vehicle.payload_kg=3.41275", "vehicle.load_scaling=1"};
-  EXPECT_THAT(refusal(loaded),
-              HasSubstr("with vehicle.payload_kg, vehicle.max_wheel_acceleration_mps2 = 1.5"));
+TEST(PathCheck, TheMotorsMustMoveTheLoadedVehicle) {
+  // (2 * 4 N*m / 0.4 m)/(m + 1 kg): 4.5 m/s^2 empty, 2.56 with as much again.
+  const auto at = [](double acceleration_mps2, const std::string& payload_kg) {
+    return refusal({"path.kind=line", fmt::format("path.max_acceleration_mps2={}", acceleration_mps2),
+                    "path.max_deceleration_mps2=1", "vehicle.payload_kg=" + payload_kg});
+  };
+  EXPECT_EQ(at(2.9, "0"), "accepted");
+  EXPECT_EQ(at(2.5, "3.41275"), "accepted");
+  EXPECT_THAT(at(2.6, "3.41275"), HasSubstr("the path needs a motor's torque of 4.0"));
+  EXPECT_THAT(at(2.6, "3.41275"),
+              HasSubstr("N*m; with vehicle.payload_kg, vehicle.max_wheel_torque_Nm = 4"));
 }
 
 TEST(PathCheck, TheFigureEightIsFreeAsThePaperHasIt) {

@@ -337,18 +337,5 @@ TEST(Slip, SmallerStepsConverge) {
   }
 }
 
-TEST(Load, TakesItsShareOfTheAcceleration) {
-  VehicleConfig config = heavy();
-  EXPECT_EQ(loaded_acceleration_share(config), 1.0);
-  config.load_scaling = 1.0;  // 265 of 1000 kg
-  EXPECT_NEAR(loaded_acceleration_share(config), 0.265, 1e-12);
-  config.load_scaling = 0.5;
-  EXPECT_NEAR(loaded_acceleration_share(config), std::sqrt(0.265), 1e-12);
-  OdeVehicle vehicle(config, kOpenFloor, kStep);
-  vehicle.set_wheel_targets({2.0, 2.0});
-  run(vehicle, 2.0);
-  EXPECT_NEAR(vehicle.state().rim_speeds.left_mps, 2.0 * std::sqrt(0.265), 0.01);
-}
-
 }  // namespace
 }  // namespace tether

@@ -113,14 +113,26 @@ TEST_F(SweepTables, TheShareOfLostVehiclesHasTheIntervalOfAShare) {
   EXPECT_THAT(table.rows[2].back(), "0.333 [0.0084, 0.906]");
 }
 
-TEST_F(SweepTables, RatiosOfMeansWithLostVehiclesSaySo) {
+TEST_F(SweepTables, RatiosWhereVehiclesWereLostAreThoseOfTheOthers) {
   TableChoice ratio = choice(TableChoice::Kind::ratio);
   ratio.key = "law";
   ratio.over = "PID";
   ratio.under = "new";
-  const RunStore store = store_of({{"PID", "1", {4, 22}}, {"new", "1", {2, 2}}}, {ratio});
-  EXPECT_THAT(tables_of(store).at(0).note,
-              HasSubstr("; 1 of 4 vehicles were lost, which the means include"));
+  ratio.limit = 1.0;
+  const RunStore store = store_of({{"PID", "1", {4, 22, 4, 4}},
+                                   {"new", "1", {2, 2, 22, 2}},
+                                   {"PID", "0.5", {22, 22}},
+                                   {"new", "0.5", {2, 2}}},
+                                  {ratio});
+  const SweepTable table = tables_of(store).at(0);
+  EXPECT_THAT(table.rows[1], ElementsAre("1", HasSubstr("4 [4, 4], lost 1/4 ["),
+                                         HasSubstr("2 [2, 2], lost 1/4 ["), "2 [2, 2]", "yes"))
+      << "of the seeds 1 and 4";
+  EXPECT_THAT(table.rows[2],
+              ElementsAre("0.5", HasSubstr("-, lost 2/2 ["), "-", "-", "-"));
+  EXPECT_THAT(table.csv, HasSubstr("\n1,4,4,4,2,2,2,2,2,2,2,1,1\n0.5,,,,,,,,,,0,2,0\n"));
+  EXPECT_THAT(table.note, HasSubstr("of the seeds on which neither was, and the share of lost ones "
+                                    "with its exact 95 % interval: 4 of 12 vehicles were lost"));
 }
 
 TEST_F(SweepTables, OfAllCombinationsHasTheLostOnesWhereThereAreSome) {
@@ -169,7 +181,7 @@ TEST_F(SweepTables, ARatioIsThatOfTheMeansAndHoldsIfItsWholeIntervalDoes) {
   EXPECT_THAT(table.rows[2], ElementsAre("0.5", "10 [10, 10]", "2 [2, 2]", "5 [5, 5]", "no"));
   EXPECT_THAT(table.rows[3], ElementsAre("0.2", "10 [10, 10]", HasSubstr("0.9 ["),
                                          HasSubstr("11.1 ["), "mean only"));
-  EXPECT_THAT(table.csv, HasSubstr("\n1,10,10,10,1,1,1,10,10,10,12\n"));
+  EXPECT_THAT(table.csv, HasSubstr("\n1,10,10,10,1,1,1,10,10,10,12,0,0\n"));
 }
 
 TEST_F(SweepTables, TheLimitIsPassedWhereTheLineBetweenTwoMeansCrossesIt) {
@@ -223,6 +235,14 @@ TEST_F(SweepTables, ExportedMeansHaveARowForEachArmWithIntervalsAndFailures) {
   EXPECT_THAT(rows[2], ::testing::StartsWith("1,c,0.5,ode,1,2,3,,,0.5,,,"))
       << "one run: no interval";
   EXPECT_THAT(rows[3], ::testing::StartsWith("2,d,0.5,ode,0,1,,,,,,,")) << "no run, no mean";
+}
+
+TEST_F(SweepTables, ExportedSharesOfLostVehiclesHaveTheExactInterval) {
+  const RunStore store = store_of({{"a", "1", {3, 22, 3}}, {"a", "0.5", {2, 2, 2}}});
+  std::string text;
+  export_means(store, [&text](const std::string& more) { text += more; });
+  EXPECT_THAT(text, AllOf(HasSubstr(",0.333333,0.00840376,0.905701,"),
+                          HasSubstr(",0,0,0.707598,")));
 }
 
 TEST(MeanRatio, IsOverTheCommonSeeds) {

@@ -189,6 +189,26 @@ std::string text_of(const Passing& passing, const SweepData& data, const std::st
                      data.text(*passing.below, key), data.text(*passing.above, key));
 }
 
+/// Of two arms: of the vehicles that are lost in neither where a mean of all has two humps, so that
+/// it says how far off lost ones ended.
+MeanRatio ratio_of(const SweepData::ArmData& over, const SweepData::ArmData& under) {
+  const bool has_two_humps = over.has_two_humps || under.has_two_humps;
+  return has_two_humps ? mean_ratio(over.survivors, under.survivors, kConfidence, kBootstrapSeed)
+                       : mean_ratio(over.runs, under.runs, kConfidence, kBootstrapSeed);
+}
+
+std::string cell_of(const Summary& s, const SweepData::ArmData& arm) {
+  return arm.has_two_humps ? cell_of(s) + ", lost " + share_text(arm.survival.lost) : cell_of(s);
+}
+
+/// Whether the ratio is at least `limit`. Runs without randomness (or a single run) have no
+/// interval, only the value; without survivors there is none.
+std::string holds(const MeanRatio& r, double limit) {
+  if (!std::isfinite(r.ratio)) return "-";
+  const double low = std::isfinite(r.interval.low) ? r.interval.low : r.ratio;
+  return low >= limit ? "yes" : r.ratio >= limit ? "mean only" : "no";
+}
+
 }  // namespace
 
 SweepTable means_table(const SweepData& data, const TableChoice& choice) {
@@ -246,7 +266,7 @@ SweepTable ratio_table(const SweepData& data, const TableChoice& choice) {
   }
   table.csv = csv_labels(row_keys) + (row_keys.empty() ? "" : ",") +
               "over_mean,over_low,over_high,under_mean,under_low,under_high,ratio,ratio_low,"
-              "ratio_high,n\n";
+              "ratio_high,n,over_lost,under_lost\n";
   std::vector<std::size_t> counts;
   for (const Labels& row : places_of(data, chosen, row_keys)) {
     const auto arm_of = [&](const std::string& value) {
@@ -256,14 +276,12 @@ SweepTable ratio_table(const SweepData& data, const TableChoice& choice) {
     };
     const auto over = arm_of(choice.over), under = arm_of(choice.under);
     if (!over || !under) continue;
-    const MeanRatio r =
-        mean_ratio(data.arms()[*over].runs, data.arms()[*under].runs, kConfidence, kBootstrapSeed);
-    // Runs without randomness (or a single run) have no interval, only the value.
-    const double low = std::isfinite(r.interval.low) ? r.interval.low : r.ratio;
-    const char* holds = low >= choice.limit ? "yes" : r.ratio >= choice.limit ? "mean only" : "no";
+    const SweepData::ArmData &first_arm = data.arms()[*over], &second_arm = data.arms()[*under];
+    const MeanRatio r = ratio_of(first_arm, second_arm);
     table.rows.push_back(row);
     for (const std::string& cell :
-         {cell_of(r.first), cell_of(r.second), cell_of(r.ratio, r.interval), std::string(holds)}) {
+         {cell_of(r.first, first_arm), cell_of(r.second, second_arm), cell_of(r.ratio, r.interval),
+          holds(r, choice.limit)}) {
       table.rows.back().push_back(cell);
     }
     counts.push_back(r.first.n);
@@ -272,14 +290,20 @@ SweepTable ratio_table(const SweepData& data, const TableChoice& choice) {
                  csv_numbers({r.first.mean, first.low, first.high, r.second.mean, second.low,
                               second.high, r.ratio, r.interval.low, r.interval.high})
                      .substr(row.empty() ? 1 : 0) +
-                 fmt::format(",{}\n", r.first.n);
+                 fmt::format(",{},{},{}\n", r.first.n, first_arm.survival.lost.count,
+                             second_arm.survival.lost.count);
   }
   if (counts.empty()) counts.push_back(0);
   table.note = fmt::format(
       "{}: mean [its 95 % interval], and the ratio of the means with that of the bootstrap over "
       "common seeds; {} pairs a row",
       label_of_metric(data.metric()), n_text(counts));
-  table.note += means_warning(data, chosen.arms);
+  if (const std::string humps = humps_note(data, chosen.arms); !humps.empty()) {
+    table.note += fmt::format(
+        "; where vehicles were lost, of the seeds on which neither was, and the share of lost ones "
+        "with its exact 95 % interval: {}",
+        humps);
+  }
   return table;
 }
 

@@ -45,6 +45,9 @@ SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_
     arm.survival = survival_of(values, columns[i].lost, kConfidence, kBootstrapSeed);
     arm.returns = returns_of(columns[i].returned, columns[i].away, kConfidence, kBootstrapSeed);
     arm.has_two_humps = metrics()[number].is_error && arm.survival.lost.count > 0;
+    for (std::size_t run = 0; run < arm.runs.size(); ++run) {
+      if (columns[i].lost[run] <= 0.5) arm.survivors.push_back(arm.runs[run]);
+    }
     if (number == lost) arm.summary.mean_interval = arm.survival.lost.interval;
   }
 }

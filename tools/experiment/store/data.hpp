@@ -26,6 +26,8 @@ class SweepData {
     /// The metric is an error, and some vehicle was lost: its law has two humps, and one mean of
     /// both is not to be shown alone.
     bool has_two_humps = false;
+    /// The runs whose vehicles were not lost: what is to be compared where there are two humps.
+    std::vector<SeededValue> survivors = {};
   };
 
   /// `metric` is the name of one of metrics().

@@ -90,6 +90,17 @@ std::string plant_of(const std::string& scenario) {
   return toml::parse(scenario)["vehicle"]["plant"].value_or(std::string("?"));
 }
 
+/// Of the share of ones among zeros and ones, exact as in reports; NaN: the run failed.
+Interval share_interval(const std::vector<double>& values) {
+  std::size_t count = 0, n = 0;
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
+    ++n;
+    count += value > 0.5 ? 1 : 0;
+  }
+  return share_of(count, n, kConfidence).interval;
+}
+
 }  // namespace
 
 void export_runs(const RunStore& store, const std::function<void(const std::string&)>& write) {
@@ -129,12 +140,14 @@ void export_means(const RunStore& store, const std::function<void(const std::str
       values[run.arm][i].push_back(run.result.metrics[i]);
     }
   });
+  const std::size_t lost = metric_number("lost").value();
   for (std::size_t arm = 0; arm < arms.size(); ++arm) {
     std::string row = fmt::format("{}", arm);
     for (const KeyValue& setting : arms[arm].settings) row += "," + csv_cell(setting.plain());
     row += "," + csv_cell(plant_of(arms[arm].scenario));
     for (std::size_t i = 0; i < metrics().size(); ++i) {
-      const Summary s = summarize(values[arm][i], kConfidence, kBootstrapSeed);
+      Summary s = summarize(values[arm][i], kConfidence, kBootstrapSeed);
+      if (i == lost) s.mean_interval = share_interval(values[arm][i]);
       if (i == 0) row += fmt::format(",{},{}", s.n, s.left_out);
       for (const double x : {s.mean, s.mean_interval.low, s.mean_interval.high}) {
         row += std::isfinite(x) ? fmt::format(",{:.6g}", x) : ",";

@@ -52,8 +52,11 @@ TunedKey read_key(const PlacedNode& given, const std::string& file) {
   }
   TunedKey key{given.key, section.number("from", -kLargest, kLargest, 0.0), 0.0, false,
                given.place};
-  key.to = section.number("to", key.from, kLargest, 0.0);
-  if (!(key.from < key.to)) section.refuse("to", fmt::format("more than from, {}", key.from));
+  key.to = section.number("to", -kLargest, kLargest, 0.0);
+  if (!(key.from < key.to)) {
+    throw UsageError(fmt::format("{}: {} = {{ from = {}, to = {} }}: from must be below to",
+                                 given.place, given.key, key.from, key.to));
+  }
   const std::string scale = section.text("scale", "linear");
   if (scale != "linear" && scale != "log") section.refuse("scale", "\"linear\" or \"log\"");
   key.is_log = scale == "log";

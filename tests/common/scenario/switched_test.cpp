@@ -1,0 +1,104 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/scenario/section.hpp"
+
+// Keys that say more of something which is off.
+
+namespace tether {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
+  try {
+    parse_scenario(toml, "test.toml", overrides);
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(SwitchedKeys, AreRefusedWhereNothingTurnsThemOn) {
+  const std::vector<std::pair<std::string, std::string>> keys{
+      {"sensor.jump_m=0.2", "sensor.jump_m has no effect: sensor.jumps_per_min is 0"},
+      {"sensor.jump_rad=0.2", "sensor.jumps_per_min is 0"},
+      {"sensor.jump_s=1", "sensor.jumps_per_min is 0"},
+      {"sensor.dropout_s=2", "sensor.dropouts_per_min is 0"},
+      {"sensor.noise_correlation_s=2",
+       "sensor.position_noise_m and sensor.yaw_noise_rad are 0"},
+      {"world.bump_height_m=0.03", "world.bump_spacing_m is 0"},
+      {"world.bump_length_m=0.3", "world.bump_spacing_m is 0"},
+      {"vehicle.payload_y_m=0.1", "vehicle.payload_kg is 0"},
+      {"controller.rate_hz=5", "controller.trigger is \"event\""},
+      {"can.inject_at_s=5", "can.inject is \"none\""}};
+  for (const auto& [key, why] : keys) {
+    EXPECT_THAT(refusal({key}), HasSubstr("--set: " + key.substr(0, key.find('=')))) << key;
+    EXPECT_THAT(refusal({key}), HasSubstr("has no effect: ")) << key;
+    EXPECT_THAT(refusal({key}), HasSubstr(why)) << key;
+  }
+  EXPECT_THAT(refusal({}, "[sensor]\njump_m = 0.2"),
+              HasSubstr("test.toml: sensor.jump_m has no effect"));
+}
+
+TEST(SwitchedKeys, AreAcceptedWithTheSwitchAtAnyLevelAndWhereItIsSaidThatItIsOff) {
+  EXPECT_EQ(refusal({"sensor.jump_m=0.2", "sensor.jumps_per_min=6"}), "accepted");
+  EXPECT_EQ(refusal({"sensor.jump_m=0.2"}, "[sensor]\njumps_per_min = 6"), "accepted");
+  EXPECT_EQ(refusal({"sensor.jumps_per_min=0"}, "[sensor]\njumps_per_min = 6\njump_m = 0.2"),
+            "accepted");
+  EXPECT_EQ(refusal({"sensor.jump_m=0.2", "sensor.jumps_per_min=0"}), "accepted")
+      << "as in a sweep over it";
+  EXPECT_EQ(refusal({"sensor.noise_correlation_s=2", "sensor.yaw_noise_rad=0.1"}), "accepted");
+  EXPECT_THAT(refusal({"sensor.jump_m=0.2"}, "[sensor]\njumps_per_min = 0"),
+              HasSubstr("sensor.jumps_per_min is 0"));
+}
+
+TEST(SwitchedKeys, AreInTheResolvedScenarioOnlyWhereTheyAreOn) {
+  const auto resolved = [](const std::vector<std::string>& overrides) {
+    return to_toml(parse_scenario("", "test.toml", overrides));
+  };
+  EXPECT_THAT(resolved({"sensor.jump_m=0.2", "sensor.jumps_per_min=0"}), Not(HasSubstr("jump_m")));
+  EXPECT_THAT(resolved({"sensor.jump_m=0.2", "sensor.jumps_per_min=6"}),
+              HasSubstr("jump_m = 0.2\n"));
+  EXPECT_THAT(resolved({}), Not(HasSubstr("payload_x_m")));
+  EXPECT_THAT(resolved({"vehicle.payload_kg=1"}), HasSubstr("payload_x_m = 0.0\n"));
+}
+
+TEST(SwitchedKeys, AndTheirSwitchesAreKeysOfOneSection) {
+  for (const ScenarioSection& section : ScenarioSchema::all()->sections()) {
+    const auto has = [&section](const std::string& name) {
+      return std::any_of(section.keys.begin(), section.keys.end(),
+                         [&name](const ScenarioKey& key) { return key.name == name; });
+    };
+    for (const SwitchedKey& switched : section.switched) {
+      EXPECT_TRUE(has(switched.key)) << switched.key;
+      EXPECT_FALSE(switched.switches.empty()) << switched.key;
+      for (const std::string& name : switched.switches) EXPECT_TRUE(has(name)) << name;
+    }
+  }
+}
+
+TEST(SwitchedKeys, OfLawsPoliciesAndDrivesMayStandWhereOthersAreChosen) {
+  for (const char* key :
+       {"controller.sensor_latency_ms=50", "controller.tracking.k_x=1", "actuator.decay_s=1",
+        "can.bit_rate_bps=250000", "sensor.odometry_rate_hz=20"}) {
+    EXPECT_EQ(refusal({key}), "accepted") << key;
+  }
+}
+
+TEST(RefusedNumbers, AreTheShortestThatReadTheSame) {
+  EXPECT_THAT(refusal({"vehicle.start_error_m=-0.1"}),
+              HasSubstr("vehicle.start_error_m = -0.1 is not allowed"));
+  EXPECT_THAT(refusal({"run.duration_s=[0.1, 2.0]"}), HasSubstr("= [0.1, 2.0] is not allowed"));
+}
+
+}  // namespace
+}  // namespace tether
