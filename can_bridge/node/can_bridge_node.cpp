@@ -257,8 +257,7 @@ void CanBridgeNode::publish_wheels(const DrivetrainSnapshot& drives, Instant now
 
 void CanBridgeNode::publish_odometry(Instant now) {
   const Odometry::State& state = odometry_.state();
-  publish(bus_, channels_.can_odometry,
-          odometry_message(now, cycles_, state, state.twist));
+  publish(bus_, channels_.can_odometry, odometry_message(now, cycles_, state, state.twist));
 }
 
 void CanBridgeNode::publish_plan(Instant now) {

@@ -151,21 +151,20 @@ std::vector<PathLimit> vehicle_path_limits(const Scenario& scenario) {
   std::vector<PathLimit> limits{
       {"a wheel's rim speed", "m/s", "vehicle.max_wheel_speed_mps", vehicle.max_wheel_speed_mps,
        [](const PathDemand& d) { return d.rim_speed_mps; }},
-      {"a wheel's rim acceleration", "m/s^2",
-       "vehicle.max_wheel_acceleration_mps2", vehicle.max_wheel_acceleration_mps2,
+      {"a wheel's rim acceleration", "m/s^2", "vehicle.max_wheel_acceleration_mps2",
+       vehicle.max_wheel_acceleration_mps2,
        [](const PathDemand& d) { return d.rim_acceleration_mps2; }}};
   if (is_ode) {
     const VehicleConfig& body = vehicle;
-    limits.push_back(
-        {"a motor's torque", "N*m",
-         vehicle.payload_kg > 0.0 ? "with vehicle.payload_kg, vehicle.max_wheel_torque_Nm"
-                                  : "vehicle.max_wheel_torque_Nm",
-         vehicle.max_wheel_torque_Nm, [body](const PathDemand& d) {
-           return needed_torque_Nm(body,
-                                   {d.point.v_mps, d.point.omega_radps, d.acceleration_mps2},
-                                   std::copysign(1.0, d.point.omega_radps) *
-                                       d.yaw_acceleration_radps2);
-         }});
+    limits.push_back({"a motor's torque", "N*m",
+                      vehicle.payload_kg > 0.0
+                          ? "with vehicle.payload_kg, vehicle.max_wheel_torque_Nm"
+                          : "vehicle.max_wheel_torque_Nm",
+                      vehicle.max_wheel_torque_Nm, [body](const PathDemand& d) {
+                        return needed_torque_Nm(
+                            body, {d.point.v_mps, d.point.omega_radps, d.acceleration_mps2},
+                            std::copysign(1.0, d.point.omega_radps) * d.yaw_acceleration_radps2);
+                      }});
     limits.push_back({"a friction coefficient",
                       fmt::format("at the drive wheels, which carry {:.0f} % of the weight",
                                   100.0 * axle_load_share(vehicle)),

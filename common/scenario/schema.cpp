@@ -48,8 +48,8 @@ const SwitchedKey* ScenarioSchema::switched_off(const Scenario& scenario,
   for (const ScenarioSection& section : sections_) {
     for (const SwitchedKey& switched : section.switched) {
       if (switched.key != key) continue;
-      const bool off = std::all_of(
-          section.keys.begin(), section.keys.end(), [&](const ScenarioKey& other) {
+      const bool off =
+          std::all_of(section.keys.begin(), section.keys.end(), [&](const ScenarioKey& other) {
             return std::find(switched.switches.begin(), switched.switches.end(), other.name) ==
                        switched.switches.end() ||
                    other.get(scenario) == switched.off;

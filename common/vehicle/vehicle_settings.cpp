@@ -242,7 +242,8 @@ ScenarioSection vehicle_section() {
   add_errors(t);
   ScenarioSection section{.defaults = Vehicle{}, .keys = t.take()};
   section.why_no_effect = why_no_effect;
-  for (const char* of_load : {"vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.payload_z_m"}) {
+  for (const char* of_load :
+       {"vehicle.payload_x_m", "vehicle.payload_y_m", "vehicle.payload_z_m"}) {
     section.switched.push_back({of_load, {"vehicle.payload_kg"}});
   }
   section.check = check;

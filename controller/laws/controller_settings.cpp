@@ -187,9 +187,8 @@ ScenarioSection controller_section() {
   ScenarioSection section{.defaults = Controller{}, .keys = t.take()};
   section.why_no_effect = why_no_effect;
   section.left_out = left_out;
-  section.switched = {
-      {"controller.rate_hz", {"controller.trigger"}, std::string("event")},
-      {"controller.derivative_filter_s", {"controller.v.d", "controller.omega.d"}}};
+  section.switched = {{"controller.rate_hz", {"controller.trigger"}, std::string("event")},
+                      {"controller.derivative_filter_s", {"controller.v.d", "controller.omega.d"}}};
   section.check = check;
   return section;
 }

@@ -242,8 +242,7 @@ void SimNode::publish_odometry(Instant now) {
   const DeadReckoning& s = odometry_->state();
   const Twist twist = odometry_->twist(vehicle_->state().rim_speeds);
   const Instant stamp = std::min(world_time_, now) + clock_offset_;
-  publish(bus_, channels_.vehicle_odometry,
-          odometry_message(stamp, odometry_seq_++, s, twist));
+  publish(bus_, channels_.vehicle_odometry, odometry_message(stamp, odometry_seq_++, s, twist));
 }
 
 void SimNode::publish_clock(Instant now) {

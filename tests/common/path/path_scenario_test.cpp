@@ -152,7 +152,8 @@ TEST(PathCheck, TyresHoldTheirShareOfTheWeightOnly) {
 TEST(PathCheck, TheMotorsMustMoveTheLoadedVehicle) {
   // (2 * 4 N*m / 0.4 m)/(m + 1 kg): 4.5 m/s^2 empty, 2.56 with as much again.
   const auto at = [](double acceleration_mps2, const std::string& payload_kg) {
-    return refusal({"path.kind=line", fmt::format("path.max_acceleration_mps2={}", acceleration_mps2),
+    return refusal({"path.kind=line",
+                    fmt::format("path.max_acceleration_mps2={}", acceleration_mps2),
                     "path.max_deceleration_mps2=1", "vehicle.payload_kg=" + payload_kg});
   };
   EXPECT_EQ(at(2.9, "0"), "accepted");

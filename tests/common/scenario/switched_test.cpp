@@ -33,8 +33,7 @@ TEST(SwitchedKeys, AreRefusedWhereNothingTurnsThemOn) {
       {"sensor.jump_rad=0.2", "sensor.jumps_per_min is 0"},
       {"sensor.jump_s=1", "sensor.jumps_per_min is 0"},
       {"sensor.dropout_s=2", "sensor.dropouts_per_min is 0"},
-      {"sensor.noise_correlation_s=2",
-       "sensor.position_noise_m and sensor.yaw_noise_rad are 0"},
+      {"sensor.noise_correlation_s=2", "sensor.position_noise_m and sensor.yaw_noise_rad are 0"},
       {"world.bump_height_m=0.03", "world.bump_spacing_m is 0"},
       {"world.bump_length_m=0.3", "world.bump_spacing_m is 0"},
       {"vehicle.payload_y_m=0.1", "vehicle.payload_kg is 0"},
@@ -92,6 +91,22 @@ TEST(SwitchedKeys, OfLawsPoliciesAndDrivesMayStandWhereOthersAreChosen) {
         "can.bit_rate_bps=250000", "sensor.odometry_rate_hz=20"}) {
     EXPECT_EQ(refusal({key}), "accepted") << key;
   }
+}
+
+TEST(KeysOfMaps, AreRefusedWhereOthersReplaceThem) {
+  const auto map = [](const std::string& key, const std::string& other = "map.delay_ms=0") {
+    const std::string uplink = "channel.uplink.";
+    return refusal({uplink + "model=map", uplink + "map.access_points=[[0, 0]]", uplink + key,
+                    uplink + other});
+  };
+  EXPECT_THAT(map("map.shadowing_distance_m=5"),
+              HasSubstr("channel.uplink.map.shadowing_distance_m has no effect: "
+                        "channel.uplink.map.shadowing_sd_db is 0"));
+  EXPECT_EQ(map("map.shadowing_distance_m=5", "map.shadowing_sd_db=3"), "accepted");
+  EXPECT_THAT(map("map.slope_db=2", "map.prr_curve=[[0, 0], [20, 1]]"),
+              HasSubstr("channel.uplink.map.prr_curve is given"));
+  EXPECT_THAT(map("map.delay_ms=2", "map.delay_curve=[[0, 9], [20, 1]]"),
+              HasSubstr("channel.uplink.map.delay_curve is given"));
 }
 
 TEST(RefusedNumbers, AreTheShortestThatReadTheSame) {

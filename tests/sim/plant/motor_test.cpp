@@ -164,12 +164,11 @@ TEST(Motor, WhatTheTyreHoldsLimitsTheTorqueOfAWheelThatSpins) {
   const VehicleWeight w = vehicle_weight(config);
   const double lever_m = config.caster_x_m - config.axle_x_m;
   const double spin_Nm = config.wheel_mass_kg * config.wheel_radius_m * kMaxAcceleration_mps2;
-  const double wheel_N =
-      0.5 * (w.mass_kg * ice.gravity_mps2 * (lever_m - w.ahead_m) + spin_Nm) /
-      (lever_m - ice.friction * w.height_m);
-  const double torque_Nm = config.wheel_radius_m * (ice.friction * wheel_N +
-                                                    0.5 * config.wheel_mass_kg *
-                                                        kMaxAcceleration_mps2);
+  const double wheel_N = 0.5 * (w.mass_kg * ice.gravity_mps2 * (lever_m - w.ahead_m) + spin_Nm) /
+                         (lever_m - ice.friction * w.height_m);
+  const double torque_Nm =
+      config.wheel_radius_m *
+      (ice.friction * wheel_N + 0.5 * config.wheel_mass_kg * kMaxAcceleration_mps2);
   EXPECT_LT(torque_Nm, 0.5 * config.max_wheel_torque_Nm);
   EXPECT_NEAR(s.left_torque_Nm, torque_Nm, 0.01 * torque_Nm);
 }

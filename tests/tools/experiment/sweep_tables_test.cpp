@@ -128,8 +128,7 @@ TEST_F(SweepTables, RatiosWhereVehiclesWereLostAreThoseOfTheOthers) {
   EXPECT_THAT(table.rows[1], ElementsAre("1", HasSubstr("4 [4, 4], lost 1/4 ["),
                                          HasSubstr("2 [2, 2], lost 1/4 ["), "2 [2, 2]", "yes"))
       << "of the seeds 1 and 4";
-  EXPECT_THAT(table.rows[2],
-              ElementsAre("0.5", HasSubstr("-, lost 2/2 ["), "-", "-", "-"));
+  EXPECT_THAT(table.rows[2], ElementsAre("0.5", HasSubstr("-, lost 2/2 ["), "-", "-", "-"));
   EXPECT_THAT(table.csv, HasSubstr("\n1,4,4,4,2,2,2,2,2,2,2,1,1\n0.5,,,,,,,,,,0,2,0\n"));
   EXPECT_THAT(table.note, HasSubstr("of the seeds on which neither was, and the share of lost ones "
                                     "with its exact 95 % interval: 4 of 12 vehicles were lost"));
@@ -241,8 +240,8 @@ TEST_F(SweepTables, ExportedSharesOfLostVehiclesHaveTheExactInterval) {
   const RunStore store = store_of({{"a", "1", {3, 22, 3}}, {"a", "0.5", {2, 2, 2}}});
   std::string text;
   export_means(store, [&text](const std::string& more) { text += more; });
-  EXPECT_THAT(text, AllOf(HasSubstr(",0.333333,0.00840376,0.905701,"),
-                          HasSubstr(",0,0,0.707598,")));
+  EXPECT_THAT(text,
+              AllOf(HasSubstr(",0.333333,0.00840376,0.905701,"), HasSubstr(",0,0,0.707598,")));
 }
 
 TEST(MeanRatio, IsOverTheCommonSeeds) {

@@ -93,8 +93,9 @@ TEST_F(Tune, WhatIsWrongIsRefusedWithItsPlace) {
   const auto bounds = [this](const std::string& key) {
     return why_refused(std::string(kHead) + "[bounds.pid]\n" + key + "\n" + kLaws);
   };
-  EXPECT_THAT(bounds("controller.tau_s = { from = 2.0, to = 1.0 }"),
-              HasSubstr("tune.toml:12: controller.tau_s = { from = 2, to = 1 }: from must be below to"));
+  EXPECT_THAT(
+      bounds("controller.tau_s = { from = 2.0, to = 1.0 }"),
+      HasSubstr("tune.toml:12: controller.tau_s = { from = 2, to = 1 }: from must be below to"));
   EXPECT_THAT(bounds("controller.tau_s = { from = 1.0, to = 1.0 }"),
               HasSubstr("controller.tau_s = { from = 1, to = 1 }: from must be below to"));
   EXPECT_THAT(bounds("controller.tau_s = { from = 0.0, to = 1.0, scale = \"log\" }"),

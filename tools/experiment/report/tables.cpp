@@ -279,9 +279,8 @@ SweepTable ratio_table(const SweepData& data, const TableChoice& choice) {
     const SweepData::ArmData &first_arm = data.arms()[*over], &second_arm = data.arms()[*under];
     const MeanRatio r = ratio_of(first_arm, second_arm);
     table.rows.push_back(row);
-    for (const std::string& cell :
-         {cell_of(r.first, first_arm), cell_of(r.second, second_arm), cell_of(r.ratio, r.interval),
-          holds(r, choice.limit)}) {
+    for (const std::string& cell : {cell_of(r.first, first_arm), cell_of(r.second, second_arm),
+                                    cell_of(r.ratio, r.interval), holds(r, choice.limit)}) {
       table.rows.back().push_back(cell);
     }
     counts.push_back(r.first.n);
