@@ -141,7 +141,8 @@ TEST(PathCheck, TyresHoldTheirShareOfTheWeightOnly) {
   EXPECT_EQ(at(5.5, {"world.friction=0.8"}), "accepted");
   // A load over the axle presses the tyres; over the caster, it does not.
   EXPECT_EQ(at(5.2, {"vehicle.payload_kg=5", "vehicle.payload_x_m=-0.5"}), "accepted");
-  EXPECT_THAT(at(3.5, {"vehicle.payload_kg=5", "vehicle.payload_x_m=0.7"}),
+  EXPECT_THAT(at(3.5, {"vehicle.payload_kg=5", "vehicle.payload_x_m=0.7",
+                       "vehicle.max_wheel_torque_Nm=40"}),
               HasSubstr("which carry 37 % of the weight; world.friction = 0.6"));
   // Circles of friction hold less than ODE's pyramid.
   EXPECT_EQ(at(4.0, {"vehicle.tyre=brush"}), "accepted");

@@ -11,6 +11,7 @@
 #include "common/base/errors.hpp"
 #include "tools/experiment/figures/figure_script.hpp"
 #include "tools/experiment/statistics/statistics.hpp"
+#include "tools/experiment/statistics/survival.hpp"
 
 namespace tether {
 namespace {
