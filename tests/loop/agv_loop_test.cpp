@@ -3,11 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <string>
+#include <tether/ground_truth_t.hpp>
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -54,6 +58,37 @@ TEST(AgvLoop, TheAgvsFollowTheirPaths) {
     pid.emplace_back("run.duration_s=40");
     EXPECT_LT(run(shipped(name, pid)).epsilon_m(), 0.3) << name;
   }
+}
+
+/// The largest motor torque in SIM/TRUTH.
+double largest_torque_Nm(const Scenario& scenario) {
+  ClosedLoop loop(scenario);
+  double largest_Nm = 0.0;
+  std::int64_t undecodable = 0;
+  subscribe<ground_truth_t>(
+      loop.bus(), "SIM/TRUTH", kDeepQueue, undecodable, [&](const ground_truth_t& m) {
+        largest_Nm =
+            std::max({largest_Nm, std::abs(m.left_torque_Nm), std::abs(m.right_torque_Nm)});
+      });
+  loop.run();
+  EXPECT_EQ(undecodable, 0);
+  return largest_Nm;
+}
+
+TEST(AgvLoop, NoTorqueInTheLogIsBeyondTheMotorsLimit) {
+  for (const std::string name : {"agv_200kg", "agv_1000kg"}) {
+    const Scenario as_it_is = shipped(name, {"run.duration_s=15"});
+    const double limit_Nm = as_it_is.get<VehicleSettings>().max_wheel_torque_Nm;
+    const double largest_Nm = largest_torque_Nm(as_it_is);
+    EXPECT_GT(largest_Nm, 0.25 * limit_Nm) << name;
+    EXPECT_LE(largest_Nm, limit_Nm * (1.0 + 1e-6)) << name;
+    const double weak_Nm = 0.7 * largest_Nm;
+    const Scenario weak = shipped(
+        name, {"run.duration_s=15", "vehicle.max_wheel_torque_Nm=" + std::to_string(weak_Nm)});
+    EXPECT_NEAR(largest_torque_Nm(weak), weak_Nm, 1e-5 * weak_Nm) << name;
+  }
+  EXPECT_EQ(largest_torque_Nm(shipped("paper", {"run.duration_s=5", "vehicle.plant=kinematic"})),
+            0.0);
 }
 
 /// How far the vehicle is off where it is with a fine step, after 20 s.
