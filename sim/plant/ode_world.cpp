@@ -101,9 +101,9 @@ WheelSpeeds OdeWorld::rim_speeds() const {
 }
 
 double OdeWorld::motor_torque_Nm(Body side) const {
-  const dReal* r = dBodyGetRotation(bodies_[side]);
   const dReal* torque = hinge_feedback_[side].t1;
-  return torque[0] * r[1] + torque[1] * r[5] + torque[2] * r[9];
+  const dReal* axle = tyres_[side].axle;
+  return torque[0] * axle[0] + torque[1] * axle[1] + torque[2] * axle[2];
 }
 
 void OdeWorld::find_tyre_points() {
@@ -115,6 +115,7 @@ void OdeWorld::find_tyre_points() {
     const dReal axle[3] = {r[1], r[5], r[9]};
     const dReal horizontal = std::sqrt(axle[0] * axle[0] + axle[1] * axle[1]);
     TyrePoint& tyre = tyres_[side];
+    std::copy_n(axle, 3, tyre.axle);
     tyre.touches = false;
     if (horizontal < kLyingWheel) continue;  // the chassis' corners carry it
     const dReal outward_m = wheel_radius_m_ * axle[2] / horizontal;
@@ -247,7 +248,10 @@ bool OdeWorld::within_limits() const {
     const dReal across_N = force[1] * rolling[0] - force[0] * rolling[1];
     if (force[2] < 0 || std::abs(along_N) > limit_N || std::abs(across_N) > limit_N) return false;
 
-    if (std::abs(motor_torque_Nm(side)) > max_torque_Nm_) return false;
+    const dReal* r = dBodyGetRotation(bodies_[side]);
+    const dReal* torque = hinge_feedback_[side].t1;
+    const dReal servo_Nm = torque[0] * r[1] + torque[1] * r[5] + torque[2] * r[9];
+    if (std::abs(servo_Nm) > max_torque_Nm_) return false;
   }
   return true;
 }

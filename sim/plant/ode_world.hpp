@@ -88,6 +88,7 @@ class OdeWorld {
   struct TyrePoint {
     dReal position[3];
     dReal rolling[2];  ///< horizontal unit vector, forward
+    dReal axle[3];     ///< unit vector to the left, when the step began: about it the motor turns
     bool touches;
   };
   struct BodyState {
