@@ -161,7 +161,7 @@ std::vector<PathLimit> vehicle_path_limits(const Scenario& scenario) {
                           ? "with vehicle.payload_kg, vehicle.max_wheel_torque_Nm"
                           : "vehicle.max_wheel_torque_Nm",
                       vehicle.max_wheel_torque_Nm, [body](const PathDemand& d) {
-                        return needed_torque_Nm(
+                        return needed_torque(
                             body, {d.point.v_mps, d.point.omega_radps, d.acceleration_mps2},
                             std::copysign(1.0, d.point.omega_radps) * d.yaw_acceleration_radps2);
                       }});

@@ -41,8 +41,8 @@ inline double yaw_inertia_kgm2(const VehicleConfig& v) {
 /// tyres' forces along (tyre_loads), J dω/dt with J = yaw_inertia_kgm2() shared by both rims, the
 /// payload's e m dω/dt, and the wheels' spin. The floor's limit of friction bounds what it can push
 /// back: r μ N a wheel.
-inline std::array<double, 2> motor_torques_Nm(const VehicleConfig& v, const GripDemand& demand,
-                                              double yaw_acceleration_radps2) {
+inline std::array<double, 2> motor_torques(const VehicleConfig& v, const GripDemand& demand,
+                                           double yaw_acceleration_radps2) {
   const VehicleWeight w = vehicle_weight(v);
   constexpr double kAnyGravity_mps2 = 9.81;  // forces along do not depend on it
   const TyreLoads t = tyre_loads(v, kAnyGravity_mps2, demand);
@@ -60,9 +60,9 @@ inline std::array<double, 2> motor_torques_Nm(const VehicleConfig& v, const Grip
 }
 
 /// The larger of both torques, whichever way.
-inline double needed_torque_Nm(const VehicleConfig& v, const GripDemand& demand,
-                               double yaw_acceleration_radps2) {
-  const auto [left_Nm, right_Nm] = motor_torques_Nm(v, demand, yaw_acceleration_radps2);
+inline double needed_torque(const VehicleConfig& v, const GripDemand& demand,
+                            double yaw_acceleration_radps2) {
+  const auto [left_Nm, right_Nm] = motor_torques(v, demand, yaw_acceleration_radps2);
   return std::max(std::abs(left_Nm), std::abs(right_Nm));
 }
 

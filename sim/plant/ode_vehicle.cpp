@@ -113,8 +113,8 @@ VehicleState OdeVehicle::state() const {
   state.rim_speeds = world_->rim_speeds();
   state.left_wheel_angle_rad = left_wheel_angle_rad_;
   state.right_wheel_angle_rad = right_wheel_angle_rad_;
-  state.left_torque_Nm = world_->motor_torque_Nm(OdeWorld::kLeft);
-  state.right_torque_Nm = world_->motor_torque_Nm(OdeWorld::kRight);
+  state.left_torque_Nm = world_->motor_torque(OdeWorld::kLeft);
+  state.right_torque_Nm = world_->motor_torque(OdeWorld::kRight);
   state.wall_contact = world_->wall_contact();
   return state;
 }

@@ -100,7 +100,7 @@ WheelSpeeds OdeWorld::rim_speeds() const {
           dJointGetHingeAngleRate(hinges_[kRight]) * wheel_radius_m_};
 }
 
-double OdeWorld::motor_torque_Nm(Body side) const {
+double OdeWorld::motor_torque(Body side) const {
   const dReal* torque = hinge_feedback_[side].t1;
   const dReal* axle = tyres_[side].axle;
   return torque[0] * axle[0] + torque[1] * axle[1] + torque[2] * axle[2];

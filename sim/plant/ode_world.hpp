@@ -57,7 +57,7 @@ class OdeWorld {
   WheelSpeeds rim_speeds() const;
 
   /// What the motor of a wheel, kLeft or kRight, did in the last step, forward positive.
-  double motor_torque_Nm(Body side) const;
+  double motor_torque(Body side) const;
 
   dBodyID chassis() const { return bodies_[kChassis]; }
   /// The axle's midpoint in the chassis body's frame, whose origin is its centre of mass.

@@ -61,7 +61,7 @@ TEST(AgvLoop, TheAgvsFollowTheirPaths) {
 }
 
 /// The largest motor torque in SIM/TRUTH.
-double largest_torque_Nm(const Scenario& scenario) {
+double largest_torque(const Scenario& scenario) {
   ClosedLoop loop(scenario);
   double largest_Nm = 0.0;
   std::int64_t undecodable = 0;
@@ -79,16 +79,15 @@ TEST(AgvLoop, NoTorqueInTheLogIsBeyondTheMotorsLimit) {
   for (const std::string name : {"agv_200kg", "agv_1000kg"}) {
     const Scenario as_it_is = shipped(name, {"run.duration_s=15"});
     const double limit_Nm = as_it_is.get<VehicleSettings>().max_wheel_torque_Nm;
-    const double largest_Nm = largest_torque_Nm(as_it_is);
+    const double largest_Nm = largest_torque(as_it_is);
     EXPECT_GT(largest_Nm, 0.25 * limit_Nm) << name;
     EXPECT_LE(largest_Nm, limit_Nm * (1.0 + 1e-6)) << name;
     const double weak_Nm = 0.7 * largest_Nm;
     const Scenario weak = shipped(
         name, {"run.duration_s=15", "vehicle.max_wheel_torque_Nm=" + std::to_string(weak_Nm)});
-    EXPECT_NEAR(largest_torque_Nm(weak), weak_Nm, 1e-5 * weak_Nm) << name;
+    EXPECT_NEAR(largest_torque(weak), weak_Nm, 1e-5 * weak_Nm) << name;
   }
-  EXPECT_EQ(largest_torque_Nm(shipped("paper", {"run.duration_s=5", "vehicle.plant=kinematic"})),
-            0.0);
+  EXPECT_EQ(largest_torque(shipped("paper", {"run.duration_s=5", "vehicle.plant=kinematic"})), 0.0);
 }
 
 /// How far the vehicle is off where it is with a fine step, after 20 s.

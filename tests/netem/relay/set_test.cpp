@@ -206,7 +206,7 @@ TEST(NetemNodeSettings, AfterAChangeOnlyTheNewStatesTransitionsAreReported) {
 TEST(NetemNodeSettings, CanTurnToAMapThatFollowsTheVehicle) {
   Relay relay;
   relay.ask_at(at_s(1), {"uplink.model=map", "uplink.map.access_points=[[0, 0]]",
-                         "uplink.map.snr50_db=10", "uplink.map.prr_curve=[[14, 0], [15, 1]]"});
+                         "uplink.map.prr_curve=[[14, 0], [15, 1]]"});
   relay.world.publish_at(at_s(2), "AGV/POSE", pose(at_s(2), 1, 1.0));
   relay.world.publish_at(at_s(3), "AGV/POSE", pose(at_s(3), 2, 500.0));
   relay.ask_at(at_s(4), {"uplink.model=fixed"});

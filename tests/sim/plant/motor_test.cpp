@@ -45,7 +45,7 @@ VehicleConfig agv(double payload_kg, VehicleConfig::Tyre tyre) {
   return v;
 }
 
-double larger_torque_Nm(const VehicleState& s) {
+double larger_torque(const VehicleState& s) {
   return std::max(std::abs(s.left_torque_Nm), std::abs(s.right_torque_Nm));
 }
 
@@ -59,7 +59,7 @@ double acceleration_mps2(const VehicleConfig& config, const WorldSettings& world
   const double begin_mps = vehicle.state().twist.v_mps;
   for (int i = 0; i < 1000; ++i) {
     vehicle.step();
-    EXPECT_LE(larger_torque_Nm(vehicle.state()), config.max_wheel_torque_Nm * (1.0 + 1e-6));
+    EXPECT_LE(larger_torque(vehicle.state()), config.max_wheel_torque_Nm * (1.0 + 1e-6));
   }
   return vehicle.state().twist.v_mps - begin_mps;
 }
@@ -106,7 +106,7 @@ TEST(Motor, ALoadedVehicleNeedsTheWayToStopThatItsTorqueLeaves) {
       vehicle.set_wheel_targets({});
       for (int i = 0; i < 6000; ++i) {
         vehicle.step();
-        EXPECT_LE(larger_torque_Nm(vehicle.state()), config.max_wheel_torque_Nm * (1.0 + 1e-6));
+        EXPECT_LE(larger_torque(vehicle.state()), config.max_wheel_torque_Nm * (1.0 + 1e-6));
       }
       const double a_mps2 = std::min(kMaxAcceleration_mps2, torque_acceleration_mps2(config));
       const double way_m = kSpeed_mps * kSpeed_mps / (2.0 * a_mps2);
@@ -123,8 +123,7 @@ TEST(Motor, ItsTorqueIsWhatTheMotionNeeds) {
     run(vehicle, 0.5);
     // (m + m_w) a r/2 each, the whole vehicle and the wheels' spin.
     const double straight_Nm = 0.5 * 255.0 * kMaxAcceleration_mps2 * 0.1;
-    EXPECT_NEAR(needed_torque_Nm(config, {0.5, 0.0, kMaxAcceleration_mps2}, 0.0), straight_Nm,
-                1e-9);
+    EXPECT_NEAR(needed_torque(config, {0.5, 0.0, kMaxAcceleration_mps2}, 0.0), straight_Nm, 1e-9);
     EXPECT_NEAR(vehicle.state().left_torque_Nm, straight_Nm, 0.01 * straight_Nm);
     EXPECT_NEAR(vehicle.state().right_torque_Nm, straight_Nm, 0.01 * straight_Nm);
     run(vehicle, 2.0);  // at constant speed, none
@@ -142,8 +141,8 @@ TEST(Motor, TurningOnTheSpotTakesTheYawInertia) {
     vehicle.set_wheel_targets({-1.0, 1.0});
     run(vehicle, 0.1);
     const VehicleState s = vehicle.state();
-    const auto [left_Nm, right_Nm] = motor_torques_Nm(config, {0.0, s.twist.omega_radps, 0.0},
-                                                      2.0 * kMaxAcceleration_mps2 / config.track_m);
+    const auto [left_Nm, right_Nm] = motor_torques(config, {0.0, s.twist.omega_radps, 0.0},
+                                                   2.0 * kMaxAcceleration_mps2 / config.track_m);
     EXPECT_GT(right_Nm, 10.0);
     EXPECT_NEAR(s.left_torque_Nm, left_Nm, 0.01 * right_Nm);
     EXPECT_NEAR(s.right_torque_Nm, right_Nm, 0.01 * right_Nm);
