@@ -26,6 +26,10 @@ if [ "${1:-}" = tests ]; then
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot
     )
+    # Readers of MCAP, by npm. Only what is missing: Node.js of its makers brings npm, and conflicts with
+    # Debian's.
+    command -v node >/dev/null || packages+=(nodejs)
+    command -v npm >/dev/null || packages+=(npm)
 fi
 
 missing=()
