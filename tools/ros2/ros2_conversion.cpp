@@ -58,12 +58,19 @@ std::string RosConversion::topic_of(std::string_view channel) const {
   if (channel == "AGV/CMD_VEL") return "/cmd_vel";
   if (channel == "SIM/TRUTH") return "/ground_truth";
   if (channel == "SIM/CLOCK") return "/clock";
-  std::string topic = "/";
+  // Names between slashes are not empty and begin with no digit.
+  std::string topic;
   for (const char c : channel) {
     const auto byte = static_cast<unsigned char>(c);
-    const bool fits = c == '/' || std::isalnum(byte) != 0;
-    topic += fits ? static_cast<char>(std::tolower(byte)) : '_';
+    if (c == '/') {
+      if (!topic.ends_with('/')) topic += '/';
+      continue;
+    }
+    if (topic.empty()) topic += '/';
+    if (topic.ends_with('/') && std::isdigit(byte) != 0) topic += '_';
+    topic += std::isalnum(byte) != 0 ? static_cast<char>(std::tolower(byte)) : '_';
   }
+  if (topic.ends_with('/')) topic += '_';
   return topic;
 }
 

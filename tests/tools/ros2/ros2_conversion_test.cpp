@@ -124,6 +124,14 @@ TEST(RosConversion, ChannelsBecomeTopicsThatRosKnows) {
   EXPECT_THAT(topics({}, "NET/COUNTERS", counters_t{}), ElementsAre());
 }
 
+TEST(RosConversion, NamesThatRosRefusesBecomeSuchThatItTakes) {
+  const std::pair<const char*, std::string> kNames[] = {
+      {"7/1X", "/_7/_1x"}, {"//A//", "/a/_"}, {"/", "/_"}, {"\xff\xc3", "/__"}};
+  for (const auto& [channel, topic] : kNames) {
+    EXPECT_THAT(topics({}, channel, twist_t{}), ElementsAre(topic + " geometry_msgs/msg/Twist"));
+  }
+}
+
 TEST(RosConversion, TheOdometryNearestToTheWheelsIsOdom) {
   EXPECT_THAT(topics({"AGV/ODOMETRY"}, "AGV/ODOMETRY", odometry_t{}),
               ElementsAre("/odom nav_msgs/msg/Odometry", "/tf tf2_msgs/msg/TFMessage"));
