@@ -12,9 +12,19 @@ const ajv = new Ajv({ strict: false, validateFormats: false });
 const text = new TextDecoder("utf-8", { fatal: true });
 const validators = new Map();
 
+/// Foxglove's and Lichtblick's viewers refuse a whole file for a field without one of these types.
+function checkViewable(schema, where) {
+  check(["object", "array", "string", "number", "integer", "boolean"].includes(schema.type), where);
+  if (schema.type === "array") checkViewable(schema.items, `${where}[]`);
+  if (schema.type !== "object") return;
+  for (const [name, field] of Object.entries(schema.properties)) checkViewable(field, `${where}.${name}`);
+}
+
 function validate(schema, value) {
   if (!validators.has(schema.name)) {
-    const ours = ajv.compile(JSON.parse(text.decode(schema.data)));
+    const parsed = JSON.parse(text.decode(schema.data));
+    checkViewable(parsed, schema.name);
+    const ours = ajv.compile(parsed);
     const theirs = schema.name.startsWith("foxglove.")
       ? ajv.compile(foxglove[schema.name.replace("foxglove.", "")])
       : ours;
