@@ -42,33 +42,17 @@ CompanionLink::CompanionLink(const NetemSettings& settings, std::string name, st
     : name_(std::move(name)),
       of_(std::move(of)),
       settings_(settings),
-      loop_(loop),
-      deliver_(std::move(deliver)),
       process_(std::make_shared<Beside>(link)),
-      companion_(make_stages(config_of(settings, of_), link_key(of_), streams_of(settings, name_)),
-                 process_) {}
-
-void CompanionLink::take(Packet packet) {
-  const Instant departure = companion_.push(loop_.now(), std::move(packet));
-  const Instant copy_departure = companion_.copy_departure();
-  deliver_at(departure);
-  deliver_at(copy_departure);
-}
-
-void CompanionLink::deliver_at(Instant departure) {
-  if (departure <= loop_.now()) {
-    companion_.pop_ready(loop_.now(), deliver_);
-  } else if (departure != Instant::max()) {
-    loop_.at(departure, Priority::delivery,
-             [this](Instant now) { companion_.pop_ready(now, deliver_); });
-  }
-}
+      scheduled_({make_stages(config_of(settings, of_), link_key(of_), streams_of(settings, name_)),
+                  process_},
+                 loop, std::move(deliver)) {}
 
 void CompanionLink::renew(const NetemSettings& after) {
   try {
-    companion_.apply(renewed_stages(companion_, config_of(settings_, of_), config_of(after, of_),
-                                    link_key(of_), streams_of(after, name_)),
-                     process_);
+    Link& link = scheduled_.link();
+    link.apply(renewed_stages(link, config_of(settings_, of_), config_of(after, of_), link_key(of_),
+                              streams_of(after, name_)),
+               process_);
     settings_ = after;
   } catch (const UsageError&) {
     // The link itself has just read the same files: this one vanished in between. The stages stay.

@@ -1,13 +1,13 @@
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "common/base/counters.hpp"
 #include "common/loop/event_loop.hpp"
 #include "netem/channel/settings.hpp"
-#include "netem/link/link.hpp"
+#include "netem/relay/scheduled_link.hpp"
 
 namespace tether {
 
@@ -18,7 +18,7 @@ namespace tether {
 /// takes no step for these: they meet the state in which the link's last packet left it.
 class CompanionLink {
  public:
-  using Deliver = std::function<void(const Packet&)>;
+  using Deliver = ScheduledLink::Deliver;
 
   /// `of`: the link's name in the scenario; `link`, which is that, and `loop` must outlive this.
   CompanionLink(const NetemSettings& settings, std::string name, std::string of, Link& link,
@@ -26,25 +26,21 @@ class CompanionLink {
   CompanionLink(const CompanionLink&) = delete;
   CompanionLink& operator=(const CompanionLink&) = delete;
 
-  void take(Packet packet);
+  void take(Packet packet) { scheduled_.take(std::move(packet)); }
 
   /// The link has other settings.
   void renew(const NetemSettings& after);
 
-  const Link::Counters& counters() const { return companion_.counters(); }
+  const Link::Counters& counters() const { return scheduled_.link().counters(); }
   /// "<name>.offered", .lost, .overflowed and .delivered, if anything was offered.
   void list_counters(CounterList& out) const;
 
  private:
-  void deliver_at(Instant departure);
-
   std::string name_;
   std::string of_;
   NetemSettings settings_;
-  EventLoop& loop_;
-  Deliver deliver_;
   std::shared_ptr<ChannelProcess> process_;
-  Link companion_;
+  ScheduledLink scheduled_;
 };
 
 }  // namespace tether

@@ -7,67 +7,49 @@ namespace tether {
 RunningLink::RunningLink(std::string name, Link link, EventLoop& loop, Duration report_period,
                          Deliver deliver, Report report)
     : name_(std::move(name)),
-      link_(std::move(link)),
+      scheduled_(std::move(link), loop, std::move(deliver)),
       loop_(loop),
-      deliver_(std::move(deliver)),
       report_(std::move(report)) {
   loop_.every(kStart, report_period, Priority::observer, [this](Instant) { this->report(); });
-  link_.process().advance(loop_.now());
+  scheduled_.link().process().advance(loop_.now());
   watch_state();
 }
 
-void RunningLink::take(Packet packet) {
-  const Instant departure = link_.push(loop_.now(), std::move(packet));
-  const Instant copy_departure = link_.copy_departure();
-  deliver_at(departure);
-  deliver_at(copy_departure);
-}
-
-void RunningLink::deliver_at(Instant departure) {
-  if (departure <= loop_.now()) {
-    deliver_ready();
-  } else if (departure != Instant::max()) {
-    loop_.at(departure, Priority::delivery, [this](Instant) { deliver_ready(); });
-  }
-}
-
-void RunningLink::deliver_ready() { link_.pop_ready(loop_.now(), deliver_); }
-
 void RunningLink::changed() {
   ++watch_;
-  link_.process().advance(loop_.now());
+  link().process().advance(loop_.now());
   watch_state();
   report();
 }
 
 void RunningLink::watch_state() {
-  const Instant next = link_.process().next_transition();
+  const Instant next = link().process().next_transition();
   if (next == Instant::max()) return;
   loop_.at(next, Priority::observer, [this, watch = watch_](Instant scheduled) {
     if (watch != watch_) return;
-    link_.process().advance(scheduled);
+    link().process().advance(scheduled);
     report();
     watch_state();
   });
 }
 
 void RunningLink::report() {
-  const Link::Counters& c = link_.counters();
-  const DelayHistogram& delays = link_.delays();
-  const LinkCondition condition = link_.process().condition();
+  const Link::Counters& c = link().counters();
+  const DelayHistogram& delays = link().delays();
+  const LinkCondition condition = link().process().condition();
 
   link_report_t message{};
   message.utime = to_utime(loop_.now());
   message.seq = report_seq_++;
   message.link = name_;
-  message.state = link_.process().state();
+  message.state = link().process().state();
   message.state_prr = condition.prr;
   message.state_delay_ms = to_milliseconds(condition.delay);
   message.offered = c.offered + c.duplicated;
   message.lost = c.lost + c.outage_dropped;
   message.overflowed = c.overflowed;
   message.delivered = c.delivered;
-  message.in_flight = link_.in_flight();
+  message.in_flight = link().in_flight();
   message.delivered_bytes = c.delivered_bytes;
   message.delay_ms_mean = to_milliseconds(delays.mean());
   message.delay_ms_p50 = to_milliseconds(delays.quantile(0.50));
@@ -78,7 +60,7 @@ void RunningLink::report() {
 }
 
 void RunningLink::list_counters(CounterList& out) const {
-  const Link::Counters& c = link_.counters();
+  const Link::Counters& c = link().counters();
   out.emplace_back(name_ + ".offered", c.offered);
   out.emplace_back(name_ + ".lost", c.lost);
   out.emplace_back(name_ + ".overflowed", c.overflowed);

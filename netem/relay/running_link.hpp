@@ -4,19 +4,19 @@
 #include <functional>
 #include <string>
 #include <tether/link_report_t.hpp>
+#include <utility>
 
 #include "common/base/counters.hpp"
 #include "common/loop/event_loop.hpp"
-#include "netem/link/link.hpp"
+#include "netem/relay/scheduled_link.hpp"
 
 namespace tether {
 
-/// A link on a loop: takes packets when they come, hands them over when they are due, and reports
-/// every period and at each change of its channel's state. Stays where it is: tasks on the loop
-/// refer to it.
+/// A link on a loop that reports every period and at each change of its channel's state. Stays
+/// where it is: tasks on the loop refer to it.
 class RunningLink {
  public:
-  using Deliver = std::function<void(const Packet&)>;
+  using Deliver = ScheduledLink::Deliver;
   using Report = std::function<void(const link_report_t&)>;
 
   RunningLink(std::string name, Link link, EventLoop& loop, Duration report_period, Deliver deliver,
@@ -25,7 +25,7 @@ class RunningLink {
   RunningLink& operator=(const RunningLink&) = delete;
 
   /// Offers a packet to the link now.
-  void take(Packet packet);
+  void take(Packet packet) { scheduled_.take(std::move(packet)); }
 
   /// The link has got other settings: watches its channel's state anew, and reports now.
   void changed();
@@ -34,21 +34,18 @@ class RunningLink {
   void report();
 
   const std::string& name() const { return name_; }
-  Link& link() { return link_; }
-  const Link& link() const { return link_; }
+  Link& link() { return scheduled_.link(); }
+  const Link& link() const { return scheduled_.link(); }
 
   /// "<name>.offered" and so on; rare ones only if they happened.
   void list_counters(CounterList& out) const;
 
  private:
-  void deliver_at(Instant departure);
-  void deliver_ready();
   void watch_state();
 
   std::string name_;
-  Link link_;
+  ScheduledLink scheduled_;
   EventLoop& loop_;
-  Deliver deliver_;
   Report report_;
   std::int64_t report_seq_ = 0;
   std::int64_t watch_ = 0;  // the one that counts; tasks of earlier ones do nothing
