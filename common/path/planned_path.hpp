@@ -3,7 +3,7 @@
 #include <memory>
 #include <utility>
 
-#include "common/path/curve.hpp"
+#include "common/path/curves/curve.hpp"
 #include "common/path/limits.hpp"
 #include "common/path/reference_path.hpp"
 #include "common/path/speed_profile.hpp"

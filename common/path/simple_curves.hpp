@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/path/curve.hpp"
+#include "common/path/curves/curve.hpp"
 #include "common/vehicle/pose.hpp"
 
 namespace tether {

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "common/path/curve.hpp"
+#include "common/path/curves/curve.hpp"
 #include "common/path/limits.hpp"
 
 namespace tether {

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "common/path/cubic_spline.hpp"
-#include "common/path/curve.hpp"
-#include "common/path/waypoints.hpp"
+#include "common/path/curves/cubic_spline.hpp"
+#include "common/path/curves/curve.hpp"
+#include "common/path/curves/waypoints.hpp"
 
 namespace tether {
 

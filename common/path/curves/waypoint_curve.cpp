@@ -1,4 +1,4 @@
-#include "common/path/waypoint_curve.hpp"
+#include "common/path/curves/waypoint_curve.hpp"
 
 #include <fmt/format.h>
 

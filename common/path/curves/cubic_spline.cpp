@@ -1,4 +1,4 @@
-#include "common/path/cubic_spline.hpp"
+#include "common/path/curves/cubic_spline.hpp"
 
 #include <cassert>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "common/path/waypoints.hpp"
+#include "common/path/curves/waypoints.hpp"
 
 #include <fmt/format.h>
 
