@@ -6,7 +6,7 @@
 #include "common/path/reference_path.hpp"
 #include "common/vehicle/pose.hpp"
 #include "controller/laws/law.hpp"
-#include "controller/laws/pid.hpp"
+#include "controller/pid/pid.hpp"
 
 namespace tether {
 

@@ -1,4 +1,4 @@
-#include "controller/laws/pid.hpp"
+#include "controller/pid/pid.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "controller/laws/tau_table.hpp"
+#include "controller/pid/tau_table.hpp"
 
 #include <fmt/format.h>
 
