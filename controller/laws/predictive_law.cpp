@@ -5,6 +5,7 @@
 #include <tuple>
 #include <utility>
 
+#include "controller/laws/roll_out.hpp"
 #include "controller/laws/tracking_law.hpp"
 
 namespace tether {
@@ -305,52 +306,31 @@ Plan PredictiveLaw::empty_plan(Instant start) {
   return plan;
 }
 
-/// Feedback of the errors at a step's beginning, with the path's own twist at the step's middle.
-Twist PredictiveLaw::wish_at(const Pose2& pose, const PathPoint& here,
-                             const PathPoint& next) const {
-  PathPoint reference = here;
-  reference.v_mps = 0.5 * (here.v_mps + next.v_mps);
-  reference.omega_radps = 0.5 * (here.omega_radps + next.omega_radps);
-  return feedback_.command(pose, reference);
-}
-
-/// What the planner makes of the roll-out; empty without one.
+/// What the planner makes of the roll-out on a drive without errors, whose commands are what it
+/// does; empty without a planner.
 std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state, double start_s) {
   if (!planner_) return {};
-  const double step_s = to_seconds(step_);
   const MotionModel ideal(model_.limits());
-  MotionModel::State rolled = state;
+  RollOut rolled(ideal, feedback_, *path_, state, start_s, to_seconds(step_));
   std::vector<Twist> guess;
-  PathPoint here = path_->at(start_s);
-  for (std::size_t i = 1; i <= std::min(steps_, planner_->steps()); ++i) {
-    const PathPoint next = path_->at(start_s + static_cast<double>(i) * step_s);
-    guess.push_back(model_.reachable(rolled.rim, wish_at(rolled.pose, here, next), step_s));
-    ideal.advance(rolled, guess.back(), step_s);
-    here = next;
-  }
-  return planner_->improve(model_, state, start_s, step_s, std::move(guess));
+  while (rolled.steps() < std::min(steps_, planner_->steps())) guess.push_back(rolled.step());
+  return planner_->improve(model_, state, start_s, to_seconds(step_), std::move(guess));
 }
 
 /// The planner's wishes first, if there is one, then those of the feedback.
-Plan PredictiveLaw::roll_out(MotionModel::State state, Instant start) {
-  const double step_s = to_seconds(step_);
+Plan PredictiveLaw::roll_out(const MotionModel::State& state, Instant start) {
   const double start_s = to_seconds(start - clock_offset_);
   const std::vector<Twist> first = optimised(state, start_s);
   Plan plan = empty_plan(start);
   plan.twists.reserve(steps_);
-  PathPoint here = path_->at(start_s);
+  RollOut rolled(model_, feedback_, *path_, state, start_s, to_seconds(step_));
   Duration on_path{};
-  for (std::size_t i = 1; i <= steps_; ++i) {
-    const PathPoint next = path_->at(start_s + static_cast<double>(i) * step_s);
-    const Twist wish = i <= first.size() ? first[i - 1] : wish_at(state.pose, here, next);
-    const Twist twist =
-        model_.command_for(state, model_.reachable(state.rim, wish, step_s), step_s);
-    plan.twists.push_back(twist);
-    model_.advance(state, twist, step_s);
-    here = next;
+  while (rolled.steps() < steps_) {
+    const std::size_t i = rolled.steps();
+    plan.twists.push_back(rolled.step(i < first.size() ? &first[i] : nullptr));
     if (on_path >= kSettling) continue;
-    on_path = is_on_path(state.pose, here) ? on_path + step_ : Duration{};
-    if (on_path >= kSettling) plan.settled = start + step_ * static_cast<std::int64_t>(i);
+    on_path = is_on_path(rolled.state().pose, rolled.reference()) ? on_path + step_ : Duration{};
+    if (on_path >= kSettling) plan.settled = start + step_ * static_cast<std::int64_t>(i + 1);
   }
   return plan;
 }

@@ -121,8 +121,7 @@ class PredictiveLaw final : public Law {
   const Sent* find(std::int64_t id) const;
   Plan empty_plan(Instant start);
   std::vector<Twist> optimised(const MotionModel::State& state, double start_s);
-  Twist wish_at(const Pose2& pose, const PathPoint& here, const PathPoint& next) const;
-  Plan roll_out(MotionModel::State state, Instant start);
+  Plan roll_out(const MotionModel::State& state, Instant start);
   Plan& remember(Instant now, Plan plan, const Prediction& predicted);
 
   std::shared_ptr<const ReferencePath> path_;

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstddef>
+
+#include "common/path/reference_path.hpp"
+#include "common/vehicle/motion_model.hpp"
+#include "controller/laws/tracking_feedback.hpp"
+
+namespace tether {
+
+/// A vehicle that is moved along its path on a model, step by step, by the feedback. What it is
+/// made of must outlive it.
+class RollOut {
+ public:
+  /// From `state`, where the path is at `start_s`.
+  RollOut(const MotionModel& model, const TrackingFeedback& feedback, const ReferencePath& path,
+          const MotionModel::State& state, double start_s, double step_s)
+      : model_(model),
+        feedback_(feedback),
+        path_(path),
+        state_(state),
+        start_s_(start_s),
+        step_s_(step_s),
+        reference_(path.at(start_s)) {}
+
+  /// Moves on by a step with what the wheels can do of `wish`, or without one of the feedback's: of
+  /// the errors at the step's beginning, with the path's own twist at its middle. Returns the
+  /// command that makes the model's vehicle do so.
+  Twist step(const Twist* wish = nullptr);
+
+  std::size_t steps() const { return steps_; }  ///< so far
+  const MotionModel::State& state() const { return state_; }
+  const PathPoint& reference() const { return reference_; }
+
+ private:
+  Twist feedback_wish(const PathPoint& next) const;
+
+  const MotionModel& model_;
+  const TrackingFeedback& feedback_;
+  const ReferencePath& path_;
+  MotionModel::State state_;
+  double start_s_, step_s_;
+  PathPoint reference_;
+  std::size_t steps_ = 0;
+};
+
+}  // namespace tether
