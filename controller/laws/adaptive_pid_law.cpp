@@ -20,16 +20,17 @@ TauTable read_table(const std::string& file) {
 
 }  // namespace
 
-AdaptivePidLaw::AdaptivePidLaw(const LawContext& context, TauTable table)
+AdaptivePidLaw::AdaptivePidLaw(const LawContext& context, TauTable table, double factor)
     : PidLaw(context.settings.get<ControllerSettings>(), context.path, context.ahead_m),
       table_(std::move(table)),
+      factor_(factor),
       reception_(kPoses),
       delay_(kDelays) {}
 
 void AdaptivePidLaw::on_pose(const SeenPose& seen) {
   reception_.add(seen.seq);
   delay_.add(seen.arrival - seen.stamp);
-  tau_s_ = table_.tau_s(reception_.ratio(), to_milliseconds(delay_.median()));
+  tau_s_ = factor_ * table_.tau_s(reception_.ratio(), to_milliseconds(delay_.median()));
   set_tau(tau_s_);
 }
 
@@ -42,10 +43,11 @@ void AdaptivePidLaw::list_counters(CounterList& out) const {
 LawKind pid_adaptive_law() {
   return {.name = "pid_adaptive",
           .steers_any_point = true,
-          .keys = {"tau_table"},
+          .keys = {"tau_table", "tau_factor"},
           .make = [](const LawContext& context) -> std::unique_ptr<Law> {
-            return std::make_unique<AdaptivePidLaw>(
-                context, read_table(context.settings.get<ControllerSettings>().tau_table));
+            const auto& settings = context.settings.get<ControllerSettings>();
+            return std::make_unique<AdaptivePidLaw>(context, read_table(settings.tau_table),
+                                                    settings.tau_factor);
           },
           .check =
               [](const ControllerSettings& settings, const std::string& file) {

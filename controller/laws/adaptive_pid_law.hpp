@@ -13,13 +13,15 @@ namespace tether {
 /// Nobody tells the controller the losses of the downlink, so it is taken to be like the uplink.
 class AdaptivePidLaw final : public PidLaw {
  public:
-  AdaptivePidLaw(const LawContext& context, TauTable table);
+  /// `factor`: times the table's look-aheads, which were found for other gains or another rate.
+  AdaptivePidLaw(const LawContext& context, TauTable table, double factor);
 
   void on_pose(const SeenPose& seen) override;
   void list_counters(CounterList& out) const override;
 
  private:
   TauTable table_;
+  double factor_;
   ReceptionEstimate reception_;
   DelayEstimate delay_;
   double tau_s_ = 0.0;

@@ -43,6 +43,8 @@ void add_law_and_timing(KeyTable<Controller>& t) {
 void add_planning(KeyTable<Controller>& t) {
   t.file("tau_table", &Controller::tau_table,
          "law = pid_adaptive: CSV of look-aheads by network, relative to the scenario file");
+  t.number("tau_factor", &Controller::tau_factor, kPositive,
+           "law = pid_adaptive: times the table's look-aheads, which other gains or rates need");
   t.number("horizon_s", &Controller::horizon_s, {0.05, 200.0, false}, "length of a plan");
   t.number("plan_step_ms", &Controller::plan_step_ms, {5.0, 1000.0, false},
            "each twist of a plan is in force for this long; a horizon has at most 4000");

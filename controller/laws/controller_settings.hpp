@@ -46,7 +46,8 @@ struct ControllerSettings {
   PidGains v{0.495, 0.0, 0.15, 8.0};
   PidGains omega{0.2925, 0.0, 0.16, 2.0};
   double derivative_filter_s = 0.1;  ///< time constant of the filter before the D term
-  std::string tau_table;  ///< law = pid_adaptive: its look-aheads; relative to the scenario file
+  std::string tau_table;    ///< law = pid_adaptive: its look-aheads; relative to the scenario file
+  double tau_factor = 1.0;  ///< law = pid_adaptive: times those of the table
   TrackingGains tracking;
   // Plans of the predictive laws.
   double horizon_s = 20.0;

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
@@ -25,10 +26,12 @@ struct TuneCommandOptions {
   std::vector<std::string> overrides;
   std::optional<std::size_t> jobs;
   std::string out;
+  std::vector<std::string> laws;
+  std::string keep;
   bool quick = false;
 };
 
-/// What the result depends on: not --jobs and --out.
+/// What a law's result depends on: not --jobs and --out, nor which others are tuned.
 std::string command_of(const TuneCommandOptions& options) {
   std::string command = "tether tune " + options.file;
   for (const std::string& text : options.overrides) command += " --set " + text;
@@ -36,11 +39,12 @@ std::string command_of(const TuneCommandOptions& options) {
 }
 
 void print_result(const Gains& gains) {
-  fmt::print("{}, seeds of training; untuned -> tuned\n", gains.objective);
+  fmt::print("{}, seeds of training; start of the search -> tuned\n", gains.objective);
   for (const TunedLaw& law : gains.laws) {
     fmt::print("{}: {:.4g} -> {:.4g}\n ", law.name, law.before, law.after);
     for (const auto& [key, value] : law.gains) fmt::print(" {} = {}", key, value);
     fmt::print("\n");
+    if (law.found.size() > 1) fmt::print("  by search: {:.4g}\n", fmt::join(law.found, ", "));
     for (std::size_t i = 0; i < law.conditions.size(); ++i) {
       fmt::print("  {}: {:.4g} -> {:.4g}\n", law.conditions[i], law.means_before[i],
                  law.means_after[i]);
@@ -51,10 +55,11 @@ void print_result(const Gains& gains) {
 int run_tune(const TuneCommandOptions& options) {
   if (options.file.empty()) throw UsageError("tune: name a tuning file (see --help)");
   const Tuning tuning = load_tuning(options.file, options.overrides, options.quick);
+  const TuneChoice choice = chosen(tuning, options.laws, options.keep);
   const std::string name = tuning.name + (options.quick ? "-quick" : "");
   const fs::path folder = options.out.empty() ? fs::path("out") / name : fs::path(options.out);
   const auto gains =
-      tune(tuning, folder, options.jobs.value_or(default_jobs()), command_of(options));
+      tune(tuning, choice, folder, options.jobs.value_or(default_jobs()), command_of(options));
   if (!gains) {
     fmt::print(stderr, "stopped; the same command goes on from here\n");
     return kExitFailed;
@@ -77,6 +82,10 @@ void add_tune_command(CLI::App& tether, Action& action) {
       ->add_option("--set", options->overrides,
                    "override a scenario key of all runs: KEY=VALUE (repeatable)")
       ->allow_extra_args(false);
+  command->add_option("--law", options->laws, "tune this law only (repeatable) [all of the file]")
+      ->allow_extra_args(false);
+  command->add_option("--keep", options->keep,
+                      "with --law: a file of gains, of which the others are taken as they are");
   command->add_option("--jobs", options->jobs, "runs at a time [one per core]")
       ->check(CLI::Range(1, 1024));
   command->add_option("--out", options->out,

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "common/scenario/scenario.hpp"
 #include "tests/support/table_rows.hpp"
 
@@ -27,6 +29,25 @@ TEST(LawTable, EachLawIsMadeByItsNameInAScenario) {
     law->on_pose(pose);
     EXPECT_EQ(std::holds_alternative<Plan>(law->decide(kStart, &pose)), kind.sends_plans);
   }
+}
+
+TEST(AdaptivePid, ItsLookAheadIsTheTablesTimesTheFactor) {
+  const auto tau_ms = [](const std::string& factor) {
+    const auto law = make_law(
+        parse_scenario("", "",
+                       {"controller.law=pid_adaptive", "controller.tau_factor=" + factor,
+                        "controller.tau_table=" TETHER_SOURCE_DIR "/scenarios/tau_table.csv"}));
+    const SeenPose pose;
+    law->on_pose(pose);
+    CounterList counters;
+    law->list_counters(counters);
+    const auto found = std::find_if(counters.begin(), counters.end(), [](const auto& counter) {
+      return counter.first == "law.tau_ms";
+    });
+    return found == counters.end() ? 0 : static_cast<int>(found->second);
+  };
+  EXPECT_GE(tau_ms("1"), 1000);
+  EXPECT_EQ(tau_ms("0.5") * 2, tau_ms("1"));
 }
 
 }  // namespace

@@ -15,20 +15,30 @@ using ::testing::HasSubstr;
 
 Gains two_laws() {
   Gains gains;
-  gains.version = "0.1.0";
   gains.command = "tether tune tune.toml";
   gains.objective = "mean of epsilon_m";
-  gains.seeds = {301, 302, 303};
-  gains.evaluations = 40;
-  gains.laws = {{"tracking, 20 Hz",
-                 {{"controller.law", "'tracking'"}, {"sensor.rate_hz", "20"}},
-                 {{"controller.tracking.k_x", "0.123"}},
-                 {"PRR 1", "PRR \"half\""},
-                 0.5,
-                 0.1,
-                 {0.25, 1.0},
-                 {0.1, 0.1}},
-                {"PID", {}, {{"controller.tau_s", "1.31"}}, {"PRR 1"}, 1.0, 1.0, {1.0}, {1.0}}};
+  gains.laws.resize(2);
+  TunedLaw &tracking = gains.laws[0], &pid = gains.laws[1];
+  tracking.name = "tracking, 20 Hz";
+  tracking.settings = {{"controller.law", "'tracking'"}, {"sensor.rate_hz", "20"}};
+  tracking.gains = {{"controller.tracking.k_x", "0.123"}};
+  tracking.version = "0.1.0+0123456789ab";
+  tracking.conditions = {"PRR 1", "PRR \"half\""};
+  tracking.seeds = {301, 302, 303};
+  tracking.evaluations = 40;
+  tracking.found = {0.1, 0.11};
+  tracking.before = 0.5;
+  tracking.after = 0.1;
+  tracking.means_before = {0.25, 1.0};
+  tracking.means_after = {0.1, 0.1};
+  pid.name = "PID";
+  pid.gains = {{"controller.tau_s", "1.31"}};
+  pid.version = "0.1.0";
+  pid.conditions = {"PRR 1"};
+  pid.seeds = {301};
+  pid.evaluations = 2;
+  pid.found = pid.means_before = pid.means_after = {1.0};
+  pid.before = pid.after = 1.0;
   return gains;
 }
 
@@ -105,8 +115,8 @@ TEST_F(TunedGains, AFileThatIsNoneIsRefused) {
     return why_refused("seeds = 1\ngains = \"gains.toml\"\n");
   };
   EXPECT_THAT(why("seed = 3\n"), HasSubstr("gains.toml:1: unknown key \"seed\""));
-  EXPECT_THAT(why("seeds = 3\n"), HasSubstr("law must be given"));
-  EXPECT_THAT(why("seeds = 3\n[law.a]\nconditions = [1]\n"), HasSubstr("settings must be given"));
+  EXPECT_THAT(why("objective = \"small\"\n"), HasSubstr("law must be given"));
+  EXPECT_THAT(why("[law.a]\nconditions = [1]\n"), HasSubstr("settings must be given"));
 }
 
 }  // namespace

@@ -10,11 +10,13 @@
 namespace tether {
 namespace {
 
+using ::testing::Contains;
 using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::Ge;
 using ::testing::IsEmpty;
 using ::testing::Le;
+using ::testing::Not;
 
 using Objective = std::function<double(const SearchPoint&)>;
 
@@ -22,7 +24,7 @@ std::vector<SearchedPoint> search(const SearchBudget& budget, const SearchPoint&
                                   const Objective& objective) {
   std::vector<SearchedPoint> searched;
   for (;;) {
-    const std::vector<SearchPoint> points = next_points(budget, start, searched);
+    const std::vector<SearchPoint> points = next_points(budget, {start}, searched);
     if (points.empty()) return searched;
     for (const SearchPoint& point : points) searched.push_back({point, objective(point)});
   }
@@ -54,7 +56,27 @@ TEST(Search, HasAsManyPointsAsItsBudgetInSoManyRounds) {
 }
 
 TEST(Search, BeginsWithTheStart) {
-  EXPECT_EQ(next_points(kBudget, {0.1, 0.9}, {}).front(), (SearchPoint{0.1, 0.9}));
+  EXPECT_EQ(next_points(kBudget, {{0.1, 0.9}}, {}).front(), (SearchPoint{0.1, 0.9}));
+}
+
+TEST(Search, GivenPointsTakeTheFirstPlacesOfTheSequence) {
+  const auto alone = next_points({6, 1}, {sequence_point(2, 0)}, {});
+  const std::vector<SearchPoint> given{sequence_point(2, 0), {0.1, 0.9}, {0.2, 0.3}};
+  const auto points = next_points({6, 1}, given, {});
+  ASSERT_EQ(points.size(), 6U);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    EXPECT_EQ(points[i], i < 3 ? given[i] : alone[i]) << i;
+  }
+}
+
+TEST(Search, OneThatSkipsAnothersPointsLooksAtNoneOfThem) {
+  EXPECT_EQ(sequence_point(3, 0), (SearchPoint{0.5, 0.5, 0.5})) << "the centre";
+  const SearchBudget first{9, 1}, second{9, 1, 9};
+  const auto of_first = next_points(first, {sequence_point(2, 0)}, {});
+  const auto of_second = next_points(second, {sequence_point(2, 9)}, {});
+  for (const SearchPoint& point : of_second) EXPECT_THAT(of_first, Not(Contains(point)));
+  EXPECT_EQ(next_points({18, 1}, {sequence_point(2, 0)}, {}).back(), of_second.back())
+      << "both are parts of one sequence";
 }
 
 TEST(Search, FindsTheLeastInsideTheBoxAndInItsCorner) {
@@ -107,7 +129,7 @@ TEST(Search, LooksAtNoPointTwice) {
 
 TEST(Search, EndsAfterTheLastRound) {
   const auto searched = search({4, 2}, {0.5}, distance_to({0.3}));
-  EXPECT_THAT(next_points({4, 2}, {0.5}, searched), IsEmpty());
+  EXPECT_THAT(next_points({4, 2}, {{0.5}}, searched), IsEmpty());
 }
 
 }  // namespace

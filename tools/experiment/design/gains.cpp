@@ -49,14 +49,18 @@ TunedLaw read_law(const PlacedNode& given, const std::string& file) {
   if (table == nullptr) {
     throw UsageError(fmt::format("{}: law.\"{}\" must be a table", given.place, given.key));
   }
-  const Section section(
-      *table, fmt::format("law.\"{}\".", given.key), file,
-      {"conditions", "before", "after", "means_before", "means_after", "settings", "gains"});
+  const Section section(*table, fmt::format("law.\"{}\".", given.key), file,
+                        {"version", "conditions", "seeds", "evaluations", "found", "before",
+                         "after", "means_before", "means_after", "settings", "gains"});
   TunedLaw law;
   law.name = given.key;
   law.settings = settings_of(section, "settings", file);
   law.gains = settings_of(section, "gains", file);
   law.conditions = list_of<std::string>(section, "conditions", "a list of names");
+  law.version = section.text("version", "");
+  law.seeds = read_seeds(section, file);
+  law.evaluations = static_cast<std::size_t>(section.whole("evaluations", 1, 1));
+  law.found = list_of<double>(section, "found", "a list of numbers");
   law.before = section.number("before", -kLargest, kLargest, 0.0);
   law.after = section.number("after", -kLargest, kLargest, 0.0);
   law.means_before = list_of<double>(section, "means_before", "a list of numbers");
@@ -69,15 +73,11 @@ TunedLaw read_law(const PlacedNode& given, const std::string& file) {
 Gains read_gains(const std::string& file) {
   check_input(file, "the file of gains", kMostTomlBytes);  // an experiment names it: no device
   const toml::table table = parse_experiment(file);
-  const Section section(table, "", file,
-                        {"version", "command", "objective", "seeds", "evaluations", "law"});
+  const Section section(table, "", file, {"command", "objective", "law"});
   Gains gains;
   gains.file = file;
-  gains.version = section.text("version", "");
   gains.command = section.text("command", "");
   gains.objective = section.text("objective", "");
-  gains.seeds = read_seeds(section, file);
-  gains.evaluations = static_cast<std::size_t>(section.whole("evaluations", 1, 1));
   const toml::table* laws = section.table("law");
   if (laws == nullptr || laws->empty()) section.refuse("law", "given: [law.\"NAME\"] for each");
   for (const PlacedNode& given : entries(*laws, file)) gains.laws.push_back(read_law(given, file));
@@ -88,20 +88,29 @@ std::string to_toml(const Gains& gains) {
   const auto text = [](const std::string& value) { return to_toml(ScenarioValue(value)); };
   std::string out = fmt::format(
       "# Gains by `tether tune` (docs/experiments.md). Not to be edited: made by the command.\n"
-      "version = {}\ncommand = {}\nobjective = {}\nseeds = [{}]\nevaluations = {}  # of each law\n",
-      text(gains.version), text(gains.command), text(gains.objective), fmt::join(gains.seeds, ", "),
-      gains.evaluations);
+      "command = {}\nobjective = {}\n",
+      text(gains.command), text(gains.objective));
   for (const TunedLaw& law : gains.laws) {
+    const std::string name = text(law.name);
     out += fmt::format(
-        "\n[law.{0}]\nconditions = {1}\nbefore = {2}\nafter = {3}\nmeans_before = {4}\n"
-        "means_after = {5}\n[law.{0}.settings]\n",
-        text(law.name), to_toml(ScenarioValue(law.conditions)), law.before, law.after,
-        to_toml(ScenarioValue(law.means_before)), to_toml(ScenarioValue(law.means_after)));
+        "\n[law.{}]\nversion = {}\nconditions = {}\nseeds = [{}]\nevaluations = {}\nfound = {}\n",
+        name, text(law.version), to_toml(ScenarioValue(law.conditions)), fmt::join(law.seeds, ", "),
+        law.evaluations, to_toml(ScenarioValue(law.found)));
+    out += fmt::format(
+        "before = {}\nafter = {}\nmeans_before = {}\nmeans_after = {}\n[law.{}.settings]\n",
+        law.before, law.after, to_toml(ScenarioValue(law.means_before)),
+        to_toml(ScenarioValue(law.means_after)), name);
     for (const auto& [key, value] : law.settings) out += fmt::format("{} = {}\n", key, value);
-    out += fmt::format("[law.{}.gains]\n", text(law.name));
+    out += fmt::format("[law.{}.gains]\n", name);
     for (const auto& [key, value] : law.gains) out += fmt::format("{} = {}\n", key, value);
   }
   return out;
+}
+
+const TunedLaw* Gains::find(const std::string& law) const {
+  const auto is_it = [&law](const TunedLaw& one) { return one.name == law; };
+  const auto found = std::find_if(laws.begin(), laws.end(), is_it);
+  return found == laws.end() ? nullptr : &*found;
 }
 
 std::vector<PlacedSetting> expanded(const PlacedSetting& given, const std::optional<Gains>& gains) {
@@ -129,14 +138,15 @@ std::vector<PlacedSetting> expanded(const PlacedSetting& given, const std::optio
 }
 
 void check_disjoint(const Gains& gains, const Experiment& experiment, const std::string& file) {
-  const std::set<std::uint64_t> trained(gains.seeds.begin(), gains.seeds.end());
+  std::set<std::uint64_t> trained;
+  for (const TunedLaw& law : gains.laws) trained.insert(law.seeds.begin(), law.seeds.end());
   const std::size_t arms = experiment.common_random_numbers ? 1 : experiment.arms.size();
   for (std::size_t arm = 0; arm < arms; ++arm) {
     for (std::size_t n = 0; n < experiment.seeds.size(); ++n) {
       if (!trained.contains(experiment.seed(arm, n))) continue;
       throw UsageError(fmt::format(
           "{}: seeds: {} is one of those that {} was tuned with ({}); evaluate with others", file,
-          experiment.seed(arm, n), gains.file, seeds_text(gains.seeds)));
+          experiment.seed(arm, n), gains.file, seeds_text({trained.begin(), trained.end()})));
     }
   }
 }

@@ -16,8 +16,12 @@ struct TunedLaw {
   std::string name;
   std::vector<KeyValue> settings;       ///< the law, its rates and what else goes with it
   std::vector<KeyValue> gains;          ///< what was tuned
+  std::string version;                  ///< that tuned it
   std::vector<std::string> conditions;  ///< that it was tuned for
-  /// The objective with the gains that it had before, and with `gains`, on the training seeds.
+  std::vector<std::uint64_t> seeds;     ///< trained on: no experiment may evaluate with them
+  std::size_t evaluations = 0;          ///< of each search
+  std::vector<double> found;            ///< the objective that each search found; the least counts
+  /// The objective where the first search began, and with `gains`, on the training seeds.
   double before = 0.0, after = 0.0;
   /// The means of the metric, one for each of `conditions`.
   std::vector<double> means_before, means_after;
@@ -29,12 +33,11 @@ struct TunedLaw {
 /// `tuned` takes a law's settings and gains.
 struct Gains {
   std::string file;
-  std::string version, command;      ///< that made it
-  std::string objective;             ///< for people
-  std::vector<std::uint64_t> seeds;  ///< trained on: no experiment may evaluate with them
-  std::size_t evaluations = 0;       ///< of each law
-  std::vector<TunedLaw> laws;        ///< in the order of the tuning file
+  std::string command;         ///< that makes it, of one version or, law by law, of several
+  std::string objective;       ///< for people
+  std::vector<TunedLaw> laws;  ///< in the order of the tuning file
 
+  const TunedLaw* find(const std::string& law) const;  ///< null: it is not there
   bool operator==(const Gains&) const = default;
 };
 

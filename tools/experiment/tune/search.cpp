@@ -36,6 +36,10 @@ std::vector<SearchPoint> design(const std::vector<Span>& box, std::size_t first,
 
 }  // namespace
 
+SearchPoint sequence_point(std::size_t keys, std::size_t number) {
+  return design(std::vector<Span>(keys), number, 1).front();
+}
+
 std::vector<std::size_t> round_sizes(const SearchBudget& budget) {
   assert(budget.evaluations > 0 && budget.rounds > 0);
   if (budget.rounds == 1) return {budget.evaluations};
@@ -57,17 +61,20 @@ std::size_t best_of(const std::vector<SearchedPoint>& searched) {
   return static_cast<std::size_t>(best - searched.begin());
 }
 
-std::vector<SearchPoint> next_points(const SearchBudget& budget, const SearchPoint& start,
+std::vector<SearchPoint> next_points(const SearchBudget& budget,
+                                     const std::vector<SearchPoint>& given,
                                      const std::vector<SearchedPoint>& searched) {
   const std::vector<std::size_t> sizes = round_sizes(budget);
   std::size_t round = 0, before = 0;
   while (round < sizes.size() && before < searched.size()) before += sizes[round++];
   assert(before == searched.size());
   if (round == sizes.size()) return {};
-  std::vector<Span> box(start.size());
+  std::vector<Span> box(given.front().size());
   if (round == 0) {
-    std::vector<SearchPoint> points{start};
-    const std::vector<SearchPoint> others = design(box, 0, sizes[0] - 1);
+    assert(given.size() <= sizes[0]);
+    std::vector<SearchPoint> points = given;
+    const std::vector<SearchPoint> others =
+        design(box, budget.skipped + given.size(), sizes[0] - given.size());
     points.insert(points.end(), others.begin(), others.end());
     return points;
   }
@@ -75,7 +82,7 @@ std::vector<SearchPoint> next_points(const SearchBudget& budget, const SearchPoi
   const SearchPoint& best = searched[best_of(searched)].point;
   std::transform(best.begin(), best.end(), box.begin(),
                  [side](double centre) { return span_around(centre, side); });
-  return design(box, before - 1, sizes[round]);
+  return design(box, budget.skipped + before, sizes[round]);
 }
 
 }  // namespace tether

@@ -1,15 +1,16 @@
 #include "tools/experiment/tune/tune.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cassert>
+#include <cctype>
 #include <cmath>
 #include <limits>
-#include <map>
-#include <numeric>
 #include <utility>
 
+#include "common/base/errors.hpp"
 #include "common/version.hpp"
 #include "tools/experiment/store/run_store.hpp"
 #include "tools/experiment/sweep/session.hpp"
@@ -24,44 +25,58 @@ struct Candidate {
   Worth worth;
 };
 
-/// A law's search so far.
-struct LawSearch {
-  const TuningLaw* law;
+/// One of a law's searches so far.
+struct Search {
+  SearchBudget budget;
+  std::vector<SearchPoint> given;
   std::vector<SearchedPoint> searched;
   std::vector<Candidate> tried;  // one for each of `searched`
 };
 
-SearchPoint start_of(const TuningLaw& law) {
-  SearchPoint start(law.keys.size());
-  for (std::size_t i = 0; i < start.size(); ++i) {
-    start[i] = law.keys[i].coordinate_of(law.start[i]);
+using Round = std::vector<std::vector<SearchPoint>>;  // each search's points
+
+/// The first search begins with what the law gives, the others where the sequence is after the
+/// points of those before.
+std::vector<Search> searches_of(const TuningLaw& law) {
+  std::vector<Search> searches(law.searches, {law.budget, {}, {}, {}});
+  for (const std::vector<double>& values : law.given) {
+    SearchPoint point;
+    for (std::size_t i = 0; i < law.keys.size(); ++i) {
+      point.push_back(law.keys[i].coordinate_of(values[i]));
+    }
+    searches.front().given.push_back(point);
   }
-  return start;
+  for (std::size_t n = 1; n < searches.size(); ++n) {
+    searches[n].budget.skipped = n * law.budget.evaluations;
+    searches[n].given = {sequence_point(law.keys.size(), searches[n].budget.skipped)};
+  }
+  return searches;
 }
 
-std::vector<double> values_at(const TuningLaw& law, const SearchPoint& point) {
+/// The values of candidate `number` of search `n`.
+std::vector<double> values_at(const TuningLaw& law, std::size_t n, std::size_t number,
+                              const SearchPoint& point) {
+  if (n == 0 && number < law.given.size()) return law.given[number];
   std::vector<double> values(point.size());
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = law.keys[i].at(point[i]);
   return values;
 }
 
-/// Of one sweep: each candidate of each law, an arm for each of its conditions, in this order.
-Experiment experiment_of(const Tuning& tuning, std::size_t round,
-                         const std::vector<LawSearch>& searches,
-                         const std::vector<std::vector<SearchPoint>>& points) {
+/// Of one sweep: each candidate of each search, an arm for each condition, in this order.
+Experiment experiment_of(const Tuning& tuning, const TuningLaw& law, std::size_t round,
+                         const std::vector<Search>& searches, const Round& points) {
   Experiment experiment;
   experiment.name = fmt::format("round{}", round);
-  experiment.keys = {"law", "candidate", "condition"};
-  experiment.seeds = tuning.seeds;
+  experiment.keys = {"search", "candidate", "condition"};
+  experiment.seeds = law.seeds;
   experiment.overrides = tuning.overrides;
-  for (std::size_t i = 0; i < searches.size(); ++i) {
-    const TuningLaw& law = *searches[i].law;
-    for (std::size_t n = 0; n < points[i].size(); ++n) {
-      const std::size_t number = searches[i].tried.size() + n;
-      const auto values = number == 0 ? law.start : values_at(law, points[i][n]);
+  for (std::size_t n = 0; n < searches.size(); ++n) {
+    for (std::size_t i = 0; i < points[n].size(); ++i) {
+      const std::size_t number = searches[n].tried.size() + i;
+      const auto values = values_at(law, n, number, points[n][i]);
       for (const std::size_t condition : law.conditions) {
         experiment.arms.push_back(
-            {{{"law", fmt::format("\"{}\"", law.name)},
+            {{{"search", std::to_string(n + 1)},
               {"candidate", std::to_string(number)},
               {"condition", fmt::format("\"{}\"", tuning.conditions[condition].name)}},
              tuning.scenario_of(law, condition, values)});
@@ -84,15 +99,15 @@ std::vector<std::vector<double>> metrics_in(const std::filesystem::path& databas
   return values;
 }
 
-void add_results(const Tuning& tuning, const std::vector<std::vector<double>>& by_arm,
-                 const std::vector<std::vector<SearchPoint>>& points,
-                 std::vector<LawSearch>& searches) {
+void add_results(const Tuning& tuning, const TuningLaw& law,
+                 const std::vector<std::vector<double>>& by_arm, const Round& points,
+                 std::vector<Search>& searches) {
   auto arm = by_arm.begin();
-  for (std::size_t i = 0; i < searches.size(); ++i) {
-    LawSearch& search = searches[i];
-    for (const SearchPoint& point : points[i]) {
-      const auto end = arm + static_cast<std::ptrdiff_t>(search.law->conditions.size());
-      const auto values = search.tried.empty() ? search.law->start : values_at(*search.law, point);
+  for (std::size_t n = 0; n < searches.size(); ++n) {
+    Search& search = searches[n];
+    for (const SearchPoint& point : points[n]) {
+      const auto end = arm + static_cast<std::ptrdiff_t>(law.conditions.size());
+      const auto values = values_at(law, n, search.tried.size(), point);
       search.tried.push_back({values, worth_of(tuning, {arm, end})});
       search.searched.push_back({point, search.tried.back().worth.objective});
       arm = end;
@@ -101,16 +116,44 @@ void add_results(const Tuning& tuning, const std::vector<std::vector<double>>& b
   assert(arm == by_arm.end());
 }
 
-TunedLaw result_of(const Tuning& tuning, const LawSearch& search) {
+/// The law before it is tuned: its gains have no values.
+TunedLaw untuned(const Tuning& tuning, const TuningLaw& law) {
   TunedLaw tuned;
-  const TuningLaw& law = *search.law;
-  const Candidate &before = search.tried.front(), &after = search.tried[best_of(search.searched)];
   tuned.name = law.name;
+  tuned.seeds = law.seeds;
+  tuned.evaluations = law.budget.evaluations;
   for (const PlacedSetting& given : law.settings) tuned.settings.push_back(given.setting);
-  for (std::size_t i = 0; i < law.keys.size(); ++i) {
-    tuned.gains.push_back({law.keys[i].key, number_text(after.values[i])});
-  }
+  for (const TunedKey& key : law.keys) tuned.gains.push_back({key.key, ""});
   for (const std::size_t i : law.conditions) tuned.conditions.push_back(tuning.conditions[i].name);
+  return tuned;
+}
+
+/// Whether gains are of this law with this effort; what they are worth is not looked at.
+bool is_of(const TunedLaw& tuned, const Tuning& tuning, const TuningLaw& law) {
+  TunedLaw expected = untuned(tuning, law);
+  for (std::size_t i = 0; i < std::min(tuned.gains.size(), expected.gains.size()); ++i) {
+    expected.gains[i].value = tuned.gains[i].value;
+  }
+  return tuned.settings == expected.settings && tuned.gains == expected.gains &&
+         tuned.conditions == expected.conditions && tuned.seeds == expected.seeds &&
+         tuned.evaluations == expected.evaluations && tuned.found.size() == law.searches;
+}
+
+TunedLaw result_of(const Tuning& tuning, const TuningLaw& law,
+                   const std::vector<Search>& searches) {
+  TunedLaw tuned = untuned(tuning, law);
+  std::vector<SearchedPoint> best;
+  for (const Search& search : searches) {
+    best.push_back(search.searched[best_of(search.searched)]);
+    tuned.found.push_back(best.back().objective);
+  }
+  const Search& search = searches[best_of(best)];
+  const Candidate& before = searches.front().tried.front();
+  const Candidate& after = search.tried[best_of(search.searched)];
+  for (std::size_t i = 0; i < law.keys.size(); ++i) {
+    tuned.gains[i].value = number_text(after.values[i]);
+  }
+  tuned.version = kVersion;
   tuned.before = before.worth.objective;
   tuned.after = after.worth.objective;
   tuned.means_before = before.worth.means;
@@ -118,7 +161,33 @@ TunedLaw result_of(const Tuning& tuning, const LawSearch& search) {
   return tuned;
 }
 
+/// Nullopt: interrupted.
+std::optional<TunedLaw> tune_law(const Tuning& tuning, const TuningLaw& law,
+                                 const std::filesystem::path& folder, std::size_t jobs) {
+  std::vector<Search> searches = searches_of(law);
+  const std::size_t rounds = round_sizes(law.budget).size();
+  for (std::size_t round = 1; round <= rounds; ++round) {
+    Round points;
+    for (const Search& search : searches) {
+      points.push_back(next_points(search.budget, search.given, search.searched));
+    }
+    const Experiment experiment = experiment_of(tuning, law, round, searches, points);
+    fmt::print(stderr, "{}: round {} of {}, {} candidates, {} runs\n", law.name, round, rounds,
+               experiment.arms.size() / law.conditions.size(),
+               experiment.arms.size() * experiment.seeds.size());
+    const SweepOutcome outcome = sweep_into(folder / experiment.name, experiment, {}, jobs);
+    if (!outcome.is_complete) return std::nullopt;
+    const auto metrics = metrics_in(outcome.database, tuning.metric, experiment.arms.size());
+    add_results(tuning, law, metrics, points, searches);
+  }
+  return result_of(tuning, law, searches);
+}
+
 }  // namespace
+
+bool TuneChoice::is_to_be_tuned(const std::string& law) const {
+  return laws.empty() || std::find(laws.begin(), laws.end(), law) != laws.end();
+}
 
 Worth worth_of(const Tuning& tuning, const std::vector<std::vector<double>>& metrics) {
   Worth worth;
@@ -136,32 +205,60 @@ Worth worth_of(const Tuning& tuning, const std::vector<std::vector<double>>& met
   return worth;
 }
 
-std::optional<Gains> tune(const Tuning& tuning, const std::filesystem::path& folder,
-                          std::size_t jobs, const std::string& command) {
-  std::vector<LawSearch> searches;
-  for (const TuningLaw& law : tuning.laws) searches.push_back({&law, {}, {}});
-  const std::size_t rounds = round_sizes(tuning.budget).size();
-  for (std::size_t round = 1; round <= rounds; ++round) {
-    std::vector<std::vector<SearchPoint>> points;
-    for (const LawSearch& search : searches) {
-      points.push_back(next_points(tuning.budget, start_of(*search.law), search.searched));
-    }
-    const Experiment experiment = experiment_of(tuning, round, searches, points);
-    fmt::print(stderr, "round {} of {}: {} candidates of each of {} laws, {} runs\n", round, rounds,
-               points.front().size(), searches.size(),
-               experiment.arms.size() * experiment.seeds.size());
-    const SweepOutcome outcome = sweep_into(folder / experiment.name, experiment, {}, jobs);
-    if (!outcome.is_complete) return std::nullopt;
-    const auto metrics = metrics_in(outcome.database, tuning.metric, experiment.arms.size());
-    add_results(tuning, metrics, points, searches);
+std::string folder_of(const std::string& law) {
+  std::string name;
+  for (const char c : law) {
+    const bool is_plain = std::isalnum(static_cast<unsigned char>(c)) != 0;
+    if (is_plain || (!name.empty() && name.back() != '-')) name += is_plain ? c : '-';
   }
+  return name;
+}
+
+TuneChoice chosen(const Tuning& tuning, std::vector<std::string> laws, const std::string& kept) {
+  TuneChoice choice{std::move(laws), {}};
+  for (const std::string& name : choice.laws) {
+    std::vector<std::string> names;
+    for (const TuningLaw& law : tuning.laws) names.push_back(law.name);
+    if (std::count(names.begin(), names.end(), name) != 0) continue;
+    throw UsageError(fmt::format("--law {}: must be a law of {}: \"{}\"", name, tuning.file,
+                                 fmt::join(names, "\", \"")));
+  }
+  if (kept.empty()) return choice;
+  const Gains gains = read_gains(kept);
+  if (gains.objective != tuning.objective()) {
+    throw UsageError(
+        fmt::format("--keep {}: was tuned for another objective: {}", kept, gains.objective));
+  }
+  for (const TuningLaw& law : tuning.laws) {
+    if (choice.is_to_be_tuned(law.name)) continue;
+    const TunedLaw* found = gains.find(law.name);
+    if (found == nullptr || !is_of(*found, tuning, law)) {
+      throw UsageError(fmt::format("--keep {}: law \"{}\" of {} is {}: tune it, with --law", kept,
+                                   law.name, tuning.file,
+                                   found == nullptr ? "not there" : "another there"));
+    }
+    choice.kept.push_back(*found);
+  }
+  return choice;
+}
+
+std::optional<Gains> tune(const Tuning& tuning, const TuneChoice& choice,
+                          const std::filesystem::path& folder, std::size_t jobs,
+                          const std::string& command) {
   Gains gains;
-  gains.version = kVersion;
   gains.command = command;
   gains.objective = tuning.objective();
-  gains.seeds = tuning.seeds;
-  gains.evaluations = tuning.budget.evaluations;
-  for (const LawSearch& search : searches) gains.laws.push_back(result_of(tuning, search));
+  for (const TuningLaw& law : tuning.laws) {
+    if (choice.is_to_be_tuned(law.name)) {
+      const auto tuned = tune_law(tuning, law, folder / folder_of(law.name), jobs);
+      if (!tuned) return std::nullopt;
+      gains.laws.push_back(*tuned);
+      continue;
+    }
+    for (const TunedLaw& kept : choice.kept) {
+      if (kept.name == law.name) gains.laws.push_back(kept);
+    }
+  }
   return gains;
 }
 

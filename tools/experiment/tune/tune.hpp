@@ -20,14 +20,30 @@ struct Worth {
 };
 Worth worth_of(const Tuning& tuning, const std::vector<std::vector<double>>& metrics);
 
-/// Tunes all laws, round by round (search.hpp): all candidates of all laws in a round are one
-/// sweep, in `folder`/round1 and so on, all with the training seeds. So the result does not depend
-/// on `jobs`, and what was interrupted goes on where it stood. Shows progress on stderr. Nullopt:
-/// interrupted. Throws as sweep_into().
+/// Which laws of a tuning are tuned, and what becomes of the others.
+struct TuneChoice {
+  std::vector<std::string> laws;  ///< by name; none: all
+  std::vector<TunedLaw> kept;     ///< others, as they are; one that is not here is left out
+
+  bool is_to_be_tuned(const std::string& law) const;
+};
+
+/// `kept`: a file that has all others, tuned for the same and with the same effort; empty: none.
+/// Throws UsageError that says what is not so.
+TuneChoice chosen(const Tuning& tuning, std::vector<std::string> laws, const std::string& kept);
+
+/// Tunes laws one after another, each independently of the others, and round by round (search.hpp):
+/// all candidates of all of a law's searches in a round are one sweep, in `folder`/LAW/round1 and
+/// so on, all with the training seeds. So the result does not depend on `jobs` nor on which laws
+/// are tuned together, and what was interrupted goes on where it stood. Shows progress on stderr.
+/// Nullopt: interrupted. Throws as sweep_into().
 ///
-/// The values that the scenario has are a candidate too, and win where nothing is better, so that
-/// tuning never makes the objective worse.
-std::optional<Gains> tune(const Tuning& tuning, const std::filesystem::path& folder,
-                          std::size_t jobs, const std::string& command);
+/// The start and what was known are candidates, too, and win where nothing is better.
+std::optional<Gains> tune(const Tuning& tuning, const TuneChoice& choice,
+                          const std::filesystem::path& folder, std::size_t jobs,
+                          const std::string& command);
+
+/// LAW of the above: "PID, 1/1 Hz" has PID-1-1-Hz.
+std::string folder_of(const std::string& law);
 
 }  // namespace tether

@@ -10,6 +10,7 @@
 #include <map>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <variant>
 
 #include "common/base/errors.hpp"
@@ -25,6 +26,15 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kLargest = 1e300;
+constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
+
+/// Of each law that has none of its own.
+struct Effort {
+  SearchBudget budget;
+  std::size_t searches = 1;
+  bool starts_at_centre = false;  ///< of the bounds, and not with what the scenario has
+  bool is_quick = false;
+};
 
 std::vector<PlacedSetting> as_they_are(const PlacedSetting& given) { return {given}; }
 
@@ -45,12 +55,13 @@ std::vector<PlacedNode> named_tables(const Section& section, const std::string& 
 }
 
 TunedKey read_key(const PlacedNode& given, const std::string& file) {
-  const std::string what = fmt::format("{} = {{ from, to, scale }}", given.key);
-  const Section section(table_of(given, what), given.key + ".", file, {"from", "to", "scale"});
+  const std::string what = fmt::format("{} = {{ from, to, scale, known }}", given.key);
+  const Section section(table_of(given, what), given.key + ".", file,
+                        {"from", "to", "scale", "known"});
   for (const char* bound : {"from", "to"}) {
     if (section.get(bound) == nullptr) section.refuse(bound, "given");
   }
-  TunedKey key{given.key, section.number("from", -kLargest, kLargest, 0.0), 0.0, false,
+  TunedKey key{given.key,  section.number("from", -kLargest, kLargest, 0.0), 0.0, false, {},
                given.place};
   key.to = section.number("to", -kLargest, kLargest, 0.0);
   if (!(key.from < key.to)) {
@@ -61,6 +72,16 @@ TunedKey read_key(const PlacedNode& given, const std::string& file) {
   if (scale != "linear" && scale != "log") section.refuse("scale", "\"linear\" or \"log\"");
   key.is_log = scale == "log";
   if (key.is_log && key.from <= 0.0) section.refuse("from", "positive where scale is \"log\"");
+  if (const toml::node* known = section.get("known")) {
+    const toml::array* list = known->as_array();
+    for (std::size_t i = 0; list != nullptr && i < list->size(); ++i) {
+      const std::optional<double> value = (*list)[i].value<double>();
+      if (value && *value >= key.from && *value <= key.to) key.known.push_back(*value);
+    }
+    if (list == nullptr || list->empty() || key.known.size() != list->size()) {
+      section.refuse("known", "a list of numbers within the bounds");
+    }
+  }
   return key;
 }
 
@@ -75,6 +96,11 @@ Bounds read_bounds(const Section& section, const std::string& file) {
     }
     if (keys.empty()) {
       throw UsageError(fmt::format("{}: bounds.{} has no key", set.place, set.key));
+    }
+    for (const TunedKey& key : keys) {
+      if (key.known.size() == keys.front().known.size()) continue;
+      throw UsageError(fmt::format("{}: {}.known must have as many values as {}.known, or neither",
+                                   key.place, key.key, keys.front().key));
     }
   }
   return bounds;
@@ -104,7 +130,28 @@ std::vector<std::size_t> conditions_of(const PlacedNode& law, const toml::node* 
                                law.key, fmt::join(allowed, "\", \"")));
 }
 
-TuningLaw read_law(const PlacedNode& given, const Bounds& bounds, const Tuning& tuning) {
+/// What a law's table has besides scenario keys.
+const std::set<std::string> kOfTheLaw{"bounds", "conditions", "evaluations", "first_seeds"};
+
+/// A law's own effort, where it has one, in place of the tuning's.
+void read_own_effort(const PlacedNode& given, const toml::table& table, const Effort& effort,
+                     const Tuning& tuning, TuningLaw& law) {
+  std::set<std::string> known = kOfTheLaw;  // the others are scenario keys
+  for (const auto& [key, value] : table) known.emplace(key.str());
+  const Section section(table, fmt::format("law.\"{}\".", given.key), tuning.file, known);
+  const auto most = [&](const char* key, std::int64_t least, std::size_t all) {
+    const auto own_number = section.whole(key, least, static_cast<std::int64_t>(all));
+    return std::min(static_cast<std::size_t>(own_number), effort.is_quick ? all : kNoLimit);
+  };
+  law.searches = effort.searches;
+  law.budget.evaluations = most("evaluations", 2, effort.budget.evaluations);
+  law.budget.rounds = std::min(effort.budget.rounds, law.budget.evaluations / 2);
+  law.seeds = tuning.seeds;
+  law.seeds.resize(std::min(law.seeds.size(), most("first_seeds", 1, law.seeds.size())));
+}
+
+TuningLaw read_law(const PlacedNode& given, const Bounds& bounds, const Effort& effort,
+                   const Tuning& tuning) {
   const toml::table& table = table_of(given, fmt::format("law.\"{}\"", given.key));
   TuningLaw law;
   law.name = given.key;
@@ -118,9 +165,9 @@ TuningLaw read_law(const PlacedNode& given, const Bounds& bounds, const Tuning& 
   }
   law.keys = set->second;
   for (const PlacedSetting& setting : settings_in(table, tuning.file, as_they_are)) {
-    if (setting.setting.key == "bounds" || setting.setting.key == "conditions") continue;
-    law.settings.push_back(setting);
+    if (!kOfTheLaw.contains(setting.setting.key)) law.settings.push_back(setting);
   }
+  read_own_effort(given, table, effort, tuning, law);
   return law;
 }
 
@@ -142,20 +189,21 @@ double value_in(const Scenario& scenario, const TunedKey& key) {
       key.place, key.key));
 }
 
-/// Fills in what the law has untuned, and refuses bounds that the scenario refuses.
-void start_from_scenario(const Tuning& tuning, TuningLaw& law) {
+/// Fills in what the law's first search begins with, and refuses bounds that the scenario refuses.
+void find_given(const Tuning& tuning, const Effort& effort, TuningLaw& law) {
   TuningLaw untuned = law;
   untuned.keys.clear();
+  std::vector<double> start;
   for (const std::size_t condition : law.conditions) {
     const Scenario scenario = tuning.scenario_of(untuned, condition, {});
-    if (!law.start.empty()) continue;  // the others are to be loaded only
-    for (const TunedKey& key : law.keys) law.start.push_back(value_in(scenario, key));
+    if (!start.empty()) continue;  // the others are to be loaded only
+    for (const TunedKey& key : law.keys) start.push_back(value_in(scenario, key));
   }
   for (std::size_t i = 0; i < law.keys.size(); ++i) {
     const TunedKey& key = law.keys[i];
     bool has_effect = false;
     for (const double bound : {key.from, key.to}) {
-      std::vector<double> values = law.start;
+      std::vector<double> values = start;
       values[i] = bound;
       const Scenario scenario = tuning.scenario_of(law, law.conditions.front(), values);
       has_effect |= !scenario.schema().left_out(scenario, find_key(scenario, key).value());
@@ -164,21 +212,38 @@ void start_from_scenario(const Tuning& tuning, TuningLaw& law) {
     throw UsageError(
         fmt::format("{}: {} has no effect on law \"{}\"", key.place, key.key, law.name));
   }
+  const SearchPoint centre = sequence_point(law.keys.size(), 0);
+  for (std::size_t i = 0; effort.starts_at_centre && i < law.keys.size(); ++i) {
+    start[i] = law.keys[i].at(centre[i]);
+  }
+  law.given = {start};
+  for (std::size_t n = 0; n < law.keys.front().known.size(); ++n) {
+    law.given.emplace_back();
+    for (const TunedKey& key : law.keys) law.given.back().push_back(key.known[n]);
+  }
+  const std::size_t first = round_sizes(law.budget).front();
+  if (law.given.size() > first) law.given.resize(first);  // with --quick, perhaps
 }
 
-void read_effort(const Section& section, bool quick, Tuning& tuning) {
-  const auto effort = [&](const char* all_key, std::int64_t least, std::int64_t otherwise) {
-    const std::int64_t all = section.whole(all_key, least, otherwise);
-    const std::string quick_key = fmt::format("quick_{}", all_key);
-    const std::int64_t few = std::min(section.whole(quick_key, least, all), all);
-    return static_cast<std::size_t>(quick ? few : all);
-  };
-  tuning.budget.evaluations = effort("evaluations", 2, 120);
-  tuning.budget.rounds = static_cast<std::size_t>(section.whole("rounds", 1, 9));
-  tuning.budget.rounds = std::min(tuning.budget.rounds, tuning.budget.evaluations / 2);
-  const auto all = static_cast<std::int64_t>(tuning.seeds.size());
-  const std::int64_t few = std::min(section.whole("quick_seeds", 1, all), all);
-  if (quick) tuning.seeds.resize(static_cast<std::size_t>(few));
+Effort read_effort(const Section& section, bool quick, Tuning& tuning) {
+  Effort effort;
+  effort.is_quick = quick;
+  const std::int64_t all = section.whole("evaluations", 2, 120);
+  const std::int64_t few = std::min(section.whole("quick_evaluations", 2, all), all);
+  effort.budget.evaluations = static_cast<std::size_t>(quick ? few : all);
+  effort.budget.rounds = static_cast<std::size_t>(section.whole("rounds", 1, 9));
+  effort.budget.rounds = std::min(effort.budget.rounds, effort.budget.evaluations / 2);
+  const std::int64_t searches = section.whole("searches", 1, 1);
+  effort.searches = quick ? 1 : static_cast<std::size_t>(searches);
+  const std::string start = section.text("start", "scenario");
+  if (start != "scenario" && start != "centre") {
+    section.refuse("start", "\"scenario\" or \"centre\"");
+  }
+  effort.starts_at_centre = start == "centre";
+  const auto seeds = static_cast<std::int64_t>(tuning.seeds.size());
+  const std::int64_t few_seeds = std::min(section.whole("quick_seeds", 1, seeds), seeds);
+  if (quick) tuning.seeds.resize(static_cast<std::size_t>(few_seeds));
+  return effort;
 }
 
 }  // namespace
@@ -231,7 +296,7 @@ Tuning load_tuning(const std::string& file, const std::vector<std::string>& over
   const Section section(
       table, "", file,
       {"name", "scenario", "seeds", "quick_seeds", "metric", "most", "mean", "evaluations",
-       "quick_evaluations", "rounds", "set", "condition", "bounds", "law"});
+       "quick_evaluations", "rounds", "searches", "start", "set", "condition", "bounds", "law"});
   Tuning tuning;
   tuning.file = file;
   tuning.overrides = overrides;
@@ -250,7 +315,7 @@ Tuning load_tuning(const std::string& file, const std::vector<std::string>& over
   }
   tuning.is_geometric = mean == "geometric";
   tuning.seeds = read_seeds(section, file);
-  read_effort(section, quick, tuning);
+  const Effort effort = read_effort(section, quick, tuning);
   if (const toml::table* set = section.table("set")) {
     tuning.set = settings_in(*set, file, as_they_are);
   }
@@ -260,8 +325,8 @@ Tuning load_tuning(const std::string& file, const std::vector<std::string>& over
   }
   const Bounds bounds = read_bounds(section, file);
   for (const PlacedNode& given : named_tables(section, "law", file)) {
-    tuning.laws.push_back(read_law(given, bounds, tuning));
-    start_from_scenario(tuning, tuning.laws.back());
+    tuning.laws.push_back(read_law(given, bounds, effort, tuning));
+    find_given(tuning, effort, tuning.laws.back());
   }
   return tuning;
 }

@@ -16,8 +16,9 @@ namespace tether {
 struct TunedKey {
   std::string key;
   double from = 0.0, to = 0.0;
-  bool is_log = false;  ///< the search's steps are factors; then `from` is positive
-  std::string place;    ///< "tune.toml:12"
+  bool is_log = false;        ///< the search's steps are factors; then `from` is positive
+  std::vector<double> known;  ///< of sets of values that were good before: the key's in each
+  std::string place;          ///< "tune.toml:12"
 
   /// Values from where the search is, rounded to three significant digits, and back.
   double at(double coordinate) const;
@@ -36,7 +37,11 @@ struct TuningLaw {
   std::vector<PlacedSetting> settings;
   std::vector<TunedKey> keys;
   std::vector<std::size_t> conditions;  ///< numbers of Tuning::conditions
-  std::vector<double> start;            ///< what its keys are without tuning
+  /// Sets of values that its first search begins with: the start, and what was known.
+  std::vector<std::vector<double>> given;
+  std::vector<std::uint64_t> seeds;  ///< all of the tuning's, or the first of them
+  SearchBudget budget;               ///< of each search
+  std::size_t searches = 1;          ///< from different places; the best of all counts
 };
 
 /// A tuning file (docs/experiments.md): which laws to tune, for what, and with which effort.
@@ -48,7 +53,6 @@ struct Tuning {
   double most = 0.0;         ///< a run's metric counts as no more; infinity: as it is
   bool is_geometric = true;  ///< the mean over the conditions; else arithmetic
   std::vector<std::uint64_t> seeds;
-  SearchBudget budget;  ///< of each law
   std::vector<PlacedSetting> set;
   std::vector<TuningCondition> conditions;
   std::vector<TuningLaw> laws;
@@ -61,8 +65,9 @@ struct Tuning {
 };
 
 /// Reads the file and its scenario; `overrides` ("KEY=VALUE") apply on top of both. `quick`: with
-/// no more than the file's quick_seeds and quick_evaluations. Throws UsageError that names file,
-/// line, key and what is allowed, also if a bound is a value that the scenario must not have.
+/// one search, no more than the file's quick_seeds and quick_evaluations. Throws UsageError that
+/// names file, line, key and what is allowed, also if a bound is a value that the scenario must not
+/// have.
 Tuning load_tuning(const std::string& file, const std::vector<std::string>& overrides = {},
                    bool quick = false);
 
