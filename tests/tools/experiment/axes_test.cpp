@@ -177,29 +177,62 @@ TEST(ProjectExperiments, AllLoad) {
   EXPECT_GE(files, 13U);
 }
 
-TEST(ProjectExperiments, TheBenchmarkHasTwelveLawsInFifteenChannelsAndThreeNullControls) {
+TEST(ProjectExperiments, TheBenchmarkHasThirteenLawsInFifteenChannelsAndFiveNullControls) {
   const Experiment e = of_the_project("control_benchmark");
   EXPECT_THAT(e.keys, ElementsAre("law", "PRR", "delay_ms", "burst"));
-  EXPECT_THAT(e.arms, SizeIs(12 * 15 + 3));
-  EXPECT_EQ(count(e, {{"delay_ms", {"0"}}, {"burst", {"none"}}}), 12U * 7 + 3);
-  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 12U * 6);
-  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 12U * 2);
-  EXPECT_EQ(count(e, {{"law", {"plan on board, no packet"}}}), 1U);
+  EXPECT_THAT(e.arms, SizeIs(13 * 15 + 2 * 4 + 5));
+  EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 13U * 6);
+  EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 13U * 2);
+  EXPECT_EQ(count(e, {{"law", {"PID, 20/20 Hz, for PRR 0.45"}}}), 4U);
   EXPECT_THAT(e.seeds, SizeIs(30));
   EXPECT_TRUE(e.common_random_numbers);
   EXPECT_THAT(of_the_project("control_benchmark", true).seeds, SizeIs(4));
   for (const Arm& arm : e.arms) {
     EXPECT_EQ(arm.scenario.get<VehicleSettings>().max_wheel_acceleration_mps2, 3.0) << arm.text();
-    EXPECT_EQ(arm.scenario.get<VehicleSettings>().start_error_m, 0.1) << arm.text();
     EXPECT_EQ(arm.scenario.get<SensorSettings>().position_noise_m, 0.02) << arm.text();
   }
 }
 
-TEST(ProjectExperiments, RobustnessHasBothLawsUnderEachErrorAtEachPrrAndTwoNullControls) {
+TEST(ProjectExperiments, RobustnessHasBothLawsUnderEachErrorAtEachPrrAndThreeNullControls) {
   const Experiment e = of_the_project("control_robustness");
-  EXPECT_THAT(e.arms, SizeIs(2 * (11 * 5 + 2 * 4) + 2 * 11));
+  EXPECT_THAT(e.arms, SizeIs(2 * (11 * 5 + 2 * 4) + 3 * 11));
   EXPECT_EQ(count(e, {{"law", {"PID, 20/20 Hz"}}, {"error", {"none"}}}), 5U);
   EXPECT_EQ(count(e, {{"error", {"bursts of 20 packets"}}}), 8U);
+}
+
+constexpr const char* kOfControl[] = {"control_benchmark", "control_rates",   "control_robustness",
+                                      "control_breaking",  "control_targets", "control_markov",
+                                      "control_frames",    "control_mpc"};
+
+TEST(ProjectExperiments, EachOfControlStartsInexactlyAndHasTheNullControls) {
+  for (const char* name : kOfControl) {
+    const Experiment e = of_the_project(name);
+    const std::string key = count(e, {{"law", {"PID, 20/20 Hz"}}}) > 0 ? "law" : "case";
+    for (const char* null :
+         {"plan on board, no packet", "on board, tracking 20 Hz", "on board, PID 20 Hz"}) {
+      EXPECT_GE(count(e, {{key, {null}}}), 1U) << name << ": " << null;
+    }
+    for (const Arm& arm : e.arms) {
+      EXPECT_EQ(arm.scenario.get<VehicleSettings>().start_error_m, 0.1) << name << arm.text();
+      EXPECT_EQ(arm.scenario.get<VehicleSettings>().start_error_rad, 0.05) << name << arm.text();
+    }
+  }
+}
+
+TEST(ProjectExperiments, NoPacketMeansNone) {
+  for (const char* name : kOfControl) {
+    for (const Arm& arm : of_the_project(name).arms) {
+      if (!arm.text().starts_with("law = plan on board") &&
+          arm.text().find("case = plan on board") == std::string::npos) {
+        continue;
+      }
+      const auto& channel = arm.scenario.get<ChannelSettings>();
+      for (const LinkConfig& link : {channel.uplink, channel.downlink}) {
+        EXPECT_EQ(link.model, "fixed") << name << arm.text();
+        EXPECT_EQ(link.fixed.prr, 0.0) << name << arm.text();
+      }
+    }
+  }
 }
 
 /// PRR and mean burst that a chain of two states has in the long run.
