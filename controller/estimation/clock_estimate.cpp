@@ -24,4 +24,9 @@ Duration ClockEstimate::offset() const {
   return std::clamp(from_seconds(share * middle_s), low, high);
 }
 
+Duration ClockEstimate::near(Duration used) const {
+  const Duration estimate = offset();
+  return std::chrono::abs(estimate - used) > kSame ? estimate : used;
+}
+
 }  // namespace tether

@@ -21,6 +21,7 @@ class ClockEstimate {
  public:
   static constexpr double kPrior_s = 0.05;
   static constexpr double kWidest_s = 0.03;
+  static constexpr Duration kSame = std::chrono::milliseconds{3};
   static constexpr Duration kMost = std::chrono::milliseconds{200};
 
   /// Arrival minus stamp of a pose, without what the sensor took.
@@ -30,6 +31,9 @@ class ClockEstimate {
 
   /// 0 before there is one of each.
   Duration offset() const;
+  /// `used`, unless that is off by more than kSame: plans that differ are not consistent, so a
+  /// change that is too small to matter is left.
+  Duration near(Duration used) const;
 
  private:
   Duration up_ = Duration::max();          // the shortest

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/vehicle/dead_reckoning.hpp"
+
 namespace tether {
 namespace {
 
@@ -43,13 +45,12 @@ void for_adapted(const Adaptation& adapt, Function use) {
 
 double squared(double x) { return x * x; }
 
-// Of a twist by encoders, and how far what the rims aim at wanders while it is measured. Encoders
-// are better; but that they read 1 m/s more for a moment, because the first plan came on board
-// sooner than is thought, must not be taken for another lag or other wheels. Tried from 0.02 to 0.3
-// in closed loops (docs/controllers.md).
-constexpr double kReadNoise_mps = 0.3;
-constexpr double kReadNoise_radps = 0.3;
-constexpr double kAimWander_mpsqrts = 0.5;
+// Of rim speeds by encoders.
+constexpr double kReadNoise_mps = 0.02;
+// Of what commands lead to. Encoders are better; but that they read 1 m/s more for a moment,
+// because the first plan came on board sooner than is thought, must not be taken for another lag.
+// Tried from 0.02 to 0.3 in closed loops (docs/controllers.md).
+constexpr double kLagNoise_mps = 0.3;
 
 /// The covariance after a measurement by `h` with white noise of these variances: Joseph's form
 /// keeps it symmetric and positive.
@@ -89,6 +90,8 @@ PoseFilter::PoseFilter(const PoseFilterSettings& settings, const Adaptation& ada
   p(kYaw, kYaw) = squared(settings_.start_rad);
   for_adapted(adapt_,
               [&](const Prior& prior) { p(prior.index, prior.index) = squared(prior.at_first); });
+  if (settings_.radius_error) p(kScale, kScale) = squared(*settings_.radius_error);
+  if (settings_.track_error) p(kTurn, kTurn) = squared(*settings_.track_error);
 }
 
 bool PoseFilter::stands() const {
@@ -115,15 +118,91 @@ void PoseFilter::step(const Twist& command, double dt_s) {
   auto p = square(covariance_);
   const Square moved = f * p;
   p.noalias() = moved * f.transpose();
+  widen_by(dt_s);
+}
+
+/// What the pose drifts and parameters wander.
+void PoseFilter::widen_by(double dt_s) {
+  auto p = square(covariance_);
   p(kX, kX) += squared(settings_.position_drift_mpsqrts) * dt_s;
   p(kY, kY) += squared(settings_.position_drift_mpsqrts) * dt_s;
   p(kYaw, kYaw) += squared(settings_.yaw_drift_radpsqrts) * dt_s;
   for_adapted(adapt_, [&](const Prior& prior) {
     p(prior.index, prior.index) += squared(prior.wander_psqrts) * dt_s;
   });
-  if (wheels_used_ + wheels_gated_ == 0) return;
-  p(kLeftAim, kLeftAim) += squared(kAimWander_mpsqrts) * dt_s;
-  p(kRightAim, kRightAim) += squared(kAimWander_mpsqrts) * dt_s;
+}
+
+void PoseFilter::roll(const Rolled& rolled, double dt_s) {
+  const DriveModel& drive = model_.drive();
+  const double track_m = model_.limits().track_m;
+  ++rolled_;
+  const WheelSpeeds read =
+      to_wheel_speeds({rolled.at_end.v_mps, drive.turn_scale * rolled.at_end.omega_radps}, track_m);
+  state_.rim = {drive.rim_scale * read.left_mps, drive.rim_scale * read.right_mps};
+  state_.lagging = state_.rim;
+  const bool stood = rolled.distance_m == 0.0 && rolled.turn_rad == 0.0;
+  const double added_s = stood ? 0.0 : dt_s;
+  // Its own way and turn, scaled, on a chord that turns by half of what the turn is more.
+  const double scale_turn = drive.rim_scale * drive.turn_scale;
+  const double turn_rad = scale_turn * rolled.turn_rad + drive.omega_bias_radps * added_s;
+  const double to_world_rad = state_.pose.yaw_rad + 0.5 * (turn_rad - rolled.turn_rad);
+  const double c = drive.rim_scale * std::cos(to_world_rad);
+  const double s = drive.rim_scale * std::sin(to_world_rad);
+  const double middle_rad = state_.pose.yaw_rad + 0.5 * turn_rad;
+  const double added_m = drive.v_bias_mps * added_s;
+  const double rolled_x_m = c * rolled.x_m - s * rolled.y_m;
+  const double rolled_y_m = s * rolled.x_m + c * rolled.y_m;
+  const double dx_m = rolled_x_m + added_m * std::cos(middle_rad);
+  const double dy_m = rolled_y_m + added_m * std::sin(middle_rad);
+  Square f = Square::Identity();
+  const auto turn_by = [&](int index, double rate) {  // derivative of the turn by a parameter
+    f(kYaw, index) += rate;
+    f(kX, index) -= 0.5 * rate * dy_m;
+    f(kY, index) += 0.5 * rate * dx_m;
+  };
+  f(kX, kYaw) = -dy_m;
+  f(kY, kYaw) = dx_m;
+  f(kX, kScale) = rolled_x_m / drive.rim_scale;
+  f(kY, kScale) = rolled_y_m / drive.rim_scale;
+  turn_by(kScale, drive.turn_scale * rolled.turn_rad);
+  turn_by(kTurn, drive.rim_scale * rolled.turn_rad);
+  f(kX, kBias) = std::cos(middle_rad) * added_s;
+  f(kY, kBias) = std::sin(middle_rad) * added_s;
+  turn_by(kSpin, added_s);
+  const double half_turn_mps = 0.5 * track_m * drive.rim_scale * rolled.at_end.omega_radps;
+  for (const int wheel : {kLeft, kLeftAim, kRight, kRightAim}) {
+    const bool left = wheel == kLeft || wheel == kLeftAim;
+    f(wheel, wheel) = 0.0;
+    f(wheel, kScale) = left ? read.left_mps : read.right_mps;
+    f(wheel, kTurn) = left ? -half_turn_mps : half_turn_mps;
+  }
+  auto p = square(covariance_);
+  const Square moved = f * p;
+  p.noalias() = moved * f.transpose();
+  state_.pose.x_m += dx_m;
+  state_.pose.y_m += dy_m;
+  state_.pose.yaw_rad = wrap_angle(state_.pose.yaw_rad + turn_rad);
+  if (!stood) widen_rolled(rolled.distance_m, middle_rad, dt_s);
+}
+
+/// Each wheel's way has this variance: half of it in the mean, twice in the difference. The drift is
+/// that of the same motion, so the larger counts.
+void PoseFilter::widen_rolled(double distance_m, double direction_rad, double dt_s) {
+  auto p = square(covariance_);
+  widen_by(dt_s);
+  const double way_m2 = DeadReckoning::kVariancePerMetre * distance_m;
+  const double more_m2 =
+      std::max(0.0, 0.5 * way_m2 - squared(settings_.position_drift_mpsqrts) * dt_s);
+  const double c = std::cos(direction_rad), s = std::sin(direction_rad);
+  p(kX, kX) += more_m2 * c * c;
+  p(kY, kY) += more_m2 * s * s;
+  p(kX, kY) += more_m2 * c * s;
+  p(kY, kX) = p(kX, kY);
+  p(kYaw, kYaw) += std::max(0.0, 2.0 * way_m2 / squared(model_.limits().track_m) -
+                                     squared(settings_.yaw_drift_radpsqrts) * dt_s);
+  for (const int wheel : {kLeft, kLeftAim, kRight, kRightAim}) {
+    p(wheel, wheel) += squared(kReadNoise_mps);
+  }
 }
 
 PoseFilter::Covariance PoseFilter::jacobian(const MotionModel& model,
@@ -185,39 +264,36 @@ PoseFilter::Verdict PoseFilter::update(const Pose2& measured) {
   agreeing_ = in_a_row_ = 0;
   ++accepted_;
   sum_nis_ += last_nis_;
-  const Eigen::Matrix<double, kN, 3> gain =
+  Eigen::Matrix<double, kN, 3> gain =
       solver.solve(Eigen::Matrix<double, 3, kN>(p.topRows<3>())).transpose();
+  keep_considered(gain);
   const Column correction = gain * innovation;
   shrink<3>(p, gain, Eigen::Matrix<double, 3, kN>::Identity(), noise);
   add(correction.data());
   return Verdict::accepted;
 }
 
-void PoseFilter::update_wheels(const Twist& read) {
-  const DriveModel& drive = model_.drive();
-  const Twist real = model_.twist(state_);
-  const double by_scale = 1.0 / drive.rim_scale;
-  const double by_both = by_scale / drive.turn_scale;
+/// What is not adapted is not corrected.
+template <class Gain>
+void PoseFilter::keep_considered(Gain& gain) const {
+  if (!adapt_.radius) gain.row(kScale).setZero();
+  if (!adapt_.track) gain.row(kTurn).setZero();
+}
+
+void PoseFilter::update_lag(const LagReading& reading) {
+  if (!adapt_.lag) return;
   Eigen::Matrix<double, 2, kN> h = Eigen::Matrix<double, 2, kN>::Zero();
-  h(0, kLeft) = h(0, kRight) = 0.5 * by_scale;
-  h(0, kScale) = -real.v_mps * by_scale * by_scale;
-  h(1, kRight) = by_both / model_.limits().track_m;
-  h(1, kLeft) = -h(1, kRight);
-  h(1, kScale) = -real.omega_radps * by_both * by_scale;
-  h(1, kTurn) = -real.omega_radps * by_both / drive.turn_scale;
-  const Eigen::Vector2d innovation{read.v_mps - real.v_mps * by_scale,
-                                   read.omega_radps - real.omega_radps * by_both};
-  const Eigen::Vector2d noise{squared(kReadNoise_mps), squared(kReadNoise_radps)};
+  h(0, kLag) = reading.by_lag_mps2.left_mps;
+  h(1, kLag) = reading.by_lag_mps2.right_mps;
+  const Eigen::Vector2d innovation{reading.more.left_mps, reading.more.right_mps};
+  const Eigen::Vector2d noise{squared(kLagNoise_mps), squared(kLagNoise_mps)};
   auto p = square(covariance_);
   const Eigen::Matrix<double, kN, 2> together = p * h.transpose();
   const Eigen::LDLT<Eigen::Matrix2d> solver(h * together + Eigen::Matrix2d(noise.asDiagonal()));
-  const bool first = wheels_used_ + wheels_gated_ == 0;
-  if (!first && !(innovation.dot(solver.solve(innovation)) <= kWheelGate)) {
-    ++wheels_gated_;
-    return;
-  }
-  ++wheels_used_;
-  const Eigen::Matrix<double, kN, 2> gain = solver.solve(together.transpose()).transpose();
+  if (!(innovation.dot(solver.solve(innovation)) <= kWheelGate)) return;
+  ++lag_used_;
+  Eigen::Matrix<double, kN, 2> gain = solver.solve(together.transpose()).transpose();
+  keep_considered(gain);
   const Column correction = gain * innovation;
   shrink<2>(p, gain, h, noise);
   add(correction.data());
@@ -302,10 +378,7 @@ void PoseFilter::list_counters(CounterList& out) const {
   out.emplace_back("ekf.gated", gated_);
   out.emplace_back("ekf.resets", resets_);
   out.emplace_back("ekf.nis_per_mille", std::llround(mean_nis() * 1e3));
-  if (wheels_used_ + wheels_gated_ > 0) {
-    out.emplace_back("ekf.wheels_used", wheels_used_);
-    out.emplace_back("ekf.wheels_gated", wheels_gated_);
-  }
+  if (rolled_ > 0) out.emplace_back("ekf.rolled", rolled_);
   const DriveModel& drive = model_.drive();
   const auto millionths = [](double x) { return std::llround(x * 1e6); };
   if (adapt_.radius) out.emplace_back("ekf.radius_ppm", millionths(drive.rim_scale - 1.0));

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "common/base/counters.hpp"
 #include "common/vehicle/motion_model.hpp"
@@ -19,6 +20,26 @@ struct PoseFilterSettings {
   double start_m = 0.02;                 ///< of the start, each axis
   double start_rad = 0.01;
   double lag_ms = 0.0;  ///< of the drive; with adapt.lag: what it is taken for at first
+  /// Of the wheels' radius and of the track, relative. Not set: 0.03 if it is adapted, else 0.
+  std::optional<double> radius_error;
+  std::optional<double> track_error;
+};
+
+/// What the wheels rolled between two readings of their encoders, as the drive takes them to be:
+/// dead reckoning, in the frame of the pose at its beginning.
+struct Rolled {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  double turn_rad = 0.0;
+  double distance_m = 0.0;  ///< length of the path, not negative
+  Twist at_end;
+};
+
+/// Rim speeds that the encoders say, against those that the commands would have led to, and the
+/// derivatives of the latter by the lag.
+struct LagReading {
+  WheelSpeeds more;  ///< than predicted
+  WheelSpeeds by_lag_mps2;
 };
 
 /// Which numbers of DriveModel are estimated with the pose. Those that are not stay as given.
@@ -38,8 +59,13 @@ struct Adaptation {
 /// The state is x, y, yaw; both rim speeds and what they aim at behind the lag; and the numbers of
 /// DriveModel, as parameters that walk at random (section 11.9). It moves by MotionModel through
 /// the commands that were in force, in steps of MotionModel::kShort_s at most; while wheels turn,
-/// the pose drifts by position_drift and yaw_drift. A parameter that is not adapted has no variance
-/// and stays.
+/// the pose drifts by position_drift and yaw_drift. A parameter that is not adapted stays. If its
+/// error is given all the same (radius_error, track_error), it is *considered*: its covariance with
+/// the pose is kept, only its row of the gain is zero (Schmidt: Application of State-Space Methods
+/// to Navigation Problems. In: Advances in Control Systems 3, 1966; not consulted: any gain is
+/// right in Joseph's form, of which this is a special case). Else it has no variance.
+///
+/// Where the wheels' encoders are heard (roll()), what they rolled takes the place of the commands.
 ///
 /// A pose z is z = (x, y, yaw) + noise. Its innovation ν with covariance S gives the normalised
 /// innovation squared, NIS = νᵀ S⁻¹ ν, which is χ² with 3 degrees of freedom if all is as assumed
@@ -75,11 +101,13 @@ class PoseFilter {
   void advance(const Twist& command, double dt_s);
   /// A pose measured now. It must be finite.
   Verdict update(const Pose2& measured);
-  /// What the wheels' encoders say that the vehicle does now: its rims as the drive takes them to
-  /// be, v/rim_scale and ω/(rim_scale turn_scale). With poses this tells errors of wheels and track
-  /// from a lag, which poses alone take long to do. A reading beyond kWheelGate is not used. From
-  /// the first one on, what the rims aim at walks at random, so that readings count.
-  void update_wheels(const Twist& read);
+  /// The vehicle moved on by what its wheels rolled in `dt_s`, whatever was commanded: scaled by
+  /// what is known of wheels and track, with a variance of DeadReckoning::kVariancePerMetre for
+  /// each wheel, errors of radius and track, and the drift, for slip.
+  void roll(const Rolled& rolled, double dt_s);
+  /// What the wheels said in comparison to the commands: tells the lag, if it is adapted. A reading
+  /// beyond kWheelGate is not used.
+  void update_lag(const LagReading& reading);
   /// The position is known less well, by this standard deviation more of each axis.
   void widen(double position_m);
   /// Forgets the pose: it is the measured one. The wheels turn as `rim` says.
@@ -87,6 +115,7 @@ class PoseFilter {
 
   const MotionModel::State& state() const { return state_; }
   const MotionModel& model() const { return model_; }
+  const Adaptation& adaptation() const { return adapt_; }
   /// Standing still, and told so.
   bool stands() const;
 
@@ -101,13 +130,14 @@ class PoseFilter {
   double mean_nis() const;
   std::int64_t accepted() const { return accepted_; }
   std::int64_t gated() const { return gated_; }
-  std::int64_t wheels_used() const { return wheels_used_; }
+  std::int64_t rolled() const { return rolled_; }
+  std::int64_t lag_readings() const { return lag_used_; }
   std::int64_t resets() const { return resets_; }
 
-  /// Appends "ekf.accepted", "ekf.gated", "ekf.resets", with odometry "ekf.wheels_used" and
-  /// "ekf.wheels_gated", "ekf.nis_per_mille" (the mean, of 3000 if
-  /// all is as assumed), and what is adapted: "ekf.radius_ppm" (rim_scale − 1), "ekf.track_ppm"
-  /// (turn_scale − 1), "ekf.lag_us", "ekf.bias_um_per_s", "ekf.bias_urad_per_s".
+  /// Appends "ekf.accepted", "ekf.gated", "ekf.resets", with odometry "ekf.rolled" (ways
+  /// between readings), "ekf.nis_per_mille" (the mean, of 3000 if all is as assumed), and what is
+  /// adapted: "ekf.radius_ppm" (rim_scale − 1), "ekf.track_ppm" (turn_scale − 1), "ekf.lag_us",
+  /// "ekf.bias_um_per_s", "ekf.bias_urad_per_s".
   void list_counters(CounterList& out) const;
 
   /// Derivative of the state after a step of `dt_s` ≤ kShort_s by the state before, row by row.
@@ -119,6 +149,10 @@ class PoseFilter {
   void step(const Twist& command, double dt_s);
   void set_values(const Vector& values);
   void add(const double* correction);  ///< one for each state
+  void widen_by(double seconds);
+  void widen_rolled(double distance_m, double direction_rad, double seconds);
+  template <class Gain>
+  void keep_considered(Gain& gain) const;
   bool agrees(const Pose2& innovation) const;
   void forget_pose(const Pose2& measured);
 
@@ -134,8 +168,8 @@ class PoseFilter {
   double sum_nis_ = 0.0;
   std::int64_t accepted_ = 0;
   std::int64_t gated_ = 0;
-  std::int64_t wheels_used_ = 0;
-  std::int64_t wheels_gated_ = 0;
+  std::int64_t rolled_ = 0;
+  std::int64_t lag_used_ = 0;
   std::int64_t resets_ = 0;
 };
 

@@ -91,6 +91,11 @@ void add_estimation(KeyTable<Controller>& t) {
   t.number("ekf.start_rad", TETHER_MEMBER(ekf.start_rad), kDrift, "likewise of its yaw");
   t.number("ekf.lag_ms", TETHER_MEMBER(ekf.lag_ms), {0.0, 500.0, false},
            "time constant of the drive's rim speeds; with adapt.lag at first");
+  t.optional_number("ekf.radius_error", TETHER_MEMBER(ekf.radius_error), {0.0, 0.1, false},
+                    "standard deviation of the wheels' radius, relative, adapted or not; not set: "
+                    "0.03 if adapted, else 0");
+  t.optional_number("ekf.track_error", TETHER_MEMBER(ekf.track_error), {0.0, 0.1, false},
+                    "likewise of the track");
   t.boolean("adapt.radius", TETHER_MEMBER(adapt.radius), "the filter estimates the wheels' size");
   t.boolean("adapt.track", TETHER_MEMBER(adapt.track), "… the track that the drive believes in");
   t.boolean("adapt.lag", TETHER_MEMBER(adapt.lag), "… the lag of its rim speeds");

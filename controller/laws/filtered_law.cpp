@@ -18,40 +18,57 @@ FilteredLaw::FilteredLaw(std::unique_ptr<Law> law, const LawContext& context)
       filter_(context.settings.get<ControllerSettings>().ekf, {},
               model_of(context.settings).limits(),
               start_of(context.settings.get<VehicleSettings>())),
+      wheels_(start_of(context.settings.get<VehicleSettings>())),
       delay_(DelayEstimate::kFew),
       sensor_latency_(
           from_seconds(context.settings.get<ControllerSettings>().sensor_latency_ms * 1e-3)) {}
 
+/// By what is in force: what the wheels last did; without odometry, what was sent.
+template <class Vehicle>
+void FilteredLaw::move(Instant at, Instant until, Vehicle& vehicle) const {
+  Twist in_force;
+  if (const auto done = wheels_.twist_before(at)) {
+    vehicle.advance(*done, to_seconds(until - at));
+    return;
+  }
+  const Duration delay = delay_.median();
+  for (const SentTwist& sent : sent_) {
+    const Instant from = sent.when + delay;
+    if (from >= until) break;
+    if (from > at) {
+      vehicle.advance(in_force, to_seconds(from - at));
+      at = from;
+    }
+    in_force = sent.twist;
+  }
+  if (until > at) vehicle.advance(in_force, to_seconds(until - at));
+}
+
 void FilteredLaw::on_pose(const SeenPose& seen) {
   delay_.add(seen.arrival - seen.stamp - sensor_latency_);
-  wheels_.use(at_.value_or(seen.stamp), seen.stamp, filter_,
-              [this](Instant until) { move_to(until); });
+  const auto by_twists = [this](Instant from, Instant until, auto& f) { move(from, until, f); };
+  wheels_.use(at_.value_or(seen.stamp), seen.stamp, filter_, by_twists);
+  at_ = seen.stamp;
+  wheels_.forget(*at_);
+  while (sent_.size() > 1 && sent_[1].when + delay_.median() < seen.stamp) sent_.pop_front();
   filter_.update(seen.pose);
   estimate_ = seen;
   estimate_->pose = filter_.state().pose;
   law_->on_pose(*estimate_);
 }
 
-void FilteredLaw::move_to(Instant stamp) {
-  const Duration delay = delay_.median();
-  Instant at = at_.value_or(stamp);
-  Twist in_force;
-  while (!sent_.empty() && sent_.front().when + delay < stamp) {
-    const Instant from = sent_.front().when + delay;
-    if (from > at) {
-      filter_.advance(in_force, to_seconds(from - at));
-      at = from;
-    }
-    in_force = sent_.front().twist;
-    if (sent_.size() == 1 || sent_[1].when + delay >= stamp) break;
-    sent_.pop_front();
-  }
-  if (stamp > at) filter_.advance(in_force, to_seconds(stamp - at));
-  at_ = stamp;
-}
-
 LawOutput FilteredLaw::decide(Instant now, const SeenPose* newest) {
-  return remember(now, law_->decide(now, newest == nullptr ? nullptr : &*estimate_));
+  if (newest == nullptr) return remember(now, law_->decide(now, nullptr));
+  SeenPose seen = *estimate_;
+  if (const auto stamp = wheels_.newest_after(seen.stamp)) {
+    PoseFilter ahead = filter_;
+    wheels_.use(seen.stamp, *stamp, ahead,
+                [this](Instant from, Instant until, auto& f) { move(from, until, f); });
+    seen.stamp = *stamp;
+    seen.pose = ahead.state().pose;
+    seen.rolling = wheels_.twist_before(*stamp);
+  }
+  return remember(now, law_->decide(now, &seen));
 }
 
 LawOutput FilteredLaw::stop(Instant now) { return remember(now, law_->stop(now)); }

@@ -15,13 +15,17 @@ namespace tether {
 /// filter moves by the twists that were sent, each in force from the median delay of the last poses
 /// after it was sent until the next takes over, as if none were lost. What is lost it does not
 /// know, so at a PRR far from 1 its motion is wrong, and poses that say so may be gated: then plans
-/// are better. Adaptation would take losses for errors of the drive, and is not done.
+/// are better, or odometry. Where the vehicle sends it, the filter moves by what the wheels rolled,
+/// beyond the newest pose too, so that the law gets the pose of the newest odometry. Adaptation
+/// would take losses for errors of the drive, and is not done.
 class FilteredLaw final : public Law {
  public:
   FilteredLaw(std::unique_ptr<Law> law, const LawContext& context);
 
   void on_pose(const SeenPose& seen) override;
-  void on_odometry(const SeenOdometry& seen) override { wheels_.add(seen.stamp, seen.twist); }
+  void on_odometry(const SeenOdometry& seen) override {
+    wheels_.add(seen.stamp, seen.reckoning, seen.twist);
+  }
   LawOutput decide(Instant now, const SeenPose* newest) override;
   LawOutput stop(Instant now) override;
   void reset() override { law_->reset(); }
@@ -34,16 +38,17 @@ class FilteredLaw final : public Law {
     Twist twist;
   };
   LawOutput remember(Instant now, LawOutput output);
-  void move_to(Instant stamp);
+  template <class Vehicle>
+  void move(Instant at, Instant until, Vehicle& vehicle) const;
 
   std::unique_ptr<Law> law_;
   PoseFilter filter_;
   WheelReadings wheels_;
   DelayEstimate delay_;
   Duration sensor_latency_;
-  std::optional<Instant> at_;  ///< what the filter's estimate is of
-  std::optional<SeenPose> estimate_;
-  std::deque<SentTwist> sent_;  ///< the first is in force at at_
+  std::optional<Instant> at_;         ///< what the filter's estimate is of
+  std::optional<SeenPose> estimate_;  ///< at the newest pose
+  std::deque<SentTwist> sent_;        ///< the first is in force at at_
 };
 
 }  // namespace tether

@@ -30,6 +30,8 @@ struct SeenPose {
   /// the plan's start on. nullopt: no plan of this controller.
   std::optional<std::int64_t> plan_id;
   bool follows_other = false;  ///< it follows a plan of another controller, or of another start
+  /// What the wheels did at `stamp`, where FilteredLaw knows it from odometry.
+  std::optional<Twist> rolling = std::nullopt;
 };
 
 /// What the vehicle's wheels say, as the controller got it (odometry_t): where it is by dead

@@ -14,7 +14,6 @@ namespace {
 constexpr std::size_t kMostSent = 4000;  // plans remembered
 /// The vehicle may still follow a plan, stopping, that ended up to this long before a pose.
 constexpr Duration kRunOut = std::chrono::seconds{10};
-constexpr Duration kSameClock = std::chrono::milliseconds{3};
 /// A plan that is on the path for so long has settled.
 constexpr Duration kSettling = std::chrono::seconds{2};
 
@@ -44,6 +43,7 @@ PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const Actuato
       feedback_(controller, model_.limits().max_wheel_acceleration_mps2),
       delay_(DelayEstimate::kFew),
       form_(form),
+      wheels_({vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)}),
       sensor_latency_(from_seconds(controller.sensor_latency_ms * 1e-3)),
       adapts_clock_(controller.estimator == ControllerSettings::Estimator::ekf &&
                     controller.adapt_clock),
@@ -92,9 +92,7 @@ void PredictiveLaw::estimate_clock(const SeenPose& seen) {
     clock_.add_down(last_->stamp - sent->sent, seen.stamp - sent->sent);
   }
   last_ = seen;
-  // Plans that differ are not consistent: a change that is too small to matter is left.
-  const Duration offset = clock_.offset();
-  if (std::chrono::abs(offset - clock_offset_) > kSameClock) clock_offset_ = offset;
+  clock_offset_ = clock_.near(clock_offset_);
 }
 
 /// Moves the filter to a pose, along the plans that the vehicle followed as the pose says.
@@ -109,9 +107,9 @@ void PredictiveLaw::estimate(const SeenPose& seen) {
       seen.stamp >= kStart ? Plan::kBasedOnNone : preloaded_.value_or(Plan::kBasedOnNone);
   const bool stood = filter_->stands();
   const std::int64_t id = seen.plan_id.value_or(none);
-  wheels_.use(at, seen.stamp, *filter_,
-              [&](Instant until) { follow_until(id, at, until, *filter_); });
-  if (stood && !filter_->stands()) {  // how late the first plan took over is a guess
+  const bool rolled = wheels_.use(at, seen.stamp, *filter_, along(id));
+  wheels_.forget(seen.stamp);
+  if (stood && !rolled && !filter_->stands()) {  // how late the first plan took over is a guess
     filter_->widen(to_seconds(late_start(id)) * 0.5 *
                    filter_->model().twist(filter_->state()).v_mps);
   }
@@ -181,15 +179,17 @@ Instant PredictiveLaw::start_of_next(Instant now) const {
 PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant until) const {
   Instant at = kStart;
   Prediction p = start_of_prediction(newest, at);
+  const Instant seen = newest == nullptr ? at : newest->stamp;
   ModelVehicle vehicle{model_, p.state};
   if (form_ == Form::plain) {
     const std::int64_t known = p.follows;
     for (const Sent& sent : sent_) {
-      if (sent.plan.name.id <= known || sent.takes_over <= at || sent.takes_over >= until) continue;
+      if (sent.plan.name.id <= known || sent.takes_over <= seen || sent.takes_over >= until)
+        continue;
       follow_until(p.follows, at, sent.takes_over, vehicle);
       p.follows = sent.plan.name.id;
     }
-  } else if (const Sent* late = late_first(p, at, until)) {
+  } else if (const Sent* late = late_first(p, seen, until)) {
     follow_until(p.follows, at, late->takes_over, vehicle);
     p.follows = late->plan.name.id;
   }
@@ -197,7 +197,7 @@ PredictiveLaw::Prediction PredictiveLaw::predict(const SeenPose* newest, Instant
   return p;
 }
 
-/// The vehicle at the newest pose, or at its start; `at`: when that is.
+/// The vehicle at the newest pose or odometry, or at its start; `at`: when that is.
 PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* newest,
                                                              Instant& at) const {
   Prediction p;
@@ -209,7 +209,11 @@ PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* new
   at = newest->stamp;
   if (newest->plan_id || at >= kStart) p.follows = newest->plan_id.value_or(Plan::kBasedOnNone);
   if (filter_ && at == estimated_at_) {
-    p.state = filter_->state();
+    PoseFilter ahead = *filter_;
+    const Instant rolled = wheels_.newest_after(at).value_or(at);
+    wheels_.use(at, rolled, ahead, along(p.follows));
+    at = rolled;
+    p.state = ahead.state();
     return p;
   }
   const bool unknown = newest->follows_other || (p.follows >= 0 && find(p.follows) == nullptr);

@@ -51,7 +51,8 @@ namespace tether {
 ///
 /// With an estimator (controller.estimator) the newest pose is not taken for the truth: PoseFilter
 /// moves along the plans that the vehicle followed from pose to pose, each of which names the last
-/// of them. Predictions start from its estimate, on its estimate of the drive, and plans hold the
+/// of them; or by what the wheels rolled, where the vehicle sends its odometry, up to the newest of
+/// that. Predictions start from its estimate, on its estimate of the drive, and plans hold the
 /// commands by which such a drive does what they mean.
 ///
 /// Before the first pose the delay is not known, and plans begin when they are sent. If the delay
@@ -68,7 +69,7 @@ class PredictiveLaw final : public Law {
 
   void on_pose(const SeenPose& seen) override;
   void on_odometry(const SeenOdometry& seen) override {
-    if (filter_) wheels_.add(seen.stamp, seen.twist);
+    if (filter_) wheels_.add(seen.stamp, seen.reckoning, seen.twist);
   }
   LawOutput decide(Instant now, const SeenPose* newest) override;
   /// A plan that ends at once: the vehicle stops.
@@ -112,6 +113,12 @@ class PredictiveLaw final : public Law {
   Duration way_down() const { return delay_.longest() + 2 * clock_offset_; }
   /// The path's point while the vehicle's clock says `when`.
   PathPoint reference_at(Instant when) const { return path_->at(to_seconds(when - clock_offset_)); }
+  /// Moves a vehicle along the plan `id` and those before it.
+  auto along(std::int64_t id) const {
+    return [this, id](Instant at, Instant until, auto& vehicle) {
+      follow_until(id, at, until, vehicle);
+    };
+  }
   template <class Vehicle>
   void follow_until(std::int64_t id, Instant& at, Instant until, Vehicle& vehicle) const;
   template <class Vehicle>

@@ -44,6 +44,7 @@ CompensatedTrackingLaw::CompensatedTrackingLaw(const LawContext& context)
 
 void CompensatedTrackingLaw::on_pose(const SeenPose& seen) {
   delay_.add(seen.arrival - seen.stamp - sensor_latency_);
+  reception_.add(seen.seq);
   // The command in force at the start of the memory is kept.
   const Instant oldest = seen.stamp - kMemory - delay_.longest();
   while (sent_.size() > 1 && sent_[1].when <= oldest) sent_.pop_front();
@@ -82,16 +83,24 @@ MotionModel::State CompensatedTrackingLaw::predict(const SeenPose& seen, Instant
     }
   };
   Twist in_force;
+  double share = 1.0;  // of commands that arrive
   const auto go_to = [&](Instant end, auto& next) {
     for (; next != sent_.end() && next->when + delay < end; ++next) {
       move(next->when + delay, in_force);
-      in_force = next->twist;
+      if (share == 1.0) in_force = next->twist;
+      in_force.v_mps += share * (next->twist.v_mps - in_force.v_mps);
+      in_force.omega_radps += share * (next->twist.omega_radps - in_force.omega_radps);
     }
     move(end, in_force);
   };
   auto next = sent_.begin();
   go_to(from, next);  // for the wheels' speeds only
   state.pose = seen.pose;
+  if (seen.rolling) {
+    in_force = *seen.rolling;
+    state.rim = model_.rim_of(in_force);
+    share = reception_.ratio();
+  }
   go_to(until, next);
   return state;
 }

@@ -31,7 +31,9 @@ class TrackingLaw final : public Law {
 /// newest pose, through the commands sent. Each command is in force from its arrival, one delay of
 /// the downlink after it was sent, until that of the next. The delay is assumed to be the median of
 /// the last poses'. All commands are assumed to arrive: with much loss, the prediction is wrong
-/// (PredictiveLaw mends that).
+/// (PredictiveLaw mends that). Behind a filter that hears the wheels' odometry, the prediction
+/// begins with what the wheels do, and each later command is mixed in by the share of poses that
+/// arrive: the expected command, if commands are lost as often.
 class CompensatedTrackingLaw final : public Law {
  public:
   explicit CompensatedTrackingLaw(const LawContext& context);
@@ -53,6 +55,7 @@ class CompensatedTrackingLaw final : public Law {
   MotionModel model_;
   TrackingFeedback feedback_;
   DelayEstimate delay_;
+  ReceptionEstimate reception_{100};
   Duration sensor_latency_;
   std::deque<SentTwist> sent_;
   LawErrors errors_;
