@@ -21,8 +21,8 @@ struct PoseFilterSettings {
   double start_rad = 0.01;
   double lag_ms = 0.0;  ///< of the drive; with adapt.lag: what it is taken for at first
   /// Of the wheels' radius and of the track, relative. Not set: 0.03 if it is adapted, else 0.
-  std::optional<double> radius_error;
-  std::optional<double> track_error;
+  std::optional<double> radius_error = std::nullopt;
+  std::optional<double> track_error = std::nullopt;
 };
 
 /// What the wheels rolled between two readings of their encoders, as the drive takes them to be:

@@ -18,8 +18,7 @@ namespace tether {
 /// known exactly, however many were lost in between; between their stamps it is interpolated, by
 /// cubics that have the right speeds at both ends (Hermite's). A vehicle that stands for three
 /// quarters of the time T between them and then accelerates by a is a T²/64 from the cubic in the
-/// middle: that is taken for the standard deviation of a pose in between. Longer gaps than
-/// kLongest are as if there were no odometry.
+/// middle: that is taken for the standard deviation of a pose in between.
 class WheelReadings {
  public:
   /// Reckoning begins at `start`, where the vehicle stands before t = 0.
@@ -49,7 +48,7 @@ class WheelReadings {
     }
     for (std::size_t i = index_at(from); from < until;) {
       const bool last = i + 1 == readings_.size();
-      if (readings_[i].stamp > from || last || is_gap(i)) {
+      if (readings_[i].stamp > from || last) {
         const std::size_t next = readings_[i].stamp > from ? i : i + 1;
         const Instant end =
             next < readings_.size() ? std::min(until, readings_[next].stamp) : until;
@@ -60,6 +59,7 @@ class WheelReadings {
       }
       const Instant end = std::min(until, readings_[i + 1].stamp);
       roll(i, from, end, filter, move);
+      if (from > readings_[i].stamp) filter.widen(between_m(i));
       if (end < readings_[i + 1].stamp) filter.widen(between_m(i));
       from = end;
       any = true;
@@ -69,11 +69,7 @@ class WheelReadings {
   }
 
  private:
-  static constexpr std::size_t kMost = 10000;                    // without poses for long
-  static constexpr Duration kLongest = std::chrono::seconds{1};  ///< between two that are of use
-  bool is_gap(std::size_t i) const {
-    return readings_[i + 1].stamp - readings_[i].stamp > kLongest;
-  }
+  static constexpr std::size_t kMost = 10000;  // without poses for long
   struct Reading {
     Instant stamp;
     DeadReckoning reckoning;
