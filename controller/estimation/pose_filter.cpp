@@ -88,6 +88,11 @@ PoseFilter::PoseFilter(const PoseFilterSettings& settings, const Adaptation& ada
   auto p = square(covariance_);
   p(kX, kX) = p(kY, kY) = squared(settings_.start_m);
   p(kYaw, kYaw) = squared(settings_.start_rad);
+  if (adapt_.any()) {  // what is not adapted is considered
+    for (const Prior& prior : {kRadiusPrior, kTrackPrior, kLagPrior}) {
+      p(prior.index, prior.index) = squared(prior.at_first);
+    }
+  }
   for_adapted(adapt_,
               [&](const Prior& prior) { p(prior.index, prior.index) = squared(prior.at_first); });
   if (settings_.radius_error) p(kScale, kScale) = squared(*settings_.radius_error);
@@ -185,8 +190,8 @@ void PoseFilter::roll(const Rolled& rolled, double dt_s) {
   if (!stood) widen_rolled(rolled.distance_m, middle_rad, dt_s);
 }
 
-/// Each wheel's way has this variance: half of it in the mean, twice in the difference. The drift is
-/// that of the same motion, so the larger counts.
+/// Each wheel's way has this variance: half of it in the mean, twice in the difference. The drift
+/// is that of the same motion, so the larger counts.
 void PoseFilter::widen_rolled(double distance_m, double direction_rad, double dt_s) {
   auto p = square(covariance_);
   widen_by(dt_s);
@@ -278,6 +283,7 @@ template <class Gain>
 void PoseFilter::keep_considered(Gain& gain) const {
   if (!adapt_.radius) gain.row(kScale).setZero();
   if (!adapt_.track) gain.row(kTurn).setZero();
+  if (!adapt_.lag) gain.row(kLag).setZero();
 }
 
 void PoseFilter::update_lag(const LagReading& reading) {

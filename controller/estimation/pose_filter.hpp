@@ -20,7 +20,8 @@ struct PoseFilterSettings {
   double start_m = 0.02;                 ///< of the start, each axis
   double start_rad = 0.01;
   double lag_ms = 0.0;  ///< of the drive; with adapt.lag: what it is taken for at first
-  /// Of the wheels' radius and of the track, relative. Not set: 0.03 if it is adapted, else 0.
+  /// Of the wheels' radius and of the track, relative. Not set: 0.03 if anything is adapted, else
+  /// 0.
   std::optional<double> radius_error = std::nullopt;
   std::optional<double> track_error = std::nullopt;
 };
@@ -60,10 +61,11 @@ struct Adaptation {
 /// DriveModel, as parameters that walk at random (section 11.9). It moves by MotionModel through
 /// the commands that were in force, in steps of MotionModel::kShort_s at most; while wheels turn,
 /// the pose drifts by position_drift and yaw_drift. A parameter that is not adapted stays. If its
-/// error is given all the same (radius_error, track_error), it is *considered*: its covariance with
-/// the pose is kept, only its row of the gain is zero (Schmidt: Application of State-Space Methods
-/// to Navigation Problems. In: Advances in Control Systems 3, 1966; not consulted: any gain is
-/// right in Joseph's form, of which this is a special case). Else it has no variance.
+/// error is given all the same (radius_error, track_error), or if another one is adapted, it is
+/// *considered*: its covariance with the pose is kept, only its row of the gain is zero (Schmidt:
+/// Application of State-Space Methods to Navigation Problems. In: Advances in Control Systems 3,
+/// 1966; not consulted: any gain is right in Joseph's form, of which this is a special case). Else
+/// it has no variance.
 ///
 /// Where the wheels' encoders are heard (roll()), what they rolled takes the place of the commands.
 ///

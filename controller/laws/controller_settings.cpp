@@ -93,7 +93,7 @@ void add_estimation(KeyTable<Controller>& t) {
            "time constant of the drive's rim speeds; with adapt.lag at first");
   t.optional_number("ekf.radius_error", TETHER_MEMBER(ekf.radius_error), {0.0, 0.1, false},
                     "standard deviation of the wheels' radius, relative, adapted or not; not set: "
-                    "0.03 if adapted, else 0");
+                    "0.03 if anything is adapted, else 0");
   t.optional_number("ekf.track_error", TETHER_MEMBER(ekf.track_error), {0.0, 0.1, false},
                     "likewise of the track");
   t.boolean("adapt.radius", TETHER_MEMBER(adapt.radius), "the filter estimates the wheels' size");

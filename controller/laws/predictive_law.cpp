@@ -5,7 +5,11 @@
 #include <tuple>
 #include <utility>
 
+<<<<<<< HEAD
 #include "controller/laws/roll_out.hpp"
+=======
+#include "controller/estimation/significant_drive.hpp"
+>>>>>>> b4aa058 (Act only on what adaptation found significantly, and doubt what is not adapted)
 #include "controller/laws/tracking_law.hpp"
 
 namespace tether {
@@ -58,6 +62,7 @@ PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const Actuato
   if (controller.estimator == ControllerSettings::Estimator::ekf) {
     filter_.emplace(controller.ekf, controller.adapt, model_.limits(), start_pose_);
     model_ = filter_->model();
+    given_ = model_.drive();
   }
 }
 
@@ -114,7 +119,7 @@ void PredictiveLaw::estimate(const SeenPose& seen) {
                    filter_->model().twist(filter_->state()).v_mps);
   }
   filter_->update(seen.pose);
-  model_ = filter_->model();
+  model_ = MotionModel(model_.limits(), significant_drive(*filter_, given_));
 }
 
 std::optional<Plan> PredictiveLaw::preload() {
@@ -223,11 +228,6 @@ PredictiveLaw::Prediction PredictiveLaw::start_of_prediction(const SeenPose* new
     p.state.rim = rim_at(*sent, at);
   }
   return p;
-}
-
-WheelSpeeds PredictiveLaw::rim_on_path(Instant when) const {
-  const PathPoint reference = reference_at(when);
-  return model_.rim_of({reference.v_mps, reference.omega_radps});
 }
 
 /// The first plan of all, if it is to be assumed that it took over, late, between `from` and

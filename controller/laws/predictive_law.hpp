@@ -123,7 +123,10 @@ class PredictiveLaw final : public Law {
   void follow_until(std::int64_t id, Instant& at, Instant until, Vehicle& vehicle) const;
   template <class Vehicle>
   void follow(const Plan* plan, Instant& at, Instant until, Vehicle& vehicle) const;
-  WheelSpeeds rim_on_path(Instant when) const;
+  WheelSpeeds rim_on_path(Instant when) const {
+    const PathPoint reference = reference_at(when);
+    return model_.rim_of({reference.v_mps, reference.omega_radps});
+  }
   WheelSpeeds rim_at(const Sent& sent, Instant when) const;
   const Sent* find(std::int64_t id) const;
   Plan empty_plan(Instant start);
@@ -138,6 +141,7 @@ class PredictiveLaw final : public Law {
   DelayEstimate delay_;
   Form form_;
   std::optional<PoseFilter> filter_;
+  DriveModel given_;  ///< before anything was estimated
   WheelReadings wheels_;
   std::optional<Instant> estimated_at_;  ///< when the filter's estimate is of
   Duration sensor_latency_;
