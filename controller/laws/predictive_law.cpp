@@ -5,11 +5,8 @@
 #include <tuple>
 #include <utility>
 
-<<<<<<< HEAD
-#include "controller/laws/roll_out.hpp"
-=======
 #include "controller/estimation/significant_drive.hpp"
->>>>>>> b4aa058 (Act only on what adaptation found significantly, and doubt what is not adapted)
+#include "controller/laws/roll_out.hpp"
 #include "controller/laws/tracking_law.hpp"
 
 namespace tether {
