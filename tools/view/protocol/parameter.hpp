@@ -1,0 +1,22 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace tether {
+
+/// What a parameter's value may be; JSON's whole numbers are numbers.
+using ParameterValue =
+    std::variant<bool, double, std::string, std::vector<double>, std::vector<std::string>>;
+
+/// One thing that can be looked at and, mostly, set by name: "network.uplink.prr".
+struct Parameter {
+  std::string name;
+  std::optional<ParameterValue> value;  ///< none: not set
+
+  bool operator==(const Parameter&) const = default;
+};
+
+}  // namespace tether

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/http/empty_body.hpp>
+#include <boost/beast/http/message.hpp>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "tools/view/session/hub.hpp"
+#include "tools/view/web/access.hpp"
+#include "tools/view/web/page_folder.hpp"
+
+namespace tether {
+
+/// What connections share; all of it belongs to the server's thread.
+struct ViewServices {
+  Hub& hub;
+  AccessRules access;
+  PageFolder page;
+  std::string run_json;
+  std::function<std::string()> status_json;
+  std::size_t most_connections = 0;
+
+  std::size_t connections = 0;
+  std::int64_t refused = 0;
+  /// Sends what waits for each client.
+  std::map<ClientId, std::function<void()>> pumps = {};
+};
+
+/// Counts a connection as long as it lives.
+class CountedConnection {
+ public:
+  explicit CountedConnection(ViewServices& services) : services_(services) {
+    ++services.connections;
+  }
+  ~CountedConnection() { --services_.connections; }
+  CountedConnection(const CountedConnection&) = delete;
+  CountedConnection& operator=(const CountedConnection&) = delete;
+
+ private:
+  ViewServices& services_;
+};
+
+/// Answers one connection's requests until it ends or becomes a WebSocket.
+void serve_http(boost::asio::ip::tcp::socket socket, ViewServices& services);
+
+using UpgradeRequest = boost::beast::http::request<boost::beast::http::empty_body>;
+
+/// The first of our protocols that a client offers; empty if none.
+std::string chosen_protocol(const UpgradeRequest& request);
+
+/// Goes on with a connection whose `request` to become a WebSocket may pass.
+void serve_websocket(boost::asio::ip::tcp::socket socket, const UpgradeRequest& request,
+                     ViewServices& services, std::shared_ptr<CountedConnection> counted);
+
+}  // namespace tether

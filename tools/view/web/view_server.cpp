@@ -1,0 +1,249 @@
+#include "tools/view/web/view_server.hpp"
+
+#include <fmt/format.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <thread>
+
+#include "common/base/errors.hpp"
+#include "common/base/text.hpp"
+#include "tools/view/web/connections.hpp"
+#include "tools/view/web/inbox.hpp"
+#include "tools/view/web/request_box.hpp"
+
+namespace tether {
+namespace {
+
+namespace asio = boost::asio;
+using tcp = asio::ip::tcp;
+using Error = boost::system::error_code;
+
+/// What is heard in this time goes out together.
+constexpr auto kGather = std::chrono::milliseconds{10};
+constexpr auto kAcceptAgain = std::chrono::milliseconds{100};
+constexpr int kPortsToTry = 100;
+
+asio::ip::address listening_address(const std::string& text) {
+  Error error;
+  const auto address = asio::ip::make_address(text, error);
+  if (!error) return address;
+  throw UsageError(fmt::format(
+      "address \"{}\": has to be an IP address in digits, such as 127.0.0.1, 0.0.0.0 or ::1",
+      printable(text, kLongestNameShown)));
+}
+
+/// The error that it ended with; none if it listens.
+Error try_to_listen(tcp::acceptor& acceptor, const tcp::endpoint& endpoint) {
+  Error error;
+  acceptor.open(endpoint.protocol(), error);
+  if (!error) acceptor.set_option(tcp::acceptor::reuse_address(true), error);
+  if (!error) acceptor.bind(endpoint, error);
+  if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
+  Error ignored;
+  if (error) acceptor.close(ignored);
+  return error;
+}
+
+tcp::acceptor listen(asio::io_context& io, const std::string& address, std::uint16_t port) {
+  tcp::acceptor acceptor(io);
+  const tcp::endpoint wanted(listening_address(address), port);
+  const Error error = try_to_listen(acceptor, wanted);
+  if (!error) return acceptor;
+  std::string advice;
+  if (error == asio::error::address_in_use) {
+    for (int next = port + 1; next <= std::min(port + kPortsToTry, 65535); ++next) {
+      tcp::acceptor other(io);
+      if (try_to_listen(other, {wanted.address(), static_cast<std::uint16_t>(next)})) continue;
+      advice = fmt::format("; the next free one is {}: --port {}", next, next);
+      break;
+    }
+    throw std::runtime_error(fmt::format("port {} of {} is taken{}", port, address, advice));
+  }
+  throw std::runtime_error(
+      fmt::format("cannot listen on port {} of {}: {}", port, address, error.message()));
+}
+
+ServerInfo server_info(const ViewServer::Options& options) {
+  ServerInfo info;
+  info.name = options.title;
+  info.capabilities = {"parameters", "parametersSubscribe"};
+  if (!options.publishable.empty()) info.capabilities.emplace_back("clientPublish");
+  if (options.has_time) info.capabilities.emplace_back("time");
+  info.encodings = {"json"};
+  info.session = random_token();
+  return info;
+}
+
+}  // namespace
+
+class ViewServer::Core {
+ public:
+  Core(const Options& options, std::unique_ptr<DerivedChannels> derived)
+      : address_(options.address),
+        hub_(
+            {server_info(options), options.publishable},
+            [this](ViewRequest r) { ask(std::move(r)); }, std::move(derived)),
+        services_{hub_,
+                  {0, options.token, options.origins},
+                  PageFolder(options.page),
+                  options.run_json,
+                  [this] { return status_json(); },
+                  kMostClients},
+        acceptor_(listen(io_, options.address, options.port)),
+        gather_(io_),
+        again_(io_) {
+    services_.access.port = acceptor_.local_endpoint().port();
+    accept();
+    sigset_t all, before;  // signals are for the program's loop
+    sigfillset(&all);
+    pthread_sigmask(SIG_BLOCK, &all, &before);
+    thread_ = std::thread([this] { io_.run(); });
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  }
+
+  ~Core() {
+    io_.stop();
+    thread_.join();
+  }
+  Core(const Core&) = delete;
+  Core& operator=(const Core&) = delete;
+
+  std::string address() const {
+    const bool is_v6 = address_.find(':') != std::string::npos;
+    const std::string& token = services_.access.token;
+    return fmt::format("http://{}:{}/{}", is_v6 ? "[" + address_ + "]" : address_, port(),
+                       token.empty() ? "" : "?token=" + token);
+  }
+  std::uint16_t port() const { return services_.access.port; }
+
+  ViewInbox& inbox() { return inbox_; }
+  RequestBox& requests() { return requests_; }
+
+  /// The inbox is not empty any more.
+  void wake() {
+    asio::post(io_, [this] {
+      if (!gathering_) deliver();
+    });
+  }
+
+ private:
+  void accept() {
+    acceptor_.async_accept([this](const Error& error, tcp::socket socket) {
+      if (error) {  // out of descriptors, say
+        again_.expires_after(kAcceptAgain);
+        again_.async_wait([this](const Error&) { accept(); });
+        return;
+      }
+      if (services_.connections < services_.most_connections) {
+        serve_http(std::move(socket), services_);
+      } else {
+        ++services_.refused;
+      }
+      accept();
+    });
+  }
+
+  void ask(ViewRequest request) {
+    const ClientId client = request.client;
+    if (requests_.put(std::move(request))) return;
+    hub_.answer({client, std::nullopt, {}, "too many requests are waiting: this one was dropped"});
+  }
+
+  /// At once, and then not again before kGather has passed.
+  void deliver() {
+    inbox_.take(batch_);
+    for (ViewInbox::Item& item : batch_.items) {
+      std::visit([this](auto& one) { deliver(one); }, item);
+    }
+    pump_all();
+    gathering_ = true;
+    gather_.expires_after(kGather);
+    gather_.async_wait([this](const Error&) {
+      gathering_ = false;
+      if (!inbox_.empty()) deliver();
+    });
+  }
+
+  void pump_all() {
+    for (const auto& [client, pump] : services_.pumps) pump();
+  }
+
+  void deliver(const ViewInbox::Heard& heard) {
+    const auto* const begin = batch_.bytes.data() + heard.topic_begin;
+    hub_.hear({reinterpret_cast<const char*>(begin), heard.topic_bytes},
+              {begin + heard.topic_bytes, heard.data_bytes}, heard.time_ns);
+  }
+  void deliver(ViewInbox::Json& json) {
+    hub_.publish(json.channel, json.time_ns, std::move(json.json));
+  }
+  void deliver(const std::vector<Parameter>& parameters) { hub_.update(parameters); }
+  void deliver(const ViewAnswer& answer) { hub_.answer(answer); }
+  void deliver(const ViewInbox::Status& status) { hub_.say(status.level, status.text); }
+  void deliver(const ViewInbox::Time& time) { hub_.tell_time(time.time_ns); }
+
+  std::string status_json() const {
+    nlohmann::ordered_json status;
+    for (const auto& [name, count] : hub_.counters()) status[name] = count;
+    status["messages.dropped_before_server"] = inbox_.dropped();
+    status["connections"] = services_.connections;
+    status["requests.refused"] = services_.refused;
+    return status.dump();
+  }
+
+  std::string address_;
+  ViewInbox inbox_;
+  ViewInbox::Batch batch_;
+  RequestBox requests_;
+  Hub hub_;
+  ViewServices services_;
+  asio::io_context io_{1};  // ends before what its connections use
+  tcp::acceptor acceptor_;
+  asio::steady_timer gather_, again_;
+  bool gathering_ = false;
+  std::thread thread_;
+};
+
+ViewServer::ViewServer(const Options& options, std::unique_ptr<DerivedChannels> derived) {
+  if (options.token.empty() && !is_loopback(options.address)) {
+    throw UsageError(
+        fmt::format("address {}: other machines may come in there, so it needs a token: --token",
+                    printable(options.address, kLongestNameShown)));
+  }
+  core_ = std::make_unique<Core>(options, std::move(derived));
+}
+ViewServer::~ViewServer() = default;
+
+std::string ViewServer::address() const { return core_->address(); }
+std::uint16_t ViewServer::port() const { return core_->port(); }
+
+void ViewServer::hear(std::string_view topic, std::span<const std::uint8_t> bytes,
+                      std::uint64_t time_ns) {
+  if (core_->inbox().hear(topic, bytes, time_ns)) core_->wake();
+}
+void ViewServer::publish(const DerivedChannels::Description& channel, std::uint64_t time_ns,
+                         std::string json) {
+  if (core_->inbox().put(ViewInbox::Json{channel, time_ns, std::move(json)})) core_->wake();
+}
+void ViewServer::update(std::vector<Parameter> parameters) {
+  if (core_->inbox().put(std::move(parameters))) core_->wake();
+}
+void ViewServer::answer(ViewAnswer answer) {
+  if (core_->inbox().put(std::move(answer))) core_->wake();
+}
+void ViewServer::say(StatusLevel level, std::string text) {
+  if (core_->inbox().put(ViewInbox::Status{level, std::move(text)})) core_->wake();
+}
+void ViewServer::tell_time(std::uint64_t time_ns) {
+  if (core_->inbox().put(ViewInbox::Time{time_ns})) core_->wake();
+}
+int ViewServer::requests_fd() const { return core_->requests().fd(); }
+std::vector<ViewRequest> ViewServer::take_requests() { return core_->requests().take(); }
+
+}  // namespace tether
