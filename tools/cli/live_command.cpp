@@ -11,6 +11,7 @@
 #include "common/program/cli_range.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/scenario_options.hpp"
+#include "tools/cli/view_options.hpp"
 #include "tools/processes/live_session.hpp"
 #include "tools/runs/run_summary.hpp"
 
@@ -22,6 +23,8 @@ struct LiveOptions {
   ScenarioOptions scenario;
   std::optional<double> duration_s;
   bool json = false;
+  bool view = false;
+  ViewOptions viewing;
 };
 
 /// The session's own, and what nodes noticed that it does not hear, on another network.
@@ -40,6 +43,7 @@ int live(LiveOptions options) {
   if (options.duration_s) {
     options.session.overrides.push_back(fmt::format("run.duration_s={}", *options.duration_s));
   }
+  if (options.view) options.session.view = options.viewing.arguments();
   const Scenario scenario = load_scenario(options.session.scenario_file, options.session.overrides);
   LiveSession session(options.session, scenario);
   session.run();
@@ -82,6 +86,8 @@ void add_live_command(CLI::App& tether, Action& action) {
   command->add_option("--out", options->session.out,
                       "folder for the same results as `tether run` writes [none]");
   command->add_flag("--json", options->json, "print the summary as one JSON object");
+  add_view_options(*command, options->viewing,
+                   command->add_flag("--view", options->view, "with a page to look at it"));
   command->callback([options, &action] { action = [options] { return live(*options); }; });
 }
 

@@ -49,6 +49,7 @@ int main(int argc, char** argv) {
   add_report_command(app, action);
   add_reproduce_command(app, action);
   add_live_command(app, action);
+  add_view_command(app, action);
   add_spy_command(app, action);
   add_echo_command(app, action);
   add_log_command(app, action);

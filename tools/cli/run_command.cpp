@@ -15,15 +15,23 @@
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/scenario_options.hpp"
+#include "tools/cli/view_options.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/processes/process_run.hpp"
 #include "tools/runs/channel_traffic.hpp"
 #include "tools/runs/output_folder.hpp"
 #include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
+#include "tools/scene/scene_setting.hpp"
+#include "tools/view/playback/playback.hpp"
+#include "tools/view/sources/network_view.hpp"
+#include "tools/view/sources/paced_run.hpp"
+#include "tools/view/sources/run_json.hpp"
+#include "tools/view/sources/scene_channels.hpp"
 
 namespace tether {
 namespace {
@@ -37,6 +45,9 @@ struct RunOptions {
   std::string lcm_url;
   double patience_s = 10.0;
   bool step = false;
+  bool view = false;
+  double speed = 1.0;
+  ViewOptions viewing;
 };
 
 double wall_seconds() {
@@ -61,6 +72,41 @@ void run_with_progress(ClosedLoop& loop, Instant end) {
   loop.finish();
   if (shown_s > start_s) fmt::print(stderr, "\r\033[K");
 }
+
+/// A run that is looked at while it is computed, at a pace.
+class ViewedRun {
+ public:
+  /// Subscribes to the bus: before the run.
+  ViewedRun(const RunOptions& options, const Scenario& scenario, ClosedLoop& loop)
+      : loop_(loop), speed_(options.speed), parameters_(scenario.get<ChannelSettings>()) {
+    const double end_s = scenario.get<RunSettings>().duration_s;
+    RunDescription run{.kind = "run", .source = options.scenario.file, .scenario = &scenario};
+    run.vehicle = scenario.get<VehicleSettings>().name;
+    run.scene = scene_setting(scenario);
+    run.publishable = NetworkView::publishable(run.vehicle);
+    run.parameters = parameters_.descriptions();
+    for (auto& one : playback_descriptions(to_seconds(loop.loop().now()), end_s, false)) {
+      run.parameters.push_back(std::move(one));
+    }
+    server_.emplace(options.viewing.server(run), scene_channels(run.scene));
+    network_.emplace(loop.loop(), loop.bus(), *server_,
+                     NetworkView::Options{run.vehicle, false, parameters_});
+    announce(*server_);
+  }
+
+  void run(Instant end) {
+    PacedRun paced(loop_.loop().now(), end, speed_, *server_, *network_);
+    paced.run([this](Instant t) { loop_.run_until(t); });
+    loop_.finish();
+  }
+
+ private:
+  ClosedLoop& loop_;
+  double speed_;
+  NetworkParameters parameters_;
+  std::optional<ViewServer> server_;
+  std::optional<NetworkView> network_;
+};
 
 /// A run that breaks off leaves what it has written until then.
 void run_processes(ProcessRun& processes, const RunObserver& observer,
@@ -118,7 +164,11 @@ int run(const RunOptions& options) {
     channel.emplace(scenario.get<ChannelSettings>(), channel_traffic(scenario, true), loop,
                     one->netem().uplink(), one->netem().downlink());
   if (folder) folder->record(loop, bus);
-  if (one) {
+  std::optional<ViewedRun> viewed;
+  if (options.view) viewed.emplace(options, scenario, *one);
+  if (viewed) {
+    viewed->run(end);
+  } else if (one) {
     run_with_progress(*one, end);
   } else {
     run_processes(*many, observer, folder);
@@ -168,6 +218,14 @@ void add_run_command(CLI::App& tether, Action& action) {
       ->add_flag("--step", options->step,
                  "hold a run of --processes, and step it from the terminal")
       ->needs(processes);
+  CLI::Option* const view =
+      command->add_flag("--view", options->view, "with a page to look at it, at a pace")
+          ->excludes(processes);
+  command->add_option("--speed", options->speed, "with --view: seconds of the run per second")
+      ->check(number_between(Playback::kSlowest, Playback::kFastest))
+      ->capture_default_str()
+      ->needs(view);
+  add_view_options(*command, options->viewing, view);
   command->add_flag("--json", options->json, "print the summary as one JSON object");
   command->add_flag("--keys", options->keys, "list all scenario keys with units and defaults");
   command->callback([options, &action] { action = [options] { return run(*options); }; });

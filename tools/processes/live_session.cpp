@@ -91,6 +91,26 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
   subscribe<presence_t>(bus_, kPresenceChannel, kDeepQueue, undecodable_,
                         [this](const presence_t& presence) { on_presence(presence); });
   for (const std::string& name : programs(scenario)) add_child(options, name);
+  if (options.view) add_view(options);
+}
+
+void LiveSession::add_view(const Options& options) {
+  std::vector<std::string> command{(executable_folder() / "tether").string(), "view",
+                                   "--lcm-url=" + options.lcm_url,
+                                   "--scenario=" + options.scenario_file};
+  for (const std::string& text : options.overrides) command.push_back("--set=" + text);
+  command.insert(command.end(), options.view->begin(), options.view->end());
+  view_ = std::make_unique<NodeProcess>(
+      loop_, std::move(command), [this](const std::string& line) { status_.say(line); },
+      [this](int code) {
+        if (ending_) return;
+        if (loop_.now() >= kStart) {
+          return status_.say(fmt::format("t = {:.1f} s: tether view ended (exit code {})",
+                                         to_seconds(loop_.now()), code));
+        }
+        failure_ = fmt::format("tether view did not start (exit code {})", code);
+        loop_.stop();
+      });
 }
 
 void LiveSession::add_child(const Options& options, const std::string& name) {
@@ -160,6 +180,7 @@ void LiveSession::watch_run() {
 
 void LiveSession::run() {
   expect_no_company();
+  if (view_) view_->start();
   for (auto& child : children_) start(*child);
   loop_.every(loop_.now(), from_seconds(to_seconds(kWatchPeriod) * loop_.rate()),
               Priority::observer, [this](Instant) { watch_run(); });
@@ -224,6 +245,7 @@ void LiveSession::shut_down() {
     if (child->process->running()) loop_.run_until(loop_.now() + kShutDownPatience);
   }
   for (auto& child : children_) child->process->send_signal(SIGKILL);
+  if (view_) view_->send_signal(SIGTERM);
   loop_.run_until(loop_.now() + kLinger);
   status_.clear();
 }

@@ -38,6 +38,8 @@ class LiveSession {
     std::string out;          ///< folder for results; empty for none
     double speed = 1.0;       ///< run seconds per wall second
     bool show_status = true;  ///< if stderr is a terminal: a dashboard, or a line if it is small
+    /// Of a `tether view` beside the nodes; none: there is none.
+    std::optional<std::vector<std::string>> view;
   };
 
   LiveSession(const Options& options, const Scenario& scenario);
@@ -67,6 +69,7 @@ class LiveSession {
   void watch_run();
   void start(Child& child);
   void add_child(const Options& options, const std::string& name);
+  void add_view(const Options& options);
   void on_child_exit(Child& child, int code);
   void show_status();
   void shut_down();
@@ -91,6 +94,7 @@ class LiveSession {
   ArmOperator operator_;
   std::optional<OutputFolder> folder_;
   std::vector<std::unique_ptr<Child>> children_;
+  std::unique_ptr<NodeProcess> view_;  ///< only looks: the run goes on without it
   int restarts_ = 0;
   std::string failure_;
   std::string company_;  ///< another run that was here before; its `tether live`, if it has one

@@ -80,7 +80,9 @@ Hub::Channel* Hub::channel_of(std::string_view topic, std::span<const std::uint8
     ++too_many_channels_;
     return nullptr;
   }
-  return &add_channel(topic, wanted, schema_name(*type), json_schema(*type));
+  Channel& channel = add_channel(topic, wanted, schema_name(*type), json_schema(*type));
+  channel.is_for_derived = derived_ && derived_->reads(topic, *type);
+  return &channel;
 }
 
 void Hub::hear(std::string_view topic, std::span<const std::uint8_t> bytes, std::uint64_t time_ns) {
@@ -90,7 +92,7 @@ void Hub::hear(std::string_view topic, std::span<const std::uint8_t> bytes, std:
   channel->last.assign(bytes.begin(), bytes.end());
   channel->last_json = nullptr;
   channel->last_ns = time_ns;
-  const bool is_for_derived = wants_derived(topic, channel->fingerprint);
+  const bool is_for_derived = channel->is_for_derived && derived_wanted();
   if (channel->subscribers.empty() && !is_for_derived) return;
   const MessageContent message = inspect_message(bytes);
   if (!message.decoded()) {
@@ -112,10 +114,31 @@ void Hub::forward(Channel& channel, SharedText json, std::uint64_t time_ns) {
   channel.last_ns = time_ns;
 }
 
-bool Hub::wants_derived(std::string_view topic, std::int64_t fingerprint) const {
+/// Whether anybody listens to one of them.
+bool Hub::derived_wanted() const {
   if (!derived_) return false;
-  const MessageType* const type = find_message_type(fingerprint);
-  return type != nullptr && derived_->reads(topic, *type);
+  const auto& channels = derived_->channels();
+  return std::any_of(channels.begin(), channels.end(), [this](const auto& description) {
+    const auto found = channels_.find(description.topic);
+    return found != channels_.end() && !found->second.subscribers.empty();
+  });
+}
+
+bool Hub::is_derived(std::uint32_t id) const {
+  if (!derived_) return false;
+  const auto& channels = derived_->channels();
+  const std::string& topic = advertised_.at(id).topic;
+  return std::any_of(channels.begin(), channels.end(),
+                     [&topic](const auto& description) { return description.topic == topic; });
+}
+
+/// From the newest message of each channel, for somebody who begins to listen.
+void Hub::derive_all() {
+  for (const auto& [topic, channel] : channels_) {
+    if (!channel.is_for_derived || channel.last.empty()) continue;
+    const MessageContent message = inspect_message(channel.last);
+    if (message.decoded()) derive(topic, message, channel.last_ns);
+  }
 }
 
 void Hub::derive(std::string_view topic, const MessageContent& message, std::uint64_t time_ns) {

@@ -84,7 +84,8 @@ class Hub {
  private:
   struct Channel {
     std::uint32_t id = 0;
-    std::int64_t fingerprint = 0;                                 ///< 0: its messages are JSON
+    std::int64_t fingerprint = 0;  ///< 0: its messages are JSON
+    bool is_for_derived = false;   ///< derived channels are made of it
     std::vector<std::pair<ClientId, std::uint32_t>> subscribers;  ///< and their subscriptions
     std::vector<std::uint8_t> last;
     SharedText last_json;  ///< of `last`, if anybody wanted it
@@ -98,7 +99,9 @@ class Hub {
   void remove_channel(std::map<std::string, Channel, std::less<>>::iterator found);
   void forward(Channel& channel, SharedText json, std::uint64_t time_ns);
   void derive(std::string_view topic, const MessageContent& message, std::uint64_t time_ns);
-  bool wants_derived(std::string_view topic, std::int64_t fingerprint) const;
+  bool derived_wanted() const;
+  bool is_derived(std::uint32_t id) const;
+  void derive_all();
   Channel* find_channel(std::uint32_t id);
   void unsubscribe(ClientId client, std::uint32_t subscription);
   void complain(ClientId client, std::string_view reason);

@@ -39,6 +39,7 @@ struct Hub::Handle {
     session().channels.emplace(id, channel_id);
     channel->subscribers.emplace_back(client, id);
     send_last(*channel, id);
+    if (hub.is_derived(channel_id)) hub.derive_all();
   }
 
   /// So that it need not wait for the next.

@@ -1,0 +1,112 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "common/base/errors.hpp"
+#include "common/lcm/lcm_url.hpp"
+#include "common/lcm/open_bus.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "common/program/cli.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "netem/channel/settings.hpp"
+#include "tools/cli/commands.hpp"
+#include "tools/cli/scenario_options.hpp"
+#include "tools/cli/view_options.hpp"
+#include "tools/scene/scene_setting.hpp"
+#include "tools/view/sources/log_view.hpp"
+#include "tools/view/sources/network_view.hpp"
+#include "tools/view/sources/run_json.hpp"
+#include "tools/view/sources/scene_channels.hpp"
+
+namespace tether {
+namespace {
+
+struct ViewCommandOptions {
+  std::string log;
+  std::string lcm_url = kDefaultLcmUrl;
+  ScenarioOptions scenario;
+  ViewOptions view;
+};
+
+int view_log(const ViewCommandOptions& options) {
+  ViewedLog log(options.log);
+  RunDescription run{.kind = "log", .source = options.log, .notes = log.notes()};
+  if (log.scenario()) {
+    run.scenario = &*log.scenario();
+    run.vehicle = run.scenario->get<VehicleSettings>().name;
+    run.scene = scene_setting(*run.scenario);
+  }
+  run.parameters = playback_descriptions(log.start_s(), log.end_s(), true);
+  RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+  ViewServer server(options.view.server(run), scene_channels(run.scene));
+  LogView view(log, server);
+  loop.add_fd(server.requests_fd(), [&](Instant) {
+    for (const ViewRequest& request : server.take_requests()) view.take(loop.now(), request);
+  });
+  loop.every(loop.now(), LogView::kPeriod, Priority::node,
+             [&](Instant) { view.advance(loop.now()); });
+  for (const std::string& note : log.notes()) {
+    fmt::print(stderr, "tether: {}: {}\n", options.log, note);
+  }
+  announce(server);
+  loop.run();
+  return kExitOk;
+}
+
+int view_network(const ViewCommandOptions& options) {
+  const std::string url = checked_lcm_url(options.lcm_url);
+  std::optional<Scenario> scenario;
+  if (!options.scenario.file.empty()) scenario = options.scenario.load();
+  RunDescription run{.kind = "live", .source = url, .vehicle = "AGV"};
+  NetworkView::Options network;
+  if (scenario) {
+    run.scenario = &*scenario;
+    run.vehicle = scenario->get<VehicleSettings>().name;
+    run.scene = scene_setting(*scenario);
+    network.parameters = NetworkParameters(scenario->get<ChannelSettings>());
+  }
+  network.vehicle = run.vehicle;
+  run.parameters = network.parameters.descriptions();
+  run.publishable = NetworkView::publishable(run.vehicle);
+  RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+  const std::unique_ptr<Bus> bus = open_bus(url, loop);
+  ViewServer server(options.view.server(run), scene_channels(run.scene));
+  NetworkView view(loop, *bus, server, std::move(network));
+  loop.add_fd(server.requests_fd(), [&](Instant) {
+    for (const ViewRequest& request : server.take_requests()) view.take(request);
+  });
+  announce(server);
+  loop.run();
+  return kExitOk;
+}
+
+int view(const ViewCommandOptions& options) {
+  if (options.log.empty()) return view_network(options);
+  if (!options.scenario.file.empty()) {
+    throw UsageError("view: the scenario of a log is the scenario.toml beside it, not --scenario");
+  }
+  return view_log(options);
+}
+
+}  // namespace
+
+void add_view_command(CLI::App& tether, Action& action) {
+  auto options = std::make_shared<ViewCommandOptions>();
+  CLI::App* const command = tether.add_subcommand(
+      "view", "A page in the browser, and Foxglove's protocol: a live network or a log");
+  command->add_option("log", options->log, "LCM event log to play [the network of --lcm-url]");
+  command->add_option("--lcm-url", options->lcm_url, "LCM network")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  command->add_option("--scenario", options->scenario.file,
+                      "of what runs on the network: its walls and its path are shown [none]");
+  command->add_option("--set", options->scenario.set, "KEY=VALUE of the scenario, as in tether run")
+      ->allow_extra_args(false);
+  add_view_options(*command, options->view, nullptr);
+  command->callback([options, &action] { action = [options] { return view(*options); }; });
+}
+
+}  // namespace tether

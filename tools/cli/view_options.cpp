@@ -1,0 +1,78 @@
+#include "tools/cli/view_options.hpp"
+
+#include <fmt/format.h>
+
+#include "common/base/errors.hpp"
+#include "common/program/cli_range.hpp"
+#include "tools/base/process.hpp"
+#include "tools/view/web/access.hpp"
+
+namespace tether {
+namespace {
+
+/// Where the build, or an installation, puts the page: beside the folder of the programs.
+std::filesystem::path shared_page() {
+  return executable_folder().parent_path() / "share" / "tether" / "view";
+}
+
+void check_token(const std::string& token) {
+  constexpr std::size_t kShortest = 16, kLongest = 128;
+  constexpr auto kAllowed = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+  if (token.size() >= kShortest && token.size() <= kLongest &&
+      token.find_first_not_of(kAllowed) == std::string::npos) {
+    return;
+  }
+  throw UsageError(fmt::format(
+      "--token: has to be {} to {} letters, digits, '.', '_' or '-', and hard to guess: such as {}",
+      kShortest, kLongest, random_token()));
+}
+
+}  // namespace
+
+std::vector<std::string> ViewOptions::arguments() const {
+  std::vector<std::string> all{"--address=" + address, fmt::format("--port={}", port)};
+  if (!token.empty()) all.push_back("--token=" + token);
+  for (const std::string& origin : origins) all.push_back("--allow-origin=" + origin);
+  if (!page.empty()) all.push_back("--page=" + page);
+  return all;
+}
+
+ViewServer::Options ViewOptions::server(const RunDescription& run) const {
+  if (!token.empty()) check_token(token);
+  ViewServer::Options server;
+  server.address = address;
+  server.port = port;
+  server.token = token;
+  server.origins = origins;
+  server.page = page.empty() ? shared_page() : std::filesystem::path(page);
+  server.title = "tether: " + run.source;
+  server.publishable = run.publishable;
+  server.has_time = run.kind != "live";
+  server.run_json = run_json(run);
+  return server;
+}
+
+void add_view_options(CLI::App& command, ViewOptions& options, CLI::Option* needs) {
+  const std::vector<CLI::Option*> all{
+      command
+          .add_option("--address", options.address,
+                      "IP address that the view listens on; any but 127.0.0.1 wants --token")
+          ->capture_default_str(),
+      command.add_option("--port", options.port, "port of the view; 0: any that is free")
+          ->capture_default_str(),
+      command.add_option("--token", options.token,
+                         "what has to be known to be let in: 16 characters or more [none]"),
+      command.add_option("--allow-origin", options.origins,
+                         "a page elsewhere that may talk to the view, such as "
+                         "https://app.foxglove.dev; again for more [none]"),
+      command.add_option("--page", options.page,
+                         "folder with the page's files [share/tether/view beside bin]")};
+  if (needs == nullptr) return;
+  for (CLI::Option* const option : all) option->needs(needs);
+}
+
+void announce(const ViewServer& server) {
+  fmt::print(stderr, "tether: view at {}\n", server.address());
+}
+
+}  // namespace tether

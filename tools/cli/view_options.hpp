@@ -1,0 +1,33 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tools/view/sources/run_json.hpp"
+#include "tools/view/web/view_server.hpp"
+
+namespace tether {
+
+/// Where a view is to be had, as the command line says.
+struct ViewOptions {
+  std::string address = "127.0.0.1";
+  std::uint16_t port = 8765;
+  std::string token;
+  std::vector<std::string> origins;
+  std::string page;
+
+  /// The same, for another `tether view`.
+  std::vector<std::string> arguments() const;
+  /// For a server of what `run` describes. Throws UsageError for a token that is none.
+  ViewServer::Options server(const RunDescription& run) const;
+};
+
+/// Adds --address, --port, --token, --allow-origin and --page; `needs` may be null.
+void add_view_options(CLI::App& command, ViewOptions& options, CLI::Option* needs);
+
+/// Says on standard error where it is.
+void announce(const ViewServer& server);
+
+}  // namespace tether

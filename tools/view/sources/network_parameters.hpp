@@ -1,0 +1,60 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+#include "netem/channel/change.hpp"
+#include "tools/view/protocol/parameter.hpp"
+
+namespace tether {
+
+/// What may be done with a parameter, for a page that shows it as a slider, a switch or a list.
+struct ParameterDescription {
+  std::string name;
+  /// "number", "whole number", "switch", "choice", "list" (of numbers), "rows" (lists of numbers,
+  /// as text), "text"; of what is only to be looked at, "texts".
+  std::string kind;
+  std::optional<double> low, high;   ///< of numbers; none: any
+  std::vector<std::string> choices;  ///< of a choice
+  std::string allowed;               ///< in words
+  std::string meaning;               ///< with unit
+  bool can_be_set = true;
+};
+
+/// The settings of a relay's channel as parameters: "network.uplink.prr" is what NET/SET calls
+/// "uplink.prr". It knows all keys and what the relay has said of them.
+///
+/// Files cannot be set: a page has no business with the names of files here.
+class NetworkParameters {
+ public:
+  static constexpr std::string_view kPrefix = "network.";
+  /// A parameter with the names of those that have an effect, as the others are; read-only.
+  static constexpr std::string_view kInEffect = "network.in_effect";
+
+  /// Those of `channel`.
+  explicit NetworkParameters(const ChannelSettings& channel = {});
+
+  /// `settings`: what the relay has answered; what of it is not understood is left as it was. All:
+  /// whatever it does not name has its default.
+  void take(const std::vector<ChannelSetting>& settings, bool all);
+
+  /// All, and network.in_effect.
+  std::vector<Parameter> values() const;
+  std::vector<ParameterDescription> descriptions() const;
+
+  static bool owns(std::string_view name) { return name.starts_with(kPrefix); }
+
+  /// As NET/SET wants them, "KEY=VALUE". Throws UsageError that names the parameter if its value is
+  /// none for it, or must not be set.
+  std::vector<std::string> settings(const std::vector<Parameter>& parameters) const;
+
+ private:
+  std::string setting(const Parameter& parameter) const;
+
+  Scenario scenario_;  ///< its [channel]
+};
+
+}  // namespace tether

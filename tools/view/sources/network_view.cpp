@@ -1,0 +1,156 @@
+#include "tools/view/sources/network_view.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <tether/channel_setting_t.hpp>
+#include <tether/drive_request_t.hpp>
+#include <tether/drivetrain_state_t.hpp>
+
+#include "common/base/errors.hpp"
+#include "common/base/text.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "netem/relay/setting_requests.hpp"
+#include "tools/view/sources/operator_request.hpp"
+
+namespace tether {
+namespace {
+
+constexpr Duration kAskAgain = std::chrono::seconds{1};
+/// For a relay's answer.
+constexpr Duration kPatience = std::chrono::seconds{3};
+
+}  // namespace
+
+NetworkView::NetworkView(EventLoop& loop, Bus& bus, ViewServer& server, Options options)
+    : loop_(loop),
+      bus_(bus),
+      server_(server),
+      channels_(options.vehicle),
+      parameters_(std::move(options.parameters)),
+      seq_(RealTimeLoop::number_of_this_start()) {
+  bus_.subscribe(".*", kDeepQueue, [this](const Message& message) { hear(message); });
+  server_.update(parameters_.values());
+  if (!options.ask_relay) {
+    relay_known_ = true;
+    return;
+  }
+  loop_.every(loop_.now(), kAskAgain, Priority::observer, [this](Instant) {
+    if (!relay_known_) ask();
+  });
+}
+
+std::vector<std::string> NetworkView::publishable(const std::string& vehicle) {
+  return {ChannelNames(vehicle).can_request};
+}
+
+std::uint64_t NetworkView::time_ns(const Message& message) const {
+  if (message.received_utime > 0) return static_cast<std::uint64_t>(message.received_utime) * 1000;
+  if (loop_.run_id() != 0) return static_cast<std::uint64_t>(RealTimeLoop::wall_utime_us()) * 1000;
+  return static_cast<std::uint64_t>(
+      std::max(Duration::zero(), loop_.now().time_since_epoch()).count());
+}
+
+void NetworkView::hear(const Message& message) {
+  server_.hear(message.channel, message.bytes, time_ns(message));
+  if (message.channel == channels_.net_settings) {
+    channel_setting_result_t answer{};
+    if (decode(message.bytes, answer)) on_answer(answer);
+  } else if (message.channel == channels_.can_state) {
+    drivetrain_state_t state{};
+    if (!decode(message.bytes, state)) return;
+    bridge_utime_ = state.utime;
+    bridge_run_ = state.run;
+  }
+}
+
+void NetworkView::on_answer(const channel_setting_result_t& answer) {
+  const RequestName name{answer.request_utime, answer.request_seq};
+  const bool is_all = name == asked_;
+  const bool is_in_force = is_all || answer.applied != 0;
+  relay_ahead_us_ = answer.utime - to_utime(loop_.now());
+  if (is_in_force) {
+    std::vector<ChannelSetting> settings;
+    for (std::size_t i = 0; i < answer.key.size(); ++i) {
+      settings.push_back({answer.key[i], answer.value[i]});
+    }
+    parameters_.take(settings, is_all);
+    server_.update(parameters_.values());
+    relay_known_ = relay_known_ || is_all;
+  }
+  const auto found = pending_.find(name);
+  if (found == pending_.end()) return;
+  const Pending& pending = found->second;
+  const std::string error =
+      answer.applied != 0 ? ""
+                          : "refused, nothing has changed: " + printable_message(answer.reason);
+  server_.answer({pending.client, pending.request, pending.parameters, error});
+  pending_.erase(found);
+}
+
+std::int64_t NetworkView::relay_utime() const { return to_utime(loop_.now()) + relay_ahead_us_; }
+
+template <class LcmType>
+void NetworkView::send(const std::string& channel, const LcmType& message) {
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  bus_.publish(channel, bytes);
+  if (!bus_.hears_itself()) server_.hear(channel, bytes, time_ns({}));
+}
+
+/// Which settings are in force.
+void NetworkView::ask() {
+  const channel_setting_t question = setting_request(relay_utime(), ++seq_, {});
+  asked_ = {question.utime, question.seq};
+  send(channels_.net_set, question);
+}
+
+bool NetworkView::take(const ViewRequest& request) {
+  if (const auto* publish = std::get_if<ViewRequest::Publish>(&request.what)) {
+    operate(request, *publish);
+    return true;
+  }
+  const auto& parameters = std::get<std::vector<Parameter>>(request.what);
+  const auto is_ours = [](const Parameter& p) { return NetworkParameters::owns(p.name); };
+  if (!std::all_of(parameters.begin(), parameters.end(), is_ours)) return false;
+  set(request, parameters);
+  return true;
+}
+
+void NetworkView::set(const ViewRequest& request, const std::vector<Parameter>& parameters) {
+  Pending pending{request.client, request.request, {}};
+  for (const Parameter& parameter : parameters) pending.parameters.push_back(parameter.name);
+  try {
+    const channel_setting_t message =
+        setting_request(relay_utime(), ++seq_, parameters_.settings(parameters));
+    const RequestName name{message.utime, message.seq};
+    pending_.emplace(name, std::move(pending));
+    send(channels_.net_set, message);
+    loop_.at(loop_.now() + kPatience, Priority::observer, [this, name](Instant) {
+      const auto found = pending_.find(name);
+      if (found == pending_.end()) return;
+      server_.answer({found->second.client, found->second.request, found->second.parameters,
+                      fmt::format("no answer on {}: is there a relay (tether-netem)?",
+                                  channels_.net_settings)});
+      pending_.erase(found);
+    });
+  } catch (const UsageError& error) {
+    server_.answer({pending.client, pending.request, pending.parameters, error.what()});
+  }
+}
+
+void NetworkView::operate(const ViewRequest& request, const ViewRequest::Publish& what) {
+  try {
+    drive_request_t message{};
+    message.request = parse_operator_request(what.json);
+    message.utime = bridge_utime_;  // the bridge's clock and run, whatever they are
+    message.run = bridge_run_;
+    message.seq = RealTimeLoop::wall_utime_us();  // as `tether can` counts: it has to ascend
+    send(what.topic, message);
+  } catch (const UsageError& error) {
+    server_.answer({request.client, std::nullopt, {}, error.what()});
+  }
+}
+
+}  // namespace tether

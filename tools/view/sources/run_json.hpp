@@ -1,0 +1,30 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+#include "tools/scene/scene_setting.hpp"
+#include "tools/view/sources/network_parameters.hpp"
+
+namespace tether {
+
+/// What /api/run.json says of what is shown.
+struct RunDescription {
+  std::string kind;    ///< "live", "log" or "run"
+  std::string source;  ///< the LCM URL, the log's or the scenario's file
+  std::string vehicle = {};
+  std::vector<std::string> notes = {};  ///< for people: what of a log is missing
+  const Scenario* scenario = nullptr;   ///< resolved; null if not known
+  SceneSetting scene = {};
+  std::vector<ParameterDescription> parameters = {};
+  std::vector<std::string> publishable = {};
+};
+std::string run_json(const RunDescription& run);
+
+/// Of playback.position_s and its like, `can_jump`: as in a log, not in a run that is computed.
+std::vector<ParameterDescription> playback_descriptions(double start_s, double end_s,
+                                                        bool can_jump);
+
+}  // namespace tether

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <memory>
+
+#include "tools/scene/scene_setting.hpp"
+#include "tools/view/session/derived.hpp"
+
+namespace tether {
+
+/// VIEW/SCENE, VIEW/FRAMES and VIEW/REFERENCE of SceneView, as channels of the server.
+std::unique_ptr<DerivedChannels> scene_channels(const SceneSetting& setting);
+
+}  // namespace tether
