@@ -8,7 +8,7 @@
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
-#include "tools/messages/event_log.hpp"
+#include "tools/log/log_input.hpp"
 #include "tools/view/sources/playback_request.hpp"
 
 namespace tether {
@@ -23,29 +23,16 @@ std::uint64_t to_ns(Instant time) {
   return static_cast<std::uint64_t>(std::max(Duration::zero(), time.time_since_epoch()).count());
 }
 
-std::string note(const LogDamage& damage) {
-  if (damage.truncated_tail) {
-    return fmt::format("the log breaks off in the middle of the record at byte {}: {} bytes lost",
-                       damage.offset_bytes, damage.size_bytes);
-  }
-  return fmt::format("the log is damaged: no usable record from byte {} on, {} bytes skipped",
-                     damage.offset_bytes, damage.size_bytes);
-}
-
 }  // namespace
 
 ViewedLog::ViewedLog(const std::string& file)
     : file_(file), stream_(open_input(file, "the log", kMostRecordingBytes)) {
-  EventLogReader reader(stream_);
-  if (!reader.looks_like_log()) {
-    throw UsageError(fmt::format(
-        "{} is not an LCM event log: it does not begin with the bytes ed a1 da 01", file));
-  }
-  index_.emplace(reader, file);
+  LogInput log(file);
+  index_.emplace(log.reader, file);
   constexpr std::size_t kShown = 20;
-  const auto& damage = reader.damage();
+  const auto& damage = log.reader.damage();
   for (std::size_t i = 0; i < std::min(kShown, damage.size()); ++i) {
-    notes_.push_back(note(damage[i]));
+    notes_.push_back(describe(damage[i]));
   }
   if (damage.size() > kShown) {
     notes_.push_back(fmt::format("and {} further places", damage.size() - kShown));
