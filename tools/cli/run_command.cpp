@@ -91,11 +91,11 @@ class ViewedRun {
     server_.emplace(options.viewing.server(run), scene_channels(run.scene));
     network_.emplace(loop.loop(), loop.bus(), *server_,
                      NetworkView::Options{run.vehicle, false, parameters_});
-    announce(*server_);
   }
 
   void run(Instant end) {
     PacedRun paced(loop_.loop().now(), end, speed_, *server_, *network_);
+    announce(*server_);
     paced.run([this](Instant t) { loop_.run_until(t); });
     loop_.finish();
   }

@@ -42,7 +42,7 @@ int view_log(const ViewCommandOptions& options) {
   run.parameters = playback_descriptions(log.start_s(), log.end_s(), true);
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());
   ViewServer server(options.view.server(run), scene_channels(run.scene));
-  LogView view(log, server);
+  LogView view(loop.now(), log, server);
   loop.add_fd(server.requests_fd(), [&](Instant) {
     for (const ViewRequest& request : server.take_requests()) view.take(loop.now(), request);
   });

@@ -171,6 +171,16 @@ TEST_F(ViewHub, ChangesOfParametersAreToldToWhoeverSubscribedOnce) {
           R"({"op":"parameterValues","parameters":[{"name":"a","value":2,"type":"float64"}]})"));
 }
 
+TEST_F(ViewHub, WhoSubscribedToAllParametersHearsOfNewOnesToo) {
+  sent();
+  hub.on_text(client, R"({"op":"subscribeParameterUpdates","parameterNames":[]})");
+  hub.update({{"late", 1.0}});
+  EXPECT_THAT(sent(), ElementsAre(HasSubstr("late")));
+  hub.on_text(client, R"({"op":"unsubscribeParameterUpdates","parameterNames":[]})");
+  hub.update({{"late", 2.0}});
+  EXPECT_THAT(sent(), IsEmpty());
+}
+
 TEST_F(ViewHub, SettingIsForTheProgramAndItsAnswerForTheClient) {
   hub.update({{"a", 1.0}});
   sent();

@@ -178,7 +178,7 @@ void Hub::update(const std::vector<Parameter>& parameters) {
   for (const auto& [client, session] : clients_) {
     std::vector<std::string> wanted;
     for (const std::string& name : changed) {
-      if (session->parameters.contains(name)) wanted.push_back(name);
+      if (session->all_parameters || session->parameters.contains(name)) wanted.push_back(name);
     }
     if (!wanted.empty()) send_values(client, wanted, std::nullopt);
   }

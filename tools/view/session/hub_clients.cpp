@@ -92,14 +92,19 @@ struct Hub::Handle {
     if (!message.parameters.empty()) hub.ask_({client, message.request, message.parameters});
   }
 
+  /// Who wants all also wants those that are yet to come, such as a relay's further links.
   void operator()(const ClientSubscribeParameters& message) const {
-    for (const Parameter& parameter : hub.values_of(message.names)) {
-      session().parameters.insert(parameter.name);
+    if (message.names.empty()) session().all_parameters = true;
+    for (const std::string& name : message.names) {
+      if (hub.parameter_places_.contains(name)) session().parameters.insert(name);
     }
   }
 
   void operator()(const ClientUnsubscribeParameters& message) const {
-    if (message.names.empty()) session().parameters.clear();
+    if (message.names.empty()) {
+      session().all_parameters = false;
+      session().parameters.clear();
+    }
     for (const std::string& name : message.names) session().parameters.erase(name);
   }
 

@@ -54,7 +54,8 @@ class Session {
   // Kept by the hub.
   std::map<std::uint32_t, std::uint32_t> channels;    ///< of subscriptions, by the client's ids
   std::map<std::uint32_t, std::string> publications;  ///< topics, by the client's ids
-  std::set<std::string> parameters;                   ///< whose changes it wants to hear
+  bool all_parameters = false;       ///< it wants to hear of each change of a parameter
+  std::set<std::string> parameters;  ///< else of these
 
  private:
   struct Waiting {

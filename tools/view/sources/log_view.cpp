@@ -67,17 +67,18 @@ std::span<const std::uint8_t> ViewedLog::read(const LogIndex::Entry& entry) {
   return bytes_;
 }
 
-LogView::LogView(ViewedLog& log, ViewServer& server)
-    : log_(log), server_(server), player_(log.index()) {}
+LogView::LogView(Instant now, ViewedLog& log, ViewServer& server)
+    : log_(log), server_(server), player_(log.index()) {
+  player_.play(now);
+  tell(now);
+}
 
 void LogView::advance(Instant now) {
-  if (!started_) player_.play(now);
-  started_ = true;
   for (const std::size_t i : player_.due(now)) {
     const LogIndex::Entry& entry = log_.index().entries()[i];
     server_.hear(log_.index().channel(entry), log_.read(entry), to_ns(entry.time));
   }
-  if (!told_ || now - *told_ >= kTellPeriod) tell(now);
+  if (now - told_ >= kTellPeriod) tell(now);
 }
 
 void LogView::tell(Instant now) {

@@ -50,7 +50,7 @@ class ViewedLog {
 /// ends in a pause.
 class LogView {
  public:
-  LogView(ViewedLog& log, ViewServer& server);
+  LogView(Instant now, ViewedLog& log, ViewServer& server);
   LogView(const LogView&) = delete;
   LogView& operator=(const LogView&) = delete;
 
@@ -67,8 +67,7 @@ class LogView {
   ViewedLog& log_;
   ViewServer& server_;
   LogPlayer player_;
-  bool started_ = false;
-  std::optional<Instant> told_;
+  Instant told_;
 };
 
 }  // namespace tether

@@ -33,6 +33,7 @@ PacedRun::PacedRun(Instant start, Instant end, double speed, ViewServer& server,
       playback_(start, end),
       computed_(start) {
   playback_.set_speed(wall(), speed);
+  tell();
 }
 
 void PacedRun::run(const RunUntil& run_until) {

@@ -1,0 +1,218 @@
+#!/usr/bin/env -S python3 -B
+"""Hostile, broken and slow clients of tether view: the run goes on and is what it says, the server lives
+and serves others, and keeps to its memory. Usage: view_hostile_test.py BIN_DIR"""
+
+import json
+import pathlib
+import random
+import signal
+import socket
+import struct
+import threading
+import time
+
+from live_support import PAPER, POSE, check, main, wait_for_loop, wait_until
+from view_client import BINARY, PING, TEXT, Client, address_of, connected, frame, http, upgrade
+
+VEHICLES, RATE_HZ, CLIENTS = 100, 50, 20
+MOST_MB = 120  # of the server, with a client that reads nothing
+SANITIZERS_ARE_LARGER = 10  # and slower: AddressSanitizer keeps what is freed
+
+
+def status(address):
+    return json.loads(http(address, "/api/status.json")[2])
+
+
+def garbage(address, rng):
+    for _ in range(50):
+        raw = connected(address)
+        raw.sendall(rng.randbytes(rng.randrange(1, 3000)))
+        raw.close()
+    for head in (b"GET / HTTP/1.1\r\n" + b"X: " + b"a" * 100_000, b"\0" * 9000, b"GET /" + b"a" * 20_000 + b" HTTP/1.1\r\n\r\n"):
+        raw = connected(address)
+        raw.sendall(head)
+        check(raw.recv(10_000)[:20] in (b"", b"HTTP/1.1 400 Bad Req"), "an answer to garbage")
+        raw.close()
+
+
+def other_requests(address):
+    for target in ("/../../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "//etc/passwd", "/..%2f..%2fetc/passwd",
+                   "/index.html/../../x", "/.git/config", "http://evil.example/", "*", "/index.html%00.js"):
+        found, _, body = http(address, target)
+        check(found in (400, 404) and b"root:" not in body, f"{target}: {found} {body[:50]}")
+    check(http(address, "/", "POST", b"x" * 10, Content_Length=10)[0] in (0, 400, 405, 413), "POST")
+    check(http(address, "/", "DELETE")[0] == 405, "DELETE")
+    check(http(address, "/", "HEAD")[0] == 200, "HEAD")
+    check(http(address, "/", Host="evil.example")[0] == 403, "DNS rebinding")
+    check(http(address, "/", Origin="http://evil.example")[0] == 403, "another site's page")
+    for headers, code in (
+        ({"Origin": "http://evil.example"}, 403), ({"Host": "evil.example"}, 403), ({"Origin": "null"}, 403),
+        ({"Sec_WebSocket_Protocol": "chat"}, 400), ({"Sec_WebSocket_Protocol": None}, 400),
+    ):
+        raw = connected(address)
+        head = upgrade(raw, address, **headers)
+        check(f" {code} " in head, f"{headers}: {head}")
+        raw.close()
+
+
+def bad_frames(address, rng):
+    """Each ends its own connection."""
+    huge = bytes([0x82, 0xFF]) + struct.pack(">Q", 1 << 62) + bytes(4)
+    for what, data in (
+        ("huge", huge), ("longest", bytes([0x82, 0xFF]) + b"\xff" * 8 + bytes(4)),
+        ("not masked", frame(TEXT, b"{}", masked=False)), ("no UTF-8", frame(TEXT, b"\xff\xfe")),
+        ("over 64 KiB", frame(BINARY, bytes(70_000))), ("reserved", frame(5, b"x")),
+        ("long ping", frame(PING, bytes(200))), ("ping in parts", frame(PING, b"x", final=False)),
+        ("continuation of nothing", frame(0, b"x")), ("random", rng.randbytes(5000)),
+    ):
+        client = Client(address)
+        client.raw.sendall(data)
+        wait_until(5, lambda: not client.read(0.05), f"the end of a connection that sent: {what}")
+
+
+def nonsense(address, rng):
+    """Each is answered by a status, and the connection goes on."""
+    client = Client(address)
+    texts = ["{", "[" * 60_000, json.dumps({"op": "dance"}), json.dumps({"op": "subscribe", "subscriptions": [{"id": -1}]}),
+             json.dumps({"op": "subscribe", "subscriptions": [{"id": i, "channelId": 10**6 + i} for i in range(500)]}),
+             json.dumps({"op": "setParameters", "parameters": [{"name": "network.uplink.prr", "value": "x' \n y"}]}),
+             json.dumps({"op": "setParameters", "parameters": [{"name": "network.uplink.trace.file", "value": "/etc/passwd"}]}),
+             json.dumps({"op": "setParameters", "parameters": [{"name": "nothing", "value": 1}]}),
+             json.dumps({"op": "advertise", "channels": [{"id": 1, "topic": "CTRL/CMD_VEL", "encoding": "json"}]})]
+    for text in texts:
+        client.raw.sendall(frame(TEXT, text.encode()))
+    for _ in range(50):
+        client.raw.sendall(frame(BINARY, rng.randbytes(rng.randrange(200))))
+    client.wait(5, lambda: len(client.status) >= len(texts) + 50, "answers to all nonsense")
+    client.close()
+
+
+def cut_off_for_text(address):
+    """Asks and asks, and reads no answer."""
+    client = Client(address, buffer_bytes=4096)
+    ask = frame(TEXT, json.dumps({"op": "getParameters", "parameterNames": []}).encode()) * 200
+    client.raw.settimeout(10)
+    try:
+        for _ in range(1000):
+            client.raw.sendall(ask)
+    except (ConnectionError, TimeoutError):
+        return
+    check(False, "200000 answers that nobody reads wait for a client")
+
+
+def too_many(address):
+    """Connections that say nothing: as many as there may be, and no more."""
+    idle = [connected(address) for _ in range(150)]
+    wait_until(5, lambda: any(_ended(raw) for raw in idle), "one too many is turned away")
+    for raw in idle:
+        raw.close()
+    wait_until(5, lambda: http(address)[0] == 200, "the page, when they are gone")
+
+
+def _ended(raw):
+    raw.settimeout(0.001)
+    try:
+        return raw.recv(1) == b""
+    except (TimeoutError, ConnectionResetError):
+        return False
+
+
+def scale(test):
+    return SANITIZERS_ARE_LARGER if b"__asan_init" in (test.bin / "tether").read_bytes() else 1
+
+
+def memory_mb(pid):
+    text = pathlib.Path(f"/proc/{pid}/status").read_text()
+    return int(text.split("VmHWM:")[1].split()[0]) / 1024
+
+
+def cpu_s(pid):
+    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / 100
+
+
+def hostile_clients_harm_neither_the_run_nor_each_other(test):
+    live = test.start("tether", "live", PAPER, "--set=sensor.rate_hz=20", "--duration=600", "--view", "--port=0")
+    wait_for_loop(test.network)
+    address = address_of(live)
+    server = live.children()["tether"]
+    witness = Client(address)
+    witness.wait(5, lambda: "CTRL/POSE" in witness.channels, "channels")
+    witness.subscribe("CTRL/POSE")
+    rng = random.Random(1)
+    garbage(address, rng)
+    other_requests(address)
+    bad_frames(address, rng)
+    nonsense(address, rng)
+    cut_off_for_text(address)
+    too_many(address)
+    witness.counts = {}
+    begin = time.monotonic()
+    witness.wait(5, lambda: witness.counts.get("CTRL/POSE", 0) >= 20, "a second of poses")
+    test.say(f"{status(address)}, at most {memory_mb(server):.0f} MB; a second of poses in {time.monotonic() - begin:.1f} s")
+    check(memory_mb(server) < MOST_MB * scale(test), f"the server has {memory_mb(server)} MB")
+    live.kill(signal.SIGINT)
+    check(live.wait(10) == 0, f"exit code {live.process.returncode}: {live.err()}")
+
+
+def a_fleet(network, stop):
+    """VEHICLES' poses at RATE_HZ, spread over the period."""
+    due, seq = time.monotonic(), 0
+    while not stop.is_set():
+        seq += 1
+        for part in range(10):
+            for vehicle in range(part * VEHICLES // 10, (part + 1) * VEHICLES // 10):
+                network.send(f"AGV{vehicle}/POSE", POSE.encode(seq=seq, utime=seq * 20_000, x_m=0.1 * seq, y_m=vehicle))
+            due += 1 / RATE_HZ / 10
+            time.sleep(max(0.0, due - time.monotonic()))
+
+
+def share_of_core(pid, seconds, clients):
+    before, begin = cpu_s(pid), time.monotonic()
+    for client in clients:
+        client.counts = {}
+    while time.monotonic() - begin < seconds:
+        for client in clients:
+            client.read(0.001)
+    return (cpu_s(pid) - before) / (time.monotonic() - begin)
+
+
+def subscribed(address, number, topic_part):
+    """Clients that want all channels whose name contains it."""
+    clients = [Client(address) for _ in range(number)]
+    for client in clients:
+        client.wait(10, lambda: sum(t.startswith("AGV") for t in client.channels) == VEHICLES, "all vehicles")
+        client.subscribe(*(t for t in client.channels if topic_part in t))
+    return clients
+
+
+def a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing(test):
+    view = test.start("tether", "view", "--port=0", "--lcm-url", test.network.url)
+    address = address_of(view)
+    stop = threading.Event()
+    fleet = threading.Thread(target=a_fleet, args=(test.network, stop), daemon=True)
+    fleet.start()
+    try:
+        nobody = share_of_core(view.pid, 3, [])
+        dead = Client(address, buffer_bytes=4096)
+        dead.wait(10, lambda: sum(t.startswith("AGV") for t in dead.channels) == VEHICLES, "all vehicles")
+        dead.subscribe(*(t for t in dead.channels if "/POSE" in t))  # and reads no more
+        one = share_of_core(view.pid, 3, subscribed(address, 1, "/POSE"))
+        clients = subscribed(address, CLIENTS, "/POSE")
+        share = share_of_core(view.pid, 5, clients)
+        heard = min(sum(client.counts.values()) for client in clients) / 5
+        counters = status(address)
+        test.say(
+            f"CPU of a core: nobody looks {nobody:.1%}, one {one:.1%}, {CLIENTS} {share:.1%}; each of these hears "
+            f"{heard:.0f}/s; {memory_mb(view.pid):.0f} MB; {counters}"
+        )
+        wait_until(20, lambda: status(address)["messages.dropped_for_slow_clients"] > 0, "drops for the dead one")
+        check(counters["messages.dropped_before_server"] == 0 or scale(test) > 1, "the server does not keep up")
+        check(memory_mb(view.pid) < MOST_MB * scale(test), f"the server has {memory_mb(view.pid)} MB")
+        check(one < 0.3 * scale(test), f"one client costs {one:.0%} of a core")
+    finally:
+        stop.set()
+        fleet.join()
+
+
+main(hostile_clients_harm_neither_the_run_nor_each_other, a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing)
