@@ -6,21 +6,18 @@ the ROS 2 bag. And what they say of bad input.
 Usage: mcap_test.py BIN_DIR NPM_DIR; packages of package-lock.json are installed to NPM_DIR once.
 """
 
-import hashlib
 import pathlib
 import shutil
 import subprocess
 import sys
 import tempfile
 
+from npm_packages import fail, install
+
 HERE = pathlib.Path(__file__).resolve().parent
 PAPER = HERE.parents[1] / "scenarios" / "paper.toml"
 TETHER = pathlib.Path(sys.argv[1]).resolve() / "tether"
 NPM = pathlib.Path(sys.argv[2]).resolve()
-
-
-def fail(what):
-    sys.exit(f"FAILED: {what}")
 
 
 def run(*command, code=0, says="", cwd=None):
@@ -29,26 +26,6 @@ def run(*command, code=0, says="", cwd=None):
     if done.returncode != code or says not in said:
         fail(f"{' '.join(map(str, command))}: exit code {done.returncode}, not {code} with \"{says}\": {said}")
     return said
-
-
-def install():
-    """npm ci, unless what the lock file says is there."""
-    for program in ("node", "npm"):
-        if shutil.which(program) is None:
-            fail(f"{program} is missing; on Debian: sudo apt-get install nodejs npm")
-    lock = (HERE / "package-lock.json").read_bytes()
-    stamp, wanted = NPM / "installed", hashlib.sha256(lock).hexdigest()
-    NPM.mkdir(parents=True, exist_ok=True)
-    if not stamp.exists() or stamp.read_text() != wanted:
-        for name in ("package.json", "package-lock.json"):
-            shutil.copy(HERE / name, NPM)
-        done = subprocess.run(["npm", "ci", "--no-audit", "--no-fund", "--ignore-scripts"], cwd=NPM,
-                              capture_output=True, text=True)
-        if done.returncode != 0:
-            fail(f"npm ci needs registry.npmjs.org, or its cache: {done.stdout}{done.stderr}")
-        stamp.write_text(wanted)
-    for script in HERE.glob("*.mjs"):  # Node looks for packages beside the script
-        shutil.copy(script, NPM)
 
 
 def by_others(work, run_dir, name):
@@ -105,7 +82,7 @@ def times_below_zero_move_up_by_whole_seconds(work, common):
     run(TETHER, "log", "mcap", work / "lead" / "run.lcmlog", says="times are 2 s later than in the log")
 
 
-install()
+install(NPM)
 with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     common = ["--set", "vehicle.plant=kinematic", "--set", "sensor.rate_hz=20", "--set",
