@@ -24,7 +24,7 @@ if [ "${1:-}" = tests ]; then
         zsh groff-base                              # completion, manual pages
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
         slurm-wlm munge                             # sweeps on a cluster
-        chromium                                    # a report's screenshot
+        chromium                                    # a report's screenshot, the page of tether view
     )
     # Readers of MCAP, by npm. Only what is missing: Node.js of its makers brings npm, and conflicts with
     # Debian's.

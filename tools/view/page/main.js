@@ -1,0 +1,190 @@
+// Puts the page together: messages change the model, pictures are drawn from it at the screen's own
+// rate.
+
+import { Connection } from "./connection.js";
+import { Controls } from "./controls.js";
+import { Drive } from "./drive.js";
+import { Lanes } from "./lanes.js";
+import { FactoryMap } from "./map.js";
+import { LEGEND } from "./marks.js";
+import { Model } from "./model.js";
+import { showDrivetrain, showFacts, showNumbers } from "./numbers.js";
+import { PlaybackBar } from "./playback.js";
+import { Plots } from "./plots.js";
+import { ChannelTable } from "./table.js";
+import { onTheme, startTheme } from "./theme.js";
+import { ABOUT_ADDRESS, REQUEST, REQUEST_SCHEMA, REQUEST_TOPIC, TWIST_SCHEMA, TWIST_TOPIC, isWanted } from "./topics.js";
+
+const find = (id) => document.getElementById(id);
+const options = new URLSearchParams(location.search);
+startTheme(find("theme"), options.get("theme") ?? undefined);
+
+const model = new Model();
+const clock_s = () => performance.now() / 1000;
+const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`;
+const banner = find("banner");
+
+function tell(text) {
+  banner.textContent = text;
+  banner.hidden = !text;
+}
+
+const connection = new Connection(address, {
+  onState(state) {
+    const words = { connecting: "connecting …", open: "connected", closed: "no connection" };
+    find("connection").dataset.state = state;
+    find("connection").textContent = words[state];
+    if (state === "closed") tell(`No connection to ${location.host}. Is "tether view" running? Trying again …`);
+    if (state === "open") tell("");
+  },
+  onInfo(info) {
+    if (model.session !== info.sessionId) model.restart(); // another server: another run
+    model.session = info.sessionId;
+    document.title = info.name ?? "Tether";
+    askAbout();
+  },
+  onMessage: (message) => model.hear(message, clock_s()),
+  onParameters(parameters) {
+    for (const { name, value } of parameters) model.parameters.set(name, value);
+    playback.update(model.parameters);
+    if (parameters.some(({ name }) => name.startsWith("network."))) showFacts(find("facts"), model);
+    controls.update(model.parameters);
+  },
+  onStatus({ level, message }) {
+    controls.say(message, level >= 1 ? "bad" : "none");
+  },
+}, { wants: isWanted });
+
+async function askAbout() {
+  try {
+    const answer = await fetch(ABOUT_ADDRESS + location.search);
+    if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
+    const about = await answer.json();
+    model.hearAbout(about);
+    showFacts(find("facts"), model);
+    controls.describe(about.parameters ?? []);
+    const publishable = about.publishable ?? [];
+    find("drive").hidden = !publishable.includes(TWIST_TOPIC);
+    for (const button of find("can").querySelectorAll("button")) button.disabled = !publishable.includes(REQUEST_TOPIC);
+    find("source").textContent = [about.kind, about.source].filter(Boolean).join(" ");
+    if (about.notes?.length) tell(about.notes.join(" "));
+  } catch (error) {
+    tell(`The server does not say what it shows: ${error.message}`);
+  }
+}
+
+const set = (parameters) => connection.setParameters(parameters);
+const map = new FactoryMap(find("map"), find("ground"));
+const lanes = new Lanes(find("lanes"));
+const plots = new Plots(find("plots"));
+const controls = new Controls(find("settings"), find("answer"), set);
+const playback = new PlaybackBar(find("playback"), set);
+const table = new ChannelTable(find("table-panel"));
+
+let sequence = 0;
+const stamp = () => ({ utime: Math.round(model.now_s(clock_s()) * 1e6), seq: sequence++, run: model.run });
+
+const drive = new Drive(find("drive"), (twist) => {
+  const pose_utime = model.shown?.believed?.utime ?? -1;
+  connection.publish(TWIST_TOPIC, TWIST_SCHEMA, { ...stamp(), pose_utime, ...twist });
+});
+
+for (const [id, request] of [["estop", "ESTOP"], ["arm", "ARM"], ["disarm", "DISARM"], ["release", "ESTOP_RELEASE"], ["reset", "RESET"]]) {
+  find(id).addEventListener("click", () => {
+    connection.publish(REQUEST_TOPIC, REQUEST_SCHEMA, { ...stamp(), request: REQUEST[request] });
+  });
+}
+
+function press(id, toggle) {
+  find(id).addEventListener("click", () => find(id).setAttribute("aria-pressed", toggle()));
+}
+press("stage", () => document.body.classList.toggle("stage"));
+press("follow", () => (map.following = !map.following));
+find("zoom-in").addEventListener("click", () => map.camera.zoom(1.4));
+find("zoom-out").addEventListener("click", () => map.camera.zoom(1 / 1.4));
+find("zoom-fit").addEventListener("click", () => {
+  map.following = false;
+  find("follow").setAttribute("aria-pressed", false);
+  map.fit();
+});
+if (options.has("stage")) find("stage").click();
+document.body.classList.toggle("poster", options.has("poster"));
+
+addEventListener("keydown", (event) => {
+  if (event.target.closest?.("input, select") || event.ctrlKey || event.metaKey) return;
+  if (event.code === "KeyF") find("stage").click();
+  if (event.code === "Escape" && model.shown?.drivetrain) find("estop").click();
+  if (!playback.isThere) return;
+  if (event.code === "Space" && event.target.tagName !== "BUTTON") {
+    event.preventDefault();
+    playback.toggle();
+  }
+  if (event.code === "ArrowLeft") playback.step(-1);
+  if (event.code === "ArrowRight") playback.step(1);
+});
+
+function drawLegend() {
+  find("legend").replaceChildren(...LEGEND.map(({ name, draw }) => {
+    const canvas = Object.assign(document.createElement("canvas"), { width: 60, height: 32 });
+    const c = canvas.getContext("2d");
+    c.scale(2, 2);
+    draw(c);
+    const item = document.createElement("li");
+    item.append(canvas, name);
+    return item;
+  }));
+}
+drawLegend();
+onTheme(drawLegend);
+
+const choice = find("vehicle");
+choice.addEventListener("change", () => {
+  model.selected = choice.value;
+  model.series.clear();
+});
+
+/** What need not be as quick as the picture. */
+function slowly() {
+  const now_s = model.now_s(clock_s());
+  showNumbers(model, now_s, map.scene.lostBeyond_m);
+  showDrivetrain(find("can"), model.shown?.drivetrain);
+  find("run-time").textContent = model.clock ? `${now_s.toFixed(1)} s` : "–";
+  playback.run(clock_s());
+  table.update(model.channels, now_s + (model.offset_s ?? 0));
+  if (choice.options.length !== model.vehicles.size) {
+    const all = [...model.vehicles.values()].sort((a, b) => Number(a.key) - Number(b.key));
+    choice.replaceChildren(...all.map((vehicle) => new Option(vehicle.name, vehicle.key)));
+    choice.value = model.selected;
+    find("vehicle-choice").hidden = all.length < 2;
+  }
+}
+setInterval(slowly, 100);
+
+const frames = { count: 0, since_s: clock_s(), longest_s: 0, last_s: clock_s(), perSecond: 0, total: 0 };
+
+function countFrame(now_s) {
+  frames.longest_s = Math.max(frames.longest_s, now_s - frames.last_s);
+  frames.last_s = now_s;
+  ++frames.count;
+  ++frames.total;
+  if (now_s - frames.since_s < 1) return;
+  frames.perSecond = frames.count / (now_s - frames.since_s);
+  find("frames").textContent = `${frames.perSecond.toFixed(0)} fps`;
+  frames.count = 0;
+  frames.since_s = now_s;
+}
+
+function draw() {
+  requestAnimationFrame(draw);
+  const heard_s = clock_s();
+  const now_s = model.now_s(heard_s);
+  model.sample(now_s);
+  map.draw(model, now_s);
+  lanes.draw(model, now_s);
+  plots.draw(model.series, now_s);
+  countFrame(heard_s);
+}
+
+globalThis.tether = { model, connection, map, frames, drive }; // for tests and the curious
+connection.open();
+draw();

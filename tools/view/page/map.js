@@ -1,0 +1,189 @@
+// The factory from above: what stands still is drawn on a canvas of its own, when it changes; the
+// vehicles on another above it, each time.
+
+import { Camera } from "./camera.js";
+import { Surface } from "./canvas.js";
+import { Fleet, MANY } from "./fleet.js";
+import { drawBelief, drawTrail, drawVehicle } from "./marks.js";
+import { radioOf } from "./radio.js";
+import { sceneOf } from "./scene.js";
+import { colour, onTheme } from "./theme.js";
+
+const AHEAD_S = 8;
+
+export class FactoryMap {
+  /** `ground` lies under `canvas` and is as large. */
+  constructor(canvas, ground) {
+    this.surface = new Surface(canvas);
+    this.camera = new Camera(canvas, () => this.forget());
+    this.ground = ground;
+    this.scene = sceneOf(null);
+    this.generation = -1;
+    this.following = false;
+    this.fleet = new Fleet();
+    this.camera.resize(this.surface.width, this.surface.height);
+    this.surface.onResize = () => {
+      this.camera.resize(this.surface.width, this.surface.height);
+      if (!this.camera.isFree) this.fit();
+      this.forget();
+    };
+    onTheme(() => this.forget());
+    this.fit();
+  }
+
+  forget() {
+    this.isStale = true;
+  }
+
+  fit() {
+    this.camera.fit(this.scene.box);
+  }
+
+  /** Follows what the model knows of the scenario. */
+  update(model) {
+    const reference = model.shown?.reference;
+    const points = model.about?.path?.length ? 0 : (reference?.x.length ?? 0);
+    const generation = `${model.generation} ${Math.floor(points / 10)} ${model.radioSettings()}`;
+    if (generation === this.generation) return;
+    this.generation = generation;
+    const driven = points ? reference.x.map((x, i) => [x, reference.y[i]]) : [];
+    this.scene = sceneOf(model.about, driven);
+    this.scene.radio = radioOf((name) => model.linkSetting(name), this.scene.box);
+    if (!this.camera.isFree) this.fit();
+    this.forget();
+  }
+
+  draw(model, now_s) {
+    this.update(model);
+    const { camera, surface } = this;
+    const shown = model.shown;
+    if (this.following && shown?.place) {
+      camera.centre = [shown.place.x_m, shown.place.y_m];
+      camera.isFree = true;
+      this.isStale = true;
+    }
+    if (this.isStale) this.drawGround();
+    const c = surface.begin();
+    const vehicles = [...model.vehicles.values()];
+    const isFleet = vehicles.length > MANY;
+    if (isFleet) this.fleet.draw(c, camera, vehicles, shown, this.scene.vehicle, surface.ratio);
+    else for (const vehicle of vehicles) drawTrail(c, camera, vehicle, vehicle === shown);
+    if (shown) drawBelief(c, camera, shown, this.scene.vehicle, now_s, AHEAD_S);
+    for (const vehicle of isFleet ? [shown] : vehicles) {
+      drawVehicle(c, camera, vehicle, this.scene.vehicle, vehicle === shown, vehicles.length > 1);
+    }
+  }
+
+  drawGround() {
+    const { ground, surface, camera, scene } = this;
+    this.isStale = false;
+    if (ground.width !== surface.canvas.width || ground.height !== surface.canvas.height) {
+      ground.width = surface.canvas.width;
+      ground.height = surface.canvas.height;
+    }
+    const c = ground.getContext("2d");
+    c.setTransform(surface.ratio, 0, 0, surface.ratio, 0, 0);
+    c.clearRect(0, 0, surface.width, surface.height);
+    if (scene.radio) this.drawRadio(c, scene.radio);
+    this.drawGrid(c);
+    for (const obstacle of scene.obstacles) {
+      this.trace(c, obstacle);
+      c.closePath();
+      c.fillStyle = colour("obstacle");
+      c.fill();
+      c.strokeStyle = colour("wall");
+      c.lineWidth = 1.5;
+      c.stroke();
+    }
+    c.strokeStyle = colour("wall");
+    c.lineWidth = Math.max(4, 0.12 * camera.scale);
+    c.lineJoin = "miter";
+    for (const wall of scene.walls) {
+      this.trace(c, wall);
+      c.stroke();
+    }
+    c.strokeStyle = colour("path");
+    c.lineWidth = 3;
+    c.setLineDash([10, 6]);
+    this.trace(c, scene.path);
+    c.stroke();
+    c.setLineDash([]);
+    this.drawScaleBar(c);
+  }
+
+  trace(c, line) {
+    c.beginPath();
+    line.forEach(([x, y], i) => c[i ? "lineTo" : "moveTo"](this.camera.x(x), this.camera.y(y)));
+  }
+
+  gridStep() {
+    for (const step of [1, 2, 5, 10, 20, 50, 100]) if (step * this.camera.scale >= 45) return step;
+    return 200;
+  }
+
+  drawGrid(c) {
+    const { camera, surface } = this;
+    const step = this.gridStep();
+    const half = [surface.width / 2 / camera.scale, surface.height / 2 / camera.scale];
+    c.strokeStyle = colour("grid");
+    c.lineWidth = 1;
+    c.beginPath();
+    for (let x = Math.ceil((camera.centre[0] - half[0]) / step) * step; x <= camera.centre[0] + half[0]; x += step) {
+      c.moveTo(Math.round(camera.x(x)) + 0.5, 0);
+      c.lineTo(Math.round(camera.x(x)) + 0.5, surface.height);
+    }
+    for (let y = Math.ceil((camera.centre[1] - half[1]) / step) * step; y <= camera.centre[1] + half[1]; y += step) {
+      c.moveTo(0, Math.round(camera.y(y)) + 0.5);
+      c.lineTo(surface.width, Math.round(camera.y(y)) + 0.5);
+    }
+    c.stroke();
+  }
+
+  drawScaleBar(c) {
+    const { camera, surface } = this;
+    const metres = this.gridStep();
+    const length = metres * camera.scale;
+    const y = surface.height - 14;
+    c.strokeStyle = c.fillStyle = colour("ink");
+    c.lineWidth = 2;
+    c.beginPath();
+    c.moveTo(14, y - 5);
+    c.lineTo(14, y);
+    c.lineTo(14 + length, y);
+    c.lineTo(14 + length, y - 5);
+    c.stroke();
+    c.font = "600 13px system-ui, sans-serif";
+    c.textAlign = "left";
+    c.textBaseline = "bottom";
+    c.fillText(`${metres} m`, 18, y - 3);
+  }
+
+  /** Where packets get lost, the stronger, the more; rings around the access points. */
+  drawRadio(c, radio) {
+    const { camera } = this;
+    const size = radio.cell_m * camera.scale;
+    c.fillStyle = colour("radio-bad");
+    for (let row = 0; row < radio.rows; ++row) {
+      for (let column = 0; column < radio.columns; ++column) {
+        const prr = radio.prr[row * radio.columns + column];
+        if (!(prr < 0.995)) continue;
+        c.globalAlpha = 0.45 * (1 - prr);
+        c.fillRect(camera.x(radio.x_m + column * radio.cell_m), camera.y(radio.y_m + (row + 1) * radio.cell_m), size + 0.5, size + 0.5);
+      }
+    }
+    c.globalAlpha = 1;
+    c.strokeStyle = c.fillStyle = colour("ink");
+    c.lineWidth = 2;
+    c.font = "600 12px system-ui, sans-serif";
+    c.textAlign = "center";
+    c.textBaseline = "top";
+    for (const [x, y] of radio.points) {
+      for (const r of [3, 7, 11]) {
+        c.beginPath();
+        c.arc(camera.x(x), camera.y(y), r, 0, 7);
+        c[r === 3 ? "fill" : "stroke"]();
+      }
+      c.fillText("access point", camera.x(x), camera.y(y) + 14);
+    }
+  }
+}

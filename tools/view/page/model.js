@@ -1,0 +1,201 @@
+// What the page knows, from the messages that it was sent. No DOM, no clock: whoever calls says what
+// time it is.
+
+import { Series } from "./series.js";
+import { ChannelStatistics } from "./statistics.js";
+import { isControlSide, isVehicleSide, splitTopic } from "./topics.js";
+import { Vehicle } from "./vehicle.js";
+
+export const PLOTTED_S = 30;
+const SAMPLE_S = 0.05;
+const RATE_WINDOW_S = 5;
+/** A step back of the run's time by more than this: another run, or a log that was wound back. */
+const BACK_S = 0.5;
+/** So far ahead of the last message does the shown time run on. */
+const AHEAD_S = 0.15;
+
+const PLOTTED = [
+  "error_m", "epsilon_m", "age_s", "v_mps", "omega_radps", "v_sent_mps", "omega_sent_radps",
+  "uplink_per_s", "downlink_per_s", "uplink_prr", "downlink_prr",
+];
+
+export class Model {
+  constructor() {
+    this.vehicles = new Map();
+    this.channels = new Map(); // topic -> ChannelStatistics
+    this.parameters = new Map(); // name -> value
+    this.about = null; // what the server says of the run, /api/run.json
+    this.selected = null; // key of the vehicle that is looked at
+    this.series = new Series(PLOTTED, PLOTTED_S);
+    this.generation = 0; // counts up when everything begins anew
+    this.restart();
+  }
+
+  restart() {
+    for (const vehicle of this.vehicles.values()) vehicle.clear();
+    for (const channel of this.channels.values()) channel.clear();
+    this.series.clear();
+    this.links = { uplink: null, downlink: null }; // newest reports
+    this.states = { uplink: [], downlink: [] }; // {from_s, state}, in order
+    this.clock = null; // {run_s, heard_s, rate}
+    this.run = 0;
+    this.offset_s = null; // the messages' stamps minus the run's time
+    this.isGuess = false;
+    ++this.generation;
+  }
+
+  /** `heard_s`: seconds of a clock that never steps, when the message came here. */
+  hear(message, heard_s) {
+    const { topic, fields, time_s } = message;
+    const part = splitTopic(topic);
+    if (part) this.hearPart(part, fields, time_s, heard_s);
+    let channel = this.channels.get(topic);
+    if (!channel) this.channels.set(topic, (channel = new ChannelStatistics(topic, message.schema)));
+    channel.add(time_s, message.bytes, fields);
+  }
+
+  hearPart(part, fields, time_s, heard_s) {
+    if (part.base === "SIM" && (part.name === "CLOCK" || part.name === "TRUTH")) {
+      this.hearClock(part, fields, time_s, heard_s);
+    } else if (this.offset_s === null && Number.isFinite(fields.utime)) {
+      this.offset_s = time_s - fields.utime / 1e6; // a guess, for logs without truth or clock
+      this.isGuess = true;
+    }
+    if (!this.clock || this.clock.source !== "SIM") this.tick(fields.utime / 1e6, heard_s, "any");
+    const at_s = time_s - (this.offset_s ?? 0);
+    if (part.base === "SIM") {
+      if (part.name === "TRUTH") this.vehicle(part.vehicle).hearTruth(fields);
+    } else if (part.base === "NET") {
+      if (part.name.endsWith("UPLINK")) this.hearLink("uplink", fields);
+      if (part.name.endsWith("DOWNLINK")) this.hearLink("downlink", fields);
+    } else if (part.base === "CAN") {
+      if (part.name === "STATE") this.vehicle(part.vehicle).drivetrain = fields;
+      if (part.name === "ODOMETRY") this.vehicle(part.vehicle).odometry = fields;
+    } else if (isControlSide(part)) {
+      this.vehicle(part.vehicle).hearControlSide(part.name, fields, at_s);
+    } else if (isVehicleSide(part) && (part.name === "POSE" || this.vehicles.has(part.vehicle))) {
+      const vehicle = this.vehicle(part.vehicle);
+      vehicle.name = part.side;
+      vehicle.hearVehicleSide(part.name, fields, at_s);
+    }
+  }
+
+  /** The relay reports at each change of a link's state, and now and then. */
+  hearLink(link, report) {
+    this.links[link] = report;
+    const states = this.states[link];
+    if (states.length && states[states.length - 1].state === report.state) return;
+    states.push({ from_s: report.utime / 1e6, state: report.state });
+    if (states.length > 400) states.splice(0, 200);
+  }
+
+  hearClock(part, fields, time_s, heard_s) {
+    const run_s = fields.utime / 1e6;
+    const anotherRun = part.name === "CLOCK" && this.run !== 0 && fields.run !== this.run;
+    if (anotherRun || (this.clock?.source === "SIM" && run_s < this.clock.run_s - BACK_S)) this.restart();
+    if (this.isGuess) this.forgetPackets();
+    this.isGuess = false;
+    this.offset_s = time_s - run_s;
+    if (part.name === "CLOCK") this.run = fields.run;
+    this.tick(run_s, heard_s, "SIM");
+  }
+
+  forgetPackets() {
+    for (const vehicle of this.vehicles.values()) {
+      vehicle.uplink.clear();
+      vehicle.downlink.clear();
+    }
+  }
+
+  tick(run_s, heard_s, source) {
+    if (!Number.isFinite(run_s)) return;
+    if (this.clock && source === this.clock.source && run_s <= this.clock.run_s) return;
+    this.clock = { run_s, heard_s, source };
+  }
+
+  hearAbout(about) {
+    this.about = about;
+    ++this.generation;
+  }
+
+  /** "uplink.map.snr50_db": as it is in force now, else as the scenario says. */
+  linkSetting(name) {
+    const value = this.parameters.get(`network.${name}`);
+    if (value !== undefined) return value;
+    return name.split(".").reduce((at, part) => at?.[part], this.about?.scenario?.channel);
+  }
+
+  /** Changes when the radio map does. */
+  radioSettings() {
+    if (this.linkSetting("uplink.model") !== "map" && this.linkSetting("downlink.model") !== "map") return "";
+    return [...this.parameters].filter(([name]) => /\.(map\.|model)/.test(name)).join();
+  }
+
+  vehicle(key) {
+    let vehicle = this.vehicles.get(key);
+    if (!vehicle) {
+      vehicle = new Vehicle(key, this.vehicles.size < 12 ? 3000 : 40, this.vehicles.size < 12 ? 0.05 : 0.25);
+      this.vehicles.set(key, vehicle);
+      if (this.selected === null) this.selected = key;
+    }
+    return vehicle;
+  }
+
+  /** The vehicle that is looked at; null before there is one. */
+  get shown() {
+    return this.vehicles.get(this.selected) ?? null;
+  }
+
+  /** The run's time; between messages it runs on a little, unless a log stands still. */
+  now_s(heard_s) {
+    if (!this.clock) return 0;
+    if (this.parameters.get("playback.playing") === false) return this.clock.run_s;
+    const speed = Number(this.parameters.get("playback.speed") ?? 1) || 1;
+    return this.clock.run_s + Math.min(AHEAD_S, Math.max(0, heard_s - this.clock.heard_s)) * speed;
+  }
+
+  /** Once per picture: decides on packets, and adds what is plotted. */
+  sample(now_s) {
+    const vehicle = this.shown;
+    if (!vehicle || now_s <= this.series.last_s + SAMPLE_S) return;
+    vehicle.uplink.settle(now_s, this.links.uplink !== null);
+    vehicle.downlink.settle(now_s, this.links.downlink !== null);
+    const { truth, report, command } = vehicle;
+    this.series.add(now_s, {
+      error_m: truth?.error_m,
+      epsilon_m: truth?.epsilon_m,
+      age_s: vehicle.age_s(now_s),
+      v_mps: truth?.v_mps,
+      omega_radps: truth?.omega_radps,
+      v_sent_mps: report?.v_mps ?? command?.v_mps,
+      omega_sent_radps: report?.omega_radps ?? command?.omega_radps,
+      uplink_per_s: this.arrivals_per_s(vehicle.uplink, now_s),
+      downlink_per_s: this.arrivals_per_s(vehicle.downlink, now_s),
+      uplink_prr: vehicle.uplink.received(now_s, RATE_WINDOW_S),
+      downlink_prr: vehicle.downlink.received(now_s, RATE_WINDOW_S),
+    });
+  }
+
+  arrivals_per_s(lane, now_s) {
+    let count = 0;
+    for (let i = lane.packets.length - 1; i >= 0; --i) {
+      const packet = lane.packets[i];
+      if (packet.sent_s < now_s - RATE_WINDOW_S - lane.longest_s) break;
+      if (packet.arrived_s > now_s - RATE_WINDOW_S) ++count;
+    }
+    const since_s = now_s - (lane.packets[0]?.sent_s ?? now_s);
+    return count / Math.min(RATE_WINDOW_S, Math.max(1, since_s));
+  }
+
+  /** How the run stands, in a word for those in the last row; `level`: good, warn, bad. */
+  verdict(lostBeyond_m = 5) {
+    const truth = this.shown?.truth;
+    if (!truth) return { level: "none", text: this.vehicles.size ? "NO TRUTH" : "WAITING" };
+    if (truth.lost && truth.error_m > lostBeyond_m) return { level: "bad", text: "LOST" };
+    if (truth.wall_contact) return { level: "bad", text: "AT THE WALL" };
+    if (truth.error_m > lostBeyond_m) return { level: "bad", text: "OFF THE PATH" };
+    if (truth.error_m > 1) return { level: "warn", text: "NEAR THE PATH" };
+    if (truth.lost) return { level: "warn", text: "WAS LOST" };
+    return { level: "good", text: "ON THE PATH" };
+  }
+}

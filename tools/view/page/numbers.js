@@ -1,0 +1,81 @@
+// The large numbers, the verdict, the drivetrain's state.
+
+const NONE = "–";
+
+function put(id, value, digits, level = "") {
+  const output = document.getElementById(id);
+  const text = Number.isFinite(value) ? value.toFixed(digits) : NONE;
+  if (output.value !== text) output.value = text;
+  const box = output.parentElement;
+  if (box.dataset.level !== level) box.dataset.level = level;
+}
+
+/** Two digits after the point below 10, one above: what can be read at a glance. */
+function digits(value) {
+  return Math.abs(value) < 10 ? 2 : 1;
+}
+
+export function showNumbers(model, now_s, lostBeyond_m) {
+  const vehicle = model.shown;
+  const truth = vehicle?.truth;
+  const age_s = vehicle ? vehicle.age_s(now_s) : NaN;
+  const verdict = model.verdict(lostBeyond_m);
+  const sign = document.getElementById("verdict");
+  if (sign.dataset.level !== verdict.level) sign.dataset.level = verdict.level;
+  const text = document.getElementById("verdict-text");
+  if (text.textContent !== verdict.text) text.textContent = verdict.text;
+  const error = truth?.error_m;
+  put("n-error", error, digits(error), error > lostBeyond_m ? "bad" : error > 1 ? "warn" : "");
+  put("n-epsilon", truth?.epsilon_m, digits(truth?.epsilon_m));
+  put("n-age", age_s, digits(age_s), age_s > 2 ? "warn" : "");
+  put("n-speed", truth?.v_mps ?? vehicle?.drivetrain?.v_mps, 2);
+  const { uplink, downlink } = model.links;
+  put("n-up", 100 * vehicle?.uplink.received(now_s, 10), 0);
+  put("n-down", 100 * vehicle?.downlink.received(now_s, 10), 0);
+  put("n-up-delay", uplink?.delay_ms_p50, 0);
+  put("n-down-delay", downlink?.delay_ms_p50, 0);
+}
+
+/** `get("prr")`: of this link. */
+function channelText(get) {
+  const name = get("model");
+  if (name === undefined) return "?";
+  const jitter = get("jitter.law");
+  const more = jitter && jitter !== "none" ? `, ${jitter} jitter` : "";
+  return name === "fixed" ? `PRR ${get("prr")}, ${get("delay_ms")} ms${more}` : name.replaceAll("_", " ") + more;
+}
+
+/** The scenario in a few words, links as they are set now: [[name, value]...]. */
+export function factsOf(model) {
+  const scenario = model.about?.scenario;
+  const facts = [];
+  const law = scenario?.controller;
+  if (law) facts.push(["law", law.external ? "of another program" : law.law.replaceAll("_", " ")]);
+  for (const link of ["uplink", "downlink"]) {
+    if (model.linkSetting(`${link}.model`) !== undefined) facts.push([link, channelText((key) => model.linkSetting(`${link}.${key}`))]);
+  }
+  if (scenario?.sensor) facts.push(["poses", `${scenario.sensor.rate_hz} per s`]);
+  if (scenario?.actuator) facts.push(["without news", scenario.actuator.policy]);
+  return facts;
+}
+
+export function showFacts(list, model) {
+  const entries = factsOf(model).flatMap(([name, value]) => [
+    Object.assign(document.createElement("dt"), { textContent: name }),
+    Object.assign(document.createElement("dd"), { textContent: value }),
+  ]);
+  list.replaceChildren(...entries);
+  list.hidden = entries.length === 0;
+}
+
+export function showDrivetrain(panel, state) {
+  panel.hidden = !state;
+  if (!state) return;
+  const name = panel.querySelector("#can-state");
+  name.textContent = state.state_name.toUpperCase();
+  name.dataset.state = state.state_name;
+  panel.querySelector("#can-reason").textContent = state.reason;
+  panel.querySelector("#can-detail").textContent =
+    `bus ${state.bus} · command ${state.command_age_s < 0 ? "none yet" : `${state.command_age_s.toFixed(2)} s old`} · ` +
+    `${state.v_mps.toFixed(2)} m/s, ${state.omega_radps.toFixed(2)} rad/s · stopped and disarmed ${state.disarms}×`;
+}

@@ -1,0 +1,54 @@
+// Which LCM channel means what, and the one place that knows how the server names things.
+
+/** "AGV7/POSE" -> {side: "AGV7", name: "POSE", vehicle: "7"}; null for what is no such channel. */
+export function splitTopic(topic) {
+  let part = parts.get(topic);
+  if (part === undefined) parts.set(topic, (part = split(topic)));
+  return part;
+}
+
+const parts = new Map();
+
+function split(topic) {
+  const slash = topic.indexOf("/");
+  if (slash <= 0) return null;
+  const side = topic.slice(0, slash);
+  return { side, name: topic.slice(slash + 1), vehicle: /\d*$/.exec(side)[0], base: side.replace(/\d+$/, "") };
+}
+
+/** CTRL/…, CTRL7/…: behind the network, where the controller is. */
+export function isControlSide(part) {
+  return part.base === "CTRL";
+}
+
+/** Sides that are no vehicle. */
+const NOBODY = new Set(["CTRL", "NET", "SIM", "CAN", "TIME", "RUN"]);
+
+export function isVehicleSide(part) {
+  return !NOBODY.has(part.base);
+}
+
+/** What the page subscribes to: what LCM carries, not what the server draws from it for others. */
+export function isWanted(channel) {
+  return !String(channel.schemaName).startsWith("foxglove.");
+}
+
+/** Where the server describes the run: its kind, path, scenario, parameters (run_json.hpp). */
+export const ABOUT_ADDRESS = "api/run.json";
+
+export const IN_EFFECT = "network.in_effect";
+
+export const REQUEST_TOPIC = "CAN/REQUEST";
+export const REQUEST_SCHEMA = "tether.drive_request_t";
+export const REQUEST = { ARM: 1, DISARM: 2, ESTOP: 3, ESTOP_RELEASE: 4, RESET: 5, ALIVE: 6 };
+
+export const TWIST_TOPIC = "CTRL/CMD_VEL";
+export const TWIST_SCHEMA = "tether.twist_t";
+
+export const PLAYBACK = {
+  position: "playback.position_s",
+  speed: "playback.speed",
+  playing: "playback.playing",
+  start: "playback.start_s",
+  end: "playback.end_s",
+};
