@@ -1,0 +1,44 @@
+// Chromium and `tether`, for tests and pictures of the page.
+import { spawn } from "node:child_process";
+import { createInterface } from "node:readline";
+import puppeteer from "puppeteer-core";
+
+export const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+export function launch() {
+  return puppeteer.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox", "--disable-dev-shm-usage"] });
+}
+
+/** Starts `tether ...` with a view; resolves to {address, end()} when it says where that is. */
+export function serve(tether, ...args) {
+  const child = spawn(tether, args, { stdio: ["ignore", "ignore", "pipe"] });
+  const said = [];
+  return new Promise((resolve, reject) => {
+    createInterface({ input: child.stderr }).on("line", (line) => {
+      said.push(line);
+      const found = /view at (http:\S+)/.exec(line);
+      if (found) resolve({ address: found[1], end: () => end(child) });
+    });
+    child.on("exit", (code) => reject(new Error(`tether ${args.join(" ")} ended with ${code}: ${said.join("\n")}`)));
+  });
+}
+
+function end(child) {
+  return new Promise((resolve) => {
+    if (child.exitCode !== null || child.signalCode !== null) return resolve();
+    child.on("exit", resolve);
+    child.kill("SIGTERM");
+    setTimeout(() => child.kill("SIGKILL"), 3000).unref();
+  });
+}
+
+/** Polls until `condition()` is true, and returns what it gave. */
+export async function until(what, condition, seconds = 20) {
+  const deadline = Date.now() + seconds * 1000;
+  for (;;) {
+    const result = await condition();
+    if (result) return result;
+    if (Date.now() > deadline) throw new Error(`not within ${seconds} s: ${what}`);
+    await sleep(50);
+  }
+}

@@ -1,0 +1,31 @@
+#!/usr/bin/env -S python3 -B
+"""The page of `tether view` in Chromium, against the server itself: browser_test.mjs.
+
+Usage: page_test.py BIN_DIR NPM_DIR; packages of package-lock.json are installed to NPM_DIR once.
+"""
+
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+from page_support import SOURCE, fail, install, write_fleet_log
+
+BIN, NPM = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
+
+
+def main():
+    install(NPM)
+    with tempfile.TemporaryDirectory() as work:
+        work = pathlib.Path(work)
+        scenario = SOURCE / "scenarios" / "paper.toml"
+        run = [BIN / "tether", "run", scenario, "--set", "vehicle.plant=kinematic", "--set", "sensor.rate_hz=20",
+               "--set", "channel.uplink.delay_ms=100", "--set", "run.duration_s=40", "--out", work / "run"]
+        done = subprocess.run(run, capture_output=True, text=True)
+        if done.returncode != 0:
+            fail(f"tether run: {done.stderr}")
+        write_fleet_log(work / "fleet.lcmlog", vehicles=100, rate_hz=50, seconds=30)
+        sys.exit(subprocess.run(["node", NPM / "browser_test.mjs", BIN / "tether", scenario, work]).returncode)
+
+
+main()
