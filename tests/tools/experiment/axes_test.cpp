@@ -177,10 +177,10 @@ TEST(ProjectExperiments, AllLoad) {
   EXPECT_GE(files, 13U);
 }
 
-TEST(ProjectExperiments, TheBenchmarkHasThirteenLawsInFifteenChannelsAndFiveNullControls) {
+TEST(ProjectExperiments, TheBenchmarkHasThirteenLawsInFifteenChannelsAndFourNullControls) {
   const Experiment e = of_the_project("control_benchmark");
   EXPECT_THAT(e.keys, ElementsAre("law", "PRR", "delay_ms", "burst"));
-  EXPECT_THAT(e.arms, SizeIs(13 * 15 + 2 * 4 + 5));
+  EXPECT_THAT(e.arms, SizeIs(13 * 15 + 2 * 4 + 4));
   EXPECT_EQ(count(e, {{"delay_ms", {"100", "250", "500"}}}), 13U * 6);
   EXPECT_EQ(count(e, {{"burst", {"5", "20"}}}), 13U * 2);
   EXPECT_EQ(count(e, {{"law", {"PID, 20/20 Hz, for PRR 0.45"}}}), 4U);
