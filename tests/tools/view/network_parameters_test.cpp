@@ -103,7 +103,8 @@ TEST(ViewNetworkParameters, WhatIsNoneOrMustNotBeSetIsRefusedByName) {
 
 TEST(ViewNetworkParameters, AreDescribedAsAPageHasToShowThem) {
   std::map<std::string, ParameterDescription> by_name;
-  for (const auto& d : NetworkParameters().descriptions()) by_name[d.name] = d;
+  const NetworkParameters network;
+  for (const auto& d : network.descriptions()) by_name[d.name] = d;
   const auto& prr = by_name.at("network.uplink.prr");
   EXPECT_EQ(prr.kind, "number");
   EXPECT_EQ(prr.low, 0.0);

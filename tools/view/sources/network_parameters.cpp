@@ -130,6 +130,7 @@ std::string number_text(const ParameterDescription& key, double x) {
 NetworkParameters::NetworkParameters(const ChannelSettings& channel)
     : scenario_(scenario_of(channel)) {
   scenario_.get<ChannelSettings>().changes.clear();
+  describe();
 }
 
 void NetworkParameters::take(const std::vector<ChannelSetting>& settings, bool all) {
@@ -145,7 +146,7 @@ void NetworkParameters::take(const std::vector<ChannelSetting>& settings, bool a
     constexpr std::size_t kMostLinks = 100;
     auto& links = scenario_.get<ChannelSettings>().links;
     if (const auto named = kNamed.groups(setting.key); named && links.size() < kMostLinks) {
-      links.try_emplace(named->at(0));
+      if (links.try_emplace(named->at(0)).second) describe();
     }
     for (const ScenarioKey& key : scenario_.schema().keys_of(scenario_)) {
       if (key.name == kChannel + setting.key) key.set(scenario_, *value);
@@ -168,36 +169,38 @@ std::vector<Parameter> NetworkParameters::values() const {
   return values;
 }
 
-std::vector<ParameterDescription> NetworkParameters::descriptions() const {
-  std::vector<ParameterDescription> all;
+void NetworkParameters::describe() {
+  descriptions_.clear();
   for (const ScenarioKey& key : scenario_.schema().keys_of(scenario_)) {
-    all.push_back(described(key));
+    descriptions_.push_back(described(key));
   }
   ParameterDescription in_effect;
   in_effect.name = kInEffect;
   in_effect.kind = "texts";
   in_effect.meaning = "the settings that do something now; the others wait for a model or a switch";
   in_effect.can_be_set = false;
-  all.push_back(in_effect);
-  return all;
+  descriptions_.push_back(in_effect);
+  places_.clear();
+  for (std::size_t i = 0; i < descriptions_.size(); ++i) places_[descriptions_[i].name] = i;
 }
 
 std::vector<std::string> NetworkParameters::settings(
     const std::vector<Parameter>& parameters) const {
+  if (parameters.size() > kMostAtOnce) {
+    throw UsageError(fmt::format("at most {} parameters can be set at once", kMostAtOnce));
+  }
   std::vector<std::string> all;
   for (const Parameter& parameter : parameters) all.push_back(setting(parameter));
   return all;
 }
 
 std::string NetworkParameters::setting(const Parameter& parameter) const {
-  const auto descriptions = this->descriptions();
-  const auto found = std::find_if(descriptions.begin(), descriptions.end(),
-                                  [&](const auto& d) { return d.name == parameter.name; });
-  if (found == descriptions.end()) {
+  const auto found = places_.find(parameter.name);
+  if (found == places_.end()) {
     throw UsageError(
         fmt::format("there is no parameter {}", printable(parameter.name, kLongestNameShown)));
   }
-  const ParameterDescription& key = *found;
+  const ParameterDescription& key = descriptions_[found->second];
   if (!key.can_be_set) refuse(key, "cannot be set from here");
   if (!parameter.value) refuse(key, "cannot be unset");
   const std::string before = key.name.substr(kPrefix.size()) + "=";

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -43,18 +44,22 @@ class NetworkParameters {
 
   /// All, and network.in_effect.
   std::vector<Parameter> values() const;
-  std::vector<ParameterDescription> descriptions() const;
+  const std::vector<ParameterDescription>& descriptions() const { return descriptions_; }
 
   static bool owns(std::string_view name) { return name.starts_with(kPrefix); }
 
   /// As NET/SET wants them, "KEY=VALUE". Throws UsageError that names the parameter if its value is
   /// none for it, or must not be set.
   std::vector<std::string> settings(const std::vector<Parameter>& parameters) const;
+  static constexpr std::size_t kMostAtOnce = 1000;
 
  private:
+  void describe();
   std::string setting(const Parameter& parameter) const;
 
   Scenario scenario_;  ///< its [channel]
+  std::vector<ParameterDescription> descriptions_;
+  std::map<std::string, std::size_t, std::less<>> places_;  ///< in descriptions_
 };
 
 }  // namespace tether
