@@ -135,7 +135,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   ViewServices& services_;
   std::shared_ptr<CountedConnection> counted_;
   beast::tcp_stream stream_;
-  beast::flat_buffer received_{2 * kMostHeaderBytes};
+  beast::flat_buffer received_{std::size_t{2} * kMostHeaderBytes};
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<Response> response_;
 };

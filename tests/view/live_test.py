@@ -1,6 +1,6 @@
 #!/usr/bin/env -S python3 -B
 """tether view on real sockets: what is heard arrives, what is set is in force and in the recording, logs
-are played, what the user gets wrong is said. Usage: view_test.py BIN_DIR"""
+are played, what the user gets wrong is said. Usage: live_test.py BIN_DIR"""
 
 import csv
 import io
@@ -8,8 +8,8 @@ import json
 import signal
 import time
 
-from live_support import PAPER, POSE, check, main, wait_for_loop, wait_until
 from view_client import Client, address_of, http
+from live_support import PAPER, POSE, check, main, wait_for_loop, wait_until
 
 IN_FORCE_S = 0.1  # from a client's request to the relay's report with the new setting
 

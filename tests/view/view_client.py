@@ -3,11 +3,14 @@
 import base64
 import json
 import os
+import pathlib
 import re
 import socket
 import struct
+import sys
 import time
 
+sys.path.insert(1, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
 from live_support import check, wait_until
 
 PROTOCOL = "foxglove.websocket.v1"

@@ -1,6 +1,6 @@
 #!/usr/bin/env -S python3 -B
 """Hostile, broken and slow clients of tether view: the run goes on and is what it says, the server lives
-and serves others, and keeps to its memory. Usage: view_hostile_test.py BIN_DIR"""
+and serves others, and keeps to its memory. Usage: hostile_test.py BIN_DIR"""
 
 import json
 import pathlib
@@ -11,8 +11,8 @@ import struct
 import threading
 import time
 
-from live_support import PAPER, POSE, check, main, wait_for_loop, wait_until
 from view_client import BINARY, PING, TEXT, Client, address_of, connected, frame, http, upgrade
+from live_support import PAPER, POSE, check, main, wait_for_loop, wait_until
 
 VEHICLES, RATE_HZ, CLIENTS = 100, 50, 20
 MOST_MB = 120  # of the server, with a client that reads nothing
