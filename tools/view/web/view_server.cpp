@@ -32,7 +32,7 @@ constexpr int kPortsToTry = 100;
 
 asio::ip::address listening_address(const std::string& text) {
   Error error;
-  const auto address = asio::ip::make_address(text, error);
+  auto address = asio::ip::make_address(text, error);
   if (!error) return address;
   throw UsageError(fmt::format(
       "address \"{}\": has to be an IP address in digits, such as 127.0.0.1, 0.0.0.0 or ::1",

@@ -15,9 +15,9 @@ namespace websocket = beast::websocket;
 using Error = boost::system::error_code;
 
 /// The longest message that a client may send.
-constexpr std::size_t kMostMessageBytes = 64 * 1024;
+constexpr std::size_t kMostMessageBytes = std::size_t{64} << 10;
 /// What is handed to the system before it has taken what it had.
-constexpr std::size_t kMostBacklogBytes = 256 * 1024;
+constexpr std::size_t kMostBacklogBytes = std::size_t{256} << 10;
 /// A client of which nothing is heard for so long, pongs included, is gone.
 constexpr auto kPatience = std::chrono::seconds{30};
 
