@@ -8,12 +8,15 @@ const [tether, scenario, work, out] = process.argv.slice(2);
 const STEP_S = 0.5;
 const END_S = 62;
 
-const runTime = (page) => page.evaluate(() => globalThis.tether.model.clock?.run_s ?? -1);
+/** The run's time that the page shows. */
+const runTime = (page) => page.$eval("#run-time", (shown) => parseFloat(shown.textContent) || -1);
 
 async function open(browser, server, view, query) {
   const page = await browser.newPage();
   await page.setViewport(view);
+  page.on("pageerror", (error) => console.error(error.message));
   await page.goto(`${server.address}?${query}`);
+  await page.bringToFront();
   await until("the page is connected", () => page.evaluate(() => globalThis.tether?.connection.isOpen));
   return page;
 }
@@ -26,7 +29,7 @@ const set = (page, name, value) => page.evaluate((key, now) => {
 async function film(name) {
   const browser = await launch();
   const server = await serve(tether, "view", path.join(work, name, "run.lcmlog"), "--port", "0");
-  const page = await open(browser, server, { width: 470, height: 640 }, "poster&theme=light");
+  const page = await open(browser, server, { width: 420, height: 560 }, "poster&theme=light");
   await set(page, "playback.playing", false);
   await set(page, "playback.position_s", 0);
   await set(page, "playback.playing", true);

@@ -45,8 +45,8 @@ def main():
             right = left.with_name(left.name.replace("pid", "predictive"))
             run("convert", left, right, "+append", left.with_name(left.name.replace("pid", "both")))
         run("convert", "-delay", round(100 * SHOWN_S), "-loop", "0", *sorted(frames.glob("both-*.png")),
-            "-delay", "250", sorted(frames.glob("both-*.png"))[-1], "+dither", "-colors", "48",
-            "-layers", "OptimizeTransparency", OUT / "view-two-laws.gif")
+            "-delay", "250", sorted(frames.glob("both-*.png"))[-1], "+dither", "-colors", "40",
+            "-fuzz", "1%", "-layers", "Optimize", OUT / "view-two-laws.gif")
         for picture in OUT.glob("view-*.png"):
             run("convert", picture, "+dither", "-colors", "128", "-define", "png:compression-level=9", picture)
 

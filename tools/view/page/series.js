@@ -1,5 +1,7 @@
 // Samples of several quantities at common times, the last `window_s` of them, for plots.
 
+const GAP_S = 2;
+
 export class Series {
   constructor(names, window_s) {
     this.names = names;
@@ -18,6 +20,10 @@ export class Series {
 
   /** What is not given, or is not a number, is a gap. */
   add(time_s, values) {
+    if (time_s > this.last_s + GAP_S && this.time_s.length) { // nobody saw what was in between
+      this.time_s.push(time_s - GAP_S);
+      for (const name of this.names) this.columns[name].push(null);
+    }
     this.time_s.push(time_s);
     for (const name of this.names) {
       const value = values[name];

@@ -6,6 +6,7 @@ import { Lane } from "./packets.js";
 import { Trail } from "./series.js";
 
 const PLANS_KEPT = 600;
+const GAP_US = 2_000_000;
 
 export class Vehicle {
   constructor(key, trailPoints, apart_m) {
@@ -38,6 +39,10 @@ export class Vehicle {
   }
 
   hearTruth(truth) {
+    if (this.truth && truth.utime - this.truth.utime > GAP_US) { // a log was wound on: nobody saw the way
+      this.trail.clear();
+      this.reference.clear();
+    }
     this.truth = truth;
     this.trail.add(truth.x_m, truth.y_m);
     this.reference.add(truth.x_ref_m, truth.y_ref_m);
