@@ -1,7 +1,7 @@
 // The page's side of Foxglove's protocol, without a network.
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Connection, clientMessage, parseBinary, parseText, retryDelay_ms } from "../../tools/view/page/connection.js";
+import { Connection, clientMessage, parseBinary, parseText, retryDelay_ms } from "../../tools/view/page/model/connection.js";
 
 /** A message as a server sends it: opcode, subscription, nanoseconds, payload. */
 function data(subscription, time_ns, payload) {

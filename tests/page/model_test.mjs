@@ -1,16 +1,16 @@
 // What the page makes of messages: packets, belief, statistics, scene, settings. No browser.
 import assert from "node:assert/strict";
 import test from "node:test";
-import { arc, followPlan } from "../../tools/view/page/belief.js";
+import { arc, followPlan } from "../../tools/view/page/model/belief.js";
 import { twistOfKeys, twistOfPad } from "../../tools/view/page/drive.js";
-import { kindOf, known, parseText, place, twin } from "../../tools/view/page/known_settings.js";
-import { Model } from "../../tools/view/page/model.js";
-import { ARRIVED, FLYING, LATE, LOST, Lane } from "../../tools/view/page/packets.js";
-import { between, radioOf, snr_db } from "../../tools/view/page/radio.js";
-import { sceneOf } from "../../tools/view/page/scene.js";
-import { Series, Trail } from "../../tools/view/page/series.js";
-import { ChannelStatistics, jitter } from "../../tools/view/page/statistics.js";
-import { isWanted, splitTopic } from "../../tools/view/page/topics.js";
+import { kindOf, known, parseText, place, twin } from "../../tools/view/page/model/known_settings.js";
+import { Model } from "../../tools/view/page/model/model.js";
+import { ARRIVED, FLYING, LATE, LOST, Lane } from "../../tools/view/page/model/packets.js";
+import { between, radioOf, snr_db } from "../../tools/view/page/model/radio.js";
+import { sceneOf } from "../../tools/view/page/model/scene.js";
+import { Series, Trail } from "../../tools/view/page/model/series.js";
+import { ChannelStatistics, jitter } from "../../tools/view/page/model/statistics.js";
+import { isWanted, splitTopic } from "../../tools/view/page/model/topics.js";
 
 const near = (actual, expected, tolerance = 1e-9) => assert.ok(Math.abs(actual - expected) <= tolerance, `${actual} is not ${expected}`);
 const truth = (utime, more = {}) => ({ utime, x_m: 0, y_m: 0, yaw_rad: 0, v_mps: 1, error_m: 0.1, epsilon_m: 0.1, x_ref_m: 0, y_ref_m: 0, ...more });

@@ -217,7 +217,7 @@ std::string to_html(const Report& report, const std::filesystem::path& folder) {
     has_charts = has_charts || !section.chart.empty();
   }
   if (has_charts) {
-    for (const char* script : {"report/chart.min.js", "report/report.js"}) {
+    for (const char* script : {"report/chart.min.js", "report/page/report.js"}) {
       html += fmt::format("<script>{}</script>\n", contents(shared_file(script)));
     }
   }

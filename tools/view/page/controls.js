@@ -1,7 +1,7 @@
 // Sliders, menus and fields for whatever the server lets be set.
 
-import { GROUP_TITLES, companions, kindOf, known, parseText, place, twin } from "./known_settings.js";
-import { IN_EFFECT } from "./topics.js";
+import { GROUP_TITLES, companions, kindOf, known, parseText, place, twin } from "./model/known_settings.js";
+import { IN_EFFECT } from "./model/topics.js";
 
 const SEND_EVERY_MS = 100;
 

@@ -1,19 +1,19 @@
 // Puts the page together: messages change the model, pictures are drawn from it at the screen's own
 // rate.
 
-import { Connection } from "./connection.js";
+import { Connection } from "./model/connection.js";
 import { Controls } from "./controls.js";
 import { Drive } from "./drive.js";
-import { Lanes } from "./lanes.js";
-import { FactoryMap } from "./map.js";
-import { LEGEND } from "./marks.js";
-import { Model } from "./model.js";
+import { Lanes } from "./drawing/lanes.js";
+import { FactoryMap } from "./drawing/map.js";
+import { LEGEND } from "./drawing/marks.js";
+import { Model } from "./model/model.js";
 import { showDrivetrain, showFacts, showNumbers } from "./numbers.js";
 import { PlaybackBar } from "./playback.js";
-import { Plots } from "./plots.js";
+import { Plots } from "./drawing/plots.js";
 import { ChannelTable } from "./table.js";
-import { onTheme, startTheme } from "./theme.js";
-import { ABOUT_ADDRESS, REQUEST, REQUEST_SCHEMA, REQUEST_TOPIC, TWIST_SCHEMA, TWIST_TOPIC, isWanted } from "./topics.js";
+import { onTheme, startTheme } from "./drawing/theme.js";
+import { ABOUT_ADDRESS, REQUEST, REQUEST_SCHEMA, REQUEST_TOPIC, TWIST_SCHEMA, TWIST_TOPIC, isWanted } from "./model/topics.js";
 
 const find = (id) => document.getElementById(id);
 const options = new URLSearchParams(location.search);

@@ -1,6 +1,6 @@
 // Play, pause, speed and the scrub bar of a log.
 
-import { PLAYBACK } from "./topics.js";
+import { PLAYBACK } from "./model/topics.js";
 
 export class PlaybackBar {
   constructor(root, set) {

@@ -3,7 +3,7 @@
 // ends in a cross half-way; what came too late, behind a newer one, has a ring.
 
 import { Surface } from "./canvas.js";
-import { ARRIVED, FLYING, LATE, LOST } from "./packets.js";
+import { ARRIVED, FLYING, LATE, LOST } from "../model/packets.js";
 import { colour } from "./theme.js";
 
 const SHOWN_S = 12;

@@ -1,6 +1,6 @@
 // Scrolling plots of the last seconds, by Chart.js (a plain script: `Chart` is global).
 
-import { PLOTTED_S } from "./model.js";
+import { PLOTTED_S } from "../model/model.js";
 import { colour, onTheme } from "./theme.js";
 
 const TICK_S = 5;

@@ -5,8 +5,8 @@ import { Camera } from "./camera.js";
 import { Surface } from "./canvas.js";
 import { Fleet, MANY } from "./fleet.js";
 import { drawBelief, drawTrail, drawVehicle } from "./marks.js";
-import { radioOf } from "./radio.js";
-import { sceneOf } from "./scene.js";
+import { radioOf } from "../model/radio.js";
+import { sceneOf } from "../model/scene.js";
 import { colour, onTheme } from "./theme.js";
 
 const AHEAD_S = 8;
