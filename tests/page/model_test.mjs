@@ -10,7 +10,7 @@ import { between, radioOf, snr_db } from "../../tools/view/page/model/radio.js";
 import { sceneOf } from "../../tools/view/page/model/scene.js";
 import { Series, Trail } from "../../tools/view/page/model/series.js";
 import { ChannelStatistics, jitter } from "../../tools/view/page/model/statistics.js";
-import { isWanted, splitTopic } from "../../tools/view/page/model/topics.js";
+import { isWanted, splitTopic, topicsOf } from "../../tools/view/page/model/topics.js";
 
 const near = (actual, expected, tolerance = 1e-9) => assert.ok(Math.abs(actual - expected) <= tolerance, `${actual} is not ${expected}`);
 const truth = (utime, more = {}) => ({ utime, x_m: 0, y_m: 0, yaw_rad: 0, v_mps: 1, error_m: 0.1, epsilon_m: 0.1, x_ref_m: 0, y_ref_m: 0, ...more });
@@ -149,6 +149,17 @@ test("each vehicle has its own truth, poses and controller", () => {
   assert.equal(model.vehicles.get("12").believed, null);
 });
 
+test("what names no vehicle is of the run's own, whatever its name", () => {
+  const model = new Model();
+  hear(model, "SIM/TRUTH", truth(1e6));
+  model.hearAbout({ vehicle: "Truck" });
+  hear(model, "SIM/TRUTH", truth(2e6));
+  hear(model, "Truck/POSE", pose(2));
+  hear(model, "CTRL-Truck/POSE", pose(2));
+  assert.deepEqual([...model.vehicles.keys()], ["Truck"]);
+  assert.ok(model.shown.truth && model.shown.pose && model.shown.believed);
+});
+
 test("the verdict says when the vehicle is lost", () => {
   const model = new Model();
   assert.equal(model.verdict().level, "none");
@@ -237,6 +248,8 @@ test("no key drives without the dead man", () => {
 test("topics are told apart by side and vehicle; what is drawn for Foxglove is not wanted", () => {
   assert.deepEqual(splitTopic("CTRL12/POSE"), { side: "CTRL12", name: "POSE", vehicle: "12", base: "CTRL" });
   assert.equal(splitTopic("LCM_SELF_TEST"), null);
+  assert.deepEqual(topicsOf(["CAN7/REQUEST", "CTRL7/CMD_VEL"]), { request: "CAN7/REQUEST", twist: "CTRL7/CMD_VEL" });
+  assert.deepEqual(topicsOf([]), { request: undefined, twist: undefined });
   assert.equal(isWanted({ schemaName: "foxglove.SceneUpdate" }), false);
   assert.equal(isWanted({ schemaName: "tether.pose_t" }), true);
 });

@@ -43,7 +43,7 @@ def main():
         pairs = sorted(frames.glob("pid-*.png"))
         for left in pairs:
             right = left.with_name(left.name.replace("pid", "predictive"))
-            run("convert", left, right, "+append", left.with_name(left.name.replace("pid", "both")))
+            run("convert", left, right, "+append", "+repage", left.with_name(left.name.replace("pid", "both")))
         run("convert", "-delay", round(100 * SHOWN_S), "-loop", "0", *sorted(frames.glob("both-*.png")),
             "-delay", "250", sorted(frames.glob("both-*.png"))[-1], "+dither", "-colors", "40",
             "-fuzz", "1%", "-layers", "Optimize", OUT / "view-two-laws.gif")

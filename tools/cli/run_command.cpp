@@ -83,14 +83,15 @@ class ViewedRun {
     RunDescription run{.kind = "run", .source = options.scenario.file, .scenario = &scenario};
     run.vehicle = scenario.get<VehicleSettings>().name;
     run.scene = scene_setting(scenario);
-    run.publishable = NetworkView::publishable(run.vehicle);
+    run.publishable = NetworkView::publishable(run.vehicle, false);
     run.parameters = parameters_.descriptions();
     for (auto& one : playback_descriptions(to_seconds(loop.loop().now()), end_s, false)) {
       run.parameters.push_back(std::move(one));
     }
     server_.emplace(options.viewing.server(run), scene_channels(run.scene));
     network_.emplace(loop.loop(), loop.bus(), *server_,
-                     NetworkView::Options{run.vehicle, false, parameters_});
+                     NetworkView::Options{
+                         .vehicle = run.vehicle, .ask_relay = false, .parameters = parameters_});
   }
 
   void run(Instant end) {

@@ -11,6 +11,7 @@
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/scenario_options.hpp"
@@ -66,11 +67,12 @@ int view_network(const ViewCommandOptions& options) {
     run.scenario = &*scenario;
     run.vehicle = scenario->get<VehicleSettings>().name;
     run.scene = scene_setting(*scenario);
+    network.may_drive = scenario->get<ControllerSettings>().external;
     network.parameters = NetworkParameters(scenario->get<ChannelSettings>());
   }
   network.vehicle = run.vehicle;
   run.parameters = network.parameters.descriptions();
-  run.publishable = NetworkView::publishable(run.vehicle);
+  run.publishable = NetworkView::publishable(run.vehicle, network.may_drive);
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());
   const std::unique_ptr<Bus> bus = open_bus(url, loop);
   ViewServer server(options.view.server(run), scene_channels(run.scene));

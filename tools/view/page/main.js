@@ -13,7 +13,7 @@ import { PlaybackBar } from "./playback.js";
 import { Plots } from "./drawing/plots.js";
 import { ChannelTable } from "./table.js";
 import { onTheme, startTheme } from "./drawing/theme.js";
-import { ABOUT_ADDRESS, REQUEST, REQUEST_SCHEMA, REQUEST_TOPIC, TWIST_SCHEMA, TWIST_TOPIC, isWanted } from "./model/topics.js";
+import { ABOUT_ADDRESS, REQUEST_SCHEMA, TWIST_SCHEMA, isWanted, topicsOf } from "./model/topics.js";
 
 const find = (id) => document.getElementById(id);
 const options = new URLSearchParams(location.search);
@@ -55,6 +55,8 @@ const connection = new Connection(address, {
   },
 }, { wants: isWanted });
 
+let topics = {}; // on which the page may publish
+
 async function askAbout() {
   try {
     const answer = await fetch(ABOUT_ADDRESS + location.search);
@@ -63,9 +65,9 @@ async function askAbout() {
     model.hearAbout(about);
     showFacts(find("facts"), model);
     controls.describe(about.parameters ?? []);
-    const publishable = about.publishable ?? [];
-    find("drive").hidden = !publishable.includes(TWIST_TOPIC);
-    for (const button of find("can").querySelectorAll("button")) button.disabled = !publishable.includes(REQUEST_TOPIC);
+    topics = topicsOf(about.publishable ?? []);
+    find("drive").hidden = !topics.twist;
+    for (const button of find("can").querySelectorAll("button")) button.disabled = !topics.request;
     find("source").textContent = [about.kind, about.source].filter(Boolean).join(" ");
     if (about.notes?.length) tell(about.notes.join(" "));
   } catch (error) {
@@ -81,18 +83,22 @@ const controls = new Controls(find("settings"), find("answer"), set);
 const playback = new PlaybackBar(find("playback"), set);
 const table = new ChannelTable(find("table-panel"));
 
-let sequence = 0;
-const stamp = () => ({ utime: Math.round(model.now_s(clock_s()) * 1e6), seq: sequence++, run: model.run });
+/** The server adds time, run and number. */
+function ask(request) {
+  connection.publish(topics.request, REQUEST_SCHEMA, { request });
+}
 
+const ALIVE_EVERY_MS = 100;
+let alive_ms = 0;
 const drive = new Drive(find("drive"), (twist) => {
-  const pose_utime = model.shown?.believed?.utime ?? -1;
-  connection.publish(TWIST_TOPIC, TWIST_SCHEMA, { ...stamp(), pose_utime, ...twist });
+  connection.publish(topics.twist, TWIST_SCHEMA, twist);
+  if (!model.shown?.drivetrain || !topics.request || performance.now() < alive_ms + ALIVE_EVERY_MS) return;
+  alive_ms = performance.now();
+  ask("ALIVE"); // who holds the dead man is the operator who holds to run
 });
 
 for (const [id, request] of [["estop", "ESTOP"], ["arm", "ARM"], ["disarm", "DISARM"], ["release", "ESTOP_RELEASE"], ["reset", "RESET"]]) {
-  find(id).addEventListener("click", () => {
-    connection.publish(REQUEST_TOPIC, REQUEST_SCHEMA, { ...stamp(), request: REQUEST[request] });
-  });
+  find(id).addEventListener("click", () => ask(request));
 }
 
 function press(id, toggle) {

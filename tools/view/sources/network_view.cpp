@@ -29,9 +29,15 @@ NetworkView::NetworkView(EventLoop& loop, Bus& bus, ViewServer& server, Options 
       server_(server),
       channels_(options.vehicle),
       parameters_(std::move(options.parameters)),
+      may_drive_(options.may_drive),
       seq_(RealTimeLoop::number_of_this_start()) {
   bus_.subscribe(".*", kDeepQueue, [this](const Message& message) { hear(message); });
   server_.update(parameters_.values());
+  if (may_drive_) {
+    loop_.every(loop_.now(), HandDrive::kPeriod, Priority::observer, [this](Instant now) {
+      if (const auto stop = drive_.tick(now)) send(channels_.control_command, *stop);
+    });
+  }
   if (!options.ask_relay) {
     relay_known_ = true;
     return;
@@ -41,8 +47,11 @@ NetworkView::NetworkView(EventLoop& loop, Bus& bus, ViewServer& server, Options 
   });
 }
 
-std::vector<std::string> NetworkView::publishable(const std::string& vehicle) {
-  return {ChannelNames(vehicle).can_request};
+std::vector<std::string> NetworkView::publishable(const std::string& vehicle, bool may_drive) {
+  const ChannelNames channels(vehicle);
+  std::vector<std::string> topics{channels.can_request};
+  if (may_drive) topics.push_back(channels.control_command);
+  return topics;
 }
 
 std::uint64_t NetworkView::time_ns(const Message& message) const {
@@ -54,6 +63,7 @@ std::uint64_t NetworkView::time_ns(const Message& message) const {
 
 void NetworkView::hear(const Message& message) {
   server_.hear(message.channel, message.bytes, time_ns(message));
+  if (may_drive_) hear_for_driving(message);
   if (message.channel == channels_.net_settings) {
     channel_setting_result_t answer{};
     if (decode(message.bytes, answer)) on_answer(answer);
@@ -62,6 +72,16 @@ void NetworkView::hear(const Message& message) {
     if (!decode(message.bytes, state)) return;
     bridge_utime_ = state.utime;
     bridge_run_ = state.run;
+  }
+}
+
+void NetworkView::hear_for_driving(const Message& message) {
+  if (message.channel == channels_.clock) {
+    clock_t clock{};
+    if (decode(message.bytes, clock)) drive_.hear(clock, loop_.now());
+  } else if (message.channel == channels_.control_pose) {
+    pose_t pose{};
+    if (decode(message.bytes, pose)) drive_.hear(pose);
   }
 }
 
@@ -142,6 +162,10 @@ void NetworkView::set(const ViewRequest& request, const std::vector<Parameter>& 
 
 void NetworkView::operate(const ViewRequest& request, const ViewRequest::Publish& what) {
   try {
+    if (what.topic == channels_.control_command) {
+      send(what.topic, drive_.take(request.client, what.json, loop_.now()));
+      return;
+    }
     drive_request_t message{};
     message.request = parse_operator_request(what.json);
     message.utime = bridge_utime_;  // the bridge's clock and run, whatever they are

@@ -11,6 +11,7 @@
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/loop/event_loop.hpp"
+#include "tools/view/sources/hand_drive.hpp"
 #include "tools/view/sources/network_parameters.hpp"
 #include "tools/view/web/view_server.hpp"
 
@@ -28,6 +29,8 @@ class NetworkView {
     /// Whether to ask the relay which settings are in force, until it answers. Else
     /// `parameters` says it.
     bool ask_relay = true;
+    /// Whether clients may drive: where no controller does.
+    bool may_drive = false;
     NetworkParameters parameters = NetworkParameters();
   };
   /// Subscribes; all must outlive it.
@@ -39,7 +42,7 @@ class NetworkView {
   bool take(const ViewRequest& request);
 
   /// On which clients may publish.
-  static std::vector<std::string> publishable(const std::string& vehicle);
+  static std::vector<std::string> publishable(const std::string& vehicle, bool may_drive);
 
  private:
   struct Pending {
@@ -54,6 +57,7 @@ class NetworkView {
   void ask();
   void set(const ViewRequest& request, const std::vector<Parameter>& parameters);
   void operate(const ViewRequest& request, const ViewRequest::Publish& what);
+  void hear_for_driving(const Message& message);
   template <class LcmType>
   void send(const std::string& channel, const LcmType& message);
   std::uint64_t time_ns(const Message& message) const;
@@ -64,6 +68,8 @@ class NetworkView {
   ViewServer& server_;
   ChannelNames channels_;
   NetworkParameters parameters_;
+  HandDrive drive_;
+  bool may_drive_;
   std::map<RequestName, Pending> pending_;
   std::int64_t seq_;
   std::int64_t bridge_utime_ = 0, bridge_run_ = 0;

@@ -128,10 +128,11 @@ export function drawBelief(c, camera, vehicle, body, now_s, ahead_s) {
   c.lineCap = "butt";
   if (predicted) ghost(c, camera, predicted, body, colour("predicted"), [4, 3]);
   ghost(c, camera, newest, body, colour("newest"), []);
-  drawAge(c, camera, newest, now_s - newest.utime / 1e6);
+  drawAge(c, camera, newest, vehicle.place, now_s - newest.utime / 1e6);
 }
 
-function drawAge(c, camera, pose, age_s) {
+/** On the side where the vehicle is not. */
+function drawAge(c, camera, pose, place, age_s) {
   if (age_s < 0.5) return;
   const text = `${age_s.toFixed(1)} s ago`;
   c.font = "700 14px system-ui, sans-serif";
@@ -141,7 +142,7 @@ function drawAge(c, camera, pose, age_s) {
   c.lineWidth = 4;
   c.lineJoin = "round";
   const x = camera.x(pose.x_m);
-  const y = camera.y(pose.y_m) - 26;
+  const y = camera.y(pose.y_m) + (place && place.y_m > pose.y_m + 0.1 ? 28 : -28);
   c.strokeText(text, x, y);
   c.fillStyle = colour("newest");
   c.fillText(text, x, y);

@@ -3,7 +3,7 @@
 
 import { Series } from "./series.js";
 import { ChannelStatistics } from "./statistics.js";
-import { isControlSide, isVehicleSide, splitTopic } from "./topics.js";
+import { isControlSide, isVehicleSide, splitTopic, vehicleKey } from "./topics.js";
 import { Vehicle } from "./vehicle.js";
 
 export const PLOTTED_S = 30;
@@ -25,6 +25,7 @@ export class Model {
     this.channels = new Map(); // topic -> ChannelStatistics
     this.parameters = new Map(); // name -> value
     this.about = null; // what the server says of the run, /api/run.json
+    this.main = ""; // key of the run's own vehicle
     this.selected = null; // key of the vehicle that is looked at
     this.series = new Series(PLOTTED, PLOTTED_S);
     this.generation = 0; // counts up when everything begins anew
@@ -73,7 +74,7 @@ export class Model {
       if (part.name === "ODOMETRY") this.vehicle(part.vehicle).odometry = fields;
     } else if (isControlSide(part)) {
       this.vehicle(part.vehicle).hearControlSide(part.name, fields, at_s);
-    } else if (isVehicleSide(part) && (part.name === "POSE" || this.vehicles.has(part.vehicle))) {
+    } else if (isVehicleSide(part) && (part.name === "POSE" || this.vehicles.has(part.vehicle || this.main))) {
       const vehicle = this.vehicle(part.vehicle);
       vehicle.name = part.side;
       vehicle.hearVehicleSide(part.name, fields, at_s);
@@ -115,6 +116,12 @@ export class Model {
 
   hearAbout(about) {
     this.about = about;
+    const main = vehicleKey(about.vehicle ?? "");
+    if (main !== this.main) { // what was heard before is of a vehicle by the wrong name
+      this.main = main;
+      this.vehicles.clear();
+      this.selected = null;
+    }
     ++this.generation;
   }
 
@@ -131,7 +138,9 @@ export class Model {
     return [...this.parameters].filter(([name]) => /\.(map\.|model)/.test(name)).join();
   }
 
-  vehicle(key) {
+  /** Channels such as SIM/TRUTH name no vehicle: they are of the run's own. */
+  vehicle(named) {
+    const key = named || this.main;
     let vehicle = this.vehicles.get(key);
     if (!vehicle) {
       vehicle = new Vehicle(key, this.vehicles.size < 12 ? 3000 : 40, this.vehicles.size < 12 ? 0.05 : 0.25);

@@ -1,6 +1,9 @@
 // Which LCM channel means what, and the one place that knows how the server names things.
 
-/** "AGV7/POSE" -> {side: "AGV7", name: "POSE", vehicle: "7"}; null for what is no such channel. */
+/**
+ * "AGV7/POSE" -> {side: "AGV7", base: "AGV", name: "POSE", vehicle: "7"}; null for what is no such
+ * channel. A vehicle that is not called AGV… has Truck/… and CTRL-Truck/… (channel_names.hpp).
+ */
 export function splitTopic(topic) {
   let part = parts.get(topic);
   if (part === undefined) parts.set(topic, (part = split(topic)));
@@ -13,7 +16,13 @@ function split(topic) {
   const slash = topic.indexOf("/");
   if (slash <= 0) return null;
   const side = topic.slice(0, slash);
-  return { side, name: topic.slice(slash + 1), vehicle: /\d*$/.exec(side)[0], base: side.replace(/\d+$/, "") };
+  const [, base, vehicle] = /^(AGV|CTRL|CAN)(.*)$/.exec(side) ?? [null, side, NOBODY.has(side) ? "" : side];
+  return { side, base, name: topic.slice(slash + 1), vehicle: vehicle.replace(/^-/, "") };
+}
+
+/** The key of a vehicle by its name, as splitTopic has it. */
+export function vehicleKey(name) {
+  return name.startsWith("AGV") ? name.slice(3) : name;
 }
 
 /** CTRL/…, CTRL7/…: behind the network, where the controller is. */
@@ -38,11 +47,16 @@ export const ABOUT_ADDRESS = "api/run.json";
 
 export const IN_EFFECT = "network.in_effect";
 
-export const REQUEST_TOPIC = "CAN/REQUEST";
-export const REQUEST_SCHEMA = "tether.drive_request_t";
-export const REQUEST = { ARM: 1, DISARM: 2, ESTOP: 3, ESTOP_RELEASE: 4, RESET: 5, ALIVE: 6 };
+/** Of the topics on which the server lets the page publish: {request, twist}, undefined if there is none. */
+export function topicsOf(publishable) {
+  return {
+    request: publishable.find((topic) => topic.startsWith("CAN") && topic.endsWith("/REQUEST")),
+    twist: publishable.find((topic) => topic.startsWith("CTRL") && topic.endsWith("/CMD_VEL")),
+  };
+}
 
-export const TWIST_TOPIC = "CTRL/CMD_VEL";
+export const REQUEST_SCHEMA = "tether.drive_request_t";
+
 export const TWIST_SCHEMA = "tether.twist_t";
 
 export const PLAYBACK = {
