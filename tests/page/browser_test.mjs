@@ -186,9 +186,61 @@ for (const theme of ["light", "dark"]) {
     await until("a vehicle", () => vehicleOnMap(page).catch(() => null));
     assert.ok(await page.evaluate(() => document.scrollingElement.scrollWidth <= innerWidth));
     const order = await page.evaluate(() => ["numbers", "map-panel", "controls", "plots"].map((id) => document.getElementById(id).getBoundingClientRect().top));
+    assert.ok(order.every((top) => Number.isFinite(top)));
     assert.deepEqual(order, order.slice().sort((a, b) => a - b), "verdict, map, settings, plots");
   }, PHONE));
 }
+
+test("the e-stop button stops the drives, and a release and a reset let them be armed again", () => onPage(
+  ["run", path.join(path.dirname(scenario), "hil_vcan.toml"), "--set", "run.duration_s=1000", "--speed", "2", "--view", "--port", "0"],
+  async (page) => {
+    const state = (wanted) => until(wanted, async () => (await text(page, "can-state")) === wanted);
+    await state("ARMED");
+    const speed = () => page.evaluate(() => globalThis.tether.model.shown.truth?.v_mps);
+    await until("it drives", async () => (await speed()) > 0.5);
+    await page.click("#estop");
+    await state("ESTOP");
+    await until("it stands", async () => Math.abs(await speed()) < 0.01);
+    await page.click("#release");
+    await page.click("#reset");
+    await state("DISARMED");
+  }));
+
+test("a browser that is too old is told so", async () => {
+  const server = await serve(tether, ...run());
+  const page = await browser.newPage();
+  await page.evaluateOnNewDocument(() => delete globalThis.ResizeObserver);
+  await page.goto(server.address);
+  const note = await until("the note", () => page.$eval("#too-old", (element) => !element.hidden && element.textContent));
+  assert.match(note, /needs Chrome or Edge \d+, Firefox \d+, Safari/);
+  await page.close();
+  await server.end();
+});
+
+test("the vehicle is driven by keys only while the dead man is held", () => onPage(run(), async (page) => {
+  await until("what the server offers", () => page.evaluate(() => globalThis.tether.model.about !== null));
+  await page.evaluate(() => { // as on a server that lets the page drive
+    globalThis.tether.sent = [];
+    globalThis.tether.connection.publish = (topic, schema, fields) => globalThis.tether.sent.push(fields);
+    document.getElementById("drive").hidden = false;
+  });
+  const sent = () => page.evaluate(() => globalThis.tether.sent.splice(0));
+  await page.keyboard.down("KeyW");
+  await sleep(300);
+  assert.deepEqual(await sent(), []);
+  await page.keyboard.up("KeyW");
+  await page.keyboard.down("Space");
+  await page.keyboard.down("KeyW");
+  await until("twists", () => page.evaluate(() => globalThis.tether.sent.length > 3));
+  assert.deepEqual((await sent()).at(-1), { v_mps: 1, omega_radps: 0 });
+  await page.evaluate(() => dispatchEvent(new Event("blur"))); // another window: the hand counts as gone
+  await until("a stop", async () => (await sent()).some(({ v_mps }) => v_mps === 0));
+  await sleep(1500);
+  assert.deepEqual(await page.evaluate(() => globalThis.tether.sent.slice(-1)[0] ?? { v_mps: 0, omega_radps: 0 }), { v_mps: 0, omega_radps: 0 });
+  await sent();
+  await sleep(300);
+  assert.deepEqual(await sent(), [], "then nothing is sent");
+}));
 
 test("100 vehicles at 50 Hz: a picture takes less than a thirtieth of a second of computing", () => onPage(log("fleet.lcmlog"), async (page) => {
   await (await page.createCDPSession()).send("Network.disable");

@@ -120,7 +120,7 @@ addEventListener("keydown", (event) => {
   if (event.target.closest?.("input, select") || event.ctrlKey || event.metaKey) return;
   if (event.code === "KeyF") find("stage").click();
   if (event.code === "Escape" && model.shown?.drivetrain) find("estop").click();
-  if (!playback.isThere) return;
+  if (!playback.isThere || drive.isThere) return;
   if (event.code === "Space" && event.target.tagName !== "BUTTON") {
     event.preventDefault();
     playback.toggle();
