@@ -68,7 +68,10 @@ async function askAbout() {
     topics = topicsOf(about.publishable ?? []);
     find("drive").hidden = !topics.twist;
     for (const button of find("can").querySelectorAll("button")) button.disabled = !topics.request;
-    find("source").textContent = [about.kind, about.source].filter(Boolean).join(" ");
+    const isAddress = /^\w+:\/\//.test(about.source ?? "");
+    const name = isAddress ? about.source : (about.source ?? "").split("/").slice(-2).join("/");
+    find("source").textContent = [about.kind, name].filter(Boolean).join(" ");
+    find("source").title = about.source;
     if (about.notes?.length) tell(about.notes.join(" "));
   } catch (error) {
     tell(`The server does not say what it shows: ${error.message}`);
