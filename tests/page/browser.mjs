@@ -6,7 +6,10 @@ import puppeteer from "puppeteer-core";
 export const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 export function launch() {
-  return puppeteer.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox", "--disable-dev-shm-usage"] });
+  return puppeteer.launch({
+    executablePath: "/usr/bin/chromium",
+    args: ["--no-sandbox", "--disable-dev-shm-usage"],
+  });
 }
 
 /** Starts `tether ...` with a view; resolves to {address, end()} when it says where that is. */
@@ -19,7 +22,9 @@ export function serve(tether, ...args) {
       const found = /view at (http:\S+)/.exec(line);
       if (found) resolve({ address: found[1], end: () => end(child) });
     });
-    child.on("exit", (code) => reject(new Error(`tether ${args.join(" ")} ended with ${code}: ${said.join("\n")}`)));
+    child.on("exit", (code) =>
+      reject(new Error(`tether ${args.join(" ")} ended with ${code}: ${said.join("\n")}`)),
+    );
   });
 }
 

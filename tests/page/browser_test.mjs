@@ -24,7 +24,8 @@ async function onPage(args, act, view = LAPTOP, mayFail = false) {
   page.on("pageerror", (error) => errors.push(error.message));
   page.on("console", (message) => message.type() === "error" && !mayFail && errors.push(message.text()));
   page.on("request", (request) => {
-    if (!request.url().startsWith(server.address) && !request.url().startsWith("data:")) errors.push(`asks for ${request.url()}`);
+    if (!request.url().startsWith(server.address) && !request.url().startsWith("data:"))
+      errors.push(`asks for ${request.url()}`);
   });
   try {
     await page.setViewport(view);
@@ -38,8 +39,20 @@ async function onPage(args, act, view = LAPTOP, mayFail = false) {
   }
 }
 
-const run = (...more) => ["run", scenario, "--set", "vehicle.plant=kinematic", "--set", "sensor.rate_hz=20",
-  "--set", "run.duration_s=1000", ...more, "--view", "--port", "0"];
+const run = (...more) => [
+  "run",
+  scenario,
+  "--set",
+  "vehicle.plant=kinematic",
+  "--set",
+  "sensor.rate_hz=20",
+  "--set",
+  "run.duration_s=1000",
+  ...more,
+  "--view",
+  "--port",
+  "0",
+];
 const log = (name) => ["view", path.join(work, name), "--port", "0"];
 const text = (page, id) => page.$eval(`#${id}`, (element) => element.value ?? element.textContent);
 
@@ -53,213 +66,302 @@ async function slide(page, selector, share) {
 
 /** How many pixels of the vehicle's colour are on the map around a place, in pixels of the map. */
 function bluePixels(page, [x, y]) {
-  return page.evaluate((px, py) => {
-    const { map } = globalThis.tether;
-    const wanted = getComputedStyle(document.documentElement).getPropertyValue("--truth").trim();
-    const rgb = [1, 3, 5].map((i) => parseInt(wanted.slice(i, i + 2), 16));
-    const ratio = map.surface.ratio;
-    const { data } = map.surface.context.getImageData((px - 12) * ratio, (py - 12) * ratio, 24 * ratio, 24 * ratio);
-    let count = 0;
-    for (let i = 0; i < data.length; i += 4) {
-      if (rgb.every((value, c) => Math.abs(data[i + c] - value) < 6) && data[i + 3] > 250) ++count;
-    }
-    return count;
-  }, x, y);
+  return page.evaluate(
+    (px, py) => {
+      const { map } = globalThis.tether;
+      const wanted = getComputedStyle(document.documentElement).getPropertyValue("--truth").trim();
+      const rgb = [1, 3, 5].map((i) => parseInt(wanted.slice(i, i + 2), 16));
+      const ratio = map.surface.ratio;
+      const { data } = map.surface.context.getImageData(
+        (px - 12) * ratio,
+        (py - 12) * ratio,
+        24 * ratio,
+        24 * ratio,
+      );
+      let count = 0;
+      for (let i = 0; i < data.length; i += 4) {
+        if (rgb.every((value, c) => Math.abs(data[i + c] - value) < 6) && data[i + 3] > 250) ++count;
+      }
+      return count;
+    },
+    x,
+    y,
+  );
 }
 
-const vehicleOnMap = (page) => page.evaluate(() => {
-  const { map, model } = globalThis.tether;
-  const place = model.shown?.place;
-  return place ? [map.camera.x(place.x_m), map.camera.y(place.y_m)] : null;
-});
-
-test("the vehicle is seen to move", () => onPage(run("--speed", "2"), async (page) => {
-  const first = await until("a vehicle", () => vehicleOnMap(page));
-  await until("it is drawn", async () => (await bluePixels(page, await vehicleOnMap(page))) > 60);
-  await until("it has moved by 60 pixels", async () => {
-    const [x, y] = await vehicleOnMap(page);
-    return Math.hypot(x - first[0], y - first[1]) > 60;
+const vehicleOnMap = (page) =>
+  page.evaluate(() => {
+    const { map, model } = globalThis.tether;
+    const place = model.shown?.place;
+    return place ? [map.camera.x(place.x_m), map.camera.y(place.y_m)] : null;
   });
-  assert.ok((await bluePixels(page, await vehicleOnMap(page))) > 60, "it is drawn where it is");
-  assert.ok((await bluePixels(page, first)) < 60, "and no more where it was");
-}));
 
-test("a slider changes the PRR in the relay", () => onPage(run("--speed", "10"), async (page) => {
-  await until("reports of the link", () => page.evaluate(() => globalThis.tether.model.links.uplink !== null));
-  await slide(page, '.setting[data-name="network.uplink.prr"] input[type=range]', 0.2);
-  const prr = await until("the relay's answer", () => page.evaluate(() => {
-    const { parameters } = globalThis.tether.model;
-    const value = parameters.get("network.uplink.prr");
-    return value < 1 && value === parameters.get("network.downlink.prr") ? value : 0;
+test("the vehicle is seen to move", () =>
+  onPage(run("--speed", "2"), async (page) => {
+    const first = await until("a vehicle", () => vehicleOnMap(page));
+    await until("it is drawn", async () => (await bluePixels(page, await vehicleOnMap(page))) > 60);
+    await until("it has moved by 60 pixels", async () => {
+      const [x, y] = await vehicleOnMap(page);
+      return Math.hypot(x - first[0], y - first[1]) > 60;
+    });
+    assert.ok((await bluePixels(page, await vehicleOnMap(page))) > 60, "it is drawn where it is");
+    assert.ok((await bluePixels(page, first)) < 60, "and no more where it was");
   }));
-  assert.ok(Math.abs(prr - 0.2) < 0.03, `${prr}`);
-  const counts = () => page.evaluate(() => {
-    const { offered, delivered } = globalThis.tether.model.links.uplink;
-    return [offered, delivered];
-  });
-  await sleep(500);
-  const before = await counts();
-  const now = await until("a thousand packets", async () => {
-    const later = await counts();
-    return later[0] - before[0] >= 1000 ? later : null;
-  }, 40);
-  const n = now[0] - before[0];
-  const share = (now[1] - before[1]) / n;
-  const deviation = Math.sqrt((prr * (1 - prr)) / n);
-  assert.ok(Math.abs(share - prr) < 5 * deviation, `${share} of ${n} got through`);
-}));
 
-test("a choice that needs another setting brings it along", () => onPage(run(), async (page) => {
-  await page.waitForSelector('.setting[data-name="network.uplink.jitter.law"] select');
-  await page.select('.setting[data-name="network.uplink.jitter.law"] select', "normal");
-  await until("the relay has it", () => page.evaluate(() => globalThis.tether.model.parameters.get("network.uplink.jitter.law") === "normal"));
-}));
-
-test("what the relay refuses is said, and the page shows what is in force", () => onPage(run(), async (page) => {
-  const field = await page.waitForSelector('.setting[data-name="network.uplink.delay_ms"] input[type=number]');
-  await field.click({ clickCount: 3 });
-  await field.type("-5");
-  await page.keyboard.press("Enter");
-  await until("the refusal", async () => /delay_ms/.test(await text(page, "answer")));
-  await page.focus("#map");
-  await until("the value in force", () => field.evaluate((input) => input.value === "0"));
-}));
-
-test("a log is scrubbed: the page shows the vehicle where it was then", () => onPage(log("run/run.lcmlog"), async (page) => {
-  const rows = fs.readFileSync(path.join(work, "run/trajectory.csv"), "utf8").trim().split("\n").slice(1).map((row) => row.split(",").map(Number));
-  for (const share of [0.75, 0.25, 0.5]) {
-    await slide(page, "#scrub", share);
-    const seen = await until(`${share} of the log`, () => page.evaluate((wanted) => {
-      const { model } = globalThis.tether;
-      const truth = model.shown?.truth;
-      return truth && Math.abs(truth.utime / 1e6 - wanted) < 1 ? truth : null;
-    }, share * 40));
-    const row = rows.find(([t]) => Math.abs(t - seen.utime / 1e6) < 1e-3);
-    assert.ok(Math.hypot(seen.x_m - row[1], seen.y_m - row[2]) < 1e-4, "it is where trajectory.csv has it");
-  }
-  assert.equal(await page.$eval("#controls", (panel) => panel.hidden), true, "a log's network cannot be set");
-}));
-
-test("a log plays: the age of information is at least the uplink's delay", () => onPage(log("run/run.lcmlog"), async (page) => {
-  const isPlaying = () => page.evaluate(() => globalThis.tether.model.parameters.get("playback.playing"));
-  await page.click("#play"); // it plays from the start
-  await until("it stands", async () => (await isPlaying()) === false);
-  await page.click("#play");
-  await until("it plays", async () => (await isPlaying()) === true);
-  await until("ages", async () => Number(await text(page, "n-age")) >= 0.1);
-  await until("ways of poses", () => page.evaluate(() => {
-    const way = globalThis.tether.model.shown.uplink.packets.filter((packet) => packet.arrived_s > 0);
-    return way.length > 10 && way.every((packet) => Math.abs(packet.arrived_s - packet.sent_s - 0.1) < 0.002);
+test("a slider changes the PRR in the relay", () =>
+  onPage(run("--speed", "10"), async (page) => {
+    await until("reports of the link", () =>
+      page.evaluate(() => globalThis.tether.model.links.uplink !== null),
+    );
+    await slide(page, '.setting[data-name="network.uplink.prr"] input[type=range]', 0.2);
+    const prr = await until("the relay's answer", () =>
+      page.evaluate(() => {
+        const { parameters } = globalThis.tether.model;
+        const value = parameters.get("network.uplink.prr");
+        return value < 1 && value === parameters.get("network.downlink.prr") ? value : 0;
+      }),
+    );
+    assert.ok(Math.abs(prr - 0.2) < 0.03, `${prr}`);
+    const counts = () =>
+      page.evaluate(() => {
+        const { offered, delivered } = globalThis.tether.model.links.uplink;
+        return [offered, delivered];
+      });
+    await sleep(500);
+    const before = await counts();
+    const now = await until(
+      "a thousand packets",
+      async () => {
+        const later = await counts();
+        return later[0] - before[0] >= 1000 ? later : null;
+      },
+      40,
+    );
+    const n = now[0] - before[0];
+    const share = (now[1] - before[1]) / n;
+    const deviation = Math.sqrt((prr * (1 - prr)) / n);
+    assert.ok(Math.abs(share - prr) < 5 * deviation, `${share} of ${n} got through`);
   }));
-}));
 
-test("the table has each channel's rate, and a message's fields", () => onPage(run(), async (page) => {
-  await page.click("#table-panel summary");
-  const rate = () => page.$$eval("#table tbody tr", (rows) => {
-    const row = rows.find((one) => one.dataset.topic === "AGV/POSE");
-    return row ? Number(row.cells[3].textContent) : NaN;
-  });
-  await until("20 poses per second", async () => Math.abs((await rate()) - 20) < 0.5);
-  await page.click('#table tr[data-topic="AGV/POSE"]');
-  await until("its fields", () => page.$$eval("#message tbody tr", (rows) => rows.some((row) => row.cells[0].textContent === "yaw_rad")));
-}));
+test("a choice that needs another setting brings it along", () =>
+  onPage(run(), async (page) => {
+    await page.waitForSelector('.setting[data-name="network.uplink.jitter.law"] select');
+    await page.select('.setting[data-name="network.uplink.jitter.law"] select', "normal");
+    await until("the relay has it", () =>
+      page.evaluate(() => globalThis.tether.model.parameters.get("network.uplink.jitter.law") === "normal"),
+    );
+  }));
+
+test("what the relay refuses is said, and the page shows what is in force", () =>
+  onPage(run(), async (page) => {
+    const field = await page.waitForSelector(
+      '.setting[data-name="network.uplink.delay_ms"] input[type=number]',
+    );
+    await field.click({ clickCount: 3 });
+    await field.type("-5");
+    await page.keyboard.press("Enter");
+    await until("the refusal", async () => /delay_ms/.test(await text(page, "answer")));
+    await page.focus("#map");
+    await until("the value in force", () => field.evaluate((input) => input.value === "0"));
+  }));
+
+test("a log is scrubbed: the page shows the vehicle where it was then", () =>
+  onPage(log("run/run.lcmlog"), async (page) => {
+    const rows = fs
+      .readFileSync(path.join(work, "run/trajectory.csv"), "utf8")
+      .trim()
+      .split("\n")
+      .slice(1)
+      .map((row) => row.split(",").map(Number));
+    for (const share of [0.75, 0.25, 0.5]) {
+      await slide(page, "#scrub", share);
+      const seen = await until(`${share} of the log`, () =>
+        page.evaluate((wanted) => {
+          const { model } = globalThis.tether;
+          const truth = model.shown?.truth;
+          return truth && Math.abs(truth.utime / 1e6 - wanted) < 1 ? truth : null;
+        }, share * 40),
+      );
+      const row = rows.find(([t]) => Math.abs(t - seen.utime / 1e6) < 1e-3);
+      assert.ok(Math.hypot(seen.x_m - row[1], seen.y_m - row[2]) < 1e-4, "it is where trajectory.csv has it");
+    }
+    assert.equal(
+      await page.$eval("#controls", (panel) => panel.hidden),
+      true,
+      "a log's network cannot be set",
+    );
+  }));
+
+test("a log plays: the age of information is at least the uplink's delay", () =>
+  onPage(log("run/run.lcmlog"), async (page) => {
+    const isPlaying = () => page.evaluate(() => globalThis.tether.model.parameters.get("playback.playing"));
+    await page.click("#play"); // it plays from the start
+    await until("it stands", async () => (await isPlaying()) === false);
+    await page.click("#play");
+    await until("it plays", async () => (await isPlaying()) === true);
+    await until("ages", async () => Number(await text(page, "n-age")) >= 0.1);
+    await until("ways of poses", () =>
+      page.evaluate(() => {
+        const way = globalThis.tether.model.shown.uplink.packets.filter((packet) => packet.arrived_s > 0);
+        return (
+          way.length > 10 && way.every((packet) => Math.abs(packet.arrived_s - packet.sent_s - 0.1) < 0.002)
+        );
+      }),
+    );
+  }));
+
+test("the table has each channel's rate, and a message's fields", () =>
+  onPage(run(), async (page) => {
+    await page.click("#table-panel summary");
+    const rate = () =>
+      page.$$eval("#table tbody tr", (rows) => {
+        const row = rows.find((one) => one.dataset.topic === "AGV/POSE");
+        return row ? Number(row.cells[3].textContent) : NaN;
+      });
+    await until("20 poses per second", async () => Math.abs((await rate()) - 20) < 0.5);
+    await page.click('#table tr[data-topic="AGV/POSE"]');
+    await until("its fields", () =>
+      page.$$eval("#message tbody tr", (rows) => rows.some((row) => row.cells[0].textContent === "yaw_rad")),
+    );
+  }));
 
 test("a server that ends is noticed, and found again when it comes back", async () => {
   let again;
   try {
-    await onPage(run(), async (page, server) => {
-      await server.end();
-      await until("the page says so", async () => (await text(page, "connection")) !== "connected");
-      assert.equal(await page.$eval("#banner", (banner) => banner.hidden), false);
-      const port = new URL(server.address).port;
-      again = await serve(tether, ...run().slice(0, -1), port);
-      await until("it is connected again", async () => (await text(page, "connection")) === "connected");
-    }, LAPTOP, true);
+    await onPage(
+      run(),
+      async (page, server) => {
+        await server.end();
+        await until("the page says so", async () => (await text(page, "connection")) !== "connected");
+        assert.equal(await page.$eval("#banner", (banner) => banner.hidden), false);
+        const port = new URL(server.address).port;
+        again = await serve(tether, ...run().slice(0, -1), port);
+        await until("it is connected again", async () => (await text(page, "connection")) === "connected");
+      },
+      LAPTOP,
+      true,
+    );
   } finally {
     await again?.end();
   }
 });
 
 for (const theme of ["light", "dark"]) {
-  test(`on a phone nothing is wider than the screen, ${theme}`, () => onPage(run(), async (page) => {
-    await page.goto(`${page.url()}?theme=${theme}`);
-    await until("a vehicle", () => vehicleOnMap(page).catch(() => null));
-    assert.ok(await page.evaluate(() => document.scrollingElement.scrollWidth <= innerWidth));
-    const order = await page.evaluate(() => ["numbers", "map-panel", "controls", "plots"].map((id) => document.getElementById(id).getBoundingClientRect().top));
-    assert.ok(order.every((top) => Number.isFinite(top)));
-    assert.deepEqual(order, order.slice().sort((a, b) => a - b), "verdict, map, settings, plots");
-  }, PHONE));
+  test(`on a phone nothing is wider than the screen, ${theme}`, () =>
+    onPage(
+      run(),
+      async (page) => {
+        await page.goto(`${page.url()}?theme=${theme}`);
+        await until("a vehicle", () => vehicleOnMap(page).catch(() => null));
+        assert.ok(await page.evaluate(() => document.scrollingElement.scrollWidth <= innerWidth));
+        const order = await page.evaluate(() =>
+          ["numbers", "map-panel", "controls", "plots"].map(
+            (id) => document.getElementById(id).getBoundingClientRect().top,
+          ),
+        );
+        assert.ok(order.every((top) => Number.isFinite(top)));
+        assert.deepEqual(
+          order,
+          order.slice().sort((a, b) => a - b),
+          "verdict, map, settings, plots",
+        );
+      },
+      PHONE,
+    ));
 }
 
-test("the e-stop button stops the drives, and a release and a reset let them be armed again", () => onPage(
-  ["run", path.join(path.dirname(scenario), "hil_vcan.toml"), "--set", "run.duration_s=1000", "--speed", "2", "--view", "--port", "0"],
-  async (page) => {
-    const state = (wanted) => until(wanted, async () => (await text(page, "can-state")) === wanted);
-    await state("ARMED");
-    const speed = () => page.evaluate(() => globalThis.tether.model.shown.truth?.v_mps);
-    await until("it drives", async () => (await speed()) > 0.5);
-    await page.click("#estop");
-    await state("ESTOP");
-    await until("it stands", async () => Math.abs(await speed()) < 0.01);
-    await page.click("#release");
-    await page.click("#reset");
-    await state("DISARMED");
-  }));
+test("the e-stop button stops the drives, and a release and a reset let them be armed again", () =>
+  onPage(
+    [
+      "run",
+      path.join(path.dirname(scenario), "hil_vcan.toml"),
+      "--set",
+      "run.duration_s=1000",
+      "--speed",
+      "2",
+      "--view",
+      "--port",
+      "0",
+    ],
+    async (page) => {
+      const state = (wanted) => until(wanted, async () => (await text(page, "can-state")) === wanted);
+      await state("ARMED");
+      const speed = () => page.evaluate(() => globalThis.tether.model.shown.truth?.v_mps);
+      await until("it drives", async () => (await speed()) > 0.5);
+      await page.click("#estop");
+      await state("ESTOP");
+      await until("it stands", async () => Math.abs(await speed()) < 0.01);
+      await page.click("#release");
+      await page.click("#reset");
+      await state("DISARMED");
+    },
+  ));
 
 test("a browser that is too old is told so", async () => {
   const server = await serve(tether, ...run());
   const page = await browser.newPage();
   await page.evaluateOnNewDocument(() => delete globalThis.ResizeObserver);
   await page.goto(server.address);
-  const note = await until("the note", () => page.$eval("#too-old", (element) => !element.hidden && element.textContent));
+  const note = await until("the note", () =>
+    page.$eval("#too-old", (element) => !element.hidden && element.textContent),
+  );
   assert.match(note, /needs Chrome or Edge \d+, Firefox \d+, Safari/);
   await page.close();
   await server.end();
 });
 
-test("the vehicle is driven by keys only while the dead man is held", () => onPage(run(), async (page) => {
-  await until("what the server offers", () => page.evaluate(() => globalThis.tether.model.about !== null));
-  await page.evaluate(() => { // as on a server that lets the page drive
-    globalThis.tether.sent = [];
-    globalThis.tether.connection.publish = (topic, schema, fields) => globalThis.tether.sent.push(fields);
-    document.getElementById("drive").hidden = false;
-  });
-  const sent = () => page.evaluate(() => globalThis.tether.sent.splice(0));
-  await page.keyboard.down("KeyW");
-  await sleep(300);
-  assert.deepEqual(await sent(), []);
-  await page.keyboard.up("KeyW");
-  await page.keyboard.down("Space");
-  await page.keyboard.down("KeyW");
-  await until("twists", () => page.evaluate(() => globalThis.tether.sent.length > 3));
-  assert.deepEqual((await sent()).at(-1), { v_mps: 1, omega_radps: 0 });
-  await page.evaluate(() => dispatchEvent(new Event("blur"))); // another window: the hand counts as gone
-  await until("a stop", async () => (await sent()).some(({ v_mps }) => v_mps === 0));
-  await sleep(1500);
-  assert.deepEqual(await page.evaluate(() => globalThis.tether.sent.slice(-1)[0] ?? { v_mps: 0, omega_radps: 0 }), { v_mps: 0, omega_radps: 0 });
-  await sent();
-  await sleep(300);
-  assert.deepEqual(await sent(), [], "then nothing is sent");
-}));
+test("the vehicle is driven by keys only while the dead man is held", () =>
+  onPage(run(), async (page) => {
+    await until("what the server offers", () => page.evaluate(() => globalThis.tether.model.about !== null));
+    await page.evaluate(() => {
+      // as on a server that lets the page drive
+      globalThis.tether.sent = [];
+      globalThis.tether.connection.publish = (topic, schema, fields) => globalThis.tether.sent.push(fields);
+      document.getElementById("drive").hidden = false;
+    });
+    const sent = () => page.evaluate(() => globalThis.tether.sent.splice(0));
+    await page.keyboard.down("KeyW");
+    await sleep(300);
+    assert.deepEqual(await sent(), []);
+    await page.keyboard.up("KeyW");
+    await page.keyboard.down("Space");
+    await page.keyboard.down("KeyW");
+    await until("twists", () => page.evaluate(() => globalThis.tether.sent.length > 3));
+    assert.deepEqual((await sent()).at(-1), { v_mps: 1, omega_radps: 0 });
+    await page.evaluate(() => dispatchEvent(new Event("blur"))); // another window: the hand counts as gone
+    await until("a stop", async () => (await sent()).some(({ v_mps }) => v_mps === 0));
+    await sleep(1500);
+    assert.deepEqual(
+      await page.evaluate(() => globalThis.tether.sent.slice(-1)[0] ?? { v_mps: 0, omega_radps: 0 }),
+      { v_mps: 0, omega_radps: 0 },
+    );
+    await sent();
+    await sleep(300);
+    assert.deepEqual(await sent(), [], "then nothing is sent");
+  }));
 
-test("100 vehicles at 50 Hz: a picture takes less than a thirtieth of a second of computing", () => onPage(log("fleet.lcmlog"), async (page) => {
-  await (await page.createCDPSession()).send("Network.disable");
-  await page._client().send("Network.disable"); // else each message is reported to the test, too
-  await until("100 vehicles", () => page.evaluate(() => globalThis.tether.model.vehicles.size === 100));
-  const counts = () => page.evaluate(() => {
-    const { model, frames } = globalThis.tether;
-    return [frames.total, [...model.channels.values()].reduce((sum, channel) => sum + channel.count, 0)];
-  });
-  const [frames1, messages1] = await counts();
-  const cpu1 = cpuOfRenderers(browser.process().pid);
-  const t1 = performance.now();
-  await sleep(6000);
-  const [frames2, messages2] = await counts();
-  const cpu_s = cpuOfRenderers(browser.process().pid) - cpu1;
-  const wall_s = (performance.now() - t1) / 1000;
-  const frames = frames2 - frames1;
-  console.log(`${(frames / wall_s).toFixed(1)} frames/s, ${((1000 * cpu_s) / frames).toFixed(1)} ms of computing each, ` +
-    `${((messages2 - messages1) / wall_s).toFixed(0)} messages/s`);
-  assert.ok(messages2 - messages1 > 4000 * wall_s, "the messages came");
-  assert.ok((1000 * cpu_s) / frames < 1000 / 30);
-}));
+test("100 vehicles at 50 Hz: a picture takes less than a thirtieth of a second of computing", () =>
+  onPage(log("fleet.lcmlog"), async (page) => {
+    await (await page.createCDPSession()).send("Network.disable");
+    await page._client().send("Network.disable"); // else each message is reported to the test, too
+    await until("100 vehicles", () => page.evaluate(() => globalThis.tether.model.vehicles.size === 100));
+    const counts = () =>
+      page.evaluate(() => {
+        const { model, frames } = globalThis.tether;
+        return [frames.total, [...model.channels.values()].reduce((sum, channel) => sum + channel.count, 0)];
+      });
+    const [frames1, messages1] = await counts();
+    const cpu1 = cpuOfRenderers(browser.process().pid);
+    const t1 = performance.now();
+    await sleep(6000);
+    const [frames2, messages2] = await counts();
+    const cpu_s = cpuOfRenderers(browser.process().pid) - cpu1;
+    const wall_s = (performance.now() - t1) / 1000;
+    const frames = frames2 - frames1;
+    console.log(
+      `${(frames / wall_s).toFixed(1)} frames/s, ${((1000 * cpu_s) / frames).toFixed(1)} ms of computing each, ` +
+        `${((messages2 - messages1) / wall_s).toFixed(0)} messages/s`,
+    );
+    assert.ok(messages2 - messages1 > 4000 * wall_s, "the messages came");
+    assert.ok((1000 * cpu_s) / frames < 1000 / 30);
+  }));

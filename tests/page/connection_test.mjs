@@ -1,7 +1,13 @@
 // The page's side of Foxglove's protocol, without a network.
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Connection, clientMessage, parseBinary, parseText, retryDelay_ms } from "../../tools/view/page/model/connection.js";
+import {
+  Connection,
+  clientMessage,
+  parseBinary,
+  parseText,
+  retryDelay_ms,
+} from "../../tools/view/page/model/connection.js";
 
 /** A message as a server sends it: opcode, subscription, nanoseconds, payload. */
 function data(subscription, time_ns, payload) {
@@ -35,8 +41,15 @@ class FakeSocket {
   }
 }
 
-function connected(handlers = {}, capabilities = ["clientPublish", "parameters", "parametersSubscribe"], wants) {
-  const connection = new Connection("ws://host/", handlers, { Socket: FakeSocket, ...(wants ? { wants } : {}) });
+function connected(
+  handlers = {},
+  capabilities = ["clientPublish", "parameters", "parametersSubscribe"],
+  wants,
+) {
+  const connection = new Connection("ws://host/", handlers, {
+    Socket: FakeSocket,
+    ...(wants ? { wants } : {}),
+  });
   connection.open();
   FakeSocket.last.onopen();
   FakeSocket.last.say({ op: "serverInfo", name: "tether", capabilities });
@@ -73,19 +86,38 @@ test("what the page publishes begins with opcode and channel", () => {
 
 test("it asks for all parameters, and for their changes, if the server has any", () => {
   const { socket } = connected();
-  assert.deepEqual(socket.texts.map((text) => text.op), ["getParameters", "subscribeParameterUpdates"]);
+  assert.deepEqual(
+    socket.texts.map((text) => text.op),
+    ["getParameters", "subscribeParameterUpdates"],
+  );
   assert.deepEqual(connected({}, []).socket.texts, []);
 });
 
 test("it subscribes to channels in JSON that it wants, and passes their messages on", () => {
   const heard = [];
-  const { socket } = connected({ onMessage: (message) => heard.push(message) }, [], (channel) => channel.topic !== "C");
-  const channel = (id, topic, encoding) => ({ id, topic, encoding, schemaName: "tether.pose_t", schema: "{}" });
-  socket.say({ op: "advertise", channels: [channel(4, "A", "json"), channel(5, "B", "cdr"), channel(6, "C", "json")] });
+  const { socket } = connected(
+    { onMessage: (message) => heard.push(message) },
+    [],
+    (channel) => channel.topic !== "C",
+  );
+  const channel = (id, topic, encoding) => ({
+    id,
+    topic,
+    encoding,
+    schemaName: "tether.pose_t",
+    schema: "{}",
+  });
+  socket.say({
+    op: "advertise",
+    channels: [channel(4, "A", "json"), channel(5, "B", "cdr"), channel(6, "C", "json")],
+  });
   assert.deepEqual(socket.texts, [{ op: "subscribe", subscriptions: [{ id: 4, channelId: 4 }] }]);
   socket.say(data(4, 0n, '{"seq":1}'));
   socket.say(data(6, 0n, '{"seq":2}'));
-  assert.deepEqual(heard.map((message) => [message.topic, message.fields.seq]), [["A", 1]]);
+  assert.deepEqual(
+    heard.map((message) => [message.topic, message.fields.seq]),
+    [["A", 1]],
+  );
 });
 
 test("a channel that is gone is heard no more, and can come back", () => {

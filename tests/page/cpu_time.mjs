@@ -11,7 +11,10 @@ function stat(pid) {
 /** Seconds that the renderers among the descendants of `root` have computed so far. */
 export function cpuOfRenderers(root) {
   const processes = new Map();
-  for (const pid of fs.readdirSync("/proc").filter((name) => /^\d+$/.test(name)).map(Number)) {
+  for (const pid of fs
+    .readdirSync("/proc")
+    .filter((name) => /^\d+$/.test(name))
+    .map(Number)) {
     try {
       const { parent, ticks } = stat(pid);
       const isRenderer = fs.readFileSync(`/proc/${pid}/cmdline`, "utf8").includes("--type=renderer");

@@ -12,9 +12,30 @@ import { Series, Trail } from "../../tools/view/page/model/series.js";
 import { ChannelStatistics, jitter } from "../../tools/view/page/model/statistics.js";
 import { isWanted, splitTopic, topicsOf } from "../../tools/view/page/model/topics.js";
 
-const near = (actual, expected, tolerance = 1e-9) => assert.ok(Math.abs(actual - expected) <= tolerance, `${actual} is not ${expected}`);
-const truth = (utime, more = {}) => ({ utime, x_m: 0, y_m: 0, yaw_rad: 0, v_mps: 1, error_m: 0.1, epsilon_m: 0.1, x_ref_m: 0, y_ref_m: 0, ...more });
-const pose = (seq, more = {}) => ({ utime: seq * 1e6, seq, x_m: seq, y_m: 0, yaw_rad: 0, plan_session: -1, plan_id: -1, ...more });
+const near = (actual, expected, tolerance = 1e-9) =>
+  assert.ok(Math.abs(actual - expected) <= tolerance, `${actual} is not ${expected}`);
+const truth = (utime, more = {}) => ({
+  utime,
+  x_m: 0,
+  y_m: 0,
+  yaw_rad: 0,
+  v_mps: 1,
+  error_m: 0.1,
+  epsilon_m: 0.1,
+  x_ref_m: 0,
+  y_ref_m: 0,
+  ...more,
+});
+const pose = (seq, more = {}) => ({
+  utime: seq * 1e6,
+  seq,
+  x_m: seq,
+  y_m: 0,
+  yaw_rad: 0,
+  plan_session: -1,
+  plan_id: -1,
+  ...more,
+});
 
 function hear(model, topic, fields, time_s = fields.utime / 1e6) {
   model.hear({ topic, schema: "x", time_s, bytes: 100, fields }, time_s);
@@ -198,8 +219,19 @@ test("plots keep their window, trails their points", () => {
 });
 
 test("walls, path and shape come from what the server says of the run", () => {
-  const scene = sceneOf({ half_extent_m: 22, path: [[0, 1, 2, 0], [1, 3, 4, 0]], shape: { track_m: 0.5 }, scenario: { vehicle: { axle_x_m: -1 } } });
-  assert.deepEqual(scene.path, [[1, 2], [3, 4]]);
+  const scene = sceneOf({
+    half_extent_m: 22,
+    path: [
+      [0, 1, 2, 0],
+      [1, 3, 4, 0],
+    ],
+    shape: { track_m: 0.5 },
+    scenario: { vehicle: { axle_x_m: -1 } },
+  });
+  assert.deepEqual(scene.path, [
+    [1, 2],
+    [3, 4],
+  ]);
   assert.deepEqual(scene.box, [-22, -22, 22, 22]);
   assert.equal(scene.vehicle.track_m, 0.5);
   assert.equal(scene.vehicle.centre_m, 1);
@@ -207,19 +239,63 @@ test("walls, path and shape come from what the server says of the run", () => {
 });
 
 test("the radio map is that of the strongest access point", () => {
-  near(snr_db([[0, 0], [100, 0]], 60, 3, 10, 0), 30);
-  near(snr_db([[0, 0], [100, 0, 80]], 60, 3, 90, 0), 50);
-  near(between([[0, 0], [10, 1]], 2.5), 0.25);
-  const settings = { "uplink.model": "map", "uplink.map.access_points": "[[0, 0]]", "uplink.map.snr50_db": 20 };
+  near(
+    snr_db(
+      [
+        [0, 0],
+        [100, 0],
+      ],
+      60,
+      3,
+      10,
+      0,
+    ),
+    30,
+  );
+  near(
+    snr_db(
+      [
+        [0, 0],
+        [100, 0, 80],
+      ],
+      60,
+      3,
+      90,
+      0,
+    ),
+    50,
+  );
+  near(
+    between(
+      [
+        [0, 0],
+        [10, 1],
+      ],
+      2.5,
+    ),
+    0.25,
+  );
+  const settings = {
+    "uplink.model": "map",
+    "uplink.map.access_points": "[[0, 0]]",
+    "uplink.map.snr50_db": 20,
+  };
   const radio = radioOf((name) => settings[name], [-30, -30, 30, 30]);
   assert.equal(radio.prr.length, radio.rows * radio.columns);
   assert.ok(radio.prr[30 * 60 + 30] > 0.99);
   assert.ok(radio.prr[0] < 0.2);
-  assert.equal(radioOf(() => "fixed", [-1, -1, 1, 1]), null);
+  assert.equal(
+    radioOf(() => "fixed", [-1, -1, 1, 1]),
+    null,
+  );
 });
 
 test("settings are sorted by link, with range and unit", () => {
-  assert.deepEqual(place("network.uplink.markov.bad.prr"), { group: "network.uplink", label: "bad prr", isMain: true });
+  assert.deepEqual(place("network.uplink.markov.bad.prr"), {
+    group: "network.uplink",
+    label: "bad prr",
+    isMain: true,
+  });
   assert.deepEqual(place("controller.tau_s"), { group: "controller", label: "tau", isMain: true });
   assert.equal(known("network.uplink.delay_ms").unit, "ms");
   assert.equal(known("network.uplink.prr", { low: 0.1 }).min, 0.1);
@@ -248,7 +324,10 @@ test("no key drives without the dead man", () => {
 test("topics are told apart by side and vehicle; what is drawn for Foxglove is not wanted", () => {
   assert.deepEqual(splitTopic("CTRL12/POSE"), { side: "CTRL12", name: "POSE", vehicle: "12", base: "CTRL" });
   assert.equal(splitTopic("LCM_SELF_TEST"), null);
-  assert.deepEqual(topicsOf(["CAN7/REQUEST", "CTRL7/CMD_VEL"]), { request: "CAN7/REQUEST", twist: "CTRL7/CMD_VEL" });
+  assert.deepEqual(topicsOf(["CAN7/REQUEST", "CTRL7/CMD_VEL"]), {
+    request: "CAN7/REQUEST",
+    twist: "CTRL7/CMD_VEL",
+  });
   assert.deepEqual(topicsOf([]), { request: undefined, twist: undefined });
   assert.equal(isWanted({ schemaName: "foxglove.SceneUpdate" }), false);
   assert.equal(isWanted({ schemaName: "tether.pose_t" }), true);

@@ -21,9 +21,14 @@ async function open(browser, server, view, query) {
   return page;
 }
 
-const set = (page, name, value) => page.evaluate((key, now) => {
-  globalThis.tether.connection.setParameters([{ name: key, value: now }]);
-}, name, value);
+const set = (page, name, value) =>
+  page.evaluate(
+    (key, now) => {
+      globalThis.tether.connection.setParameters([{ name: key, value: now }]);
+    },
+    name,
+    value,
+  );
 
 /** One log's frames: a picture each half second of the run while it plays. */
 async function film(name) {
@@ -38,7 +43,10 @@ async function film(name) {
       const now_s = await runTime(page);
       return now_s >= i * STEP_S && now_s < i * STEP_S + 5;
     });
-    await page.screenshot({ path: path.join(work, "frames", `${name}-${String(i).padStart(3, "0")}.png`), optimizeForSpeed: true });
+    await page.screenshot({
+      path: path.join(work, "frames", `${name}-${String(i).padStart(3, "0")}.png`),
+      optimizeForSpeed: true,
+    });
   }
   await browser.close();
   await server.end();
@@ -60,9 +68,26 @@ async function still(name, file, view, query, from_s, at_s) {
 /** A run on a network that changes between good and bad, with what can be set. */
 async function settings(file, view, query) {
   const browser = await launch();
-  const server = await serve(tether, "run", scenario, "--set", "sensor.rate_hz=10", "--set", "channel.model=markov",
-    "--set", "channel.markov.bad.delay_ms=600", "--set", "channel.markov.mean_good_s=6", "--set", "channel.markov.mean_bad_s=4",
-    "--set", "run.duration_s=600", "--view", "--port", "0");
+  const server = await serve(
+    tether,
+    "run",
+    scenario,
+    "--set",
+    "sensor.rate_hz=10",
+    "--set",
+    "channel.model=markov",
+    "--set",
+    "channel.markov.bad.delay_ms=600",
+    "--set",
+    "channel.markov.mean_good_s=6",
+    "--set",
+    "channel.markov.mean_bad_s=4",
+    "--set",
+    "run.duration_s=600",
+    "--view",
+    "--port",
+    "0",
+  );
   const page = await open(browser, server, view, query);
   await until("half a minute", async () => (await runTime(page)) > 32, 90);
   await page.screenshot({ path: path.join(out, file), fullPage: view.width > 1000 });
@@ -74,6 +99,13 @@ fs.mkdirSync(path.join(work, "frames"), { recursive: true });
 await film("pid");
 await film("predictive");
 await still("predictive", "view-stage.png", { width: 1280, height: 800 }, "stage&theme=dark", 14, 30);
-await still("predictive", "view-phone.png", { width: 390, height: 844, isMobile: true, hasTouch: true }, "theme=dark", 14, 26);
+await still(
+  "predictive",
+  "view-phone.png",
+  { width: 390, height: 844, isMobile: true, hasTouch: true },
+  "theme=dark",
+  14,
+  26,
+);
 await settings("view-page.png", { width: 1440, height: 900 }, "theme=light");
 await sleep(100);

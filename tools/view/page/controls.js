@@ -70,7 +70,11 @@ export class Controls {
 
   buildBoth() {
     const label = document.createElement("label");
-    const input = Object.assign(document.createElement("input"), { type: "checkbox", checked: this.both, id: "both-links" });
+    const input = Object.assign(document.createElement("input"), {
+      type: "checkbox",
+      checked: this.both,
+      id: "both-links",
+    });
     input.addEventListener("change", () => (this.both = input.checked));
     label.append(input, " both links together");
     return label;
@@ -78,7 +82,9 @@ export class Controls {
 
   buildGroup(group, rows, parameters) {
     const set = document.createElement("fieldset");
-    set.append(Object.assign(document.createElement("legend"), { textContent: GROUP_TITLES[group] ?? group }));
+    set.append(
+      Object.assign(document.createElement("legend"), { textContent: GROUP_TITLES[group] ?? group }),
+    );
     for (const { name, label } of rows) set.append(this.buildRow(name, label, parameters.get(name)));
     return set;
   }
@@ -91,7 +97,11 @@ export class Controls {
     row.title = told ? `${name}: ${told.meaning}; ${told.allowed || told.kind}` : name;
     row.dataset.name = name;
     const about = known(name, told);
-    row.append(Object.assign(document.createElement("span"), { textContent: about.unit ? `${label}, ${about.unit}` : label }));
+    row.append(
+      Object.assign(document.createElement("span"), {
+        textContent: about.unit ? `${label}, ${about.unit}` : label,
+      }),
+    );
     const inputs = this.inputsFor(name, about, kind);
     row.append(...inputs);
     this.rows.set(name, {
@@ -117,7 +127,8 @@ export class Controls {
   }
 
   choose(select, value) {
-    if (value !== undefined && ![...select.options].some((option) => option.value === value)) select.append(new Option(value, value));
+    if (value !== undefined && ![...select.options].some((option) => option.value === value))
+      select.append(new Option(value, value));
     select.value = value;
   }
 
@@ -150,7 +161,8 @@ export class Controls {
     const other = this.both ? twin(name) : null;
     for (const one of other && this.rows.has(other) ? [name, other] : [name]) {
       this.waiting.set(one, value);
-      for (const [more, start] of companions(one, value, (key) => this.parameters.get(key))) this.waiting.set(more, start);
+      for (const [more, start] of companions(one, value, (key) => this.parameters.get(key)))
+        this.waiting.set(more, start);
     }
     for (const [each, now] of this.waiting) this.rows.get(each)?.fill(now);
     if (isFinal) this.send();

@@ -51,7 +51,12 @@ export class Drive {
 
   key(event, isDown) {
     if (!this.isThere || isTyping(event.target)) return;
-    if (event.code !== "Space" && !(this.keys.has("Space") && /^(Key[WASD]|Arrow)/.test(event.code)) && isDown) return;
+    if (
+      event.code !== "Space" &&
+      !(this.keys.has("Space") && /^(Key[WASD]|Arrow)/.test(event.code)) &&
+      isDown
+    )
+      return;
     if (isDown) event.preventDefault();
     if (isDown) this.keys.add(event.code);
     else this.keys.delete(event.code);
@@ -77,7 +82,8 @@ export class Drive {
     canvas.addEventListener("pointermove", (event) => {
       if (this.pad) pull(event);
     });
-    for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(end, () => (this.pad = null));
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"])
+      canvas.addEventListener(end, () => (this.pad = null));
     this.canvas = canvas;
   }
 

@@ -29,31 +29,36 @@ function tell(text) {
   banner.hidden = !text;
 }
 
-const connection = new Connection(address, {
-  onState(state) {
-    const words = { connecting: "connecting …", open: "connected", closed: "no connection" };
-    find("connection").dataset.state = state;
-    find("connection").textContent = words[state];
-    if (state === "closed") tell(`No connection to ${location.host}. Is "tether view" running? Trying again …`);
-    if (state === "open") tell("");
+const connection = new Connection(
+  address,
+  {
+    onState(state) {
+      const words = { connecting: "connecting …", open: "connected", closed: "no connection" };
+      find("connection").dataset.state = state;
+      find("connection").textContent = words[state];
+      if (state === "closed")
+        tell(`No connection to ${location.host}. Is "tether view" running? Trying again …`);
+      if (state === "open") tell("");
+    },
+    onInfo(info) {
+      if (model.session !== info.sessionId) model.restart(); // another server: another run
+      model.session = info.sessionId;
+      document.title = info.name ?? "Tether";
+      askAbout();
+    },
+    onMessage: (message) => model.hear(message, clock_s()),
+    onParameters(parameters) {
+      for (const { name, value } of parameters) model.parameters.set(name, value);
+      playback.update(model.parameters);
+      if (parameters.some(({ name }) => name.startsWith("network."))) showFacts(find("facts"), model);
+      controls.update(model.parameters);
+    },
+    onStatus({ level, message }) {
+      controls.say(message, level >= 1 ? "bad" : "none");
+    },
   },
-  onInfo(info) {
-    if (model.session !== info.sessionId) model.restart(); // another server: another run
-    model.session = info.sessionId;
-    document.title = info.name ?? "Tether";
-    askAbout();
-  },
-  onMessage: (message) => model.hear(message, clock_s()),
-  onParameters(parameters) {
-    for (const { name, value } of parameters) model.parameters.set(name, value);
-    playback.update(model.parameters);
-    if (parameters.some(({ name }) => name.startsWith("network."))) showFacts(find("facts"), model);
-    controls.update(model.parameters);
-  },
-  onStatus({ level, message }) {
-    controls.say(message, level >= 1 ? "bad" : "none");
-  },
-}, { wants: isWanted });
+  { wants: isWanted },
+);
 
 let topics = {}; // on which the page may publish
 
@@ -100,7 +105,13 @@ const drive = new Drive(find("drive"), (twist) => {
   ask("ALIVE"); // who holds the dead man is the operator who holds to run
 });
 
-for (const [id, request] of [["estop", "ESTOP"], ["arm", "ARM"], ["disarm", "DISARM"], ["release", "ESTOP_RELEASE"], ["reset", "RESET"]]) {
+for (const [id, request] of [
+  ["estop", "ESTOP"],
+  ["arm", "ARM"],
+  ["disarm", "DISARM"],
+  ["release", "ESTOP_RELEASE"],
+  ["reset", "RESET"],
+]) {
   find(id).addEventListener("click", () => ask(request));
 }
 
@@ -133,15 +144,17 @@ addEventListener("keydown", (event) => {
 });
 
 function drawLegend() {
-  find("legend").replaceChildren(...LEGEND.map(({ name, draw }) => {
-    const canvas = Object.assign(document.createElement("canvas"), { width: 60, height: 32 });
-    const c = canvas.getContext("2d");
-    c.scale(2, 2);
-    draw(c);
-    const item = document.createElement("li");
-    item.append(canvas, name);
-    return item;
-  }));
+  find("legend").replaceChildren(
+    ...LEGEND.map(({ name, draw }) => {
+      const canvas = Object.assign(document.createElement("canvas"), { width: 60, height: 32 });
+      const c = canvas.getContext("2d");
+      c.scale(2, 2);
+      draw(c);
+      const item = document.createElement("li");
+      item.append(canvas, name);
+      return item;
+    }),
+  );
 }
 drawLegend();
 onTheme(drawLegend);

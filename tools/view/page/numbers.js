@@ -42,7 +42,9 @@ function channelText(get) {
   if (name === undefined) return "?";
   const jitter = get("jitter.law");
   const more = jitter && jitter !== "none" ? `, ${jitter} jitter` : "";
-  return name === "fixed" ? `PRR ${get("prr")}, ${get("delay_ms")} ms${more}` : name.replaceAll("_", " ") + more;
+  return name === "fixed"
+    ? `PRR ${get("prr")}, ${get("delay_ms")} ms${more}`
+    : name.replaceAll("_", " ") + more;
 }
 
 /** The scenario in a few words, links as they are set now: [[name, value]...]. */
@@ -52,7 +54,8 @@ export function factsOf(model) {
   const law = scenario?.controller;
   if (law) facts.push(["law", law.external ? "of another program" : law.law.replaceAll("_", " ")]);
   for (const link of ["uplink", "downlink"]) {
-    if (model.linkSetting(`${link}.model`) !== undefined) facts.push([link, channelText((key) => model.linkSetting(`${link}.${key}`))]);
+    if (model.linkSetting(`${link}.model`) !== undefined)
+      facts.push([link, channelText((key) => model.linkSetting(`${link}.${key}`))]);
   }
   if (scenario?.sensor) facts.push(["poses", `${scenario.sensor.rate_hz} per s`]);
   if (scenario?.actuator) facts.push(["without news", scenario.actuator.policy]);

@@ -52,7 +52,8 @@ export class PlaybackBar {
     this.find("play").setAttribute("aria-label", this.playing ? "pause" : "play");
     const speed = String(parameters.get(PLAYBACK.speed) ?? 1);
     const menu = this.find("speed");
-    if (![...menu.options].some((option) => option.value === speed)) menu.append(new Option(`${speed}×`, speed));
+    if (![...menu.options].some((option) => option.value === speed))
+      menu.append(new Option(`${speed}×`, speed));
     menu.value = speed;
     this.speed = Number(speed);
     const position = parameters.get(PLAYBACK.position);

@@ -35,12 +35,15 @@ export class ChannelTable {
     this.rows = new Map();
     this.selected = null;
     const head = panel.querySelector("#table thead").insertRow();
-    for (const [title] of COLUMNS) head.append(Object.assign(document.createElement("th"), { textContent: title }));
+    for (const [title] of COLUMNS)
+      head.append(Object.assign(document.createElement("th"), { textContent: title }));
   }
 
   select(topic) {
     this.selected = this.selected === topic ? null : topic;
-    this.body.querySelectorAll("tr").forEach((row) => row.setAttribute("aria-selected", row.dataset.topic === this.selected));
+    this.body
+      .querySelectorAll("tr")
+      .forEach((row) => row.setAttribute("aria-selected", row.dataset.topic === this.selected));
     this.message.hidden = this.selected === null;
   }
 

@@ -3,8 +3,12 @@
   "use strict";
   function works() {
     try {
-      return "noModule" in document.createElement("script") && typeof ResizeObserver === "function" &&
-        typeof WebSocket === "function" && typeof structuredClone === "function";
+      return (
+        "noModule" in document.createElement("script") &&
+        typeof ResizeObserver === "function" &&
+        typeof WebSocket === "function" &&
+        typeof structuredClone === "function"
+      );
     } catch (error) {
       return false;
     }
@@ -12,7 +16,8 @@
   if (works()) return;
   document.addEventListener("DOMContentLoaded", function () {
     var note = document.getElementById("too-old");
-    note.textContent = "This browser is too old for this page. It needs Chrome or Edge 98, Firefox 94, " +
+    note.textContent =
+      "This browser is too old for this page. It needs Chrome or Edge 98, Firefox 94, " +
       "Safari 15.4, or a later one.";
     note.className = "banner";
     note.hidden = false;

@@ -24,7 +24,10 @@ export class Camera {
   fit([x1, y1, x2, y2], margin_m = 1) {
     this.isFree = false;
     this.centre = [(x1 + x2) / 2, (y1 + y2) / 2];
-    this.scale = Math.max(0.1, Math.min(this.width / (x2 - x1 + 2 * margin_m), this.height / (y2 - y1 + 2 * margin_m)));
+    this.scale = Math.max(
+      0.1,
+      Math.min(this.width / (x2 - x1 + 2 * margin_m), this.height / (y2 - y1 + 2 * margin_m)),
+    );
     this.changed();
   }
 
@@ -64,7 +67,8 @@ export class Camera {
     if (others.length) {
       const other = others[0][1];
       const far = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]);
-      if (far(before) > 0) this.zoom(far(now) / far(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+      if (far(before) > 0)
+        this.zoom(far(now) / far(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
     } else {
       this.centre[0] -= (now[0] - before[0]) / this.scale;
       this.centre[1] += (now[1] - before[1]) / this.scale;

@@ -57,7 +57,14 @@ export class Fleet {
     this.stamp = document.createElement("canvas");
     this.stamp.width = this.stamp.height = Math.ceil(pixels * ratio);
     const c = this.stamp.getContext("2d");
-    c.setTransform(ratio * camera.scale, 0, 0, -ratio * camera.scale, this.stamp.width / 2, this.stamp.height / 2);
+    c.setTransform(
+      ratio * camera.scale,
+      0,
+      0,
+      -ratio * camera.scale,
+      this.stamp.width / 2,
+      this.stamp.height / 2,
+    );
     drawBody(c, camera, body, false);
     return this.stamp;
   }

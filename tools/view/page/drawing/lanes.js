@@ -19,8 +19,28 @@ export class Lanes {
     const c = this.surface.begin();
     const vehicle = model.shown;
     const half = (this.surface.height - 20) / 2;
-    this.drawLane(c, "uplink", "poses", 4, half, ["vehicle", "controller"], vehicle?.uplink, model.states.uplink, now_s);
-    this.drawLane(c, "downlink", "commands", 4 + half, half, ["controller", "vehicle"], vehicle?.downlink, model.states.downlink, now_s);
+    this.drawLane(
+      c,
+      "uplink",
+      "poses",
+      4,
+      half,
+      ["vehicle", "controller"],
+      vehicle?.uplink,
+      model.states.uplink,
+      now_s,
+    );
+    this.drawLane(
+      c,
+      "downlink",
+      "commands",
+      4 + half,
+      half,
+      ["controller", "vehicle"],
+      vehicle?.downlink,
+      model.states.downlink,
+      now_s,
+    );
     this.drawTimes(c);
   }
 

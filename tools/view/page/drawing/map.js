@@ -128,11 +128,19 @@ export class FactoryMap {
     c.strokeStyle = colour("grid");
     c.lineWidth = 1;
     c.beginPath();
-    for (let x = Math.ceil((camera.centre[0] - half[0]) / step) * step; x <= camera.centre[0] + half[0]; x += step) {
+    for (
+      let x = Math.ceil((camera.centre[0] - half[0]) / step) * step;
+      x <= camera.centre[0] + half[0];
+      x += step
+    ) {
       c.moveTo(Math.round(camera.x(x)) + 0.5, 0);
       c.lineTo(Math.round(camera.x(x)) + 0.5, surface.height);
     }
-    for (let y = Math.ceil((camera.centre[1] - half[1]) / step) * step; y <= camera.centre[1] + half[1]; y += step) {
+    for (
+      let y = Math.ceil((camera.centre[1] - half[1]) / step) * step;
+      y <= camera.centre[1] + half[1];
+      y += step
+    ) {
       c.moveTo(0, Math.round(camera.y(y)) + 0.5);
       c.lineTo(surface.width, Math.round(camera.y(y)) + 0.5);
     }
@@ -168,7 +176,12 @@ export class FactoryMap {
         const prr = radio.prr[row * radio.columns + column];
         if (!(prr < 0.995)) continue;
         c.globalAlpha = 0.45 * (1 - prr);
-        c.fillRect(camera.x(radio.x_m + column * radio.cell_m), camera.y(radio.y_m + (row + 1) * radio.cell_m), size + 0.5, size + 0.5);
+        c.fillRect(
+          camera.x(radio.x_m + column * radio.cell_m),
+          camera.y(radio.y_m + (row + 1) * radio.cell_m),
+          size + 0.5,
+          size + 0.5,
+        );
       }
     }
     c.globalAlpha = 1;

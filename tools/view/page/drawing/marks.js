@@ -19,7 +19,12 @@ function enlarged(camera, body) {
 
 function chassis(c, body, k) {
   c.beginPath();
-  c.rect((body.centre_m - body.length_m / 2) * k, (-body.width_m / 2) * k, body.length_m * k, body.width_m * k);
+  c.rect(
+    (body.centre_m - body.length_m / 2) * k,
+    (-body.width_m / 2) * k,
+    body.length_m * k,
+    body.width_m * k,
+  );
 }
 
 /** The origin is the axle's midpoint, x forward, in metres. */
@@ -118,7 +123,8 @@ export function drawBelief(c, camera, vehicle, body, now_s, ahead_s) {
     polyline(c, camera, ahead);
     c.setLineDash([]);
   }
-  if (vehicle.place) { // how far off the truth the controller's newest knowledge is
+  if (vehicle.place) {
+    // how far off the truth the controller's newest knowledge is
     c.strokeStyle = colour("newest");
     c.lineWidth = 1.5;
     c.setLineDash([3, 4]);
@@ -150,11 +156,23 @@ function drawAge(c, camera, pose, place, age_s) {
 
 /** Small pictures of the marks, with their names. */
 export const LEGEND = [
-  { name: "vehicle and trail (truth)", draw: (c) => { line(c, "truth", 3, [], 0, 14); box(c, "truth", true, 14); } },
+  {
+    name: "vehicle and trail (truth)",
+    draw: (c) => {
+      line(c, "truth", 3, [], 0, 14);
+      box(c, "truth", true, 14);
+    },
+  },
   { name: "planned path", draw: (c) => line(c, "path", 3, [7, 4], 1, 29) },
   { name: "newest pose the controller has", draw: (c) => box(c, "newest", false, 7, []) },
   { name: "its prediction for now", draw: (c) => box(c, "predicted", false, 7, [3, 2]) },
-  { name: "plan ahead", draw: (c) => { c.lineCap = "round"; line(c, "predicted", 4, [1, 7], 3, 28); } },
+  {
+    name: "plan ahead",
+    draw: (c) => {
+      c.lineCap = "round";
+      line(c, "predicted", 4, [1, 7], 3, 28);
+    },
+  },
 ];
 
 function line(c, name, width, dash, from, to) {

@@ -7,36 +7,50 @@ const TICK_S = 5;
 
 const PLOTS = [
   {
-    title: "Error", unit: "m", min: 0,
+    title: "Error",
+    unit: "m",
+    min: 0,
     lines: [
       { name: "now", column: "error_m", colour: "truth" },
       { name: "mean ε", column: "epsilon_m", colour: "path", dash: [6, 4] },
     ],
   },
-  { title: "Age of information", unit: "s", min: 0, lines: [{ name: "of the controller's newest pose", column: "age_s", colour: "newest" }] },
   {
-    title: "Speed", unit: "m/s",
+    title: "Age of information",
+    unit: "s",
+    min: 0,
+    lines: [{ name: "of the controller's newest pose", column: "age_s", colour: "newest" }],
+  },
+  {
+    title: "Speed",
+    unit: "m/s",
     lines: [
       { name: "sent", column: "v_sent_mps", colour: "predicted", dash: [6, 4], stepped: true },
       { name: "driven", column: "v_mps", colour: "truth" },
     ],
   },
   {
-    title: "Yaw rate", unit: "rad/s",
+    title: "Yaw rate",
+    unit: "rad/s",
     lines: [
       { name: "sent", column: "omega_sent_radps", colour: "predicted", dash: [6, 4], stepped: true },
       { name: "driven", column: "omega_radps", colour: "truth" },
     ],
   },
   {
-    title: "Packets that get through", unit: "share, 5 s", min: 0, max: 1,
+    title: "Packets that get through",
+    unit: "share, 5 s",
+    min: 0,
+    max: 1,
     lines: [
       { name: "uplink", column: "uplink_prr", colour: "truth" },
       { name: "downlink", column: "downlink_prr", colour: "newest", dash: [6, 4] },
     ],
   },
   {
-    title: "Arrivals", unit: "per s", min: 0,
+    title: "Arrivals",
+    unit: "per s",
+    min: 0,
     lines: [
       { name: "poses", column: "uplink_per_s", colour: "truth" },
       { name: "commands", column: "downlink_per_s", colour: "newest", dash: [6, 4] },
@@ -57,7 +71,8 @@ function tick(value) {
 /** Times at multiples of five seconds, which move with the plot. */
 function wholeTicks(scale) {
   scale.ticks = [];
-  for (let t = Math.ceil(scale.min / TICK_S) * TICK_S; t <= scale.max; t += TICK_S) scale.ticks.push({ value: t });
+  for (let t = Math.ceil(scale.min / TICK_S) * TICK_S; t <= scale.max; t += TICK_S)
+    scale.ticks.push({ value: t });
 }
 
 export class Plots {
@@ -92,17 +107,37 @@ export class Plots {
       type: "line",
       data: {
         datasets: plot.lines.map((line) => ({
-          data: [], borderDash: line.dash, stepped: line.stepped, pointRadius: 0, borderWidth: 2.2, borderJoinStyle: "round", clip: 3,
+          data: [],
+          borderDash: line.dash,
+          stepped: line.stepped,
+          pointRadius: 0,
+          borderWidth: 2.2,
+          borderJoinStyle: "round",
+          clip: 3,
           order: line.dash ? 0 : 1, // dashes above: both are seen where they are equal
         })),
       },
       options: {
-        animation: false, parsing: false, normalized: true, maintainAspectRatio: false, events: [], spanGaps: false,
+        animation: false,
+        parsing: false,
+        normalized: true,
+        maintainAspectRatio: false,
+        events: [],
+        spanGaps: false,
         plugins: { legend: { display: false }, tooltip: { enabled: false } },
         scales: {
-          x: { type: "linear", min: 0, max: PLOTTED_S, ticks: { maxRotation: 0, autoSkip: false, callback: (t) => `${tick(t)} s` }, afterBuildTicks: wholeTicks },
+          x: {
+            type: "linear",
+            min: 0,
+            max: PLOTTED_S,
+            ticks: { maxRotation: 0, autoSkip: false, callback: (t) => `${tick(t)} s` },
+            afterBuildTicks: wholeTicks,
+          },
           y: {
-            min: plot.min, max: plot.max, suggestedMin: 0, suggestedMax: 0.1,
+            min: plot.min,
+            max: plot.max,
+            suggestedMin: 0,
+            suggestedMax: 0.1,
             ticks: { maxTicksLimit: 5, callback: tick },
             afterFit: (scale) => (scale.width = Math.max(scale.width, 46)), // so that their times stand in line
           },

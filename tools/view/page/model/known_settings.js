@@ -41,7 +41,14 @@ export function place(name) {
   const rest = group ? parts.slice(depth) : parts;
   const isMain = OF_MODEL.test(name) || (MAIN.test(name) && rest.length <= (rest[0] === "jitter" ? 2 : 1));
   const words = OF_MODEL.test(name) ? rest.slice(1) : rest;
-  return { group, label: words.join(" ").replace(/_(ms|s|hz|mps|m|db|rad)$/, "").replaceAll("_", " "), isMain };
+  return {
+    group,
+    label: words
+      .join(" ")
+      .replace(/_(ms|s|hz|mps|m|db|rad)$/, "")
+      .replaceAll("_", " "),
+    isMain,
+  };
 }
 
 export const GROUP_TITLES = {
@@ -62,7 +69,14 @@ export function twin(name) {
 
 const COMPANIONS = [
   [/jitter\.law$/, /^(uniform|normal|pareto|paretonormal|gamma)$/, [["sd_ms", 20]]],
-  [/link\.model$/, /^gilbert_elliott$/, [["gilbert_elliott.prr", 0.8], ["gilbert_elliott.mean_burst", 3]]],
+  [
+    /link\.model$/,
+    /^gilbert_elliott$/,
+    [
+      ["gilbert_elliott.prr", 0.8],
+      ["gilbert_elliott.mean_burst", 3],
+    ],
+  ],
   [/link\.model$/, /^four_state$/, [["four_state.p13", 0.1]]],
   [/link\.model$/, /^map$/, [["map.access_points", "[[0, 0]]"]]],
 ];

@@ -15,8 +15,17 @@ const BACK_S = 0.5;
 const AHEAD_S = 0.15;
 
 const PLOTTED = [
-  "error_m", "epsilon_m", "age_s", "v_mps", "omega_radps", "v_sent_mps", "omega_sent_radps",
-  "uplink_per_s", "downlink_per_s", "uplink_prr", "downlink_prr",
+  "error_m",
+  "epsilon_m",
+  "age_s",
+  "v_mps",
+  "omega_radps",
+  "v_sent_mps",
+  "omega_sent_radps",
+  "uplink_per_s",
+  "downlink_per_s",
+  "uplink_prr",
+  "downlink_prr",
 ];
 
 export class Model {
@@ -74,7 +83,10 @@ export class Model {
       if (part.name === "ODOMETRY") this.vehicle(part.vehicle).odometry = fields;
     } else if (isControlSide(part)) {
       this.vehicle(part.vehicle).hearControlSide(part.name, fields, at_s);
-    } else if (isVehicleSide(part) && (part.name === "POSE" || this.vehicles.has(part.vehicle || this.main))) {
+    } else if (
+      isVehicleSide(part) &&
+      (part.name === "POSE" || this.vehicles.has(part.vehicle || this.main))
+    ) {
       const vehicle = this.vehicle(part.vehicle);
       vehicle.name = part.side;
       vehicle.hearVehicleSide(part.name, fields, at_s);
@@ -117,7 +129,8 @@ export class Model {
   hearAbout(about) {
     this.about = about;
     const main = vehicleKey(about.vehicle ?? "");
-    if (main !== this.main) { // what was heard before is of a vehicle by the wrong name
+    if (main !== this.main) {
+      // what was heard before is of a vehicle by the wrong name
       this.main = main;
       this.vehicles.clear();
       this.selected = null;

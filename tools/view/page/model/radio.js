@@ -48,8 +48,14 @@ export function radioOf(get, box) {
     const slope = key("slope_db") ?? 1;
     const cell_m = Math.max(box[2] - box[0], box[3] - box[1]) / 60;
     const radio = {
-      link, points, cell_m, x_m: box[0], y_m: box[1], prr: [],
-      columns: Math.ceil((box[2] - box[0]) / cell_m), rows: Math.ceil((box[3] - box[1]) / cell_m),
+      link,
+      points,
+      cell_m,
+      x_m: box[0],
+      y_m: box[1],
+      prr: [],
+      columns: Math.ceil((box[2] - box[0]) / cell_m),
+      rows: Math.ceil((box[3] - box[1]) / cell_m),
     };
     for (let row = 0; row < radio.rows; ++row) {
       for (let column = 0; column < radio.columns; ++column) {

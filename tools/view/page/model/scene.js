@@ -8,7 +8,14 @@
 export function sceneOf(run, driven = []) {
   const half = run?.half_extent_m ?? run?.scenario?.world?.half_extent_m;
   const walls = (run?.walls ?? []).filter((wall) => wall.length > 1);
-  if (Number.isFinite(half)) walls.push([[-half, -half], [half, -half], [half, half], [-half, half], [-half, -half]]);
+  if (Number.isFinite(half))
+    walls.push([
+      [-half, -half],
+      [half, -half],
+      [half, half],
+      [-half, half],
+      [-half, -half],
+    ]);
   const planned = (run?.path ?? []).map(([, x, y]) => [x, y]);
   const scene = {
     walls,

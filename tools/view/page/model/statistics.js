@@ -13,7 +13,10 @@ export function quantile(sorted, q) {
 export function jitter(times_s) {
   const intervals = [];
   for (let i = 1; i < times_s.length; ++i) intervals.push(times_s[i] - times_s[i - 1]);
-  const middle = quantile(intervals.slice().sort((a, b) => a - b), 0.5);
+  const middle = quantile(
+    intervals.slice().sort((a, b) => a - b),
+    0.5,
+  );
   const off = intervals.map((interval) => Math.abs(interval - middle)).sort((a, b) => a - b);
   return { p50_s: quantile(off, 0.5), p99_s: quantile(off, 0.99) };
 }

@@ -39,7 +39,8 @@ export class Vehicle {
   }
 
   hearTruth(truth) {
-    if (this.truth && truth.utime - this.truth.utime > GAP_US) { // a log was wound on: nobody saw the way
+    if (this.truth && truth.utime - this.truth.utime > GAP_US) {
+      // a log was wound on: nobody saw the way
       this.trail.clear();
       this.reference.clear();
     }
