@@ -13,6 +13,7 @@ cat <<'TEXT'
 Try next:
   build/release/bin/tether run scenarios/paper.toml --set channel.prr=0.45     # a bad network
   build/release/bin/tether live scenarios/paper.toml                           # real time, over LCM
+  build/release/bin/tether run scenarios/paper.toml --view                     # in the browser
   build/release/bin/tether reproduce --quick                                   # the paper's figures
   build/release/bin/tether run scenarios/hil_vcan.toml                         # over a CAN drivetrain
   build/release/bin/tether run --keys                                          # all that can be set

@@ -13,7 +13,7 @@ import tempfile
 from page_support import SOURCE, fail, install, need
 
 BIN, NPM, OUT = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
-SCENARIO = SOURCE / "scenarios" / "paper.toml"
+SCENARIO = "scenarios/paper.toml"  # as a reader writes it: it is in the pictures
 LOSSY = ["channel.prr=0.45"]
 LAWS = {
     "pid": [],
@@ -24,7 +24,8 @@ SHOWN_S = 0.08  # each frame of the animation
 
 
 def run(*command):
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True,
+                          cwd=SOURCE)
     if done.returncode != 0:
         fail(f"{' '.join(map(str, command))}: {done.stdout}{done.stderr}")
 
