@@ -125,8 +125,8 @@ class OdeWorld {
   dBodyID bodies_[3] = {};
   dJointID hinges_[2] = {};
   dJointID tyre_joints_[2] = {};  ///< balls at the tyre points; detached in limited steps
-  dJointFeedback hinge_feedback_[2];
-  dJointFeedback tyre_feedback_[2];
+  dJointFeedback hinge_feedback_[2] = {};  ///< all 0 before the first step
+  dJointFeedback tyre_feedback_[2] = {};
 
   double step_s_;
   double wheel_radius_m_;

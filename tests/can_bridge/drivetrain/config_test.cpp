@@ -175,7 +175,7 @@ const Bad kReading[] = {
      "feedback_timeout_ms, boot_timeout_ms, sdo_timeout_ms, sdo_retries, step_timeout_ms, "
      "standstill_radps, emcy_warnings"},
     {"NoErrorAsWarning", &Toml::drives, "feedback_timeout_ms = 100", "emcy_warnings = [0x8110, 0]",
-     "test.toml:6: drives.emcy_warnings = [ 0x8110, 0 ] is not allowed: must be a whole number "
+     "test.toml:6: drives.emcy_warnings = [0x8110, 0] is not allowed: must be a whole number "
      "from "
      "1 to 65535 (codes of emergency messages that are no fault), or several in [ ]"},
     {"NodeOutOfRange", &Toml::left, "node = 1", "node = 127",
@@ -189,7 +189,7 @@ const Bad kReading[] = {
      "test.toml:7: left.target_velocity_per_rps is missing: must be a whole number >= 1, or "
      "[numerator, denominator], of the drive's units"},
     {"ZeroDenominator", &Toml::left, "[8192, 3]", "[8192, 0]",
-     "test.toml:12: left.counts_per_revolution = [ 8192, 0 ] is not allowed: must be a whole "
+     "test.toml:12: left.counts_per_revolution = [8192, 0] is not allowed: must be a whole "
      "number >= 1, or [numerator, denominator], of the drive's units"},
     {"FloatingScale", &Toml::left, "[8192, 3]", "2730.5",
      "test.toml:12: left.counts_per_revolution = 2730.5 is not allowed: must be a whole number "

@@ -80,6 +80,7 @@ std::vector<std::string> contents(const Scenario& scenario) {
 std::vector<ScenarioValue> other_values(const ScenarioKey& key) {
   std::vector<ScenarioValue> candidates{true,
                                         false,
+                                        0.05,
                                         0.25,
                                         0.5,
                                         1.5,
