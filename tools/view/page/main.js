@@ -145,7 +145,7 @@ addEventListener("keydown", (event) => {
 
 function drawLegend() {
   find("legend").replaceChildren(
-    ...LEGEND.map(({ name, draw }) => {
+    ...LEGEND.filter(({ ofRadio }) => !ofRadio || map.scene.radio).map(({ name, draw }) => {
       const canvas = Object.assign(document.createElement("canvas"), { width: 60, height: 32 });
       const c = canvas.getContext("2d");
       c.scale(2, 2);
@@ -158,6 +158,7 @@ function drawLegend() {
 }
 drawLegend();
 onTheme(drawLegend);
+map.onScene = drawLegend;
 
 const choice = find("vehicle");
 choice.addEventListener("change", () => {
@@ -173,7 +174,9 @@ function slowly() {
   find("run-time").textContent = model.clock ? `${now_s.toFixed(1)} s` : "–";
   playback.run(clock_s());
   table.update(model.channels, now_s + (model.offset_s ?? 0));
-  if (choice.options.length !== model.vehicles.size) {
+  const keys = [...model.vehicles.keys()].join();
+  if (choice.dataset.keys !== keys) {
+    choice.dataset.keys = keys;
     const all = [...model.vehicles.values()].sort((a, b) => Number(a.key) - Number(b.key));
     choice.replaceChildren(...all.map((vehicle) => new Option(vehicle.name, vehicle.key)));
     choice.value = model.selected;

@@ -10,6 +10,21 @@ const SHOWN_S = 12;
 const LEFT = 88;
 const RIGHT = 16;
 
+/** Of models whose states are better and worse ones; of a map they are access points. */
+const WITH_STATES = ["markov", "gilbert_elliott", "four_state", "chain"];
+const GOOD_AND_BAD = ["markov", "gilbert_elliott"];
+
+/** [{from_s, name}...]: since when a link's channel is in a state; no name for the good, or only, one. */
+function statesOf(model, link) {
+  const kind = model.linkSetting(`${link}.model`);
+  if (kind !== undefined && !WITH_STATES.includes(kind)) return [];
+  const bad = GOOD_AND_BAD.includes(kind) ? "bad" : null;
+  return model.states[link].map(({ from_s, state }) => ({
+    from_s,
+    name: state === 0 ? "" : (bad ?? `state ${state}`),
+  }));
+}
+
 export class Lanes {
   constructor(canvas) {
     this.surface = new Surface(canvas);
@@ -27,7 +42,7 @@ export class Lanes {
       half,
       ["vehicle", "controller"],
       vehicle?.uplink,
-      model.states.uplink,
+      statesOf(model, "uplink"),
       now_s,
     );
     this.drawLane(
@@ -38,7 +53,7 @@ export class Lanes {
       half,
       ["controller", "vehicle"],
       vehicle?.downlink,
-      model.states.downlink,
+      statesOf(model, "downlink"),
       now_s,
     );
     this.drawTimes(c);
@@ -89,15 +104,15 @@ export class Lanes {
     c.fillStyle = colour("lost");
     c.font = "600 12px system-ui, sans-serif";
     c.textAlign = "left";
-    states.forEach(({ from_s, state }, i) => {
+    states.forEach(({ from_s, name }, i) => {
       const until_s = states[i + 1]?.from_s ?? now_s;
-      if (state === 0 || until_s < now_s - SHOWN_S) return;
+      if (!name || until_s < now_s - SHOWN_S) return;
       const x = Math.max(LEFT, this.x(from_s, now_s));
       const width = this.x(until_s, now_s) - x;
       c.globalAlpha = 0.16;
       c.fillRect(x, from, width, to - from);
       c.globalAlpha = 1;
-      if (width > 40) c.fillText(state === 1 ? "bad" : `state ${state}`, x + 4, from - 6);
+      if (width > 40) c.fillText(name, x + 4, from - 6);
     });
   }
 

@@ -20,6 +20,7 @@ export class FactoryMap {
     this.scene = sceneOf(null);
     this.generation = -1;
     this.following = false;
+    this.onScene = () => {};
     this.fleet = new Fleet();
     this.camera.resize(this.surface.width, this.surface.height);
     this.surface.onResize = () => {
@@ -51,6 +52,7 @@ export class FactoryMap {
     this.scene.radio = radioOf((name) => model.linkSetting(name), this.scene.box);
     if (!this.camera.isFree) this.fit();
     this.forget();
+    this.onScene();
   }
 
   draw(model, now_s) {
@@ -84,8 +86,8 @@ export class FactoryMap {
     const c = ground.getContext("2d");
     c.setTransform(surface.ratio, 0, 0, surface.ratio, 0, 0);
     c.clearRect(0, 0, surface.width, surface.height);
-    if (scene.radio) this.drawRadio(c, scene.radio);
     this.drawGrid(c);
+    if (scene.radio) this.drawRadio(c, scene.radio);
     for (const obstacle of scene.obstacles) {
       this.trace(c, obstacle);
       c.closePath();
@@ -169,22 +171,9 @@ export class FactoryMap {
   /** Where packets get lost, the stronger, the more; rings around the access points. */
   drawRadio(c, radio) {
     const { camera } = this;
-    const size = radio.cell_m * camera.scale;
-    c.fillStyle = colour("radio-bad");
-    for (let row = 0; row < radio.rows; ++row) {
-      for (let column = 0; column < radio.columns; ++column) {
-        const prr = radio.prr[row * radio.columns + column];
-        if (!(prr < 0.995)) continue;
-        c.globalAlpha = 0.45 * (1 - prr);
-        c.fillRect(
-          camera.x(radio.x_m + column * radio.cell_m),
-          camera.y(radio.y_m + (row + 1) * radio.cell_m),
-          size + 0.5,
-          size + 0.5,
-        );
-      }
-    }
-    c.globalAlpha = 1;
+    const picture = radioPicture(radio, colour("radio-bad"));
+    const [x, y] = [camera.x(radio.x_m), camera.y(radio.y_m + radio.height_m)];
+    c.drawImage(picture, x, y, radio.width_m * camera.scale, radio.height_m * camera.scale);
     c.strokeStyle = c.fillStyle = colour("ink");
     c.lineWidth = 2;
     c.font = "600 12px system-ui, sans-serif";
@@ -199,4 +188,20 @@ export class FactoryMap {
       c.fillText("access point", camera.x(x), camera.y(y) + 14);
     }
   }
+}
+
+/** A pixel for each place, the denser, the more packets are lost there; enlarged smoothly. */
+function radioPicture(radio, rgb) {
+  const picture = document.createElement("canvas");
+  picture.width = radio.columns;
+  picture.height = radio.rows;
+  const c = picture.getContext("2d");
+  c.fillStyle = rgb;
+  for (let row = 0; row < radio.rows; ++row) {
+    for (let column = 0; column < radio.columns; ++column) {
+      c.globalAlpha = 0.5 * (1 - radio.prr[row * radio.columns + column]);
+      c.fillRect(column, radio.rows - 1 - row, 1, 1);
+    }
+  }
+  return picture;
 }

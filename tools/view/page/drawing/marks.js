@@ -173,6 +173,15 @@ export const LEGEND = [
       line(c, "predicted", 4, [1, 7], 3, 28);
     },
   },
+  {
+    name: "packets are lost here (radio map)",
+    ofRadio: true,
+    draw: (c) => {
+      c.globalAlpha = 0.5;
+      box(c, "radio-bad", true, 7);
+      c.globalAlpha = 1;
+    },
+  },
 ];
 
 function line(c, name, width, dash, from, to) {

@@ -34,7 +34,7 @@ export function between(curve, x) {
 }
 
 /**
- * {link, x_m, y_m, cell_m, columns, rows, prr: [...], points} over `box`; null if no link has such a
+ * {link, x_m, y_m, width_m, height_m, columns, rows, prr: [...], points} over `box`; null if no link has such a
  * map. `get("uplink.map.snr50_db")` says what is set now.
  */
 export function radioOf(get, box) {
@@ -46,21 +46,23 @@ export function radioOf(get, box) {
     const curve = rows(key("prr_curve"));
     const middle = key("snr50_db") ?? 10;
     const slope = key("slope_db") ?? 1;
-    const cell_m = Math.max(box[2] - box[0], box[3] - box[1]) / 60;
+    const width_m = box[2] - box[0];
+    const height_m = box[3] - box[1];
     const radio = {
       link,
       points,
-      cell_m,
+      width_m,
+      height_m,
       x_m: box[0],
       y_m: box[1],
       prr: [],
-      columns: Math.ceil((box[2] - box[0]) / cell_m),
-      rows: Math.ceil((box[3] - box[1]) / cell_m),
+      columns: Math.max(1, Math.ceil((60 * width_m) / Math.max(width_m, height_m))),
+      rows: Math.max(1, Math.ceil((60 * height_m) / Math.max(width_m, height_m))),
     };
     for (let row = 0; row < radio.rows; ++row) {
       for (let column = 0; column < radio.columns; ++column) {
-        const x = radio.x_m + (column + 0.5) * cell_m;
-        const y = radio.y_m + (row + 0.5) * cell_m;
+        const x = radio.x_m + ((column + 0.5) * width_m) / radio.columns;
+        const y = radio.y_m + ((row + 0.5) * height_m) / radio.rows;
         const snr = snr_db(points, key("snr_1m_db") ?? 60, key("path_loss_exponent") ?? 3, x, y);
         radio.prr.push(curve.length ? between(curve, snr) : 1 / (1 + Math.exp(-(snr - middle) / slope)));
       }
