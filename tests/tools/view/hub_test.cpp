@@ -147,6 +147,24 @@ TEST_F(ViewHub, OfAClientThatDoesNotReadTheOldestDataAreDroppedAndCounted) {
   EXPECT_FALSE(small.session(slow).is_overwhelmed());
 }
 
+TEST_F(ViewHub, WhatComesRarelyReachesAClientThatReadsTooSlowlyForTheRest) {
+  Session::Limits limits;
+  limits.data_bytes = 1000;
+  Hub small = make(limits);
+  const ClientId slow = small.connect();
+  small.hear("RARE", pose(7), 1);
+  small.hear("OFTEN", pose(0), 2);
+  small.on_text(slow, R"({"op":"subscribe","subscriptions":[{"id":1,"channelId":1},
+      {"id":2,"channelId":2}]})");
+  for (int i = 1; i <= 100; ++i) {
+    small.hear("OFTEN", pose(i), static_cast<std::uint64_t>(i));
+  }
+  EXPECT_GT(small.session(slow).dropped(), 80);
+  const auto all = sent(small, slow);
+  EXPECT_THAT(all, ::testing::Contains("1@1 7"));
+  EXPECT_EQ(all.back(), "2@100 100");
+}
+
 TEST_F(ViewHub, AClientThatLeavesTooMuchTextUnreadIsOverwhelmed) {
   Session::Limits limits;
   limits.text_bytes = 10'000;

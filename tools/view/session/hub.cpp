@@ -108,7 +108,8 @@ void Hub::hear(std::string_view topic, std::span<const std::uint8_t> bytes, std:
 void Hub::forward(Channel& channel, SharedText json, std::uint64_t time_ns) {
   for (const auto& [client, subscription] : channel.subscribers) {
     const auto header = data_header(subscription, time_ns);
-    session(client).push_data({false, {header.begin(), header.end()}, json});
+    session(client).push_data(
+        {false, {header.begin(), header.end()}, json, series_of(subscription)});
   }
   channel.last_json = std::move(json);
   channel.last_ns = time_ns;
@@ -198,7 +199,7 @@ void Hub::say(StatusLevel level, std::string_view text) { tell_all(status_messag
 void Hub::tell_time(std::uint64_t time_ns) {
   const auto bytes = time_message(time_ns);
   for (const auto& [client, session] : clients_) {
-    session->push_data({false, {bytes.begin(), bytes.end()}, nullptr});
+    session->push_data({false, {bytes.begin(), bytes.end()}, nullptr, kTimeSeries});
   }
 }
 

@@ -51,7 +51,8 @@ struct Hub::Handle {
     }
     if (!channel.last_json) return;
     const auto header = data_header(subscription, channel.last_ns);
-    session().push_data({false, {header.begin(), header.end()}, channel.last_json});
+    session().push_data(
+        {false, {header.begin(), header.end()}, channel.last_json, series_of(subscription)});
   }
 
   void operator()(const ClientUnsubscribe& message) const {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 namespace tether {
@@ -14,19 +15,29 @@ namespace tether {
 /// Bytes that many clients are sent and none changes.
 using SharedText = std::shared_ptr<const std::string>;
 
+/// Series of messages to one client (Outgoing::series).
+inline constexpr std::uint64_t kTimeSeries = 0;
+inline std::uint64_t series_of(std::uint32_t subscription) {
+  return std::uint64_t{1} + subscription;
+}
+
 /// One message to a client, as a WebSocket message.
 struct Outgoing {
   bool is_text = false;
   std::vector<std::uint8_t> header;  ///< goes first; not of text
   SharedText payload;                ///< may be null: all is in the header
+  /// Of data: those of one series replace each other, the newer the older. Of messages of a
+  /// channel, its subscription.
+  std::uint64_t series = 0;
 
   std::size_t size_bytes() const { return header.size() + (payload ? payload->size() : 0); }
 };
 
 /// What the server knows of one client: what it wants to hear, and what waits to be sent to it.
 /// The queue is bounded, so that a client that does not read costs no more than that: of data, the
-/// oldest are dropped and counted; text (which channels there are, values of parameters) never is,
-/// and a client with too much of it is to be cut off.
+/// oldest are dropped and counted, but the newest of each series only if there is nothing else, so
+/// that what is sent rarely arrives; text (which channels there are, values of parameters) never is
+/// dropped, and a client with too much of it is to be cut off.
 class Session {
  public:
   struct Limits {
@@ -62,10 +73,12 @@ class Session {
     std::uint64_t place;
     Outgoing message;
   };
-  static Outgoing pop(std::deque<Waiting>& queue, std::size_t& bytes);
+  void drop_one();
+  void forget(std::uint64_t series);
 
   Limits limits_;
   std::deque<Waiting> texts_, data_;
+  std::unordered_map<std::uint64_t, std::size_t> waiting_;  ///< of data, by series
   std::size_t text_bytes_ = 0, data_bytes_ = 0;
   std::uint64_t pushed_ = 0;
   std::int64_t dropped_ = 0;
