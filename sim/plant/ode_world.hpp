@@ -124,7 +124,7 @@ class OdeWorld {
   dJointGroupID contacts_ = nullptr;  ///< emptied and filled again at every step
   dBodyID bodies_[3] = {};
   dJointID hinges_[2] = {};
-  dJointID tyre_joints_[2] = {};  ///< balls at the tyre points; detached in limited steps
+  dJointID tyre_joints_[2] = {};           ///< balls at the tyre points; detached in limited steps
   dJointFeedback hinge_feedback_[2] = {};  ///< all 0 before the first step
   dJointFeedback tyre_feedback_[2] = {};
 
