@@ -9,7 +9,8 @@ import struct
 import sys
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
+TESTS = pathlib.Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TESTS / "live"), str(TESTS / "view")]
 
 from live_support import PAPER, check, main, wait_until  # noqa: E402
 from view_client import BINARY, Client, address_of, frame, http  # noqa: E402
@@ -26,7 +27,7 @@ def advertise(client):
 
 
 def a_run(test, *more):
-    live = test.start("tether", "live", PAPER, "--set=sensor.rate_hz=20", *more, "--view", "--port=0", "--json")
+    live = test.start("tether", "view", PAPER, "--set=sensor.rate_hz=20", *more, "--view", "--port=0", "--json")
     address = address_of(live)
     wait_until(10, lambda: test.network.messages("SIM/TRUTH"), "a simulator")
     return live, address
