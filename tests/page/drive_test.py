@@ -27,7 +27,7 @@ def advertise(client):
 
 
 def a_run(test, *more):
-    live = test.start("tether", "view", PAPER, "--set=sensor.rate_hz=20", *more, "--view", "--port=0", "--json")
+    live = test.start("tether", "live", PAPER, "--set=sensor.rate_hz=20", *more, "--view", "--port=0", "--json")
     address = address_of(live)
     wait_until(10, lambda: test.network.messages("SIM/TRUTH"), "a simulator")
     return live, address
