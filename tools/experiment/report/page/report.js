@@ -68,7 +68,7 @@
     const write = () => {
       command.textContent =
         `tether sweep scenario '${chart.folder}' ${point.arm} ${select.value} --out again.toml\n` +
-        "tether run again.toml --out out/again";
+        "tether run again.toml --view    # in the browser; or --out out/again";
     };
     select.addEventListener("change", write);
     write();
