@@ -1,6 +1,7 @@
 // node browser_test.mjs TETHER SCENARIO WORK: the page as people use it. WORK has run/, a run's folder, and
 // fleet.lcmlog. Each fact is a test; they run one after the other, in one browser.
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
 import fs from "node:fs";
 import path from "node:path";
 import { after, before, test as testOf } from "node:test";
@@ -191,6 +192,36 @@ test("a log is scrubbed: the page shows the vehicle where it was then", () =>
       "a log's network cannot be set",
     );
   }));
+
+test("a log in one file is replayed and scrubbed, from file:// and offline", async () => {
+  const out = path.join(work, "run.html");
+  execFileSync(tether, ["log", "page", path.join(work, "run/run.lcmlog"), "--out", out]);
+  const page = await browser.newPage();
+  const wrong = [];
+  page.on("pageerror", (error) => wrong.push(error.message));
+  page.on("console", (message) => message.type() === "error" && wrong.push(message.text()));
+  page.on("request", (request) => /^(file|data):/.test(request.url()) || wrong.push(`asks for ${request.url()}`));
+  await page.setViewport(LAPTOP);
+  await page.setOfflineMode(true);
+  await page.goto(`file://${out}`);
+  const first = await until("a vehicle", () => vehicleOnMap(page).catch(() => null));
+  await until("it has moved by 30 pixels", async () => {
+    const [x, y] = await vehicleOnMap(page);
+    return Math.hypot(x - first[0], y - first[1]) > 30;
+  });
+  for (const share of [0.75, 0.25]) {
+    await slide(page, "#scrub", share);
+    await until(`${share} of the log`, () => page.evaluate((wanted) => {
+      const truth = globalThis.tether.model.shown?.truth;
+      return truth && Math.abs(truth.utime / 1e6 - wanted) < 1.5;
+    }, share * 40));
+  }
+  await until("it is drawn", async () => (await bluePixels(page, await vehicleOnMap(page))) > 60);
+  assert.match(await text(page, "source"), /log run\.lcmlog/);
+  assert.equal(await page.evaluate(() => globalThis.tether.model.about.half_extent_m > 0), true, "walls are known");
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
 
 test("a log plays: the age of information is at least the uplink's delay", () =>
   onPage(log("run/run.lcmlog"), async (page) => {

@@ -17,6 +17,7 @@
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/log_export.hpp"
+#include "tools/cli/log_page.hpp"
 #include "tools/log/csv_export.hpp"
 #include "tools/log/log_input.hpp"
 #include "tools/messages/event_log.hpp"
@@ -152,6 +153,7 @@ void add_log_command(CLI::App& tether, Action& action) {
     };
   });
   add_log_mcap_command(*log, action);
+  add_log_page_command(*log, action);
 }
 
 }  // namespace tether

@@ -10,11 +10,6 @@
 namespace tether {
 namespace {
 
-/// Where the build, or an installation, puts the page: beside the folder of the programs.
-std::filesystem::path shared_page() {
-  return executable_folder().parent_path() / "share" / "tether" / "view";
-}
-
 void check_token(const std::string& token) {
   constexpr std::size_t kShortest = 16, kLongest = 128;
   constexpr auto kAllowed = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
@@ -28,6 +23,10 @@ void check_token(const std::string& token) {
 }
 
 }  // namespace
+
+std::filesystem::path shared_page() {
+  return executable_folder().parent_path() / "share" / "tether" / "view";
+}
 
 std::vector<std::string> ViewOptions::arguments() const {
   std::vector<std::string> all{"--address=" + address, fmt::format("--port={}", port)};

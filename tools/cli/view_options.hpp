@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,9 @@ struct ViewOptions {
   /// For a server of what `run` describes. Throws UsageError for a token that is none.
   ViewServer::Options server(const RunDescription& run) const;
 };
+
+/// Where the build, or an installation, puts the page: beside the folder of the programs.
+std::filesystem::path shared_page();
 
 /// Adds --address, --port, --token, --allow-origin and --page; `needs` may be null.
 void add_view_options(CLI::App& command, ViewOptions& options, CLI::Option* needs);

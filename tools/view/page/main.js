@@ -4,6 +4,7 @@
 import { Connection } from "./model/connection.js";
 import { Controls } from "./controls.js";
 import { Drive } from "./drive.js";
+import { EmbeddedSocket, recordingIn } from "./model/embedded.js";
 import { Lanes } from "./drawing/lanes.js";
 import { FactoryMap } from "./drawing/map.js";
 import { LEGEND } from "./drawing/marks.js";
@@ -23,6 +24,9 @@ const model = new Model();
 const clock_s = () => performance.now() / 1000;
 const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`;
 const banner = find("banner");
+const recording = recordingIn(document); // of a page that is one file with its log
+recording?.catch((error) => tell(`The log in this file cannot be read: ${error.message}`));
+const transport = recording ? { Socket: function () { return new EmbeddedSocket(recording); } } : {};
 
 function tell(text) {
   banner.textContent = text;
@@ -33,7 +37,7 @@ const connection = new Connection(
   address,
   {
     onState(state) {
-      const words = { connecting: "connecting …", open: "connected", closed: "no connection" };
+      const words = { connecting: "connecting …", open: recording ? "recording" : "connected", closed: "no connection" };
       find("connection").dataset.state = state;
       find("connection").textContent = words[state];
       if (state === "closed")
@@ -57,16 +61,20 @@ const connection = new Connection(
       controls.say(message, level >= 1 ? "bad" : "none");
     },
   },
-  { wants: isWanted },
+  { wants: isWanted, ...transport },
 );
 
 let topics = {}; // on which the page may publish
 
+async function fetchAbout() {
+  const answer = await fetch(ABOUT_ADDRESS + location.search);
+  if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
+  return answer.json();
+}
+
 async function askAbout() {
   try {
-    const answer = await fetch(ABOUT_ADDRESS + location.search);
-    if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
-    const about = await answer.json();
+    const about = recording ? (await recording).header.about : await fetchAbout();
     model.hearAbout(about);
     showFacts(find("facts"), model);
     controls.describe(about.parameters ?? []);

@@ -1,0 +1,104 @@
+#include "tools/cli/log_page.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "common/base/errors.hpp"
+#include "common/program/cli.hpp"
+#include "tools/base/replacing_output.hpp"
+#include "tools/base/text_output.hpp"
+#include "tools/cli/view_options.hpp"
+#include "tools/view/one_file/gzip.hpp"
+#include "tools/view/one_file/one_file_page.hpp"
+#include "tools/view/one_file/recording.hpp"
+#include "tools/view/web/page_folder.hpp"
+
+namespace tether {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct PageOptions {
+  std::string file;
+  std::string out;
+  std::string page;
+  RecordedSpan span;
+};
+
+/// What is still sent by mail and opened at once.
+constexpr std::size_t kMostPageBytes = 30'000'000;
+
+/// run.lcmlog becomes run.html, and lcmlog-2026-01-01.00 lcmlog-2026-01-01.00.html.
+std::string default_page_out(const std::string& file) {
+  fs::path out(file);
+  if (out.extension() == ".lcmlog" || out.extension() == ".log") out.replace_extension();
+  return out.string() + ".html";
+}
+
+void check_page_options(const PageOptions& options) {
+  std::error_code ignored;
+  if (fs::equivalent(options.file, options.out, ignored)) {
+    throw UsageError(fmt::format("--out {} is the log itself", options.out));
+  }
+  if (fs::is_directory(options.out, ignored)) {
+    throw UsageError(fmt::format("--out {} is a directory", options.out));
+  }
+  if (!(options.span.from_s <= options.span.to_s)) {
+    throw UsageError(
+        fmt::format("--from {} has to be before --to {}", options.span.from_s, options.span.to_s));
+  }
+}
+
+int log_page(PageOptions options) {
+  if (options.out.empty()) options.out = default_page_out(options.file);
+  check_page_options(options);
+  ViewedLog log(options.file);
+  const PageFolder folder(options.page.empty() ? shared_page() : fs::path(options.page));
+  const Recording recording = record(log, options.span);
+  const auto read = [&folder](const std::string& path) -> std::optional<std::string> {
+    auto file = folder.find("/" + path);
+    if (!file) return std::nullopt;
+    return std::move(file->bytes);
+  };
+  const std::string html = one_file_page(read, base64(gzip(recording.text)));
+  if (html.size() > kMostPageBytes) {
+    throw UsageError(fmt::format(
+        "{}: the page would have {:.1f} MB, more than {:.0f} MB: name a part of the log by --from "
+        "and --to, or use tether view, which plays any length",
+        options.file, static_cast<double>(html.size()) * 1e-6,
+        static_cast<double>(kMostPageBytes) * 1e-6));
+  }
+  ReplacingOutput out(options.out);
+  out.write(html);
+  out.close();
+  TextOutput said;
+  said.write(
+      fmt::format("{}: {} messages, {} bytes\n", options.out, recording.messages, html.size()));
+  said.close();
+  for (const std::string& note : log.notes()) fmt::print(stderr, "{}: {}\n", options.file, note);
+  for (const std::string& line : recording.left_out.lines()) {
+    fmt::print(stderr, "{}: left out {}\n", options.file, line);
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_log_page_command(CLI::App& log, Action& action) {
+  auto options = std::make_shared<PageOptions>();
+  CLI::App* const page = log.add_subcommand(
+      "page",
+      "The page of tether view with the log in it: one HTML file, for any browser, offline");
+  page->add_option("file", options->file, "LCM event log")->required();
+  page->add_option("--out", options->out, "file to write [the log's name with .html]");
+  page->add_option("--from", options->span.from_s, "first second that is in it [all]");
+  page->add_option("--to", options->span.to_s, "last second that is in it [all]");
+  page->add_option("--page", options->page,
+                   "folder with the page's files [share/tether/view beside bin]");
+  page->callback([options, &action] { action = [options] { return log_page(*options); }; });
+}
+
+}  // namespace tether
