@@ -80,12 +80,12 @@ std::vector<std::string> contents(const Scenario& scenario) {
 std::vector<ScenarioValue> other_values(const ScenarioKey& key) {
   std::vector<ScenarioValue> candidates{true,
                                         false,
-                                        0.05,
                                         0.25,
                                         0.5,
                                         1.5,
                                         5.5,
                                         250e3,
+                                        0.05,
                                         std::int64_t{7},
                                         std::string("AGV7"),
                                         NumberList{0.25, 0.5},
