@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
 #include <set>
 #include <string>
@@ -107,12 +108,12 @@ std::vector<std::string> choices(const CLI::Option& option) {
   return all;
 }
 
-constexpr std::string_view kBash = R"sh(_{function}() {{
-    local current=${{COMP_WORDS[COMP_CWORD]}} previous=${{COMP_WORDS[COMP_CWORD-1]}} command={program} word
+constexpr std::string_view kBash = R"sh({function}() {{
+    local current=${{COMP_WORDS[COMP_CWORD]}} previous=${{COMP_WORDS[COMP_CWORD-1]}} command={program} i
     COMPREPLY=()
-    for word in "${{COMP_WORDS[@]:1:COMP_CWORD-1}}"; do
-        case "$command $word" in
-            {paths}) command="$command $word" ;;
+    for ((i = 1; i < COMP_CWORD; i++)); do
+        case "$command ${{COMP_WORDS[i]}}" in
+            {paths}) command="$command ${{COMP_WORDS[i]}}" ;;
         esac
     done
     case "$command $previous" in
@@ -123,10 +124,22 @@ constexpr std::string_view kBash = R"sh(_{function}() {{
 {values}    esac
     case "$command" in
 {words}    esac
-    [ ${{#COMPREPLY[@]}} -gt 0 ] || COMPREPLY=($(compgen -f -- "$current"))
 }}
-complete -o filenames -F _{function} {program}
+complete -o default -F {function} {program}
 )sh";
+
+/// zsh runs the file itself at the first completion of a session.
+constexpr std::string_view kZshEnd = R"sh(if [[ ${{funcstack[1]}} == _{program} ]]; then
+    _bash_complete -o default -F {function}
+fi
+)sh";
+
+/// A name that a function of a shell may have.
+std::string function_name(const CLI::App& app) {
+  std::string function = "_" + app.get_name() + "_words";
+  std::replace(function.begin(), function.end(), '-', '_');
+  return function;
+}
 
 std::string bash_script(const CLI::App& app) {
   std::set<std::string> paths;
@@ -150,11 +163,9 @@ std::string bash_script(const CLI::App& app) {
     }
     words += fmt::format("        '{}') {} ;;\n", path, reply(all));
   });
-  std::string function = app.get_name();
-  for (char& c : function) c = c == '-' ? '_' : c;
-  return fmt::format(kBash, fmt::arg("function", function), fmt::arg("program", app.get_name()),
-                     fmt::arg("paths", fmt::join(paths, "|")), fmt::arg("values", values),
-                     fmt::arg("words", words));
+  return fmt::format(kBash, fmt::arg("function", function_name(app)),
+                     fmt::arg("program", app.get_name()), fmt::arg("paths", fmt::join(paths, "|")),
+                     fmt::arg("values", values), fmt::arg("words", words));
 }
 
 }  // namespace
@@ -183,8 +194,10 @@ std::string completion_script(const CLI::App& app, const std::string& shell) {
   if (shell != "zsh") {
     throw UsageError(fmt::format("--completion: \"{}\" must be bash or zsh", shell));
   }
-  return fmt::format("#compdef {}\nautoload -U +X bashcompinit && bashcompinit\n{}", app.get_name(),
-                     bash_script(app));
+  return fmt::format("#compdef {}\nautoload -U +X bashcompinit && bashcompinit\n{}{}",
+                     app.get_name(), bash_script(app),
+                     fmt::format(kZshEnd, fmt::arg("program", app.get_name()),
+                                 fmt::arg("function", function_name(app))));
 }
 
 }  // namespace tether

@@ -64,7 +64,7 @@ std::string completions(const std::string& words) {
       written(folder, "steer",
               completion_script(program.app, "bash") +
                   fmt::format("COMP_WORDS=({0})\nCOMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))\n"
-                              "_steer\necho -n \"${{COMPREPLY[@]}}\"\n",
+                              "_steer_words\necho -n \"${{COMPREPLY[@]}}\"\n",
                               words));
   return output_of("cd " + folder.path.string() + " && bash --norc " + script);
 }
@@ -88,20 +88,28 @@ TEST(Completion, OffersCommandsOptionsAndChoices) {
   EXPECT_EQ(completions("steer drive --risk l"), "low");
 }
 
-TEST(Completion, OffersFilesWhereNoWordFits) {
-  EXPECT_EQ(completions("steer drive ste"), "steer");  // the script itself
+TEST(Completion, LeavesFilesToTheShellWhereNoWordFits) {
+  const Program program;
+  EXPECT_EQ(completions("steer drive ste"), "");
+  EXPECT_THAT(completion_script(program.app, "bash"),
+              HasSubstr("complete -o default -F _steer_words steer"));
 }
 
 TEST(Completion, HidesWhatHelpHides) { EXPECT_EQ(completions("steer drive --s"), ""); }
 
-TEST(Completion, ServesZshToo) {
+/// Types into a new zsh, and a tab; it has to show this within some seconds.
+void expect_in_zsh(const std::string& keys, const std::string& wanted) {
   const Program program;
   const testing::Folder folder;
-  const std::string script = written(folder, "_steer", completion_script(program.app, "zsh"));
-  EXPECT_THAT(output_of(fmt::format("zsh -f -c 'autoload -U compinit && compinit -u -d {0}/dump; "
-                                    "source {1}; print ${{_comps[steer]}}'",
-                                    folder.path.string(), script)),
-              HasSubstr("_steer"));
+  written(folder, "_steer", completion_script(program.app, "zsh"));
+  EXPECT_THAT(output_of(fmt::format("{}/tests/common/program/zsh_session.py {} '{}' '{}'",
+                                    TETHER_SOURCE_DIR, folder.path.string(), keys, wanted)),
+              HasSubstr(wanted));
+}
+
+TEST(Completion, ServesZshFromTheFirstTimeOn) {
+  expect_in_zsh("steer dri", "drive");
+  expect_in_zsh("steer drive du", "dump");  // a file
 }
 
 TEST(Completion, NamesTheShellsThatItServes) {
