@@ -154,6 +154,14 @@ int print_scenario(const std::string& folder, std::size_t arm, std::uint64_t see
     throw UsageError(fmt::format("{}: there is no arm {}; allowed: 0 to {}", store.file().string(),
                                  arm, arms.size() - 1));
   }
+  bool is_there = false;
+  store.for_each(
+      [&](const StoredRun& run) { is_there = is_there || (run.arm == arm && run.seed == seed); });
+  if (!is_there) {
+    throw UsageError(
+        fmt::format("{}: arm {} has no run with seed {}; `tether sweep export` lists all",
+                    store.file().string(), arm, seed));
+  }
   Scenario scenario = parse_scenario(arms[arm].scenario, store.file().string());
   scenario.get<RunSettings>().seed = seed;
   TextOutput output(out);

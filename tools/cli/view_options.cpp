@@ -55,7 +55,8 @@ void add_view_options(CLI::App& command, ViewOptions& options, CLI::Option* need
   const std::vector<CLI::Option*> all{
       command
           .add_option("--address", options.address,
-                      "IP address that the view listens on; any but 127.0.0.1 wants --token")
+                      "IP address that the view listens on; any but this host's own (127.0.0.1, "
+                      "::1) wants --token")
           ->capture_default_str(),
       command.add_option("--port", options.port, "port of the view; 0: any that is free")
           ->capture_default_str(),

@@ -34,6 +34,7 @@ constexpr Duration kWatchPeriod = std::chrono::milliseconds{250};
 /// A node that hangs when it is told to end gets no longer.
 constexpr Duration kEndingPatience = std::chrono::seconds{1};
 constexpr Duration kStatusPeriod = std::chrono::milliseconds{500};
+constexpr std::size_t kStatusWindow = 4;  ///< periods over which rates are
 constexpr Duration kRestartDelay = std::chrono::milliseconds{300};
 constexpr Duration kShutDownPatience = kWindDownLimit + std::chrono::seconds{1};
 /// Time for the nodes' last messages to arrive.
@@ -265,15 +266,17 @@ std::string LiveSession::drives() const {
 }
 
 void LiveSession::show_status() {
-  const double period_s = to_seconds(kStatusPeriod);
-  const auto rate = [period_s](std::int64_t now, std::int64_t& last) {
-    const double per_second = static_cast<double>(now - last) / period_s;
-    last = now;
-    return per_second;
+  // Over some periods, for a message a second is in every other one.
+  heard_.push_back({observer_.poses_received(), observer_.commands_received()});
+  if (heard_.size() > kStatusWindow + 1) heard_.pop_front();
+  const double window_s = static_cast<double>(heard_.size() - 1) * to_seconds(kStatusPeriod);
+  const auto rate = [&](std::int64_t Heard::*count) {
+    if (window_s == 0.0) return 0.0;
+    return static_cast<double>(heard_.back().*count - heard_.front().*count) / window_s;
   };
   const Dashboard::Moment moment{.t_s = to_seconds(loop_.now()),
-                                 .poses_hz = rate(observer_.poses_received(), last_poses_),
-                                 .commands_hz = rate(observer_.commands_received(), last_commands_),
+                                 .poses_hz = rate(&Heard::poses),
+                                 .commands_hz = rate(&Heard::commands),
                                  .drives = drives(),
                                  .findings = watch_.findings(),
                                  .silent = silent()};

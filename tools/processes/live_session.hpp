@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
@@ -101,8 +102,10 @@ class LiveSession {
   bool starting_ = true;
   std::size_t findings_said_ = 0;
   std::int64_t undecodable_ = 0;
-  std::int64_t last_poses_ = 0;
-  std::int64_t last_commands_ = 0;
+  struct Heard {
+    std::int64_t poses, commands;
+  };
+  std::deque<Heard> heard_;  ///< at the last updates of the status
 };
 
 }  // namespace tether

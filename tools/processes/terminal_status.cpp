@@ -8,13 +8,35 @@
 #include <cstdio>
 
 namespace tether {
+namespace {
+
+/// Columns and rows; 0 where the terminal does not say.
+winsize size_of_terminal() {
+  winsize size{};
+  ioctl(STDERR_FILENO, TIOCGWINSZ, &size);
+  return size;
+}
+
+/// What fits into a row.
+std::string cut(const std::string& line) {
+  const std::size_t columns = size_of_terminal().ws_col;
+  const bool has_escapes = line.find('\033') != std::string::npos;  // from who asked has_room()
+  if (columns == 0 || has_escapes) return line;
+  std::size_t shown = 0;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const bool begins = (static_cast<unsigned char>(line[i]) & 0xc0U) != 0x80U;  // in UTF-8
+    if (begins && ++shown > columns) return line.substr(0, i);
+  }
+  return line;
+}
+
+}  // namespace
 
 TerminalStatus::TerminalStatus(bool wanted) : shown_(wanted && isatty(STDERR_FILENO) != 0) {}
 
 bool TerminalStatus::has_room(int columns, int rows) const {
-  winsize size{};
-  return shown_ && ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col >= columns &&
-         size.ws_row > rows;
+  const winsize size = size_of_terminal();
+  return shown_ && size.ws_col >= columns && size.ws_row > rows;
 }
 
 std::string TerminalStatus::erasure() const {
@@ -25,8 +47,10 @@ std::string TerminalStatus::erasure() const {
 
 void TerminalStatus::show(const std::vector<std::string>& lines) {
   if (!shown_) return;
-  fmt::print(stderr, "{}{}", erasure(), fmt::join(lines, "\n"));
+  fmt::print(stderr, "{}", erasure());
   lines_ = lines;
+  for (std::string& line : lines_) line = cut(line);
+  fmt::print(stderr, "{}", fmt::join(lines_, "\n"));
   std::fflush(stderr);
 }
 

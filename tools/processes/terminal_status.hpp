@@ -16,7 +16,7 @@ class TerminalStatus {
   /// Whether the terminal, as large as it is now, has room for so much and the line below it.
   bool has_room(int columns, int rows) const;
 
-  /// Replaces the status. Each line has to fit into a row.
+  /// Replaces the status. What does not fit into a row is cut off: a line that wraps would stay.
   void show(const std::vector<std::string>& lines);
   /// Writes a line that stays.
   void say(const std::string& line);

@@ -86,9 +86,8 @@ Recording record(ViewedLog& log, const RecordedSpan& span, std::size_t most_byte
   }
   if (recording.messages == 0) {
     throw UsageError(
-        fmt::format("{}, from {} s to {} s: none of its messages in the part that is asked for is "
-                    "of a type that "
-                    "Tether knows",
+        fmt::format("{}, from {} s to {} s: in the part that is asked for there is no message of a "
+                    "type that Tether knows",
                     log.file(), log.start_s(), log.end_s()));
   }
   const auto name = std::filesystem::path(log.file()).filename().string();

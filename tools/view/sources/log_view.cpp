@@ -37,7 +37,10 @@ ViewedLog::ViewedLog(const std::string& file)
   if (damage.size() > kShown) {
     notes_.push_back(fmt::format("and {} further places", damage.size() - kShown));
   }
-  if (index_->entries().empty()) throw UsageError(fmt::format("{} holds no message", file));
+  if (index_->entries().empty()) {
+    throw UsageError(
+        fmt::format("{} holds no message{}", file, notes_.empty() ? "" : ": " + notes_.front()));
+  }
   if (index_->entries().front().time > kYear2000) zero_ = index_->entries().front().time;
   constexpr double kLongest_s = 4e9;  // what from_seconds() takes
   if (start_s() < -kLongest_s || end_s() > kLongest_s) {
