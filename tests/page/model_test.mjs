@@ -194,6 +194,29 @@ test("the verdict says when the vehicle is lost", () => {
   assert.equal(model.verdict().text, "WAS LOST");
 });
 
+test("a live network that falls silent is no longer on the path, and what is known grows older", () => {
+  const model = new Model();
+  model.hearAbout({ kind: "live", scenario: { run: { duration_s: 60 } } });
+  hear(model, "CTRL/POSE", pose(9), 10);
+  hear(model, "SIM/TRUTH", truth(10e6));
+  assert.equal(model.silence_s(11.4), 0);
+  const silence_s = model.silence_s(13.2);
+  assert.deepEqual(model.verdict(5, silence_s), { level: "warn", text: "NO NEWS for 3.2 s" });
+  near(model.shown.age_s(model.now_s(13.2)), 1 + 3.2);
+  hear(model, "SIM/TRUTH", truth(59.9e6));
+  assert.equal(model.verdict(5, model.silence_s(62)).text, "RUN ENDED");
+});
+
+test("a pause or a gap in a log is no silence, but a lost connection is", () => {
+  const model = new Model();
+  model.hearAbout({ kind: "log" });
+  hear(model, "SIM/TRUTH", truth(10e6));
+  assert.equal(model.silence_s(20), 0);
+  model.isCut = true;
+  near(model.silence_s(20), 10);
+  assert.equal(model.hasEnded, false);
+});
+
 test("rate, missed numbers and jitter are those of the last ten seconds", () => {
   const channel = new ChannelStatistics("A", "x");
   for (let i = 0; i < 400; ++i) if (i % 4 !== 3) channel.add(i * 0.05, 100, { seq: i });

@@ -33,6 +33,12 @@ function tell(text) {
   banner.hidden = !text;
 }
 
+function whyClosed() {
+  if (!model.hasEnded) return `No connection to ${location.host}. Is "tether view" running? Trying again …`;
+  const epsilon_m = model.shown?.truth?.epsilon_m;
+  return `The run has ended${Number.isFinite(epsilon_m) ? `, with ε = ${epsilon_m.toFixed(3)} m` : ""}.`;
+}
+
 const connection = new Connection(
   address,
   {
@@ -40,8 +46,8 @@ const connection = new Connection(
       const words = { connecting: "connecting …", open: recording ? "recording" : "connected", closed: "no connection" };
       find("connection").dataset.state = state;
       find("connection").textContent = words[state];
-      if (state === "closed")
-        tell(`No connection to ${location.host}. Is "tether view" running? Trying again …`);
+      if (state !== "connecting") model.isCut = state === "closed";
+      if (state === "closed") tell(whyClosed());
       if (state === "open") tell("");
     },
     onInfo(info) {
@@ -177,7 +183,7 @@ choice.addEventListener("change", () => {
 /** What need not be as quick as the picture. */
 function slowly() {
   const now_s = model.now_s(clock_s());
-  showNumbers(model, now_s, map.scene.lostBeyond_m);
+  showNumbers(model, now_s, map.scene.lostBeyond_m, model.silence_s(clock_s()));
   showDrivetrain(find("can"), model.shown?.drivetrain);
   find("run-time").textContent = model.clock ? `${now_s.toFixed(1)} s` : "–";
   playback.run(clock_s());
@@ -211,7 +217,7 @@ function draw() {
   requestAnimationFrame(draw);
   const heard_s = clock_s();
   const now_s = model.now_s(heard_s);
-  model.sample(now_s);
+  model.sample(now_s, model.silence_s(heard_s));
   map.draw(model, now_s);
   lanes.draw(model, now_s);
   plots.draw(model.series, now_s);

@@ -15,15 +15,30 @@ function digits(value) {
   return Math.abs(value) < 10 ? 2 : 1;
 }
 
-export function showNumbers(model, now_s, lostBeyond_m) {
+/** As large as the box lets it be. */
+function fit(box, text) {
+  const key = `${text.textContent.length} ${box.clientWidth} ${document.body.className}`;
+  if (!box.clientWidth || box.dataset.fitted === key) return;
+  box.dataset.fitted = key;
+  box.style.fontSize = "";
+  if (box.scrollWidth <= box.clientWidth) return;
+  const style = getComputedStyle(box);
+  const padding = parseFloat(style.paddingLeft) + parseFloat(style.paddingRight);
+  const share = (box.clientWidth - padding) / (box.scrollWidth - parseFloat(style.paddingLeft));
+  box.style.fontSize = `${0.98 * Math.min(1, share) * parseFloat(style.fontSize)}px`;
+}
+
+export function showNumbers(model, now_s, lostBeyond_m, silence_s = 0) {
   const vehicle = model.shown;
   const truth = vehicle?.truth;
   const age_s = vehicle ? vehicle.age_s(now_s) : NaN;
-  const verdict = model.verdict(lostBeyond_m);
+  const verdict = model.verdict(lostBeyond_m, silence_s);
+  document.getElementById("numbers").dataset.old = silence_s > 0;
   const sign = document.getElementById("verdict");
   if (sign.dataset.level !== verdict.level) sign.dataset.level = verdict.level;
   const text = document.getElementById("verdict-text");
   if (text.textContent !== verdict.text) text.textContent = verdict.text;
+  fit(sign, text);
   const error = truth?.error_m;
   put("n-error", error, digits(error), error > lostBeyond_m ? "bad" : error > 1 ? "warn" : "");
   put("n-epsilon", truth?.epsilon_m, digits(truth?.epsilon_m));

@@ -3,7 +3,7 @@
 
 import { Series } from "./series.js";
 import { ChannelStatistics } from "./statistics.js";
-import { isControlSide, isVehicleSide, splitTopic, vehicleKey } from "./topics.js";
+import { PLAYBACK, isControlSide, isVehicleSide, splitTopic, vehicleKey } from "./topics.js";
 import { Vehicle } from "./vehicle.js";
 
 export const PLOTTED_S = 30;
@@ -13,6 +13,10 @@ const RATE_WINDOW_S = 5;
 const BACK_S = 0.5;
 /** So far ahead of the last message does the shown time run on. */
 const AHEAD_S = 0.15;
+/** Silence that is more than a late message. */
+const SILENT_S = 1.5;
+/** A run whose last message is not further from its end was not cut off. */
+const END_S = 0.3;
 
 const PLOTTED = [
   "error_m",
@@ -38,6 +42,7 @@ export class Model {
     this.selected = null; // key of the vehicle that is looked at
     this.series = new Series(PLOTTED, PLOTTED_S);
     this.generation = 0; // counts up when everything begins anew
+    this.isCut = false; // the connection is gone
     this.restart();
   }
 
@@ -47,7 +52,9 @@ export class Model {
     this.series.clear();
     this.links = { uplink: null, downlink: null }; // newest reports
     this.states = { uplink: [], downlink: [] }; // {from_s, state}, in order
-    this.clock = null; // {run_s, heard_s, rate}
+    this.clock = null; // {run_s, heard_s, source}
+    this.rate = 1; // seconds of the run per second
+    this.heard_s = NaN; // when the last message came
     this.run = 0;
     this.offset_s = null; // the messages' stamps minus the run's time
     this.isGuess = false;
@@ -57,6 +64,7 @@ export class Model {
   /** `heard_s`: seconds of a clock that never steps, when the message came here. */
   hear(message, heard_s) {
     const { topic, fields, time_s } = message;
+    this.heard_s = heard_s;
     const part = splitTopic(topic);
     if (part) this.hearPart(part, fields, time_s, heard_s);
     let channel = this.channels.get(topic);
@@ -74,7 +82,7 @@ export class Model {
     if (!this.clock || this.clock.source !== "SIM") this.tick(fields.utime / 1e6, heard_s, "any");
     const at_s = time_s - (this.offset_s ?? 0);
     if (part.base === "SIM") {
-      if (part.name === "TRUTH") this.vehicle(part.vehicle).hearTruth(fields);
+      if (part.name === "TRUTH") this.vehicle(part.vehicle).hearTruth(fields, heard_s);
     } else if (part.base === "NET") {
       if (part.name.endsWith("UPLINK")) this.hearLink("uplink", fields);
       if (part.name.endsWith("DOWNLINK")) this.hearLink("downlink", fields);
@@ -109,7 +117,10 @@ export class Model {
     if (this.isGuess) this.forgetPackets();
     this.isGuess = false;
     this.offset_s = time_s - run_s;
-    if (part.name === "CLOCK") this.run = fields.run;
+    if (part.name === "CLOCK") {
+      this.run = fields.run;
+      if (fields.rate > 0) this.rate = fields.rate;
+    }
     this.tick(run_s, heard_s, "SIM");
   }
 
@@ -168,18 +179,50 @@ export class Model {
     return this.vehicles.get(this.selected) ?? null;
   }
 
-  /** The run's time; between messages it runs on a little, unless a log stands still. */
+  /**
+   * The run's time; between messages it runs on a little, unless a log stands still. Where a live network
+   * falls silent it goes on: what is known grows older.
+   */
   now_s(heard_s) {
     if (!this.clock) return 0;
-    if (this.parameters.get("playback.playing") === false) return this.clock.run_s;
-    const speed = Number(this.parameters.get("playback.speed") ?? 1) || 1;
-    return this.clock.run_s + Math.min(AHEAD_S, Math.max(0, heard_s - this.clock.heard_s)) * speed;
+    if (this.parameters.get(PLAYBACK.playing) === false) return this.clock.run_s;
+    const since_s = Math.max(0, heard_s - this.clock.heard_s);
+    if (this.isLive && since_s > SILENT_S && !this.hasEnded) return this.clock.run_s + since_s * this.rate;
+    const speed = Number(this.parameters.get(PLAYBACK.speed) ?? 1) || 1;
+    return this.clock.run_s + Math.min(AHEAD_S, since_s) * speed;
+  }
+
+  get isLive() {
+    return this.about?.kind === "live";
+  }
+
+  /** A run that has been shown up to its end, as far as that is known. */
+  get hasEnded() {
+    if (!this.clock || this.about?.kind === "log") return false;
+    const end_s = this.parameters.get(PLAYBACK.end) ?? this.about?.scenario?.run?.duration_s;
+    const speed = Number(this.parameters.get(PLAYBACK.speed) ?? 1) || 1;
+    return this.clock.run_s >= end_s - END_S * Math.max(1, speed, this.rate);
+  }
+
+  /**
+   * For how long nothing has been heard of the vehicle that is looked at (without truth: of anything);
+   * 0 as long as that is nothing unusual, and in a log, which may have gaps.
+   */
+  silence_s(heard_s) {
+    if (!this.isLive && !this.isCut) return 0;
+    const since_s = heard_s - (this.shown?.truthHeard_s ?? this.heard_s);
+    return since_s > SILENT_S ? since_s : 0;
+  }
+
+  /** Whether there is anything that the network's settings are of. */
+  get hasRelay() {
+    return !this.isLive || this.links.uplink !== null || this.links.downlink !== null;
   }
 
   /** Once per picture: decides on packets, and adds what is plotted. */
-  sample(now_s) {
+  sample(now_s, silence_s = 0) {
     const vehicle = this.shown;
-    if (!vehicle || now_s <= this.series.last_s + SAMPLE_S) return;
+    if (!vehicle || silence_s > 0 || now_s <= this.series.last_s + SAMPLE_S) return;
     vehicle.uplink.settle(now_s, this.links.uplink !== null);
     vehicle.downlink.settle(now_s, this.links.downlink !== null);
     const { truth, report, command } = vehicle;
@@ -198,19 +241,23 @@ export class Model {
     });
   }
 
+  /** Over the last seconds, or over those since the first packet; NaN in the first second. */
   arrivals_per_s(lane, now_s) {
+    const from_s = Math.max(now_s - RATE_WINDOW_S, lane.packets[0]?.sent_s ?? now_s);
+    if (now_s - from_s < 1) return NaN;
     let count = 0;
     for (let i = lane.packets.length - 1; i >= 0; --i) {
       const packet = lane.packets[i];
-      if (packet.sent_s < now_s - RATE_WINDOW_S - lane.longest_s) break;
-      if (packet.arrived_s > now_s - RATE_WINDOW_S) ++count;
+      if (packet.sent_s < from_s - lane.longest_s) break;
+      if (packet.arrived_s > from_s) ++count;
     }
-    const since_s = now_s - (lane.packets[0]?.sent_s ?? now_s);
-    return count / Math.min(RATE_WINDOW_S, Math.max(1, since_s));
+    return count / (now_s - from_s);
   }
 
   /** How the run stands, in a word for those in the last row; `level`: good, warn, bad. */
-  verdict(lostBeyond_m = 5) {
+  verdict(lostBeyond_m = 5, silence_s = 0) {
+    if (silence_s > 0 && this.hasEnded) return { level: "none", text: "RUN ENDED" };
+    if (silence_s > 0) return { level: "warn", text: `NO NEWS for ${silence_s.toFixed(silence_s < 100 ? 1 : 0)} s` };
     const truth = this.shown?.truth;
     if (!truth) return { level: "none", text: this.vehicles.size ? "NO TRUTH" : "WAITING" };
     if (truth.lost && truth.error_m > lostBeyond_m) return { level: "bad", text: "LOST" };

@@ -22,6 +22,7 @@ export class Vehicle {
   clear() {
     this.pose = null; // as its sensor measured it
     this.truth = null;
+    this.truthHeard_s = null; // when it came here
     this.believed = null; // the newest pose that the controller has
     this.report = null;
     this.command = null; // the newest that arrived at the vehicle
@@ -38,13 +39,14 @@ export class Vehicle {
     return this.truth ?? this.pose;
   }
 
-  hearTruth(truth) {
+  hearTruth(truth, heard_s) {
     if (this.truth && truth.utime - this.truth.utime > GAP_US) {
       // a log was wound on: nobody saw the way
       this.trail.clear();
       this.reference.clear();
     }
     this.truth = truth;
+    this.truthHeard_s = heard_s;
     this.trail.add(truth.x_m, truth.y_m);
     this.reference.add(truth.x_ref_m, truth.y_ref_m);
   }
