@@ -7,7 +7,7 @@ import { kindOf, known, parseText, place, twin } from "../../tools/view/page/mod
 import { Model } from "../../tools/view/page/model/model.js";
 import { ARRIVED, FLYING, LATE, LOST, Lane } from "../../tools/view/page/model/packets.js";
 import { between, radioOf, snr_db } from "../../tools/view/page/model/radio.js";
-import { sceneOf } from "../../tools/view/page/model/scene.js";
+import { boxWith, oneLap, sceneOf } from "../../tools/view/page/model/scene.js";
 import { Series, Trail } from "../../tools/view/page/model/series.js";
 import { ChannelStatistics, jitter } from "../../tools/view/page/model/statistics.js";
 import { isWanted, splitTopic, topicsOf } from "../../tools/view/page/model/topics.js";
@@ -228,6 +228,27 @@ test("rate, missed numbers and jitter are those of the last ten seconds", () => 
   near(jitter([0, 1, 2, 4, 5]).p99_s, 1);
 });
 
+test("what is sent before t = 0, all stamped 0, does not count for rate and jitter", () => {
+  const channel = new ChannelStatistics("A", "x");
+  for (let i = 0; i < 100; ++i) channel.add(0, 100, { seq: i });
+  for (let i = 1; i <= 40; ++i) channel.add(i * 0.05, 100, { seq: 99 + i });
+  near(channel.summary(2).rate_hz, 20, 1e-6);
+  near(channel.summary(2).p99_s, 0, 1e-6);
+  assert.equal(channel.count, 140);
+});
+
+test("arrivals per second are those since the first packet, once that is a second ago", () => {
+  const model = new Model();
+  const lane = new Lane();
+  for (let i = 0; i <= 300; ++i) {
+    lane.sent(i, 0.05 * i);
+    lane.arrived(i, 0.05 * i);
+    const rate = model.arrivals_per_s(lane, 0.05 * i + 0.01);
+    if (i < 19) assert.ok(Number.isNaN(rate));
+    else if (i > 20) near(rate, 20, 1);
+  }
+});
+
 test("plots keep their window, trails their points", () => {
   const series = new Series(["a"], 10);
   for (let t = 0; t < 1000; ++t) series.add(t / 10, { a: t === 5 ? NaN : t });
@@ -259,6 +280,24 @@ test("walls, path and shape come from what the server says of the run", () => {
   assert.equal(scene.vehicle.track_m, 0.5);
   assert.equal(scene.vehicle.centre_m, 1);
   assert.deepEqual(sceneOf(null).walls, []);
+});
+
+test("a path of several laps is one lap, whatever crosses its start", () => {
+  const at = (turn) => [10 * Math.sin(turn), 10 * Math.sin(turn) * Math.cos(turn)];
+  const laps = (count) => Array.from({ length: 400 * count }, (_, i) => at((2 * Math.PI * i) / 399.5));
+  const lap = oneLap(laps(3));
+  assert.ok(Math.abs(lap.length - 401) < 4, `${lap.length}`);
+  assert.equal(oneLap(laps(1)).length, 400);
+  assert.deepEqual(oneLap([]), []);
+});
+
+test("the map's box takes in a vehicle that leaves it, and stands still while none does", () => {
+  const box = boxWith([-5, -5, 5, 5], { x_m: 0, y_m: 0 }, 1);
+  assert.deepEqual(box, [-5, -5, 5, 5]);
+  const [x1, y1, x2, y2] = boxWith(box, { x_m: 7, y_m: 0 }, 1);
+  assert.deepEqual([x1, y1, y2], [-5, -5, 5]);
+  assert.ok(x2 >= 8 && x2 <= 10);
+  assert.deepEqual(boxWith(null, { x_m: 100, y_m: 50 }, 1), [96, 46, 104, 54]);
 });
 
 test("the radio map is that of the strongest access point", () => {

@@ -6,7 +6,7 @@ import { Surface } from "./canvas.js";
 import { Fleet, MANY } from "./fleet.js";
 import { drawBelief, drawTrail, drawVehicle } from "./marks.js";
 import { radioOf } from "../model/radio.js";
-import { sceneOf } from "../model/scene.js";
+import { boxWith, sceneOf } from "../model/scene.js";
 import { colour, onTheme } from "./theme.js";
 
 const AHEAD_S = 8;
@@ -19,6 +19,8 @@ export class FactoryMap {
     this.ground = ground;
     this.scene = sceneOf(null);
     this.generation = -1;
+    this.seen = null; // box of what stands still and of the places where vehicles have been
+    this.seenIn = -1; // since the model began anew so often
     this.following = false;
     this.onScene = () => {};
     this.fleet = new Fleet();
@@ -37,7 +39,21 @@ export class FactoryMap {
   }
 
   fit() {
-    this.camera.fit(this.scene.box);
+    this.camera.fit(this.seen ?? this.scene.box);
+  }
+
+  seeBox([x1, y1, x2, y2]) {
+    if (!this.seen) this.seen = [x1, y1, x2, y2];
+    this.seen = boxWith(boxWith(this.seen, { x_m: x1, y_m: y1 }, 0), { x_m: x2, y_m: y2 }, 0);
+  }
+
+  /** All vehicles stay on the map until somebody moves it. */
+  see(vehicles) {
+    const { length_m, centre_m } = this.scene.vehicle;
+    const before = this.seen;
+    for (const { place } of vehicles)
+      if (place) this.seen = boxWith(this.seen, place, length_m / 2 + Math.abs(centre_m));
+    if (this.seen !== before && !this.camera.isFree) this.fit();
   }
 
   /** Follows what the model knows of the scenario. */
@@ -49,6 +65,9 @@ export class FactoryMap {
     this.generation = generation;
     const driven = points ? reference.x.map((x, i) => [x, reference.y[i]]) : [];
     this.scene = sceneOf(model.about, driven);
+    if (this.seenIn !== model.generation) this.seen = null;
+    this.seenIn = model.generation;
+    if (!this.scene.isEmpty) this.seeBox(this.scene.box);
     this.scene.radio = radioOf((name) => model.linkSetting(name), this.scene.box);
     if (!this.camera.isFree) this.fit();
     this.forget();
@@ -59,6 +78,7 @@ export class FactoryMap {
     this.update(model);
     const { camera, surface } = this;
     const shown = model.shown;
+    this.see(model.vehicles.values());
     if (this.following && shown?.place) {
       camera.centre = [shown.place.x_m, shown.place.y_m];
       camera.isFree = true;

@@ -187,13 +187,18 @@ export class Model {
     if (!this.clock) return 0;
     if (this.parameters.get(PLAYBACK.playing) === false) return this.clock.run_s;
     const since_s = Math.max(0, heard_s - this.clock.heard_s);
-    if (this.isLive && since_s > SILENT_S && !this.hasEnded) return this.clock.run_s + since_s * this.rate;
+    if (this.isLive && since_s > this.patience_s && !this.hasEnded) return this.clock.run_s + since_s * this.rate;
     const speed = Number(this.parameters.get(PLAYBACK.speed) ?? 1) || 1;
     return this.clock.run_s + Math.min(AHEAD_S, since_s) * speed;
   }
 
   get isLive() {
     return this.about?.kind === "live";
+  }
+
+  /** Longer in slow motion, where messages are rare. */
+  get patience_s() {
+    return Math.max(SILENT_S, 0.1 / this.rate);
   }
 
   /** A run that has been shown up to its end, as far as that is known. */
@@ -211,7 +216,7 @@ export class Model {
   silence_s(heard_s) {
     if (!this.isLive && !this.isCut) return 0;
     const since_s = heard_s - (this.shown?.truthHeard_s ?? this.heard_s);
-    return since_s > SILENT_S ? since_s : 0;
+    return since_s > this.patience_s ? since_s : 0;
   }
 
   /** Whether there is anything that the network's settings are of. */

@@ -42,6 +42,7 @@ export class ChannelStatistics {
     if (last !== undefined && time_s < last - 1) this.clear(); // a log was wound back
     ++this.count;
     this.latest = fields;
+    if (time_s <= 0) return; // all that is sent before t = 0 has this stamp: it says nothing of a rate
     this.times_s.push(time_s);
     this.sizes.push(bytes);
     this.numbers.push(Number.isFinite(fields.seq) ? fields.seq : NaN);
