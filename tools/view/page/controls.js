@@ -15,6 +15,7 @@ export class Controls {
     this.waiting = new Map(); // name -> value, not sent yet
     this.both = true;
     this.shape = "";
+    this.hasRelay = false; // without one there is nobody to set a network
     this.told = new Map(); // name -> what the server says that it is
     this.parameters = new Map();
   }
@@ -26,8 +27,15 @@ export class Controls {
     this.update(this.parameters);
   }
 
+  showRelay(hasRelay) {
+    if (this.hasRelay === hasRelay) return;
+    this.hasRelay = hasRelay;
+    this.update(this.parameters);
+  }
+
   /** Those that can be set and do something now. */
   isOffered(name, effective) {
+    if (!this.hasRelay && name.startsWith("network.")) return false;
     if (name.startsWith("playback.") || this.told.get(name)?.can_be_set === false) return false;
     return !effective || !name.startsWith("network.") || effective.has(name);
   }

@@ -1,6 +1,8 @@
 // Driving by hand: keys or a pad, each with a dead man. Nothing is sent unless he is held; when he lets
 // go, or the page loses the keyboard, zero twists are sent for a moment, then nothing.
 
+import { fixed } from "./numbers.js";
+
 export const TWISTS_PER_S = 20;
 const ZEROS = 10;
 const TURN_RADPS = 0.8;
@@ -94,7 +96,7 @@ export class Drive {
     if (twist) {
       this.zeros = ZEROS;
       this.send(twist);
-      this.state.textContent = `sending ${twist.v_mps.toFixed(2)} m/s, ${twist.omega_radps.toFixed(2)} rad/s`;
+      this.state.textContent = `sending ${fixed(twist.v_mps, 2)} m/s, ${fixed(twist.omega_radps, 2)} rad/s`;
     } else if (this.zeros > 0) {
       --this.zeros;
       this.send({ v_mps: 0, omega_radps: 0 });

@@ -84,6 +84,7 @@ async function askAbout() {
     model.hearAbout(about);
     showFacts(find("facts"), model);
     controls.describe(about.parameters ?? []);
+    playback.describe(about.parameters ?? []);
     topics = topicsOf(about.publishable ?? []);
     find("drive").hidden = !topics.twist;
     for (const button of find("can").querySelectorAll("button")) button.disabled = !topics.request;
@@ -180,6 +181,9 @@ choice.addEventListener("change", () => {
   model.series.clear();
 });
 
+/** Before the server has said what it shows nobody knows. */
+const hasRelay = () => model.about !== null && model.hasRelay;
+
 /** What need not be as quick as the picture. */
 function slowly() {
   const now_s = model.now_s(clock_s());
@@ -187,6 +191,10 @@ function slowly() {
   showDrivetrain(find("can"), model.shown?.drivetrain);
   find("run-time").textContent = model.clock ? `${now_s.toFixed(1)} s` : "–";
   playback.run(clock_s());
+  if (controls.hasRelay !== hasRelay()) {
+    controls.showRelay(hasRelay());
+    showFacts(find("facts"), model);
+  }
   table.update(model.channels, now_s + (model.offset_s ?? 0));
   const keys = [...model.vehicles.keys()].join();
   if (choice.dataset.keys !== keys) {

@@ -2,9 +2,14 @@
 
 const NONE = "–";
 
+/** As toFixed(), but never "-0.00". */
+export function fixed(value, digits) {
+  return value.toFixed(digits).replace(/^-(?=[0.]*$)/, "");
+}
+
 function put(id, value, digits, level = "") {
   const output = document.getElementById(id);
-  const text = Number.isFinite(value) ? value.toFixed(digits) : NONE;
+  const text = Number.isFinite(value) ? fixed(value, digits) : NONE;
   if (output.value !== text) output.value = text;
   const box = output.parentElement;
   if (box.dataset.level !== level) box.dataset.level = level;
@@ -68,7 +73,8 @@ export function factsOf(model) {
   const facts = [];
   const law = scenario?.controller;
   if (law) facts.push(["law", law.external ? "of another program" : law.law.replaceAll("_", " ")]);
-  for (const link of ["uplink", "downlink"]) {
+  if (!model.hasRelay) facts.push(["links", "no relay heard"]);
+  for (const link of model.hasRelay ? ["uplink", "downlink"] : []) {
     if (model.linkSetting(`${link}.model`) !== undefined)
       facts.push([link, channelText((key) => model.linkSetting(`${link}.${key}`))]);
   }
@@ -95,5 +101,5 @@ export function showDrivetrain(panel, state) {
   panel.querySelector("#can-reason").textContent = state.reason;
   panel.querySelector("#can-detail").textContent =
     `bus ${state.bus} · command ${state.command_age_s < 0 ? "none yet" : `${state.command_age_s.toFixed(2)} s old`} · ` +
-    `${state.v_mps.toFixed(2)} m/s, ${state.omega_radps.toFixed(2)} rad/s · stopped and disarmed ${state.disarms}×`;
+    `${fixed(state.v_mps, 2)} m/s, ${fixed(state.omega_radps, 2)} rad/s · stopped and disarmed ${state.disarms}×`;
 }

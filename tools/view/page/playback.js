@@ -9,6 +9,7 @@ export class PlaybackBar {
     this.find = (id) => root.querySelector(`#${id}`);
     this.isHeld = false;
     this.playing = false;
+    this.canJump = true;
     const scrub = this.find("scrub");
     scrub.addEventListener("input", () => {
       this.isHeld = true;
@@ -35,7 +36,17 @@ export class PlaybackBar {
     this.set(PLAYBACK.playing, !this.playing);
   }
 
+  /** What the server says of each parameter: of a run that is being computed only the present is known. */
+  describe(descriptions) {
+    const told = descriptions.find(({ name }) => name === PLAYBACK.position);
+    this.canJump = told?.can_be_set !== false;
+    const scrub = this.find("scrub");
+    scrub.disabled = !this.canJump;
+    scrub.title = this.canJump ? "" : "This run is being computed: its time cannot be set. Its log can be scrubbed.";
+  }
+
   step(seconds) {
+    if (!this.canJump) return;
     this.set(PLAYBACK.position, this.position + seconds);
   }
 

@@ -1,5 +1,7 @@
 // All channels with rate, loss and jitter, and the fields of one message: lcm-spy in the browser.
 
+import { fixed } from "./numbers.js";
+
 const COLUMNS = [
   ["channel", (row) => row.topic],
   ["type", (row) => String(row.schema).replace("tether.", "")],
@@ -13,7 +15,7 @@ const COLUMNS = [
 ];
 
 function number(value, digits) {
-  return Number.isFinite(value) ? value.toFixed(digits) : "–";
+  return Number.isFinite(value) ? fixed(value, digits) : "–";
 }
 
 /** A field's value as text: long lists are cut. */
