@@ -147,8 +147,10 @@ function drawAge(c, camera, pose, place, age_s) {
   c.strokeStyle = colour("panel");
   c.lineWidth = 4;
   c.lineJoin = "round";
-  const x = camera.x(pose.x_m);
-  const y = camera.y(pose.y_m) + (place && place.y_m > pose.y_m + 0.1 ? 28 : -28);
+  const within = (value, margin, end) => Math.max(margin, Math.min(end - margin, value));
+  const x = within(camera.x(pose.x_m), c.measureText(text).width / 2 + 4, camera.width);
+  const above = place && place.y_m > pose.y_m + 0.1 ? 28 : -28;
+  const y = within(camera.y(pose.y_m) + above, 12, camera.height);
   c.strokeText(text, x, y);
   c.fillStyle = colour("newest");
   c.fillText(text, x, y);
