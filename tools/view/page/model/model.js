@@ -64,9 +64,10 @@ export class Model {
   /** `heard_s`: seconds of a clock that never steps, when the message came here. */
   hear(message, heard_s) {
     const { topic, fields, time_s } = message;
-    this.heard_s = heard_s;
     const part = splitTopic(topic);
-    if (part) this.hearPart(part, fields, time_s, heard_s);
+    const isAsked = part?.base === "NET" && part.name.endsWith("SET"); // by a view, of a relay that may not be there
+    if (!isAsked) this.heard_s = heard_s;
+    if (part && !isAsked) this.hearPart(part, fields, time_s, heard_s);
     let channel = this.channels.get(topic);
     if (!channel) this.channels.set(topic, (channel = new ChannelStatistics(topic, message.schema)));
     channel.add(time_s, message.bytes, fields);
@@ -214,7 +215,7 @@ export class Model {
    * 0 as long as that is nothing unusual, and in a log, which may have gaps.
    */
   silence_s(heard_s) {
-    if (!this.isLive && !this.isCut) return 0;
+    if (!this.shown || (!this.isLive && !this.isCut)) return 0;
     const since_s = heard_s - (this.shown?.truthHeard_s ?? this.heard_s);
     return since_s > this.patience_s ? since_s : 0;
   }
