@@ -42,7 +42,9 @@ export class PlaybackBar {
     this.canJump = told?.can_be_set !== false;
     const scrub = this.find("scrub");
     scrub.disabled = !this.canJump;
-    scrub.title = this.canJump ? "" : "This run is being computed: its time cannot be set. Its log can be scrubbed.";
+    scrub.title = this.canJump
+      ? ""
+      : "This run is being computed: its time cannot be set. Its log can be scrubbed.";
   }
 
   step(seconds) {

@@ -65,7 +65,8 @@ export class Model {
   hear(message, heard_s) {
     const { topic, fields, time_s } = message;
     const part = splitTopic(topic);
-    const isAsked = part?.base === "NET" && part.name.endsWith("SET"); // by a view, of a relay that may not be there
+    // by a view, of a relay that may not be there
+    const isAsked = part?.base === "NET" && part.name.endsWith("SET");
     if (!isAsked) this.heard_s = heard_s;
     if (part && !isAsked) this.hearPart(part, fields, time_s, heard_s);
     let channel = this.channels.get(topic);
@@ -263,7 +264,10 @@ export class Model {
   /** How the run stands, in a word for those in the last row; `level`: good, warn, bad. */
   verdict(lostBeyond_m = 5, silence_s = 0) {
     if (silence_s > 0 && this.hasEnded) return { level: "none", text: "RUN ENDED" };
-    if (silence_s > 0) return { level: "warn", text: `NO NEWS for ${silence_s.toFixed(silence_s < 100 ? 1 : 0)} s` };
+    if (silence_s > 0) {
+      const seconds = silence_s.toFixed(silence_s < 100 ? 1 : 0);
+      return { level: "warn", text: `NO NEWS for ${seconds} s` };
+    }
     const truth = this.shown?.truth;
     if (!truth) return { level: "none", text: this.vehicles.size ? "NO TRUTH" : "WAITING" };
     if (truth.lost && truth.error_m > lostBeyond_m) return { level: "bad", text: "LOST" };
