@@ -75,6 +75,7 @@ std::vector<Record> records_of(std::string_view bytes, std::size_t from = 0) {
 }
 
 /// Of a whole file, without the magic at both ends.
+/// They refer to `file`.
 std::vector<Record> records_of_file(const std::string& file) {
   EXPECT_TRUE(file.starts_with(kMagic));
   EXPECT_TRUE(file.ends_with(kMagic));
@@ -163,7 +164,8 @@ TEST(McapWriter, AFileWithoutMessagesIsTheseBytes) {
 }
 
 TEST(McapWriter, RecordsComeInTheOrderOfTheSpecification) {
-  const auto records = records_of_file(written(kPlain, write_some));
+  const std::string file = written(kPlain, write_some);
+  const auto records = records_of_file(file);
   // Header; chunks of two channels with their indexes; the last, of three; Metadata; DataEnd; then
   // Schemas, Channels, ChunkIndexes, MetadataIndex, Statistics, SummaryOffsets and Footer.
   EXPECT_THAT(opcodes(records),
@@ -254,7 +256,8 @@ TEST(McapWriter, ChunkIndexesLeadToChunksAndTheirMessageIndexes) {
 }
 
 TEST(McapWriter, MessageIndexesLeadToMessagesOfTheirChannelAndTime) {
-  const auto records = records_of_file(written({"", "test", 1000}, write_some));
+  const std::string file = written({"", "test", 1000}, write_some);
+  const auto records = records_of_file(file);
   std::string inside;
   std::size_t entries = 0;
   for (const Record& record : records) {
@@ -302,7 +305,8 @@ TEST(McapWriter, TheSummarySaysWhatTheFileHas) {
 }
 
 TEST(McapWriter, SummaryOffsetsSpanTheirGroupsAndTheFooterFindsThem) {
-  const auto records = records_of_file(written(kPlain, write_some));
+  const std::string file = written(kPlain, write_some);
+  const auto records = records_of_file(file);
   const Record data_end = with_opcode(records, 0x0F).at(0);
   const auto offsets = with_opcode(records, 0x0E);
   std::size_t at = data_end.end;
