@@ -9,7 +9,7 @@
 namespace tether {
 
 std::filesystem::path shared_file(const std::string& name) {
-  const auto file = (executable_folder() / "../share/tether" / name).lexically_normal();
+  auto file = (executable_folder() / "../share/tether" / name).lexically_normal();
   if (std::filesystem::exists(file)) return file;
   throw std::runtime_error(
       fmt::format("{} is missing: it belongs beside the program's folder", file.string()));

@@ -16,6 +16,12 @@ constexpr std::array<std::array<std::uint8_t, kDotsAcross>, kDotsDown> kBits{
 /// East first, then to the left.
 constexpr std::array<const char*, 8> kArrows{"→", "↗", "↑", "↖", "←", "↙", "↓", "↘"};
 
+/// Of a cell, in a map of so many rows and twice as many columns.
+std::size_t place(int rows, int row, int column) {
+  return 2 * static_cast<std::size_t>(rows) * static_cast<std::size_t>(row) +
+         static_cast<std::size_t>(column);
+}
+
 /// U+2800 + dots in UTF-8.
 std::string braille(std::uint8_t dots) {
   return {'\xe2', static_cast<char>(0xa0 | (dots >> 6U)), static_cast<char>(0x80 | (dots & 0x3fU))};
@@ -24,9 +30,7 @@ std::string braille(std::uint8_t dots) {
 }  // namespace
 
 BrailleMap::BrailleMap(int rows, double half_extent_m)
-    : rows_(rows),
-      half_extent_m_(half_extent_m),
-      cells_(static_cast<std::size_t>(2 * rows * rows)) {}
+    : rows_(rows), half_extent_m_(half_extent_m), cells_(place(rows, rows, 0)) {}
 
 void BrailleMap::dot(double x_m, double y_m, bool bright) {
   const int size = rows_ * kDotsDown;
@@ -35,7 +39,7 @@ void BrailleMap::dot(double x_m, double y_m, bool bright) {
   const double down = std::floor((half_extent_m_ - y_m) * scale);
   if (!(across >= 0.0 && across < size && down >= 0.0 && down < size)) return;
   const int column = static_cast<int>(across), row = static_cast<int>(down);
-  Cell& cell = cells_[static_cast<std::size_t>(row / kDotsDown * 2 * rows_ + column / kDotsAcross)];
+  Cell& cell = cells_[place(rows_, row / kDotsDown, column / kDotsAcross)];
   cell.dots |= kBits[static_cast<std::size_t>(row % kDotsDown)]
                     [static_cast<std::size_t>(column % kDotsAcross)];
   cell.bright = cell.bright || bright;
@@ -51,8 +55,7 @@ void BrailleMap::arrow(double x_m, double y_m, double yaw_rad) {
   const int column = index(x_m + half_extent_m_, cell_m / 2.0, 2 * rows_);
   const auto eighth =
       std::lround(std::remainder(yaw_rad, 2.0 * std::numbers::pi) / (std::numbers::pi / 4.0));
-  cells_[static_cast<std::size_t>(row * 2 * rows_ + column)].symbol =
-      kArrows[static_cast<std::size_t>((eighth + 8) % 8)];
+  cells_[place(rows_, row, column)].symbol = kArrows[static_cast<std::size_t>((eighth + 8) % 8)];
 }
 
 std::vector<std::string> BrailleMap::lines() const {
@@ -60,7 +63,7 @@ std::vector<std::string> BrailleMap::lines() const {
   for (int row = 0; row < rows_; ++row) {
     std::string line;
     for (int column = 0; column < 2 * rows_; ++column) {
-      const Cell& cell = cells_[static_cast<std::size_t>(row * 2 * rows_ + column)];
+      const Cell& cell = cells_[place(rows_, row, column)];
       if (cell.symbol != nullptr) {
         line += std::string("\033[1m") + cell.symbol + "\033[0m";
       } else if (cell.dots == 0) {
