@@ -111,9 +111,7 @@ test("the vehicle is seen to move", () =>
 
 test("a slider changes the PRR in the relay", () =>
   onPage(run("--speed", "10"), async (page) => {
-    await until("reports of the link", () =>
-      page.evaluate(() => globalThis.tether.model.links.uplink !== null),
-    );
+    await until("settings", () => page.$eval("#controls", (panel) => !panel.hidden));
     await slide(page, '.setting[data-name="network.uplink.prr"] input[type=range]', 0.2);
     const prr = await until("the relay's answer", () =>
       page.evaluate(() => {
@@ -284,6 +282,7 @@ for (const theme of ["light", "dark"]) {
       async (page) => {
         await page.goto(`${page.url()}?theme=${theme}`);
         await until("a vehicle", () => vehicleOnMap(page).catch(() => null));
+        await until("settings", () => page.$eval("#controls", (panel) => !panel.hidden));
         assert.ok(await page.evaluate(() => document.scrollingElement.scrollWidth <= innerWidth));
         const order = await page.evaluate(() =>
           ["numbers", "map-panel", "controls", "plots"].map(
