@@ -97,15 +97,6 @@ std::optional<ScenarioValue> to_lists(const toml::array& array) {
   return rows;
 }
 
-std::optional<ScenarioValue> to_value(const toml::node& node) {
-  if (const auto* v = node.as_boolean()) return v->get();
-  if (const auto* v = node.as_integer()) return v->get();
-  if (const auto* v = node.as_floating_point()) return v->get();
-  if (const auto* v = node.as_string()) return v->get();
-  if (const auto* v = node.as_array()) return to_lists(*v);
-  return std::nullopt;
-}
-
 std::optional<std::vector<TableList::Table>> to_tables(const toml::node& node) {
   const auto* list = node.as_array();
   if (list == nullptr) return std::nullopt;
@@ -143,6 +134,15 @@ toml::table parse_value(const std::string& value, const std::string& place) {
 }
 
 }  // namespace
+
+std::optional<ScenarioValue> to_value(const toml::node& node) {
+  if (const auto* v = node.as_boolean()) return v->get();
+  if (const auto* v = node.as_integer()) return v->get();
+  if (const auto* v = node.as_floating_point()) return v->get();
+  if (const auto* v = node.as_string()) return v->get();
+  if (const auto* v = node.as_array()) return to_lists(*v);
+  return std::nullopt;
+}
 
 /// The keys among which this one is to be looked up.
 const std::vector<ScenarioKey>& ScenarioLoader::keys_beside(const std::string& key) {

@@ -3,6 +3,7 @@
 #include <toml++/toml.h>
 
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -10,6 +11,9 @@
 #include "common/scenario/section.hpp"
 
 namespace tether {
+
+/// A value of TOML as keys take it; none if no key could, as a table or a mixed list.
+std::optional<ScenarioValue> to_value(const toml::node& node);
 
 /// Applies values to a scenario, level by level (the file, then the overrides), and remembers which
 /// keys were given where. All functions throw UsageError for what is wrong with a value, with

@@ -15,15 +15,6 @@ namespace {
 
 const std::string kPrefix = "channel.";
 
-/// The channel alone.
-Scenario scenario_of(const ChannelSettings& channel) {
-  static const auto kSchema =
-      std::make_shared<const ScenarioSchema>(std::vector<ScenarioSection>{channel_section()});
-  Scenario scenario(kSchema);
-  scenario.get<ChannelSettings>() = channel;
-  return scenario;
-}
-
 /// With those of its links by name that `channel` has, at their defaults unless they are there.
 ChannelSettings with_links_of(const ChannelSettings& channel, ChannelSettings other) {
   for (const auto& [name, link] : channel.links) other.links.try_emplace(name);
@@ -34,8 +25,8 @@ ChannelSettings with_links_of(const ChannelSettings& channel, ChannelSettings ot
 std::vector<ChannelSetting> differences(const ChannelSettings& channel,
                                         const ChannelSettings& before,
                                         const std::set<std::string>& given = {}) {
-  const Scenario now = scenario_of(channel);
-  const Scenario then = scenario_of(with_links_of(channel, before));
+  const Scenario now = channel_scenario(channel);
+  const Scenario then = channel_scenario(with_links_of(channel, before));
   std::vector<ChannelSetting> found;
   for (const ScenarioKey& key : now.schema().keys_of(now)) {
     const auto value = key.get(now);
@@ -57,11 +48,19 @@ void apply(ScenarioLoader& loader, const std::string& setting, const std::string
 
 }  // namespace
 
+Scenario channel_scenario(const ChannelSettings& channel) {
+  static const auto kSchema =
+      std::make_shared<const ScenarioSchema>(std::vector<ScenarioSection>{channel_section()});
+  Scenario scenario(kSchema);
+  scenario.get<ChannelSettings>() = channel;
+  return scenario;
+}
+
 ChannelChange change_channel(const ChannelSettings& in_force,
                              const std::vector<std::string>& settings, const std::string& source) {
   ChannelSettings start = in_force;
   start.changes.clear();  // not for changes to change
-  ScenarioLoader loader(scenario_of(start));
+  ScenarioLoader loader(channel_scenario(start));
   const std::string before = source.empty() ? "" : source + ": ";
   for (const std::string& text : settings) apply(loader, text, before + text);
   const std::set<std::string> given = loader.given();
@@ -103,7 +102,7 @@ std::vector<ChannelSetting> channel_settings(const ChannelSettings& channel) {
 }
 
 std::vector<std::string> channel_files(const ChannelSettings& channel) {
-  Scenario scenario = scenario_of(channel);
+  Scenario scenario = channel_scenario(channel);
   std::vector<std::string> files;
   for (const ScenarioKey& key : scenario.schema().keys_of(scenario)) {
     if (key.file && !key.file(scenario).empty()) files.push_back(key.file(scenario));

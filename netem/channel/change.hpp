@@ -17,6 +17,9 @@ struct ChannelSetting {
   bool operator==(const ChannelSetting&) const = default;
 };
 
+/// A scenario of the section "channel" alone.
+Scenario channel_scenario(const ChannelSettings& channel);
+
 /// The longest key that requests may have, so that no request takes long to refuse.
 inline constexpr std::size_t kLongestSettingKey = 128;
 

@@ -12,9 +12,10 @@ import subprocess
 import sys
 import tempfile
 
-from npm_packages import fail, install
-
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "support"))
+from npm_packages import fail, install  # noqa: E402
+
 PAPER = HERE.parents[1] / "scenarios" / "paper.toml"
 TETHER = pathlib.Path(sys.argv[1]).resolve() / "tether"
 NPM = pathlib.Path(sys.argv[2]).resolve()
@@ -82,7 +83,7 @@ def times_below_zero_move_up_by_whole_seconds(work, common):
     run(TETHER, "log", "mcap", work / "lead" / "run.lcmlog", says="times are 2 s later than in the log")
 
 
-install(NPM)
+install(HERE, NPM)
 with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     common = ["--set", "vehicle.plant=kinematic", "--set", "sensor.rate_hz=20", "--set",

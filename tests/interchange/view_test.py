@@ -12,7 +12,9 @@ import sys
 import tempfile
 import time
 
-from npm_packages import HERE, fail, install
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "support"))
+from npm_packages import fail, install  # noqa: E402
 
 PAPER = HERE.parents[1] / "scenarios" / "paper.toml"
 TETHER = pathlib.Path(sys.argv[1]).resolve() / "tether"
@@ -40,7 +42,7 @@ def spoken_to(work, kind, protocol, *command):
         server.wait()
 
 
-install(NPM)
+install(HERE, NPM)
 with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     common = ["--set", "vehicle.plant=kinematic", "--set", "sensor.rate_hz=20"]

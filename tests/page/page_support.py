@@ -1,42 +1,19 @@
 """What tests and pictures of the page need: Node.js, npm's packages by the lock file, Chromium."""
 
-import hashlib
 import pathlib
-import shutil
-import subprocess
 import sys
 
 HERE = pathlib.Path(__file__).resolve().parent
 SOURCE = HERE.parents[1]
-
-
-def fail(what):
-    sys.exit(f"FAILED: {what}")
-
-
-def need(*programs):
-    for program, package in programs:
-        if shutil.which(program) is None:
-            fail(f"{program} is missing; on Debian: sudo apt-get install {package} (or ./setup.sh tests)")
+sys.path.insert(0, str(SOURCE / "tests" / "support"))
+import npm_packages  # noqa: E402
+from npm_packages import fail, need  # noqa: E402, F401: for who uses this
 
 
 def install(npm):
-    """npm ci into the folder `npm`, unless what the lock file says is there; and the scripts beside it,
-    where Node.js looks for packages."""
-    need(("node", "nodejs"), ("npm", "npm"), ("chromium", "chromium"))
-    lock = (HERE / "package-lock.json").read_bytes()
-    stamp, wanted = npm / "installed", hashlib.sha256(lock).hexdigest()
-    npm.mkdir(parents=True, exist_ok=True)
-    if not stamp.exists() or stamp.read_text() != wanted:
-        for name in ("package.json", "package-lock.json"):
-            shutil.copy(HERE / name, npm)
-        done = subprocess.run(["npm", "ci", "--no-audit", "--no-fund", "--ignore-scripts"], cwd=npm,
-                              capture_output=True, text=True)
-        if done.returncode != 0:
-            fail(f"npm ci needs registry.npmjs.org, or its cache: {done.stdout}{done.stderr}")
-        stamp.write_text(wanted)
-    for script in HERE.glob("*.mjs"):
-        shutil.copy(script, npm)
+    """What Chromium and the scripts beside this file need, into the folder `npm`."""
+    need(("chromium", "chromium"))
+    npm_packages.install(HERE, npm)
 
 
 def write_fleet_log(path, vehicles, rate_hz, seconds):

@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdint>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <set>
@@ -17,6 +16,7 @@
 #include "tools/base/text_output.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/log_export.hpp"
+#include "tools/cli/log_out.hpp"
 #include "tools/cli/log_page.hpp"
 #include "tools/log/csv_export.hpp"
 #include "tools/log/log_input.hpp"
@@ -77,16 +77,8 @@ int log_info(const LogOptions& options) {
   return kExitOk;
 }
 
-/// Refuses to overwrite the log with its own table.
-void check_output(const LogOptions& options) {
-  std::error_code ignored;
-  if (!options.out.empty() && std::filesystem::equivalent(options.file, options.out, ignored)) {
-    throw UsageError(fmt::format("--out {} is the log itself", options.out));
-  }
-}
-
 int log_csv(const LogOptions& options) {
-  check_output(options);
+  check_not_the_log(options.file, options.out);
   LogInput input(options.file);
   std::set<std::string> channels;
   std::optional<TextOutput> out;  // not before there is something to write

@@ -12,6 +12,7 @@
 #include "common/scenario/scenario.hpp"
 #include "tools/base/replacing_output.hpp"
 #include "tools/base/text_output.hpp"
+#include "tools/cli/log_out.hpp"
 #include "tools/log/csv_export.hpp"
 #include "tools/log/log_input.hpp"
 #include "tools/log/log_survey.hpp"
@@ -50,23 +51,6 @@ LogSurvey survey_of(const std::string& file) {
   return survey;
 }
 
-/// run.lcmlog becomes run.mcap, and lcmlog-2026-01-01.00 lcmlog-2026-01-01.00.mcap.
-std::string default_out(const std::string& file) {
-  fs::path out(file);
-  if (out.extension() == ".lcmlog" || out.extension() == ".log") out.replace_extension();
-  return out.string() + ".mcap";
-}
-
-void check_out(const McapOptions& options) {
-  std::error_code ignored;
-  if (fs::equivalent(options.file, options.out, ignored)) {
-    throw UsageError(fmt::format("--out {} is the log itself", options.out));
-  }
-  if (fs::is_directory(options.out, ignored)) {
-    throw UsageError(fmt::format("--out {} is a directory", options.out));
-  }
-}
-
 /// What is to be seen beside the messages: of the scenario that is named, else of the one that
 /// `tether run --out` and `tether live --out` put beside the log.
 SceneSetting setting_of(const McapOptions& options) {
@@ -83,9 +67,9 @@ SceneSetting setting_of(const McapOptions& options) {
 }
 
 int log_mcap(McapOptions options) {
-  if (options.out.empty()) options.out = default_out(options.file);
+  if (options.out.empty()) options.out = log_out_beside(options.file, ".mcap");
   const LogSurvey survey = survey_of(options.file);
-  check_out(options);
+  check_log_out(options.file, options.out);
   LogInput input(options.file);
   const McapExport how{options.ros2, setting_of(options), "tether"};
   ReplacingOutput out(options.out);

@@ -10,6 +10,7 @@
 #include "common/program/cli.hpp"
 #include "tools/base/replacing_output.hpp"
 #include "tools/base/text_output.hpp"
+#include "tools/cli/log_out.hpp"
 #include "tools/cli/view_options.hpp"
 #include "tools/view/one_file/gzip.hpp"
 #include "tools/view/one_file/one_file_page.hpp"
@@ -31,30 +32,13 @@ struct PageOptions {
 /// What is still sent by mail and opened at once.
 constexpr std::size_t kMostPageBytes = 30'000'000;
 
-/// run.lcmlog becomes run.html, and lcmlog-2026-01-01.00 lcmlog-2026-01-01.00.html.
-std::string default_page_out(const std::string& file) {
-  fs::path out(file);
-  if (out.extension() == ".lcmlog" || out.extension() == ".log") out.replace_extension();
-  return out.string() + ".html";
-}
-
-void check_page_options(const PageOptions& options) {
-  std::error_code ignored;
-  if (fs::equivalent(options.file, options.out, ignored)) {
-    throw UsageError(fmt::format("--out {} is the log itself", options.out));
-  }
-  if (fs::is_directory(options.out, ignored)) {
-    throw UsageError(fmt::format("--out {} is a directory", options.out));
-  }
+int log_page(PageOptions options) {
+  if (options.out.empty()) options.out = log_out_beside(options.file, ".html");
+  check_log_out(options.file, options.out);
   if (!(options.span.from_s <= options.span.to_s)) {
     throw UsageError(
         fmt::format("--from {} has to be before --to {}", options.span.from_s, options.span.to_s));
   }
-}
-
-int log_page(PageOptions options) {
-  if (options.out.empty()) options.out = default_page_out(options.file);
-  check_page_options(options);
   ViewedLog log(options.file);
   const PageFolder folder(options.page.empty() ? shared_page() : fs::path(options.page));
   const Recording recording = record(log, options.span);

@@ -11,49 +11,15 @@
 #include "common/base/errors.hpp"
 #include "common/base/pattern.hpp"
 #include "common/base/text.hpp"
+#include "common/scenario/loader.hpp"
 #include "common/scenario/section.hpp"
+#include "netem/channel/change.hpp"
 #include "netem/channel/settings.hpp"
 
 namespace tether {
 namespace {
 
 const std::string kChannel = "channel.";
-
-Scenario scenario_of(const ChannelSettings& channel) {
-  static const auto kSchema =
-      std::make_shared<const ScenarioSchema>(std::vector<ScenarioSection>{channel_section()});
-  Scenario scenario(kSchema);
-  scenario.get<ChannelSettings>() = channel;
-  return scenario;
-}
-
-std::optional<NumberList> to_numbers(const toml::array& array) {
-  NumberList numbers;
-  for (const toml::node& entry : array) {
-    const auto number = entry.value<double>();
-    if (!number || !entry.is_number()) return std::nullopt;
-    numbers.push_back(*number);
-  }
-  return numbers;
-}
-
-std::optional<ScenarioValue> to_value(const toml::node& node) {
-  if (const auto* v = node.as_boolean()) return v->get();
-  if (const auto* v = node.as_integer()) return v->get();
-  if (const auto* v = node.as_floating_point()) return v->get();
-  if (const auto* v = node.as_string()) return v->get();
-  const auto* const array = node.as_array();
-  if (array == nullptr) return std::nullopt;
-  if (const auto numbers = to_numbers(*array)) return *numbers;
-  NumberRows rows;
-  for (const toml::node& entry : *array) {
-    const auto numbers =
-        entry.is_array() ? to_numbers(*entry.as_array()) : std::optional<NumberList>();
-    if (!numbers) return std::nullopt;
-    rows.push_back(*numbers);
-  }
-  return rows;
-}
 
 /// Of text that a relay sent; none if it is no TOML, as when it was cut off.
 std::optional<ScenarioValue> value_of_text(const std::string& text) {
@@ -128,7 +94,7 @@ std::string number_text(const ParameterDescription& key, double x) {
 }  // namespace
 
 NetworkParameters::NetworkParameters(const ChannelSettings& channel)
-    : scenario_(scenario_of(channel)) {
+    : scenario_(channel_scenario(channel)) {
   scenario_.get<ChannelSettings>().changes.clear();
   describe();
 }
@@ -136,7 +102,7 @@ NetworkParameters::NetworkParameters(const ChannelSettings& channel)
 void NetworkParameters::take(const std::vector<ChannelSetting>& settings, bool all) {
   if (all) {
     const ChannelSettings before = scenario_.get<ChannelSettings>();
-    scenario_ = scenario_of({});
+    scenario_ = channel_scenario({});
     for (const auto& [name, link] : before.links) scenario_.get<ChannelSettings>().links[name];
   }
   for (const ChannelSetting& setting : settings) {
