@@ -9,7 +9,7 @@ packages=(
     g++ cmake ninja-build pkg-config python3 git ca-certificates
     # libraries
     liblcm-dev liblcm-bin libode-dev libboost-dev libeigen3-dev libnlopt-dev libnlopt-cxx-dev libcli11-dev libfmt-dev
-    libtomlplusplus-dev libre2-dev libgpiod-dev libsqlite3-dev libzstd-dev zlib1g-dev nlohmann-json3-dev libgtest-dev libgmock-dev libbenchmark-dev
+    libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev libsqlite3-dev libzstd-dev zlib1g-dev nlohmann-json3-dev libgtest-dev libgmock-dev libbenchmark-dev
     # figures, charts, and lcm-spy with plots
     gnuplot-nox libjs-chart.js liblcm-java libjchart2d-java openjdk-17-jdk openjdk-17-jre
     # network set-up

@@ -3,7 +3,8 @@
 
 Fails, naming file and line, where a file includes a room that its own room does not declare (USES of
 tether_add_room, or tether_rooms(uses ...)), where a declared room is not used, where rooms form a
-cycle, where a top folder's arrow runs back up, and where a folder has become too large.
+cycle, where a top folder's arrow runs back up, where a folder has become too large, and where two
+types have one name: of their inline functions the linker keeps one, for both.
 Usage: rooms.py [ROOT]"""
 
 import pathlib
@@ -15,15 +16,19 @@ MAY_USE = {
     "common": set(),
     "sim": {"common"},
     "controller": {"common"},
+    "autonomy": {"common", "controller"},
     "netem": {"common"},
     "can_bridge": {"common"},
-    "tools": {"common", "sim", "controller", "netem", "can_bridge"},
+    "localiser": {"common"},
+    "tools": {"common", "sim", "controller", "autonomy", "netem", "can_bridge", "localiser"},
 }
 MAX_SOURCES = 25
 SOURCES = {".hpp", ".cpp", ".py", ".sh"}
 MAY_BE_LARGER = {}  # folder: (sources, why)
 
 USES = re.compile(r"\bUSES\b([^()]*?)(?=\b(?:LIBS|PRIVATE_LIBS|SOURCES)\b|\))|\btether_rooms\(uses\s([^()]*)\)")
+NAMESPACE = re.compile(r"namespace ?([\w:]*) ?{$")
+TYPE = re.compile(r"(?:class|struct|union|enum class|enum) (\w+)(?: final)?(?: :(?!:).*)? {")
 INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"')
 
 
@@ -105,6 +110,24 @@ def large_folders(root):
             yield f"{name}: {count} source files; at most {allowed}: make two rooms of it"
 
 
+def types_of_one_name(root):
+    found = {}  # name: the files that define it
+    for top in (*MAY_USE, "tests", "bench"):
+        for path in sorted((root / top).rglob("*.[ch]pp")):
+            spaces = []  # the namespaces we are in; "": one without a name
+            for line in path.read_text().splitlines():
+                if opened := NAMESPACE.match(line):
+                    spaces.append(opened[1])
+                elif spaces and re.match(r"} +// namespace", line):
+                    spaces.pop()
+                elif (match := TYPE.match(line)) and "" not in spaces:
+                    name = "::".join([*spaces, match[1]])
+                    found.setdefault(name, []).append(str(path.relative_to(root)))
+    for name, files in sorted(found.items()):
+        if len(files) > 1:
+            yield f"{name}: defined in {', '.join(files)}: give one another name"
+
+
 def folders_without_room(root, rooms):
     for top in MAY_USE:
         for folder in sorted({p.parent for p in (root / top).rglob("*.?pp")}):
@@ -119,7 +142,7 @@ def main():
     cmakes = [c for top in MAY_USE for c in sorted((root / top).rglob("CMakeLists.txt")) if is_room(c)]
     rooms = {room.name: room for room in (Room(root, cmake) for cmake in cmakes)}
     found = [*folders_without_room(root, rooms), *undeclared_and_unused(rooms), *cycles(rooms),
-             *arrows_back_up(rooms), *large_folders(root)]
+             *arrows_back_up(rooms), *large_folders(root), *types_of_one_name(root)]
     print("\n".join(found) if found else f"{len(rooms)} rooms, as they say")
     return 1 if found else 0
 

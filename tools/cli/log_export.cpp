@@ -67,7 +67,8 @@ SceneSetting setting_of(const McapOptions& options) {
 }
 
 int log_mcap(McapOptions options) {
-  if (options.out.empty()) options.out = log_out_beside(options.file, ".mcap");
+  if (options.out.empty())
+    options.out = log_out_beside(options.file, options.ros2 ? ".ros2.mcap" : ".mcap");
   const LogSurvey survey = survey_of(options.file);
   check_log_out(options.file, options.out);
   LogInput input(options.file);
@@ -119,7 +120,7 @@ int log_csv_all(const std::string& file, const std::string& folder) {
   LogInput input(file);
   const CsvExportReport report = csv_export_all(input.reader, folder);
   TextOutput said;
-  for (const CsvTable& table : report.tables) {
+  for (const CsvFile& table : report.tables) {
     said.write(fmt::format("{}: {} rows, {}\n", (fs::path(folder) / table.file).string(),
                            table.rows, table.type));
   }
@@ -133,7 +134,8 @@ void add_log_mcap_command(CLI::App& log, Action& action) {
   CLI::App* const mcap = log.add_subcommand(
       "mcap", "All channels as MCAP, with JSON for Foxglove or, with --ros2, as a ROS 2 bag");
   mcap->add_option("file", options->file, "LCM event log")->required();
-  mcap->add_option("--out", options->out, "file to write [the log's name with .mcap]");
+  mcap->add_option("--out", options->out,
+                   "file to write [the log's name with .mcap, or .ros2.mcap]");
   mcap->add_flag("--ros2", options->ros2, "a ROS 2 bag: what ROS 2 has messages for, in CDR");
   mcap->add_option("--scenario", options->scenario,
                    "whose vehicle, walls and path are shown [scenario.toml beside the log]");

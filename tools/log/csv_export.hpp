@@ -13,13 +13,13 @@ namespace tether {
 std::string csv_row(std::int64_t timestamp_us, const MessageContent& message);
 
 /// One table of csv_export_all().
-struct CsvTable {
+struct CsvFile {
   std::string channel, type, file;
   std::int64_t rows = 0;
 };
 
 struct CsvExportReport {
-  std::vector<CsvTable> tables;  ///< by channel
+  std::vector<CsvFile> tables;  ///< by channel
   LeftOut left_out;
   std::vector<LogDamage> damage;
 };

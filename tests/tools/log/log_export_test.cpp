@@ -142,7 +142,7 @@ TEST(CsvExport, WritesOneTableAChannel) {
   EventLogReader reader(stream);
   const CsvExportReport report = csv_export_all(reader, folder.path);
   std::vector<std::string> files;
-  for (const CsvTable& table : report.tables) files.push_back(table.channel + ": " + table.file);
+  for (const CsvFile& table : report.tables) files.push_back(table.channel + ": " + table.file);
   EXPECT_THAT(files,
               ElementsAre("AGV/POSE: AGV_POSE.csv", "a/POSE: a_POSE_2.csv", "a_POSE: a_POSE.csv"));
   EXPECT_THAT(report.left_out.lines(),
@@ -157,7 +157,7 @@ TEST(CsvExport, NamesOfFilesStayInTheFolder) {
   std::istringstream stream(pose(0, 0, "../../x") + pose(0, 0, "..") +
                             pose(0, 0, std::string(900, 'y')));
   EventLogReader reader(stream);
-  for (const CsvTable& table : csv_export_all(reader, folder.path).tables) {
+  for (const CsvFile& table : csv_export_all(reader, folder.path).tables) {
     EXPECT_THAT(table.file, Not(HasSubstr("/")));
     EXPECT_TRUE(std::filesystem::is_regular_file(folder.path / table.file)) << table.file;
   }
