@@ -1,9 +1,12 @@
 // Chromium and `tether`, for tests and pictures of the page.
+import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { createInterface } from "node:readline";
 import puppeteer from "puppeteer-core";
 
 export const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+export const LAPTOP = { width: 1440, height: 900 };
 
 export function launch() {
   return puppeteer.launch({
@@ -45,5 +48,28 @@ export async function until(what, condition, seconds = 20) {
     if (result) return result;
     if (Date.now() > deadline) throw new Error(`not within ${seconds} s: ${what}`);
     await sleep(50);
+  }
+}
+
+/** Runs `act(page, server)` on a page of what `command` serves; no error of the page, nothing from elsewhere. */
+export async function onPageOf(browser, command, act, view = LAPTOP, mayFail = false) {
+  const server = await serve(...command);
+  const page = await browser.newPage();
+  const errors = [];
+  page.on("pageerror", (error) => errors.push(error.message));
+  page.on("console", (message) => message.type() === "error" && !mayFail && errors.push(message.text()));
+  page.on("request", (request) => {
+    if (!request.url().startsWith(server.address) && !request.url().startsWith("data:"))
+      errors.push(`asks for ${request.url()}`);
+  });
+  try {
+    await page.setViewport(view);
+    await page.goto(server.address);
+    await until("the page is connected", () => page.evaluate(() => globalThis.tether?.connection.isOpen));
+    await act(page, server);
+    assert.deepEqual(errors, []);
+  } finally {
+    await page.close();
+    await server.end();
   }
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""The page of `tether view` in Chromium, against the server itself: browser_test.mjs.
+"""The page of `tether view` in Chromium, against the server itself: browser_test.mjs, states_test.mjs.
 
 Usage: page_test.py BIN_DIR NPM_DIR; packages of package-lock.json are installed to NPM_DIR once.
 """
@@ -11,6 +11,25 @@ import tempfile
 
 from page_support import SOURCE, fail, install, write_fleet_log
 
+HALL = """
+[lidar]
+model = "custom"
+rate_hz = 5.0
+range_max_m = 100.0
+range_10_m = 100.0
+fov_rad = 6.28
+[[world.obstacle]]
+kind = "box"
+x_m = 20.0
+y_m = 10.0
+[[world.obstacle]]
+kind = "box"
+x_m = 17.0
+y_m = 17.0
+pause_s = 1000.0
+to = [[-17.0, 17.0]]
+"""
+LCM_URL = "udpm://239.255.76.67:7667?ttl=0"
 BIN, NPM = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 
 
@@ -25,7 +44,12 @@ def main():
         if done.returncode != 0:
             fail(f"tether run: {done.stderr}")
         write_fleet_log(work / "fleet.lcmlog", vehicles=100, rate_hz=50, seconds=30)
-        sys.exit(subprocess.run(["node", NPM / "browser_test.mjs", BIN / "tether", scenario, work]).returncode)
+        hall = work / "hall.toml"
+        hall.write_text(scenario.read_text() + HALL)
+        node = ["node", NPM / "states_test.mjs", BIN / "tether", scenario, LCM_URL, work / "run" / "run.lcmlog", hall]
+        states = subprocess.run([SOURCE / "tests" / "support" / "in_own_network.sh", *node]).returncode
+        every = subprocess.run(["node", NPM / "browser_test.mjs", BIN / "tether", scenario, work]).returncode
+        sys.exit(states or every)
 
 
 main()

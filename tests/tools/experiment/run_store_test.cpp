@@ -10,6 +10,7 @@
 #include "common/base/errors.hpp"
 #include "common/base/fnv1a.hpp"
 #include "common/path/path_settings.hpp"
+#include "common/world/surroundings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/models/trace_process.hpp"
@@ -122,6 +123,18 @@ TEST_F(Store, RefusesWaypointsThatHaveChanged) {
   begin(e);
   std::ofstream(lap) << "x_m,y_m\n0,0\n6,0\n";
   EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("lap.csv")));
+}
+
+TEST_F(Store, RefusesTheImageOfAMapThatHasChanged) {
+  const auto map = folder_ / "hall.yaml", image = folder_ / "hall.pgm";
+  std::ofstream(map) << "image: hall.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\n"
+                        "occupied_thresh: 0.65\nfree_thresh: 0.25\n";
+  Experiment e = two_arms();
+  e.arms[0].scenario.get<Surroundings>().map_file = map.string();
+  std::ofstream(image) << "P2 2 1 255\n255 0\n";
+  begin(e);
+  std::ofstream(image) << "P2 2 1 255\n0 255\n";
+  EXPECT_THAT([&] { begin(e); }, ThrowsMessage<UsageError>(HasSubstr("hall.pgm")));
 }
 
 TEST_F(Store, RefusesATraceOfALaterChangeThatHasChanged) {

@@ -53,6 +53,18 @@ TEST(ViewAccess, OtherSitesPagesAreNotUnlessTheyAreNamed) {
   }
 }
 
+TEST(ViewAccess, AnOriginIsASchemeAndAHostAndNothingAfterThem) {
+  for (const char* origin : {"https://app.foxglove.dev", "http://127.0.0.1:8080", "http://[::1]:80",
+                             "vscode-webview://0a1b"}) {
+    EXPECT_TRUE(is_origin(origin)) << origin;
+  }
+  for (const char* other : {"foo", "app.foxglove.dev", "https://app.foxglove.dev/", "https://", "",
+                            "://x", "https://App.foxglove.dev", "https://x/y", "https://a b",
+                            "null", "*", "https://*.foxglove.dev"}) {
+    EXPECT_FALSE(is_origin(other)) << other;
+  }
+}
+
 TEST(ViewAccess, ATokenIsWantedOfEachRequestInItsAddressOrItsCookie) {
   const std::string host = "10.0.0.7:8765";
   EXPECT_THAT(why_refused(kClosed, {"/", host, "", ""}), HasSubstr("token"));

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/experiment/report/figure.hpp"
+#include "tools/experiment/store/sweeps_below.hpp"
 
 namespace tether {
 namespace {
@@ -28,7 +29,8 @@ Json point_json(const SweepData& data, std::size_t arm, const std::string& x) {
 
 }  // namespace
 
-std::string chart_json(const RunStore& store, const SweepData& data) {
+std::string chart_json(const RunStore& store, const SweepData& data,
+                       const std::filesystem::path& folder) {
   const auto choice = store.figure();
   using Kind = FigureChoice::Kind;
   const bool has_means = choice && (choice->kind == Kind::curve || choice->kind == Kind::heatmap ||
@@ -52,6 +54,8 @@ std::string chart_json(const RunStore& store, const SweepData& data) {
               {"log", is_comparison},
               {"reversed", choice->reversed},
               {"folder", store.file().parent_path().string()},
+              {"report", folder.string()},
+              {"runs_at", address_of_runs(folder, store.file())},
               {"series", std::move(series)}}
       .dump();
 }

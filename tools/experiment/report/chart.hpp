@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "tools/experiment/store/data.hpp"
@@ -10,7 +11,8 @@ namespace tether {
 /// What the report's page draws with the mouse over it, as JSON: the series of the sweep's [figure]
 /// (of a heat map: one for each y) with mean, interval, n and lost vehicles of each point, its
 /// combination's number, and its runs as pairs of seed and value. Empty for figures that show no
-/// means, or without runs. `data`: the figure's metric. report.js reads it.
-std::string chart_json(const RunStore& store, const SweepData& data);
+/// means, or without runs. `data`: the figure's metric; `folder`: the report's. report.js reads it.
+std::string chart_json(const RunStore& store, const SweepData& data,
+                       const std::filesystem::path& folder);
 
 }  // namespace tether

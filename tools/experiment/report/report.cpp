@@ -9,12 +9,11 @@
 #include <optional>
 #include <utility>
 
-#include "common/base/errors.hpp"
 #include "tools/base/write_file.hpp"
 #include "tools/experiment/report/chart.hpp"
 #include "tools/experiment/report/figure.hpp"
 #include "tools/experiment/store/data.hpp"
-#include "tools/experiment/store/export.hpp"
+#include "tools/experiment/store/sweeps_below.hpp"
 
 namespace tether {
 namespace {
@@ -70,24 +69,6 @@ std::vector<std::vector<std::string>> table_of(const RunStore& store, const Swee
   return table;
 }
 
-std::vector<fs::path> databases_below(const fs::path& folder) {
-  std::vector<fs::path> files;
-  if (fs::exists(database_of(folder))) return {database_of(folder)};
-  if (fs::is_directory(folder)) {
-    for (const auto& entry : fs::directory_iterator(folder)) {
-      if (entry.is_directory() && fs::exists(database_of(entry.path()))) {
-        files.push_back(database_of(entry.path()));
-      }
-    }
-  }
-  std::sort(files.begin(), files.end());
-  if (files.empty()) {
-    throw UsageError(
-        fmt::format("no sweep in {}: there is no runs.sqlite in it or below", folder.string()));
-  }
-  return files;
-}
-
 void add_results(const RunStore& store, SweepData data, RiskDefinition risk,
                  PaperResults& results) {
   const std::string name = store.name();
@@ -125,7 +106,7 @@ ReportSection make_section(const RunStore& store, const SweepData& data, const f
   section.planned = store.planned_runs();
   section.is_complete = store.is_complete();
   if (draw_sweep_figure(store, data, folder, stem, risk)) section.figure = stem;
-  section.chart = chart_json(store, data);
+  section.chart = chart_json(store, data, folder);
   section.table = table_of(store, data);
   section.tables = tables_of(store);
   for (std::size_t i = 0; i < section.tables.size(); ++i) {

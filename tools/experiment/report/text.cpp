@@ -12,18 +12,23 @@ namespace tether {
 namespace {
 
 constexpr char kStyle[] = R"(
-body { font: 16px/1.5 sans-serif; color: #222; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
+:root { color-scheme: light dark; --paper: #fff; --ink: #222; --faint: #555; --line: #ccc; --code: #f4f4f4; --good: #00664b; --bad: #a03c00; --link: #0050a0 }
+@media screen and (prefers-color-scheme: dark) {
+  :root { --paper: #16202a; --ink: #e6e9ec; --faint: #b0b8c0; --line: #48545f; --code: #202d39; --good: #4fd0a5; --bad: #ff9a5c; --link: #7fc1ff }
+}
+body { font: 16px/1.5 sans-serif; background: var(--paper); color: var(--ink); max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
+a { color: var(--link) }
 h1 { line-height: 1.2 } h2 { margin-top: 3rem }
-img { max-width: 34rem; width: 100%; display: block }
+img { max-width: 34rem; width: 100%; display: block; background: #fff }
 table { border-collapse: collapse; font-size: .85rem; margin: 1rem 0 }
-th, td { border-bottom: 1px solid #ccc; padding: .25rem .6rem; text-align: left; vertical-align: top }
+th, td { border-bottom: 1px solid var(--line); padding: .25rem .6rem; text-align: left; vertical-align: top }
 td.number { text-align: right; white-space: nowrap }
-.facts { color: #555; font-size: .9rem }
+.facts { color: var(--faint); font-size: .9rem }
 .verdict { white-space: nowrap; font-weight: bold }
-.reproduced { color: #00664b } .not { color: #a03c00 } .undecided { color: #555 }
-pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: .8rem }
+.reproduced { color: var(--good) } .not { color: var(--bad) } .undecided { color: var(--faint) }
+pre { background: var(--code); padding: 1rem; overflow-x: auto; font-size: .8rem }
 .scroll { overflow-x: auto }
-canvas { background: #fff }
+select { max-width: 100% }
 )";
 
 std::string escaped(const std::string& text) {
@@ -142,9 +147,10 @@ std::string html_of(const ReportSection& s, const std::filesystem::path& folder)
   if (!s.chart.empty()) {
     html += fmt::format(
         "<details class=\"chart\"><summary>Explore: values, single series, the runs behind a "
-        "point</summary><canvas></canvas><div class=\"runs\">A point's click shows its runs.</div>"
-        "<script type=\"application/json\">{}</script></details>\n",
-        script_data(s.chart));
+        "point</summary><canvas role=\"img\" aria-label=\"{}\"></canvas><div class=\"runs\">A "
+        "point's "
+        "click shows its runs.</div><script type=\"application/json\">{}</script></details>\n",
+        escaped(s.title), script_data(s.chart));
   }
   html += fmt::format("<p class=\"facts\">{}", escaped(facts(s)));
   if (!s.figure.empty()) {
@@ -195,7 +201,9 @@ std::string markdown_table(const std::vector<std::vector<std::string>>& rows) {
 
 std::string to_html(const Report& report, const std::filesystem::path& folder) {
   std::string html = fmt::format(
-      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<title>{0}</title>\n"
+      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
+      "<meta name=\"viewport\" content=\"width=device-width, "
+      "initial-scale=1\">\n<title>{0}</title>\n"
       "<style>{1}</style></head><body>\n<h1>{0}</h1>\n",
       escaped(report.title), kStyle);
   if (!report.claims.empty()) {

@@ -49,6 +49,15 @@ SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_
       if (columns[i].lost[run] <= 0.5) arm.survivors.push_back(arm.runs[run]);
     }
     if (number == lost) arm.summary.mean_interval = arm.survival.lost.interval;
+    if (metrics()[number].is_share) {
+      const auto known = std::count_if(values.begin(), values.end(),
+                                       [](double value) { return !std::isnan(value); });
+      const auto count =
+          std::count_if(values.begin(), values.end(), [](double value) { return value > 0.5; });
+      arm.summary.mean_interval =
+          share_of(static_cast<std::size_t>(count), static_cast<std::size_t>(known), kConfidence)
+              .interval;
+    }
   }
 }
 

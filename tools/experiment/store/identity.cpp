@@ -15,6 +15,8 @@
 #include "common/base/text.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
+#include "common/world/occupancy_map.hpp"
+#include "common/world/surroundings.hpp"
 #include "netem/channel/change.hpp"
 #include "netem/channel/settings.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
@@ -34,7 +36,7 @@ std::string hash_of_file(const std::string& file) {
   return fmt::format("{:016x}", fnv1a(read_input(file, "the scenario's file", kMostTableBytes)));
 }
 
-/// The files that a scenario names.
+/// The files that a scenario names, and that those name.
 std::set<std::string> files_of(Scenario scenario) {
   std::set<std::string> files;
   for (const ScenarioKey& key : scenario.schema().keys_of(scenario)) {
@@ -45,6 +47,9 @@ std::set<std::string> files_of(Scenario scenario) {
     for (const std::string& setting : change.settings) {
       if (const auto file = file_of_setting(setting)) files.insert(*file);
     }
+  }
+  if (const std::string& map = scenario.get<Surroundings>().map_file; !map.empty()) {
+    files.insert(load_occupancy_map(map).image_file);
   }
   return files;
 }

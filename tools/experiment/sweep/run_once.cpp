@@ -5,9 +5,8 @@
 
 #include "common/scenario/run_settings.hpp"
 #include "tools/loop/closed_loop.hpp"
+#include "tools/runs/fleet_observer.hpp"
 #include "tools/runs/metric.hpp"
-#include "tools/runs/run_observer.hpp"
-#include "tools/runs/run_summary.hpp"
 
 namespace tether {
 namespace {
@@ -35,14 +34,14 @@ std::vector<TrajectoryPoint> to_points(const std::vector<TrajectoryRow>& rows) {
 
 RunResult run_to_the_end(const Scenario& scenario, double trajectory_period_s) {
   ClosedLoop loop(scenario);
-  const RunObserver observer(scenario, loop.loop(), loop.bus());
+  const FleetObserver observer(loop.members(), loop.loop(), loop.bus());
   loop.run();
-  check_finite(observer);
+  observer.check_finite();
   const Instant end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
   RunResult result;
   std::transform(metrics().begin(), metrics().end(), result.metrics.begin(),
-                 [&](const Metric& metric) { return metric.of(observer, end); });
-  if (trajectory_period_s > 0.0) result.trajectory = to_points(observer.trajectory());
+                 [&](const Metric& metric) { return value_of(metric, observer.vehicles(), end); });
+  if (trajectory_period_s > 0.0) result.trajectory = to_points(observer.first().trajectory());
   return result;
 }
 

@@ -63,6 +63,20 @@ std::string_view path_of_target(std::string_view target) {
   return target.substr(0, target.find('?'));
 }
 
+bool is_origin(std::string_view text) {
+  constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyz", kDigits = "0123456789";
+  const auto consists_of = [&](std::string_view part, std::string_view more) {
+    return !part.empty() && std::all_of(part.begin(), part.end(), [&](char c) {
+      return kLetters.find(c) != std::string_view::npos ||
+             kDigits.find(c) != std::string_view::npos || more.find(c) != std::string_view::npos;
+    });
+  };
+  constexpr std::string_view kBetween = "://";
+  const std::size_t end = text.find(kBetween);
+  return end != std::string_view::npos && consists_of(text.substr(0, end), "+-.") &&
+         consists_of(text.substr(end + kBetween.size()), "-._:[]");
+}
+
 std::string token_cookie(std::uint16_t port) { return fmt::format("tether_view_{}", port); }
 
 bool has_token_in_target(const AccessRules& rules, std::string_view target) {

@@ -32,6 +32,10 @@ struct AccessRequest {
 /// Empty if it may pass; else why not, for people.
 std::string why_refused(const AccessRules& rules, const AccessRequest& request);
 
+/// Whether that is an origin as browsers say it: "https://app.foxglove.dev", in lower case, with
+/// nothing after the host but a port.
+bool is_origin(std::string_view text);
+
 /// The name of the cookie that holds the token. Cookies do not tell ports apart: names do.
 std::string token_cookie(std::uint16_t port);
 

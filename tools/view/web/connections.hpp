@@ -12,6 +12,7 @@
 #include "tools/view/session/hub.hpp"
 #include "tools/view/web/access.hpp"
 #include "tools/view/web/page_folder.hpp"
+#include "tools/view/web/web_site.hpp"
 
 namespace tether {
 
@@ -21,6 +22,7 @@ struct ViewServices {
   AccessRules access;
   PageFolder page;
   std::string run_json;
+  WebSite site;  ///< in place of all else, if there is one
   std::function<std::string()> status_json;
   std::size_t most_connections = 0;
 

@@ -59,11 +59,19 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
       ++services_.refused;
       return answer(http::status::forbidden, refused + "\n");
     }
-    if (beast::websocket::is_upgrade(request())) return upgrade();
-    if (request().method() != http::verb::get && request().method() != http::verb::head) {
+    const bool is_post = services_.site && request().method() == http::verb::post;
+    if (beast::websocket::is_upgrade(request()) && !services_.site) return upgrade();
+    if (request().method() != http::verb::get && request().method() != http::verb::head &&
+        !is_post) {
       return answer(http::status::method_not_allowed, "GET and HEAD are what there is\n");
     }
+    if (services_.site) return serve(services_.site(is_post, path_of_target(asked.target)));
     serve(path_of_target(asked.target));
+  }
+
+  void serve(WebAnswer of_site) {
+    policy_ = std::move(of_site.policy);
+    answer(static_cast<http::status>(of_site.status), std::move(of_site.body), of_site.type);
   }
 
   void serve(std::string_view path) {
@@ -94,12 +102,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     response_.emplace(status, 11);
     Response& r = *response_;
     r.set(http::field::content_type, type);
-    // Nothing but what comes from here; the WebSocket by its name, for older browsers.
-    r.set("Content-Security-Policy",
-          fmt::format("default-src 'self'; connect-src 'self' ws://{}; img-src 'self' data: blob:; "
-                      "object-src 'none'; base-uri 'none'; form-action 'none'; "
-                      "frame-ancestors 'none'",
-                      status == http::status::ok ? text(request()[http::field::host]) : ""));
+    r.set("Content-Security-Policy", policy_.empty() ? policy_of_page(status) : policy_);
     r.set("X-Content-Type-Options", "nosniff");
     r.set("Referrer-Policy", "no-referrer");
     r.set("Cross-Origin-Resource-Policy", "same-origin");
@@ -115,6 +118,14 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     if (request().method() != http::verb::head) r.body() = std::move(body);
     r.keep_alive(status == http::status::ok && request().keep_alive());
     send();
+  }
+
+  /// Nothing but what comes from here; the WebSocket by its name, for older browsers.
+  std::string policy_of_page(http::status status) const {
+    return fmt::format(
+        "default-src 'self'; connect-src 'self' ws://{}; img-src 'self' data: blob:; "
+        "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+        status == http::status::ok ? text(request()[http::field::host]) : "");
   }
 
   void send() {
@@ -138,6 +149,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   beast::flat_buffer received_{std::size_t{2} * kMostHeaderBytes};
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<Response> response_;
+  std::string policy_;  ///< of a site; empty: policy_of_page()
 };
 
 }  // namespace

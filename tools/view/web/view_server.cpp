@@ -35,7 +35,8 @@ asio::ip::address listening_address(const std::string& text) {
   auto address = asio::ip::make_address(text, error);
   if (!error) return address;
   throw UsageError(fmt::format(
-      "address \"{}\": has to be an IP address in digits, such as 127.0.0.1, 0.0.0.0 or ::1",
+      "address \"{}\": has to be an IP address in digits: 127.0.0.1 or ::1 (of this host alone), "
+      "0.0.0.0 or :: (all of its addresses), or one that it has",
       printable(text, kLongestNameShown)));
 }
 
@@ -86,7 +87,7 @@ ServerInfo server_info(const ViewServer::Options& options) {
 class ViewServer::Core {
  public:
   Core(const Options& options, std::unique_ptr<DerivedChannels> derived)
-      : address_(options.address),
+      : address_(listening_address(options.address)),
         hub_(
             {server_info(options), options.publishable},
             [this](ViewRequest r) { ask(std::move(r)); }, std::move(derived)),
@@ -94,6 +95,7 @@ class ViewServer::Core {
                   {0, options.token, options.origins},
                   PageFolder(options.page),
                   options.run_json,
+                  options.site,
                   [this] { return status_json(); },
                   kMostClients},
         acceptor_(listen(io_, options.address, options.port)),
@@ -116,11 +118,14 @@ class ViewServer::Core {
   Core& operator=(const Core&) = delete;
 
   std::string address() const {
-    const bool is_v6 = address_.find(':') != std::string::npos;
+    const bool is_v6 = address_.is_v6();
+    std::string host = address_.to_string();
+    if (is_everywhere()) host = is_v6 ? "::1" : "127.0.0.1";
     const std::string& token = services_.access.token;
-    return fmt::format("http://{}:{}/{}", is_v6 ? "[" + address_ + "]" : address_, port(),
+    return fmt::format("http://{}:{}/{}", is_v6 ? "[" + host + "]" : host, port(),
                        token.empty() ? "" : "?token=" + token);
   }
+  bool is_everywhere() const { return address_.is_unspecified(); }
   std::uint16_t port() const { return services_.access.port; }
 
   ViewInbox& inbox() { return inbox_; }
@@ -197,7 +202,7 @@ class ViewServer::Core {
     return status.dump();
   }
 
-  std::string address_;
+  asio::ip::address address_;
   ViewInbox inbox_;
   ViewInbox::Batch batch_;
   RequestBox requests_;
@@ -211,6 +216,7 @@ class ViewServer::Core {
 };
 
 ViewServer::ViewServer(const Options& options, std::unique_ptr<DerivedChannels> derived) {
+  listening_address(options.address);
   if (options.token.empty() && !is_loopback(options.address)) {
     throw UsageError(
         fmt::format("address {}: other machines may come in there, so it needs a token: --token",
@@ -221,6 +227,7 @@ ViewServer::ViewServer(const Options& options, std::unique_ptr<DerivedChannels> 
 ViewServer::~ViewServer() = default;
 
 std::string ViewServer::address() const { return core_->address(); }
+bool ViewServer::is_everywhere() const { return core_->is_everywhere(); }
 std::uint16_t ViewServer::port() const { return core_->port(); }
 
 void ViewServer::hear(std::string_view topic, std::span<const std::uint8_t> bytes,

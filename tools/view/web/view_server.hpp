@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tools/view/session/hub.hpp"
+#include "tools/view/web/web_site.hpp"
 
 namespace tether {
 
@@ -29,6 +30,8 @@ class ViewServer {
     std::vector<std::string> publishable;
     bool has_time = false;  ///< tell_time() will be called
     std::string run_json;   ///< what /api/run.json says
+    /// What is served instead, if it is given: no page, no /api and no WebSocket then.
+    WebSite site = nullptr;
   };
   static constexpr std::size_t kMostClients = 100;
 
@@ -40,8 +43,10 @@ class ViewServer {
   ViewServer(const ViewServer&) = delete;
   ViewServer& operator=(const ViewServer&) = delete;
 
-  /// "http://127.0.0.1:8765/", with the token if there is one.
+  /// "http://127.0.0.1:8765/", with the token if there is one: where this host reaches it.
   std::string address() const;
+  /// It listens on all addresses of this host (0.0.0.0 or ::).
+  bool is_everywhere() const;
   std::uint16_t port() const;
 
   // See Hub.

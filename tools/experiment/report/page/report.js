@@ -1,10 +1,13 @@
-// Charts of a report: values under the mouse, series on and off, and the command that makes the
-// run behind a point again. Each chart is drawn when its part of the page is opened.
+// Charts of a report: values under the mouse, series on and off, and the runs behind a point: served
+// by `tether view`, they open in the viewer; else there are commands that make them again. Each chart
+// is drawn when its part of the page is opened.
 "use strict";
 
 (() => {
   // Okabe and Ito, as in the figures; more series than colours differ in dashes, too.
-  const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
+  const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
+  const isServed = "served" in document.documentElement.dataset; // by `tether view`, which says so
+  const dark = matchMedia("screen and (prefers-color-scheme: dark)");
   const DASHES = [[], [6, 3], [2, 2]];
   const POINTS = ["circle", "rect", "triangle"];
 
@@ -39,8 +42,9 @@
   };
 
   function datasetOf(series, number, chart) {
-    const colour = COLOURS[number % COLOURS.length];
-    const style = Math.floor(number / COLOURS.length) % DASHES.length;
+    const colours = [...COLOURS, dark.matches ? "#ffffff" : "#000000"];
+    const colour = colours[number % colours.length];
+    const style = Math.floor(number / colours.length) % DASHES.length;
     return {
       label: chart.y ? `${chart.y} ${series.name}` : series.name || "mean",
       data: series.points
@@ -57,34 +61,71 @@
     };
   }
 
-  // The runs of a point, the worst first, and how to make the chosen one again.
+  const addressOf = (chart, point, seed) => `${chart.runs_at}/${point.arm}/${seed}`;
+  const TAB = "tether-run"; // one for all runs
+
+  function commandsFor(chart, point, seed) {
+    const again =
+      `tether sweep scenario '${chart.folder}' ${point.arm} ${seed} --out again.toml\n` +
+      "tether run again.toml --view    # in the browser; or --out out/again";
+    return isServed ? again : `${again}\ntether view '${chart.report}'    # this page, where a click opens a run`;
+  }
+
+  // The runs of a point, the worst first, and how to see the chosen one. Returns the worst one's address.
   function showRuns(place, chart, label, point) {
     const runs = point.runs.filter(([, value]) => value !== null).sort((a, b) => b[1] - a[1]);
     const select = document.createElement("select");
     for (const [seed, value] of runs) {
       select.add(new Option(`seed ${seed}: ${digits(value)}`, seed));
     }
-    const command = document.createElement("pre");
+    const link = Object.assign(document.createElement("a"), { textContent: "open it in the viewer", target: TAB });
+    const commands = document.createElement("pre");
     const write = () => {
-      command.textContent =
-        `tether sweep scenario '${chart.folder}' ${point.arm} ${select.value} --out again.toml\n` +
-        "tether run again.toml --view    # in the browser; or --out out/again";
+      link.href = addressOf(chart, point, select.value);
+      commands.textContent = commandsFor(chart, point, select.value);
     };
     select.addEventListener("change", write);
     write();
     const title = document.createElement("p");
     title.textContent = `${label}, ${chart.x_label} ${digits(point.x)}: ${describe(point)}. The run with `;
-    title.append(select, " again:");
-    place.replaceChildren(title, command);
+    title.append(select, ...(isServed ? [": ", link, ", or again:"] : [" again:"]));
+    place.replaceChildren(title, commands);
+    return link.href;
+  }
+
+  // Points for those who have no mouse: a list of them all, which shows the runs as a click does.
+  function pointList(datasets, chart, show) {
+    const list = new DocumentFragment();
+    datasets.forEach(({ label, data }, series) => {
+      const group = Object.assign(document.createElement("optgroup"), { label });
+      data.forEach((point, index) =>
+        group.append(new Option(`${chart.x_label} ${digits(point.x)}: ${describe(point)}`, `${series} ${index}`)),
+      );
+      list.append(group);
+    });
+    const select = document.createElement("select");
+    select.append(new Option("choose …", ""), list);
+    select.addEventListener("change", () => {
+      if (select.value) show(...select.value.split(" ").map(Number));
+    });
+    const line = Object.assign(document.createElement("label"), { className: "points", textContent: "Point " });
+    line.append(select);
+    return line;
   }
 
   function draw(figure) {
     const chart = JSON.parse(figure.querySelector("script").textContent);
     const runs = figure.querySelector(".runs");
+    const style = getComputedStyle(figure);
+    Chart.defaults.color = style.color;
+    Chart.defaults.borderColor = style.getPropertyValue("--line");
     const axis = (text) => ({ title: { display: true, text } });
-    new Chart(figure.querySelector("canvas"), {
+    const datasets = chart.series.map((series, number) => datasetOf(series, number, chart));
+    const show = (series, index) => showRuns(runs, chart, datasets[series].label, datasets[series].data[index]);
+    if (!figure.querySelector(".points")) runs.before(pointList(datasets, chart, show));
+    return new Chart(figure.querySelector("canvas"), {
       type: "scatter",
-      data: { datasets: chart.series.map((series, number) => datasetOf(series, number, chart)) },
+      data: { datasets },
       options: {
         animation: false,
         scales: {
@@ -100,18 +141,28 @@
             },
           },
         },
-        onClick: (event, [hit], drawn) => {
+        onClick: (event, [hit]) => {
           if (!hit) return;
-          const dataset = drawn.data.datasets[hit.datasetIndex];
-          showRuns(runs, chart, dataset.label, dataset.data[hit.index]);
+          const address = show(hit.datasetIndex, hit.index);
+          if (isServed) open(address, TAB)?.focus();
         },
       },
       plugins: [intervals],
     });
   }
 
+  // When the system changes between light and dark, what has been drawn is drawn again.
   for (const figure of document.querySelectorAll("details.chart")) {
-    if (figure.open) draw(figure);
-    else figure.addEventListener("toggle", () => draw(figure), { once: true });
+    let drawn = null;
+    const drawIfOpen = () => {
+      if (figure.open) drawn ??= draw(figure);
+    };
+    figure.addEventListener("toggle", drawIfOpen);
+    dark.addEventListener("change", () => {
+      drawn?.destroy();
+      drawn = null;
+      drawIfOpen();
+    });
+    drawIfOpen();
   }
 })();
