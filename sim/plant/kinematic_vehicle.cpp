@@ -12,6 +12,8 @@ namespace {
 
 // A vehicle that is slower than this at walls stands: this much is left by the solver's rounding.
 constexpr double kStanding_mps = 1e-8;
+// So near an obstacle is looked at: more than the remainder of a push.
+constexpr double kSlack_m = 1e-3;
 
 void check_drivable(const VehicleConfig& v, const WorldSettings& w, double step_s) {
   // Written so that NaN fails too.
@@ -37,7 +39,8 @@ double sinc(double x) {
 }  // namespace
 
 KinematicVehicle::KinematicVehicle(const VehicleConfig& vehicle, const WorldSettings& world,
-                                   Duration step)
+                                   Duration step, const Surroundings& surroundings,
+                                   std::uint64_t seed)
     : config_(vehicle),
       step_s_(to_seconds(step)),
       max_change_mps_(vehicle.max_wheel_acceleration_mps2 * step_s_),
@@ -45,6 +48,8 @@ KinematicVehicle::KinematicVehicle(const VehicleConfig& vehicle, const WorldSett
   check_drivable(vehicle, world, step_s_);
   state_.pose = {vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)};
   state_.height_m = vehicle.wheel_radius_m;
+  if (!surroundings.any()) return;
+  obstacles_.emplace(vehicle, world, surroundings, seed, step_s_, kSlack_m);
 }
 
 void KinematicVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
@@ -56,17 +61,24 @@ void KinematicVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
 
 void KinematicVehicle::step() {
   const bool steady = turn_wheels();
-  if (steady && jammed_) return;
+  const bool free_again = obstacles_ && obstacles_->any_moves();
+  if (steady && jammed_ && !free_again) return;
   const Twist wish = to_twist(mean_, config_.track_m);
   const PlanarMotion motion{wish.v_mps, 0.0, wish.omega_radps};
   const double travel_m = (std::abs(mean_.left_mps) + std::abs(mean_.right_mps)) * step_s_;
-  if (footprint_.may_touch(state_.pose, travel_m)) {
-    move_at_walls(motion);
+  const std::span<const Shape> near = near_obstacles(t_s_);
+  if (!near.empty() || footprint_.may_touch(state_.pose, travel_m)) {
+    move_at_walls(motion, near);
     return;
   }
   move(motion);
   state_.twist = to_twist(state_.rim_speeds, config_.track_m);
   state_.wall_contact = jammed_ = false;
+}
+
+std::span<const Shape> KinematicVehicle::near_obstacles(double t_s) {
+  if (!obstacles_) return {};
+  return obstacles_->near(state_.pose, t_s);
 }
 
 /// True if the wheels turned as in the step before.
@@ -93,13 +105,13 @@ void KinematicVehicle::move(const PlanarMotion& motion) {
   pose.yaw_rad = wrap_angle(pose.yaw_rad + 2.0 * half_turn_rad);
 }
 
-void KinematicVehicle::move_at_walls(const PlanarMotion& wish) {
-  const PlanarMotion motion = footprint_.between_walls(state_.pose, wish, step_s_);
+void KinematicVehicle::move_at_walls(const PlanarMotion& wish, std::span<const Shape> near) {
+  const PlanarMotion motion = footprint_.between_walls(state_.pose, wish, step_s_, near);
   jammed_ = std::abs(motion.forward_mps) < kStanding_mps &&
             std::abs(motion.left_mps) < kStanding_mps &&
             std::abs(motion.omega_radps) < kStanding_mps;
   if (!jammed_) move(motion);
-  state_.wall_contact = footprint_.push_inside(state_.pose);
+  state_.wall_contact = footprint_.push_inside(state_.pose, near_obstacles(t_s_ + step_s_));
   state_.twist = jammed_ ? Twist{} : Twist{motion.forward_mps, motion.omega_radps};
 }
 

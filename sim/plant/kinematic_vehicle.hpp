@@ -1,17 +1,23 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
+#include <span>
+
 #include "common/base/time.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
+#include "sim/obstacles/near_obstacles.hpp"
 #include "sim/plant/plant.hpp"
 #include "sim/plant/walled_footprint.hpp"
 
 namespace tether {
 
 /// The AGV as two rolling wheels, for sweeps and predictions: no masses, no forces, no slip but at
-/// walls (docs/physics.md).
+/// walls and obstacles (docs/physics.md).
 ///
 /// Each wheel's rim speed moves to its command at no more than `max_wheel_acceleration_mps2`. In a
 /// step the vehicle drives the arc of the mean rim speeds: exact at constant speeds; while it
@@ -20,12 +26,16 @@ namespace tether {
 /// wheels turn as commanded and slip.
 class KinematicVehicle final : public Plant {
  public:
-  /// `step` is the fixed step, world.step_ms.
+  /// `step` is the fixed step, world.step_ms; `seed` that of what moves.
   /// Throws std::invalid_argument for sizes and limits that are not positive, and for a start that
   /// is not between the walls.
-  KinematicVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step);
+  KinematicVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step,
+                   const Surroundings& surroundings = {}, std::uint64_t seed = 0);
 
   void set_wheel_targets(const WheelSpeeds& rim_speeds) override;
+  void set_vehicles(std::span<const Shape> vehicles) override {
+    if (obstacles_) obstacles_->set_vehicles(vehicles);
+  }
   void step() override;
   VehicleState state() const override { return state_; }
   Position position() const override { return {state_.pose.x_m, state_.pose.y_m}; }
@@ -36,12 +46,14 @@ class KinematicVehicle final : public Plant {
  private:
   bool turn_wheels();
   void move(const PlanarMotion& motion);
-  void move_at_walls(const PlanarMotion& wish);
+  std::span<const Shape> near_obstacles(double t_s);
+  void move_at_walls(const PlanarMotion& wish, std::span<const Shape> near);
 
   VehicleConfig config_;
   double step_s_;
   double max_change_mps_;
   WalledFootprint footprint_;
+  std::optional<NearObstacles> obstacles_;  ///< if there are any
   WheelSpeeds commands_;
   WheelSpeeds mean_;     ///< rim speeds in the last step
   bool jammed_ = false;  ///< at walls, the last step's wheel speeds moved nothing

@@ -41,6 +41,7 @@ void OdeWorld::build_chassis(const VehicleConfig& vehicle) {
   axle_in_chassis_m_ =
       std::array<double, 3>{vehicle.axle_x_m, 0.0, 0.0 - vehicle.chassis_z_m} - centre;
   caster_in_chassis_m_ = caster - centre;
+  box_in_chassis_m_ = std::array<double, 3>{} - centre;
   for (std::size_t i = 0; i < corners_m_.size(); ++i) {
     const std::array<double, 3> corner{(i & 1 ? 0.5 : -0.5) * vehicle.chassis_length_m,
                                        (i & 2 ? 0.5 : -0.5) * vehicle.chassis_width_m,

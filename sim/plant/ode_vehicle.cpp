@@ -31,6 +31,10 @@ void check_bodies(const VehicleConfig& v, const WorldSettings& w, double step_s)
   check_start_and_step(v, w, step_s);
 }
 
+// So near an obstacle is looked at: a vehicle that tilts reaches a little farther than one that
+// stands upright.
+constexpr double kSlack_m = 0.1;
+
 }  // namespace
 
 struct OdeVehicle::World : OdeWorld {
@@ -38,13 +42,16 @@ struct OdeVehicle::World : OdeWorld {
 };
 
 OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step,
-                       RandomEngine random)
+                       RandomEngine random, const Surroundings& surroundings, std::uint64_t seed)
     : config_(vehicle),
       step_s_(to_seconds(step)),
       max_change_mps_(vehicle.max_wheel_acceleration_mps2 * step_s_),
       disturbances_(vehicle, world, step_s_, random) {
   check_bodies(vehicle, world, step_s_);
   world_ = std::make_unique<World>(vehicle, world, step_s_);
+  if (!surroundings.any()) return;
+  obstacles_.emplace(vehicle, world, surroundings, seed, step_s_, kSlack_m);
+  world_->expect_obstacles(vehicle, obstacles_->fastest_mps());
 }
 
 OdeVehicle::~OdeVehicle() = default;
@@ -65,6 +72,7 @@ void OdeVehicle::step() {
     world_->set_wheel_loads(disturbances_.step(world_->rim_speeds()));
   }
 
+  if (obstacles_) world_->set_near(obstacles_->near(pose(), t_s_));
   const std::uint64_t complaints_before = ode_complaints_of_this_thread();
   world_->step(servo_targets_);
   solver_complaints_ += ode_complaints_of_this_thread() - complaints_before;
@@ -89,6 +97,12 @@ void OdeVehicle::find_arm(double* arm) const {
   dMultiply0_331(arm, dBodyGetRotation(world_->chassis()), world_->axle_in_chassis_m().data());
 }
 
+Pose2 OdeVehicle::pose() const {
+  const Position at = position();
+  const dReal* r = dBodyGetRotation(world_->chassis());
+  return {at.x_m, at.y_m, std::atan2(r[4], r[0])};
+}
+
 VehicleState OdeVehicle::state() const {
   const dBodyID chassis = world_->chassis();
   const dReal* r = dBodyGetRotation(chassis);
@@ -98,10 +112,8 @@ VehicleState OdeVehicle::state() const {
   dVector3 arm;
   find_arm(arm);
   VehicleState state;
-  state.pose.x_m = position[0] + arm[0];
-  state.pose.y_m = position[1] + arm[1];
+  state.pose = pose();
   state.height_m = position[2] + arm[2];
-  state.pose.yaw_rad = std::atan2(r[4], r[0]);
   state.pitch_rad = -std::asin(std::clamp(r[8], -1.0, 1.0));
   state.roll_rad = std::atan2(r[9], r[10]);
 

@@ -62,6 +62,7 @@ OdeWorld::OdeWorld(const VehicleConfig& vehicle, const WorldSettings& world, dou
 }
 
 OdeWorld::~OdeWorld() {
+  obstacles_.reset();
   dJointGroupDestroy(contacts_);
   dWorldDestroy(world_);
   dThreadingFreeImplementation(threading_);
@@ -72,6 +73,7 @@ void OdeWorld::step(const WheelSpeeds& targets) {
   dJointSetHingeParam(hinges_[kRight], dParamVel, targets.right_mps / wheel_radius_m_);
   dJointGroupEmpty(contacts_);
   add_wall_contacts();
+  if (!near_.empty() && obstacles_->add_contacts(world_, contacts_, near_)) wall_contact_ = true;
   add_chassis_floor_contacts();
   find_tyre_points();
   if (!brushes_.empty()) return step_on_brushes();
@@ -93,6 +95,14 @@ void OdeWorld::step(const WheelSpeeds& targets) {
   solve();
   ++limited_steps_;
   limited_steps_left_ = std::max(0, limited_steps_left_ - 1);
+}
+
+void OdeWorld::expect_obstacles(const VehicleConfig& vehicle, double fastest_mps) {
+  obstacles_ = std::make_unique<OdeObstacles>(
+      vehicle, bodies_[kChassis], box_in_chassis_m_,
+      std::array<dBodyID, 2>{bodies_[kLeft], bodies_[kRight]}, walls_[0].friction);
+  // What is pushed out goes no slower than what pushes.
+  dWorldSetContactMaxCorrectingVel(world_, kMaxCorrectingSpeed_mps + fastest_mps);
 }
 
 WheelSpeeds OdeWorld::rim_speeds() const {

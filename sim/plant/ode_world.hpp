@@ -4,13 +4,17 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
+#include <span>
 #include <vector>
 
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/shape.hpp"
 #include "sim/plant/disturbances.hpp"
+#include "sim/plant/ode_obstacles.hpp"
 #include "sim/plant/tyre.hpp"
 
 namespace tether {
@@ -27,8 +31,9 @@ std::uint64_t ode_complaints_of_this_thread();
 /// hands both servos a target and lets ODE work. OdeVehicle is the plant built on it; a benchmark
 /// of "ODE alone" replays recorded servo targets through this class.
 ///
-/// There is no ODE geom and no collision space: three bodies against five planes need neither.
-/// Contact points are computed here, exactly for a vehicle that stands upright (docs/physics.md).
+/// There is no collision space, and for floor and walls no ODE geom: three bodies against five
+/// planes need neither. Contact points are computed here, exactly for a vehicle that stands upright
+/// (docs/physics.md). Obstacles are OdeObstacles' business.
 ///
 /// Most steps neither slip nor saturate a servo. Each step is therefore first solved as if that
 /// were so (tyres as ball joints at their contact points, servos unlimited), which leaves the
@@ -50,6 +55,11 @@ class OdeWorld {
   /// One step; `targets` are the rim speeds that the servos drive towards, torque permitting.
   void step(const WheelSpeeds& targets);
 
+  /// Once, before any obstacle may be near; none is ever faster.
+  void expect_obstacles(const VehicleConfig& vehicle, double fastest_mps);
+  /// The obstacles that may be touched in the next step, where they are. They are looked at then.
+  void set_near(std::span<const Shape> near) { near_ = near; }
+
   /// What acts on the wheels in each step from now on, beside servos and floor.
   void set_wheel_loads(const WheelLoads& loads);
 
@@ -64,7 +74,7 @@ class OdeWorld {
   const std::array<double, 3>& axle_in_chassis_m() const { return axle_in_chassis_m_; }
   /// With brush tyres, the normal forces [N] on the left and the right one in the last step.
   std::array<double, 2> pressing() const { return pressing_N_; }
-  /// Whether anything touched a wall in the last step.
+  /// Whether anything touched a wall or an obstacle in the last step.
   bool wall_contact() const { return wall_contact_; }
   /// Steps so far that were solved with all limits, and how many of them only at the second try.
   std::uint64_t limited_steps() const { return limited_steps_; }
@@ -142,6 +152,10 @@ class OdeWorld {
   std::array<double, 3> caster_in_chassis_m_{};
   std::array<std::array<double, 3>, 8> corners_m_{};  ///< of the box; i and i + 4: one upright edge
 
+  std::array<double, 3> box_in_chassis_m_{};
+
+  std::unique_ptr<OdeObstacles> obstacles_;  ///< if any are expected
+  std::span<const Shape> near_;
   TyrePoint tyres_[2] = {};
   std::vector<BrushTyre> brushes_;      ///< left and right; empty: tyres are rigid
   std::array<double, 2> pressing_N_{};  ///< on brushes, in the last step in which they touched

@@ -26,12 +26,13 @@ void check_start_and_step(const VehicleConfig& vehicle, const WorldSettings& wor
 }
 
 std::unique_ptr<Plant> make_plant(const VehicleSettings& vehicle, const WorldSettings& world,
-                                  Duration step, std::uint64_t seed) {
+                                  Duration step, std::uint64_t seed,
+                                  const Surroundings& surroundings) {
   if (vehicle.plant == VehicleSettings::Plant::kinematic) {
-    return std::make_unique<KinematicVehicle>(vehicle, world, step);
+    return std::make_unique<KinematicVehicle>(vehicle, world, step, surroundings, seed);
   }
-  return std::make_unique<OdeVehicle>(vehicle, world, step,
-                                      random_stream(seed, vehicle.name + "/bumps"));
+  return std::make_unique<OdeVehicle>(
+      vehicle, world, step, random_stream(seed, vehicle.name + "/bumps"), surroundings, seed);
 }
 
 }  // namespace tether

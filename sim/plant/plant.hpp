@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "common/base/time.hpp"
 #include "common/path/reference_path.hpp"
@@ -9,6 +10,7 @@
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
 
 namespace tether {
 
@@ -24,11 +26,12 @@ struct VehicleState {
   double height_m = 0.0;               ///< of the axle's midpoint above the floor
   double roll_rad = 0.0;               ///< positive: leans to the right
   double pitch_rad = 0.0;              ///< positive: nose down
-  bool wall_contact = false;           ///< anything touched a wall in the last step
+  bool wall_contact = false;           ///< anything touched a wall or an obstacle in the last step
 };
 
-/// A vehicle with two driven wheels in its walled square, moved in fixed steps. Deterministic:
-/// equal inputs give bit-identical states. Plants share no state with each other.
+/// A vehicle with two driven wheels in its walled square and between what stands and moves there,
+/// moved in fixed steps. Deterministic: equal inputs give bit-identical states. Plants share no
+/// state with each other.
 class Plant {
  public:
   virtual ~Plant() = default;
@@ -36,6 +39,13 @@ class Plant {
   /// Takes effect from the next step on and holds. Both wheels are scaled by one factor to
   /// `max_wheel_speed_mps`. Throws std::invalid_argument for values that are not finite.
   virtual void set_wheel_targets(const WheelSpeeds& rim_speeds) = 0;
+
+  /// When the next step begins, since the run's start. Only obstacles that move ask for it.
+  void set_time(double t_s) { t_s_ = t_s; }
+
+  /// Other vehicles that may be near in the next step, where they are when it begins; only with
+  /// Surroundings::vehicles_mps. They are looked at then.
+  virtual void set_vehicles(std::span<const Shape> vehicles) = 0;
 
   /// Advances by one physics step.
   virtual void step() = 0;
@@ -56,6 +66,8 @@ class Plant {
   Plant() = default;
   Plant(const Plant&) = delete;
   Plant& operator=(const Plant&) = delete;
+
+  double t_s_ = 0.0;
 };
 
 /// For the plants' own checks: throws std::invalid_argument, "vehicle or world: " and `what`,
@@ -65,9 +77,11 @@ void require_plant(bool good, const char* what);
 void check_start_and_step(const VehicleConfig& vehicle, const WorldSettings& world, double step_s);
 
 /// The plant that `vehicle.plant` names. `step` is the fixed physics step; world.step_ms.
-/// `seed`: the run's; bumps have the stream "<vehicle>/bumps". Throws std::invalid_argument if the
-/// configuration is not a vehicle that can stand.
+/// `seed`: the run's; bumps have the stream "<vehicle>/bumps", what moves has its own. Throws
+/// std::invalid_argument if the configuration is not a vehicle that can stand, UsageError for what
+/// is wrong with the surroundings' map.
 std::unique_ptr<Plant> make_plant(const VehicleSettings& vehicle, const WorldSettings& world,
-                                  Duration step, std::uint64_t seed = 0);
+                                  Duration step, std::uint64_t seed = 0,
+                                  const Surroundings& surroundings = {});
 
 }  // namespace tether

@@ -15,11 +15,14 @@ constexpr double kPrecision_mps = 1e-10;
 constexpr int kMaxSweeps = 200;
 // Nearer than this is contact.
 constexpr double kTouching_m = 1e-6;
+// What cannot be got out of in so many pushes keeps its overlap.
+constexpr int kMostPushes = 8;
 
 }  // namespace
 
 WalledFootprint::WalledFootprint(const VehicleConfig& vehicle, const WorldSettings& world)
-    : half_extent_m_(world.half_extent_m),
+    : vehicle_(vehicle),
+      half_extent_m_(world.half_extent_m),
       friction_(world.wall_friction),
       turn_weight_m2_(vehicle.track_m * vehicle.track_m / 4.0) {
   const double front_m = -vehicle.axle_x_m + vehicle.chassis_length_m / 2.0;
@@ -40,16 +43,38 @@ WalledFootprint::WalledFootprint(const VehicleConfig& vehicle, const WorldSettin
 
 void WalledFootprint::find_contacts(const Pose2& pose, double reach_mps, double step_s) {
   const double c = std::cos(pose.yaw_rad), s = std::sin(pose.yaw_rad);
-  count_ = 0;
+  contacts_.clear();
   for (const auto& [nx, ny] : {std::pair{1.0, 0.0}, {-1.0, 0.0}, {0.0, 1.0}, {0.0, -1.0}}) {
     const double gap_m = half_extent_m_ - (nx * pose.x_m + ny * pose.y_m);
     const double forward = c * nx + s * ny, left = c * ny - s * nx;  // the wall's direction
     for (const Point& p : outline_) {
       const double limit_mps = (gap_m - (forward * p.x_m + left * p.y_m)) / step_s;
       if (limit_mps > reach_mps) continue;
-      contacts_[count_++] = {{{forward, left, p.x_m * left - p.y_m * forward}},
-                             {{-left, forward, p.x_m * forward + p.y_m * left}},
-                             limit_mps};
+      contacts_.push_back({{{forward, left, p.x_m * left - p.y_m * forward}},
+                           {{-left, forward, p.x_m * forward + p.y_m * left}},
+                           limit_mps});
+    }
+  }
+}
+
+void WalledFootprint::find_contacts(const Pose2& pose, double reach_mps, double step_s,
+                                    const Shape& obstacle) {
+  const double c = std::cos(pose.yaw_rad), s = std::sin(pose.yaw_rad);
+  for (const Shape& part : footprint(vehicle_, pose)) {
+    const Touch contact = touch(part, obstacle);
+    const Position& n = contact.normal();
+    const double away_mps = obstacle.vx_mps * n.x_m + obstacle.vy_mps * n.y_m;
+    const double forward = c * n.x_m + s * n.y_m, left = c * n.y_m - s * n.x_m;
+    for (const Touch::Point& point : contact.points()) {
+      // An overlap is push_inside()'s.
+      const double limit_mps = std::max(0.0, point.gap_m) / step_s + away_mps;
+      if (limit_mps > reach_mps) continue;
+      const double dx = point.at.x_m - pose.x_m, dy = point.at.y_m - pose.y_m;
+      const double x = c * dx + s * dy, y = c * dy - s * dx;
+      contacts_.push_back({{{forward, left, x * left - y * forward}},
+                           {{-left, forward, x * forward + y * left}},
+                           limit_mps,
+                           obstacle.vy_mps * n.x_m - obstacle.vx_mps * n.y_m});
     }
   }
 }
@@ -77,26 +102,56 @@ double WalledFootprint::push(Contact& contact) {
   Direction& outward = contact.outward;
   const double change = push(outward, std::max(0.0, stopping(outward, contact.limit_mps)));
   const double most = friction_ * outward.force;
-  return change + push(contact.along, std::clamp(stopping(contact.along, 0.0), -most, most));
+  return change +
+         push(contact.along, std::clamp(stopping(contact.along, contact.along_mps), -most, most));
 }
 
 PlanarMotion WalledFootprint::between_walls(const Pose2& pose, const PlanarMotion& wish,
-                                            double step_s) {
+                                            double step_s, std::span<const Shape> near) {
   const double norm_mps =
       std::sqrt(wish.forward_mps * wish.forward_mps + wish.left_mps * wish.left_mps +
                 turn_weight_m2_ * wish.omega_radps * wish.omega_radps);
-  find_contacts(pose, norm_mps * (1.0 + reach_m_ / std::sqrt(turn_weight_m2_)), step_s);
+  double fastest_mps = norm_mps;
+  for (const Shape& obstacle : near) {
+    fastest_mps = std::max(fastest_mps, norm_mps + std::hypot(obstacle.vx_mps, obstacle.vy_mps));
+  }
+  const double reach_mps = fastest_mps * (1.0 + reach_m_ / std::sqrt(turn_weight_m2_));
+  find_contacts(pose, reach_mps, step_s);
+  for (const Shape& obstacle : near) find_contacts(pose, reach_mps, step_s, obstacle);
   motion_[0] = wish.forward_mps, motion_[1] = wish.left_mps, motion_[2] = wish.omega_radps;
-  bool settled = count_ == 0;
+  bool settled = contacts_.empty();
   for (int sweep = 0; sweep < kMaxSweeps && !settled; ++sweep) {
     double change = 0.0;
-    for (std::size_t i = 0; i < count_; ++i) change += push(contacts_[i]);
+    for (Contact& contact : contacts_) change += push(contact);
     settled = change <= kPrecision_mps;
   }
   return {motion_[0], motion_[1], motion_[2]};
 }
 
-bool WalledFootprint::push_inside(Pose2& pose) const {
+/// Out of what moves, or of what stands.
+bool WalledFootprint::push_out(Pose2& pose, std::span<const Shape> near, bool moving) const {
+  bool touches = false, overlaps = true;
+  for (int round = 0; round < kMostPushes && overlaps; ++round) {
+    overlaps = false;
+    for (const Shape& obstacle : near) {
+      const bool moves = obstacle.vx_mps != 0.0 || obstacle.vy_mps != 0.0;
+      if (moves != moving) continue;
+      for (std::size_t i = 0; i < 2; ++i) {
+        const Touch contact = touch(footprint(vehicle_, pose)[i], obstacle);
+        touches = touches || contact.gap_m() < kTouching_m;
+        if (contact.gap_m() >= 0.0) continue;
+        overlaps = true;
+        pose.x_m += contact.gap_m() * contact.normal().x_m;
+        pose.y_m += contact.gap_m() * contact.normal().y_m;
+      }
+    }
+  }
+  return touches;
+}
+
+bool WalledFootprint::push_inside(Pose2& pose, std::span<const Shape> near) const {
+  bool touches = push_out(pose, near, true);
+  touches = push_out(pose, near, false) || touches;
   const double c = std::cos(pose.yaw_rad), s = std::sin(pose.yaw_rad);
   double high_x = -reach_m_, high_y = -reach_m_, low_x = reach_m_, low_y = reach_m_;
   for (const Point& p : outline_) {
@@ -111,7 +166,7 @@ bool WalledFootprint::push_inside(Pose2& pose) const {
   };
   const bool touches_x = keep(pose.x_m, low_x, high_x);
   const bool touches_y = keep(pose.y_m, low_y, high_y);
-  return touches_x || touches_y;
+  return touches || touches_x || touches_y;
 }
 
 }  // namespace tether

@@ -3,10 +3,14 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <span>
+#include <vector>
 
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/shape.hpp"
+#include "sim/obstacles/touch.hpp"
 
 namespace tether {
 
@@ -17,14 +21,16 @@ struct PlanarMotion {
   double omega_radps = 0.0;
 };
 
-/// Where the vehicle's outline (chassis box and both wheels) may go in its walled square.
+/// Where the vehicle's outline (chassis box and both wheels) may go in its walled square, and
+/// between the obstacles in it.
 ///
 /// Where a motion would take a point of the outline through a wall, the wall pushes the point back,
-/// with Coulomb friction along the wall. A push acts on the motion of a vehicle without inertia
-/// whose tyres resist slip equally in all directions and in proportion to it: a force f at the
-/// axle's midpoint adds f to the velocity there, a moment m adds m / (track/2)² to ω. Without
-/// friction that is the nearest motion that stays inside, by the mean square of both tyres' slip
-/// (docs/physics.md).
+/// with Coulomb friction along the wall. Obstacles do the same where they touch the outline
+/// (sim/obstacles/touch.hpp); what moves pushes as fast as it moves, and drags along by friction. A
+/// push acts on the motion of a vehicle without inertia whose tyres resist slip equally in all
+/// directions and in proportion to it: a force f at the axle's midpoint adds f to the velocity
+/// there, a moment m adds m / (track/2)² to ω. Without friction that is the nearest motion that
+/// stays inside, by the mean square of both tyres' slip (docs/physics.md).
 class WalledFootprint {
  public:
   WalledFootprint(const VehicleConfig& vehicle, const WorldSettings& world);
@@ -35,13 +41,16 @@ class WalledFootprint {
     return !(std::abs(pose.x_m) < near_m && std::abs(pose.y_m) < near_m);
   }
 
-  /// The motion that the walls leave of `wish`. It keeps the outline inside for `step_s`, to first
-  /// order in the step. `pose` is inside.
-  PlanarMotion between_walls(const Pose2& pose, const PlanarMotion& wish, double step_s);
+  /// The motion that the walls, and the obstacles that are near, leave of `wish`. It keeps the
+  /// outline inside for `step_s`, to first order in the step. `pose` is inside. There is no such
+  /// motion where something moves and presses the vehicle at what stands; it is then overlapped.
+  PlanarMotion between_walls(const Pose2& pose, const PlanarMotion& wish, double step_s,
+                             std::span<const Shape> near);
 
   /// Moves `pose` by the remainder that between_walls() leaves, so that the outline is inside; true
-  /// if it touches a wall.
-  bool push_inside(Pose2& pose) const;
+  /// if it touches a wall or an obstacle. `near`: where they are by now. Of walls and obstacles
+  /// that cannot all be kept, those that move are overlapped.
+  bool push_inside(Pose2& pose, std::span<const Shape> near) const;
 
  private:
   struct Point {
@@ -52,23 +61,26 @@ class WalledFootprint {
     double row[3];
     double force = 0.0;  ///< in it, so far; in m/s: the slip that it causes
   };
-  /// One point of the outline and one wall.
+  /// One point of the outline and one wall or obstacle.
   struct Contact {
     Direction outward, along;
     double limit_mps = 0.0;  ///< of the speed outward
+    double along_mps = 0.0;  ///< of what it rubs on
   };
   double speed_mps(const Direction& direction) const;
   double push(Direction& direction, double force);
   double push(Contact& contact);
   void find_contacts(const Pose2& pose, double reach_mps, double step_s);
+  void find_contacts(const Pose2& pose, double reach_mps, double step_s, const Shape& obstacle);
+  bool push_out(Pose2& pose, std::span<const Shape> near, bool moving) const;
 
+  VehicleConfig vehicle_;
   double half_extent_m_;
   double friction_;
   double turn_weight_m2_;  ///< (track/2)²
   double reach_m_ = 0.0;   ///< of the outline, from the axle's midpoint
   std::array<Point, 8> outline_;
-  std::array<Contact, 32> contacts_{};
-  std::size_t count_ = 0;
+  std::vector<Contact> contacts_;
   double motion_[3] = {};  ///< forward, left, turn: as pushed so far
 };
 

@@ -1,0 +1,168 @@
+#include "common/world/occupancy_map.hpp"
+
+#include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <filesystem>
+#include <optional>
+
+#include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
+#include "common/base/text.hpp"
+#include "common/world/pgm.hpp"
+
+namespace tether {
+namespace {
+
+constexpr double kFarthest_m = 1e5;
+
+/// The YAML file; each refusal names it, the line and the key.
+class MapFile {
+ public:
+  explicit MapFile(const std::string& file) : file_(file) {
+    const std::string text = read_input(file, "the map", kMostTomlBytes);
+    try {
+      top_ = YAML::Load(text);
+    } catch (const YAML::Exception& error) {
+      throw UsageError(fmt::format("{}:{}: {}", file, error.mark.line + 1, printable(error.msg)));
+    }
+    if (!top_.IsMap()) {
+      throw UsageError(
+          fmt::format("{}: must be a YAML file with image, resolution, origin, …, as "
+                      "map_server has it",
+                      file));
+    }
+  }
+
+  std::string text(const char* key, const std::string& allowed) const {
+    const auto value = read<std::string>(require(key, allowed));
+    if (!value || value->empty()) refuse(key, allowed);
+    return *value;
+  }
+
+  double number(const char* key, double low, double high) const {
+    const std::string allowed = fmt::format("must be a number in [{}, {}]", low, high);
+    const auto value = read<double>(require(key, allowed));
+    const bool good = value && *value >= low && *value <= high;
+    if (!good) refuse(key, allowed);
+    return *value;
+  }
+
+  bool flag(const char* key) const {
+    constexpr const char* kAllowed = "must be 0 or 1";
+    const YAML::Node node = require(key, kAllowed);
+    const auto whole = read<int>(node);
+    if (whole == 0 || whole == 1) return *whole == 1;
+    const auto flag = read<bool>(node);
+    if (!flag || whole) refuse(key, kAllowed);
+    return *flag;
+  }
+
+  Pose2 pose(const char* key) const {
+    const std::string allowed =
+        fmt::format("must be [x, y, yaw], x and y within ±{} m, yaw within ±7 rad", kFarthest_m);
+    const auto value = read<std::vector<double>>(require(key, allowed));
+    const auto within = [](double x, double most) { return std::abs(x) <= most; };
+    if (!value || value->size() != 3 || !within((*value)[0], kFarthest_m) ||
+        !within((*value)[1], kFarthest_m) || !within((*value)[2], 7.0)) {
+      refuse(key, allowed);
+    }
+    return {(*value)[0], (*value)[1], wrap_angle((*value)[2])};
+  }
+
+  void check_mode() const {
+    if (!top_["mode"]) return;
+    constexpr const char* kAllowed =
+        "must be trinary, or not be there (scale and raw are no modes of walls)";
+    if (text("mode", kAllowed) != "trinary") refuse("mode", kAllowed);
+  }
+
+ private:
+  template <class T>
+  static std::optional<T> read(const YAML::Node& node) {
+    try {
+      return node.as<T>();
+    } catch (const YAML::Exception&) {
+      return std::nullopt;
+    }
+  }
+
+  YAML::Node require(const char* key, const std::string& allowed) const {
+    const YAML::Node node = top_[key];
+    if (!node) throw UsageError(fmt::format("{}: {} is missing: {}", file_, key, allowed));
+    return node;
+  }
+
+  [[noreturn]] void refuse(const char* key, const std::string& allowed) const {
+    const YAML::Node node = top_[key];
+    throw UsageError(fmt::format("{}:{}: {} = {} is not allowed: {}", file_, node.Mark().line + 1,
+                                 key, printable(YAML::Dump(node), kLongestValueShown), allowed));
+  }
+
+  std::string file_;
+  YAML::Node top_;
+};
+
+}  // namespace
+
+OccupancyMap load_occupancy_map(const std::string& yaml_file) {
+  const MapFile file(yaml_file);
+  const std::string image = file.text("image", "must be the name of a PGM file");
+  OccupancyMap map;
+  map.resolution_m = file.number("resolution", 1e-3, 100.0);
+  map.origin = file.pose("origin");
+  const bool negate = file.flag("negate");
+  const double occupied_above = file.number("occupied_thresh", 0.0, 1.0);
+  file.number("free_thresh", 0.0, 1.0);
+  file.check_mode();
+  const auto beside = std::filesystem::path(yaml_file).parent_path() / image;
+  map.image_file = beside.lexically_normal().string();
+  const Pgm pgm = load_pgm(map.image_file, fmt::format("the image of {}", yaml_file));
+  map.columns = pgm.columns;
+  map.rows = pgm.rows;
+  map.occupied.resize(map.columns * map.rows);
+  for (std::size_t row = 0; row < map.rows; ++row) {
+    for (std::size_t column = 0; column < map.columns; ++column) {
+      const double bright =
+          static_cast<double>(pgm.pixels[(map.rows - 1 - row) * map.columns + column]) / pgm.white;
+      map.occupied[row * map.columns + column] = (negate ? bright : 1.0 - bright) > occupied_above;
+    }
+  }
+  return map;
+}
+
+std::vector<Shape> occupied_shapes(const OccupancyMap& map) {
+  std::vector<bool> left = map.occupied;
+  const auto is_left = [&](std::size_t column, std::size_t row) {
+    return left[row * map.columns + column];
+  };
+  const double c = std::cos(map.origin.yaw_rad), s = std::sin(map.origin.yaw_rad);
+  std::vector<Shape> shapes;
+  for (std::size_t row = 0; row < map.rows; ++row) {
+    for (std::size_t column = 0; column < map.columns; ++column) {
+      if (!is_left(column, row)) continue;
+      std::size_t end = column + 1, top = row + 1;
+      while (end < map.columns && is_left(end, row)) ++end;
+      const auto row_is_left = [&](std::size_t y) {
+        for (std::size_t x = column; x < end; ++x) {
+          if (!is_left(x, y)) return false;
+        }
+        return true;
+      };
+      while (top < map.rows && row_is_left(top)) ++top;
+      for (std::size_t y = row; y < top; ++y) {
+        for (std::size_t x = column; x < end; ++x) left[y * map.columns + x] = false;
+      }
+      const double x_m = 0.5 * map.resolution_m * static_cast<double>(column + end);
+      const double y_m = 0.5 * map.resolution_m * static_cast<double>(row + top);
+      shapes.push_back({.pose = {map.origin.x_m + c * x_m - s * y_m,
+                                 map.origin.y_m + s * x_m + c * y_m, map.origin.yaw_rad},
+                        .length_m = map.resolution_m * static_cast<double>(end - column),
+                        .width_m = map.resolution_m * static_cast<double>(top - row)});
+    }
+  }
+  return shapes;
+}
+
+}  // namespace tether
