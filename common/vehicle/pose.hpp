@@ -10,6 +10,8 @@ struct Pose2 {
   double x_m = 0.0;
   double y_m = 0.0;
   double yaw_rad = 0.0;  ///< in (−π, π] wherever it crosses an interface
+
+  bool operator==(const Pose2&) const = default;
 };
 
 /// Body velocity of a vehicle that cannot move sideways.

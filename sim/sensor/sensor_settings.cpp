@@ -56,6 +56,7 @@ std::vector<SwitchedKey> switched_keys() {
           {"sensor.jump_rad", {jumps}},
           {"sensor.jump_s", {jumps}},
           {"sensor.dropout_s", {"sensor.dropouts_per_min"}},
+          {"sensor.encoder_ticks", {"sensor.odometry_rate_hz"}},
           {"sensor.noise_correlation_s", {"sensor.position_noise_m", "sensor.yaw_noise_rad"}}};
 }
 
@@ -69,6 +70,8 @@ ScenarioSection sensor_section() {
   t.number("latency_ms", &Sensor::latency_ms, {0.0, 1e6, false}, "from measurement to publication");
   t.number("odometry_rate_hz", &Sensor::odometry_rate_hz, {0.0, 1000.0, false},
            "the wheels' odometry, sent to the controller, per second; 0 = none");
+  t.whole_number("encoder_ticks", &Sensor::encoder_ticks, 0,
+                 "of each wheel's encoder in a turn, for the odometry; 0 = exact");
   ScenarioSection section{.defaults = Sensor{}, .keys = t.take()};
   section.switched = switched_keys();
   section.check = check;

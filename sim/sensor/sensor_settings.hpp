@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "common/scenario/section.hpp"
 
 namespace tether {
@@ -23,9 +25,10 @@ struct SensorSettings {
   double jump_s = 0.0;    ///< until it is right again; 0: until the next jump
   // No poses for a while (dropouts.hpp).
   double dropouts_per_min = 0.0;
-  double dropout_s = 1.0;         ///< mean duration
-  double latency_ms = 0.0;        ///< from measurement to publication
-  double odometry_rate_hz = 0.0;  ///< 0: none (wheel_odometry.hpp)
+  double dropout_s = 1.0;          ///< mean duration
+  double latency_ms = 0.0;         ///< from measurement to publication
+  double odometry_rate_hz = 0.0;   ///< 0: none (wheel_odometry.hpp)
+  std::int64_t encoder_ticks = 0;  ///< a wheel's turn; 0: its angle is read exactly
 };
 
 ScenarioSection sensor_section();

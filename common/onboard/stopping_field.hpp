@@ -1,0 +1,35 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/onboard/onboard_settings.hpp"
+
+namespace tether {
+
+/// How much free way a vehicle needs ahead of it, and how fast it may be with what it has. The way
+/// of stopping at a constant deceleration a after a time of reaction t, and a margin:
+///   field(v) = v²/(2a) + |v| t + margin.
+struct StoppingField {
+  double deceleration_mps2 = 1.0;  ///< > 0
+  double reaction_s = 0.2;
+  double margin_m = 0.3;
+
+  explicit StoppingField(const AutonomySettings& settings)
+      : deceleration_mps2(settings.deceleration_mps2),
+        reaction_s(settings.reaction_s),
+        margin_m(settings.margin_m) {}
+
+  double length_m(double v_mps) const {
+    const double speed_mps = std::abs(v_mps);
+    return speed_mps * speed_mps / (2.0 * deceleration_mps2) + speed_mps * reaction_s + margin_m;
+  }
+  /// The largest speed whose field fits into `clear_m`; 0 where none does.
+  double allowed_mps(double clear_m) const {
+    const double way_m = std::max(clear_m - margin_m, 0.0);
+    const double at_m = deceleration_mps2 * reaction_s;
+    return std::sqrt(at_m * at_m + 2.0 * deceleration_mps2 * way_m) - at_m;
+  }
+};
+
+}  // namespace tether

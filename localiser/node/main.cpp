@@ -1,0 +1,16 @@
+#include "common/fleet/fleet.hpp"
+#include "common/loop/node_group.hpp"
+#include "common/program/node_main.hpp"
+#include "localiser/node/localiser_node.hpp"
+
+// AGV/SCAN, AGV/ODOMETRY ──▶ map ──▶ AGV/POSE; or at the edge, CTRL/SCAN_PART … ──▶ CTRL/POSE
+int main(int argc, char** argv) {
+  using namespace tether;
+  return node_main(argc, argv,
+                   {.name = "tether-localiser",
+                    .description = "The localiser: scans and odometry in, poses out",
+                    .lockstep_name = "localiser",
+                    .make = [](const NodeContext& c) {
+                      return group_of<LocaliserNode>(fleet_members(c.scenario), c.loop, c.bus);
+                    }});
+}

@@ -1,0 +1,132 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tether/scan_t.hpp>
+
+#include "common/base/errors.hpp"
+#include "common/scenario/key_table.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
+#include "sim/lidar/lidar_settings.hpp"
+
+namespace tether {
+namespace {
+
+using Lidar = LidarSettings;
+
+constexpr Range kAngle{-100.0, 100.0, false};
+constexpr Range kMount{-100.0, 100.0, false};
+
+std::vector<ScenarioKey> lidar_keys() {
+  KeyTable<Lidar> t("lidar.");
+  std::vector<std::string> models{Lidar::kNone, Lidar::kCustom};
+  for (const std::string& preset : lidar_presets()) models.push_back(preset);
+  t.one_of("model", &Lidar::model, models,
+           "the laser scanner; a name of one that there is sets the keys below that are not given");
+  t.number("rate_hz", &Lidar::rate_hz, kRate, "turns per second");
+  t.whole_number("beams", &Lidar::beams, 1, "of a turn, at most 8192");
+  t.number("fov_rad", &Lidar::fov_rad, {0.0, 2.0 * std::numbers::pi, true},
+           "from the first beam to the last, with the middle ahead");
+  t.number("range_min_m", &Lidar::range_min_m, {0.0, 1e3, false}, "nothing nearer is seen");
+  t.number("range_max_m", &Lidar::range_max_m, {1e-3, 1e3, false}, "nothing farther is seen");
+  t.number("range_10_m", &Lidar::range_10_m, {1e-3, 1e4, false},
+           "up to here, what reflects 10 % of the light is seen at normal incidence");
+  t.number("noise_m", &Lidar::noise_m, {0.0, 10.0, false}, "standard deviation of a range");
+  t.number("noise_per_m", &Lidar::noise_per_m, {0.0, 1.0, false},
+           "standard deviation that grows with the range, in addition");
+  t.number("range_step_m", &Lidar::range_step_m, {0.0, 1.0, false},
+           "ranges are multiples of it; 0 = any");
+  t.number("divergence_rad", &Lidar::divergence_rad, {0.0, 0.1, false},
+           "a beam's width at 1 m: at edges it sees two things");
+  t.number("dropout_share", &Lidar::dropout_share, kRatio, "of beams that see nothing, at random");
+  t.optional_number("mount_x_m", &Lidar::mount_x_m, kMount,
+                    "of the scanner, ahead of the axle; not given: at the chassis' front");
+  t.number("mount_y_m", &Lidar::mount_y_m, kMount, "of the scanner, to the left");
+  t.number("mount_yaw_rad", &Lidar::mount_yaw_rad, kAngle, "of the scanner");
+  t.number("height_m", &Lidar::height_m, {0.01, 100.0, false}, "of its plane above the floor");
+  return t.take();
+}
+
+/// What was given beats the preset.
+void complete(Scenario& scenario, const std::set<std::string>& given, const std::string&) {
+  Scenario preset = scenario;
+  preset.get<Lidar>() = lidar_preset(scenario.get<Lidar>().model);
+  for (const ScenarioKey& key : lidar_keys()) {
+    const auto value = key.get(preset);
+    if (!given.contains(key.name) && value) key.set(scenario, *value);
+  }
+}
+
+void check_numbers(const Scenario& scenario, const std::string& file) {
+  const auto& lidar = scenario.get<Lidar>();
+  if (lidar.beams > scan_t::MAX_COUNT) {
+    throw UsageError(fmt::format("{}: lidar.beams = {} must be a whole number from 1 to {}", file,
+                                 lidar.beams, scan_t::MAX_COUNT));
+  }
+  if (lidar.range_min_m >= lidar.range_max_m) {
+    throw UsageError(fmt::format("{}: lidar.range_min_m = {} must be below lidar.range_max_m = {}",
+                                 file, lidar.range_min_m, lidar.range_max_m));
+  }
+  const auto& world = scenario.get<WorldSettings>();
+  if (lidar.period() < step_of(world)) {
+    throw UsageError(
+        fmt::format("{}: lidar.rate_hz = {} asks for more than one turn a step: world.step_ms = {}",
+                    file, lidar.rate_hz, world.step_ms));
+  }
+}
+
+void check_place(const Scenario& scenario, const std::string& file) {
+  const auto& lidar = scenario.get<Lidar>();
+  const auto& vehicle = scenario.get<VehicleSettings>();
+  const Pose2 mount = lidar.mount(vehicle);
+  const std::vector<bool> hidden = hidden_beams(lidar, vehicle);
+  if (std::all_of(hidden.begin(), hidden.end(), [](bool h) { return h; })) {
+    throw UsageError(fmt::format(
+        "{}: the scanner at lidar.mount_x_m = {}, mount_y_m = {}, height_m = {} sees nothing but "
+        "its own vehicle; put it at the chassis' edge or above it",
+        file, mount.x_m, mount.y_m, lidar.height_m));
+  }
+  const double c = std::cos(vehicle.start_yaw_rad), s = std::sin(vehicle.start_yaw_rad);
+  const Position start{vehicle.start_x_m + c * mount.x_m - s * mount.y_m,
+                       vehicle.start_y_m + s * mount.x_m + c * mount.y_m};
+  const double half_extent_m = scenario.get<WorldSettings>().half_extent_m;
+  if (std::max(std::abs(start.x_m), std::abs(start.y_m)) >= half_extent_m) {
+    throw UsageError(fmt::format(
+        "{}: the scanner starts at ({:.2f}, {:.2f}) m, in or beyond a wall: lidar.mount_x_m = {}, "
+        "mount_y_m = {} must have it within ±{} m (world.half_extent_m)",
+        file, start.x_m, start.y_m, mount.x_m, mount.y_m, half_extent_m));
+  }
+  for (const Shape& shape : standing_shapes(scenario)) {
+    if (lidar.height_m < shape.clearance_m || lidar.height_m > shape.height_m) continue;
+    if (distance_m(shape, start) > 0.0) continue;
+    throw UsageError(fmt::format(
+        "{}: the scanner starts at ({:.2f}, {:.2f}) m, in an obstacle at ({:.2f}, {:.2f}) m; move "
+        "it (lidar.mount_x_m, mount_y_m, height_m), the vehicle's start or the obstacle",
+        file, start.x_m, start.y_m, shape.pose.x_m, shape.pose.y_m));
+  }
+}
+
+void check(const Scenario& scenario, const std::string& file) {
+  if (!scenario.get<Lidar>().on()) return;
+  check_numbers(scenario, file);
+  check_place(scenario, file);
+}
+
+}  // namespace
+
+ScenarioSection lidar_section() {
+  ScenarioSection section{.defaults = Lidar{}, .keys = lidar_keys()};
+  for (const ScenarioKey& key : section.keys) {
+    if (key.name == "lidar.model") continue;
+    section.switched.push_back({key.name, {"lidar.model"}, std::string(Lidar::kNone)});
+  }
+  section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
+    return key.name == "lidar.model" && !scenario.get<Lidar>().on();
+  };
+  section.complete = complete;
+  section.check = check;
+  return section;
+}
+
+}  // namespace tether
