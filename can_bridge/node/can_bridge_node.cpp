@@ -91,7 +91,10 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
       bus_(bus),
       port_(port),
       channels_(settings.get<VehicleSettings>().name),
-      senders_(loop, bus, {channels_.vehicle_command, channels_.vehicle_plan}),
+      senders_(loop, bus,
+               settings.get<AutonomySettings>().enabled
+                   ? std::vector<std::string>{channels_.vehicle_drive}
+                   : std::vector<std::string>{channels_.vehicle_command, channels_.vehicle_plan}),
       profile_(std::move(profile)),
       safety_(safety_config(settings)),
       inputs_(safety_inputs(config)),
@@ -108,11 +111,15 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
   if (const std::string warning = port.warning(); !warning.empty()) {
     fmt::print(stderr, "tether-can-bridge: warning: {}\n", warning);
   }
-  subscribe_in_run<twist_t>(bus, loop, channels_.vehicle_command, kDeepQueue, rejected_commands_,
-                            [this](const twist_t& m) { on_command(m); });
-  subscribe_to_plans(bus, loop, channels_, rejected_plans_, [this](PlanSource source, Plan plan) {
-    safety_.on_plan(loop_.now(), source, std::move(plan));
-  });
+  const bool drives_itself = settings.get<AutonomySettings>().enabled;
+  if (drives_itself) autonomy_.emplace(settings, loop, bus);
+  subscribe_in_run<twist_t>(
+      bus, loop, drives_itself ? channels_.vehicle_drive : channels_.vehicle_command, kDeepQueue,
+      rejected_commands_, [this](const twist_t& m) { on_command(m); });
+  if (!drives_itself)
+    subscribe_to_plans(bus, loop, channels_, rejected_plans_, [this](PlanSource source, Plan plan) {
+      safety_.on_plan(loop_.now(), source, std::move(plan));
+    });
   subscribe<drive_request_t>(bus, channels_.can_request, kDeepQueue, rejected_requests_.undecodable,
                              [this](const drive_request_t& m) { on_request(m); });
   port.on_frame(all_filters(*profile_, inputs_),
@@ -155,8 +162,10 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
 
   safety_.on_senders(senders_.trouble());
   gpio_.read();
-  safety_.on_safety_inputs(inputs_.cycle(now));
   const DrivetrainSnapshot drives = profile_->snapshot(now);
+  SafetyDemands demands = inputs_.cycle(now);
+  if (autonomy_) autonomy_->demand(now, odometry_.state().twist.v_mps, demands);
+  safety_.on_safety_inputs(std::move(demands));
   odometry_.update(drives.wheels);
   const Decision decision = safety_.cycle(now, drives, port_.state(), odometry_.state().distance_m);
   act(decision, now);
@@ -290,6 +299,7 @@ void CanBridgeNode::finish() {
 void CanBridgeNode::list_counters(CounterList& out) const {
   safety_.list(out);
   inputs_.list(out);
+  if (autonomy_) autonomy_->list(out);
   rejected_commands_.list("command", out);
   if (takes_plans_) rejected_plans_.list("plan", out);
   rejected_requests_.list("request", out);

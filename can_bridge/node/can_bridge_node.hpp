@@ -11,6 +11,7 @@
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 #include "can_bridge/gpio/gpio_inputs.hpp"
+#include "can_bridge/node/autonomy_watch.hpp"
 #include "can_bridge/node/estop_file.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "can_bridge/safety/odometry.hpp"
@@ -31,7 +32,8 @@
 namespace tether {
 
 /// What the bridge and the emulated drives take of a scenario.
-using BridgeSettings = Sections<RunSettings, VehicleSettings, ActuatorSettings, CanSettings>;
+using BridgeSettings =
+    Sections<RunSettings, VehicleSettings, ActuatorSettings, CanSettings, AutonomySettings>;
 
 /// The bridge between LCM and the drives: AGV/CMD_VEL, AGV/PLAN, AGV/PRELOAD and CAN/REQUEST in,
 /// CAN frames out and in, CAN/STATE, CAN/WHEELS and CAN/ODOMETRY out in every control cycle (and
@@ -46,6 +48,9 @@ using BridgeSettings = Sections<RunSettings, VehicleSettings, ActuatorSettings, 
 /// Safety inputs (the drivetrain's [[safety_input]]) come by CAN or GPIO, without LCM, and are
 /// handed to the SafetyCore in each cycle. Throws UsageError for GPIO lines in virtual time, and
 /// for a CAN frame that is the drivetrain's own.
+///
+/// With autonomy.enabled it takes AGV/DRIVE instead of commands and plans, whose sender is on the
+/// vehicle, and AutonomyWatch has a say.
 ///
 /// Cycles that the loop missed are not made up for: only the newest sends ("cycle.slips" counts the
 /// others). A cycle that is held up sends nothing more when its period is over ("tx.late" counts
@@ -92,6 +97,7 @@ class CanBridgeNode final : public Node {
   SafetyCore safety_;
   SafetyInputs inputs_;
   GpioInputs gpio_;
+  std::optional<AutonomyWatch> autonomy_;  ///< with autonomy
   TransmitWhitelist whitelist_;
   Odometry odometry_;
   Duration cycle_;

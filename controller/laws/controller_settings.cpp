@@ -9,6 +9,7 @@
 #include "common/actuator/actuator_policy.hpp"
 #include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
+#include "common/onboard/onboard_settings.hpp"
 #include "common/scenario/key_table.hpp"
 #include "controller/laws/law.hpp"
 
@@ -126,8 +127,8 @@ std::string why_no_effect(const Scenario& scenario, const std::string& key) {
   return "";
 }
 
-/// Keys that only other laws use are left out. They are no mistake: one file may have what several
-/// laws need.
+/// Keys that only other laws use are left out, and not those of the law on board (PathFollower).
+/// They are no mistake: one file may have what several laws need.
 bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   const std::string prefix = "controller.";
   if (!key.name.starts_with(prefix)) return false;
@@ -143,6 +144,7 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
     if (controller.estimator == Controller::Estimator::ekf) return false;
   }
   const auto& kinds = law_kinds();
+  if (scenario.get<AutonomySettings>().enabled && part.starts_with("tracking.")) return false;
   return !uses(kind_of(scenario.get<Controller>()), part) &&
          std::any_of(kinds.begin(), kinds.end(),
                      [&](const LawKind& other) { return uses(other, part); });
@@ -156,16 +158,49 @@ std::string policies_for_plans() {
   return fmt::format("{}", fmt::join(names, " or "));
 }
 
+std::string laws_that_drive(bool on_request) {
+  std::vector<std::string> names;
+  for (const LawKind& law : law_kinds()) {
+    if (law.drives_on_request == on_request) names.push_back(fmt::format("\"{}\"", law.name));
+  }
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+/// A vehicle that drives by itself needs a remote driver who waits until it asks, any other one who
+/// does not.
+void check_driver(const Scenario& scenario, const std::string& file) {
+  const auto& controller = scenario.get<Controller>();
+  const bool on_request = kind_of(controller).drives_on_request;
+  const bool by_itself = scenario.get<AutonomySettings>().enabled;
+  if (controller.external || on_request == by_itself) return;
+  throw UsageError(
+      by_itself
+          ? fmt::format("{}: controller.law = \"{}\" never takes over a vehicle that drives by "
+                        "itself (autonomy.enabled = true): controller.law must be {}, or "
+                        "controller.external = true with a driver of yours",
+                        file, controller.law, laws_that_drive(true))
+          : fmt::format("{}: controller.law = \"{}\" drives only when a vehicle asks for it, and "
+                        "autonomy.enabled is false: it would never move; autonomy.enabled must be "
+                        "true, or controller.law one of {}",
+                        file, controller.law, laws_that_drive(false)));
+}
+
 void check(const Scenario& scenario, const std::string& file) {
   const auto& controller = scenario.get<Controller>();
   const LawKind& law = kind_of(controller);
   if (law.check != nullptr) law.check(controller, file);
-  if (!law.sends_plans) return;
+  if (!law.sends_plans) return check_driver(scenario, file);
   if (!kind_of(scenario.get<ActuatorSettings>()).takes_plans) {
     throw UsageError(
         fmt::format("{}: controller.law is one that sends plans, which the vehicle follows with "
                     "actuator.policy = {} only",
                     file, policies_for_plans()));
+  }
+  if (scenario.get<AutonomySettings>().enabled && !controller.external) {
+    throw UsageError(fmt::format(
+        "{}: controller.law = \"{}\" plans from the plan in force, which poses do not name with "
+        "autonomy.enabled = true; \"detour\" is the law of a remote driver",
+        file, controller.law));
   }
   if (controller.horizon_s * 1e3 < controller.plan_step_ms) {
     throw UsageError(

@@ -1,9 +1,14 @@
 #pragma once
 
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "common/base/time.hpp"
 #include "common/path/check.hpp"
 #include "common/scenario/own_settings.hpp"
 #include "common/scenario/section.hpp"
@@ -52,8 +57,13 @@ struct ControllerSettings {
   // Plans of the predictive laws.
   double horizon_s = 20.0;
   double plan_step_ms = 50.0;  ///< each twist of a plan is in force for this long
-  bool preload = false;        ///< the first plan is on board before departure
-  bool external = false;       ///< somebody else's program is the controller
+  Duration plan_step() const { return std::chrono::microseconds{std::llround(plan_step_ms * 1e3)}; }
+  /// How many twists a plan has.
+  std::size_t plan_steps() const {
+    return static_cast<std::size_t>(std::max(1.0, std::round(horizon_s / to_seconds(plan_step()))));
+  }
+  bool preload = false;   ///< the first plan is on board before departure
+  bool external = false;  ///< somebody else's program is the controller
   ModelSettings model;
   /// What a law takes for the vehicle's pose: the newest one as it came, or the filter's.
   enum class Estimator { none, ekf };

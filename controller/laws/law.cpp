@@ -18,7 +18,8 @@ namespace tether {
   LAW(tracking_compensated)      \
   LAW(predictive)                \
   LAW(predictive_consistent)     \
-  LAW(mpc)
+  LAW(mpc)                       \
+  LAW(detour)
 
 #define TETHER_DECLARE(name) LawKind name##_law();
 TETHER_CONTROL_LAWS(TETHER_DECLARE)

@@ -11,11 +11,13 @@
 #include "common/actuator/plan.hpp"
 #include "common/base/counters.hpp"
 #include "common/base/time.hpp"
+#include "common/onboard/onboard_settings.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
 #include "common/vehicle/dead_reckoning.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
 #include "controller/laws/controller_settings.hpp"
 
 namespace tether {
@@ -44,6 +46,17 @@ struct SeenOdometry {
   std::int64_t seq = 0;
 };
 
+/// What a vehicle that drives by itself says of that, as the controller got it (autonomy_state_t).
+struct SeenAutonomy {
+  bool asks = false;    ///< for a remote driver, or has one: REMOTE_REQUESTED or REMOTE
+  bool driven = false;  ///< REMOTE: it follows what this controller commands
+  std::int64_t handover = 0;
+  double path_s_m = 0.0;            ///< arc length on the path that it will return to
+  std::vector<Position> obstacles;  ///< world frame; of those that are not in the map
+  Instant stamp{};
+  Instant arrival{};  ///< here
+};
+
 /// What a law decides: the twist to follow from now on, or a plan. Of a plan's fields, the node
 /// fills in stamp, seq and name.session. Ids ascend by 1 from 0.
 using LawOutput = std::variant<Twist, Plan>;
@@ -66,6 +79,10 @@ class Law {
 
   /// Each accepted odometry message, stamps ascending. None with sensor.odometry_rate_hz = 0.
   virtual void on_odometry(const SeenOdometry&) {}
+
+  /// Each accepted report of a vehicle that drives by itself, stamps ascending. None with
+  /// autonomy.enabled = false.
+  virtual void on_autonomy(const SeenAutonomy&) {}
 
   /// The decision at `now`, which does not decrease from call to call. `newest`: the pose that
   /// on_pose() had last; only laws that plan ahead are asked without one, and before t = 0.
@@ -90,7 +107,8 @@ class Law {
 };
 
 /// The sections that laws may know.
-using LawSettings = Sections<ControllerSettings, VehicleSettings, ActuatorSettings, PathSettings>;
+using LawSettings = Sections<ControllerSettings, VehicleSettings, ActuatorSettings, PathSettings,
+                             AutonomySettings, WorldSettings, Surroundings>;
 
 /// What laws are made of.
 struct LawContext {
@@ -105,6 +123,9 @@ struct LawContext {
 struct LawKind {
   std::string name;
   bool sends_plans = false;  ///< instead of twists
+  /// Whether it is the remote driver of a vehicle that drives by itself (autonomy.enabled), and
+  /// nothing else.
+  bool drives_on_request = false;
   /// Whether it heeds LawContext::ahead_m. All others are derived for the axle's midpoint: with
   /// path.point = "chassis" they get the axle's path that takes the chassis' centre along that of
   /// the scenario (AxlePath), and their errors are those to this one.

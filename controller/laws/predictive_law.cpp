@@ -52,9 +52,8 @@ PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const Actuato
                model_.limits().max_wheel_acceleration_mps2, model_.limits().max_wheel_speed_mps,
                model_.limits().track_m},
       start_pose_{vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)},
-      step_(std::chrono::microseconds{std::llround(controller.plan_step_ms * 1e3)}),
-      steps_(static_cast<std::size_t>(
-          std::max(1.0, std::round(controller.horizon_s / to_seconds(step_))))),
+      step_(controller.plan_step()),
+      steps_(controller.plan_steps()),
       silence_(step_ * static_cast<std::int64_t>(steps_) / 2) {
   if (controller.estimator == ControllerSettings::Estimator::ekf) {
     filter_.emplace(controller.ekf, controller.adapt, model_.limits(), start_pose_);

@@ -61,6 +61,12 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
       });
   subscribe<odometry_t>(bus, channels_.control_odometry, kDeepQueue, undecodable_odometry_,
                         [this](const odometry_t& m) { on_odometry(m); });
+  if (settings.get<AutonomySettings>().enabled) {
+    reports_.emplace(earliest_stamp(settings));
+    subscribe_in_run<autonomy_state_t>(bus, loop, channels_.control_autonomy, kDeepQueue,
+                                       reports_->rejected,
+                                       [this](const autonomy_state_t& m) { on_autonomy(m); });
+  }
   if (config_.preload && law_->plans_ahead()) {
     // This priority comes before the first pose of that instant is measured, so that the pose names
     // the plan.
@@ -72,8 +78,9 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
   }
   if (config_.trigger == ControllerSettings::Trigger::timer) {
     const Duration period = from_seconds(1.0 / config_.rate_hz);
-    loop.every(first_tick(from_seconds(settings.get<RunSettings>().lead_s), period), period,
-               Priority::node, [this](Instant) { decide(); });
+    loop.every(first_tick(from_seconds(settings.get<RunSettings>().lead_s), period) +
+                   settings.get<FleetSettings>().tick_delay(period),
+               period, Priority::node, [this](Instant) { decide(); });
   }
 }
 
@@ -114,6 +121,33 @@ void ControllerNode::on_odometry(const odometry_t& m) {
   } else if (odometry_guard_.accept(seen.arrival, seen.stamp, seen.seq)) {
     law_->on_odometry(seen);
   }
+}
+
+void ControllerNode::on_autonomy(const autonomy_state_t& m) {
+  SeenAutonomy seen;
+  seen.driven = m.state == autonomy_state_t::REMOTE;
+  seen.asks = seen.driven || m.state == autonomy_state_t::REMOTE_REQUESTED;
+  seen.handover = m.handover;
+  seen.path_s_m = m.path_s_m;
+  seen.stamp = from_utime(m.utime);
+  seen.arrival = loop_.now();
+  constexpr double kLongestPath_m = 1e5;
+  bool usable = m.path_s_m >= 0.0 && m.path_s_m <= kLongestPath_m;
+  for (std::size_t i = 0; i < m.obstacle_x_m.size(); ++i) {
+    seen.obstacles.push_back({m.obstacle_x_m[i], m.obstacle_y_m[i]});
+    usable = usable && is_usable(m.obstacle_x_m[i]) && is_usable(m.obstacle_y_m[i]);
+  }
+  if (!usable) {
+    ++reports_->non_finite;
+  } else if (reports_->guard.accept(seen.arrival, seen.stamp, m.seq)) {
+    reports_->asked = seen.asks ? std::optional(seen.stamp) : std::nullopt;
+    law_->on_autonomy(seen);
+  }
+}
+
+std::int64_t ControllerNode::pose_utime() const {
+  if (reports_) return reports_->asked ? to_utime(*reports_->asked) : -1;
+  return newest_ ? to_utime(newest_->stamp) : -1;
 }
 
 void ControllerNode::on_possible_timeout() {
@@ -212,6 +246,11 @@ void ControllerNode::list_counters(CounterList& out) const {
     odometry_guard_.list("odometry", out);
     out.emplace_back("odometry.undecodable", undecodable_odometry_);
     out.emplace_back("odometry.non_finite", non_finite_odometry_);
+  }
+  if (reports_) {
+    reports_->guard.list("autonomy", out);
+    reports_->rejected.list("autonomy", out);
+    out.emplace_back("autonomy.non_finite", reports_->non_finite);
   }
   out.emplace_back("command.unusable", unusable_commands_);
   out.emplace_back("command.sent", commands_);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <tether/autonomy_state_t.hpp>
 #include <tether/odometry_t.hpp>
 
 #include "common/bus/bus.hpp"
@@ -11,6 +12,7 @@
 #include "common/bus/message_io.hpp"
 #include "common/bus/sole_sender.hpp"
 #include "common/bus/stream_guard.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -21,7 +23,8 @@ namespace tether {
 
 /// What the controller takes of a scenario.
 using ControllerNodeSettings =
-    Sections<RunSettings, VehicleSettings, PathSettings, ControllerSettings, ActuatorSettings>;
+    Sections<RunSettings, VehicleSettings, PathSettings, ControllerSettings, ActuatorSettings,
+             AutonomySettings, WorldSettings, Surroundings, FleetSettings>;
 
 /// The remote controller: CTRL/POSE and, if the vehicle sends it, CTRL/ODOMETRY in, CTRL/CMD_VEL or
 /// CTRL/PLAN (and CTRL/REPORT, CTRL/COUNTERS) out.
@@ -38,6 +41,11 @@ using ControllerNodeSettings =
 ///   starts afresh with the next pose. A pose that arrives too old already is answered by a stop.
 ///   pose_timeout_s = 0: never (the paper).
 /// - With controller.preload, the first plan is on CTRL/PRELOAD at the beginning of the run.
+///
+/// With autonomy.enabled, CTRL/AUTONOMY comes in, too, and goes to the law. What goes out then
+/// names in its pose_utime the newest report by which the vehicle asks for a remote driver, −1
+/// while it does not ask: that is how it knows that a command means its present request
+/// (docs/autonomy.md).
 ///
 /// Poses that are undecodable, non-finite (or beyond ±1e9), duplicated, late or stamped in the
 /// future are counted and otherwise ignored; they refresh nothing. So is odometry, which goes to
@@ -56,13 +64,14 @@ class ControllerNode final : public Node {
  private:
   void on_pose(const SeenPose& seen);
   void on_odometry(const odometry_t& message);
+  void on_autonomy(const autonomy_state_t& message);
   void decide();
   void on_possible_timeout();
   bool timed_out(Instant now) const;
   void send(Instant now, const LawOutput& decision, bool stopped);
   void send_twist(Instant now, const Twist& twist);
   void send_plan(Instant now, const Plan& plan, const std::string& channel);
-  std::int64_t pose_utime() const { return newest_ ? to_utime(newest_->stamp) : -1; }
+  std::int64_t pose_utime() const;
   void list_counters(CounterList& out) const;
 
   EventLoop& loop_;
@@ -76,6 +85,15 @@ class ControllerNode final : public Node {
   StreamGuard guard_;
 
   StreamGuard odometry_guard_;
+  /// With autonomy: the reports, and the newest if it asks.
+  struct Reports {
+    explicit Reports(Instant earliest) : guard({.earliest = earliest}) {}
+    StreamGuard guard;
+    Rejected rejected;
+    std::int64_t non_finite = 0;
+    std::optional<Instant> asked{};
+  };
+  std::optional<Reports> reports_;
 
   std::optional<SeenPose> newest_;
   Rejected rejected_;

@@ -1,6 +1,8 @@
 #include <chrono>
 #include <optional>
 
+#include "common/fleet/fleet.hpp"
+#include "common/loop/node_group.hpp"
 #include "common/program/node_main.hpp"
 #include "controller/node/controller_node.hpp"
 
@@ -24,7 +26,8 @@ int main(int argc, char** argv) {
                     .description = "The remote controller: poses in, velocity commands out",
                     .lockstep_name = "controller",
                     .make = [](const NodeContext& c) {
-                      return std::make_unique<ControllerNode>(c.scenario, c.loop, c.bus,
-                                                              session_of_this_start(c.loop));
+                      const auto session = session_of_this_start(c.loop);
+                      return group_of<ControllerNode>(fleet_members(c.scenario), c.loop, c.bus,
+                                                      session);
                     }});
 }

@@ -6,6 +6,7 @@
 
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -45,12 +46,7 @@ Cia402Config parse(const Toml& toml) {
 }
 
 std::string refusal(const std::string& toml) {
-  try {
-    parse_drivetrain(toml, "test.toml");
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { parse_drivetrain(toml, "test.toml"); });
 }
 
 /// `text` with its one `from` replaced.

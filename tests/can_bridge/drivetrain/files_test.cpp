@@ -7,6 +7,7 @@
 
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -36,12 +37,7 @@ TEST(ControlCycle, OutlastsOneLostFrameInEveryTimeOut) {
   check_cycle(c, 20.0);
   check_cycle(c, 33.0);
   const auto refusal = [&](double cycle_ms) -> std::string {
-    try {
-      check_cycle(c, cycle_ms);
-    } catch (const UsageError& error) {
-      return error.what();
-    }
-    return "accepted";
+    return refusal_of([&] { check_cycle(c, cycle_ms); });
   };
   EXPECT_THAT(refusal(34.0), HasSubstr("can.cycle_ms = 34"));
   EXPECT_THAT(refusal(34.0), HasSubstr("drives.feedback_timeout_ms = 100"));

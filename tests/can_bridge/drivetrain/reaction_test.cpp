@@ -7,6 +7,7 @@
 
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
+#include "tests/support/refusal.hpp"
 
 // A watchdog that notices a lost bridge has to say what it does then.
 namespace tether {
@@ -33,12 +34,7 @@ Cia402Config parse(const std::string& toml) {
 }
 
 std::string refusal(const std::string& toml) {
-  try {
-    parse_drivetrain(toml, "test.toml");
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { parse_drivetrain(toml, "test.toml"); });
 }
 
 const std::string kReaction = "\nreaction = \"0x6007:00 i16\"\nreaction_value = 3 ";

@@ -8,6 +8,7 @@
 
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
+#include "tests/support/refusal.hpp"
 
 // [[safety_input]] of a drivetrain's file.
 namespace tether {
@@ -31,12 +32,7 @@ DrivetrainConfig with(const std::string& inputs, const std::string& file = "agil
 }
 
 std::string refusal(const std::string& inputs) {
-  try {
-    with(inputs);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { with(inputs); });
 }
 
 TEST(SafetyInputFile, WithoutItThereAreNone) { EXPECT_TRUE(safety_inputs(with("")).empty()); }

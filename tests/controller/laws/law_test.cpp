@@ -17,11 +17,15 @@ TEST(LawTable, HasARowForEachLawThatOurSourcesDefineOnce) {
 TEST(LawTable, EachLawIsMadeByItsNameInAScenario) {
   for (const LawKind& kind : law_kinds()) {
     SCOPED_TRACE(kind.name);
-    const Scenario scenario =
-        parse_scenario("", "",
-                       {"controller.law=" + kind.name,
-                        "controller.tau_table=" TETHER_SOURCE_DIR "/scenarios/tau_table.csv",
-                        kind.sends_plans ? "actuator.policy=horizon" : "actuator.policy=hold"});
+    std::vector<std::string> overrides{
+        "controller.law=" + kind.name,
+        "controller.tau_table=" TETHER_SOURCE_DIR "/scenarios/tau_table.csv",
+        kind.sends_plans ? "actuator.policy=horizon" : "actuator.policy=hold"};
+    if (kind.drives_on_request) {
+      overrides.insert(overrides.end(), {"autonomy.enabled=true", "lidar.model=custom",
+                                         "sensor.odometry_rate_hz=50"});
+    }
+    const Scenario scenario = parse_scenario("", "", overrides);
     EXPECT_EQ(&kind_of(scenario.get<ControllerSettings>()), &kind);
     const auto law = make_law(scenario);
     ASSERT_NE(law, nullptr);

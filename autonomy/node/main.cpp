@@ -1,0 +1,16 @@
+#include "autonomy/node/autonomy_node.hpp"
+#include "common/fleet/fleet.hpp"
+#include "common/loop/node_group.hpp"
+#include "common/program/node_main.hpp"
+
+// AGV/SCAN, AGV/POSE, AGV/CMD_VEL ──▶ who drives? ──▶ AGV/DRIVE, AGV/AUTONOMY
+int main(int argc, char** argv) {
+  using namespace tether;
+  return node_main(argc, argv,
+                   {.name = "tether-autonomy",
+                    .description = "The vehicle as its own driver, which asks for a remote one",
+                    .lockstep_name = "autonomy",
+                    .make = [](const NodeContext& c) {
+                      return group_of<AutonomyNode>(fleet_members(c.scenario), c.loop, c.bus);
+                    }});
+}

@@ -1,0 +1,86 @@
+#include "autonomy/supervisor/autonomy_section.hpp"
+
+#include <fmt/format.h>
+
+#include "autonomy/field/swept_way.hpp"
+#include "common/base/errors.hpp"
+#include "common/scenario/key_table.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+
+namespace tether {
+namespace {
+
+using Autonomy = AutonomySettings;
+
+constexpr Range kTime{0.01, 1000.0, false};
+
+/// What setpoints may ask for, wheels have to be able to do: else the vehicle stops behind its
+/// stopping field's end.
+void check_brakes(const Scenario& scenario, const std::string& file) {
+  const auto& autonomy = scenario.get<Autonomy>();
+  const auto& vehicle = scenario.get<VehicleSettings>();
+  const double rim_mps2 =
+      autonomy.deceleration_mps2 + autonomy.yaw_acceleration_radps2 * 0.5 * vehicle.track_m;
+  if (rim_mps2 > vehicle.max_wheel_acceleration_mps2) {
+    throw UsageError(
+        fmt::format("{}: autonomy.deceleration_mps2 = {} and autonomy.yaw_acceleration_radps2 = {} "
+                    "ask for {:g} "
+                    "m/s^2 of a rim, more than vehicle.max_wheel_acceleration_mps2 = {}",
+                    file, autonomy.deceleration_mps2, autonomy.yaw_acceleration_radps2, rim_mps2,
+                    vehicle.max_wheel_acceleration_mps2));
+  }
+  const double least_radps2 = autonomy.deceleration_mps2 / outline_of(vehicle).reach_m();
+  if (autonomy.yaw_acceleration_radps2 < least_radps2) {
+    throw UsageError(fmt::format(
+        "{}: autonomy.yaw_acceleration_radps2 = {} stops turns later than "
+        "autonomy.deceleration_mps2 = {} says: at least {:.3f}",
+        file, autonomy.yaw_acceleration_radps2, autonomy.deceleration_mps2, least_radps2));
+  }
+}
+
+void check(const Scenario& scenario, const std::string& file) {
+  if (!scenario.get<Autonomy>().enabled) return;
+  check_brakes(scenario, file);
+}
+
+}  // namespace
+
+ScenarioSection autonomy_section() {
+  KeyTable<Autonomy> t("autonomy.");
+  t.boolean("enabled", &Autonomy::enabled,
+            "the vehicle drives by itself, stops for obstacles and asks for a remote driver");
+  t.number("rate_hz", &Autonomy::rate_hz, {5.0, 1000.0, false}, "setpoints per second");
+  t.number("deceleration_mps2", &Autonomy::deceleration_mps2, {0.01, 100.0, false},
+           "a of the stopping field v^2/2a + v reaction + margin; setpoints change by no more");
+  t.number("yaw_acceleration_radps2", &Autonomy::yaw_acceleration_radps2, {0.01, 100.0, false},
+           "of setpoints");
+  t.number("reaction_s", &Autonomy::reaction_s, {0.02, 10.0, false},
+           "of the stopping field; a scan that is older says nothing");
+  t.number("margin_m", &Autonomy::margin_m, {0.01, 10.0, false}, "left free ahead of the vehicle");
+  t.number("side_margin_m", &Autonomy::side_margin_m, {0.0, 10.0, false}, "and beside it");
+  t.number("wait_s", &Autonomy::wait_s, kTime,
+           "in a protective stop before it asks for a remote driver");
+  t.number("clear_for_s", &Autonomy::clear_for_s, kTime,
+           "the way has to be free for so long before it goes on by itself");
+  t.number("pose_timeout_s", &Autonomy::pose_timeout_s, kTime,
+           "without a pose for so long its localisation is lost");
+  t.number("remote_timeout_s", &Autonomy::remote_timeout_s, kTime,
+           "without a command for so long there is no remote driver");
+  t.number("remote_max_age_s", &Autonomy::remote_max_age_s, kTime,
+           "what a remote driver saw may be so old");
+  t.number("remote_speed_mps", &Autonomy::remote_speed_mps, {0.01, 10.0, false},
+           "driven remotely it is no faster");
+  ScenarioSection section{.defaults = Autonomy{}, .keys = t.take()};
+  for (const ScenarioKey& key : section.keys) {
+    if (key.name != "autonomy.enabled") {
+      section.switched.push_back({key.name, {"autonomy.enabled"}, false});
+    }
+  }
+  section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
+    return key.name == "autonomy.enabled" && !scenario.get<Autonomy>().enabled;
+  };
+  section.check = check;
+  return section;
+}
+
+}  // namespace tether
