@@ -71,7 +71,8 @@ std::optional<Channel::Change> to_change(const TableList::Table& table) {
   return Channel::Change{at_s, *settings};
 }
 
-bool read_changes(Scenario& scenario, const std::vector<TableList::Table>& tables) {
+bool read_changes(Scenario& scenario, const std::vector<TableList::Table>& tables,
+                  const std::string& /*place*/) {
   std::vector<Channel::Change> changes;
   for (const TableList::Table& table : tables) {
     const auto change = to_change(table);

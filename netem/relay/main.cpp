@@ -5,9 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "common/fleet/fleet.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udpm_bus.hpp"
 #include "common/program/node_main.hpp"
+#include "netem/medium/medium_settings.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "netem/relay/relay_node.hpp"
 
@@ -30,7 +32,11 @@ int main(int argc, char** argv) {
       [&texts] { return !texts.empty(); },
       [&](const Scenario& scenario, const std::string& lcm_url,
           const std::vector<std::string>& overrides) {
-        if (texts.empty()) return;
+        if (texts.empty()) {
+          const std::string warning = overload_warning(scenario.get<MediumSettings>());
+          if (!warning.empty()) fmt::print(stderr, "tether-netem: {}\n", warning);
+          return;
+        }
         rules = parse_relay_rules(texts, lcm_url, scenario);
         check_overrides(use_of(rules), overrides);
         own_url = checked_lcm_url(lcm_url);
@@ -40,7 +46,7 @@ int main(int argc, char** argv) {
       }};
   const auto make = [&](const NodeContext& c) -> std::unique_ptr<Node> {
     if (rules.empty()) {
-      return std::make_unique<NetemNode>(c.scenario, c.loop, c.bus, c.control_bus);
+      return relays_of(fleet_members(c.scenario), c.loop, c.bus, c.control_bus);
     }
     return std::make_unique<RelayNode>(
         c.scenario, rules, c.loop, own_url,

@@ -9,6 +9,7 @@
 #include "common/scenario/scenario.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/models/markov.hpp"
+#include "tests/support/refusal.hpp"
 
 // [[channel.change]]: other settings of the channel from some time on.
 
@@ -24,12 +25,7 @@ std::string change(const std::string& at_s, const std::string& set) {
 }
 
 std::string refusal(const std::string& toml, const std::vector<std::string>& overrides = {}) {
-  try {
-    parse_scenario(toml, "test.toml", overrides);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { parse_scenario(toml, "test.toml", overrides); });
 }
 
 TEST(ScenarioChange, IsReadInOrderAndWrittenAgain) {

@@ -10,6 +10,7 @@
 #include "netem/models/gilbert_elliott.hpp"
 #include "netem/models/markov.hpp"
 #include "netem/stages/jitter_laws.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -27,12 +28,7 @@ Scenario parse(const std::string& toml, const std::vector<std::string>& override
 
 /// What the user reads when `toml` with `overrides` is refused.
 std::string refusal(const std::string& toml, const std::vector<std::string>& overrides = {}) {
-  try {
-    parse(toml, overrides);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { parse(toml, overrides); });
 }
 
 /// One of each model and all stages.

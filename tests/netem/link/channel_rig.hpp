@@ -10,6 +10,7 @@
 #include "common/base/errors.hpp"
 #include "netem/relay/channel_control.hpp"
 #include "netem/relay/make_links.hpp"
+#include "tests/support/refusal.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether::testing {
@@ -27,12 +28,7 @@ struct ChannelRig {
   }
   /// The reason why it is refused; "accepted" if it is not.
   std::string refusal(const Settings& settings, Instant now = kStart) {
-    try {
-      change(settings, now);
-    } catch (const UsageError& error) {
-      return error.what();
-    }
-    return "accepted";
+    return refusal_of([&] { change(settings, now); });
   }
 
   LinkPair links;

@@ -10,6 +10,7 @@
 #include "netem/models/map_process.hpp"
 #include "netem/playback/position_map.hpp"
 #include "netem/playback/shadowing.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -23,12 +24,7 @@ PositionMap grid(const std::string& text) {
 
 template <class Function>
 std::string refusal(Function function) {
-  try {
-    function();
-  } catch (const UsageError& e) {
-    return e.what();
-  }
-  return "accepted";
+  return refusal_of(function);
 }
 
 // Centres at x = 0, 2, 4 and y = 10, 12.

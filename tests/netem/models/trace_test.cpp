@@ -9,6 +9,7 @@
 
 #include "common/base/errors.hpp"
 #include "netem/models/trace_process.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -26,12 +27,7 @@ std::shared_ptr<const Trace> shared(const std::string& text) {
 }
 
 std::string refusal(const std::string& text) {
-  try {
-    trace(text);
-  } catch (const UsageError& e) {
-    return e.what();
-  }
-  return "accepted";
+  return refusal_of([&] { trace(text); });
 }
 
 const char* const kThreeRows =

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <tether/counters_t.hpp>
+#include <tether/ground_truth_t.hpp>
 #include <tether/link_report_t.hpp>
 
 #include "common/scenario/run_settings.hpp"
@@ -176,6 +177,24 @@ TEST_F(NetemNodeTest, FeedsAMapWithThePositionBeforeThePoseIsSent) {
   world.loop.run_until(at_s(201));
   EXPECT_EQ(node->uplink().counters().offered, 201);
   EXPECT_NEAR(static_cast<double>(node->uplink().counters().lost), 100.0, 5.0);
+}
+
+// The map of a radio is that of the vehicle, wherever its poses are made.
+TEST_F(NetemNodeTest, FeedsAMapWithTheTruthIfPosesAreMadeBehindTheNetwork) {
+  scenario = parse_scenario(
+      "", "test.toml",
+      {"localiser.place=edge", "sensor.odometry_rate_hz=20", "lidar.model=sick_nanoscan3",
+       "channel.uplink.model=map", "channel.uplink.map.access_points=[[0, 0]]",
+       "channel.uplink.map.shadowing_sd_db=0"});
+  const auto node = start();
+  ground_truth_t truth{};
+  publish(world.bus, "SIM/TRUTH", truth);
+  world.loop.run_until(at_ms(10));
+  const double near = node->uplink().process().condition().prr;
+  truth.x_m = 5000.0;
+  publish(world.bus, "SIM/TRUTH", truth);
+  world.loop.run_until(at_ms(20));
+  EXPECT_LT(node->uplink().process().condition().prr, near);
 }
 
 TEST_F(NetemNodeTest, DeliversCopiesAtTheirOwnTime) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -30,12 +31,7 @@ RelayRule parse(const std::string& text) {
 }
 
 std::string refusal(const std::vector<std::string>& texts, const std::string& own = kOwn) {
-  try {
-    parse_relay_rules(texts, own, scenario());
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { parse_relay_rules(texts, own, scenario()); });
 }
 
 TEST(RelayRule, HasUrlPatternNameAndLink) {

@@ -11,6 +11,7 @@
 #include "common/base/errors.hpp"
 #include "netem/stages/delay_law.hpp"
 #include "tests/support/folder.hpp"
+#include "tests/support/refusal.hpp"
 
 // Delay laws against Boost.Math. Tolerances of samples: 5 standard deviations.
 
@@ -252,12 +253,7 @@ struct DelayTableFile : ::testing::Test {
     return c;
   }
   std::string refusal(const JitterSettings& c) const {
-    try {
-      load_delay_table(c);
-    } catch (const UsageError& error) {
-      return error.what();
-    }
-    return "accepted";
+    return refusal_of([&] { load_delay_table(c); });
   }
 };
 

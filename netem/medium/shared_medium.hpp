@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/base/counters.hpp"
+#include "common/base/time.hpp"
+#include "netem/medium/medium_settings.hpp"
+
+namespace tether {
+
+/// From a vehicle to the access point or base station, or to it.
+enum class Way { up, down };
+
+/// What became of a packet.
+struct PacketFateOnAir {
+  std::uint64_t id = 0;
+  bool delivered = false;
+  Instant at{};  ///< at the other end; of one that is lost: when that is decided
+};
+
+/// The medium of all vehicles: the one of [medium] that its model names. Packets longer than a
+/// frame are sent in fragments, all of which have to arrive. Pure: time goes forward only.
+class SharedMedium {
+ public:
+  using Ended = std::function<void(const PacketFateOnAir&)>;
+
+  virtual ~SharedMedium() = default;
+  SharedMedium(const SharedMedium&) = delete;
+  SharedMedium& operator=(const SharedMedium&) = delete;
+
+  /// A vehicle's two ways; returns its number, from 0 on. Its random streams are
+  /// "<name>/medium/…": one more vehicle changes no other's draws.
+  virtual std::size_t add_vehicle(const std::string& name) = 0;
+
+  /// Whether where vehicles are matters.
+  virtual bool wants_position() const { return false; }
+  /// Where a vehicle is from `now` on; (0, 0) before the first time.
+  virtual void on_position(std::size_t /*vehicle*/, double /*x_m*/, double /*y_m*/,
+                           Instant /*now*/) {}
+
+  /// Sends a packet of `bytes` of UDP payload. The last word on it, `ended`, comes from this call
+  /// or a later one of advance(); of packets that find no room, or are longer than a datagram can
+  /// be (65 507 bytes), at once.
+  void send(Instant now, std::size_t vehicle, Way way, std::uint64_t id, int bytes);
+
+  /// When advance() is to be called next while packets are under way; else Instant::max().
+  Instant next_event() const;
+  /// All that begins by `now`.
+  virtual void advance(Instant now) = 0;
+
+  std::size_t under_way() const { return pending_.size(); }
+  /// "medium.delivered", .lost, .overflowed …
+  void list(CounterList& out) const;
+
+  /// nullptr for none. The random streams are derived from `seed`.
+  static std::unique_ptr<SharedMedium> make(const MediumSettings& settings, std::uint64_t seed,
+                                            Ended ended);
+
+ protected:
+  explicit SharedMedium(Ended ended) : ended_(std::move(ended)) {}
+
+  /// False if there is no room.
+  virtual bool push(Instant now, std::size_t vehicle, Way way, std::uint64_t fragment,
+                    int bytes) = 0;
+  virtual Instant next_transmission() const = 0;
+  virtual void list_own(CounterList& out) const = 0;
+  void fragment_ended(std::uint64_t fragment, bool delivered, Instant at);
+
+ private:
+  struct Pending {
+    int fragments = 0;
+    bool lost = false;
+    Instant at{};
+  };
+  Ended ended_;
+  std::map<std::uint64_t, Pending> pending_;
+  std::int64_t sent_ = 0, delivered_ = 0, lost_ = 0, too_long_ = 0;
+};
+
+/// Of one packet on Ethernet and Wi-Fi, with UDP and IP headers: the sizes of its fragments.
+std::vector<int> fragment_bytes(int udp_payload_bytes);
+
+}  // namespace tether

@@ -1,0 +1,60 @@
+#include "netem/relay/running_medium.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+namespace tether {
+
+RunningMedium::RunningMedium(const MediumSettings& settings, std::uint64_t seed, EventLoop& loop)
+    : loop_(loop), medium_(SharedMedium::make(settings, seed, [this](const PacketFateOnAir& fate) {
+        ended(fate);
+      })) {}
+
+std::size_t RunningMedium::add_vehicle(const std::string& name) {
+  return medium_ ? medium_->add_vehicle(name) : 0;
+}
+
+void RunningMedium::send(std::size_t vehicle, Way way, Packet packet, const Deliver& deliver) {
+  if (!medium_) return deliver(std::move(packet));
+  const auto bytes = static_cast<int>(datagram_bytes(packet.channel, std::ssize(packet.bytes)));
+  const std::uint64_t id = next_id_++;
+  under_way_.emplace(id, UnderWay{std::move(packet), &deliver});
+  medium_->send(loop_.now(), vehicle, way, id, bytes);
+  wake();
+}
+
+void RunningMedium::on_position(std::size_t vehicle, double x_m, double y_m) {
+  if (!wants_position()) return;
+  medium_->on_position(vehicle, x_m, y_m, loop_.now());
+  wake();
+}
+
+/// At the medium's next event, unless that is planned already.
+void RunningMedium::wake() {
+  const Instant next = medium_->next_event();
+  if (next >= wakes_at_) return;
+  wakes_at_ = next;
+  loop_.at(std::max(next, loop_.now()), Priority::delivery, [this, next](Instant now) {
+    if (next != wakes_at_) return;
+    wakes_at_ = Instant::max();
+    medium_->advance(now);
+    wake();
+  });
+}
+
+void RunningMedium::ended(const PacketFateOnAir& fate) {
+  auto packet = under_way_.extract(fate.id);
+  if (!fate.delivered) return;
+  const auto hand_on = [arrived = std::move(packet.mapped())](Instant) {
+    (*arrived.deliver)(arrived.packet);
+  };
+  if (fate.at <= loop_.now()) return hand_on(loop_.now());
+  loop_.at(fate.at, Priority::delivery, hand_on);
+}
+
+void RunningMedium::list_counters(CounterList& out) const {
+  if (medium_) medium_->list(out);
+}
+
+}  // namespace tether

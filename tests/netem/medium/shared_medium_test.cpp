@@ -1,0 +1,317 @@
+#include "netem/medium/shared_medium.hpp"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "common/base/errors.hpp"
+
+namespace tether {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+/// A medium whose packets' fates can be looked up.
+struct Rig {
+  explicit Rig(const MediumSettings& settings)
+      : medium(SharedMedium::make(
+            settings, 1, [this](const PacketFateOnAir& fate) { fates[fate.id] = fate; })) {}
+  void run_until(Instant end) {
+    while (medium->next_event() <= end) medium->advance(medium->next_event());
+  }
+  std::map<std::uint64_t, PacketFateOnAir> fates;
+  std::unique_ptr<SharedMedium> medium;
+};
+
+TEST(SharedMedium, CutsPacketsIntoFramesOfEthernet) {
+  EXPECT_THAT(fragment_bytes(80), ElementsAre(80 + 8 + 20));
+  EXPECT_THAT(fragment_bytes(1472), ElementsAre(1500));
+  EXPECT_THAT(fragment_bytes(1473), ElementsAre(1500, 21));
+  EXPECT_THAT(fragment_bytes(3288), ElementsAre(1500, 1500, 336 + 20));
+}
+
+class EachMedium : public testing::TestWithParam<MediumSettings::Model> {
+ protected:
+  MediumSettings settings() const { return {.model = GetParam()}; }
+};
+
+TEST_P(EachMedium, CarriesAPacketBothWays) {
+  Rig rig(settings());
+  const std::size_t agv = rig.medium->add_vehicle("AGV");
+  rig.medium->send(kStart, agv, Way::up, 1, 80);
+  rig.medium->send(kStart, agv, Way::down, 2, 3288);
+  EXPECT_EQ(rig.medium->under_way(), 2U);
+  rig.run_until(kStart + milliseconds{1000});
+  EXPECT_TRUE(rig.fates.at(1).delivered);
+  EXPECT_TRUE(rig.fates.at(2).delivered);
+  EXPECT_EQ(rig.medium->next_event(), Instant::max());
+}
+
+TEST_P(EachMedium, LosesAPacketIfOneOfItsFragmentsIsLost) {
+  MediumSettings lossy = settings();
+  lossy.error_ratio = 0.5;
+  lossy.attempts = 1;
+  Rig rig(lossy);
+  const std::size_t agv = rig.medium->add_vehicle("AGV");
+  int small = 0, large = 0;
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    const Instant now = kStart + i * milliseconds{100};
+    rig.run_until(now);
+    rig.medium->send(now, agv, Way::up, i, i % 2 == 0 ? 80 : 3288);
+  }
+  rig.run_until(kStart + milliseconds{1'000'000});
+  for (const auto& [id, fate] : rig.fates) (id % 2 == 0 ? small : large) += fate.delivered ? 1 : 0;
+  // 1000 of each: 1/2 and 1/8, standard deviations 16 and 10; four of them.
+  EXPECT_NEAR(small, 500, 64);
+  EXPECT_NEAR(large, 125, 42);
+}
+
+TEST_P(EachMedium, HasAnEndForEveryPacketUnderOverload) {
+  MediumSettings loaded = settings();
+  loaded.rate_Mbps = 6.0;
+  loaded.control_rate_Mbps = 6.0;
+  loaded.queue = 10;
+  loaded.background = {{.kind = MediumSettings::Background::Kind::poisson,
+                        .stations = 5,
+                        .rate_hz = 200.0,
+                        .bytes = 1400}};
+  Rig rig(loaded);
+  for (int i = 0; i < 10; ++i) rig.medium->add_vehicle(fmt::format("AGV{}", i));
+  for (std::uint64_t i = 0; i < 5000; ++i) {
+    const Instant now = kStart + i * milliseconds{1};
+    rig.run_until(now);
+    rig.medium->send(now, i % 10, i % 3 == 0 ? Way::down : Way::up, i, 900);
+  }
+  rig.run_until(kStart + milliseconds{60'000});
+  EXPECT_EQ(rig.medium->under_way(), 0U);
+  EXPECT_EQ(rig.fates.size(), 5000U);
+  int lost = 0;
+  for (const auto& [id, fate] : rig.fates) lost += fate.delivered ? 0 : 1;
+  EXPECT_GT(lost, 500);
+  EXPECT_LT(lost, 5000);
+}
+
+// Whoever listens decides when advance() is called; that must not matter.
+TEST_P(EachMedium, DoesTheSameHoweverOftenItIsAsked) {
+  MediumSettings busy = settings();
+  busy.background = {{.kind = MediumSettings::Background::Kind::periodic,
+                      .stations = 3,
+                      .rate_hz = 100.0,
+                      .bytes = 400}};
+  const auto run = [&busy](milliseconds step) {
+    Rig rig(busy);
+    const std::size_t agv = rig.medium->add_vehicle("AGV");
+    for (std::uint64_t i = 0; i < 200; ++i) {
+      const Instant now = kStart + i * milliseconds{50};
+      for (Instant t = now - milliseconds{50}; t < now; t += step) {
+        if (t >= kStart) rig.medium->advance(t);
+      }
+      rig.medium->send(now, agv, Way::up, i, 80);
+    }
+    rig.medium->advance(kStart + milliseconds{20'000});
+    std::vector<Instant> ends;
+    for (const auto& [id, fate] : rig.fates) ends.push_back(fate.at);
+    return ends;
+  };
+  EXPECT_EQ(run(milliseconds{1}), run(milliseconds{50}));
+}
+
+// Nine other vehicles as traffic: what one of ten has of the radio.
+TEST_P(EachMedium, IsSharedWithWhatTheAccessPointSendsToOthers) {
+  const auto mean_delay = [this](std::int64_t others) {
+    MediumSettings shared = settings();
+    shared.rate_Mbps = 6.0;
+    shared.control_rate_Mbps = 6.0;
+    if (others > 0) {
+      shared.background = {{.kind = MediumSettings::Background::Kind::periodic,
+                            .stations = others,
+                            .rate_hz = 100.0,
+                            .bytes = 400,
+                            .down = true}};
+    }
+    Rig rig(shared);
+    const std::size_t agv = rig.medium->add_vehicle("AGV");
+    Duration sum{};
+    for (std::uint64_t i = 0; i < 500; ++i) {
+      const Instant now = kStart + i * milliseconds{37};
+      rig.run_until(now);
+      rig.medium->send(now, agv, Way::down, i, 80);
+      rig.run_until(now + milliseconds{37});
+      sum += rig.fates.at(i).at - now;
+    }
+    return sum / 500;
+  };
+  EXPECT_GT(mean_delay(9), mean_delay(0) + std::chrono::microseconds{200});
+}
+
+INSTANTIATE_TEST_SUITE_P(Models, EachMedium,
+                         testing::Values(MediumSettings::Model::dcf, MediumSettings::Model::edca,
+                                         MediumSettings::Model::scheduled),
+                         [](const auto& tested) {
+                           switch (tested.param) {
+                             case MediumSettings::Model::dcf:
+                               return "dcf";
+                             case MediumSettings::Model::edca:
+                               return "edca";
+                             default:
+                               return "scheduled";
+                           }
+                         });
+
+// 1400 bytes at 6 Mbit/s take 2 ms, so 800 of them a second fill the queue that they are in.
+TEST(SharedMedium, LetsAnAccessPointSendWhatIsUrgentFirst) {
+  const auto delivered = [](const std::string& category) {
+    Rig rig({.model = MediumSettings::Model::edca,
+             .rate_Mbps = 6.0,
+             .control_rate_Mbps = 6.0,
+             .category = category,
+             .background = {{.rate_hz = 800.0, .category = "BE", .down = true}}});
+    rig.medium->add_vehicle("AGV");
+    for (std::uint64_t i = 0; i < 100; ++i) {
+      rig.run_until(kStart + i * milliseconds{50});
+      rig.medium->send(kStart + i * milliseconds{50}, 0, Way::down, i, 80);
+    }
+    rig.run_until(kStart + milliseconds{10'000});
+    return std::count_if(rig.fates.begin(), rig.fates.end(),
+                         [](const auto& fate) { return fate.second.delivered; });
+  };
+  EXPECT_EQ(delivered("VO"), 100);
+  EXPECT_LT(delivered("BE"), 90);
+}
+
+TEST(SharedMedium, IsNoneUnlessAskedFor) {
+  EXPECT_EQ(SharedMedium::make({}, 1, [](const PacketFateOnAir&) {}), nullptr);
+}
+
+// 54 Mbit/s, 100 bytes each way 20 times a second: about 100 µs a frame.
+TEST(SharedMedium, KnowsTheLoadThatPacketsAre) {
+  MediumSettings wifi{.model = MediumSettings::Model::edca};
+  wifi.up = wifi.down = {20.0, 100};
+  const double one = offered_load(wifi);
+  EXPECT_NEAR(one, 40 * 125e-6, 40 * 30e-6);
+  wifi.others = 9;
+  EXPECT_DOUBLE_EQ(offered_load(wifi), 10 * one);
+  EXPECT_EQ(overload_warning(wifi), "");
+  wifi.others = 499;
+  EXPECT_EQ(overload_warning(wifi),
+            fmt::format("[medium] is asked for {:.0f} % of its time, collisions not counted: it "
+                        "cannot carry all",
+                        50'000 * one));
+  wifi.model = MediumSettings::Model::none;
+  EXPECT_EQ(offered_load(wifi), 0.0);
+}
+
+// Whatever a program sends to a relay.
+TEST(SharedMedium, LosesWhatNoDatagramHolds) {
+  Rig rig({.model = MediumSettings::Model::dcf});
+  const std::size_t agv = rig.medium->add_vehicle("AGV");
+  rig.medium->send(kStart, agv, Way::up, 1, 65'507);
+  rig.medium->send(kStart, agv, Way::up, 2, 65'508);
+  EXPECT_FALSE(rig.fates.at(2).delivered);
+  rig.run_until(kStart + milliseconds{1000});
+  EXPECT_TRUE(rig.fates.at(1).delivered);
+  CounterList counters;
+  rig.medium->list(counters);
+  EXPECT_THAT(counters, testing::Contains(testing::Pair("medium.too_long", 1)));
+}
+
+// Each of ten others sends and gets as many packets as said.
+TEST_P(EachMedium, HasOtherVehiclesToo) {
+  MediumSettings crowd = settings();
+  crowd.others = 10;
+  crowd.up = {20.0, 80};
+  crowd.down = {10.0, 80};
+  Rig rig(crowd);
+  rig.medium->add_vehicle("AGV");
+  rig.medium->send(kStart, 0, Way::up, 1, 80);
+  rig.medium->advance(kStart + milliseconds{10'000});
+  CounterList counters;
+  rig.medium->list(counters);
+  std::int64_t transmissions = 0, collisions = 0;
+  for (const auto& [name, value] : counters) {
+    if (name.ends_with("transmissions")) transmissions += value;
+    if (name == "medium.collisions") collisions = value;
+  }
+  // A collision is one transmission less and two more attempts.
+  EXPECT_NEAR(transmissions - collisions, 10 * 10 * 30 + 1, 10 * 2);
+}
+
+class MediumSection : public testing::Test {
+ protected:
+  static MediumSettings read(const std::string& toml) {
+    return parse_scenario(toml, "some.toml").get<MediumSettings>();
+  }
+  static std::string refusal(const std::string& toml) {
+    try {
+      parse_scenario(toml, "some.toml");
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+    return "";
+  }
+};
+
+TEST_F(MediumSection, ReadsOtherStations) {
+  const MediumSettings medium = read(
+      "medium.model = \"edca\"\n[[medium.background]]\nkind = \"saturated\"\nstations = 3\n"
+      "category = \"VI\"\n");
+  ASSERT_EQ(medium.background.size(), 1U);
+  EXPECT_EQ(medium.background[0].stations, 3);
+  EXPECT_EQ(medium.background[0].category, "VI");
+}
+
+TEST_F(MediumSection, WritesWhatItReads) {
+  const std::string toml =
+      "medium.model = \"scheduled\"\nmedium.slot_ms = 1.0\n[[medium.background]]\nkind = "
+      "\"periodic\"\nrate_hz = 25\n[[medium.background]]\nway = \"down\"\n";
+  const Scenario once = parse_scenario(toml, "some.toml");
+  EXPECT_EQ(to_toml(parse_scenario(to_toml(once), "some.toml")), to_toml(once));
+  EXPECT_THAT(to_toml(once), HasSubstr("rate_hz = 25.0"));
+}
+
+TEST_F(MediumSection, SaysNothingOfAMediumThatIsNotThere) {
+  EXPECT_EQ(to_toml(parse_scenario("", "some.toml")).find("medium"), std::string::npos);
+}
+
+TEST_F(MediumSection, RefusesWhatItDoesNotKnow) {
+  EXPECT_THAT(refusal("medium.model = \"csma\""),
+              HasSubstr("must be \"none\" or \"dcf\" or \"edca\" or \"scheduled\""));
+  EXPECT_THAT(refusal("medium.model = \"edca\"\n[[medium.background]]\nkind = \"loud\"\n"),
+              HasSubstr("each [[medium.background]] may have kind = "));
+  EXPECT_THAT(refusal("medium.model = \"dcf\"\nmedium.category = \"VO\""),
+              HasSubstr("medium.model is \"dcf\""));
+  EXPECT_THAT(refusal("medium.model = \"scheduled\"\nmedium.preset = \"nokia\""),
+              HasSubstr("must be \"none\" or \"srsran\" or \"oai\""));
+  EXPECT_THAT(refusal("medium.queue = 5"), HasSubstr("medium.model is \"none\""));
+  EXPECT_THAT(refusal("[[medium.background]]\nkind = \"poisson\"\n"),
+              HasSubstr("[[medium.background]] has no effect: medium.model is \"none\""));
+}
+
+TEST_F(MediumSection, RefusesAQueueThatAPlanDoesNotFitInto) {
+  EXPECT_THAT(refusal("medium.model = \"dcf\"\nmedium.queue = 2\ncontroller.law = "
+                      "\"predictive_consistent\"\nactuator.policy = \"horizon\"\n"),
+              HasSubstr("medium.queue = 2 is too short for a command or plan of 33"));
+}
+
+TEST_F(MediumSection, KnowsWhatTheScenariosVehiclesSend) {
+  const MediumSettings medium = read(
+      "medium.model = \"dcf\"\nsensor.rate_hz = 5\ncontroller.trigger = \"timer\"\n"
+      "controller.rate_hz = 15\n");
+  EXPECT_EQ(medium.up.rate_hz, 5.0);
+  EXPECT_EQ(medium.down.rate_hz, 15.0);
+  EXPECT_GT(medium.up.bytes, medium.down.bytes);  // a pose, and a twist
+}
+
+TEST_F(MediumSection, TakesFromAPresetWhatIsNotGiven) {
+  const MediumSettings cell = read(
+      "medium.model = \"scheduled\"\nmedium.preset = \"oai\"\nmedium.request_period_ms = 5.0\n");
+  EXPECT_EQ(cell.request_period_ms, 5.0);
+  EXPECT_EQ(cell.offset_ms, 2.25);
+}
+
+}  // namespace
+}  // namespace tether
