@@ -1,6 +1,7 @@
 #include "common/path/figure_eight.hpp"
 
 #include <cmath>
+#include <numbers>
 
 #include "common/path/kinds.hpp"
 
@@ -9,18 +10,21 @@ namespace tether {
 FigureEight::FigureEight(const Config& config)
     : amplitude_m_(config.amplitude_m),
       rate_radps_(config.rate_radps),
+      theta_rad_(2.0 * std::numbers::pi * config.phase),
+      x_m_(config.x_m),
+      y_m_(config.y_m),
       cos_(std::cos(config.rotation_rad)),
       sin_(std::sin(config.rotation_rad)) {}
 
 Position FigureEight::position_at(double t_s) const {
-  const double theta = rate_radps_ * t_s;
+  const double theta = theta_rad_ + rate_radps_ * t_s;
   const double u = amplitude_m_ * std::sin(theta);
   const double w = u * std::cos(theta);
-  return {cos_ * u - sin_ * w, sin_ * u + cos_ * w};
+  return {x_m_ + cos_ * u - sin_ * w, y_m_ + sin_ * u + cos_ * w};
 }
 
 PathPoint FigureEight::at(double t_s) const {
-  const double theta = rate_radps_ * t_s;
+  const double theta = theta_rad_ + rate_radps_ * t_s;
   const double sine = std::sin(theta);
   const double cosine = std::cos(theta);
   const double u = amplitude_m_ * sine;
@@ -34,8 +38,8 @@ PathPoint FigureEight::at(double t_s) const {
   const double dy = sin_ * du + cos_ * dw;
   const double speed_squared = du * du + dw * dw;
   PathPoint p;
-  p.x_m = cos_ * u - sin_ * w;
-  p.y_m = sin_ * u + cos_ * w;
+  p.x_m = x_m_ + cos_ * u - sin_ * w;
+  p.y_m = y_m_ + sin_ * u + cos_ * w;
   p.yaw_rad = std::atan2(dy, dx);
   p.v_mps = rate_radps_ * std::sqrt(speed_squared);
   p.omega_radps = rate_radps_ * (du * ddw - dw * ddu) / speed_squared;
@@ -46,7 +50,11 @@ PathKind figure_eight_path() {
   return {.name = "figure_eight",
           .keys = {"amplitude_m", "rate_radps", "rotation_rad"},
           .timed = [](const PathSettings& s) -> std::shared_ptr<const ReferencePath> {
-            return std::make_shared<FigureEight>(s.figure_eight);
+            FigureEight::Config config = s.figure_eight;
+            config.phase = s.phase;
+            config.x_m = s.offset_x_m;
+            config.y_m = s.offset_y_m;
+            return std::make_shared<FigureEight>(config);
           }};
 }
 

@@ -13,6 +13,9 @@ class FigureEight final : public ReferencePath {
     double amplitude_m = 20.0;
     double rate_radps = 0.1;
     double rotation_rad = -0.78539816339744831;  ///< −π/4
+    double phase = 0.0;                          ///< share of an eight at t = 0
+    double x_m = 0.0;                            ///< of its crossing
+    double y_m = 0.0;
   };
 
   explicit FigureEight(const Config& config);
@@ -23,6 +26,8 @@ class FigureEight final : public ReferencePath {
  private:
   double amplitude_m_;
   double rate_radps_;
+  double theta_rad_;  ///< at t = 0
+  double x_m_, y_m_;
   double cos_;
   double sin_;
 };

@@ -1,7 +1,13 @@
 #include "common/path/kinds.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cassert>
+#include <utility>
+
+#include "common/base/errors.hpp"
+#include "common/path/moved_curve.hpp"
 
 namespace tether {
 
@@ -34,7 +40,17 @@ const PathKind& kind_of(const PathSettings& settings) {
 std::unique_ptr<const PlannedPath> plan_path(const PathSettings& settings) {
   const PathKind& kind = kind_of(settings);
   if (kind.curve == nullptr) return nullptr;
-  return std::make_unique<const PlannedPath>(kind.curve(settings), settings.limits);
+  std::unique_ptr<const PathCurve> curve = kind.curve(settings);
+  if (settings.phase > 0.0 && !curve->is_closed()) {
+    throw UsageError(fmt::format(
+        "path.phase = {}: this path has no laps, it ends; path.phase must be 0", settings.phase));
+  }
+  if (settings.is_moved()) {
+    const double begin_m = settings.phase * curve->length_m();
+    curve = std::make_unique<const MovedCurve>(std::move(curve), begin_m, settings.offset_x_m,
+                                               settings.offset_y_m);
+  }
+  return std::make_unique<const PlannedPath>(std::move(curve), settings.limits);
 }
 
 std::shared_ptr<const ReferencePath> make_path(const PathSettings& settings) {

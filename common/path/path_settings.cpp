@@ -72,22 +72,30 @@ std::vector<ScenarioKey> keys() {
   t.choice<Path::Point>(
       "point", &Path::point, {{"axle", Path::Point::axle}, {"chassis", Path::Point::chassis}},
       "of the vehicle, what is to follow the path: the axle's midpoint or the chassis' centre");
+  t.number("phase", &Path::phase, kRatio,
+           "share of a lap at which a closed path, and its vehicle, begin");
+  t.number("offset_x_m", &Path::offset_x_m, kStart_m, "the whole path lies so far off");
+  t.number("offset_y_m", &Path::offset_y_m, kStart_m, "the same along y");
   for (const PathKind& kind : path_kinds()) t.append(kind.own_keys);
   return t.take();
 }
 
 /// A key that only other kinds of path use has no effect.
 std::string why_no_effect(const Scenario& scenario, const std::string& key) {
-  if (!key.starts_with(kPrefix) || key == "path.kind" || key == "path.point") return "";
+  static const std::set<std::string> of_all{"path.kind", "path.point", "path.phase",
+                                            "path.offset_x_m", "path.offset_y_m"};
+  if (!key.starts_with(kPrefix) || of_all.contains(key)) return "";
   const PathKind& kind = kind_of(scenario.get<Path>());
   const std::string part = key.substr(std::string_view(kPrefix).size());
   if (std::find(kind.keys.begin(), kind.keys.end(), part) != kind.keys.end()) return "";
   return fmt::format("path.kind is \"{}\"", kind.name);
 }
 
-std::unique_ptr<const PlannedPath> plan(const Path& settings, const std::string& file) {
+/// What `make` makes of the path; what is wrong with it is said with the scenario's name.
+template <class Make>
+auto with_name(const Path& settings, const std::string& file, const Make& make) {
   try {
-    return plan_path(settings);
+    return make();
   } catch (const UsageError& error) {
     // What is wrong with a file of waypoints is said with its name.
     const bool has_name =
@@ -96,18 +104,14 @@ std::unique_ptr<const PlannedPath> plan(const Path& settings, const std::string&
   }
 }
 
-/// Puts the vehicle's controlled point where its path begins; that of the figure eight, which
-/// begins at full speed, at the origin. Keys of its start that are in `given` keep their values.
+/// Keys of the vehicle's start that are in `given` keep their values.
 void start_vehicle(Scenario& scenario, const std::set<std::string>& given,
                    const std::string& file) {
-  const auto path = plan(scenario.get<Path>(), file);
+  const auto& path = scenario.get<Path>();
   auto& vehicle = scenario.get<VehicleSettings>();
-  if (!path && scenario.get<Path>().point == Path::Point::axle) return;
-  const PathPoint start = path ? path->at(0.0) : PathPoint{.yaw_rad = vehicle.start_yaw_rad};
-  const Position axle = point_ahead({start.x_m, start.y_m, start.yaw_rad},
-                                    -controlled_point_ahead_m(scenario.get<Path>(), vehicle));
-  if (!given.contains("vehicle.start_x_m")) vehicle.start_x_m = axle.x_m;
-  if (!given.contains("vehicle.start_y_m")) vehicle.start_y_m = axle.y_m;
+  const Pose2 start = with_name(path, file, [&] { return start_on(path, vehicle); });
+  if (!given.contains("vehicle.start_x_m")) vehicle.start_x_m = start.x_m;
+  if (!given.contains("vehicle.start_y_m")) vehicle.start_y_m = start.y_m;
   if (!given.contains("vehicle.start_yaw_rad")) vehicle.start_yaw_rad = start.yaw_rad;
 }
 
@@ -123,7 +127,8 @@ void check(const Scenario& scenario, const std::string& file,
     }
     vehicle.axle_x_m = 0.0;  // it is the box's centre that moves along the path
   }
-  const auto path = plan(scenario.get<Path>(), file);
+  const auto path =
+      with_name(scenario.get<Path>(), file, [&] { return plan_path(scenario.get<Path>()); });
   if (!path) return;
   std::vector<PathLimit> limits;
   for (const PathLimitsOf& of : limits_of) {
@@ -134,9 +139,24 @@ void check(const Scenario& scenario, const std::string& file,
 
 }  // namespace
 
+Pose2 start_on(const PathSettings& settings, const VehicleSettings& vehicle) {
+  const bool is_timed = kind_of(settings).timed != nullptr && !settings.is_moved();
+  PathPoint start{.yaw_rad = vehicle.start_yaw_rad};
+  if (!is_timed) start = make_path(settings)->at(0.0);
+  const Position axle = point_ahead({start.x_m, start.y_m, start.yaw_rad},
+                                    -controlled_point_ahead_m(settings, vehicle));
+  return {axle.x_m, axle.y_m, start.yaw_rad};
+}
+
 ScenarioSection path_section(const std::vector<PathLimitsOf>& limits) {
   ScenarioSection section{.defaults = Path{}, .keys = keys()};
   section.why_no_effect = why_no_effect;
+  section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
+    const auto& path = scenario.get<Path>();
+    return (key.name == "path.phase" && path.phase == 0.0) ||
+           (key.name == "path.offset_x_m" && path.offset_x_m == 0.0) ||
+           (key.name == "path.offset_y_m" && path.offset_y_m == 0.0);
+  };
   section.complete = start_vehicle;
   section.check = [limits](const Scenario& scenario, const std::string& file) {
     check(scenario, file, limits);

@@ -10,6 +10,7 @@
 #include "common/scenario/own_settings.hpp"
 #include "common/scenario/section.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 
@@ -29,8 +30,17 @@ struct PathSettings {
   bool clockwise = false;        ///< circle, rounded_rectangle
   Pose2 start;                   ///< circle, line, rounded_rectangle
   PathLimits limits;             ///< all but the figure eight
-  OwnSettings own;               ///< of kinds that have keys which no other kind has
+  double phase = 0.0;            ///< share of a lap at which it begins, in [0, 1]; closed paths
+  double offset_x_m = 0.0;       ///< the whole path lies so far off
+  double offset_y_m = 0.0;
+  bool is_moved() const { return phase != 0.0 || offset_x_m != 0.0 || offset_y_m != 0.0; }
+  OwnSettings own;  ///< of kinds that have keys which no other kind has
 };
+
+/// Where a vehicle stands whose controlled point is where its path begins; that of the figure
+/// eight, which begins at full speed, at the origin, as `vehicle` is turned. Throws UsageError as
+/// make_path() does.
+Pose2 start_on(const PathSettings& settings, const VehicleSettings& vehicle);
 
 /// The limits that some sections put on a path.
 using PathLimitsOf = std::function<std::vector<PathLimit>(const Scenario&)>;

@@ -15,6 +15,8 @@ struct PathPoint {
 struct Position {
   double x_m = 0.0;
   double y_m = 0.0;
+
+  bool operator==(const Position&) const = default;
 };
 
 /// A path with its timing: one point for each instant. A path with an end rests there from then on.

@@ -1,5 +1,6 @@
+#include "common/fleet/fleet.hpp"
 #include "common/program/node_main.hpp"
-#include "sim/node/sim_node.hpp"
+#include "sim/node/sim_fleet.hpp"
 
 // AGV/CMD_VEL ──▶ actuator ──▶ vehicle ──▶ sensor ──▶ AGV/POSE    (truth: SIM/TRUTH, SIM/CLOCK)
 int main(int argc, char** argv) {
@@ -11,6 +12,6 @@ int main(int argc, char** argv) {
        .owns_clock = true,
        .lockstep_name = "sim",
        .make = [](const NodeContext& c) {
-         return std::make_unique<SimNode>(c.scenario, c.loop, c.bus);
+         return std::make_unique<SimFleet>(fleet_members(c.scenario), c.loop, c.bus);
        }});
 }

@@ -48,6 +48,23 @@ Metrics::Settings metrics_of(const RunSettings& run) {
   return {run.settled_from_s, run.lost_beyond_m, run.lost_for_s};
 }
 
+/// Of a vehicle that decides itself, its drives take nothing but fresh twists.
+ActuatorSettings actuator_of(const SimSettings& settings) {
+  ActuatorSettings actuator = settings.get<ActuatorSettings>();
+  if (settings.get<AutonomySettings>().enabled) {
+    actuator.policy = "zero";
+    actuator.timeout_s = to_seconds(SimNode::kDriveTimeout);
+  }
+  return actuator;
+}
+
+std::vector<std::string> senders_to(const ChannelNames& channels, const SimSettings& settings) {
+  std::vector<std::string> heard{channels.vehicle_command, channels.vehicle_plan, channels.can_plan,
+                                 channels.wheel_targets};
+  if (settings.get<AutonomySettings>().enabled) heard.push_back(channels.vehicle_drive);
+  return heard;
+}
+
 Duration batch_of(const SimSettings& settings, const EventLoop& loop) {
   if (loop.rate() > 0.0) return kRealTimeBatch;
   return is_kinematic(settings) ? kKinematicBatch : kOdeBatch;
@@ -55,13 +72,11 @@ Duration batch_of(const SimSettings& settings, const EventLoop& loop) {
 
 }  // namespace
 
-SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
+SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic* traffic)
     : loop_(loop),
       bus_(bus),
       channels_(settings.get<VehicleSettings>().name),
-      senders_(loop, bus,
-               {channels_.vehicle_command, channels_.vehicle_plan, channels_.can_plan,
-                channels_.wheel_targets}),
+      senders_(loop, bus, senders_to(channels_, settings)),
       step_(step_of(settings.get<WorldSettings>())),
       end_(kStart + from_seconds(settings.get<RunSettings>().duration_s)),
       world_end_(end_),
@@ -75,9 +90,10 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
           make_plant(at_true_start(settings.get<VehicleSettings>(),
                                    random_stream(settings.get<RunSettings>().seed,
                                                  settings.get<VehicleSettings>().name + "/start")),
-                     settings.get<WorldSettings>(), step_, settings.get<RunSettings>().seed)),
+                     settings.get<WorldSettings>(), step_, settings.get<RunSettings>().seed,
+                     settings.get<Surroundings>())),
       metrics_step_(is_kinematic(settings) ? std::max(kKinematicMetrics, step_) : step_),
-      actuator_(settings.get<ActuatorSettings>(), settings.get<VehicleSettings>(),
+      actuator_(actuator_of(settings), settings.get<VehicleSettings>(),
                 {.earliest = earliest_stamp(settings)}),
       sensor_(settings.get<SensorSettings>(), settings.get<RunSettings>().seed,
               settings.get<VehicleSettings>().name),
@@ -92,6 +108,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
                   list_counters(out);
                 }) {
   metrics_.start(error_m(), to_seconds(world_time_));
+  if (traffic != nullptr) join(*traffic, settings.get<VehicleSettings>());
   const Duration batch = batch_of(settings, loop);
   loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
   if (settings.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
@@ -105,18 +122,14 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
                  drives_->publish_wheels(now);
                });
   } else {
-    subscribe_to_commands();
+    subscribe_to_commands(settings.get<AutonomySettings>().enabled);
   }
+  start_sensors(settings);
   const Duration lead = from_seconds(settings.get<RunSettings>().lead_s);
-  const Duration pose_period = from_seconds(1.0 / settings.get<SensorSettings>().rate_hz);
-  loop.every(first_tick(lead, pose_period), pose_period, Priority::node,
-             [this](Instant now) { sample_pose(now); });
-  if (settings.get<SensorSettings>().odometry_rate_hz > 0.0) {
-    odometry_.emplace(settings.get<VehicleSettings>());
-    start_odometry(settings.get<SensorSettings>().odometry_rate_hz, lead);
+  if (settings.get<FleetSettings>().number == 1) {
+    loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
+               [this](Instant now) { publish_clock(now); });
   }
-  loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
-             [this](Instant now) { publish_clock(now); });
   loop.every(kStart, from_seconds(1.0 / settings.get<RunSettings>().truth_rate_hz),
              Priority::observer, [this](Instant now) {
                advance(now);
@@ -124,11 +137,41 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus)
              });
 }
 
-void SimNode::subscribe_to_commands() {
+void SimNode::join(Traffic& traffic, const VehicleSettings& vehicle) {
+  traffic_ = &traffic;
+  number_in_traffic_ = traffic.add(vehicle, *vehicle_, [this](Instant t) { make_steps(t); });
+}
+
+void SimNode::start_sensors(const SimSettings& settings) {
+  const Duration lead = from_seconds(settings.get<RunSettings>().lead_s);
+  const auto& sensor = settings.get<SensorSettings>();
+  const auto& fleet = settings.get<FleetSettings>();
+  if (settings.get<LocaliserSettings>().place == LocaliserSettings::Place::none) {
+    const Duration period = from_seconds(1.0 / sensor.rate_hz);
+    loop_.every(first_tick(lead, period) + fleet.tick_delay(period), period, Priority::node,
+                [this](Instant now) { sample_pose(now); });
+  }
+  if (sensor.odometry_rate_hz > 0.0) {
+    odometry_.emplace(settings.get<VehicleSettings>(), sensor.encoder_ticks);
+    const Duration period = from_seconds(1.0 / sensor.odometry_rate_hz);
+    loop_.every(first_tick(lead, period) + fleet.tick_delay(period), period, Priority::node,
+                [this](Instant now) { publish_odometry(now); });
+  }
+  if (!settings.get<LidarSettings>().on()) return;
+  scanning_.emplace(settings, loop_, bus_);
+  scanning_->record(world_time_, vehicle_->state().pose);
+  const Duration turn = scanning_->period();
+  const Instant first = first_tick(lead, turn) + fleet.tick_delay(turn) + scanning_->sweep();
+  loop_.every(first, turn, Priority::node, [this](Instant now) { scan(now); });
+}
+
+void SimNode::subscribe_to_commands(bool autonomous) {
   subscribe_in_run<twist_t>(
-      bus_, loop_, channels_.vehicle_command, kDeepQueue, rejected_, [this](const twist_t& m) {
+      bus_, loop_, autonomous ? channels_.vehicle_drive : channels_.vehicle_command, kDeepQueue,
+      rejected_, [this](const twist_t& m) {
         on_command(from_utime(m.utime) - clock_offset_, m.seq, {m.v_mps, m.omega_radps});
       });
+  if (autonomous) return;
   subscribe_to_plans(bus_, loop_, channels_, rejected_plans_, [this](PlanSource source, Plan plan) {
     plan.stamp -= clock_offset_;  // to the run's time, as the vehicle's clock has it
     plan.start -= clock_offset_;
@@ -165,7 +208,16 @@ PlanName SimNode::plan_at(Instant stamp) {
   return actuator_.plan();
 }
 
+/// Whatever looks at the vehicle moves it up to then first, and with it those that it may touch.
 void SimNode::advance(Instant until) {
+  if (traffic_ != nullptr) {
+    traffic_->advance(number_in_traffic_, until);
+  } else {
+    make_steps(until);
+  }
+}
+
+void SimNode::make_steps(Instant until) {
   while (next_step_ <= std::min(until, world_end_)) {
     if (next_step_ > end_) publish_truth();  // the last one
     step(next_step_);
@@ -176,8 +228,10 @@ void SimNode::advance(Instant until) {
 void SimNode::step(Instant now) {
   const Instant from = now - step_;
   vehicle_->set_wheel_targets(wheel_targets(from));
+  vehicle_->set_time(to_seconds(from));
   vehicle_->step();
   world_time_ = now;
+  if (scanning_) scanning_->record(now, vehicle_->state().pose);
   if (odometry_ && (now - kStart) % kEncoderPeriod == Duration{0}) read_encoders();
   if (now <= end_) measure(now);
 }
@@ -224,12 +278,6 @@ void SimNode::sample_pose(Instant now) {
   }
 }
 
-void SimNode::start_odometry(double rate_hz, Duration lead) {
-  const Duration period = from_seconds(1.0 / rate_hz);
-  loop_.every(first_tick(lead, period), period, Priority::node,
-              [this](Instant now) { publish_odometry(now); });
-}
-
 void SimNode::read_encoders() {
   const VehicleState s = vehicle_->state();
   odometry_->update(s.left_wheel_angle_rad, s.right_wheel_angle_rad);
@@ -239,10 +287,20 @@ void SimNode::publish_odometry(Instant now) {
   if (now > end_) return;
   advance(now);
   read_encoders();
-  const DeadReckoning& s = odometry_->state();
+  const DeadReckoning s = odometry_->state();
   const Twist twist = odometry_->twist(vehicle_->state().rim_speeds);
   const Instant stamp = std::min(world_time_, now) + clock_offset_;
   publish(bus_, channels_.vehicle_odometry, odometry_message(stamp, odometry_seq_++, s, twist));
+}
+
+void SimNode::scan(Instant now) {
+  if (now > end_) return;
+  advance(now);
+  std::vector<Shape> others;
+  if (traffic_ != nullptr) {
+    others = traffic_->seen_from(number_in_traffic_, now, scanning_->range_max_m());
+  }
+  scanning_->publish_turn(now, plan_at(std::min(world_time_, now)), std::move(others));
 }
 
 void SimNode::publish_clock(Instant now) {
@@ -315,6 +373,7 @@ void SimNode::list_counters(CounterList& out) const {
   out.emplace_back("command.non_finite", non_finite_);
   senders_.list(out);
   if (dropped_poses_ > 0) out.emplace_back("pose.dropped", dropped_poses_);
+  if (traffic_ != nullptr) out.emplace_back("collisions", collisions());
   if (drives_) drives_->list(out);
   if (plan_watch_) plan_watch_->list(out);
   if (!drives_) actuator_.list(out);

@@ -14,14 +14,20 @@
 #include "common/bus/message_io.hpp"
 #include "common/bus/sole_sender.hpp"
 #include "common/bus/stream_guard.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
+#include "common/onboard/onboard_settings.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
+#include "sim/lidar/lidar_settings.hpp"
 #include "sim/node/metrics.hpp"
 #include "sim/node/plan_watch.hpp"
+#include "sim/node/scanning.hpp"
+#include "sim/node/traffic.hpp"
 #include "sim/node/wheel_coupling.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/plant.hpp"
@@ -33,11 +39,15 @@ namespace tether {
 
 /// What the vehicle side takes of a scenario.
 using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, SensorSettings,
-                             PathSettings, ActuatorSettings>;
+                             PathSettings, ActuatorSettings, Surroundings, LidarSettings,
+                             LocaliserSettings, AutonomySettings, FleetSettings>;
 
 /// The vehicle side: physics in steps of world.step_ms, AGV/POSE and, with sensor.odometry_rate_hz,
 /// AGV/ODOMETRY out, AGV/CMD_VEL, AGV/PLAN and AGV/PRELOAD in, the truth on SIM/TRUTH and the run's
-/// clock on SIM/CLOCK.
+/// clock on SIM/CLOCK. With a laser scanner, scans (Scanning); with a localiser, which makes poses
+/// of them, no AGV/POSE. With autonomy.enabled, twists come from it on AGV/DRIVE, instead of
+/// commands and plans of the remote controller, and end in a stop after kDriveTimeout without
+/// another.
 ///
 /// Each step [t, t + step) uses the twist in force at t. A command therefore acts from the first
 /// step that starts at or after its arrival. Commands that are undecodable, non-finite (or beyond
@@ -56,7 +66,11 @@ using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, Sensor
 /// then; with drives on CAN it goes on, so that they can be brought to a stop.
 class SimNode final : public Node {
  public:
-  SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus);
+  static constexpr Duration kDriveTimeout = std::chrono::milliseconds{200};
+
+  /// `traffic`: of a fleet, where this is one of the vehicles; it must outlive this. The first of
+  /// them publishes the clock.
+  SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic* traffic = nullptr);
 
   /// Publishes the final truth and counters.
   void finish() override;
@@ -67,18 +81,25 @@ class SimNode final : public Node {
     return *vehicle_;
   }
   const Metrics& metrics() const { return metrics_; }
+  /// How often it met another vehicle of its fleet.
+  std::int64_t collisions() const {
+    return traffic_ == nullptr ? 0 : traffic_->collisions(number_in_traffic_);
+  }
 
  private:
   void on_command(Instant stamp, std::int64_t seq, const Twist& twist);
-  void subscribe_to_commands();
+  void subscribe_to_commands(bool autonomous);
   void take_commands(Instant until);
   PlanName plan_at(Instant stamp);
+  void join(Traffic& traffic, const VehicleSettings& vehicle);
   void advance(Instant until);
+  void make_steps(Instant until);
   void step(Instant now);
   void measure(Instant now);
   WheelSpeeds wheel_targets(Instant from);
   void sample_pose(Instant now);
-  void start_odometry(double rate_hz, Duration lead);
+  void start_sensors(const SimSettings& settings);
+  void scan(Instant now);
   void read_encoders();
   void publish_odometry(Instant now);
   void publish_clock(Instant now);
@@ -108,6 +129,9 @@ class SimNode final : public Node {
   PoseSensor sensor_;
   std::optional<WheelOdometry> odometry_;  ///< if it is sent
   std::int64_t odometry_seq_ = 0;
+  std::optional<Scanning> scanning_;  ///< with a laser scanner
+  Traffic* traffic_ = nullptr;        ///< of a fleet
+  std::size_t number_in_traffic_ = 0;
   Metrics metrics_;
   StreamGuard guard_;
 

@@ -15,6 +15,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "tests/support/refusal.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 namespace tether {
@@ -27,12 +28,7 @@ Scenario shipped(const std::string& name, const std::vector<std::string>& overri
 }
 
 std::string refusal(const std::string& name, const std::vector<std::string>& overrides) {
-  try {
-    shipped(name, overrides);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { shipped(name, overrides); });
 }
 
 Metrics run(const Scenario& scenario) {

@@ -9,14 +9,16 @@
 #include <utility>
 #include <vector>
 
+#include "autonomy/node/autonomy_node.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/lockstep/channels.hpp"
 #include "common/lockstep/member.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/node/controller_node.hpp"
 #include "netem/relay/netem_node.hpp"
-#include "sim/node/sim_node.hpp"
+#include "sim/node/sim_fleet.hpp"
 #include "tests/support/peer_bus.hpp"
 #include "tools/lockstep/time_manager.hpp"
 #include "tools/loop/closed_loop.hpp"
@@ -103,6 +105,10 @@ class LockstepRig {
     TimeManager::Config config;
     config.session = kSession;
     config.nodes = {"sim", "netem", "controller"};
+    if (scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none) {
+      config.nodes.emplace_back("localiser");
+    }
+    if (scenario.get<AutonomySettings>().enabled) config.nodes.emplace_back("autonomy");
     config.patience = patience;
     config.end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
     manager_line_.faults = faults;
@@ -128,9 +134,12 @@ class LockstepRig {
         wall, p->line);
     EventLoop& loop = p->member->loop();
     Bus& bus = p->member->bus();
-    if (name == "sim") p->node = std::make_unique<SimNode>(scenario_, loop, bus);
-    if (name == "netem") p->node = std::make_unique<NetemNode>(scenario_, loop, bus, bus);
-    if (name == "controller") p->node = std::make_unique<ControllerNode>(scenario_, loop, bus);
+    const std::vector<Scenario> members = fleet_members(scenario_);
+    if (name == "sim") p->node = std::make_unique<SimFleet>(members, loop, bus);
+    if (name == "netem") p->node = relays_of(members, loop, bus, bus);
+    if (name == "localiser") p->node = std::make_unique<LocaliserNode>(scenario_, loop, bus);
+    if (name == "autonomy") p->node = std::make_unique<AutonomyNode>(scenario_, loop, bus);
+    if (name == "controller") p->node = group_of<ControllerNode>(members, loop, bus);
     p->member->join(*p->node);
     programs_.push_back(std::move(p));
     return programs_.back()->line;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -16,12 +17,7 @@ using ::testing::HasSubstr;
 using ::testing::Optional;
 
 std::string refusal(const std::string& expression) {
-  try {
-    Pattern{expression};
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { Pattern{expression}; });
 }
 
 TEST(Pattern, MatchesWholeTexts) {

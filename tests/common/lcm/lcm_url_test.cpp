@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -14,12 +15,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 std::string refusal(const std::string& url) {
-  try {
-    checked_lcm_url(url);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { checked_lcm_url(url); });
 }
 
 struct BadUrl {

@@ -12,6 +12,7 @@
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tests/support/folder.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -26,12 +27,7 @@ Scenario parse(const std::vector<std::string>& overrides, const std::string& tom
 }
 
 std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
-  try {
-    parse(overrides, toml);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { parse(overrides, toml); });
 }
 
 const char* const kKinds[] = {"circle", "line", "rounded_rectangle"};

@@ -14,6 +14,7 @@
 #include "netem/models/markov.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 #include "tests/support/folder.hpp"
+#include "tests/support/refusal.hpp"
 
 // What --set does, and what scenario files do as files.
 
@@ -29,21 +30,11 @@ Scenario with(const std::vector<std::string>& overrides, const std::string& toml
 }
 
 std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
-  try {
-    with(overrides, toml);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { with(overrides, toml); });
 }
 
 std::string file_refusal(const std::string& path) {
-  try {
-    load_scenario(path, {});
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { load_scenario(path, {}); });
 }
 
 TEST(ScenarioOverride, ReplacesWhatTheFileSaysAndTheLastOneWins) {
@@ -171,6 +162,10 @@ TEST(ScenarioFile, ResolvesToItselfWithEveryLawBehindTheFilter) {
                                        "controller.sensor_latency_ms=50"};
     if (law.sends_plans) {
       overrides.insert(overrides.end(), {"actuator.policy=horizon", "controller.adapt.lag=true"});
+    }
+    if (law.drives_on_request) {
+      overrides.insert(overrides.end(), {"autonomy.enabled=true", "lidar.model=custom",
+                                         "sensor.odometry_rate_hz=50"});
     }
     const std::string text =
         to_toml(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides));

@@ -9,6 +9,7 @@
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
 #include "common/scenario/section.hpp"
+#include "tests/support/refusal.hpp"
 
 // Keys that say more of something which is off.
 
@@ -19,12 +20,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
-  try {
-    parse_scenario(toml, "test.toml", overrides);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { parse_scenario(toml, "test.toml", overrides); });
 }
 
 TEST(SwitchedKeys, AreRefusedWhereNothingTurnsThemOn) {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "tests/support/refusal.hpp"
 
 namespace tether {
 namespace {
@@ -20,12 +21,7 @@ Waypoints read(const std::string& text) {
 }
 
 std::string refusal(const std::string& text) {
-  try {
-    read(text);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return refusal_of([&] { read(text); });
 }
 
 TEST(Waypoints, AreReadInOrderWithTheirLines) {
@@ -84,17 +80,13 @@ TEST(Waypoints, BadFilesAreRefusedWithLineAndReason) {
 }
 
 TEST(Waypoints, FilesThatAreNoneAreRefused) {
-  const auto refusal_of = [](const char* file) -> std::string {
-    try {
-      load_waypoints(file);
-    } catch (const UsageError& error) {
-      return error.what();
-    }
-    return "accepted";
+  const auto refusal_of_file = [](const char* file) {
+    return refusal_of([&] { load_waypoints(file); });
   };
-  EXPECT_THAT(refusal_of("/nowhere.csv"), HasSubstr("cannot read the waypoints \"/nowhere.csv\""));
-  EXPECT_THAT(refusal_of("/tmp"), HasSubstr("a directory"));
-  EXPECT_THAT(refusal_of("/dev/zero"), HasSubstr("not a regular file"));
+  EXPECT_THAT(refusal_of_file("/nowhere.csv"),
+              HasSubstr("cannot read the waypoints \"/nowhere.csv\""));
+  EXPECT_THAT(refusal_of_file("/tmp"), HasSubstr("a directory"));
+  EXPECT_THAT(refusal_of_file("/dev/zero"), HasSubstr("not a regular file"));
 }
 
 }  // namespace

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/base/time.hpp"
+#include "common/scenario/section.hpp"
+
+namespace tether {
+
+/// [fleet]: several vehicles like the scenario's in one hall, each with its own loop. They touch
+/// each other, and their packets may share a medium.
+struct FleetSettings {
+  /// Where on the lap of a closed path they begin: all where it does; evenly spread; at even places
+  /// in an order by chance, each up to half of what is between two farther on.
+  enum class Phases { none, even, random };
+  /// The ticks of their sensors and timers: all at once, or each at a time of its own by chance.
+  enum class Ticks { together, spread };
+
+  int count = 1;
+  Phases phases = Phases::even;
+  double offset_x_m = 0.0;  ///< from a path to that of the next vehicle in a row
+  double offset_y_m = 0.0;  ///< from a row of paths to the next
+  int columns = 0;          ///< vehicles in a row; 0: all are
+  Ticks ticks = Ticks::spread;
+
+  bool is_one() const { return count == 1; }
+
+  // Of one of its vehicles: not keys.
+  int number = 1;           ///< from 1 on
+  double tick_phase = 0.0;  ///< share of a period by which its ticks are later, in [0, 1)
+
+  /// By how much the ticks of this vehicle are later.
+  Duration tick_delay(Duration period) const {
+    return from_seconds(to_seconds(period) * tick_phase);
+  }
+};
+
+/// It refuses vehicles that would stand in each other, and what is wrong with one of them.
+ScenarioSection fleet_section();
+
+inline constexpr int kMostVehicles = 1000;
+
+/// The scenario of each of the vehicles; of one alone, the scenario itself. Vehicles are called as
+/// the scenario's, with their number: AGV1, AGV2, …; so their random streams are their own, and one
+/// vehicle more changes no other's. Random streams here: "<vehicle>/ticks", and "fleet/phases".
+std::vector<Scenario> fleet_members(const Scenario& scenario);
+
+}  // namespace tether

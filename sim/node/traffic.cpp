@@ -1,0 +1,177 @@
+#include "sim/node/traffic.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+namespace tether {
+namespace {
+
+double mass_of(const VehicleConfig& v) {
+  return v.chassis_mass_kg + 2.0 * v.wheel_mass_kg + v.caster_mass_kg + v.payload_kg;
+}
+
+/// The chassis' centre.
+Position middle(const VehicleConfig& vehicle, const VehicleState& state) {
+  const Pose2& axle = state.pose;
+  return {axle.x_m - vehicle.axle_x_m * std::cos(axle.yaw_rad),
+          axle.y_m - vehicle.axle_x_m * std::sin(axle.yaw_rad)};
+}
+
+double distance_m(const Position& a, const Position& b) {
+  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
+}
+
+double speed_mps(const Plant& plant) { return std::abs(plant.state().twist.v_mps); }
+
+/// As a step begins.
+struct Motion {
+  Footprint outline;
+  double vx_mps, vy_mps;
+};
+
+Motion motion_of(const VehicleConfig& vehicle, const VehicleState& state) {
+  return {footprint(vehicle, state.pose), state.twist.v_mps * std::cos(state.pose.yaw_rad),
+          state.twist.v_mps * std::sin(state.pose.yaw_rad)};
+}
+
+/// Where they overlap by this, both plants feel it in the same step: what one loses the other
+/// gains.
+constexpr double kOverlap_m = 5e-4;
+/// Beyond each other's reach by more than this, two vehicles do not touch in the next step.
+constexpr double kClose_m = 0.15;
+/// So much more than their speeds say two vehicles may come nearer within the horizon.
+constexpr double kSlack_m = 0.3;
+
+}  // namespace
+
+std::size_t Traffic::add(const VehicleConfig& vehicle, Plant& plant,
+                         std::function<void(Instant)> move) {
+  vehicles_.push_back({vehicle, mass_of(vehicle), reach_m(vehicle),
+                       reach_m(vehicle, -vehicle.axle_x_m), &plant, std::move(move)});
+  times_.push_back(kStart);
+  return vehicles_.size() - 1;
+}
+
+void Traffic::advance(std::size_t vehicle, Instant until) {
+  const std::vector<std::size_t>& cluster = vehicles_[vehicle].cluster;
+  if (cluster.empty()) {
+    vehicles_[vehicle].move(until);
+    return;
+  }
+  while (times_[vehicle] + step_ <= until) step(cluster, times_[vehicle] + step_);
+}
+
+void Traffic::step(const std::vector<std::size_t>& cluster, Instant end) {
+  for (const std::size_t i : cluster) vehicles_[i].touchable.clear();
+  for (const std::size_t i : cluster) {
+    for (const std::size_t j : vehicles_[i].near) {
+      if (j > i) meet(i, j);
+    }
+  }
+  for (const std::size_t i : cluster) {
+    vehicles_[i].plant->set_vehicles(vehicles_[i].touchable);
+    vehicles_[i].move(end);
+    times_[i] = end;
+  }
+}
+
+/// Shows them to each other if they may touch in the step that begins.
+void Traffic::meet(std::size_t a, std::size_t b) {
+  Vehicle& one = vehicles_[a];
+  Vehicle& other = vehicles_[b];
+  const double between_m = distance_m(one.plant->position(), other.plant->position());
+  if (between_m > one.reach_m + other.reach_m + kClose_m) return note_contact(a, b, INFINITY);
+  const VehicleState state = one.plant->state(), its = other.plant->state();
+  if (distance_m(middle(one.config, state), middle(other.config, its)) >
+      one.radius_m + other.radius_m + kClose_m) {
+    return note_contact(a, b, INFINITY);
+  }
+  const Motion of_one = motion_of(one.config, state);
+  const Motion of_other = motion_of(other.config, its);
+  const double gap = gap_m(of_one.outline, of_other.outline);
+  note_contact(a, b, gap);
+  if (gap > -kOverlap_m) return;
+  const double share = one.mass_kg / (one.mass_kg + other.mass_kg);
+  const double vx_mps = share * of_one.vx_mps + (1.0 - share) * of_other.vx_mps;
+  const double vy_mps = share * of_one.vy_mps + (1.0 - share) * of_other.vy_mps;
+  const auto show = [&](const Motion& motion, Vehicle& to) {
+    for (Shape shape : motion.outline) {
+      shape.vx_mps = vx_mps;
+      shape.vy_mps = vy_mps;
+      to.touchable.push_back(shape);
+    }
+  };
+  show(of_other, one);
+  show(of_one, other);
+}
+
+void Traffic::note_contact(std::size_t a, std::size_t b, double gap_m) {
+  if (gap_m > kParted_m) {
+    touching_.erase({a, b});
+  } else if (gap_m <= kTouching_m && touching_.insert({a, b}).second) {
+    ++vehicles_[a].collisions;
+    ++vehicles_[b].collisions;
+  }
+}
+
+void Traffic::look(Instant now) {
+  const std::size_t count = vehicles_.size();
+  for (std::size_t i = 0; i < count; ++i) advance(i, now);
+  const Instant last_step = std::max(kStart, kStart + (now - kStart) / step_ * step_);
+  std::vector<std::size_t> first(count);  // of those that are together, the first
+  std::iota(first.begin(), first.end(), std::size_t{0});
+  const auto root = [&first](std::size_t i) {
+    while (first[i] != i) i = first[i];
+    return i;
+  };
+  for (Vehicle& vehicle : vehicles_) {
+    vehicle.near.clear();
+    vehicle.cluster.clear();
+    vehicle.plant->set_vehicles({});
+  }
+  std::vector<double> way_m;
+  for (const Vehicle& vehicle : vehicles_) {
+    way_m.push_back(vehicle.reach_m + speed_mps(*vehicle.plant) * to_seconds(kHorizon));
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const Position here = vehicles_[i].plant->position();
+    for (std::size_t j = i + 1; j < count; ++j) {
+      const double near_m = way_m[i] + way_m[j] + kSlack_m;
+      if (distance_m(here, vehicles_[j].plant->position()) > near_m) continue;
+      vehicles_[i].near.push_back(j);
+      vehicles_[j].near.push_back(i);
+      first[std::max(root(i), root(j))] = std::min(root(i), root(j));
+    }
+  }
+  std::vector<std::vector<std::size_t>> clusters(count);
+  for (std::size_t i = 0; i < count; ++i) clusters[root(i)].push_back(i);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (clusters[root(i)].size() > 1) vehicles_[i].cluster = clusters[root(i)];
+    times_[i] = last_step;
+  }
+}
+
+std::vector<Shape> Traffic::seen_from(std::size_t number, Instant now, double range_m) {
+  std::vector<Shape> seen;
+  for (std::size_t i = 0; i < vehicles_.size(); ++i) {
+    advance(i, now);
+    if (i == number) continue;
+    const Vehicle& other = vehicles_[i];
+    const double between_m =
+        distance_m(vehicles_[number].plant->position(), other.plant->position());
+    if (between_m > range_m + other.reach_m) continue;
+    const Motion its = motion_of(other.config, other.plant->state());
+    for (Shape shape : its.outline) {
+      shape.vx_mps = its.vx_mps;
+      shape.vy_mps = its.vy_mps;
+      seen.push_back(shape);
+    }
+    Shape& chassis = seen[seen.size() - its.outline.size()];
+    chassis.clearance_m = std::max(0.0, chassis.height_m - other.config.chassis_height_m);
+  }
+  return seen;
+}
+
+}  // namespace tether
