@@ -9,7 +9,7 @@
 #include "bench/timing.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "tools/loop/closed_loop.hpp"
-#include "tools/runs/run_observer.hpp"
+#include "tools/runs/fleet_observer.hpp"
 
 // A whole closed-loop run without file output, against its floor: bare ODE stepping of the
 // identical world with the identical servo targets. Both are timed in turn, A B A B …, so that the
@@ -29,7 +29,7 @@ Scenario paper(const std::vector<std::string>& overrides) {
 
 void run_loop(const Scenario& scenario) {
   ClosedLoop closed_loop(scenario);
-  const RunObserver observer(scenario, closed_loop.loop(), closed_loop.bus());
+  const FleetObserver observer(closed_loop.members(), closed_loop.loop(), closed_loop.bus());
   closed_loop.run();
   benchmark::DoNotOptimize(closed_loop.sim().metrics().epsilon_m());
 }
@@ -60,6 +60,35 @@ void compare_with_bare_ode(benchmark::State& state, const Scenario& scenario) {
 void whole_run(benchmark::State& state, const std::vector<std::string>& overrides) {
   compare_with_bare_ode(state, paper(overrides));
 }
+
+/// What a vehicle of a fleet of 100 costs, over one that is alone: side by side, 20 poses a second.
+void fleet_of_100(benchmark::State& state, const std::string& plant) {
+  const std::vector<std::string> common{"vehicle.plant=" + plant, "sensor.rate_hz=20",
+                                        "world.half_extent_m=500", "run.duration_s=20"};
+  auto many = common;
+  many.insert(many.end(), {"fleet.count=100", "fleet.phases=none", "fleet.offset_y_m=9",
+                           "fleet.columns=1", "path.offset_y_m=-450"});
+  const Scenario one = paper(common), fleet = paper(many);
+  std::vector<double> ratio, fleet_s;
+  for (auto unused : state) {
+    (void)unused;
+    fleet_s.push_back(seconds_of([&] { run_loop(fleet); }));
+    ratio.push_back(fleet_s.back() / seconds_of([&] {
+                      for (int i = 0; i < 100; ++i) run_loop(one);
+                    }));
+    state.SetIterationTime(fleet_s.back());
+  }
+  state.counters["vehicle_over_one_alone"] = median(ratio);
+  state.counters["real_time_factor"] = 20.0 / median(fleet_s);
+}
+BENCHMARK_CAPTURE(fleet_of_100, kinematic, std::string("kinematic"))
+    ->UseManualTime()
+    ->Iterations(bench::rounds(5))
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fleet_of_100, ode, std::string("ode"))
+    ->UseManualTime()
+    ->Iterations(bench::rounds(2))
+    ->Unit(benchmark::kMillisecond);
 
 BENCHMARK_CAPTURE(whole_run, paper_1_Hz, std::vector<std::string>{})
     ->UseManualTime()

@@ -78,6 +78,7 @@ void on_the_air(benchmark::State& state, const std::string& law, std::vector<std
 void add_all() {
   const std::vector<std::string> timer{"controller.trigger=timer", "controller.rate_hz=10"};
   for (const LawKind& law : law_kinds()) {
+    if (law.drives_on_request) continue;  // it stands
     benchmark::RegisterBenchmark(("law_step/" + law.name).c_str(), law_step, law.name, 1)
         ->Unit(benchmark::kMicrosecond);
     benchmark::RegisterBenchmark(("on_the_air/" + law.name).c_str(), on_the_air, law.name, timer)

@@ -1,15 +1,32 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
+#include <cmath>
+#include <tether/plan_t.hpp>
+#include <tether/pose_t.hpp>
+#include <tether/twist_t.hpp>
+
+#include "autonomy/supervisor/autonomy_section.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/actuator/actuator_policy.hpp"
 #include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/fleet/fleet.hpp"
+#include "common/onboard/onboard_settings.hpp"
+#include "common/onboard/stopping_field.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/scenario/section.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
 #include "controller/laws/controller_settings.hpp"
+#include "controller/laws/law.hpp"
+#include "localiser/node/localiser_section.hpp"
 #include "netem/channel/settings.hpp"
+#include "netem/medium/medium_settings.hpp"
+#include "sim/lidar/lidar_settings.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
@@ -31,6 +48,104 @@ void check_timeout(const Scenario& scenario, const std::string& file) {
       rate_hz));
 }
 
+/// What autonomy needs of other rooms' sections.
+void check_autonomy(const Scenario& scenario, const std::string& file) {
+  const auto& autonomy = scenario.get<AutonomySettings>();
+  if (!autonomy.enabled) return;
+  if (scenario.get<SensorSettings>().odometry_rate_hz == 0.0) {
+    throw UsageError(
+        fmt::format("{}: autonomy.enabled needs odometry: sensor.odometry_rate_hz > 0", file));
+  }
+  if (scenario.get<LocaliserSettings>().place == LocaliserSettings::Place::edge) {
+    throw UsageError(fmt::format(
+        "{}: autonomy.enabled needs poses on the vehicle: localiser.place = \"none\" or "
+        "\"vehicle\"",
+        file));
+  }
+  const auto& lidar = scenario.get<LidarSettings>();
+  if (!lidar.on()) {
+    throw UsageError(
+        fmt::format("{}: autonomy.enabled needs a scanner: lidar.model other than \"none\"", file));
+  }
+  if (autonomy.reaction_s < 2.0 / lidar.rate_hz) {
+    throw UsageError(
+        fmt::format("{}: autonomy.reaction_s = {} is less than two turns of the scanner, {:g} s "
+                    "(lidar.rate_hz = "
+                    "{}): its scans would be too old",
+                    file, autonomy.reaction_s, 2.0 / lidar.rate_hz, lidar.rate_hz));
+  }
+  const auto& vehicle = scenario.get<VehicleSettings>();
+  const double speed_mps =
+      std::min(vehicle.max_wheel_speed_mps, scenario.get<PathSettings>().limits.speed_mps);
+  const double field_m = StoppingField(autonomy).length_m(speed_mps);
+  const double apart_m = field_m * (lidar.beams > 1 ? lidar.angle_increment_rad() : lidar.fov_rad);
+  if (apart_m > vehicle.chassis_width_m) {
+    throw UsageError(fmt::format(
+        "{}: lidar.beams = {}: at the end of the stopping field, {:.1f} m ahead, its beams are "
+        "{:.1f} m apart, and what is as wide as the vehicle, {:.2f} m, could stand between them",
+        file, lidar.beams, field_m, apart_m, vehicle.chassis_width_m));
+  }
+  const auto& can = scenario.get<CanSettings>();
+  const bool by_can =
+      scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can;
+  if (by_can && can.max_deceleration_mps2 < autonomy.deceleration_mps2) {
+    throw UsageError(fmt::format(
+        "{}: can.max_deceleration_mps2 = {} brakes less than autonomy.deceleration_mps2 = {}: the "
+        "vehicle would stop behind its stopping field's end",
+        file, can.max_deceleration_mps2, autonomy.deceleration_mps2));
+  }
+}
+
+/// The localiser cannot do without wheels and scanner.
+void check_inputs(const Scenario& scenario, const std::string& file) {
+  if (scenario.get<LocaliserSettings>().place == LocaliserSettings::Place::none) return;
+  if (scenario.get<SensorSettings>().odometry_rate_hz <= 0.0) {
+    throw UsageError(fmt::format(
+        "{}: localiser.place needs the wheels' odometry: sensor.odometry_rate_hz above 0, say 50",
+        file));
+  }
+  if (!scenario.get<LidarSettings>().on()) {
+    throw UsageError(
+        fmt::format("{}: localiser.place needs a scanner: lidar.model = custom or one of {}; or "
+                    "localiser.place = \"none\"",
+                    file, fmt::join(lidar_presets(), ", ")));
+  }
+}
+
+/// It knows its scanner, unless it is told otherwise.
+void take_from_scanner(Scenario& scenario, const std::set<std::string>& given,
+                       const std::string& /*file*/) {
+  auto& localiser = scenario.get<LocaliserSettings>();
+  const auto& lidar = scenario.get<LidarSettings>();
+  if (localiser.place == LocaliserSettings::Place::none || !lidar.on()) return;
+  if (!given.contains("localiser.scan_height_m")) localiser.scan_height_m = lidar.height_m;
+  if (!given.contains("localiser.range_noise_m")) {
+    constexpr double kUsualRange_m = 10.0;
+    localiser.range_noise_m =
+        std::max(1e-3, std::hypot(lidar.noise_m, lidar.noise_per_m * kUsualRange_m));
+  }
+}
+
+/// What vehicles send over the medium: poses up, commands or plans down.
+void take_traffic(Scenario& scenario) {
+  auto& medium = scenario.get<MediumSettings>();
+  const auto& controller = scenario.get<ControllerSettings>();
+  const ChannelNames channels(scenario.get<VehicleSettings>().name);
+  const double poses_hz = scenario.get<SensorSettings>().rate_hz;
+  medium.vehicles = scenario.get<FleetSettings>().count;
+  medium.up = {poses_hz, datagram_bytes(channels.control_pose, pose_t{}.getEncodedSize())};
+  const bool by_timer = controller.trigger == ControllerSettings::Trigger::timer;
+  const double commands_hz = by_timer ? controller.rate_hz : poses_hz;
+  if (kind_of(controller).sends_plans) {
+    plan_t plan{};
+    plan.count = static_cast<std::int32_t>(controller.plan_steps());
+    medium.down = {commands_hz, datagram_bytes(channels.vehicle_plan, plan.getEncodedSize())};
+  } else {
+    medium.down = {commands_hz,
+                   datagram_bytes(channels.vehicle_command, twist_t{}.getEncodedSize())};
+  }
+}
+
 }  // namespace
 
 // In the order of the resolved scenario. It stands above the rooms that have the sections; all
@@ -38,6 +153,20 @@ void check_timeout(const Scenario& scenario, const std::string& file) {
 std::vector<ScenarioSection> scenario_sections() {
   ScenarioSection actuator = actuator_section();
   actuator.check = check_timeout;
+  ScenarioSection autonomy = autonomy_section();
+  autonomy.check = [own = autonomy.check](const Scenario& scenario, const std::string& file) {
+    own(scenario, file);
+    check_autonomy(scenario, file);
+  };
+  ScenarioSection localiser = localiser_section();
+  localiser.complete = take_from_scanner;
+  localiser.check = check_inputs;
+  ScenarioSection medium = medium_section();
+  medium.complete = [own = medium.complete](Scenario& scenario, const std::set<std::string>& given,
+                                            const std::string& file) {
+    own(scenario, given, file);
+    take_traffic(scenario);
+  };
   return {run_section(),
           world_section(),
           vehicle_section(),
@@ -46,7 +175,13 @@ std::vector<ScenarioSection> scenario_sections() {
           controller_section(),
           actuator,
           can_section(),
-          channel_section()};
+          channel_section(),
+          medium,
+          surroundings_section(),
+          fleet_section(),
+          lidar_section(),
+          localiser,
+          autonomy};
 }
 
 }  // namespace tether

@@ -12,7 +12,7 @@
 namespace tether {
 namespace {
 
-using Actuator = ActuatorSettings;
+using Settings = ActuatorSettings;
 
 constexpr std::string_view kPrefix = "actuator.";
 
@@ -39,7 +39,7 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   if (!key.name.starts_with(kPrefix)) return false;
   const std::string_view part = std::string_view(key.name).substr(kPrefix.size());
   const auto& policies = actuator_policies();
-  return !uses(kind_of(scenario.get<Actuator>()), part) &&
+  return !uses(kind_of(scenario.get<Settings>()), part) &&
          std::any_of(policies.begin(), policies.end(),
                      [&](const ActuatorPolicy& other) { return uses(other, part); });
 }
@@ -47,23 +47,23 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
 }  // namespace
 
 ScenarioSection actuator_section() {
-  KeyTable<Actuator> t{std::string(kPrefix)};
+  KeyTable<Settings> t{std::string(kPrefix)};
   std::vector<std::string> names;
   for (const ActuatorPolicy& policy : actuator_policies()) names.push_back(policy.name);
-  t.one_of("policy", &Actuator::policy, names,
+  t.one_of("policy", &Settings::policy, names,
            "hold the last command, stop in some way after a timeout, or follow plans");
-  t.number("timeout_s", &Actuator::timeout_s, kPositive,
+  t.number("timeout_s", &Settings::timeout_s, kPositive,
            policies_that([](const ActuatorPolicy& p) { return p.after_timeout != nullptr; }) +
                ": stop when no new twist came for this long");
-  t.number("decay_s", &Actuator::decay_s, kPositive,
+  t.number("decay_s", &Settings::decay_s, kPositive,
            policies_with("decay_s") + ": time constant of the stop");
-  t.number("deceleration_mps2", &Actuator::deceleration_mps2, kPositive,
+  t.number("deceleration_mps2", &Settings::deceleration_mps2, kPositive,
            policies_with("deceleration_mps2") + ": of the stop after the timeout or the horizon");
   t.number(
-      "yaw_deceleration_radps2", &Actuator::yaw_deceleration_radps2, kPositive,
+      "yaw_deceleration_radps2", &Settings::yaw_deceleration_radps2, kPositive,
       policies_with("yaw_deceleration_radps2") + ": of the stop after the timeout or the horizon");
   for (const ActuatorPolicy& policy : actuator_policies()) t.append(policy.own_keys);
-  return {.defaults = Actuator{}, .keys = t.take(), .left_out = left_out};
+  return {.defaults = Settings{}, .keys = t.take(), .left_out = left_out};
 }
 
 }  // namespace tether

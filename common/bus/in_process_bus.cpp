@@ -1,5 +1,7 @@
 #include "common/bus/in_process_bus.hpp"
 
+#include <algorithm>
+#include <cctype>
 #include <utility>
 
 #include "common/base/pattern.hpp"
@@ -7,9 +9,21 @@
 namespace tether {
 
 struct InProcessBus::Subscription {
+  std::size_t number;
   Pattern channel;
   Handler handler;
 };
+
+namespace {
+
+/// Most are: only that one channel matches, and a fleet has thousands.
+bool is_a_name(const std::string& regex) {
+  return std::all_of(regex.begin(), regex.end(), [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '/' || c == '_' || c == '-';
+  });
+}
+
+}  // namespace
 
 InProcessBus::InProcessBus(EventLoop& loop) : loop_(loop) {}
 
@@ -25,8 +39,10 @@ void InProcessBus::publish(std::string_view channel, std::span<const std::uint8_
 }
 
 void InProcessBus::subscribe(const std::string& channel_regex, int, Handler handler) {
-  subscriptions_.push_back(
-      std::make_unique<Subscription>(Subscription{Pattern(channel_regex), std::move(handler)}));
+  subscriptions_.push_back(std::make_unique<Subscription>(
+      Subscription{subscriptions_.size(), Pattern(channel_regex), std::move(handler)}));
+  (is_a_name(channel_regex) ? named_[channel_regex] : patterns_)
+      .push_back(subscriptions_.back().get());
   receivers_.clear();
 }
 
@@ -34,9 +50,12 @@ const InProcessBus::Receivers& InProcessBus::receivers(std::string_view channel)
   const auto known = receivers_.find(channel);
   if (known != receivers_.end()) return known->second;
   Receivers found;
-  for (const auto& s : subscriptions_) {
-    if (s->channel.matches(channel)) found.push_back(s.get());
+  if (const auto named = named_.find(channel); named != named_.end()) found = named->second;
+  for (Subscription* s : patterns_) {
+    if (s->channel.matches(channel)) found.push_back(s);
   }
+  std::sort(found.begin(), found.end(),
+            [](const Subscription* a, const Subscription* b) { return a->number < b->number; });
   return receivers_.emplace(std::string(channel), std::move(found)).first->second;
 }
 

@@ -1,8 +1,11 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include "common/bus/bus.hpp"
@@ -25,11 +28,19 @@ class InProcessBus final : public Bus {
  private:
   struct Subscription;
   using Receivers = std::vector<Subscription*>;
+  struct Hash {
+    using is_transparent = void;
+    std::size_t operator()(std::string_view text) const {
+      return std::hash<std::string_view>{}(text);
+    }
+  };
   const Receivers& receivers(std::string_view channel);
 
   EventLoop& loop_;
   std::vector<std::unique_ptr<Subscription>> subscriptions_;
-  std::map<std::string, Receivers, std::less<>> receivers_;  // per channel seen so far
+  std::map<std::string, Receivers, std::less<>> named_;  // those to a channel's very name
+  Receivers patterns_;                                   // the others
+  std::unordered_map<std::string, Receivers, Hash, std::equal_to<>> receivers_;  // by channel seen
 };
 
 }  // namespace tether

@@ -28,7 +28,8 @@ std::int32_t rank_of(const std::string& name) {
 }  // namespace
 
 const std::vector<std::string>& lockstep_nodes() {
-  static const std::vector<std::string> kNodes{"sim", "netem", "controller", "can"};
+  static const std::vector<std::string> kNodes{"sim", "netem",     "controller",
+                                               "can", "localiser", "autonomy"};
   return kNodes;
 }
 

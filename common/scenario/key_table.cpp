@@ -7,15 +7,15 @@
 #include <cmath>
 
 namespace tether {
+std::optional<double> number_of(const ScenarioValue& value) {
+  if (const auto* real = std::get_if<double>(&value)) return *real;
+  if (const auto* whole = std::get_if<std::int64_t>(&value)) return static_cast<double>(*whole);
+  return std::nullopt;
+}
+
 namespace {
 
 using Set = decltype(ScenarioKey::set);
-
-std::optional<double> as_double(const ScenarioValue& value) {
-  if (const auto* d = std::get_if<double>(&value)) return *d;
-  if (const auto* i = std::get_if<std::int64_t>(&value)) return static_cast<double>(*i);
-  return std::nullopt;
-}
 
 bool all_in(Range range, const NumberList& list) {
   return std::all_of(list.begin(), list.end(), [range](double x) { return range.contains(x); });
@@ -43,7 +43,7 @@ bool is_text(const std::string& text) {
 template <class T>
 Set number_setter(const ScenarioField<T>& field, Range range) {
   return [field, range](Scenario& s, const ScenarioValue& value) {
-    const auto x = as_double(value);
+    const auto x = number_of(value);
     if (!x || !range.contains(*x)) return false;
     field.write(s) = *x;
     return true;

@@ -14,6 +14,9 @@
 
 namespace tether {
 
+/// A number, whole or not; nullopt: it is something else.
+std::optional<double> number_of(const ScenarioValue& value);
+
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Allowed finite numbers: [low, high], without low itself if `open`.

@@ -294,7 +294,7 @@ bool ScenarioLoader::apply_list(const std::string& key, const toml::node& node,
   for (const ScenarioSection& section : scenario_.schema().sections()) {
     if (!section.list || section.list->key != key) continue;
     const auto tables = to_tables(node);
-    if (!tables || !section.list->read(scenario_, *tables)) {
+    if (!tables || !section.list->read(scenario_, *tables, place)) {
       throw UsageError(fmt::format("{}: {}", place, section.list->allowed));
     }
     given_.insert(key);

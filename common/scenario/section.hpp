@@ -67,8 +67,9 @@ struct TableList {
   using Table = std::map<std::string, ScenarioValue>;
   std::string key;      ///< "channel.change"
   std::string allowed;  ///< for messages: "each [[channel.change]] must have …"
-  /// Replaces the whole list. False if one of the tables is not as it must be.
-  std::function<bool(Scenario&, const std::vector<Table>&)> read;
+  /// Replaces the whole list. False if one of the tables is not as it must be; throws UsageError,
+  /// which begins with `place`, to say more than `allowed`.
+  std::function<bool(Scenario&, const std::vector<Table>&, const std::string& place)> read;
   std::function<std::string(const Scenario&)> to_toml;
 };
 

@@ -64,8 +64,9 @@ for (const { topic, schema, encoding, logTime, publishTime, sequence, data } of 
   }
 }
 for (const [name, rest] of rows) check(rest.next().done, `${name}: more rows than messages`);
-for (const view of ["VIEW/SCENE", "VIEW/FRAMES", "VIEW/REFERENCE"]) check(seen.get(view) > 0, view);
-check(channels.length === tables.size + 3, `${channels.length} channels`);
+const views = ["VIEW/SCENE", "VIEW/FRAMES", "VIEW/REFERENCE", ...(tables.has("AGV_SCAN") ? ["VIEW/SCAN"] : [])];
+for (const view of views) check(seen.get(view) > 0, view);
+check(channels.length === tables.size + views.length, `${channels.length} channels`);
 
 // What viewers draw is where the truth is.
 const truth = tables.get("SIM_TRUTH").values();
@@ -79,4 +80,15 @@ for (const { topic, data } of messages) {
   check(Math.abs(Math.sin(yaw - Number(row.yaw_rad))) < 1e-12, `yaw ${yaw} and not ${row.yaw_rad}`);
 }
 check(truth.next().done, "fewer frames than truths");
+
+// Scans have the beams of the log, in the frame of the truth.
+const scans = tables.get("AGV_SCAN")?.values();
+for (const { topic, data } of messages) {
+  if (topic !== "VIEW/SCAN") continue;
+  const { frame_id, pose, ranges } = JSON.parse(text.decode(data));
+  const row = scans.next().value;
+  check(frame_id === "SIM/TRUTH" && pose.position.x === Number(row.mount_x_m), "scan's place");
+  check(ranges.join() === row.range_m.split(";").map(Number).join(), `scan at ${row.t_s} s`);
+}
+check(scans === undefined || scans.next().done, "fewer scans than in the log");
 console.log(`${messages.length} messages on ${channels.length} channels, as the tables and schemas say`);

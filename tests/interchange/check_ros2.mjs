@@ -100,12 +100,38 @@ compare("/ground_truth", "SIM_TRUTH", ({ header: { stamp }, pose, twist }) => ({
   ...place(pose.pose),
   ...speed(twist.twist),
 }));
+const mounts = topics.get("/tf").filter(({ transforms }) => transforms[0].child_frame_id === "laser");
+topics.set("/tf", topics.get("/tf").filter(({ transforms }) => transforms[0].child_frame_id !== "laser"));
 compare("/tf", "SIM_TRUTH", ({ transforms: [odom, base] }) => {
   check(odom.header.frame_id === "map" && odom.child_frame_id === "odom", "map → odom");
   check(base.header.frame_id === "map" && base.child_frame_id === "base_link", "map → base_link");
   const { translation, rotation } = base.transform;
   return { utime: utime(base.header.stamp), x_m: translation.x, y_m: translation.y, yaw_rad: yaw(rotation) };
 });
+
+// Scans: floats of the table's numbers; +inf where nothing came back.
+topics.set("mounts", mounts);
+compare("mounts", "AGV_SCAN", ({ transforms: [{ header, transform }] }) => {
+  check(header.frame_id === "base_link", "base_link → laser");
+  const { translation, rotation } = transform;
+  return { utime: utime(header.stamp), mount_x_m: translation.x, mount_y_m: translation.y, mount_yaw_rad: yaw(rotation) };
+});
+let beams = 0;
+topics.get("/scan").forEach((scan, i) => {
+  const row = tables.get("AGV_SCAN")[i];
+  const number = (column) => Number(row[column]);
+  const last = number("angle_min_rad") + (number("count") - 1) * number("angle_increment_rad");
+  for (const [field, expected] of [["angle_min", number("angle_min_rad")], ["angle_max", last],
+    ["angle_increment", number("angle_increment_rad")], ["time_increment", number("time_increment_s")],
+    ["range_min", number("range_min_m")], ["range_max", number("range_max_m")], ["scan_time", 0]]) {
+    check(scan[field] === Math.fround(expected), `/scan: ${field} ${scan[field]} and not ${expected}`);
+  }
+  check(scan.header.frame_id === "laser" && utime(scan.header.stamp) === number("utime"), "/scan: header");
+  const ranges = row.range_m.split(";").map((range) => Math.fround(Number(range)) || Infinity);
+  check(scan.ranges.length === number("count") && scan.ranges.every((range, k) => range === ranges[k]), "/scan: ranges");
+  beams += scan.ranges.filter(Number.isFinite).length;
+});
+check(topics.get("/scan").length === tables.get("AGV_SCAN").length && beams > 1000, `/scan: ${beams} beams`);
 
 // The path begins where the reference does, and is where it is, whenever both have a point.
 const [plan] = topics.get("/plan");

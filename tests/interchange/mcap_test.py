@@ -83,12 +83,30 @@ def times_below_zero_move_up_by_whole_seconds(work, common):
     run(TETHER, "log", "mcap", work / "lead" / "run.lcmlog", says="times are 2 s later than in the log")
 
 
+HALL = """
+[lidar]
+model = "custom"
+rate_hz = 5.0
+beams = 91
+[[world.obstacle]]
+kind = "rack"
+x_m = 15.0
+y_m = 15.0
+[[world.obstacle]]
+kind = "cylinder"
+x_m = -15.0
+y_m = -10.0
+to = [[-15.0, 10.0]]
+"""
+
 install(HERE, NPM)
 with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     common = ["--set", "vehicle.plant=kinematic", "--set", "sensor.rate_hz=20", "--set",
               "sensor.odometry_rate_hz=10", "--set", "channel.prr=0.8"]
-    run(TETHER, "run", PAPER, *common, "--set", "run.duration_s=20", "--out", work / "run")
+    hall = work / "hall.toml"
+    hall.write_text(PAPER.read_text() + HALL)
+    run(TETHER, "run", hall, *common, "--set", "run.duration_s=20", "--out", work / "run")
     by_others(work, work / "run", "paper")
     bad_input(work, work / "run" / "run.lcmlog")
     a_scenario_that_cannot_be_read_costs_only_the_shapes(work, work / "run" / "run.lcmlog")

@@ -1,6 +1,6 @@
 #!/usr/bin/env -S python3 -B
 """Real time agrees with virtual time: `tether live` on the paper's scenario gives the error of
-`tether run`, at the pace of the wall clock, and the same files.
+`tether run`, at the pace of the wall clock, and the same files; and scans are localised in it.
 Usage: agreement_test.py BIN_DIR"""
 
 import csv
@@ -8,7 +8,7 @@ import json
 import pathlib
 import re
 
-from live_support import PAPER, check, main, median, wait_until
+from live_support import PAPER, SOURCE, check, main, median, wait_until
 
 # Wall clock against simulated time. A busy machine delays single messages by any amount, so the
 # medians count: of all messages for the offset, of the first and last thirds for the drift.
@@ -107,4 +107,21 @@ def live_agrees_with_virtual_time(test):
     test.say(f"files: {rows} rows of trajectory as on SIM/TRUTH, log, pictures, summary, scenario")
 
 
-main(live_agrees_with_virtual_time)
+def live_localises_by_scans(test):
+    out = test.work / "localised"
+    factory = SOURCE / "scenarios" / "factory.toml"
+    command = ("tether", "live", factory, "--set", "vehicle.plant=kinematic")
+    live = test.run(*command, "--duration", "4", "--json", "--out", out, seconds=30)
+    check(live.process.returncode == 0, f"tether live fails: {live.err()}")
+    check(json.loads(live.out())["valid"], "the run is not valid")
+    info = test.run("tether", "log", "info", out / "run.lcmlog").out()
+    # 15 a second for 4 s, less what a busy machine costs.
+    for line in (r"^AGV/SCAN +scan_t +[56]\d\b", r"^AGV/LOCALISATION +localisation_t +[3-6]\d\b"):
+        check(re.search(line, info, re.MULTILINE), f"no {line} in:\n{info}")
+    table = test.run("tether", "log", "csv", out / "run.lcmlog", "AGV/LOCALISATION").out()
+    states = {row["state"] for row in csv.DictReader(table.splitlines())}
+    check("1" in states, f"does not track: states {states}")
+    test.say(f"localised by scans: valid, states {sorted(states)}")
+
+
+main(live_agrees_with_virtual_time, live_localises_by_scans)

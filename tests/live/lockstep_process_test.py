@@ -12,6 +12,7 @@ from subprocess import PIPE
 from live_support import NODES, PAPER, SOURCE, alive, check, main, wait_until
 
 HIL = SOURCE / "scenarios" / "hil_vcan.toml"
+FACTORY = SOURCE / "scenarios" / "factory.toml"
 RANDOM = ("--set", "sensor.rate_hz=20", "--set", "sensor.position_noise_m=0.02")
 RANDOM += ("--set", "channel.prr=0.7", "--set", "channel.delay_ms=35")
 FILES = ("run.lcmlog", "trajectory.csv")
@@ -25,6 +26,7 @@ def result(test, name, *options):
 
 def gives_what_one_process_gives(test):
     runs = {"whole": (PAPER,), "drives on CAN": (HIL, "--set", "run.duration_s=3")}
+    runs["localised by scans"] = (FACTORY, "--set", "run.duration_s=3")
     for seed in ("2", "3"):
         runs[f"seed {seed}"] = (PAPER, *RANDOM, "--seed", seed, "--set", "run.duration_s=8")
     for name, options in runs.items():

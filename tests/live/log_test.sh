@@ -35,6 +35,12 @@ expect 1 'No space left on device' sh -c "'$tether' log info '$log' >/dev/full"
 : >empty.lcmlog
 expect 0 '0 bytes, 0 events' "$tether" log info empty.lcmlog
 
+# Both kinds of MCAP have names of their own.
+"$tether" log mcap "$log" >/dev/null 2>&1
+cp run/run.mcap json.mcap
+expect 0 'run/run.ros2.mcap: ' "$tether" log mcap "$log" --ros2
+cmp json.mcap run/run.mcap || fail "the bag took the place of the JSON"
+
 # Every table: a name for each column, in each row, and time that never goes back.
 for channel in AGV/POSE AGV/CMD_VEL CTRL/REPORT SIM/TRUTH SIM/CLOCK NET/UPLINK NET/COUNTERS; do
     "$tether" log csv "$log" "$channel" --out table.csv

@@ -16,7 +16,11 @@ cat >scenario.toml <<'EOF'
 [run]
 duration_s = 600.0
 [sensor]
-rate_hz = 20.0
+odometry_rate_hz = 50.0
+[lidar]
+model = "custom"
+[localiser]
+place = "vehicle"
 [channel.uplink]
 delay_ms = 20.0
 prr = 0.9
@@ -33,6 +37,7 @@ DISPLAY=:$(cat display)
 export DISPLAY
 
 start_nodes scenario.toml
+start localiser "$bin/tether-localiser" scenario.toml
 start spy "$bin/tether" spy
 spy=$started
 
@@ -50,7 +55,9 @@ all_lines() {
         fi
     done <<'EOF'
 AGV.{0,3}CMD.{0,3}VEL twist.{0,3}t
+AGV.{0,3}LOCALISATION localisation.{0,3}t
 AGV.{0,3}POSE pose.{0,3}t
+AGV.{0,3}SCAN scan.{0,3}t
 CTR.{0,3}CMD.{0,3}VEL twist.{0,3}t
 CTR.{0,3}COUNTERS counters.{0,3}t
 CTR.{0,3}POSE pose.{0,3}t
@@ -101,4 +108,4 @@ make_picture() {
 if [ -n "$picture" ]; then
     make_picture || fail "lcm-spy opened no window for CTRL/REPORT"
 fi
-echo "passed: lcm-spy decoded all 12 channels (picture $attempt)"
+echo "passed: lcm-spy decoded all 14 channels (picture $attempt)"

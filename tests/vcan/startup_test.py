@@ -93,7 +93,8 @@ def check_configuration(frames, node):
     boots = [f.time for f in frames if f.id == heartbeat(node) and f.state == 0 and f.time > reset]
     questions = [f for f in frames if f.id == 0x600 + node]
     early = {f.step for f in questions if f.time < reset}
-    check(early <= {"6041:0", "606C:0"}, f"node {node}: {early} before its reset")
+    # Whether it stands, where, and who watches it; nothing is written.
+    check(early <= {"6041:0", "606C:0", "1016:1", "6064:0"}, f"node {node}: {early} before its reset")
     verified = steps(f.step for f in questions if f.time > start)
     check(verified == verification_of(node), f"node {node} was verified by {verified}")
     asked = [f for f in questions if reset < f.time < start]

@@ -5,6 +5,7 @@ are played, what the user gets wrong is said. Usage: live_test.py BIN_DIR"""
 import csv
 import io
 import json
+import re
 import signal
 import time
 
@@ -137,6 +138,23 @@ def a_computed_run_is_paced_and_the_same(test):
     check(logs[0] == logs[1], "the log differs from that of a run that nobody looked at")
 
 
+def a_computed_run_ends_orderly_when_it_is_told_to(test):
+    for more in (("--view", "--port=0"), ()):
+        out = test.work / f"out{len(more)}"
+        run = test.start("tether", "run", PAPER, "--set=run.duration_s=4000", "--out", out, *more)
+        if more:
+            address_of(run)
+        wait_until(10, lambda: (out / "run.lcmlog").exists() and (out / "run.lcmlog").stat().st_size > 100_000, "a log")
+        run.kill(signal.SIGINT)
+        check(run.wait(10) == 1, f"exit code {run.process.returncode}")
+        check(re.search(r"ended by signal 2 at t = \d+\.\d+ s$", run.err().strip()), run.err())
+        check(run.out() == "", f"a summary of a part: {run.out()}")
+        check("ended by signal 2 at t = " in (out / "incomplete.txt").read_text(), "it does not say why")
+        check(not (out / "summary.json").exists(), "it is said to be whole")
+        said = test.run("tether", "log", "info", out / "run.lcmlog", seconds=30).out()
+        check("in the middle" not in said and "damage" not in said, said)
+
+
 def what_the_user_gets_wrong_is_said(test):
     out = test.work / "out"
     test.run("tether", "run", PAPER, "--set=run.duration_s=1", "--out", out, seconds=60)
@@ -154,13 +172,22 @@ def what_the_user_gets_wrong_is_said(test):
         ((log, "--address=0.0.0.0", "--token=short"), 2, "--token: has to be 16 to 128"),
         ((log, "--address=example.org", "--token=0123456789abcdef"), 2, "has to be an IP address in digits"),
         ((log, f"--page={test.work}"), 2, "has no index.html"),
+        ((log, "--address=localhost"), 2, "has to be an IP address in digits: 127.0.0.1"),
+        ((log, "--allow-origin=foo"), 2, "--allow-origin \"foo\": has to be what browsers call an origin"),
+        ((log, "--allow-origin=https://app.foxglove.dev/"), 2, "without a path"),
         ((log, f"--scenario={PAPER}"), 2, "the scenario.toml beside it"),
+        ((log, "--set=run.seed=1"), 2, "the scenario.toml beside it"),
+        ((log, "--lcm-url=udpm://239.255.76.67:7667"), 2, "either a log"),
+        (("--set=run.seed=1",), 2, "--scenario, which is missing"),
+        ((out,), 2, "no sweep in"),
         (("--lcm-url=udpm://1.2.3.4:5",), 2, "not a multicast group"),
     ):
         refused = test.run("tether", "view", *command, seconds=10)
         said = refused.err().strip()
         check(refused.process.returncode == code, f"{command}: exit code {refused.process.returncode}: {said}")
         check(words in said and said.count("\n") == 0, f"{command}: {said}")
+    far = test.run("tether", "view", log, "--port=99999", seconds=10)
+    check(far.process.returncode == 2 and "--port: Value 99999 not in range 0 to 65535" in far.err(), far.err())
     live = test.run("tether", "live", PAPER, "--view", f"--port={port}", seconds=15)
     check(live.process.returncode == 1 and "tether view did not start" in live.err(), live.err())
 
@@ -171,7 +198,8 @@ def a_token_lets_in(test):
     token = "a-secret-of-this-test"
     view = test.start("tether", "view", out / "run.lcmlog", "--port=0", "--address=0.0.0.0", f"--token={token}")
     wait_until(10, lambda: f"/?token={token}" in view.err(), "the address")
-    address = ("127.0.0.1", address_of(view)[1])
+    address = address_of(view)
+    check(address[0] == "127.0.0.1", f"{address} cannot be opened")
     check(http(address)[0] == 403 and http(address, "/api/run.json")[0] == 403, "no token, and let in")
     status, head, _ = http(address, f"/?token={token}")
     check(status == 200 and "HttpOnly; SameSite=Strict" in head, head)
@@ -187,6 +215,7 @@ main(
     a_log_is_played,
     a_log_that_breaks_off_is_played_as_far_as_it_goes,
     a_computed_run_is_paced_and_the_same,
+    a_computed_run_ends_orderly_when_it_is_told_to,
     what_the_user_gets_wrong_is_said,
     a_token_lets_in,
 )

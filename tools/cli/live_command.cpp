@@ -13,6 +13,7 @@
 #include "tools/cli/scenario_options.hpp"
 #include "tools/cli/view_options.hpp"
 #include "tools/processes/live_session.hpp"
+#include "tools/runs/fleet_summary.hpp"
 #include "tools/runs/run_summary.hpp"
 
 namespace tether {
@@ -48,14 +49,14 @@ int live(LiveOptions options) {
   LiveSession session(options.session, scenario);
   session.run();
 
-  const RunObserver& run = session.observer();
+  const FleetObserver& run = session.observer();
   const double end_s = to_seconds(session.end());
   const RunSummary summary{.wall_time_s = end_s / options.session.speed,
-                           .sim_time_s = static_cast<double>(run.truth().utime) * 1e-6,
+                           .sim_time_s = static_cast<double>(run.first().truth().utime) * 1e-6,
                            .end = session.end(),
                            .node_restarts = session.restarts(),
                            .findings = findings(session)};
-  check_finite(run);
+  run.check_finite();
   const std::string json = to_json(scenario, run, summary);
   fmt::print("{}", options.json ? json + "\n" : to_text(scenario, run, summary));
   if (session.folder()) session.folder()->write(scenario, run, json);  // a full disk ends it here

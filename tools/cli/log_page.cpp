@@ -42,12 +42,7 @@ int log_page(PageOptions options) {
   ViewedLog log(options.file);
   const PageFolder folder(options.page.empty() ? shared_page() : fs::path(options.page));
   const Recording recording = record(log, options.span);
-  const auto read = [&folder](const std::string& path) -> std::optional<std::string> {
-    auto file = folder.find("/" + path);
-    if (!file) return std::nullopt;
-    return std::move(file->bytes);
-  };
-  const std::string html = one_file_page(read, base64(gzip(recording.text)));
+  const std::string html = one_file_page(files_of(folder), base64(gzip(recording.text)));
   if (html.size() > kMostPageBytes) {
     throw UsageError(fmt::format(
         "{}: the page would have {:.1f} MB, more than {:.0f} MB: name a part of the log by --from "

@@ -38,7 +38,8 @@ int main(int argc, char** argv) {
   using namespace tether;
   CLI::App app("Tether: how much delay and loss does a remotely controlled AGV survive?", "tether");
   app.footer(
-      "Also: tether sim, netem, controller, can-bridge and can-drive; the nodes of a live run.");
+      "Also: tether sim, netem, controller, localiser, can-bridge and can-drive; the nodes of a "
+      "live run.");
   add_about(app);
   app.require_subcommand(1);
   Action action;

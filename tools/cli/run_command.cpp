@@ -4,27 +4,33 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <chrono>
+#include <csignal>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/lockstep/member.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "netem/channel/settings.hpp"
+#include "netem/medium/medium_settings.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/scenario_options.hpp"
 #include "tools/cli/view_options.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/processes/process_run.hpp"
 #include "tools/runs/channel_traffic.hpp"
+#include "tools/runs/fleet_observer.hpp"
+#include "tools/runs/fleet_summary.hpp"
 #include "tools/runs/output_folder.hpp"
-#include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
 #include "tools/scene/scene_setting.hpp"
 #include "tools/view/playback/playback.hpp"
@@ -54,6 +60,22 @@ double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+std::atomic<int> caught_signal{0};
+
+/// From here on Ctrl-C and SIGTERM are noticed by end_if_told(); a second one ends the program.
+void notice_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int signal) { caught_signal = signal; };
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+}
+
+void end_if_told(Instant now) {
+  if (caught_signal == 0) return;
+  throw std::runtime_error(
+      fmt::format("ended by signal {} at t = {:.3f} s", caught_signal.load(), to_seconds(now)));
+}
+
 /// Runs to the end; on a terminal, shows how far it is when it takes longer than a second.
 void run_with_progress(ClosedLoop& loop, Instant end) {
   const bool show = isatty(STDERR_FILENO) != 0;
@@ -61,6 +83,7 @@ void run_with_progress(ClosedLoop& loop, Instant end) {
   double shown_s = start_s;
   for (Instant t = kStart; t < end; t = std::min(end, t + std::chrono::seconds{1})) {
     loop.run_until(t);
+    end_if_told(t);
     const double now_s = wall_seconds();
     if (!show || now_s - shown_s < 1.0) continue;
     shown_s = now_s;
@@ -97,7 +120,10 @@ class ViewedRun {
   void run(Instant end) {
     PacedRun paced(loop_.loop().now(), end, speed_, *server_, *network_);
     announce(*server_);
-    paced.run([this](Instant t) { loop_.run_until(t); });
+    paced.run([this](Instant t) {
+      loop_.run_until(t);
+      end_if_told(t);
+    });
     loop_.finish();
   }
 
@@ -109,15 +135,8 @@ class ViewedRun {
   std::optional<NetworkView> network_;
 };
 
-/// A run that breaks off leaves what it has written until then.
-void run_processes(ProcessRun& processes, const RunObserver& observer,
-                   std::optional<OutputFolder>& folder) {
-  try {
-    processes.run();
-  } catch (const std::exception& e) {
-    if (folder) folder->write_incomplete(observer, e.what());
-    throw;
-  }
+void run_processes(ProcessRun& processes) {
+  processes.run();
   const TimeManager::Counters& c = processes.counters();
   if (c.repeated + c.resends > 0) {
     fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
@@ -129,17 +148,39 @@ void run_processes(ProcessRun& processes, const RunObserver& observer,
   }
 }
 
+void report(const RunOptions& options, const Scenario& scenario, const FleetObserver& observer,
+            const RunSummary& summary, std::optional<OutputFolder>& folder) {
+  const std::string json = to_json(scenario, observer, summary);
+  fmt::print("{}", options.json ? json + "\n" : to_text(scenario, observer, summary));
+  if (!folder) return;
+  folder->write(scenario, observer, json);  // a full disk ends it here
+  if (!options.json) {
+    fmt::print("{:<9} {}\n", "picture", (folder->path() / "path.png").string());
+  }
+}
+
+Scenario checked_scenario(const RunOptions& options) {
+  if (options.step && fcntl(STDIN_FILENO, F_GETFD) < 0) {
+    throw UsageError("run: --step is told what to do on the standard input, which is closed");
+  }
+  if (options.scenario.file.empty()) throw UsageError("run: name a scenario file (see --help)");
+  Scenario scenario = options.scenario.load();
+  if (options.view && !scenario.get<FleetSettings>().is_one()) {
+    throw UsageError("run: --view shows one vehicle; leave out fleet.count");
+  }
+  if (const std::string warning = overload_warning(scenario.get<MediumSettings>());
+      !warning.empty()) {
+    fmt::print(stderr, "tether: {}: {}\n", options.scenario.file, warning);
+  }
+  return scenario;
+}
+
 int run(const RunOptions& options) {
   if (options.keys) {
     fmt::print("{}", describe_scenario_keys());
     return kExitOk;
   }
-  if (options.step && fcntl(STDIN_FILENO, F_GETFD) < 0) {
-    throw UsageError("run: --step is told what to do on the standard input, which is closed");
-  }
-  if (options.scenario.file.empty()) throw UsageError("run: name a scenario file (see --help)");
-  const Scenario scenario = options.scenario.load();
-
+  const Scenario scenario = checked_scenario(options);
   std::optional<OutputFolder> folder;
   if (!options.out.empty()) folder.emplace(options.out, scenario);
 
@@ -159,35 +200,34 @@ int run(const RunOptions& options) {
   }
   EventLoop& loop = one ? one->loop() : many->loop();
   Bus& bus = one ? one->bus() : many->bus();
-  RunObserver observer(scenario, loop, bus);
+  FleetObserver observer(fleet_members(scenario), loop, bus);
   std::optional<ChannelWatch> channel;
-  if (one)
+  if (one && observer.is_one())
     channel.emplace(scenario.get<ChannelSettings>(), channel_traffic(scenario, true), loop,
                     one->netem().uplink(), one->netem().downlink());
   if (folder) folder->record(loop, bus);
   std::optional<ViewedRun> viewed;
   if (options.view) viewed.emplace(options, scenario, *one);
-  if (viewed) {
-    viewed->run(end);
-  } else if (one) {
-    run_with_progress(*one, end);
-  } else {
-    run_processes(*many, observer, folder);
+  try {
+    if (one) notice_signals();
+    if (viewed) {
+      viewed->run(end);
+    } else if (one) {
+      run_with_progress(*one, end);
+    } else {
+      run_processes(*many);
+    }
+  } catch (const std::exception& error) {  // what it has written until then stays
+    if (folder) folder->write_incomplete(observer, error.what());
+    throw;
   }
 
   RunSummary summary{
       .wall_time_s = wall_seconds() - start_s, .sim_time_s = to_seconds(end), .end = end};
   if (channel) summary.channel = channel->report(end);
   if (many) summary.lockstep = many->cost();
-  check_finite(observer);
-  const std::string json = to_json(scenario, observer, summary);
-  fmt::print("{}", options.json ? json + "\n" : to_text(scenario, observer, summary));
-  if (folder) {
-    folder->write(scenario, observer, json);  // a full disk ends it here
-    if (!options.json) {
-      fmt::print("{:<9} {}\n", "picture", (folder->path() / "path.png").string());
-    }
-  }
+  observer.check_finite();
+  report(options, scenario, observer, summary, folder);
   return kExitOk;
 }
 

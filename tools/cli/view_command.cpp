@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,12 +23,14 @@
 #include "tools/view/sources/network_view.hpp"
 #include "tools/view/sources/run_json.hpp"
 #include "tools/view/sources/scene_channels.hpp"
+#include "tools/view/swept/report_site.hpp"
 
 namespace tether {
 namespace {
 
 struct ViewCommandOptions {
   std::string log;
+  bool has_url = false;  ///< --lcm-url is on the command line
   std::string lcm_url = kDefaultLcmUrl;
   ScenarioOptions scenario;
   ViewOptions view;
@@ -52,6 +56,18 @@ int view_log(const ViewCommandOptions& options) {
   for (const std::string& note : log.notes()) {
     fmt::print(stderr, "tether: {}: {}\n", options.log, note);
   }
+  announce(server);
+  loop.run();
+  return kExitOk;
+}
+
+/// The report of a folder of sweeps, and their runs.
+int view_report(const ViewCommandOptions& options) {
+  RealTimeLoop loop(RealTimeLoop::wall_utime_us());  // from here on signals are for it alone
+  ViewServer::Options how = options.view.server({.kind = "report", .source = options.log});
+  ReportSite site(options.log, how.page);
+  how.site = [&site](bool is_post, std::string_view path) { return site.answer(is_post, path); };
+  const ViewServer server(how);
   announce(server);
   loop.run();
   return kExitOk;
@@ -86,10 +102,20 @@ int view_network(const ViewCommandOptions& options) {
 }
 
 int view(const ViewCommandOptions& options) {
-  if (options.log.empty()) return view_network(options);
-  if (!options.scenario.file.empty()) {
-    throw UsageError("view: the scenario of a log is the scenario.toml beside it, not --scenario");
+  if (options.log.empty()) {
+    if (!options.scenario.set.empty() && options.scenario.file.empty()) {
+      throw UsageError("view: --set changes what is in the file of --scenario, which is missing");
+    }
+    return view_network(options);
   }
+  if (!options.scenario.file.empty() || !options.scenario.set.empty()) {
+    throw UsageError(
+        "view: the scenario of a log is the scenario.toml beside it, not --scenario or --set");
+  }
+  if (options.has_url) {
+    throw UsageError("view: either a log (or a report's folder), or the network of --lcm-url");
+  }
+  if (std::filesystem::is_directory(options.log)) return view_report(options);
   return view_log(options);
 }
 
@@ -98,17 +124,25 @@ int view(const ViewCommandOptions& options) {
 void add_view_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<ViewCommandOptions>();
   CLI::App* const command = tether.add_subcommand(
-      "view", "A page in the browser, and Foxglove's protocol: a live network or a log");
-  command->add_option("log", options->log, "LCM event log to play [the network of --lcm-url]");
-  command->add_option("--lcm-url", options->lcm_url, "LCM network")
-      ->envname("LCM_DEFAULT_URL")
-      ->capture_default_str();
+      "view",
+      "A page in the browser, and Foxglove's protocol: a live network or a log; or a report");
+  command->add_option("log", options->log,
+                      "LCM event log to play, or a folder with sweeps and their report.html "
+                      "[the network of --lcm-url]");
+  CLI::Option* const url = command->add_option("--lcm-url", options->lcm_url, "LCM network")
+                               ->envname("LCM_DEFAULT_URL")
+                               ->capture_default_str();
   command->add_option("--scenario", options->scenario.file,
                       "of what runs on the network: its walls and its path are shown [none]");
   command->add_option("--set", options->scenario.set, "KEY=VALUE of the scenario, as in tether run")
       ->allow_extra_args(false);
   add_view_options(*command, options->view, nullptr);
-  command->callback([options, &action] { action = [options] { return view(*options); }; });
+  command->callback([options, url, &action] {
+    const char* const environment = std::getenv("LCM_DEFAULT_URL");
+    options->has_url =
+        url->count() > 0 && (environment == nullptr || options->lcm_url != environment);
+    action = [options] { return view(*options); };
+  });
 }
 
 }  // namespace tether

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "common/base/errors.hpp"
+#include "common/base/text.hpp"
 #include "common/program/cli_range.hpp"
 #include "tools/base/process.hpp"
 #include "tools/view/web/access.hpp"
@@ -22,6 +23,14 @@ void check_token(const std::string& token) {
       kShortest, kLongest, random_token()));
 }
 
+void check_origin(const std::string& origin) {
+  if (is_origin(origin)) return;
+  throw UsageError(fmt::format(
+      "--allow-origin \"{}\": has to be what browsers call an origin, scheme://host or "
+      "scheme://host:port in lower case and without a path: such as https://app.foxglove.dev",
+      printable(origin, kLongestNameShown)));
+}
+
 }  // namespace
 
 std::filesystem::path shared_page() {
@@ -38,6 +47,7 @@ std::vector<std::string> ViewOptions::arguments() const {
 
 ViewServer::Options ViewOptions::server(const RunDescription& run) const {
   if (!token.empty()) check_token(token);
+  for (const std::string& origin : origins) check_origin(origin);
   ViewServer::Options server;
   server.address = address;
   server.port = port;
@@ -59,6 +69,7 @@ void add_view_options(CLI::App& command, ViewOptions& options, CLI::Option* need
                       "::1) wants --token")
           ->capture_default_str(),
       command.add_option("--port", options.port, "port of the view; 0: any that is free")
+          ->check(CLI::Range(0, 65535))
           ->capture_default_str(),
       command.add_option("--token", options.token,
                          "what has to be known to be let in: 16 characters or more [none]"),
@@ -72,7 +83,8 @@ void add_view_options(CLI::App& command, ViewOptions& options, CLI::Option* need
 }
 
 void announce(const ViewServer& server) {
-  fmt::print(stderr, "tether: view at {}\n", server.address());
+  fmt::print(stderr, "tether: view at {}{}\n", server.address(),
+             server.is_everywhere() ? " from here; from elsewhere by an address of this host" : "");
 }
 
 }  // namespace tether

@@ -6,14 +6,17 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <set>
 #include <stdexcept>
 #include <system_error>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/open_bus.hpp"
+#include "common/onboard/onboard_settings.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/node_main.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -47,24 +50,67 @@ std::vector<std::string> programs(const Scenario& scenario) {
   std::vector<std::string> names;
   if (!scenario.get<ControllerSettings>().external) names.emplace_back("tether-controller");
   names.emplace_back("tether-netem");
+  if (scenario.get<AutonomySettings>().enabled) names.emplace_back("tether-autonomy");
   if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
     names.emplace_back("tether-can-bridge");
     if (scenario.get<CanSettings>().emulate_drives) names.emplace_back("tether-can-drive");
+  }
+  if (scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none) {
+    names.emplace_back("tether-localiser");
   }
   names.emplace_back("tether-sim");
   return names;
 }
 
 /// All on which one program alone sends, in a run of one vehicle.
+std::vector<std::string> channels_of_one_sender(const std::string& vehicle) {
+  const ChannelNames c(vehicle);
+  return {c.vehicle_pose,
+          c.vehicle_odometry,
+          c.vehicle_scan,
+          c.vehicle_scan_part,
+          c.vehicle_localisation,
+          c.vehicle_autonomy,
+          c.vehicle_drive,
+          c.autonomy_counters,
+          c.vehicle_command,
+          c.vehicle_plan,
+          c.vehicle_preload,
+          c.control_pose,
+          c.control_odometry,
+          c.control_scan_part,
+          c.control_localisation,
+          c.control_autonomy,
+          c.control_command,
+          c.control_plan,
+          c.control_preload,
+          c.control_report,
+          c.control_counters,
+          c.can_state,
+          c.can_wheels,
+          c.can_odometry,
+          c.can_plan,
+          c.can_counters,
+          c.drive_counters,
+          c.wheel_states,
+          c.wheel_targets,
+          c.uplink_report,
+          c.downlink_report,
+          c.net_counters,
+          c.net_settings,
+          c.clock,
+          c.truth,
+          c.sim_counters,
+          c.localiser_counters};
+}
+
 std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
-  const ChannelNames c(scenario.get<VehicleSettings>().name);
-  return {c.vehicle_pose,   c.vehicle_command,  c.vehicle_plan,  c.vehicle_preload,
-          c.control_pose,   c.control_command,  c.control_plan,  c.control_preload,
-          c.control_report, c.control_counters, c.can_state,     c.can_wheels,
-          c.can_odometry,   c.can_plan,         c.can_counters,  c.drive_counters,
-          c.wheel_states,   c.wheel_targets,    c.uplink_report, c.downlink_report,
-          c.net_counters,   c.net_settings,     c.clock,         c.truth,
-          c.sim_counters};
+  std::set<std::string> all;  // the clock is all vehicles'
+  for (const Scenario& member : fleet_members(scenario)) {
+    const auto own = channels_of_one_sender(member.get<VehicleSettings>().name);
+    all.insert(own.begin(), own.end());
+  }
+  return {all.begin(), all.end()};
 }
 
 }  // namespace
@@ -83,7 +129,7 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
       watch_(loop_.run_id(), host_name(), options.speed),
       senders_(loop_, bus_, channels_of_one_sender(scenario),
                [this](const std::string& line) { watch_.several_senders(loop_.now(), line); }),
-      observer_(scenario, loop_, bus_),
+      observer_(fleet_members(scenario), loop_, bus_),
       operator_(scenario, loop_, bus_) {
   if (!options.out.empty()) {
     folder_.emplace(options.out, scenario);
@@ -190,7 +236,7 @@ void LiveSession::run() {
   end_ = std::min(end_, loop_.now());
   shut_down();
   if (!failure_.empty()) throw std::runtime_error(failure_);
-  if (observer_.truth().utime > 0) return;
+  if (observer_.first().truth().utime > 0) return;
   throw std::runtime_error(
       interrupted() ? "no result: ended before t = 0"
                     : fmt::format("no result: no SIM/TRUTH from tether-sim was heard on {}; does a "
@@ -260,14 +306,14 @@ std::vector<std::string> LiveSession::silent() const {
 }
 
 std::string LiveSession::drives() const {
-  if (!observer_.drivetrain()) return "";
-  const drivetrain_state_t& state = observer_.drivetrain()->state();
+  if (!observer_.first().drivetrain()) return "";
+  const drivetrain_state_t& state = observer_.first().drivetrain()->state();
   return state.seq > 0 ? state.state_name : "silent";
 }
 
 void LiveSession::show_status() {
   // Over some periods, for a message a second is in every other one.
-  heard_.push_back({observer_.poses_received(), observer_.commands_received()});
+  heard_.push_back({observer_.first().poses_received(), observer_.first().commands_received()});
   if (heard_.size() > kStatusWindow + 1) heard_.pop_front();
   const double window_s = static_cast<double>(heard_.size() - 1) * to_seconds(kStatusPeriod);
   const auto rate = [&](std::int64_t Heard::*count) {
@@ -283,9 +329,9 @@ void LiveSession::show_status() {
   if (loop_.now() < kStart) {
     status_.show({moment.drives.empty() ? "starting" : "starting   drives " + moment.drives});
   } else if (status_.has_room(Dashboard::kColumns, Dashboard::kRows)) {
-    status_.show(dashboard_.lines(observer_, moment));
+    status_.show(dashboard_.lines(observer_.first(), moment));
   } else {
-    status_.show({Dashboard::line(observer_, moment)});
+    status_.show({Dashboard::line(observer_.first(), moment)});
   }
 }
 

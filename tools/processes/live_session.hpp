@@ -17,8 +17,8 @@
 #include "tools/processes/node_process.hpp"
 #include "tools/processes/run_watch.hpp"
 #include "tools/processes/terminal_status.hpp"
+#include "tools/runs/fleet_observer.hpp"
 #include "tools/runs/output_folder.hpp"
-#include "tools/runs/run_observer.hpp"
 
 namespace tether {
 
@@ -49,7 +49,7 @@ class LiveSession {
   /// run is on the network.
   void run();
 
-  const RunObserver& observer() const { return observer_; }
+  const FleetObserver& observer() const { return observer_; }
   /// Run time when it ended.
   Instant end() const { return end_; }
   int restarts() const { return restarts_; }
@@ -91,7 +91,7 @@ class LiveSession {
   std::optional<Presence> presence_;  ///< once the network is known to be its own
   RunWatch watch_;
   SoleSender senders_;
-  RunObserver observer_;
+  FleetObserver observer_;
   ArmOperator operator_;
   std::optional<OutputFolder> folder_;
   std::vector<std::unique_ptr<Child>> children_;

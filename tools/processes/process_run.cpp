@@ -16,6 +16,7 @@
 #include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lockstep/member.hpp"
+#include "common/onboard/onboard_settings.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
@@ -77,6 +78,10 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   if (scenario.get<VehicleSettings>().drivetrain != VehicleSettings::Drivetrain::can) {
     std::erase(config.nodes, "can");
   }
+  if (scenario.get<LocaliserSettings>().place == LocaliserSettings::Place::none) {
+    std::erase(config.nodes, "localiser");
+  }
+  if (!scenario.get<AutonomySettings>().enabled) std::erase(config.nodes, "autonomy");
   config.end = end_;
   config.patience = from_seconds(options.patience_s);
   if (scenario.get<ControllerSettings>().external) {

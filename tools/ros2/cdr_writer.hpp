@@ -19,6 +19,7 @@ class CdrWriter {
 
   void put(std::int32_t x) { little_endian(static_cast<std::uint32_t>(x)); }
   void put(std::uint32_t x) { little_endian(x); }
+  void put(float x) { little_endian(std::bit_cast<std::uint32_t>(x)); }
   void put(double x) { little_endian(std::bit_cast<std::uint64_t>(x)); }
   void put(std::string_view text) {
     little_endian(static_cast<std::uint32_t>(text.size() + 1));

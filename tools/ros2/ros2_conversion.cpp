@@ -14,7 +14,7 @@
 namespace tether {
 namespace {
 
-constexpr std::string_view kMap = "map", kOdom = "odom", kBase = "base_link";
+constexpr std::string_view kMap = "map", kOdom = "odom", kBase = "base_link", kLaser = "laser";
 
 /// The first of these that the log has; empty if it has none.
 std::string first_of(const std::set<std::string>& channels,
@@ -56,6 +56,7 @@ RosConversion::RosConversion(const std::set<std::string>& channels, std::int64_t
 std::string RosConversion::topic_of(std::string_view channel) const {
   if (channel == odometry_) return "/odom";
   if (channel == "AGV/CMD_VEL") return "/cmd_vel";
+  if (channel == "AGV/SCAN") return "/scan";
   if (channel == "SIM/TRUTH") return "/ground_truth";
   if (channel == "SIM/CLOCK") return "/clock";
   // Names between slashes are not empty and begin with no digit.
@@ -93,6 +94,12 @@ bool RosConversion::convert(std::string_view channel, const MessageContent& mess
   }
   if (type == "twist_t") {
     out.push_back({topic_of(channel), kRosTwist, twist_cdr(twist_of(message))});
+    return true;
+  }
+  if (const auto scan = laser_scan_of(message)) {
+    const RosTransform mount{{stamp_ns, kBase}, kLaser, scan->mount};
+    out.push_back({topic_of(channel), kRosLaserScan, laser_scan_cdr({stamp_ns, kLaser}, *scan)});
+    if (channel == "AGV/SCAN") out.push_back({"/tf", kRosTf, tf_cdr({mount})});
     return true;
   }
   if (type != "pose_t" && type != "odometry_t" && type != "ground_truth_t") return false;

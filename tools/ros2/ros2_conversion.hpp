@@ -27,9 +27,11 @@ struct RosMessage {
 /// | …/CMD_VEL (twist_t)       | /cmd_vel …        | geometry_msgs/msg/Twist         |
 /// | …/POSE (pose_t)           | /agv/pose …       | geometry_msgs/msg/PoseStamped   |
 /// | …/ODOMETRY (odometry_t)   | /odom …           | nav_msgs/msg/Odometry, in "odom"|
+/// | …/SCAN (scan_t)           | /scan …           | sensor_msgs/msg/LaserScan       |
 ///
 /// Topics are the channels' names in lower case ("/ctrl/cmd_vel"); but AGV/CMD_VEL, what reaches
-/// the vehicle, is /cmd_vel, and the odometry nearest to the wheels (CAN/ODOMETRY, else
+/// the vehicle, is /cmd_vel, AGV/SCAN is /scan, in "laser", which each scan puts into "base_link"
+/// by /tf, and the odometry nearest to the wheels (CAN/ODOMETRY, else
 /// AGV/ODOMETRY) is /odom. /tf (tf2_msgs/msg/TFMessage) has "base_link" in "map", from the best
 /// source that the log has: SIM/TRUTH, else that odometry (in "odom"), else AGV/POSE, else
 /// CTRL/POSE. "odom" is where "map" is: dead reckoning begins at the start pose, and drifts. /plan

@@ -92,6 +92,21 @@ std::string odometry_cdr(const RosTransform& pose, const PlanarCovariance& covar
   return out.bytes;
 }
 
+std::string laser_scan_cdr(const RosHeader& header, const LaserScan& scan) {
+  CdrWriter out;
+  put_header(out, header);
+  for (const double value : {scan.angle_min_rad, scan.angle_max_rad(), scan.angle_increment_rad,
+                             scan.time_increment_s, 0.0, scan.range_min_m, scan.range_max_m}) {
+    out.put(static_cast<float>(value));
+  }
+  out.sequence(scan.range_m.size());
+  for (const float range_m : scan.range_m) {
+    out.put(range_m > 0.0F ? range_m : std::numeric_limits<float>::infinity());
+  }
+  out.sequence(0);  // intensities
+  return out.bytes;
+}
+
 std::string path_cdr(const RosHeader& header, const std::vector<RosPose>& poses) {
   CdrWriter out;
   put_header(out, header);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/vehicle/pose.hpp"
+#include "tools/scene/laser_scan.hpp"
 
 namespace tether {
 
@@ -39,6 +40,9 @@ std::string pose_cdr(const RosPose& pose);
 /// The twist's covariance is zeros, as ROS 2 has it for what is not known.
 std::string odometry_cdr(const RosTransform& pose, const PlanarCovariance& covariance,
                          const Twist& twist);
+/// Beams of which nothing came back are +inf, as REP 117 has it; the time between two scans is 0,
+/// not known.
+std::string laser_scan_cdr(const RosHeader& header, const LaserScan& scan);
 std::string path_cdr(const RosHeader& header, const std::vector<RosPose>& poses);
 std::string tf_cdr(const std::vector<RosTransform>& transforms);
 

@@ -35,6 +35,10 @@ constexpr Definition kDefinitions[] = {
      "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
      "geometry_msgs/TwistWithCovariance twist\n"},
     {"nav_msgs/Path", "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n"},
+    {"sensor_msgs/LaserScan",
+     "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n"
+     "float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\n"
+     "float32[] ranges\nfloat32[] intensities\n"},
     {"tf2_msgs/TFMessage", "geometry_msgs/TransformStamped[] transforms\n"},
 };
 

@@ -10,6 +10,7 @@ inline constexpr std::string_view kRosTwist = "geometry_msgs/msg/Twist";
 inline constexpr std::string_view kRosPoseStamped = "geometry_msgs/msg/PoseStamped";
 inline constexpr std::string_view kRosOdometry = "nav_msgs/msg/Odometry";
 inline constexpr std::string_view kRosPath = "nav_msgs/msg/Path";
+inline constexpr std::string_view kRosLaserScan = "sensor_msgs/msg/LaserScan";
 inline constexpr std::string_view kRosTf = "tf2_msgs/msg/TFMessage";
 
 /// The definition of one of the types above for MCAP's schema encoding "ros2msg": its fields, then

@@ -1,6 +1,7 @@
 #include "tools/runs/metric.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "tools/runs/run_observer.hpp"
 
@@ -10,7 +11,14 @@ namespace {
 constexpr auto kFirst = Metric::InSummary::first, kLast = Metric::InSummary::last,
                kElsewhere = Metric::InSummary::not_here;
 
-constexpr bool kIsError = true;
+constexpr bool kIsError = true, kIsShare = true;
+
+constexpr auto kLargest = Metric::OverFleet::largest, kSum = Metric::OverFleet::sum;
+
+/// Half of one in which two vehicles take part is each one's.
+double collisions(const RunObserver& run) {
+  return 0.5 * static_cast<double>(run.counter("sim.collisions"));
+}
 
 double sent(const link_report_t& link) { return static_cast<double>(link.offered); }
 double lost(const link_report_t& link) { return static_cast<double>(link.lost + link.overflowed); }
@@ -32,13 +40,20 @@ const std::vector<Metric>& metrics() {
       {"settled_max_error_m", "largest error after the start [m]", kFirst,
        [](Run r, Instant) { return r.truth().settled_max_error_m; }, kIsError},
       {"lost", "share of lost vehicles", kElsewhere,
-       [](Run r, Instant) { return r.truth().lost ? 1.0 : 0.0; }},
+       [](Run r, Instant) { return r.truth().lost ? 1.0 : 0.0; }, false, false, kLargest},
       {"lost_from_s", "time until lost, or the run's end [s]", kElsewhere,
        [](Run r, Instant) { return r.truth().lost_from_s; }},
       {"return_s", "longest time to return [s]", kFirst,
        [](Run r, Instant) { return r.truth().return_s; }},
       {"away_s", "time away at the end [s]", kFirst,
        [](Run r, Instant) { return r.truth().away_s; }},
+      {"autonomous", "share of autonomous vehicles at the end", kElsewhere,
+       [](Run r, Instant) {
+         return r.autonomy() && r.autonomy()->state == autonomy_state_t::AUTONOMOUS ? 1.0 : 0.0;
+       },
+       false, kIsShare},
+      {"late_s", "late on its path at the end [s]", kElsewhere,
+       [](Run r, Instant) { return r.autonomy() ? r.autonomy()->late_s : 0.0; }},
       {"aoi_ms_mean", "aoi_ms_mean", kLast,
        [](Run r, Instant end) { return r.aoi_mean_s(end) * 1e3; }},
       {"uplink_sent", "uplink_sent", kElsewhere, [](Run r, Instant) { return sent(r.uplink()); }},
@@ -51,8 +66,23 @@ const std::vector<Metric>& metrics() {
        [](Run r, Instant) { return lost(r.downlink()); }},
       {"downlink_delay_ms_mean", "downlink_delay_ms_mean", kElsewhere,
        [](Run r, Instant) { return r.downlink().delay_ms_mean; }},
+      {"vehicles_lost", "share of the fleet's vehicles that were lost", kElsewhere,
+       [](Run r, Instant) { return r.truth().lost ? 1.0 : 0.0; }},
+      {"worst_settled_epsilon_m", "ε after the start of the worst vehicle [m]", kElsewhere,
+       [](Run r, Instant) { return r.truth().settled_epsilon_m; }, kIsError, false, kLargest},
+      {"collisions", "collisions with other vehicles", kElsewhere,
+       [](Run r, Instant) { return collisions(r); }, false, false, kSum},
   };
   return kMetrics;
+}
+
+double value_of(const Metric& metric, const std::vector<const RunObserver*>& vehicles,
+                Instant end) {
+  std::vector<double> values;
+  for (const RunObserver* vehicle : vehicles) values.push_back(metric.of(*vehicle, end));
+  if (metric.over_fleet == kLargest) return *std::max_element(values.begin(), values.end());
+  const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+  return metric.over_fleet == kSum ? sum : sum / static_cast<double>(values.size());
 }
 
 std::vector<std::string> metric_names() {

@@ -27,7 +27,14 @@ struct Metric {
   double (*of)(const RunObserver& run, Instant end) = nullptr;
   /// A distance to the reference: tables give it of the vehicles that were not lost.
   bool is_error = false;
+  /// 0 or 1 for each run: the mean's interval is that of a share.
+  bool is_share = false;
+  /// What it is of a fleet, of what it is of its vehicles.
+  enum class OverFleet { mean, largest, sum } over_fleet = OverFleet::mean;
 };
+
+/// The metric of a run; `vehicles`: at least one.
+double value_of(const Metric& metric, const std::vector<const RunObserver*>& vehicles, Instant end);
 
 /// All metrics, in the order of columns.
 const std::vector<Metric>& metrics();

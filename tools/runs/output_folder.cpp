@@ -21,6 +21,7 @@
 #include "netem/channel/settings.hpp"
 #include "tools/base/process.hpp"
 #include "tools/base/write_file.hpp"
+#include "tools/runs/metric.hpp"
 #include "tools/runs/path_figure.hpp"
 
 namespace fs = std::filesystem;
@@ -35,9 +36,10 @@ constexpr std::uintmax_t kEventHeaderBytes = 28;  // sync, number, time stamp, t
 const std::string kScenarioHeader = "# Resolved scenario, tether ";
 
 void check_nothing_foreign(const fs::path& folder) {
-  static const std::set<std::string> kOurs{
-      "scenario.toml", "summary.json", "trajectory.csv",  "run.lcmlog", "path.gp",
-      "path.svg",      "path.png",     "drivetrain.toml", "path.csv",   "incomplete.txt"};
+  static const std::set<std::string> kOurs{"scenario.toml",    "summary.json",  "trajectory.csv",
+                                           "trajectories.csv", "run.lcmlog",    "path.gp",
+                                           "path.svg",         "path.png",      "drivetrain.toml",
+                                           "path.csv",         "incomplete.txt"};
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     std::string name = entry.path().filename().string();
     std::string first_line;
@@ -75,10 +77,25 @@ Scenario with_waypoints_beside(Scenario scenario, const fs::path& folder) {
   return scenario;
 }
 
-/// The scenario with full names of the files that its channel reads.
+constexpr const char* kColumns =
+    "t_s,x_m,y_m,yaw_rad,x_ref_m,y_ref_m,error_m,uplink_state,downlink_state";
+
+/// `begin`: of each row.
+std::string csv_rows(const std::vector<TrajectoryRow>& rows, const std::string& begin = "") {
+  std::string text;
+  for (const TrajectoryRow& r : rows) {
+    text += begin;
+    text += fmt::format("{:.6f},{},{},{},{},{},{},{},{}\n", r.t_s, r.x_m, r.y_m, r.yaw_rad,
+                        r.x_ref_m, r.y_ref_m, r.error_m, r.uplink_state, r.downlink_state);
+  }
+  return text;
+}
+
+}  // namespace
+
 Scenario with_absolute_names(Scenario scenario) {
   for (const ScenarioKey& key : scenario.schema().keys_of(scenario)) {
-    if (!key.file || !key.name.starts_with("channel.")) continue;
+    if (!key.file) continue;
     std::string& file = key.file(scenario);
     if (!file.empty()) file = fs::absolute(file).string();
   }
@@ -87,17 +104,6 @@ Scenario with_absolute_names(Scenario scenario) {
   }
   return scenario;
 }
-
-std::string trajectory_csv(const std::vector<TrajectoryRow>& rows) {
-  std::string text = "t_s,x_m,y_m,yaw_rad,x_ref_m,y_ref_m,error_m,uplink_state,downlink_state\n";
-  for (const TrajectoryRow& r : rows) {
-    text += fmt::format("{:.6f},{},{},{},{},{},{},{},{}\n", r.t_s, r.x_m, r.y_m, r.yaw_rad,
-                        r.x_ref_m, r.y_ref_m, r.error_m, r.uplink_state, r.downlink_state);
-  }
-  return text;
-}
-
-}  // namespace
 
 EventLogWriter::EventLogWriter(const fs::path& file, EventLoop& loop, Bus& bus)
     : file_(file), loop_(loop), log_(std::make_unique<lcm::LogFile>(file.string(), "w")) {
@@ -161,7 +167,9 @@ OutputFolder::OutputFolder(const fs::path& folder, const Scenario& scenario) : f
   write_file(folder_ / "scenario.toml",
              kScenarioHeader + std::string(kVersion) + "\n\n" + to_toml(resolved));
   // Not before there is room for another run's: on a full disk the earlier results stay.
-  fs::remove(folder_ / "summary.json", error);
+  for (const char* name : {"summary.json", "trajectory.csv", "trajectories.csv"}) {
+    fs::remove(folder_ / name, error);
+  }
   fs::remove(folder_ / "incomplete.txt", error);
 }
 
@@ -169,17 +177,36 @@ void OutputFolder::record(EventLoop& loop, Bus& bus) {
   log_ = std::make_unique<EventLogWriter>(folder_ / "run.lcmlog", loop, bus);
 }
 
-void OutputFolder::write(const Scenario& scenario, const RunObserver& run,
+void OutputFolder::write_trajectories(const FleetObserver& run) {
+  if (run.is_one()) {
+    write_file(folder_ / "trajectory.csv",
+               fmt::format("{}\n{}", kColumns, csv_rows(run.first().trajectory())));
+    return;
+  }
+  std::string text;  // blocks as gnuplot takes them, two empty lines apart
+  for (std::size_t i = 0; i < run.vehicles().size(); ++i) {
+    text += fmt::format("{}vehicle,{}\n{}", i > 0 ? "\n\n" : "", kColumns,
+                        csv_rows(run.vehicles()[i]->trajectory(), run.names()[i] + ","));
+  }
+  write_file(folder_ / "trajectories.csv", text);
+}
+
+void OutputFolder::write(const Scenario& scenario, const FleetObserver& run,
                          const std::string& summary_json) {
-  write_file(folder_ / "trajectory.csv", trajectory_csv(run.trajectory()));
+  write_trajectories(run);
   if (log_) log_->close();
-  draw_path_figure(folder_, scenario, run.truth().epsilon_m);
+  if (run.is_one()) {
+    draw_path_figure(folder_, scenario, run.first().truth().epsilon_m);
+  } else {
+    draw_fleet_figure(folder_, scenario,
+                      value_of(metrics()[*metric_number("epsilon_m")], run.vehicles(), kStart));
+  }
   write_file(folder_ / "summary.json", summary_json + "\n");
 }
 
-void OutputFolder::write_incomplete(const RunObserver& run, const std::string& why) {
+void OutputFolder::write_incomplete(const FleetObserver& run, const std::string& why) {
   write_file(folder_ / "incomplete.txt", "This run broke off: " + why + "\n");
-  write_file(folder_ / "trajectory.csv", trajectory_csv(run.trajectory()));
+  write_trajectories(run);
   if (log_) log_->close();
 }
 

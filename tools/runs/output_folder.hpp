@@ -9,13 +9,17 @@
 #include "common/bus/bus.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/scenario/scenario.hpp"
-#include "tools/runs/run_observer.hpp"
+#include "tools/runs/fleet_observer.hpp"
 
 namespace lcm {
 class LogFile;
 }
 
 namespace tether {
+
+/// The scenario with full names of the files that it reads, from the current folder: it can be
+/// written to any other.
+Scenario with_absolute_names(Scenario scenario);
 
 /// Records every message of a bus as a genuine LCM event log, stamped with the run's time.
 class EventLogWriter {
@@ -57,15 +61,18 @@ class OutputFolder {
   /// Starts run.lcmlog.
   void record(EventLoop& loop, Bus& bus);
 
-  /// Writes trajectory.csv and path.{gp,svg,png}, closes run.lcmlog, and writes summary.json last:
-  /// its presence says that the folder is complete.
-  void write(const Scenario& scenario, const RunObserver& run, const std::string& summary_json);
+  /// Writes trajectory.csv (of a fleet trajectories.csv, a block for each vehicle) and
+  /// path.{gp,svg,png}, closes run.lcmlog, and writes summary.json last: its presence says that the
+  /// folder is complete.
+  void write(const Scenario& scenario, const FleetObserver& run, const std::string& summary_json);
 
   /// Of a run that broke off: trajectory.csv and run.lcmlog as far as they go, and incomplete.txt,
   /// which says why. There is no summary.json then.
-  void write_incomplete(const RunObserver& run, const std::string& why);
+  void write_incomplete(const FleetObserver& run, const std::string& why);
 
  private:
+  void write_trajectories(const FleetObserver& run);
+
   std::filesystem::path folder_;
   std::unique_ptr<EventLogWriter> log_;
 };

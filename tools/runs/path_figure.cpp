@@ -6,6 +6,7 @@
 
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/models/kinds.hpp"
 #include "tools/base/gnuplot.hpp"
@@ -32,6 +33,63 @@ std::string variables(const Scenario& scenario, double epsilon_m) {
       scenario.get<RunSettings>().seed, scenario.get<WorldSettings>().half_extent_m);
 }
 
+std::string polygon(const Shape& shape) {
+  const auto at = corners(shape);
+  std::string text = fmt::format("polygon from {:.3f},{:.3f}", at[3].x_m, at[3].y_m);
+  for (const Position& p : at) text += fmt::format(" to {:.3f},{:.3f}", p.x_m, p.y_m);
+  return text;
+}
+
+std::string object(std::size_t number, const Shape& shape, const char* style) {
+  const bool round = shape.outline == Shape::Outline::circle;
+  return fmt::format("set object {} {} {}\n", number,
+                     round ? fmt::format("circle at {:.3f},{:.3f} size {:.3f}", shape.pose.x_m,
+                                         shape.pose.y_m, shape.radius_m)
+                           : polygon(shape),
+                     style);
+}
+
+/// What stands, and the ways of what moves.
+std::string obstacles(const Scenario& scenario) {
+  const auto& surroundings = scenario.get<Surroundings>();
+  std::string text;
+  std::size_t number = 1;  // 1 itself is the walls
+  for (const Shape& shape : solid_shapes(surroundings)) {
+    text += object(++number, shape, "fs solid 1.0 border lc rgb '#777777' fc rgb '#cccccc' behind");
+  }
+  MovingObstacles moving(surroundings, scenario.get<RunSettings>().seed);
+  for (const Shape& shape : moving.at(0.0)) {
+    text += object(++number, shape, "fs solid 1.0 noborder fc rgb '#e08a1e' front");
+  }
+  for (const Obstacle& obstacle : surroundings.obstacles) {
+    Position from{obstacle.pose.x_m, obstacle.pose.y_m};
+    for (const Position& to : obstacle.to) {
+      text += fmt::format("set arrow from {},{} to {},{} nohead dt 3 lw 1.5 lc rgb '#e08a1e'\n",
+                          from.x_m, from.y_m, to.x_m, to.y_m);
+      from = to;
+    }
+  }
+  return text;
+}
+
+constexpr char kOneVehicle[] = R"gnuplot(
+vehicles = "'trajectory.csv' every ::1 using 5:6 with lines lw 2 lc rgb '#1b9e4b' title 'planned', \
+  'trajectory.csv' every ::1 using 2:3 with lines lw 2 lc rgb '#1f5fbf' title 'actual', \
+  'trajectory.csv' every ::1::1 using 2:3 with points pt 7 ps 1.2 lc rgb '#1f5fbf' title 'start'"
+)gnuplot";
+
+constexpr char kVehicles[] = R"gnuplot(
+set datafile separator ","
+stats 'trajectories.csv' every ::1 using 2 nooutput
+last = STATS_blocks - 1
+vehicles = "for [i=0:last] 'trajectories.csv' index i every ::1 using 6:7 with lines lw 2 \
+    lc rgb '#1b9e4b' title (i == 0 ? 'planned' : ''), \
+  for [i=0:last] 'trajectories.csv' index i every ::1 using 3:4 with lines lw 1 \
+    lc rgb '#1f5fbf' title (i == 0 ? 'actual' : ''), \
+  for [i=0:last] 'trajectories.csv' index i every ::1::1 using 3:4 with points pt 7 ps 0.9 \
+    lc rgb '#1f5fbf' title (i == 0 ? 'start' : '')"
+)gnuplot";
+
 constexpr char kScript[] = R"gnuplot(
 set datafile separator ","
 set title title_text font ",11"
@@ -44,10 +102,7 @@ set grid lc rgb "#dddddd"
 set key outside bottom center horizontal
 set object 1 rectangle from -wall,-wall to wall,wall fs empty border lc rgb "#444444" lw 3
 
-plot_lines = "plot NaN with lines lw 3 lc rgb '#444444' title 'walls', \
-  'trajectory.csv' every ::1 using 5:6 with lines lw 2 lc rgb '#1b9e4b' title 'planned', \
-  'trajectory.csv' every ::1 using 2:3 with lines lw 2 lc rgb '#1f5fbf' title 'actual', \
-  'trajectory.csv' every ::1::1 using 2:3 with points pt 7 ps 1.2 lc rgb '#1f5fbf' title 'start'"
+plot_lines = "plot NaN with lines lw 3 lc rgb '#444444' title 'walls', " . vehicles
 
 set terminal svg size 720,760 font "Helvetica,12" background "white"
 set output "path.svg"
@@ -62,7 +117,14 @@ set output
 
 void draw_path_figure(const std::filesystem::path& folder, const Scenario& scenario,
                       double epsilon_m) {
-  run_gnuplot(folder, "path.gp", variables(scenario, epsilon_m) + kScript);
+  run_gnuplot(folder, "path.gp",
+              variables(scenario, epsilon_m) + obstacles(scenario) + kOneVehicle + kScript);
+}
+
+void draw_fleet_figure(const std::filesystem::path& folder, const Scenario& scenario,
+                       double epsilon_m) {
+  run_gnuplot(folder, "path.gp",
+              variables(scenario, epsilon_m) + obstacles(scenario) + kVehicles + kScript);
 }
 
 }  // namespace tether

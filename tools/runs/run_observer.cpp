@@ -6,6 +6,7 @@
 #include "common/base/text.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/onboard/onboard_settings.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -24,7 +25,10 @@ StreamGuard::Config from_lead(const Scenario& scenario) {
 }  // namespace
 
 RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
-    : loop_(loop), uplink_guard_(from_lead(scenario)), downlink_guard_(from_lead(scenario)) {
+    : loop_(loop),
+      uplink_guard_(from_lead(scenario)),
+      downlink_guard_(from_lead(scenario)),
+      autonomy_guard_(from_lead(scenario)) {
   const ChannelNames channels(scenario.get<VehicleSettings>().name);
   subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
                             [this](const ground_truth_t& m) { on_truth(m); });
@@ -48,6 +52,7 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
     drivetrain_.emplace(scenario, loop, bus);
     reports.insert(reports.end(), {channels.can_counters, channels.drive_counters});
   }
+  if (scenario.get<AutonomySettings>().enabled) reports.push_back(channels.autonomy_counters);
   for (const std::string& channel : reports) {
     subscribe<counters_t>(bus, channel, kDeepQueue, undecodable_, [this](const counters_t& m) {
       for (std::size_t i = 0; i < m.name.size(); ++i) {
@@ -57,6 +62,10 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
       }
     });
   }
+  subscribe<autonomy_state_t>(bus, channels.vehicle_autonomy, kDeepQueue, undecodable_,
+                              [this](const autonomy_state_t& m) {
+                                if (accept(autonomy_guard_, m.utime, m.seq)) autonomy_ = m;
+                              });
   subscribe<pose_t>(bus, channels.control_pose, kDeepQueue, undecodable_,
                     [this](const pose_t& m) { on_pose(from_utime(m.utime)); });
   for (const std::string& channel : {channels.vehicle_command, channels.vehicle_plan}) {

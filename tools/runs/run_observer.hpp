@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <tether/autonomy_state_t.hpp>
 #include <tether/counters_t.hpp>
 #include <tether/ground_truth_t.hpp>
 #include <tether/link_report_t.hpp>
@@ -39,11 +40,19 @@ class RunObserver {
   /// ("observer.undecodable") or would not believe ("observer.rejected": duplicated, late,
   /// non-finite truth or link reports).
   std::map<std::string, std::int64_t> counters() const;
+  /// One that was reported; 0 before.
+  std::int64_t counter(const std::string& name) const {
+    const auto found = counters_.find(name);
+    return found == counters_.end() ? 0 : found->second;
+  }
 
   const std::vector<TrajectoryRow>& trajectory() const { return trajectory_; }
 
   /// What the CAN bridge reported; nullopt with a direct drivetrain.
   const std::optional<DrivetrainObserver>& drivetrain() const { return drivetrain_; }
+
+  /// The newest report of a vehicle that drives by itself; nullopt with autonomy.enabled = false.
+  const std::optional<autonomy_state_t>& autonomy() const { return autonomy_; }
 
   std::int64_t poses_received() const { return poses_received_; }
   /// Twists and plans that reached the vehicle.
@@ -65,10 +74,12 @@ class RunObserver {
   link_report_t downlink_{};
   std::map<std::string, std::int64_t> counters_;
   std::optional<DrivetrainObserver> drivetrain_;
+  std::optional<autonomy_state_t> autonomy_;
   std::vector<TrajectoryRow> trajectory_;
   StreamGuard truth_guard_;
   StreamGuard uplink_guard_;
   StreamGuard downlink_guard_;
+  StreamGuard autonomy_guard_;
   std::int64_t undecodable_ = 0;
   std::int64_t rejected_ = 0;
   std::int64_t poses_received_ = 0;

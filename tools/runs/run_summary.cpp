@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "common/base/text.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
@@ -37,13 +38,6 @@ std::string link_text(const char* name, const link_report_t& link) {
       "{:<9} {} sent, {} delivered, {} lost (PRR {:.3f}), delay mean {:.1f} ms, p99 {:.1f} ms\n",
       name, link.offered, link.delivered, link.lost + link.overflowed, reception_ratio(link),
       link.delay_ms_mean, link.delay_ms_p99);
-}
-
-std::string verdict_text(const std::vector<std::string>& findings) {
-  if (findings.empty()) return "valid     one run on this network, one of each node, all alive\n";
-  std::string text = "INVALID   the numbers below are not those of this scenario\n";
-  for (const std::string& finding : findings) text += fmt::format("{:<9} {}\n", "", finding);
-  return text;
 }
 
 double real_time_factor(const RunSummary& s) {
@@ -116,6 +110,7 @@ std::string settled_text(const ground_truth_t& truth, const RunSettings& run) {
 
 /// Counters of what must not happen in a healthy run.
 bool is_trouble(const std::string& name) {
+  if (name.starts_with("netem.medium.") && !name.ends_with(".too_long")) return false;
   for (const char* ordinary : {".accepted", ".missed", ".sent", ".received", ".boots", ".offered",
                                ".delivered", ".lost"}) {
     if (name.ends_with(ordinary)) return false;
@@ -124,6 +119,67 @@ bool is_trouble(const std::string& name) {
 }
 
 }  // namespace
+
+std::string verdict_text(const std::vector<std::string>& findings) {
+  if (findings.empty()) return "valid     one run on this network, one of each node, all alive\n";
+  std::string text = "INVALID   the numbers below are not those of this scenario\n";
+  for (const std::string& finding : findings) text += fmt::format("{:<9} {}\n", "", finding);
+  return text;
+}
+
+std::string medium_text(const std::map<std::string, std::int64_t>& counters, double sim_time_s) {
+  const auto count = [&counters](const char* name) {
+    const auto found = counters.find(fmt::format("netem.medium.{}", name));
+    return found == counters.end() ? 0 : found->second;
+  };
+  if (count("sent") == 0) return "";
+  std::string text = fmt::format("{:<9} {} sent, {} delivered, {} lost", "medium", count("sent"),
+                                 count("delivered"), count("lost"));
+  if (const std::int64_t all = count("transmissions"); all > 0) {
+    text += fmt::format("; {} of all {} transmissions collided, busy {:.1f} % of the time",
+                        count("collisions"), all,
+                        1e-4 * static_cast<double>(count("busy_us")) / sim_time_s);
+  }
+  return text + "\n";
+}
+
+void add_common(nlohmann::ordered_json& json, const Scenario& scenario, const RunSummary& summary) {
+  if (summary.findings) {
+    json["valid"] = summary.findings->empty();
+    json["invalid_because"] = *summary.findings;
+  }
+  json["sim_time_s"] = summary.sim_time_s;
+  json["wall_time_s"] = summary.wall_time_s;
+  json["real_time_factor"] = real_time_factor(summary);
+  json["plant"] = scenario.get<VehicleSettings>().plant_name();
+  json["seed"] = scenario.get<RunSettings>().seed;
+  json["version"] = kVersion;
+}
+
+std::string time_text(const Scenario& scenario, const RunSummary& summary) {
+  std::string text =
+      fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), {} plant, seed {}\n",
+                  "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
+                  scenario.get<VehicleSettings>().plant_name(), scenario.get<RunSettings>().seed);
+  if (!summary.lockstep) return text;
+  const LockstepCost& cost = *summary.lockstep;
+  text += fmt::format("{:<9} {} grants in {:.2f} s", "lockstep", cost.grants, cost.wall_time_s);
+  if (cost.round_trip_s) {
+    text += fmt::format(": {:.2f} x as many round trips of {:.0f} us", over_floor(cost),
+                        *cost.round_trip_s * 1e6);
+  }
+  return text + "\n";
+}
+
+std::string trouble_text(const std::map<std::string, std::int64_t>& counters) {
+  std::string text;
+  for (const auto& [name, value] : counters) {
+    if (value > 0 && is_trouble(name)) {
+      text += fmt::format("{:<9} {} = {}\n", "counter", name, value);
+    }
+  }
+  return text;
+}
 
 double reception_ratio(const link_report_t& link) {
   return 1.0 - static_cast<double>(link.lost + link.overflowed) / static_cast<double>(link.offered);
@@ -143,16 +199,7 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   json["lost_from_s"] = nullptr;
   if (run.truth().lost) json["lost_from_s"] = run.truth().lost_from_s;
   json["collision"] = run.truth().wall_contact_s > 0.0;
-  if (summary.findings) {
-    json["valid"] = summary.findings->empty();
-    json["invalid_because"] = *summary.findings;
-  }
-  json["sim_time_s"] = summary.sim_time_s;
-  json["wall_time_s"] = summary.wall_time_s;
-  json["real_time_factor"] = real_time_factor(summary);
-  json["plant"] = scenario.get<VehicleSettings>().plant_name();
-  json["seed"] = scenario.get<RunSettings>().seed;
-  json["version"] = kVersion;
+  add_common(json, scenario, summary);
   json["uplink"] = link_json(run.uplink());
   json["downlink"] = link_json(run.downlink());
   if (summary.channel) {
@@ -160,6 +207,11 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
     json["downlink"].update(to_json(summary.channel->downlink));
   }
   add_metrics(json, Metric::InSummary::last, run, summary.end);
+  if (run.autonomy()) {
+    json["autonomy"] = {{"state", printable(run.autonomy()->state_name, 40)},
+                        {"handovers", run.autonomy()->handover},
+                        {"late_s", run.autonomy()->late_s}};
+  }
   if (run.drivetrain()) json["drivetrain"] = drivetrain_json(*run.drivetrain());
   if (summary.lockstep) {
     const LockstepCost& cost = *summary.lockstep;
@@ -182,37 +234,25 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   text += fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
                       truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
   text += settled_text(truth, scenario.get<RunSettings>());
+  text += medium_text(run.counters(), summary.sim_time_s);
   text += link_text("uplink", run.uplink());
   if (summary.channel) text += to_text(summary.channel->uplink);
   text += link_text("downlink", run.downlink());
   if (summary.channel) text += to_text(summary.channel->downlink);
   text += fmt::format("{:<9} mean age of the controller's pose {:.0f} ms\n", "age",
                       run.aoi_mean_s(summary.end) * 1e3);
-  if (run.drivetrain()) text += drivetrain_text(*run.drivetrain());
-  text +=
-      fmt::format("{:<9} {:.2f} s simulated in {:.2f} s ({:.0f} x real time), {} plant, seed {}\n",
-                  "time", summary.sim_time_s, summary.wall_time_s, real_time_factor(summary),
-                  scenario.get<VehicleSettings>().plant_name(), scenario.get<RunSettings>().seed);
-  if (summary.lockstep) {
-    const LockstepCost& cost = *summary.lockstep;
-    text += fmt::format("{:<9} {} grants in {:.2f} s", "lockstep", cost.grants, cost.wall_time_s);
-    if (cost.round_trip_s) {
-      text += fmt::format(": {:.2f} x as many round trips of {:.0f} us", over_floor(cost),
-                          *cost.round_trip_s * 1e6);
-    }
-    text += "\n";
+  if (run.autonomy()) {
+    text += fmt::format("autonomy  {}, {:.1f} s late on its path, the driver changed {} times\n",
+                        printable(run.autonomy()->state_name, 40), run.autonomy()->late_s,
+                        run.autonomy()->handover);
   }
+  if (run.drivetrain()) text += drivetrain_text(*run.drivetrain());
+  text += time_text(scenario, summary);
   if (summary.node_restarts > 0) {
     text += fmt::format("{:<9} {} node restarts: the result is not that of an undisturbed run\n",
                         "note", summary.node_restarts);
   }
-  const auto counters = run.counters();
-  for (const auto& [name, value] : counters) {
-    if (value > 0 && is_trouble(name)) {
-      text += fmt::format("{:<9} {} = {}\n", "counter", name, value);
-    }
-  }
-  return text;
+  return text + trouble_text(run.counters());
 }
 
 }  // namespace tether

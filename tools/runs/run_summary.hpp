@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -39,6 +41,15 @@ void check_finite(const RunObserver& run);
 
 /// One JSON object (docs/running.md says what is in it).
 std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);
+
+// Parts of both that a fleet's have, too.
+void add_common(nlohmann::ordered_json& json, const Scenario& scenario, const RunSummary& summary);
+std::string verdict_text(const std::vector<std::string>& findings);
+/// What became of packets on a shared medium; "" without one.
+std::string medium_text(const std::map<std::string, std::int64_t>& counters, double sim_time_s);
+std::string time_text(const Scenario& scenario, const RunSummary& summary);
+/// Of what must not happen in a healthy run.
+std::string trouble_text(const std::map<std::string, std::int64_t>& counters);
 
 /// A few lines for people.
 std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);

@@ -119,12 +119,23 @@ Json pose_in_frame() {
                 {{"timestamp", time("time")}, {"frame_id", kind("string")}, {"pose", pose()}});
 }
 
+Json laser_scan() {
+  return object(kLaserScan, {{"timestamp", time("time")},
+                             {"frame_id", kind("string")},
+                             {"pose", pose()},
+                             {"start_angle", kind("number")},
+                             {"end_angle", kind("number")},
+                             {"ranges", list_of(kind("number"))},
+                             {"intensities", list_of(kind("number"))}});
+}
+
 }  // namespace
 
 const std::vector<FoxgloveSchema>& foxglove_schemas() {
   static const std::vector<FoxgloveSchema> kSchemas = {{kSceneUpdate, scene_update().dump()},
                                                        {kFrameTransform, frame_transform().dump()},
-                                                       {kPoseInFrame, pose_in_frame().dump()}};
+                                                       {kPoseInFrame, pose_in_frame().dump()},
+                                                       {kLaserScan, laser_scan().dump()}};
   return kSchemas;
 }
 

@@ -13,13 +13,14 @@ namespace tether {
 inline constexpr std::string_view kSceneUpdate = "foxglove.SceneUpdate";
 inline constexpr std::string_view kFrameTransform = "foxglove.FrameTransform";
 inline constexpr std::string_view kPoseInFrame = "foxglove.PoseInFrame";
+inline constexpr std::string_view kLaserScan = "foxglove.LaserScan";
 
 struct FoxgloveSchema {
   std::string_view name;
   std::string json_schema;  ///< one line of text
 };
 
-/// The three above.
+/// Those above.
 const std::vector<FoxgloveSchema>& foxglove_schemas();
 
 }  // namespace tether

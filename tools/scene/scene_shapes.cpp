@@ -1,5 +1,6 @@
 #include "tools/scene/scene_shapes.hpp"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -69,7 +70,7 @@ Json entity(const std::string& frame, const std::string& id, bool frame_locked,
 }
 
 Json paint_of(const std::string& channel) {
-  if (channel.starts_with("SIM/")) return color(0.12, 0.37, 0.75, 1.0);
+  if (channel.starts_with("SIM")) return color(0.12, 0.37, 0.75, 1.0);
   if (channel.starts_with("CTRL")) return color(0.95, 0.55, 0.1, 0.35);
   if (channel.starts_with("CAN")) return color(0.2, 0.7, 0.3, 0.35);
   return color(0.6, 0.6, 0.6, 0.35);
@@ -87,6 +88,28 @@ void add_walls(Json& cubes, double half_m) {
   }
 }
 
+Json turned(double yaw_rad) {
+  return {{"x", 0.0}, {"y", 0.0}, {"z", std::sin(yaw_rad / 2.0)}, {"w", std::cos(yaw_rad / 2.0)}};
+}
+
+/// With its centre above `centre`.
+void add_obstacle(Json& entity, const Shape& shape, const Pose2& centre, const Json& paint) {
+  const double high_m = shape.height_m - shape.clearance_m;
+  const Json at = pose(vector3(centre.x_m, centre.y_m, shape.clearance_m + high_m / 2.0),
+                       turned(centre.yaw_rad));
+  if (shape.outline == Shape::Outline::rectangle) {
+    entity["cubes"].push_back(
+        {{"pose", at}, {"size", vector3(shape.length_m, shape.width_m, high_m)}, {"color", paint}});
+    return;
+  }
+  entity["cylinders"].push_back(
+      {{"pose", at},
+       {"size", vector3(2.0 * shape.radius_m, 2.0 * shape.radius_m, high_m)},
+       {"bottom_scale", 1.0},
+       {"top_scale", 1.0},
+       {"color", paint}});
+}
+
 }  // namespace
 
 Json place_entity(const SceneSetting& setting, std::int64_t time_ns) {
@@ -96,8 +119,17 @@ Json place_entity(const SceneSetting& setting, std::int64_t time_ns) {
                                  color(0.85, 0.85, 0.85, 0.4)));
     add_walls(place["cubes"], half_m);
   }
+  for (const Shape& shape : setting.obstacles) {
+    add_obstacle(place, shape, shape.pose, color(0.55, 0.5, 0.42, 0.8));
+  }
   if (!setting.path.empty()) place["lines"].push_back(path_line(setting.path));
   return place;
+}
+
+Json moving_entity(const MovingShape& moving, const std::string& frame, std::int64_t time_ns) {
+  Json made = entity(frame, frame, true, time_ns);
+  add_obstacle(made, moving.shape, {}, color(0.84, 0.37, 0.0, 0.9));
+  return made;
 }
 
 Json vehicle_entity(const SceneSetting& setting, const std::string& frame, std::int64_t time_ns) {
@@ -111,7 +143,7 @@ Json vehicle_entity(const SceneSetting& setting, const std::string& frame, std::
   vehicle["cubes"].push_back(box(vector3(-v.axle_x_m, 0.0, v.wheel_radius_m + v.chassis_z_m),
                                  vector3(v.chassis_length_m, v.chassis_width_m, v.chassis_height_m),
                                  paint));
-  if (!frame.starts_with("SIM/")) return vehicle;
+  if (!frame.starts_with("SIM")) return vehicle;
   const Json dark = color(0.15, 0.15, 0.15, 1.0);
   for (const double side : {-0.5, 0.5}) {
     vehicle["cylinders"].push_back(

@@ -9,6 +9,7 @@
 
 #include "common/vehicle/pose.hpp"
 #include "tools/messages/message_printer.hpp"
+#include "tools/scene/laser_scan.hpp"
 #include "tools/scene/scene_setting.hpp"
 
 namespace tether {
@@ -24,11 +25,15 @@ struct ViewMessage {
 inline constexpr std::string_view kSceneChannel = "VIEW/SCENE";          ///< SceneUpdate
 inline constexpr std::string_view kFramesChannel = "VIEW/FRAMES";        ///< FrameTransform
 inline constexpr std::string_view kReferenceChannel = "VIEW/REFERENCE";  ///< PoseInFrame
+inline constexpr std::string_view kScanChannel = "VIEW/SCAN";            ///< LaserScan
 
 /// Makes a run visible in Foxglove's 3D panel. Everything is in frame "world" (x forward at yaw 0,
 /// z up). Each channel whose messages carry x_m, y_m and yaw_rad (SIM/TRUTH, AGV/POSE, CTRL/POSE,
 /// CAN/ODOMETRY …) is a frame of that name, at the axle's midpoint on the floor, with the vehicle
 /// in it. The point of the path where the vehicle should be is VIEW/REFERENCE, from SIM/TRUTH.
+/// Obstacles that move are frames "moving 1" …, ten times a second of SIM/TRUTH, from the scenario.
+/// VIEW/SCAN has the scans of the first vehicle that sends some, in the frame of SIM/TRUTH, else of
+/// its localisation or its poses.
 ///
 /// Each VIEW/SCENE holds the whole scene: a viewer that jumps in a file shows the newest message of
 /// each channel. There is one at the first pose of each frame, and no other.
@@ -49,9 +54,22 @@ class SceneView {
   std::string scene_update(std::int64_t time_ns) const;
 
  private:
+  void add_moving(std::int64_t utime, std::int64_t time_ns, std::vector<ViewMessage>& out);
+  void add_scan(std::string_view channel, const LaserScan& scan, std::int64_t time_ns,
+                std::vector<ViewMessage>& out);
+
   SceneSetting setting_;
   std::set<std::string, std::less<>> frames_;
+  std::string scans_;          ///< the channel that VIEW/SCAN is made of
+  std::int64_t moved_us_ = 0;  ///< of what was shown last of those that move
 };
+
+/// The frame of the one of SceneSetting::moving that has this number.
+std::string moving_frame(std::size_t number);
+
+/// A foxglove.Time and a foxglove.Pose.
+std::string time_json(std::int64_t time_ns);
+std::string pose_json(const Pose2& pose);
 
 /// "translation" etc. of a transform from "world" to `frame`; of a foxglove.FrameTransform.
 std::string frame_transform_json(std::string_view frame, const Pose2& pose, std::int64_t time_ns);

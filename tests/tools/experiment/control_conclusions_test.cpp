@@ -13,7 +13,8 @@
 #include "tools/runs/metric.hpp"
 
 // What docs/controllers.md concludes from the benchmark and the robustness experiment, by the
-// shipped files' arms with their tuned gains, on the kinematic plant and the first 12 seeds.
+// shipped files' arms with their tuned gains, on the kinematic plant and the first 12 seeds; and
+// what docs/localisation.md does of where to localise, on the first 4.
 //
 // No number of theirs is repeated here; a conclusion holds if chance does not explain it:
 //  - better, worse, a factor: the 95 % interval of the ratio of means over pairs of runs (BCa, the
@@ -36,8 +37,9 @@ struct Runs {
 /// Cells of an experiment, each run when it is first asked for.
 class Cells {
  public:
-  explicit Cells(const std::string& name)
-      : experiment_(load_experiment(TETHER_SOURCE_DIR "/experiments/" + name + ".toml")) {}
+  explicit Cells(const std::string& name, std::size_t seeds = kSeeds)
+      : experiment_(load_experiment(TETHER_SOURCE_DIR "/experiments/" + name + ".toml")),
+        seeds_(seeds) {}
 
   /// Of the one arm that is at all of `where`.
   const Runs& at(const std::vector<std::pair<std::string, std::string>>& where) {
@@ -66,10 +68,10 @@ class Cells {
 
  private:
   Runs run(std::size_t arm) const {
-    std::vector<RunResult> results(kSeeds);
+    std::vector<RunResult> results(seeds_);
     std::atomic<std::size_t> next{0};
     const auto work = [&] {
-      for (std::size_t n = next++; n < kSeeds; n = next++) {
+      for (std::size_t n = next++; n < seeds_; n = next++) {
         Scenario scenario = experiment_.arms[arm].scenario;
         // Not by an override: it is refused where an error of another arm needs masses.
         scenario.get<VehicleSettings>().plant = VehicleSettings::Plant::kinematic;
@@ -83,17 +85,18 @@ class Cells {
 
     Runs runs;
     std::size_t lost = 0;
-    for (std::size_t n = 0; n < kSeeds; ++n) {
+    for (std::size_t n = 0; n < seeds_; ++n) {
       EXPECT_EQ(results[n].failure, "") << experiment_.arms[arm].text();
       runs.epsilon_m.push_back(
           {experiment_.seed(arm, n), results[n].metrics[*metric_number("epsilon_m")]});
       if (results[n].metrics[*metric_number("lost")] > 0.5) ++lost;
     }
-    runs.lost = share_of(lost, kSeeds, kConfidence);
+    runs.lost = share_of(lost, seeds_, kConfidence);
     return runs;
   }
 
   Experiment experiment_;
+  std::size_t seeds_;
   std::map<std::size_t, Runs> runs_;
 };
 
@@ -261,6 +264,17 @@ TEST_F(ControlConclusions, WrongWheelsCostAPlanThatHearsNothingMetresAndFeedback
     expect_better(robustness(kPlans, error, "0.45"),
                   robustness("plan on board, no packet", error, "0"), 4.0);
   }
+}
+
+TEST(LocalisationConclusions, AtTheEdgeItIsAsGoodAtPrr045AndWorseAtPrr01InFiveParts) {
+  Cells cells("localisation_edge", 4);
+  const auto at = [&](const std::string& localised, const std::string& prr) {
+    return cells.at({{"localised", localised}, {"PRR", prr}});
+  };
+  const MeanRatio good = ratio(at("edge (1 part), 15 Hz", "0.45"), at("vehicle, 15 Hz", "0.45"));
+  EXPECT_LT(good.interval.high, 1.1) << good.first.mean << " m, " << good.second.mean << " m";
+  const MeanRatio bad = ratio(at("edge (5 parts), 33 Hz", "0.1"), at("vehicle, 33 Hz", "0.1"));
+  EXPECT_GT(bad.interval.low, 1.0) << bad.first.mean << " m, " << bad.second.mean << " m";
 }
 
 }  // namespace

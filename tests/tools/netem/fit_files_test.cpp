@@ -11,6 +11,7 @@
 
 #include "common/base/errors.hpp"
 #include "tests/support/folder.hpp"
+#include "tests/support/refusal.hpp"
 #include "tools/netem/fit.hpp"
 
 namespace tether {
@@ -29,12 +30,7 @@ std::string little_endian(std::uint64_t value, int size) {
 
 template <class Function>
 std::string refusal(Function function) {
-  try {
-    function();
-  } catch (const UsageError& e) {
-    return e.what();
-  }
-  return "accepted";
+  return refusal_of([&] { function(); });
 }
 
 FitInput csv(const std::string& text) {

@@ -124,6 +124,40 @@ TEST(RosConversion, ChannelsBecomeTopicsThatRosKnows) {
   EXPECT_THAT(topics({}, "NET/COUNTERS", counters_t{}), ElementsAre());
 }
 
+scan_t small_scan() {
+  scan_t scan{};
+  scan.utime = 2'000'000;
+  scan.mount_x_m = 1.5;
+  scan.angle_min_rad = -1.0;
+  scan.angle_increment_rad = 0.5;
+  scan.range_max_m = 25.0;
+  scan.count = 3;
+  scan.range_m = {2.5F, 0.0F, 0.125F};
+  return scan;
+}
+
+TEST(RosConversion, AScanHasItsFrameWithIt) {
+  EXPECT_THAT(topics({}, "AGV/SCAN", small_scan()),
+              ElementsAre("/scan sensor_msgs/msg/LaserScan", "/tf tf2_msgs/msg/TFMessage"));
+  EXPECT_THAT(topics({}, "AGV7/SCAN", small_scan()),
+              ElementsAre("/agv7/scan sensor_msgs/msg/LaserScan"));
+}
+
+TEST(RosMessages, BeamsThatSawNothingAreInfinite) {
+  std::vector<RosMessage> made;
+  RosConversion({}, 0).convert("AGV/SCAN", content_of(small_scan()), made);
+  const std::string& cdr = made.at(0).cdr;
+  // stamp 8, "laser" 4 + 6, to 20: seven floats; 48: three beams, no intensities.
+  ASSERT_EQ(cdr.size(), 4U + 20 + 28 + 4 + 12 + 4);
+  EXPECT_EQ(cdr.substr(4 + 20 + 4, 4), "\x00\x00\x00\x00"sv);  // angle_max: 0
+  EXPECT_EQ(cdr.substr(4 + 48),
+            "\x03\x00\x00\x00"
+            "\x00\x00\x20\x40"
+            "\x00\x00\x80\x7f"
+            "\x00\x00\x00\x3e"
+            "\x00\x00\x00\x00"sv);
+}
+
 TEST(RosConversion, NamesThatRosRefusesBecomeSuchThatItTakes) {
   const std::pair<const char*, std::string> kNames[] = {
       {"7/1X", "/_7/_1x"}, {"//A//", "/a/_"}, {"/", "/_"}, {"\xff\xc3", "/__"}};

@@ -6,8 +6,8 @@
 
 #include "tests/support/folder.hpp"
 #include "tools/loop/closed_loop.hpp"
+#include "tools/runs/fleet_summary.hpp"
 #include "tools/runs/output_folder.hpp"
-#include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
 
 namespace tether::testing {
@@ -16,7 +16,7 @@ namespace tether::testing {
 inline void run_into(const std::filesystem::path& path, const Scenario& scenario) {
   OutputFolder folder(path, scenario);
   ClosedLoop loop(scenario);
-  RunObserver observer(scenario, loop.loop(), loop.bus());
+  FleetObserver observer(loop.members(), loop.loop(), loop.bus());
   folder.record(loop.loop(), loop.bus());
   loop.run();
   folder.write(scenario, observer, to_json(scenario, observer, {}));

@@ -2,16 +2,19 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <string>
-#include <tether/counters_t.hpp>
-#include <tether/ground_truth_t.hpp>
-#include <tether/pose_t.hpp>
+#include <tether/all_messages.hpp>
 #include <vector>
 
+#include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
 #include "tools/scene/foxglove_schemas.hpp"
 
 namespace tether {
@@ -74,6 +77,154 @@ TEST(SceneSetting, OfALongRunKeepsThePathShort) {
   EXPECT_EQ(scene_setting(scenario).path.size(), kMostPathPoints);
 }
 
+/// A hall with one of each: a rack, a pillar, and somebody who walks.
+SceneSetting hall() {
+  std::ifstream paper(TETHER_SOURCE_DIR "/scenarios/paper.toml");
+  const std::string text{std::istreambuf_iterator<char>(paper), {}};
+  return scene_setting(parse_scenario(text + R"(
+[[world.obstacle]]
+kind = "rack"
+x_m = 15.0
+y_m = 10.0
+yaw_deg = 90.0
+length_m = 4.0
+height_m = 3.0
+[[world.obstacle]]
+kind = "cylinder"
+x_m = -15.0
+y_m = 10.0
+radius_m = 0.5
+[[world.obstacle]]
+kind = "cylinder"
+x_m = 15.0
+y_m = -15.0
+to = [[15.0, -5.0]]
+)",
+                                      "hall"));
+}
+
+TEST(SceneSetting, HasTheObstaclesThatStandAndTheWaysOfThoseThatMove) {
+  const SceneSetting setting = hall();
+  ASSERT_EQ(setting.obstacles.size(), 8U);  // the shelf, its six posts, the pillar
+  EXPECT_EQ(setting.obstacles[0].length_m, 4.0);
+  EXPECT_EQ(setting.obstacles.back().outline, Shape::Outline::circle);
+  ASSERT_EQ(setting.moving.size(), 1U);
+  EXPECT_GT(setting.moving[0].places.size(), 4U);
+  EXPECT_LT(setting.moving[0].places.size(), 100U);
+}
+
+TEST(SceneSetting, WhatMovesIsWhereTheSimulatorHasIt) {
+  const auto scenario = parse_scenario(
+      "[run]\nduration_s = 100.0\nseed = 5\n[[world.obstacle]]\nkind = \"box\"\nx_m = 10.0\ny_m = "
+      "10.0\n"
+      "yaw_deg = 30.0\nto = [[10.0, -10.0], [-10.0, -10.0]]\n",
+      "test");
+  const SceneSetting setting = scene_setting(scenario);
+  MovingObstacles simulated(scenario.get<Surroundings>(), 5);
+  const double most_m = 0.05 * simulated.fastest_mps();
+  for (double t_s = 0.0; t_s <= 100.0; t_s += 0.0137) {
+    const Pose2 shown = setting.moving.at(0).at(t_s);
+    const Pose2 real = simulated.at(t_s).at(0).pose;
+    ASSERT_LE(std::hypot(shown.x_m - real.x_m, shown.y_m - real.y_m), most_m) << t_s;
+    ASSERT_EQ(shown.yaw_rad, real.yaw_rad);
+  }
+  EXPECT_EQ(setting.moving[0].at(1e6).x_m, simulated.at(100.0).at(0).pose.x_m);
+}
+
+TEST(SceneView, ObstaclesStandInThePlaceAndThoseThatMoveHaveFramesOfTheirOwn) {
+  SceneView view(hall());
+  std::vector<ViewMessage> made;
+  ground_truth_t truth{};
+  view.on_message("SIM/TRUTH", content_of(truth), 0, made);
+  ASSERT_EQ(made.size(), 4U);
+  const json entities = json::parse(made[0].json)["entities"];
+  ASSERT_EQ(entities.size(), 3U);
+  const json& rack = entities[0]["cubes"].at(5);  // after floor and walls
+  EXPECT_EQ(rack["size"]["x"], 4.0);
+  EXPECT_NEAR(rack["size"]["z"], 3.0 - kShelfClearance_m, 1e-12);  // it stands on posts
+  EXPECT_NEAR(rack["pose"]["position"]["z"].get<double>(), (3.0 + kShelfClearance_m) / 2, 1e-12);
+  EXPECT_NEAR(rack["pose"]["orientation"]["z"].get<double>(), std::sqrt(0.5), 1e-12);
+  EXPECT_EQ(entities[0]["cylinders"].size(), 1U);
+  EXPECT_EQ(entities[1]["frame_id"], "moving 1");
+  EXPECT_EQ(entities[1]["cylinders"].size(), 1U);
+  EXPECT_EQ(json::parse(made[3].json)["child_frame_id"], "moving 1");
+  EXPECT_EQ(json::parse(made[3].json)["translation"]["y"], -15.0);
+  const auto moved_at = [&](std::int64_t utime) {
+    truth.utime = utime;
+    made.clear();
+    view.on_message("SIM/TRUTH", content_of(truth), 0, made);
+    return made.size() == 3;
+  };
+  EXPECT_FALSE(moved_at(50'000));
+  EXPECT_TRUE(moved_at(100'000));
+  EXPECT_TRUE(moved_at(100'000));  // for who begins to look
+  EXPECT_TRUE(moved_at(20'000));   // a log that was wound back
+}
+
+scan_t small_scan() {
+  scan_t scan{};
+  scan.mount_x_m = 1.5;
+  scan.angle_min_rad = -1.0;
+  scan.angle_increment_rad = 0.5;
+  scan.range_max_m = 25.0;
+  scan.count = 3;
+  scan.range_m = {2.5F, 0.0F, 0.125F};
+  return scan;
+}
+
+TEST(SceneView, AScanIsSeenFromTheTruthElseFromWhereTheVehicleIsSaidToBe) {
+  SceneView view;
+  std::vector<ViewMessage> made;
+  view.on_message("AGV/SCAN", content_of(small_scan()), 0, made);
+  EXPECT_TRUE(made.empty()) << "nobody knows from where";
+  const auto frame_of_scan = [&] {
+    made.clear();
+    view.on_message("AGV/SCAN", content_of(small_scan()), 3'000'000'000, made);
+    return made.empty() ? "" : json::parse(made.at(0).json)["frame_id"].get<std::string>();
+  };
+  view.on_message("AGV/POSE", pose_at(0, 0, 0), 0, made);
+  EXPECT_EQ(frame_of_scan(), "AGV/POSE");
+  localisation_t localisation{};
+  view.on_message("AGV/LOCALISATION", content_of(localisation), 0, made);
+  EXPECT_EQ(frame_of_scan(), "AGV/POSE") << "a localiser that searches knows no place";
+  localisation.state = localisation_t::TRACKING;
+  view.on_message("AGV/LOCALISATION", content_of(localisation), 0, made);
+  EXPECT_EQ(frame_of_scan(), "AGV/LOCALISATION");
+  view.on_message("SIM/TRUTH", content_of(ground_truth_t{}), 0, made);
+  EXPECT_EQ(frame_of_scan(), "SIM/TRUTH");
+  const json scan = json::parse(made.at(0).json);
+  EXPECT_EQ(made.at(0).channel, "VIEW/SCAN");
+  EXPECT_EQ(scan["ranges"], (json{2.5, 0.0, 0.125}));
+  EXPECT_EQ(scan["start_angle"], -1.0);
+  EXPECT_EQ(scan["end_angle"], 0.0);
+  EXPECT_EQ(scan["pose"]["position"]["x"], 1.5);
+  EXPECT_EQ(scan["timestamp"]["sec"], 3);
+}
+
+TEST(SceneView, ScansOfOtherVehiclesAndThoseThatAreNotFiniteAddNothing) {
+  SceneView view;
+  std::vector<ViewMessage> made;
+  view.on_message("AGV/POSE", pose_at(0, 0, 0), 0, made);
+  view.on_message("AGV7/POSE", pose_at(0, 0, 0), 0, made);
+  view.on_message("AGV/SCAN", content_of(small_scan()), 0, made);
+  made.clear();
+  view.on_message("AGV7/SCAN", content_of(small_scan()), 0, made);
+  scan_t broken = small_scan();
+  broken.range_m[1] = std::numeric_limits<float>::infinity();
+  view.on_message("AGV/SCAN", content_of(broken), 0, made);
+  broken = small_scan();
+  broken.angle_increment_rad = std::numeric_limits<double>::quiet_NaN();
+  view.on_message("AGV/SCAN", content_of(broken), 0, made);
+  EXPECT_TRUE(made.empty());
+}
+
+TEST(SceneView, WhoDrivesIsNoFurtherVehicle) {
+  SceneView view;
+  std::vector<ViewMessage> made;
+  view.on_message("AGV/AUTONOMY", content_of(autonomy_state_t{}), 0, made);
+  EXPECT_TRUE(made.empty());
+}
+
 TEST(SceneView, APoseBecomesATransformOfItsChannelsFrame) {
   SceneView view;
   std::vector<ViewMessage> made;
@@ -108,10 +259,11 @@ TEST(SceneView, TheSceneComesOnceForEachFrameAndIsWholeEachTime) {
 }
 
 TEST(SceneView, MessagesAreAsTheirSchemasSay) {
-  SceneView view(paper());
+  SceneView view(hall());
   std::vector<ViewMessage> made;
   view.on_message("SIM/TRUTH", content_of(ground_truth_t{}), 0, made);
-  ASSERT_EQ(made.size(), 3U);
+  view.on_message("AGV/SCAN", content_of(small_scan()), 0, made);
+  ASSERT_EQ(made.size(), 5U);
   for (const ViewMessage& message : made) {
     for (const FoxgloveSchema& schema : foxglove_schemas()) {
       if (schema.name != message.schema) continue;

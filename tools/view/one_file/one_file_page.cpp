@@ -10,7 +10,6 @@
 
 #include "common/base/errors.hpp"
 #include "tools/view/one_file/gzip.hpp"
-#include "tools/view/web/page_folder.hpp"
 
 namespace tether {
 namespace {
@@ -70,6 +69,14 @@ std::string replaced(const std::string& text, const std::regex& pattern, Make ma
 }
 
 }  // namespace
+
+ReadPageFile files_of(const PageFolder& folder) {
+  return [&folder](const std::string& path) -> std::optional<std::string> {
+    auto file = folder.find("/" + path);
+    if (!file) return std::nullopt;
+    return std::move(file->bytes);
+  };
+}
 
 std::string with_bare_imports(const std::string& module, const std::string& path,
                               const std::function<void(const std::string&)>& imported) {

@@ -5,10 +5,15 @@
 #include <string>
 #include <string_view>
 
+#include "tools/view/web/page_folder.hpp"
+
 namespace tether {
 
 /// A file of the page by its path, such as "model/topics.js"; none if there is no such file.
 using ReadPageFile = std::function<std::optional<std::string>(const std::string& path)>;
+
+/// Those of a folder, which has to outlive this.
+ReadPageFile files_of(const PageFolder& folder);
 
 /// The page as one HTML file that needs no server, with a recording (recording.hpp, packed by gzip
 /// and base64) for it to show. Files that index.html names become data: URLs. Modules cannot import

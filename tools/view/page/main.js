@@ -9,7 +9,8 @@ import { Lanes } from "./drawing/lanes.js";
 import { FactoryMap } from "./drawing/map.js";
 import { LEGEND } from "./drawing/marks.js";
 import { Model } from "./model/model.js";
-import { showDrivetrain, showFacts, showNumbers } from "./numbers.js";
+import { showDriver, showDrivetrain, showFacts, showLocalisation, showNumbers } from "./numbers.js";
+import { ErrorPicture } from "./drawing/onboard.js";
 import { PlaybackBar } from "./playback.js";
 import { Plots } from "./drawing/plots.js";
 import { ChannelTable } from "./table.js";
@@ -102,6 +103,7 @@ const set = (parameters) => connection.setParameters(parameters);
 const map = new FactoryMap(find("map"), find("ground"));
 const lanes = new Lanes(find("lanes"));
 const plots = new Plots(find("plots"));
+const errors = new ErrorPicture(find("error-picture"));
 const controls = new Controls(find("settings"), find("answer"), set);
 const playback = new PlaybackBar(find("playback"), set);
 const table = new ChannelTable(find("table-panel"));
@@ -158,9 +160,11 @@ addEventListener("keydown", (event) => {
   if (event.code === "ArrowRight") playback.step(1);
 });
 
+const legend = () => LEGEND.filter(({ isThere }) => !isThere || isThere(map, model.shown));
+
 function drawLegend() {
   find("legend").replaceChildren(
-    ...LEGEND.filter(({ ofRadio }) => !ofRadio || map.scene.radio).map(({ name, draw }) => {
+    ...legend().map(({ name, draw }) => {
       const canvas = Object.assign(document.createElement("canvas"), { width: 60, height: 32 });
       const c = canvas.getContext("2d");
       c.scale(2, 2);
@@ -189,6 +193,10 @@ function slowly() {
   const now_s = model.now_s(clock_s());
   showNumbers(model, now_s, map.scene.lostBeyond_m, model.silence_s(clock_s()));
   showDrivetrain(find("can"), model.shown?.drivetrain);
+  showDriver(find("driver"), model.shown?.autonomy);
+  if (model.shown) showLocalisation(find("localisation"), model.shown.fixes);
+  if (!find("localisation").hidden) errors.draw(model.shown.fixes.all);
+  if (find("legend").childElementCount !== legend().length) drawLegend();
   find("run-time").textContent = model.clock ? `${now_s.toFixed(1)} s` : "–";
   playback.run(clock_s());
   if (controls.hasRelay !== hasRelay()) {

@@ -1,5 +1,7 @@
 // The large numbers, the verdict, the drivetrain's state.
 
+import { LOCALISATION, LOCALISATION_NAMES, driverOf, ellipse95, isWithin95 } from "./model/onboard.js";
+
 const NONE = "–";
 
 /** As toFixed(), but never "-0.00". */
@@ -90,6 +92,31 @@ export function showFacts(list, model) {
   ]);
   list.replaceChildren(...entries);
   list.hidden = entries.length === 0;
+}
+
+/** Who drives, of a vehicle that can by itself. */
+export function showDriver(line, autonomy) {
+  line.hidden = !autonomy;
+  if (!autonomy) return;
+  const { level, text, reason } = driverOf(autonomy);
+  line.dataset.level = level;
+  line.querySelector("#driver-state").textContent = text;
+  line.querySelector("#driver-reason").textContent = reason;
+}
+
+/** How sure the localiser is, and how right. */
+export function showLocalisation(panel, { newest, all }) {
+  panel.hidden = !newest;
+  if (!newest) return;
+  const isLost = newest.state === LOCALISATION.searching;
+  const last = isLost ? null : all.at(-1);
+  const state = panel.querySelector("#l-state");
+  state.textContent = LOCALISATION_NAMES[newest.state] ?? "?";
+  state.parentElement.dataset.level = newest.state === LOCALISATION.tracking ? "" : "warn";
+  put("l-error", last ? 100 * Math.hypot(last.dx_m, last.dy_m) : NaN, 1);
+  put("l-axis", isLost ? NaN : 100 * ellipse95(newest).a_m, 1);
+  const within = all.filter(({ said, dx_m, dy_m }) => isWithin95(said, dx_m, dy_m)).length;
+  put("l-share", all.length ? (100 * within) / all.length : NaN, 0);
 }
 
 export function showDrivetrain(panel, state) {

@@ -1,8 +1,12 @@
 #include "tools/view/sources/run_json.hpp"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
+#include "common/path/reference_path.hpp"
 #include "common/scenario/section.hpp"
+#include "common/world/shape.hpp"
 #include "tools/view/playback/playback.hpp"
 
 namespace tether {
@@ -35,6 +39,32 @@ Json vehicle_json(const SceneSetting& scene) {
           {"chassis_width_m", scene.vehicle->chassis_width_m}};
 }
 
+/// Its corners; of a circle as many as it needs to look like one.
+Json outline_json(const Shape& shape) {
+  Json outline = Json::array();
+  if (shape.outline == Shape::Outline::rectangle) {
+    for (const Position& corner : corners(shape)) outline.push_back({corner.x_m, corner.y_m});
+    return outline;
+  }
+  constexpr int kCorners = 24;
+  for (int i = 0; i < kCorners; ++i) {
+    const double angle_rad = 2.0 * std::numbers::pi * i / kCorners;
+    outline.push_back({shape.pose.x_m + shape.radius_m * std::cos(angle_rad),
+                       shape.pose.y_m + shape.radius_m * std::sin(angle_rad)});
+  }
+  return outline;
+}
+
+Json moving_json(const MovingShape& moving) {
+  Shape shape = moving.shape;
+  shape.pose.x_m = shape.pose.y_m = 0.0;
+  Json places = Json::array();
+  for (const MovingShape::Place& place : moving.places) {
+    places.push_back({place.t_s, place.x_m, place.y_m});
+  }
+  return {{"outline", outline_json(shape)}, {"places", std::move(places)}};
+}
+
 Json parameter_json(const ParameterDescription& d) {
   Json one = {{"name", d.name}, {"kind", d.kind}};
   if (d.low) one["low"] = *d.low;
@@ -53,6 +83,9 @@ std::string run_json(const RunDescription& run) {
   for (const TimedPoint& p : run.scene.path) {
     path.push_back({p.t_s, p.point.x_m, p.point.y_m, p.point.yaw_rad});
   }
+  Json obstacles = Json::array(), moving = Json::array();
+  for (const Shape& shape : run.scene.obstacles) obstacles.push_back(outline_json(shape));
+  for (const MovingShape& one : run.scene.moving) moving.push_back(moving_json(one));
   Json parameters = Json::array();
   for (const ParameterDescription& d : run.parameters) parameters.push_back(parameter_json(d));
   const Json all = {
@@ -65,6 +98,8 @@ std::string run_json(const RunDescription& run) {
        run.scene.half_extent_m > 0.0 ? Json(run.scene.half_extent_m) : Json(nullptr)},
       {"shape", vehicle_json(run.scene)},
       {"path", path},
+      {"obstacles", obstacles},
+      {"moving", moving},
       {"parameters", parameters},
       {"scenario", run.scenario == nullptr ? Json(nullptr) : scenario_json(*run.scenario)}};
   return all.dump(-1, ' ', false, Json::error_handler_t::replace);

@@ -14,7 +14,7 @@ class SceneChannels final : public DerivedChannels {
   explicit SceneChannels(const SceneSetting& setting) : view_(setting) {
     for (const auto& [topic, name] :
          {std::pair{kSceneChannel, kSceneUpdate}, std::pair{kFramesChannel, kFrameTransform},
-          std::pair{kReferenceChannel, kPoseInFrame}}) {
+          std::pair{kReferenceChannel, kPoseInFrame}, std::pair{kScanChannel, kLaserScan}}) {
       for (const FoxgloveSchema& schema : foxglove_schemas()) {
         if (schema.name != name) continue;
         channels_.push_back({std::string(topic), std::string(name), schema.json_schema});
@@ -25,6 +25,7 @@ class SceneChannels final : public DerivedChannels {
   const std::vector<Description>& channels() const override { return channels_; }
 
   bool reads(std::string_view, const MessageType& type) const override {
+    if (type.name == "scan_t") return true;
     const auto& names = type.field_names;
     return std::all_of(kPose.begin(), kPose.end(), [&names](const char* field) {
       return std::find(names.begin(), names.end(), field) != names.end();

@@ -4,6 +4,7 @@
 import { Camera } from "./camera.js";
 import { Surface } from "./canvas.js";
 import { Fleet, MANY } from "./fleet.js";
+import { drawLocalisation, drawMoving, drawScan } from "./onboard.js";
 import { drawBelief, drawTrail, drawVehicle } from "./marks.js";
 import { radioOf } from "../model/radio.js";
 import { boxWith, sceneOf } from "../model/scene.js";
@@ -90,10 +91,13 @@ export class FactoryMap {
     const isFleet = vehicles.length > MANY;
     if (isFleet) this.fleet.draw(c, camera, vehicles, shown, this.scene.vehicle, surface.ratio);
     else for (const vehicle of vehicles) drawTrail(c, camera, vehicle, vehicle === shown);
+    drawMoving(c, camera, this.scene.moving, now_s);
+    if (shown) drawScan(c, camera, shown.points);
     if (shown) drawBelief(c, camera, shown, this.scene.vehicle, now_s, AHEAD_S);
     for (const vehicle of isFleet ? [shown] : vehicles) {
       drawVehicle(c, camera, vehicle, this.scene.vehicle, vehicle === shown, vehicles.length > 1);
     }
+    if (shown?.fixes.newest) drawLocalisation(c, camera, shown.fixes.newest);
   }
 
   drawGround() {

@@ -177,12 +177,33 @@ export const LEGEND = [
   },
   {
     name: "packets are lost here (radio map)",
-    ofRadio: true,
+    isThere: ({ scene }) => scene.radio,
     draw: (c) => {
       c.globalAlpha = 0.5;
       box(c, "radio-bad", true, 7);
       c.globalAlpha = 1;
     },
+  },
+  {
+    name: "laser scan",
+    isThere: (map, vehicle) => vehicle?.points.length,
+    draw: (c) => line(c, "scan", 3, [3, 4], 1, 29),
+  },
+  {
+    name: "localiser's place, 95 %",
+    isThere: (map, vehicle) => vehicle?.fixes.newest,
+    draw: (c) => {
+      c.strokeStyle = colour("localised");
+      c.lineWidth = 2;
+      c.beginPath();
+      c.ellipse(15, 8, 11, 5, 0, 0, 7);
+      c.stroke();
+    },
+  },
+  {
+    name: "moves by itself",
+    isThere: ({ scene }) => scene.moving.length,
+    draw: (c) => box(c, "moving", true, 7),
   },
 ];
 

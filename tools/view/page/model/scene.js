@@ -2,7 +2,7 @@
 // of the run (/api/run.json). Whatever it does not say is left out.
 
 /**
- * {walls: [[[x, y]...]...], obstacles: [[[x, y]...]...], path: [[x, y]...], vehicle: {...},
+ * {walls: [[[x, y]...]...], obstacles: [[[x, y]...]...], moving: [...], path: [[x, y]...], vehicle: {...},
  * lostBeyond_m, box: [x1, y1, x2, y2]}; `driven`: the path as far as it was seen, if the server knows none.
  */
 export function sceneOf(run, driven = []) {
@@ -20,6 +20,7 @@ export function sceneOf(run, driven = []) {
   const scene = {
     walls,
     obstacles: run?.obstacles ?? [],
+    moving: run?.moving ?? [], // [{outline: [[x, y]...] around its place, places: [[t, x, y]...]}...]
     path: oneLap(planned.length ? planned : driven),
     vehicle: footprint({ ...run?.scenario?.vehicle, ...run?.shape }),
     lostBeyond_m: run?.scenario?.run?.lost_beyond_m ?? 5,

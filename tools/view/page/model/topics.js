@@ -16,7 +16,7 @@ function split(topic) {
   const slash = topic.indexOf("/");
   if (slash <= 0) return null;
   const side = topic.slice(0, slash);
-  const [, base, vehicle] = /^(AGV|CTRL|CAN)(.*)$/.exec(side) ?? [null, side, NOBODY.has(side) ? "" : side];
+  const [, base, vehicle] = /^(AGV|CTRL|CAN|SIM|NET)(.*)$/.exec(side) ?? [null, side, NOBODY.has(side) ? "" : side];
   return { side, base, name: topic.slice(slash + 1), vehicle: vehicle.replace(/^-/, "") };
 }
 

@@ -2,6 +2,7 @@
 // and the packets between them. Times are seconds of the run.
 
 import { SentCommands, followPlan, predictByPlans } from "./belief.js";
+import { Fixes, PoseHistory, endOfScan_s, pointsOfScan } from "./onboard.js";
 import { Lane } from "./packets.js";
 import { Trail } from "./series.js";
 
@@ -14,6 +15,8 @@ export class Vehicle {
     this.name = key ? `AGV${key}` : "AGV";
     this.trail = new Trail(trailPoints, apart_m);
     this.reference = new Trail(2000, 0.1);
+    this.truths = new PoseHistory();
+    this.fixes = new Fixes();
     this.uplink = new Lane();
     this.downlink = new Lane();
     this.clear();
@@ -31,7 +34,10 @@ export class Vehicle {
     this.newestPlan = null;
     this.drivetrain = null;
     this.odometry = null;
-    for (const kept of [this.trail, this.reference, this.uplink, this.downlink]) kept.clear();
+    this.scan = null; // waits for where the vehicle was when it was measured
+    this.points = []; // where the beams of the last one ended
+    this.autonomy = null;
+    for (const kept of [this.trail, this.reference, this.truths, this.fixes, this.uplink, this.downlink]) kept.clear();
   }
 
   /** Where it is, as well as we know. */
@@ -44,11 +50,30 @@ export class Vehicle {
       // a log was wound on: nobody saw the way
       this.trail.clear();
       this.reference.clear();
+      this.truths.clear();
+      this.fixes.clear();
     }
     this.truth = truth;
     this.truthHeard_s = heard_s;
     this.trail.add(truth.x_m, truth.y_m);
     this.reference.add(truth.x_ref_m, truth.y_ref_m);
+    this.truths.add(truth.utime / 1e6, truth);
+    this.fixes.settle(this.truths);
+    this.placeScan();
+  }
+
+  hearScan(scan) {
+    this.scan = scan;
+    this.placeScan();
+  }
+
+  /** From where it really was at each beam, once that is known; without truth, from where it is said to be. */
+  placeScan() {
+    if (!this.scan || (this.truth && this.truths.newest_s < endOfScan_s(this.scan) - 1e-3)) return;
+    const said = this.fixes.newest ?? this.pose;
+    const poseAt = this.truth ? (t_s) => this.truths.at(t_s) : () => said;
+    this.points = pointsOfScan(this.scan, poseAt);
+    this.scan = null;
   }
 
   hearVehicleSide(name, fields, at_s) {
@@ -56,6 +81,12 @@ export class Vehicle {
       this.pose = fields;
       if (!this.truth) this.trail.add(fields.x_m, fields.y_m);
       this.uplink.sent(fields.seq, at_s);
+    } else if (name === "SCAN") {
+      this.hearScan(fields);
+    } else if (name === "LOCALISATION") {
+      this.fixes.hear(fields, this.truths);
+    } else if (name === "AUTONOMY") {
+      this.hearAutonomy(fields);
     } else if (name === "CMD_VEL" || name === "PLAN") {
       this.downlink.arrived(fields.seq, at_s);
       if (!this.command || fields.seq > this.command.seq) this.command = fields;
@@ -74,7 +105,16 @@ export class Vehicle {
       this.hearPlan(fields);
     } else if (name === "REPORT") {
       this.report = fields;
+    } else if (name === "LOCALISATION") {
+      this.fixes.hear(fields, this.truths); // by a localiser there, or what came of the vehicle's: no newer
+    } else if (name === "AUTONOMY") {
+      this.hearAutonomy(fields);
     }
+  }
+
+  /** On the vehicle's side, or behind the network, where it comes later. */
+  hearAutonomy(state) {
+    if (!this.autonomy || state.utime >= this.autonomy.utime) this.autonomy = state;
   }
 
   hearPlan(plan) {

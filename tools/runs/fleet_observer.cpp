@@ -1,0 +1,41 @@
+#include "tools/runs/fleet_observer.hpp"
+
+#include <algorithm>
+
+#include "common/vehicle/vehicle_settings.hpp"
+#include "tools/runs/run_summary.hpp"
+
+namespace tether {
+namespace {
+
+/// Each vehicle's part of a program counts them (CounterReporter).
+bool is_of_the_program(const std::string& name) {
+  return name.ends_with(".loop.slips") || name.ends_with(".network.datagrams_dropped");
+}
+
+}  // namespace
+
+FleetObserver::FleetObserver(const std::vector<Scenario>& members, EventLoop& loop, Bus& bus) {
+  for (const Scenario& member : members) {
+    observers_.push_back(std::make_unique<const RunObserver>(member, loop, bus));
+    vehicles_.push_back(observers_.back().get());
+    names_.push_back(member.get<VehicleSettings>().name);
+  }
+}
+
+std::map<std::string, std::int64_t> FleetObserver::counters() const {
+  std::map<std::string, std::int64_t> counters;
+  for (const RunObserver* vehicle : vehicles_) {
+    for (const auto& [name, value] : vehicle->counters()) {
+      std::int64_t& sum = counters[name];
+      sum = is_of_the_program(name) ? std::max(sum, value) : sum + value;
+    }
+  }
+  return counters;
+}
+
+void FleetObserver::check_finite() const {
+  for (const RunObserver* vehicle : vehicles_) tether::check_finite(*vehicle);
+}
+
+}  // namespace tether

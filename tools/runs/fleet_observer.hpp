@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/bus/bus.hpp"
+#include "common/loop/event_loop.hpp"
+#include "common/scenario/scenario.hpp"
+#include "tools/runs/run_observer.hpp"
+
+namespace tether {
+
+/// Watches all vehicles of a run.
+class FleetObserver {
+ public:
+  /// `members`: of fleet_members().
+  FleetObserver(const std::vector<Scenario>& members, EventLoop& loop, Bus& bus);
+
+  const std::vector<const RunObserver*>& vehicles() const { return vehicles_; }
+  const std::vector<std::string>& names() const { return names_; }
+  const RunObserver& first() const { return *vehicles_.front(); }
+  bool is_one() const { return vehicles_.size() == 1; }
+
+  /// Those of all vehicles; what has one name, together. What a program counts as a whole, once.
+  std::map<std::string, std::int64_t> counters() const;
+
+  /// Throws if a result is not a number: then it is invalid and has no summary.
+  void check_finite() const;
+
+ private:
+  std::vector<std::unique_ptr<const RunObserver>> observers_;
+  std::vector<const RunObserver*> vehicles_;
+  std::vector<std::string> names_;
+};
+
+}  // namespace tether
