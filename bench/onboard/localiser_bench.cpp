@@ -14,7 +14,7 @@ namespace tether {
 namespace {
 
 using testing::hall;
-using testing::Scanner;
+using testing::HallScanner;
 
 constexpr std::size_t kScans = 64;
 
@@ -33,7 +33,7 @@ struct Way {
       const Pose2 place{2.0 + 3.0 * share, -8.0 + 10.0 * share, 1.3};
       const Instant start = kStart + from_seconds(static_cast<double>(i) / 15.0);
       places.push_back(place);
-      scans.push_back(Scanner().measure(
+      scans.push_back(HallScanner().measure(
           map, start, static_cast<std::int64_t>(i), [&](Instant) { return place; }, random));
       beams.push_back(beams_of(scans.back(), {}, start, 1000));
     }
