@@ -82,7 +82,9 @@ def main():
             return check(tempfile.mkdtemp(dir=scratch), some, flags)
 
         while rest:
-            parts = [rest[i:i + AT_ONCE] for i in range(0, len(rest), AT_ONCE)]
+            # Neighbours have most names in common: each is checked with others.
+            count = max(-(-len(rest) // AT_ONCE), min(os.cpu_count(), len(rest)))
+            parts = [rest[i::count] for i in range(count)]
             rest = []
             for found, others in pool.map(check_some, parts):
                 print("\n".join(found), end="\n" if found else "", flush=True)
