@@ -40,22 +40,18 @@ void OnboardDriver::on_pose(Instant stamp, const Pose2& pose) { pose_ = {stamp, 
 
 void OnboardDriver::on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist,
                                std::optional<Instant> report) {
-  const DriveState before = supervisor_.state();
-  const RemoteFate fate = supervisor_.hear(now, stamp, seq, is_stop(twist), report);
-  if (fate != RemoteFate::accepted) return;
-  if (before != DriveState::remote) remote_.end_plans(now);
-  remote_.on_command(now, twist);
+  supervisor_.hear(now, stamp, seq, is_stop(twist), report, [&] {
+    remote_.on_command(now, twist);
+    return true;
+  });
 }
 
 void OnboardDriver::on_plan(Instant now, PlanSource source, Plan plan) {
-  const DriveState before = supervisor_.state();
-  const RemoteFate fate = supervisor_.hear(now, plan.stamp, plan.seq, plan.is_stop(), plan.pose);
-  if (fate != RemoteFate::accepted) return;
-  if (before != DriveState::remote) {
-    remote_.end_plans(now);
-    remote_.on_command(now, {});
-  }
-  remote_.on_plan(now, source, std::move(plan));
+  supervisor_.hear(now, plan.stamp, plan.seq, plan.is_stop(), plan.pose, [&] {
+    // Of the driver before nothing is left, should this plan begin later.
+    if (supervisor_.state() != DriveState::remote) remote_.on_command(now, {});
+    return remote_.on_plan(now, source, std::move(plan));
+  });
 }
 
 std::optional<Pose2> OnboardDriver::pose_at(Instant now) const {

@@ -95,8 +95,9 @@ void Supervisor::step(Instant now, const Sight& sight) {
 }
 
 RemoteFate Supervisor::hear(Instant now, Instant stamp, std::int64_t seq, bool is_stop,
-                            std::optional<Instant> report) {
-  const RemoteFate fate = judge(now, stamp, seq, is_stop, report);
+                            std::optional<Instant> report, const std::function<bool()>& follow) {
+  RemoteFate fate = judge(now, stamp, seq, is_stop, report);
+  if (fate == RemoteFate::accepted && !follow()) fate = RemoteFate::not_followed;
   ++fates_.at(static_cast<std::size_t>(fate));
   if (fate != RemoteFate::accepted) return fate;
   heard_ = now;
@@ -131,8 +132,8 @@ Driver Supervisor::driver(Instant now) const {
 
 void Supervisor::list(CounterList& out) const {
   constexpr std::array<const char*, kRemoteFates> kNames{
-      "accepted",    "unasked", "several",      "other_handover",
-      "from_future", "old",     "out_of_order", "not_from_rest"};
+      "accepted", "unasked",      "several",       "other_handover", "from_future",
+      "old",      "out_of_order", "not_from_rest", "not_followed"};
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     out.emplace_back(std::string("remote.") + kNames.at(i), fates_.at(i));
   }

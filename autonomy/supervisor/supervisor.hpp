@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -36,8 +37,9 @@ enum class RemoteFate {
   old,             ///< what its sender saw is too old
   out_of_order,    ///< refused by StreamGuard
   not_from_rest,   ///< the first command of a driver has to be a stop
+  not_followed,    ///< a plan that the actuator refuses: plan.… says why
 };
-inline constexpr std::size_t kRemoteFates = 8;
+inline constexpr std::size_t kRemoteFates = 9;
 
 /// Who drives, and when that changes. Pure: time and what the vehicle sees and hears are arguments.
 ///
@@ -49,7 +51,8 @@ inline constexpr std::size_t kRemoteFates = 8;
 ///   twice, delayed or reordered on the way, and whatever clock its sender has;
 /// - the report that it names is not older than remote_max_age_s: the driver knows the present;
 /// - it is newer than all before (StreamGuard), and one program alone sends;
-/// - the first is a stop: a driver begins from standstill.
+/// - the first is a stop: a driver begins from standstill;
+/// - the vehicle will do what it says: a plan that is over or makes no sense is not a word.
 ///
 /// Between two drivers the vehicle stands. A driver who says nothing for remote_timeout_s is no
 /// driver: the vehicle comes to rest; after wait_s of that it asks anew, and commands that name the
@@ -73,9 +76,10 @@ class Supervisor {
   void step(Instant now, const Sight& sight);
 
   /// A command or plan that arrives at `now`, with what its sender wrote on it. `is_stop`: it says
-  /// to stand still. `report`: its pose_utime, none for −1.
+  /// to stand still. `report`: its pose_utime, none for −1. `follow` is called if nothing else
+  /// speaks against it, and says whether the vehicle follows it from now on.
   RemoteFate hear(Instant now, Instant stamp, std::int64_t seq, bool is_stop,
-                  std::optional<Instant> report);
+                  std::optional<Instant> report, const std::function<bool()>& follow);
 
   DriveState state() const { return state_; }
   const std::string& reason() const { return reason_; }

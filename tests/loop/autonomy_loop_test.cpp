@@ -1,9 +1,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <tether/autonomy_state_t.hpp>
+#include <tether/counters_t.hpp>
+#include <tether/plan_t.hpp>
+#include <tether/twist_t.hpp>
+#include <utility>
 
+#include "common/base/random.hpp"
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
 #include "tools/loop/closed_loop.hpp"
@@ -145,6 +152,68 @@ TEST(AutonomyLoop, ItDoesSoWhenTwoOfThreePacketsAreLost) {
     Journey run(kBox, {prr});
     EXPECT_EQ(run.reports.back().state, autonomy_state_t::AUTONOMOUS) << prr;
     EXPECT_NEAR(run.x_m(), 13.0, 0.1) << prr;
+  }
+}
+
+/// The remote driver's twists as plans: each for half a second from when it was decided, then zero.
+/// They alone reach the vehicle, some of them, and late.
+struct PlannedJourney {
+  PlannedJourney(double prr, Duration delay)
+      : loop(parse_scenario(kLine + std::string(kBox), "test",
+                            {"actuator.policy=horizon", "channel.downlink.prr=0"})) {
+    subscribe<twist_t>(loop.bus(), "CTRL/CMD_VEL", kDeepQueue, undecodable,
+                       [this, prr, delay](const twist_t& m) {
+                         if (uniform_01(luck) >= prr) return;
+                         loop.loop().at(loop.loop().now() + delay, Priority::delivery,
+                                        [this, m](Instant) { send(m); });
+                       });
+    subscribe<twist_t>(loop.bus(), "AGV/DRIVE", kDeepQueue, undecodable, [this](const twist_t& m) {
+      largest_step_mps = std::max(largest_step_mps, std::abs(m.v_mps - before_mps));
+      before_mps = m.v_mps;
+    });
+    subscribe<autonomy_state_t>(loop.bus(), "AGV/AUTONOMY", kDeepQueue, undecodable,
+                                [this](const autonomy_state_t& m) { last = m; });
+    subscribe<counters_t>(loop.bus(), "AGV/COUNTERS", kDeepQueue, undecodable,
+                          [this](const counters_t& m) {
+                            for (std::size_t i = 0; i < m.name.size(); ++i)
+                              counters[m.name[i]] = m.value[i];
+                          });
+    loop.run();
+  }
+  void send(const twist_t& m) {
+    plan_t plan{};
+    plan.utime = plan.start_utime = m.utime;
+    plan.seq = plan.id = m.seq;
+    plan.run = m.run;
+    plan.session = 1;
+    plan.based_on = plan.based_on_last = plan_t::ANY;
+    plan.pose_utime = m.pose_utime;
+    plan.step_us = 100'000;
+    plan.count = 6;
+    plan.v_mps.assign(5, static_cast<float>(m.v_mps));
+    plan.omega_radps.assign(5, static_cast<float>(m.omega_radps));
+    plan.v_mps.push_back(0.0F);
+    plan.omega_radps.push_back(0.0F);
+    publish(loop.bus(), "AGV/PLAN", plan);
+  }
+
+  ClosedLoop loop;
+  RandomEngine luck = random_stream(1, "plans");
+  std::int64_t undecodable = 0;
+  double before_mps = 0.0, largest_step_mps = 0.0;
+  autonomy_state_t last{};
+  std::map<std::string, std::int64_t> counters;
+};
+
+TEST(AutonomyLoop, ItDoesSoByPlansWhichMayBeLateAndLost) {
+  for (const auto& [prr, delay_ms] : {std::pair{1.0, 0}, {0.5, 150}}) {
+    PlannedJourney run(prr, std::chrono::milliseconds{delay_ms});
+    EXPECT_EQ(run.last.state, autonomy_state_t::AUTONOMOUS) << prr;
+    EXPECT_EQ(run.last.handover, 2) << prr;
+    EXPECT_NEAR(run.loop.sim().vehicle().state().pose.x_m, 13.0, 0.1) << prr;
+    EXPECT_EQ(run.loop.sim().metrics().wall_contact_s(), 0.0) << prr;
+    EXPECT_GT(run.counters["plan.accepted"], 100) << prr;
+    EXPECT_LE(run.largest_step_mps, 0.02 + 1e-9) << "1 m/s^2 at 50 Hz";
   }
 }
 

@@ -38,8 +38,12 @@ class SupervisorTest : public ::testing::Test {
     ASSERT_EQ(supervisor_.state(), DriveState::remote_requested);
     asked_ = now_;
   }
-  RemoteFate say(bool is_stop, std::optional<Instant> report) {
-    return supervisor_.hear(now_, now_, seq_++, is_stop, report);
+  RemoteFate say(bool is_stop, std::optional<Instant> report, bool followed = true) {
+    return hear(now_, seq_++, is_stop, report, followed);
+  }
+  RemoteFate hear(Instant stamp, std::int64_t seq, bool is_stop, std::optional<Instant> report,
+                  bool followed = true) {
+    return supervisor_.hear(now_, stamp, seq, is_stop, report, [followed] { return followed; });
   }
 
   AutonomySettings settings_;
@@ -155,9 +159,21 @@ TEST_F(SupervisorTest, WhoSeesThePastIsNoDriver) {
 
 TEST_F(SupervisorTest, DuplicatesAndOldNumbersChangeNothing) {
   ask();
-  EXPECT_EQ(supervisor_.hear(now_, now_, 5, true, now_), RemoteFate::accepted);
-  EXPECT_EQ(supervisor_.hear(now_, now_, 5, true, now_), RemoteFate::out_of_order);
-  EXPECT_EQ(supervisor_.hear(now_, now_ - kStep, 4, false, now_), RemoteFate::out_of_order);
+  EXPECT_EQ(hear(now_, 5, true, now_), RemoteFate::accepted);
+  EXPECT_EQ(hear(now_, 5, true, now_), RemoteFate::out_of_order);
+  EXPECT_EQ(hear(now_ - kStep, 4, false, now_), RemoteFate::out_of_order);
+}
+
+TEST_F(SupervisorTest, WhatTheVehicleDoesNotFollowNeitherTakesItOverNorRefreshes) {
+  ask();
+  EXPECT_EQ(say(true, now_, false), RemoteFate::not_followed);
+  EXPECT_EQ(supervisor_.state(), DriveState::remote_requested);
+  say(true, now_);
+  for (int i = 0; i < 5; ++i) {
+    pass(0.1, blocked());
+    EXPECT_EQ(say(false, now_, false), RemoteFate::not_followed);
+  }
+  EXPECT_EQ(supervisor_.driver(now_), Driver::none);
 }
 
 TEST_F(SupervisorTest, OfTwoSendersNoneDrives) {
