@@ -20,7 +20,7 @@ odometry_rate_hz = 50.0
 [lidar]
 model = "custom"
 [localiser]
-place = "vehicle"
+place = "edge"
 [channel.uplink]
 delay_ms = 20.0
 prr = 0.9
@@ -36,8 +36,12 @@ wait_until 20 displayed || fail "Xvfb did not start: $(cat xvfb.err)"
 DISPLAY=:$(cat display)
 export DISPLAY
 
+# A second localiser, on the vehicle: for poses and places on both sides of the network.
+sed 's/"edge"/"vehicle"/' scenario.toml >on_vehicle.toml
+
 start_nodes scenario.toml
 start localiser "$bin/tether-localiser" scenario.toml
+start localiser_on_vehicle "$bin/tether-localiser" on_vehicle.toml
 start spy "$bin/tether" spy
 spy=$started
 
@@ -56,12 +60,17 @@ all_lines() {
     done <<'EOF'
 AGV.{0,3}CMD.{0,3}VEL twist.{0,3}t
 AGV.{0,3}LOCALISATION localisation.{0,3}t
+AGV.{0,3}ODOMETRY odometry.{0,3}t
 AGV.{0,3}POSE pose.{0,3}t
 AGV.{0,3}SCAN scan.{0,3}t
+AGV.{0,3}SCAN.{0,3}PART scan.{0,3}part.{0,3}t
 CTR.{0,3}CMD.{0,3}VEL twist.{0,3}t
 CTR.{0,3}COUNTERS counters.{0,3}t
+CTR.{0,3}LOCALISATION localisation.{0,3}t
+CTR.{0,3}ODOMETRY odometry.{0,3}t
 CTR.{0,3}POSE pose.{0,3}t
 CTR.{0,3}REPORT controller.{0,3}report.{0,3}t
+CTR.{0,3}SCAN.{0,3}PART scan.{0,3}part.{0,3}t
 NET.{0,3}COUNTERS counters.{0,3}t
 NET.{0,3}DOWNLIN.? link.{0,3}report.{0,3}t
 NET.{0,3}UPLIN.? link.{0,3}report.{0,3}t
@@ -108,4 +117,4 @@ make_picture() {
 if [ -n "$picture" ]; then
     make_picture || fail "lcm-spy opened no window for CTRL/REPORT"
 fi
-echo "passed: lcm-spy decoded all 14 channels (picture $attempt)"
+echo "passed: lcm-spy decoded all 19 channels (picture $attempt)"
