@@ -56,7 +56,7 @@ def wait_until(seconds, condition, what):
 class LcmType:
     """One struct of lcmtypes/, fields of primitive types and one-dimensional arrays of them."""
 
-    FORMATS = {"int8_t": "b", "int32_t": "i", "int64_t": "q", "boolean": "b"}
+    FORMATS = {"int8_t": "b", "int16_t": "h", "int32_t": "i", "int64_t": "q", "boolean": "b"}
     FORMATS |= {"float": "f", "double": "d"}
 
     def __init__(self, name):
