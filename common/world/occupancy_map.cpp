@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <optional>
 
 #include "common/base/errors.hpp"
@@ -163,6 +165,24 @@ std::vector<Shape> occupied_shapes(const OccupancyMap& map) {
     }
   }
   return shapes;
+}
+
+double largest_resolution_m(const OccupancyMap& map, const std::vector<Shape>& shapes,
+                            double half_extent_m) {
+  double share = std::numeric_limits<double>::infinity();  // of the present one
+  const auto keep_within = [&](double from_m, double to_m) {
+    const double way_m = to_m - from_m;
+    if (way_m == 0.0) return;
+    share = std::min(share, (std::copysign(half_extent_m, way_m) - from_m) / way_m);
+  };
+  for (const Shape& shape : shapes) {
+    for (const Position& p : corners(shape)) {
+      keep_within(map.origin.x_m, p.x_m);
+      keep_within(map.origin.y_m, p.y_m);
+    }
+  }
+  const bool inside = std::max(std::abs(map.origin.x_m), std::abs(map.origin.y_m)) < half_extent_m;
+  return inside ? share * map.resolution_m : 0.0;
 }
 
 }  // namespace tether

@@ -40,4 +40,9 @@ OccupancyMap load_occupancy_map(const std::string& yaml_file);
 /// twice.
 std::vector<Shape> occupied_shapes(const OccupancyMap& map);
 
+/// The largest resolution with which all occupied cells, `shapes`, would be within ±half_extent_m
+/// in x and y, the origin being where it is; 0 if none is small enough.
+double largest_resolution_m(const OccupancyMap& map, const std::vector<Shape>& shapes,
+                            double half_extent_m);
+
 }  // namespace tether

@@ -33,15 +33,16 @@ OccupancyMap map_of(const Surroundings& surroundings, const std::string& file) {
   }
 }
 
-std::vector<NamedShape> named_shapes(const Surroundings& surroundings, const std::string& file) {
+/// `cells`: of the map, if there is one.
+std::vector<NamedShape> named_shapes(const Surroundings& surroundings,
+                                     const std::vector<Shape>& cells) {
   std::vector<NamedShape> shapes;
   for (const Obstacle& obstacle : surroundings.obstacles) {
     const std::string name = fmt::format("[[world.obstacle]] {}", shapes.size() + 1);
     shapes.push_back({name, shape_of(obstacle), obstacle.mapped});
   }
-  if (surroundings.map_file.empty()) return shapes;
-  for (const Shape& cells : occupied_shapes(map_of(surroundings, file))) {
-    shapes.push_back({fmt::format("what map.file = \"{}\" shows", surroundings.map_file), cells});
+  for (const Shape& shape : cells) {
+    shapes.push_back({fmt::format("what map.file = \"{}\" shows", surroundings.map_file), shape});
   }
   return shapes;
 }
@@ -64,13 +65,29 @@ double radius_m(const Shape& shape) {
   return 0.5 * std::hypot(shape.length_m, shape.width_m);
 }
 
-void check_within_hall(const NamedShape& named, double half_extent_m, const std::string& file) {
+/// `or_else`: what else may be wrong.
+void check_within_hall(const NamedShape& named, double half_extent_m, const std::string& file,
+                       const std::string& or_else = "") {
   const double reach = reach_m(named.shape);
   if (reach <= half_extent_m + kTouch_m) return;
   throw UsageError(fmt::format(
       "{}: {} at ({}, {}) m is in or beyond a wall: it reaches {:.2f} m and must be "
-      "within ±{} m (world.half_extent_m)",
-      file, named.name, named.shape.pose.x_m, named.shape.pose.y_m, reach, half_extent_m));
+      "within ±{} m (world.half_extent_m){}",
+      file, named.name, named.shape.pose.x_m, named.shape.pose.y_m, reach, half_extent_m, or_else));
+}
+
+/// What in the map's own file may be wrong if it does not fit into the hall.
+std::string wrong_in(const OccupancyMap& map, const std::vector<Shape>& cells,
+                     const std::string& map_file, double half_extent_m) {
+  constexpr double kSteps = 1e4, kRounding = 1e-6;
+  const double fits_m =
+      std::floor(kSteps * largest_resolution_m(map, cells, half_extent_m) + kRounding) / kSteps;
+  const std::string what =
+      fits_m > 0.0
+          ? fmt::format("resolution = {} is wrong: at most {} fits", map.resolution_m, fits_m)
+          : fmt::format("origin = [{}, {}, …] is wrong: with it no resolution fits", map.origin.x_m,
+                        map.origin.y_m);
+  return fmt::format(", or in {} {}", map_file, what);
 }
 
 void check_ways(const Surroundings& surroundings, double half_extent_m, const std::string& file) {
@@ -137,11 +154,21 @@ void check_path(const Scenario& scenario, const std::vector<NamedShape>& shapes,
 
 void check(const Scenario& scenario, const std::string& file) {
   const auto& surroundings = scenario.get<Surroundings>();
-  const std::vector<NamedShape> shapes = named_shapes(surroundings, file);
-  if (shapes.empty()) return;
   const double half_extent_m = scenario.get<WorldSettings>().half_extent_m;
+  std::vector<Shape> cells;
+  std::string or_else;
+  if (!surroundings.map_file.empty()) {
+    const OccupancyMap map = map_of(surroundings, file);
+    cells = occupied_shapes(map);
+    or_else = wrong_in(map, cells, surroundings.map_file, half_extent_m);
+  }
+  const std::vector<NamedShape> shapes = named_shapes(surroundings, cells);
+  if (shapes.empty()) return;
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    const bool of_map = i >= surroundings.obstacles.size();
+    check_within_hall(shapes[i], half_extent_m, file, of_map ? or_else : "");
+  }
   for (const NamedShape& named : shapes) {
-    check_within_hall(named, half_extent_m, file);
     check_start(named, scenario.get<VehicleSettings>(), file);
   }
   check_ways(surroundings, half_extent_m, file);

@@ -221,6 +221,32 @@ TEST_F(MapTest, IsRefusedWhereItIsBeyondTheHallOrAtTheStart) {
   EXPECT_EQ(refused("[5, 5, 0]"), "accepted");
 }
 
+// kImage is 3 x 2 cells, with its upper left and its lower right one occupied.
+TEST_F(MapTest, BeyondTheHallMayBeOfAWrongResolutionWhichIsSaidWithTheOneThatFits) {
+  folder_.file("hall.pgm", kImage);
+  const auto refused = [&](const std::string& resolution, const std::string& origin) {
+    folder_.file("hall.yaml",
+                 "image: hall.pgm\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25"
+                 "\nresolution: " +
+                     resolution + "\norigin: " + origin + "\n");
+    return refusal_of([&] {
+      load_scenario(folder_.file("a.toml", "[map]\nfile = \"hall.yaml\"\n").string(), {});
+    });
+  };
+  // Three cells to the right of x = 7 are within 22 m if each is no more than 5 m.
+  EXPECT_THAT(
+      refused("8", "[7, 3, 0]"),
+      AllOf(HasSubstr("it reaches 31.00 m and must be within ±22 m (world.half_extent_m), or "
+                      "in "),
+            HasSubstr("hall.yaml resolution = 8 is wrong: at most 5 fits"), Not(HasSubstr("\n"))));
+  EXPECT_EQ(refused("5", "[7, 3, 0]"), "accepted");
+  // Turned to the left three cells reach up, two to the left.
+  EXPECT_THAT(refused("12", "[-4, -14, 1.5707963267948966]"),
+              HasSubstr("resolution = 12 is wrong: at most 9 fits"));
+  EXPECT_THAT(refused("0.5", "[23, 2, 0]"),
+              HasSubstr("hall.yaml origin = [23, 2, …] is wrong: with it no resolution fits"));
+}
+
 TEST_F(MapTest, OfAScenarioIsRefusedWithItsFileAndKey) {
   const auto refused = [&](const std::string& yaml, const std::string& image) -> std::string {
     folder_.file("hall.pgm", image);
