@@ -1,8 +1,5 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-
 #include "common/onboard/onboard_settings.hpp"
 
 namespace tether {
@@ -20,16 +17,9 @@ struct StoppingField {
         reaction_s(settings.reaction_s),
         margin_m(settings.margin_m) {}
 
-  double length_m(double v_mps) const {
-    const double speed_mps = std::abs(v_mps);
-    return speed_mps * speed_mps / (2.0 * deceleration_mps2) + speed_mps * reaction_s + margin_m;
-  }
+  double length_m(double v_mps) const;
   /// The largest speed whose field fits into `clear_m`; 0 where none does.
-  double allowed_mps(double clear_m) const {
-    const double way_m = std::max(clear_m - margin_m, 0.0);
-    const double at_m = deceleration_mps2 * reaction_s;
-    return std::sqrt(at_m * at_m + 2.0 * deceleration_mps2 * way_m) - at_m;
-  }
+  double allowed_mps(double clear_m) const;
 };
 
 }  // namespace tether

@@ -29,6 +29,7 @@ SPECIAL = [
     ("limits: deceleration", "AxisRamp::limits_towards", r"^\{limits_\.deceleration,", "{1e3,"),
     ("node: the profile keeps the old speed", "CanBridgeNode", r"^profile_->set_command\(decision\.twist\)$",
      "decision.may_move ? profile_->set_command(decision.twist) : (void)0"),
+    ("sight: a scan is of one instant", "ObstacleField::see", r"^moved\(.*time_of.*\)$", "Pose2{}"),
 ]
 
 RULES = [
@@ -178,6 +179,95 @@ RULES = [
     ("node: beats on after the end", "CanBridgeNode::on_cycle", "false", "^left_$"),
     ("node: bus events are lost", "CanBridgeNode", "drop", r"^safety_\.on_bus_state"),
     ("node: ends as if all were well", "CanBridgeNode::finish", "false", "left"),
+
+    # Autonomy: the stopping field
+    ("field: the way of braking", "StoppingField::length_m", "arithmetic",
+     r"^(speed_mps \* speed_mps( / \(2\.0 \* deceleration_mps2\))?|2\.0 \* deceleration_mps2) to"),
+    ("field: the way of the reaction", "StoppingField::length_m", "arithmetic", r"speed_mps \* reaction_s to"),
+    ("field: the margin", "StoppingField::length_m", "arithmetic", "margin_m to"),
+    ("field: the speed that fits, braking", "StoppingField::allowed_mps", "arithmetic",
+     r"^2\.0 \* deceleration_mps2( \* way_m)? to"),
+    ("field: the speed that fits, reaction", "StoppingField::allowed_mps", "arithmetic",
+     r"- at_m to|^deceleration_mps2 \* reaction_s to"),
+    ("field: the speed that fits, margin", "StoppingField::allowed_mps", "arithmetic", "^clear_m - margin_m to"),
+    ("field: the nearest obstacle is not the nearest", "ObstacleField::clear_m", "choice", "way_until_m"),
+    ("field: what is beside the outline but too near", "margin_beside_m", "choice", r"to 0\.0$"),
+    ("field: what touches already", "way_until_m", "false", "contains"),
+    ("field: the straight way", "straight_way_m", "arithmetic", "front_m|rear_m"),
+    ("field: a corner of the arc", "angle_to_rim", "drop", "consider"),
+    ("field: the faster corner", "^pace_mps", "choice", "reach_m"),
+
+    # Autonomy: what it does not see
+    ("sight: no scan", "why_blind", "false", "any_scan_"),
+    ("sight: an old scan", "why_blind", "false", "oldest_"),
+    ("sight: a scan of nothing", "why_blind", "false", "kLeastReturns"),
+    ("sight: no odometry", "why_blind", "true", "^odometry$"),
+    ("sight: blind is free", "ObstacleField::(clear_m|is_way_free)", "operand", "blind_"),
+    ("sight: backwards where the scanner does not look", "ObstacleField::clear_m", "operand", "looks"),
+    ("sight: along the path", "ObstacleField::is_way_free", "operand", "is_free"),
+    ("sight: what the wheels did long ago", "MotionTrack::at", "false", "kReach"),
+    ("sight: how the wheels turned long ago", "MotionTrack::twist", "operand", "kReach"),
+
+    # Autonomy: who drives
+    ("drives: though unfit", "Supervisor::trouble", "false", "unfit"),
+    ("drives: though lost", "Supervisor::trouble", "false", "localised"),
+    ("drives: though blocked", "Supervisor::trouble", "false", "blocked"),
+    ("drives: on in spite of all", "Supervisor::step", "drop", r"^enter\(now, DriveState::protective_stop"),
+    ("drives: on though the way is not free", "Supervisor::step", "operand", "^sight.way_free$"),
+    ("drives: on beside its path", "Supervisor::step", "operand", "^sight.on_path$"),
+    ("drives: on in the first gap", "Supervisor::step", "operand", "clear_for_$"),
+    ("drives: changes hands while it rolls", "Supervisor::step", "false", "^!sight.stands$"),
+    ("drives: by a pose of long ago", "OnboardDriver::pose_at", "operand", "pose_timeout_"),
+    ("drives: by a pose of a localiser that is lost", "OnboardDriver::pose_at", "operand", "localiser_knows_"),
+    ("drives: blind", "OnboardDriver::unfit", "false", "blind"),
+    ("drives: with wheels that do not follow", "OnboardDriver::unfit", "false", "kFollow"),
+    ("drives: into what is ahead", "OnboardDriver::is_blocked", "operand", "^cannot_go$"),
+    ("drives: rolls into what is ahead", "OnboardDriver::is_blocked", "operand", "^too_fast$"),
+    ("drives: before the start", "OnboardDriver::step", "operand", "^now >= kStart$"),
+    ("drives: jumps", "Setpoint::nearer", "choice", "^std::clamp"),
+    ("drives: faster than fits", "Setpoint::step", "false", "^pace > allowed_mps$"),
+    ("drives: a turn brakes too hard", "Setpoint::braked", "choice", "^std::max.std::abs"),
+
+    # Autonomy: remote drivers
+    ("remote: unasked", "Supervisor::judge", "false", "remote_requested && "),
+    ("remote: two at a time", "Supervisor::judge", "false", "several_"),
+    ("remote: of another request", "Supervisor::judge", "operand", "asked_"),
+    ("remote: of the request before", "Supervisor::ask", "drop", "asked_ = now"),
+    ("remote: of a report to come", "Supervisor::judge", "false", r"^\*report > now$"),
+    ("remote: sees the past", "Supervisor::judge", "false", "remote_max_age_"),
+    ("remote: repeated and late", "Supervisor::judge", "false", "guard_"),
+    ("remote: begins in motion", "Supervisor::judge", "operand", "^is_stop$"),
+    ("remote: takes over while it rolls", "Supervisor::judge", "operand", "^stood_$"),
+    ("remote: takes over wheels that roll", "OnboardDriver::step", "operand", "kStands_mps"),
+    ("remote: what is not followed refreshes", "Supervisor::hear", "drop", "not_followed"),
+    ("remote: drives on in silence", "Supervisor::driver", "operand", "remote_is_fresh"),
+    ("remote: two drive", "Supervisor::driver", "operand", "several_"),
+    ("remote: nobody's twist", "OnboardDriver::wanted_by", "true", "Driver::remote"),
+    ("remote: as fast as he likes", "OnboardDriver::step", "false", "^out.driver == Driver::remote$"),
+    ("remote: plans of the driver before", "OnboardDriver::on_plan", "drop", r"^remote_\.on_command"),
+    ("remote: senders are not told", "OnboardDriver::step", "drop", "several_senders"),
+
+    # Autonomy: the bridge's second look
+    ("watch: is not asked", "CanBridgeNode::on_cycle", "drop", "^autonomy_->demand"),
+    ("watch: before the first report", "AutonomyWatch::demand", "false", "^!heard_$"),
+    ("watch: silence", "AutonomyWatch::demand", "false", "kFresh"),
+    ("watch: a field that does not fit", "AutonomyWatch::demand", "false", "kBeyond_m"),
+    ("watch: does not stop", "AutonomyWatch::demand", "drop", r"^all\.stop \+="),
+    ("watch: softens a safety input's stop", "AutonomyWatch::demand", "true", r"^all\.stop\.empty\(\)$"),
+    ("watch: no speed limit", "AutonomyWatch::demand", "drop", "^all.speed_limit_mps = "),
+    ("watch: raises another limit", "AutonomyWatch::demand", "false", "value_or"),
+    ("watch: old reports refresh", "AutonomyWatch::AutonomyWatch", "false", "guard_"),
+    ("watch: a way that is no number", "AutonomyWatch::AutonomyWatch", "true", "is_usable"),
+
+    # Localiser: no pose where it does not know
+    ("lost: says where it is", "LocaliserNode::on_scan", "true", "searching"),
+    ("lost: for ever sure", "Localiser::track", "operand", "kMostMisses"),
+    ("lost: uncertain", "Localiser::track", "operand", "kLost_m"),
+    ("lost: misses are not counted", "Localiser::track", "drop", r"^\+\+misses_$"),
+    ("lost: goes on with the old pose", "Localiser::lose", "drop", r"^tracker_\.reset"),
+    ("lost: scans that do not fit count", "Localiser::use", "false", "fits"),
+    ("lost: hardly any beams fit", "Localiser::fits", "false", "kLeastSeen"),
+    ("lost: scans that see through walls fit", "Localiser::fits", "true", "through"),
 ]
 
 # Of sources that need a kernel with CAN. Each takes some seconds there.

@@ -4,6 +4,7 @@ are asked: one line for each."""
 SOURCES = [
     ("can_bridge/safety/*.cpp", ["can_safety_test", "can_bridge_node_test"]),
     ("can_bridge/node/can_bridge_node.cpp", ["can_bridge_node_test"]),
+    ("can_bridge/node/autonomy_watch.cpp", ["can_bridge_node_test"]),
     ("can_bridge/cia402/*.cpp", ["can_profile_test", "drivetrain_config_test"]),
     ("can_bridge/cia402/profile/*.cpp", ["can_profile_test", "emulated_bring_up_test"]),
     ("can_bridge/agilex/*.cpp", ["agilex_v2_test"]),
@@ -11,6 +12,13 @@ SOURCES = [
     ("common/actuator/*.cpp", ["common_test"]),
     ("common/vehicle/*.cpp", ["common_test"]),
     ("common/bus/stream_guard.cpp", ["common_test"]),
+    ("common/onboard/stopping_field.cpp", ["autonomy_test"]),
+    ("autonomy/supervisor/supervisor.cpp", ["autonomy_test"]),
+    ("autonomy/supervisor/setpoint.cpp", ["autonomy_test"]),
+    ("autonomy/field/*.cpp", ["autonomy_test"]),
+    ("autonomy/node/onboard_driver.cpp", ["autonomy_test"]),
+    ("localiser/core/localiser.cpp", ["localiser_test"]),
+    ("localiser/node/localiser_node.cpp", ["localiser_test"]),
 ]
 
 # The same of sources that need a kernel with CAN.

@@ -37,6 +37,15 @@ TEST(StoppingField, IsTheWayOfStoppingAndTheMargin) {
   EXPECT_DOUBLE_EQ(field.length_m(-1.0), field.length_m(1.0));
 }
 
+TEST(StoppingField, IsLongerWithWeakerBrakesAndASlowerReaction) {
+  AutonomySettings settings;
+  settings.deceleration_mps2 = 0.4;
+  settings.reaction_s = 0.5;
+  const StoppingField field{settings};
+  EXPECT_DOUBLE_EQ(field.length_m(1.0), 1.25 + 0.5 + 0.3);
+  EXPECT_DOUBLE_EQ(field.allowed_mps(1.25 + 0.5 + 0.3), 1.0);
+}
+
 TEST(StoppingField, TheAllowedSpeedIsThatWhoseFieldJustFits) {
   const StoppingField field{AutonomySettings{}};
   for (const double clear_m : {0.31, 0.5, 1.0, 4.0, 20.0}) {
@@ -104,6 +113,7 @@ TEST_F(ObstacleFieldTest, WithoutAScanNothingIsClear) {
   field_.update(at_ms(0), Pose2{});
   EXPECT_EQ(field_.blind(), "no scan");
   EXPECT_EQ(field_.clear_m(kAhead), 0.0);
+  EXPECT_FALSE(field_.is_way_free({{}}));
 }
 
 TEST_F(ObstacleFieldTest, AScanIsGoodForTheTimeOfReaction) {

@@ -72,6 +72,12 @@ TEST(SweptWay, AgreesWithTheOutlineMovedStepByStep) {
   EXPECT_GT(met, 100);
 }
 
+TEST(SweptWay, WhatIsInsideTheOutlineLeavesNoWay) {
+  for (const Twist& twist : {Twist{1.0, 0.0}, Twist{-1.0, 0.0}, Twist{1.0, 0.5}, Twist{0.0, 1.0}}) {
+    EXPECT_EQ(way_until_m({0.3, 0.2}, kVehicle, twist), 0.0);
+  }
+}
+
 TEST(SweptWay, AFreeWayIsFreeAtEachPose) {
   const std::vector<Pose2> way{{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {2.0, 0.0, 0.0}};
   EXPECT_TRUE(is_free({{3.6, 0.0}, {1.0, 0.7}}, kVehicle, way));

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <tether/autonomy_state_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
 #include <vector>
 
@@ -26,7 +27,7 @@ struct BridgeInputs : ::testing::Test {
   std::unique_ptr<CanBridgeNode> node;
   std::vector<Seen<drivetrain_state_t>> states;
 
-  void start(std::uint32_t id) {
+  void start(std::uint32_t id, const Scenario& scenario = Scenario()) {
     DrivetrainConfig config = testing::drivetrain();
     SafetyInputConfig input;
     input.name = "field";
@@ -35,7 +36,7 @@ struct BridgeInputs : ::testing::Test {
     world.collect("CAN/STATE", states);
     auto owned = std::make_unique<FakeProfile>();
     profile = owned.get();
-    node = std::make_unique<CanBridgeNode>(Scenario(), config, world.loop, world.bus, port,
+    node = std::make_unique<CanBridgeNode>(scenario, config, world.loop, world.bus, port,
                                            std::move(owned));
   }
   std::string reason_at(int ms) {
@@ -53,6 +54,19 @@ TEST_F(BridgeInputs, AreHeardFromTheirFirstFrameOnAndNotByTheProfile) {
   port.frame_handler(CanFrame::make(0x3A0, {0x00}));
   EXPECT_EQ(reason_at(120), "safety input field demands a stop");
   EXPECT_TRUE(profile->heard.empty());
+}
+
+TEST_F(BridgeInputs, AreTheSupervisorsReportsToAVehicleThatDrivesItself) {
+  Scenario scenario;
+  scenario.get<AutonomySettings>().enabled = true;
+  start(0x3A0, scenario);
+  port.frame_handler(CanFrame::make(0x3A0, {0xFF}));
+  EXPECT_EQ(reason_at(40), "autonomy: not heard yet");
+  autonomy_state_t report{};
+  report.utime = to_utime(at_ms(50));
+  report.clear_m = 5.0;
+  world.publish_at(at_ms(50), "AGV/AUTONOMY", report);
+  EXPECT_EQ(reason_at(80), "ready to be armed");
 }
 
 TEST_F(BridgeInputs, AFrameOfTheDrivetrainItselfIsRefused) {

@@ -94,6 +94,63 @@ TEST(Localiser, GoesOnByOdometryWhileItsSightIsBlockedAndThenIsLost) {
   }
 }
 
+/// Posts, one beside the other, around the scanner of a vehicle at kStartPose; angles in its frame.
+std::vector<Shape> fence(double radius_m, double from_rad, double to_rad) {
+  const Pose2 eye = compose(kStartPose, HallScanner().mount);
+  std::vector<Shape> posts;
+  for (double angle = from_rad; angle <= to_rad; angle += 0.03) {
+    posts.push_back(testing::cylinder(eye.x_m + radius_m * std::cos(eye.yaw_rad + angle),
+                                      eye.y_m + radius_m * std::sin(eye.yaw_rad + angle),
+                                      0.02 * radius_m));
+  }
+  return posts;
+}
+
+std::vector<Shape> together(std::vector<Shape> a, const std::vector<Shape>& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
+/// How many of 2 · kMostMisses scans of `around` are needed until it is lost; none if it never is.
+std::optional<int> scans_until_lost(const std::vector<Shape>& map,
+                                    const std::vector<Shape>& around) {
+  Standing vehicle(map);
+  for (int i = 1; i <= 2 * Localiser::kMostMisses; ++i) {
+    if (vehicle.see(vehicle.scan(around)).state == State::searching) return i;
+  }
+  return std::nullopt;
+}
+
+TEST(Localiser, ASlitThroughWhichItSeesAnEighthOfTheHallIsNotEnough) {
+  const std::vector<Shape> map = hall();
+  const auto cage = together(fence(1.2, -2.4, -0.3), fence(1.2, 0.3, 2.4));
+  EXPECT_EQ(scans_until_lost(map, together(map, cage)), Localiser::kMostMisses);
+  const auto wider = together(fence(1.2, -2.4, -1.0), fence(1.2, 1.0, 2.4));
+  EXPECT_EQ(scans_until_lost(map, together(map, wider)), std::nullopt) << "four tenths are";
+}
+
+TEST(Localiser, BeamsThroughWhatTheMapShowsSpeakAgainstAPlace) {
+  const std::vector<Shape> far = together(hall(), fence(3.0, -1.6, 1.6));
+  EXPECT_EQ(scans_until_lost(hall(), far), std::nullopt) << "something new hides the hall";
+  const std::vector<Shape> map = together(hall(), fence(1.5, -1.6, 1.6));
+  EXPECT_EQ(scans_until_lost(map, far), Localiser::kMostMisses) << "what should hide that is gone";
+}
+
+TEST(Localiser, IsLostWhenItDoesNotKnowHowFarItWent) {
+  const std::vector<Shape> map = hall();
+  Standing vehicle(map);
+  std::vector<State> states;
+  for (int i = 0; i < 15;
+       ++i) {  // each time its wheels are set to another pose it may be 0.1 m off
+    Scan scan = vehicle.scan(map);
+    if (i > 0) std::fill(scan.range_m.begin() + 15, scan.range_m.end(), 0.0F);
+    const double elsewhere_m = i % 2 == 1 ? 100.0 : 0.0;
+    states.push_back(vehicle.see(scan, {elsewhere_m, 0.0, 0.0}, elsewhere_m).state);
+  }
+  EXPECT_EQ(states[8], State::degenerate) << "0.28 m";
+  EXPECT_EQ(states[10], State::searching) << "0.32 m";
+}
+
 TEST(Localiser, KnowsWhereItIsBehindANewThingThatHidesMostOfTheHall) {
   const std::vector<Shape> map = hall();
   Standing vehicle(map);
