@@ -32,12 +32,78 @@
 namespace tether {
 namespace {
 
+template <class Settings>
+bool sends_changes(const Settings& sender) {
+  return sender.send == Settings::Send::changed;
+}
+
+/// What both senders need so that one who waits for a message does not take it for lost.
+void check_sending(const Scenario& scenario, const std::string& file) {
+  const auto& sensor = scenario.get<SensorSettings>();
+  const auto& controller = scenario.get<ControllerSettings>();
+  const bool poses = sends_changes(sensor), commands = sends_changes(controller);
+  if (!poses && !commands) return;
+  const std::string given =
+      fmt::format("{}: {}.send = \"changed\"", file, poses ? "sensor" : "controller");
+  if (scenario.get<AutonomySettings>().enabled) {
+    throw UsageError(given +
+                     " needs autonomy.enabled = false: a vehicle that drives by itself "
+                     "takes all poses, and commands that mean its present request");
+  }
+  if (poses && scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none) {
+    throw UsageError(given + " needs localiser.place = \"none\": else the sensor makes no poses");
+  }
+  if (scenario.get<MediumSettings>().others > 0) {
+    throw UsageError(given +
+                     " needs medium.others = 0: others send in equal periods; vehicles "
+                     "that send as this one does are fleet.count");
+  }
+  if (poses && controller.pose_timeout_s > 0.0 &&
+      sensor.send_max_age_s >= controller.pose_timeout_s) {
+    throw UsageError(fmt::format(
+        "{}: sensor.send_max_age_s = {} must be below controller.pose_timeout_s = {}, or the "
+        "controller would stop a vehicle that sends nothing new",
+        file, sensor.send_max_age_s, controller.pose_timeout_s));
+  }
+  if (!commands || !kind_of(controller).sends_plans) return;
+  if (controller.send_max_age_s >= controller.horizon_s) {
+    throw UsageError(fmt::format(
+        "{}: controller.send_max_age_s = {} must be below controller.horizon_s = {}: a plan would "
+        "end before the next is sent",
+        file, controller.send_max_age_s, controller.horizon_s));
+  }
+}
+
+/// The same for commands of which not all are sent.
+void check_timeout_of_changes(const Scenario& scenario, const std::string& file) {
+  const auto& sensor = scenario.get<SensorSettings>();
+  const auto& controller = scenario.get<ControllerSettings>();
+  const bool by_timer = controller.trigger == ControllerSettings::Trigger::timer;
+  // With trigger = event, a command that is due waits for the next pose.
+  const double poses_s = sends_changes(sensor) ? sensor.send_max_age_s : 1.0 / sensor.rate_hz;
+  const double most_s = (sends_changes(controller) ? controller.send_max_age_s
+                         : by_timer                ? 1.0 / controller.rate_hz
+                                                   : 0.0) +
+                        (by_timer ? 0.0 : poses_s);
+  const double timeout_s = scenario.get<ActuatorSettings>().timeout_s;
+  if (most_s < timeout_s) return;
+  throw UsageError(fmt::format(
+      "{}: actuator.timeout_s = {} must be above the longest time between two commands, {:g} s "
+      "(controller.send_max_age_s and, with controller.trigger = \"event\", the time between two "
+      "poses, sensor.send_max_age_s or 1 / sensor.rate_hz): the vehicle would stop in between",
+      file, timeout_s, most_s));
+}
+
 /// A vehicle that stops between two commands was not meant: the timeout is longer than the period.
 void check_timeout(const Scenario& scenario, const std::string& file) {
   const auto& actuator = scenario.get<ActuatorSettings>();
   const auto& controller = scenario.get<ControllerSettings>();
   const ActuatorPolicy& policy = kind_of(actuator);
+  check_sending(scenario, file);
   if (policy.after_timeout == nullptr || policy.takes_plans) return;
+  if (sends_changes(scenario.get<SensorSettings>()) || sends_changes(controller)) {
+    return check_timeout_of_changes(scenario, file);
+  }
   const bool by_timer = controller.trigger == ControllerSettings::Trigger::timer;
   const double rate_hz = by_timer ? controller.rate_hz : scenario.get<SensorSettings>().rate_hz;
   if (actuator.timeout_s * rate_hz >= 1.0) return;
@@ -126,16 +192,21 @@ void take_from_scanner(Scenario& scenario, const std::set<std::string>& given,
   }
 }
 
-/// What vehicles send over the medium: poses up, commands or plans down.
+/// What vehicles send over the medium: poses up, commands or plans down; of what is sent when it
+/// changes, the least.
 void take_traffic(Scenario& scenario) {
   auto& medium = scenario.get<MediumSettings>();
   const auto& controller = scenario.get<ControllerSettings>();
   const ChannelNames channels(scenario.get<VehicleSettings>().name);
-  const double poses_hz = scenario.get<SensorSettings>().rate_hz;
+  const auto& sensor = scenario.get<SensorSettings>();
+  const double poses_hz = sends_changes(sensor) ? 1.0 / sensor.send_max_age_s : sensor.rate_hz;
   medium.vehicles = scenario.get<FleetSettings>().count;
   medium.up = {poses_hz, datagram_bytes(channels.control_pose, pose_t{}.getEncodedSize())};
   const bool by_timer = controller.trigger == ControllerSettings::Trigger::timer;
-  const double commands_hz = by_timer ? controller.rate_hz : poses_hz;
+  const double commands_hz = sends_changes(controller)
+                                 ? std::min(poses_hz, 1.0 / controller.send_max_age_s)
+                             : by_timer ? controller.rate_hz
+                                        : poses_hz;
   if (kind_of(controller).sends_plans) {
     plan_t plan{};
     plan.count = static_cast<std::int32_t>(controller.plan_steps());

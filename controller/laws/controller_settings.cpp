@@ -41,6 +41,18 @@ void add_law_and_timing(KeyTable<Controller>& t) {
            "time constant of the low-pass before the D terms");
 }
 
+void add_sending(KeyTable<Controller>& t) {
+  t.choice<Controller::Send>(
+      "send", &Controller::send,
+      {{"always", Controller::Send::always}, {"changed", Controller::Send::changed}},
+      "which commands or plans are sent: all, or those that differ from the last one sent");
+  t.number("send_delta_mps", &Controller::send_delta_mps, kNotNegative,
+           "send = changed: a speed off by more than this, of a plan at any time, is sent");
+  t.number("send_delta_radps", &Controller::send_delta_radps, kNotNegative, "likewise a yaw rate");
+  t.number("send_max_age_s", &Controller::send_max_age_s, kPositive,
+           "send = changed: the longest time between two commands or plans that are sent");
+}
+
 void add_planning(KeyTable<Controller>& t) {
   t.file("tau_table", &Controller::tau_table,
          "law = pid_adaptive: CSV of look-aheads by network, relative to the scenario file");
@@ -137,6 +149,9 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
     return true;
   }
   if (!why_no_effect(scenario, key.name).empty()) return true;
+  if (key.name == prefix + "send") {
+    return scenario.get<Controller>().send == Controller::Send::always;
+  }
   const std::string part = key.name.substr(prefix.size());
   const auto& controller = scenario.get<Controller>();
   if (part == "sensor_latency_ms") {
@@ -220,6 +235,7 @@ void check(const Scenario& scenario, const std::string& file) {
 ScenarioSection controller_section() {
   KeyTable<Controller> t("controller.");
   add_law_and_timing(t);
+  add_sending(t);
   add_planning(t);
   t.append(gains(t.within<PidGains>("v.", &Controller::v), "m/s"));
   t.append(gains(t.within<PidGains>("omega.", &Controller::omega), "rad/s"));
@@ -229,7 +245,11 @@ ScenarioSection controller_section() {
   ScenarioSection section{.defaults = Controller{}, .keys = t.take()};
   section.why_no_effect = why_no_effect;
   section.left_out = left_out;
+  const std::string send = "controller.send", always = "always";
   section.switched = {{"controller.rate_hz", {"controller.trigger"}, std::string("event")},
+                      {"controller.send_delta_mps", {send}, always},
+                      {"controller.send_delta_radps", {send}, always},
+                      {"controller.send_max_age_s", {send}, always},
                       {"controller.derivative_filter_s", {"controller.v.d", "controller.omega.d"}}};
   section.check = check;
   return section;

@@ -47,7 +47,13 @@ struct ControllerSettings {
   Trigger trigger = Trigger::event;
   double rate_hz = 20.0;        ///< trigger = timer: commands per second
   double pose_timeout_s = 1.0;  ///< a pose older than this stops the vehicle; 0 = never
-  bool wrap_heading = true;     ///< law = pid: the heading error is within (−π, π]
+  /// Which decisions are sent: all, or those that say something new (node/command_sending.hpp).
+  enum class Send { always, changed };
+  Send send = Send::always;
+  double send_delta_mps = 0.05;    ///< by how much a speed is off what was sent
+  double send_delta_radps = 0.05;  ///< likewise a yaw rate
+  double send_max_age_s = 0.4;     ///< the longest time between two
+  bool wrap_heading = true;        ///< law = pid: the heading error is within (−π, π]
   PidGains v{0.495, 0.0, 0.15, 8.0};
   PidGains omega{0.2925, 0.0, 0.16, 2.0};
   double derivative_filter_s = 0.1;  ///< time constant of the filter before the D term

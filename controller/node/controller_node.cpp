@@ -48,6 +48,7 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
       counters_(loop, bus, "controller", channels_.control_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
+  if (config_.send == ControllerSettings::Send::changed) sending_.emplace(config_);
   subscribe_in_run<pose_t>(
       bus, loop, channels_.control_pose, 1, rejected_, [this](const pose_t& m) {
         SeenPose seen;
@@ -179,16 +180,19 @@ void ControllerNode::decide() {
 void ControllerNode::send(Instant now, const LawOutput& decision, bool stopped) {
   const auto* plan = std::get_if<Plan>(&decision);
   const Twist twist = plan == nullptr ? std::get<Twist>(decision) : plan->twists.front();
-  if (plan == nullptr) {
-    send_twist(now, twist);
-  } else {
-    send_plan(now, *plan, channels_.control_plan);
+  if (!sending_ || sending_->is_due(now, decision, stopped, newest_ ? &*newest_ : nullptr)) {
+    if (plan == nullptr) {
+      send_twist(now, twist);
+    } else {
+      send_plan(now, *plan, channels_.control_plan);
+    }
+    ++sent_;
   }
 
   const LawErrors errors = law_->errors();
   controller_report_t report{};
   report.utime = to_utime(now);
-  report.seq = commands_++;
+  report.seq = decisions_++;
   report.pose_utime = pose_utime();
   report.pose_seq = newest_ ? newest_->seq : -1;
   report.pose_age_s = newest_ ? to_seconds(now - newest_->stamp) : 0.0;
@@ -203,7 +207,7 @@ void ControllerNode::send(Instant now, const LawOutput& decision, bool stopped) 
 void ControllerNode::send_twist(Instant now, const Twist& twist) {
   twist_t command{};
   command.utime = to_utime(now);
-  command.seq = commands_;
+  command.seq = sent_;
   command.run = loop_.run_id();
   command.pose_utime = pose_utime();
   command.v_mps = twist.v_mps;
@@ -214,7 +218,7 @@ void ControllerNode::send_twist(Instant now, const Twist& twist) {
 void ControllerNode::send_plan(Instant now, const Plan& plan, const std::string& channel) {
   plan_t message{};
   message.utime = to_utime(now);
-  message.seq = commands_;
+  message.seq = sent_;
   message.run = loop_.run_id();
   message.session = session_;
   message.id = plan.name.id;
@@ -253,7 +257,8 @@ void ControllerNode::list_counters(CounterList& out) const {
     out.emplace_back("autonomy.non_finite", reports_->non_finite);
   }
   out.emplace_back("command.unusable", unusable_commands_);
-  out.emplace_back("command.sent", commands_);
+  if (sending_) out.emplace_back("command.decided", decisions_);
+  out.emplace_back("command.sent", sent_);
   law_->list_counters(out);
 }
 

@@ -18,6 +18,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
+#include "controller/node/command_sending.hpp"
 
 namespace tether {
 
@@ -41,6 +42,7 @@ using ControllerNodeSettings =
 ///   starts afresh with the next pose. A pose that arrives too old already is answered by a stop.
 ///   pose_timeout_s = 0: never (the paper).
 /// - With controller.preload, the first plan is on CTRL/PRELOAD at the beginning of the run.
+/// - With controller.send = "changed", not all of them go out (CommandSending); reports do.
 ///
 /// With autonomy.enabled, CTRL/AUTONOMY comes in, too, and goes to the law. What goes out then
 /// names in its pose_utime the newest report by which the vehicle asks for a remote driver, −1
@@ -101,7 +103,9 @@ class ControllerNode final : public Node {
   bool any_odometry_ = false;
   std::int64_t undecodable_odometry_ = 0;
   std::int64_t non_finite_odometry_ = 0;
-  std::int64_t commands_ = 0;
+  std::optional<CommandSending> sending_;  ///< not set: all decisions are sent
+  std::int64_t decisions_ = 0;
+  std::int64_t sent_ = 0;
   std::int64_t pose_timeouts_ = 0;
   std::int64_t unusable_commands_ = 0;
   CounterReporter counters_;

@@ -146,6 +146,7 @@ void SimNode::start_sensors(const SimSettings& settings) {
   const Duration lead = from_seconds(settings.get<RunSettings>().lead_s);
   const auto& sensor = settings.get<SensorSettings>();
   const auto& fleet = settings.get<FleetSettings>();
+  if (sensor.send == SensorSettings::Send::changed) pose_sending_.emplace(sensor);
   if (settings.get<LocaliserSettings>().place == LocaliserSettings::Place::none) {
     const Duration period = from_seconds(1.0 / sensor.rate_hz);
     loop_.every(first_tick(lead, period) + fleet.tick_delay(period), period, Priority::node,
@@ -259,6 +260,7 @@ void SimNode::sample_pose(Instant now) {
     ++dropped_poses_;
     return;
   }
+  if (pose_sending_ && !pose_sending_->is_due(now, *measured)) return;
   const Instant stamp = std::min(world_time_, now);
   const PlanName plan = plan_at(stamp);
   pose_t message{};
@@ -373,6 +375,10 @@ void SimNode::list_counters(CounterList& out) const {
   out.emplace_back("command.non_finite", non_finite_);
   senders_.list(out);
   if (dropped_poses_ > 0) out.emplace_back("pose.dropped", dropped_poses_);
+  if (pose_sending_) {
+    out.emplace_back("pose.sampled", pose_sending_->sampled());
+    out.emplace_back("pose.sent", pose_sending_->sent());
+  }
   if (traffic_ != nullptr) out.emplace_back("collisions", collisions());
   if (drives_) drives_->list(out);
   if (plan_watch_) plan_watch_->list(out);

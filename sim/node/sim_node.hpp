@@ -31,6 +31,7 @@
 #include "sim/node/wheel_coupling.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/plant.hpp"
+#include "sim/sensor/pose_sending.hpp"
 #include "sim/sensor/pose_sensor.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 #include "sim/sensor/wheel_odometry.hpp"
@@ -48,6 +49,8 @@ using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, Sensor
 /// of them, no AGV/POSE. With autonomy.enabled, twists come from it on AGV/DRIVE, instead of
 /// commands and plans of the remote controller, and end in a stop after kDriveTimeout without
 /// another.
+/// With sensor.send = "changed", not all poses go out (PoseSending); the numbers of those that do
+/// have no gaps.
 ///
 /// Each step [t, t + step) uses the twist in force at t. A command therefore acts from the first
 /// step that starts at or after its arrival. Commands that are undecodable, non-finite (or beyond
@@ -127,7 +130,8 @@ class SimNode final : public Node {
   std::optional<WheelCoupling> drives_;  ///< with drives on CAN, instead of the actuator
   std::optional<PlanWatch> plan_watch_;  ///< with drives that follow plans
   PoseSensor sensor_;
-  std::optional<WheelOdometry> odometry_;  ///< if it is sent
+  std::optional<PoseSending> pose_sending_;  ///< not set: all poses are sent
+  std::optional<WheelOdometry> odometry_;    ///< if it is sent
   std::int64_t odometry_seq_ = 0;
   std::optional<Scanning> scanning_;  ///< with a laser scanner
   Traffic* traffic_ = nullptr;        ///< of a fleet

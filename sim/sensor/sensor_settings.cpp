@@ -12,7 +12,14 @@ namespace {
 using Sensor = SensorSettings;
 
 void check(const Scenario& scenario, const std::string& file) {
-  const double rate_hz = scenario.get<SensorSettings>().rate_hz;
+  const auto& sensor = scenario.get<SensorSettings>();
+  const double rate_hz = sensor.rate_hz;
+  if (sensor.send == Sensor::Send::changed && sensor.send_max_age_s * rate_hz < 1.0) {
+    throw UsageError(
+        fmt::format("{}: sensor.send_max_age_s = {} is below the time between two poses, {} s "
+                    "(sensor.rate_hz = {}): all would be sent",
+                    file, sensor.send_max_age_s, 1.0 / rate_hz, rate_hz));
+  }
   const WorldSettings& world = scenario.get<WorldSettings>();
   if (from_seconds(1.0 / rate_hz) >= step_of(world)) return;
   throw UsageError(
@@ -50,13 +57,28 @@ void add_events(KeyTable<Sensor>& t) {
   t.number("dropout_s", &Sensor::dropout_s, kPositive, "their mean duration (exponential)");
 }
 
+void add_sending(KeyTable<Sensor>& t) {
+  t.choice<Sensor::Send>("send", &Sensor::send,
+                         {{"always", Sensor::Send::always}, {"changed", Sensor::Send::changed}},
+                         "which poses are sent: all, or those that differ from the last one sent");
+  t.number("send_delta_m", &Sensor::send_delta_m, kNotNegative,
+           "send = changed: a pose farther than this from the last one sent is sent");
+  t.number("send_delta_rad", &Sensor::send_delta_rad, kNotNegative, "likewise of its yaw");
+  t.number("send_max_age_s", &Sensor::send_max_age_s, kPositive,
+           "send = changed: the longest time between two poses that are sent");
+}
+
 std::vector<SwitchedKey> switched_keys() {
   const std::string jumps = "sensor.jumps_per_min";
+  const std::string send = "sensor.send", always = "always";
   return {{"sensor.jump_m", {jumps}},
           {"sensor.jump_rad", {jumps}},
           {"sensor.jump_s", {jumps}},
           {"sensor.dropout_s", {"sensor.dropouts_per_min"}},
           {"sensor.encoder_ticks", {"sensor.odometry_rate_hz"}},
+          {"sensor.send_delta_m", {send}, always},
+          {"sensor.send_delta_rad", {send}, always},
+          {"sensor.send_max_age_s", {send}, always},
           {"sensor.noise_correlation_s", {"sensor.position_noise_m", "sensor.yaw_noise_rad"}}};
 }
 
@@ -68,12 +90,16 @@ ScenarioSection sensor_section() {
   add_noise(t);
   add_events(t);
   t.number("latency_ms", &Sensor::latency_ms, {0.0, 1e6, false}, "from measurement to publication");
+  add_sending(t);
   t.number("odometry_rate_hz", &Sensor::odometry_rate_hz, {0.0, 1000.0, false},
            "the wheels' odometry, sent to the controller, per second; 0 = none");
   t.whole_number("encoder_ticks", &Sensor::encoder_ticks, 0,
                  "of each wheel's encoder in a turn, for the odometry; 0 = exact");
   ScenarioSection section{.defaults = Sensor{}, .keys = t.take()};
   section.switched = switched_keys();
+  section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
+    return key.name == "sensor.send" && scenario.get<Sensor>().send == Sensor::Send::always;
+  };
   section.check = check;
   return section;
 }

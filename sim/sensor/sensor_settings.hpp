@@ -25,8 +25,14 @@ struct SensorSettings {
   double jump_s = 0.0;    ///< until it is right again; 0: until the next jump
   // No poses for a while (dropouts.hpp).
   double dropouts_per_min = 0.0;
-  double dropout_s = 1.0;          ///< mean duration
-  double latency_ms = 0.0;         ///< from measurement to publication
+  double dropout_s = 1.0;   ///< mean duration
+  double latency_ms = 0.0;  ///< from measurement to publication
+  /// Which poses are sent: all, or those that say something new (pose_sending.hpp).
+  enum class Send { always, changed };
+  Send send = Send::always;
+  double send_delta_m = 0.1;       ///< by how much a pose is off the last one sent
+  double send_delta_rad = 0.1;     ///< likewise its yaw
+  double send_max_age_s = 0.4;     ///< the longest time between two
   double odometry_rate_hz = 0.0;   ///< 0: none (wheel_odometry.hpp)
   std::int64_t encoder_ticks = 0;  ///< a wheel's turn; 0: its angle is read exactly
 };

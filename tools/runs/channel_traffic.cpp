@@ -51,7 +51,15 @@ LinkTraffic command_traffic(const Scenario& scenario, bool in_loop) {
 }
 
 ChannelTraffic channel_traffic(const Scenario& scenario, bool in_loop) {
-  return {pose_traffic(scenario), command_traffic(scenario, in_loop)};
+  ChannelTraffic traffic{pose_traffic(scenario), command_traffic(scenario, in_loop)};
+  const bool poses = scenario.get<SensorSettings>().send == SensorSettings::Send::changed;
+  const bool commands =
+      scenario.get<ControllerSettings>().send == ControllerSettings::Send::changed;
+  // More are sent while much changes, and the channel may be another one then.
+  const char* because = "they are sent when something changes";
+  if (in_loop && poses) traffic.uplink.selected_because = because;
+  if (in_loop && (poses || commands)) traffic.downlink.selected_because = because;
+  return traffic;
 }
 
 }  // namespace tether

@@ -86,6 +86,7 @@ std::string to_text(const Scenario& scenario, const FleetObserver& fleet,
         fmt::format("{:<9} {} more were nearer to their paths\n", "", order.size() - kShownInWords);
   }
   const auto counters = fleet.counters();
+  text += sending_text(counters);
   text += medium_text(counters, summary.sim_time_s);
   return text + time_text(scenario, summary) + trouble_text(counters);
 }

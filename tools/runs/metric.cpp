@@ -20,6 +20,13 @@ double collisions(const RunObserver& run) {
   return 0.5 * static_cast<double>(run.counter("sim.collisions"));
 }
 
+/// Of Wi-Fi, or of a cell's uplink. One vehicle of a fleet counts it for all.
+double medium_busy(const RunObserver& run, Instant end) {
+  const std::int64_t busy_us =
+      run.counter("netem.medium.busy_us") + run.counter("netem.medium.up.busy_us");
+  return end > kStart ? 1e-6 * static_cast<double>(busy_us) / to_seconds(end) : 0.0;
+}
+
 double sent(const link_report_t& link) { return static_cast<double>(link.offered); }
 double lost(const link_report_t& link) { return static_cast<double>(link.lost + link.overflowed); }
 
@@ -66,6 +73,8 @@ const std::vector<Metric>& metrics() {
        [](Run r, Instant) { return lost(r.downlink()); }},
       {"downlink_delay_ms_mean", "downlink_delay_ms_mean", kElsewhere,
        [](Run r, Instant) { return r.downlink().delay_ms_mean; }},
+      {"medium_busy", "share of the medium's time that is taken", kElsewhere,
+       [](Run r, Instant end) { return medium_busy(r, end); }, false, false, kSum},
       {"vehicles_lost", "share of the fleet's vehicles that were lost", kElsewhere,
        [](Run r, Instant) { return r.truth().lost ? 1.0 : 0.0; }},
       {"worst_settled_epsilon_m", "ε after the start of the worst vehicle [m]", kElsewhere,

@@ -112,7 +112,7 @@ std::string settled_text(const ground_truth_t& truth, const RunSettings& run) {
 bool is_trouble(const std::string& name) {
   if (name.starts_with("netem.medium.") && !name.ends_with(".too_long")) return false;
   for (const char* ordinary : {".accepted", ".missed", ".sent", ".received", ".boots", ".offered",
-                               ".delivered", ".lost"}) {
+                               ".delivered", ".lost", ".sampled", ".decided"}) {
     if (name.ends_with(ordinary)) return false;
   }
   return true;
@@ -141,6 +141,20 @@ std::string medium_text(const std::map<std::string, std::int64_t>& counters, dou
                         1e-4 * static_cast<double>(count("busy_us")) / sim_time_s);
   }
   return text + "\n";
+}
+
+std::string sending_text(const std::map<std::string, std::int64_t>& counters) {
+  std::string text;
+  const auto add = [&](const std::string& of, const std::string& all, const char* what) {
+    const auto sent = counters.find(of + ".sent"), made = counters.find(of + all);
+    if (sent == counters.end() || made == counters.end() || made->second == 0) return;
+    text += fmt::format(
+        "{}{} of {} {} ({:.1f} %)", text.empty() ? "" : ", ", sent->second, made->second, what,
+        100.0 * static_cast<double>(sent->second) / static_cast<double>(made->second));
+  };
+  add("sim.pose", ".sampled", "poses");
+  add("controller.command", ".decided", "commands");
+  return text.empty() ? "" : fmt::format("{:<9} {}\n", "changed", text);
 }
 
 void add_common(nlohmann::ordered_json& json, const Scenario& scenario, const RunSummary& summary) {
@@ -234,6 +248,7 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   text += fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
                       truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
   text += settled_text(truth, scenario.get<RunSettings>());
+  text += sending_text(run.counters());
   text += medium_text(run.counters(), summary.sim_time_s);
   text += link_text("uplink", run.uplink());
   if (summary.channel) text += to_text(summary.channel->uplink);

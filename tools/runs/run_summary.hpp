@@ -47,6 +47,8 @@ void add_common(nlohmann::ordered_json& json, const Scenario& scenario, const Ru
 std::string verdict_text(const std::vector<std::string>& findings);
 /// What became of packets on a shared medium; "" without one.
 std::string medium_text(const std::map<std::string, std::int64_t>& counters, double sim_time_s);
+/// How much was sent where only what changes is; "" where all is.
+std::string sending_text(const std::map<std::string, std::int64_t>& counters);
 std::string time_text(const Scenario& scenario, const RunSummary& summary);
 /// Of what must not happen in a healthy run.
 std::string trouble_text(const std::map<std::string, std::int64_t>& counters);

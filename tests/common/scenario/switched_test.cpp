@@ -111,5 +111,58 @@ TEST(RefusedNumbers, AreTheShortestThatReadTheSame) {
   EXPECT_THAT(refusal({"run.duration_s=[0.1, 2.0]"}), HasSubstr("= [0.1, 2.0] is not allowed"));
 }
 
+// ---------------------------------------------------------------------------- send = "changed"
+
+TEST(SendingChanges, NeedsAnAgeLimitThatNobodyTakesForSilence) {
+  const std::vector<std::string> poses{"sensor.send=changed", "sensor.rate_hz=20"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), poses.begin(), poses.end());
+    return refusal(more);
+  };
+  EXPECT_EQ(with({}), "accepted");
+  EXPECT_THAT(with({"sensor.send_max_age_s=0.04"}),
+              HasSubstr("sensor.send_max_age_s = 0.04 is below the time between two poses"));
+  EXPECT_THAT(with({"sensor.send_max_age_s=1"}),
+              HasSubstr("sensor.send_max_age_s = 1 must be below controller.pose_timeout_s = 1"));
+  EXPECT_EQ(with({"sensor.send_max_age_s=1", "controller.pose_timeout_s=0"}), "accepted");
+  EXPECT_EQ(with({"actuator.policy=zero"}), "accepted") << "0.4 s of 0.5 s";
+  EXPECT_THAT(with({"actuator.policy=zero", "sensor.send_max_age_s=0.5"}),
+              HasSubstr("actuator.timeout_s = 0.5 must be above the longest time between two "
+                        "commands, 0.5 s"));
+  EXPECT_THAT(with({"actuator.policy=zero", "controller.send=changed"}),
+              HasSubstr("between two commands, 0.8 s"));
+  EXPECT_EQ(with({"actuator.policy=zero", "controller.send=changed", "controller.trigger=timer"}),
+            "accepted");
+}
+
+TEST(SendingChanges, OfPlansNeedsAnAgeLimitBelowTheirHorizon) {
+  const std::vector<std::string> plans{"controller.send=changed", "actuator.policy=horizon",
+                                       "controller.law=predictive", "controller.horizon_s=5"};
+  EXPECT_EQ(refusal(plans), "accepted");
+  auto late = plans;
+  late.emplace_back("controller.send_max_age_s=5");
+  EXPECT_THAT(refusal(late), HasSubstr("must be below controller.horizon_s = 5"));
+}
+
+TEST(SendingChanges, IsRefusedWhereItWouldDoNothingOrOthersNeedAll) {
+  EXPECT_THAT(refusal({"sensor.send=changed", "medium.model=dcf", "medium.others=3"}),
+              HasSubstr("test.toml: sensor.send = \"changed\" needs medium.others = 0"));
+  EXPECT_THAT(refusal({"controller.send=changed", "autonomy.enabled=true", "lidar.model=custom",
+                       "sensor.odometry_rate_hz=50", "controller.law=detour"}),
+              HasSubstr("controller.send = \"changed\" needs autonomy.enabled = false"));
+  EXPECT_THAT(refusal({"sensor.send=changed", "localiser.place=vehicle", "lidar.model=custom",
+                       "sensor.odometry_rate_hz=50"}),
+              HasSubstr("needs localiser.place = \"none\""));
+  EXPECT_THAT(refusal({"sensor.send=seldom"}), HasSubstr("must be \"always\" or \"changed\""));
+}
+
+TEST(SendingChanges, IsInTheResolvedScenarioOnlyWhereItIsOn) {
+  const auto resolved = [](const std::vector<std::string>& overrides) {
+    return to_toml(parse_scenario("", "test.toml", overrides));
+  };
+  EXPECT_THAT(resolved({}), Not(HasSubstr("send")));
+  EXPECT_THAT(resolved({"sensor.send=changed"}), HasSubstr("send_max_age_s = 0.4"));
+}
+
 }  // namespace
 }  // namespace tether

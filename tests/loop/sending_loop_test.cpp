@@ -1,0 +1,68 @@
+#include <gtest/gtest.h>
+
+#include "common/scenario/scenario.hpp"
+#include "tools/loop/closed_loop.hpp"
+#include "tools/runs/run_observer.hpp"
+
+// Loops in which only what changes is sent.
+
+namespace tether {
+namespace {
+
+struct Driven {
+  double settled_epsilon_m;
+  link_report_t up, down;
+  std::map<std::string, std::int64_t> counters;
+};
+
+Driven drive(std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(), {"vehicle.plant=kinematic", "sensor.rate_hz=20"});
+  const Scenario scenario = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  ClosedLoop loop(scenario);
+  const RunObserver observer(scenario, loop.loop(), loop.bus());
+  loop.run();
+  return {observer.truth().settled_epsilon_m, observer.uplink(), observer.downlink(),
+          observer.counters()};
+}
+
+const std::vector<std::string> kPlans{"controller.law=predictive_consistent",
+                                      "actuator.policy=horizon"};
+
+std::vector<std::string> plans(std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(), kPlans.begin(), kPlans.end());
+  return overrides;
+}
+
+TEST(SendingChangesInALoop, OfPlansLeavesTheVehicleOnItsPath) {
+  const Driven all = drive(plans({}));
+  const Driven few = drive(plans({"controller.send=changed"}));
+  EXPECT_LT(all.settled_epsilon_m, 0.01);
+  EXPECT_LT(few.settled_epsilon_m, 0.01);
+  EXPECT_LT(5 * few.down.offered, all.down.offered);
+}
+
+// What is not sent is not lost: the network is offered what was sent, and the receiver misses what
+// the network lost of that.
+TEST(SendingChangesInALoop, CountsNothingAsLostThatWasNotSent) {
+  const Driven run = drive({"sensor.send=changed", "controller.send=changed", "channel.prr=0.7",
+                            "controller.trigger=timer", "sensor.send_max_age_s=0.2"});
+  const auto& counters = run.counters;
+  EXPECT_EQ(run.up.offered, counters.at("sim.pose.sent"));
+  EXPECT_EQ(run.down.offered, counters.at("controller.command.sent"));
+  EXPECT_LT(run.up.offered, counters.at("sim.pose.sampled"));
+  EXPECT_LT(run.down.offered, counters.at("controller.command.decided"));
+  EXPECT_LE(counters.at("controller.pose.missed"), run.up.lost);
+  EXPECT_LE(counters.at("sim.command.missed"), run.down.lost);
+  EXPECT_GE(counters.at("controller.pose.missed"), run.up.lost - 20) << "the last ones";
+}
+
+// A plan is sent once and lost in 7 of 10 cases; poses say so, and it is sent again.
+TEST(SendingChangesInALoop, OfPlansMendsLossesLongBeforeTheAgeLimit) {
+  const Driven run = drive(plans(
+      {"controller.send=changed", "controller.send_max_age_s=15", "channel.downlink.prr=0.3"}));
+  EXPECT_LT(run.settled_epsilon_m, 0.02);
+  EXPECT_LT(run.down.offered, 150);
+}
+
+}  // namespace
+}  // namespace tether
