@@ -74,6 +74,21 @@ void check_sending(const Scenario& scenario, const std::string& file) {
   }
 }
 
+/// A message replaces what its sender has waiting, whatever it is.
+void check_keeping(const Scenario& scenario, const std::string& file) {
+  if (!scenario.get<MediumSettings>().keep_newest) return;
+  const bool odometry = scenario.get<SensorSettings>().odometry_rate_hz > 0.0;
+  const bool on_board = scenario.get<AutonomySettings>().enabled ||
+                        scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none;
+  if (!odometry && !on_board) return;
+  throw UsageError(fmt::format(
+      "{}: medium.keep = \"newest\" needs vehicles that send nothing but poses, for a message "
+      "replaces another one, whatever it says: {}",
+      file,
+      on_board ? "localiser.place must be \"none\" and autonomy.enabled false"
+               : "sensor.odometry_rate_hz must be 0"));
+}
+
 /// The same for commands of which not all are sent.
 void check_timeout_of_changes(const Scenario& scenario, const std::string& file) {
   const auto& sensor = scenario.get<SensorSettings>();
@@ -233,6 +248,10 @@ std::vector<ScenarioSection> scenario_sections() {
   localiser.complete = take_from_scanner;
   localiser.check = check_inputs;
   ScenarioSection medium = medium_section();
+  medium.check = [own = medium.check](const Scenario& scenario, const std::string& file) {
+    own(scenario, file);
+    check_keeping(scenario, file);
+  };
   medium.complete = [own = medium.complete](Scenario& scenario, const std::set<std::string>& given,
                                             const std::string& file) {
     own(scenario, given, file);

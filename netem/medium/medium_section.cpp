@@ -94,8 +94,8 @@ std::string background_to_toml(const Scenario& scenario) {
 }
 
 const std::set<std::string> kOfWifi{"he", "control_rate_Mbps", "category", "eifs", "lifetime_ms"};
-const std::set<std::string> kOfCells{"preset", "request_period_ms", "offset_ms", "slot_ms",
-                                     "repeat_after_ms"};
+const std::set<std::string> kOfCells{
+    "preset", "request_period_ms", "offset_ms", "slot_ms", "repeat_after_ms", "serve", "keep"};
 
 std::string why_no_effect(const Scenario& scenario, const std::string& key) {
   const std::string prefix = "medium.";
@@ -193,6 +193,16 @@ void cell_keys(KeyTable<Medium>& t) {
            "scheduled: from a transmission that failed to the next");
 }
 
+void serving_keys(KeyTable<Medium>& t) {
+  using Serve = ScheduledRules::Serve;
+  t.choice<Serve>("serve", &Medium::serve,
+                  {{"round_robin", Serve::round_robin}, {"oldest_first", Serve::oldest_first}},
+                  "scheduled: who is next, each in turn, or of whom the newest that was delivered "
+                  "is the oldest");
+  t.choice<bool>("keep", &Medium::keep_newest, {{"all", false}, {"newest", true}},
+                 "scheduled: of a vehicle's messages that wait, all, or the newest alone");
+}
+
 TableList background_list() {
   return {.key = kBackground,
           .allowed = fmt::format(
@@ -222,6 +232,7 @@ ScenarioSection medium_section() {
                  "phase of its own");
   radio_keys(t);
   cell_keys(t);
+  serving_keys(t);
   radio_link_keys(t.within<RadioSettings>("radio.", &Medium::radio), t);
   ScenarioSection section{.defaults = Medium{}, .keys = t.take()};
   section.list = background_list();
@@ -234,6 +245,8 @@ ScenarioSection medium_section() {
   section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
     const auto& medium = scenario.get<Medium>();
     return (key.name == "medium.model" && medium.model == Medium::Model::none) ||
+           (key.name == "medium.serve" && medium.serve == ScheduledRules::Serve::round_robin) ||
+           (key.name == "medium.keep" && !medium.keep_newest) ||
            (key.name == "medium.radio.model" && medium.radio.model == RadioSettings::Model::none);
   };
   section.complete = complete;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/scenario/section.hpp"
+#include "netem/medium/cell/scheduled_cell.hpp"
 #include "netem/medium/radio_settings.hpp"
 
 namespace tether {
@@ -19,7 +20,7 @@ struct MediumSettings {
     none,      ///< every link has air of its own
     dcf,       ///< Wi-Fi, all stations alike (contention.hpp)
     edca,      ///< Wi-Fi with access categories
-    scheduled  ///< a cell that grants its uplink (scheduled_cell.hpp)
+    scheduled  ///< a cell that grants its uplink (cell/scheduled_cell.hpp)
   };
   Model model = Model::none;
   bool is_wifi() const { return model == Model::dcf || model == Model::edca; }
@@ -42,6 +43,8 @@ struct MediumSettings {
   double offset_ms = 2.5;
   double slot_ms = 0.5;
   double repeat_after_ms = 8.0;
+  ScheduledRules::Serve serve = ScheduledRules::Serve::round_robin;
+  bool keep_newest = false;  ///< keep = "newest": of vehicles, not of the background
 
   /// One [[medium.background]]: stations that send, too, or are sent to. Other vehicles, as far as
   /// the radio goes: their poses up, their commands down.

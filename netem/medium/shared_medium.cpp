@@ -6,7 +6,7 @@
 #include <cassert>
 
 #include "netem/medium/background_traffic.hpp"
-#include "netem/medium/scheduled_cell.hpp"
+#include "netem/medium/cell/scheduled_cell.hpp"
 #include "netem/medium/wifi_stations.hpp"
 
 namespace tether {
@@ -69,6 +69,8 @@ ScheduledRules rules_of(const MediumSettings& settings, Way way) {
   rules.repeat_after = from_seconds(settings.repeat_after_ms * 1e-3);
   rules.attempts = static_cast<int>(settings.attempts);
   rules.queue = static_cast<std::size_t>(settings.queue);
+  rules.serve = settings.serve;
+  rules.ids_of_a_message = kFragments;
   return rules;
 }
 
@@ -78,15 +80,17 @@ class CellMedium final : public SharedMedium {
       : SharedMedium(std::move(ended)),
         up_(rules_of(settings, Way::up), seed, told()),
         down_(rules_of(settings, Way::down), seed, told()),
+        keep_newest_(settings.keep_newest),
         background_(settings, seed) {
     for (std::size_t i = 0; i < background_.size(); ++i) {
-      users_.push_back((background_.of(i).down ? down_ : up_).add(background_.name(i)));
+      users_.push_back(
+          (background_.of(i).down ? down_ : up_).add(background_.name(i), {.has_age = false}));
     }
   }
 
   std::size_t add_vehicle(const std::string& name) override {
-    vehicles_.push_back(up_.add(name + "/medium/up"));
-    vehicles_down_.push_back(down_.add(name + "/medium/down"));
+    vehicles_.push_back(up_.add(name + "/medium/up", {.keeps_newest = keep_newest_}));
+    vehicles_down_.push_back(down_.add(name + "/medium/down", {.keeps_newest = keep_newest_}));
     return vehicles_.size() - 1;
   }
 
@@ -111,6 +115,9 @@ class CellMedium final : public SharedMedium {
       out.emplace_back(fmt::format("medium.{}.transmissions", name), c.transmissions);
       out.emplace_back(fmt::format("medium.{}.packets.lost", name), c.lost);
       out.emplace_back(fmt::format("medium.{}.packets.overflowed", name), c.overflowed);
+      if (keep_newest_) {
+        out.emplace_back(fmt::format("medium.{}.packets.replaced", name), c.replaced);
+      }
       out.emplace_back(fmt::format("medium.{}.busy_us", name),
                        c.busy / std::chrono::microseconds{1});
     }
@@ -129,6 +136,7 @@ class CellMedium final : public SharedMedium {
   }
 
   ScheduledCell up_, down_;
+  bool keep_newest_;
   BackgroundTraffic background_;
   std::vector<std::size_t> users_;                     ///< of the background: in up_ or down_
   std::vector<std::size_t> vehicles_, vehicles_down_;  ///< in up_ and in down_

@@ -44,9 +44,9 @@ class SharedMedium {
   virtual void on_position(std::size_t /*vehicle*/, double /*x_m*/, double /*y_m*/,
                            Instant /*now*/) {}
 
-  /// Sends a packet of `bytes` of UDP payload. The last word on it, `ended`, comes from this call
-  /// or a later one of advance(); of packets that find no room, or are longer than a datagram can
-  /// be (65 507 bytes), at once.
+  /// Sends a packet of `bytes` of UDP payload. The last word on it, `ended`, comes from this call,
+  /// a later one of advance(), or, where a newer packet replaces it, of send(); of packets that
+  /// find no room, or are longer than a datagram can be (65 507 bytes), at once.
   void send(Instant now, std::size_t vehicle, Way way, std::uint64_t id, int bytes);
 
   /// When advance() is to be called next while packets are under way; else Instant::max().

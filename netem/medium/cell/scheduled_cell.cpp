@@ -1,8 +1,10 @@
-#include "netem/medium/scheduled_cell.hpp"
+#include "netem/medium/cell/scheduled_cell.hpp"
 
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <iterator>
+#include <limits>
 
 namespace tether {
 namespace {
@@ -20,11 +22,11 @@ ScheduledCell::ScheduledCell(const ScheduledRules& rules, std::uint64_t seed, En
   assert(rules.slot > Duration{0} && rules.request_period > Duration{0} && rules.attempts > 0);
 }
 
-std::size_t ScheduledCell::add(const std::string& name) {
+std::size_t ScheduledCell::add(const std::string& name, const CellUser& kind) {
   RandomEngine random = random_stream(seed_, name);
   const auto phase = Duration{static_cast<std::int64_t>(
       uniform_01(random) * static_cast<double>(rules_.request_period.count()))};
-  users_.push_back({phase, {}, random});
+  users_.push_back({phase, kind, random});
   return users_.size() - 1;
 }
 
@@ -44,13 +46,17 @@ Instant ScheduledCell::next_request(const User& user, Instant now) const {
 bool ScheduledCell::push(Instant now, std::size_t user, std::uint64_t id, int bytes) {
   for (Instant next = next_event(); next < now; next = next_event()) transmit(next);
   User& u = users_[user];
+  const Message message{id / rules_.ids_of_a_message, now};
+  const std::optional<Instant> asked = u.kind.keeps_newest ? replace(u, message) : std::nullopt;
   if (u.packets.size() >= rules_.queue) {
     ++counters_.overflowed;
+    lose_part_of(u, message);
     return false;
   }
   // What waits for a grant already, or is being sent, asks for this one, too.
-  const Instant granted = u.packets.empty() ? next_request(u, now) + rules_.offset
-                                            : std::max(now, u.packets.back().granted);
+  const Instant granted = asked               ? std::max(now, *asked)
+                          : u.packets.empty() ? next_request(u, now) + rules_.offset
+                                              : std::max(now, u.packets.back().granted);
   u.packets.push_back({id, bytes, now, granted});
   return true;
 }
@@ -67,6 +73,36 @@ void ScheduledCell::advance(Instant now) {
   for (Instant next = next_event(); next <= now; next = next_event()) transmit(next);
 }
 
+/// When the messages that `by` replaces were granted, if there are any.
+std::optional<Instant> ScheduledCell::replace(User& user, const Message& by) {
+  if (user.packets.empty()) return std::nullopt;
+  std::optional<Instant> granted;
+  std::vector<std::uint64_t> replaced;
+  std::erase_if(user.packets, [&](const Packet& packet) {
+    const Message message = message_of(packet);
+    if (message == by || message == user.begun) return false;
+    granted = std::max(granted.value_or(packet.granted), packet.granted);
+    replaced.push_back(packet.id);
+    return true;
+  });
+  counters_.replaced += std::ssize(replaced);
+  for (const std::uint64_t id : replaced) ended_({id, false, by.second, 0});
+  return granted;
+}
+
+/// What is left of a message is no news any more.
+void ScheduledCell::lose_part_of(User& user, const Message& message) const {
+  for (Packet& packet : user.packets) packet.is_news &= message_of(packet) != message;
+}
+
+/// The largest goes first.
+double ScheduledCell::urgency_of(std::size_t user, Instant now) const {
+  const User& u = users_[user];
+  if (urgency_) return urgency_(user, u.packets.front().since, now);
+  return u.newest_delivered ? to_seconds(now - *u.newest_delivered)
+                            : std::numeric_limits<double>::infinity();
+}
+
 /// Of those that may send at `now`.
 std::size_t ScheduledCell::choose(Instant now) const {
   std::size_t best = users_.size();
@@ -75,8 +111,8 @@ std::size_t ScheduledCell::choose(Instant now) const {
     const std::size_t i = (last_ + k) % users_.size();
     const User& u = users_[i];
     if (u.packets.empty() || u.packets.front().granted > now) continue;
-    if (!urgency_) return i;
-    const double urgency = urgency_(i, u.packets.front().since, now);
+    if (!urgency_ && rules_.serve == ScheduledRules::Serve::round_robin) return i;
+    const double urgency = urgency_of(i, now);
     if (best == users_.size() || urgency > most) best = i, most = urgency;
   }
   return best;
@@ -88,6 +124,7 @@ void ScheduledCell::transmit(Instant start) {
   User& u = users_[i];
   Packet& packet = u.packets.front();
   last_ = i;
+  u.begun = message_of(packet);
   const Duration takes = airtime(packet.bytes);
   free_from_ = start + takes;
   counters_.busy += takes;
@@ -99,8 +136,16 @@ void ScheduledCell::transmit(Instant start) {
     return;
   }
   ++(failed ? counters_.lost : counters_.delivered);
-  ended_({packet.id, !failed, free_from_, packet.attempts});
+  const PacketEnd end{packet.id, !failed, free_from_, packet.attempts};
+  const Message message = message_of(packet);
+  const bool is_news = packet.is_news;
   u.packets.pop_front();
+  const bool is_last = u.packets.empty() || message_of(u.packets.front()) != message;
+  if (failed) lose_part_of(u, message);
+  if (!failed && is_last && is_news) {
+    u.newest_delivered = u.kind.has_age ? message.second : end.at;
+  }
+  ended_(end);
 }
 
 }  // namespace tether

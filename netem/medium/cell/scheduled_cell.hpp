@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/random.hpp"
@@ -25,6 +27,32 @@ struct ScheduledRules {
   Duration repeat_after = std::chrono::milliseconds{8};  ///< HARQ: from its end to the next
   int attempts = 4;                                      ///< of a packet, then it is lost
   std::size_t queue = 100;                               ///< packets of a user; others are refused
+  /// Who is next, of those who have something that is granted.
+  enum class Serve {
+    round_robin,  ///< the one after the last served
+    /// Whose newest delivered message is the oldest, its time being that at which it was pushed:
+    /// the one whose age of information is the largest. (Kadota et al.: Scheduling Policies for
+    /// Minimizing Age of Information in Broadcast Wireless Networks. IEEE/ACM Trans. Netw. 26 (6),
+    /// 2018, call it greedy, and prove it optimal for equal users.) Before all others come those of
+    /// whom nothing was delivered; of equals, the one after the last served.
+    oldest_first
+  };
+  Serve serve = Serve::round_robin;
+  /// A message is what was pushed at one time with ids that are the same but for the remainder of
+  /// the division by this: a packet, or its fragments. It is delivered with its last one, if none
+  /// of them was lost.
+  std::uint64_t ids_of_a_message = 1;
+};
+
+/// What a user's messages are.
+struct CellUser {
+  /// A message replaces those of the user that wait and of which nothing was sent yet. They end as
+  /// not delivered, in push(); it gets the grant that they had asked for.
+  bool keeps_newest = false;
+  /// They tell of a state, and are the worse the older they are. Else oldest_first takes for the
+  /// user's age how long ago something of it was delivered: one whose queue only grows has always
+  /// the oldest message, and would get all.
+  bool has_age = true;
 };
 
 /// A packet's end in the cell.
@@ -42,9 +70,9 @@ struct PacketEnd {
 /// A user asks once for all that it has. A packet that comes while earlier ones of the user wait
 /// for their grant is granted with them; later ones go in the same turn order without asking again
 /// while the user has something to send (buffer status reports go with data).
-/// Of users with granted packets, the one after the last served is next (round robin), unless
-/// `urgency` says otherwise. Unloaded, a packet's delay is uniform on [0, request_period), plus
-/// offset, plus waiting for a slot, its own slots, and (repeat_after + its slots) for each repeat.
+/// Of users with granted packets, `serve` says who is next (ScheduledRules), unless `urgency` does.
+/// Unloaded, a packet's delay is uniform on [0, request_period), plus offset, plus waiting for a
+/// slot, its own slots, and (repeat_after + its slots) for each repeat.
 class ScheduledCell {
  public:
   using Ended = std::function<void(const PacketEnd&)>;
@@ -54,7 +82,7 @@ class ScheduledCell {
   ScheduledCell(const ScheduledRules& rules, std::uint64_t seed, Ended ended);
 
   /// Returns its number, from 0 on. `name`: of its random stream.
-  std::size_t add(const std::string& name);
+  std::size_t add(const std::string& name, const CellUser& kind = {});
   void set_urgency(Urgency urgency) { urgency_ = std::move(urgency); }
 
   /// False if its queue is full.
@@ -70,6 +98,7 @@ class ScheduledCell {
     std::int64_t delivered = 0;
     std::int64_t lost = 0;
     std::int64_t overflowed = 0;
+    std::int64_t replaced = 0;
     Duration busy{};
   };
   const Counters& counters() const { return counters_; }
@@ -83,16 +112,28 @@ class ScheduledCell {
     Instant since;
     Instant granted;  ///< may be sent from here on
     int attempts = 0;
+    bool is_news = true;  ///< nothing of its message was lost
   };
+  using Message = std::pair<std::uint64_t, Instant>;  ///< ids, when it was pushed
   struct User {
     Duration phase;
-    std::deque<Packet> packets;
+    CellUser kind;
     RandomEngine random;
+    std::deque<Packet> packets = {};
+    /// When the newest message that was delivered was pushed; without age, when that was.
+    std::optional<Instant> newest_delivered = std::nullopt;
+    std::optional<Message> begun = std::nullopt;  ///< the last one of which something was sent
   };
 
   Instant slot_at_or_after(Instant t) const;
   Instant next_request(const User& user, Instant now) const;
+  Message message_of(const Packet& packet) const {
+    return {packet.id / rules_.ids_of_a_message, packet.since};
+  }
   std::size_t choose(Instant now) const;
+  double urgency_of(std::size_t user, Instant now) const;
+  std::optional<Instant> replace(User& user, const Message& by);
+  void lose_part_of(User& user, const Message& message) const;
   void transmit(Instant start);
 
   ScheduledRules rules_;
