@@ -10,6 +10,7 @@
 #include "netem/medium/medium_settings.hpp"
 #include "netem/medium/radio_section.hpp"
 #include "netem/medium/shared_medium.hpp"
+#include "netem/medium/traffic_presets.hpp"
 
 namespace tether {
 namespace {
@@ -29,6 +30,16 @@ bool set_whole(std::int64_t& to, const ScenarioValue& value, std::int64_t most) 
   const auto* whole = std::get_if<std::int64_t>(&value);
   if (whole == nullptr || *whole < 1 || *whole > most) return false;
   to = *whole;
+  return true;
+}
+
+bool set_preset(Background& b, const ScenarioValue& value) {
+  const auto* name = std::get_if<std::string>(&value);
+  const TrafficPreset* preset = name == nullptr ? nullptr : traffic_preset(*name);
+  if (preset == nullptr) return false;
+  b.kind = preset->kind;
+  b.rate_hz = preset->rate_hz;
+  b.bytes = preset->bytes;
   return true;
 }
 
@@ -66,11 +77,13 @@ bool read_background(Scenario& scenario, const std::vector<TableList::Table>& ta
   std::vector<Background> all;
   for (const TableList::Table& table : tables) {
     Background& b = all.emplace_back();
+    const auto preset = table.find("preset");
+    if (preset != table.end() && !set_preset(b, preset->second)) return false;
     for (const auto& [key, value] : table) {
-      if (!set_field(b, key, value)) return false;
+      if (key != "preset" && !set_field(b, key, value)) return false;
     }
     const bool saturated = b.kind == Background::Kind::saturated;
-    if (saturated && (table.contains("rate_hz") || b.down)) return false;
+    if (saturated && (table.contains("rate_hz") || b.down || preset != table.end())) return false;
   }
   scenario.get<Medium>().background = std::move(all);
   return true;
@@ -203,15 +216,34 @@ void serving_keys(KeyTable<Medium>& t) {
                  "scheduled: of a vehicle's messages that wait, all, or the newest alone");
 }
 
+std::vector<std::string> preset_names() {
+  std::vector<std::string> names;
+  for (const TrafficPreset& preset : kTrafficPresets) names.emplace_back(preset.name);
+  return names;
+}
+
+std::string presets_help() {
+  std::string text =
+      "    preset = NAME sets kind, rate_hz and bytes as of 3GPP TS 22.104's mobile robots "
+      "(unverified:\n    not read in the standard's own text); what is given beside it beats it:\n";
+  for (const TrafficPreset& p : kTrafficPresets) {
+    text += fmt::format("      {:<21} {}{}: {:g} Hz, {} bytes\n", p.name, p.what,
+                        p.verified ? "" : " (unverified)", p.rate_hz, p.bytes);
+  }
+  return text;
+}
+
 TableList background_list() {
   return {.key = kBackground,
-          .allowed = fmt::format(
-              "each [[{}]] may have kind = \"saturated\", \"poisson\" or \"periodic\", stations = "
-              "1 … {}, bytes = 1 … {}, way = \"up\" or \"down\", category = \"{}\", "
-              "rate_hz in [{}, {}] (saturated ones go up and have none), snr_db in [{}, {}], and "
-              "nothing else",
-              kBackground, kMostStations, kMostBytes, fmt::join(kCategories, "\", \""),
-              kRateRange_hz.low, kRateRange_hz.high, kSnrRange_db.low, kSnrRange_db.high),
+          .allowed = fmt::format("each [[{}]] may have kind = \"saturated\", \"poisson\" or "
+                                 "\"periodic\", preset = \"{}\", stations = 1 … {}, bytes = 1 … "
+                                 "{}, way = \"up\" or \"down\", category = \"{}\", "
+                                 "rate_hz in [{}, {}] (saturated ones go up and have none, nor a "
+                                 "preset), snr_db in [{}, {}], and "
+                                 "nothing else",
+                                 kBackground, fmt::join(preset_names(), "\" or \""), kMostStations,
+                                 kMostBytes, fmt::join(kCategories, "\", \""), kRateRange_hz.low,
+                                 kRateRange_hz.high, kSnrRange_db.low, kSnrRange_db.high),
           .read = read_background,
           .to_toml = background_to_toml};
 }
@@ -241,6 +273,7 @@ ScenarioSection medium_section() {
       "category = \"BE\", way = \"up\"\n    other stations of the medium, which send to the access "
       "point; kind \"saturated\" always,\n    \"periodic\" in equal periods; way = \"down\": which "
       "it sends to\n";
+  section.help += presets_help();
   section.why_no_effect = why_no_effect;
   section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
     const auto& medium = scenario.get<Medium>();
