@@ -2,6 +2,8 @@
 
 #include "common/scenario/scenario.hpp"
 #include "tools/loop/closed_loop.hpp"
+#include "tools/runs/fleet_observer.hpp"
+#include "tools/runs/metric.hpp"
 #include "tools/runs/run_observer.hpp"
 
 // Loops in which only what changes is sent.
@@ -62,6 +64,57 @@ TEST(SendingChangesInALoop, OfPlansMendsLossesLongBeforeTheAgeLimit) {
       {"controller.send=changed", "controller.send_max_age_s=15", "channel.downlink.prr=0.3"}));
   EXPECT_LT(run.settled_epsilon_m, 0.02);
   EXPECT_LT(run.down.offered, 150);
+}
+
+// ------------------------------------------------------------------ what docs/fleet.md concludes
+
+struct AtAccessPoint {
+  double epsilon_m, busy;
+};
+
+/// Four vehicles that never meet, with noisy poses, sampled 20 times a second unless said
+/// otherwise.
+AtAccessPoint fleet(std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(), {"vehicle.plant=kinematic", "world.half_extent_m=400",
+                                       "fleet.count=4", "fleet.phases=none", "fleet.offset_x_m=50",
+                                       "medium.model=dcf", "sensor.position_noise_m=0.02",
+                                       "sensor.yaw_noise_rad=0.01", "sensor.rate_hz=20"});
+  const Scenario scenario = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  ClosedLoop loop(scenario);
+  const FleetObserver observer(loop.members(), loop.loop(), loop.bus());
+  loop.run();
+  const auto metric = [&](const char* name) {
+    return value_of(metrics()[*metric_number(name)], observer.vehicles(), loop.loop().now());
+  };
+  return {metric("settled_epsilon_m"), metric("medium_busy")};
+}
+
+TEST(SendingChangesAtAnAccessPoint, OfPlansTakesLessThanHalfTheAirtimeAtNoMoreError) {
+  const auto with = [](std::vector<std::string> more) {
+    more.insert(more.end(), {"controller.trigger=timer", "controller.rate_hz=20",
+                             "controller.plan_step_ms=150", "controller.tracking.k_x=1.93",
+                             "controller.tracking.k_y=1.02", "controller.tracking.k_theta=1.4"});
+    return fleet(plans(more));
+  };
+  const AtAccessPoint always = with({"sensor.rate_hz=2"});
+  const AtAccessPoint changed =
+      with({"sensor.send=changed", "sensor.send_delta_m=0.4", "sensor.send_delta_rad=0.4",
+            "sensor.send_max_age_s=0.9", "controller.send=changed", "controller.send_max_age_s=5"});
+  EXPECT_GT(always.busy, 0.0);
+  EXPECT_LT(changed.busy, 0.5 * always.busy);
+  EXPECT_LT(changed.epsilon_m, always.epsilon_m);
+}
+
+TEST(SendingChangesAtAnAccessPoint, OfPosesThatArePidsIsNoBetterThanALowerRate) {
+  const auto with = [](std::vector<std::string> more) {
+    more.insert(more.end(), {"controller.tau_s=1", "controller.v.p=1", "controller.v.d=0.001",
+                             "controller.omega.p=2", "controller.omega.d=0.001"});
+    return fleet(more);
+  };
+  const AtAccessPoint seldom = with({"sensor.rate_hz=5"});
+  const AtAccessPoint changed = with({"sensor.send=changed", "sensor.send_delta_m=0.1"});
+  EXPECT_GT(changed.busy, 2.0 * seldom.busy);
+  EXPECT_GT(changed.epsilon_m, seldom.epsilon_m);
 }
 
 }  // namespace
