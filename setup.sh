@@ -18,7 +18,7 @@ packages=(
 if [ "${1:-}" = tests ]; then
     packages+=(
         clang-format clang-tidy                     # lint
-        clang libclang-rt-14-dev                    # the sanitizers' build, by a second compiler
+        clang lld libclang-rt-14-dev                # the sanitizers' build, by a second compiler
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         procps util-linux                           # process tests
         zsh groff-base                              # completion, manual pages
