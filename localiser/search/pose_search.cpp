@@ -16,12 +16,16 @@ constexpr double kSpacing_m = 0.5;
 constexpr int kYaws = 72;
 constexpr double kYawStep_rad = 2.0 * std::numbers::pi / kYaws;
 constexpr std::size_t kCoarseBeams = 40;
+constexpr std::size_t kFirstBeams = 10;  ///< say whether it is worth while to ask the others
+/// It is, if they fit this share as well as those of the best yaw so far.
+constexpr float kHopeful = 0.75F;
+constexpr std::size_t kStride = 17;  ///< through the beams, so that the first look all around
 constexpr double kCoarseCell_m = 0.2;
 constexpr double kCoarseSigma_m = 0.35;  ///< as far as a place may be off
 constexpr float kFree_m = 0.3F;          ///< to the next outline
 // Of those that climb.
-constexpr std::size_t kClimbing = 8;
-constexpr std::size_t kClimbingBeams = 120;
+constexpr std::size_t kClimbing = 6;
+constexpr std::size_t kClimbingBeams = 100;
 constexpr double kReach_m = 1.5;
 constexpr double kKeptReach_m = 0.3;
 // Of those kept.
@@ -30,13 +34,15 @@ constexpr double kSame_m = 0.3;
 constexpr double kSame_rad = 0.1;
 constexpr double kMemory_scans = 30.0;
 // Of the one that is found.
+/// So often all places are looked at: what climbs from near the right one does not always arrive.
+constexpr std::size_t kSweeps = 2;
 constexpr int kLeastScans = 5;
 constexpr double kLeastFit = 0.55;
 /// Than any other place, after kLeastScans; less after more of them, down to kJustBetter. A mean of
-/// 30 scans of 120 beams' weights, each of which has about 0.13, is a tenth of that; but what the
+/// 30 scans of 100 beams' weights, each of which has about 0.13, is a tenth of that; but what the
 /// map does not have stands in each scan alike.
 constexpr double kClearlyBetter = 0.08;
-constexpr double kJustBetter = 0.04;
+constexpr double kJustBetter = 0.05;
 constexpr int kLeastBeams = 30;
 
 std::vector<Beam> some_of(std::span<const Beam> beams, std::size_t most) {
@@ -147,14 +153,19 @@ std::optional<Pose2> PoseSearch::best() const {
   return particles_.front().pose;
 }
 
-float PoseSearch::coarse_weight(const Pose2& place, std::span<const Beam> turned) const {
+float PoseSearch::coarse_weight(const Pose2& place, std::span<const Beam> turned,
+                                float best) const {
   const auto per_m = static_cast<float>(1.0 / kCoarseCell_m);
   const auto x_m = static_cast<float>(place.x_m - field_->left_m());
   const auto y_m = static_cast<float>(place.y_m - field_->bottom_m());
   const auto columns = static_cast<float>(coarse_columns_);
   const auto rows = static_cast<float>(coarse_rows_);
+  const float hopeful =
+      kHopeful * best * static_cast<float>(kFirstBeams) / static_cast<float>(turned.size());
   float sum = 0.0F;
+  std::size_t n = 0;
   for (const Beam& beam : turned) {
+    if (n++ == kFirstBeams && sum < hopeful) break;
     const float column = (x_m + beam.x_m) * per_m, row = (y_m + beam.y_m) * per_m;
     if (!(column >= 0.0F && row >= 0.0F && column < columns && row < rows)) continue;
     sum +=
@@ -165,7 +176,10 @@ float PoseSearch::coarse_weight(const Pose2& place, std::span<const Beam> turned
 
 /// The next places of the sweep, each with its best yaw; the heaviest kClimbing of them.
 std::vector<PoseSearch::Drawn> PoseSearch::draw(std::span<const Beam> beams) {
-  const std::vector<Beam> few = some_of(beams, kCoarseBeams);
+  std::vector<Beam> few;
+  for (std::size_t i = 0; i < kCoarseBeams; ++i) {
+    few.push_back(beams[i * kStride % kCoarseBeams * beams.size() / kCoarseBeams]);
+  }
   const double first_rad = kYawStep_rad * uniform_01(random_);
   std::vector<Beam> turned;
   turned.reserve(kYaws * few.size());
@@ -186,7 +200,8 @@ std::vector<PoseSearch::Drawn> PoseSearch::draw(std::span<const Beam> beams) {
     Drawn best{place, -1.0F};
     for (int i = 0; i < kYaws; ++i) {
       const float weight = coarse_weight(
-          place, std::span(turned).subspan(static_cast<std::size_t>(i) * few.size(), few.size()));
+          place, std::span(turned).subspan(static_cast<std::size_t>(i) * few.size(), few.size()),
+          best.weight);
       if (weight <= best.weight) continue;
       best.weight = weight;
       best.pose.yaw_rad = wrap_angle(first_rad + i * kYawStep_rad);
@@ -230,7 +245,7 @@ void PoseSearch::keep_the_heaviest() {
 }
 
 std::optional<Match> PoseSearch::clear_winner(std::span<const Beam> beams) const {
-  if (particles_.empty() || looked_at_ < places_.size()) return std::nullopt;
+  if (particles_.empty() || looked_at_ < kSweeps * places_.size()) return std::nullopt;
   const Particle& best = particles_.front();
   if (best.scans < kLeastScans || best.fit < kLeastFit) return std::nullopt;
   const double better = std::max(kJustBetter, kClearlyBetter * kLeastScans / best.scans);

@@ -19,20 +19,19 @@ namespace tether {
 /// by match_scan() stand for all around it, so that few have to be kept.
 ///
 /// Each scan, from coarse to fine:
-/// 1. `draws` new particles, stratified over all free places and yaws (so that all is seen once in
-/// a
-///    sweep, whose length sweep_scans() says), are weighed by few beams on a coarse field.
+/// 1. `draws` new particles, stratified over all free places and yaws (so that all is seen once
+///    in a sweep, whose length sweep_scans() says), are weighed by few beams on a coarse field.
 /// 2. The best of them climb, with more beams.
 /// 3. They join those kept, which moved with the odometry and climb, too. Those that meet are one;
 ///    the heaviest remain. A particle's weight is how well scans fit there, over its last scans.
 ///
-/// The vehicle is found when all places were looked at, one particle fits well for some scans, and
-/// none elsewhere fits nearly as well. In a hall that looks the same from two places it is never
-/// found: whoever drives has to move it.
+/// The vehicle is found when all places were looked at twice, one particle fits well for some
+/// scans, and none elsewhere fits nearly as well. In a hall that looks the same from two places it
+/// is never found: whoever drives has to move it.
 class PoseSearch {
  public:
   struct Settings {
-    int draws = 30000;  ///< of new particles each scan
+    int draws = 20000;  ///< of new particles each scan
     MatchSettings match;
     Position
         inside;  ///< a place that the vehicle can reach, and from it all others where it may be
@@ -68,7 +67,7 @@ class PoseSearch {
 
   void find_places();
   void keep_what_can_be_reached(std::vector<bool>& is_free, int columns) const;
-  float coarse_weight(const Pose2& place, std::span<const Beam> turned) const;
+  float coarse_weight(const Pose2& place, std::span<const Beam> turned, float best) const;
   std::vector<Drawn> draw(std::span<const Beam> beams);
   void climb(Particle& particle, std::span<const Beam> beams, double reach_m) const;
   void keep_the_heaviest();
