@@ -14,6 +14,12 @@ struct InProcessBus::Subscription {
   Handler handler;
 };
 
+/// Never moved: messages on their way point to it.
+struct InProcessBus::Channel {
+  std::string name;
+  Receivers receivers;
+};
+
 namespace {
 
 /// Most are: only that one channel matches, and a fleet has thousands.
@@ -29,34 +35,37 @@ InProcessBus::InProcessBus(EventLoop& loop) : loop_(loop) {}
 
 InProcessBus::~InProcessBus() = default;
 
-void InProcessBus::publish(std::string_view channel, std::span<const std::uint8_t> bytes) {
-  if (receivers(channel).empty()) return;
+void InProcessBus::publish(std::string_view name, std::span<const std::uint8_t> bytes) {
+  const Channel& to = channel(name);
+  if (to.receivers.empty()) return;
   loop_.at(loop_.now(), Priority::delivery,
-           [this, name = std::string(channel),
-            data = std::vector<std::uint8_t>(bytes.begin(), bytes.end())](Instant) {
-             for (Subscription* s : receivers(name)) s->handler({name, data});
+           [&to, data = std::vector<std::uint8_t>(bytes.begin(), bytes.end())](Instant) {
+             for (const Subscription* s : to.receivers) s->handler({to.name, data});
            });
 }
 
 void InProcessBus::subscribe(const std::string& channel_regex, int, Handler handler) {
   subscriptions_.push_back(std::make_unique<Subscription>(
       Subscription{subscriptions_.size(), Pattern(channel_regex), std::move(handler)}));
-  (is_a_name(channel_regex) ? named_[channel_regex] : patterns_)
-      .push_back(subscriptions_.back().get());
-  receivers_.clear();
+  Subscription* made = subscriptions_.back().get();
+  (is_a_name(channel_regex) ? named_[channel_regex] : patterns_).push_back(made);
+  for (auto& [name, channel] : channels_) {
+    if (made->channel.matches(name)) channel->receivers.push_back(made);
+  }
 }
 
-const InProcessBus::Receivers& InProcessBus::receivers(std::string_view channel) {
-  const auto known = receivers_.find(channel);
-  if (known != receivers_.end()) return known->second;
+const InProcessBus::Channel& InProcessBus::channel(std::string_view name) {
+  const auto known = channels_.find(name);
+  if (known != channels_.end()) return *known->second;
   Receivers found;
-  if (const auto named = named_.find(channel); named != named_.end()) found = named->second;
+  if (const auto named = named_.find(name); named != named_.end()) found = named->second;
   for (Subscription* s : patterns_) {
-    if (s->channel.matches(channel)) found.push_back(s);
+    if (s->channel.matches(name)) found.push_back(s);
   }
   std::sort(found.begin(), found.end(),
             [](const Subscription* a, const Subscription* b) { return a->number < b->number; });
-  return receivers_.emplace(std::string(channel), std::move(found)).first->second;
+  auto made = std::make_unique<Channel>(Channel{std::string(name), std::move(found)});
+  return *channels_.emplace(made->name, std::move(made)).first->second;
 }
 
 }  // namespace tether

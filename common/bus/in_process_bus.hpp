@@ -28,19 +28,21 @@ class InProcessBus final : public Bus {
  private:
   struct Subscription;
   using Receivers = std::vector<Subscription*>;
+  struct Channel;
   struct Hash {
     using is_transparent = void;
     std::size_t operator()(std::string_view text) const {
       return std::hash<std::string_view>{}(text);
     }
   };
-  const Receivers& receivers(std::string_view channel);
+  const Channel& channel(std::string_view name);
 
   EventLoop& loop_;
   std::vector<std::unique_ptr<Subscription>> subscriptions_;
   std::map<std::string, Receivers, std::less<>> named_;  // those to a channel's very name
   Receivers patterns_;                                   // the others
-  std::unordered_map<std::string, Receivers, Hash, std::equal_to<>> receivers_;  // by channel seen
+  // Those seen, by name.
+  std::unordered_map<std::string, std::unique_ptr<Channel>, Hash, std::equal_to<>> channels_;
 };
 
 }  // namespace tether

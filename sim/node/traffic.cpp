@@ -131,15 +131,17 @@ void Traffic::look(Instant now) {
     vehicle.cluster.clear();
     vehicle.plant->set_vehicles({});
   }
+  std::vector<Position> places;
   std::vector<double> way_m;
   for (const Vehicle& vehicle : vehicles_) {
+    places.push_back(vehicle.plant->position());
     way_m.push_back(vehicle.reach_m + speed_mps(*vehicle.plant) * to_seconds(kHorizon));
   }
   for (std::size_t i = 0; i < count; ++i) {
-    const Position here = vehicles_[i].plant->position();
     for (std::size_t j = i + 1; j < count; ++j) {
       const double near_m = way_m[i] + way_m[j] + kSlack_m;
-      if (distance_m(here, vehicles_[j].plant->position()) > near_m) continue;
+      const double x_m = places[j].x_m - places[i].x_m, y_m = places[j].y_m - places[i].y_m;
+      if (x_m * x_m + y_m * y_m > near_m * near_m) continue;
       vehicles_[i].near.push_back(j);
       vehicles_[j].near.push_back(i);
       first[std::max(root(i), root(j))] = std::min(root(i), root(j));
