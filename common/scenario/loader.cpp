@@ -6,31 +6,16 @@
 #include <algorithm>
 #include <charconv>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/nearest_name.hpp"
 #include "common/base/text.hpp"
 #include "common/base/toml_reader.hpp"
 
 namespace tether {
 namespace {
-
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row.back();
-}
 
 std::string last_part(const std::string& key) { return key.substr(key.rfind('.') + 1); }
 
@@ -165,18 +150,15 @@ const ScenarioKey* ScenarioLoader::find_key(const std::string& key) {
 void ScenarioLoader::refuse_unknown(const std::string& place, const std::string& given) {
   const std::string key = printable(given, kLongestValueShown);
   const std::vector<std::string> names = names_beside(scenario_.schema(), keys_beside(key));
-  const auto nearest =
-      std::min_element(names.begin(), names.end(), [&key](const auto& a, const auto& b) {
-        return edit_distance(a, key) < edit_distance(b, key);
-      });
+  const std::string& nearest = nearest_name(names, key);
   const auto same_name = std::find_if(names.begin(), names.end(), [&key](const auto& name) {
     return last_part(name) == last_part(key);
   });
-  const auto& hint =
-      edit_distance(*nearest, key) > 3 && same_name != names.end() ? same_name : nearest;
+  const std::string& hint =
+      edit_distance(nearest, key) > 3 && same_name != names.end() ? *same_name : nearest;
   throw UsageError(fmt::format(
       "{}: unknown key \"{}\" (did you mean \"{}\"? `tether run --keys` lists all keys)", place,
-      key, *hint));
+      key, hint));
 }
 
 void ScenarioLoader::apply_table(const toml::table& table, const std::string& prefix,

@@ -148,7 +148,13 @@ def tether_finds_the_programs_beside_it(test):
         check(direct.startswith(f"{node} "), f"{node} --version says: {direct}")
         through = test.run(test.bin / "tether", node.removeprefix("tether-"), "--version", seconds=5)
         check(through.out() == direct, f"tether {node} says: {through.out()}{through.err()}")
-    refused(test, 2, ["nonsense"], test.bin / "tether", "nonsense")
+    for words, meant in ((("nonsense",), "tether"), (("can", "stauts"), "status"), (("netem", "shwo"), "show")):
+        text = refused(test, 2, [f'"tether {" ".join(words)}"', "did you mean", meant, "--help"], test.bin / "tether", *words)
+    test.say(text)
+    # What both know: this program's commands, and where the node's help is.
+    for command, sub, node in (("can", "estop", "tether-can --help"), ("netem", "fit", "tether-netem --help")):
+        said = test.run(test.bin / "tether", command, "--help", seconds=5).out()
+        check(sub in said and node in said, f"tether {command} --help: {said}")
 
 
 main(

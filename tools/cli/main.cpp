@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "common/base/nearest_name.hpp"
+#include "common/base/text.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/process.hpp"
 #include "tools/cli/commands.hpp"
@@ -21,15 +23,33 @@ void become_sibling(int argc, char** argv) {
   if (access(sibling.c_str(), X_OK) == 0) execv(sibling.c_str(), tether::to_argv(command).data());
 }
 
-/// `tether netem fit …` and its like are this program's own, `tether netem SCENARIO …` the node.
-bool is_own_subcommand(CLI::App& app, int argc, char** argv) {
-  if (argc < 3) return false;
-  for (CLI::App* command : app.get_subcommands({})) {
-    if (!command->check_name(argv[1])) continue;
-    const auto is_named = [&](const CLI::App* sub) { return sub->check_name(argv[2]); };
-    return !command->get_subcommands(is_named).empty();
+/// `tether netem fit …` and its like are this program's own, and so is their help; `tether netem
+/// SCENARIO …` is the node.
+bool is_own_subcommand(const CLI::App& command, const std::string& word) {
+  const auto is_named = [&](const CLI::App* sub) { return sub->check_name(word); };
+  return word.empty() || word == "-h" || word == "--help" ||
+         !command.get_subcommands(is_named).empty();
+}
+
+bool may_be_a_file(const std::string& word) {
+  return word.find_first_of("-./") != std::string::npos || access(word.c_str(), F_OK) == 0;
+}
+
+int refuse(const CLI::App& command, const std::string& word) {
+  std::vector<std::string> names;
+  for (const CLI::App* sub : command.get_subcommands({})) names.push_back(sub->get_name());
+  std::string whole = "tether";
+  if (command.get_parent() == nullptr) {
+    names.insert(names.end(), {"sim", "controller", "localiser", "can-bridge", "can-drive"});
+  } else {
+    whole += " " + command.get_name();
   }
-  return false;
+  std::fprintf(
+      stderr,
+      "tether: error: there is no command \"%s %s\" (did you mean \"%s\"?); see %s --help\n",
+      whole.c_str(), tether::printable(word, tether::kLongestNameShown).c_str(),
+      tether::nearest_name(names, word).c_str(), whole.c_str());
+  return tether::kExitUsage;
 }
 
 }  // namespace
@@ -56,11 +76,14 @@ int main(int argc, char** argv) {
   add_log_command(app, action);
   add_can_command(app, action);
   add_netem_command(app, action);
-  if (!is_own_subcommand(app, argc, argv)) become_sibling(argc, argv);
-  const auto is_named = [&](const CLI::App* command) { return command->check_name(argv[1]); };
-  if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_named).empty()) {
-    std::fprintf(stderr, "tether: error: there is no command \"%s\"; see tether --help\n", argv[1]);
-    return kExitUsage;
+  const std::string word = argc > 1 ? argv[1] : "", next = argc > 2 ? argv[2] : "";
+  const auto found =
+      app.get_subcommands([&](const CLI::App* sub) { return sub->check_name(word); });
+  if (found.empty() || !is_own_subcommand(*found.front(), next)) {
+    const bool has_commands = !found.empty() && !found.front()->get_subcommands({}).empty();
+    if (has_commands && !may_be_a_file(next)) return refuse(*found.front(), next);
+    become_sibling(argc, argv);
+    if (found.empty() && !word.empty() && word[0] != '-') return refuse(app, word);
   }
   return run_cli(app, argc, argv, [&action] { return action(); });
 }
