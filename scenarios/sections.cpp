@@ -32,6 +32,9 @@
 namespace tether {
 namespace {
 
+/// Of which a scan says something to the localiser.
+constexpr std::int64_t kLeastBeams = 20;
+
 template <class Settings>
 bool sends_changes(const Settings& sender) {
   return sender.send == Settings::Send::changed;
@@ -109,16 +112,36 @@ void check_timeout_of_changes(const Scenario& scenario, const std::string& file)
       file, timeout_s, most_s));
 }
 
+/// The bridge takes a silence for a controller that is gone.
+void check_bridge_of_changes(const Scenario& scenario, const std::string& file) {
+  const auto& controller = scenario.get<ControllerSettings>();
+  const bool by_can =
+      scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can;
+  if (!by_can || !sends_changes(controller)) return;
+  const auto& can = scenario.get<CanSettings>();
+  const bool plans = kind_of(controller).sends_plans;
+  const double most_s = plans ? can.max_blind_s : 1e-3 * can.stale_ms;
+  if (controller.send_max_age_s < most_s) return;
+  throw UsageError(fmt::format(
+      "{}: controller.send_max_age_s = {} must be below {:g} s ({} = {}): the bridge would stop "
+      "the "
+      "vehicle in between",
+      file, controller.send_max_age_s, most_s, plans ? "can.max_blind_s" : "can.stale_ms",
+      plans ? can.max_blind_s : can.stale_ms));
+}
+
 /// A vehicle that stops between two commands was not meant: the timeout is longer than the period.
 void check_timeout(const Scenario& scenario, const std::string& file) {
   const auto& actuator = scenario.get<ActuatorSettings>();
   const auto& controller = scenario.get<ControllerSettings>();
   const ActuatorPolicy& policy = kind_of(actuator);
   check_sending(scenario, file);
-  if (policy.after_timeout == nullptr || policy.takes_plans) return;
-  if (sends_changes(scenario.get<SensorSettings>()) || sends_changes(controller)) {
-    return check_timeout_of_changes(scenario, file);
-  }
+  check_bridge_of_changes(scenario, file);
+  const bool changes = sends_changes(scenario.get<SensorSettings>()) || sends_changes(controller);
+  // Plans have an end of their own; twists have the timeout, whatever the policy takes.
+  const bool has_timeout = !policy.takes_plans || (changes && !kind_of(controller).sends_plans);
+  if (policy.after_timeout == nullptr || !has_timeout) return;
+  if (changes) return check_timeout_of_changes(scenario, file);
   const bool by_timer = controller.trigger == ControllerSettings::Trigger::timer;
   const double rate_hz = by_timer ? controller.rate_hz : scenario.get<SensorSettings>().rate_hz;
   if (actuator.timeout_s * rate_hz >= 1.0) return;
@@ -127,6 +150,37 @@ void check_timeout(const Scenario& scenario, const std::string& file) {
       "vehicle would stop before each of them",
       file, actuator.timeout_s, 1.0 / rate_hz, by_timer ? "controller.rate_hz" : "sensor.rate_hz",
       rate_hz));
+}
+
+/// All of the way ahead, of the vehicle's width and up to `field_m`, has to be in the scanner's
+/// view: what the vehicle itself hides would count as free.
+void check_view_ahead(const Scenario& scenario, const std::string& file, double field_m) {
+  const auto& lidar = scenario.get<LidarSettings>();
+  const auto& vehicle = scenario.get<VehicleSettings>();
+  const Pose2 mount = lidar.mount(vehicle);
+  const std::vector<bool> hidden = hidden_beams(lidar, vehicle);
+  const auto sees = [&](double x_m, double y_m) {
+    const double direction_rad = std::atan2(y_m - mount.y_m, x_m - mount.x_m);
+    const double angle_rad = wrap_angle(direction_rad - mount.yaw_rad) - lidar.angle_min_rad();
+    const double beam = std::round(angle_rad / std::max(lidar.angle_increment_rad(), 1e-9));
+    return beam >= 0.0 && beam < static_cast<double>(hidden.size()) &&
+           !hidden[static_cast<std::size_t>(beam)];
+  };
+  constexpr double kStep_m = 0.1;
+  const double front_m = 0.5 * vehicle.chassis_length_m - vehicle.axle_x_m;
+  const double half_m = 0.5 * vehicle.chassis_width_m;
+  for (double x_m = front_m + kStep_m; x_m < front_m + field_m + kStep_m; x_m += kStep_m) {
+    for (const double y_m : {-half_m, 0.0, half_m}) {
+      if (sees(x_m, y_m)) continue;
+      throw UsageError(fmt::format(
+          "{}: the scanner at lidar.mount_x_m = {}, mount_y_m = {}, mount_yaw_rad = {} does not "
+          "see the "
+          "way ahead, for example ({:.2f}, {:.2f}) m from the axle: with autonomy.enabled put it "
+          "at the "
+          "front, at x = {:g} m, or above the chassis, and lidar.fov_rad = {:g} wide enough",
+          file, mount.x_m, mount.y_m, mount.yaw_rad, x_m, y_m, front_m, lidar.fov_rad));
+    }
+  }
 }
 
 /// What autonomy needs of other rooms' sections.
@@ -166,6 +220,7 @@ void check_autonomy(const Scenario& scenario, const std::string& file) {
         "{:.1f} m apart, and what is as wide as the vehicle, {:.2f} m, could stand between them",
         file, lidar.beams, field_m, apart_m, vehicle.chassis_width_m));
   }
+  check_view_ahead(scenario, file, field_m);
   const auto& can = scenario.get<CanSettings>();
   const bool by_can =
       scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can;
@@ -190,6 +245,22 @@ void check_inputs(const Scenario& scenario, const std::string& file) {
         fmt::format("{}: localiser.place needs a scanner: lidar.model = custom or one of {}; or "
                     "localiser.place = \"none\"",
                     file, fmt::join(lidar_presets(), ", ")));
+  }
+  if (const auto beams = scenario.get<LidarSettings>().beams; beams < kLeastBeams) {
+    throw UsageError(fmt::format(
+        "{}: localiser.place needs a scanner of more beams: lidar.beams = {}, at least {}", file,
+        beams, kLeastBeams));
+  }
+  const double height_m = scenario.get<LocaliserSettings>().scan_height_m;
+  const std::vector<Shape> mapped = mapped_shapes(scenario);
+  if (std::none_of(mapped.begin(), mapped.end(), [&](const Shape& shape) {
+        return shape.clearance_m <= height_m && height_m <= shape.height_m;
+      })) {
+    throw UsageError(
+        fmt::format("{}: localiser.scan_height_m = {}: the map shows nothing at that height "
+                    "(lidar.height_m, if "
+                    "it is not given)",
+                    file, height_m));
   }
 }
 

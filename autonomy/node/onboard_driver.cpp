@@ -1,6 +1,7 @@
 #include "autonomy/node/onboard_driver.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "common/vehicle/frames.hpp"
@@ -36,7 +37,15 @@ void OnboardDriver::on_odometry(Instant stamp, const Pose2& pose, const Twist& t
   track_.add(stamp, pose, twist);
 }
 
-void OnboardDriver::on_pose(Instant stamp, const Pose2& pose) { pose_ = {stamp, pose}; }
+void OnboardDriver::on_pose(Instant stamp, const Pose2& pose) {
+  poses_.push_back({stamp, pose});
+  while (stamp - poses_.front().stamp > kCompared) poses_.pop_front();
+  const Measured& before = poses_.front();
+  const std::optional<Pose2> by_wheels = track_.moved_on(before.pose, before.stamp, stamp);
+  if (by_wheels && std::hypot(by_wheels->x_m - pose.x_m, by_wheels->y_m - pose.y_m) > kApart_m) {
+    apart_ = stamp;
+  }
+}
 
 void OnboardDriver::on_command(Instant now, Instant stamp, std::int64_t seq, const Twist& twist,
                                std::optional<Instant> report) {
@@ -55,8 +64,10 @@ void OnboardDriver::on_plan(Instant now, PlanSource source, Plan plan) {
 }
 
 std::optional<Pose2> OnboardDriver::pose_at(Instant now) const {
-  if (!pose_ || !localiser_knows_ || now - pose_->stamp > pose_timeout_) return std::nullopt;
-  return track_.moved_on(pose_->pose, pose_->stamp, now);
+  if (poses_.empty() || !localiser_knows_) return std::nullopt;
+  const Measured& newest = poses_.back();
+  if (now - newest.stamp > pose_timeout_) return std::nullopt;
+  return track_.moved_on(newest.pose, newest.stamp, now);
 }
 
 std::string OnboardDriver::unfit(Instant now) {
@@ -66,7 +77,8 @@ std::string OnboardDriver::unfit(Instant now) {
   const double off_mps = pace_mps(
       {rolls.v_mps - wanted.v_mps, rolls.omega_radps - wanted.omega_radps}, field_.outline());
   if (off_mps <= kFollow_mps || setpoint_.stands()) followed_ = now;
-  return now - followed_ > kFollow ? "the wheels do not follow" : "";
+  if (now - followed_ > kFollow) return "the wheels do not follow";
+  return now - apart_ < kFollow ? "poses do not move as the wheels do" : "";
 }
 
 bool OnboardDriver::is_blocked(Instant now, const Twist& wanted) const {

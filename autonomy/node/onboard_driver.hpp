@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 #include <vector>
@@ -40,6 +41,11 @@ class OnboardDriver {
   /// it is when drives are not armed.
   static constexpr double kFollow_mps = 0.3;
   static constexpr Duration kFollow = std::chrono::milliseconds{500};
+  /// Poses that within kCompared moved by more than kApart_m otherwise than the wheels: a
+  /// protective stop. It is held by what its scanner does not see, slips, or does not know where it
+  /// is.
+  static constexpr double kApart_m = 0.4;
+  static constexpr Duration kCompared = std::chrono::milliseconds{1500};
   /// How often it looks along its path while it does not follow it.
   static constexpr Duration kLook = std::chrono::milliseconds{100};
   /// Way beyond the stopping field that has to be free before the law on board goes on.
@@ -98,7 +104,9 @@ class OnboardDriver {
     Instant stamp;
     Pose2 pose;
   };
-  std::optional<Measured> pose_;
+  std::deque<Measured> poses_;  ///< of the last kCompared
+  Instant apart_ =
+      kStart - std::chrono::hours{24};  ///< when poses last moved otherwise than wheels
   struct Outlook {
     bool on_path = false;
     bool way_free = false;

@@ -80,6 +80,12 @@ class MapFile {
     if (text("mode", kAllowed) != "trinary") refuse("mode", kAllowed);
   }
 
+  [[noreturn]] void refuse(const char* key, const std::string& allowed) const {
+    const YAML::Node node = top_[key];
+    throw UsageError(fmt::format("{}:{}: {} = {} is not allowed: {}", file_, node.Mark().line + 1,
+                                 key, printable(YAML::Dump(node), kLongestValueShown), allowed));
+  }
+
  private:
   template <class T>
   static std::optional<T> read(const YAML::Node& node) {
@@ -96,12 +102,6 @@ class MapFile {
     return node;
   }
 
-  [[noreturn]] void refuse(const char* key, const std::string& allowed) const {
-    const YAML::Node node = top_[key];
-    throw UsageError(fmt::format("{}:{}: {} = {} is not allowed: {}", file_, node.Mark().line + 1,
-                                 key, printable(YAML::Dump(node), kLongestValueShown), allowed));
-  }
-
   std::string file_;
   YAML::Node top_;
 };
@@ -116,7 +116,9 @@ OccupancyMap load_occupancy_map(const std::string& yaml_file) {
   map.origin = file.pose("origin");
   const bool negate = file.flag("negate");
   const double occupied_above = file.number("occupied_thresh", 0.0, 1.0);
-  file.number("free_thresh", 0.0, 1.0);
+  if (file.number("free_thresh", 0.0, 1.0) >= occupied_above) {
+    file.refuse("free_thresh", fmt::format("must be below occupied_thresh = {}", occupied_above));
+  }
   file.check_mode();
   const auto beside = std::filesystem::path(yaml_file).parent_path() / image;
   map.image_file = beside.lexically_normal().string();

@@ -32,7 +32,7 @@ struct AccessParameters {
   int cw_min = 15;    ///< counters are drawn from 0 … cw, which doubles (2·cw + 1) up to …
   int cw_max = 1023;  ///< … this with each failure
   int aifsn = 2;      ///< slots after SIFS before it counts or transmits; DCF: 2
-  int attempts = 7;   ///< of a frame, then it is dropped; 0: no limit
+  std::int64_t attempts = 7;  ///< of a frame, then it is dropped; 0: no limit
 };
 
 /// What becomes of a frame at the end of its last attempt.

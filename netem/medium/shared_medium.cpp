@@ -67,7 +67,7 @@ ScheduledRules rules_of(const MediumSettings& settings, Way way) {
   rules.rate_Mbps = settings.rate_Mbps;
   rules.error_ratio = settings.error_ratio;
   rules.repeat_after = from_seconds(settings.repeat_after_ms * 1e-3);
-  rules.attempts = static_cast<int>(settings.attempts);
+  rules.attempts = settings.attempts;
   rules.queue = static_cast<std::size_t>(settings.queue);
   rules.serve = settings.serve;
   rules.ids_of_a_message = kFragments;

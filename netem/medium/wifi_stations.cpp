@@ -146,7 +146,7 @@ std::size_t WifiStations::add_vehicle(const std::string& name) {
 AccessParameters WifiStations::access_of(const std::string& category) const {
   AccessParameters access =
       settings_.model == MediumSettings::Model::dcf ? AccessParameters{} : parameters_of(category);
-  access.attempts = static_cast<int>(settings_.attempts);
+  access.attempts = settings_.attempts;
   return access;
 }
 

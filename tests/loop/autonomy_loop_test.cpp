@@ -259,6 +259,19 @@ TEST(AutonomyLoop, LawsThatNeverTakeOverAreRefusedAndTheRemoteDriverOfNobodyIs) 
               ::testing::HasSubstr("or controller.law one of \"pid\", \"pid_adaptive\""));
 }
 
+TEST(AutonomyLoop, AScannerFromWhichTheVehicleHidesTheWayAheadIsRefused) {
+  const auto refusal = [](const std::vector<std::string>& overrides) {
+    return refusal_of([&] { parse_scenario(kLine, "test", overrides); });
+  };
+  const char* kHidden = "does not see the way ahead";
+  EXPECT_THAT(refusal({"lidar.mount_x_m=-0.5"}), ::testing::HasSubstr(kHidden)) << "at the rear";
+  EXPECT_THAT(refusal({"lidar.mount_x_m=0", "lidar.mount_y_m=0.35"}), ::testing::HasSubstr(kHidden))
+      << "at the side";
+  EXPECT_THAT(refusal({"lidar.mount_yaw_rad=3.14"}), ::testing::HasSubstr(kHidden)) << "looks back";
+  EXPECT_EQ(refusal({"lidar.mount_x_m=0", "lidar.height_m=1"}), "accepted")
+      << "looks over the vehicle";
+}
+
 TEST(AutonomyLoop, AScannerBetweenWhoseBeamsAVehicleHasRoomIsRefused) {
   EXPECT_THAT(refusal_of([&] { parse_scenario(kLine, "test", {"lidar.beams=4"}); }),
               ::testing::HasSubstr("test: lidar.beams = 4: at the end of the stopping field, "));

@@ -1,5 +1,6 @@
 // Poses from scans in the whole loop: on the vehicle, and at the edge behind a network that loses
 // parts of scans.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -14,6 +15,7 @@
 
 #include "common/vehicle/frames.hpp"
 #include "tests/loop/lockstep_rig.hpp"
+#include "tests/support/refusal.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 namespace tether {
@@ -163,6 +165,15 @@ TEST(LocaliserLoop, AVehicleThatDoesNotKnowWhereItIsStandsUntilItDoes) {
   EXPECT_LT(run.searching, 75);
 }
 
+TEST(LocaliserLoop, AScannerThatSeesNothingOfTheMapOrTooLittleIsRefused) {
+  const auto refusal = [](const char* key) {
+    return refusal_of([&] { scenario({"localiser.place=vehicle", key}); });
+  };
+  EXPECT_THAT(refusal("lidar.height_m=100"),
+              ::testing::HasSubstr("localiser.scan_height_m = 100: the map shows nothing"));
+  EXPECT_THAT(refusal("lidar.beams=19"), ::testing::HasSubstr("lidar.beams = 19, at least 20"));
+}
+
 /// Aisles that look alike, and people that the map does not have.
 TEST(LocaliserLoop, InTheFactoryAVehicleThatKnowsNothingIsFoundWhereItIsOrNotAtAll) {
   for (const char* y_m : {"3", "9", "15"}) {
@@ -173,14 +184,16 @@ TEST(LocaliserLoop, InTheFactoryAVehicleThatKnowsNothingIsFoundWhereItIsOrNotAtA
         {"vehicle.plant=kinematic", "run.duration_s=8", "localiser.knows_start=false",
          "path.kind=line", "path.length_m=2", "path.start_x_m=-12", "path." + y,
          "vehicle.start_x_m=-12", "vehicle." + y, "channel.model=fixed", "channel.prr=0"}));
-    std::int64_t undecodable = 0;
+    std::int64_t undecodable = 0, heard = 0;
     subscribe<localisation_t>(
         loop.bus(), "AGV/LOCALISATION", kDeepQueue, undecodable, [&](const localisation_t& found) {
+          ++heard;
           if (found.state == localisation_t::SEARCHING) return;
           const Pose2 truth = loop.sim().vehicle().state().pose;
           EXPECT_LT(std::hypot(found.x_m - truth.x_m, found.y_m - truth.y_m), 0.2);
         });
     loop.run();
+    EXPECT_GT(heard, 100);
   }
 }
 

@@ -25,7 +25,7 @@ struct ScheduledRules {
   double rate_Mbps = 50.0;                               ///< of the cell; one user at a time
   double error_ratio = 0.0;                              ///< of a transmission (BLER)
   Duration repeat_after = std::chrono::milliseconds{8};  ///< HARQ: from its end to the next
-  int attempts = 4;                                      ///< of a packet, then it is lost
+  std::int64_t attempts = 4;                             ///< of a packet, then it is lost
   std::size_t queue = 100;                               ///< packets of a user; others are refused
   /// Who is next, of those who have something that is granted.
   enum class Serve {

@@ -80,6 +80,21 @@ TEST_F(OnboardDriverTest, StandsWhenItsWheelsDoNotFollow) {
   EXPECT_EQ(driver_.supervisor().reason(), "the wheels do not follow");
 }
 
+TEST_F(OnboardDriverTest, PushesAgainstWhatItsScannerDoesNotSeeForLessThanAMetreOfItsWheels) {
+  pass(3.0);
+  held_ = true;
+  pass(0.3);
+  EXPECT_EQ(out_.driver, Driver::law) << "0.36 m are not 0.4";
+  pass(0.1);
+  EXPECT_EQ(out_.state, DriveState::protective_stop);
+  EXPECT_EQ(driver_.supervisor().reason(), "poses do not move as the wheels do");
+  const double clock_s = driver_.follower().clock_s();
+  pass(3.0);
+  EXPECT_EQ(out_.setpoint.v_mps, 0.0);
+  EXPECT_LT(slipped_m_, 1.3);
+  EXPECT_LT(driver_.follower().clock_s(), clock_s + 1.2) << "the reference waits";
+}
+
 TEST_F(OnboardDriverTest,
        WheelsThatRollTowardsAnObstacleAreAProtectiveStopThoughNobodyTellsThemTo) {
   now_ = kStart - std::chrono::seconds{1};

@@ -45,7 +45,8 @@ enabled = true
     const Instant end = now_ + from_seconds(duration_s);
     while (now_ < end) {
       now_ += kStep;
-      driver_.on_odometry(now_, pose_, wheels_.value_or(out_.setpoint));
+      const Pose2 by_wheels{pose_.x_m + slipped_m_, pose_.y_m, pose_.yaw_rad};
+      driver_.on_odometry(now_, by_wheels, wheels_.value_or(out_.setpoint));
       if (localised_) driver_.on_pose(now_, pose_);
       if (sees_ && (now_ - kStart) / kStep % 4 == 0) {
         driver_.on_scan(scanner_.scan(now_, pose_, shapes_));
@@ -57,7 +58,12 @@ enabled = true
                 limits.deceleration_mps2 * kStep_s + 1e-9);
       EXPECT_LE(std::abs(out_.setpoint.omega_radps - before.omega_radps),
                 limits.yaw_acceleration_radps2 * kStep_s + 1e-9);
-      pose_ = moved(pose_, wheels_.value_or(out_.setpoint), kStep_s);
+      const Twist rolls = wheels_.value_or(out_.setpoint);
+      if (held_) {
+        slipped_m_ += rolls.v_mps * kStep_s;
+      } else {
+        pose_ = moved(pose_, rolls, kStep_s);
+      }
     }
   }
   /// A box whose near side is this far ahead of the vehicle's front.
@@ -82,6 +88,8 @@ enabled = true
   std::vector<Shape> shapes_ = hall(12.0);
   bool localised_ = true, sees_ = true;
   std::optional<Twist> wheels_;  ///< if not what it says
+  bool held_ = false;            ///< its wheels turn, and it stays where it is
+  double slipped_m_ = 0.0;
   OnboardDriver::Output out_;
   Pose2 pose_;
   Instant now_ = kStart;

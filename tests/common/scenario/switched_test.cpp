@@ -144,6 +144,29 @@ TEST(SendingChanges, OfPlansNeedsAnAgeLimitBelowTheirHorizon) {
   EXPECT_THAT(refusal(late), HasSubstr("must be below controller.horizon_s = 5"));
 }
 
+TEST(SendingChanges, OfTwistsHasATimeoutUnderAPolicyForPlansToo) {
+  const std::vector<std::string> twists{"controller.send=changed", "actuator.policy=horizon",
+                                        "controller.trigger=timer"};
+  EXPECT_EQ(refusal(twists), "accepted");
+  auto late = twists;
+  late.emplace_back("controller.send_max_age_s=0.5");
+  EXPECT_THAT(refusal(late),
+              HasSubstr("must be above the longest time between two commands, 0.5 s"));
+}
+
+TEST(SendingChanges, IsNoSilenceForTheBridge) {
+  const auto by_can = [](const std::string& age, const std::string& law) {
+    std::vector<std::string> keys{"vehicle.drivetrain=can", "controller.send=changed",
+                                  "controller.send_max_age_s=" + age, "controller.law=" + law};
+    if (law != "pid") keys.emplace_back("actuator.policy=horizon");
+    return refusal(keys);
+  };
+  EXPECT_EQ(by_can("0.19", "pid"), "accepted");
+  EXPECT_THAT(by_can("0.2", "pid"), HasSubstr("must be below 0.2 s (can.stale_ms = 200)"));
+  EXPECT_EQ(by_can("0.9", "predictive"), "accepted");
+  EXPECT_THAT(by_can("1", "predictive"), HasSubstr("must be below 1 s (can.max_blind_s = 1)"));
+}
+
 TEST(SendingChanges, IsRefusedWhereItWouldDoNothingOrOthersNeedAll) {
   EXPECT_THAT(refusal({"sensor.send=changed", "medium.model=dcf", "medium.others=3"}),
               HasSubstr("test.toml: sensor.send = \"changed\" needs medium.others = 0"));

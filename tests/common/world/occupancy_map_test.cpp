@@ -128,6 +128,8 @@ TEST_F(MapTest, NamesFileLineKeyAndWhatIsAllowed) {
       {with("occupied_thresh", "65"),
        "occupied_thresh = 65 is not allowed: must be a number in [0, 1]"},
       {with("free_thresh", ""), "free_thresh is missing"},
+      {with("free_thresh", "0.9"),
+       "free_thresh = 0.9 is not allowed: must be below occupied_thresh"},
       {with("mode", "scale"), "mode = scale is not allowed: must be trinary, or not be there"},
       {"[1, 2]", "must be a YAML file with image, resolution, origin"},
       {"", "must be a YAML file with image"},
