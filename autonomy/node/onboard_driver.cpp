@@ -139,7 +139,7 @@ OnboardDriver::Output OnboardDriver::step(Instant now) {
 
   Output out;
   out.state = supervisor_.state();
-  out.driver = supervisor_.driver(now);
+  out.driver = sight.unfit.empty() ? supervisor_.driver(now) : Driver::none;
   out.pose = pose;
   const Twist target = wanted_by(out.driver, now, law);
   const double clear_of_target_m = field_.clear_m(out.driver == Driver::none ? law : target);

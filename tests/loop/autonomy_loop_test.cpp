@@ -265,7 +265,7 @@ TEST(AutonomyLoop, AScannerFromWhichTheVehicleHidesTheWayAheadIsRefused) {
   };
   const char* kHidden = "does not see the way ahead";
   EXPECT_THAT(refusal({"lidar.mount_x_m=-0.5"}), ::testing::HasSubstr(kHidden)) << "at the rear";
-  EXPECT_THAT(refusal({"lidar.mount_x_m=0", "lidar.mount_y_m=0.35"}), ::testing::HasSubstr(kHidden))
+  EXPECT_THAT(refusal({"lidar.mount_x_m=0", "lidar.mount_y_m=1"}), ::testing::HasSubstr(kHidden))
       << "at the side";
   EXPECT_THAT(refusal({"lidar.mount_yaw_rad=3.14"}), ::testing::HasSubstr(kHidden)) << "looks back";
   EXPECT_EQ(refusal({"lidar.mount_x_m=0", "lidar.height_m=1"}), "accepted")

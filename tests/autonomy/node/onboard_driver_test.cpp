@@ -95,6 +95,32 @@ TEST_F(OnboardDriverTest, PushesAgainstWhatItsScannerDoesNotSeeForLessThanAMetre
   EXPECT_LT(driver_.follower().clock_s(), clock_s + 1.2) << "the reference waits";
 }
 
+TEST_F(OnboardDriverTest, NobodyPushesRemotelyEither) {
+  ask();
+  const auto drive = [&](double v_mps) {
+    driver_.on_command(now_, now_, seq_++, {v_mps, 0.0}, now_);
+    pass(0.1);
+  };
+  drive(0.0);
+  shapes_ = testing::hall(12.0);
+  block(6.0);  // nothing in the way, and it is not on its path: it does not go on by itself
+  pose_.y_m = 0.5;
+  slipped_m_ = 0.0;
+  for (int i = 0; i < 20; ++i) drive(0.0);
+  held_ = true;
+  double rolled_m = 0.0;
+  for (int i = 0; i < 50; ++i) {
+    const double before_m = slipped_m_;
+    drive(0.4);
+    rolled_m = std::max(rolled_m, slipped_m_ - before_m);
+    if (i > 20 && out_.setpoint.v_mps == 0.0) break;
+  }
+  EXPECT_GT(rolled_m, 0.0) << "it was driven";
+  EXPECT_EQ(out_.driver, Driver::none);
+  EXPECT_EQ(out_.setpoint.v_mps, 0.0);
+  EXPECT_LT(slipped_m_, 1.5);
+}
+
 TEST_F(OnboardDriverTest,
        WheelsThatRollTowardsAnObstacleAreAProtectiveStopThoughNobodyTellsThemTo) {
   now_ = kStart - std::chrono::seconds{1};
