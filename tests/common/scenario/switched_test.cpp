@@ -156,8 +156,9 @@ TEST(SendingChanges, OfTwistsHasATimeoutUnderAPolicyForPlansToo) {
 
 TEST(SendingChanges, IsNoSilenceForTheBridge) {
   const auto by_can = [](const std::string& age, const std::string& law) {
-    std::vector<std::string> keys{"vehicle.drivetrain=can", "controller.send=changed",
-                                  "controller.send_max_age_s=" + age, "controller.law=" + law};
+    std::vector<std::string> keys{"vehicle.drivetrain=can", "can.drivetrain=x.toml",
+                                  "controller.send=changed", "controller.send_max_age_s=" + age,
+                                  "controller.law=" + law};
     if (law != "pid") keys.emplace_back("actuator.policy=horizon");
     return refusal(keys);
   };
