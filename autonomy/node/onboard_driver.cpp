@@ -64,10 +64,10 @@ void OnboardDriver::on_plan(Instant now, PlanSource source, Plan plan) {
 }
 
 std::optional<Pose2> OnboardDriver::pose_at(Instant now) const {
-  if (poses_.empty() || !localiser_knows_) return std::nullopt;
-  const Measured& newest = poses_.back();
-  if (now - newest.stamp > pose_timeout_) return std::nullopt;
-  return track_.moved_on(newest.pose, newest.stamp, now);
+  if (poses_.empty() || !localiser_knows_ || now - poses_.back().stamp > pose_timeout_) {
+    return std::nullopt;
+  }
+  return track_.moved_on(poses_.back().pose, poses_.back().stamp, now);
 }
 
 std::string OnboardDriver::unfit(Instant now) {

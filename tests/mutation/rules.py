@@ -221,6 +221,7 @@ RULES = [
     ("drives: by a pose of a localiser that is lost", "OnboardDriver::pose_at", "operand", "localiser_knows_"),
     ("drives: blind", "OnboardDriver::unfit", "false", "blind"),
     ("drives: with wheels that do not follow", "OnboardDriver::unfit", "false", "kFollow"),
+    ("drives: held, with wheels that turn", "OnboardDriver::on_pose", "false", "kApart_m"),
     ("drives: into what is ahead", "OnboardDriver::is_blocked", "operand", "^cannot_go$"),
     ("drives: rolls into what is ahead", "OnboardDriver::is_blocked", "operand", "^too_fast$"),
     ("drives: before the start", "OnboardDriver::step", "operand", "^now >= kStart$"),
