@@ -32,9 +32,6 @@
 namespace tether {
 namespace {
 
-/// Of which a scan says something to the localiser.
-constexpr std::int64_t kLeastBeams = 20;
-
 template <class Settings>
 bool sends_changes(const Settings& sender) {
   return sender.send == Settings::Send::changed;
@@ -174,10 +171,10 @@ void check_view_ahead(const Scenario& scenario, const std::string& file, double 
       if (sees(x_m, y_m)) continue;
       throw UsageError(fmt::format(
           "{}: the scanner at lidar.mount_x_m = {}, mount_y_m = {}, mount_yaw_rad = {} does not "
-          "see the "
-          "way ahead, for example ({:.2f}, {:.2f}) m from the axle: with autonomy.enabled put it "
-          "at the "
-          "front, at x = {:g} m, or above the chassis, and lidar.fov_rad = {:g} wide enough",
+          "see "
+          "the way ahead, for example ({:.2f}, {:.2f}) m from the axle: with autonomy.enabled put "
+          "it at "
+          "the front, at x = {:g} m, or above the chassis, and lidar.fov_rad = {:g} wide enough",
           file, mount.x_m, mount.y_m, mount.yaw_rad, x_m, y_m, front_m, lidar.fov_rad));
     }
   }
@@ -246,20 +243,19 @@ void check_inputs(const Scenario& scenario, const std::string& file) {
                     "localiser.place = \"none\"",
                     file, fmt::join(lidar_presets(), ", ")));
   }
-  if (const auto beams = scenario.get<LidarSettings>().beams; beams < kLeastBeams) {
+  if (const auto beams = scenario.get<LidarSettings>().beams;
+      beams < LocaliserSettings::kLeastBeams) {
     throw UsageError(fmt::format(
         "{}: localiser.place needs a scanner of more beams: lidar.beams = {}, at least {}", file,
-        beams, kLeastBeams));
+        beams, LocaliserSettings::kLeastBeams));
   }
   const double height_m = scenario.get<LocaliserSettings>().scan_height_m;
   const std::vector<Shape> mapped = mapped_shapes(scenario);
-  if (std::none_of(mapped.begin(), mapped.end(), [&](const Shape& shape) {
-        return shape.clearance_m <= height_m && height_m <= shape.height_m;
-      })) {
+  if (std::none_of(mapped.begin(), mapped.end(),
+                   [&](const Shape& shape) { return shape.is_at(height_m); })) {
     throw UsageError(
         fmt::format("{}: localiser.scan_height_m = {}: the map shows nothing at that height "
-                    "(lidar.height_m, if "
-                    "it is not given)",
+                    "(lidar.height_m, if it is not given)",
                     file, height_m));
   }
 }

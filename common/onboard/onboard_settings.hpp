@@ -16,10 +16,11 @@ struct LocaliserSettings {
   double range_noise_m = 0.02;      ///< of a beam, standard deviation
   double odometry_noise_m = 0.005;  ///< of a wheel's way after 1 m, standard deviation; grows as √
   double max_distance_m = 0.5;      ///< beams that end farther from the map say nothing
-  int max_beams = 1000;             ///< of a scan that are matched, evenly chosen
-  int particles = 20000;            ///< new ones each scan, while it searches
-  double scan_patience_ms = 30.0;   ///< place = edge: for missing parts after a scan's end
-  double part_bytes = 1400.0;       ///< place = edge: of a part at most
+  static constexpr int kLeastBeams = 20;  ///< of a scan, or it says nothing
+  int max_beams = 1000;                   ///< of a scan that are matched, evenly chosen
+  int particles = 20000;                  ///< new ones each scan, while it searches
+  double scan_patience_ms = 30.0;         ///< place = edge: for missing parts after a scan's end
+  double part_bytes = 1400.0;             ///< place = edge: of a part at most
 };
 
 /// [autonomy]: the vehicle drives by itself and asks for a remote driver when it cannot go on.

@@ -24,6 +24,9 @@ struct Shape {
   // Its motion, world frame; 0: it stands.
   double vx_mps = 0.0;
   double vy_mps = 0.0;
+
+  /// Whether there is something of it so far above the floor.
+  bool is_at(double height) const { return clearance_m <= height && height <= height_m; }
 };
 
 /// One side of a rectangle.

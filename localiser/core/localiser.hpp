@@ -6,6 +6,7 @@
 
 #include "common/base/counters.hpp"
 #include "common/base/random.hpp"
+#include "common/onboard/onboard_settings.hpp"
 #include "common/onboard/scan.hpp"
 #include "localiser/filter/pose_tracker.hpp"
 #include "localiser/search/pose_search.hpp"
@@ -53,7 +54,7 @@ class Localiser {
   static constexpr double kLeastSeen = 0.2;
   static constexpr int kStrays = 3;
   static constexpr double kStrayShare = 0.8;
-  static constexpr int kLeastBeams = 20;
+  static constexpr int kLeastBeams = LocaliserSettings::kLeastBeams;
   /// What is known less well by a scan alone is degenerate.
   static constexpr double kWeak_m = 0.1;
   static constexpr double kWeak_rad = 0.03;

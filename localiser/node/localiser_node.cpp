@@ -18,9 +18,7 @@ using Place = LocaliserSettings::Place;
 std::vector<Shape> seen_shapes(const LocaliserNodeSettings& settings) {
   const double height_m = settings.get<LocaliserSettings>().scan_height_m;
   std::vector<Shape> shapes = mapped_shapes(settings);
-  std::erase_if(shapes, [height_m](const Shape& shape) {
-    return height_m < shape.clearance_m || height_m > shape.height_m;
-  });
+  std::erase_if(shapes, [height_m](const Shape& shape) { return !shape.is_at(height_m); });
   return shapes;
 }
 

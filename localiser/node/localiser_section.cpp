@@ -34,7 +34,7 @@ void add_matching(KeyTable<Settings>& t) {
            "standard deviation of a wheel's way after 1 m; it grows with the root of the way");
   t.number("max_distance_m", &Settings::max_distance_m, {0.05, 5.0, false},
            "beams that end farther from the map say nothing");
-  t.whole_number("max_beams", &Settings::max_beams, 20,
+  t.whole_number("max_beams", &Settings::max_beams, Settings::kLeastBeams,
                  "of a scan that are matched, evenly chosen");
   t.whole_number("particles", &Settings::particles, 72, "new ones each scan, while it searches");
 }

@@ -98,8 +98,7 @@ void check_place(const Scenario& scenario, const std::string& file) {
         file, start.x_m, start.y_m, mount.x_m, mount.y_m, half_extent_m));
   }
   for (const Shape& shape : standing_shapes(scenario)) {
-    if (lidar.height_m < shape.clearance_m || lidar.height_m > shape.height_m) continue;
-    if (distance_m(shape, start) > 0.0) continue;
+    if (!shape.is_at(lidar.height_m) || distance_m(shape, start) > 0.0) continue;
     throw UsageError(fmt::format(
         "{}: the scanner starts at ({:.2f}, {:.2f}) m, in an obstacle at ({:.2f}, {:.2f}) m; move "
         "it (lidar.mount_x_m, mount_y_m, height_m), the vehicle's start or the obstacle",

@@ -225,7 +225,7 @@ RayCaster::RayCaster(const std::vector<Shape>& standing, double height_m) : heig
 std::vector<RayCaster::Outline> RayCaster::outlines_of(const std::vector<Shape>& shapes) const {
   std::vector<Outline> outlines;
   for (const Shape& shape : shapes) {
-    if (height_m_ < shape.clearance_m || height_m_ > shape.height_m) continue;
+    if (!shape.is_at(height_m_)) continue;
     const bool circle = shape.outline == Shape::Outline::circle;
     const double length_m = circle ? shape.radius_m : 0.5 * shape.length_m;
     const double width_m = circle ? 0.0 : std::max(0.5 * shape.width_m, kSkin_m);
