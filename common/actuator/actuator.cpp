@@ -15,11 +15,11 @@ StopLimits stop_limits(const ActuatorSettings& config, const VehicleConfig& vehi
 
 Actuator::Actuator(const ActuatorSettings& config, const VehicleConfig& vehicle,
                    const StreamGuard::Config& guard)
-    : config_(config),
+    : timeout_(from_seconds(config.timeout_s)),
       policy_(&kind_of(config)),
       limits_(stop_limits(config, vehicle)),
-      timeout_(from_seconds(config.timeout_s)),
-      plans_(limits_, guard) {}
+      plans_(limits_, guard),
+      config_(config) {}
 
 void Actuator::on_command(Instant now, const Twist& command) {
   command_ = command;

@@ -66,14 +66,14 @@ class Actuator {
  private:
   Twist command_in_force(Instant now) const;
 
-  ActuatorSettings config_;
-  const ActuatorPolicy* policy_;  // of actuator_policies()
-  StopLimits limits_;
-  Duration timeout_;
   Twist command_;
   Instant arrival_ = kStart;
+  Duration timeout_;
+  const ActuatorPolicy* policy_;  // of actuator_policies()
   bool any_command_ = false;
+  StopLimits limits_;
   PlanBuffer plans_;
+  ActuatorSettings config_;
   std::int64_t unasked_plans_ = 0;
 };
 

@@ -14,12 +14,6 @@ struct InProcessBus::Subscription {
   Handler handler;
 };
 
-/// Never moved: messages on their way point to it.
-struct InProcessBus::Channel {
-  std::string name;
-  Receivers receivers;
-};
-
 namespace {
 
 /// Most are: only that one channel matches, and a fleet has thousands.
@@ -50,13 +44,19 @@ void InProcessBus::subscribe(const std::string& channel_regex, int, Handler hand
   Subscription* made = subscriptions_.back().get();
   (is_a_name(channel_regex) ? named_[channel_regex] : patterns_).push_back(made);
   for (auto& [name, channel] : channels_) {
-    if (made->channel.matches(name)) channel->receivers.push_back(made);
+    if (made->channel.matches(name)) channel.receivers.push_back(made);
   }
 }
 
 const InProcessBus::Channel& InProcessBus::channel(std::string_view name) {
+  const Channel*& recent = recent_[Hash{}(name) % recent_.size()];
+  if (recent == nullptr || recent->name != name) recent = &find_or_make(name);
+  return *recent;
+}
+
+const InProcessBus::Channel& InProcessBus::find_or_make(std::string_view name) {
   const auto known = channels_.find(name);
-  if (known != channels_.end()) return *known->second;
+  if (known != channels_.end()) return known->second;
   Receivers found;
   if (const auto named = named_.find(name); named != named_.end()) found = named->second;
   for (Subscription* s : patterns_) {
@@ -64,8 +64,9 @@ const InProcessBus::Channel& InProcessBus::channel(std::string_view name) {
   }
   std::sort(found.begin(), found.end(),
             [](const Subscription* a, const Subscription* b) { return a->number < b->number; });
-  auto made = std::make_unique<Channel>(Channel{std::string(name), std::move(found)});
-  return *channels_.emplace(made->name, std::move(made)).first->second;
+  auto& [its_name, made] = *channels_.emplace(name, Channel{}).first;
+  made = {its_name, std::move(found)};
+  return made;
 }
 
 }  // namespace tether

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <map>
 #include <memory>
@@ -28,7 +29,11 @@ class InProcessBus final : public Bus {
  private:
   struct Subscription;
   using Receivers = std::vector<Subscription*>;
-  struct Channel;
+  /// Never moved: messages on their way point to it.
+  struct Channel {
+    std::string_view name;
+    Receivers receivers;
+  };
   struct Hash {
     using is_transparent = void;
     std::size_t operator()(std::string_view text) const {
@@ -36,13 +41,16 @@ class InProcessBus final : public Bus {
     }
   };
   const Channel& channel(std::string_view name);
+  const Channel& find_or_make(std::string_view name);
 
   EventLoop& loop_;
   std::vector<std::unique_ptr<Subscription>> subscriptions_;
   std::map<std::string, Receivers, std::less<>> named_;  // those to a channel's very name
   Receivers patterns_;                                   // the others
+  /// By the name's hash, the one last looked for: spares most of the way through channels_.
+  std::array<const Channel*, 4096> recent_{};
   // Those seen, by name.
-  std::unordered_map<std::string, std::unique_ptr<Channel>, Hash, std::equal_to<>> channels_;
+  std::unordered_map<std::string, Channel, Hash, std::equal_to<>> channels_;
 };
 
 }  // namespace tether

@@ -58,6 +58,7 @@ SoleSender::SoleSender(EventLoop& loop, Bus& bus, const std::vector<std::string>
 
 void SoleSender::heard(Watched& watched, std::uint64_t sender) {
   if (sender == 0) return;
+  any_named_ = true;
   watched.watch.heard(loop_.now(), sender);
   const std::string several = text(watched);
   if (!several.empty() && !watched.reported) {
@@ -78,9 +79,9 @@ std::string SoleSender::text(const Watched& watched) const {
 }
 
 bool SoleSender::several(std::string_view channel) const {
-  return std::any_of(channels_.begin(), channels_.end(), [&](const Watched& watched) {
-    return watched.channel == channel && !watched.watch.several(loop_.now()).empty();
-  });
+  return any_named_ && std::any_of(channels_.begin(), channels_.end(), [&](const Watched& watched) {
+           return watched.channel == channel && !watched.watch.several(loop_.now()).empty();
+         });
 }
 
 std::string SoleSender::trouble() const {

@@ -71,6 +71,7 @@ class SoleSender {
   EventLoop& loop_;
   Report report_;
   std::list<Watched> channels_;
+  bool any_named_ = false;  ///< the network has told of some message who sent it
   std::int64_t count_ = 0;
 };
 

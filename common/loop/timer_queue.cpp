@@ -5,12 +5,11 @@
 #include <utility>
 
 namespace tether {
+namespace {
 
-struct TimerQueue::Later {
-  bool operator()(const Entry& a, const Entry& b) const {
-    return a.when != b.when ? a.when > b.when : a.order > b.order;
-  }
-};
+constexpr auto kLater = [](const auto& a, const auto& b) { return b.is_before(a); };
+
+}  // namespace
 
 void TimerQueue::add(Instant when, Priority priority, Task task) {
   push(when, priority, allocate({std::move(task), Duration{0}, priority}));
@@ -30,11 +29,25 @@ Instant TimerQueue::not_before(Instant now, Instant first, Duration period) {
   return first + ((now - first + period - Duration{1}) / period) * period;
 }
 
-void TimerQueue::run_next() {
-  assert(!heap_.empty());
-  std::pop_heap(heap_.begin(), heap_.end(), Later{});
+TimerQueue::Entry TimerQueue::take_front() {
+  if (is_due_first()) {
+    const Entry entry = due_[due_taken_++];
+    if (due_taken_ == due_.size()) {
+      due_.clear();
+      due_taken_ = 0;
+    }
+    return entry;
+  }
+  std::pop_heap(heap_.begin(), heap_.end(), kLater);
   const Entry entry = heap_.back();
   heap_.pop_back();
+  return entry;
+}
+
+void TimerQueue::run_next() {
+  assert(!empty());
+  const Entry entry = take_front();
+  running_ = entry.when;
 
   // The task is moved out while it runs, because it may add tasks and so move the slots.
   Task task = std::move(slots_[entry.slot].task);
@@ -58,8 +71,13 @@ void TimerQueue::push(Instant when, Priority priority, std::uint32_t slot) {
 }
 
 void TimerQueue::push_in_order(Instant when, std::uint64_t order, std::uint32_t slot) {
-  heap_.push_back({when, order, slot});
-  std::push_heap(heap_.begin(), heap_.end(), Later{});
+  const Entry entry{when, order, slot};
+  if (when == running_ && (due_.empty() || due_.back().is_before(entry))) {
+    due_.push_back(entry);
+    return;
+  }
+  heap_.push_back(entry);
+  std::push_heap(heap_.begin(), heap_.end(), kLater);
 }
 
 std::uint32_t TimerQueue::allocate(Slot slot) {

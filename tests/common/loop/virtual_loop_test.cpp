@@ -2,9 +2,13 @@
 
 #include <gmock/gmock.h>
 
+#include <functional>
 #include <limits>
+#include <random>
+#include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace tether {
@@ -95,6 +99,28 @@ TEST_F(VirtualLoopTest, ATaskMayAddTasksForTheSameInstantAndForLater) {
   run(2ms);
   EXPECT_THAT(log,
               ElementsAre("parent", "same instant, physics", "sibling", "same instant", "later"));
+}
+
+TEST_F(VirtualLoopTest, TasksThatAddTasksOfTheirInstantAlwaysLeaveTheFirstOfAllToRunNext) {
+  const std::vector<Priority> all{Priority::physics, Priority::delivery, Priority::node,
+                                  Priority::observer};
+  std::set<std::pair<Priority, int>> pending;
+  std::mt19937 random{1};
+  int added = 0, run_so_far = 0;
+  const std::function<void()> add = [&] {
+    const std::pair<Priority, int> place{all[random() % all.size()], added++};
+    pending.insert(place);
+    loop.at(kStart + 1ms, place.first, [&, place](Instant) {
+      EXPECT_EQ(place, *pending.begin());
+      pending.erase(place);
+      ++run_so_far;
+      for (auto more = random() % 3; more > 0 && added < 1000; --more) add();
+    });
+  };
+  for (int i = 0; i < 50; ++i) add();
+  run(1ms);
+  EXPECT_EQ(run_so_far, added);
+  EXPECT_THAT(pending, IsEmpty());
 }
 
 TEST_F(VirtualLoopTest, ATaskKeepsItsStateWhileItAddsManyTasks) {
