@@ -75,32 +75,32 @@ Duration batch_of(const SimSettings& settings, const EventLoop& loop) {
 SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic* traffic)
     : loop_(loop),
       bus_(bus),
-      channels_(settings.get<VehicleSettings>().name),
-      senders_(loop, bus, senders_to(channels_, settings)),
       step_(step_of(settings.get<WorldSettings>())),
       end_(kStart + from_seconds(settings.get<RunSettings>().duration_s)),
       world_end_(end_),
-      sensor_latency_(from_seconds(settings.get<SensorSettings>().latency_ms * 1e-3)),
-      drive_errors_(settings.get<VehicleSettings>()),
-      clock_offset_(from_seconds(settings.get<VehicleSettings>().clock_offset_ms * 1e-3)),
-      path_(make_path(settings.get<PathSettings>())),
-      point_ahead_m_(
-          controlled_point_ahead_m(settings.get<PathSettings>(), settings.get<VehicleSettings>())),
+      next_step_(TimerQueue::not_before(loop.now(), kStart + step_, step_)),
+      world_time_(std::max(kStart, next_step_ - step_)),
+      metrics_step_(is_kinematic(settings) ? std::max(kKinematicMetrics, step_) : step_),
       vehicle_(
           make_plant(at_true_start(settings.get<VehicleSettings>(),
                                    random_stream(settings.get<RunSettings>().seed,
                                                  settings.get<VehicleSettings>().name + "/start")),
                      settings.get<WorldSettings>(), step_, settings.get<RunSettings>().seed,
                      settings.get<Surroundings>())),
-      metrics_step_(is_kinematic(settings) ? std::max(kKinematicMetrics, step_) : step_),
+      path_(make_path(settings.get<PathSettings>())),
+      point_ahead_m_(
+          controlled_point_ahead_m(settings.get<PathSettings>(), settings.get<VehicleSettings>())),
+      drive_errors_(settings.get<VehicleSettings>()),
+      metrics_(metrics_of(settings.get<RunSettings>())),
       actuator_(actuator_of(settings), settings.get<VehicleSettings>(),
                 {.earliest = earliest_stamp(settings)}),
+      channels_(settings.get<VehicleSettings>().name),
+      senders_(loop, bus, senders_to(channels_, settings)),
+      sensor_latency_(from_seconds(settings.get<SensorSettings>().latency_ms * 1e-3)),
+      clock_offset_(from_seconds(settings.get<VehicleSettings>().clock_offset_ms * 1e-3)),
       sensor_(settings.get<SensorSettings>(), settings.get<RunSettings>().seed,
               settings.get<VehicleSettings>().name),
-      metrics_(metrics_of(settings.get<RunSettings>())),
       guard_({.earliest = earliest_stamp(settings)}),
-      next_step_(TimerQueue::not_before(loop.now(), kStart + step_, step_)),
-      world_time_(std::max(kStart, next_step_ - step_)),
       counters_(loop, bus, "sim", channels_.sim_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) {
@@ -110,11 +110,13 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic
   metrics_.start(error_m(), to_seconds(world_time_));
   if (traffic != nullptr) join(*traffic, settings.get<VehicleSettings>());
   const Duration batch = batch_of(settings, loop);
-  loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
+  // In virtual time a fleet is moved by its traffic.
+  if (traffic == nullptr || loop.rate() > 0.0)
+    loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
   if (settings.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
     world_end_ = Instant::max();
-    drives_.emplace(settings, loop, bus, *vehicle_);
-    if (actuator_.takes_plans()) plan_watch_.emplace(settings, loop, bus);
+    drives_ = std::make_unique<WheelCoupling>(settings, loop, bus, *vehicle_);
+    if (actuator_.takes_plans()) plan_watch_ = std::make_unique<PlanWatch>(settings, loop, bus);
     const Duration coupling = from_seconds(settings.get<VehicleSettings>().coupling_ms * 1e-3);
     loop.every(first_tick(from_seconds(settings.get<RunSettings>().lead_s), coupling), coupling,
                Priority::physics, [this](Instant now) {
@@ -146,20 +148,22 @@ void SimNode::start_sensors(const SimSettings& settings) {
   const Duration lead = from_seconds(settings.get<RunSettings>().lead_s);
   const auto& sensor = settings.get<SensorSettings>();
   const auto& fleet = settings.get<FleetSettings>();
-  if (sensor.send == SensorSettings::Send::changed) pose_sending_.emplace(sensor);
+  if (sensor.send == SensorSettings::Send::changed)
+    pose_sending_ = std::make_unique<PoseSending>(sensor);
   if (settings.get<LocaliserSettings>().place == LocaliserSettings::Place::none) {
     const Duration period = from_seconds(1.0 / sensor.rate_hz);
     loop_.every(first_tick(lead, period) + fleet.tick_delay(period), period, Priority::node,
                 [this](Instant now) { sample_pose(now); });
   }
   if (sensor.odometry_rate_hz > 0.0) {
-    odometry_.emplace(settings.get<VehicleSettings>(), sensor.encoder_ticks);
+    odometry_ =
+        std::make_unique<WheelOdometry>(settings.get<VehicleSettings>(), sensor.encoder_ticks);
     const Duration period = from_seconds(1.0 / sensor.odometry_rate_hz);
     loop_.every(first_tick(lead, period) + fleet.tick_delay(period), period, Priority::node,
                 [this](Instant now) { publish_odometry(now); });
   }
   if (!settings.get<LidarSettings>().on()) return;
-  scanning_.emplace(settings, loop_, bus_);
+  scanning_ = std::make_unique<Scanning>(settings, loop_, bus_);
   scanning_->record(world_time_, vehicle_->state().pose);
   const Duration turn = scanning_->period();
   const Instant first = first_tick(lead, turn) + fleet.tick_delay(turn) + scanning_->sweep();

@@ -114,31 +114,21 @@ class SimNode final : public Node {
 
   EventLoop& loop_;
   Bus& bus_;
-  ChannelNames channels_;
-  SoleSender senders_;
-  Duration step_;      // of the physics
-  Instant end_;        // of truth and metrics
-  Instant world_end_;  // of motion
-  Duration sensor_latency_;
-  DriveErrors drive_errors_;
-  Duration clock_offset_;  ///< the vehicle's clock is ahead by this
+  // What each step needs is together: of a fleet, many take turns in the caches.
+  Duration step_;      ///< of the physics
+  Instant end_;        ///< of truth and metrics
+  Instant world_end_;  ///< of motion
+  Instant next_step_;
+  Instant world_time_ = kStart;     ///< of the vehicle's state
+  Duration unmeasured_{0};          ///< since the last addition to the metrics
+  Duration unmeasured_contact_{0};  ///< of it, at a wall
+  Duration metrics_step_;
+  std::unique_ptr<Plant> vehicle_;
+  std::unique_ptr<WheelCoupling> drives_;    ///< with drives on CAN, instead of the actuator
+  std::unique_ptr<Scanning> scanning_;       ///< with a laser scanner
+  std::unique_ptr<WheelOdometry> odometry_;  ///< if it is sent
   std::shared_ptr<const ReferencePath> path_;
   double point_ahead_m_;  ///< of the axle, what is to follow the path
-  std::unique_ptr<Plant> vehicle_;
-  Duration metrics_step_;
-  Actuator actuator_;
-  std::optional<WheelCoupling> drives_;  ///< with drives on CAN, instead of the actuator
-  std::optional<PlanWatch> plan_watch_;  ///< with drives that follow plans
-  PoseSensor sensor_;
-  std::optional<PoseSending> pose_sending_;  ///< not set: all poses are sent
-  std::optional<WheelOdometry> odometry_;    ///< if it is sent
-  std::int64_t odometry_seq_ = 0;
-  std::optional<Scanning> scanning_;  ///< with a laser scanner
-  Traffic* traffic_ = nullptr;        ///< of a fleet
-  std::size_t number_in_traffic_ = 0;
-  Metrics metrics_;
-  StreamGuard guard_;
-
   struct ArrivedPlan {
     PlanSource source;
     Plan plan;
@@ -147,12 +137,23 @@ class SimNode final : public Node {
     Instant arrival;
     std::variant<Twist, ArrivedPlan> what;
   };
-  std::vector<ArrivedCommand> arrived_;  // not in force before the next step that begins
-  Instant next_step_;
-  Instant world_time_ = kStart;  // of the vehicle's state
+  std::vector<ArrivedCommand> arrived_;  ///< not in force before the next step that begins
+  DriveErrors drive_errors_;
+  Metrics metrics_;
+  Actuator actuator_;
+
+  ChannelNames channels_;
+  SoleSender senders_;
+  Duration sensor_latency_;
+  Duration clock_offset_;                  ///< the vehicle's clock is ahead by this
+  std::unique_ptr<PlanWatch> plan_watch_;  ///< with drives that follow plans
+  PoseSensor sensor_;
+  std::unique_ptr<PoseSending> pose_sending_;  ///< null: all poses are sent
+  std::int64_t odometry_seq_ = 0;
+  Traffic* traffic_ = nullptr;  ///< of a fleet
+  std::size_t number_in_traffic_ = 0;
+  StreamGuard guard_;
   Instant last_truth_ = kStart;
-  Duration unmeasured_{0};          // since the last addition to the metrics
-  Duration unmeasured_contact_{0};  // of it, at a wall
   std::int64_t pose_seq_ = 0;
   std::int64_t dropped_poses_ = 0;
   std::int64_t truth_seq_ = 0;

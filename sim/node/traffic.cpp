@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <compare>
 #include <numeric>
 
 namespace tether {
@@ -48,8 +49,12 @@ constexpr double kSlack_m = 0.3;
 
 std::size_t Traffic::add(const VehicleConfig& vehicle, Plant& plant,
                          std::function<void(Instant)> move) {
-  vehicles_.push_back({vehicle, mass_of(vehicle), reach_m(vehicle),
-                       reach_m(vehicle, -vehicle.axle_x_m), &plant, std::move(move)});
+  vehicles_.push_back({.move = std::move(move),
+                       .plant = &plant,
+                       .reach_m = reach_m(vehicle),
+                       .radius_m = reach_m(vehicle, -vehicle.axle_x_m),
+                       .mass_kg = mass_of(vehicle),
+                       .config = vehicle});
   times_.push_back(kStart);
   return vehicles_.size() - 1;
 }
@@ -128,31 +133,51 @@ void Traffic::look(Instant now) {
   };
   for (Vehicle& vehicle : vehicles_) {
     vehicle.near.clear();
+    if (vehicle.cluster.empty()) continue;
     vehicle.cluster.clear();
     vehicle.plant->set_vehicles({});
   }
-  std::vector<Position> places;
-  std::vector<double> way_m;
-  for (const Vehicle& vehicle : vehicles_) {
-    places.push_back(vehicle.plant->position());
-    way_m.push_back(vehicle.reach_m + speed_mps(*vehicle.plant) * to_seconds(kHorizon));
+  for (const auto& [i, j] : near_pairs()) {
+    vehicles_[i].near.push_back(j);
+    vehicles_[j].near.push_back(i);
+    first[std::max(root(i), root(j))] = std::min(root(i), root(j));
   }
   for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t j = i + 1; j < count; ++j) {
-      const double near_m = way_m[i] + way_m[j] + kSlack_m;
-      const double x_m = places[j].x_m - places[i].x_m, y_m = places[j].y_m - places[i].y_m;
-      if (x_m * x_m + y_m * y_m > near_m * near_m) continue;
-      vehicles_[i].near.push_back(j);
-      vehicles_[j].near.push_back(i);
-      first[std::max(root(i), root(j))] = std::min(root(i), root(j));
-    }
-  }
-  std::vector<std::vector<std::size_t>> clusters(count);
-  for (std::size_t i = 0; i < count; ++i) clusters[root(i)].push_back(i);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (clusters[root(i)].size() > 1) vehicles_[i].cluster = clusters[root(i)];
+    if (!vehicles_[i].near.empty()) vehicles_[root(i)].cluster.push_back(i);
     times_[i] = last_step;
   }
+  for (std::size_t i = 0; i < count; ++i) vehicles_[i].cluster = vehicles_[root(i)].cluster;
+}
+
+/// Those that may touch within the next kHorizon, in ascending order, the lower number first.
+std::vector<std::pair<std::size_t, std::size_t>> Traffic::near_pairs() const {
+  struct Place {
+    Position at;
+    double way_m;
+    std::size_t vehicle;
+  };
+  std::vector<Place> places;
+  double longest_way_m = 0.0;
+  for (const Vehicle& vehicle : vehicles_) {
+    const double way_m = vehicle.reach_m + speed_mps(*vehicle.plant) * to_seconds(kHorizon);
+    places.push_back({vehicle.plant->position(), way_m, places.size()});
+    longest_way_m = std::max(longest_way_m, way_m);
+  }
+  std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
+    return std::strong_order(a.at.y_m, b.at.y_m) < 0;
+  });
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (auto a = places.begin(); a != places.end(); ++a) {
+    for (auto b = a + 1; b != places.end(); ++b) {
+      const double near_m = a->way_m + b->way_m + kSlack_m;
+      const double x_m = b->at.x_m - a->at.x_m, y_m = b->at.y_m - a->at.y_m;
+      if (y_m > a->way_m + longest_way_m + kSlack_m) break;
+      if (x_m * x_m + y_m * y_m > near_m * near_m) continue;
+      pairs.push_back(std::minmax(a->vehicle, b->vehicle));
+    }
+  }
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
 }
 
 std::vector<Shape> Traffic::seen_from(std::size_t number, Instant now, double range_m) {

@@ -49,18 +49,19 @@ class Traffic {
 
  private:
   struct Vehicle {
-    VehicleConfig config;
-    double mass_kg;
+    std::function<void(Instant)> move;
+    Plant* plant;
+    /// With these it moves, itself among them; empty: alone.
+    std::vector<std::size_t> cluster = {};
     double reach_m;   ///< of its outline, from the axle's midpoint
     double radius_m;  ///< the same from the chassis' centre
-    Plant* plant;
-    std::function<void(Instant)> move;
+    double mass_kg;
+    VehicleConfig config;
     std::vector<std::size_t> near = {};  ///< others that it may touch
-    std::vector<std::size_t> cluster =
-        {};                             ///< with these it moves, itself among them; empty: alone
-    std::vector<Shape> touchable = {};  ///< of others, in the step that begins
+    std::vector<Shape> touchable = {};   ///< of others, in the step that begins
     std::int64_t collisions = 0;
   };
+  std::vector<std::pair<std::size_t, std::size_t>> near_pairs() const;
   void step(const std::vector<std::size_t>& cluster, Instant end);
   void meet(std::size_t a, std::size_t b);
   void note_contact(std::size_t a, std::size_t b, double gap_m);

@@ -28,6 +28,7 @@ class NearObstacles {
   /// Empty: none is. They are looked at then.
   void set_vehicles(std::span<const Shape> vehicles) { vehicles_ = vehicles; }
 
+  bool any() const { return !standing_.empty() || any_moves(); }
   bool any_moves() const { return moving_.any() || !vehicles_.empty(); }
   double fastest_mps() const { return fastest_mps_; }
 

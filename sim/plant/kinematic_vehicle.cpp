@@ -41,29 +41,33 @@ double sinc(double x) {
 KinematicVehicle::KinematicVehicle(const VehicleConfig& vehicle, const WorldSettings& world,
                                    Duration step, const Surroundings& surroundings,
                                    std::uint64_t seed)
-    : config_(vehicle),
-      step_s_(to_seconds(step)),
+    : step_s_(to_seconds(step)),
       max_change_mps_(vehicle.max_wheel_acceleration_mps2 * step_s_),
+      wheel_radius_m_(vehicle.wheel_radius_m),
+      track_m_(vehicle.track_m),
+      max_wheel_speed_mps_(vehicle.max_wheel_speed_mps),
       footprint_(vehicle, world) {
   check_drivable(vehicle, world, step_s_);
   state_.pose = {vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)};
   state_.height_m = vehicle.wheel_radius_m;
   if (!surroundings.any()) return;
-  obstacles_.emplace(vehicle, world, surroundings, seed, step_s_, kSlack_m);
+  obstacles_ =
+      std::make_unique<NearObstacles>(vehicle, world, surroundings, seed, step_s_, kSlack_m);
+  set_vehicles({});
 }
 
 void KinematicVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
   if (!std::isfinite(rim_speeds.left_mps) || !std::isfinite(rim_speeds.right_mps)) {
     throw std::invalid_argument("KinematicVehicle: a wheel target is not finite");
   }
-  commands_ = saturate(rim_speeds, config_.max_wheel_speed_mps);
+  commands_ = saturate(rim_speeds, max_wheel_speed_mps_);
 }
 
 void KinematicVehicle::step() {
   const bool steady = turn_wheels();
-  const bool free_again = obstacles_ && obstacles_->any_moves();
+  const bool free_again = reachable_ != nullptr && reachable_->any_moves();
   if (steady && jammed_ && !free_again) return;
-  const Twist wish = to_twist(mean_, config_.track_m);
+  const Twist wish = to_twist(mean_, track_m_);
   const PlanarMotion motion{wish.v_mps, 0.0, wish.omega_radps};
   const double travel_m = (std::abs(mean_.left_mps) + std::abs(mean_.right_mps)) * step_s_;
   const std::span<const Shape> near = near_obstacles(t_s_);
@@ -72,13 +76,13 @@ void KinematicVehicle::step() {
     return;
   }
   move(motion);
-  state_.twist = to_twist(state_.rim_speeds, config_.track_m);
+  state_.twist = to_twist(state_.rim_speeds, track_m_);
   state_.wall_contact = jammed_ = false;
 }
 
 std::span<const Shape> KinematicVehicle::near_obstacles(double t_s) {
-  if (!obstacles_) return {};
-  return obstacles_->near(state_.pose, t_s);
+  if (reachable_ == nullptr) return {};
+  return reachable_->near(state_.pose, t_s);
 }
 
 /// True if the wheels turned as in the step before.
@@ -88,8 +92,8 @@ bool KinematicVehicle::turn_wheels() {
   state_.rim_speeds = approach(before, commands_, max_change_mps_);
   mean_ = {0.5 * (before.left_mps + state_.rim_speeds.left_mps),
            0.5 * (before.right_mps + state_.rim_speeds.right_mps)};
-  state_.left_wheel_angle_rad += mean_.left_mps / config_.wheel_radius_m * step_s_;
-  state_.right_wheel_angle_rad += mean_.right_mps / config_.wheel_radius_m * step_s_;
+  state_.left_wheel_angle_rad += mean_.left_mps / wheel_radius_m_ * step_s_;
+  state_.right_wheel_angle_rad += mean_.right_mps / wheel_radius_m_ * step_s_;
   return mean_.left_mps == mean_before.left_mps && mean_.right_mps == mean_before.right_mps;
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
+#include <memory>
 #include <span>
 
 #include "common/base/time.hpp"
@@ -34,7 +34,9 @@ class KinematicVehicle final : public Plant {
 
   void set_wheel_targets(const WheelSpeeds& rim_speeds) override;
   void set_vehicles(std::span<const Shape> vehicles) override {
-    if (obstacles_) obstacles_->set_vehicles(vehicles);
+    if (!obstacles_) return;
+    obstacles_->set_vehicles(vehicles);
+    reachable_ = obstacles_->any() ? obstacles_.get() : nullptr;
   }
   void step() override;
   VehicleState state() const override { return state_; }
@@ -49,15 +51,17 @@ class KinematicVehicle final : public Plant {
   std::span<const Shape> near_obstacles(double t_s);
   void move_at_walls(const PlanarMotion& wish, std::span<const Shape> near);
 
-  VehicleConfig config_;
+  // What each step needs is together: of a fleet, many take turns in the caches.
   double step_s_;
   double max_change_mps_;
-  WalledFootprint footprint_;
-  std::optional<NearObstacles> obstacles_;  ///< if there are any
+  double wheel_radius_m_, track_m_, max_wheel_speed_mps_;
   WheelSpeeds commands_;
-  WheelSpeeds mean_;     ///< rim speeds in the last step
-  bool jammed_ = false;  ///< at walls, the last step's wheel speeds moved nothing
+  WheelSpeeds mean_;                    ///< rim speeds in the last step
+  NearObstacles* reachable_ = nullptr;  ///< null while there is nothing to be near to
+  bool jammed_ = false;                 ///< at walls, the last step's wheel speeds moved nothing
   VehicleState state_;
+  WalledFootprint footprint_;
+  std::unique_ptr<NearObstacles> obstacles_;  ///< if there are any, or may be
 };
 
 }  // namespace tether

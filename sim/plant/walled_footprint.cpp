@@ -21,8 +21,8 @@ constexpr int kMostPushes = 8;
 }  // namespace
 
 WalledFootprint::WalledFootprint(const VehicleConfig& vehicle, const WorldSettings& world)
-    : vehicle_(vehicle),
-      half_extent_m_(world.half_extent_m),
+    : half_extent_m_(world.half_extent_m),
+      vehicle_(vehicle),
       friction_(world.wall_friction),
       turn_weight_m2_(vehicle.track_m * vehicle.track_m / 4.0) {
   const double front_m = -vehicle.axle_x_m + vehicle.chassis_length_m / 2.0;

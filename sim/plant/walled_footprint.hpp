@@ -74,11 +74,11 @@ class WalledFootprint {
   void find_contacts(const Pose2& pose, double reach_mps, double step_s, const Shape& obstacle);
   bool push_out(Pose2& pose, std::span<const Shape> near, bool moving) const;
 
-  VehicleConfig vehicle_;
   double half_extent_m_;
+  double reach_m_ = 0.0;  ///< of the outline, from the axle's midpoint
+  VehicleConfig vehicle_;
   double friction_;
   double turn_weight_m2_;  ///< (track/2)²
-  double reach_m_ = 0.0;   ///< of the outline, from the axle's midpoint
   std::array<Point, 8> outline_;
   std::vector<Contact> contacts_;
   double motion_[3] = {};  ///< forward, left, turn: as pushed so far
