@@ -2,19 +2,25 @@
 # Installs, with apt, what is missing of Tether's Debian packages; says nothing if nothing is.
 #   ./setup.sh          what building and running need
 #   ./setup.sh tests    that, and what the tests need
+#   ./setup.sh vehicle  what a vehicle's computer needs (-DTETHER_VEHICLE_ONLY=ON): less
 set -euo pipefail
 
 packages=(
     # compiler and build
     g++ cmake ninja-build pkg-config python3 git ca-certificates
     # libraries
-    liblcm-dev liblcm-bin libode-dev libboost-dev libeigen3-dev libnlopt-dev libnlopt-cxx-dev libcli11-dev libfmt-dev
-    libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev libsqlite3-dev libzstd-dev zlib1g-dev nlohmann-json3-dev libgtest-dev libgmock-dev libbenchmark-dev
-    # figures, charts, and lcm-spy with plots
-    gnuplot-nox libjs-chart.js liblcm-java libjchart2d-java openjdk-17-jdk openjdk-17-jre
+    liblcm-dev liblcm-bin libboost-dev libeigen3-dev libnlopt-dev libnlopt-cxx-dev libcli11-dev libfmt-dev
+    libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev nlohmann-json3-dev
     # network set-up
     iproute2
 )
+if [ "${1:-}" != vehicle ]; then
+    packages+=(
+        libode-dev libsqlite3-dev libzstd-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
+        # figures, charts, and lcm-spy with plots
+        gnuplot-nox libjs-chart.js liblcm-java libjchart2d-java openjdk-17-jdk openjdk-17-jre
+    )
+fi
 if [ "${1:-}" = tests ]; then
     packages+=(
         clang-format clang-tidy                     # lint
@@ -22,6 +28,7 @@ if [ "${1:-}" = tests ]; then
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         procps util-linux                           # process tests
         zsh groff-base                              # completion, manual pages
+        dpkg-dev lintian                            # packages
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot, the page of tether view

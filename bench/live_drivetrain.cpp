@@ -14,6 +14,7 @@
 
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
+#include "common/base/share.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/scenario/run_settings.hpp"

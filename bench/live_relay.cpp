@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/base/share.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "tools/base/process.hpp"
 

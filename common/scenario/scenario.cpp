@@ -7,6 +7,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
+#include "common/base/share.hpp"
 #include "common/scenario/loader.hpp"
 
 namespace tether {
@@ -39,7 +40,8 @@ Scenario::Scenario(std::shared_ptr<const ScenarioSchema> schema) : schema_(std::
   for (const ScenarioSection& section : schema_->sections()) sections_.push_back(section.defaults);
 }
 
-ScenarioLoader start_from_file(const std::string& file) {
+ScenarioLoader start_from_file(const std::string& name) {
+  const std::string file = input_named(name);
   return start_from_text(read_input(file, "the scenario file", kMostTomlBytes), file);
 }
 
@@ -48,7 +50,8 @@ Scenario parse_scenario(const std::string& toml, const std::string& name,
   return with_overrides(start_from_text(toml, name), name, overrides);
 }
 
-Scenario load_scenario(const std::string& file, const std::vector<std::string>& overrides) {
+Scenario load_scenario(const std::string& name, const std::vector<std::string>& overrides) {
+  const std::string file = input_named(name);
   return with_overrides(start_from_file(file), file, overrides);
 }
 

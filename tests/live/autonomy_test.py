@@ -158,7 +158,7 @@ def at_the_edge_it_is_localised_through_the_network(test):
 
 def lcm_spy_has_their_types(test):
     """What `tether spy` starts lcm-spy with."""
-    names = zipfile.ZipFile(test.bin / "tether-lcmtypes.jar").namelist()
+    names = zipfile.ZipFile(test.bin / "../share/tether/java/tether-lcmtypes.jar").namelist()
     for name in ("autonomy_state_t", "twist_t", "scan_t"):
         check(f"tether/{name}.class" in names, f"no {name} in {names}")
 

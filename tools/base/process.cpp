@@ -47,8 +47,4 @@ std::filesystem::path find_program(const std::string& name) {
   return {};
 }
 
-std::filesystem::path executable_folder() {
-  return std::filesystem::read_symlink("/proc/self/exe").parent_path();
-}
-
 }  // namespace tether

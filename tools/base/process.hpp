@@ -13,9 +13,6 @@ int run_process(const std::vector<std::string>& command, const std::filesystem::
 /// Where `name` lies in PATH; empty if nowhere.
 std::filesystem::path find_program(const std::string& name);
 
-/// The folder of the running executable: programs of the project lie side by side.
-std::filesystem::path executable_folder();
-
 /// `command` as the null-terminated array that exec wants; valid as long as `command` is.
 std::vector<char*> to_argv(const std::vector<std::string>& command);
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/nearest_name.hpp"
+#include "common/base/share.hpp"
 #include "common/base/text.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/process.hpp"

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/base/share.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/process.hpp"
 #include "tools/cli/commands.hpp"
@@ -68,18 +69,11 @@ struct ReproduceOptions {
 
 const std::vector<std::string> kFigures{"f1_paths", "f2_prr", "f3_delay", "f4_tau", "f5_risk"};
 
-/// The project's folder experiments/: found from the program's place in its build tree, else in the
-/// current folder.
 fs::path experiments_folder(const std::string& given) {
-  std::vector<fs::path> candidates{given};
-  if (given.empty()) {
-    candidates = {executable_folder() / "../../../experiments", "experiments"};
-  }
-  for (const fs::path& folder : candidates) {
-    if (fs::exists(folder / (kFigures.front() + ".toml"))) return folder.lexically_normal();
-  }
+  const fs::path folder = given.empty() ? shared_file("experiments") : fs::path(given);
+  if (fs::exists(folder / (kFigures.front() + ".toml"))) return folder;
   throw UsageError(fmt::format("no {}.toml in {}: name the folder with --experiments",
-                               kFigures.front(), candidates.back().string()));
+                               kFigures.front(), folder.string()));
 }
 
 std::string default_out(bool quick) { return quick ? "out/reproduce-quick" : "out/reproduce"; }

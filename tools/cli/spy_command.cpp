@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/base/share.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/process.hpp"
@@ -57,24 +58,13 @@ std::string find_jar(const std::string& name, const std::string& package) {
   missing(fmt::format("/usr/share/java/{}", name), package);
 }
 
-/// The project's types, built beside this program.
-std::string find_types_jar() {
-  const fs::path jar = fs::read_symlink("/proc/self/exe").parent_path() / "tether-lcmtypes.jar";
-  if (!fs::exists(jar)) {
-    throw std::runtime_error(
-        fmt::format("{} is missing: it is built beside this program (target tether_lcmtypes_jar)",
-                    jar.string()));
-  }
-  return jar.string();
-}
-
 /// Replaces this process by lcm-spy. Debian's own start script fails on Java 17, which no longer
 /// knows -Xincgc.
 int spy(const std::string& lcm_url) {
   const std::string url = checked_lcm_url(lcm_url);
   const fs::path java = find_java();
   check_can_open_windows(java);
-  const std::string types = find_types_jar();
+  const std::string types = shared_file("java/tether-lcmtypes.jar").string();
   const std::string class_path = fmt::format("{}:{}:{}", find_jar("lcm.jar", "liblcm-java"),
                                              find_jar("jchart2d.jar", "libjchart2d-java"), types);
   if (environment("DISPLAY").empty()) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "common/base/errors.hpp"
+#include "common/base/share.hpp"
 #include "common/base/text.hpp"
 #include "common/program/cli_range.hpp"
 #include "tools/base/process.hpp"
@@ -33,9 +34,7 @@ void check_origin(const std::string& origin) {
 
 }  // namespace
 
-std::filesystem::path shared_page() {
-  return executable_folder().parent_path() / "share" / "tether" / "view";
-}
+std::filesystem::path shared_page() { return shared_file("view"); }
 
 std::vector<std::string> ViewOptions::arguments() const {
   std::vector<std::string> all{"--address=" + address, fmt::format("--port={}", port)};

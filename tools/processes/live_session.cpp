@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
+#include "common/base/share.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/fleet/fleet.hpp"

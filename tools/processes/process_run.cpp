@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "common/base/errors.hpp"
+#include "common/base/share.hpp"
 #include "common/base/system_error.hpp"
 #include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/share.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/scenario/loader.hpp"
 #include "controller/laws/controller_settings.hpp"
@@ -178,8 +179,9 @@ std::uint64_t Experiment::stride() const {
   return *std::max_element(seeds.begin(), seeds.end()) + 1;
 }
 
-Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides,
+Experiment load_experiment(const std::string& name, const std::vector<std::string>& overrides,
                            bool quick) {
+  const std::string file = input_named(name);
   const toml::table table = parse_experiment(file);
   const Section section(
       table, "", file,

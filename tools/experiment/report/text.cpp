@@ -3,8 +3,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "common/base/share.hpp"
 #include "common/version.hpp"
-#include "tools/base/share.hpp"
 #include "tools/experiment/report/report.hpp"
 #include "tools/experiment/sweep/progress.hpp"
 

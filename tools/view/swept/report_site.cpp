@@ -8,7 +8,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
-#include "tools/base/share.hpp"
+#include "common/base/share.hpp"
 #include "tools/base/temporary_folder.hpp"
 #include "tools/view/one_file/gzip.hpp"
 #include "tools/view/one_file/one_file_page.hpp"

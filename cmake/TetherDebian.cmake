@@ -1,0 +1,64 @@
+# Debian packages, one for each component of TetherInstall.cmake:
+#   cpack -G DEB --config build/release/CPackConfig.cmake -B build/packages
+set(CPACK_PACKAGE_CONTACT "The Tether authors <maintainers@tether.invalid>")
+set(CPACK_PACKAGE_HOMEPAGE_URL "")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_COMPONENTS_ALL ${components})
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "testbed for vehicles steered over a bad network")
+# Debian wants a change log of its own form, and compressed.
+string(TIMESTAMP now "%a, %d %b %Y %H:%M:%S +0000" UTC)
+file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/changelog CONTENT "tether (${PROJECT_VERSION}) unstable; urgency=medium
+
+  * See CHANGELOG.md of the package tether-doc.
+
+ -- ${CPACK_PACKAGE_CONTACT}  ${now}
+")
+
+# tether_debian_package(component name "description" [ARCH all] [DEPENDS ...] [RECOMMENDS ...])
+function(tether_debian_package component name description)
+  cmake_parse_arguments(D "" "ARCH;DEPENDS;RECOMMENDS" "" ${ARGN})
+  string(TOUPPER ${component} up)
+  set(CPACK_DEBIAN_${up}_PACKAGE_NAME ${name} PARENT_SCOPE)
+  set(CPACK_COMPONENT_${up}_DESCRIPTION "${description}" PARENT_SCOPE)
+  set(CPACK_DEBIAN_${up}_PACKAGE_DEPENDS "${D_DEPENDS}" PARENT_SCOPE)
+  set(CPACK_DEBIAN_${up}_PACKAGE_RECOMMENDS "${D_RECOMMENDS}" PARENT_SCOPE)
+  if(D_ARCH)
+    set(CPACK_DEBIAN_${up}_PACKAGE_ARCHITECTURE ${D_ARCH} PARENT_SCOPE)
+  else()
+    set(CPACK_DEBIAN_${up}_PACKAGE_SHLIBDEPS ON PARENT_SCOPE)
+  endif()
+  # Debian wants both in each package.
+  set(folder ${CMAKE_INSTALL_DATADIR}/doc/${name})
+  install(FILES LICENSE DESTINATION ${folder} RENAME copyright COMPONENT ${component})
+  install(CODE "
+    execute_process(COMMAND gzip -9nc ${CMAKE_BINARY_DIR}/changelog
+      OUTPUT_FILE ${CMAKE_BINARY_DIR}/changelog.gz COMMAND_ERROR_IS_FATAL ANY)"
+    COMPONENT ${component})
+  install(FILES ${CMAKE_BINARY_DIR}/changelog.gz DESTINATION ${folder} COMPONENT ${component})
+endfunction()
+
+tether_debian_package(vehicle tether-vehicle
+  "For a vehicle's computer: the CAN bridge to the motors' drives, localiser and
+ on-board driver, with drivetrain files and scenarios to begin from."
+  RECOMMENDS "can-utils, liblcm-bin")
+tether_debian_package(dev tether-dev
+  "For other programs: the messages as C++ headers with a CMake package, and as
+ LCM types for other languages."
+  ARCH all DEPENDS "liblcm-dev, liblcm-bin")
+tether_debian_package(doc tether-doc
+  "The documentation: how to run, measure and extend it, and example controllers."
+  ARCH all)
+if(NOT TETHER_VEHICLE_ONLY)
+  tether_debian_package(lab tether
+    "Simulates a remotely controlled vehicle and the network between: how much delay
+ and loss does it survive? The same controller then runs on a factory floor."
+    DEPENDS "tether-vehicle (= ${PROJECT_VERSION}), gnuplot-nox"
+    RECOMMENDS "liblcm-bin, liblcm-java, libjchart2d-java, default-jre")
+endif()
+include(CPack)

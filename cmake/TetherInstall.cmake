@@ -1,0 +1,83 @@
+# What `cmake --install` puts where, and which Debian packages `cpack -G DEB` makes of it:
+#
+#   tether-vehicle  what a vehicle's computer runs, with scenarios and drivetrains to begin from
+#   tether          all else: simulator, relay, controller, sweeps, figures, the page
+#   tether-dev      the messages, for C++ (a CMake package) and for lcm-gen
+#   tether-doc      docs/, examples and the change log
+#
+# Programs find what they read in ../share/tether from where they lie (common/base/share.hpp).
+include(GNUInstallDirs)
+
+set(TETHER_VEHICLE_PROGRAMS tether-can-bridge tether-can-drive tether-localiser tether-autonomy)
+set(TETHER_LAB_PROGRAMS tether tether-sim tether-netem tether-controller tether-can)
+set(shared ${CMAKE_INSTALL_DATADIR}/tether)
+
+install(TARGETS ${TETHER_VEHICLE_PROGRAMS} COMPONENT vehicle)
+install(DIRECTORY scenarios drivetrains DESTINATION ${shared} COMPONENT vehicle
+  FILES_MATCHING REGEX "\\.(toml|csv|yaml|pgm)$")
+
+install(TARGETS tether_lcmtypes EXPORT tether-targets COMPONENT dev)
+install(DIRECTORY ${CMAKE_BINARY_DIR}/generated/lcmtypes/tether
+  ${CMAKE_BINARY_DIR}/generated/lcmtypes/lcm-gen
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tether COMPONENT dev FILES_MATCHING PATTERN "*.hpp")
+install(DIRECTORY lcmtypes/ DESTINATION ${shared}/lcmtypes COMPONENT dev
+  FILES_MATCHING PATTERN "*.lcm")
+set(package ${CMAKE_INSTALL_LIBDIR}/cmake/tether)
+install(EXPORT tether-targets NAMESPACE tether:: DESTINATION ${package} COMPONENT dev)
+include(CMakePackageConfigHelpers)
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/tether-config-version.cmake
+  COMPATIBILITY SameMinorVersion ARCH_INDEPENDENT)
+install(FILES cmake/tether-config.cmake cmake/TetherLcm.cmake
+  ${CMAKE_BINARY_DIR}/tether-config-version.cmake DESTINATION ${package} COMPONENT dev)
+
+install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT doc)
+install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT doc)
+install(FILES examples/controller.cpp examples/controller.py
+  DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc)
+
+# tether_install_manuals(component programs...): their manual pages, as they print them.
+function(tether_install_manuals component)
+  foreach(program IN LISTS ARGN)
+    set(page ${CMAKE_BINARY_DIR}/man/${program}.1)
+    install(CODE "
+      file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/man)
+      execute_process(COMMAND $<TARGET_FILE:${program}> --man OUTPUT_FILE ${page}
+        COMMAND_ERROR_IS_FATAL ANY)
+      execute_process(COMMAND gzip -9nf ${page} COMMAND_ERROR_IS_FATAL ANY)"
+      COMPONENT ${component})
+    install(FILES ${page}.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT ${component})
+  endforeach()
+endfunction()
+tether_install_manuals(vehicle ${TETHER_VEHICLE_PROGRAMS})
+
+set(components vehicle dev doc)
+if(NOT TETHER_VEHICLE_ONLY)
+  list(APPEND components lab)
+  install(TARGETS ${TETHER_LAB_PROGRAMS} COMPONENT lab)
+  install(DIRECTORY experiments DESTINATION ${shared} COMPONENT lab FILES_MATCHING PATTERN "*.toml")
+  install(DIRECTORY ${CMAKE_BINARY_DIR}/share/tether/report ${CMAKE_BINARY_DIR}/share/tether/swept
+    ${CMAKE_BINARY_DIR}/share/tether/view ${CMAKE_BINARY_DIR}/share/tether/java
+    DESTINATION ${shared} COMPONENT lab)
+  tether_install_manuals(lab ${TETHER_LAB_PROGRAMS})
+  foreach(shell_file bash:bash-completion/completions/tether zsh:zsh/vendor-completions/_tether)
+    string(REPLACE ":" ";" shell_file ${shell_file})
+    list(POP_FRONT shell_file shell)
+    install(CODE "
+      execute_process(COMMAND $<TARGET_FILE:tether> --completion ${shell}
+        OUTPUT_FILE ${CMAKE_BINARY_DIR}/man/completion.${shell} COMMAND_ERROR_IS_FATAL ANY)"
+      COMPONENT lab)
+    cmake_path(GET shell_file PARENT_PATH folder)
+    cmake_path(GET shell_file FILENAME name)
+    install(FILES ${CMAKE_BINARY_DIR}/man/completion.${shell}
+      DESTINATION ${CMAKE_INSTALL_DATADIR}/${folder} RENAME ${name} COMPONENT lab)
+  endforeach()
+endif()
+
+# In a build tree, the same files are where they are kept.
+file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/share/tether)
+foreach(folder scenarios experiments drivetrains)
+  file(CREATE_LINK ${PROJECT_SOURCE_DIR}/${folder} ${CMAKE_BINARY_DIR}/share/tether/${folder}
+    SYMBOLIC)
+endforeach()
+
+include(TetherDebian)

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace tether {
+
+/// The folder of the running executable: programs of the project lie side by side.
+std::filesystem::path executable_folder();
+
+/// What the project brings along (pages, scripts, scenarios): NAME in ../share/tether of the
+/// executable's folder, in a build tree and where it is installed. Throws std::runtime_error that
+/// names the file if it is not there.
+std::filesystem::path shared_file(const std::string& name);
+
+/// The input file that a user means by `file`: the file of this name; where there is none and the
+/// name is relative, the one that the project brings along, so that
+/// `tether run scenarios/paper.toml` works in any folder. `file` itself if there is neither.
+std::string input_named(const std::string& file);
+
+}  // namespace tether

@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+"""install_test.py BUILD: what `cmake --install` puts somewhere works there, in any folder, without the
+source; another project builds with it; the vehicle's part needs no ODE and its like; and Debian's tools
+take the packages."""
+
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+BUILD = pathlib.Path(sys.argv[1])
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+VEHICLE = ["tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-localiser"]
+NOT_ON_A_VEHICLE = ["libode", "libsqlite3", "libzstd"]
+
+
+def check(condition, what):
+    if not condition:
+        sys.exit(f"FAILED: {what}")
+
+
+def run(*command, expect=0, **options):
+    done = subprocess.run([str(word) for word in command], text=True, capture_output=True, **options)
+    check(done.returncode == expect,
+          f"{' '.join(map(str, command))}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
+    return done.stdout + done.stderr
+
+
+def works_in_any_folder(work):
+    prefix, away = work / "prefix", work / "away"
+    away.mkdir()
+    run("cmake", "--install", BUILD, "--prefix", prefix)
+    anywhere = {"cwd": away, "env": {"PATH": f"{prefix}/bin:/usr/bin:/bin", "HOME": str(away)}}
+
+    # The files that the README names, and those that they name.
+    for scenario in ("paper", "warehouse_lap", "hil_vcan", "factory"):
+        said = run("tether", "run", f"scenarios/{scenario}.toml", "--set", "run.duration_s=1", **anywhere)
+        check("simulated in" in said, said)
+    said = run("tether", "run", "--processes", "scenarios/paper.toml", "--set", "run.duration_s=1", **anywhere)
+    check("simulated in" in said, said)
+    run("tether", "sweep", "experiments/f2_prr.toml", "--quick", "--set", "run.duration_s=1", "--set",
+        "vehicle.plant=kinematic", "--out", "out/f2", "--report", **anywhere)
+    check((away / "out/f2/f2_prr.png").exists(), f"no figure in {sorted((away / 'out/f2').iterdir())}")
+    # A file of one's own comes first; what is nowhere is named as it was given.
+    (away / "scenarios").mkdir()
+    (away / "scenarios/paper.toml").write_text("nonsense = 1\n")
+    said = run("tether", "run", "scenarios/paper.toml", expect=2, **anywhere)
+    check("scenarios/paper.toml" in said and str(prefix) not in said, said)
+    said = run("tether", "run", "scenarios/none.toml", expect=2, **anywhere)
+    check('"scenarios/none.toml": No such file' in said, said)
+
+    run("tether", "run", prefix / "share/tether/scenarios/paper.toml", "--set", "run.duration_s=1", "--out", "run",
+        **anywhere)
+    run("tether", "log", "page", "run/run.lcmlog", "--out", "page.html", **anywhere)
+    check((away / "page.html").stat().st_size > 100_000, "the page is there")
+    for page in ["tether", *VEHICLE]:
+        said = run("man", "-l", prefix / f"share/man/man1/{page}.1.gz", **anywhere) if (
+            pathlib.Path("/usr/bin/man").exists()) else run("gzip", "-dc", prefix / f"share/man/man1/{page}.1.gz")
+        check(page in said, said[:200])
+    run("bash", "-n", prefix / "share/bash-completion/completions/tether")
+    names_the_source = [str(file.relative_to(prefix)) for file in prefix.rglob("*") if file.is_file() and
+                        file.parent.name != "bin" and str(SOURCE).encode() in file.read_bytes()]
+    check(not names_the_source, f"{SOURCE} stands in {names_the_source}")
+    return prefix
+
+
+def another_project_builds_with_it(work, prefix):
+    run("cmake", "-S", SOURCE / "tests/install/foreign", "-B", work / "foreign", "-G", "Ninja",
+        f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCONTROLLER={prefix}/share/doc/tether/examples/controller.cpp",
+        "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Werror")
+    run("cmake", "--build", work / "foreign")
+    includes = run("ninja", "-C", work / "foreign", "-t", "deps")
+    check(f"{prefix}/include/tether/tether/pose_t.hpp" in includes and str(SOURCE) not in includes, includes)
+
+
+def the_vehicles_part_needs_no_simulator(work):
+    for program in VEHICLE:
+        libraries = run("ldd", BUILD / "bin" / program)
+        check(not any(name in libraries for name in NOT_ON_A_VEHICLE), f"{program}: {libraries}")
+    # Configured where there is no trace of them. What would be built is built here with the same commands.
+    hidden = work / "pkgconfig"
+    hidden.mkdir()
+    for pc in ("ode", "libzstd", "sqlite3", "zlib"):
+        (hidden / f"{pc}.pc").write_text("none\n")
+    run("cmake", "-S", SOURCE, "-B", work / "vehicle", "-G", "Ninja", "-DTETHER_VEHICLE_ONLY=ON",
+        *[f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("Java", "SQLite3", "ZLIB", "GTest", "benchmark")],
+        env=os.environ | {"PKG_CONFIG_PATH": str(hidden)})
+    steps = run("ninja", "-C", work / "vehicle", "-n")
+    objects = re.findall(r"Building CXX object (\S+)/CMakeFiles", steps)
+    check("can_bridge/node" in objects, steps)
+    strangers = [room for room in objects if room.startswith("tools/") or room in ("sim/plant", "sim/node")]
+    check(not strangers, f"for a vehicle, too, are built: {strangers}")
+
+
+def debian_takes_the_packages(work):
+    run("cpack", "-G", "DEB", "--config", BUILD / "CPackConfig.cmake", "-B", work / "packages")
+    packages = sorted((work / "packages").glob("*.deb"))
+    check(sorted(p.name.split("_")[0] for p in packages) == ["tether", "tether-dev", "tether-doc", "tether-vehicle"],
+          packages)
+    print(run("lintian", "--allow-root", "--fail-on", "error", *packages).strip())
+    files = [line.split()[5] for p in packages for line in run("dpkg", "-c", p).splitlines() if not line.endswith("/")]
+    check(len(files) == len(set(files)), f"in two packages: {sorted({f for f in files if files.count(f) > 1})}")
+    print(run("apt-get", "--simulate", "--no-install-recommends", "install", *packages).strip().splitlines()[-1])
+
+
+with tempfile.TemporaryDirectory() as folder:
+    where = pathlib.Path(folder)
+    another_project_builds_with_it(where, works_in_any_folder(where))
+    the_vehicles_part_needs_no_simulator(where)
+    debian_takes_the_packages(where)
