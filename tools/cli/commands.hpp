@@ -22,6 +22,7 @@ void add_log_command(CLI::App& tether, Action& action);
 void add_spy_command(CLI::App& tether, Action& action);
 void add_view_command(CLI::App& tether, Action& action);
 void add_can_command(CLI::App& tether, Action& action);
+void add_doctor_command(CLI::App& tether, Action& action);
 void add_netem_command(CLI::App& tether, Action& action);
 /// `tether netem check` and `tether netem export-tc`.
 void add_netem_scenario_commands(CLI::App& netem, Action& action);

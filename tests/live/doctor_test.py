@@ -1,0 +1,55 @@
+#!/usr/bin/env -S python3 -B
+"""tether doctor, on machines that lack what it looks for. Usage: doctor_test.py BIN_DIR"""
+
+import socket
+import subprocess
+
+from live_support import GROUP, PORT, check, main
+
+
+def doctor(test, expect, *arguments):
+    program = test.run(test.bin / "tether", "doctor", *arguments, seconds=10)
+    code = program.wait(0)
+    check(code == expect, f"exit code {code}:\n{program.out()}{program.err()}")
+    return program.out()
+
+
+def route(change):
+    subprocess.run(["ip", "route", change, "224.0.0.0/4", "dev", "lo"], check=True)
+
+
+def hears_itself_where_there_is_a_route(test):
+    said = doctor(test, 0)
+    check(f"{GROUP} is reached by" in said and f"heard again on udpm://{GROUP}:{PORT}" in said, said)
+    test.say(said.splitlines()[1])
+
+
+def says_what_to_do_where_there_is_none(test):
+    route("del")
+    try:
+        said = doctor(test, 1)
+    finally:
+        route("add")
+    check("Network is unreachable" in said and f"ip route add {GROUP}/32 dev lo" in said, said)
+    test.say(said.splitlines()[0])
+
+
+def names_a_port_that_somebody_keeps_for_himself(test):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as selfish:
+        selfish.bind(("", 0))
+        port = selfish.getsockname()[1]
+        said = doctor(test, 1, "--lcm-url", f"udpm://{GROUP}:{port}")
+    check("Address already in use" in said and f"'sport = {port}'" in said, said)
+
+
+def knows_a_can_interface_from_others(test):
+    check("no interface can7" in doctor(test, 1, "--can", "can7"), "can7 is missed")
+    check("lo is no CAN interface" in doctor(test, 1, "--can", "lo"), "lo is not CAN")
+
+
+main(
+    hears_itself_where_there_is_a_route,
+    says_what_to_do_where_there_is_none,
+    names_a_port_that_somebody_keeps_for_himself,
+    knows_a_can_interface_from_others,
+)

@@ -1,0 +1,175 @@
+#include "tools/doctor/findings.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "common/lcm/lcm_url.hpp"
+
+namespace tether {
+namespace {
+
+using Verdict = DoctorFinding::Verdict;
+
+/// What the project asks of a receive buffer, and what lockstep with large messages needs.
+constexpr std::int64_t kLeastBuffer_bytes = 2'097'152, kGoodBuffer_bytes = 8'388'608;
+/// Plans break at a clock 0.2 s off; a tenth of it is left to the clock.
+constexpr double kClockError_ms = 20.0;
+
+DoctorFinding multicast(const Machine& m) {
+  const std::string group = multicast_group(m.lcm_url);
+  if (group.empty()) return {Verdict::good, "multicast", m.lcm_url + " needs none", ""};
+  if (!m.multicast_by.empty()) {
+    const bool loopback = m.multicast_by == "0.0.0.0" || m.multicast_by.starts_with("127.");
+    return {Verdict::good, "multicast",
+            fmt::format("{} is reached by {}", group,
+                        loopback ? "the loopback interface: this host alone" : m.multicast_by),
+            ""};
+  }
+  return {Verdict::wrong, "multicast",
+          fmt::format("no route to {}: {}", group, m.multicast_trouble),
+          fmt::format("on one host: sudo ip link set lo up && sudo ip route add {}/32 dev lo; "
+                      "between hosts: the same for the interface between them",
+                      group)};
+}
+
+DoctorFinding messages(const Machine& m) {
+  if (!m.port_trouble.empty()) {
+    return {Verdict::wrong, "messages", m.port_trouble,
+            fmt::format("who has the port: sudo ss -ulpn 'sport = {}'; or choose another by "
+                        "--lcm-url",
+                        lcm_port(m.lcm_url))};
+  }
+  if (m.echo_ms) {
+    return {Verdict::good, "messages",
+            fmt::format("heard again on {} after {:.2f} ms", m.lcm_url, *m.echo_ms), ""};
+  }
+  if (m.multicast_by.empty()) {
+    return {Verdict::note, "messages", "not tried without multicast", "see multicast"};
+  }
+  return {Verdict::wrong, "messages", fmt::format("none is heard again on {}", m.lcm_url),
+          "does a firewall drop multicast? sudo nft list ruleset; sudo iptables -L -v"};
+}
+
+DoctorFinding buffers(const Machine& m) {
+  if (!m.rmem_max_bytes) {
+    return {Verdict::note, "buffers", "the system does not tell net.core.rmem_max", "nothing"};
+  }
+  const std::string what = fmt::format("net.core.rmem_max is {} bytes", *m.rmem_max_bytes);
+  if (*m.rmem_max_bytes >= kLeastBuffer_bytes) return {Verdict::good, "buffers", what, ""};
+  return {Verdict::note, "buffers", what + ": bursts of messages get lost",
+          fmt::format("sudo sysctl -w net.core.rmem_max={} (for good: in /etc/sysctl.d)",
+                      kGoodBuffer_bytes)};
+}
+
+DoctorFinding clock(const Machine& m) {
+  constexpr char kToDo[] = "sudo apt install chrony; only one host needs no clock of others";
+  if (!m.clock_synchronised) {
+    return {Verdict::note, "clock", "not synchronised: between hosts, plans break at 0.2 s", kToDo};
+  }
+  const std::string what =
+      fmt::format("synchronised, off by at most {:.3g} ms", m.clock_error_max_ms);
+  if (m.clock_error_max_ms <= kClockError_ms) return {Verdict::good, "clock", what, ""};
+  return {Verdict::note, "clock", what, "chronyc tracking; a nearer time server"};
+}
+
+DoctorFinding can(const Machine& m) {
+  if (m.can_asked.empty()) {
+    if (m.can.empty()) return {Verdict::good, "CAN", "no interface, none was asked about", ""};
+    std::vector<std::string> names;
+    for (const auto& [name, state] : m.can) {
+      names.push_back(fmt::format("{} is {}", name, state.up ? "up" : "down"));
+    }
+    return {Verdict::good, "CAN", fmt::format("{}", fmt::join(names, ", ")), ""};
+  }
+  const std::string& name = m.can_asked;
+  const auto found = m.can.find(name);
+  const bool is_virtual = name.starts_with("vcan");
+  const std::string up = is_virtual
+                             ? fmt::format("sudo ip link set {} up", name)
+                             : fmt::format("sudo ip link set {} up type can bitrate 500000", name);
+  if (found == m.can.end()) {
+    return {Verdict::wrong, "CAN", fmt::format("no interface {}", name),
+            is_virtual ? fmt::format("sudo ip link add dev {} type vcan && {}", name, up)
+                       : "plug the adapter in; ip -details link show type can"};
+  }
+  if (!found->second.is_can) {
+    return {Verdict::wrong, "CAN", fmt::format("{} is no CAN interface", name),
+            "ip -details link show type can"};
+  }
+  if (!found->second.up) {
+    return {Verdict::wrong, "CAN", fmt::format("{} is down", name), up};
+  }
+  return {Verdict::good, "CAN", fmt::format("{} is up", name), ""};
+}
+
+DoctorFinding rights(const Machine& m) {
+  std::vector<std::string> lacking;
+  if (!m.may_be_realtime) lacking.emplace_back("SCHED_FIFO");
+  if (!m.may_lock_memory) lacking.emplace_back("locked memory");
+  if (lacking.empty()) {
+    return {Verdict::good, "real time", "SCHED_FIFO and locked memory are granted", ""};
+  }
+  return {Verdict::note, "real time", fmt::format("not granted: {}", fmt::join(lacking, ", ")),
+          "LimitRTPRIO=50 and LimitMEMLOCK=infinity in a unit, or in /etc/security/limits.d"};
+}
+
+DoctorFinding processors(const Machine& m) {
+  if (m.governors.empty()) return {Verdict::good, "processors", "no frequency scaling", ""};
+  std::vector<std::string> all;
+  for (const auto& [name, count] : m.governors) all.push_back(fmt::format("{} {}", count, name));
+  const std::string what = fmt::format("{}", fmt::join(all, ", "));
+  if (m.governors.size() == 1 && m.governors.contains("performance")) {
+    return {Verdict::good, "processors", what, ""};
+  }
+  return {Verdict::note, "processors", what + ": waking up takes longer",
+          "sudo cpupower frequency-set --governor performance"};
+}
+
+DoctorFinding kernel(const Machine& m) {
+  return {Verdict::good, "kernel", m.kernel + (m.realtime_kernel ? ", PREEMPT_RT" : ""), ""};
+}
+
+DoctorFinding programs(const Machine& m) {
+  if (m.missing_programs.empty()) return {Verdict::good, "programs", "all are there", ""};
+  return {
+      Verdict::note, "programs", fmt::format("missing: {}", fmt::join(m.missing_programs, ", ")),
+      "gnuplot-nox draws figures, default-jre runs lcm-spy, liblcm-bin has lcm-logger, iproute2 "
+      "ip"};
+}
+
+const char* word_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::good:
+      return "ok";
+    case Verdict::note:
+      return "note";
+    case Verdict::wrong:
+      return "wrong";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::vector<DoctorFinding> findings_of(const Machine& machine) {
+  return {multicast(machine), messages(machine),   buffers(machine), clock(machine),   can(machine),
+          rights(machine),    processors(machine), kernel(machine),  programs(machine)};
+}
+
+std::string text_of(const std::vector<DoctorFinding>& findings) {
+  std::string text;
+  for (const DoctorFinding& f : findings) {
+    text += fmt::format("{:<6} {:<11} {}\n", word_of(f.verdict), f.about, f.what);
+    if (!f.to_do.empty()) text += fmt::format("{:>18} → {}\n", "", f.to_do);
+  }
+  return text;
+}
+
+bool is_anything_wrong(const std::vector<DoctorFinding>& findings) {
+  return std::any_of(findings.begin(), findings.end(),
+                     [](const auto& f) { return f.verdict == Verdict::wrong; });
+}
+
+}  // namespace tether

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace tether {
+
+/// What matters to Tether of a machine, as it is now. Texts are the system's own words.
+struct Machine {
+  std::string kernel;  ///< "6.1.0-18-amd64"
+  bool realtime_kernel = false;
+
+  std::string lcm_url;       ///< as it was asked about
+  std::string multicast_by;  ///< address by which datagrams to the group leave; empty: no route
+  std::string multicast_trouble;  ///< why there is no route
+  std::string port_trouble;       ///< why the port cannot be listened to; empty: it can
+  /// How long a message took to come back on the network; none: it did not within kPatience.
+  std::optional<double> echo_ms;
+
+  std::optional<std::int64_t> rmem_max_bytes;  ///< none: not told
+  bool clock_synchronised = false;
+  double clock_error_max_ms =
+      0.0;  ///< as the kernel believes; it means nothing if not synchronised
+
+  struct Can {
+    bool is_can = false;  ///< not another kind of interface
+    bool up = false;
+  };
+  std::map<std::string, Can> can;  ///< by name: those that there are, and the one asked about
+  std::string can_asked;           ///< empty: none
+
+  bool may_be_realtime = false;  ///< SCHED_FIFO is granted
+  bool may_lock_memory = false;
+  /// Of processors with frequency scaling; a name and how many have it.
+  std::map<std::string, int> governors;
+
+  std::vector<std::string> missing_programs;  ///< of those that parts of Tether start
+};
+
+/// Looks. Takes up to a third of a second if nothing comes back on the network. Throws UsageError
+/// for an LCM URL that is none.
+Machine examine(const std::string& lcm_url, const std::string& can_interface);
+
+}  // namespace tether
