@@ -1,12 +1,10 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <functional>
+
+#include "tools/cli/base/action.hpp"
 
 namespace tether {
-
-/// What the chosen subcommand does, returning the exit code; main() calls it after parsing.
-using Action = std::function<int()>;
 
 // Each adds one subcommand of `tether`, with its options, and sets `action` when it is chosen.
 // `tether` and `action` outlive the parsing and the action.
@@ -23,9 +21,5 @@ void add_spy_command(CLI::App& tether, Action& action);
 void add_view_command(CLI::App& tether, Action& action);
 void add_can_command(CLI::App& tether, Action& action);
 void add_doctor_command(CLI::App& tether, Action& action);
-void add_netem_command(CLI::App& tether, Action& action);
-/// `tether netem check` and `tether netem export-tc`.
-void add_netem_scenario_commands(CLI::App& netem, Action& action);
-void add_netem_plot_command(CLI::App& netem, Action& action);
 
 }  // namespace tether

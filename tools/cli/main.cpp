@@ -11,6 +11,7 @@
 #include "common/program/cli.hpp"
 #include "tools/base/process.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/netem/netem_commands.hpp"
 
 namespace {
 

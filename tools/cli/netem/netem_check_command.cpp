@@ -24,8 +24,8 @@
 #include "netem/check/link_expectation.hpp"
 #include "netem/check/tc_export.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/commands.hpp"
-#include "tools/cli/scenario_options.hpp"
+#include "tools/cli/base/scenario_options.hpp"
+#include "tools/cli/netem/netem_commands.hpp"
 #include "tools/runs/channel_report.hpp"
 #include "tools/runs/channel_traffic.hpp"
 

@@ -1,4 +1,4 @@
-#include "tools/cli/scenario_options.hpp"
+#include "tools/cli/base/scenario_options.hpp"
 
 #include <fmt/format.h>
 

@@ -1,9 +1,12 @@
 #!/usr/bin/env -S python3 -B
 """tether doctor, on machines that lack what it looks for. Usage: doctor_test.py BIN_DIR"""
 
+import pathlib
 import socket
 import subprocess
+import sys
 
+sys.path.insert(1, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
 from live_support import GROUP, PORT, check, main
 
 

@@ -13,7 +13,7 @@
 #include "common/program/cli.hpp"
 #include "netem/fit/report.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/commands.hpp"
+#include "tools/cli/netem/netem_commands.hpp"
 #include "tools/netem/fit.hpp"
 #include "tools/netem/settings.hpp"
 

@@ -13,8 +13,8 @@
 #include "netem/check/channel_sample.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/commands.hpp"
-#include "tools/cli/scenario_options.hpp"
+#include "tools/cli/base/scenario_options.hpp"
+#include "tools/cli/netem/netem_commands.hpp"
 #include "tools/runs/channel_figure.hpp"
 #include "tools/runs/channel_traffic.hpp"
 
