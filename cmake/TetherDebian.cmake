@@ -43,6 +43,7 @@ function(tether_debian_package component name description)
   install(FILES ${CMAKE_BINARY_DIR}/changelog.gz DESTINATION ${folder} COMPONENT ${component})
 endfunction()
 
+set(CPACK_DEBIAN_VEHICLE_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/systemd/postinst)
 tether_debian_package(vehicle tether-vehicle
   "For a vehicle's computer: the CAN bridge to the motors' drives, localiser and
  on-board driver, with drivetrain files and scenarios to begin from."

@@ -16,6 +16,16 @@ install(TARGETS ${TETHER_VEHICLE_PROGRAMS} COMPONENT vehicle)
 install(DIRECTORY scenarios drivetrains DESTINATION ${shared} COMPONENT vehicle
   FILES_MATCHING REGEX "\\.(toml|csv|yaml|pgm)$")
 
+# Units, for the packages: they start /usr/bin/….
+set(units lib/systemd/system)
+foreach(unit can-bridge localiser autonomy logger)
+  install(FILES systemd/tether-${unit}.service DESTINATION ${units} COMPONENT vehicle)
+endforeach()
+install(FILES systemd/hardening.conf DESTINATION ${units}/tether-.service.d COMPONENT vehicle)
+install(FILES systemd/sysusers.conf DESTINATION lib/sysusers.d RENAME tether.conf COMPONENT vehicle)
+install(FILES systemd/tether.env systemd/can0.network systemd/can0.link DESTINATION ${shared}/systemd
+  COMPONENT vehicle)
+
 install(TARGETS tether_lcmtypes EXPORT tether-targets COMPONENT dev)
 install(DIRECTORY ${CMAKE_BINARY_DIR}/generated/lcmtypes/tether
   ${CMAKE_BINARY_DIR}/generated/lcmtypes/lcm-gen
@@ -54,6 +64,8 @@ set(components vehicle dev doc)
 if(NOT TETHER_VEHICLE_ONLY)
   list(APPEND components lab)
   install(TARGETS ${TETHER_LAB_PROGRAMS} COMPONENT lab)
+  install(FILES systemd/tether-controller.service systemd/tether-view.service DESTINATION ${units}
+    COMPONENT lab)
   install(DIRECTORY experiments DESTINATION ${shared} COMPONENT lab FILES_MATCHING PATTERN "*.toml")
   install(DIRECTORY ${CMAKE_BINARY_DIR}/share/tether/report ${CMAKE_BINARY_DIR}/share/tether/swept
     ${CMAKE_BINARY_DIR}/share/tether/view ${CMAKE_BINARY_DIR}/share/tether/java

@@ -22,6 +22,7 @@
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
 #include "common/program/presence.hpp"
+#include "common/program/service_manager.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
@@ -38,6 +39,7 @@ struct Options {
   double speed = 1.0;
   std::optional<std::int64_t> lockstep_session;
   bool stands_alone = false;
+  bool locks_memory = false;
 };
 
 /// A clock that differs by more than this is another run's.
@@ -103,10 +105,12 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   }
   Bus& control_bus = other ? *other : bus;
 
+  ServiceManager manager(loop);
   std::optional<ClockFollower> clock;
   if (!options.start_utime_us && !program.owns_clock && !options.stands_alone) {
     clock.emplace(loop, bus);
     fmt::print(stderr, "{}: waiting for SIM/CLOCK on {}\n", program.name, url);
+    manager.status("waiting for SIM/CLOCK on " + url);
     if (!clock->wait()) return End::signal;
   }
 
@@ -119,7 +123,9 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   }
   fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
              url);
+  manager.ready("running on " + url);
   loop.run();
+  manager.stopping();
   wind_down(*node, loop);
   if (clock && clock->jumped()) {
     fmt::print(stderr, "{}: SIM/CLOCK jumped: starting over\n", program.name);
@@ -204,8 +210,11 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
                    "--processes` starts its nodes so)")
         ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
   }
+  app.add_flag("--lock-memory", options.locks_memory,
+               "keep all memory from being paged out (needs LimitMEMLOCK=infinity)");
   program.own.add(app);
   return run_cli(app, argc, argv, [&] {
+    if (options.locks_memory) lock_memory();
     options.stands_alone = program.own.stand_alone();
     const Scenario scenario = scenario_of(options);
     program.own.check(scenario, options.lcm_url, options.overrides);

@@ -14,14 +14,17 @@ endfunction()
 tether_find_kernel(can_kernel)
 tether_find_kernel(netem_kernel --netem)
 
-# tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds [NETEM]): runs
-# `file BIN_DIR` or the program where CAN interfaces can be made, or with NETEM where tc has netem
-# (with_can.sh). What it writes to $TETHER_CAN_RESULTS stays in the build folder's can_results/.
+# tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds [NETEM | GUEST]): runs
+# `file BIN_DIR` or the program where CAN interfaces can be made, or with NETEM where tc has netem, or with
+# GUEST always in a guest (with_can.sh). What it writes to $TETHER_CAN_RESULTS stays in the build folder's can_results/.
 function(tether_add_can_test)
-  cmake_parse_arguments(T "NETEM" "NAME;SCRIPT;PROGRAM;TIMEOUT" "" ${ARGN})
+  cmake_parse_arguments(T "NETEM;GUEST" "NAME;SCRIPT;PROGRAM;TIMEOUT" "" ${ARGN})
   if(T_NETEM)
     set(network --netem)
     set(labels kernel ${netem_kernel})
+  elseif(T_GUEST)
+    set(network --guest)
+    set(labels vcan uml)
   else()
     set(network)
     set(labels vcan ${can_kernel})

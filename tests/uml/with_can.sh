@@ -3,6 +3,7 @@
 # route for LCM, vcan0 and vcan1 (up), and whatever interfaces the command makes itself.
 #   with_can.sh COMMAND ARGS...
 #   with_can.sh --where     only says where it would run
+#   with_can.sh --guest …   always in User-Mode Linux: a machine that may be spoilt
 #   with_can.sh --netem …   either, in a network that has tc's netem instead, and lo alone
 # Natively where this kernel can do it, else in User-Mode Linux, which needs neither root nor KVM:
 # a Linux kernel as a process, whose root file system is this machine's own, with this user's
@@ -16,10 +17,11 @@ set -euo pipefail
 here=$(dirname "$(readlink -f "$0")")
 timeout_s=${TETHER_CAN_TIMEOUT:-300}
 network=vcan
-if [ "${1:-}" = --netem ]; then
-    network=netem
-    shift
-fi
+native=yes
+case "${1:-}" in
+    --netem) network=netem && shift ;;
+    --guest) native=no && shift ;;
+esac
 # Debian's tools first: its python3 is the one that has python3-can.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin:$PATH
 
@@ -107,7 +109,7 @@ if [ $# = 0 ]; then
 elif [ "$network" = netem ] && ! command -v tc >/dev/null; then
     echo "no tc: install iproute2" >&2
     exit 1
-elif "native_has_$network"; then
+elif [ $native = yes ] && "native_has_$network"; then
     [ "$1" != --where ] || { say_native; exit; }
     run_native "$@"
 elif uml=$(command -v linux.uml); then

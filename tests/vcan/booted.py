@@ -1,0 +1,90 @@
+"""A booted system for the tests of the project's units: systemd as the first process of a process and
+mount namespace of its own, whose root has this machine's /usr and source, read-only, and an /etc of its
+own. Only in a guest, which may be spoilt (uml/with_can.sh --guest)."""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import textwrap
+
+sys.path.insert(1, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
+from live_support import SOURCE, check, wait_until
+
+UNITS = SOURCE / "systemd"
+# What a unit is given besides its own file: here as in /usr/lib/systemd/system.
+HARDENING = "tether-.service.d/hardening.conf"
+
+BOOT = """
+    set -e
+    mount -t tmpfs tmpfs {root}
+    cd {root}
+    mkdir usr etc var proc sys dev run tmp root tether
+    mount --bind --read-only /usr usr
+    for folder in bin sbin lib lib64; do ln -s usr/$folder; done
+    mkdir -p .{source}
+    mount --bind --read-only {source} .{source}
+    mount --rbind /dev dev
+    mount -t sysfs sysfs sys
+    mount -t cgroup2 cgroup2 sys/fs/cgroup
+    mount -t tmpfs tmpfs run
+    cp -a /etc/passwd /etc/group /etc/ld.so.cache /etc/nsswitch.conf etc
+    echo 0123456789abcdef0123456789abcdef > etc/machine-id
+    mkdir -p etc/systemd/system/tether-.service.d etc/tether
+"""
+
+
+class Booted:
+    def __init__(self, test, bin_dir):
+        check(os.environ.get("TETHER_CAN_KERNEL") == "uml", "only under uml/with_can.sh --guest")
+        self.root = pathlib.Path(tempfile.mkdtemp(dir="/run"))
+        script = textwrap.dedent(BOOT).format(root=self.root, source=SOURCE)
+        subprocess.run(["bash", "-c", script], check=True)
+        shutil.copy(UNITS / "hardening.conf", self.units / HARDENING)
+        # There is no journal.
+        (self.units / HARDENING).with_name("said.conf").write_text("[Service]\nStandardOutput=append:/var/%N.said\n")
+        for unit in UNITS.glob("*.service"):
+            # From the build tree instead of the package.
+            text = unit.read_text().replace("ExecStart=/usr/bin/tether", f"ExecStart={bin_dir}/tether")
+            (self.units / unit.name).write_text(text)
+        (self.units / "test.target").write_text("[Unit]\nDefaultDependencies=no\n")
+        user = subprocess.run(["systemd-sysusers", f"--root={self.root}", UNITS / "sysusers.conf"],
+                              capture_output=True, text=True, check=False)
+        check(user.returncode == 0 and "tether" in (self.root / "etc/passwd").read_text(), user.stderr)
+
+    def start(self, test):
+        """Until systemd takes orders."""
+        boot = "mount -t proc proc /proc; exec /lib/systemd/systemd --system --unit=test.target --log-target=null"
+        self.init = test.start("/usr/bin/unshare", "--kill-child", "--pid", "--fork", "--mount", "chroot", self.root, "/bin/sh", "-c", boot,
+                               env={"container": "uml", "PATH": "/usr/bin:/usr/sbin"})
+        self.pid = wait_until(20, self._first_process, "systemd's process")
+        wait_until(20, lambda: self.ctl("is-system-running", check_it=False) in ("running", "degraded"), "systemd is up")
+
+    def _first_process(self):
+        found = subprocess.run(["pgrep", "--newest", "--exact", "systemd"], capture_output=True, text=True, check=False).stdout.split()
+        return found[0] if found else None
+
+    @property
+    def units(self):
+        return self.root / "etc/systemd/system"
+
+    def configure(self, **settings):
+        text = "".join(f"{key}={value}\n" for key, value in settings.items())
+        (self.root / "etc/tether/tether.env").write_text(text)
+
+    def run(self, *command, check_it=True):
+        done = subprocess.run(["nsenter", "--target", self.pid, "--mount", "--pid", "--root", *map(str, command)],
+                              capture_output=True, text=True, check=False)
+        check(not check_it or done.returncode == 0, f"{command}: {done.stdout}{done.stderr}{self.said()}")
+        return done.stdout.strip()
+
+    def said(self):
+        return "".join(f"--- {file.stem}\n{file.read_text()}" for file in self.root.glob("var/*.said"))
+
+    def ctl(self, *words, check_it=True):
+        return self.run("systemctl", *words, check_it=check_it)
+
+    def show(self, unit, key):
+        return self.ctl("show", unit, "--property", key, "--value")

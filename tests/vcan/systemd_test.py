@@ -1,0 +1,131 @@
+#!/usr/bin/env -S python3 -B
+"""The CAN bridge as a service of a booted system: up when it can work, started anew however it ends, never
+armed by itself, stopped with the wheels at rest. Usage: systemd_test.py BIN_DIR"""
+
+import signal
+import subprocess
+import time
+
+from booted import UNITS, Booted
+from can_drivetrain import SCENARIO, Drivetrain, changed_file, patient_file
+from live_support import check, main, wait_until
+
+BRIDGE = "tether-can-bridge.service"
+SPEED_MPS = 0.5
+
+
+class Served(Drivetrain):
+    """With a bridge that systemd keeps."""
+
+    settings = ("can.stale_ms=1000", "can.disarm_ms=2000")
+
+    def __init__(self, test):
+        super().__init__(test, patient_file(test))
+        scenario = changed_file(test, "vehicle.toml", SCENARIO,
+                                ("../drivetrains/two_node_cia402.toml", str(self.drivetrain)),
+                                ("[can]\n", '[can]\nwheels = "model"\n'),
+                                ("stale_ms = 200.0", "stale_ms = 1000.0"),
+                                ("disarm_ms = 500.0", "disarm_ms = 2000.0"))
+        self.system = Booted(test, test.bin)
+        for file in (scenario, self.drivetrain):
+            target = self.system.root / file.relative_to("/")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(file.read_text())
+        self.system.configure(TETHER_SCENARIO=scenario, TETHER_START_UTIME=self.start_utime,
+                              LCM_DEFAULT_URL=self.network.url)
+        self.system.start(test)
+
+    def start_bridge(self, wait=True):
+        self.system.ctl("start", BRIDGE)
+
+    def process(self):
+        return int(self.system.show(BRIDGE, "MainPID"))
+
+    def restarts(self):
+        return int(self.system.show(BRIDGE, "NRestarts"))
+
+    def kill(self, name):
+        """When."""
+        now = time.time()
+        self.system.run("kill", f"-{name}", self.process())
+        return now
+
+    def wait_restart(self, before, seconds):
+        def again():
+            return self.restarts() > before and self.system.show(BRIDGE, "ActiveState") == "active"
+
+        wait_until(seconds, again, f"restart {before + 1} of the bridge")
+
+
+def bridge_as_a_service(test):
+    with Served(test) as d:
+        # Nothing answers on the bus: it works all the same, and says so.
+        d.start_drives()
+        d.start_bridge()
+        check(d.system.show(BRIDGE, "StatusText").startswith("running on udpm"), d.system.show(BRIDGE, "StatusText"))
+        with open(f"/proc/{outer_pid(d)}/status", encoding="ascii") as status:
+            kept = dict(line.strip().split(":\t", 1) for line in status if ":\t" in line)
+        check(kept["CapEff"] == kept["CapBnd"] == f"{1 << 12:016x}", f"more than CAP_NET_ADMIN: {kept['CapBnd']}")
+        check(kept["NoNewPrivs"] == "1" and kept["Seccomp"] == "2" and kept["Uid"].split()[0] != "0", str(kept))
+        check(int(kept["VmLck"].split()[0]) > 1000, f"memory is not locked: {kept['VmLck']}")
+        policy = subprocess.run(["chrt", "--pid", str(outer_pid(d))], capture_output=True, text=True, check=True).stdout
+        check("SCHED_FIFO" in policy and "50" in policy, policy)
+        d.arm()
+        test.say("up, as user tether with CAP_NET_ADMIN alone; armed")
+
+        # However it ends, the wheels come to rest, it starts anew, and never arms by itself.
+        for name, seconds in (("KILL", 10), ("SEGV", 10), ("STOP", 12), ("KILL", 10)):
+            d.drive(SPEED_MPS)
+            before, when = d.restarts(), d.kill(name)
+            rest = d.wait_standstill(when)
+            d.wait_restart(before, seconds)
+            d.wait_state("disarmed", 15, when)
+            check("armed" not in d.states(rest), f"SIG{name}: armed again: {d.states(rest)}")
+            d.check_still(max(rest, time.time() - 0.5), f"after SIG{name}")
+            test.say(f"SIG{name}: at rest after {rest - when:.2f} s, up again, disarmed")
+            d.arm()
+
+        # Stopped in good order: wheels at rest and drives off before it ends.
+        d.drive(SPEED_MPS)
+        when = time.time()
+        d.system.ctl("stop", BRIDGE)
+        ended = time.time()
+        rest = d.wait_standstill(when)
+        check(rest <= ended + 0.1, f"it ended {rest - ended:.2f} s before the wheels were at rest")
+        check(d.system.show(BRIDGE, "Result") == "success", d.system.show(BRIDGE, "Result"))
+        test.say(f"stopped in {ended - when:.2f} s, at rest after {rest - when:.2f} s")
+        the_others_run_too(d, test)
+
+
+def the_others_run_too(d, test):
+    """Controller, logger and page, as the same user and with no rights at all. Not beside the bridge: starting them makes a guest late."""
+    others = [f"tether-{name}.service" for name in ("controller", "logger", "view")]
+    d.system.ctl("start", *others)
+    time.sleep(3)
+    for unit in others:
+        check(d.system.show(unit, "ActiveState") == "active" and d.system.show(unit, "NRestarts") == "0",
+              d.system.ctl("status", unit, check_it=False))
+    before = int(d.system.show(others[0], "NRestarts"))
+    d.system.run("kill", "-STOP", d.system.show(others[0], "MainPID"))
+    wait_until(12, lambda: int(d.system.show(others[0], "NRestarts")) > before, "the controller's watchdog")
+    d.system.ctl("stop", *others)
+    recorded = sum(file.stat().st_size for file in (d.system.root / "var/lib/tether").glob("floor.lcmlog*"))
+    check(recorded > 10_000, f"{recorded} bytes recorded")
+    test.say(f"controller, logger ({recorded} bytes) and page run; a stopped controller is started anew")
+
+
+def outer_pid(d):
+    """Of the bridge, as this namespace numbers it."""
+    found = subprocess.run(["pgrep", "--exact", "tether-can-brid"], capture_output=True, text=True, check=True).stdout
+    return int(found.split()[0])
+
+
+def units_are_hardened(test):
+    """By systemd's own measure, from 0 to 10; and without words that it does not know."""
+    for unit in sorted(UNITS.glob("*.service")):
+        known = subprocess.run(["systemd-analyze", "verify", "--man=no", unit], capture_output=True, text=True, check=False)
+        complaints = [line for line in known.stderr.splitlines() if unit.name in line and "not executable" not in line]
+        check(not complaints, "\n".join(complaints))
+
+
+main(units_are_hardened, bridge_as_a_service)
