@@ -61,7 +61,7 @@ class Controller {
 
   void run() {
     while (!left_ && lcm_.handleTimeout(50) >= 0) {
-      if (session_ != 0 && Clock::now() - heard_at_ > kCoordinatorPatience) {
+      if (heard_at_ != Clock::time_point{} && Clock::now() - heard_at_ > kCoordinatorPatience) {
         std::fprintf(stderr, "the coordinator has been silent for 30 s\n");
         return;
       }

@@ -223,7 +223,7 @@ class Lockstep:
         now = time.monotonic()
         if channel in ("TIME/GRANT", "TIME/WELCOME"):
             self.heard = now
-        elif self.me["session"] and now - self.heard > 30.0:
+        elif self.heard and now - self.heard > 30.0:
             sys.exit("the coordinator has been silent for 30 s")
         if channel == "CTRL/POSE":
             self.inbox = self.inbox[-1000:] + [data]

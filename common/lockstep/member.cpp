@@ -59,7 +59,12 @@ bool LockstepMember::is_ours(std::int64_t session, const std::string& node) cons
 
 void LockstepMember::on_tick() {
   const Instant now = io_.now();
-  if (state_ == State::joining && now - kJoinPeriod >= last_join_) send_join();
+  if (state_ == State::joining) {
+    if (heard_of_coordinator_ && now - last_heard_ >= config_.coordinator_patience) {
+      return fail(silence());
+    }
+    if (now - kJoinPeriod >= last_join_) send_join();
+  }
   if (state_ != State::waiting) return;
   if (grant_) {
     if (now - granted_at_ >= config_.patience) {
@@ -73,9 +78,13 @@ void LockstepMember::on_tick() {
       ask_again();
     }
   } else if (now - last_heard_ >= config_.coordinator_patience) {
-    fail(fmt::format("the coordinator has been silent for {:.0f} s",
-                     to_seconds(config_.coordinator_patience)));
+    fail(silence());
   }
+}
+
+std::string LockstepMember::silence() const {
+  return fmt::format("the coordinator has been silent for {:.0f} s",
+                     to_seconds(config_.coordinator_patience));
 }
 
 void LockstepMember::send_join() {
@@ -111,7 +120,10 @@ void LockstepMember::hear(const Message& message) {
 void LockstepMember::on_welcome(std::span<const std::uint8_t> bytes) {
   time_welcome_t welcome{};
   if (!decode(bytes, welcome)) return;
-  if (welcome.session == config_.session) last_heard_ = io_.now();
+  if (welcome.session == config_.session || config_.session == 0) {
+    last_heard_ = io_.now();
+    heard_of_coordinator_ = true;
+  }
   const bool any = config_.session == 0 && welcome.session != 0 && welcome.node == config_.name;
   if (state_ != State::joining || welcome.instance != config_.instance ||
       !(any || is_ours(welcome.session, welcome.node))) {

@@ -63,6 +63,7 @@ class LockstepMember {
   void on_resend(std::span<const std::uint8_t> bytes);
   void on_tick();
   void send_join();
+  std::string silence() const;
   void carry_out();
   bool collect();
   void ask_again();
@@ -83,6 +84,7 @@ class LockstepMember {
   std::string error_;
   Instant last_join_ = Instant::min();
   Instant last_heard_{};
+  bool heard_of_coordinator_ = false;  ///< of the session, or of any where any will do
 
   std::optional<time_grant_t> grant_;  // that is being carried out
   std::vector<MessageInbox::Bytes> messages_;

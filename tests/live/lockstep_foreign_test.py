@@ -5,7 +5,7 @@ real time; and one on another host. Usage: lockstep_foreign_test.py BIN_DIR"""
 import subprocess
 import time
 
-from live_support import GROUP, PAPER, SOURCE, TYPES, check, main, wait_for_loop, wait_until
+from live_support import GROUP, PAPER, SOURCE, LcmType, TYPES, check, main, wait_for_loop, wait_until
 
 PYTHON = SOURCE / "examples" / "controller.py"
 FAST = ("--set", "sensor.rate_hz=10", "--set", "channel.prr=0.9", "--set", "channel.delay_ms=20")
@@ -96,7 +96,27 @@ def works_between_two_hosts(test):
         subprocess.run(("ip", "link", "delete", "here"), check=True)
 
 
+def waiting_says_for_whom_and_ends_with_the_coordinator(test):
+    url = f"udpm://{GROUP}:7673?ttl=0"
+    run = test.start("tether", "run", PAPER, "--processes", *EXTERNAL, "--lcm-url", url)
+    wait_until(8, lambda: "still waiting for controller on" in run.err(), "it says for whom it waits")
+    check("come back" not in run.err(), f"its messages come back: {run.err()}")
+    run.kill()
+
+    # Who has heard of a coordinator, and never got further, does not wait for ever.
+    began = time.monotonic()
+    strays = [test.start(*controller, "--lockstep") for controller in ((PYTHON,), (cpp(test),))]
+    time.sleep(1.0)
+    nobody = {"seq": 0, "session": 7, "instance": 0, "node": "", "rank": 0, "count": 0, "subscription": []}
+    test.network.send("TIME/WELCOME", LcmType("time_welcome").encode(utime=0, **nobody))
+    for stray in strays:
+        stray.wait(40)
+        check("silent for 30 s" in stray.err(), f"the controller: {stray.err()}")
+        check(time.monotonic() - began > 29, "it has not waited")
+
+
 main(
+    waiting_says_for_whom_and_ends_with_the_coordinator,
     examples_are_the_same_however_slow,
     examples_follow_the_path,
     examples_work_in_real_time,

@@ -240,6 +240,22 @@ TEST(LockstepFaults, NodesOfASilentCoordinatorEndAfterThirtySeconds) {
   }
 }
 
+TEST(LockstepFaults, NodesThatHaveHeardOfACoordinatorAndNeverMetItEndAfterThirtySeconds) {
+  LockstepRig rig(scenario());
+  rig.manager_line().faults.swallow = [](const Message& m) { return m.channel == "TIME/JOIN"; };
+  rig.wall.run_until(rig.wall.now() + from_seconds(5));
+  rig.manager_line().faults.swallow = [](const Message&) { return true; };
+  const Instant silent = rig.wall.now();
+  rig.wall.run_until(silent + from_seconds(27.9));
+  for (std::size_t node = 0; node < 3; ++node) EXPECT_EQ(rig.member(node).error(), "") << node;
+  for (std::size_t node = 0; node < 3; ++node) {
+    rig.wall.run_until(silent + from_seconds(30.2));  // whoever ends stops the loop that all share
+  }
+  for (std::size_t node = 0; node < 3; ++node) {
+    EXPECT_EQ(rig.member(node).error(), "the coordinator has been silent for 30 s") << node;
+  }
+}
+
 TEST(Lockstep, AHeldRunStandsStillAndGoesOnAsIfNothingHadBeen) {
   const Scenario s = scenario();
   LockstepRig rig(s);

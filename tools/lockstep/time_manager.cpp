@@ -154,6 +154,15 @@ void TimeManager::welcome(std::size_t node) {
   publish(wire_, kTimeWelcome, message);
 }
 
+void TimeManager::sign_of_life() {
+  last_welcome_ = io_.now();
+  time_welcome_t message{};
+  message.utime = run_utime();
+  message.seq = welcomes_++;
+  message.session = config_.session;
+  publish(wire_, kTimeWelcome, message);
+}
+
 void TimeManager::on_request(const time_request_t& request) {
   const auto found = std::find(config_.nodes.begin(), config_.nodes.end(), request.node);
   if (found == config_.nodes.end() || state_ == State::joining) {

@@ -119,6 +119,7 @@ class TimeManager {
   void on_join(const time_join_t& join);
   void start();
   void welcome(std::size_t node);
+  void sign_of_life();  ///< a welcome to nobody
   void on_request(const time_request_t& request);
   bool was_answered(std::int64_t grant, std::size_t node) const;
   void on_answer(const time_request_t& request);

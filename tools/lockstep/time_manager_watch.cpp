@@ -23,6 +23,7 @@ constexpr Duration kStillAsking = std::chrono::milliseconds{300};
 void TimeManager::on_tick() {
   const Instant now = io_.now();
   if (state_ == State::done || state_ == State::failed) return;
+  if (!outstanding_ && now - last_welcome_ >= kSignOfLife) sign_of_life();
   if (state_ == State::joining) {
     if (now - begun_at_ < config_.join_patience) return;
     return fail(fmt::format("{} did not join within {:.0f} s", fmt::join(missing(), ", "),
@@ -30,7 +31,6 @@ void TimeManager::on_tick() {
   }
   watch_record(now);
   watch_grant(now);
-  if (!outstanding_ && now - last_welcome_ >= kSignOfLife) welcome(0);
 }
 
 void TimeManager::watch_grant(Instant now) {

@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -26,6 +27,9 @@
 namespace tether {
 namespace {
 
+/// So long after the start it says for whom it waits, and again after each of the other.
+constexpr Duration kFirstWord = std::chrono::seconds{3};
+constexpr Duration kNextWord = std::chrono::seconds{20};
 constexpr Duration kEndPatience = std::chrono::seconds{2};
 /// For somebody to start a controller by hand.
 constexpr Duration kPatienceForPeople = std::chrono::minutes{5};
@@ -128,8 +132,26 @@ void ProcessRun::record(Instant when, const Message& message) {
   loop_.run_until(when);
 }
 
+/// While it waits: for whom, and whether anybody could be heard at all.
+void ProcessRun::say_who_is_missing() {
+  if (manager_->started() || ending_) return;
+  fmt::print(stderr, "tether: still waiting for {} on {}\n",
+             fmt::join(manager_->missing(), " and "), url_);
+  CounterList network;
+  wire_.list_counters(network);
+  const bool comes_back = std::any_of(network.begin(), network.end(), [](const auto& counter) {
+    return counter.first == "datagrams_own" && counter.second > 0;
+  });
+  if (comes_back) return;
+  fmt::print(stderr,
+             "tether: nor do its own messages come back: tether doctor --lcm-url '{}' says why\n",
+             url_);
+}
+
 void ProcessRun::run() {
   for (Child& child : children_) child.process->start();
+  io_.every(io_.now() + kFirstWord, kNextWord, Priority::observer,
+            [this](Instant) { say_who_is_missing(); });
   io_.run();
   if (!manager_->done()) {
     // Who waits for a node that is stopped can only say that messages do not come.

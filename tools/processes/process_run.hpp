@@ -50,6 +50,7 @@ class ProcessRun {
   void start_node(const Options& options, const std::string& node, std::int64_t session);
   void record(Instant when, const Message& message);
   void end_nodes();
+  void say_who_is_missing();
   std::string stopped_node() const;  // why a run broke off, if that is it
 
   struct Child {
