@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
                     .description = "The vehicle as its own driver, which asks for a remote one",
                     .lockstep_name = "autonomy",
                     .make = [](const NodeContext& c) {
-                      return group_of<AutonomyNode>(fleet_members(c.scenario), c.loop, c.bus);
+                      return group_of<AutonomyNode>(
+                          members_with(has_autonomy, fleet_members(c.scenario)), c.loop, c.bus);
                     }});
 }

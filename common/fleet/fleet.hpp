@@ -1,5 +1,7 @@
 #pragma once
 
+#include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -8,8 +10,9 @@
 
 namespace tether {
 
-/// [fleet]: several vehicles like the scenario's in one hall, each with its own loop. They touch
-/// each other, and their packets may share a medium.
+/// [fleet]: several vehicles in one hall, each with its own loop. They are like the scenario's, but
+/// for what [fleet.vehicle.NUMBERS] says of some. They touch each other, and their packets may
+/// share a medium.
 struct FleetSettings {
   /// Where on the lap of a closed path they begin: all where it does; evenly spread; at even places
   /// in an order by chance, each up to half of what is between two farther on.
@@ -24,7 +27,18 @@ struct FleetSettings {
   int columns = 0;          ///< vehicles in a row; 0: all are
   Ticks ticks = Ticks::spread;
 
+  /// What [fleet.vehicle.NUMBERS] says, by the text NUMBERS (vehicle_numbers()) and by key.
+  std::map<std::string, ScenarioValues> own;
+
   bool is_one() const { return count == 1; }
+
+  /// Vehicles that are not as the others, and a scenario that is as theirs, but for what the fleet
+  /// gives each: its name, its start, its place in the lap. No key: it follows from `own`.
+  struct Variant {
+    std::vector<int> numbers;  ///< ascending
+    std::shared_ptr<const Scenario> scenario;
+  };
+  std::vector<Variant> variants;
 
   // Of one of its vehicles: not keys.
   int number = 1;           ///< from 1 on
@@ -43,7 +57,11 @@ inline constexpr int kMostVehicles = 1000;
 
 /// The scenario of each of the vehicles; of one alone, the scenario itself. Vehicles are called as
 /// the scenario's, with their number: AGV1, AGV2, …; so their random streams are their own, and one
-/// vehicle more changes no other's. Random streams here: "<vehicle>/ticks", and "fleet/phases".
+/// vehicle more changes no other's. A vehicle whose own path is open begins at its start, whatever
+/// fleet.phases says. Random streams here: "<vehicle>/ticks", and "fleet/phases".
 std::vector<Scenario> fleet_members(const Scenario& scenario);
+/// Those of `members` that have something, such as has_localiser().
+std::vector<Scenario> members_with(bool (*has)(const Scenario&),
+                                   const std::vector<Scenario>& members);
 
 }  // namespace tether

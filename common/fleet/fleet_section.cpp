@@ -4,6 +4,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/fleet/fleet.hpp"
+#include "common/fleet/own_keys.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -85,6 +86,10 @@ void check(const Scenario& scenario, const std::string& file) {
         file, fleet.count));
   }
   check_start(scenario, file);
+  for (const Fleet::Variant& variant : fleet.variants) {
+    check_start(*variant.scenario,
+                fmt::format("{}: fleet.vehicle.{}", file, numbers_text(variant.numbers)));
+  }
   try {
     check_members(fleet_members(scenario), file);
   } catch (const UsageError& error) {
@@ -104,6 +109,13 @@ ScenarioSection fleet_section() {
     if (key.name == "fleet.count") continue;
     section.switched.push_back({key.name, {"fleet.count"}, std::int64_t{1}});
   }
+  section.named = own_tables();
+  section.stands_for = own_keys_meant_by;
+  section.vary = make_variants;
+  section.help =
+      "fleet.vehicle.NUMBERS.*\n    what vehicles of a fleet have otherwise: NUMBERS is 3, 3-5 or "
+      "1,4-6, and then\n    keys of vehicle, sensor, path, controller, actuator, channel.uplink, "
+      "channel.downlink,\n    lidar, localiser and autonomy\n";
   section.check = check;
   return section;
 }

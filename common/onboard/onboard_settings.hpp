@@ -1,5 +1,7 @@
 #pragma once
 
+#include "common/scenario/scenario.hpp"
+
 namespace tether {
 
 /// [localiser]: what turns scans and odometry into poses (localiser/). Its keys are in
@@ -40,5 +42,13 @@ struct AutonomySettings {
   double remote_max_age_s = 1.0;  ///< of the report that a remote driver's command names
   double remote_speed_mps = 0.5;  ///< at most, while it is driven remotely
 };
+
+inline bool has_localiser(const Scenario& scenario) {
+  return scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none;
+}
+
+inline bool has_autonomy(const Scenario& scenario) {
+  return scenario.get<AutonomySettings>().enabled;
+}
 
 }  // namespace tether

@@ -149,6 +149,12 @@ const ScenarioKey* ScenarioLoader::find_key(const std::string& key) {
 
 void ScenarioLoader::refuse_unknown(const std::string& place, const std::string& given) {
   const std::string key = printable(given, kLongestValueShown);
+  if (const NamedTables* tables = named_tables(scenario_.schema(), given); tables != nullptr) {
+    const auto dot = given.find('.', tables->prefix.size());
+    const std::string why =
+        dot == std::string::npos || !tables->why_not ? "" : tables->why_not(given.substr(dot + 1));
+    if (!why.empty()) throw UsageError(fmt::format("{}: {} is not allowed: {}", place, key, why));
+  }
   const std::vector<std::string> names = names_beside(scenario_.schema(), keys_beside(key));
   const std::string& nearest = nearest_name(names, key);
   const auto same_name = std::find_if(names.begin(), names.end(), [&key](const auto& name) {
@@ -238,11 +244,33 @@ void ScenarioLoader::end_level(const std::string& source, const std::filesystem:
   given_.clear();
 }
 
-Scenario ScenarioLoader::finish(const std::string& file) const {
+Scenario ScenarioLoader::completed(const std::string& file) const {
   Scenario scenario = scenario_;
-  const auto& sections = scenario.schema().sections();
-  for (const ScenarioSection& section : sections) {
+  for (const ScenarioSection& section : scenario.schema().sections()) {
     if (section.complete) section.complete(scenario, given_at_any_, file);
+  }
+  return scenario;
+}
+
+Scenario ScenarioLoader::with(const ScenarioValues& values, const std::string& source) const {
+  ScenarioLoader one(scenario_);
+  one.given_at_any_ = given_at_any_;
+  for (const auto& [key, value] : values) {
+    one.find_key(key)->set(one.scenario_, value);
+    one.given_.insert(key);
+  }
+  one.end_level(source, {});
+  return one.completed(source);
+}
+
+Scenario ScenarioLoader::finish(const std::string& file) const {
+  Scenario scenario = completed(file);
+  const auto& sections = scenario.schema().sections();
+  const ScenarioWith with_values = [this](const ScenarioValues& values, const std::string& source) {
+    return with(values, source);
+  };
+  for (const ScenarioSection& section : sections) {
+    if (section.vary) section.vary(scenario, with_values, file);
   }
   for (const ScenarioSection& section : sections) {
     if (section.check) section.check(scenario, file);

@@ -3,6 +3,7 @@
 #include <toml++/toml.h>
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -43,6 +44,8 @@ class ScenarioLoader {
   Scenario finish(const std::string& file) const;
 
  private:
+  Scenario completed(const std::string& file) const;
+  Scenario with(const ScenarioValues& values, const std::string& source) const;
   const std::vector<ScenarioKey>& keys_beside(const std::string& key);
   const ScenarioKey* find_key(const std::string& key);
   std::string why_switched_off(const std::string& key) const;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <any>
+#include <cstddef>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -34,6 +35,11 @@ class Scenario {
   }
 
   const ScenarioSchema& schema() const { return *schema_; }
+
+  /// Takes one of the schema's sections, by its number, from another scenario of the same schema.
+  void take_section(const Scenario& other, std::size_t number) {
+    sections_.at(number) = other.sections_.at(number);
+  }
 
  private:
   template <class Settings, class Sections>

@@ -28,6 +28,17 @@ std::vector<ScenarioKey> ScenarioSchema::keys_of(const Scenario& scenario) const
   return keys;
 }
 
+std::vector<std::pair<std::string, ScenarioValue>> ScenarioSchema::values_of(
+    const Scenario& scenario) const {
+  std::vector<std::pair<std::string, ScenarioValue>> values;
+  for (const ScenarioKey& key : keys_of(scenario)) {
+    auto value = key.get(scenario);
+    if (!value || !why_no_effect(scenario, key.name).empty() || left_out(scenario, key)) continue;
+    values.emplace_back(key.name, std::move(*value));
+  }
+  return values;
+}
+
 std::string ScenarioSchema::why_no_effect(const Scenario& scenario, const std::string& key) const {
   for (const ScenarioSection& section : sections_) {
     if (!section.why_no_effect) continue;

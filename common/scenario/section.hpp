@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -60,6 +61,9 @@ struct NamedTables {
   /// Makes the table where there is none. Throws UsageError, which begins with `place`, if it must
   /// not have this name.
   std::function<void(Scenario&, const std::string& name, const std::string& place)> make;
+  /// Why tables cannot have the key that is `part` behind their name, though the scenario has it;
+  /// "" if it has not.
+  std::function<std::string(const std::string& part)> why_not = {};
 };
 
 /// A list of tables, such as [[channel.change]].
@@ -81,6 +85,12 @@ struct SwitchedKey {
   std::vector<std::string> switches;  ///< full names
   ScenarioValue off = 0.0;            ///< what they are when they are off
 };
+
+using ScenarioValues = std::map<std::string, ScenarioValue>;  ///< by full name
+
+/// The scenario, if these keys were given as well, after all others: completed, not checked. Throws
+/// UsageError, which begins with `source`, for one that has no effect.
+using ScenarioWith = std::function<Scenario(const ScenarioValues&, const std::string& source)>;
 
 /// A section of the scenario: a struct of settings with its keys and all that is to be said of
 /// them. A room gives one for each struct that it owns. What is left empty does nothing.
@@ -112,6 +122,8 @@ struct ScenarioSection {
   /// `given`: the keys that were.
   std::function<void(Scenario&, const std::set<std::string>& given, const std::string& file)>
       complete = {};
+  /// Called once after all are complete: makes what differs from the scenario in some keys.
+  std::function<void(Scenario&, const ScenarioWith&, const std::string& file)> vary = {};
   /// Checks what several keys must fulfil together, of any sections. Throws UsageError.
   std::function<void(const Scenario&, const std::string& file)> check = {};
 };
@@ -132,6 +144,9 @@ class ScenarioSchema {
   const std::vector<ScenarioKey>& keys() const { return keys_; }
   /// All keys, and those of the named tables that `scenario` has.
   std::vector<ScenarioKey> keys_of(const Scenario& scenario) const;
+
+  /// All that the resolved scenario says, but for lists of tables; in its order.
+  std::vector<std::pair<std::string, ScenarioValue>> values_of(const Scenario& scenario) const;
 
   /// Why `key` does nothing, of any section; "" if it has an effect.
   std::string why_no_effect(const Scenario& scenario, const std::string& key) const;

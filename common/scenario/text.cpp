@@ -6,6 +6,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/scenario/key_table.hpp"
 #include "common/scenario/section.hpp"
 
 namespace tether {
@@ -32,6 +33,18 @@ std::string text_of(const std::vector<Entry>& list) {
   return "[" + text + "]";
 }
 
+/// A table's name, with quotes around parts that need them: fleet.vehicle."3,5".sensor.
+std::string header_of(const std::string& name) {
+  std::string header;
+  for (std::size_t begin = 0; begin <= name.size();) {
+    const std::size_t end = std::min(name.find('.', begin), name.size());
+    const std::string part = name.substr(begin, end - begin);
+    header += (begin == 0 ? "" : ".") + (is_identifier(part) ? part : text_of(part));
+    begin = end + 1;
+  }
+  return header;
+}
+
 }  // namespace
 
 std::string to_toml(const ScenarioValue& value) {
@@ -42,22 +55,17 @@ std::string to_toml(const Scenario& scenario) {
   const ScenarioSchema& schema = scenario.schema();
   // A table may have but one header, wherever its keys stand.
   std::vector<std::pair<std::string, std::string>> tables;
-  for (const ScenarioKey& key : schema.keys_of(scenario)) {
-    const auto value = key.get(scenario);
-    if (!value || !schema.why_no_effect(scenario, key.name).empty() ||
-        schema.left_out(scenario, key)) {
-      continue;
-    }
-    const auto dot = key.name.rfind('.');
-    const std::string name = key.name.substr(0, dot);
+  for (const auto& [key, value] : schema.values_of(scenario)) {
+    const auto dot = key.rfind('.');
+    const std::string name = key.substr(0, dot);
     auto table = std::find_if(tables.begin(), tables.end(),
                               [&name](const auto& other) { return other.first == name; });
     if (table == tables.end()) table = tables.insert(tables.end(), {name, ""});
-    table->second += fmt::format("{} = {}\n", key.name.substr(dot + 1), to_toml(*value));
+    table->second += fmt::format("{} = {}\n", key.substr(dot + 1), to_toml(value));
   }
   std::string text;
   for (const auto& [name, keys] : tables) {
-    text += fmt::format("{}[{}]\n{}", text.empty() ? "" : "\n", name, keys);
+    text += fmt::format("{}[{}]\n{}", text.empty() ? "" : "\n", header_of(name), keys);
   }
   for (const ScenarioSection& part : schema.sections()) {
     if (part.list) text += part.list->to_toml(scenario);

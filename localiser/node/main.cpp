@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
                     .description = "The localiser: scans and odometry in, poses out",
                     .lockstep_name = "localiser",
                     .make = [](const NodeContext& c) {
-                      return group_of<LocaliserNode>(fleet_members(c.scenario), c.loop, c.bus);
+                      return group_of<LocaliserNode>(
+                          members_with(has_localiser, fleet_members(c.scenario)), c.loop, c.bus);
                     }});
 }

@@ -105,10 +105,9 @@ class LockstepRig {
     TimeManager::Config config;
     config.session = kSession;
     config.nodes = {"sim", "netem", "controller"};
-    if (scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none) {
-      config.nodes.emplace_back("localiser");
-    }
-    if (scenario.get<AutonomySettings>().enabled) config.nodes.emplace_back("autonomy");
+    const std::vector<Scenario> members = fleet_members(scenario);
+    if (!members_with(has_localiser, members).empty()) config.nodes.emplace_back("localiser");
+    if (!members_with(has_autonomy, members).empty()) config.nodes.emplace_back("autonomy");
     config.patience = patience;
     config.end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
     manager_line_.faults = faults;
@@ -137,8 +136,12 @@ class LockstepRig {
     const std::vector<Scenario> members = fleet_members(scenario_);
     if (name == "sim") p->node = std::make_unique<SimFleet>(members, loop, bus);
     if (name == "netem") p->node = relays_of(members, loop, bus, bus);
-    if (name == "localiser") p->node = std::make_unique<LocaliserNode>(scenario_, loop, bus);
-    if (name == "autonomy") p->node = std::make_unique<AutonomyNode>(scenario_, loop, bus);
+    if (name == "localiser") {
+      p->node = group_of<LocaliserNode>(members_with(has_localiser, members), loop, bus);
+    }
+    if (name == "autonomy") {
+      p->node = group_of<AutonomyNode>(members_with(has_autonomy, members), loop, bus);
+    }
     if (name == "controller") p->node = group_of<ControllerNode>(members, loop, bus);
     p->member->join(*p->node);
     programs_.push_back(std::move(p));

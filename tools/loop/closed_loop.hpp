@@ -38,12 +38,8 @@ class ClosedLoop {
     if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
       can_ = std::make_unique<CanLoop>(scenario, loop_, bus_);
     }
-    if (scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none) {
-      localisers_ = group_of<LocaliserNode>(members_, loop_, bus_);
-    }
-    if (scenario.get<AutonomySettings>().enabled) {
-      autonomies_ = group_of<AutonomyNode>(members_, loop_, bus_);
-    }
+    localisers_ = group_of<LocaliserNode>(members_with(has_localiser, members_), loop_, bus_);
+    autonomies_ = group_of<AutonomyNode>(members_with(has_autonomy, members_), loop_, bus_);
   }
 
   /// For observers, which subscribe before the run.
@@ -65,8 +61,8 @@ class ClosedLoop {
     netem_->finish();
     controllers_->finish();
     if (can_) can_->finish();
-    if (localisers_) localisers_->finish();
-    if (autonomies_) autonomies_->finish();
+    localisers_->finish();
+    autonomies_->finish();
     loop_.run_until(loop_.now());  // delivers the final reports
   }
 

@@ -48,17 +48,16 @@ constexpr int kMaxRestarts = 20;
 /// In the order in which they end: the bridge has to stop its drives first, and the drives need the
 /// simulator's wheels for that.
 std::vector<std::string> programs(const Scenario& scenario) {
+  const std::vector<Scenario> members = fleet_members(scenario);
   std::vector<std::string> names;
   if (!scenario.get<ControllerSettings>().external) names.emplace_back("tether-controller");
   names.emplace_back("tether-netem");
-  if (scenario.get<AutonomySettings>().enabled) names.emplace_back("tether-autonomy");
+  if (!members_with(has_autonomy, members).empty()) names.emplace_back("tether-autonomy");
   if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
     names.emplace_back("tether-can-bridge");
     if (scenario.get<CanSettings>().emulate_drives) names.emplace_back("tether-can-drive");
   }
-  if (scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none) {
-    names.emplace_back("tether-localiser");
-  }
+  if (!members_with(has_localiser, members).empty()) names.emplace_back("tether-localiser");
   names.emplace_back("tether-sim");
   return names;
 }

@@ -15,6 +15,7 @@
 #include "common/base/errors.hpp"
 #include "common/base/share.hpp"
 #include "common/base/system_error.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lockstep/member.hpp"
@@ -83,10 +84,9 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   if (scenario.get<VehicleSettings>().drivetrain != VehicleSettings::Drivetrain::can) {
     std::erase(config.nodes, "can");
   }
-  if (scenario.get<LocaliserSettings>().place == LocaliserSettings::Place::none) {
-    std::erase(config.nodes, "localiser");
-  }
-  if (!scenario.get<AutonomySettings>().enabled) std::erase(config.nodes, "autonomy");
+  const std::vector<Scenario> members = fleet_members(scenario);
+  if (members_with(has_localiser, members).empty()) std::erase(config.nodes, "localiser");
+  if (members_with(has_autonomy, members).empty()) std::erase(config.nodes, "autonomy");
   config.end = end_;
   config.patience = from_seconds(options.patience_s);
   if (scenario.get<ControllerSettings>().external) {
