@@ -36,6 +36,7 @@ struct FleetSettings {
   /// gives each: its name, its start, its place in the lap. No key: it follows from `own`.
   struct Variant {
     std::vector<int> numbers;  ///< ascending
+    ScenarioValues own;        ///< all that their resolved scenario has otherwise
     std::shared_ptr<const Scenario> scenario;
   };
   std::vector<Variant> variants;

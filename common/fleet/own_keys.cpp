@@ -222,8 +222,8 @@ void make_variants(Scenario& scenario, const ScenarioWith& with, const std::stri
     one->get<FleetSettings>() = fleet;
     ScenarioValues differs = difference(*one, scenario);
     if (differs.empty()) continue;
-    fleet.own.emplace(name, std::move(differs));
-    fleet.variants.push_back({numbers, std::move(one)});
+    fleet.own.emplace(name, differs);
+    fleet.variants.push_back({numbers, std::move(differs), std::move(one)});
   }
 }
 

@@ -101,20 +101,22 @@ class ViewedRun {
  public:
   /// Subscribes to the bus: before the run.
   ViewedRun(const RunOptions& options, const Scenario& scenario, ClosedLoop& loop)
-      : loop_(loop), speed_(options.speed), parameters_(scenario.get<ChannelSettings>()) {
+      : loop_(loop),
+        speed_(options.speed),
+        parameters_(loop.members().front().get<ChannelSettings>()) {
     const double end_s = scenario.get<RunSettings>().duration_s;
-    RunDescription run{.kind = "run", .source = options.scenario.file, .scenario = &scenario};
-    run.vehicle = scenario.get<VehicleSettings>().name;
-    run.scene = scene_setting(scenario);
-    run.publishable = NetworkView::publishable(run.vehicle, false);
+    RunDescription run{.kind = "run", .source = options.scenario.file};
+    run.take(scenario);
+    run.publishable = NetworkView::publishable(run.vehicles(), false);
     run.parameters = parameters_.descriptions();
     for (auto& one : playback_descriptions(to_seconds(loop.loop().now()), end_s, false)) {
       run.parameters.push_back(std::move(one));
     }
     server_.emplace(options.viewing.server(run), scene_channels(run.scene));
-    network_.emplace(loop.loop(), loop.bus(), *server_,
-                     NetworkView::Options{
-                         .vehicle = run.vehicle, .ask_relay = false, .parameters = parameters_});
+    network_.emplace(
+        loop.loop(), loop.bus(), *server_,
+        NetworkView::Options{
+            .vehicles = run.vehicles(), .ask_relay = false, .parameters = parameters_});
   }
 
   void run(Instant end) {
@@ -165,9 +167,6 @@ Scenario checked_scenario(const RunOptions& options) {
   }
   if (options.scenario.file.empty()) throw UsageError("run: name a scenario file (see --help)");
   Scenario scenario = options.scenario.load();
-  if (options.view && !scenario.get<FleetSettings>().is_one()) {
-    throw UsageError("run: --view shows one vehicle; leave out fleet.count");
-  }
   if (const std::string warning = overload_warning(scenario.get<MediumSettings>());
       !warning.empty()) {
     fmt::print(stderr, "tether: {}: {}\n", options.scenario.file, warning);

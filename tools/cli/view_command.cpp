@@ -39,11 +39,7 @@ struct ViewCommandOptions {
 int view_log(const ViewCommandOptions& options) {
   ViewedLog log(options.log);
   RunDescription run{.kind = "log", .source = options.log, .notes = log.notes()};
-  if (log.scenario()) {
-    run.scenario = &*log.scenario();
-    run.vehicle = run.scenario->get<VehicleSettings>().name;
-    run.scene = scene_setting(*run.scenario);
-  }
+  if (log.scenario()) run.take(*log.scenario());
   run.parameters = playback_descriptions(log.start_s(), log.end_s(), true);
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());
   ViewServer server(options.view.server(run), scene_channels(run.scene));
@@ -80,15 +76,13 @@ int view_network(const ViewCommandOptions& options) {
   RunDescription run{.kind = "live", .source = url, .vehicle = "AGV"};
   NetworkView::Options network;
   if (scenario) {
-    run.scenario = &*scenario;
-    run.vehicle = scenario->get<VehicleSettings>().name;
-    run.scene = scene_setting(*scenario);
+    run.take(*scenario);
     network.may_drive = scenario->get<ControllerSettings>().external;
-    network.parameters = NetworkParameters(scenario->get<ChannelSettings>());
+    network.parameters = NetworkParameters(run.first().get<ChannelSettings>());
   }
-  network.vehicle = run.vehicle;
+  network.vehicles = run.vehicles();
   run.parameters = network.parameters.descriptions();
-  run.publishable = NetworkView::publishable(run.vehicle, network.may_drive);
+  run.publishable = NetworkView::publishable(run.vehicles(), network.may_drive);
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());
   const std::unique_ptr<Bus> bus = open_bus(url, loop);
   ViewServer server(options.view.server(run), scene_channels(run.scene));

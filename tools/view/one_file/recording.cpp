@@ -23,11 +23,7 @@ std::string about(const ViewedLog& log, double start_s, double end_s) {
   RunDescription run{.kind = "log",
                      .source = std::filesystem::path(log.file()).filename().string(),
                      .notes = log.notes()};
-  if (log.scenario()) {
-    run.scenario = &*log.scenario();
-    run.vehicle = run.scenario->get<VehicleSettings>().name;
-    run.scene = scene_setting(*run.scenario);
-  }
+  if (log.scenario()) run.take(*log.scenario());
   run.parameters = playback_descriptions(start_s, end_s, true);
   return run_json(run);
 }

@@ -88,6 +88,8 @@ async function askAbout() {
     playback.describe(about.parameters ?? []);
     topics = topicsOf(about.publishable ?? []);
     find("drive").hidden = !topics.twist;
+    find("drive-whom").textContent = model.isFleet ? about.vehicle : "";
+    find("settings-whose").textContent = model.isFleet ? "of all vehicles' links; those shown are of " + about.vehicle : "";
     for (const button of find("can").querySelectorAll("button")) button.disabled = !topics.request;
     const isAddress = /^\w+:\/\//.test(about.source ?? "");
     const name = isAddress ? about.source : (about.source ?? "").split("/").slice(-2).join("/");
@@ -183,6 +185,7 @@ const choice = find("vehicle");
 choice.addEventListener("change", () => {
   model.selected = choice.value;
   model.series.clear();
+  showFacts(find("facts"), model);
 });
 
 /** Before the server has said what it shows nobody knows. */

@@ -71,17 +71,21 @@ function channelText(get) {
 
 /** The scenario in a few words, links as they are set now: [[name, value]...]. */
 export function factsOf(model) {
-  const scenario = model.about?.scenario;
   const facts = [];
-  const law = scenario?.controller;
-  if (law) facts.push(["law", law.external ? "of another program" : law.law.replaceAll("_", " ")]);
+  const law = model.scenarioSetting("controller.law");
+  if (law) {
+    const isExternal = model.scenarioSetting("controller.external");
+    facts.push(["law", isExternal ? "of another program" : law.replaceAll("_", " ")]);
+  }
   if (!model.hasRelay) facts.push(["links", "no relay heard"]);
   for (const link of model.hasRelay ? ["uplink", "downlink"] : []) {
     if (model.linkSetting(`${link}.model`) !== undefined)
       facts.push([link, channelText((key) => model.linkSetting(`${link}.${key}`))]);
   }
-  if (scenario?.sensor) facts.push(["poses", `${scenario.sensor.rate_hz} per s`]);
-  if (scenario?.actuator) facts.push(["without news", scenario.actuator.policy]);
+  const rate_hz = model.scenarioSetting("sensor.rate_hz");
+  if (rate_hz) facts.push(["poses", `${rate_hz} per s`]);
+  const policy = model.scenarioSetting("actuator.policy");
+  if (policy) facts.push(["without news", policy]);
   return facts;
 }
 

@@ -1,6 +1,7 @@
 #include "tools/view/sources/network_view.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <tether/channel_setting_t.hpp>
@@ -27,10 +28,14 @@ NetworkView::NetworkView(EventLoop& loop, Bus& bus, ViewServer& server, Options 
     : loop_(loop),
       bus_(bus),
       server_(server),
-      channels_(options.vehicle),
+      vehicles_(std::move(options.vehicles)),
+      channels_(vehicles_.front()),
       parameters_(std::move(options.parameters)),
       may_drive_(options.may_drive),
       seq_(RealTimeLoop::number_of_this_start()) {
+  for (const std::string& vehicle : vehicles_) {
+    answers_[ChannelNames(vehicle).net_settings] = vehicle;
+  }
   bus_.subscribe(".*", kDeepQueue, [this](const Message& message) { hear(message); });
   server_.update(parameters_.values());
   if (may_drive_) {
@@ -47,9 +52,11 @@ NetworkView::NetworkView(EventLoop& loop, Bus& bus, ViewServer& server, Options 
   });
 }
 
-std::vector<std::string> NetworkView::publishable(const std::string& vehicle, bool may_drive) {
-  const ChannelNames channels(vehicle);
-  std::vector<std::string> topics{channels.can_request};
+std::vector<std::string> NetworkView::publishable(const std::vector<std::string>& vehicles,
+                                                  bool may_drive) {
+  const ChannelNames channels(vehicles.front());
+  std::vector<std::string> topics;
+  if (vehicles.size() == 1) topics.push_back(channels.can_request);
   if (may_drive) topics.push_back(channels.control_command);
   return topics;
 }
@@ -64,9 +71,9 @@ std::uint64_t NetworkView::time_ns(const Message& message) const {
 void NetworkView::hear(const Message& message) {
   server_.hear(message.channel, message.bytes, time_ns(message));
   if (may_drive_) hear_for_driving(message);
-  if (message.channel == channels_.net_settings) {
+  if (const auto answers = answers_.find(message.channel); answers != answers_.end()) {
     channel_setting_result_t answer{};
-    if (decode(message.bytes, answer)) on_answer(answer);
+    if (decode(message.bytes, answer)) on_answer(answers->second, answer);
   } else if (message.channel == channels_.can_state) {
     drivetrain_state_t state{};
     if (!decode(message.bytes, state)) return;
@@ -85,28 +92,40 @@ void NetworkView::hear_for_driving(const Message& message) {
   }
 }
 
-void NetworkView::on_answer(const channel_setting_result_t& answer) {
+void NetworkView::on_answer(const std::string& vehicle, const channel_setting_result_t& answer) {
   const RequestName name{answer.request_utime, answer.request_seq};
   const bool is_all = name == asked_;
-  const bool is_in_force = is_all || answer.applied != 0;
-  relay_ahead_us_ = answer.utime - to_utime(loop_.now());
-  if (is_in_force) {
-    std::vector<ChannelSetting> settings;
-    for (std::size_t i = 0; i < answer.key.size(); ++i) {
-      settings.push_back({answer.key[i], answer.value[i]});
+  if (vehicle == vehicles_.front()) {
+    relay_ahead_us_ = answer.utime - to_utime(loop_.now());
+    if (is_all || answer.applied != 0) {
+      std::vector<ChannelSetting> settings;
+      for (std::size_t i = 0; i < answer.key.size(); ++i) {
+        settings.push_back({answer.key[i], answer.value[i]});
+      }
+      parameters_.take(settings, is_all);
+      server_.update(parameters_.values());
+      relay_known_ = relay_known_ || is_all;
     }
-    parameters_.take(settings, is_all);
-    server_.update(parameters_.values());
-    relay_known_ = relay_known_ || is_all;
   }
   const auto found = pending_.find(name);
   if (found == pending_.end()) return;
-  const Pending& pending = found->second;
-  const std::string error =
-      answer.applied != 0 ? ""
-                          : "refused, nothing has changed: " + printable_message(answer.reason);
-  server_.answer({pending.client, pending.request, pending.parameters, error});
+  Pending& pending = found->second;
+  if (answer.applied == 0) pending.refused[vehicle] = printable_message(answer.reason);
+  pending.silent.erase(vehicle);
+  if (!pending.silent.empty()) return;
+  server_.answer({pending.client, pending.request, pending.parameters, outcome(pending)});
   pending_.erase(found);
+}
+
+/// Of a setting that all have answered; "" if it is in force.
+std::string NetworkView::outcome(const Pending& pending) const {
+  if (pending.refused.empty()) return "";
+  const auto& [first, why] = *pending.refused.begin();
+  if (pending.refused.size() == vehicles_.size()) return "refused, nothing has changed: " + why;
+  std::vector<std::string> names;
+  for (const auto& [name, reason] : pending.refused) names.push_back(name);
+  return fmt::format("refused by the links of {}, in force for the others: {}",
+                     fmt::join(names, ", "), why);
 }
 
 std::int64_t NetworkView::relay_utime() const { return to_utime(loop_.now()) + relay_ahead_us_; }
@@ -139,20 +158,20 @@ bool NetworkView::take(const ViewRequest& request) {
 }
 
 void NetworkView::set(const ViewRequest& request, const std::vector<Parameter>& parameters) {
-  Pending pending{request.client, request.request, {}};
+  Pending pending{request.client, request.request, {}, {vehicles_.begin(), vehicles_.end()}};
   for (const Parameter& parameter : parameters) pending.parameters.push_back(parameter.name);
   try {
     const channel_setting_t message =
         setting_request(relay_utime(), ++seq_, parameters_.settings(parameters));
     const RequestName name{message.utime, message.seq};
     pending_.emplace(name, std::move(pending));
-    send(channels_.net_set, message);
+    for (const std::string& vehicle : vehicles_) send(ChannelNames(vehicle).net_set, message);
     loop_.at(loop_.now() + kPatience, Priority::observer, [this, name](Instant) {
       const auto found = pending_.find(name);
       if (found == pending_.end()) return;
       server_.answer({found->second.client, found->second.request, found->second.parameters,
                       fmt::format("no answer on {}: is there a relay (tether-netem)?",
-                                  channels_.net_settings)});
+                                  ChannelNames(*found->second.silent.begin()).net_settings)});
       pending_.erase(found);
     });
   } catch (const UsageError& error) {

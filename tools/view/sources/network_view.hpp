@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <tether/channel_setting_result_t.hpp>
 #include <utility>
@@ -18,14 +19,15 @@
 namespace tether {
 
 /// Shows all that is on a bus, and carries clients' requests to it: settings to the relay by
-/// NET/SET, whose answer is what the clients are told; what is asked of drives, to the bridge.
+/// NET/SET, whose answer is what the clients are told; what is asked of drives, to the bridge. Of a
+/// fleet, settings go to the links of all vehicles; the first one's are those that are told.
 /// What a client causes is on the bus, and so in a recording.
 ///
 /// In real time or in virtual time; requests are only looked at when on_requests() is called.
 class NetworkView {
  public:
   struct Options {
-    std::string vehicle = "AGV";
+    std::vector<std::string> vehicles = {"AGV"};  ///< at least one
     /// Whether to ask the relay which settings are in force, until it answers. Else
     /// `parameters` says it.
     bool ask_relay = true;
@@ -41,19 +43,24 @@ class NetworkView {
   /// Takes what it has of clients' requests; true if it was for this.
   bool take(const ViewRequest& request);
 
-  /// On which clients may publish.
-  static std::vector<std::string> publishable(const std::string& vehicle, bool may_drive);
+  /// On which clients may publish: to the drives of a vehicle that is alone, and twists to the
+  /// first one.
+  static std::vector<std::string> publishable(const std::vector<std::string>& vehicles,
+                                              bool may_drive);
 
  private:
   struct Pending {
     ClientId client;
     std::optional<std::string> request;
     std::vector<std::string> parameters;
+    std::set<std::string> silent = {};                ///< vehicles whose links have not answered
+    std::map<std::string, std::string> refused = {};  ///< vehicles, and why
   };
   using RequestName = std::pair<std::int64_t, std::int64_t>;  ///< its utime and seq
 
   void hear(const Message& message);
-  void on_answer(const channel_setting_result_t& answer);
+  void on_answer(const std::string& vehicle, const channel_setting_result_t& answer);
+  std::string outcome(const Pending& pending) const;
   void ask();
   void set(const ViewRequest& request, const std::vector<Parameter>& parameters);
   void operate(const ViewRequest& request, const ViewRequest::Publish& what);
@@ -66,7 +73,9 @@ class NetworkView {
   EventLoop& loop_;
   Bus& bus_;
   ViewServer& server_;
-  ChannelNames channels_;
+  std::vector<std::string> vehicles_;
+  ChannelNames channels_;                                    ///< of the first
+  std::map<std::string, std::string, std::less<>> answers_;  ///< NET/SETTINGS -> vehicle
   NetworkParameters parameters_;
   HandDrive drive_;
   bool may_drive_;

@@ -1,11 +1,19 @@
 #include "tools/view/sources/run_json.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <utility>
 
+#include "common/fleet/fleet.hpp"
+#include "common/path/kinds.hpp"
+#include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
+#include "common/scenario/run_settings.hpp"
 #include "common/scenario/section.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/shape.hpp"
 #include "tools/view/playback/playback.hpp"
 
@@ -15,28 +23,93 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// "vehicle.track_m" is in the object "vehicle".
+void put(Json& all, const std::string& key, const ScenarioValue& value) {
+  Json* at = &all;
+  std::size_t begin = 0;
+  for (std::size_t dot = key.find('.'); dot != std::string::npos;
+       begin = dot + 1, dot = key.find('.', begin)) {
+    at = &(*at)[key.substr(begin, dot - begin)];
+  }
+  std::visit([&](const auto& x) { (*at)[key.substr(begin)] = x; }, value);
+}
+
 Json scenario_json(const Scenario& scenario) {
   Json all = Json::object();
   for (const ScenarioKey& key : scenario.schema().keys_of(scenario)) {
     const auto value = key.get(scenario);
-    if (!value || scenario.schema().left_out(scenario, key)) continue;
-    Json* at = &all;
-    std::size_t begin = 0;
-    for (std::size_t dot = key.name.find('.'); dot != std::string::npos;
-         begin = dot + 1, dot = key.name.find('.', begin)) {
-      at = &(*at)[key.name.substr(begin, dot - begin)];
-    }
-    std::visit([&](const auto& x) { (*at)[key.name.substr(begin)] = x; }, *value);
+    if (value && !scenario.schema().left_out(scenario, key)) put(all, key.name, *value);
   }
   return all;
 }
 
-Json vehicle_json(const SceneSetting& scene) {
-  if (!scene.vehicle) return nullptr;
-  return {{"track_m", scene.vehicle->track_m},
-          {"wheel_radius_m", scene.vehicle->wheel_radius_m},
-          {"chassis_length_m", scene.vehicle->chassis_length_m},
-          {"chassis_width_m", scene.vehicle->chassis_width_m}};
+Json shape_json(const VehicleConfig& vehicle) {
+  return {{"track_m", vehicle.track_m},
+          {"wheel_radius_m", vehicle.wheel_radius_m},
+          {"chassis_length_m", vehicle.chassis_length_m},
+          {"chassis_width_m", vehicle.chassis_width_m}};
+}
+
+/// As lines, for those who want to draw them: each once, whoever drives along it; laps are the same
+/// wherever they begin.
+class PathLines {
+ public:
+  /// The number of a vehicle's.
+  std::size_t number(const Scenario& member) {
+    Scenario lap = member;
+    lap.get<PathSettings>().phase = 0.0;
+    std::string key;
+    for (const ScenarioKey& one : lap.schema().keys()) {
+      const auto value = one.name.starts_with("path.") ? one.get(lap) : std::nullopt;
+      if (value) key += to_toml(*value) + "\n";
+    }
+    const auto [found, is_new] = numbers_.try_emplace(key, lines_.size());
+    if (is_new) lines_.push_back(member);
+    return found->second;
+  }
+
+  Json json() const {
+    Json all = Json::array();
+    const double most =
+        std::clamp(20'000.0 / static_cast<double>(std::max<std::size_t>(lines_.size(), 1)), 100.0,
+                   kMostPathPoints - 1.0);
+    for (const Scenario& member : lines_) {
+      const auto path = make_path(member.get<PathSettings>());
+      const double duration_s = member.get<RunSettings>().duration_s;
+      const double steps = std::clamp(std::ceil(duration_s / 0.1), 1.0, most);
+      Json& line = all.emplace_back(Json::array());
+      for (double i = 0.0; i <= steps; ++i) {
+        const PathPoint at = path->at(duration_s * i / steps);
+        line.push_back({at.x_m, at.y_m});
+      }
+    }
+    return all;
+  }
+
+ private:
+  std::map<std::string, std::size_t> numbers_;
+  std::vector<Scenario> lines_;
+};
+
+/// What each vehicle of a fleet has of its own.
+void put_vehicles(Json& all, const RunDescription& run) {
+  PathLines paths;
+  Json vehicles = Json::array();
+  for (const Scenario& member : run.members) {
+    const auto& vehicle = member.get<VehicleSettings>();
+    vehicles.push_back({{"name", vehicle.name},
+                        {"shape", shape_json(vehicle)},
+                        {"path", paths.number(member)},
+                        {"scenario", Json::object()}});
+  }
+  const auto& fleet = run.scenario->get<FleetSettings>();
+  for (const FleetSettings::Variant& variant : fleet.variants) {
+    for (const int number : variant.numbers) {
+      Json& own = vehicles.at(static_cast<std::size_t>(number - 1)).at("scenario");
+      for (const auto& [key, value] : variant.own) put(own, key, value);
+    }
+  }
+  all["vehicles"] = std::move(vehicles);
+  all["paths"] = paths.json();
 }
 
 /// Its corners; of a circle as many as it needs to look like one.
@@ -78,6 +151,20 @@ Json parameter_json(const ParameterDescription& d) {
 
 }  // namespace
 
+void RunDescription::take(const Scenario& of_the_run) {
+  scenario = &of_the_run;
+  if (!of_the_run.get<FleetSettings>().is_one()) members = fleet_members(of_the_run);
+  vehicle = first().get<VehicleSettings>().name;
+  scene = scene_setting(first());
+}
+
+std::vector<std::string> RunDescription::vehicles() const {
+  std::vector<std::string> names;
+  for (const Scenario& member : members) names.push_back(member.get<VehicleSettings>().name);
+  if (names.empty()) names.push_back(vehicle);
+  return names;
+}
+
 std::string run_json(const RunDescription& run) {
   Json path = Json::array();
   for (const TimedPoint& p : run.scene.path) {
@@ -88,20 +175,20 @@ std::string run_json(const RunDescription& run) {
   for (const MovingShape& one : run.scene.moving) moving.push_back(moving_json(one));
   Json parameters = Json::array();
   for (const ParameterDescription& d : run.parameters) parameters.push_back(parameter_json(d));
-  const Json all = {
-      {"kind", run.kind},
-      {"source", run.source},
-      {"vehicle", run.vehicle},
-      {"notes", run.notes},
-      {"publishable", run.publishable},
-      {"half_extent_m",
-       run.scene.half_extent_m > 0.0 ? Json(run.scene.half_extent_m) : Json(nullptr)},
-      {"shape", vehicle_json(run.scene)},
-      {"path", path},
-      {"obstacles", obstacles},
-      {"moving", moving},
-      {"parameters", parameters},
-      {"scenario", run.scenario == nullptr ? Json(nullptr) : scenario_json(*run.scenario)}};
+  Json all = {{"kind", run.kind},
+              {"source", run.source},
+              {"vehicle", run.vehicle},
+              {"notes", run.notes},
+              {"publishable", run.publishable},
+              {"half_extent_m",
+               run.scene.half_extent_m > 0.0 ? Json(run.scene.half_extent_m) : Json(nullptr)},
+              {"shape", run.scene.vehicle ? shape_json(*run.scene.vehicle) : Json(nullptr)},
+              {"path", path},
+              {"obstacles", obstacles},
+              {"moving", moving},
+              {"parameters", parameters},
+              {"scenario", run.scenario == nullptr ? Json(nullptr) : scenario_json(*run.scenario)}};
+  if (!run.members.empty()) put_vehicles(all, run);
   return all.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 

@@ -20,6 +20,15 @@ struct RunDescription {
   SceneSetting scene = {};
   std::vector<ParameterDescription> parameters = {};
   std::vector<std::string> publishable = {};
+  std::vector<Scenario> members = {};  ///< of a fleet; empty for a vehicle that is alone
+
+  /// What follows of its scenario, which has to outlive this; of a fleet, the scene and `vehicle`
+  /// are the first one's.
+  void take(const Scenario& of_the_run);
+  /// The scenario of the first vehicle; there must be one.
+  const Scenario& first() const { return members.empty() ? *scenario : members.front(); }
+  /// The names of all; at least one.
+  std::vector<std::string> vehicles() const;
 };
 std::string run_json(const RunDescription& run);
 

@@ -9,16 +9,19 @@ export const MANY = 12;
 export class Fleet {
   constructor() {
     this.key = "";
+    this.stamps = new Map(); // of a vehicle's shape -> its picture
     this.names = new Map(); // of a vehicle -> its picture
   }
 
-  draw(c, camera, vehicles, shown, body, ratio) {
+  /** `bodyOf(vehicle)`: its shape. */
+  draw(c, camera, vehicles, shown, bodyOf, ratio) {
     this.drawTrails(c, camera, vehicles);
-    const stamp = this.stampFor(camera, body, ratio);
-    const half = stamp.width / ratio / 2;
+    this.forgetIfChanged([camera.scale, ratio, colour("truth"), colour("ink")].join());
     for (const vehicle of vehicles) {
       const pose = vehicle.place;
       if (!pose || vehicle === shown) continue;
+      const stamp = this.stampFor(camera, bodyOf(vehicle), ratio);
+      const half = stamp.width / ratio / 2;
       const x = camera.x(pose.x_m);
       const y = camera.y(pose.y_m);
       if (x < -half || y < -half || x > camera.width + half || y > camera.height + half) continue;
@@ -47,26 +50,26 @@ export class Fleet {
     c.globalAlpha = 1;
   }
 
+  forgetIfChanged(key) {
+    if (key === this.key) return;
+    this.key = key;
+    this.stamps.clear();
+    this.names.clear();
+  }
+
   /** A vehicle that looks along +x, its axle's midpoint in the middle. */
   stampFor(camera, body, ratio) {
-    const key = [camera.scale, ratio, body.length_m, body.width_m, colour("truth"), colour("ink")].join();
-    if (key === this.key) return this.stamp;
-    this.key = key;
-    this.names.clear();
+    const shape = Object.values(body).join();
+    let stamp = this.stamps.get(shape);
+    if (stamp) return stamp;
     const pixels = Math.max(40, 2.4 * camera.scale * (body.length_m / 2 + Math.abs(body.centre_m)));
-    this.stamp = document.createElement("canvas");
-    this.stamp.width = this.stamp.height = Math.ceil(pixels * ratio);
-    const c = this.stamp.getContext("2d");
-    c.setTransform(
-      ratio * camera.scale,
-      0,
-      0,
-      -ratio * camera.scale,
-      this.stamp.width / 2,
-      this.stamp.height / 2,
-    );
+    stamp = document.createElement("canvas");
+    stamp.width = stamp.height = Math.ceil(pixels * ratio);
+    const c = stamp.getContext("2d");
+    c.setTransform(ratio * camera.scale, 0, 0, -ratio * camera.scale, stamp.width / 2, stamp.height / 2);
     drawBody(c, camera, body, false);
-    return this.stamp;
+    this.stamps.set(shape, stamp);
+    return stamp;
   }
 
   nameFor(vehicle, ratio) {

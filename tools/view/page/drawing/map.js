@@ -61,11 +61,12 @@ export class FactoryMap {
   update(model) {
     const reference = model.shown?.reference;
     const points = model.about?.path?.length ? 0 : (reference?.x.length ?? 0);
-    const generation = `${model.generation} ${Math.floor(points / 10)} ${model.radioSettings()}`;
+    const about = model.aboutVehicle(model.shown);
+    const generation = [model.generation, Math.floor(points / 10), about?.name, model.radioSettings()].join();
     if (generation === this.generation) return;
     this.generation = generation;
     const driven = points ? reference.x.map((x, i) => [x, reference.y[i]]) : [];
-    this.scene = sceneOf(model.about, driven);
+    this.scene = sceneOf(model.about, driven, about);
     if (this.seenIn !== model.generation) this.seen = null;
     this.seenIn = model.generation;
     if (!this.scene.isEmpty) this.seeBox(this.scene.box);
@@ -89,13 +90,14 @@ export class FactoryMap {
     const c = surface.begin();
     const vehicles = [...model.vehicles.values()];
     const isFleet = vehicles.length > MANY;
-    if (isFleet) this.fleet.draw(c, camera, vehicles, shown, this.scene.vehicle, surface.ratio);
+    const bodyOf = ({ name }) => this.scene.bodies.get(name) ?? this.scene.vehicle;
+    if (isFleet) this.fleet.draw(c, camera, vehicles, shown, bodyOf, surface.ratio);
     else for (const vehicle of vehicles) drawTrail(c, camera, vehicle, vehicle === shown);
     drawMoving(c, camera, this.scene.moving, now_s);
     if (shown) drawScan(c, camera, shown.points);
-    if (shown) drawBelief(c, camera, shown, this.scene.vehicle, now_s, AHEAD_S);
-    for (const vehicle of isFleet ? [shown] : vehicles) {
-      drawVehicle(c, camera, vehicle, this.scene.vehicle, vehicle === shown, vehicles.length > 1);
+    if (shown) drawBelief(c, camera, shown, bodyOf(shown), now_s, AHEAD_S);
+    for (const vehicle of isFleet ? (shown ? [shown] : []) : vehicles) {
+      drawVehicle(c, camera, vehicle, bodyOf(vehicle), vehicle === shown, vehicles.length > 1);
     }
     if (shown?.fixes.newest) drawLocalisation(c, camera, shown.fixes.newest);
   }
@@ -129,8 +131,13 @@ export class FactoryMap {
       c.stroke();
     }
     c.strokeStyle = colour("path");
-    c.lineWidth = 3;
+    c.lineWidth = 1.5;
     c.setLineDash([10, 6]);
+    for (const path of scene.otherPaths) {
+      this.trace(c, path);
+      c.stroke();
+    }
+    c.lineWidth = 3;
     this.trace(c, scene.path);
     c.stroke();
     c.setLineDash([]);

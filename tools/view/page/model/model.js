@@ -32,6 +32,14 @@ const PLOTTED = [
   "downlink_prr",
 ];
 
+/** "a.b" in {a: {b: …}}; undefined if it is not there. */
+const valueAt = (table, name) => name.split(".").reduce((inner, part) => inner?.[part], table);
+
+const noReports = () => ({
+  links: { uplink: null, downlink: null },
+  states: { uplink: [], downlink: [] },
+});
+
 export class Model {
   constructor() {
     this.vehicles = new Map();
@@ -50,8 +58,7 @@ export class Model {
     for (const vehicle of this.vehicles.values()) vehicle.clear();
     for (const channel of this.channels.values()) channel.clear();
     this.series.clear();
-    this.links = { uplink: null, downlink: null }; // newest reports
-    this.states = { uplink: [], downlink: [] }; // {from_s, state}, in order
+    this.reports = new Map(); // of a vehicle's links, by its key: {links, states}
     this.clock = null; // {run_s, heard_s, source}
     this.rate = 1; // seconds of the run per second
     this.heard_s = NaN; // when the last message came
@@ -86,8 +93,8 @@ export class Model {
     if (part.base === "SIM") {
       if (part.name === "TRUTH") this.vehicle(part.vehicle).hearTruth(fields, heard_s);
     } else if (part.base === "NET") {
-      if (part.name.endsWith("UPLINK")) this.hearLink("uplink", fields);
-      if (part.name.endsWith("DOWNLINK")) this.hearLink("downlink", fields);
+      if (part.name.endsWith("UPLINK")) this.hearLink(part.vehicle, "uplink", fields);
+      if (part.name.endsWith("DOWNLINK")) this.hearLink(part.vehicle, "downlink", fields);
     } else if (part.base === "CAN") {
       if (part.name === "STATE") this.vehicle(part.vehicle).drivetrain = fields;
       if (part.name === "ODOMETRY") this.vehicle(part.vehicle).odometry = fields;
@@ -104,12 +111,29 @@ export class Model {
   }
 
   /** The relay reports at each change of a link's state, and now and then. */
-  hearLink(link, report) {
-    this.links[link] = report;
-    const states = this.states[link];
+  hearLink(named, link, report) {
+    const key = named || this.main;
+    if (!this.reports.has(key)) this.reports.set(key, noReports());
+    const reports = this.reports.get(key);
+    reports.links[link] = report;
+    const states = reports.states[link];
     if (states.length && states[states.length - 1].state === report.state) return;
     states.push({ from_s: report.utime / 1e6, state: report.state });
     if (states.length > 400) states.splice(0, 200);
+  }
+
+  /** Newest reports {uplink, downlink} on the links of the vehicle that is looked at. */
+  get links() {
+    return this.reportsOfShown.links;
+  }
+
+  /** {uplink: [{from_s, state}...], downlink}, in order. */
+  get states() {
+    return this.reportsOfShown.states;
+  }
+
+  get reportsOfShown() {
+    return this.reports.get(this.selected ?? this.main) ?? noReports();
   }
 
   hearClock(part, fields, time_s, heard_s) {
@@ -146,16 +170,36 @@ export class Model {
       // what was heard before is of a vehicle by the wrong name
       this.main = main;
       this.vehicles.clear();
-      this.selected = null;
+      this.selected = this.isFleet ? main : null;
     }
     ++this.generation;
   }
 
-  /** "uplink.map.snr50_db": as it is in force now, else as the scenario says. */
+  get isFleet() {
+    return (this.about?.vehicles?.length ?? 0) > 1;
+  }
+
+  /** What the server says of a fleet's vehicle: {name, shape, path, scenario}; undefined of others. */
+  aboutVehicle(vehicle) {
+    return this.about?.vehicles?.find(({ name }) => name === vehicle?.name);
+  }
+
+  /** Of the vehicle that is looked at, "controller.law"; undefined if it is not known. */
+  scenarioSetting(name) {
+    return valueAt(this.aboutVehicle(this.shown)?.scenario, name) ?? valueAt(this.about?.scenario, name);
+  }
+
+  /**
+   * "uplink.map.snr50_db" of the vehicle that is looked at: as it is in force now, else as the scenario says.
+   * The server tells what the first vehicle's links have; what another has of its own it has until both are set.
+   */
   linkSetting(name) {
-    const value = this.parameters.get(`network.${name}`);
-    if (value !== undefined) return value;
-    return name.split(".").reduce((at, part) => at?.[part], this.about?.scenario?.channel);
+    const told = this.parameters.get(`network.${name}`);
+    const own = this.scenarioSetting(`channel.${name}`);
+    if (told === undefined || !this.isFleet) return told ?? own;
+    const [{ scenario: ofFirst }] = this.about.vehicles;
+    const begun = valueAt(ofFirst, `channel.${name}`) ?? valueAt(this.about.scenario, `channel.${name}`);
+    return told === begun ? own : told;
   }
 
   /** Changes when the radio map does. */
@@ -223,15 +267,16 @@ export class Model {
 
   /** Whether there is anything that the network's settings are of. */
   get hasRelay() {
-    return !this.isLive || this.links.uplink !== null || this.links.downlink !== null;
+    return !this.isLive || this.reports.size > 0;
   }
 
   /** Once per picture: decides on packets, and adds what is plotted. */
   sample(now_s, silence_s = 0) {
     const vehicle = this.shown;
     if (!vehicle || silence_s > 0 || now_s <= this.series.last_s + SAMPLE_S) return;
-    vehicle.uplink.settle(now_s, this.links.uplink !== null);
-    vehicle.downlink.settle(now_s, this.links.downlink !== null);
+    const { links } = this;
+    vehicle.uplink.settle(now_s, links.uplink !== null);
+    vehicle.downlink.settle(now_s, links.downlink !== null);
     const { truth, report, command } = vehicle;
     this.series.add(now_s, {
       error_m: truth?.error_m,

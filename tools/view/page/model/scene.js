@@ -2,10 +2,11 @@
 // of the run (/api/run.json). Whatever it does not say is left out.
 
 /**
- * {walls: [[[x, y]...]...], obstacles: [[[x, y]...]...], moving: [...], path: [[x, y]...], vehicle: {...},
- * lostBeyond_m, box: [x1, y1, x2, y2]}; `driven`: the path as far as it was seen, if the server knows none.
+ * {walls: [[[x, y]...]...], obstacles: [[[x, y]...]...], moving: [...], path: [[x, y]...], otherPaths, vehicle: {...},
+ * bodies, lostBeyond_m, box: [x1, y1, x2, y2]}; `driven`: the path as far as it was seen, if the server knows none;
+ * `shown`: of a fleet, the vehicle whose path it is, as the server describes it.
  */
-export function sceneOf(run, driven = []) {
+export function sceneOf(run, driven = [], shown = undefined) {
   const half = run?.half_extent_m ?? run?.scenario?.world?.half_extent_m;
   const walls = (run?.walls ?? []).filter((wall) => wall.length > 1);
   if (Number.isFinite(half))
@@ -16,17 +17,22 @@ export function sceneOf(run, driven = []) {
       [-half, half],
       [-half, -half],
     ]);
-  const planned = (run?.path ?? []).map(([, x, y]) => [x, y]);
+  const planned = run?.paths?.[shown?.path ?? 0] ?? (run?.path ?? []).map(([, x, y]) => [x, y]);
   const scene = {
     walls,
     obstacles: run?.obstacles ?? [],
     moving: run?.moving ?? [], // [{outline: [[x, y]...] around its place, places: [[t, x, y]...]}...]
     path: oneLap(planned.length ? planned : driven),
+    otherPaths: (run?.paths ?? []).filter((path) => path !== planned).map((path) => oneLap(path)),
     vehicle: footprint({ ...run?.scenario?.vehicle, ...run?.shape }),
+    bodies: new Map(), // by the name of a fleet's vehicle
     lostBeyond_m: run?.scenario?.run?.lost_beyond_m ?? 5,
   };
-  scene.isEmpty = ![...walls, ...scene.obstacles, scene.path].some((line) => line.length);
-  scene.box = boxOf([...walls, ...scene.obstacles, scene.path]);
+  for (const { name, shape, scenario } of run?.vehicles ?? [])
+    scene.bodies.set(name, footprint({ ...run.scenario?.vehicle, ...scenario?.vehicle, ...shape }));
+  const lines = [...walls, ...scene.obstacles, scene.path, ...scene.otherPaths];
+  scene.isEmpty = !lines.some((line) => line.length);
+  scene.box = boxOf(lines);
   return scene;
 }
 
