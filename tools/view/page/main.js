@@ -89,7 +89,8 @@ async function askAbout() {
     topics = topicsOf(about.publishable ?? []);
     find("drive").hidden = !topics.twist;
     find("drive-whom").textContent = model.isFleet ? about.vehicle : "";
-    find("settings-whose").textContent = model.isFleet ? "of all vehicles' links; those shown are of " + about.vehicle : "";
+    find("settings-whose").hidden = !model.isFleet;
+    find("settings-whose").textContent = `of all vehicles' links; shown is what ${about.vehicle} has`;
     for (const button of find("can").querySelectorAll("button")) button.disabled = !topics.request;
     const isAddress = /^\w+:\/\//.test(about.source ?? "");
     const name = isAddress ? about.source : (about.source ?? "").split("/").slice(-2).join("/");
