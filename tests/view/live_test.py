@@ -138,6 +138,39 @@ def a_computed_run_is_paced_and_the_same(test):
     check(logs[0] == logs[1], "the log differs from that of a run that nobody looked at")
 
 
+def a_fleet_is_seen_and_the_links_of_all_are_set(test):
+    fleet = [
+        PAPER, "--set=fleet.count=3", "--set=vehicle.plant=kinematic", "--set=sensor.rate_hz=10",
+        "--set=fleet.vehicle.2.controller.law=tracking", "--set=fleet.vehicle.3.channel.model=markov",
+    ]
+    out = test.work / "out"
+    run = test.start("tether", "run", *fleet, "--view", "--port=0", "--speed=5", "--out", out)
+    address = address_of(run)
+    about = json.loads(http(address, "/api/run.json")[2])
+    check(about["vehicle"] == "AGV1" and about["publishable"] == [], about["publishable"])
+    check([one["name"] for one in about["vehicles"]] == ["AGV1", "AGV2", "AGV3"], "its vehicles")
+    check(about["vehicles"][1]["scenario"] == {"controller": {"law": "tracking", "tracking": {
+        "k_x": 2.5, "k_y": 0.8, "k_theta": 2.0, "max_lateral_mps2": 3.0}}}, about["vehicles"][1]["scenario"])
+    check([one["path"] for one in about["vehicles"]] == [0, 0, 0] and len(about["paths"]) == 1, "one path for all")
+    client = Client(address)
+    truths = {f"SIM{number}/TRUTH" for number in (1, 2, 3)}
+    client.wait(10, lambda: truths <= client.channels.keys(), "all vehicles")
+    client.subscribe(*truths)
+    client.send(op="getParameters", parameterNames=[], id="all")
+    client.wait(5, lambda: client.parameters.get("network.uplink.prr") == 1.0, "the PRR in force")
+    client.set("network.uplink.delay_ms", 70.0)
+    client.wait(5, lambda: client.parameters["network.uplink.delay_ms"] == 70.0 and client.status, "the answers")
+    check(client.status[0]["message"].startswith("refused by the links of AGV3, in force for the others: "),
+          client.status)
+    client.wait(5, lambda: truths <= client.counts.keys(), "their truths")
+    run.kill(signal.SIGINT)
+    run.wait(20)
+    for number, delay_ms in ((1, "70"), (2, "70")):
+        table = test.run("tether", "log", "csv", out / "run.lcmlog", f"NET{number}/UPLINK", seconds=30).out()
+        found = [row["state_delay_ms"] for row in csv.DictReader(io.StringIO(table))]
+        check(found[0] == "0" and found[-1] == delay_ms, f"AGV{number}: {found[0]} and then {found[-1]} ms")
+
+
 def a_computed_run_ends_orderly_when_it_is_told_to(test):
     for more in (("--view", "--port=0"), ()):
         out = test.work / f"out{len(more)}"
@@ -215,6 +248,7 @@ main(
     a_log_is_played,
     a_log_that_breaks_off_is_played_as_far_as_it_goes,
     a_computed_run_is_paced_and_the_same,
+    a_fleet_is_seen_and_the_links_of_all_are_set,
     a_computed_run_ends_orderly_when_it_is_told_to,
     what_the_user_gets_wrong_is_said,
     a_token_lets_in,

@@ -42,7 +42,8 @@ std::string cut(std::string text) {
 }  // namespace
 
 Dashboard::Dashboard(const Scenario& scenario)
-    : duration_s_(scenario.get<RunSettings>().duration_s),
+    : name_(scenario.get<VehicleSettings>().name),
+      duration_s_(scenario.get<RunSettings>().duration_s),
       half_extent_m_(scenario.get<WorldSettings>().half_extent_m) {
   const auto path = make_path(scenario.get<PathSettings>());
   double farthest_m = 0.0;
@@ -60,6 +61,9 @@ std::string Dashboard::line(const RunObserver& run, const Moment& moment) {
       fmt::format("t {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s",
                   moment.t_s, run.truth().epsilon_m, prr(run.uplink()), moment.poses_hz,
                   prr(run.downlink()), moment.commands_hz);
+  if (!moment.fleet.empty()) {
+    text = fmt::format("t {:6.1f} s   {}", moment.t_s, fmt::join(moment.fleet, "   "));
+  }
   if (!moment.drives.empty()) text += "   drives " + moment.drives;
   for (const std::string& silent : moment.silent) text += "   " + silent;
   if (moment.silent.empty() && !moment.findings.empty()) text += "   INVALID";
@@ -80,6 +84,7 @@ std::vector<std::string> Dashboard::map(const RunObserver& run, const Moment& mo
     map.bright_dot(row->x_m, row->y_m);
   }
   const ground_truth_t& truth = run.truth();
+  for (const Position& other : moment.others) map.bright_dot(other.x_m, other.y_m);
   map.arrow(truth.x_m, truth.y_m, truth.yaw_rad);
   return map.lines();
 }
@@ -93,6 +98,12 @@ std::vector<std::string> Dashboard::facts(const RunObserver& run, const Moment& 
       link_line("downlink", run.downlink(), moment.commands_hz),
       fmt::format("{:<9} {:.0f} ms, mean", "pose age",
                   1000.0 * run.aoi_mean_s(kStart + from_seconds(std::max(0.0, moment.t_s))))};
+  if (!moment.fleet.empty()) {
+    all[1] = name_ + ": " + all[1];
+    all.insert(all.begin() + 1, moment.fleet.begin(), moment.fleet.end());
+    all.insert(all.begin() + 1, "");
+    all.insert(all.begin() + 2 + static_cast<std::ptrdiff_t>(moment.fleet.size()), "");
+  }
   if (!moment.drives.empty()) all.push_back(fmt::format("{:<9} {}", "drives", moment.drives));
   all.emplace_back("");
   for (const std::string& silent : moment.silent) all.push_back(silent);

@@ -10,7 +10,7 @@
 
 namespace tether {
 
-/// How a live run is going, for a terminal. Pure.
+/// How a live run is going, for a terminal; of a fleet as a whole, and of its first vehicle. Pure.
 class Dashboard {
  public:
   static constexpr int kColumns = 79, kRows = 17;
@@ -19,17 +19,21 @@ class Dashboard {
   struct Moment {
     double t_s = 0.0;
     double poses_hz = 0.0, commands_hz = 0.0;
+    std::vector<std::string> fleet;     ///< fleet_now()
+    std::vector<Position> others;       ///< where the fleet's other vehicles are
     std::string drives;                 ///< state of the drives on CAN; empty: there are none
     std::vector<std::string> findings;  ///< what makes the run invalid
     std::vector<std::string> silent;    ///< what is silent, and for how long
   };
 
+  /// `scenario`: the first vehicle's.
   explicit Dashboard(const Scenario& scenario);
 
   /// In one line of fewer than 80 columns, but for what is wrong: t, ε, reception ratio and packets
-  /// a second each way, the drives.
+  /// a second each way, the drives; of a fleet t and how it stands.
   static std::string line(const RunObserver& run, const Moment& moment);
-  /// The same beside a map: the path faint, the way of the last 20 s, the vehicle as an arrow. At
+  /// All beside a map: the path faint, the way of the last 20 s, the vehicle as an arrow, the
+  /// fleet's others as dots. At
   /// most kRows lines of at most kColumns columns.
   std::vector<std::string> lines(const RunObserver& run, const Moment& moment) const;
 
@@ -38,6 +42,7 @@ class Dashboard {
   std::vector<std::string> map(const RunObserver& run, const Moment& moment) const;
   std::vector<std::string> facts(const RunObserver& run, const Moment& moment) const;
 
+  std::string name_;
   double duration_s_;
   double half_extent_m_;  ///< of the map
   std::vector<Position> path_;

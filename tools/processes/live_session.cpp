@@ -24,6 +24,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "tools/base/process.hpp"
+#include "tools/runs/fleet_summary.hpp"
 #include "tools/runs/run_summary.hpp"
 
 namespace tether {
@@ -118,7 +119,7 @@ std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
 LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     : url_(options.lcm_url),
       status_(options.show_status),
-      dashboard_(scenario),
+      dashboard_(fleet_members(scenario).front()),
       end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)),
       loop_(RealTimeLoop::wall_utime_us() + kLeadTime_us +
                 to_utime(kStart + from_seconds(scenario.get<RunSettings>().lead_s / options.speed)),
@@ -311,6 +312,15 @@ std::string LiveSession::drives() const {
   return state.seq > 0 ? state.state_name : "silent";
 }
 
+std::vector<Position> LiveSession::others() const {
+  std::vector<Position> places;
+  for (const RunObserver* vehicle : observer_.vehicles()) {
+    const ground_truth_t& truth = vehicle->truth();
+    if (vehicle != &observer_.first()) places.push_back({truth.x_m, truth.y_m});
+  }
+  return places;
+}
+
 void LiveSession::show_status() {
   // Over some periods, for a message a second is in every other one.
   heard_.push_back({observer_.first().poses_received(), observer_.first().commands_received()});
@@ -323,6 +333,8 @@ void LiveSession::show_status() {
   const Dashboard::Moment moment{.t_s = to_seconds(loop_.now()),
                                  .poses_hz = rate(&Heard::poses),
                                  .commands_hz = rate(&Heard::commands),
+                                 .fleet = fleet_now(observer_, loop_.now()),
+                                 .others = others(),
                                  .drives = drives(),
                                  .findings = watch_.findings(),
                                  .silent = silent()};

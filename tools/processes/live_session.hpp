@@ -75,6 +75,7 @@ class LiveSession {
   void show_status();
   void shut_down();
   std::string drives() const;
+  std::vector<Position> others() const;
   std::vector<std::string> silent() const;
 
   std::string url_;

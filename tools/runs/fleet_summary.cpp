@@ -91,4 +91,18 @@ std::string to_text(const Scenario& scenario, const FleetObserver& fleet,
   return text + time_text(scenario, summary) + trouble_text(counters);
 }
 
+std::vector<std::string> fleet_now(const FleetObserver& fleet, Instant now) {
+  if (fleet.is_one()) return {};
+  const auto& vehicles = fleet.vehicles();
+  const auto worst = std::max_element(vehicles.begin(), vehicles.end(),
+                                      [](const RunObserver* a, const RunObserver* b) {
+                                        return a->truth().epsilon_m < b->truth().epsilon_m;
+                                      });
+  return {fmt::format("ε {:.3f} m, worst {:.3f} m ({})", metric_of("epsilon_m", fleet, now),
+                      (*worst)->truth().epsilon_m,
+                      fleet.names()[static_cast<std::size_t>(worst - vehicles.begin())]),
+          fmt::format("{} of {} lost, {:g} collisions", lost_of(fleet), vehicles.size(),
+                      metric_of("collisions", fleet, now))};
+}
+
 }  // namespace tether

@@ -1,0 +1,69 @@
+#include "tools/processes/dashboard.hpp"
+
+#include <fmt/ranges.h>
+#include <gmock/gmock.h>
+
+#include "tools/loop/closed_loop.hpp"
+#include "tools/runs/fleet_summary.hpp"
+
+namespace tether {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+struct Watched {
+  explicit Watched(const std::vector<std::string>& more)
+      : loop([&more] {
+          std::vector<std::string> all{"vehicle.plant=kinematic", "sensor.rate_hz=10",
+                                       "run.duration_s=10"};
+          all.insert(all.end(), more.begin(), more.end());
+          return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", all);
+        }()),
+        observer(loop.members(), loop.loop(), loop.bus()),
+        dashboard(loop.members().front()) {
+    loop.run();
+    moment.t_s = 10.0;
+    moment.fleet = fleet_now(observer, loop.loop().now());
+  }
+  ClosedLoop loop;
+  FleetObserver observer;
+  Dashboard dashboard;
+  Dashboard::Moment moment;
+};
+
+TEST(Dashboard, OfAFleetSaysHowAllStandAndWhoIsWorst) {
+  Watched fleet({"fleet.count=3", "fleet.vehicle.2.channel.prr=0.2"});
+  ASSERT_EQ(fleet.moment.fleet.size(), 2U);
+  EXPECT_THAT(fleet.moment.fleet[0], MatchesRegex("ε [0-9.]+ m, worst [0-9.]+ m \\(AGV2\\)"));
+  EXPECT_EQ(fleet.moment.fleet[1], "0 of 3 lost, 0 collisions");
+  const auto lines = fleet.dashboard.lines(fleet.observer.first(), fleet.moment);
+  EXPECT_LE(lines.size(), static_cast<std::size_t>(Dashboard::kRows));
+  for (const std::string& said : fleet.moment.fleet) {
+    EXPECT_THAT(lines, Contains(HasSubstr(said)));
+  }
+  EXPECT_THAT(lines, Contains(HasSubstr("AGV1: ε ")));
+  EXPECT_THAT(Dashboard::line(fleet.observer.first(), fleet.moment),
+              StartsWith("t   10.0 s   " + fleet.moment.fleet[0] + "   0 of 3 lost"));
+}
+
+TEST(Dashboard, ShowsWhereTheOthersOfAFleetAre) {
+  Watched fleet({"fleet.count=3"});
+  const auto alone = fleet.dashboard.lines(fleet.observer.first(), fleet.moment);
+  fleet.moment.others = {{10.0, -10.0}};
+  EXPECT_NE(fleet.dashboard.lines(fleet.observer.first(), fleet.moment), alone);
+}
+
+TEST(Dashboard, OfOneVehicleSaysNothingOfAFleet) {
+  Watched one({});
+  EXPECT_TRUE(one.moment.fleet.empty());
+  const auto lines = one.dashboard.lines(one.observer.first(), one.moment);
+  EXPECT_THAT(fmt::format("{}", fmt::join(lines, "\n")), Not(HasSubstr("lost")));
+  EXPECT_THAT(Dashboard::line(one.observer.first(), one.moment), HasSubstr("up PRR 1.00"));
+}
+
+}  // namespace
+}  // namespace tether
