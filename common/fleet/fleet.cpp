@@ -49,9 +49,12 @@ Scenario up_to_date(const Scenario& variant, const Scenario& scenario) {
 /// Each vehicle's scenario, but for what the fleet gives it.
 std::vector<Scenario> before_their_places(const Scenario& scenario) {
   const auto& fleet = scenario.get<FleetSettings>();
-  std::vector<Scenario> all(static_cast<std::size_t>(fleet.count), scenario);
+  Scenario like_most = scenario;
+  like_most.get<FleetSettings>().own.clear();
+  like_most.get<FleetSettings>().variants.clear();
+  std::vector<Scenario> all(static_cast<std::size_t>(fleet.count), like_most);
   for (const FleetSettings::Variant& variant : fleet.variants) {
-    const Scenario one = up_to_date(*variant.scenario, scenario);
+    const Scenario one = up_to_date(*variant.scenario, like_most);
     for (const int number : variant.numbers) all[static_cast<std::size_t>(number - 1)] = one;
   }
   return all;
@@ -84,8 +87,6 @@ void take_place(Scenario& one, int index, double phase) {
   }
   fleet.count = 1;
   fleet.number = index + 1;
-  fleet.own.clear();
-  fleet.variants.clear();
 }
 
 }  // namespace

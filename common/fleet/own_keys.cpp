@@ -117,9 +117,7 @@ ScenarioValues together(const FleetSettings& fleet, const std::vector<std::strin
 }
 
 /// What a resolved scenario says otherwise than that of the others.
-ScenarioValues difference(const Scenario& one, const Scenario& others) {
-  const auto common = others.schema().values_of(others);
-  const ScenarioValues said(common.begin(), common.end());
+ScenarioValues difference(const Scenario& one, const ScenarioValues& said) {
   ScenarioValues values;
   for (auto& [key, value] : one.schema().values_of(one)) {
     const auto other = said.find(key);
@@ -214,13 +212,16 @@ void make_variants(Scenario& scenario, const ScenarioWith& with, const std::stri
   }
   const FleetSettings given = fleet;
   fleet.own.clear();
+  const FleetSettings bare = fleet;
+  const auto common = scenario.schema().values_of(scenario);
+  const ScenarioValues said(common.begin(), common.end());
   for (const auto& [its, numbers] : alike) {
     const ScenarioValues values = together(given, its, numbers.front(), file);
     const std::string name = numbers_text(numbers);
     auto one =
         std::make_shared<Scenario>(with(values, fmt::format("{}: {}{}", file, kPrefix, name)));
-    one->get<FleetSettings>() = fleet;
-    ScenarioValues differs = difference(*one, scenario);
+    one->get<FleetSettings>() = bare;
+    ScenarioValues differs = difference(*one, said);
     if (differs.empty()) continue;
     fleet.own.emplace(name, differs);
     fleet.variants.push_back({numbers, std::move(differs), std::move(one)});

@@ -219,12 +219,18 @@ std::string ScenarioLoader::why_switched_off(const std::string& key) const {
 /// Refuses keys that have no effect: with one forgotten line, a bad network would otherwise become
 /// a perfect one without notice.
 void ScenarioLoader::end_level(const std::string& source, const std::filesystem::path& folder) {
-  for (const ScenarioKey& key : scenario_.schema().keys_of(scenario_)) {
-    if (!given_.contains(key.name)) continue;
-    std::string why = scenario_.schema().why_no_effect(scenario_, key.name);
-    if (why.empty()) why = why_switched_off(key.name);
-    if (why.empty()) continue;
-    throw UsageError(fmt::format("{}: {} has no effect: {}", source, key.name, why));
+  const auto check = [&](const std::string& key) {
+    std::string why = scenario_.schema().why_no_effect(scenario_, key);
+    if (why.empty()) why = why_switched_off(key);
+    if (!why.empty()) {
+      throw UsageError(fmt::format("{}: {} has no effect: {}", source, key, why));
+    }
+  };
+  for (const ScenarioKey& key : scenario_.schema().keys()) {
+    if (given_.contains(key.name)) check(key.name);
+  }
+  for (const std::string& key : given_) {
+    if (named_tables(scenario_.schema(), key) != nullptr) check(key);
   }
   for (const std::string& key : given_) {
     const ScenarioKey* named = find_key(key);
