@@ -2,7 +2,7 @@
 // frames go to WORK/frames.
 import fs from "node:fs";
 import path from "node:path";
-import { launch, serve, sleep, until } from "./browser.mjs";
+import { LAPTOP, launch, serve, sleep, until } from "./browser.mjs";
 
 const [tether, scenario, work, out] = process.argv.slice(2);
 const STEP_S = 0.5;
@@ -65,35 +65,27 @@ async function still(name, file, view, query, from_s, at_s) {
   await server.end();
 }
 
-/** A run on a network that changes between good and bad, with what can be set. */
-async function settings(file, view, query) {
+/** A run that is computed, with what can be set, after half a minute of it. */
+async function computed(file, view, query, ...run) {
   const browser = await launch();
-  const server = await serve(
-    tether,
-    "run",
-    scenario,
-    "--set",
-    "sensor.rate_hz=10",
-    "--set",
-    "channel.model=markov",
-    "--set",
-    "channel.markov.bad.delay_ms=600",
-    "--set",
-    "channel.markov.mean_good_s=6",
-    "--set",
-    "channel.markov.mean_bad_s=4",
-    "--set",
-    "run.duration_s=600",
-    "--view",
-    "--port",
-    "0",
-  );
+  const server = await serve(tether, "run", ...run, "--view", "--port", "0");
   const page = await open(browser, server, view, query);
   await until("half a minute", async () => (await runTime(page)) > 32, 90);
-  await page.screenshot({ path: path.join(out, file), fullPage: view.width > 1000 });
+  await page.screenshot({ path: path.join(out, file), fullPage: file === "view-page.png" });
   await browser.close();
   await server.end();
 }
+
+/** On a network that changes between good and bad. */
+const CHANGING = [
+  "sensor.rate_hz=10",
+  "channel.model=markov",
+  "channel.markov.bad.delay_ms=600",
+  "channel.markov.mean_good_s=6",
+  "channel.markov.mean_bad_s=4",
+  "run.duration_s=600",
+].flatMap((setting) => ["--set", setting]);
+const FLEET = "scenarios/warehouse_fleet.toml";
 
 fs.mkdirSync(path.join(work, "frames"), { recursive: true });
 await film("pid");
@@ -107,5 +99,6 @@ await still(
   14,
   26,
 );
-await settings("view-page.png", { width: 1440, height: 900 }, "theme=light");
+await computed("view-page.png", LAPTOP, "theme=light", scenario, ...CHANGING);
+await computed("view-fleet.png", LAPTOP, "theme=light", FLEET, "--speed", "4");
 await sleep(100);
