@@ -246,7 +246,8 @@ TEST(FleetDiffer, RefusesValuesAsForTheScenario) {
   EXPECT_THAT(refusal({"fleet.vehicle.2.vehicle.start_x_m=3"}),
               HasSubstr("fleet.vehicle.2: with fleet.count = 3 each vehicle starts where its path "
                         "begins"));
-  EXPECT_THAT(refusal({"fleet.vehicle.2.vehicle.chassis_length_m=100"}), HasSubstr("would start where AGV"));
+  EXPECT_THAT(refusal({"fleet.vehicle.2.vehicle.chassis_length_m=100"}),
+              HasSubstr("would start where AGV"));
 }
 
 }  // namespace

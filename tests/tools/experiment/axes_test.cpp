@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <set>
 
+#include "common/fleet/fleet.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
@@ -53,6 +54,24 @@ TEST_F(ExperimentAxes, ANamedAxisGoesByItsLabelsAndSetsWhatEachSays) {
   EXPECT_EQ(e.arms[3].scenario.get<ControllerSettings>().law, "tracking");
   EXPECT_EQ(e.arms[3].scenario.get<SensorSettings>().rate_hz, 20.0);
   EXPECT_EQ(e.arms[3].scenario.get<ChannelSettings>().uplink.fixed.prr, 0.5);
+}
+
+TEST_F(ExperimentAxes, AreOfSomeVehiclesOfAFleet) {
+  const std::string fleet = "[set]\nfleet.count = 3\n";
+  const Experiment e = load(fleet + "[grid]\nfleet.vehicle.\"2-3\".channel.prr = [1, 0.5]\n");
+  EXPECT_THAT(e.keys, ElementsAre("fleet.vehicle.2-3.channel.prr"));
+  const auto prr = [&](std::size_t arm, std::size_t vehicle) {
+    return fleet_members(e.arms[arm].scenario)[vehicle].get<ChannelSettings>().uplink.fixed.prr;
+  };
+  EXPECT_EQ(prr(1, 0), 1.0);
+  EXPECT_EQ(prr(0, 1), 1.0);
+  EXPECT_EQ(prr(1, 1), 0.5);
+  EXPECT_EQ(prr(1, 2), 0.5);
+  EXPECT_THAT(why_refused(fleet + "[grid]\nfleet.vehicle.2.world.friction = [1, 0.5]\n"),
+              HasSubstr("fleet.vehicle.2.world.friction is not allowed: world.friction is all"));
+  EXPECT_THAT(why_refused(fleet + "[grid]\nfleet.vehicle.2.channel.prr = [1, 0.5]\n",
+                          {"fleet.vehicle.2.channel.uplink.prr=0.3"}),
+              HasSubstr("fleet.vehicle.2.channel.uplink.prr is varied by the grid"));
 }
 
 TEST_F(ExperimentAxes, LabelsKeepTheOrderOfTheFile) {
