@@ -87,6 +87,26 @@ test("the vehicle is seen to move", () =>
     assert.ok((await bluePixels(page, first)) < 60, "and no more where it was");
   }));
 
+test("of a fleet one is looked at, by the numbers, its law and its path", () =>
+  onPage(
+    run(..."fleet.count=3 fleet.vehicle.2.controller.law=tracking fleet.vehicle.2.path.amplitude_m=9"
+      .split(" ").flatMap((setting) => ["--set", setting]), "--speed", "2"),
+    async (page) => {
+      await until("three to choose from", () => page.$$eval("#vehicle option", (all) => all.length === 3));
+      assert.equal(await page.$eval("#vehicle", (choice) => choice.value), "1");
+      assert.match(await text(page, "settings-whose"), /of all vehicles' links; shown is what AGV1 has/);
+      const seen = async () => [
+        /law(.*?)uplink/.exec(await text(page, "facts"))[1],
+        await page.evaluate(() => Math.max(...globalThis.tether.map.scene.path.map(([x]) => x)) > 12),
+      ];
+      assert.deepEqual(await seen(), ["pid", true]);
+      await page.select("#vehicle", "2");
+      await until("its own path", async () => !(await seen())[1]);
+      assert.deepEqual(await seen(), ["tracking", false]);
+      await until("it is drawn", async () => (await bluePixels(page, await vehicleOnMap(page))) > 60);
+    },
+  ));
+
 test("a slider changes the PRR in the relay", () =>
   onPage(run("--speed", "10"), async (page) => {
     await until("settings", () => page.$eval("#controls", (panel) => !panel.hidden));

@@ -6,4 +6,4 @@ command -v node >/dev/null || {
     exit 1
 }
 cd "$(dirname "$0")"
-exec node --test connection_test.mjs embedded_test.mjs model_test.mjs onboard_test.mjs
+exec node --test connection_test.mjs embedded_test.mjs fleet_test.mjs model_test.mjs onboard_test.mjs
