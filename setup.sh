@@ -10,7 +10,7 @@ packages=(
     g++ cmake ninja-build pkg-config python3 git ca-certificates
     # libraries
     liblcm-dev liblcm-bin libboost-dev libeigen3-dev libnlopt-dev libnlopt-cxx-dev libcli11-dev libfmt-dev
-    libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev libsystemd-dev nlohmann-json3-dev
+    libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev libsodium-dev libsystemd-dev nlohmann-json3-dev
     # network set-up
     iproute2
 )

@@ -20,7 +20,8 @@ MAY_USE = {
     "netem": {"common"},
     "can_bridge": {"common"},
     "localiser": {"common"},
-    "tools": {"common", "sim", "controller", "autonomy", "netem", "can_bridge", "localiser"},
+    "link": {"common"},
+    "tools": {"common", "sim", "controller", "autonomy", "netem", "can_bridge", "localiser", "link"},
 }
 MAX_SOURCES = 25
 SOURCES = {".hpp", ".cpp", ".py", ".sh"}

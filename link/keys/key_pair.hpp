@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "link/wire/wire.hpp"
+
+namespace tether::link {
+
+/// Of X25519.
+struct KeyPair {
+  Key public_key{};
+  Key secret_key{};
+};
+
+/// The pair that 32 random bytes make (libsodium's crypto_kx_seed_keypair). Whoever knows the seed
+/// knows the secret key.
+KeyPair key_pair_of(const Key& seed);
+
+/// The pair of a secret key.
+KeyPair key_pair_with(const Key& secret_key);
+
+/// 64 hexadecimal digits, and back; nullopt if they are none.
+std::string key_text(const Key& key);
+std::optional<Key> key_from_text(std::string_view text);
+
+/// What a HELLO names its sender by: the first 8 bytes of BLAKE2b of the public key.
+std::uint64_t key_id(const Key& public_key);
+
+}  // namespace tether::link

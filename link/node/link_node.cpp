@@ -1,0 +1,165 @@
+#include "link/node/link_node.hpp"
+
+#include <fmt/format.h>
+
+#include <cassert>
+#include <utility>
+
+#include "common/bus/message_io.hpp"
+
+namespace tether::link {
+namespace {
+
+constexpr Duration kTick = std::chrono::milliseconds{10};
+constexpr Duration kLook = std::chrono::seconds{1};
+constexpr double kNsPerMs = 1e6;
+
+}  // namespace
+
+LinkNode::LinkNode(LinkConfig config, const KeyPair& own, EventLoop& loop, Bus& bus,
+                   const RandomKey& random, Say say)
+    : config_(std::move(config)),
+      loop_(loop),
+      bus_(bus),
+      say_(std::move(say)),
+      endpoint_(own, config_.setups(), config_.settings,
+                {[this](std::size_t path, const Address& to, ByteView datagram) {
+                   sockets_[path].send(to, datagram);
+                 },
+                 [this](std::size_t, std::string_view channel, ByteView bytes) {
+                   bus_.publish(channel, bytes);
+                 }},
+                random),
+      told_too_long_(config_.paths.size(), false) {
+  assert(!bus_.hears_itself());
+  for (const PathConfig& path : config_.paths) sockets_.emplace_back(path);
+  for (const PeerConfig& peer : config_.peers) diagnoses_.emplace_back(peer.name);
+  for (std::size_t path = 0; path < sockets_.size(); ++path) {
+    loop_.add_fd(sockets_[path].fd(), [this, path](Instant) { on_readable(path); });
+  }
+  bus_.subscribe(".*", kDeepQueue, [this](const Message& m) { on_message(m); });
+  const Instant now = loop_.now();
+  loop_.every(now, kTick, Priority::node, [this](Instant) { endpoint_.tick(moment()); });
+  loop_.every(now + kLook, kLook, Priority::observer, [this](Instant) { diagnose(); });
+  loop_.every(now + config_.report_period, config_.report_period, Priority::observer,
+              [this](Instant) { report(); });
+}
+
+LinkNode::~LinkNode() {
+  for (const PathSocket& socket : sockets_) loop_.remove_fd(socket.fd());
+}
+
+void LinkNode::on_message(const Message& message) {
+  if (message.channel.starts_with("LINK/")) return;
+  endpoint_.send(message.channel, message.bytes, moment());
+  if (!config_.settings.second_after || copies_scheduled_) return;
+  copies_scheduled_ = true;
+  loop_.at(loop_.now() + *config_.settings.second_after, Priority::node, [this](Instant) {
+    copies_scheduled_ = false;
+    endpoint_.send_copies(loop_.now());
+  });
+}
+
+void LinkNode::on_readable(std::size_t path) {
+  sockets_[path].receive([&](const Address& from, ByteView datagram, std::int64_t arrival_ns) {
+    endpoint_.take(path, from, datagram, {loop_.now(), arrival_ns});
+  });
+  endpoint_.flush(moment());
+}
+
+void LinkNode::report() {
+  for (std::size_t i = 0; i < endpoint_.size(); ++i) report_peer(i);
+  ++seq_;
+}
+
+void LinkNode::report_peer(std::size_t number) {
+  PeerLink& peer = endpoint_.peer(number);
+  const Instant now = loop_.now();
+  peer_report_t r{};
+  r.utime = wall_ns() / 1000;
+  r.seq = seq_;
+  r.peer = config_.peers[number].name;
+  r.up = peer.up(now) ? 1 : 0;
+  r.age_s = peer.age_s(now);
+  r.sessions = peer.sessions().count();
+  const std::optional<IntervalNs> offset = peer.offset(now);
+  r.offset_known = offset ? 1 : 0;
+  if (offset) {
+    r.offset_min_ms = static_cast<double>(offset->min_ns) / kNsPerMs;
+    r.offset_max_ms = static_cast<double>(offset->max_ns) / kNsPerMs;
+  }
+  r.clock_steps = peer.clock_steps();
+  const PeerCounters& c = peer.counters();
+  r.sent = c.sent;
+  r.unsent = c.unsent;
+  r.delivered = c.delivered;
+  r.not_allowed = c.not_allowed;
+  r.superseded = c.superseded;
+  r.incomplete = peer.incomplete();
+  r.duplicates = c.duplicates;
+  r.copies = c.copies;
+  r.copies_saved = c.copies_saved;
+  for (std::size_t path = 0; path < sockets_.size(); ++path) report_path(peer, path, offset, r);
+  r.paths = static_cast<std::int32_t>(sockets_.size());
+  CounterList refused;
+  endpoint_.refused().list(refused);
+  for (auto& [name, value] : refused) {
+    r.refused.push_back(std::move(name));
+    r.refused_count.push_back(value);
+  }
+  r.count = static_cast<std::int32_t>(r.refused.size());
+  publish(bus_, kReportChannel, r);
+}
+
+void LinkNode::report_path(PeerLink& peer, std::size_t path,
+                           const std::optional<IntervalNs>& offset, peer_report_t& out) {
+  const PathReport p = peer.report(path, loop_.now());
+  out.path.push_back(config_.paths[path].name);
+  out.path_alive.push_back(p.alive ? 1 : 0);
+  out.path_age_s.push_back(p.age_s);
+  out.path_gap_s.push_back(p.longest_gap_s);
+  out.path_sent.push_back(p.sent);
+  out.path_unsent.push_back(sockets_[path].unsent());
+  out.path_dropped.push_back(sockets_[path].dropped());
+  out.path_received.push_back(p.received);
+  out.path_first.push_back(p.first);
+  out.path_lost.push_back(p.lost);
+  out.path_loss.push_back(p.recent_loss);
+  const bool known = offset && p.transit_max_ns;
+  // No delay is negative, whatever the bound says.
+  const auto delay_ms = [known](double transit_ns, std::int64_t offset_ns) {
+    return known ? std::max(0.0, (transit_ns + static_cast<double>(offset_ns)) / kNsPerMs) : -1.0;
+  };
+  const IntervalNs bounds = offset.value_or(IntervalNs{});
+  const auto worst_ns = static_cast<double>(p.transit_max_ns.value_or(0));
+  out.path_delay_min_ms.push_back(delay_ms(p.transit_mean_ns, bounds.min_ns));
+  out.path_delay_max_ms.push_back(delay_ms(p.transit_mean_ns, bounds.max_ns));
+  out.path_worst_min_ms.push_back(delay_ms(worst_ns, bounds.min_ns));
+  out.path_worst_max_ms.push_back(delay_ms(worst_ns, bounds.max_ns));
+  out.path_round_trip_ms.push_back(
+      p.round_trip_min_ns ? static_cast<double>(*p.round_trip_min_ns) / kNsPerMs : -1.0);
+}
+
+void LinkNode::diagnose() {
+  const Instant now = loop_.now();
+  for (std::size_t i = 0; i < endpoint_.size(); ++i) {
+    PeerLink& peer = endpoint_.peer(i);
+    Diagnosis::Sight sight;
+    for (std::size_t path = 0; path < sockets_.size(); ++path) {
+      (peer.alive(path, now) ? sight.alive : sight.dead).push_back(config_.paths[path].name);
+    }
+    sight.refused = endpoint_.refused();
+    sight.clock_ahead_s = static_cast<double>(peer.sessions().clock_ahead_ns()) * 1e-9;
+    if (const auto line = diagnoses_[i].look(now, sight)) say_(*line);
+  }
+  for (std::size_t path = 0; path < sockets_.size(); ++path) {
+    if (!sockets_[path].too_long() || told_too_long_[path]) continue;
+    told_too_long_[path] = true;
+    say_(
+        fmt::format("path \"{}\": the network does not carry packets of {} bytes: set a smaller "
+                    "mtu, on both hosts",
+                    config_.paths[path].name, config_.settings.datagram_bytes + 28));
+  }
+}
+
+}  // namespace tether::link

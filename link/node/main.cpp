@@ -1,0 +1,75 @@
+#include <fmt/format.h>
+#include <sodium.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+
+#include "common/lcm/udpm_bus.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "common/program/cli.hpp"
+#include "link/keys/key_file.hpp"
+#include "link/node/link_node.hpp"
+
+namespace {
+
+using namespace tether;
+
+link::Key random_key() {
+  link::Key key{};
+  randombytes_buf(key.data(), key.size());
+  return key;
+}
+
+int keygen(const std::string& file) {
+  const link::KeyPair pair = link::key_pair_of(random_key());
+  link::write_key_file(file, pair);
+  fmt::print("{}\n", link::key_text(pair.public_key));
+  return kExitOk;
+}
+
+int show(const std::string& file) {
+  fmt::print("{}\n", link::key_text(link::read_key_file(file).public_key));
+  return kExitOk;
+}
+
+int run(const std::string& file) {
+  const link::LinkConfig config = link::load_link_config(file);
+  const link::KeyPair own = link::read_key_file(config.key_file);
+  RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+  UdpmBus bus(config.lcm_url, loop);
+  const auto say = [](const std::string& line) { fmt::print(stderr, "tether-link: {}\n", line); };
+  link::LinkNode node(config, own, loop, bus, random_key, say);
+  for (const link::PathConfig& path : config.paths) {
+    say(fmt::format("path \"{}\" on {}", path.name, link::to_text(path.bind)));
+  }
+  say("running, on " + config.lcm_url);
+  loop.run();
+  node.finish();
+  return kExitOk;
+}
+
+}  // namespace
+
+// LCM ──▶ tether-link ═══ authenticated UDP, by one path or two ═══▶ tether-link ──▶ LCM
+int main(int argc, char** argv) {
+  CLI::App app("Carries chosen LCM channels between hosts: authenticated, by two paths at once",
+               "tether-link");
+  add_about(app);
+  app.require_subcommand(1);
+  std::string file;
+  const auto add = [&](const char* name, const char* what, const char* which) {
+    CLI::App* const command = app.add_subcommand(name, what);
+    command->add_option("file", file, which)->required();
+    return command;
+  };
+  add("keygen", "Make a pair of keys, and print the public one: for the others' files",
+      "key file to write, of mode 0600; never overwrites");
+  add("show", "Print the public key of a key file", "key file");
+  add("run", "Carry channels until Ctrl-C", "configuration (TOML): docs/link.md");
+  return run_cli(app, argc, argv, [&]() -> int {
+    if (sodium_init() < 0) throw std::runtime_error("libsodium does not start");
+    if (app.got_subcommand("keygen")) return keygen(file);
+    return app.got_subcommand("show") ? show(file) : run(file);
+  });
+}

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "link/peer/peer_link.hpp"
+
+namespace tether::link {
+
+/// IPv4, as numbers of this host's order.
+struct Address {
+  std::uint32_t ip = 0;
+  std::uint16_t port = 0;
+  bool operator==(const Address&) const = default;
+};
+
+/// One peer as a configuration has it.
+struct PeerSetup {
+  Key key{};
+  PeerRules rules;
+  /// By path; what is empty, or none, is wherever the peer's newest authentic datagram came from.
+  std::vector<std::optional<Address>> addresses;
+};
+
+/// All peers of a host: finds whose a datagram is.
+///
+/// A datagram that does not authenticate changes a counter, and nothing else. Only an authentic
+/// HELLO is answered, to where it came from, by one shorter datagram.
+class Endpoint {
+ public:
+  static constexpr std::size_t kMostPeers = 256;
+
+  struct Output {
+    std::function<void(std::size_t path, const Address& to, ByteView datagram)> send;
+    std::function<void(std::size_t peer, std::string_view channel, ByteView bytes)> deliver;
+  };
+
+  /// Throws UsageError for keys that cannot be a peer's, or are two peers'.
+  Endpoint(const KeyPair& own, const std::vector<PeerSetup>& peers, const LinkSettings& settings,
+           Output out, const RandomKey& random);
+  Endpoint(const Endpoint&) = delete;
+  Endpoint& operator=(const Endpoint&) = delete;
+
+  /// A datagram that came by a path. `m`: of its arrival.
+  void take(std::size_t path, const Address& from, ByteView datagram, Moment m);
+  /// A message of this host's, for whichever peers have a rule for its channel.
+  void send(std::string_view channel, ByteView bytes, Moment m);
+
+  // To all peers, as PeerLink has them.
+  void flush(Moment m);
+  void tick(Moment m);
+  void send_copies(Instant now);
+
+  std::size_t size() const { return peers_.size(); }
+  PeerLink& peer(std::size_t number) { return peers_[number].link; }
+  const Refusals& refused() const { return refused_; }
+
+ private:
+  struct Peer {
+    std::uint64_t key_id;
+    std::vector<std::optional<Address>> pinned;
+    std::vector<std::optional<Address>> current;
+    PeerLink link;
+  };
+
+  PeerOutput output_of(std::size_t number);
+  /// nullptr, and counted: there is none, or it is not there.
+  Peer* sender(std::size_t number, std::size_t path, const Address& from, std::int64_t& unknown);
+  Peer* named_by(std::uint64_t key_id, std::size_t path, const Address& from);
+
+  Output out_;
+  Refusals refused_;
+  std::deque<Peer> peers_;
+  std::size_t path_ = 0;  // of the datagram that is being taken
+  Address from_;
+};
+
+}  // namespace tether::link

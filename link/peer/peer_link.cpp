@@ -1,0 +1,247 @@
+#include "link/peer/peer_link.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace tether::link {
+namespace {
+
+/// Without a datagram for so long, the peer may have forgotten the session.
+constexpr Duration kSilence = std::chrono::seconds{3};
+constexpr std::size_t kMostCopies = 4096;
+constexpr std::size_t kMostLatestChannels = 1000;
+/// More between two PROBES is no honest peer's count.
+constexpr std::uint64_t kMostTold = std::uint64_t{1} << 40;
+
+}  // namespace
+
+PeerLink::PeerLink(Identity identity, std::uint8_t number, PeerRules rules,
+                   const LinkSettings& settings, PeerOutput out, RandomKey random,
+                   Refusals& refused)
+    : rules_(std::move(rules)),
+      settings_(settings),
+      out_(std::move(out)),
+      refused_(refused),
+      sessions_(std::move(identity), number, settings.rekey, std::move(random), refused) {}
+
+bool PeerLink::up(Instant now) const {
+  return std::any_of(paths_.begin(), paths_.begin() + static_cast<long>(settings_.paths),
+                     [now](const PathStatistics& p) { return p.alive(now); });
+}
+
+// --- Out
+
+void PeerLink::send(std::string_view channel, ByteView bytes, Moment m) {
+  const std::optional<std::string> name = rules_.send.name_of(channel);
+  if (!name) return;
+  Session* const session = sessions_.current();
+  if (session == nullptr) {
+    ++counters_.unsent;
+    return;
+  }
+  const bool latest = rules_.latest_only.has(*name);
+  if (latest) {
+    counters_.copies_saved += static_cast<std::int64_t>(
+        std::erase_if(copies_, [&](const Copy& copy) { return copy.channel == *name; }));
+  }
+  const std::size_t pieces = cut(*name, bytes, settings_.datagram_bytes, [&](const Piece& piece) {
+    send_piece(*session, piece, latest ? *name : std::string{}, m);
+  });
+  ++(pieces > 0 ? counters_.sent : counters_.unsent);
+}
+
+void PeerLink::send_by(std::size_t path, Session& session, ByteView datagram) {
+  if (!out_.send(path, datagram)) return;
+  ++session.count(path).sent;
+  paths_[path].on_sent();
+}
+
+void PeerLink::send_piece(Session& session, const Piece& piece, const std::string& latest,
+                          Moment m) {
+  const bool first_alive = paths_[0].alive(m.now);
+  const bool deferred =
+      settings_.second_after && settings_.paths > 1 && (first_alive || paths_[1].alive(m.now));
+  Piece asking = piece;
+  asking.wants_ack = deferred;
+  write_text(text_, {m.wall_ns, asking});
+  const std::uint64_t counter = session.seal(text_, datagram_);
+  if (deferred) {
+    const std::size_t first = first_alive ? 0 : 1;
+    send_by(first, session, datagram_);
+    defer(latest, session.generation(), counter, 1 - first, m.now + *settings_.second_after);
+    return;
+  }
+  for (std::size_t path = 0; path < settings_.paths; ++path) send_by(path, session, datagram_);
+}
+
+void PeerLink::defer(const std::string& latest, std::uint64_t generation, std::uint64_t counter,
+                     std::size_t path, Instant due) {
+  if (copies_.size() >= kMostCopies) copies_.pop_front();
+  copies_.push_back({due, generation, counter, path, latest, datagram_});
+}
+
+void PeerLink::send_copies(Instant now) {
+  while (!copies_.empty() && copies_.front().due <= now) {
+    const Copy copy = std::move(copies_.front());
+    copies_.pop_front();
+    Session* const session = sessions_.current();
+    // With new keys, the receiver's count of the old session is over.
+    if (session == nullptr || session->generation() != copy.generation) {
+      out_.send(copy.path, copy.datagram);
+    } else {
+      send_by(copy.path, *session, copy.datagram);
+    }
+    ++counters_.copies;
+  }
+}
+
+void PeerLink::probe(std::size_t path, Moment m) {
+  Session* const session = sessions_.current();
+  if (session == nullptr) return;
+  const LastProbe& last = last_probes_[path];
+  write_text(text_,
+             {m.wall_ns, Probe{static_cast<std::uint8_t>(path), session->count(path).sent + 1,
+                               last.wall_ns, last.arrival_ns}});
+  session->seal(text_, datagram_);
+  send_by(path, *session, datagram_);
+}
+
+void PeerLink::probe_all(Moment m) {
+  for (std::size_t path = 0; path < settings_.paths; ++path) probe(path, m);
+  next_probe_ = m.now + settings_.probe_period;
+}
+
+void PeerLink::flush(Moment m) {
+  if (!to_acknowledge_) return;
+  const Session* const heard = sessions_.find(*to_acknowledge_);
+  Session* const session = sessions_.current();
+  to_acknowledge_.reset();
+  // Counters are the session's: in another one they would mean others.
+  if (heard == nullptr || session != heard) return;
+  write_text(text_, {m.wall_ns, Ack{heard->window().newest(), heard->window().newest_bits()}});
+  session->seal(text_, datagram_);
+  send_by(acknowledge_by_, *session, datagram_);
+}
+
+void PeerLink::tick(Moment m) {
+  const Session* const session = sessions_.current();
+  const bool silent = session != nullptr && m.now - session->begin() > kSilence &&
+                      (!newest_ || m.now - *newest_ > kSilence);
+  if (const auto hello = sessions_.due_hello(m, silent)) {
+    for (std::size_t path = 0; path < settings_.paths; ++path) out_.send(path, *hello);
+  }
+  if (!next_probe_ || m.now >= *next_probe_) probe_all(m);
+  send_copies(m.now);
+}
+
+// --- In
+
+void PeerLink::on_hello(ByteView hello, Moment m) {
+  if (const auto answer = sessions_.on_hello(hello, m)) out_.reply(*answer);
+}
+
+void PeerLink::on_answer(ByteView answer, Moment m) {
+  if (sessions_.on_answer(answer, m)) probe_all(m);  // which proves to the peer that we are we
+}
+
+bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView datagram,
+                         Moment m) {
+  Session* const session = sessions_.find(header.session);
+  if (session == nullptr) {
+    ++refused_.no_session;
+    return false;
+  }
+  const Opened opened = session->open(path, header, datagram, opened_);
+  if (opened == Opened::forged || opened == Opened::replayed) {
+    ++(opened == Opened::forged ? refused_.forged : refused_.replayed);
+    return false;
+  }
+  const std::optional<Text> text = read_text(opened_);
+  if (!text) {
+    ++refused_.malformed;
+    return false;
+  }
+  if (sessions_.confirm(*session, m.now)) probe_all(m);
+  newest_ = m.now;
+  paths_[path].on_received(m.now, m.wall_ns - text->wall_ns, opened == Opened::fresh);
+  offset_.on_heard(m.now, text->wall_ns, m.wall_ns);
+  if (opened != Opened::fresh) {
+    ++(opened == Opened::late ? refused_.late : counters_.duplicates);
+    return false;
+  }
+  if (const auto* piece = std::get_if<Piece>(&text->what)) {
+    on_piece(path, *session, header.counter, *piece, m);
+  } else if (const auto* probe = std::get_if<Probe>(&text->what)) {
+    on_probe(path, *session, text->wall_ns, *probe, m);
+  } else {
+    on_ack(*session, std::get<Ack>(text->what));
+  }
+  return session == sessions_.current() && session->window().newest() == header.counter;
+}
+
+void PeerLink::on_probe(std::size_t path, Session& session, std::int64_t wall_ns,
+                        const Probe& probe, Moment m) {
+  if (probe.path != path) {
+    ++refused_.crossed;
+    return;
+  }
+  Session::PathCount& count = session.count(path);
+  const std::uint64_t sent = probe.sent - count.told;
+  if (probe.sent > count.told && sent < kMostTold) {
+    paths_[path].on_told(m.now, static_cast<std::int64_t>(sent),
+                         static_cast<std::int64_t>(count.received - count.received_by_then));
+    count.told = probe.sent;
+    count.received_by_then = count.received;
+  }
+  last_probes_[path] = {wall_ns, m.wall_ns};
+  if (probe.echo_wall_ns <= 0) return;
+  const std::int64_t away_ns = m.wall_ns - probe.echo_wall_ns;
+  paths_[path].on_round_trip(away_ns - (wall_ns - probe.echo_arrival_ns));
+  offset_.on_echo(m.now - Duration{std::max<std::int64_t>(away_ns, 0)}, probe.echo_wall_ns,
+                  probe.echo_arrival_ns);
+}
+
+void PeerLink::on_piece(std::size_t path, const Session& session, std::uint64_t counter,
+                        const Piece& piece, Moment m) {
+  if (piece.wants_ack) {
+    to_acknowledge_ = session.own_number();
+    acknowledge_by_ = path;
+  }
+  if (piece.number > counter) {
+    ++refused_.malformed;
+    return;
+  }
+  const MessageNumber message{session.generation(), counter - piece.number};
+  if (piece.number == 0 && piece.count > 1 && rules_.latest_only.has(piece.channel)) {
+    reassembly_.drop_older(piece.channel, message);
+  }
+  if (const auto whole = reassembly_.take(m.now, message, piece)) deliver(*whole);
+}
+
+void PeerLink::deliver(const Reassembly::Whole& whole) {
+  if (!rules_.receive.has(whole.channel)) {
+    ++counters_.not_allowed;
+    return;
+  }
+  if (rules_.latest_only.has(whole.channel)) {
+    const auto known = newest_of_.find(whole.channel);
+    if (known != newest_of_.end() && whole.number < known->second) {
+      ++counters_.superseded;
+      return;
+    }
+    if (known == newest_of_.end() && newest_of_.size() >= kMostLatestChannels) newest_of_.clear();
+    newest_of_.insert_or_assign(std::string(whole.channel), whole.number);
+  }
+  ++counters_.delivered;
+  out_.deliver(whole.channel, whole.bytes);
+}
+
+void PeerLink::on_ack(const Session& session, const Ack& ack) {
+  counters_.copies_saved += static_cast<std::int64_t>(std::erase_if(copies_, [&](const Copy& copy) {
+    if (copy.generation != session.generation() || copy.counter > ack.newest) return false;
+    const std::uint64_t age = ack.newest - copy.counter;
+    return age < 64 && (ack.bits >> age & 1) != 0;
+  }));
+}
+
+}  // namespace tether::link

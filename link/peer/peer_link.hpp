@@ -1,0 +1,144 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "link/paths/clock_offset.hpp"
+#include "link/paths/path_statistics.hpp"
+#include "link/paths/pieces.hpp"
+#include "link/peer/channel_rules.hpp"
+#include "link/session/sessions.hpp"
+
+namespace tether::link {
+
+/// What all peers of a host share.
+struct LinkSettings {
+  std::size_t paths = 1;              ///< up to kMostPaths
+  std::size_t datagram_bytes = 1372;  ///< at most, UDP's payload; at least kSmallestDatagram
+  /// When the second path gets its copy of a message: at once; or only if the peer has not
+  /// acknowledged the first after so long.
+  std::optional<Duration> second_after;
+  Duration probe_period = std::chrono::milliseconds{250};
+  RekeySettings rekey;
+};
+
+/// What one peer may do.
+struct PeerRules {
+  SendRules send;           ///< what goes to it
+  ChannelList receive;      ///< what is taken from it, under the names that it sends
+  ChannelList latest_only;  ///< of these, by the names on the way, the new drops the old
+};
+
+/// What a PeerLink acts upon.
+struct PeerOutput {
+  /// False: it is not known where the peer is on this path.
+  std::function<bool(std::size_t path, ByteView datagram)> send;
+  /// To where the datagram that is being taken came from.
+  std::function<void(ByteView datagram)> reply;
+  std::function<void(std::string_view channel, ByteView bytes)> deliver;
+};
+
+struct PeerCounters {
+  std::int64_t sent = 0;          ///< messages
+  std::int64_t delivered = 0;     ///< messages, each once
+  std::int64_t unsent = 0;        ///< messages without a session, or too long
+  std::int64_t not_allowed = 0;   ///< messages of channels that this peer may not send
+  std::int64_t superseded = 0;    ///< latest-only messages that came after a newer one
+  std::int64_t duplicates = 0;    ///< datagrams that came by both paths
+  std::int64_t copies = 0;        ///< deferred copies sent
+  std::int64_t copies_saved = 0;  ///< deferred copies that were acknowledged or superseded in time
+};
+
+/// One peer: messages in, datagrams out, and back. Pure: time and randomness are arguments.
+///
+/// Each datagram goes by every path under one counter, and the first copy counts. PROBEs go by each
+/// path, each period; they also keep a path open through NAT, and notice when it is down.
+class PeerLink {
+ public:
+  /// `refused` must outlive it. `number`: below 256, of this peer alone.
+  PeerLink(Identity identity, std::uint8_t number, PeerRules rules, const LinkSettings& settings,
+           PeerOutput out, RandomKey random, Refusals& refused);
+
+  /// Sends a message of the host's, if a rule is about its channel.
+  void send(std::string_view channel, ByteView bytes, Moment m);
+
+  // Each takes a datagram, which lives as long as the call.
+  void on_hello(ByteView hello, Moment m);
+  void on_answer(ByteView answer, Moment m);
+  /// Whether it is authentic, and the newest of all: then the peer is where it came from.
+  bool on_sealed(std::size_t path, const SealedHeader& header, ByteView datagram, Moment m);
+
+  /// After a batch of datagrams: acknowledges them.
+  void flush(Moment m);
+  /// Often, every 10 ms say: handshakes, probes.
+  void tick(Moment m);
+  /// Sends deferred copies whose time has come; second_after after a message, and with tick().
+  void send_copies(Instant now);
+
+  bool up(Instant now) const;
+  bool alive(std::size_t path, Instant now) const { return paths_[path].alive(now); }
+  /// Since the newest authentic datagram; −1 s before the first.
+  double age_s(Instant now) const { return newest_ ? to_seconds(now - *newest_) : -1.0; }
+  PathReport report(std::size_t path, Instant now) { return paths_[path].report(now); }
+  std::optional<IntervalNs> offset(Instant now) const { return offset_.at(now); }
+  std::int64_t clock_steps() const { return offset_.steps(); }
+  std::int64_t incomplete() const { return reassembly_.incomplete(); }
+  const PeerCounters& counters() const { return counters_; }
+  const Sessions& sessions() const { return sessions_; }
+
+ private:
+  /// What waits for its acknowledgement.
+  struct Copy {
+    Instant due;
+    std::uint64_t generation;
+    std::uint64_t counter;
+    std::size_t path;
+    std::string channel;  // if latest-only
+    Bytes datagram;
+  };
+  struct LastProbe {
+    std::int64_t wall_ns = 0;
+    std::int64_t arrival_ns = 0;
+  };
+
+  void send_piece(Session& session, const Piece& piece, const std::string& latest, Moment m);
+  void send_by(std::size_t path, Session& session, ByteView datagram);
+  void probe(std::size_t path, Moment m);
+  void probe_all(Moment m);
+  void defer(const std::string& latest, std::uint64_t generation, std::uint64_t counter,
+             std::size_t path, Instant due);
+  void on_probe(std::size_t path, Session& session, std::int64_t wall_ns, const Probe& probe,
+                Moment m);
+  void on_piece(std::size_t path, const Session& session, std::uint64_t counter, const Piece& piece,
+                Moment m);
+  void on_ack(const Session& session, const Ack& ack);
+  void deliver(const Reassembly::Whole& whole);
+
+  PeerRules rules_;
+  LinkSettings settings_;
+  PeerOutput out_;
+  Refusals& refused_;
+  Sessions sessions_;
+  std::array<PathStatistics, kMostPaths> paths_;
+  std::array<LastProbe, kMostPaths> last_probes_{};
+  ClockOffset offset_;
+  Reassembly reassembly_;
+  std::map<std::string, MessageNumber, std::less<>> newest_of_;  // of latest-only channels
+  std::deque<Copy> copies_;
+  std::optional<std::uint32_t> to_acknowledge_;  // session
+  std::size_t acknowledge_by_ = 0;
+  std::optional<Instant> newest_;
+  std::optional<Instant> next_probe_;
+  PeerCounters counters_;
+  Bytes text_;
+  Bytes datagram_;
+  Bytes opened_;
+};
+
+}  // namespace tether::link

@@ -1,0 +1,143 @@
+#include "link/session/sessions.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <utility>
+
+namespace tether::link {
+namespace {
+
+/// Sessions that both sides began at once are confirmed within this.
+constexpr Duration kSimultaneous = std::chrono::seconds{5};
+
+}  // namespace
+
+Sessions::Sessions(Identity identity, std::uint8_t number, const RekeySettings& rekey,
+                   RandomKey random, Refusals& refused)
+    : identity_(std::move(identity)),
+      number_(number),
+      rekey_(rekey),
+      random_(std::move(random)),
+      refused_(refused) {}
+
+std::uint32_t Sessions::new_number() {
+  for (;;) {
+    const std::uint32_t number = (Reader(random_()).number<std::uint32_t>() & ~0xFFU) | number_;
+    if (find(number) == nullptr && !(started_ && started_->number == number)) return number;
+  }
+}
+
+/// False if it is known, or there is no room to remember it.
+bool Sessions::remember(Instant now, const Mac& mac) {
+  constexpr Duration kLongEnough = 2 * kMostClockDifference + std::chrono::seconds{5};
+  while (!remembered_.empty() && now - remembered_.front().when > kLongEnough) {
+    remembered_.pop_front();
+  }
+  const bool is_known = std::any_of(remembered_.begin(), remembered_.end(),
+                                    [&mac](const Remembered& r) { return r.mac == mac; });
+  if (is_known || remembered_.size() >= kMostRemembered) return false;
+  remembered_.push_back({now, mac});
+  return true;
+}
+
+std::optional<ByteView> Sessions::on_hello(ByteView hello, Moment m) {
+  const std::optional<Hello> asked = read_hello(hello);
+  if (!asked || !Handshake::is_authentic(identity_, hello)) {
+    ++refused_.forged;
+    return std::nullopt;
+  }
+  if (answered_ && answered_hello_ == asked->mac) return answer_;
+  constexpr std::int64_t kMost_ns = Duration{kMostClockDifference}.count();
+  if (asked->wall_ns < m.wall_ns - kMost_ns || asked->wall_ns > m.wall_ns + kMost_ns) {
+    ++refused_.clock;
+    clock_ahead_ns_ = static_cast<std::int64_t>(static_cast<std::uint64_t>(asked->wall_ns) -
+                                                static_cast<std::uint64_t>(m.wall_ns));
+    return std::nullopt;
+  }
+  if (!remember(m.now, asked->mac)) {
+    // By the second path, when the first has brought answer and confirmation already.
+    if (!(current_ && answered_hello_ == asked->mac)) ++refused_.replayed;
+    return std::nullopt;
+  }
+  auto answered =
+      Handshake::answer(identity_, hello, key_pair_of(random_()), new_number(), m.wall_ns);
+  if (!answered) {
+    ++refused_.forged;
+    return std::nullopt;
+  }
+  answered_ = std::make_unique<Session>(answered->keys, ++generations_, false, m.now);
+  answered_hello_ = asked->mac;
+  answer_ = std::move(answered->answer);
+  return answer_;
+}
+
+bool Sessions::on_answer(ByteView answer, Moment m) {
+  const std::optional<Answer> got = read_answer(answer);
+  if (got && current_ && current_->initiated() && got->to_session == current_->own_number()) {
+    return false;  // it came by the other path before
+  }
+  if (!got || !started_ || got->to_session != started_->number) {
+    ++refused_.no_session;
+    return false;
+  }
+  const auto keys = Handshake::finish(identity_, started_->hello, started_->ephemeral, answer);
+  if (!keys) {
+    ++refused_.forged;
+    return false;
+  }
+  install(std::make_unique<Session>(*keys, ++generations_, true, m.now), m.now);
+  return true;
+}
+
+Session* Sessions::find(std::uint32_t number) {
+  for (const auto* session : {&current_, &previous_, &answered_}) {
+    if (*session && (*session)->own_number() == number) return session->get();
+  }
+  return nullptr;
+}
+
+bool Sessions::confirm(const Session& session, Instant now) {
+  if (&session != answered_.get()) return false;
+  install(std::move(answered_), now);
+  return true;
+}
+
+void Sessions::install(std::unique_ptr<Session> session, Instant now) {
+  const bool smaller = identity_.own().public_key < identity_.peer();
+  const bool keep = current_ && current_->initiated() && !session->initiated() &&
+                    now - current_->begin() < kSimultaneous && smaller;
+  previous_ = keep ? std::move(session) : std::exchange(current_, std::move(session));
+  previous_end_ = now + kPreviousLife;
+  started_.reset();
+  next_hello_.reset();
+  wait_ = kFirstWait;
+  ++count_;
+}
+
+bool Sessions::wants_new_keys(Instant now) const {
+  if (!current_) return true;
+  // The other side only if whoever began the session does not.
+  const Duration age = now - current_->begin();
+  return age >= (current_->initiated() ? rekey_.after : rekey_.after + rekey_.after / 8) ||
+         current_->next_counter() >= rekey_.datagrams;
+}
+
+std::optional<ByteView> Sessions::due_hello(Moment m, bool anew) {
+  if (previous_ && m.now >= previous_end_) previous_.reset();
+  if (answered_ && m.now - answered_->begin() > kAnsweredLife) answered_.reset();
+  if (current_ && m.now - current_->begin() > 2 * rekey_.after) current_.reset();
+  if (!anew && !wants_new_keys(m.now)) {
+    next_hello_.reset();
+    started_.reset();
+    wait_ = kFirstWait;
+    return std::nullopt;
+  }
+  if (next_hello_ && m.now < *next_hello_) return std::nullopt;
+  started_ = Started{key_pair_of(random_()), new_number(), {}};
+  started_->hello = Handshake::hello(identity_, started_->ephemeral, started_->number, m.wall_ns);
+  next_hello_ = m.now + wait_;
+  wait_ = std::min<Duration>(2 * wait_, kLongestWait);
+  return started_->hello;
+}
+
+}  // namespace tether::link
