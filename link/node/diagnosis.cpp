@@ -20,6 +20,9 @@ std::string Diagnosis::why_down(const Sight& sight) const {
     return "its datagrams come from elsewhere than its `addresses` say: correct them, or leave "
            "\"\"";
   }
+  if (now.crossed > then_.crossed) {
+    return "its paths are in another order than ours: put [[path]] and addresses in the same one";
+  }
   if (now.forged > then_.forged) {
     return "datagrams arrive that do not authenticate: compare each host's `tether link show` with "
            "public_key on the other";

@@ -157,8 +157,9 @@ bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView 
     return false;
   }
   const std::optional<Text> text = read_text(opened_);
-  if (!text) {
-    ++refused_.malformed;
+  const auto* const probe = text ? std::get_if<Probe>(&text->what) : nullptr;
+  if (!text || (probe != nullptr && probe->path != path)) {
+    ++(text ? refused_.crossed : refused_.malformed);
     return false;
   }
   if (sessions_.confirm(*session, m.now)) probe_all(m);
@@ -171,7 +172,7 @@ bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView 
   }
   if (const auto* piece = std::get_if<Piece>(&text->what)) {
     on_piece(path, *session, header.counter, *piece, m);
-  } else if (const auto* probe = std::get_if<Probe>(&text->what)) {
+  } else if (probe != nullptr) {
     on_probe(path, *session, text->wall_ns, *probe, m);
   } else {
     on_ack(*session, std::get<Ack>(text->what));
@@ -181,10 +182,6 @@ bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView 
 
 void PeerLink::on_probe(std::size_t path, Session& session, std::int64_t wall_ns,
                         const Probe& probe, Moment m) {
-  if (probe.path != path) {
-    ++refused_.crossed;
-    return;
-  }
   Session::PathCount& count = session.count(path);
   const std::uint64_t sent = probe.sent - count.told;
   if (probe.sent > count.told && sent < kMostTold) {

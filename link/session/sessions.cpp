@@ -5,13 +5,6 @@
 #include <utility>
 
 namespace tether::link {
-namespace {
-
-/// Sessions that both sides began at once are confirmed within this.
-constexpr Duration kSimultaneous = std::chrono::seconds{5};
-
-}  // namespace
-
 Sessions::Sessions(Identity identity, std::uint8_t number, const RekeySettings& rekey,
                    RandomKey random, Refusals& refused)
     : identity_(std::move(identity)),
@@ -97,15 +90,17 @@ Session* Sessions::find(std::uint32_t number) {
 }
 
 bool Sessions::confirm(const Session& session, Instant now) {
+  if (&session == previous_.get()) previous_end_ = now + kPreviousLife;
   if (&session != answered_.get()) return false;
   install(std::move(answered_), now);
   return true;
 }
 
 void Sessions::install(std::unique_ptr<Session> session, Instant now) {
-  const bool smaller = identity_.own().public_key < identity_.peer();
+  // Both began at once: the peer's HELLO was answered before ours was.
   const bool keep = current_ && current_->initiated() && !session->initiated() &&
-                    now - current_->begin() < kSimultaneous && smaller;
+                    session->begin() <= current_->begin() &&
+                    identity_.own().public_key < identity_.peer();
   previous_ = keep ? std::move(session) : std::exchange(current_, std::move(session));
   previous_end_ = now + kPreviousLife;
   started_.reset();
@@ -123,7 +118,9 @@ bool Sessions::wants_new_keys(Instant now) const {
 }
 
 std::optional<ByteView> Sessions::due_hello(Moment m, bool anew) {
-  if (previous_ && m.now >= previous_end_) previous_.reset();
+  if (previous_ && (m.now >= previous_end_ || m.now - previous_->begin() > 2 * rekey_.after)) {
+    previous_.reset();
+  }
   if (answered_ && m.now - answered_->begin() > kAnsweredLife) answered_.reset();
   if (current_ && m.now - current_->begin() > 2 * rekey_.after) current_.reset();
   if (!anew && !wants_new_keys(m.now)) {

@@ -32,8 +32,8 @@ struct RekeySettings {
 ///
 /// Either side may begin, both at once too: then the session counts that the side with the smaller
 /// public key began, for both. A session that was only answered takes over with its first authentic
-/// datagram; the one before is heard for kPreviousLife longer. So renewing keys loses nothing, and
-/// a replayed HELLO, at worst, makes an answer that leads nowhere.
+/// datagram; the one before is heard for kPreviousLife after its last datagram. So renewing keys
+/// loses nothing, and a replayed HELLO, at worst, makes an answer that leads nowhere.
 ///
 /// HELLOs are taken once, and only if their time is within kMostClockDifference of ours; so much is
 /// to be remembered of them, and no more. Each is answered by one datagram, which is shorter; one

@@ -1,0 +1,144 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <string>
+
+#include "tests/link/two_hosts.hpp"
+
+namespace tether::link {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::TwoHosts;
+
+#ifndef TETHER_FORGERIES
+#define TETHER_FORGERIES 10000000
+#endif
+
+/// TETHER_FORGERIES in the environment says how many, else what this program was built for.
+std::int64_t forgeries() {
+  const char* const said = std::getenv("TETHER_FORGERIES");
+  return said == nullptr ? TETHER_FORGERIES : std::stoll(said);
+}
+
+/// Who has recorded all that two hosts ever sent to each other, and sends what he likes.
+class Attacker {
+ public:
+  Attacker(const std::vector<TwoHosts::Datagram>& recorded, std::uint64_t seed)
+      : recorded_(recorded), random_(seed) {}
+
+  TwoHosts::Datagram next() {
+    TwoHosts::Datagram d = recorded_[below(recorded_.size())];
+    switch (below(8)) {
+      case 0:
+        break;  // replayed
+      case 1:
+        d.from = 1 - d.from;  // reflected
+        break;
+      case 2:
+        d.path = 1 - d.path;
+        break;
+      case 3:  // any bytes
+        d.bytes.resize(below(200));
+        for (std::uint8_t& byte : d.bytes) byte = static_cast<std::uint8_t>(random_());
+        break;
+      case 4:  // any bytes behind a true header
+        for (std::size_t i = 14; i < d.bytes.size(); ++i) {
+          d.bytes[i] = static_cast<std::uint8_t>(random_());
+        }
+        break;
+      case 5:
+        d.bytes.resize(below(d.bytes.size() + 50), static_cast<std::uint8_t>(random_()));
+        break;
+      case 6:  // another counter, near
+        if (d.bytes.size() > 14) d.bytes[13] ^= static_cast<std::uint8_t>(1 + below(255));
+        [[fallthrough]];
+      default:
+        for (std::size_t i = 1 + below(3); i-- > 0 && !d.bytes.empty();) {
+          d.bytes[below(d.bytes.size())] ^= static_cast<std::uint8_t>(1 << below(8));
+        }
+    }
+    return d;
+  }
+
+ private:
+  std::size_t below(std::size_t n) { return random_() % n; }
+
+  const std::vector<TwoHosts::Datagram>& recorded_;
+  RandomEngine random_;
+};
+
+std::int64_t authentic(TwoHosts& net) {
+  std::int64_t sum = 0;
+  for (const std::size_t host : {0U, 1U}) {
+    for (const std::size_t path : {0U, 1U}) sum += net.link(host).report(path, net.now).received;
+  }
+  return sum;
+}
+
+TEST(Forgery, NothingForgedReplayedReflectedOrChangedIsTaken) {
+  LinkSettings settings = testing::two_paths();
+  settings.rekey.after = std::chrono::seconds{2};
+  TwoHosts net(settings);
+  net.keep = true;
+  for (int i = 0; i < 500; ++i) {  // through several sessions
+    net.send(0, i % 10 == 0 ? "BIG" : "CMD", Bytes(i % 10 == 0 ? 4000 : 20, 1));
+    net.send(1, "POSE", {2});
+    net.run(milliseconds{10});
+  }
+  net.run(milliseconds{100});
+  net.keep = false;
+  ASSERT_GE(net.link(0).sessions().count(), 3);
+  const std::int64_t before = authentic(net);
+  const std::array heard{net.hosts[0].heard.size(), net.hosts[1].heard.size()};
+  const std::int64_t sessions = net.link(0).sessions().count() + net.link(1).sessions().count();
+  Attacker attacker(net.seen, 7);
+  std::size_t answered = 0;
+  net.loses = [&answered](const TwoHosts::Datagram&) { return ++answered > 0; };
+  for (std::int64_t i = forgeries(); i-- > 0;) {
+    const TwoHosts::Datagram d = attacker.next();
+    // A HELLO or ANSWER that the last handshake used passes for its copy of the other path.
+    net.inject(1 - d.from, d.path, d.bytes, testing::host_address(d.from, d.path));
+  }
+  EXPECT_EQ(authentic(net), before);
+  EXPECT_EQ(net.hosts[0].heard.size(), heard[0]);
+  EXPECT_EQ(net.hosts[1].heard.size(), heard[1]);
+  EXPECT_EQ(net.link(0).sessions().count() + net.link(1).sessions().count(), sessions);
+  EXPECT_EQ(answered, 0U) << "and nothing is answered";
+  net.loses = [](const TwoHosts::Datagram&) { return false; };
+  net.send(0, "CMD", {3});
+  net.run(milliseconds{10});
+  EXPECT_EQ(net.hosts[1].heard.size(), heard[1] + 1) << "the session lives on";
+}
+
+TEST(Forgery, AfterARestartARecordedHandshakeLeadsNowhere) {
+  TwoHosts net(testing::two_paths());
+  net.keep = true;
+  net.connect();
+  for (int i = 0; i < 100; ++i) {
+    net.send(0, "CMD", {1});
+    net.run(milliseconds{1});
+  }
+  net.keep = false;
+  const std::size_t heard = net.hosts[1].heard.size();
+  net.restart(1);
+  std::size_t answers = 0, hellos = 0;
+  net.loses = [&answers](const TwoHosts::Datagram& d) { return d.from == 1 && ++answers > 0; };
+  for (const auto& d : net.seen) {
+    if (d.from != 0) continue;
+    if (read_hello(d.bytes)) ++hellos;
+    net.inject(1, d.path, d.bytes);
+  }
+  EXPECT_EQ(net.hosts[1].heard.size(), heard);
+  EXPECT_EQ(net.link(1).sessions().count(), 0);
+  EXPECT_LE(answers, hellos) << "one for each, which is shorter";
+  net.loses = [](const TwoHosts::Datagram&) { return false; };
+  net.run(std::chrono::seconds{1});
+  net.send(0, "CMD", {1});
+  net.run(milliseconds{10});
+  EXPECT_EQ(net.hosts[1].heard.size(), heard + 1) << "the true peer still gets through";
+}
+
+}  // namespace
+}  // namespace tether::link

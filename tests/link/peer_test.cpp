@@ -1,0 +1,281 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "tests/link/two_hosts.hpp"
+
+namespace tether::link {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::numbered;
+using testing::two_paths;
+using testing::TwoHosts;
+
+/// Sends `count` numbered messages of host 0, one each millisecond.
+void send_numbers(TwoHosts& net, std::uint32_t count, const std::string& channel = "CMD") {
+  for (std::uint32_t i = 0; i < count; ++i) {
+    net.send(0, channel, numbered(i));
+    net.run(milliseconds{1});
+  }
+  net.run(milliseconds{300});
+}
+
+/// The numbers that host 1 heard; each must have come once.
+std::set<std::uint32_t> numbers_heard(const TwoHosts& net) {
+  std::set<std::uint32_t> numbers;
+  for (const auto& heard : net.hosts[1].heard) {
+    const bool is_new = numbers.insert(Reader(heard.bytes).number<std::uint32_t>()).second;
+    EXPECT_TRUE(is_new) << "twice";
+  }
+  return numbers;
+}
+
+TEST(PeerLink, CarriesMessagesBothWays) {
+  TwoHosts net;
+  net.connect();
+  net.send(0, "CMD", {1, 2, 3});
+  net.send(1, "POSE", {4});
+  net.run(milliseconds{10});
+  ASSERT_EQ(net.hosts[1].heard.size(), 1U);
+  EXPECT_EQ(net.hosts[1].heard[0].channel, "CMD");
+  EXPECT_EQ(net.hosts[1].heard[0].bytes, (Bytes{1, 2, 3}));
+  ASSERT_EQ(net.hosts[0].heard.size(), 1U);
+  EXPECT_EQ(net.refused(0).sum() + net.refused(1).sum(), 0);
+}
+
+TEST(PeerLink, CarriesEmptyAndLongMessages) {
+  TwoHosts net(two_paths());
+  net.connect();
+  Bytes big(300'000);
+  for (std::size_t i = 0; i < big.size(); ++i) big[i] = static_cast<std::uint8_t>(i * 7);
+  net.send(0, "BIG", big);
+  net.send(0, "BIG", {});
+  net.run(milliseconds{100});
+  ASSERT_EQ(net.hosts[1].heard.size(), 2U);
+  EXPECT_EQ(net.hosts[1].heard[0].bytes, big);
+  EXPECT_TRUE(net.hosts[1].heard[1].bytes.empty());
+}
+
+TEST(PeerLink, NoDatagramIsLongerThanThePathCarries) {
+  LinkSettings settings;
+  settings.datagram_bytes = kSmallestDatagram;
+  TwoHosts net(settings);
+  net.keep = true;
+  net.connect();
+  for (const std::size_t size : {500U, 503U, 504U, 505U, 3000U}) net.send(0, "BIG", Bytes(size, 1));
+  net.run(milliseconds{50});
+  EXPECT_EQ(net.hosts[1].heard.size(), 5U);
+  std::size_t longest = 0;
+  for (const auto& datagram : net.seen) longest = std::max(longest, datagram.bytes.size());
+  EXPECT_EQ(longest, kSmallestDatagram);
+}
+
+TEST(PeerLink, SendsOnlyWhatARuleNames) {
+  TwoHosts net;
+  net.connect();
+  net.send(0, "OTHER", {1});
+  net.run(milliseconds{10});
+  EXPECT_EQ(net.link(0).counters().sent, 0);
+}
+
+TEST(PeerLink, TakesOnlyWhatThePeerMaySend) {
+  TwoHosts net;
+  net.connect();
+  net.send(1, "SECRET", {1});
+  net.run(milliseconds{10});
+  EXPECT_TRUE(net.hosts[0].heard.empty());
+  EXPECT_EQ(net.link(0).counters().not_allowed, 1);
+}
+
+TEST(PeerLink, BothSidesSettleOnOneSessionWhenBothBegin) {
+  TwoHosts net(two_paths());
+  net.keep = true;
+  net.connect();
+  net.run(seconds{1});
+  net.seen.clear();
+  net.run(seconds{1});
+  std::set<std::uint32_t> sessions;
+  for (const auto& datagram : net.seen) {
+    if (datagram.from == 0) sessions.insert(read_sealed_header(datagram.bytes)->session);
+  }
+  EXPECT_EQ(sessions.size(), 1U);
+  EXPECT_EQ(net.refused(0).sum() + net.refused(1).sum(), 0);
+}
+
+TEST(PeerLink, RenewsKeysWithoutLosingAMessage) {
+  LinkSettings settings = two_paths();
+  settings.rekey.after = seconds{1};
+  TwoHosts net(settings);
+  net.connect();
+  send_numbers(net, 10'000);
+  EXPECT_GE(net.link(0).sessions().count(), 9);
+  EXPECT_EQ(numbers_heard(net).size(), 10'000U);
+  EXPECT_EQ(net.link(0).counters().unsent, 0);
+}
+
+TEST(PeerLink, RenewsKeysAfterSoManyDatagrams) {
+  LinkSettings settings;
+  settings.rekey.datagrams = 100;
+  TwoHosts net(settings);
+  net.connect();
+  send_numbers(net, 1000);
+  EXPECT_GE(net.link(0).sessions().count(), 5);
+  EXPECT_EQ(numbers_heard(net).size(), 1000U);
+}
+
+TEST(PeerLink, ComesBackWhenEitherHostHasRestarted) {
+  for (const std::size_t host : {0U, 1U}) {
+    TwoHosts net(two_paths());
+    net.connect();
+    net.restart(host);
+    net.run(seconds{1});
+    send_numbers(net, 100);
+    EXPECT_EQ(numbers_heard(net).size(), 100U) << "host " << host;
+  }
+}
+
+TEST(PeerLink, ComesBackWhenOnlyTheOtherSideKnowsWhereToSend) {
+  TwoHosts net(two_paths());
+  net.knows_address = {true, false};
+  net.restart(1);
+  net.connect();
+  net.restart(1);  // which cannot call, and has forgotten the session
+  net.run(seconds{9});
+  net.send(1, "POSE", {1});
+  net.run(milliseconds{10});
+  EXPECT_EQ(net.hosts[0].heard.size(), 1U);
+}
+
+TEST(PeerLink, ReportsItsOwnClockDifferenceWithinTheInterval) {
+  TwoHosts net(two_paths());
+  net.hosts[1].clock_ahead_ns = 250'000'000;
+  net.delay = [](const TwoHosts::Datagram& d) {  // 3 ms there by path 0, 30 ms back; path 1: 10 ms
+    return d.path == 1 ? milliseconds{10} : d.from == 0 ? milliseconds{3} : milliseconds{30};
+  };
+  net.run(seconds{5});
+  const IntervalNs offset = net.link(0).offset(net.now).value();
+  EXPECT_LE(offset.min_ns, 250'000'000);
+  EXPECT_GE(offset.max_ns, 250'000'000);
+  // The fastest each way: 3 ms there by path 0, 10 ms back by path 1.
+  EXPECT_NEAR(static_cast<double>(offset.max_ns - offset.min_ns), 13e6, 0.3e6);
+  const PathReport report = net.link(0).report(0, net.now);
+  EXPECT_EQ(report.round_trip_min_ns, 33'000'000);
+  EXPECT_EQ(*report.transit_min_ns + 250'000'000, 30'000'000);
+}
+
+TEST(PeerLink, RefusesAHelloOfAnotherTime) {
+  for (const std::int64_t apart_s : {-61, 61}) {
+    TwoHosts net;
+    net.hosts[1].clock_ahead_ns = apart_s * 1'000'000'000;
+    net.run(seconds{2});
+    EXPECT_EQ(net.link(0).sessions().count(), 0);
+    EXPECT_GE(net.refused(0).clock, 1);
+    EXPECT_NEAR(static_cast<double>(net.link(0).sessions().clock_ahead_ns()) * 1e-9,
+                static_cast<double>(apart_s), 0.01);
+  }
+  TwoHosts net;
+  net.hosts[1].clock_ahead_ns = 59'000'000'000;
+  net.run(seconds{2});
+  EXPECT_GE(net.link(0).sessions().count(), 1);
+}
+
+TEST(PeerLink, StrangersGetNoAnswer) {
+  TwoHosts net;
+  net.peer_key[0] = key_pair_of(testing::key_number(77)).public_key;
+  net.restart(0);  // it calls somebody else, under a key that host 1 knows; host 1 calls it
+  net.keep = true;
+  net.run(seconds{5});
+  EXPECT_EQ(net.link(1).sessions().count(), 0);
+  EXPECT_GE(net.refused(1).forged, 1);
+  EXPECT_GE(net.refused(0).stranger, 1);
+  for (const auto& datagram : net.seen) EXPECT_TRUE(read_hello(datagram.bytes));
+}
+
+TEST(PeerLink, RefusesWhatDoesNotComeFromThePeersAddress) {
+  TwoHosts net;
+  net.keep = true;
+  net.connect();
+  net.loses = [](const TwoHosts::Datagram&) { return true; };
+  net.send(0, "CMD", {1});
+  const Bytes captured = net.seen.back().bytes;
+  net.inject(1, 0, captured, Address{0x0A000099, 7700});
+  EXPECT_TRUE(net.hosts[1].heard.empty());
+  EXPECT_EQ(net.refused(1).address, 1);
+}
+
+TEST(PeerLink, AReplayFromElsewhereDoesNotMoveALearnedAddress) {
+  TwoHosts net;
+  net.knows_address = {true, false};
+  net.restart(1);
+  net.keep = true;
+  net.connect();
+  net.send(0, "CMD", {1});
+  net.run(milliseconds{10});
+  for (const auto& datagram : net.seen) {
+    if (datagram.from == 0) net.inject(1, 0, datagram.bytes, Address{0x0A000099, 7700});
+  }
+  net.send(1, "POSE", {1});
+  net.run(milliseconds{10});
+  EXPECT_EQ(net.hosts[0].heard.size(), 1U);
+}
+
+TEST(PeerLink, PathsInAnotherOrderAreNoticed) {
+  TwoHosts net(two_paths());
+  net.keep = true;
+  net.connect();
+  net.loses = [](const TwoHosts::Datagram&) { return true; };
+  net.seen.clear();
+  net.run(milliseconds{260});
+  for (const auto& datagram : net.seen) {
+    if (datagram.from == 0)
+      net.inject(1, 1 - datagram.path, datagram.bytes, testing::host_address(0, 1 - datagram.path));
+  }
+  EXPECT_EQ(net.refused(1).crossed, 2);
+}
+
+TEST(PeerLink, OfLatestOnlyChannelsTheOldDoesNotFollowTheNew) {
+  TwoHosts net;
+  net.connect();
+  net.delay = [&net](const TwoHosts::Datagram&) {  // each is overtaken by the next
+    return net.now < kStart + milliseconds{201} ? milliseconds{20} : milliseconds{2};
+  };
+  net.send(0, "LATEST", numbered(1));
+  net.send(0, "CMD", numbered(1));
+  net.run(milliseconds{5});
+  net.send(0, "LATEST", numbered(2));
+  net.run(milliseconds{100});
+  std::vector<std::string> order;
+  for (const auto& heard : net.hosts[1].heard) {
+    order.push_back(heard.channel + std::to_string(heard.bytes[3]));
+  }
+  EXPECT_EQ(order, (std::vector<std::string>{"LATEST2", "CMD1"}));
+  EXPECT_EQ(net.link(1).counters().superseded, 1);
+}
+
+TEST(PeerLink, GivesUpMessagesWhosePiecesAreMissing) {
+  TwoHosts net;
+  net.connect();
+  int n = 0;
+  net.loses = [&n](const TwoHosts::Datagram& d) { return d.from == 0 && ++n == 2; };
+  net.send(0, "BIG", Bytes(5000, 1));
+  net.run(milliseconds{50});
+  EXPECT_TRUE(net.hosts[1].heard.empty());
+  for (int i = 0; i < 40; ++i) {
+    net.send(0, "BIG", Bytes(5000, 2));
+    net.run(milliseconds{50});
+  }
+  EXPECT_EQ(net.hosts[1].heard.size(), 40U);
+  EXPECT_EQ(net.link(1).incomplete(), 1);
+}
+
+TEST(PeerLink, SendsNothingBeforeThereIsASession) {
+  TwoHosts net;
+  net.send(0, "CMD", {1});
+  EXPECT_EQ(net.link(0).counters().unsent, 1);
+}
+
+}  // namespace
+}  // namespace tether::link
