@@ -108,7 +108,7 @@ class TwoHosts {
         for (Host& host : hosts) {
           host.endpoint->tick(moment(static_cast<std::size_t>(&host - hosts.data())));
         }
-        next_tick_ = now + std::chrono::milliseconds{1};
+        next_tick_ = now + tick;
       }
       while (!under_way_.empty() && under_way_.begin()->first <= now) {
         const Datagram datagram = std::move(under_way_.begin()->second);
@@ -122,6 +122,7 @@ class TwoHosts {
 
   std::array<Host, 2> hosts;
   Instant now = kStart;
+  Duration tick = std::chrono::milliseconds{1};
   /// Whether the network loses it.
   std::function<bool(const Datagram&)> loses = [](const Datagram&) { return false; };
   std::function<Duration(const Datagram&)> delay = [](const Datagram&) {
