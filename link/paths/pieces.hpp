@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 
 #include "common/base/time.hpp"
 #include "link/wire/wire.hpp"
@@ -25,7 +26,9 @@ inline constexpr std::size_t kSmallestDatagram = 548;  // what IPv4 always carri
 struct MessageNumber {
   std::uint64_t generation = 0;  ///< of the session
   std::uint64_t counter = 0;     ///< of the message's first piece
-  auto operator<=>(const MessageNumber&) const = default;
+  bool operator<(const MessageNumber& other) const {
+    return std::tie(generation, counter) < std::tie(other.generation, other.counter);
+  }
 };
 
 /// Puts pieces together again. Bounded: so many messages and bytes at once, the oldest goes first;

@@ -63,9 +63,7 @@ Endpoint::Peer* Endpoint::named_by(std::uint64_t key_id, std::size_t path, const
 void Endpoint::take(std::size_t path, const Address& from, ByteView datagram, Moment m) {
   path_ = path;
   from_ = from;
-  if (datagram.size() < 2) {
-    ++refused_.malformed;
-  } else if (datagram[0] != kVersion) {
+  if (!datagram.empty() && datagram[0] != kVersion) {
     ++refused_.version;
   } else if (const auto sealed = read_sealed_header(datagram)) {
     Peer* const peer = sender(sealed->session & 0xFF, path, from, refused_.no_session);

@@ -15,14 +15,14 @@ constexpr std::uint64_t kMostTold = std::uint64_t{1} << 40;
 
 }  // namespace
 
-PeerLink::PeerLink(Identity identity, std::uint8_t number, PeerRules rules,
+PeerLink::PeerLink(const Identity& identity, std::uint8_t number, PeerRules rules,
                    const LinkSettings& settings, PeerOutput out, RandomKey random,
                    Refusals& refused)
     : rules_(std::move(rules)),
       settings_(settings),
       out_(std::move(out)),
       refused_(refused),
-      sessions_(std::move(identity), number, settings.rekey, std::move(random), refused) {}
+      sessions_(identity, number, settings.rekey, std::move(random), refused) {}
 
 bool PeerLink::up(Instant now) const {
   return std::any_of(paths_.begin(), paths_.begin() + static_cast<long>(settings_.paths),

@@ -62,8 +62,8 @@ struct PeerCounters {
 class PeerLink {
  public:
   /// `refused` must outlive it. `number`: below 256, of this peer alone.
-  PeerLink(Identity identity, std::uint8_t number, PeerRules rules, const LinkSettings& settings,
-           PeerOutput out, RandomKey random, Refusals& refused);
+  PeerLink(const Identity& identity, std::uint8_t number, PeerRules rules,
+           const LinkSettings& settings, PeerOutput out, RandomKey random, Refusals& refused);
 
   /// Sends a message of the host's, if a rule is about its channel.
   void send(std::string_view channel, ByteView bytes, Moment m);

@@ -5,9 +5,9 @@
 #include <utility>
 
 namespace tether::link {
-Sessions::Sessions(Identity identity, std::uint8_t number, const RekeySettings& rekey,
+Sessions::Sessions(const Identity& identity, std::uint8_t number, const RekeySettings& rekey,
                    RandomKey random, Refusals& refused)
-    : identity_(std::move(identity)),
+    : identity_(identity),
       number_(number),
       rekey_(rekey),
       random_(std::move(random)),

@@ -49,8 +49,8 @@ class Sessions {
 
   /// `number`: of this peer among the host's, below 256; session numbers hold it in their last
   /// byte. `refused` must outlive it.
-  Sessions(Identity identity, std::uint8_t number, const RekeySettings& rekey, RandomKey random,
-           Refusals& refused);
+  Sessions(const Identity& identity, std::uint8_t number, const RekeySettings& rekey,
+           RandomKey random, Refusals& refused);
 
   /// The datagram to send back to where the HELLO came from, if it is to be answered.
   std::optional<ByteView> on_hello(ByteView hello, Moment m);

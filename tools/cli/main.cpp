@@ -42,7 +42,7 @@ int refuse(const CLI::App& command, const std::string& word) {
   for (const CLI::App* sub : command.get_subcommands({})) names.push_back(sub->get_name());
   std::string whole = "tether";
   if (command.get_parent() == nullptr) {
-    names.insert(names.end(), {"sim", "controller", "localiser", "can-bridge", "can-drive"});
+    names.insert(names.end(), {"sim", "controller", "localiser", "link", "can-bridge", "can-drive"});
   } else {
     whole += " " + command.get_name();
   }
@@ -60,8 +60,8 @@ int main(int argc, char** argv) {
   using namespace tether;
   CLI::App app("Tether: how much delay and loss does a remotely controlled AGV survive?", "tether");
   app.footer(
-      "Also: tether sim, netem, controller, localiser, can-bridge and can-drive; the nodes of a "
-      "live run.");
+      "Also: tether sim, netem, controller, localiser, can-bridge and can-drive, the nodes of a "
+      "live run; and tether link, which carries channels between hosts.");
   add_about(app);
   app.require_subcommand(1);
   Action action;

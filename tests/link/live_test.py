@@ -1,14 +1,28 @@
 #!/usr/bin/env -S python3 -B
 """Two tether-link processes between two LCM networks, by two paths that can be pulled.
-Usage: link_test.py BIN_DIR"""
+Usage: live_test.py BIN_DIR"""
 
 import os
+import pathlib
 import signal
 import socket
+import sys
 import threading
 import time
 
-from live_support import GROUP, PORT, TWIST, TYPES, LcmType, Network, check, main, wait_until
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
+
+from live_support import (  # noqa: E402
+    GROUP,
+    PORT,
+    TWIST,
+    TYPES,
+    LcmType,
+    Network,
+    check,
+    main,
+    wait_until,
+)
 
 FAR_PORT = 7668
 TYPES["LINK/REPORT"] = LcmType("peer_report")
