@@ -8,7 +8,7 @@
 # Programs find what they read in ../share/tether from where they lie (common/base/share.hpp).
 include(GNUInstallDirs)
 
-set(TETHER_VEHICLE_PROGRAMS tether-can-bridge tether-can-drive tether-localiser tether-autonomy)
+set(TETHER_VEHICLE_PROGRAMS tether-link tether-can-bridge tether-can-drive tether-localiser tether-autonomy)
 set(TETHER_LAB_PROGRAMS tether tether-sim tether-netem tether-controller tether-can)
 set(shared ${CMAKE_INSTALL_DATADIR}/tether)
 
@@ -18,7 +18,7 @@ install(DIRECTORY scenarios drivetrains DESTINATION ${shared} COMPONENT vehicle
 
 # Units, for the packages: they start /usr/bin/….
 set(units lib/systemd/system)
-foreach(unit can-bridge localiser autonomy logger)
+foreach(unit link can-bridge localiser autonomy logger)
   install(FILES systemd/tether-${unit}.service DESTINATION ${units} COMPONENT vehicle)
 endforeach()
 install(FILES systemd/hardening.conf DESTINATION ${units}/tether-.service.d COMPONENT vehicle)

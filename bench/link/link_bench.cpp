@@ -22,6 +22,7 @@
 #include "bench/samples.hpp"
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
+#include "common/base/share.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"

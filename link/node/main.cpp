@@ -8,6 +8,7 @@
 #include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/service_manager.hpp"
 #include "link/keys/key_file.hpp"
 #include "link/node/link_node.hpp"
 
@@ -44,7 +45,10 @@ int run(const std::string& file) {
     say(fmt::format("path \"{}\" on {}", path.name, link::to_text(path.bind)));
   }
   say("running, on " + config.lcm_url);
+  ServiceManager manager(loop);
+  manager.ready("running on " + config.lcm_url);
   loop.run();
+  manager.stopping();
   node.finish();
   return kExitOk;
 }

@@ -12,7 +12,7 @@ import tempfile
 
 BUILD = pathlib.Path(sys.argv[1])
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
-VEHICLE = ["tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-localiser"]
+VEHICLE = ["tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-link", "tether-localiser"]
 NOT_ON_A_VEHICLE = ["libode", "libsqlite3", "libzstd"]
 
 

@@ -42,7 +42,8 @@ int refuse(const CLI::App& command, const std::string& word) {
   for (const CLI::App* sub : command.get_subcommands({})) names.push_back(sub->get_name());
   std::string whole = "tether";
   if (command.get_parent() == nullptr) {
-    names.insert(names.end(), {"sim", "controller", "localiser", "link", "can-bridge", "can-drive"});
+    names.insert(names.end(),
+                 {"sim", "controller", "localiser", "link", "can-bridge", "can-drive"});
   } else {
     whole += " " + command.get_name();
   }
