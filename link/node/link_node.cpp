@@ -50,7 +50,6 @@ LinkNode::~LinkNode() {
 }
 
 void LinkNode::on_message(const Message& message) {
-  if (message.channel.starts_with("LINK/")) return;
   endpoint_.send(message.channel, message.bytes, moment());
   if (!config_.settings.second_after || copies_scheduled_) return;
   copies_scheduled_ = true;

@@ -6,6 +6,8 @@
 namespace tether::link {
 namespace {
 
+/// Reports on the host itself neither leave nor come.
+constexpr std::string_view kOwnChannels = "LINK/";
 /// Without a datagram for so long, the peer may have forgotten the session.
 constexpr Duration kSilence = std::chrono::seconds{3};
 constexpr std::size_t kMostCopies = 4096;
@@ -33,7 +35,7 @@ bool PeerLink::up(Instant now) const {
 
 void PeerLink::send(std::string_view channel, ByteView bytes, Moment m) {
   const std::optional<std::string> name = rules_.send.name_of(channel);
-  if (!name) return;
+  if (!name || channel.starts_with(kOwnChannels)) return;
   Session* const session = sessions_.current();
   if (session == nullptr) {
     ++counters_.unsent;
@@ -216,7 +218,7 @@ void PeerLink::on_piece(std::size_t path, const Session& session, std::uint64_t 
 }
 
 void PeerLink::deliver(const Reassembly::Whole& whole) {
-  if (!rules_.receive.has(whole.channel)) {
+  if (!rules_.receive.has(whole.channel) || whole.channel.starts_with(kOwnChannels)) {
     ++counters_.not_allowed;
     return;
   }

@@ -31,7 +31,7 @@ struct LinkSettings {
 /// What one peer may do.
 struct PeerRules {
   SendRules send;           ///< what goes to it
-  ChannelList receive;      ///< what is taken from it, under the names that it sends
+  ChannelList receive;      ///< what is taken from it, under the names that it sends; not LINK/…
   ChannelList latest_only;  ///< of these, by the names on the way, the new drops the old
 };
 

@@ -73,8 +73,12 @@ bool Sessions::on_answer(ByteView answer, Moment m) {
     ++refused_.no_session;
     return false;
   }
-  const auto keys = Handshake::finish(identity_, started_->hello, started_->ephemeral, answer);
+  std::optional<SessionKeys> keys;
+  if (started_->failed_answers < kMostFailedAnswers) {
+    keys = Handshake::finish(identity_, started_->hello, started_->ephemeral, answer);
+  }
   if (!keys) {
+    ++started_->failed_answers;
     ++refused_.forged;
     return false;
   }
@@ -130,7 +134,7 @@ std::optional<ByteView> Sessions::due_hello(Moment m, bool anew) {
     return std::nullopt;
   }
   if (next_hello_ && m.now < *next_hello_) return std::nullopt;
-  started_ = Started{key_pair_of(random_()), new_number(), {}};
+  started_ = Started{key_pair_of(random_()), new_number(), {}, 0};
   started_->hello = Handshake::hello(identity_, started_->ephemeral, started_->number, m.wall_ns);
   next_hello_ = m.now + wait_;
   wait_ = std::min<Duration>(2 * wait_, kLongestWait);

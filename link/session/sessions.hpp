@@ -46,6 +46,8 @@ class Sessions {
   static constexpr Duration kFirstWait = std::chrono::milliseconds{500};  // then twice as long …
   static constexpr Duration kLongestWait = std::chrono::seconds{4};
   static constexpr std::size_t kMostRemembered = 1024;
+  /// To one HELLO: each costs three Diffie-Hellmans. Then the next HELLO is waited for.
+  static constexpr int kMostFailedAnswers = 16;
 
   /// `number`: of this peer among the host's, below 256; session numbers hold it in their last
   /// byte. `refused` must outlive it.
@@ -77,6 +79,7 @@ class Sessions {
     KeyPair ephemeral;
     std::uint32_t number;
     Bytes hello;
+    int failed_answers = 0;
   };
   struct Remembered {
     Instant when;

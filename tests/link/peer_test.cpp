@@ -90,6 +90,37 @@ TEST(PeerLink, TakesOnlyWhatThePeerMaySend) {
   EXPECT_EQ(net.link(0).counters().not_allowed, 1);
 }
 
+TEST(PeerLink, NoPeerSpeaksForTheLinkItself) {
+  TwoHosts net;
+  net.connect();
+  net.send(1, "FAKE", {1});  // which its rule makes LINK/REPORT, and ours lets in
+  net.run(milliseconds{10});
+  EXPECT_TRUE(net.hosts[0].heard.empty());
+  EXPECT_EQ(net.link(0).counters().not_allowed, 1);
+}
+
+TEST(PeerLink, AFloodOfForgedAnswersDelaysAHandshakeAndNoMore) {
+  TwoHosts net;
+  net.knows_address = {true, false};
+  net.restart(1);
+  bool flooded = false;
+  net.loses = [&](const TwoHosts::Datagram& d) {
+    const auto hello = read_hello(d.bytes);
+    if (hello && !flooded) {
+      flooded = true;
+      Bytes forged = to_bytes(Answer{hello->session, 5, 6, hello->ephemeral, {}});
+      forged.resize(kAnswerBytes);
+      for (int i = 0; i < 1000; ++i) net.inject(0, 0, forged);
+    }
+    return false;
+  };
+  net.connect();
+  EXPECT_EQ(net.link(0).sessions().count(), 0);
+  EXPECT_EQ(net.refused(0).forged, 1001) << "the true one too: they had used up the HELLO";
+  net.run(seconds{1});
+  EXPECT_EQ(net.link(0).sessions().count(), 1);
+}
+
 TEST(PeerLink, BothSidesSettleOnOneSessionWhenBothBegin) {
   TwoHosts net(two_paths());
   net.keep = true;

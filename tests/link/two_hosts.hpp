@@ -61,9 +61,10 @@ class TwoHosts {
   void restart(std::size_t i) {
     PeerSetup peer;
     peer.key = peer_key[i].value_or(hosts[1 - i].keys.public_key);
-    peer.rules.send = SendRules(i == 0 ? std::vector<std::string>{"CMD|BIG|LATEST"}
-                                       : std::vector<std::string>{"POSE|SECRET"});
-    peer.rules.receive = ChannelList({i == 0 ? "POSE" : "CMD|BIG|LATEST"});
+    peer.rules.send =
+        SendRules(i == 0 ? std::vector<std::string>{"CMD|BIG|LATEST"}
+                         : std::vector<std::string>{"POSE|SECRET", "FAKE -> LINK/REPORT"});
+    peer.rules.receive = ChannelList({i == 0 ? "POSE|LINK/.*" : "CMD|BIG|LATEST"});
     peer.rules.latest_only = ChannelList({"LATEST"});
     for (std::size_t path = 0; path < settings_.paths; ++path) {
       peer.addresses.push_back(knows_address[i] ? std::optional{host_address(1 - i, path)}
