@@ -48,8 +48,8 @@ TEST(Soak, ADayOfLossAndOutagesLeavesNothingBehind) {
     const std::size_t after = mallinfo2().uordblks;
     EXPECT_LT(after, before + 100'000) << "bytes in use";
     EXPECT_GE(net.link(0).sessions().count(), 20);
-    // Of three messages a second, all but those of the outages and of twice lost datagrams: a BIG one
-    // has three, and the product of the losses is 0.5 %.
+    // Of three messages a second, all but those of the outages and of twice lost datagrams: a BIG
+    // one has three, and the product of the losses is 0.5 %.
     EXPECT_GT(static_cast<double>(heard), 0.98 * 3 * 22 * 3600);
     EXPECT_EQ(net.refused(0).forged + net.refused(1).forged, 0);
   }
