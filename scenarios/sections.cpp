@@ -3,16 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tether/plan_t.hpp>
-#include <tether/pose_t.hpp>
-#include <tether/twist_t.hpp>
 
 #include "autonomy/supervisor/autonomy_section.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/actuator/actuator_policy.hpp"
 #include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
-#include "common/bus/channel_names.hpp"
 #include "common/fleet/fleet.hpp"
 #include "common/onboard/onboard_settings.hpp"
 #include "common/onboard/stopping_field.hpp"
@@ -26,15 +22,21 @@
 #include "localiser/node/localiser_section.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
+#include "netem/models/kinds.hpp"
+#include "scenarios/radio_traffic.hpp"
 #include "sim/lidar/lidar_settings.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
 namespace {
 
-template <class Settings>
-bool sends_changes(const Settings& sender) {
-  return sender.send == Settings::Send::changed;
+/// From a pose's measurement to its arrival, as far as it is known before: jitter and [medium] are
+/// not.
+double pose_delay_s(const Scenario& scenario) {
+  const LinkConfig& link = scenario.get<ChannelSettings>().uplink;
+  const ChannelModelKind& kind = kind_of(link);
+  const auto channel_ms = kind.only_delay_ms != nullptr ? kind.only_delay_ms(link) : std::nullopt;
+  return 1e-3 * (scenario.get<SensorSettings>().latency_ms + channel_ms.value_or(0.0));
 }
 
 /// What both senders need so that one who waits for a message does not take it for lost.
@@ -58,12 +60,18 @@ void check_sending(const Scenario& scenario, const std::string& file) {
                      " needs medium.others = 0: others send in equal periods; vehicles "
                      "that send as this one does are fleet.count");
   }
+  const double delay_s = pose_delay_s(scenario);
   if (poses && controller.pose_timeout_s > 0.0 &&
-      sensor.send_max_age_s >= controller.pose_timeout_s) {
+      sensor.send_max_age_s + delay_s >= controller.pose_timeout_s) {
     throw UsageError(fmt::format(
-        "{}: sensor.send_max_age_s = {} must be below controller.pose_timeout_s = {}, or the "
+        "{}: sensor.send_max_age_s = {}{} must be below controller.pose_timeout_s = {}, or the "
         "controller would stop a vehicle that sends nothing new",
-        file, sensor.send_max_age_s, controller.pose_timeout_s));
+        file, sensor.send_max_age_s,
+        delay_s > 0.0 ? fmt::format(" and the {:g} s that a pose takes (sensor.latency_ms and the "
+                                    "uplink's delay)",
+                                    delay_s)
+                      : "",
+        controller.pose_timeout_s));
   }
   if (!commands || !kind_of(controller).sends_plans) return;
   if (controller.send_max_age_s >= controller.horizon_s) {
@@ -72,21 +80,6 @@ void check_sending(const Scenario& scenario, const std::string& file) {
         "end before the next is sent",
         file, controller.send_max_age_s, controller.horizon_s));
   }
-}
-
-/// A message replaces what its sender has waiting, whatever it is.
-void check_keeping(const Scenario& scenario, const std::string& file) {
-  if (!scenario.get<MediumSettings>().keep_newest) return;
-  const bool odometry = scenario.get<SensorSettings>().odometry_rate_hz > 0.0;
-  const bool on_board = scenario.get<AutonomySettings>().enabled ||
-                        scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none;
-  if (!odometry && !on_board) return;
-  throw UsageError(fmt::format(
-      "{}: medium.keep = \"newest\" needs vehicles that send nothing but poses, for a message "
-      "replaces another one, whatever it says: {}",
-      file,
-      on_board ? "localiser.place must be \"none\" and autonomy.enabled false"
-               : "sensor.odometry_rate_hz must be 0"));
 }
 
 /// The same for commands of which not all are sent.
@@ -274,31 +267,6 @@ void take_from_scanner(Scenario& scenario, const std::set<std::string>& given,
   }
 }
 
-/// What vehicles send over the medium: poses up, commands or plans down; of what is sent when it
-/// changes, the least.
-void take_traffic(Scenario& scenario) {
-  auto& medium = scenario.get<MediumSettings>();
-  const auto& controller = scenario.get<ControllerSettings>();
-  const ChannelNames channels(scenario.get<VehicleSettings>().name);
-  const auto& sensor = scenario.get<SensorSettings>();
-  const double poses_hz = sends_changes(sensor) ? 1.0 / sensor.send_max_age_s : sensor.rate_hz;
-  medium.vehicles = scenario.get<FleetSettings>().count;
-  medium.up = {poses_hz, datagram_bytes(channels.control_pose, pose_t{}.getEncodedSize())};
-  const bool by_timer = controller.trigger == ControllerSettings::Trigger::timer;
-  const double commands_hz = sends_changes(controller)
-                                 ? std::min(poses_hz, 1.0 / controller.send_max_age_s)
-                             : by_timer ? controller.rate_hz
-                                        : poses_hz;
-  if (kind_of(controller).sends_plans) {
-    plan_t plan{};
-    plan.count = static_cast<std::int32_t>(controller.plan_steps());
-    medium.down = {commands_hz, datagram_bytes(channels.vehicle_plan, plan.getEncodedSize())};
-  } else {
-    medium.down = {commands_hz,
-                   datagram_bytes(channels.vehicle_command, twist_t{}.getEncodedSize())};
-  }
-}
-
 }  // namespace
 
 // In the order of the resolved scenario. It stands above the rooms that have the sections; all
@@ -319,9 +287,11 @@ std::vector<ScenarioSection> scenario_sections() {
     own(scenario, file);
     check_keeping(scenario, file);
   };
-  medium.complete = [own = medium.complete](Scenario& scenario, const std::set<std::string>& given,
-                                            const std::string& file) {
-    own(scenario, given, file);
+  // The last section: what is sent follows from what all have completed.
+  autonomy.complete = [own = autonomy.complete](Scenario& scenario,
+                                                const std::set<std::string>& given,
+                                                const std::string& file) {
+    if (own) own(scenario, given, file);
     take_traffic(scenario);
   };
   return {run_section(),

@@ -147,7 +147,16 @@ void check(const Scenario& scenario, const std::string& file) {
   check_radio(medium, file);
   check_frames(medium, medium.up.bytes, "a pose", file);
   check_frames(medium, medium.down.bytes, "a command or plan", file);
+  for (const Medium::Stream& stream : medium.more_up) {
+    check_frames(medium, stream.bytes, "a message that vehicles send", file);
+  }
   for (const Background& b : medium.background) {
+    if (!medium.is_wifi() && b.kind == Background::Kind::saturated) {
+      throw UsageError(fmt::format(
+          "{}: [[medium.background]] kind = \"saturated\" needs medium.model = \"dcf\" or "
+          "\"edca\"; in a cell take \"poisson\" at a high rate_hz",
+          file));
+    }
     check_frames(medium, b.bytes, "a packet of [[medium.background]]", file);
   }
 }

@@ -68,8 +68,13 @@ struct MediumSettings {
   struct Stream {
     double rate_hz = 0.0;
     std::int64_t bytes = 0;  ///< of a packet's UDP payload
+    double most_hz = 0.0;    ///< with send = "changed", where rate_hz is the least; else 0
+    double highest_hz() const { return rate_hz > most_hz ? rate_hz : most_hz; }
   };
-  Stream up = {}, down = {};  ///< no keys: they follow from the scenario's other sections
+  // No keys: they follow from the scenario's other sections.
+  Stream up = {}, down = {};         ///< poses; commands or plans
+  bool poses_go_up = true;           ///< of the fleet's vehicles; false: they are made at the edge
+  std::vector<Stream> more_up = {};  ///< of theirs: odometry, parts of scans, localisation
 };
 
 ScenarioSection medium_section();
@@ -81,11 +86,21 @@ inline std::int64_t datagram_bytes(std::string_view channel, std::int64_t messag
   return kLcmHeader + std::ssize(channel) + 1 + message_bytes;
 }
 
-/// Share of the medium's time that the packets of all vehicles and of the background need without
-/// collisions, saturated stations left out; of a cell, whose ways have a carrier each, that of the
-/// busier way. Beyond 1 it cannot carry them. 0 without a medium.
-double offered_load(const MediumSettings& settings);
-/// One line if that is 1 or more; else "".
+/// What the packets of all vehicles and of the background ask for, collisions and repeats not
+/// counted; saturated stations, which are always asking, apart. All 0 without a medium.
+struct OfferedLoad {
+  /// Shares of the medium's time; of a cell, whose ways have a carrier each, that of the busier
+  /// way. Beyond 1 it cannot carry them. `most`: if all is sent of what need not be (send =
+  /// "changed"): an upper bound.
+  double least = 0.0, most = 0.0;
+  std::int64_t saturated = 0;  ///< stations; those and nobody else share what is left
+  /// Frames that the access point is to send a second, at most; and as many as it can, where each
+  /// saturated station sends one for each of its: all have the same category. Else nullopt.
+  double down_hz = 0.0;
+  std::optional<double> most_down_hz = {};
+};
+OfferedLoad offered_load(const MediumSettings& settings);
+/// One line if `most` is 1 or more, or a station is saturated; else "".
 std::string overload_warning(const MediumSettings& settings);
 
 }  // namespace tether

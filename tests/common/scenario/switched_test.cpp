@@ -125,6 +125,14 @@ TEST(SendingChanges, NeedsAnAgeLimitThatNobodyTakesForSilence) {
   EXPECT_THAT(with({"sensor.send_max_age_s=1"}),
               HasSubstr("sensor.send_max_age_s = 1 must be below controller.pose_timeout_s = 1"));
   EXPECT_EQ(with({"sensor.send_max_age_s=1", "controller.pose_timeout_s=0"}), "accepted");
+  EXPECT_EQ(
+      with({"sensor.send_max_age_s=0.7", "sensor.latency_ms=100", "channel.uplink.delay_ms=199"}),
+      "accepted");
+  EXPECT_THAT(
+      with({"sensor.send_max_age_s=0.7", "sensor.latency_ms=100", "channel.uplink.delay_ms=200"}),
+      HasSubstr("sensor.send_max_age_s = 0.7 and the 0.3 s that a pose takes "
+                "(sensor.latency_ms and the uplink's delay) must be below "
+                "controller.pose_timeout_s = 1"));
   EXPECT_EQ(with({"actuator.policy=zero"}), "accepted") << "0.4 s of 0.5 s";
   EXPECT_THAT(with({"actuator.policy=zero", "sensor.send_max_age_s=0.5"}),
               HasSubstr("actuator.timeout_s = 0.5 must be above the longest time between two "

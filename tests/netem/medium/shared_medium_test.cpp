@@ -191,10 +191,10 @@ TEST(SharedMedium, IsNoneUnlessAskedFor) {
 TEST(SharedMedium, KnowsTheLoadThatPacketsAre) {
   MediumSettings wifi{.model = MediumSettings::Model::edca};
   wifi.up = wifi.down = {20.0, 100};
-  const double one = offered_load(wifi);
+  const double one = offered_load(wifi).least;
   EXPECT_NEAR(one, 40 * 125e-6, 40 * 30e-6);
   wifi.others = 9;
-  EXPECT_DOUBLE_EQ(offered_load(wifi), 10 * one);
+  EXPECT_DOUBLE_EQ(offered_load(wifi).least, 10 * one);
   EXPECT_EQ(overload_warning(wifi), "");
   wifi.others = 499;
   EXPECT_EQ(overload_warning(wifi),
@@ -202,7 +202,38 @@ TEST(SharedMedium, KnowsTheLoadThatPacketsAre) {
                         "cannot carry all",
                         50'000 * one));
   wifi.model = MediumSettings::Model::none;
-  EXPECT_EQ(offered_load(wifi), 0.0);
+  EXPECT_EQ(offered_load(wifi).most, 0.0);
+}
+
+// One more that sends where the others are silent. They begin at the same instant, collide, and
+// draw. What slots begin with moves them both alike.
+TEST_P(EachMedium, GivesAVehicleMoreNoPartInTheLuckOfTheOthers) {
+  const auto fates = [](const MediumSettings& settings, bool has_more) {
+    Rig rig(settings);
+    for (const char* name : {"AGV1", "AGV2"}) rig.medium->add_vehicle(name);
+    if (has_more) rig.medium->add_vehicle("AGV3");
+    for (std::uint64_t i = 0; i < 200; ++i) {
+      const Instant at = kStart + static_cast<std::int64_t>(i) * milliseconds{200};
+      rig.run_until(at);
+      for (const std::size_t vehicle : {0U, 1U}) {
+        rig.medium->send(at, vehicle, Way::up, 10 * i + vehicle, 80);
+      }
+      rig.run_until(at + milliseconds{60});
+      if (has_more) rig.medium->send(at + milliseconds{60}, 2, Way::up, 10 * i + 2, 80);
+    }
+    rig.run_until(kStart + milliseconds{41'000});
+    std::vector<std::tuple<bool, bool, Duration>> all;
+    for (std::uint64_t i = 0; i < 200; ++i) {
+      const auto &one = rig.fates.at(10 * i), &other = rig.fates.at(10 * i + 1);
+      all.emplace_back(one.delivered, other.delivered, other.at - one.at);
+    }
+    return all;
+  };
+  MediumSettings lossy = settings();
+  lossy.error_ratio = 0.3;
+  const auto two = fates(lossy, false);
+  EXPECT_GT(std::set(two.begin(), two.end()).size(), 5U) << "there is luck";
+  EXPECT_TRUE(two == fates(lossy, true));
 }
 
 // Whatever a program sends to a relay.

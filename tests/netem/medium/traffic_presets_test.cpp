@@ -27,24 +27,12 @@ std::string refusal(const std::string& text) {
   return refusal_of([&] { with(text); });
 }
 
-TEST(TrafficPresets, HaveTheNumbersOfTheStandardsRows) {
-  struct Row {
-    const char* name;
-    Kind kind;
-    double rate_hz;
-    std::int64_t bytes;
-  };
-  for (const Row& row : {Row{"cooperative_motion", Kind::periodic, 1000.0, 250},
-                         Row{"machine_control", Kind::periodic, 100.0, 250},
-                         Row{"cooperative_driving", Kind::periodic, 20.0, 250},
-                         Row{"video_remote_control", Kind::periodic, 10.0, 15'000},
-                         Row{"traffic_management", Kind::periodic, 2.0, 250},
-                         Row{"video_streaming", Kind::poisson, 893.0, 1400},
-                         Row{"emergency_stop", Kind::poisson, 125.0, 250}}) {
-    const auto b = background(std::string("preset = \"") + row.name + "\"");
-    EXPECT_EQ(b.kind, row.kind) << row.name;
-    EXPECT_EQ(b.rate_hz, row.rate_hz) << row.name;
-    EXPECT_EQ(b.bytes, row.bytes) << row.name;
+TEST(TrafficPresets, SetWhatTheirRowHas) {
+  for (const TrafficPreset& preset : kTrafficPresets) {
+    const auto b = background(std::string("preset = \"") + preset.name + "\"");
+    EXPECT_EQ(b.kind, preset.kind) << preset.name;
+    EXPECT_EQ(b.rate_hz, preset.rate_hz) << preset.name;
+    EXPECT_EQ(b.bytes, preset.bytes) << preset.name;
   }
 }
 
