@@ -97,17 +97,20 @@ void take_traffic(Scenario& scenario) {
 
 /// A message replaces what its sender has waiting, whatever it is.
 void check_keeping(const Scenario& scenario, const std::string& file) {
-  if (!scenario.get<MediumSettings>().keep_newest) return;
+  const auto& medium = scenario.get<MediumSettings>();
+  const bool by_value = medium.serve == ScheduledRules::Serve::most_valuable;
+  if (!medium.keep_newest && !by_value) return;
   const bool odometry = scenario.get<SensorSettings>().odometry_rate_hz > 0.0;
   const bool on_board = scenario.get<AutonomySettings>().enabled ||
                         scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none;
   if (!odometry && !on_board) return;
-  throw UsageError(fmt::format(
-      "{}: medium.keep = \"newest\" needs vehicles that send nothing but poses, for a message "
-      "replaces another one, whatever it says: {}",
-      file,
-      on_board ? "localiser.place must be \"none\" and autonomy.enabled false"
-               : "sensor.odometry_rate_hz must be 0"));
+  throw UsageError(
+      fmt::format("{}: medium.{} needs vehicles that send nothing but poses, for {}: {}", file,
+                  medium.keep_newest ? "keep = \"newest\"" : "serve = \"most_valuable\"",
+                  medium.keep_newest ? "a message replaces another one, whatever it says"
+                                     : "what else they send has no value that is known",
+                  on_board ? "localiser.place must be \"none\" and autonomy.enabled false"
+                           : "sensor.odometry_rate_hz must be 0"));
 }
 
 }  // namespace tether

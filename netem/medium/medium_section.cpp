@@ -217,10 +217,14 @@ void cell_keys(KeyTable<Medium>& t) {
 
 void serving_keys(KeyTable<Medium>& t) {
   using Serve = ScheduledRules::Serve;
-  t.choice<Serve>("serve", &Medium::serve,
-                  {{"round_robin", Serve::round_robin}, {"oldest_first", Serve::oldest_first}},
-                  "scheduled: who is next, each in turn, or of whom the newest that was delivered "
-                  "is the oldest");
+  t.choice<Serve>(
+      "serve", &Medium::serve,
+      {{"round_robin", Serve::round_robin},
+       {"oldest_first", Serve::oldest_first},
+       {"most_valuable", Serve::most_valuable}},
+      "scheduled: who is next, each in turn, of whom the newest that was delivered "
+      "is the oldest, or whose newest pose or plan is the farthest from what its receiver "
+      "has");
   t.choice<bool>("keep", &Medium::keep_newest, {{"all", false}, {"newest", true}},
                  "scheduled: of a vehicle's messages that wait, all, or the newest alone");
 }

@@ -76,12 +76,19 @@ ScheduledRules rules_of(const MediumSettings& settings, Way way) {
 
 class CellMedium final : public SharedMedium {
  public:
-  CellMedium(const MediumSettings& settings, std::uint64_t seed, Ended ended)
+  CellMedium(const MediumSettings& settings, std::uint64_t seed, Ended ended, Value value)
       : SharedMedium(std::move(ended)),
         up_(rules_of(settings, Way::up), seed, told()),
         down_(rules_of(settings, Way::down), seed, told()),
         keep_newest_(settings.keep_newest),
         background_(settings, seed) {
+    if (value) {
+      for (ScheduledCell* cell : {&up_, &down_}) {
+        cell->set_value([value](std::uint64_t id) {
+          return id == BackgroundTraffic::kId ? 0.0 : value(id / kFragments);
+        });
+      }
+    }
     for (std::size_t i = 0; i < background_.size(); ++i) {
       users_.push_back(
           (background_.of(i).down ? down_ : up_).add(background_.name(i), {.has_age = false}));
@@ -153,10 +160,10 @@ std::vector<int> fragment_bytes(int udp_payload_bytes) {
 }
 
 std::unique_ptr<SharedMedium> SharedMedium::make(const MediumSettings& settings, std::uint64_t seed,
-                                                 Ended ended) {
+                                                 Ended ended, Value value) {
   if (settings.model == MediumSettings::Model::none) return nullptr;
   if (settings.is_wifi()) return std::make_unique<WifiMedium>(settings, seed, std::move(ended));
-  return std::make_unique<CellMedium>(settings, seed, std::move(ended));
+  return std::make_unique<CellMedium>(settings, seed, std::move(ended), std::move(value));
 }
 
 void SharedMedium::send(Instant now, std::size_t vehicle, Way way, std::uint64_t id, int bytes) {

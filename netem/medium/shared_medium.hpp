@@ -58,9 +58,13 @@ class SharedMedium {
   /// "medium.delivered", .lost, .overflowed …
   void list(CounterList& out) const;
 
-  /// nullptr for none. The random streams are derived from `seed`.
+  /// What a packet under way is worth to its receiver, by its id; the sender knows.
+  using Value = std::function<double(std::uint64_t id)>;
+
+  /// nullptr for none. The random streams are derived from `seed`. `value`: asked for with serve =
+  /// "most_valuable"; without it all are worth the same.
   static std::unique_ptr<SharedMedium> make(const MediumSettings& settings, std::uint64_t seed,
-                                            Ended ended);
+                                            Ended ended, Value value = nullptr);
 
  protected:
   explicit SharedMedium(Ended ended) : ended_(std::move(ended)) {}

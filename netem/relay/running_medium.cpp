@@ -2,14 +2,19 @@
 
 #include <algorithm>
 #include <iterator>
+#include <limits>
 #include <utility>
+
+#include "netem/medium/value/divergence.hpp"
 
 namespace tether {
 
 RunningMedium::RunningMedium(const MediumSettings& settings, std::uint64_t seed, EventLoop& loop)
-    : loop_(loop), medium_(SharedMedium::make(settings, seed, [this](const PacketFateOnAir& fate) {
-        ended(fate);
-      })) {}
+    : loop_(loop),
+      medium_(SharedMedium::make(
+          settings, seed, [this](const PacketFateOnAir& fate) { ended(fate); },
+          [this](std::uint64_t id) { return under_way_.at(id).value; })),
+      has_values_(settings.serve == ScheduledRules::Serve::most_valuable) {}
 
 std::size_t RunningMedium::add_vehicle(const std::string& name) {
   return medium_ ? medium_->add_vehicle(name) : 0;
@@ -19,7 +24,8 @@ void RunningMedium::send(std::size_t vehicle, Way way, Packet packet, const Deli
   if (!medium_) return deliver(std::move(packet));
   const auto bytes = static_cast<int>(datagram_bytes(packet.channel, std::ssize(packet.bytes)));
   const std::uint64_t id = next_id_++;
-  under_way_.emplace(id, UnderWay{std::move(packet), &deliver});
+  const double value = has_values_ ? value_of(packet) : 0.0;
+  under_way_.emplace(id, UnderWay{std::move(packet), &deliver, value});
   medium_->send(loop_.now(), vehicle, way, id, bytes);
   wake();
 }
@@ -46,11 +52,26 @@ void RunningMedium::wake() {
 void RunningMedium::ended(const PacketFateOnAir& fate) {
   auto packet = under_way_.extract(fate.id);
   if (!fate.delivered) return;
+  if (has_values_) know(packet.mapped().packet);
   const auto hand_on = [arrived = std::move(packet.mapped())](Instant) {
     (*arrived.deliver)(arrived.packet);
   };
   if (fate.at <= loop_.now()) return hand_on(loop_.now());
   loop_.at(fate.at, Priority::delivery, hand_on);
+}
+
+double RunningMedium::value_of(const Packet& packet) const {
+  const auto known = known_.find(packet.channel);
+  return known == known_.end() ? std::numeric_limits<double>::infinity()
+                               : divergence_m(packet.bytes, known->second.bytes);
+}
+
+/// What else is under way to the same receiver is worth something else now.
+void RunningMedium::know(const Packet& delivered) {
+  known_[delivered.channel] = delivered;
+  for (auto& [id, other] : under_way_) {
+    if (other.packet.channel == delivered.channel) other.value = value_of(other.packet);
+  }
 }
 
 void RunningMedium::list_counters(CounterList& out) const {

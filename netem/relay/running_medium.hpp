@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <string>
 
 #include "common/base/counters.hpp"
 #include "common/loop/event_loop.hpp"
@@ -13,8 +14,10 @@
 namespace tether {
 
 /// The shared medium on a loop: carries vehicles' packets over the air, and hands on those that
-/// arrive when they do. With medium.model = none it hands on all at once. Stays where it is: tasks
-/// on the loop refer to it.
+/// arrive when they do. With medium.serve = "most_valuable" it tells the medium how far what is
+/// sent is from what was delivered before (divergence.hpp), as a sender knows who is told what
+/// arrived. With medium.model = none it hands on all at once. Stays where it is: tasks on the loop
+/// refer to it.
 class RunningMedium {
  public:
   using Deliver = std::function<void(Packet)>;
@@ -38,12 +41,17 @@ class RunningMedium {
   struct UnderWay {
     Packet packet;
     const Deliver* deliver;
+    double value = 0.0;  ///< with serve = "most_valuable"
   };
+  double value_of(const Packet& packet) const;
+  void know(const Packet& delivered);
   void wake();
   void ended(const PacketFateOnAir& fate);
 
   EventLoop& loop_;
   std::unique_ptr<SharedMedium> medium_;
+  std::map<std::string, Packet> known_;  ///< by its channel what its receiver got last
+  bool has_values_;
   std::uint64_t next_id_ = 0;
   std::map<std::uint64_t, UnderWay> under_way_;
   Instant wakes_at_ = Instant::max();

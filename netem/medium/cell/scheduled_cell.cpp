@@ -99,6 +99,9 @@ void ScheduledCell::lose_part_of(User& user, const Message& message) const {
 double ScheduledCell::urgency_of(std::size_t user, Instant now) const {
   const User& u = users_[user];
   if (urgency_) return urgency_(user, u.packets.front().since, now);
+  if (rules_.serve == ScheduledRules::Serve::most_valuable) {
+    return value_ ? value_(u.packets.back().id) : 0.0;
+  }
   return u.newest_delivered ? to_seconds(now - *u.newest_delivered)
                             : std::numeric_limits<double>::infinity();
 }

@@ -35,7 +35,10 @@ struct ScheduledRules {
     /// Minimizing Age of Information in Broadcast Wireless Networks. IEEE/ACM Trans. Netw. 26 (6),
     /// 2018, call it greedy, and prove it optimal for equal users.) Before all others come those of
     /// whom nothing was delivered; of equals, the one after the last served.
-    oldest_first
+    oldest_first,
+    /// Whose newest message has the largest Value: what its receiver does not know yet. Without a
+    /// value: none. Of equals, the one after the last served.
+    most_valuable
   };
   Serve serve = Serve::round_robin;
   /// A message is what was pushed at one time with ids that are the same but for the remainder of
@@ -79,11 +82,15 @@ class ScheduledCell {
   /// Of a user whose oldest packet came at `since`, at `now`: the largest goes first.
   using Urgency = std::function<double(std::size_t user, Instant since, Instant now)>;
 
+  /// What a packet is worth now, by its id; for most_valuable.
+  using Value = std::function<double(std::uint64_t id)>;
+
   ScheduledCell(const ScheduledRules& rules, std::uint64_t seed, Ended ended);
 
   /// Returns its number, from 0 on. `name`: of its random stream.
   std::size_t add(const std::string& name, const CellUser& kind = {});
   void set_urgency(Urgency urgency) { urgency_ = std::move(urgency); }
+  void set_value(Value value) { value_ = std::move(value); }
 
   /// False if its queue is full.
   bool push(Instant now, std::size_t user, std::uint64_t id, int bytes);
@@ -140,6 +147,7 @@ class ScheduledCell {
   std::uint64_t seed_;
   Ended ended_;
   Urgency urgency_;
+  Value value_;
   std::vector<User> users_;
   std::size_t last_ = 0;        ///< served
   Instant free_from_ = kStart;  ///< the cell

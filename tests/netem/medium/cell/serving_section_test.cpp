@@ -26,11 +26,18 @@ TEST(ServingKeys, AreRefusedWhereTheyDoNothingOrHarm) {
   EXPECT_THAT(refusal({"medium.model=dcf", "medium.serve=oldest_first"}),
               HasSubstr("medium.serve has no effect: medium.model is that of Wi-Fi"));
   EXPECT_THAT(refusal({"medium.serve=newest_first"}),
-              HasSubstr("must be \"round_robin\" or \"oldest_first\""));
+              HasSubstr("must be \"round_robin\" or \"oldest_first\" or \"most_valuable\""));
   EXPECT_THAT(refusal({"medium.keep=newest", "sensor.odometry_rate_hz=50"}),
               HasSubstr("test.toml: medium.keep = \"newest\" needs vehicles that send nothing but "
                         "poses, for a message replaces another one, whatever it says: "
                         "sensor.odometry_rate_hz must be 0"));
+}
+
+TEST(ServingKeys, ByValueNeedVehiclesThatSendNothingButPoses) {
+  EXPECT_EQ(refusal({"medium.serve=most_valuable"}), "accepted");
+  EXPECT_THAT(refusal({"medium.serve=most_valuable", "sensor.odometry_rate_hz=50"}),
+              HasSubstr("medium.serve = \"most_valuable\" needs vehicles that send nothing but "
+                        "poses, for what else they send has no value that is known"));
 }
 
 TEST(ServingKeys, AreInTheResolvedScenarioOnlyWhereTheyAreGiven) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <vector>
 
@@ -293,6 +294,42 @@ TEST(KeepNewest, AccountsForEveryPacketUnderLossAndOverflow) {
   EXPECT_EQ(refused, c.overflowed);
   for (const std::int64_t some : {c.delivered, c.lost, c.overflowed, c.replaced})
     EXPECT_GT(some, 0);
+}
+
+// Users have something new in each slot, worth the slots since what was delivered, times the user's
+// speed; nothing delivered: infinity. Which is served, slot by slot, with two: both infinite, so
+// the one after user 0; then user 0; then of 3·1 and 1·2 the fast one, and of 3·1 and 1·3, which
+// are equal, the one after the last served.
+TEST(MostValuable, ServesWhoseReceiverKnowsLeastAndOfEqualsTheNextInTurn) {
+  const auto served = [](const std::vector<double>& speeds, int slots) {
+    std::vector<std::size_t> order;
+    std::vector<double> known(speeds.size(), -std::numeric_limits<double>::infinity());
+    ScheduledCell cell(rules(Serve::most_valuable), 1, [&](const PacketEnd& end) {
+      if (!end.delivered) return;
+      order.push_back(end.id % 100);
+      known[end.id % 100] = static_cast<double>(end.id / 100);
+    });
+    cell.set_value([&](std::uint64_t id) {
+      return speeds[id % 100] * (static_cast<double>(id / 100) - known[id % 100]);
+    });
+    for (std::size_t i = 0; i < speeds.size(); ++i) {
+      cell.add(fmt::format("AGV{}", i), {.keeps_newest = true});
+    }
+    for (int slot = 0; slot < slots; ++slot) {
+      for (std::size_t i = 0; i < speeds.size(); ++i) {
+        cell.push(kStart + slot * kSlot, i, 100 * static_cast<std::uint64_t>(slot) + i, 80);
+      }
+      cell.advance(kStart + slot * kSlot);
+    }
+    return order;
+  };
+  EXPECT_EQ(served({3.0, 1.0}, 9), (std::vector<std::size_t>{1, 0, 0, 1, 0, 0, 1, 0, 0}));
+  EXPECT_EQ(served({1.0, 1.0, 1.0}, 6), (std::vector<std::size_t>{1, 2, 0, 1, 2, 0}));
+}
+
+TEST(MostValuable, IsInTurnWhereNobodySaysWhatIsWorthWhat) {
+  const Periodic load{std::vector<int>(5, 2), 200, true};
+  EXPECT_EQ(serve(rules(Serve::most_valuable), load), serve(rules(Serve::round_robin), load));
 }
 
 }  // namespace
