@@ -149,7 +149,9 @@ def no_message_is_missed_when_either_path_is_pulled(test, options=""):
     # One host has one clock.
     check(report.offset_min_ms <= 0 <= report.offset_max_ms, vars(report))
     check(report.offset_max_ms - report.offset_min_ms < 20, vars(report))
-    check(sum(report.refused_count) == 0, vars(report))
+    refused = dict(zip(report.refused, report.refused_count))
+    # When both call at once, an answer may come for the call that was given up.
+    check(refused.pop("no_session") <= 8 and not any(refused.values()), refused)
     link.end()
     test.say(f"offset {report.offset_min_ms:.3f} to {report.offset_max_ms:.3f} ms")
     return report
