@@ -116,9 +116,16 @@ ScenarioValues together(const FleetSettings& fleet, const std::vector<std::strin
   return values;
 }
 
-/// What a resolved scenario says otherwise than that of the others.
-ScenarioValues difference(const Scenario& one, const ScenarioValues& said) {
+/// What a resolved scenario says otherwise than that of the others, and what of `given` is empty
+/// there, for which it has no words.
+ScenarioValues difference(const Scenario& one, const ScenarioValues& given,
+                          const ScenarioValues& said) {
   ScenarioValues values;
+  for (const ScenarioKey& key : one.schema().keys()) {
+    const auto value = given.find(key.name);
+    const bool is_unset = value != given.end() && said.contains(key.name) && !key.get(one);
+    if (is_unset) values.insert(*value);
+  }
   for (auto& [key, value] : one.schema().values_of(one)) {
     const auto other = said.find(key);
     const bool is_same = other != said.end() && other->second == value;
@@ -221,7 +228,7 @@ void make_variants(Scenario& scenario, const ScenarioWith& with, const std::stri
     auto one =
         std::make_shared<Scenario>(with(values, fmt::format("{}: {}{}", file, kPrefix, name)));
     one->get<FleetSettings>() = bare;
-    ScenarioValues differs = difference(*one, said);
+    ScenarioValues differs = difference(*one, values, said);
     if (differs.empty()) continue;
     fleet.own.emplace(name, differs);
     fleet.variants.push_back({numbers, std::move(differs), std::move(one)});

@@ -156,6 +156,15 @@ TEST(FleetDiffer, WhatARunWritesReproducesIt) {
   EXPECT_EQ(contents(folder.path / "a" / "run.lcmlog"), contents(folder.path / "b" / "run.lcmlog"));
 }
 
+TEST(FleetDiffer, AListThatIsEmptyForAVehicleOnlyStaysEmptyInWhatARunWrites) {
+  const Scenario scenario =
+      fleet({"channel.uplink.outages=[[2, 3]]", "fleet.vehicle.2.channel.uplink.outages=[]"});
+  const std::string written = to_toml(scenario);
+  EXPECT_THAT(written, HasSubstr("\n[fleet.vehicle.2.channel.uplink]\noutages = []\n"));
+  EXPECT_TRUE(record_of(parse_scenario(written, "written")) == record_of(scenario));
+  EXPECT_FALSE(record_of(scenario) == record_of(fleet({"channel.uplink.outages=[[2, 3]]"})));
+}
+
 TEST(FleetDiffer, InLockstepItIsTheSameRun) {
   const Scenario scenario = fleet(in_small_hall(
       {"run.duration_s=4", "sensor.odometry_rate_hz=20", "medium.model=dcf",
