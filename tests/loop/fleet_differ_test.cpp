@@ -7,6 +7,7 @@
 #include "common/base/errors.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/fleet/fleet.hpp"
+#include "common/fleet/own_keys.hpp"
 #include "common/path/path_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "sim/sensor/sensor_settings.hpp"
@@ -163,6 +164,31 @@ TEST(FleetDiffer, AListThatIsEmptyForAVehicleOnlyStaysEmptyInWhatARunWrites) {
   EXPECT_THAT(written, HasSubstr("\n[fleet.vehicle.2.channel.uplink]\noutages = []\n"));
   EXPECT_TRUE(record_of(parse_scenario(written, "written")) == record_of(scenario));
   EXPECT_FALSE(record_of(scenario) == record_of(fleet({"channel.uplink.outages=[[2, 3]]"})));
+}
+
+/// Another value than the scenario has; the same where there is no obvious one.
+ScenarioValue another(const ScenarioValue& value) {
+  if (const auto* x = std::get_if<bool>(&value)) return !*x;
+  if (const auto* x = std::get_if<double>(&value)) return 0.9 * *x + 0.01;
+  if (const auto* x = std::get_if<std::int64_t>(&value)) return *x + 1;
+  return value;
+}
+
+TEST(FleetDiffer, EachKeyThatMayDifferIsWrittenAndReadAsItWasGiven) {
+  const Scenario scenario = fleet({});
+  int differing = 0;
+  for (const ScenarioKey& key : scenario.schema().keys()) {
+    const auto value = key.get(scenario);
+    if (!value || !may_differ(key.name)) continue;
+    const std::string wanted = to_toml(another(*value));
+    const std::vector<std::string> own{"fleet.vehicle.2." + key.name + "=" + wanted};
+    if (!refusal(own).empty()) continue;  // it has no effect here, or needs other keys
+    const Scenario given = fleet(own);
+    const std::string written = to_toml(given);
+    EXPECT_EQ(to_toml(parse_scenario(written, "written")), written) << key.name;
+    differing += static_cast<int>(given.get<FleetSettings>().variants.size());
+  }
+  EXPECT_GT(differing, 40);
 }
 
 TEST(FleetDiffer, InLockstepItIsTheSameRun) {
