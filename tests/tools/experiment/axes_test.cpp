@@ -156,6 +156,13 @@ TEST_F(ExperimentAxes, AFigureMayShowSomeArmsOnly) {
   EXPECT_THAT(why_refused(text + figure + "floor = \"no such\"\n"), HasSubstr("a value of law"));
   EXPECT_THAT(why_refused(text + "[figure]\nx = \"size\"\nfloor = \"PID\"\n"),
               HasSubstr("only comparisons have it"));
+  const std::string pareto = "[figure]\nkind = \"pareto\"\ny = \"law\"\n";
+  const auto figure_of_medium = load(text + pareto + "x = \"medium_busy\"\n").figure;
+  EXPECT_EQ(figure_of_medium->kind, FigureChoice::Kind::pareto) << "several arms at each law";
+  for (const char* x : {"", "x = \"epsilon_m\"\n"}) {
+    EXPECT_THAT(why_refused(text + pareto + x), HasSubstr("a metric other than that of y")) << x;
+  }
+  EXPECT_THAT(why_refused(text + pareto + "x = \"size\"\n"), HasSubstr("medium_busy"));
 }
 
 TEST_F(ExperimentAxes, TablesThatCannotBeMadeAreRefused) {

@@ -43,10 +43,10 @@ bool is_selected(const Selection& selection, const std::vector<KeyValue>& settin
 
 /// How `tether report` draws a sweep.
 struct FigureChoice {
-  enum class Kind : std::uint8_t { curve, heatmap, trajectories, risk_map, comparison };
+  enum class Kind : std::uint8_t { curve, heatmap, trajectories, risk_map, comparison, pareto };
   Kind kind = Kind::curve;
-  std::string x;       ///< curve, heatmap, comparison: the key along the x axis
-  std::string y;       ///< heatmap: the key along the y axis; curve, comparison: of the series
+  std::string x;       ///< curve, heatmap, comparison: the key along the x axis; pareto: a metric
+  std::string y;       ///< heatmap: the key along the y axis; others: of the series
   std::string metric;  ///< what is drawn
   std::string title;
   Selection where;        ///< the arms that are drawn; all if empty

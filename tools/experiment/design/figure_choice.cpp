@@ -28,7 +28,8 @@ const std::vector<std::pair<std::string, Kind>> kFigureKinds{{"curve", Kind::cur
                                                              {"heatmap", Kind::heatmap},
                                                              {"trajectories", Kind::trajectories},
                                                              {"risk_map", Kind::risk_map},
-                                                             {"comparison", Kind::comparison}};
+                                                             {"comparison", Kind::comparison},
+                                                             {"pareto", Kind::pareto}};
 const std::vector<std::pair<std::string, TableKind>> kTableKinds{
     {"means", TableKind::means}, {"ratio", TableKind::ratio}, {"limit", TableKind::limit}};
 
@@ -117,6 +118,13 @@ std::string value_in(const std::vector<KeyValue>& settings, const std::string& k
   return "";
 }
 
+/// All that the grid sets in it.
+std::string arm_text(const Arm& arm) {
+  std::string text;
+  for (const KeyValue& setting : arm.settings) text += setting.plain() + "\n";
+  return text;
+}
+
 /// Two arms at one place of the figure: names a key that tells them apart.
 std::string key_that_differs(const Arm& a, const Arm& b) {
   for (std::size_t i = 0; i < a.settings.size(); ++i) {
@@ -139,7 +147,11 @@ void check_figure(const FigureChoice& figure, const Experiment& experiment,
   for (const Arm& arm : experiment.arms) {
     if (!is_selected(figure.where, arm.settings)) continue;
     const std::string x = value_in(arm.settings, figure.x), y = value_in(arm.settings, figure.y);
-    const auto [other, is_new] = places.emplace(std::pair(x, y), &arm);
+    const bool is_pareto = figure.kind == Kind::pareto;
+    const auto [other, is_new] =
+        places.emplace(is_pareto ? std::pair(arm_text(arm), y) : std::pair(x, y), &arm);
+    series.insert(y);
+    if (is_pareto) continue;
     if (!is_new) {
       refuse(fmt::format("{} varies too, but is neither x nor y: its values would be mixed",
                          key_that_differs(*other->second, arm)));
@@ -148,13 +160,13 @@ void check_figure(const FigureChoice& figure, const Experiment& experiment,
     if (figure.kind == Kind::heatmap && !is_number(y)) {
       refuse(fmt::format("{} = {} is no number, as an axis needs", figure.y, y));
     }
-    series.insert(y);
   }
   if (places.empty()) refuse("where selects no combination");
-  const std::size_t most = figure.kind == Kind::curve ? kMostSeries : kMostCompared;
+  const bool is_comparison = figure.kind == Kind::comparison;
+  const std::size_t most = is_comparison ? kMostCompared : kMostSeries;
   if (figure.kind != Kind::heatmap && series.size() > most) {
     refuse(fmt::format("a {} has at most {} series, and {} has {} values",
-                       figure.kind == Kind::curve ? "curve" : "comparison", most, figure.y,
+                       is_comparison ? "comparison" : "figure of this kind", most, figure.y,
                        series.size()));
   }
   if (!figure.floor.empty() && !series.contains(figure.floor)) {
@@ -197,7 +209,8 @@ std::optional<FigureChoice> read_figure(const Section& file, const std::string& 
       {"kind", "x", "y", "metric", "title", "where", "floor", "reversed", "x_label", "note"});
   FigureChoice figure;
   figure.kind = kind_of(section, kFigureKinds);
-  figure.x = section.text("x", "");
+  const bool is_pareto = figure.kind == Kind::pareto;
+  figure.x = is_pareto ? section.metric("x") : section.text("x", "");
   figure.y = section.text("y", "");
   figure.metric = section.metric("metric");
   figure.title = section.text("title", "");
@@ -213,8 +226,12 @@ std::optional<FigureChoice> read_figure(const Section& file, const std::string& 
     }
   }
   const bool has_axes = figure.kind != Kind::trajectories && figure.kind != Kind::risk_map;
-  check_key(section, "x", figure.x, has_axes, keys);
-  check_key(section, "y", figure.y, figure.kind == Kind::heatmap || is_comparison, keys);
+  if (is_pareto && (section.get("x") == nullptr || figure.x == figure.metric)) {
+    section.refuse("x", "given, a metric other than that of y, which is `metric`");
+  }
+  if (!is_pareto) check_key(section, "x", figure.x, has_axes, keys);
+  check_key(section, "y", figure.y, figure.kind == Kind::heatmap || is_comparison || is_pareto,
+            keys);
   return figure;
 }
 
@@ -257,7 +274,7 @@ std::optional<FigureChoice> figure_of(const std::string& text) {
   const int kind = j.at("kind").get<int>();
   FigureChoice figure;
   figure.metric = j.at("metric").get<std::string>();
-  if (kind < 0 || kind > static_cast<int>(Kind::comparison) || !metric_number(figure.metric)) {
+  if (kind < 0 || kind > static_cast<int>(Kind::pareto) || !metric_number(figure.metric)) {
     throw UsageError("an unknown figure");
   }
   figure.kind = static_cast<Kind>(kind);

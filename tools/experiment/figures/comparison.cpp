@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 #include <stdexcept>
 
 #include "tools/experiment/figures/figure_script.hpp"
@@ -195,15 +196,22 @@ std::string comparison_csv(const ComparisonFigure& figure) {
   return csv;
 }
 
-std::string tics(const ComparisonFigure& figure) {
-  std::map<double, std::string> places;
+/// A tic at each value; a number where the one before leaves room.
+std::string tics(const ComparisonFigure& figure, const Frame& frame) {
+  std::set<double> places;
   for (const CurveSeries& series : figure.series) {
-    for (const PlottedPoint& p : series.points) {
-      places[p.x] = fmt::format("\"{0:g}\" {0}", p.x);
-    }
+    for (const PlottedPoint& p : series.points) places.insert(p.x);
   }
+  const double cm = (frame.right_cm - frame.left_cm) / std::max(1e-9, frame.x.high - frame.x.low);
   std::string list;
-  for (const auto& [x, tic] : places) list += (list.empty() ? "" : ", ") + tic;
+  double last_end_cm = -std::numeric_limits<double>::infinity();
+  for (const double x : places) {
+    const std::string number = fmt::format("{:g}", x);
+    const double half_cm = 0.5 * text_cm(number);
+    const bool has_room = cm * x - half_cm > last_end_cm;
+    if (has_room) last_end_cm = cm * x + half_cm;
+    list += fmt::format("{}\"{}\" {}", list.empty() ? "" : ", ", has_room ? number : "", x);
+  }
   return "set xtics font \",6\" (" + list + ")";
 }
 
@@ -260,7 +268,7 @@ void draw_comparison(const std::filesystem::path& folder, const std::string& ste
       "x_label = {}\ny_label = {}\ncolours = \"{}\"\npoints = \"{}\"\ndashes = \"{}\"\n"
       "series = {}\nfloor_series = {}\nfloor_value = {}\nxtics_command = {}\nlosses = {}\n",
       gnuplot_text(figure.x_label), gnuplot_text(figure.y_label), colours, points, dashes,
-      figure.series.size(), floor_series, floor_value, gnuplot_text(tics(figure)),
+      figure.series.size(), floor_series, floor_value, gnuplot_text(tics(figure, frame)),
       losses_note(figure.series).empty() ? 0 : 1);
   variables += direct_labels(figure, frame, styles);
   draw_figure(folder, stem, comparison_csv(figure), figure.text, variables, kComparisonCommands);

@@ -59,6 +59,7 @@ struct PlottedPoint {
   /// How many of the vehicles were lost: if any, the mean is that of two humps, and its point has a
   /// cross.
   std::size_t lost = 0;
+  Interval x_interval = {};  ///< where x is a mean, too
 
   /// How many runs have a result.
   std::size_t succeeded() const {
@@ -100,6 +101,19 @@ struct ComparisonFigure {
 };
 void draw_comparison(const std::filesystem::path& folder, const std::string& stem,
                      const ComparisonFigure& figure);
+
+/// Two results of each setting, of which less is better, against each other on log axes: means with
+/// their intervals, and a line along those that no other beats in both (statistics/pareto.hpp).
+/// What is not positive is left out.
+struct ParetoFigure {
+  FigureText text;
+  std::string x_label;
+  std::string y_label = "ε [m]";
+  double confidence = kConfidence;
+  std::vector<CurveSeries> series;  ///< up to 7
+};
+void draw_pareto(const std::filesystem::path& folder, const std::string& stem,
+                 const ParetoFigure& figure);
 
 /// A mean of two parameters.
 struct HeatCell {

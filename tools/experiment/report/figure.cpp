@@ -75,6 +75,29 @@ void draw_comparison_of(const RunStore& store, const SweepData& data, const Figu
   draw_comparison(folder, stem, figure);
 }
 
+/// Each arm's mean of the metric `x` beside that of the figure's own.
+void draw_pareto_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
+                    const std::filesystem::path& folder, const std::string& stem) {
+  const SweepData across(store, choice.x);
+  ParetoFigure figure;
+  figure.text = text_of(store);
+  figure.text.height_cm = 8.2;
+  figure.x_label = "mean " + label_of_metric(choice.x);
+  figure.y_label = "mean " + label_of_metric(choice.metric);
+  std::map<std::string, std::size_t> places;
+  for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
+    const SweepData::ArmData& from = data.arms()[arm];
+    if (!is_selected(choice.where, from.settings)) continue;
+    const auto [place, is_new] = places.emplace(data.text(arm, choice.y), figure.series.size());
+    if (is_new) figure.series.push_back({place->first, {}});
+    const Summary& x = across.arms()[arm].summary;
+    figure.series[place->second].points.push_back(
+        {x.mean, values_of(from.runs), from.summary.mean, from.summary.mean_interval,
+         from.has_two_humps ? from.survival.lost.count : 0, x.mean_interval});
+  }
+  draw_pareto(folder, stem, figure);
+}
+
 void draw_heatmap_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
                      const std::filesystem::path& folder, const std::string& stem) {
   HeatmapFigure figure;
@@ -173,6 +196,9 @@ bool draw_sweep_figure(const RunStore& store, const SweepData& data,
       break;
     case FigureChoice::Kind::comparison:
       draw_comparison_of(store, data, *choice, folder, stem);
+      break;
+    case FigureChoice::Kind::pareto:
+      draw_pareto_of(store, data, *choice, folder, stem);
       break;
     case FigureChoice::Kind::trajectories:
       draw_trajectories_of(store, folder, stem);
