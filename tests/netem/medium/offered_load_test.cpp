@@ -34,14 +34,13 @@ TEST(OfferedLoad, OfWhatIsSentWhenItChangesIsBetweenItsAgeLimitAndAllOfIt) {
 }
 
 TEST(OfferedLoad, IsToldWhereOnlyAllOfWhatMayBeSentIsTooMuch) {
-  const std::vector<std::string> few{"sensor.send=changed", "fleet.count=300",
-                                     "fleet.columns=32",    "fleet.offset_x_m=45",
-                                     "fleet.offset_y_m=45", "world.half_extent_m=9999"};
-  EXPECT_THAT(overload_warning(with(few)), StartsWith("[medium] is asked for up to 1"));
+  const std::vector<std::string> few{
+      "sensor.send=changed", "fleet.count=40",           "fleet.columns=32",  "fleet.offset_x_m=45",
+      "fleet.offset_y_m=45", "world.half_extent_m=9999", "medium.rate_Mbps=1"};
+  EXPECT_THAT(overload_warning(with(few)), StartsWith("[medium] is asked for up to "));
   EXPECT_THAT(overload_warning(with(few)),
               HasSubstr("if all poses and commands were sent; with send = \"changed\" it is"));
   std::vector<std::string> many = few;
-  many[1] = "fleet.count=1000";
   many.emplace_back("sensor.send_max_age_s=0.05");
   EXPECT_THAT(overload_warning(with(many)), HasSubstr("it cannot carry all"));
 }
