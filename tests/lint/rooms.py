@@ -21,7 +21,8 @@ MAY_USE = {
     "can_bridge": {"common"},
     "localiser": {"common"},
     "link": {"common"},
-    "tools": {"common", "sim", "controller", "autonomy", "netem", "can_bridge", "localiser", "link"},
+    "margin": {"common", "sim", "controller", "netem"},
+    "tools": {"common", "sim", "controller", "autonomy", "netem", "can_bridge", "localiser", "link", "margin"},
 }
 MAX_SOURCES = 25
 SOURCES = {".hpp", ".cpp", ".py", ".sh"}

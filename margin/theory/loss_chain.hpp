@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "netem/statistics/stationary.hpp"
+
+namespace tether {
+
+/// A link whose losses are those of a finite Markov chain.
+struct ChainLink {
+  Matrix transition{{1.0}};       ///< from row to column, rows sum to 1
+  std::vector<double> prr{1.0};   ///< in each state, 0..1
+  bool steps_by_packets = false;  ///< once for each packet that it is offered; else once a period
+
+  /// Independent losses.
+  static ChainLink independent(double prr) { return {{{1.0}}, {prr}}; }
+  /// Of bursts: losses in the second state only (Gilbert, Bell System Tech. J. 39, 1960). `prr` in
+  /// (0, 1), `mean_burst` in packets, at least max(1, (1 − prr)/prr).
+  static ChainLink bursts(double prr, double mean_burst);
+};
+
+/// A pose and the command that answers it, once a period: the chain moves, and the command arrives
+/// or does not.
+struct LossChain {
+  enum Mode : std::size_t { kReceived, kLost };
+  struct Jump {
+    std::size_t from, to;
+    double probability;  ///< of this jump, given `from`: those of a state sum to 1
+    std::size_t mode;
+  };
+  std::size_t states = 1;
+  std::vector<Jump> jumps;         ///< none with probability 0
+  std::vector<double> stationary;  ///< of the states
+
+  /// Share of the periods in which a command arrives.
+  double prr() const;
+};
+
+/// Of a command that is sent for each pose that arrives. A downlink that steps by packets steps
+/// only then: it is offered nothing when the pose is lost. States are pairs. Throws UsageError if
+/// the chain has no unique stationary distribution.
+LossChain both_links(const ChainLink& uplink, const ChainLink& downlink);
+
+/// The same where both links are in one state, which moves once a period.
+LossChain shared_links(const ChainLink& uplink, const std::vector<double>& downlink_prr);
+
+}  // namespace tether

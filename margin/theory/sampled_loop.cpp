@@ -1,0 +1,106 @@
+#include "margin/theory/sampled_loop.hpp"
+
+#include <cmath>
+#include <unsupported/Eigen/MatrixFunctions>
+
+namespace tether {
+namespace {
+
+using Eigen::MatrixXd;
+
+/// How errors and twists move errors during some time: e⁺ = Φ e + Γ (u − u_r).
+struct Motion {
+  Eigen::Matrix3d phi;
+  Eigen::Matrix<double, 3, 2> gamma;
+};
+
+Motion motion_in(const PathMotion& path, double during_s) {
+  Eigen::Matrix<double, 5, 5> rates = Eigen::Matrix<double, 5, 5>::Zero();
+  rates(0, 1) = path.omega_radps;
+  rates(1, 0) = -path.omega_radps;
+  rates(1, 2) = path.v_mps;
+  rates(0, 3) = rates(2, 4) = -1.0;
+  const Eigen::Matrix<double, 5, 5> moved = (rates * during_s).exp();
+  return {moved.topLeftCorner<3, 3>(), moved.topRightCorner<3, 2>()};
+}
+
+/// The path's own twist, from the state's last component.
+MatrixXd reference_rows(const PathMotion& path, Eigen::Index n) {
+  MatrixXd rows = MatrixXd::Zero(2, n);
+  rows(0, n - 1) = path.v_mps;
+  rows(1, n - 1) = path.omega_radps;
+  return rows;
+}
+
+constexpr double kRounding = 1e-9;  // of a delay in periods
+
+}  // namespace
+
+LawJacobian tracking_jacobian(double k_x, double k_y, double k_theta, double v_mps) {
+  LawJacobian k;
+  k << k_x, 0.0, 0.0, 0.0, v_mps * k_y, v_mps * k_theta;
+  return k;
+}
+
+LoopStep sampled_step(const LoopPeriod& period, const LoopTiming& timing, const PoseNoise& noise) {
+  const double h_s = timing.period_s;
+  const auto whole = static_cast<Eigen::Index>(std::floor(timing.total_s() / h_s + kRounding));
+  const double part_s = std::max(0.0, timing.total_s() - static_cast<double>(whole) * h_s);
+  const Eigen::Index n = 6 + 2 * whole;
+  const MatrixXd one = MatrixXd::Identity(n, n);
+
+  MatrixXd answer = reference_rows(period.decided, n);
+  answer.leftCols(3) += period.law;
+  const MatrixXd held = one.middleRows(3, 2);
+  const MatrixXd arriving = whole == 0 ? answer : MatrixXd(one.middleRows(3 + 2 * whole, 2));
+  const Motion first = motion_in(period.early, part_s);
+  const Motion then = motion_in(period.late, h_s - part_s);
+  const MatrixXd middle =
+      first.phi * one.topRows(3) + first.gamma * (held - reference_rows(period.early, n));
+
+  const Eigen::Vector3d sigma(noise.position_m, noise.position_m, noise.yaw_rad);
+  const MatrixXd noisy = period.law * sigma.asDiagonal();
+  LoopStep step;
+  for (const std::size_t mode : {LossChain::kReceived, LossChain::kLost}) {
+    const MatrixXd in_force = mode == LossChain::kReceived ? arriving : held;
+    MatrixXd a = MatrixXd::Zero(n, n);
+    a.topRows(3) = then.phi * middle + then.gamma * (in_force - reference_rows(period.late, n));
+    a.middleRows(3, 2) = in_force;
+    MatrixXd g = MatrixXd::Zero(n, 3);
+    if (whole > 0) {
+      a.middleRows(5, 2) = answer;
+      a.middleRows(7, 2 * whole - 2) = one.middleRows(5, 2 * whole - 2);
+      g.middleRows(5, 2) = noisy;
+    } else if (mode == LossChain::kReceived) {
+      g.topRows(3) = then.gamma * noisy;
+      g.middleRows(3, 2) = noisy;
+    }
+    a(n - 1, n - 1) = 1.0;
+    step.a[mode] = a;
+    step.noise[mode] = g * g.transpose();
+  }
+  return step;
+}
+
+LoopStep part_of(const LoopStep& step, LoopPart part) {
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index i = 0; i + 1 < step.a[0].rows(); ++i) {
+    const bool is_along = i == 0 || (i >= 3 && i % 2 == 1);
+    if (part == LoopPart::all || is_along == (part == LoopPart::along)) kept.push_back(i);
+  }
+  LoopStep result;
+  for (const std::size_t mode : {LossChain::kReceived, LossChain::kLost}) {
+    result.a[mode] = step.a[mode](kept, kept);
+    result.noise[mode] = step.noise[mode](kept, kept);
+  }
+  return result;
+}
+
+double square_distance(const MatrixXd& moments, const PathMotion& motion,
+                       const LoopTiming& timing) {
+  const double ahead_m = motion.v_mps * timing.pose_delay_s;
+  const Eigen::Index last = moments.rows() - 1;
+  return moments(0, 0) - 2.0 * ahead_m * moments(0, last) + ahead_m * ahead_m + moments(1, 1);
+}
+
+}  // namespace tether

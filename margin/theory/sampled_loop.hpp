@@ -1,0 +1,66 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "margin/theory/mean_square.hpp"
+
+namespace tether {
+
+/// How the path moves at some time.
+struct PathMotion {
+  double v_mps = 0.0;
+  double omega_radps = 0.0;
+
+  bool operator==(const PathMotion&) const = default;
+};
+
+/// ∂(v, ω)/∂(x_e, y_e, θ_e) of a law, at no error.
+using LawJacobian = Eigen::Matrix<double, 2, 3>;
+
+/// That of the tracking law (controller/laws/tracking_feedback.hpp) at path speed v:
+/// δv = K_x x_e, δω = v (K_y y_e + K_θ θ_e). Its bounds on catching up, its atan2 and its limits
+/// are of second order, or beyond.
+LawJacobian tracking_jacobian(double k_x, double k_y, double k_theta, double v_mps);
+
+struct LoopTiming {
+  double period_s = 0.05;        ///< between poses; each is answered by a command
+  double pose_delay_s = 0.0;     ///< from a pose's measurement to the decision
+  double command_delay_s = 0.0;  ///< from the decision to the wheels
+  double total_s() const { return pose_delay_s + command_delay_s; }
+};
+
+/// Standard deviations, white.
+struct PoseNoise {
+  double position_m = 0.0;  ///< each axis
+  double yaw_rad = 0.0;
+};
+
+/// What happens in the period from a pose to the next.
+struct LoopPeriod {
+  PathMotion decided;  ///< where the law aims when it answers the pose
+  PathMotion early;    ///< of the aim until a command takes effect
+  PathMotion late;     ///< from then on
+  LawJacobian law;     ///< at `decided`
+};
+
+/// One period of the loop, linearised at no error. The errors in the vehicle's frame of Kanayama et
+/// al. (ICRA 1990), of the path shifted by the pose's delay, at which the law really aims,
+///   ẋ_e = ω_r y_e + v_r − v,   ẏ_e = −ω_r x_e + v_r θ_e,   θ̇_e = ω_r − ω,
+/// are integrated exactly for the path motions given; the twist in force holds until another takes
+/// its place (zero-order hold). With a delay D = m h + δ the command of the pose m periods ago
+/// takes effect δ after this pose, or is lost. State: x_e, y_e, θ_e, the twist in force, the m
+/// twists under way (newest first), 1.
+LoopStep sampled_step(const LoopPeriod& period, const LoopTiming& timing, const PoseNoise& noise);
+
+/// What part of the state is looked at. On a straight path `across` (y_e, θ_e, ω) and `along` (x_e,
+/// v) do not depend on each other; `all` leaves out the 1, for mean_square_radius().
+enum class LoopPart { all, across, along };
+LoopStep part_of(const LoopStep& step, LoopPart part);
+
+/// E[d²] of the distance d to the path's point of now, which the law's aim is ahead of by v·pose
+/// delay.
+double square_distance(const Eigen::MatrixXd& moments, const PathMotion& motion,
+                       const LoopTiming& timing);
+
+}  // namespace tether
