@@ -1,0 +1,40 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+#include "margin/theory/critical.hpp"
+
+namespace tether {
+
+/// Why the theory does not hold for a scenario, each reason with the key that says so; empty if it
+/// does. It holds for the law `tracking` that answers each pose, a vehicle that holds its commands,
+/// constant delays, and links of model fixed or gilbert_elliott.
+std::vector<std::string> margin_obstacles(const Scenario& scenario);
+
+/// At the path's greatest speed between run.settled_from_s and the run's end, as if the path were
+/// straight there (margin/theory/sampled_loop.hpp). Limits of speed and acceleration are not in it.
+struct LoopMargins {
+  double v_mps = 0.0;      ///< that speed
+  double least_mps = 0.0;  ///< the least one
+  double period_s = 0.0;
+  double delay_s = 0.0;  ///< of sensor and both links
+  double prr = 1.0;      ///< of a pose and its answer together
+  double radius = 0.0;   ///< growth of the mean square per period; stable below 1
+  double radius_across = 0.0, radius_along = 0.0;
+  Critical prr_each_way;                ///< both links fixed; the smallest that is stable
+  std::optional<Critical> mean_burst;   ///< packets; both links gilbert_elliott, at their PRR
+  Critical delay_total_s;               ///< at this channel's losses
+  double delay_margin_s = 0.0;          ///< without sampling and losses
+  double varying_delay_margin_s = 0.0;  ///< likewise, of delays that vary; the hold is one of them
+  /// √E[d²] on the straight at that speed, by the sensor's white noise and the poses' delay;
+  /// nullopt if unstable, or if the sensor has errors that are not white.
+  std::optional<double> rms_m;
+};
+
+/// Throws UsageError with all of margin_obstacles() if there are any.
+LoopMargins loop_margins(const Scenario& scenario);
+
+}  // namespace tether
