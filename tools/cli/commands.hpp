@@ -21,5 +21,6 @@ void add_spy_command(CLI::App& tether, Action& action);
 void add_view_command(CLI::App& tether, Action& action);
 void add_can_command(CLI::App& tether, Action& action);
 void add_doctor_command(CLI::App& tether, Action& action);
+void add_margin_command(CLI::App& tether, Action& action);
 
 }  // namespace tether

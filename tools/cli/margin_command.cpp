@@ -1,0 +1,114 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "common/program/cli.hpp"
+#include "margin/loop/loop_margins.hpp"
+#include "tools/base/text_output.hpp"
+#include "tools/cli/commands.hpp"
+#include "tools/cli/base/scenario_options.hpp"
+
+namespace tether {
+namespace {
+
+struct MarginOptions {
+  ScenarioOptions scenario;
+  bool json = false;
+};
+
+std::string in_words(const Critical& critical, double factor, const char* unit) {
+  switch (critical.kind) {
+    case Critical::Kind::found:
+      return fmt::format("{:.3f}{}", critical.value * factor, unit);
+    case Critical::Kind::always:
+      return "none in the range looked at: always stable";
+    case Critical::Kind::never:
+      return "none in the range looked at: never stable";
+    case Critical::Kind::not_monotone:
+      break;
+  }
+  return "none: stability comes and goes";
+}
+
+nlohmann::ordered_json in_json(const Critical& critical) {
+  static const char* const kNames[] = {"found", "always_stable", "never_stable", "not_monotone"};
+  nlohmann::ordered_json json;
+  json["kind"] = kNames[static_cast<int>(critical.kind)];
+  json["value"] = nullptr;
+  if (critical.kind == Critical::Kind::found) json["value"] = critical.value;
+  return json;
+}
+
+std::string margins_in_words(const LoopMargins& m) {
+  std::string text = fmt::format(
+      "path speed      {:.3f} m/s at most, which is looked at; {:.3f} at least\n"
+      "loop            a pose every {:g} ms, {:g} ms from pose to wheels, {:.4f} of the poses are "
+      "answered\n"
+      "mean square     {}: × {:.4f} a period across the path, {:.4f} along it\n"
+      "critical PRR    {} each way, independent losses\n",
+      m.v_mps, m.least_mps, m.period_s * 1e3, m.delay_s * 1e3, m.prr,
+      m.radius < 1.0 ? "stable" : "unstable", m.radius_across, m.radius_along,
+      in_words(m.prr_each_way, 1.0, ""));
+  if (m.mean_burst) {
+    text +=
+        fmt::format("critical burst  {}\n", in_words(*m.mean_burst, 1.0, " packets on average"));
+  }
+  text += fmt::format(
+      "critical delay  {} from pose to wheels, with these losses\n"
+      "delay margin    {:.1f} ms without sampling and losses; {:.1f} ms where delays vary, hold "
+      "included\n",
+      in_words(m.delay_total_s, 1e3, " ms"), m.delay_margin_s * 1e3,
+      m.varying_delay_margin_s * 1e3);
+  if (m.rms_m) text += fmt::format("rms error       {:.4f} m on a straight\n", *m.rms_m);
+  return text;
+}
+
+std::string margins_in_json(const LoopMargins& m) {
+  nlohmann::ordered_json json;
+  json["v_mps"] = m.v_mps;
+  json["least_mps"] = m.least_mps;
+  json["period_s"] = m.period_s;
+  json["delay_s"] = m.delay_s;
+  json["prr"] = m.prr;
+  json["stable"] = m.radius < 1.0;
+  json["radius_across"] = m.radius_across;
+  json["radius_along"] = m.radius_along;
+  json["critical_prr_each_way"] = in_json(m.prr_each_way);
+  if (m.mean_burst) json["critical_mean_burst"] = in_json(*m.mean_burst);
+  json["critical_delay_s"] = in_json(m.delay_total_s);
+  json["delay_margin_s"] = m.delay_margin_s;
+  json["varying_delay_margin_s"] = m.varying_delay_margin_s;
+  json["rms_m"] = nullptr;
+  if (m.rms_m) json["rms_m"] = *m.rms_m;
+  return json.dump(2) + "\n";
+}
+
+int tell_margins(const MarginOptions& options) {
+  const LoopMargins margins = loop_margins(options.scenario.load());
+  TextOutput out;
+  out.write(options.json ? margins_in_json(margins) : margins_in_words(margins));
+  out.close();
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_margin_command(CLI::App& tether, Action& action) {
+  auto options = std::make_shared<MarginOptions>();
+  CLI::App* const command =
+      tether.add_subcommand("margin",
+                            "How much loss and delay a scenario's loop survives, computed: "
+                            "mean-square stability, critical "
+                            "PRR, burst and delay, and the error that noise leaves. Refuses "
+                            "scenarios for which the theory "
+                            "does not hold");
+  add_scenario(*command, options->scenario)->required();
+  command->add_flag("--json", options->json, "print one JSON object");
+  command->callback([options, &action] { action = [options] { return tell_margins(*options); }; });
+}
+
+}  // namespace tether
