@@ -9,8 +9,8 @@
 #include "common/program/cli.hpp"
 #include "margin/loop/loop_margins.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/commands.hpp"
 #include "tools/cli/base/scenario_options.hpp"
+#include "tools/cli/commands.hpp"
 
 namespace tether {
 namespace {
