@@ -1,5 +1,5 @@
 """A booted system for the tests of the project's units: systemd as the first process of a process and
-mount namespace of its own, whose root has this machine's /usr and source, read-only, and an /etc of its
+mount namespace of its own, whose root has this machine's /usr and the build folder as /tether, read-only, and an /etc of its
 own. Only in a guest, which may be spoilt (uml/with_can.sh --guest)."""
 
 import os
@@ -24,8 +24,7 @@ BOOT = """
     mkdir usr etc var proc sys dev run tmp root tether
     mount --bind --read-only /usr usr
     for folder in bin sbin lib lib64; do ln -s usr/$folder; done
-    mkdir -p .{source}
-    mount --bind --read-only {source} .{source}
+    mount --bind --read-only {build} tether
     mount --rbind /dev dev
     mount -t sysfs sysfs sys
     mount -t cgroup2 cgroup2 sys/fs/cgroup
@@ -40,14 +39,14 @@ class Booted:
     def __init__(self, test, bin_dir):
         check(os.environ.get("TETHER_CAN_KERNEL") == "uml", "only under uml/with_can.sh --guest")
         self.root = pathlib.Path(tempfile.mkdtemp(dir="/run"))
-        script = textwrap.dedent(BOOT).format(root=self.root, source=SOURCE)
+        script = textwrap.dedent(BOOT).format(root=self.root, build=pathlib.Path(bin_dir).parent)
         subprocess.run(["bash", "-c", script], check=True)
         shutil.copy(UNITS / "hardening.conf", self.units / HARDENING)
         # There is no journal.
         (self.units / HARDENING).with_name("said.conf").write_text("[Service]\nStandardOutput=append:/var/%N.said\n")
         for unit in UNITS.glob("*.service"):
             # From the build tree instead of the package.
-            text = unit.read_text().replace("ExecStart=/usr/bin/tether", f"ExecStart={bin_dir}/tether")
+            text = unit.read_text().replace("ExecStart=/usr/bin/tether", "ExecStart=/tether/bin/tether")
             (self.units / unit.name).write_text(text)
         (self.units / "test.target").write_text("[Unit]\nDefaultDependencies=no\n")
         user = subprocess.run(["systemd-sysusers", f"--root={self.root}", UNITS / "sysusers.conf"],
