@@ -20,6 +20,7 @@ fs::path executable_folder() {
   std::error_code error;
   fs::path executable = fs::read_symlink("/proc/self/exe", error);
   if (error) {  // no /proc: as it was started
+    // NOLINTNEXTLINE(performance-no-int-to-ptr): so it comes from the kernel
     executable = fs::absolute(reinterpret_cast<const char*>(getauxval(AT_EXECFN)));
   }
   return executable.parent_path();

@@ -204,7 +204,7 @@ std::vector<std::string> own_keys_meant_by(const std::string& key) {
   const std::size_t dot = key.find('.', kPrefix.size());
   if (dot == std::string::npos) return {};
   std::vector<std::string> keys = ScenarioSchema::all()->keys_meant_by(key.substr(dot + 1));
-  for (std::string& one : keys) one = key.substr(0, dot + 1) + one;
+  for (std::string& one : keys) one.insert(0, key, 0, dot + 1);
   return keys;
 }
 

@@ -164,7 +164,7 @@ std::vector<std::pair<std::size_t, std::size_t>> Traffic::near_pairs() const {
     longest_way_m = std::max(longest_way_m, way_m);
   }
   std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
-    return std::strong_order(a.at.y_m, b.at.y_m) < 0;
+    return std::is_lt(std::strong_order(a.at.y_m, b.at.y_m));
   });
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
   for (auto a = places.begin(); a != places.end(); ++a) {

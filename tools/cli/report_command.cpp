@@ -70,7 +70,7 @@ struct ReproduceOptions {
 const std::vector<std::string> kFigures{"f1_paths", "f2_prr", "f3_delay", "f4_tau", "f5_risk"};
 
 fs::path experiments_folder(const std::string& given) {
-  const fs::path folder = given.empty() ? shared_file("experiments") : fs::path(given);
+  fs::path folder = given.empty() ? shared_file("experiments") : fs::path(given);
   if (fs::exists(folder / (kFigures.front() + ".toml"))) return folder;
   throw UsageError(fmt::format("no {}.toml in {}: name the folder with --experiments",
                                kFigures.front(), folder.string()));

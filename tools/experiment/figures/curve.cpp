@@ -10,8 +10,6 @@
 namespace tether {
 namespace {
 
-constexpr std::array kColours{"0072b2", "d55e00", "009e73", "cc79a7", "e69f00", "56b4e9", "000000"};
-
 constexpr char kCurveCommands[] = R"gnuplot(
   set xlabel x_label noenhanced offset 0,0.4
   set ylabel y_label noenhanced offset 1,0
@@ -134,10 +132,12 @@ std::string axes(const CurveFigure& figure, const Extent& e) {
 // With one series, the legend says what dots, line and band mean; with several, their names.
 std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
   using Sample = LegendEntry::Sample;
-  const auto line = [](std::size_t s) { return fmt::format("lw 1.5 lc rgb \"#{}\"", kColours[s]); };
+  const auto line = [](std::size_t s) {
+    return fmt::format("lw 1.5 lc rgb \"#{}\"", kSeriesColours[s]);
+  };
   std::vector<LegendEntry> entries;
   if (figure.series.size() == 1) {
-    const std::string colour = kColours[0];
+    const std::string colour = kSeriesColours[0];
     entries = {{Sample::point, "ps 0.28 lc rgb \"#70" + colour + "\"", "run"},
                {Sample::linespoint, line(0), "mean"}};
     if (intervals) {
@@ -158,7 +158,7 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
                 const CurveFigure& figure) {
   const Extent e = extent_of(figure);
   const std::size_t count = figure.series.size();
-  if (e.x.empty() || count > kColours.size()) {
+  if (e.x.empty() || count > kSeriesColours.size()) {
     throw std::invalid_argument("a curve needs a point and at most 7 series");
   }
   std::string note = seeds_note(e.least, e.most, e.failed);
@@ -172,7 +172,7 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
   std::string variables = frame.variables(stem, figure.text.height_cm);
   variables += axes(figure, e);
   variables += "colours = \"";
-  for (std::size_t s = 0; s < count; ++s) variables += fmt::format("{} ", kColours[s]);
+  for (std::size_t s = 0; s < count; ++s) variables += fmt::format("{} ", kSeriesColours[s]);
   variables +=
       fmt::format("\"\nx_label = {}\ny_label = {}\nbars = {}\nseries = {}\nlosses = {}\n",
                   gnuplot_text(figure.x_label), gnuplot_text(figure.y_label),

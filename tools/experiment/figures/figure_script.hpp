@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <string>
@@ -9,6 +10,10 @@
 #include "tools/experiment/figures/figures.hpp"
 
 namespace tether {
+
+/// Of series, in turn: Okabe and Ito's, which the colour-blind can tell apart.
+inline constexpr std::array kSeriesColours{"0072b2", "d55e00", "009e73", "cc79a7",
+                                           "e69f00", "56b4e9", "000000"};
 
 /// What the figures' scripts share. A script is: variables, kPrologue, the figure's own commands
 /// within kEachFormat and kEndFormat, which are run once a format.

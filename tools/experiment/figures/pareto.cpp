@@ -11,8 +11,6 @@
 namespace tether {
 namespace {
 
-constexpr std::array kColours{"0072b2", "d55e00", "009e73", "cc79a7", "e69f00", "56b4e9", "000000"};
-
 constexpr char kParetoCommands[] = R"gnuplot(
   set xlabel x_label noenhanced offset 0,0.4
   set ylabel y_label noenhanced offset 1.2,0
@@ -61,10 +59,10 @@ void draw_pareto(const std::filesystem::path& folder, const std::string& stem,
   std::string csv = "series,x,x_low,x_high,mean,low,high,n,lost,name\n", colours;
   LeastMost x, y;
   std::size_t least = static_cast<std::size_t>(-1), most = 0, failed = 0;
-  for (std::size_t s = 0; s < figure.series.size() && s < kColours.size(); ++s) {
-    colours += fmt::format("{} ", kColours[s]);
-    legend.push_back(
-        {Sample::point, fmt::format("ps 0.5 lc rgb \"#{}\"", kColours[s]), figure.series[s].name});
+  for (std::size_t s = 0; s < figure.series.size() && s < kSeriesColours.size(); ++s) {
+    colours += fmt::format("{} ", kSeriesColours[s]);
+    legend.push_back({Sample::point, fmt::format("ps 0.5 lc rgb \"#{}\"", kSeriesColours[s]),
+                      figure.series[s].name});
     for (const PlottedPoint& p : figure.series[s].points) {
       const std::size_t n = p.succeeded();
       least = std::min(least, n);
@@ -83,7 +81,7 @@ void draw_pareto(const std::filesystem::path& folder, const std::string& stem,
       csv += row(s + 1, p, figure.series[s].name);
     }
   }
-  if (drawn.empty() || figure.series.size() > kColours.size()) {
+  if (drawn.empty() || figure.series.size() > kSeriesColours.size()) {
     throw std::invalid_argument("a Pareto figure needs a point and at most 7 series");
   }
   for (const std::size_t i : pareto_front(trades)) csv += row(0, *drawn[i], "front");
