@@ -28,7 +28,7 @@ if [ "${1:-}" = tests ]; then
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         procps util-linux                           # process tests
         zsh groff-base                              # completion, manual pages
-        dpkg-dev lintian                            # packages
+        dpkg-dev lintian systemd                    # packages and services
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot, the page of tether view
