@@ -10,6 +10,7 @@
 #include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
 #include "common/fleet/fleet.hpp"
+#include "common/fleet/own_keys.hpp"
 #include "common/onboard/onboard_settings.hpp"
 #include "common/onboard/stopping_field.hpp"
 #include "common/path/path_settings.hpp"
@@ -286,6 +287,11 @@ std::vector<ScenarioSection> scenario_sections() {
   medium.check = [own = medium.check](const Scenario& scenario, const std::string& file) {
     own(scenario, file);
     check_keeping(scenario, file);
+    for (const FleetSettings::Variant& variant : scenario.get<FleetSettings>().variants) {
+      const std::string place = file + ": fleet.vehicle." + numbers_text(variant.numbers);
+      own(*variant.scenario, place);
+      check_keeping(*variant.scenario, place);
+    }
   };
   // The last section: what is sent follows from what all have completed.
   autonomy.complete = [own = autonomy.complete](Scenario& scenario,

@@ -278,6 +278,10 @@ TEST(FleetDiffer, RefusesValuesAsForTheScenario) {
               HasSubstr("fleet.vehicle.2: sensor.jump_m has no effect: sensor.jumps_per_min is 0"));
   EXPECT_THAT(refusal({"fleet.vehicle.2.controller.law=predictive_consistent"}),
               HasSubstr("AGV2: controller.law is one that sends plans"));
+  EXPECT_THAT(
+      refusal({"medium.model=dcf", "medium.queue=2", "fleet.vehicle.2.actuator.policy=horizon",
+               "fleet.vehicle.2.controller.law=predictive_consistent"}),
+      HasSubstr("fleet.vehicle.2: medium.queue = 2 is too short for a command or plan"));
   EXPECT_THAT(refusal({"fleet.vehicle.2.vehicle.start_x_m=3"}),
               HasSubstr("fleet.vehicle.2: with fleet.count = 3 each vehicle starts where its path "
                         "begins"));
