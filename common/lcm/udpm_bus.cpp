@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 #include <cassert>
-#include <cstring>
+#include <cerrno>
 #include <utility>
 
 #include "common/base/system_error.hpp"
@@ -16,8 +16,6 @@
 namespace tether {
 namespace {
 
-constexpr std::size_t kDatagrams = 32;         // received at once
-constexpr std::size_t kDatagramBytes = 65536;  // the longest of UDP has 65507
 constexpr char kSelfTest[] = "LCM_SELF_TEST";  // LCM instances talking to themselves
 
 std::uint64_t one_number(const sockaddr_in& address) {
@@ -25,59 +23,6 @@ std::uint64_t one_number(const sockaddr_in& address) {
 }
 
 }  // namespace
-
-/// Room for the datagrams of one system call.
-class UdpmBus::Batch {
- public:
-  Batch() : bytes_(kDatagrams * kDatagramBytes) {
-    for (std::size_t i = 0; i < kDatagrams; ++i) {
-      parts_[i] = {bytes_.data() + i * kDatagramBytes, kDatagramBytes};
-      messages_[i].msg_hdr.msg_iov = &parts_[i];
-      messages_[i].msg_hdr.msg_iovlen = 1;
-      messages_[i].msg_hdr.msg_name = &senders_[i];
-      messages_[i].msg_hdr.msg_control = &arrivals_[i];
-    }
-  }
-
-  /// How many were waiting, at most kDatagrams.
-  std::size_t receive(int fd) {
-    for (mmsghdr& m : messages_) {
-      m.msg_hdr.msg_namelen = sizeof(sockaddr_in);
-      m.msg_hdr.msg_controllen = sizeof(Arrival);
-    }
-    const int count = recvmmsg(fd, messages_.data(), kDatagrams, MSG_DONTWAIT, nullptr);
-    if (count >= 0) return static_cast<std::size_t>(count);
-    if (errno != EAGAIN && errno != EINTR) check_system_call("receiving", count);
-    return 0;
-  }
-  std::uint64_t sender(std::size_t i) const { return one_number(senders_[i]); }
-  std::int64_t arrival_utime(std::size_t i) const {
-    const cmsghdr& note = arrivals_[i].note;
-    if (messages_[i].msg_hdr.msg_controllen < sizeof(cmsghdr) ||
-        note.cmsg_type != SCM_TIMESTAMPNS) {
-      return 0;
-    }
-    timespec time{};
-    std::memcpy(&time, CMSG_DATA(&note), sizeof time);
-    return time.tv_sec * 1'000'000 + time.tv_nsec / 1000;
-  }
-  bool truncated(std::size_t i) const { return (messages_[i].msg_hdr.msg_flags & MSG_TRUNC) != 0; }
-  std::span<const std::uint8_t> datagram(std::size_t i) const {
-    return {bytes_.data() + i * kDatagramBytes, messages_[i].msg_len};
-  }
-
- private:
-  union Arrival {
-    cmsghdr note;
-    std::array<char, CMSG_SPACE(sizeof(timespec))> room;
-  };
-
-  std::vector<std::uint8_t> bytes_;
-  std::array<Arrival, kDatagrams> arrivals_{};
-  std::array<iovec, kDatagrams> parts_{};
-  std::array<sockaddr_in, kDatagrams> senders_{};
-  std::array<mmsghdr, kDatagrams> messages_{};
-};
 
 UdpmBus::UdpmBus(const std::string& url, EventLoop& loop)
     : loop_(loop), url_(reachable_lcm_url(url)) {
@@ -133,21 +78,23 @@ void UdpmBus::subscribe(const std::string& channel_regex, int, Handler handler) 
 
 void UdpmBus::listen() {
   if (receiving_fd_ >= 0) return;
-  batch_ = std::make_unique<Batch>();
+  batch_ = std::make_unique<DatagramBatch>();
   receiving_fd_ = open_udpm_receiver(url_);
   loop_.add_fd(receiving_fd_, [this](Instant) { receive(); });
 }
 
 void UdpmBus::receive() {
   // One batch, so that timers run on time under a flood of messages.
-  const std::size_t count = batch_->receive(receiving_fd_);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (is_own(batch_->sender(i))) {
+  const int count = batch_->receive(receiving_fd_);
+  if (count < 0 && errno != EAGAIN && errno != EINTR) check_system_call("receiving", count);
+  for (std::size_t i = 0; static_cast<int>(i) < count; ++i) {
+    const std::uint64_t sender = one_number(batch_->sender(i));
+    if (is_own(sender)) {
       ++own_;
     } else if (batch_->truncated(i)) {
       ++truncated_;
     } else {
-      hear(batch_->sender(i), batch_->arrival_utime(i), batch_->datagram(i));
+      hear(sender, batch_->arrival_ns(i).value_or(0) / 1000, batch_->datagram(i));
     }
   }
 }

@@ -11,6 +11,7 @@
 
 #include "common/base/pattern.hpp"
 #include "common/bus/bus.hpp"
+#include "common/lcm/datagram_batch.hpp"
 #include "common/lcm/lcm_datagrams.hpp"
 #include "common/loop/event_loop.hpp"
 
@@ -45,7 +46,6 @@ class UdpmBus final : public Bus {
     std::optional<Pattern> channel;  ///< all, if none
     Handler handler;
   };
-  class Batch;
 
   void listen();
   void receive();
@@ -61,7 +61,7 @@ class UdpmBus final : public Bus {
   in_port_t own_port_ = 0;
   std::uint64_t own_sender_ = 0;  ///< as last heard; its address may change with the route
   std::uint32_t number_ = 0;
-  std::unique_ptr<Batch> batch_;
+  std::unique_ptr<DatagramBatch> batch_;
   LcmAssembler assembler_;
   std::vector<Subscription> subscriptions_;
   std::int64_t own_ = 0;

@@ -5,23 +5,18 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <optional>
 #include <stdexcept>
-#include <vector>
 
 #include "common/lcm/udp_sockets.hpp"
 
 namespace tether::link {
 namespace {
 
-constexpr std::size_t kDatagrams = 32;  // received at once
-constexpr std::size_t kDatagramBytes = 65536;
 constexpr int kBufferBytes = 2 << 20;
-
-std::int64_t to_ns(const timespec& t) { return t.tv_sec * 1'000'000'000LL + t.tv_nsec; }
 
 sockaddr_in to_system(const Address& address) {
   sockaddr_in out{};
@@ -36,61 +31,10 @@ sockaddr_in to_system(const Address& address) {
 std::int64_t wall_ns() {
   timespec t{};
   clock_gettime(CLOCK_REALTIME, &t);
-  return to_ns(t);
+  return t.tv_sec * 1'000'000'000LL + t.tv_nsec;
 }
 
-/// Room for the datagrams of one system call.
-class PathSocket::Batch {
- public:
-  Batch() : bytes_(kDatagrams * kDatagramBytes) {
-    for (std::size_t i = 0; i < kDatagrams; ++i) {
-      parts_[i] = {bytes_.data() + i * kDatagramBytes, kDatagramBytes};
-      messages_[i].msg_hdr.msg_iov = &parts_[i];
-      messages_[i].msg_hdr.msg_iovlen = 1;
-      messages_[i].msg_hdr.msg_name = &senders_[i];
-      messages_[i].msg_hdr.msg_control = &arrivals_[i];
-    }
-  }
-  std::size_t receive(int fd) {
-    for (mmsghdr& m : messages_) {
-      m.msg_hdr.msg_namelen = sizeof(sockaddr_in);
-      m.msg_hdr.msg_controllen = sizeof(Arrival);
-    }
-    // Errors here are those of single datagrams, or of an interface that is gone for a while.
-    const int count = recvmmsg(fd, messages_.data(), kDatagrams, MSG_DONTWAIT, nullptr);
-    return count < 0 ? 0 : static_cast<std::size_t>(count);
-  }
-  Address sender(std::size_t i) const {
-    return {ntohl(senders_[i].sin_addr.s_addr), ntohs(senders_[i].sin_port)};
-  }
-  std::int64_t arrival_ns(std::size_t i) const {
-    const cmsghdr& note = arrivals_[i].note;
-    if (messages_[i].msg_hdr.msg_controllen < sizeof(cmsghdr) ||
-        note.cmsg_type != SCM_TIMESTAMPNS) {
-      return wall_ns();
-    }
-    timespec time{};
-    std::memcpy(&time, CMSG_DATA(&note), sizeof time);
-    return to_ns(time);
-  }
-  ByteView datagram(std::size_t i) const {
-    return {bytes_.data() + i * kDatagramBytes, messages_[i].msg_len};
-  }
-
- private:
-  union Arrival {
-    cmsghdr note;
-    std::array<char, CMSG_SPACE(sizeof(timespec))> room;
-  };
-
-  std::vector<std::uint8_t> bytes_;
-  std::array<Arrival, kDatagrams> arrivals_{};
-  std::array<iovec, kDatagrams> parts_{};
-  std::array<sockaddr_in, kDatagrams> senders_{};
-  std::array<mmsghdr, kDatagrams> messages_{};
-};
-
-PathSocket::PathSocket(const PathConfig& config) : batch_(std::make_unique<Batch>()) {
+PathSocket::PathSocket(const PathConfig& config) {
   fd_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd_ < 0) {
     throw std::runtime_error(
@@ -144,9 +88,13 @@ bool PathSocket::send(const Address& to, ByteView datagram) {
 }
 
 void PathSocket::receive(const std::function<void(const Address&, ByteView, std::int64_t)>& take) {
-  const std::size_t count = batch_->receive(fd_);
-  for (std::size_t i = 0; i < count; ++i) {
-    take(batch_->sender(i), batch_->datagram(i), batch_->arrival_ns(i));
+  // Errors here are those of single datagrams, or of an interface that is gone for a while.
+  const int count = batch_.receive(fd_);
+  for (std::size_t i = 0; static_cast<int>(i) < count; ++i) {
+    const sockaddr_in& from = batch_.sender(i);
+    const std::optional<std::int64_t> arrival_ns = batch_.arrival_ns(i);
+    take({ntohl(from.sin_addr.s_addr), ntohs(from.sin_port)}, batch_.datagram(i),
+         arrival_ns ? *arrival_ns : wall_ns());
   }
 }
 

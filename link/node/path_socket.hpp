@@ -2,8 +2,8 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
 
+#include "common/lcm/datagram_batch.hpp"
 #include "link/node/config.hpp"
 
 namespace tether::link {
@@ -34,14 +34,12 @@ class PathSocket {
   bool too_long() const { return too_long_; }
 
  private:
-  class Batch;
-
   void open(const PathConfig& config);
 
   int fd_ = -1;
   std::int64_t unsent_ = 0;
   bool too_long_ = false;
-  std::unique_ptr<Batch> batch_;
+  DatagramBatch batch_;
 };
 
 }  // namespace tether::link
