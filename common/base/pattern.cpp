@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <re2/re2.h>
 
+#include <algorithm>
 #include <cctype>
 #include <utility>
 
@@ -104,6 +105,23 @@ std::optional<std::string> Pattern::replaced(std::string_view text,
 
 std::size_t Pattern::group_count() const {
   return static_cast<std::size_t>(compiled_->regex.NumberOfCapturingGroups());
+}
+
+void Pattern::check_replacement(const std::string& replacement) const {
+  const std::size_t groups = group_count();
+  for (auto at = replacement.find('$'); at != std::string::npos;
+       at = replacement.find('$', at + 2)) {
+    const std::string next = replacement.substr(at + 1, 1);
+    if (next == "$" || next == "&") continue;
+    std::string digits = replacement.substr(at + 1, 2);
+    digits.resize(std::min(digits.find_first_not_of("0123456789"), digits.size()));
+    const std::size_t number = digits.empty() ? 0 : std::stoul(digits);
+    if (number >= 1 && number <= groups) continue;
+    throw UsageError(
+        fmt::format("\"{}\": ${} means nothing: allowed are $1 … for the {} group{} of the "
+                    "pattern, $& for the whole name, $$ for a dollar",
+                    replacement, digits.empty() ? next : digits, groups, groups == 1 ? "" : "s"));
+  }
 }
 
 }  // namespace tether

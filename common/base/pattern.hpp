@@ -30,6 +30,10 @@ class Pattern {
   /// How many groups the expression has.
   std::size_t group_count() const;
 
+  /// Throws UsageError for a replacement of which a $… means nothing to this pattern: a group that
+  /// it does not have, or none of $1 … $99, $&, $$.
+  void check_replacement(const std::string& replacement) const;
+
  private:
   struct Compiled;
   std::shared_ptr<const Compiled> compiled_;

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "common/base/errors.hpp"
+
 namespace tether {
 namespace {
 
@@ -52,6 +54,22 @@ std::string printable(std::string_view text, std::size_t most_bytes) {
 
 std::string printable_message(std::string_view text, std::size_t most_bytes) {
   return shown(text, most_bytes, true);
+}
+
+std::optional<std::pair<std::string, std::string>> split_at_arrow(const std::string& text) {
+  std::size_t found = std::string::npos, length = 0;
+  for (const std::string arrow : {"→", "->"}) {
+    for (auto at = text.find(arrow); at != std::string::npos; at = text.find(arrow, at + 1)) {
+      if (found != std::string::npos) {
+        throw UsageError("two arrows; write -[>] for an arrow in a pattern");
+      }
+      found = at;
+      length = arrow.size();
+    }
+  }
+  if (found == std::string::npos) return std::nullopt;
+  return std::pair{std::string(trimmed(text.substr(0, found))),
+                   std::string(trimmed(text.substr(found + length)))};
 }
 
 }  // namespace tether

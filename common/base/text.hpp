@@ -5,8 +5,13 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace tether {
+
+/// What stands before and behind the one arrow of a text (-> or →), trimmed; nullopt if there is
+/// none. Throws UsageError for two.
+std::optional<std::pair<std::string, std::string>> split_at_arrow(const std::string& text);
 
 /// Without the blanks at both ends (space, tab, carriage return).
 constexpr std::string_view trimmed(std::string_view text) {

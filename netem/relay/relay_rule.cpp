@@ -23,6 +23,16 @@ constexpr char kSameName[] = "$&";
   throw UsageError(fmt::format("--rule \"{}\": {} (such as --rule '{}')", rule, why, kExample));
 }
 
+/// Runs `part` of the reading; its error becomes one of the rule.
+template <class Part>
+auto of_rule(const std::string& rule, Part part) {
+  try {
+    return part();
+  } catch (const UsageError& error) {
+    refuse(rule, error.what());
+  }
+}
+
 /// One of the two sides of the arrow.
 struct Side {
   std::string url;   ///< empty: not given
@@ -40,53 +50,8 @@ Side parse_side(const std::string& rule, const std::string& text) {
   }
   const auto port = text.find(':', scheme + 3);
   const auto end = port == std::string::npos ? port : text.find(':', port + 1);
-  const std::string url = text.substr(0, end);
-  try {
-    return {checked_lcm_url(url), end == std::string::npos ? "" : text.substr(end + 1)};
-  } catch (const UsageError& error) {
-    refuse(rule, error.what());
-  }
-}
-
-std::pair<std::string, std::string> split_at_arrow(const std::string& rule,
-                                                   const std::string& text) {
-  std::size_t found = std::string::npos, length = 0;
-  for (const std::string arrow : {"→", "->"}) {
-    for (auto at = text.find(arrow); at != std::string::npos; at = text.find(arrow, at + 1)) {
-      if (found != std::string::npos) {
-        refuse(rule, "two arrows; write -[>] for an arrow in a pattern");
-      }
-      found = at;
-      length = arrow.size();
-    }
-  }
-  if (found == std::string::npos) refuse(rule, "no arrow, -> or →");
-  return {std::string(trimmed(text.substr(0, found))),
-          std::string(trimmed(text.substr(found + length)))};
-}
-
-/// Whether each $… of a replacement means something to this pattern.
-void check_rename(const std::string& rule, const std::string& rename, std::size_t groups) {
-  for (auto at = rename.find('$'); at != std::string::npos; at = rename.find('$', at + 2)) {
-    const std::string next = rename.substr(at + 1, 1);
-    if (next == "$" || next == "&") continue;
-    std::string digits = rename.substr(at + 1, 2);
-    digits.resize(std::min(digits.find_first_not_of("0123456789"), digits.size()));
-    const std::size_t number = digits.empty() ? 0 : std::stoul(digits);
-    if (number >= 1 && number <= groups) continue;
-    refuse(rule,
-           fmt::format("\"{}\": ${} means nothing: allowed are $1 … for the {} group{} of the "
-                       "pattern, $& for the whole name, $$ for a dollar",
-                       rename, digits.empty() ? next : digits, groups, groups == 1 ? "" : "s"));
-  }
-}
-
-std::size_t count_groups(const std::string& rule, const std::string& pattern) {
-  try {
-    return Pattern(pattern).group_count();
-  } catch (const UsageError& error) {
-    refuse(rule, error.what());
-  }
+  return {of_rule(rule, [&] { return checked_lcm_url(text.substr(0, end)); }),
+          end == std::string::npos ? "" : text.substr(end + 1)};
 }
 
 void check_link(const std::string& rule, const std::string& link, const NetemSettings& settings) {
@@ -120,7 +85,9 @@ RelayRule parse_rule(const std::string& text, const std::string& own_url,
                      const NetemSettings& settings) {
   const auto via = text.rfind(" via ");
   if (via == std::string::npos) refuse(text, "must end with \" via LINK\"");
-  const auto [left, right] = split_at_arrow(text, text.substr(0, via));
+  const auto sides = of_rule(text, [&] { return split_at_arrow(text.substr(0, via)); });
+  if (!sides) refuse(text, "no arrow, -> or →");
+  const auto& [left, right] = *sides;
   const Side from = parse_side(text, left);
   const Side to = parse_side(text, right);
   if (from.name.empty()) {
@@ -139,7 +106,7 @@ RelayRule parse_rule(const std::string& text, const std::string& own_url,
     refuse(text, fmt::format("\"{}\" is too long for a channel: at most {} bytes", rule.rename,
                              kMaxChannelBytes));
   }
-  check_rename(text, rule.rename, count_groups(text, rule.pattern));
+  of_rule(text, [&] { Pattern(rule.pattern).check_replacement(rule.rename); });
   check_link(text, rule.link, settings);
   check_loop(text, rule);
   return rule;

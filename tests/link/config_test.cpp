@@ -62,7 +62,8 @@ TEST(LinkConfig, RefusesAddressesThatAreNone) {
 }
 
 TEST(LinkConfig, RefusesRulesThatMeanNothing) {
-  for (const char* const rule : {"(", "A ->", "-> B", "A -> $1", "(A) -> $2", "A -> $x"}) {
+  for (const char* const rule :
+       {"(", "A ->", "-> B", "A -> $1", "(A) -> $2", "A -> $x", "A -> B -> C"}) {
     const std::string text = kPaths + "[[peer]]\nname = \"v\"\npublic_key = \"" +
                              std::string(64, '1') + "\"\nsend = ['" + std::string(rule) + "']\n";
     EXPECT_THAT(refusal(text), HasSubstr("link.toml:12: send: ")) << rule;
