@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "bench/cpu_time.hpp"
+#include "bench/run.hpp"
 #include "bench/smoke.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/node/can_bridge_node.hpp"
@@ -237,13 +238,4 @@ BENCHMARK(cpu_load)
 }  // namespace
 }  // namespace tether
 
-int main(int argc, char** argv) {
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  try {
-    return benchmark::RunSpecifiedBenchmarks() > 0 ? 0 : 1;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "can_cpu_bench: {}\n", error.what());
-    return 1;
-  }
-}
+int main(int argc, char** argv) { return tether::bench::run_benchmarks(argc, argv); }

@@ -5,7 +5,6 @@
 #include <atomic>
 #include <chrono>
 #include <cstdio>
-#include <exception>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -14,6 +13,7 @@
 #include "bench/can_tap.hpp"
 #include "bench/cpu_time.hpp"
 #include "bench/live_drivetrain.hpp"
+#include "bench/run.hpp"
 #include "bench/samples.hpp"
 #include "bench/smoke.hpp"
 
@@ -174,14 +174,5 @@ TETHER_LIVE_BENCH(cpu_load, kShort_ms);
 }  // namespace tether
 
 int main(int argc, char** argv) {
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  try {
-    const std::size_t run = benchmark::RunSpecifiedBenchmarks();
-    tether::end_processes();
-    return run > 0 ? 0 : 1;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "can_latency_bench: {}\n", error.what());
-    return 1;
-  }
+  return tether::bench::run_benchmarks(argc, argv, [] { tether::end_processes(); });
 }

@@ -11,6 +11,8 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 using testing::numbered;
+using testing::numbers_heard;
+using testing::send_numbers;
 using testing::two_paths;
 using testing::TwoHosts;
 
@@ -23,17 +25,9 @@ LinkSettings deferred(Duration after) {
 /// Host 0 sends `count` numbered messages, one each millisecond. Which of them host 1 heard; none
 /// comes twice.
 std::set<std::uint32_t> heard_of(TwoHosts& net, std::uint32_t count) {
-  for (std::uint32_t i = 0; i < count; ++i) {
-    net.send(0, "CMD", numbered(i));
-    net.run(milliseconds{1});
-  }
-  net.run(milliseconds{500});
-  std::set<std::uint32_t> numbers;
-  for (const auto& heard : net.hosts[1].heard) {
-    numbers.insert(Reader(heard.bytes).number<std::uint32_t>());
-  }
-  EXPECT_EQ(numbers.size(), net.hosts[1].heard.size()) << "some came twice";
-  return numbers;
+  send_numbers(net, count);
+  net.run(milliseconds{200});
+  return numbers_heard(net);
 }
 
 double share_lost(TwoHosts& net, std::uint32_t count) {

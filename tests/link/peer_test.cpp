@@ -11,27 +11,10 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 using testing::numbered;
+using testing::numbers_heard;
+using testing::send_numbers;
 using testing::two_paths;
 using testing::TwoHosts;
-
-/// Sends `count` numbered messages of host 0, one each millisecond.
-void send_numbers(TwoHosts& net, std::uint32_t count, const std::string& channel = "CMD") {
-  for (std::uint32_t i = 0; i < count; ++i) {
-    net.send(0, channel, numbered(i));
-    net.run(milliseconds{1});
-  }
-  net.run(milliseconds{300});
-}
-
-/// The numbers that host 1 heard; each must have come once.
-std::set<std::uint32_t> numbers_heard(const TwoHosts& net) {
-  std::set<std::uint32_t> numbers;
-  for (const auto& heard : net.hosts[1].heard) {
-    const bool is_new = numbers.insert(Reader(heard.bytes).number<std::uint32_t>()).second;
-    EXPECT_TRUE(is_new) << "twice";
-  }
-  return numbers;
-}
 
 TEST(PeerLink, CarriesMessagesBothWays) {
   TwoHosts net;

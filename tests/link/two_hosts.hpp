@@ -1,11 +1,14 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -159,6 +162,25 @@ inline Bytes numbered(std::uint32_t number) {
   Bytes bytes;
   Writer(bytes).number(number);
   return bytes;
+}
+
+/// Sends `count` numbered messages of host 0, one each millisecond.
+inline void send_numbers(TwoHosts& net, std::uint32_t count, const std::string& channel = "CMD") {
+  for (std::uint32_t i = 0; i < count; ++i) {
+    net.send(0, channel, numbered(i));
+    net.run(std::chrono::milliseconds{1});
+  }
+  net.run(std::chrono::milliseconds{300});
+}
+
+/// The numbers that host 1 heard; each must have come once.
+inline std::set<std::uint32_t> numbers_heard(const TwoHosts& net) {
+  std::set<std::uint32_t> numbers;
+  for (const auto& heard : net.hosts[1].heard) {
+    const bool is_new = numbers.insert(Reader(heard.bytes).number<std::uint32_t>()).second;
+    EXPECT_TRUE(is_new) << "twice";
+  }
+  return numbers;
 }
 
 }  // namespace tether::link::testing

@@ -8,6 +8,7 @@
 #include "common/bus/message_io.hpp"
 #include "common/fleet/fleet.hpp"
 #include "tests/loop/lockstep_rig.hpp"
+#include "tests/support/refusal.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/runs/fleet_observer.hpp"
 
@@ -32,12 +33,7 @@ std::vector<std::string> apart(int count) {
 }
 
 std::string refusal(const std::vector<std::string>& overrides) {
-  try {
-    fleet(overrides);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "";
+  return refusal_of([&] { fleet(overrides); });
 }
 
 TEST(Fleet, ItsVehiclesHaveNamesAndBeginEvenlySpreadOnTheirPath) {

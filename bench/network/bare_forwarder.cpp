@@ -1,4 +1,4 @@
-#include "bench/bare_forwarder.hpp"
+#include "bench/network/bare_forwarder.hpp"
 
 #include <sys/socket.h>
 #include <unistd.h>

@@ -9,7 +9,6 @@
 #include <cstdint>
 #include <cstring>
 #include <ctime>
-#include <exception>
 #include <functional>
 #include <memory>
 #include <stdexcept>
@@ -17,8 +16,9 @@
 #include <utility>
 #include <vector>
 
-#include "bench/bare_forwarder.hpp"
 #include "bench/cpu_time.hpp"
+#include "bench/network/bare_forwarder.hpp"
+#include "bench/run.hpp"
 #include "bench/samples.hpp"
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
@@ -290,13 +290,4 @@ BENCHMARK(throughput)
 }  // namespace
 }  // namespace tether
 
-int main(int argc, char** argv) {
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  try {
-    return benchmark::RunSpecifiedBenchmarks() > 0 ? 0 : 1;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "link_bench: {}\n", error.what());
-    return 1;
-  }
-}
+int main(int argc, char** argv) { return tether::bench::run_benchmarks(argc, argv); }

@@ -6,14 +6,14 @@
 #include <chrono>
 #include <cstdint>
 #include <ctime>
-#include <exception>
 #include <map>
 #include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
-#include "bench/live_relay.hpp"
+#include "bench/network/live_relay.hpp"
+#include "bench/run.hpp"
 #include "bench/samples.hpp"
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
@@ -244,13 +244,4 @@ BENCHMARK(latency)
 }  // namespace
 }  // namespace tether
 
-int main(int argc, char** argv) {
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  try {
-    return benchmark::RunSpecifiedBenchmarks() > 0 ? 0 : 1;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "relay_bench: {}\n", error.what());
-    return 1;
-  }
-}
+int main(int argc, char** argv) { return tether::bench::run_benchmarks(argc, argv); }

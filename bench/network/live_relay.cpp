@@ -1,4 +1,4 @@
-#include "bench/live_relay.hpp"
+#include "bench/network/live_relay.hpp"
 
 #include <fmt/format.h>
 

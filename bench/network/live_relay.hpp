@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "bench/bare_forwarder.hpp"
 #include "bench/cpu_time.hpp"
+#include "bench/network/bare_forwarder.hpp"
 #include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "tools/processes/node_process.hpp"
