@@ -83,7 +83,7 @@ void fleet_of_100(benchmark::State& state, const std::string& plant) {
 }
 BENCHMARK_CAPTURE(fleet_of_100, kinematic, std::string("kinematic"))
     ->UseManualTime()
-    ->Iterations(bench::rounds(5))
+    ->Iterations(bench::rounds(15))
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fleet_of_100, ode, std::string("ode"))
     ->UseManualTime()

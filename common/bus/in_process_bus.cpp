@@ -8,10 +8,10 @@
 
 namespace tether {
 
-struct InProcessBus::Subscription {
+struct alignas(64) InProcessBus::Subscription {
+  Handler handler;
   std::size_t number;
   Pattern channel;
-  Handler handler;
 };
 
 namespace {
@@ -40,11 +40,11 @@ void InProcessBus::publish(std::string_view name, std::span<const std::uint8_t> 
 
 void InProcessBus::subscribe(const std::string& channel_regex, int, Handler handler) {
   subscriptions_.push_back(std::make_unique<Subscription>(
-      Subscription{subscriptions_.size(), Pattern(channel_regex), std::move(handler)}));
+      Subscription{std::move(handler), subscriptions_.size(), Pattern(channel_regex)}));
   Subscription* made = subscriptions_.back().get();
   (is_a_name(channel_regex) ? named_[channel_regex] : patterns_).push_back(made);
   for (auto& [name, channel] : channels_) {
-    if (made->channel.matches(name)) channel.receivers.push_back(made);
+    if (made->channel.matches(name)) channel->receivers.push_back(made);
   }
 }
 
@@ -56,7 +56,7 @@ const InProcessBus::Channel& InProcessBus::channel(std::string_view name) {
 
 const InProcessBus::Channel& InProcessBus::find_or_make(std::string_view name) {
   const auto known = channels_.find(name);
-  if (known != channels_.end()) return known->second;
+  if (known != channels_.end()) return *known->second;
   Receivers found;
   if (const auto named = named_.find(name); named != named_.end()) found = named->second;
   for (Subscription* s : patterns_) {
@@ -64,9 +64,8 @@ const InProcessBus::Channel& InProcessBus::find_or_make(std::string_view name) {
   }
   std::sort(found.begin(), found.end(),
             [](const Subscription* a, const Subscription* b) { return a->number < b->number; });
-  auto& [its_name, made] = *channels_.emplace(name, Channel{}).first;
-  made = {its_name, std::move(found)};
-  return made;
+  auto made = std::make_unique<Channel>(Channel{std::string(name), std::move(found)});
+  return *channels_.emplace(name, std::move(made)).first->second;
 }
 
 }  // namespace tether

@@ -55,7 +55,7 @@ class TimerQueue {
       return when != other.when ? when < other.when : order < other.order;
     }
   };
-  struct Slot {
+  struct alignas(64) Slot {  // a line of a cache
     Task task;
     Duration period{0};
     Priority priority{};

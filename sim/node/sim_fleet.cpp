@@ -1,5 +1,6 @@
 #include "sim/node/sim_fleet.hpp"
 
+#include <algorithm>
 #include <memory>
 
 #include "common/vehicle/vehicle_settings.hpp"
@@ -8,10 +9,7 @@ namespace tether {
 
 SimFleet::SimFleet(const std::vector<Scenario>& members, EventLoop& loop, Bus& bus) {
   if (members.size() > 1) {
-    traffic_.emplace(step_of(members.front().get<WorldSettings>()));
-    // Before the vehicles' own events of the same instant.
-    loop.every(kStart, Traffic::kHorizon, Priority::physics,
-               [this](Instant now) { traffic_->look(now); });
+    traffic_.emplace(step_of(members.front().get<WorldSettings>()), std::max(kStart, loop.now()));
   }
   for (const Scenario& member : members) {
     nodes_.add(std::make_unique<SimNode>(member, loop, bus, traffic_ ? &*traffic_ : nullptr));

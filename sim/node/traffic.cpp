@@ -60,6 +60,11 @@ std::size_t Traffic::add(const VehicleConfig& vehicle, Plant& plant,
 }
 
 void Traffic::advance(std::size_t vehicle, Instant until) {
+  while (until > looked_until_) look();
+  move(vehicle, until);
+}
+
+void Traffic::move(std::size_t vehicle, Instant until) {
   const std::vector<std::size_t>& cluster = vehicles_[vehicle].cluster;
   if (cluster.empty()) {
     vehicles_[vehicle].move(until);
@@ -121,9 +126,12 @@ void Traffic::note_contact(std::size_t a, std::size_t b, double gap_m) {
   }
 }
 
-void Traffic::look(Instant now) {
+/// Who may touch whom within the next kHorizon.
+void Traffic::look() {
+  const Instant now = looked_until_;
+  looked_until_ += kHorizon;
   const std::size_t count = vehicles_.size();
-  for (std::size_t i = 0; i < count; ++i) advance(i, now);
+  for (std::size_t i = 0; i < count; ++i) move(i, now);
   const Instant last_step = std::max(kStart, kStart + (now - kStart) / step_ * step_);
   std::vector<std::size_t> first(count);  // of those that are together, the first
   std::iota(first.begin(), first.end(), std::size_t{0});

@@ -24,11 +24,12 @@ namespace tether {
 /// count for this velocity.
 class Traffic {
  public:
-  static constexpr Duration kHorizon = std::chrono::milliseconds{50};
+  static constexpr Duration kHorizon = std::chrono::milliseconds{40};
   /// Two vehicles touch from here on, and have parted beyond the other.
   static constexpr double kTouching_m = 2e-3, kParted_m = 2e-2;
 
-  explicit Traffic(Duration step) : step_(step) {}
+  /// `start`: from here on they move.
+  explicit Traffic(Duration step, Instant start = kStart) : step_(step), looked_until_(start) {}
   Traffic(const Traffic&) = delete;
   Traffic& operator=(const Traffic&) = delete;
 
@@ -36,10 +37,8 @@ class Traffic {
   /// including that which ends by the given time. `plant` must outlive this.
   std::size_t add(const VehicleConfig& vehicle, Plant& plant, std::function<void(Instant)> move);
 
-  /// Moves a vehicle, and those that it may touch.
+  /// Moves a vehicle, and those that it may touch; before it is beyond what was looked at, all.
   void advance(std::size_t vehicle, Instant until);
-  /// Once in each kHorizon, from before the first step on: who may touch whom until the next time.
-  void look(Instant now);
 
   /// The other vehicles within `range_m` of where this one is at `now`, with their velocities.
   std::vector<Shape> seen_from(std::size_t vehicle, Instant now, double range_m);
@@ -61,12 +60,15 @@ class Traffic {
     std::vector<Shape> touchable = {};   ///< of others, in the step that begins
     std::int64_t collisions = 0;
   };
+  void look();
+  void move(std::size_t vehicle, Instant until);
   std::vector<std::pair<std::size_t, std::size_t>> near_pairs() const;
   void step(const std::vector<std::size_t>& cluster, Instant end);
   void meet(std::size_t a, std::size_t b);
   void note_contact(std::size_t a, std::size_t b, double gap_m);
 
   Duration step_;
+  Instant looked_until_;  ///< who may touch whom is known until here
   std::vector<Vehicle> vehicles_;
   std::vector<Instant> times_;  ///< of the vehicles that move together: their last step's end
   std::set<std::pair<std::size_t, std::size_t>> touching_;

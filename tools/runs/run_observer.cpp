@@ -18,6 +18,12 @@ namespace {
 /// Ours are some hundred; anybody can send others.
 constexpr std::size_t kMostCounters = 2000;
 
+/// For this many rows there is room from the start.
+std::size_t rows_expected(const RunSettings& run) {
+  constexpr double kMost = 20'000.0;
+  return static_cast<std::size_t>(std::min(run.duration_s * run.truth_rate_hz + 2.0, kMost));
+}
+
 StreamGuard::Config from_lead(const Scenario& scenario) {
   return {.earliest = kStart - from_seconds(scenario.get<RunSettings>().lead_s)};
 }
@@ -29,6 +35,7 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
       uplink_guard_(from_lead(scenario)),
       downlink_guard_(from_lead(scenario)),
       autonomy_guard_(from_lead(scenario)) {
+  trajectory_.reserve(rows_expected(scenario.get<RunSettings>()));
   const ChannelNames channels(scenario.get<VehicleSettings>().name);
   subscribe<ground_truth_t>(bus, channels.truth, kDeepQueue, undecodable_,
                             [this](const ground_truth_t& m) { on_truth(m); });

@@ -42,7 +42,6 @@ class TrafficTest : public ::testing::TestWithParam<VehicleSettings::Plant> {
   }
   void run(double until_s) {
     for (; now < kStart + from_seconds(until_s); now += kStep) {
-      if ((now - kStart) % Traffic::kHorizon == Duration{0}) traffic.look(now);
       for (std::size_t i = 0; i < plants.size(); ++i) traffic.advance(i, now + kStep);
       deepest_m = std::min(deepest_m, gap());
     }
