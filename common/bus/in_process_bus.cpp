@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <optional>
 #include <utility>
 
 #include "common/base/pattern.hpp"
@@ -11,7 +12,7 @@ namespace tether {
 struct alignas(64) InProcessBus::Subscription {
   Handler handler;
   std::size_t number;
-  Pattern channel;
+  std::optional<Pattern> pattern;  ///< none: of the one channel of that name
 };
 
 namespace {
@@ -39,12 +40,19 @@ void InProcessBus::publish(std::string_view name, std::span<const std::uint8_t> 
 }
 
 void InProcessBus::subscribe(const std::string& channel_regex, int, Handler handler) {
-  subscriptions_.push_back(std::make_unique<Subscription>(
-      Subscription{std::move(handler), subscriptions_.size(), Pattern(channel_regex)}));
+  subscriptions_.push_back(
+      std::make_unique<Subscription>(Subscription{std::move(handler), subscriptions_.size(), {}}));
   Subscription* made = subscriptions_.back().get();
-  (is_a_name(channel_regex) ? named_[channel_regex] : patterns_).push_back(made);
+  if (is_a_name(channel_regex)) {
+    named_[channel_regex].push_back(made);
+    if (const auto known = channels_.find(channel_regex); known != channels_.end())
+      known->second->receivers.push_back(made);
+    return;
+  }
+  made->pattern.emplace(channel_regex);
+  patterns_.push_back(made);
   for (auto& [name, channel] : channels_) {
-    if (made->channel.matches(name)) channel->receivers.push_back(made);
+    if (made->pattern->matches(name)) channel->receivers.push_back(made);
   }
 }
 
@@ -60,7 +68,7 @@ const InProcessBus::Channel& InProcessBus::find_or_make(std::string_view name) {
   Receivers found;
   if (const auto named = named_.find(name); named != named_.end()) found = named->second;
   for (Subscription* s : patterns_) {
-    if (s->channel.matches(name)) found.push_back(s);
+    if (s->pattern->matches(name)) found.push_back(s);
   }
   std::sort(found.begin(), found.end(),
             [](const Subscription* a, const Subscription* b) { return a->number < b->number; });

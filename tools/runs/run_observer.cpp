@@ -61,13 +61,13 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
   }
   if (scenario.get<AutonomySettings>().enabled) reports.push_back(channels.autonomy_counters);
   for (const std::string& channel : reports) {
-    subscribe<counters_t>(bus, channel, kDeepQueue, undecodable_, [this](const counters_t& m) {
-      for (std::size_t i = 0; i < m.name.size(); ++i) {
-        const std::string name = printable(m.node + "." + m.name[i], kLongestNameShown);
-        if (counters_.size() == kMostCounters && !counters_.contains(name)) continue;
-        counters_[name] = m.value[i];
-      }
-    });
+    subscribe<counters_t>(bus, channel, kDeepQueue, undecodable_,
+                          [this, &known = known_[channel]](const counters_t& m) {
+                            if (m.node != known.node || m.name != known.names) known = look_up(m);
+                            for (std::size_t i = 0; i < m.name.size(); ++i) {
+                              if (known.values[i] != nullptr) *known.values[i] = m.value[i];
+                            }
+                          });
   }
   subscribe<autonomy_state_t>(bus, channels.vehicle_autonomy, kDeepQueue, undecodable_,
                               [this](const autonomy_state_t& m) {
@@ -78,6 +78,16 @@ RunObserver::RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus)
   for (const std::string& channel : {channels.vehicle_command, channels.vehicle_plan}) {
     bus.subscribe(channel, kDeepQueue, [this](const Message&) { ++commands_received_; });
   }
+}
+
+RunObserver::KnownCounters RunObserver::look_up(const counters_t& m) {
+  KnownCounters known{m.node, m.name, {}};
+  for (const std::string& of_node : m.name) {
+    const std::string name = printable(m.node + "." + of_node, kLongestNameShown);
+    const bool too_many = counters_.size() == kMostCounters && !counters_.contains(name);
+    known.values.push_back(too_many ? nullptr : &counters_[name]);
+  }
+  return known;
 }
 
 bool RunObserver::accept(StreamGuard& guard, std::int64_t utime, std::int64_t seq) {

@@ -63,6 +63,13 @@ class RunObserver {
   double aoi_mean_s(Instant now) const;
 
  private:
+  /// Names mostly stay from one report to the next.
+  struct KnownCounters {
+    std::string node;
+    std::vector<std::string> names;
+    std::vector<std::int64_t*> values;  ///< in counters_; null for those beyond the most
+  };
+  KnownCounters look_up(const counters_t& report);
   bool accept(StreamGuard& guard, std::int64_t utime, std::int64_t seq);
   void on_truth(const ground_truth_t& truth);
   void on_pose(Instant stamp);
@@ -73,6 +80,7 @@ class RunObserver {
   link_report_t uplink_{};
   link_report_t downlink_{};
   std::map<std::string, std::int64_t> counters_;
+  std::map<std::string, KnownCounters> known_;  ///< by channel
   std::optional<DrivetrainObserver> drivetrain_;
   std::optional<autonomy_state_t> autonomy_;
   std::vector<TrajectoryRow> trajectory_;
