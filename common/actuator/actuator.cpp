@@ -49,6 +49,14 @@ Twist Actuator::command_in_force(Instant now) const {
   return policy_->after_timeout(command_, since, config_, limits_);
 }
 
+Instant Actuator::unchanged_until(Instant now) const {
+  const Instant by_plans = plans_.empty() ? Instant::max() : plans_.unchanged_until(now);
+  if (policy_->after_timeout == nullptr || (!plans_.empty() && plans_.in_force(now)))
+    return by_plans;
+  if (now - arrival_ < timeout_) return std::min(by_plans, arrival_ + timeout_);
+  return stands_still(command_in_force(now)) ? by_plans : now;
+}
+
 std::optional<Duration> Actuator::plan_age(Instant now) const {
   if (const auto end = plans_.end(now)) return std::max(Duration{0}, now - *end);
   if (!any_command_ && !plans_.empty()) return Duration{0};

@@ -51,6 +51,10 @@ class Actuator {
   /// The twist to realise at `now`.
   Twist in_force(Instant now) const;
 
+  /// in_force() says the same from `now` on until before then, if nothing arrives: a later instant,
+  /// or `now` where it changes all the time.
+  Instant unchanged_until(Instant now) const;
+
   /// What poses say of the plan in force: PlanBuffer::newest(), none after a twist.
   PlanName plan() const { return plans_.newest(); }
 

@@ -45,9 +45,7 @@ struct Plan {
 
   /// Whether it says to stand still all the time; an empty one says nothing.
   bool is_stop() const {
-    return !twists.empty() && std::all_of(twists.begin(), twists.end(), [](const Twist& u) {
-      return u.v_mps == 0.0 && u.omega_radps == 0.0;
-    });
+    return !twists.empty() && std::all_of(twists.begin(), twists.end(), stands_still);
   }
 
   /// When the last twist ends. `step` and the number of twists must be in their ranges.
@@ -57,9 +55,15 @@ struct Plan {
   /// have a twist and step > 0.
   const Twist& at(Instant t) const {
     assert(!twists.empty() && step > Duration{0});
+    return twists[static_cast<std::size_t>(number_at(t))];
+  }
+  /// When the twist in force at `t`, before the end, ends.
+  Instant end_of_twist(Instant t) const { return start + step * (number_at(t) + 1); }
+
+ private:
+  std::int64_t number_at(Instant t) const {
     const auto last = static_cast<std::int64_t>(twists.size()) - 1;
-    const std::int64_t k = std::clamp<std::int64_t>((t - start) / step, 0, last);
-    return twists[static_cast<std::size_t>(k)];
+    return std::clamp<std::int64_t>((t - start) / step, 0, last);
   }
 };
 

@@ -1,6 +1,7 @@
 #include "common/actuator/plan_buffer.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 #include <utility>
 
@@ -136,6 +137,16 @@ std::optional<Twist> PlanBuffer::in_force(Instant now) const {
   const Plan& plan = entry->plan;
   const Instant end = plan.end();
   return now < end ? plan.at(now) : ramp_to_stop(plan.twists.back(), now - end, limits_);
+}
+
+Instant PlanBuffer::unchanged_until(Instant now) const {
+  const auto next = std::find_if(schedule_.begin(), schedule_.end(),
+                                 [now](const Entry& entry) { return entry.from > now; });
+  const Instant takes_over = next == schedule_.end() ? Instant::max() : next->from;
+  if (next == schedule_.begin()) return takes_over;
+  const Plan& plan = std::prev(next)->plan;
+  if (now < plan.end()) return std::min(takes_over, plan.end_of_twist(now));
+  return stands_still(*in_force(now)) ? takes_over : now;
 }
 
 PlanName PlanBuffer::newest() const {

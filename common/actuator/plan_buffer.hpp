@@ -102,6 +102,10 @@ class PlanBuffer {
   /// The twist to realise; none before a plan takes over.
   std::optional<Twist> in_force(Instant now) const;
 
+  /// in_force() says the same from `now` on until before then: a later instant, or `now` where it
+  /// changes all the time.
+  Instant unchanged_until(Instant now) const;
+
   /// The accepted plan that takes over last; none before the first.
   PlanName newest() const;
 

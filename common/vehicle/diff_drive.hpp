@@ -11,6 +11,8 @@ namespace tether {
 struct WheelSpeeds {
   double left_mps = 0.0;
   double right_mps = 0.0;
+
+  bool operator==(const WheelSpeeds&) const = default;
 };
 
 /// Differential-drive kinematics without slip, REP-103 axes, `track_m` between wheel centres:

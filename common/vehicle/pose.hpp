@@ -20,6 +20,8 @@ struct Twist {
   double omega_radps = 0.0;  ///< yaw rate, counter-clockwise positive
 };
 
+inline bool stands_still(const Twist& u) { return u.v_mps == 0.0 && u.omega_radps == 0.0; }
+
 /// Numbers from the network beyond this are as useless as NaN: arithmetic on them would overflow.
 inline constexpr double kLargestUsable = 1e9;
 

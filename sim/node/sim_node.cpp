@@ -29,20 +29,13 @@ constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
 /// In real time the world moves at least this often, because waking up for each step costs more
 /// than the step itself. Whatever looks at the world in between first moves it up to that time.
 constexpr Duration kRealTimeBatch = std::chrono::milliseconds{5};
-/// The same in virtual time, because of what an event costs: 1 % of a step of ODE, more than a step
-/// of the kinematic plant.
-constexpr Duration kOdeBatch = std::chrono::milliseconds{10};
-constexpr Duration kKinematicBatch = std::chrono::milliseconds{20};
-/// With the kinematic plant the error is measured only this often, because computing the reference
-/// costs more than a step. ε is then off by less than 1 µm (docs/physics.md).
-constexpr Duration kKinematicMetrics = std::chrono::milliseconds{10};
+/// The error is measured only this often, because computing the reference costs more than a step of
+/// the kinematic plant and 1 or 2 % of one of ODE. ε is then off by less than 1 µm
+/// (docs/physics.md).
+constexpr Duration kMetricsPeriod = std::chrono::milliseconds{10};
 
 /// How often the vehicle reads its encoders, whatever rate its odometry is sent at.
 constexpr Duration kEncoderPeriod = std::chrono::milliseconds{10};
-
-bool is_kinematic(const SimSettings& settings) {
-  return settings.get<VehicleSettings>().plant == VehicleSettings::Plant::kinematic;
-}
 
 Metrics::Settings metrics_of(const RunSettings& run) {
   return {run.settled_from_s, run.lost_beyond_m, run.lost_for_s};
@@ -65,11 +58,6 @@ std::vector<std::string> senders_to(const ChannelNames& channels, const SimSetti
   return heard;
 }
 
-Duration batch_of(const SimSettings& settings, const EventLoop& loop) {
-  if (loop.rate() > 0.0) return kRealTimeBatch;
-  return is_kinematic(settings) ? kKinematicBatch : kOdeBatch;
-}
-
 }  // namespace
 
 SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic* traffic)
@@ -80,7 +68,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic
       world_end_(end_),
       next_step_(TimerQueue::not_before(loop.now(), kStart + step_, step_)),
       world_time_(std::max(kStart, next_step_ - step_)),
-      metrics_step_(is_kinematic(settings) ? std::max(kKinematicMetrics, step_) : step_),
+      metrics_step_(std::max(kMetricsPeriod, step_)),
       vehicle_(
           make_plant(at_true_start(settings.get<VehicleSettings>(),
                                    random_stream(settings.get<RunSettings>().seed,
@@ -109,10 +97,11 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic
                 }) {
   metrics_.start(error_m(), to_seconds(world_time_));
   if (traffic != nullptr) join(*traffic, settings.get<VehicleSettings>());
-  const Duration batch = batch_of(settings, loop);
-  // In virtual time a fleet is moved by its traffic.
-  if (traffic == nullptr || loop.rate() > 0.0)
-    loop.every(kStart + batch, batch, Priority::physics, [this](Instant now) { advance(now); });
+  // In virtual time, whoever looks moves the world.
+  if (loop.rate() > 0.0) {
+    loop.every(kStart + kRealTimeBatch, kRealTimeBatch, Priority::physics,
+               [this](Instant now) { advance(now); });
+  }
   if (settings.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
     world_end_ = Instant::max();
     drives_ = std::make_unique<WheelCoupling>(settings, loop, bus, *vehicle_);
@@ -127,6 +116,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic
     subscribe_to_commands(settings.get<AutonomySettings>().enabled);
   }
   start_sensors(settings);
+  may_be_alike_ = !drives_ && !drive_errors_.lags() && !scanning_ && !odometry_;
   const Duration lead = from_seconds(settings.get<RunSettings>().lead_s);
   if (settings.get<FleetSettings>().number == 1) {
     loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
@@ -223,28 +213,39 @@ void SimNode::advance(Instant until) {
 }
 
 void SimNode::make_steps(Instant until) {
-  while (next_step_ <= std::min(until, world_end_)) {
+  const Instant last = std::min(until, world_end_);
+  while (next_step_ <= last) {
     if (next_step_ > end_) publish_truth();  // the last one
-    step(next_step_);
-    next_step_ += step_;
+    next_step_ += step_ * take_steps(last);
   }
 }
 
-void SimNode::step(Instant now) {
-  const Instant from = now - step_;
+/// One, or as many at once as are alike; returns how many.
+std::int64_t SimNode::take_steps(Instant last) {
+  const Instant from = next_step_ - step_;
   vehicle_->set_wheel_targets(wheel_targets(from));
-  vehicle_->set_time(to_seconds(from));
-  vehicle_->step();
-  world_time_ = now;
-  if (scanning_) scanning_->record(now, vehicle_->state().pose);
-  if (odometry_ && (now - kStart) % kEncoderPeriod == Duration{0}) read_encoders();
-  if (now <= end_) measure(now);
+  const Plant::Steps steps = vehicle_->take(may_be_alike_ ? steps_alike(from, last) : 1, from);
+  world_time_ = from + step_ * steps.taken;
+  if (scanning_) scanning_->record(world_time_, vehicle_->state().pose);
+  if (odometry_ && (world_time_ - kStart) % kEncoderPeriod == Duration{0}) read_encoders();
+  if (world_time_ <= end_) measure(steps);
+  return steps.taken;
 }
 
-void SimNode::measure(Instant now) {
-  unmeasured_ += step_;
-  if (vehicle_->wall_contact()) unmeasured_contact_ += step_;
-  const bool is_last = now + step_ > end_;
+/// Those that end by `last`, begin before something changes, and after which nobody looks.
+std::int64_t SimNode::steps_alike(Instant from, Instant last) const {
+  const auto begun_within = [this](Duration time) { return (time + step_ - Duration{1}) / step_; };
+  Instant change = std::min(last, actuator_.unchanged_until(from));
+  if (!arrived_.empty()) change = std::min(change, arrived_.front().arrival);
+  const std::int64_t most = std::min({(last - from) / step_, begun_within(change - from),
+                                      begun_within(metrics_step_ - unmeasured_)});
+  return std::max<std::int64_t>(1, most);
+}
+
+void SimNode::measure(const Plant::Steps& steps) {
+  unmeasured_ += step_ * steps.taken;
+  unmeasured_contact_ += step_ * steps.in_contact;
+  const bool is_last = world_time_ + step_ > end_;
   if (unmeasured_ < metrics_step_ && !is_last) return;
   metrics_.add(to_seconds(unmeasured_), error_m(), to_seconds(unmeasured_contact_));
   unmeasured_ = unmeasured_contact_ = Duration{0};

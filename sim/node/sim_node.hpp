@@ -62,7 +62,8 @@ using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, Sensor
 /// drives (WheelCoupling); the bridge tells which plan is followed (PlanWatch).
 ///
 /// The world moves in batches of steps, and before anything looks at it, so that nobody sees a
-/// difference. With the kinematic plant, the metrics look at every tenth step.
+/// difference. The metrics look at every tenth step; steps between that are alike are taken at once
+/// (Plant::take).
 ///
 /// During the lead (run.lead_s before t = 0) poses and the clock flow and the vehicle stands. From
 /// run.duration_s on there are no poses, and truth and metrics are final. The world stands still
@@ -97,8 +98,9 @@ class SimNode final : public Node {
   void join(Traffic& traffic, const VehicleSettings& vehicle);
   void advance(Instant until);
   void make_steps(Instant until);
-  void step(Instant now);
-  void measure(Instant now);
+  std::int64_t take_steps(Instant last);
+  std::int64_t steps_alike(Instant from, Instant last) const;
+  void measure(const Plant::Steps& steps);
   WheelSpeeds wheel_targets(Instant from);
   void sample_pose(Instant now);
   void start_sensors(const SimSettings& settings);
@@ -123,6 +125,7 @@ class SimNode final : public Node {
   Duration unmeasured_{0};          ///< since the last addition to the metrics
   Duration unmeasured_contact_{0};  ///< of it, at a wall
   Duration metrics_step_;
+  bool may_be_alike_ = false;  ///< steps: nobody looks at each, and targets stay
   std::unique_ptr<Plant> vehicle_;
   std::unique_ptr<WheelCoupling> drives_;    ///< with drives on CAN, instead of the actuator
   std::unique_ptr<Scanning> scanning_;       ///< with a laser scanner

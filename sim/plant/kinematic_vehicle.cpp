@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "common/vehicle/vehicle_settings.hpp"
 
@@ -12,6 +13,8 @@ namespace {
 
 // A vehicle that is slower than this at walls stands: this much is left by the solver's rounding.
 constexpr double kStanding_mps = 1e-8;
+// Phases are no longer than this, and while rims change than that.
+constexpr double kLongestPhase_s = 60.0, kLongestAcceleration_s = 0.02;
 // So near an obstacle is looked at: more than the remainder of a push.
 constexpr double kSlack_m = 1e-3;
 
@@ -36,12 +39,51 @@ double sinc(double x) {
   return 1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0));
 }
 
+/// The exact arc: the chord has the mean heading, and is shorter by sinc of half the turn.
+Pose2 after_arc(const Pose2& from, const PlanarMotion& motion, double t_s) {
+  const double half_turn_rad = 0.5 * motion.omega_radps * t_s;
+  const double heading_rad = from.yaw_rad + half_turn_rad;
+  const double c = std::cos(heading_rad), s = std::sin(heading_rad);
+  const double scale_s = sinc(half_turn_rad) * t_s;
+  return {from.x_m + scale_s * (c * motion.forward_mps - s * motion.left_mps),
+          from.y_m + scale_s * (s * motion.forward_mps + c * motion.left_mps),
+          wrap_angle(from.yaw_rad + 2.0 * half_turn_rad)};
+}
+
+/// While the twist changes evenly: Gauss's quadrature with three points (Abramowitz and Stegun,
+/// 25.4.30), off by |d⁶/dt⁶ (v cos yaw)| · t⁷ / 2 016 000.
+Pose2 after_acceleration(const Pose2& from, const Twist& first, const Twist& last, double t_s) {
+  const double v_change = last.v_mps - first.v_mps;
+  const double turn_change_rad = (last.omega_radps - first.omega_radps) * t_s;
+  const double turn_rad = first.omega_radps * t_s;
+  constexpr double kNode = 0.3872983346207417, kOuter = 5.0 / 18.0, kInner = 8.0 / 18.0;
+  Pose2 pose = from;
+  for (const auto& [u, weight] :
+       {std::pair{0.5 - kNode, kOuter}, {0.5, kInner}, {0.5 + kNode, kOuter}}) {
+    const double yaw_rad = from.yaw_rad + u * (turn_rad + 0.5 * u * turn_change_rad);
+    const double way_m = weight * t_s * (first.v_mps + u * v_change);
+    pose.x_m += way_m * std::cos(yaw_rad);
+    pose.y_m += way_m * std::sin(yaw_rad);
+  }
+  pose.yaw_rad = wrap_angle(from.yaw_rad + turn_rad + 0.5 * turn_change_rad);
+  return pose;
+}
+
+/// By how much a rim changes in each of how many whole steps.
+std::pair<double, double> even_change(double from_mps, double to_mps, double most_mps) {
+  const double way_mps = std::abs(to_mps - from_mps);
+  if (way_mps == 0.0) return {0.0, INFINITY};
+  if (way_mps < most_mps) return {to_mps - from_mps, 1.0};
+  return {std::copysign(most_mps, to_mps - from_mps), std::floor(way_mps / most_mps)};
+}
+
 }  // namespace
 
 KinematicVehicle::KinematicVehicle(const VehicleConfig& vehicle, const WorldSettings& world,
                                    Duration step, const Surroundings& surroundings,
                                    std::uint64_t seed)
-    : step_s_(to_seconds(step)),
+    : Plant(step),
+      step_s_(to_seconds(step)),
       max_change_mps_(vehicle.max_wheel_acceleration_mps2 * step_s_),
       wheel_radius_m_(vehicle.wheel_radius_m),
       track_m_(vehicle.track_m),
@@ -60,10 +102,13 @@ void KinematicVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
   if (!std::isfinite(rim_speeds.left_mps) || !std::isfinite(rim_speeds.right_mps)) {
     throw std::invalid_argument("KinematicVehicle: a wheel target is not finite");
   }
+  const WheelSpeeds before = commands_;
   commands_ = saturate(rim_speeds, max_wheel_speed_mps_);
+  if (commands_ != before) end_phase();
 }
 
 void KinematicVehicle::step() {
+  end_phase();
   const bool steady = turn_wheels();
   const bool free_again = reachable_ != nullptr && reachable_->any_moves();
   if (steady && jammed_ && !free_again) return;
@@ -71,12 +116,67 @@ void KinematicVehicle::step() {
   const PlanarMotion motion{wish.v_mps, 0.0, wish.omega_radps};
   const double travel_m = (std::abs(mean_.left_mps) + std::abs(mean_.right_mps)) * step_s_;
   const std::span<const Shape> near = near_obstacles(t_s_);
-  if (!near.empty() || footprint_.may_touch(state_.pose, travel_m)) {
+  if (!near.empty() || travel_m >= footprint_.free_way_m(state_.pose)) {
     move_at_walls(motion, near);
     return;
   }
   move(motion);
   state_.twist = to_twist(state_.rim_speeds, track_m_);
+  state_.wall_contact = jammed_ = false;
+}
+
+Plant::Steps KinematicVehicle::take(std::int64_t most, Instant from) {
+  const bool free = reachable_ == nullptr && (phase_.taken < phase_.steps || begin_phase());
+  if (!free) return Plant::take(1, from);
+  const std::int64_t steps = std::min(most, phase_.steps - phase_.taken);
+  phase_.taken += steps;
+  follow_phase();
+  return {steps, 0};
+}
+
+/// False where a wall is within reach of the next step.
+bool KinematicVehicle::begin_phase() {
+  const WheelSpeeds& rims = state_.rim_speeds;
+  const auto [left, left_steps] = even_change(rims.left_mps, commands_.left_mps, max_change_mps_);
+  const auto [right, right_steps] =
+      even_change(rims.right_mps, commands_.right_mps, max_change_mps_);
+  const bool steady = left == 0.0 && right == 0.0;
+  const double longest_s = steady ? kLongestPhase_s : kLongestAcceleration_s;
+  const double most = std::min({left_steps, right_steps, std::max(1.0, longest_s / step_s_)});
+  const Twist first = to_twist(rims, track_m_);
+  const Twist last =
+      to_twist({rims.left_mps + most * left, rims.right_mps + most * right}, track_m_);
+  const double free_s = footprint_.free_time_s(
+      state_.pose, std::max(std::abs(first.v_mps), std::abs(last.v_mps)),
+      std::max(std::abs(first.omega_radps), std::abs(last.omega_radps)), (most + 1.0) * step_s_);
+  // Beyond the last step that ends free, nothing is known.
+  const double steps = std::min(most, std::ceil(free_s / step_s_) - 1.0);
+  if (!(steps >= 1.0)) return false;
+  phase_ = {.steps = static_cast<std::int64_t>(steps),
+            .change = {left, right},
+            .rims = rims,
+            .pose = state_.pose,
+            .left_wheel_angle_rad = state_.left_wheel_angle_rad,
+            .right_wheel_angle_rad = state_.right_wheel_angle_rad};
+  return true;
+}
+
+void KinematicVehicle::follow_phase() {
+  const auto steps = static_cast<double>(phase_.taken);
+  const double t_s = steps * step_s_;
+  const WheelSpeeds& first = phase_.rims;
+  const WheelSpeeds last{first.left_mps + steps * phase_.change.left_mps,
+                         first.right_mps + steps * phase_.change.right_mps};
+  const double angle_per_mps = 0.5 * t_s / wheel_radius_m_;
+  state_.left_wheel_angle_rad =
+      phase_.left_wheel_angle_rad + (first.left_mps + last.left_mps) * angle_per_mps;
+  state_.right_wheel_angle_rad =
+      phase_.right_wheel_angle_rad + (first.right_mps + last.right_mps) * angle_per_mps;
+  const Twist before = to_twist(first, track_m_);
+  state_.rim_speeds = last;
+  state_.twist = to_twist(last, track_m_);
+  state_.pose = last == first ? after_arc(phase_.pose, {before.v_mps, 0.0, before.omega_radps}, t_s)
+                              : after_acceleration(phase_.pose, before, state_.twist, t_s);
   state_.wall_contact = jammed_ = false;
 }
 
@@ -97,16 +197,8 @@ bool KinematicVehicle::turn_wheels() {
   return mean_.left_mps == mean_before.left_mps && mean_.right_mps == mean_before.right_mps;
 }
 
-/// The exact arc: the chord has the mean heading, and is shorter by sinc of half the turn.
 void KinematicVehicle::move(const PlanarMotion& motion) {
-  Pose2& pose = state_.pose;
-  const double half_turn_rad = 0.5 * motion.omega_radps * step_s_;
-  const double heading_rad = pose.yaw_rad + half_turn_rad;
-  const double c = std::cos(heading_rad), s = std::sin(heading_rad);
-  const double scale_s = sinc(half_turn_rad) * step_s_;
-  pose.x_m += scale_s * (c * motion.forward_mps - s * motion.left_mps);
-  pose.y_m += scale_s * (s * motion.forward_mps + c * motion.left_mps);
-  pose.yaw_rad = wrap_angle(pose.yaw_rad + 2.0 * half_turn_rad);
+  state_.pose = after_arc(state_.pose, motion, step_s_);
 }
 
 void KinematicVehicle::move_at_walls(const PlanarMotion& wish, std::span<const Shape> near) {

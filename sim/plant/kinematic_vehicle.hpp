@@ -20,9 +20,10 @@ namespace tether {
 /// walls and obstacles (docs/physics.md).
 ///
 /// Each wheel's rim speed moves to its command at no more than `max_wheel_acceleration_mps2`. In a
-/// step the vehicle drives the arc of the mean rim speeds: exact at constant speeds; while it
+/// step() the vehicle drives the arc of the mean rim speeds: exact at constant speeds; while it
 /// accelerates, the position is off by at most step³/12 · (|v| |dω/dt| + |ω| |dv/dt|) a step, 4 nm
-/// with the default limits. At walls, WalledFootprint takes the place of the tyres' grip; the
+/// with the default limits. To take() steps at once is exact: an arc, or while it accelerates, by
+/// Gauss's quadrature to 1 pm. At walls, WalledFootprint takes the place of the tyres' grip; the
 /// wheels turn as commanded and slip.
 class KinematicVehicle final : public Plant {
  public:
@@ -39,6 +40,8 @@ class KinematicVehicle final : public Plant {
     reachable_ = obstacles_->any() ? obstacles_.get() : nullptr;
   }
   void step() override;
+  /// In closed form, wherever neither a wall nor an obstacle is within reach; elsewhere one.
+  Steps take(std::int64_t most, Instant from) override;
   VehicleState state() const override { return state_; }
   Position position() const override { return {state_.pose.x_m, state_.pose.y_m}; }
   bool wall_contact() const override { return state_.wall_contact; }
@@ -48,6 +51,9 @@ class KinematicVehicle final : public Plant {
  private:
   bool turn_wheels();
   void move(const PlanarMotion& motion);
+  bool begin_phase();
+  void follow_phase();
+  void end_phase() { phase_.steps = phase_.taken = 0; }
   std::span<const Shape> near_obstacles(double t_s);
   void move_at_walls(const PlanarMotion& wish, std::span<const Shape> near);
 
@@ -60,6 +66,15 @@ class KinematicVehicle final : public Plant {
   NearObstacles* reachable_ = nullptr;  ///< null while there is nothing to be near to
   bool jammed_ = false;                 ///< at walls, the last step's wheel speeds moved nothing
   VehicleState state_;
+  /// Steps in which both rims change evenly, reckoned from where they began.
+  struct Phase {
+    std::int64_t steps = 0, taken = 0;
+    WheelSpeeds change;  ///< of the rims, a step
+    WheelSpeeds rims;
+    Pose2 pose;
+    double left_wheel_angle_rad, right_wheel_angle_rad;
+  };
+  Phase phase_;
   WalledFootprint footprint_;
   std::unique_ptr<NearObstacles> obstacles_;  ///< if there are any, or may be
 };

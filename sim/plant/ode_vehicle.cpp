@@ -43,7 +43,8 @@ struct OdeVehicle::World : OdeWorld {
 
 OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world, Duration step,
                        RandomEngine random, const Surroundings& surroundings, std::uint64_t seed)
-    : config_(vehicle),
+    : Plant(step),
+      config_(vehicle),
       step_s_(to_seconds(step)),
       max_change_mps_(vehicle.max_wheel_acceleration_mps2 * step_s_),
       disturbances_(vehicle, world, step_s_, random) {
@@ -65,11 +66,11 @@ void OdeVehicle::set_wheel_targets(const WheelSpeeds& rim_speeds) {
 
 void OdeVehicle::step() {
   prepare_ode_thread();
-  const WheelSpeeds begin = config_.anti_windup ? world_->rim_speeds() : servo_targets_;
+  const WheelSpeeds begin = config_.anti_windup ? rim_speeds_ : servo_targets_;
   servo_targets_ = approach(begin, commands_, max_change_mps_);
 
   if (disturbances_.any()) {
-    world_->set_wheel_loads(disturbances_.step(world_->rim_speeds()));
+    world_->set_wheel_loads(disturbances_.step(rim_speeds_));
   }
 
   if (obstacles_) world_->set_near(obstacles_->near(pose(), t_s_));
@@ -78,9 +79,9 @@ void OdeVehicle::step() {
   solver_complaints_ += ode_complaints_of_this_thread() - complaints_before;
 
   // The joint's rate is constant during a step, so this sum is the angle itself.
-  const WheelSpeeds rim = world_->rim_speeds();
-  left_wheel_angle_rad_ += rim.left_mps / config_.wheel_radius_m * step_s_;
-  right_wheel_angle_rad_ += rim.right_mps / config_.wheel_radius_m * step_s_;
+  rim_speeds_ = world_->rim_speeds();
+  left_wheel_angle_rad_ += rim_speeds_.left_mps / config_.wheel_radius_m * step_s_;
+  right_wheel_angle_rad_ += rim_speeds_.right_mps / config_.wheel_radius_m * step_s_;
 }
 
 Position OdeVehicle::position() const {
@@ -122,7 +123,7 @@ VehicleState OdeVehicle::state() const {
   const double heading = std::hypot(r[0], r[4]);
   state.twist.v_mps = heading > 0.0 ? (vx * r[0] + vy * r[4]) / heading : 0.0;
   state.twist.omega_radps = spin[2];
-  state.rim_speeds = world_->rim_speeds();
+  state.rim_speeds = rim_speeds_;
   state.left_wheel_angle_rad = left_wheel_angle_rad_;
   state.right_wheel_angle_rad = right_wheel_angle_rad_;
   state.left_torque_Nm = world_->motor_torque(OdeWorld::kLeft);

@@ -62,6 +62,7 @@ class OdeVehicle final : public Plant {
   Disturbances disturbances_;
   WheelSpeeds commands_;
   WheelSpeeds servo_targets_;
+  WheelSpeeds rim_speeds_;  ///< after the last step
   double left_wheel_angle_rad_ = 0.0;
   double right_wheel_angle_rad_ = 0.0;
   std::uint64_t solver_complaints_ = 0;

@@ -12,6 +12,16 @@
 
 namespace tether {
 
+Plant::Steps Plant::take(std::int64_t most, Instant from) {
+  Steps steps;
+  for (; steps.taken < most; ++steps.taken) {
+    set_time(to_seconds(from + step_ * steps.taken));
+    step();
+    if (wall_contact()) ++steps.in_contact;
+  }
+  return steps;
+}
+
 void require_plant(bool good, const char* what) {
   if (!good) throw std::invalid_argument(std::string("vehicle or world: ") + what);
 }

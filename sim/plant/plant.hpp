@@ -50,6 +50,14 @@ class Plant {
   /// Advances by one physics step.
   virtual void step() = 0;
 
+  struct Steps {
+    std::int64_t taken = 0;
+    std::int64_t in_contact = 0;  ///< of them, with wall_contact() after them
+  };
+  /// Takes steps from `from` on, while the wheel targets stay: 1 to `most` of them. However steps
+  /// are divided among calls of this, the states are the same to the bit.
+  virtual Steps take(std::int64_t most, Instant from);
+
   /// The state after the last step.
   virtual VehicleState state() const = 0;
   /// Parts of the state that are needed after each step: cheaper than all of it.
@@ -63,11 +71,12 @@ class Plant {
   virtual std::uint64_t solver_complaints() const = 0;
 
  protected:
-  Plant() = default;
+  explicit Plant(Duration step) : step_(step) {}
   Plant(const Plant&) = delete;
   Plant& operator=(const Plant&) = delete;
 
   double t_s_ = 0.0;
+  Duration step_;
 };
 
 /// For the plants' own checks: throws std::invalid_argument, "vehicle or world: " and `what`,

@@ -149,23 +149,41 @@ bool WalledFootprint::push_out(Pose2& pose, std::span<const Shape> near, bool mo
   return touches;
 }
 
+/// Of the outline, from the axle's midpoint, along the world's axes.
+WalledFootprint::Extent WalledFootprint::extent(double yaw_rad) const {
+  const double c = std::cos(yaw_rad), s = std::sin(yaw_rad);
+  Extent all{reach_m_, -reach_m_, reach_m_, -reach_m_};
+  for (const Point& p : outline_) {
+    const double x = c * p.x_m - s * p.y_m, y = s * p.x_m + c * p.y_m;
+    all.high_x_m = std::max(all.high_x_m, x), all.low_x_m = std::min(all.low_x_m, x);
+    all.high_y_m = std::max(all.high_y_m, y), all.low_y_m = std::min(all.low_y_m, y);
+  }
+  return all;
+}
+
+double WalledFootprint::free_time_s(const Pose2& pose, double v_mps, double omega_radps,
+                                    double enough_s) const {
+  const double free_way = free_way_m(pose);
+  if (free_way > v_mps * enough_s) return enough_s;
+  const Extent outline = extent(pose.yaw_rad);
+  const double gap_m =
+      half_extent_m_ - std::max({pose.x_m + outline.high_x_m, -pose.x_m - outline.low_x_m,
+                                 pose.y_m + outline.high_y_m, -pose.y_m - outline.low_y_m});
+  const double time_s = std::max(free_way / v_mps, gap_m / (v_mps + omega_radps * reach_m_));
+  return std::isnan(time_s) ? 0.0 : time_s;
+}
+
 bool WalledFootprint::push_inside(Pose2& pose, std::span<const Shape> near) const {
   bool touches = push_out(pose, near, true);
   touches = push_out(pose, near, false) || touches;
-  const double c = std::cos(pose.yaw_rad), s = std::sin(pose.yaw_rad);
-  double high_x = -reach_m_, high_y = -reach_m_, low_x = reach_m_, low_y = reach_m_;
-  for (const Point& p : outline_) {
-    const double x = c * p.x_m - s * p.y_m, y = s * p.x_m + c * p.y_m;
-    high_x = std::max(high_x, x), low_x = std::min(low_x, x);
-    high_y = std::max(high_y, y), low_y = std::min(low_y, y);
-  }
+  const Extent outline = extent(pose.yaw_rad);
   const auto keep = [this](double& at, double low, double high) {
     const double most = half_extent_m_ - high, least = -half_extent_m_ - low;
     at = std::max(least, std::min(most, at));
     return at > most - kTouching_m || at < least + kTouching_m;
   };
-  const bool touches_x = keep(pose.x_m, low_x, high_x);
-  const bool touches_y = keep(pose.y_m, low_y, high_y);
+  const bool touches_x = keep(pose.x_m, outline.low_x_m, outline.high_x_m);
+  const bool touches_y = keep(pose.y_m, outline.low_y_m, outline.high_y_m);
   return touches || touches_x || touches_y;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -35,11 +36,14 @@ class WalledFootprint {
  public:
   WalledFootprint(const VehicleConfig& vehicle, const WorldSettings& world);
 
-  /// False if no part of the vehicle can reach a wall within `travel_m` from here.
-  bool may_touch(const Pose2& pose, double travel_m) const {
-    const double near_m = half_extent_m_ - reach_m_ - travel_m;
-    return !(std::abs(pose.x_m) < near_m && std::abs(pose.y_m) < near_m);
+  /// How far it may travel from here before any part of it can reach a wall, however it turns; ≤ 0:
+  /// not at all.
+  double free_way_m(const Pose2& pose) const {
+    return half_extent_m_ - reach_m_ - std::max(std::abs(pose.x_m), std::abs(pose.y_m));
   }
+  /// For how long no part of it can reach a wall, at these speeds at most; ≤ 0: it may now. With
+  /// `enough_s` it does not look closer.
+  double free_time_s(const Pose2& pose, double v_mps, double omega_radps, double enough_s) const;
 
   /// The motion that the walls, and the obstacles that are near, leave of `wish`. It keeps the
   /// outline inside for `step_s`, to first order in the step. `pose` is inside. There is no such
@@ -67,6 +71,10 @@ class WalledFootprint {
     double limit_mps = 0.0;  ///< of the speed outward
     double along_mps = 0.0;  ///< of what it rubs on
   };
+  struct Extent {
+    double low_x_m, high_x_m, low_y_m, high_y_m;
+  };
+  Extent extent(double yaw_rad) const;
   double speed_mps(const Direction& direction) const;
   double push(Direction& direction, double force);
   double push(Contact& contact);

@@ -1,14 +1,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/surroundings.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"
+#include "tools/runs/run_observer.hpp"
 
 // The whole loop with the kinematic plant.
 
@@ -53,6 +57,40 @@ TEST(KinematicLoop, HowOftenTheTruthIsLookedAtDoesNotChangeTheRun) {
   const double e = epsilon_m(paper({"channel.prr=0.45"}));
   for (const char* rate : {"7.3", "1000", "0.1"}) {
     EXPECT_EQ(epsilon_m(paper({"channel.prr=0.45", std::string("run.truth_rate_hz=") + rate})), e);
+  }
+}
+
+std::vector<TrajectoryRow> trajectory(const Scenario& scenario) {
+  ClosedLoop loop(scenario);
+  const RunObserver observer(scenario, loop.loop(), loop.bus());
+  loop.run();
+  return observer.trajectory();
+}
+
+/// In a corner, where no vehicle comes: with obstacles, it moves step by step.
+Scenario with_obstacle(Scenario scenario) {
+  const double corner_m = scenario.get<WorldSettings>().half_extent_m - 0.2;
+  scenario.get<Surroundings>().obstacles.push_back(
+      {.kind = Obstacle::Kind::cylinder, .pose = {corner_m, corner_m, 0.0}, .radius_m = 0.1});
+  return scenario;
+}
+
+TEST(KinematicLoop, StepsTakenAtOnceLeadWhereStepsOneByOneDo) {
+  for (const std::vector<std::string>& overrides :
+       {std::vector<std::string>{},
+        {"sensor.rate_hz=20"},
+        {"channel.prr=0.6", "actuator.policy=ramp", "actuator.timeout_s=1.5"},
+        {"controller.law=predictive_consistent", "controller.trigger=timer",
+         "controller.rate_hz=10", "actuator.policy=horizon", "channel.prr=0.7"}}) {
+    const Scenario one_by_one = with_obstacle(paper(overrides));
+    const auto a = trajectory(paper(overrides)), b = trajectory(one_by_one);
+    ASSERT_EQ(a.size(), b.size());
+    double apart_m = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      apart_m = std::max(apart_m, std::hypot(a[i].x_m - b[i].x_m, a[i].y_m - b[i].y_m));
+    }
+    EXPECT_LT(apart_m, 1e-6) << overrides.size();
+    EXPECT_NEAR(epsilon_m(paper(overrides)), epsilon_m(one_by_one), 1e-6);
   }
 }
 

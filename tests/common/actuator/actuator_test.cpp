@@ -59,6 +59,36 @@ TEST_P(EachPolicy, ANewCommandRestartsTheTimeout) {
   expect_twist(a.in_force(at_s(1.9) - kTick), 2.0, 0.0);
 }
 
+/// Until when in_force() is the same to the bit, by asking it.
+void expect_unchanged(const Actuator& actuator, Instant now) {
+  const Instant until = actuator.unchanged_until(now);
+  const Twist twist = actuator.in_force(now);
+  ASSERT_GE(until, now);
+  for (Instant t = now; t < until && t < now + std::chrono::seconds{9}; t += from_seconds(0.01)) {
+    const Twist later = actuator.in_force(t);
+    ASSERT_TRUE(later.v_mps == twist.v_mps && later.omega_radps == twist.omega_radps);
+  }
+}
+
+TEST_P(EachPolicy, SaysForHowLongNothingChanges) {
+  Actuator a = actuator(GetParam());
+  EXPECT_EQ(a.unchanged_until(at_s(0.5)), Instant::max());
+  a.on_command(at_s(1), {1.0, 0.2});
+  EXPECT_EQ(a.unchanged_until(at_s(1.2)), GetParam() == "hold" ? Instant::max() : at_s(1.5));
+  for (int ms = 1000; ms < 4000; ms += 7) expect_unchanged(a, at_ms(ms));
+  EXPECT_EQ(a.unchanged_until(at_s(60)), Instant::max());
+  if (!a.takes_plans()) return;
+  Plan first = plan(at_s(61), 0), next = plan(at_s(61.45), 1, 0);
+  first.stamp = next.stamp = at_s(60);
+  ASSERT_TRUE(a.on_plan(at_s(60), PlanSource::network, first));
+  ASSERT_TRUE(a.on_plan(at_s(60), PlanSource::network, next));
+  EXPECT_EQ(a.unchanged_until(at_s(60)), at_s(61));
+  EXPECT_EQ(a.unchanged_until(at_s(61)), at_s(61.1));
+  EXPECT_EQ(a.unchanged_until(at_s(61.41)), at_s(61.45)) << "the next takes over";
+  for (int ms = 60'000; ms < 65'000; ms += 7) expect_unchanged(a, at_ms(ms));
+  EXPECT_EQ(a.unchanged_until(at_s(70)), Instant::max());
+}
+
 TEST_P(EachPolicy, StandsStillLongAfterTheLastCommandUnlessItHoldsIt) {
   Actuator a = actuator(GetParam());
   a.on_command(at_s(1), {1.0, -0.2});

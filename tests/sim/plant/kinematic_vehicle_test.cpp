@@ -97,6 +97,68 @@ TEST(KinematicVehicle, WhileItAcceleratesTheErrorOfAStepIsOfThirdOrder) {
   EXPECT_GT(error_m(microseconds{10'000}), 20.0 * error_m(microseconds{1000}));
 }
 
+TEST(KinematicVehicle, CoastsWhereStepsThatAreMuchShorterLead) {
+  KinematicVehicle vehicle({}, kOpenFloor, kStep);
+  KinematicVehicle finely({}, kOpenFloor, std::chrono::microseconds{2});
+  for (const WheelSpeeds& target : {wheels(3.0, 1.0), wheels(0.0, 2.0), wheels(1.8, 0.0)}) {
+    vehicle.set_wheel_targets(target);
+    finely.set_wheel_targets(target);
+    for (std::int64_t left = 1500; left > 0;) left -= vehicle.take(left, kStart).taken;
+    for (int i = 0; i < 750'000; ++i) finely.step();
+    // All ramps are whole steps. Between the two: 1e6 steps of 2 µs that accelerate, 3e-17 m each;
+    // rounding of a million.
+    EXPECT_NEAR(vehicle.state().pose.x_m, finely.state().pose.x_m, 1e-9);
+    EXPECT_NEAR(vehicle.state().pose.y_m, finely.state().pose.y_m, 1e-9);
+    EXPECT_NEAR(vehicle.state().pose.yaw_rad, finely.state().pose.yaw_rad, 1e-9);
+    EXPECT_NEAR(vehicle.state().left_wheel_angle_rad, finely.state().left_wheel_angle_rad, 1e-8);
+    EXPECT_NEAR(vehicle.state().rim_speeds.right_mps, target.right_mps, 1e-12);
+  }
+}
+
+/// In a hall, at its walls too, in calls of up to `most` steps; the states at each whole 100 ms.
+/// 0: step by step, without coasting.
+std::vector<VehicleState> driven(int most) {
+  KinematicVehicle vehicle({}, {.half_extent_m = 6.0}, kStep);
+  std::vector<VehicleState> states;
+  for (int i = 0; i < 40'000;) {
+    if (i % 700 == 0) {
+      vehicle.set_wheel_targets(wheels(3.0 * std::cos(0.0004 * i), std::sin(0.001 * i)));
+    }
+    const std::int64_t calls_most = std::min(most, 100 - i % 100);
+    if (most == 0) vehicle.step();
+    i += most == 0 ? 1 : static_cast<int>(vehicle.take(calls_most, kStart).taken);
+    if (i % 100 == 0) states.push_back(vehicle.state());
+  }
+  return states;
+}
+
+TEST(KinematicVehicle, HoweverStepsAreDividedAmongCallsTheStatesAreTheSameToTheBit) {
+  const std::vector<VehicleState> one = driven(1);
+  bool touched = false;
+  for (const int most : {2, 7, 100}) {
+    const std::vector<VehicleState> other = driven(most);
+    ASSERT_EQ(one.size(), other.size());
+    for (std::size_t i = 0; i < one.size(); ++i) {
+      ASSERT_EQ(one[i].pose, other[i].pose) << most << " at once, " << i;
+      ASSERT_EQ(one[i].left_wheel_angle_rad, other[i].left_wheel_angle_rad);
+      ASSERT_EQ(one[i].wall_contact, other[i].wall_contact);
+      touched = touched || one[i].wall_contact;
+    }
+  }
+  EXPECT_TRUE(touched);
+}
+
+TEST(KinematicVehicle, NeverCoastsThroughAWall) {
+  const std::vector<VehicleState> coasting = driven(100), stepping = driven(0);
+  ASSERT_EQ(coasting.size(), stepping.size());
+  for (std::size_t i = 0; i < coasting.size(); ++i) {
+    // A wall turns what differs by a nanometre into no more than this.
+    EXPECT_NEAR(coasting[i].pose.x_m, stepping[i].pose.x_m, 1e-5) << i;
+    EXPECT_NEAR(coasting[i].pose.y_m, stepping[i].pose.y_m, 1e-5) << i;
+    EXPECT_EQ(coasting[i].wall_contact, stepping[i].wall_contact) << i;
+  }
+}
+
 TEST(KinematicVehicle, FollowsOdeInFreeDrivingForAMinute) {
   KinematicVehicle vehicle({}, kOpenFloor, kStep);
   OdeVehicle ode({}, kOpenFloor, kStep);
