@@ -2,6 +2,7 @@
 
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/small_angle.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 
 namespace tether {
@@ -39,15 +40,27 @@ class MotionModel {
   static constexpr double kShort_s = 0.01;
 
   explicit MotionModel(const Limits& limits, const DriveModel& drive = {})
-      : limits_(limits), drive_(drive), ideal_(drive == DriveModel{}) {}
+      : limits_(limits),
+        drive_(drive),
+        ideal_(drive == DriveModel{}),
+        turn_per_m_(1.0 / limits.track_m),
+        s_per_mps_(1.0 / limits.max_wheel_acceleration_mps2) {}
 
   /// Moves for `dt_s` ≥ 0 with `command` in force throughout. The distance that each wheel rolls is
   /// exact; the path is the arc of the mean speeds, off by at most
   /// dt³/12 · (|v| |dω/dt| + |ω| |dv/dt|). A lag is stepped by kShort_s at most (backward Euler).
-  void advance(State& state, const Twist& command, double dt_s) const;
+  void advance(State& state, const Twist& command, double dt_s) const {
+    Heading heading = Heading::of(state.pose.yaw_rad);
+    advance(state, heading, command, dt_s);
+  }
+  /// The same where `heading`, the pose's, is known; it is kept.
+  void advance(State& state, Heading& heading, const Twist& command, double dt_s) const;
 
   /// The twist that `command` leads to from `rim` within `dt_s`: all that the limits allow of it.
   Twist reachable(const WheelSpeeds& rim, const Twist& command, double dt_s) const;
+
+  /// The same as reachable(), command_for() and advance() in turn; returns the command.
+  Twist pursue(State& state, Heading& heading, const Twist& wish, double dt_s) const;
 
   /// The command that makes the vehicle do `wish`, at the latest at the end of `dt_s`: the inverse
   /// of the DriveModel. A lag is led by four times the change at most.
@@ -60,12 +73,15 @@ class MotionModel {
 
  private:
   WheelSpeeds target_of(const Twist& command) const;
-  void move(State& state, double left_m, double right_m, double dt_s) const;
-  void step_with_lag(State& state, const WheelSpeeds& target, double dt_s) const;
+  void roll_to(State& state, Heading& heading, const WheelSpeeds& target, double dt_s) const;
+  double roll(double& speed_mps, double target_mps, double dt_s) const;
+  void move(State& state, Heading& heading, double left_m, double right_m, double dt_s) const;
+  void step_with_lag(State& state, Heading& heading, const WheelSpeeds& target, double dt_s) const;
 
   Limits limits_;
   DriveModel drive_;
   bool ideal_;
+  double turn_per_m_, s_per_mps_;  // products are faster than quotients
 };
 
 }  // namespace tether

@@ -40,6 +40,7 @@ PredictiveLaw::PredictiveLaw(const LawContext& context, Form form,
 PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const ActuatorSettings& actuator,
                              const VehicleSettings& vehicle, const LawContext& context, Form form)
     : path_(context.path),
+      samples_(path_, controller.plan_step()),
       model_(model_of(context.settings)),
       feedback_(controller, model_.limits().max_wheel_acceleration_mps2),
       delay_(DelayEstimate::kFew),
@@ -308,10 +309,11 @@ Plan PredictiveLaw::empty_plan(Instant start) {
 
 /// What the planner makes of the roll-out on a drive without errors, whose commands are what it
 /// does; empty without a planner.
-std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state, double start_s) {
+std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state,
+                                            std::span<const PathPoint> path, double start_s) {
   if (!planner_) return {};
   const MotionModel ideal(model_.limits());
-  RollOut rolled(ideal, feedback_, *path_, state, start_s, to_seconds(step_));
+  RollOut rolled(ideal, feedback_, path, state, to_seconds(step_));
   std::vector<Twist> guess;
   while (rolled.steps() < std::min(steps_, planner_->steps())) guess.push_back(rolled.step());
   return planner_->improve(model_, state, start_s, to_seconds(step_), std::move(guess));
@@ -319,11 +321,12 @@ std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state, dou
 
 /// The planner's wishes first, if there is one, then those of the feedback.
 Plan PredictiveLaw::roll_out(const MotionModel::State& state, Instant start) {
-  const double start_s = to_seconds(start - clock_offset_);
-  const std::vector<Twist> first = optimised(state, start_s);
+  const Instant on_path_clock = start - clock_offset_;
+  const std::span<const PathPoint> path = samples_.from(on_path_clock, steps_ + 1);
+  const std::vector<Twist> first = optimised(state, path, to_seconds(on_path_clock));
   Plan plan = empty_plan(start);
   plan.twists.reserve(steps_);
-  RollOut rolled(model_, feedback_, *path_, state, start_s, to_seconds(step_));
+  RollOut rolled(model_, feedback_, path, state, to_seconds(step_));
   Duration on_path{};
   while (rolled.steps() < steps_) {
     const std::size_t i = rolled.steps();

@@ -13,6 +13,7 @@
 #include "controller/estimation/wheel_readings.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/network_estimate.hpp"
+#include "controller/laws/path_samples.hpp"
 #include "controller/laws/tracking_feedback.hpp"
 #include "controller/mpc/mpc_planner.hpp"
 
@@ -130,11 +131,13 @@ class PredictiveLaw final : public Law {
   WheelSpeeds rim_at(const Sent& sent, Instant when) const;
   const Sent* find(std::int64_t id) const;
   Plan empty_plan(Instant start);
-  std::vector<Twist> optimised(const MotionModel::State& state, double start_s);
+  std::vector<Twist> optimised(const MotionModel::State& state, std::span<const PathPoint> path,
+                               double start_s);
   Plan roll_out(const MotionModel::State& state, Instant start);
   Plan& remember(Instant now, Plan plan, const Prediction& predicted);
 
   std::shared_ptr<const ReferencePath> path_;
+  PathSamples samples_;
   MotionModel model_;
   TrackingFeedback feedback_;
   std::optional<MpcPlanner> planner_;

@@ -3,20 +3,18 @@
 namespace tether {
 
 Twist RollOut::step(const Twist* wish) {
-  const PathPoint next = path_.at(start_s_ + static_cast<double>(++steps_) * step_s_);
-  const Twist wanted = wish != nullptr ? *wish : feedback_wish(next);
-  const Twist command =
-      model_.command_for(state_, model_.reachable(state_.rim, wanted, step_s_), step_s_);
-  model_.advance(state_, command, step_s_);
-  reference_ = next;
+  const Twist wanted = wish != nullptr ? *wish : feedback_wish();
+  const Twist command = model_.pursue(state_, heading_, wanted, step_s_);
+  ++steps_;
   return command;
 }
 
-Twist RollOut::feedback_wish(const PathPoint& next) const {
-  PathPoint middle = reference_;
-  middle.v_mps = 0.5 * (reference_.v_mps + next.v_mps);
-  middle.omega_radps = 0.5 * (reference_.omega_radps + next.omega_radps);
-  return feedback_.command(state_.pose, middle);
+Twist RollOut::feedback_wish() const {
+  const PathPoint& next = path_[steps_ + 1];
+  PathPoint middle = reference();
+  middle.v_mps = 0.5 * (middle.v_mps + next.v_mps);
+  middle.omega_radps = 0.5 * (middle.omega_radps + next.omega_radps);
+  return feedback_.command(state_.pose, heading_, middle);
 }
 
 }  // namespace tether

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 
 #include "common/path/reference_path.hpp"
 #include "common/vehicle/motion_model.hpp"
@@ -12,16 +13,15 @@ namespace tether {
 /// made of must outlive it.
 class RollOut {
  public:
-  /// From `state`, where the path is at `start_s`.
-  RollOut(const MotionModel& model, const TrackingFeedback& feedback, const ReferencePath& path,
-          const MotionModel::State& state, double start_s, double step_s)
+  /// From `state`. `path`: where it is then and after each step, one point more than steps.
+  RollOut(const MotionModel& model, const TrackingFeedback& feedback,
+          std::span<const PathPoint> path, const MotionModel::State& state, double step_s)
       : model_(model),
         feedback_(feedback),
         path_(path),
         state_(state),
-        start_s_(start_s),
-        step_s_(step_s),
-        reference_(path.at(start_s)) {}
+        heading_(Heading::of(state.pose.yaw_rad)),
+        step_s_(step_s) {}
 
   /// Moves on by a step with what the wheels can do of `wish`, or without one of the feedback's: of
   /// the errors at the step's beginning, with the path's own twist at its middle. Returns the
@@ -30,17 +30,17 @@ class RollOut {
 
   std::size_t steps() const { return steps_; }  ///< so far
   const MotionModel::State& state() const { return state_; }
-  const PathPoint& reference() const { return reference_; }
+  const PathPoint& reference() const { return path_[steps_]; }
 
  private:
-  Twist feedback_wish(const PathPoint& next) const;
+  Twist feedback_wish() const;
 
   const MotionModel& model_;
   const TrackingFeedback& feedback_;
-  const ReferencePath& path_;
+  std::span<const PathPoint> path_;
   MotionModel::State state_;
-  double start_s_, step_s_;
-  PathPoint reference_;
+  Heading heading_;
+  double step_s_;
   std::size_t steps_ = 0;
 };
 

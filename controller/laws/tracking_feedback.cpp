@@ -30,18 +30,19 @@ double TrackingFeedback::closing_speed(double x_e_m) const {
   return std::copysign(std::sqrt(2.0 * acceleration_mps2_ * (distance_m - 0.5 * linear_m_)), x_e_m);
 }
 
-Twist TrackingFeedback::command(const Pose2& pose, const PathPoint& reference) const {
-  const double c = std::cos(pose.yaw_rad), s = std::sin(pose.yaw_rad);
+Twist TrackingFeedback::command(const Pose2& pose, const Heading& heading,
+                                const PathPoint& reference) const {
+  const auto [c, s] = heading;
   const double dx_m = reference.x_m - pose.x_m, dy_m = reference.y_m - pose.y_m;
   const double x_e = c * dx_m + s * dy_m;
   const double y_e = c * dy_m - s * dx_m;
   const double theta_e = reference.yaw_rad - pose.yaw_rad;
-  const double cos_e = std::cos(theta_e), sin_e = std::sin(theta_e);
+  const auto [sin_e, cos_e] = sin_cos(theta_e);
 
   Twist u;
   u.v_mps = std::clamp(reference.v_mps * cos_e + closing_speed(x_e), -max_v_mps_, max_v_mps_);
   const double alpha =
-      std::atan2(y_e + look_ahead_m_ * sin_e, look_ahead_m_ * cos_e + std::max(x_e, 0.0));
+      direction_of(y_e + look_ahead_m_ * sin_e, look_ahead_m_ * cos_e + std::max(x_e, 0.0));
   // The path's speed, not v: when the vehicle catches up at three times the path's speed, the gain
   // would ask for more than the wheels can do.
   const double speed_mps = std::max(reference.v_mps, std::min(std::abs(u.v_mps), kSlowest_mps));

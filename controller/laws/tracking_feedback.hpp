@@ -2,6 +2,7 @@
 
 #include "common/path/reference_path.hpp"
 #include "common/vehicle/pose.hpp"
+#include "common/vehicle/small_angle.hpp"
 #include "controller/laws/law.hpp"
 
 namespace tether {
@@ -33,7 +34,11 @@ class TrackingFeedback {
   TrackingFeedback(const ControllerSettings& config, double max_acceleration_mps2);
 
   /// The twist for a vehicle at `pose` while the reference is at `reference`.
-  Twist command(const Pose2& pose, const PathPoint& reference) const;
+  Twist command(const Pose2& pose, const PathPoint& reference) const {
+    return command(pose, Heading::of(pose.yaw_rad), reference);
+  }
+  /// The same where the pose's heading is known.
+  Twist command(const Pose2& pose, const Heading& heading, const PathPoint& reference) const;
 
  private:
   double closing_speed(double x_e_m) const;
