@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cassert>
+#include <tether/path_fates_t.hpp>
 #include <utility>
 
 #include "common/bus/message_io.hpp"
@@ -12,6 +14,8 @@ namespace {
 
 constexpr Duration kTick = std::chrono::milliseconds{10};
 constexpr Duration kLook = std::chrono::seconds{1};
+constexpr Duration kFates = std::chrono::seconds{1};
+constexpr std::size_t kFatesPerMessage = 2500;  // one datagram of LCM
 constexpr double kNsPerMs = 1e6;
 
 }  // namespace
@@ -43,6 +47,7 @@ LinkNode::LinkNode(LinkConfig config, const KeyPair& own, EventLoop& loop, Bus& 
   loop_.every(now + kLook, kLook, Priority::observer, [this](Instant) { diagnose(); });
   loop_.every(now + config_.report_period, config_.report_period, Priority::observer,
               [this](Instant) { report(); });
+  loop_.every(now + kFates, kFates, Priority::observer, [this](Instant) { tell_fates(); });
 }
 
 LinkNode::~LinkNode() {
@@ -124,6 +129,11 @@ void LinkNode::report_path(PeerLink& peer, std::size_t path,
   out.path_first.push_back(p.first);
   out.path_lost.push_back(p.lost);
   out.path_loss.push_back(p.recent_loss);
+  const LossBursts& bursts = peer.bursts(path);
+  const auto count = static_cast<double>(bursts.count);
+  out.path_bursts.push_back(bursts.count);
+  out.path_burst_mean.push_back(count > 0.0 ? static_cast<double>(bursts.lost) / count : 0.0);
+  out.path_burst_longest.push_back(bursts.longest);
   const bool known = offset && p.transit_max_ns;
   // No delay is negative, whatever the bound says.
   const auto delay_ms = [known](double transit_ns, std::int64_t offset_ns) {
@@ -137,6 +147,36 @@ void LinkNode::report_path(PeerLink& peer, std::size_t path,
   out.path_worst_max_ms.push_back(delay_ms(worst_ns, bounds.max_ns));
   out.path_round_trip_ms.push_back(
       p.round_trip_min_ns ? static_cast<double>(*p.round_trip_min_ns) / kNsPerMs : -1.0);
+}
+
+void LinkNode::tell_fates() {
+  for (std::size_t peer = 0; peer < endpoint_.size(); ++peer) {
+    for (std::size_t path = 0; path < sockets_.size(); ++path) tell_fates_of(peer, path);
+  }
+}
+
+void LinkNode::tell_fates_of(std::size_t peer, std::size_t path) {
+  const std::vector<Fate> fates = endpoint_.peer(peer).take_fates(path);
+  const std::optional<IntervalNs> offset = endpoint_.peer(peer).offset(loop_.now());
+  for (std::size_t begin = 0; begin < fates.size(); begin += kFatesPerMessage) {
+    path_fates_t m{};
+    m.utime = wall_ns() / 1000;
+    m.seq = fates_seq_++;
+    m.peer = config_.peers[peer].name;
+    m.path = config_.paths[path].name;
+    m.offset_known = offset ? 1 : 0;
+    const IntervalNs bounds = offset.value_or(IntervalNs{});
+    m.offset_min_ms = static_cast<double>(bounds.min_ns) / kNsPerMs;
+    m.offset_max_ms = static_cast<double>(bounds.max_ns) / kNsPerMs;
+    for (std::size_t i = begin; i < std::min(begin + kFatesPerMessage, fates.size()); ++i) {
+      m.sent_ns.push_back(fates[i].sent_ns);
+      m.transit_ns.push_back(fates[i].transit_ns.value_or(0));
+      m.lost.push_back(fates[i].transit_ns ? 0 : 1);
+      m.anew.push_back(fates[i].anew ? 1 : 0);
+    }
+    m.count = static_cast<std::int32_t>(m.sent_ns.size());
+    publish(bus_, kFatesChannel, m);
+  }
 }
 
 void LinkNode::diagnose() {

@@ -18,6 +18,7 @@
 namespace tether::link {
 
 inline constexpr char kReportChannel[] = "LINK/REPORT";
+inline constexpr char kFatesChannel[] = "LINK/FATES";
 
 /// LCM on one side, UDP to other hosts on the other. What comes from a peer is published, and not
 /// heard here again, so that nothing goes round; LINK/… never leaves the host.
@@ -31,7 +32,10 @@ class LinkNode final : public Node {
            const RandomKey& random, Say say);
   ~LinkNode() override;
 
-  void finish() override { report(); }
+  void finish() override {
+    report();
+    tell_fates();
+  }
 
  private:
   Moment moment() const { return {loop_.now(), wall_ns()}; }
@@ -41,6 +45,8 @@ class LinkNode final : public Node {
   void report_peer(std::size_t number);
   void report_path(PeerLink& peer, std::size_t path, const std::optional<IntervalNs>& offset,
                    peer_report_t& out);
+  void tell_fates();
+  void tell_fates_of(std::size_t peer, std::size_t path);
   void diagnose();
 
   LinkConfig config_;
@@ -53,6 +59,7 @@ class LinkNode final : public Node {
   std::vector<bool> told_too_long_;
   bool copies_scheduled_ = false;
   std::int64_t seq_ = 0;
+  std::int64_t fates_seq_ = 0;
 };
 
 }  // namespace tether::link

@@ -5,12 +5,15 @@
 #include <cstdio>
 #include <string>
 
+#include "common/bus/message_io.hpp"
+#include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/service_manager.hpp"
 #include "link/keys/key_file.hpp"
 #include "link/node/link_node.hpp"
+#include "link/record/recording.hpp"
 
 namespace {
 
@@ -53,6 +56,34 @@ int run(const std::string& file) {
   return kExitOk;
 }
 
+struct RecordOptions {
+  link::RecordSettings settings;
+  std::string lcm_url = kDefaultLcmUrl;
+  double seconds = 0.0;
+};
+
+int record(const RecordOptions& options) {
+  RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+  UdpmBus bus(options.lcm_url, loop);
+  link::Recording recording(options.settings);
+  std::int64_t undecodable = 0;
+  subscribe<path_fates_t>(bus, link::kFatesChannel, kDeepQueue, undecodable,
+                          [&](const path_fates_t& fates) { recording.take(fates); });
+  if (options.seconds > 0.0) {
+    loop.at(loop.now() + from_seconds(options.seconds), Priority::observer,
+            [&loop](Instant) { loop.stop(); });
+  }
+  loop.run();
+  const std::string summary = recording.summary();
+  fmt::print("{}", summary);
+  if (!summary.empty()) return kExitOk;
+  fmt::print(stderr,
+             "tether-link: nothing was heard on {} of {}: does tether-link run there, with a peer "
+             "that is up and does not defer copies?\n",
+             link::kFatesChannel, options.lcm_url);
+  return kExitFailed;
+}
+
 }  // namespace
 
 // LCM ──▶ tether-link ═══ authenticated UDP, by one path or two ═══▶ tether-link ──▶ LCM
@@ -71,7 +102,24 @@ int main(int argc, char** argv) {
       "key file to write, of mode 0600; never overwrites");
   add("show", "Print the public key of a key file", "key file");
   add("run", "Carry channels until Ctrl-C", "configuration (TOML): docs/link.md");
+  RecordOptions recorded;
+  CLI::App* const record_command = app.add_subcommand(
+      "record",
+      "Write what became of the peers' datagrams, until Ctrl-C: PEER-PATH.csv for `tether netem "
+      "fit` and the channel's trace model");
+  record_command
+      ->add_option("--lcm-url", recorded.lcm_url, "LCM network of this host's tether-link")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  record_command->add_option("--out", recorded.settings.folder, "folder, which must exist [.]");
+  record_command->add_option("--peer", recorded.settings.peer, "only of this peer [all]");
+  record_command->add_option("--seconds", recorded.seconds, "end after so long [at Ctrl-C]")
+      ->check(CLI::Range(0.1, 1e7));
+  record_command->add_flag("--same-clock", recorded.settings.same_clock,
+                           "the peer's clock is set to ours (PTP, or one host): delays are as "
+                           "stamped, instead of by the offset's interval");
   return run_cli(app, argc, argv, [&]() -> int {
+    if (app.got_subcommand(record_command)) return record(recorded);
     if (sodium_init() < 0) throw std::runtime_error("libsodium does not start");
     if (app.got_subcommand("keygen")) return keygen(file);
     return app.got_subcommand("show") ? show(file) : run(file);

@@ -24,7 +24,8 @@ PeerLink::PeerLink(const Identity& identity, std::uint8_t number, PeerRules rule
       settings_(settings),
       out_(std::move(out)),
       refused_(refused),
-      sessions_(identity, number, settings.rekey, std::move(random), refused) {}
+      sessions_(identity, number, settings.rekey, std::move(random), refused),
+      fates_(settings.paths) {}
 
 bool PeerLink::up(Instant now) const {
   return std::any_of(paths_.begin(), paths_.begin() + static_cast<long>(settings_.paths),
@@ -168,6 +169,7 @@ bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView 
   newest_ = m.now;
   paths_[path].on_received(m.now, m.wall_ns - text->wall_ns, opened == Opened::fresh);
   offset_.on_heard(m.now, text->wall_ns, m.wall_ns);
+  judge(path, *session, header.counter, *text, m);
   if (opened != Opened::fresh) {
     ++(opened == Opened::late ? refused_.late : counters_.duplicates);
     return false;
@@ -180,6 +182,18 @@ bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView 
     on_ack(*session, std::get<Ack>(text->what));
   }
   return session == sessions_.current() && session->window().newest() == header.counter;
+}
+
+void PeerLink::judge(std::size_t path, const Session& session, std::uint64_t counter,
+                     const Text& text, Moment m) {
+  const std::uint64_t generation = session.generation();
+  const auto* const piece = std::get_if<Piece>(&text.what);
+  fates_.on_received(path, generation, counter, text.wall_ns, m.wall_ns - text.wall_ns,
+                     piece == nullptr);
+  if (piece != nullptr && piece->wants_ack) fates_.on_deferred(generation);
+  if (const auto* probe = std::get_if<Probe>(&text.what)) {
+    fates_.on_probe(m.now, path, generation, counter, probe->sent);
+  }
 }
 
 void PeerLink::on_probe(std::size_t path, Session& session, std::int64_t wall_ns,

@@ -8,8 +8,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "link/paths/clock_offset.hpp"
+#include "link/paths/path_fates.hpp"
 #include "link/paths/path_statistics.hpp"
 #include "link/paths/pieces.hpp"
 #include "link/peer/channel_rules.hpp"
@@ -86,6 +88,9 @@ class PeerLink {
   /// Since the newest authentic datagram; −1 s before the first.
   double age_s(Instant now) const { return newest_ ? to_seconds(now - *newest_) : -1.0; }
   PathReport report(std::size_t path, Instant now) { return paths_[path].report(now); }
+  /// Of the peer's datagrams by that path, those known since the last call.
+  std::vector<Fate> take_fates(std::size_t path) { return fates_.take(path); }
+  const LossBursts& bursts(std::size_t path) const { return fates_.bursts(path); }
   std::optional<IntervalNs> offset(Instant now) const { return offset_.at(now); }
   std::int64_t clock_steps() const { return offset_.steps(); }
   std::int64_t incomplete() const { return reassembly_.incomplete(); }
@@ -115,6 +120,8 @@ class PeerLink {
              std::size_t path, Instant due);
   void on_probe(std::size_t path, Session& session, std::int64_t wall_ns, const Probe& probe,
                 Moment m);
+  void judge(std::size_t path, const Session& session, std::uint64_t counter, const Text& text,
+             Moment m);
   void on_piece(std::size_t path, const Session& session, std::uint64_t counter, const Piece& piece,
                 Moment m);
   void on_ack(const Session& session, const Ack& ack);
@@ -127,6 +134,7 @@ class PeerLink {
   Sessions sessions_;
   std::array<PathStatistics, kMostPaths> paths_;
   std::array<LastProbe, kMostPaths> last_probes_{};
+  PathFates fates_;
   ClockOffset offset_;
   Reassembly reassembly_;
   std::map<std::string, MessageNumber, std::less<>> newest_of_;  // of latest-only channels

@@ -44,7 +44,7 @@ namespace tether::link {
 //   0  1  kind
 //   1  8  time of sealing
 //
-// PROBE, of one path:
+// PROBE, of one path; those of all paths are sealed in a row, in the order of the paths:
 //   9  1  path: its number at the sender
 //  10  8  sealed datagrams sent on it in this session, this one too
 //  18  8  time of the last PROBE that came by this path, as it says itself; 0: none
