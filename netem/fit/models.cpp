@@ -214,12 +214,17 @@ FateBits simulate(const FateLog& log, const GilbertElliott& loss, double pi_bad,
   return bits;
 }
 
-GoodnessOfFit test_choice(const FateLog& log, const ChannelFit& fit, RandomEngine random) {
+FateBits bits_of(const FateLog& log) {
   FateBits observed;
   for (const auto& segment : log.segments) {
     auto& out = observed.emplace_back();
     for (const LoggedPacket& p : segment) out.push_back(p.lost ? 1 : 0);
   }
+  return observed;
+}
+
+GoodnessOfFit test_choice(const FateLog& log, const FateBits& observed, const ChannelFit& fit,
+                          RandomEngine random) {
   const GilbertElliott& g = fit.candidates[fit.best].model;
   const double pi_bad = g.p > 0.0 ? g.p / (g.p + g.r) : 0.0;
   const auto per_packet = [&](RandomEngine& r) {
@@ -273,7 +278,12 @@ ChannelFit fit_channel(const FateLog& log, RandomEngine random) {
     fit.choice = in_time ? ChannelFit::Choice::markov : ChannelFit::Choice::gilbert_elliott;
     if (fit.markov) add_delays(log, *fit.markov);
   }
-  fit.goodness = test_choice(log, fit, random);
+  const FateBits observed = bits_of(log);
+  fit.goodness = test_choice(log, observed, fit, random);
+  const bool in_time = fit.choice == ChannelFit::Choice::markov;
+  fit.stationarity =
+      test_stationarity(observed, in_time ? sampled(fit.markov->model, fit.interval_s)
+                                          : fit.candidates[fit.best].model);
   return fit;
 }
 

@@ -9,6 +9,7 @@
 #include "netem/fit/data.hpp"
 #include "netem/fit/goodness.hpp"
 #include "netem/fit/likelihood.hpp"
+#include "netem/fit/stationarity.hpp"
 #include "netem/models/gilbert_elliott.hpp"
 
 namespace tether {
@@ -69,6 +70,9 @@ struct ChannelFit {
   /// For periodic packets the two are the same; otherwise the more likely one of best and markov.
   Choice choice = Choice::independent;
   GoodnessOfFit goodness;  ///< of the chosen model
+  Stationarity stationarity;
+
+  bool fits() const { return goodness.fits() && stationarity.holds(); }
 };
 
 inline constexpr std::int64_t kFewestEvents = 20;

@@ -86,6 +86,16 @@ std::string fit_verdict(const ChannelFit& fit) {
                            : fit.choice == ChannelFit::Choice::markov
                                ? "a two-state Markov process in time"
                                : "Gilbert-Elliott";
+  if (!fit.stationarity.holds()) {
+    std::vector<std::string> shares;
+    for (const double loss : fit.stationarity.loss) {
+      shares.push_back(fmt::format("{:.1f}", 100.0 * loss));
+    }
+    return fmt::format(
+        "the loss changes over this log ({} % in its quarters; p = {:.2g}), which no model here "
+        "does; use the log as a trace instead, or fit parts of it",
+        fmt::join(shares, ", "), fit.stationarity.p_value);
+  }
   if (fit.goodness.fits()) return fmt::format("{}: nothing in this log speaks against it", name);
   std::vector<std::string> reasons;
   for (const GoodnessOfFit::Part& part : fit.goodness.parts) {
@@ -126,6 +136,11 @@ std::string describe_fit(const ChannelFit& fit) {
       text += fmt::format("  {:31} {:8.1f}, {:.1f} expected, p = {:.3g}\n", p.feature, p.statistic,
                           p.expected, p.p_value);
     }
+  }
+  if (fit.enough) {
+    const Stationarity& s = fit.stationarity;
+    text +=
+        fmt::format("Same loss all the time: F = {:.2f}, 1 expected, p = {:.3g}\n", s.f, s.p_value);
   }
   return text + fmt::format("\nVerdict: {}\n", fit_verdict(fit));
 }

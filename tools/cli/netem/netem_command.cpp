@@ -47,7 +47,7 @@ int fit(const FitOptions& options) {
   out.write(as_comment(text) + "\n" +
             fit_to_toml(result, options.link, printable(input.description)));
   out.close();
-  return result.goodness.fits() ? kExitOk : kExitFailed;
+  return result.fits() ? kExitOk : kExitFailed;
 }
 
 void add_fit(CLI::App& netem, Action& action) {
@@ -55,7 +55,7 @@ void add_fit(CLI::App& netem, Action& action) {
   CLI::App* const command = netem.add_subcommand(
       "fit",
       "The channel model that a packet log fits best, with its accuracy, as a piece of a scenario "
-      "file. Exit code 1 if no model of the kind fits.");
+      "file. Exit code 1 if no model of the kind fits, or if the loss changes over the log.");
   command
       ->add_option("file", options->file,
                    "LCM event log, pcap capture of LCM messages, or CSV (seq,time_s of the packets "
