@@ -153,7 +153,7 @@ std::vector<Case> cases() {
       {"slot", {up("slot.period_ms=10")}},
       {"slot_with_limit", {up("slot.period_ms=10"), up("slot.packets=12")}},
       {"outages", {up("outages=[[1, 2], [3, 4]]")}}};
-  for (const char* law : {"uniform", "normal", "pareto", "paretonormal", "gamma"}) {
+  for (const char* law : {"uniform", "normal", "pareto", "paretonormal", "gamma", "lognormal"}) {
     list.push_back({std::string("jitter_") + law, jitter(law)});
   }
   list.push_back({"jitter_table", {up("jitter.law=table"), up("jitter.table_ms=[0, 1, 2, 9]")}});

@@ -162,16 +162,13 @@ std::optional<MarkovFit> fit_markov(const FateLog& log, const RunLog& runs, cons
   return fit;
 }
 
-double mean_delay(const FateLog& log) {
-  double sum = 0.0, count = 0.0;
+DelayLog delays_of(const FateLog& log) {
+  DelayLog delays;
   for (const auto& segment : log.segments) {
-    for (const LoggedPacket& p : segment) {
-      if (p.lost || std::isnan(p.delay_s)) continue;
-      sum += p.delay_s;
-      count += 1.0;
-    }
+    auto& out = delays.emplace_back();
+    for (const LoggedPacket& p : segment) out.push_back(p.lost ? kUnknown : p.delay_s);
   }
-  return count > 0.0 ? sum / count : kUnknown;
+  return delays;
 }
 
 void add_delays(const FateLog& log, MarkovFit& fit) {
@@ -191,6 +188,16 @@ void add_delays(const FateLog& log, MarkovFit& fit) {
   }
   fit.delay_good_s = weights[0] > 0.0 ? sums[0] / weights[0] : kUnknown;
   fit.delay_bad_s = weights[1] > 0.0 ? sums[1] / weights[1] : kUnknown;
+  if (std::isnan(fit.delay_good_s) || std::isnan(fit.delay_bad_s)) return;
+  DelayLog rest = delays_of(log);
+  i = 0;
+  for (auto& segment : rest) {
+    for (double& x : segment) {
+      x -= (1.0 - bad[i]) * fit.delay_good_s + bad[i] * fit.delay_bad_s;
+      ++i;
+    }
+  }
+  fit.delays = fit_delays(rest, -std::min(fit.delay_good_s, fit.delay_bad_s));
 }
 
 /// A log of the same packets whose state moves from good to bad with p and back with r; both may
@@ -257,7 +264,7 @@ ChannelFit fit_channel(const FateLog& log, RandomEngine random) {
   fit.lost = log.lost();
   fit.interval_s = log.interval_s;
   fit.periodic = log.periodic;
-  fit.mean_delay_s = mean_delay(log);
+  fit.delays = fit_delays(delays_of(log));
   if (fit.packets < 2) throw UsageError("fewer than two packets: nothing to fit");
   fit.candidates.push_back(fit_independent(fit.packets, fit.lost));
   fit.enough = std::min(fit.lost, fit.packets - fit.lost) >= kFewestEvents;

@@ -7,23 +7,14 @@
 
 #include "common/base/random.hpp"
 #include "netem/fit/data.hpp"
+#include "netem/fit/delays.hpp"
 #include "netem/fit/goodness.hpp"
 #include "netem/fit/likelihood.hpp"
+#include "netem/fit/parameter.hpp"
 #include "netem/fit/stationarity.hpp"
 #include "netem/models/gilbert_elliott.hpp"
 
 namespace tether {
-
-/// An estimated parameter.
-struct FitParameter {
-  std::string name;
-  double value = 0.0;
-  /// By the observed information on the scale of logits (probabilities) or logarithms (times);
-  /// NaN where the log does not determine the parameter.
-  double standard_error = 0.0;
-  double low = 0.0, high = 0.0;  ///< 95 % confidence interval, computed on that scale
-  bool fixed = false;            ///< by the choice of model, not estimated
-};
 
 /// Maximum likelihood of one model.
 struct ModelFit {
@@ -46,6 +37,7 @@ struct MarkovFit : ModelFit {
   /// Mean delay of the packets received in each state, weighted with the probability of that state
   /// given all losses; NaN where the log has no delays.
   double delay_good_s = 0.0, delay_bad_s = 0.0;
+  DelayFit delays;  ///< of what is left when these, with the same weights, are taken off
 };
 
 /// What a log says about its channel.
@@ -56,7 +48,7 @@ struct ChannelFit {
   std::int64_t lost = 0;
   double interval_s = 0.0;
   bool periodic = false;
-  double mean_delay_s = 0.0;  ///< of received packets; NaN without delays
+  DelayFit delays;  ///< of received packets
   /// Enough losses and receptions (kFewestEvents each) to tell models apart; else only independent
   /// loss is fitted, and goodness is not tested.
   bool enough = false;

@@ -53,14 +53,82 @@ std::string delay_line(const std::string& key, double delay_s) {
   return line(key, std::max(0.0, std::round(delay_s * 1e9) * 1e-6));  // to the nanosecond
 }
 
+std::string number_list(const std::vector<double>& values_s) {
+  std::string text = "[";
+  for (std::size_t i = 0; i < values_s.size(); ++i) {
+    text += fmt::format("{}{:.6f}", i == 0 ? "" : i % 10 == 0 ? ",\n  " : ", ", values_s[i] * 1e3);
+  }
+  return text + "]";
+}
+
+/// The keys jitter.…
+std::string jitter_lines(const DelayFit& fit) {
+  if (fit.law() == "none") return "";
+  std::string text = fmt::format("jitter.law = \"{}\"\n", fit.law());
+  if (fit.law() == "table") {
+    text += fmt::format("jitter.table_ms = {}\n", number_list(fit.table_s));
+  } else {
+    const DelayFit::Candidate& c = fit.candidates[fit.best];
+    for (const FitParameter& p : c.parameters) {
+      if (p.name != "delay_ms") text += line(p.name, p.value, &p);
+    }
+  }
+  if (fit.correlation != 0.0) {
+    text += line("jitter.correlation", std::round(fit.correlation * 1e4) * 1e-4);
+  }
+  return text;
+}
+
+/// What stays when the jitter is taken off delays of that mean.
+double constant_part(const DelayFit& fit, double mean_s) {
+  if (fit.law() == "none") return mean_s;
+  const double shift_s = fit.law() == "table" ? 0.0 : fit.candidates[fit.best].constant_s;
+  return mean_s + shift_s;
+}
+
 std::string markov_lines(const MarkovFit& m) {
   const auto& p = m.parameters;
   return "model = \"markov\"\n" + line("markov.good.prr", m.model.prr_good, &p[0]) +
-         delay_line("markov.good.delay_ms", m.delay_good_s) +
+         delay_line("markov.good.delay_ms", constant_part(m.delays, m.delay_good_s)) +
          line("markov.bad.prr", m.model.prr_bad, &p[1]) +
-         delay_line("markov.bad.delay_ms", m.delay_bad_s) +
+         delay_line("markov.bad.delay_ms", constant_part(m.delays, m.delay_bad_s)) +
          line("markov.mean_good_s", m.model.mean_good_s, &p[2]) +
-         line("markov.mean_bad_s", m.model.mean_bad_s, &p[3]);
+         line("markov.mean_bad_s", m.model.mean_bad_s, &p[3]) + jitter_lines(m.delays);
+}
+
+/// Of a model that has one delay for all its states.
+std::string delay_lines(const DelayFit& fit) {
+  const double constant_s = fit.law() == "none" ? fit.mean_s : constant_part(fit, 0.0);
+  return delay_line("delay_ms", constant_s) + jitter_lines(fit);
+}
+
+std::string describe_delays(const ChannelFit& channel) {
+  const bool by_state = channel.choice == ChannelFit::Choice::markov;
+  const DelayFit& fit = by_state ? channel.markov->delays : channel.delays;
+  if (fit.candidates.empty()) return "";
+  std::string text =
+      fmt::format("\nDelays{}: {} of them, worth {:.0f} independent ones; ",
+                  by_state ? " less the mean of each state" : "", fit.delays, fit.effective);
+  text += fit.correlation == 0.0 ? "neighbours are not correlated\n"
+                                 : fmt::format("neighbours' correlation {:.3f} ± {:.2g}\n",
+                                               fit.correlation, fit.correlation_error);
+  for (std::size_t i = 0; i < fit.candidates.size(); ++i) {
+    const DelayFit::Candidate& c = fit.candidates[i];
+    const bool is_chosen = i == fit.best && fit.table_s.empty();
+    text += fmt::format("{} {}: BIC {:.1f}, off by {:.4f} at most, p = {:.3g}\n",
+                        is_chosen ? "*" : " ", c.law, c.bic, c.distance, c.p_value);
+    if (i != fit.best) continue;
+    for (const FitParameter& p : c.parameters) text += fmt::format("      {}\n", describe(p));
+  }
+  if (!fit.table_s.empty())
+    text += "* table: none of these laws fits, so that quantiles stand for it\n";
+  if (fit.lasts_longer()) {
+    text += fmt::format(
+        "  delays {} packets apart are correlated by {:.3f}, not {:.3f}: longer than "
+        "jitter.correlation\n  can say; use the log as a trace where that matters\n",
+        DelayFit::kFar, fit.far, fit.far_expected);
+  }
+  return text;
 }
 
 std::string commented(const std::string& lines) {
@@ -119,8 +187,8 @@ std::string describe_fit(const ChannelFit& fit) {
         fmt::format(", {} every {:.4g} ms", fit.periodic ? "sent" : "sent irregularly, on average",
                     fit.interval_s * 1e3);
   }
-  if (!std::isnan(fit.mean_delay_s)) {
-    text += fmt::format(", mean delay {:.4g} ms", fit.mean_delay_s * 1e3);
+  if (!std::isnan(fit.delays.mean_s)) {
+    text += fmt::format(", mean delay {:.4g} ms", fit.delays.mean_s * 1e3);
   }
   text += "\n\n";
   for (std::size_t i = 0; i < fit.candidates.size(); ++i) {
@@ -142,6 +210,7 @@ std::string describe_fit(const ChannelFit& fit) {
     text +=
         fmt::format("Same loss all the time: F = {:.2f}, 1 expected, p = {:.3g}\n", s.f, s.p_value);
   }
+  text += describe_delays(fit);
   return text + fmt::format("\nVerdict: {}\n", fit_verdict(fit));
 }
 
@@ -153,14 +222,13 @@ std::string fit_to_toml(const ChannelFit& fit, const std::string& link, const st
   const GilbertElliott& g = fit.candidates[fit.best].model;
   if (fit.choice == ChannelFit::Choice::independent) {
     return text + "model = \"fixed\"\n" + line("prr", 1.0 - g.one_minus_k, &model.parameters[0]) +
-           delay_line("delay_ms", fit.mean_delay_s);
+           delay_lines(fit.delays);
   }
   const auto& p = model.parameters;
   text += "model = \"gilbert_elliott\"\n" + line("gilbert_elliott.p", g.p, &p[0]) +
           line("gilbert_elliott.r", g.r, &p[1]) +
           line("gilbert_elliott.one_minus_h", g.one_minus_h, &p[2]) +
-          line("gilbert_elliott.one_minus_k", g.one_minus_k, &p[3]) +
-          delay_line("delay_ms", fit.mean_delay_s);
+          line("gilbert_elliott.one_minus_k", g.one_minus_k, &p[3]) + delay_lines(fit.delays);
   if (!fit.markov) return text;
   const char* const relation = fit.periodic
                                    ? "The same in time, which holds for other message rates, too"

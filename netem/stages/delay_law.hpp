@@ -24,6 +24,7 @@ inline constexpr double kMaxScore = 8.3;
 /// - paretonormal: m + s W/sd(W), W = 0.25 Z + 0.75 (4/3)(Y − E Y), Z and Y quantiles of the normal
 ///   and of that Pareto law at the same probability (iproute2, netem/paretonormal.c).
 /// - gamma: shape (m/s)², scale s²/m; m > 0.
+/// - lognormal: exp(μ + σ Z), σ² = ln(1 + (s/m)²), μ = ln m − σ²/2; m > 0.
 /// - table: Q linear between the given quantiles at probabilities 0, 1/(n−1) … 1; m and s shift and
 ///   scale nothing.
 /// All but normal and table are tabulated over z in ±kMaxScore, with relative errors below 1e-4 of

@@ -83,6 +83,21 @@ std::string refuse_gamma(const JitterSettings& jitter) {
       jitter.mean_ms, jitter.sd_ms);
 }
 
+/// exp(μ + σ z) with mean m and standard deviation s.
+std::vector<double> lognormal(const JitterSettings&, double m, double s) {
+  const double variance = std::log1p(s * s / (m * m));
+  return tabulated([mu = std::log(m) - 0.5 * variance, sigma = std::sqrt(variance)](double z) {
+    return std::exp(mu + sigma * z);
+  });
+}
+
+std::string refuse_lognormal(const JitterSettings& jitter) {
+  if (jitter.mean_ms >= 0.1 * jitter.sd_ms && jitter.mean_ms <= 1e3 * jitter.sd_ms) return "";
+  return fmt::format(
+      "{{0}}law = \"lognormal\" needs {{0}}mean_ms in [sd_ms/10, 1000 sd_ms]; they are {} and {}",
+      jitter.mean_ms, jitter.sd_ms);
+}
+
 std::string refuse_table(const JitterSettings& jitter) {
   const auto& table = jitter.table_ms;
   if (table.empty() == jitter.file.empty()) {
@@ -131,6 +146,10 @@ TcJitter tc_pareto(const JitterSettings& jitter) {
 
 TcJitter tc_gamma(const JitterSettings&) { return {.missing = "tc has no table of gamma laws"}; }
 
+TcJitter tc_lognormal(const JitterSettings&) {
+  return {.missing = "tc has no table of lognormal laws"};
+}
+
 TcJitter tc_table(const JitterSettings&) {
   return {.missing =
               "tc reads tables of another kind (maketable of iproute2's sources makes them)"};
@@ -155,6 +174,7 @@ const std::vector<JitterLaw>& jitter_laws() {
       {"pareto", kTail, Form::scores, pareto, nullptr, tc_pareto},
       {"paretonormal", kTail, Form::scores, paretonormal, nullptr, tc_pareto},
       {"gamma", kSpread, Form::scores, gamma, refuse_gamma, tc_gamma},
+      {"lognormal", kSpread, Form::scores, lognormal, refuse_lognormal, tc_lognormal},
       {"table", kTable, Form::quantiles, nullptr, refuse_table, tc_table}};
   return laws;
 }

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 
 #include <boost/math/distributions/gamma.hpp>
+#include <boost/math/distributions/lognormal.hpp>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/pareto.hpp>
 #include <cmath>
@@ -49,7 +50,10 @@ double pareto_score(double p, double a) {
 std::vector<Case> cases() {
   const boost::math::normal normal(3.0, 2.0);
   const boost::math::gamma_distribution<> gamma(6.25, 1.6), bursty(0.25, 40.0);
+  const boost::math::lognormal lognormal(1.0, 0.6);
   return {
+      {"lognormal", config("lognormal", mean(lognormal), standard_deviation(lognormal)),
+       [=](double p) { return quantile(lognormal, p); }, 0.0},
       {"uniform", config("uniform", 3.0, 2.0),
        [](double p) { return 3.0 + 2.0 * std::sqrt(3.0) * (2.0 * p - 1.0); }, 1.8},
       {"normal", config("normal", 3.0, 2.0), [=](double p) { return quantile(normal, p); }, 3.0},

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tether {
+
+/// A law of delays as maximum likelihood finds it, for DelayFit.
+struct FittedLaw {
+  std::string name;
+  double lower_end = 0.0;  ///< what mean is counted from; of normal and uniform 0
+  double mean = 0.0, sd = 0.0, shape = 3.0;
+  /// Standard errors of lower end, mean, standard deviation and shape, of independent values; NaN:
+  /// not determined, or the parameter is none of the law's. Of the lower end 0: it is at a limit of
+  /// where it is sought.
+  double errors[4] = {};
+  int free_parameters = 0;
+  double log_likelihood = 0.0;  ///< for one value on average
+
+  double cdf(double x) const;
+};
+
+/// Fits each law to `sorted` values, ascending and not all the same; lower ends are not sought
+/// below `lowest`. Of more than 20 000 values as many quantiles stand for all.
+std::vector<FittedLaw> fit_laws(const std::vector<double>& sorted, double lowest);
+
+}  // namespace tether
