@@ -1,8 +1,7 @@
 #!/usr/bin/env -S python3 -B
 """Measure, fit, simulate, compare: two tether-link processes over a bad network ("the floor"), whose
 recording is fitted, and whose fit is simulated. The floor is tc's netem where the kernel has it,
-else our relay's links in front of the same sockets; the two hosts are network namespaces where
-there is veth, else one loopback. Usage: floor_test.py BIN_DIR"""
+else our relay's links in front of the same sockets; the two hosts are network namespaces. Usage: floor_test.py BIN_DIR"""
 
 import csv
 import ctypes
@@ -19,7 +18,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
 
-from live_support import GROUP, PORT, TWIST, TYPES, LcmType, Network, check, main, wait_until  # noqa: E402
+from live_support import TWIST, TYPES, LcmType, Network, check, main, wait_until  # noqa: E402
 
 TYPES["LINK/REPORT"] = LcmType("peer_report")
 RATE_HZ = 400
@@ -29,7 +28,6 @@ LOSS, BURST = P / (P + R), 1 / R
 NORMAL_MS = (20.0, 2.0)  # netem's delay
 CONSTANT_MS, LOGNORMAL_MS = 10.0, (4.0, 4.0)  # our links'
 SIGMAS = 4.5
-FAR_PORT = 7668
 CLONE_NEWNET = 0x40000000
 
 
@@ -80,30 +78,14 @@ class Floor:
     )
 
     def __init__(self, test):
-        netem = works("tc qdisc add dev lo root netem delay 1ms")
-        veth = works("ip link add name vnear type veth peer name vfar")
-        check(netem or veth, "wants tc's netem, or veth: run it in tests/uml/with_can.sh --netem")
-        self.netem = netem
-        self.enter = {"near": [], "far": []}
-        if not veth:
-            self._on_loopback(test)
-            return
+        self.netem = works("tc qdisc add dev lo root netem delay 1ms")
         near, far = Host(test), Host(test)
         self.enter = {"near": near.enter, "far": far.enter}
-        if netem:
+        if self.netem:
             self._with_tc(near, far)
         else:
             self._with_links(test, near, far)
-        self.near, self.far, self.ports = near.network(), far.network(), (PORT, PORT)
-
-    def _on_loopback(self, test):
-        self.kind = "tc's netem on loopback"
-        shell("tc qdisc add dev lo root handle 1: prio bands 4 priomap 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0")
-        shell(f"tc qdisc add dev lo parent 1:4 handle 40: {self.NETEM}")
-        shell("tc filter add dev lo parent 1: protocol ip u32 match ip dport 7710 0xffff flowid 1:4")
-        self.near, self.far, self.ports = test.network, Network(FAR_PORT), (PORT, FAR_PORT)
-        self.bind = {"near": "127.0.0.1:7700", "far": "127.0.0.1:7710"}
-        self.other = {"near": self.bind["far"], "far": self.bind["near"]}
+        self.near, self.far = near.network(), far.network()
 
     def _with_tc(self, near, far):
         self.kind = "tc's netem between network namespaces"
@@ -147,11 +129,11 @@ def start_links(test, floor):
         side: test.run("tether-link", "keygen", test.work / f"{side}.key").out().strip()
         for side in ("near", "far")
     }
-    for side, other, port in (("near", "far", floor.ports[0]), ("far", "near", floor.ports[1])):
+    for side, other in (("near", "far"), ("far", "near")):
         file = test.work / f"{side}.toml"
         file.write_text(f"""
             key = "{side}.key"
-            lcm_url = "udpm://{GROUP}:{port}?ttl=0"
+            lcm_url = "{floor.near.url}"
             report_period_s = 0.5
             [[path]]
             name = "wifi"
@@ -171,8 +153,7 @@ def start_links(test, floor):
 
 def record(test, floor):
     """The far host's file of what became of the near host's datagrams."""
-    url = f"udpm://{GROUP}:{floor.ports[1]}?ttl=0"
-    command = [test.bin / "tether-link", "record", "--lcm-url", url, "--out", test.work]
+    command = [test.bin / "tether-link", "record", "--out", test.work]
     recorder = test.start("/usr/bin/env", *floor.enter["far"], *command, "--same-clock")
     due = time.monotonic() + 0.5
     for number in range(MESSAGES):
@@ -264,4 +245,6 @@ def replay(test, rows, rate_hz):
     near(1 - replayed["PRR"], lost, 0.005, "replayed loss")
 
 
+if "TETHER_CAN_KERNEL" in os.environ:  # a network of netem's, which has no route for LCM yet
+    shell("ip route add 224.0.0.0/4 dev lo")
 main(measured_fitted_simulated_the_floor_is_the_same)

@@ -65,7 +65,7 @@ TEST(Recording, TimesIncreaseWhateverTheClockDoes) {
   EXPECT_THAT(contents(folder.path / "vehicle_7-wifi.csv"),
               HasSubstr("\n0.001000000,0,3.000000\n0.001000001,0,3.000000\n0.002000001,0,3.000000\n"
                         "0.002000002,0,3.000000\n0.002000003,0,3.000000\n"));
-  EXPECT_THAT(recording.summary(), HasSubstr("of 1 stretches"));
+  EXPECT_THAT(recording.summary(), HasSubstr("of 1 stretch,"));
 }
 
 TEST(Recording, BeginsWhenTheOffsetIsKnownAndTakesOnlyWhomItIsAskedFor) {

@@ -16,7 +16,7 @@ from subprocess import PIPE, STDOUT, Popen
 
 MODULES = {
     "vcan": ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan", "slcan", "can-gw"),
-    "netem": ("sch_netem", "sch_prio"),
+    "netem": ("sch_netem", "sch_prio", "veth"),
 }
 
 FINIT_MODULE = 313  # on x86-64, the only machine that User-Mode Linux has
