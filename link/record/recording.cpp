@@ -131,8 +131,8 @@ std::string Recording::summary() const {
         f.delay_most_ms,
         settings_.same_clock ? "by one clock" : fmt::format("each ± {:.3f} ms", f.error_ms));
     if (f.gaps > 0) {
-      text +=
-          fmt::format("  of {} stretches, {:.1f} s in all, nothing is known\n", f.gaps, f.gaps_s);
+      text += fmt::format("  of {} {}, {:.1f} s in all, nothing is known\n", f.gaps,
+                          f.gaps == 1 ? "stretch" : "stretches", f.gaps_s);
     }
     if (f.without_delay > 0) {
       text += fmt::format("  {} datagrams are left out: the clocks' offset was not known yet\n",

@@ -65,7 +65,7 @@ class TwoHosts {
     PeerSetup peer;
     peer.key = peer_key[i].value_or(hosts[1 - i].keys.public_key);
     peer.rules.send =
-        SendRules(i == 0 ? std::vector<std::string>{"CMD|BIG|LATEST"}
+        SendRules(i == 0 ? std::vector<std::string>{"CMD|BIG|LATEST", "LINK/REPORT -> CMD"}
                          : std::vector<std::string>{"POSE|SECRET", "FAKE -> LINK/REPORT"});
     peer.rules.receive = ChannelList({i == 0 ? "POSE|LINK/.*" : "CMD|BIG|LATEST"});
     peer.rules.latest_only = ChannelList({"LATEST"});

@@ -19,6 +19,10 @@ SOURCES = [
     ("autonomy/node/onboard_driver.cpp", ["autonomy_test"]),
     ("localiser/core/localiser.cpp", ["localiser_test"]),
     ("localiser/node/localiser_node.cpp", ["localiser_test"]),
+    ("link/session/*.cpp", ["link_test", "link_paths_test"]),
+    ("link/peer/*.cpp", ["link_test", "link_paths_test"]),
+    ("link/paths/path_fates.cpp", ["link_paths_test"]),
+    ("link/keys/key_file.cpp", ["link_test"]),
 ]
 
 # The same of sources that need a kernel with CAN.
