@@ -17,8 +17,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = "common sim localiser controller autonomy netem can_bridge link tools bench".split()
-AT_ONCE = 64
+FOLDERS = "common sim localiser controller autonomy netem can_bridge link margin tools bench".split()
+AT_ONCE = 96
 CHATTER = re.compile(r"\d+ warnings? (generated|treated)|Suppressed|Use -header-filter")
 
 
