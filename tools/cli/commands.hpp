@@ -22,5 +22,6 @@ void add_view_command(CLI::App& tether, Action& action);
 void add_can_command(CLI::App& tether, Action& action);
 void add_doctor_command(CLI::App& tether, Action& action);
 void add_margin_command(CLI::App& tether, Action& action);
+void add_path_command(CLI::App& tether, Action& action);
 
 }  // namespace tether

@@ -81,6 +81,7 @@ int main(int argc, char** argv) {
   add_netem_command(app, action);
   add_doctor_command(app, action);
   add_margin_command(app, action);
+  add_path_command(app, action);
   const std::string word = argc > 1 ? argv[1] : "", next = argc > 2 ? argv[2] : "";
   const auto found =
       app.get_subcommands([&](const CLI::App* sub) { return sub->check_name(word); });
