@@ -1,0 +1,126 @@
+"""What runs and sweeps leave behind: logs, folders of runs, databases of sweeps.
+
+A Table is a dict of columns; .rows() are its rows as dicts, .numpy() and .pandas() what these
+libraries make of it, where they are installed.
+"""
+
+import json
+import pathlib
+import re
+import sqlite3
+import struct
+import tomllib
+import typing
+
+from . import messages
+from .path import number_or_text, read_csv
+
+
+class Table(dict):
+    """Columns by name, all of one length."""
+
+    def rows(self):
+        return [dict(zip(self, row)) for row in zip(*self.values())]
+
+    def numpy(self):
+        import numpy
+
+        return {name: numpy.array(column) for name, column in self.items()}
+
+    def pandas(self):
+        import pandas
+
+        return pandas.DataFrame(self)
+
+
+class Logged(typing.NamedTuple):
+    t_s: float  # when it was recorded: seconds of the run, or since 1970 in a log of lcm-logger
+    channel: str
+    type: str  # "pose_t"; "" if it is none of Tether's
+    message: object  # its fields; None if it is none of Tether's
+
+
+def read_log(file, channels=".*"):
+    """The messages of an LCM log, one after another, whose whole channel matches the expression.
+    A last message that is cut off, by a program that was killed, is left out."""
+    wanted = re.compile(channels)
+    with open(file, "rb") as log:
+        while len(head := log.read(28)) == 28:
+            sync, _, stamp_us, name_size, size = struct.unpack(">IqqII", head)
+            if sync != 0xEDA1DA01:
+                raise ValueError(f"{file}: no LCM log, or damaged, before byte {log.tell()}")
+            name, data = log.read(name_size), log.read(size)
+            if len(name) + len(data) < name_size + size:
+                return
+            channel = name.decode(errors="replace")
+            if wanted.fullmatch(channel):
+                kind, message = messages.decode(data) or ("", None)
+                yield Logged(1e-6 * stamp_us, channel, kind, message)
+
+
+def log_table(file, channel):
+    """The messages of one channel as columns: t_s and the message's fields."""
+    table = Table(t_s=[])
+    for logged in read_log(file, re.escape(channel)):
+        if logged.message is None:
+            continue
+        table["t_s"].append(logged.t_s)
+        for name, value in vars(logged.message).items():
+            table.setdefault(name, []).append(value)
+    return table
+
+
+class Run:
+    """The folder of a run (tether run --out FOLDER)."""
+
+    def __init__(self, folder):
+        self.folder = pathlib.Path(folder)
+        why = self.folder / "incomplete.txt"
+        if why.exists():
+            raise ValueError(f"{folder}: the run is incomplete: {why.read_text().strip()}")
+        self.summary = json.loads((self.folder / "summary.json").read_text())
+        self.scenario = tomllib.loads((self.folder / "scenario.toml").read_text())
+        self.log_file = self.folder / "run.lcmlog"
+
+    @property
+    def trajectory(self):
+        return Table(read_csv(self.folder / "trajectory.csv"))
+
+    def log(self, channels=".*"):
+        return read_log(self.log_file, channels)
+
+    def table(self, channel):
+        return log_table(self.log_file, channel)
+
+
+def read_run(folder):
+    return Run(folder)
+
+
+def read_sweep(where):
+    """The runs of a sweep (a folder or its runs.sqlite): arm, what the arm varies, seed, failure and
+    the metrics. Metrics of a run that failed are None. Checksums of rows are verified by
+    `tether sweep export`, not here."""
+    file = pathlib.Path(where)
+    file = file / "runs.sqlite" if file.is_dir() else file
+    if not file.exists():
+        raise FileNotFoundError(f"{file}: no sweep's database")
+    database = sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)
+    try:
+        arms = {
+            arm: {key: number_or_text(value) for key, value in json.loads(text)}
+            for arm, text in database.execute("SELECT arm, settings FROM arms")
+        }
+        cursor = database.execute("SELECT * FROM runs ORDER BY arm, seed")
+        names = [column[0] for column in cursor.description]
+        runs = [dict(zip(names, row)) for row in cursor]
+    finally:
+        database.close()
+    varied = list(dict.fromkeys(key for settings in arms.values() for key in settings))
+    table = Table(arm=[run["arm"] for run in runs])
+    for key in varied:
+        table[key] = [arms[run["arm"]].get(key) for run in runs]
+    for name in names:
+        if name not in ("arm", "sum"):
+            table[name] = [run[name] for run in runs]
+    return table
