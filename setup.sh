@@ -8,6 +8,8 @@ set -euo pipefail
 packages=(
     # compiler and build
     g++ cmake ninja-build pkg-config python3 git ca-certificates
+    # pip install ./python
+    python3-venv python3-pip python3-setuptools
     # libraries
     liblcm-dev liblcm-bin libboost-dev libeigen3-dev libnlopt-dev libnlopt-cxx-dev libcli11-dev libfmt-dev
     libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev libsodium-dev libsystemd-dev nlohmann-json3-dev

@@ -61,5 +61,10 @@ if(NOT TETHER_VEHICLE_ONLY)
  and loss does it survive? The same controller then runs on a factory floor."
     DEPENDS "tether-vehicle (= ${PROJECT_VERSION}), gnuplot-nox"
     RECOMMENDS "liblcm-bin, liblcm-java, libjchart2d-java, default-jre")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+  tether_debian_package(python python3-tether
+    "Controllers in Python for simulated and live runs, and readers of runs, sweeps and
+ LCM logs: of the standard library alone."
+    ARCH all DEPENDS "python3 (>= 3.11)" RECOMMENDS "tether (= ${PROJECT_VERSION}), python3-numpy")
 endif()
 include(CPack)

@@ -2,6 +2,7 @@
 #
 #   tether-vehicle  what a vehicle's computer runs, with scenarios and drivetrains to begin from
 #   tether          all else: simulator, relay, controller, sweeps, figures, the page
+#   python3-tether  controllers in Python, and readers of runs, sweeps and logs
 #   tether-dev      the messages, for C++ (a CMake package) and for lcm-gen
 #   tether-doc      docs/, examples and the change log
 #
@@ -71,6 +72,13 @@ if(NOT TETHER_VEHICLE_ONLY)
     ${CMAKE_BINARY_DIR}/share/tether/view ${CMAKE_BINARY_DIR}/share/tether/java
     DESTINATION ${shared} COMPONENT lab)
   tether_install_manuals(lab ${TETHER_LAB_PROGRAMS})
+  # Where Debian's Python looks; the messages' descriptions come along.
+  list(APPEND components python)
+  set(python_packages lib/python3/dist-packages)
+  install(DIRECTORY python/tether DESTINATION ${python_packages} COMPONENT python
+    FILES_MATCHING PATTERN "*.py")
+  install(DIRECTORY lcmtypes/ DESTINATION ${python_packages}/tether/lcmtypes COMPONENT python
+    FILES_MATCHING PATTERN "*.lcm")
   foreach(shell_file bash:bash-completion/completions/tether zsh:zsh/vendor-completions/_tether)
     string(REPLACE ":" ";" shell_file ${shell_file})
     list(POP_FRONT shell_file shell)

@@ -1,6 +1,6 @@
 // A foreign controller for Tether, with LCM and the generated types alone: a proportional law that
-// follows scenarios/paper.toml's figure eight. controller.py is the same in Python, and says how to
-// start it; docs/time.md describes the messages on TIME/...
+// follows scenarios/paper.toml's figure eight, by poses alone. docs/time.md says how to start it,
+// and describes the messages on TIME/...; controller.py is one by the Python package.
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -8,6 +8,7 @@
 #include <deque>
 #include <lcm/lcm-cpp.hpp>
 #include <map>
+#include <optional>
 #include <string>
 #include <tether/pose_t.hpp>
 #include <tether/time_grant_t.hpp>
@@ -80,13 +81,15 @@ class Controller {
     return bytes;
   }
 
-  /// Publishes the answer to a pose and returns its bytes; none if the message is not a newer pose.
-  Bytes command(const Bytes& bytes) {
+  /// Publishes the answer to a pose, decided at `utime` (none: not known, the pose's), and returns
+  /// its bytes; none if the message is not a newer pose.
+  Bytes command(const Bytes& bytes, std::optional<std::int64_t> utime) {
     tether::pose_t pose{};
     if (!decode(bytes, pose) || pose.seq <= newest_ || pose.utime < 0) return {};
     newest_ = pose.seq;
     tether::twist_t twist{};
-    twist.utime = twist.pose_utime = pose.utime;
+    twist.utime = utime.value_or(pose.utime);
+    twist.pose_utime = pose.utime;
     twist.run = pose.run;
     twist.seq = commands_++;
     law(pose, twist);
@@ -97,7 +100,7 @@ class Controller {
     const auto* data = static_cast<const std::uint8_t*>(buffer->data);
     const Bytes bytes(data, data + buffer->data_size);
     if (!lockstep_) {
-      command(bytes);
+      command(bytes, std::nullopt);
       return;
     }
     inbox_.push_back(bytes);  // until a grant names it
@@ -147,7 +150,7 @@ class Controller {
         ++pose;
       }
       if (pose == inbox_.end()) return;
-      const Bytes sent = command(*pose);
+      const Bytes sent = command(*pose, grant_.time_ns[next_] / 1000);
       inbox_.erase(pose);
       if (!sent.empty()) {
         sent_[commands_] = sent;

@@ -46,7 +46,7 @@ class Controller:
         # A vehicle that was started again is another run, and counts from 0.
         if self._pose and pose.run == self._pose.run and pose.seq <= self._pose.seq:
             return []
-        pose.t_s = 1e-6 * pose.utime
+        pose.t_s = pose.utime / 1e6
         self._pose = pose
         return [] if self.period_ns else self._decide(t_s)
 

@@ -164,9 +164,9 @@ class Lockstep:
         while self._events and (*self._events[0][:2], _RANK) < bound:
             ns, _, data = heapq.heappop(self._events)
             if data is None:
-                messages = self._controller.on_timer(1e-9 * ns)
+                messages = self._controller.on_timer(ns / 1e9)
             else:
-                messages = self._controller.on_pose(1e-9 * ns, data)
+                messages = self._controller.on_pose(ns / 1e9, data)
             for channel, sent in messages:
                 self._numbers[channel] += 1
                 number = self._numbers[channel]

@@ -55,7 +55,7 @@ def read_log(file, channels=".*"):
             channel = name.decode(errors="replace")
             if wanted.fullmatch(channel):
                 kind, message = messages.decode(data) or ("", None)
-                yield Logged(1e-6 * stamp_us, channel, kind, message)
+                yield Logged(stamp_us / 1e6, channel, kind, message)
 
 
 def log_table(file, channel):

@@ -4,10 +4,12 @@ import argparse
 import json
 import pathlib
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
+import weakref
 
 from .controller import Controller
 from .lockstep import Lockstep, LockstepError
@@ -35,12 +37,12 @@ class RunClock:
     def hear(self, channel, data, now_s):
         clock = _CLOCK.decode(data) if channel == "SIM/CLOCK" else None
         if clock:
-            self._t_s, self._heard_s, self._rate = 1e-6 * clock.utime, now_s, clock.rate or 1.0
+            self._t_s, self._heard_s, self._rate = clock.utime / 1e6, now_s, clock.rate or 1.0
             self._by_clock = True
         elif not self._by_clock and channel.endswith("/POSE"):
             pose = _POSE.decode(data)
-            if pose and (self._t_s is None or 1e-6 * pose.utime > self.now(now_s)):
-                self._t_s, self._heard_s = 1e-6 * pose.utime, now_s
+            if pose and (self._t_s is None or pose.utime / 1e6 > self.now(now_s)):
+                self._t_s, self._heard_s = pose.utime / 1e6, now_s
 
     def now(self, now_s):
         """None before anything was heard."""
@@ -50,7 +52,7 @@ class RunClock:
 def _live(network, controller, first):
     """For ever: poses and ticks as they come."""
     clock = RunClock()
-    period_s = 1e-9 * controller.period_ns
+    period_s = controller.period_ns / 1e9
     due_s = None  # the next tick
     heard = first
     while True:
@@ -153,8 +155,7 @@ def simulate(scenario, law, settings=None, rate_hz=0.0, out=None, seed=None, veh
         run.summary["epsilon_m"], run.trajectory, run.table("CTRL/CMD_VEL")
 
     Returns the Run; its folder is `out`, or a temporary one that ends with it. Raises RunFailed."""
-    folder = tempfile.TemporaryDirectory() if out is None else None
-    where = folder.name if folder else str(out)
+    where = tempfile.mkdtemp() if out is None else str(out)
     url = f"udpm://239.255.76.67:{random.SystemRandom().randrange(20000, 30000)}?ttl=0"
     options = [f"--set={key}={in_toml(value)}" for key, value in (settings or {}).items()]
     options += [] if seed is None else [f"--seed={seed}"]
@@ -177,5 +178,6 @@ def simulate(scenario, law, settings=None, rate_hz=0.0, out=None, seed=None, veh
         raise RunFailed(complaints.strip().splitlines()[-1] if complaints.strip() else "no word why")
     run = Run(where)
     run.summary = json.loads(said)
-    run.temporary = folder  # goes when the run does
+    if out is None:
+        weakref.finalize(run, shutil.rmtree, where, ignore_errors=True)
     return run

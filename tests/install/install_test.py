@@ -53,6 +53,10 @@ def works_in_any_folder(work):
 
     run("tether", "run", prefix / "share/tether/scenarios/paper.toml", "--set", "run.duration_s=1", "--out", "run",
         **anywhere)
+    read = "import tether; print(len(tether.read_run('run').table('SIM/TRUTH')['t_s']) > 20, tether.__file__)"
+    anywhere["env"]["PYTHONPATH"] = str(prefix / "lib/python3/dist-packages")
+    said = run("/usr/bin/python3", "-B", "-c", read, **anywhere)
+    check("True" in said and str(prefix) in said, said)
     run("tether", "log", "page", "run/run.lcmlog", "--out", "page.html", **anywhere)
     check((away / "page.html").stat().st_size > 100_000, "the page is there")
     for page in ["tether", *VEHICLE]:
@@ -97,7 +101,7 @@ def the_vehicles_part_needs_no_simulator(work):
 def debian_takes_the_packages(work):
     run("cpack", "-G", "DEB", "--config", BUILD / "CPackConfig.cmake", "-B", work / "packages")
     packages = sorted((work / "packages").glob("*.deb"))
-    check(sorted(p.name.split("_")[0] for p in packages) == ["tether", "tether-dev", "tether-doc", "tether-vehicle"],
+    check(sorted(p.name.split("_")[0] for p in packages) == ["python3-tether", "tether", "tether-dev", "tether-doc", "tether-vehicle"],
           packages)
     print(run("lintian", "--allow-root", "--fail-on", "error", *packages).strip())
     files = [line.split()[5] for p in packages for line in run("dpkg", "-c", p).splitlines() if not line.endswith("/")]

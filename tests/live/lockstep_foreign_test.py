@@ -2,12 +2,16 @@
 """Controllers that are not the run's own: the examples in Python and C++, in simulated time and in
 real time; and one on another host. Usage: lockstep_foreign_test.py BIN_DIR"""
 
+import os
+import pathlib
 import subprocess
 import time
 
 from live_support import GROUP, PAPER, SOURCE, LcmType, TYPES, check, main, wait_for_loop, wait_until
 
-PYTHON = SOURCE / "examples" / "controller.py"
+EXAMPLE = (SOURCE / "examples" / "controller.py", "--scenario", PAPER)
+SAME_AS_CPP = pathlib.Path(__file__).with_name("law_of_the_example.py")
+os.environ["PYTHONPATH"] = str(SOURCE / "python")
 FAST = ("--set", "sensor.rate_hz=10", "--set", "channel.prr=0.9", "--set", "channel.delay_ms=20")
 EXTERNAL = ("--set", "controller.external=true")
 
@@ -30,10 +34,10 @@ def run_with(test, name, controller, *options, url=f"udpm://{GROUP}:7671?ttl=0")
 
 def examples_are_the_same_however_slow(test):
     short = ("--set", "run.duration_s=3")
-    fast = run_with(test, "python", (PYTHON, "--lockstep"), *short)
+    fast = run_with(test, "python", (SAME_AS_CPP,), *short)
     check(fast.count(b"CTRL/CMD_VEL") > 20, "hardly any commands")
     before = time.monotonic()
-    slow = run_with(test, "slow", (PYTHON, "--lockstep", "--think", "0.05"), *short)
+    slow = run_with(test, "slow", ("/usr/bin/env", "THINK_S=0.05", SAME_AS_CPP), *short)
     took = time.monotonic() - before
     check(took > 20 * 0.05, f"{took:.2f} s: it was not slow")
     check(slow == fast, "the slow controller's run is another")
@@ -42,20 +46,24 @@ def examples_are_the_same_however_slow(test):
 
 
 def examples_follow_the_path(test):
-    whole = run_with(test, "path", (cpp(test), "--lockstep"))
+    for name, controller in (("python", EXAMPLE), ("c++", (cpp(test), "--lockstep"))):
+        follows_the_path(test, name, run_with(test, f"path in {name}", controller))
+
+
+def follows_the_path(test, name, whole):
     truth = TYPES["SIM/TRUTH"]
     at = whole.rindex(b"SIM/TRUTH") + len(b"SIM/TRUTH")
     size = int.from_bytes(whole[at - len(b"SIM/TRUTH") - 4 : at - len(b"SIM/TRUTH")], "big")
     last = truth.decode(whole[at : at + size])
     check(last.utime == 62_000_000, f"the last truth is of {last.utime} us")
     check(last.epsilon_m < 2.5, f"error {last.epsilon_m:.2f} m")
-    test.say(f"epsilon {last.epsilon_m:.2f} m")
+    test.say(f"{name}: epsilon {last.epsilon_m:.2f} m")
 
 
 def examples_work_in_real_time(test):
-    for name, controller in (("python", PYTHON), ("c++", cpp(test))):
+    for name, controller in (("python", EXAMPLE), ("c++", (cpp(test),))):
         live = test.start("tether", "live", PAPER, *EXTERNAL, *FAST)
-        foreign = test.start(controller)
+        foreign = test.start(*controller)
         wait_for_loop(test.network, since=time.time())
         check(not test.network.messages("CTRL/REPORT"), "another controller runs")
         for program in (live, foreign):
@@ -105,7 +113,7 @@ def waiting_says_for_whom_and_ends_with_the_coordinator(test):
 
     # Who has heard of a coordinator, and never got further, does not wait for ever.
     began = time.monotonic()
-    strays = [test.start(*controller, "--lockstep") for controller in ((PYTHON,), (cpp(test),))]
+    strays = [test.start(*controller) for controller in (EXAMPLE, (cpp(test), "--lockstep"))]
     time.sleep(1.0)
     nobody = {"seq": 0, "session": 7, "instance": 0, "node": "", "rank": 0, "count": 0, "subscription": []}
     test.network.send("TIME/WELCOME", LcmType("time_welcome").encode(utime=0, **nobody))

@@ -1,0 +1,135 @@
+#!/usr/bin/env -S python3 -B
+"""The Python package against the programs: a law in Python gives the run that the same law in C++
+gives, bit for bit; paths, runs and sweeps are read as they are. Usage: run_test.py BIN_DIR"""
+
+import csv
+import math
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+BIN = pathlib.Path(sys.argv.pop(1)).resolve()
+os.environ["TETHER"] = str(BIN / "tether")
+sys.path.insert(0, str(SOURCE / "python"))
+import tether
+
+PAPER = SOURCE / "scenarios" / "paper.toml"
+
+
+def law(t, pose, path):
+    """The paper's PID with P gains alone; hypot as C has it."""
+    target = path.at(t + 2.0)
+    dx, dy = target.x_m - pose.x_m, target.y_m - pose.y_m
+    heading_error = math.remainder(math.atan2(dy, dx) - pose.yaw_rad, 2 * math.pi)
+    return 0.495 * abs(complex(dx, dy)), 0.2925 * heading_error
+
+
+def run_tether(*words):
+    done = subprocess.run([BIN / "tether", *map(str, words)], capture_output=True, text=True)
+    if done.returncode:
+        raise AssertionError(f"tether {words}: {done.stderr}")
+    return done.stdout
+
+
+class WithAFolder(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.work = pathlib.Path(folder.name)
+
+
+class Runs(WithAFolder):
+    def expect_as_in_cpp(self, settings, timer=None):
+        common = {"run.duration_s": 20, "sensor.rate_hz": 20, "channel.downlink.prr": 0.8} | settings
+        ours = tether.simulate(PAPER, law, common, rate_hz=timer or 0.0)
+        theirs = common | {"controller.v.d": 0, "controller.omega.d": 0, "controller.pose_timeout_s": 0}
+        if timer:
+            theirs |= {"controller.trigger": "timer", "controller.rate_hz": timer}
+        run_tether("run", PAPER, "--out", self.work / "cpp", *[f"--set={k}={v}" for k, v in theirs.items()])
+        channels = "SIM/TRUTH|CTRL/CMD_VEL|AGV/CMD_VEL"
+        ours, theirs = list(ours.log(channels)), list(tether.read_run(self.work / "cpp").log(channels))
+        self.assertGreater(len(theirs), 1000)
+        self.assertEqual(ours, theirs)
+
+    def test_by_poses(self):
+        self.expect_as_in_cpp({"channel.delay_ms": 50, "channel.uplink.prr": 0.7})
+
+    def test_by_a_timer_whose_ticks_meet_poses(self):
+        self.expect_as_in_cpp({}, timer=20)
+        self.expect_as_in_cpp({"channel.delay_ms": 0}, timer=40)
+
+    def test_that_fail_say_why(self):
+        with self.assertRaisesRegex(ValueError, "nonsense.toml"):
+            tether.simulate("nonsense.toml", law)
+        with self.assertRaisesRegex(ValueError, "channel.prr"):
+            tether.simulate(PAPER, law, {"channel.prr": 2})
+        with self.assertRaises(ZeroDivisionError):
+            tether.simulate(PAPER, lambda t, pose, path: 1 / 0)
+
+
+class Paths(WithAFolder):
+    def test_are_the_simulators_to_the_bit(self):
+        for scenario in ("paper", "warehouse_lap", "factory"):
+            file = SOURCE / "scenarios" / f"{scenario}.toml"
+            out = self.work / scenario
+            run_tether("run", file, "--out", out, "--set", "run.duration_s=10")
+            truth = tether.read_run(out).table("SIM/TRUTH")
+            self.assertGreater(len(truth["t_s"]), 100)
+            with tether.Path(file) as path:
+                points = [path.at(utime / 1e6) for utime in truth["utime"]]
+            self.assertEqual([p.x_m for p in points], truth["x_ref_m"], scenario)
+            self.assertEqual([p.y_m for p in points], truth["y_ref_m"], scenario)
+
+    def test_take_other_settings(self):
+        with tether.Path(PAPER, {"path.kind": "line", "path.speed_mps": 0.5, "path.length_m": 10}) as path:
+            self.assertEqual(path.at(1e6), (10.0, 0.0, 0.0, 0.0, 0.0))
+            self.assertEqual(path.at(5.0).v_mps, 0.5)
+
+
+class Sweeps(WithAFolder):
+    def test_are_read_as_they_are_exported(self):
+        file = self.work / "small.toml"
+        file.write_text(
+            f'scenario = "{PAPER}"\nseeds = 3\n[set]\nvehicle.plant = "kinematic"\nrun.duration_s = 5.0\n'
+            "[grid]\nchannel.prr = [0.45, 1.0]\n[figure]\nkind = 'curve'\nx = 'channel.prr'\nmetric = 'epsilon_m'\n"
+        )
+        run_tether("sweep", file, "--out", self.work / "out")
+        table = tether.read_sweep(self.work / "out")
+        run_tether("sweep", "export", self.work / "out", "--out", self.work / "runs.csv")
+        with open(self.work / "runs.csv") as file:
+            exported = list(csv.DictReader(file))
+        self.assertEqual(len(exported), 6)
+        for row, text in zip(table.rows(), exported, strict=True):
+            for name in ("channel.prr", "seed", "epsilon_m", "max_error_m"):
+                self.assertEqual(float(row[name]), float(text[name]), name)
+
+    def test_that_are_not_there_are_named(self):
+        with self.assertRaisesRegex(FileNotFoundError, "nothing/?.*no sweep"):
+            tether.read_sweep(self.work / "nothing")
+
+
+class Installed(WithAFolder):
+    def test_by_pip_without_a_network(self):
+        python = "/usr/bin/python3"
+        subprocess.run([python, "-m", "venv", self.work / "venv"], check=True)
+        pip = [self.work / "venv/bin/pip", "install", "--no-index", "--disable-pip-version-check"]
+        copy = self.work / "source"  # for pip builds in the folder
+        for part in ("python", "lcmtypes"):
+            shutil.copytree(SOURCE / part, copy / part, ignore=shutil.ignore_patterns("build", "*.egg-info"))
+        shutil.copy(SOURCE / "CMakeLists.txt", copy)
+        done = subprocess.run([*pip, copy / "python"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        ask = "import tether; print(len(tether.message_types()), tether.__file__)"
+        said = subprocess.run([self.work / "venv/bin/python", "-c", ask], cwd=self.work, capture_output=True, text=True)
+        count, where = said.stdout.split()
+        self.assertEqual(int(count), len(list((SOURCE / "lcmtypes").glob("*.lcm"))))
+        self.assertIn("venv", where)
+
+
+if __name__ == "__main__":
+    unittest.main()
