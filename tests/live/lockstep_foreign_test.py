@@ -3,14 +3,13 @@
 real time; and one on another host. Usage: lockstep_foreign_test.py BIN_DIR"""
 
 import os
-import pathlib
 import subprocess
 import time
 
 from live_support import GROUP, PAPER, SOURCE, LcmType, TYPES, check, main, wait_for_loop, wait_until
 
 EXAMPLE = (SOURCE / "examples" / "controller.py", "--scenario", PAPER)
-SAME_AS_CPP = pathlib.Path(__file__).with_name("law_of_the_example.py")
+SAME_AS_CPP = SOURCE / "tests" / "python" / "law_of_the_example.py"
 os.environ["PYTHONPATH"] = str(SOURCE / "python")
 FAST = ("--set", "sensor.rate_hz=10", "--set", "channel.prr=0.9", "--set", "channel.delay_ms=20")
 EXTERNAL = ("--set", "controller.external=true")
