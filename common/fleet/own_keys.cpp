@@ -20,8 +20,9 @@ constexpr std::array<std::string_view, 10> kDiffer{
     "vehicle.",        "sensor.",           "path.",  "controller.", "actuator.",
     "channel.uplink.", "channel.downlink.", "lidar.", "localiser.",  "autonomy."};
 /// One hall has one physics, and who is on the network is known by its name.
-constexpr std::array<std::string_view, 4> kShared{"vehicle.name", "vehicle.plant",
-                                                  "vehicle.drivetrain", "controller.external"};
+constexpr std::array<std::string_view, 7> kShared{
+    "vehicle.name",       "vehicle.plant",   "vehicle.drivetrain",   "controller.external",
+    "controller.command", "controller.warm", "controller.patience_s"};
 
 std::optional<int> vehicle_number(std::string_view text) {
   const auto number = to_number<int>(text);
@@ -42,7 +43,8 @@ std::string why_shared(const std::string& key) {
   if (!is_key && !is_table) return "";
   return fmt::format(
       "{} is all vehicles'; one of a fleet may differ in keys of vehicle (but for name, plant and "
-      "drivetrain), sensor, path, controller (but for external), actuator, channel.uplink, "
+      "drivetrain), sensor, path, controller (but for external, command, warm and patience_s), "
+      "actuator, channel.uplink, "
       "channel.downlink, lidar, localiser and autonomy",
       key);
 }

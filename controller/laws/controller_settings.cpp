@@ -11,6 +11,7 @@
 #include "common/base/errors.hpp"
 #include "common/onboard/onboard_settings.hpp"
 #include "common/scenario/key_table.hpp"
+#include "controller/laws/external_command.hpp"
 #include "controller/laws/law.hpp"
 
 namespace tether {
@@ -27,6 +28,13 @@ void add_law_and_timing(KeyTable<Controller>& t) {
   t.one_of("law", &Controller::law, laws, "control law: docs/controllers.md");
   t.boolean("external", &Controller::external,
             "no controller is started: the run waits for one of yours (docs/time.md)");
+  t.text("command", &Controller::command,
+         "starts a controller of yours for each run in simulated time; {url}, {scenario}, {seed} "
+         "and {arm} are filled in (docs/python.md)");
+  t.boolean("warm", &Controller::warm,
+            "the command serves one run after another, and is started anew only after a failure");
+  t.number("patience_s", &Controller::patience_s, {0.1, 86'400.0},
+           "how long your controller may take for one answer, on the wall clock");
   t.number("tau_s", &Controller::tau_s, kNotNegative, "look-ahead");
   t.choice<Controller::Trigger>(
       "trigger", &Controller::trigger,
@@ -154,6 +162,9 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   }
   const std::string part = key.name.substr(prefix.size());
   const auto& controller = scenario.get<Controller>();
+  if (part == "command" || part == "warm" || part == "patience_s") {
+    return controller.command.empty();
+  }
   if (part == "sensor_latency_ms") {
     if (controller.sensor_latency_ms == 0.0) return true;
     if (controller.estimator == Controller::Estimator::ekf) return false;
@@ -187,7 +198,7 @@ void check_driver(const Scenario& scenario, const std::string& file) {
   const auto& controller = scenario.get<Controller>();
   const bool on_request = kind_of(controller).drives_on_request;
   const bool by_itself = scenario.get<AutonomySettings>().enabled;
-  if (controller.external || on_request == by_itself) return;
+  if (controller.is_external() || on_request == by_itself) return;
   throw UsageError(
       by_itself
           ? fmt::format("{}: controller.law = \"{}\" never takes over a vehicle that drives by "
@@ -200,8 +211,21 @@ void check_driver(const Scenario& scenario, const std::string& file) {
                         file, controller.law, laws_that_drive(false)));
 }
 
+/// What a command may name; a warm one is told of no single run but by the scenario's file.
+void check_command(const Controller& controller, const std::string& file) {
+  std::vector<std::string> names{"url", "scenario"};
+  if (!controller.warm) names.insert(names.end(), {"seed", "arm"});
+  filled_in(controller.command, [&](const std::string& name) {
+    if (std::find(names.begin(), names.end(), name) != names.end()) return name;
+    throw UsageError(fmt::format("{}: controller.command: {{{}}} must be {{{}}}{}", file, name,
+                                 fmt::join(names, "}, {"),
+                                 controller.warm ? " with controller.warm = true" : ""));
+  });
+}
+
 void check(const Scenario& scenario, const std::string& file) {
   const auto& controller = scenario.get<Controller>();
+  check_command(controller, file);
   const LawKind& law = kind_of(controller);
   if (law.check != nullptr) law.check(controller, file);
   if (!law.sends_plans) return check_driver(scenario, file);
@@ -211,7 +235,7 @@ void check(const Scenario& scenario, const std::string& file) {
                     "actuator.policy = {} only",
                     file, policies_for_plans()));
   }
-  if (scenario.get<AutonomySettings>().enabled && !controller.external) {
+  if (scenario.get<AutonomySettings>().enabled && !controller.is_external()) {
     throw UsageError(fmt::format(
         "{}: controller.law = \"{}\" plans from the plan in force, which poses do not name with "
         "autonomy.enabled = true; \"detour\" is the law of a remote driver",
@@ -246,7 +270,10 @@ ScenarioSection controller_section() {
   section.why_no_effect = why_no_effect;
   section.left_out = left_out;
   const std::string send = "controller.send", always = "always";
-  section.switched = {{"controller.rate_hz", {"controller.trigger"}, std::string("event")},
+  const std::string command = "controller.command", none;
+  section.switched = {{"controller.warm", {command}, none},
+                      {"controller.patience_s", {command}, none},
+                      {"controller.rate_hz", {"controller.trigger"}, std::string("event")},
                       {"controller.send_delta_mps", {send}, always},
                       {"controller.send_delta_radps", {send}, always},
                       {"controller.send_max_age_s", {send}, always},

@@ -69,7 +69,12 @@ struct ControllerSettings {
     return static_cast<std::size_t>(std::max(1.0, std::round(horizon_s / to_seconds(plan_step()))));
   }
   bool preload = false;   ///< the first plan is on board before departure
-  bool external = false;  ///< somebody else's program is the controller
+  bool external = false;  ///< somebody else's program is the controller, …
+  /// … started by this; with {url}, {scenario}, {seed} and {arm} (external_command.hpp)
+  std::string command;
+  bool warm = false;         ///< it serves one run after another
+  double patience_s = 10.0;  ///< that it may take for one answer
+  bool is_external() const { return external || !command.empty(); }
   ModelSettings model;
   /// What a law takes for the vehicle's pose: the newest one as it came, or the filter's.
   enum class Estimator { none, ekf };

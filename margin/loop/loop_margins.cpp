@@ -47,7 +47,7 @@ void controller_obstacles(const Scenario& scenario, Reasons& reasons) {
          "controller.send = \"changed\": must be \"always\"; what is sent depends on the errors");
   add_if(c.estimator != ControllerSettings::Estimator::none, reasons,
          "controller.estimator = \"ekf\": must be \"none\"; a filter has states of its own");
-  add_if(c.external, reasons,
+  add_if(c.is_external(), reasons,
          "controller.external: must be false; another program's law is unknown");
   add_if(c.pose_timeout_s > 0.0, reasons,
          "controller.pose_timeout_s: must be 0; a stop in silences is not linear");

@@ -20,11 +20,13 @@
 #include "common/program/cli_range.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/view_options.hpp"
+#include "tools/external/external_run.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/processes/process_run.hpp"
 #include "tools/runs/channel_traffic.hpp"
@@ -167,6 +169,15 @@ Scenario checked_scenario(const RunOptions& options) {
   }
   if (options.scenario.file.empty()) throw UsageError("run: name a scenario file (see --help)");
   Scenario scenario = options.scenario.load();
+  const bool external = scenario.get<ControllerSettings>().is_external();
+  if (!options.lcm_url.empty() && !options.processes && !external) {
+    throw UsageError("run: --lcm-url needs --processes or a controller of yours");
+  }
+  if (options.view && external) {
+    throw UsageError(
+        "run: --view shows no run with a controller of yours; --out, and tether view RUN.lcmlog "
+        "do");
+  }
   if (const std::string warning = overload_warning(scenario.get<MediumSettings>());
       !warning.empty()) {
     fmt::print(stderr, "tether: {}: {}\n", options.scenario.file, warning);
@@ -187,7 +198,12 @@ int run(const RunOptions& options) {
   const Instant end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
   std::optional<ClosedLoop> one;
   std::optional<ProcessRun> many;
-  if (options.processes) {
+  std::optional<ExternalController> controller;
+  std::optional<ExternalRun> with_another;  // program as its controller
+  if (!options.processes && scenario.get<ControllerSettings>().is_external()) {
+    controller.emplace(options.lcm_url, true);
+    with_another.emplace(scenario, *controller);
+  } else if (options.processes) {
     many.emplace(ProcessRun::Options{.scenario_file = options.scenario.file,
                                      .overrides = options.scenario.overrides(),
                                      .lcm_url = options.lcm_url,
@@ -197,8 +213,8 @@ int run(const RunOptions& options) {
   } else {
     one.emplace(scenario);
   }
-  EventLoop& loop = one ? one->loop() : many->loop();
-  Bus& bus = one ? one->bus() : many->bus();
+  EventLoop& loop = one ? one->loop() : many ? many->loop() : with_another->loop();
+  Bus& bus = one ? one->bus() : many ? many->bus() : with_another->bus();
   FleetObserver observer(fleet_members(scenario), loop, bus);
   std::optional<ChannelWatch> channel;
   if (one && observer.is_one())
@@ -213,6 +229,8 @@ int run(const RunOptions& options) {
       viewed->run(end);
     } else if (one) {
       run_with_progress(*one, end);
+    } else if (with_another) {
+      with_another->run();
     } else {
       run_processes(*many);
     }
@@ -244,10 +262,10 @@ void add_run_command(CLI::App& tether, Action& action) {
   CLI::Option* processes =
       command->add_flag("--processes", options->processes,
                         "each node a process of its own, over LCM in lockstep: the same result");
-  command
-      ->add_option("--lcm-url", options->lcm_url,
-                   "LCM network of --processes [a free port of this host's]")
-      ->needs(processes);
+  command->add_option(
+      "--lcm-url", options->lcm_url,
+      "LCM network of --processes and of a controller of yours [a free port of this "
+      "host's]");
   command
       ->add_option("--patience", options->patience_s,
                    "how long a node of --processes may take for one answer, seconds")

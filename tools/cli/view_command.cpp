@@ -77,7 +77,7 @@ int view_network(const ViewCommandOptions& options) {
   NetworkView::Options network;
   if (scenario) {
     run.take(*scenario);
-    network.may_drive = scenario->get<ControllerSettings>().external;
+    network.may_drive = scenario->get<ControllerSettings>().is_external();
     network.parameters = NetworkParameters(run.first().get<ChannelSettings>());
   }
   network.vehicles = run.vehicles();

@@ -71,6 +71,8 @@ class TimeManager {
   void on_node_gone(const std::string& node, const std::string& how);
   /// Ends the run with this error.
   void fail(const std::string& what);
+  /// Tells whoever is there already that a run begins.
+  void announce() { sign_of_life(); }
   /// Tells the nodes that it is over.
   void dismiss();
 

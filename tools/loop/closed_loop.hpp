@@ -76,10 +76,11 @@ class ClosedLoop {
 
  private:
   static const Scenario& checked(const Scenario& scenario) {
-    if (scenario.get<ControllerSettings>().external) {
+    if (scenario.get<ControllerSettings>().is_external()) {
       throw UsageError(
-          "controller.external: a run in one process has its own controller; tether run "
-          "--processes and tether live wait for another");
+          "controller.external: this needs a controller of its own; tether run and tether live "
+          "wait "
+          "for another, and tether run and tether sweep start controller.command");
     }
     return scenario;
   }

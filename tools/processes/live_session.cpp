@@ -51,7 +51,7 @@ constexpr int kMaxRestarts = 20;
 std::vector<std::string> programs(const Scenario& scenario) {
   const std::vector<Scenario> members = fleet_members(scenario);
   std::vector<std::string> names;
-  if (!scenario.get<ControllerSettings>().external) names.emplace_back("tether-controller");
+  if (!scenario.get<ControllerSettings>().is_external()) names.emplace_back("tether-controller");
   names.emplace_back("tether-netem");
   if (!members_with(has_autonomy, members).empty()) names.emplace_back("tether-autonomy");
   if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {

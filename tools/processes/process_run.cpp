@@ -1,9 +1,7 @@
 #include "tools/processes/process_run.hpp"
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,16 +12,13 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/share.hpp"
-#include "common/base/system_error.hpp"
-#include "common/fleet/fleet.hpp"
 #include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"
-#include "common/lockstep/member.hpp"
-#include "common/onboard/onboard_settings.hpp"
 #include "common/scenario/run_settings.hpp"
-#include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "tools/base/process.hpp"
+#include "tools/external/external_run.hpp"
+#include "tools/external/hosted_nodes.hpp"
 
 namespace tether {
 namespace {
@@ -45,23 +40,9 @@ bool is_stopped(pid_t pid) {
   return stat[name_ends + 2] == 'T' || stat[name_ends + 2] == 't';
 }
 
-/// A UDP port that nobody uses now.
-std::uint16_t free_port() {
-  const int fd =
-      check_system_call("opening a socket", socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  socklen_t size = sizeof address;
-  const int bound = bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address);
-  const int named = getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
-  close(fd);
-  check_system_call("looking for a free port", std::min(bound, named));
-  return ntohs(address.sin_port);
-}
-
-std::string url_of(const std::string& wanted) {
+std::string url_of(const std::string& wanted, std::optional<ReservedPort>& port) {
   std::string url = wanted;
-  if (url.empty()) url = fmt::format("udpm://239.255.76.67:{}?ttl=0", free_port());
+  if (url.empty()) url = port.emplace().lcm_url();
   url = reachable_lcm_url(url);
   if (multicast_group(url).empty()) {
     throw UsageError(fmt::format("--lcm-url: a run in lockstep needs udpm://, not {}", url));
@@ -75,21 +56,22 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
     : end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)),
       loop_(kStart - from_seconds(scenario.get<RunSettings>().lead_s)),
       bus_(loop_),
-      url_(url_of(options.lcm_url)),
+      url_(url_of(options.lcm_url, port_)),
       io_(RealTimeLoop::wall_utime_us()),
       wire_(url_, io_) {
   TimeManager::Config config;
   config.session = RealTimeLoop::number_of_this_start();
-  config.nodes = lockstep_nodes();
-  if (scenario.get<VehicleSettings>().drivetrain != VehicleSettings::Drivetrain::can) {
-    std::erase(config.nodes, "can");
-  }
-  const std::vector<Scenario> members = fleet_members(scenario);
-  if (members_with(has_localiser, members).empty()) std::erase(config.nodes, "localiser");
-  if (members_with(has_autonomy, members).empty()) std::erase(config.nodes, "autonomy");
+  config.nodes = lockstep_nodes_of(scenario);
   config.end = end_;
   config.patience = from_seconds(options.patience_s);
-  if (scenario.get<ControllerSettings>().external) {
+  if (!scenario.get<ControllerSettings>().command.empty()) {
+    guest_.emplace(url_, true);
+    begin_guest_ = [this, scenario] {
+      guest_->begin(scenario, 0, io_, [this](const std::string& how) {
+        if (!ending_) manager_->on_node_gone("controller", how);
+      });
+    };
+  } else if (scenario.get<ControllerSettings>().external) {
     config.join_patience = kPatienceForPeople;
     fmt::print(stderr, "tether: waiting for the node \"controller\" of session {} on {}\n",
                config.session, url_);
@@ -101,7 +83,7 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
     console_.emplace(io_, *manager_, STDIN_FILENO);
   }
   for (const std::string& node : config.nodes) {
-    const bool elsewhere = node == "controller" && scenario.get<ControllerSettings>().external;
+    const bool elsewhere = node == "controller" && scenario.get<ControllerSettings>().is_external();
     if (!elsewhere) start_node(options, node, config.session);
   }
 }
@@ -150,6 +132,7 @@ void ProcessRun::say_who_is_missing() {
 
 void ProcessRun::run() {
   for (Child& child : children_) child.process->start();
+  if (begin_guest_) begin_guest_();
   io_.every(io_.now() + kFirstWord, kNextWord, Priority::observer,
             [this](Instant) { say_who_is_missing(); });
   io_.run();
@@ -200,6 +183,7 @@ void ProcessRun::end_nodes() {
                        [](const Child& child) { return child.process->running(); });
   };
   while (alive() && io_.now() < deadline) io_.run_until(io_.now() + std::chrono::milliseconds{5});
+  if (guest_) guest_->end(true);
 }
 
 }  // namespace tether

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,6 +12,8 @@
 #include "common/loop/real_time_loop.hpp"
 #include "common/loop/virtual_loop.hpp"
 #include "common/scenario/scenario.hpp"
+#include "tools/base/reserved_port.hpp"
+#include "tools/external/external_run.hpp"
 #include "tools/lockstep/step_console.hpp"
 #include "tools/lockstep/time_manager.hpp"
 #include "tools/processes/node_process.hpp"
@@ -61,7 +64,10 @@ class ProcessRun {
   Instant end_;
   VirtualLoop loop_;
   InProcessBus bus_;
+  std::optional<ReservedPort> port_;
   std::string url_;
+  std::optional<ExternalController> guest_;  ///< if controller.command says so
+  std::function<void()> begin_guest_;
   RealTimeLoop io_;
   UdpmBus wire_;
   std::unique_ptr<TimeManager> manager_;

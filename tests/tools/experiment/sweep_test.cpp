@@ -128,7 +128,7 @@ TEST(MetricTable, EachRowHasANameALabelAndANumberOfEachRun) {
 }
 
 TEST_F(Sweep, RecordsARunThatFailsAndGoesOn) {
-  options_.run = [](const Scenario& scenario, double period_s) {
+  options_.run = [](const Scenario& scenario, double period_s, std::size_t) {
     if (scenario.get<RunSettings>().seed != 2) return run_once(scenario, period_s);
     RunResult failed;
     failed.failure = "no luck";
@@ -150,7 +150,7 @@ TEST_F(Sweep, ReportsAnImpossibleScenarioAsTheRunsFailure) {
 TEST_F(Sweep, StopsAfterTheRunsUnderWayAndGoesOnLater) {
   options_.jobs = 2;
   std::atomic<int> made{0};
-  options_.run = [&](const Scenario& scenario, double period_s) {
+  options_.run = [&](const Scenario& scenario, double period_s, std::size_t) {
     if (++made == 5) stop_ = true;
     return run_once(scenario, period_s);
   };

@@ -31,13 +31,14 @@ namespace {
 constexpr std::size_t kSmallestBatch = kLeastSeeds;
 constexpr std::int64_t kDefaultBatch = 20;
 
-/// Runs of an experiment are in one process.
+/// Nobody starts a controller for each run by hand.
 void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
   for (const Arm& arm : arms) {
-    if (!arm.scenario.get<ControllerSettings>().external) continue;
+    const auto& controller = arm.scenario.get<ControllerSettings>();
+    if (!controller.external || !controller.command.empty()) continue;
     throw UsageError(fmt::format(
-        "{}: controller.external = true: the runs of an experiment have controllers of their own; "
-        "tether run --processes and tether live wait for another",
+        "{}: controller.external = true without controller.command, which starts a controller of "
+        "yours for each run; tether run and tether live wait for one that you start",
         file));
   }
 }

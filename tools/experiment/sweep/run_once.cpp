@@ -2,8 +2,13 @@
 
 #include <algorithm>
 #include <exception>
+#include <map>
+#include <string>
 
+#include "common/fleet/fleet.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "tools/external/external_run.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/fleet_observer.hpp"
 #include "tools/runs/metric.hpp"
@@ -32,9 +37,9 @@ std::vector<TrajectoryPoint> to_points(const std::vector<TrajectoryRow>& rows) {
   return points;
 }
 
-RunResult run_to_the_end(const Scenario& scenario, double trajectory_period_s) {
-  ClosedLoop loop(scenario);
-  const FleetObserver observer(loop.members(), loop.loop(), loop.bus());
+/// `loop`: a ClosedLoop or an ExternalRun.
+RunResult run_to_the_end(auto& loop, const Scenario& scenario, double trajectory_period_s) {
+  const FleetObserver observer(fleet_members(scenario), loop.loop(), loop.bus());
   loop.run();
   observer.check_finite();
   const Instant end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
@@ -47,9 +52,16 @@ RunResult run_to_the_end(const Scenario& scenario, double trajectory_period_s) {
 
 }  // namespace
 
-RunResult run_once(const Scenario& scenario, double trajectory_period_s) {
+RunResult run_once(const Scenario& scenario, double trajectory_period_s, std::size_t arm) {
   try {
-    return run_to_the_end(with_few_reports(scenario, trajectory_period_s), trajectory_period_s);
+    const Scenario quiet = with_few_reports(scenario, trajectory_period_s);
+    if (const std::string& command = scenario.get<ControllerSettings>().command; !command.empty()) {
+      thread_local std::map<std::string, ExternalController> controllers;  // by command
+      ExternalRun run(quiet, controllers[command], arm);
+      return run_to_the_end(run, quiet, trajectory_period_s);
+    }
+    ClosedLoop loop(quiet);
+    return run_to_the_end(loop, quiet, trajectory_period_s);
   } catch (const std::exception& error) {
     RunResult failed;
     failed.failure = error.what();

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+
 #include "common/scenario/scenario.hpp"
 #include "tools/experiment/design/run_result.hpp"
 
@@ -7,6 +9,8 @@ namespace tether {
 
 /// Runs the loop in virtual time, in this thread. ε and the other metrics are those of `tether
 /// run`. `trajectory_period_s`: 0 for no trajectory. Whatever the run throws becomes its failure.
-RunResult run_once(const Scenario& scenario, double trajectory_period_s);
+/// `arm`: for controller.command, whose program runs beside this thread; a warm one serves all runs
+/// of the thread, and ends with it.
+RunResult run_once(const Scenario& scenario, double trajectory_period_s, std::size_t arm = 0);
 
 }  // namespace tether

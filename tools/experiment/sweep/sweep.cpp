@@ -92,7 +92,7 @@ class Workers {
   RunResult make(const SweepTask& task) const {
     Scenario scenario = experiment_.arms[task.arm].scenario;
     scenario.get<RunSettings>().seed = task.seed;
-    return options_.run(scenario, experiment_.trajectory_period_s);
+    return options_.run(scenario, experiment_.trajectory_period_s, task.arm);
   }
 
   const Experiment& experiment_;

@@ -24,7 +24,7 @@ struct SweepOptions {
   /// Called by the caller's thread, a few times a second and at the end.
   std::function<void(const SweepProgress&)> show;
   /// What a run is; run_once().
-  std::function<RunResult(const Scenario&, double trajectory_period_s)> run;
+  std::function<RunResult(const Scenario&, double trajectory_period_s, std::size_t arm)> run;
 };
 
 /// Makes all runs that the store lacks, with `jobs` threads, and puts each into the store as soon

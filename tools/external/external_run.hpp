@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/bus/in_process_bus.hpp"
+#include "common/lcm/udpm_bus.hpp"
+#include "common/loop/real_time_loop.hpp"
+#include "common/loop/virtual_loop.hpp"
+#include "common/scenario/scenario.hpp"
+#include "tools/base/reserved_port.hpp"
+#include "tools/base/temporary_folder.hpp"
+#include "tools/external/external_program.hpp"
+#include "tools/external/hosted_nodes.hpp"
+#include "tools/lockstep/time_manager.hpp"
+
+namespace tether {
+
+/// Somebody's controller for runs one after another, on an LCM network of its own: the command of
+/// controller.command, started for each run, or with controller.warm for the first and again after
+/// a run that failed; without a command, whoever joins.
+class ExternalController {
+ public:
+  /// `lcm_url`: empty for a free port of this host's. `tell`: what a command writes goes to
+  /// standard error.
+  explicit ExternalController(const std::string& lcm_url = "", bool tell = false);
+
+  const std::string& url() const { return url_; }
+
+  /// Starts the command for this run of a sweep's arm, unless it serves already. Until end() the
+  /// loop watches it: `on_end` as ExternalProgram has it.
+  void begin(const Scenario& scenario, std::size_t arm, EventLoop& loop,
+             std::function<void(const std::string& how)> on_end);
+  /// The run is over; one that was not `complete` ends the program, and so does one that serves no
+  /// other run and does not end by itself within two seconds. Before the loop is gone.
+  void end(bool complete);
+
+ private:
+  std::optional<ReservedPort> port_;
+  std::string url_;
+  bool tell_;
+  std::optional<TemporaryFolder> folder_;
+  bool warm_ = false;
+  std::string command_;  ///< of the program
+  std::unique_ptr<ExternalProgram> program_;
+};
+
+/// A run in virtual time whose controller is somebody else's program, in lockstep over LCM, and all
+/// else in this thread: the same messages in the same order as ProcessRun has them.
+class ExternalRun {
+ public:
+  /// `controller` must outlive it. `arm`: for the command.
+  ExternalRun(const Scenario& scenario, ExternalController& controller, std::size_t arm = 0);
+
+  /// For observers, which subscribe before the run.
+  Bus& bus() { return bus_; }
+  EventLoop& loop() { return loop_; }
+
+  /// Runs to the end. Throws std::runtime_error that names the node that kept it from there.
+  void run();
+
+ private:
+  void record(Instant when, const Message& message);
+
+  Scenario scenario_;
+  ExternalController& controller_;
+  std::size_t arm_;
+  Instant end_;
+  VirtualLoop loop_;
+  InProcessBus bus_;
+  RealTimeLoop io_;
+  UdpmBus wire_;
+  std::vector<std::string> nodes_;
+  std::int64_t session_;
+  HostedNodes hosts_;
+  std::unique_ptr<TimeManager> manager_;
+  bool ending_ = false;
+};
+
+}  // namespace tether
