@@ -144,6 +144,12 @@ std::string why_no_effect(const Scenario& scenario, const std::string& key) {
   if (key.starts_with("controller.adapt.") && !kind_of(controller).sends_plans) {
     return fmt::format("controller.law is \"{}\", which sends twists", controller.law);
   }
+  if (key == "controller.warm" && controller.command.empty()) {
+    return "there is no controller.command";
+  }
+  if (key == "controller.patience_s" && !controller.is_external()) {
+    return "there is neither a controller.command nor controller.external";
+  }
   return "";
 }
 
@@ -162,9 +168,6 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   }
   const std::string part = key.name.substr(prefix.size());
   const auto& controller = scenario.get<Controller>();
-  if (part == "command" || part == "warm" || part == "patience_s") {
-    return controller.command.empty();
-  }
   if (part == "sensor_latency_ms") {
     if (controller.sensor_latency_ms == 0.0) return true;
     if (controller.estimator == Controller::Estimator::ekf) return false;
@@ -270,10 +273,7 @@ ScenarioSection controller_section() {
   section.why_no_effect = why_no_effect;
   section.left_out = left_out;
   const std::string send = "controller.send", always = "always";
-  const std::string command = "controller.command", none;
-  section.switched = {{"controller.warm", {command}, none},
-                      {"controller.patience_s", {command}, none},
-                      {"controller.rate_hz", {"controller.trigger"}, std::string("event")},
+  section.switched = {{"controller.rate_hz", {"controller.trigger"}, std::string("event")},
                       {"controller.send_delta_mps", {send}, always},
                       {"controller.send_delta_radps", {send}, always},
                       {"controller.send_max_age_s", {send}, always},

@@ -18,7 +18,7 @@ from .network import DEFAULT_URL, Network
 from .path import Path, in_toml, program
 from .results import Run
 
-_CLOCK, _POSE = message_type("clock_t"), message_type("pose_t")
+_CLOCK, _POSE, _PRESENCE = (message_type(name) for name in ("clock_t", "pose_t", "presence_t"))
 _TICK_S = 0.05
 
 
@@ -83,7 +83,7 @@ def _in_lockstep(network, node, warm=False, alive=lambda: True):
         heard = network.receive(_TICK_S)
         if heard:
             channel, data = heard
-            if not node.session and (channel == "RUN/PRESENCE" or channel.endswith("/POSE")):
+            if not warm and not node.session and (_PRESENCE.decode(data) or _POSE.decode(data)):
                 return heard
             node.hear(channel, data)
         node.tick()

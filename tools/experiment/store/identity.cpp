@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -17,6 +18,7 @@
 #include "common/version.hpp"
 #include "common/world/occupancy_map.hpp"
 #include "common/world/surroundings.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "netem/channel/change.hpp"
 #include "netem/channel/settings.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
@@ -36,6 +38,17 @@ std::string hash_of_file(const std::string& file) {
   return fmt::format("{:016x}", fnv1a(read_input(file, "the scenario's file", kMostTableBytes)));
 }
 
+/// The words of a command that are files: a script of somebody's.
+std::set<std::string> files_in(const std::string& command) {
+  std::set<std::string> files;
+  std::istringstream words(command);
+  for (std::string word; words >> word;) {
+    std::erase_if(word, [](char c) { return c == '\'' || c == '"'; });
+    if (std::error_code none; std::filesystem::is_regular_file(word, none)) files.insert(word);
+  }
+  return files;
+}
+
 /// The files that a scenario names, and that those name.
 std::set<std::string> files_of(Scenario scenario) {
   std::set<std::string> files;
@@ -51,6 +64,7 @@ std::set<std::string> files_of(Scenario scenario) {
   if (const std::string& map = scenario.get<Surroundings>().map_file; !map.empty()) {
     files.insert(load_occupancy_map(map).image_file);
   }
+  files.merge(files_in(scenario.get<ControllerSettings>().command));
   return files;
 }
 
