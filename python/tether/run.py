@@ -159,7 +159,7 @@ def simulate(scenario, law, settings=None, rate_hz=0.0, out=None, seed=None, veh
     url = f"udpm://239.255.76.67:{random.SystemRandom().randrange(20000, 30000)}?ttl=0"
     options = [f"--set={key}={in_toml(value)}" for key, value in (settings or {}).items()]
     options += [] if seed is None else [f"--seed={seed}"]
-    command = [program(), "run", str(scenario), "--processes", f"--lcm-url={url}", f"--out={where}", "--json"]
+    command = [program(), "run", str(scenario), f"--lcm-url={url}", f"--out={where}", "--json"]
     command += ["--set=controller.external=true", *options]
     network = Network(url)
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

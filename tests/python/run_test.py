@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 BIN = pathlib.Path(sys.argv.pop(1)).resolve()
@@ -70,6 +71,24 @@ class Runs(WithAFolder):
             tether.simulate(PAPER, law, {"channel.prr": 2})
         with self.assertRaises(ZeroDivisionError):
             tether.simulate(PAPER, lambda t, pose, path: 1 / 0)
+
+
+class Commands(WithAFolder):
+    def test_are_started_by_tether_and_the_run_is_the_same_by_processes_or_not(self):
+        (self.work / "law.py").write_text(
+            "import tether\n\ndef law(t, pose, path):\n    target = path.at(t + 1.0)\n"
+            "    return target.x_m - pose.x_m, target.y_m - pose.y_m\n\ntether.main(law)\n"
+        )
+        path = unittest.mock.patch.dict(os.environ, {"PYTHONPATH": str(SOURCE / "python")})
+        path.start()
+        self.addCleanup(path.stop)
+        command = f'controller.command="{sys.executable} -B {self.work}/law.py --url {{url}} --scenario {{scenario}}"'
+        settings = ["--set", "run.duration_s=5", "--set", "sensor.rate_hz=10", "--set", "channel.prr=0.8", "--set", command]
+        for kind in ("", "--processes"):
+            run_tether("run", PAPER, "--out", self.work / f"run{kind}", *settings, *([kind] if kind else []))
+        logs = [(self.work / f"run{kind}" / "run.lcmlog").read_bytes() for kind in ("", "--processes")]
+        self.assertGreater(logs[0].count(b"CTRL/CMD_VEL"), 20)
+        self.assertEqual(logs[0], logs[1])
 
 
 class Paths(WithAFolder):
