@@ -56,6 +56,12 @@ bool CsvTable::next_line() {
   return false;
 }
 
+std::vector<std::string> CsvTable::columns() const {
+  std::vector<std::string> names;
+  for (const auto& [name, place] : columns_) names.push_back(name);
+  return names;
+}
+
 bool CsvTable::next_row() {
   if (!next_line()) return false;
   row_ = split(line_);

@@ -21,6 +21,8 @@ class CsvTable {
   CsvTable(std::istream& in, std::string name);
 
   bool has(const std::string& column) const { return columns_.count(column) > 0; }
+  /// The names of the header, in the order of the alphabet.
+  std::vector<std::string> columns() const;
   /// Moves to the next row; false at the end. Throws if it is not as wide as the header.
   bool next_row();
 

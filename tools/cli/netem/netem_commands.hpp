@@ -10,6 +10,7 @@ namespace tether {
 void add_netem_command(CLI::App& tether, Action& action);
 /// `tether netem check` and `tether netem export-tc`.
 void add_netem_scenario_commands(CLI::App& netem, Action& action);
+void add_netem_import_command(CLI::App& netem, Action& action);
 void add_netem_plot_command(CLI::App& netem, Action& action);
 
 }  // namespace tether

@@ -1,0 +1,222 @@
+// What others' tools have measured becomes a trace that the channel takes, or is refused with its
+// line.
+#include "tools/netem/import/import.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include "common/base/errors.hpp"
+#include "netem/playback/trace.hpp"
+
+namespace tether {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+Imported csv(const std::string& text, const ImportColumns& columns = {}) {
+  std::istringstream in(text);
+  return import_csv(in, "m.csv", columns);
+}
+
+Imported ping(const std::string& text, double interval_s = 1.0) {
+  std::istringstream in(text);
+  return import_ping(in, "p.txt", interval_s);
+}
+
+std::string refusal(const std::function<void()>& act) {
+  try {
+    act();
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+/// As the channel reads it.
+Trace trace_of(const Imported& imported) {
+  std::istringstream in(to_trace_csv(imported, "test"));
+  return read_trace(in, "t.csv");
+}
+
+std::vector<double> times(const Imported& imported) {
+  std::vector<double> all;
+  for (const auto& row : imported.rows) all.push_back(row.time_s);
+  return all;
+}
+
+std::vector<double> delays(const Trace& trace) {
+  std::vector<double> all;
+  for (const auto& row : trace.rows) all.push_back(to_seconds(row.delay) * 1e3);
+  return all;
+}
+
+std::vector<double> prrs(const Trace& trace) {
+  std::vector<double> all;
+  for (const auto& row : trace.rows) all.push_back(row.prr);
+  return all;
+}
+
+TEST(ImportCsv, TakesUnitsFromNamesAndEpochsToTheNanosecond) {
+  const auto trace =
+      trace_of(csv("Timestamp (ns),Latency [us],loss_percent\n"
+                   "1700000000000000001,2500,0\n1700000000000000002,1e3,25\n"
+                   "1700000001000000001,0,100\n"));
+  EXPECT_EQ(trace.rows[1].since_first, std::chrono::nanoseconds{1});
+  EXPECT_EQ(trace.rows[2].since_first, std::chrono::seconds{1});
+  EXPECT_THAT(delays(trace), ElementsAre(2.5, 1.0, 0.0));
+  EXPECT_THAT(prrs(trace), ElementsAre(1.0, 0.75, 0.0));
+}
+
+TEST(ImportCsv, TakesColumnsThatAreNamed) {
+  const ImportColumns columns{.time = "when:ms", .delay = "d:s", .loss = "p:prr_percent"};
+  const auto trace = trace_of(csv("p,d,when,lost\n100,0.02,500,x\n40,0.03,1500,y\n", columns));
+  EXPECT_EQ(trace.rows[1].since_first, std::chrono::seconds{1});
+  EXPECT_THAT(delays(trace), ElementsAre(20.0, 30.0));
+  EXPECT_THAT(prrs(trace), ElementsAre(1.0, 0.4));
+}
+
+TEST(ImportCsv, HalvesRoundTripsAndTakesMissingOnesForLosses) {
+  const Imported imported = csv("time_s,rtt_ms\n10,8\n11,\n12,nan\n13,4\n");
+  EXPECT_THAT(imported.notes, ElementsAre("delays are half the round trips"));
+  const auto trace = trace_of(imported);
+  EXPECT_TRUE(trace.of_fates);
+  EXPECT_THAT(prrs(trace), ElementsAre(1.0, 0.0, 0.0, 1.0));
+  EXPECT_DOUBLE_EQ(delays(trace).front(), 4.0);
+  EXPECT_DOUBLE_EQ(delays(trace).back(), 2.0);
+}
+
+TEST(ImportCsv, KeepsTheLastRowOfAnInstantAndSaysSo) {
+  const Imported imported = csv("t_s,prr\n0,0.1\n1,0.2\n1,0.3\n2,0.4\n");
+  EXPECT_THAT(prrs(trace_of(imported)), ElementsAre(0.1, 0.3, 0.4));
+  EXPECT_THAT(imported.notes, ElementsAre(HasSubstr("1 left out")));
+}
+
+TEST(ImportCsv, RefusesWhatIsNotClear) {
+  const auto says = [](const std::string& text, const ImportColumns& columns = {}) {
+    return refusal([&] { csv(text, columns); });
+  };
+  EXPECT_EQ(
+      says("time,prr\n0,1\n"),
+      "m.csv:1: column \"time\" needs its unit: --time \"time:UNIT\", one of ns, us, µs, ms, s");
+  EXPECT_THAT(says("time_s,loss\n0,1\n"),
+              HasSubstr("one of lost, share, percent, prr, prr_percent"));
+  EXPECT_THAT(says("time_s,rtt_ms,delay_ms\n0,1,1\n"), HasSubstr("Say which with --delay"));
+  EXPECT_THAT(says("time_s,x\n0,1\n"), HasSubstr("neither delays nor losses"));
+  EXPECT_THAT(says("x,prr\n0,1\n"), HasSubstr("no column is a time"));
+  EXPECT_THAT(says("time_s,prr\n0,1\n", {.loss = "y:prr"}), HasSubstr("has no column \"y\""));
+  EXPECT_THAT(says("time_s,prr\n1,1\n0,1\n"), HasSubstr("m.csv:3: time_s"));
+  EXPECT_THAT(says("time_s,prr\n1,1.2\n"), HasSubstr("m.csv:2: prr"));
+  EXPECT_THAT(says("time_s,delay_ms\n1,-1\n"), HasSubstr("m.csv:2: delay_ms"));
+  EXPECT_THAT(says("time_s,delay_ms,lost\n1,,0\n"), HasSubstr("where not all is lost"));
+  EXPECT_THAT(says("time_s,prr\n"), HasSubstr("no rows"));
+}
+
+constexpr char kPing[] =
+    "PING 10.0.0.2 (10.0.0.2) 56(84) bytes of data.\n"
+    "[1700000000.010000] 64 bytes from 10.0.0.2: icmp_seq=1 ttl=64 time=10.0 ms\n"
+    "[1700000001.000000] no answer yet for icmp_seq=2\n"
+    "[1700000002.030000] 64 bytes from 10.0.0.2: icmp_seq=3 ttl=64 time=30.0 ms\n"
+    "[1700000002.031000] 64 bytes from 10.0.0.2: icmp_seq=3 ttl=64 time=31.0 ms (DUP!)\n"
+    "\n--- 10.0.0.2 ping statistics ---\n"
+    "5 packets transmitted, 2 received, 60% packet loss, time 4000ms\n";
+
+TEST(ImportPing, TellsWhenWhatWasSentAndWhatBecameOfIt) {
+  const Imported imported = ping(kPing);
+  ASSERT_EQ(imported.rows.size(), 5U);  // two at the end, of which nothing was heard
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_NEAR(times(imported)[i], static_cast<double>(i), 1e-6);
+  const auto trace = trace_of(imported);
+  EXPECT_THAT(prrs(trace), ElementsAre(1.0, 0.0, 1.0, 0.0, 0.0));
+  EXPECT_DOUBLE_EQ(delays(trace)[0], 5.0);
+  EXPECT_DOUBLE_EQ(delays(trace)[2], 15.0);
+}
+
+TEST(ImportPing, GoesOnWhereNumbersBeginAgainAndWithoutTimes) {
+  const Imported imported = ping(
+      "64 bytes from h: icmp_seq=65534 ttl=64 time=1 ms\n64 bytes from h: icmp_seq=0 ttl=64 time=1 "
+      "ms\n"
+      "64 bytes from h: icmp_seq=65535 ttl=64 time=1 ms\n64 bytes from h: icmp_seq=2 ttl=64 time=1 "
+      "ms\n",
+      0.2);
+  EXPECT_THAT(prrs(trace_of(imported)), ElementsAre(1.0, 1.0, 1.0, 0.0, 1.0));
+  EXPECT_NEAR(times(imported).back(), 0.8, 1e-9);
+  EXPECT_THAT(imported.notes.back(), HasSubstr("one every 0.2 s is assumed"));
+}
+
+TEST(ImportPing, KnowsBusyboxAndRefusesWhatIsNoPing) {
+  EXPECT_EQ(ping("64 bytes from 1.1.1.1: seq=0 ttl=57 time=12.0 ms\n"
+                 "64 bytes from 1.1.1.1: seq=2 ttl=57 time=12.0 ms\n\n3 packets transmitted\n")
+                .rows.size(),
+            3U);
+  EXPECT_THAT(refusal([] { ping("hello\n"); }), HasSubstr("no line has icmp_seq="));
+}
+
+TEST(ImportIperf3, ReadsTheReceiversLossesInTextAndJson) {
+  const std::string text =
+      "Accepted connection from 10.0.0.1, port 55000\n"
+      "[ ID] Interval           Transfer     Bitrate         Jitter    Lost/Total Datagrams\n"
+      "[  5]   0.00-1.00   sec   128 KBytes  1.05 Mbits/sec  0.012 ms  3/90 (3.3%)\n"
+      "[  5]   1.00-2.00   sec   128 KBytes  1.05 Mbits/sec  0.012 ms  0/100 (0%)\n"
+      "- - - - - - - - - - - - - - - - - - - - - - - - -\n"
+      "[  5]   0.00-2.00   sec   256 KBytes  1.05 Mbits/sec  0.012 ms  3/190 (1.6%)  receiver\n";
+  const std::string json =
+      R"({"start":{},"intervals":[
+        {"streams":[],"sum":{"start":0,"end":1,"packets":90,"lost_packets":3,"sender":false}},
+        {"streams":[],"sum":{"start":1,"end":2,"packets":100,"lost_packets":0,"sender":false}}],"end":{}})";
+  for (const std::string& report : {text, json, R"({"server_output_json":)" + json + "}"}) {
+    const auto trace = trace_of(import_iperf3(report, "i"));
+    ASSERT_EQ(trace.rows.size(), 2U);
+    EXPECT_NEAR(trace.rows[0].prr, 1.0 - 3.0 / 90.0, 1e-8);
+    EXPECT_EQ(trace.rows[1].prr, 1.0);
+  }
+}
+
+TEST(ImportIperf3, ReadsRoundTripsOfTcpAndRefusesTheRest) {
+  const std::string tcp =
+      R"({"intervals":[{"streams":[{"rtt":30000}],"sum":{"start":0.5,"sender":true}},
+                       {"streams":[{"rtt":50000}],"sum":{"start":1.5,"sender":true}}]})";
+  EXPECT_THAT(delays(trace_of(import_iperf3(tcp, "i"))), ElementsAre(15.0, 25.0));
+  const auto says = [](const std::string& text) {
+    return refusal([&] { import_iperf3(text, "i"); });
+  };
+  EXPECT_THAT(says(R"({"error":"unable to connect"})"),
+              HasSubstr("iperf3 says: unable to connect"));
+  EXPECT_THAT(says(R"({"intervals":[{"streams":[],"sum":{"start":0,"packets":90}}]})"),
+              HasSubstr("no report of a receiver"));
+  EXPECT_THAT(says("{"), HasSubstr("no report of iperf3"));
+  EXPECT_THAT(says(R"({"intervals":[{"sum":3}]})"), HasSubstr("no report of iperf3"));
+}
+
+TEST(ImportGaps, HoldLoseOrEndIt) {
+  const std::string text = "time_s,prr\n0,1\n1,1\n2,0.5\n100,1\n101,1\n102,1\n";
+  Imported held = csv(text);
+  apply({}, held, "m.csv");
+  EXPECT_EQ(held.rows.size(), 6U);
+  EXPECT_THAT(held.notes,
+              ElementsAre(HasSubstr("1 gap longer than 10 s, the longest of 98 s at 2 s")));
+  Imported lost = csv(text);
+  apply({.meaning = GapRule::Meaning::lost, .longer_than_s = 50.0}, lost, "m.csv");
+  EXPECT_THAT(times(lost), ElementsAre(0, 1, 2, 3, 100, 101, 102));
+  EXPECT_EQ(lost.rows[3].prr, 0.0);
+  Imported refused = csv(text);
+  EXPECT_THAT(refusal([&] {
+                apply({.meaning = GapRule::Meaning::refuse, .longer_than_s = 0.0}, refused,
+                      "m.csv");
+              }),
+              HasSubstr("m.csv: 1 gap"));
+  Imported none = csv(text);
+  apply({.meaning = GapRule::Meaning::refuse, .longer_than_s = 99.0}, none, "m.csv");
+  EXPECT_TRUE(none.notes.empty());
+}
+
+TEST(ImportFormat, IsKnownByHowAFileBegins) {
+  EXPECT_EQ(format_of_measurement(kPing), "ping");
+  EXPECT_EQ(format_of_measurement("\n{\"start\":{}}"), "iperf3");
+  EXPECT_EQ(format_of_measurement("Connecting to host 10.0.0.2, port 5201\n"), "iperf3");
+  EXPECT_EQ(format_of_measurement("time_s,prr\n"), "csv");
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <istream>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace tether {
+
+/// What somebody's tool has measured, on its way to a trace (netem/playback/trace.hpp).
+struct Imported {
+  struct Row {
+    double time_s = 0.0;             ///< since the first row, strictly increasing
+    std::optional<double> delay_ms{};  ///< one way
+    double prr = 1.0;
+  };
+  std::vector<Row> rows;  ///< one or more
+  bool of_fates = false;  ///< each row is a packet: prr is 0 or 1
+  bool has_delays = false;
+  std::vector<std::string> notes;  ///< what was made of it, one line each
+};
+
+/// Which columns of a CSV file mean what: "NAME:UNIT", or "NAME" if its end says the unit, as
+/// delay_ms and "rtt (us)" do. Empty: the only one whose name is of the kind.
+///
+/// - time: ns, us, ms, s; since any instant. time, timestamp, ts, t, epoch
+/// - delay: the same units. delay, latency, owd; rtt and ping are halved
+/// - loss: lost (0 or 1), share (of packets lost), percent (of them lost), prr (share that
+/// arrived),
+///   prr_percent. lost, loss, prr
+struct ImportColumns {
+  std::string time{}, delay{}, loss{};
+  bool round_trip = false;  ///< delays are halved, whatever their name
+};
+
+/// A row without a delay where there is no column of losses is a lost packet. Of rows of one
+/// instant the last counts. Throws UsageError with file, line and column.
+Imported import_csv(std::istream& in, const std::string& name, const ImportColumns& columns);
+
+/// What ping of iputils or busybox writes, best with -D (times) and -O (none needed): a number that
+/// is missing was lost. Delays are half the round trips. Without times, packets are `interval_s`
+/// apart.
+Imported import_ping(std::istream& in, const std::string& name, double interval_s);
+
+/// What iperf3 writes: of UDP the receiver's report, in text or JSON (-J; of the client with
+/// --get-server-output): a row for each interval, with its share of packets that arrived; of TCP
+/// the sender's in JSON: half the round trip times.
+Imported import_iperf3(const std::string& text, const std::string& name);
+
+/// What becomes of times without rows.
+struct GapRule {
+  enum class Meaning { hold, lost, refuse };
+  Meaning meaning = Meaning::hold;  ///< hold: the row before them holds
+  double longer_than_s = 0.0;       ///< 0: ten times the median from row to row
+};
+
+/// lost: adds a row that loses everything after each row that a gap follows, as long after it as is
+/// usual. Says in a note how many there are and how long the longest is.
+void apply(const GapRule& rule, Imported& imported, const std::string& name);
+
+/// The trace's file.
+std::string to_trace_csv(const Imported& imported, const std::string& source);
+
+/// "csv", "ping" or "iperf3", by what a file begins with.
+std::string format_of_measurement(const std::string& text);
+
+}  // namespace tether

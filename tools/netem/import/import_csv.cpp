@@ -1,0 +1,204 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <utility>
+
+#include "common/base/csv_table.hpp"
+#include "common/base/errors.hpp"
+#include "common/base/text.hpp"
+#include "tools/netem/import/import.hpp"
+
+namespace tether {
+namespace {
+
+using Units = std::vector<std::pair<std::string, double>>;  // and what one is worth
+const Units kTimes{{"ns", 1e-9}, {"us", 1e-6}, {"µs", 1e-6}, {"ms", 1e-3}, {"s", 1.0}};
+const std::vector<std::string> kLosses{"lost", "share", "percent", "prr", "prr_percent"};
+
+struct Kind {
+  std::string what;                ///< as the option is called
+  std::vector<std::string> stems;  ///< of the names of such columns
+  std::vector<std::string> units;
+};
+
+const Kind& kind(const std::string& what) {
+  static const std::vector<std::string> units{"ns", "us", "µs", "ms", "s"};
+  static const std::array<Kind, 3> kKinds{
+      {{"time", {"time", "timestamp", "ts", "t", "epoch"}, units},
+       {"delay", {"delay", "latency", "owd", "rtt", "ping"}, units},
+       {"loss", {"lost", "loss", "prr"}, kLosses}}};
+  return *std::find_if(kKinds.begin(), kKinds.end(), [&](const Kind& k) { return k.what == what; });
+}
+
+struct Column {
+  std::string name;  ///< empty: there is none
+  std::string unit;
+  std::string stem;
+};
+
+/// "RTT (ms)" is "rtt" and "ms"; "delay_ms" likewise; what has no unit at its end has "".
+std::pair<std::string, std::string> stem_and_unit(const std::string& name,
+                                                  const std::vector<std::string>& units) {
+  std::string words;
+  for (const char c : name) {
+    const bool parts = c == ' ' || c == '(' || c == '[' || c == '-' || c == '.';
+    if (c == '%') words += "percent";
+    if (c == ')' || c == ']' || c == '%') continue;
+    words += parts ? '_' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  for (const std::string& unit : units) {
+    const std::string end = "_" + unit;
+    if (!words.ends_with(end)) continue;
+    std::string stem = words.substr(0, words.size() - end.size());
+    while (stem.ends_with('_')) stem.pop_back();
+    return {stem, unit};
+  }
+  return {words, ""};
+}
+
+[[noreturn]] void refuse_unit(const CsvTable& table, const Kind& k, const std::string& column) {
+  table.fail(fmt::format("column \"{}\" needs its unit: --{} \"{}:UNIT\", one of {}",
+                         printable(column, kLongestNameShown), k.what,
+                         printable(column, kLongestNameShown), fmt::join(k.units, ", ")));
+}
+
+/// The column that an option names, or whose name is of the kind.
+Column column_of(const CsvTable& table, const Kind& k, const std::string& option) {
+  const auto has_unit = [&](const std::string& unit) {
+    return std::find(k.units.begin(), k.units.end(), unit) != k.units.end();
+  };
+  const auto with_unit = [&](Column column) {
+    if (column.unit.empty() && (column.stem == "lost" || column.stem == "prr") &&
+        k.what == "loss") {
+      column.unit = column.stem;
+    } else if (column.stem == "prr" && column.unit == "percent") {
+      column.unit = "prr_percent";
+    }
+    if (column.unit.empty()) refuse_unit(table, k, column.name);
+    return column;
+  };
+  if (!option.empty()) {
+    const std::size_t colon = option.rfind(':');
+    const bool is_said = colon != std::string::npos && has_unit(option.substr(colon + 1));
+    const std::string name = is_said ? option.substr(0, colon) : option;
+    if (!table.has(name)) {
+      table.fail(fmt::format("has no column \"{}\" (--{}), but {}; units are {}",
+                             printable(name, kLongestNameShown), k.what,
+                             fmt::join(table.columns(), ", "), fmt::join(k.units, ", ")));
+    }
+    const auto [stem, unit] = stem_and_unit(name, k.units);
+    return with_unit({name, is_said ? option.substr(colon + 1) : unit, stem});
+  }
+  std::vector<Column> found;
+  for (const std::string& name : table.columns()) {
+    const auto [stem, unit] = stem_and_unit(name, k.units);
+    if (std::find(k.stems.begin(), k.stems.end(), stem) != k.stems.end()) {
+      found.push_back({name, unit, stem});
+    }
+  }
+  if (found.size() > 1) {
+    table.fail(
+        fmt::format("\"{}\" or \"{}\"? Say which with --{}", found[0].name, found[1].name, k.what));
+  }
+  return found.empty() ? Column{} : with_unit(found.front());
+}
+
+double worth(const std::string& unit) {
+  return std::find_if(kTimes.begin(), kTimes.end(), [&](const auto& u) { return u.first == unit; })
+      ->second;
+}
+
+/// Epochs in nanoseconds have more digits than a double.
+long double exact_number(const CsvTable& table, const std::string& column) {
+  const std::string_view cell = table.cell(column);
+  long double value = 0.0L;
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+  if (error != std::errc{} || end != cell.data() + cell.size() || !std::isfinite(value)) {
+    table.refuse(column, "a number");
+  }
+  return value;
+}
+
+double prr_of(const CsvTable& table, const Column& column) {
+  const std::string_view cell = table.cell(column.name);
+  if (column.unit == "lost") {
+    if (cell == "0" || cell == "false" || cell == "no") return 1.0;
+    if (cell == "1" || cell == "true" || cell == "yes") return 0.0;
+    table.refuse(column.name, "0 or 1, false or true, no or yes");
+  }
+  const double most = column.unit.ends_with("percent") ? 100.0 : 1.0;
+  const double value = table.number(column.name);
+  if (value < 0.0 || value > most) table.refuse(column.name, fmt::format("in [0, {:g}]", most));
+  return column.unit.starts_with("prr") ? value / most : 1.0 - value / most;
+}
+
+struct CsvColumns {
+  Column time, delay, loss;
+  double delay_factor = 1.0;  ///< to milliseconds one way
+};
+
+Imported::Row row_of(const CsvTable& table, const CsvColumns& columns, double time_s) {
+  Imported::Row row{.time_s = time_s};
+  if (!columns.loss.name.empty()) row.prr = prr_of(table, columns.loss);
+  if (columns.delay.name.empty()) return row;
+  const std::string_view cell = table.cell(columns.delay.name);
+  if (cell.empty() || cell == "nan" || cell == "NaN") {
+    if (columns.loss.name.empty()) row.prr = 0.0;
+    if (row.prr > 0.0) table.refuse(columns.delay.name, "a number where not all is lost");
+    return row;
+  }
+  row.delay_ms = table.number(columns.delay.name) * columns.delay_factor;
+  if (*row.delay_ms < 0.0) table.refuse(columns.delay.name, "0 or more");
+  return row;
+}
+
+}  // namespace
+
+Imported import_csv(std::istream& in, const std::string& name, const ImportColumns& options) {
+  CsvTable table(in, name);
+  CsvColumns columns{column_of(table, kind("time"), options.time),
+                     column_of(table, kind("delay"), options.delay),
+                     column_of(table, kind("loss"), options.loss)};
+  if (columns.time.name.empty()) table.fail("no column is a time: name it with --time NAME:UNIT");
+  if (columns.delay.name.empty() && columns.loss.name.empty()) {
+    table.fail("neither delays nor losses: name their columns with --delay and --loss NAME:UNIT");
+  }
+  Imported imported;
+  imported.has_delays = !columns.delay.name.empty();
+  imported.of_fates = columns.loss.unit == "lost" || columns.loss.name.empty();
+  if (imported.has_delays) {
+    const bool halved =
+        options.round_trip || columns.delay.stem == "rtt" || columns.delay.stem == "ping";
+    columns.delay_factor = worth(columns.delay.unit) * 1e3 * (halved ? 0.5 : 1.0);
+    if (halved) imported.notes.push_back("delays are half the round trips");
+  }
+  long double first = 0.0L;
+  std::size_t doubles = 0;
+  while (table.next_row()) {
+    const long double time = exact_number(table, columns.time.name);
+    if (imported.rows.empty()) first = time;
+    const double time_s =
+        std::round(static_cast<double>((time - first) * worth(columns.time.unit)) * 1e9) / 1e9;
+    if (!imported.rows.empty() && time_s < imported.rows.back().time_s) {
+      table.refuse(columns.time.name, "after that of the row before");
+    }
+    if (!imported.rows.empty() && time_s == imported.rows.back().time_s) {
+      imported.rows.pop_back();
+      ++doubles;
+    }
+    imported.rows.push_back(row_of(table, columns, time_s));
+  }
+  if (imported.rows.empty()) throw UsageError(name + ": no rows");
+  if (doubles > 0) {
+    imported.notes.push_back(
+        fmt::format("of rows of one instant the last counts: {} left out", doubles));
+  }
+  return imported;
+}
+
+}  // namespace tether

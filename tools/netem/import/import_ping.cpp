@@ -1,0 +1,153 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <string_view>
+
+#include "common/base/errors.hpp"
+#include "common/base/text.hpp"
+#include "tools/netem/import/import.hpp"
+
+namespace tether {
+namespace {
+
+constexpr std::int64_t kNumbers = 65536;  // of an echo request; then they begin again
+constexpr std::int64_t kMostPackets = 20'000'000;
+constexpr double kShortest_s = 1e-6;  // from one packet to the next
+
+/// The number behind `label`.
+template <class Number>
+std::optional<Number> number_after(std::string_view line, std::string_view label) {
+  const std::size_t at = line.find(label);
+  if (at == std::string_view::npos) return std::nullopt;
+  const std::string_view rest = line.substr(at + label.size());
+  return to_number<Number>(rest.substr(0, rest.find_first_not_of("0123456789.")));
+}
+
+struct Echo {
+  std::optional<double> round_trip_ms;  ///< none: no answer
+  std::optional<double> sent_s;
+};
+
+/// By their numbers, which go on where they begin again.
+class Echoes {
+ public:
+  void add(const std::string& name, int line_number, std::string_view line) {
+    auto seq = number_after<std::int64_t>(line, "icmp_seq=");
+    if (!seq) seq = number_after<std::int64_t>(line, " seq=");
+    if (!seq) {
+      if (line.find(" packets transmitted") != std::string_view::npos) {
+        transmitted_ = to_number<std::int64_t>(line.substr(0, line.find(' ')));
+      }
+      return;
+    }
+    const std::int64_t number = unwrapped(*seq);
+    if (!all_.empty() && number - all_.begin()->first > kMostPackets) {
+      throw UsageError(fmt::format("{}:{}: more than {} packets", name, line_number, kMostPackets));
+    }
+    Echo& echo = all_[number];
+    const auto time_ms = number_after<double>(line, " time=");
+    if (!time_ms || line.find("(DUP!)") != std::string_view::npos) return;
+    if (line.find(" ms") == std::string_view::npos) {
+      throw UsageError(fmt::format("{}:{}: a time that is not in ms", name, line_number));
+    }
+    echo.round_trip_ms = *time_ms;
+    if (line.starts_with('[')) {
+      if (const auto stamp = number_after<double>(line, "["))
+        echo.sent_s = *stamp - *time_ms * 1e-3;
+    }
+  }
+
+  /// What was sent before the first and after the last that the file tells of.
+  void complete() {
+    if (all_.empty() || !transmitted_ || *transmitted_ > kMostPackets) return;
+    const std::int64_t first = std::min<std::int64_t>(1, all_.begin()->first);
+    for (std::int64_t i = first; i < first + *transmitted_; ++i) all_[i];
+  }
+
+  const std::map<std::int64_t, Echo>& all() const { return all_; }
+
+ private:
+  std::int64_t unwrapped(std::int64_t seq) const {
+    if (all_.empty()) return seq;
+    const std::int64_t last = all_.rbegin()->first;
+    std::int64_t round = last / kNumbers;
+    if (seq + kNumbers / 2 < last % kNumbers) ++round;
+    if (round > 0 && seq > last % kNumbers + kNumbers / 2) --round;
+    return round * kNumbers + seq;
+  }
+
+  std::map<std::int64_t, Echo> all_;
+  std::optional<std::int64_t> transmitted_;
+};
+
+/// When each packet was sent: as known, else evenly between those that are known.
+class SendTimes {
+ public:
+  SendTimes(const std::map<std::int64_t, Echo>& echoes, double interval_s)
+      : interval_s_(interval_s) {
+    for (const auto& [number, echo] : echoes) {
+      if (echo.sent_s) known_.emplace_hint(known_.end(), number, *echo.sent_s);
+    }
+    if (known_.size() < 2) return;
+    const auto &first = *known_.begin(), &last = *known_.rbegin();
+    interval_s_ = (last.second - first.second) / static_cast<double>(last.first - first.first);
+  }
+
+  bool are_known() const { return !known_.empty(); }
+  double interval_s() const { return interval_s_; }
+  double at(std::int64_t number) const {
+    if (known_.empty()) return static_cast<double>(number) * interval_s_;
+    const auto after = known_.lower_bound(number);
+    if (after == known_.begin()) return from(*after, number);
+    const auto before = std::prev(after);
+    if (after == known_.end()) return from(*before, number);
+    const double share = static_cast<double>(number - before->first) /
+                         static_cast<double>(after->first - before->first);
+    return before->second + share * (after->second - before->second);
+  }
+
+ private:
+  double from(const std::pair<const std::int64_t, double>& one, std::int64_t number) const {
+    return one.second + static_cast<double>(number - one.first) * interval_s_;
+  }
+
+  double interval_s_;
+  std::map<std::int64_t, double> known_;
+};
+
+}  // namespace
+
+Imported import_ping(std::istream& in, const std::string& name, double interval_s) {
+  Echoes echoes;
+  int line_number = 0;
+  for (std::string line; std::getline(in, line);) echoes.add(name, ++line_number, line);
+  echoes.complete();
+  if (echoes.all().empty()) throw UsageError(name + ": no line has icmp_seq= or seq=");
+  const SendTimes times(echoes.all(), interval_s);
+  Imported imported;
+  imported.of_fates = imported.has_delays = true;
+  const std::int64_t first = echoes.all().begin()->first, last = echoes.all().rbegin()->first;
+  for (std::int64_t number = first; number <= last; ++number) {
+    const auto found = echoes.all().find(number);
+    Imported::Row row{.time_s = times.at(number) - times.at(first), .prr = 0.0};
+    if (!imported.rows.empty()) {
+      row.time_s = std::max(row.time_s, imported.rows.back().time_s + kShortest_s);
+    }
+    if (found != echoes.all().end() && found->second.round_trip_ms) {
+      row.prr = 1.0;
+      row.delay_ms = 0.5 * *found->second.round_trip_ms;
+    }
+    imported.rows.push_back(row);
+  }
+  imported.notes.push_back("delays are half the round trips; a packet is lost there or back");
+  imported.notes.push_back(
+      times.are_known()
+          ? fmt::format("times are those of sending, one every {:.4g} s", times.interval_s())
+          : fmt::format("no times (ping -D): one every {:g} s is assumed", interval_s));
+  return imported;
+}
+
+}  // namespace tether
