@@ -38,27 +38,46 @@ constexpr std::size_t kLongestLine = 4096;
   _exit(127);
 }
 
+/// In another child: kills the program's group when the thread that started it is gone. Shells do
+/// not hand on the kernel's word of that.
+[[noreturn]] void guard(pid_t program, pid_t parent) {
+  sigset_t end;
+  sigemptyset(&end);
+  sigaddset(&end, SIGTERM);
+  sigprocmask(SIG_SETMASK, &end, nullptr);
+  setpgid(0, 0);
+  close_range(0, ~0U, 0);
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (getppid() == parent) sigwaitinfo(&end, nullptr);
+  kill(-program, SIGKILL);
+  _exit(0);
+}
+
 }  // namespace
 
 ExternalProgram::ExternalProgram(const std::string& command, OnLine on_line)
     : on_line_(std::move(on_line)) {
   std::array<int, 2> pipe_fds{};
   check_system_call("opening a pipe", pipe2(pipe_fds.data(), O_CLOEXEC));
-  // The shell becomes the program, so that signals and exit codes are the program's.
-  const std::string whole = "exec " + command;
   const pid_t parent = getpid();
   pid_ = fork();
-  if (pid_ == 0) become(whole.c_str(), parent, pipe_fds[1]);
+  if (pid_ == 0) become(command.c_str(), parent, pipe_fds[1]);
   close(pipe_fds[1]);
   pipe_fd_ = pipe_fds[0];
   if (pid_ < 0) close(pipe_fd_);
   check_system_call("starting " + command, pid_);
   setpgid(pid_, pid_);  // here too: whoever comes first
+  guard_ = fork();
+  if (guard_ == 0) guard(pid_, parent);
   fcntl(pipe_fd_, F_SETFL, O_NONBLOCK);
   pid_fd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
 }
 
 ExternalProgram::~ExternalProgram() {
+  if (guard_ > 0) {
+    kill(guard_, SIGKILL);
+    waitpid(guard_, nullptr, 0);
+  }
   if (!ended_) {
     kill(-pid_, SIGKILL);
     waitpid(pid_, nullptr, 0);

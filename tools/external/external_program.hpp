@@ -38,6 +38,7 @@ class ExternalProgram {
 
   OnLine on_line_;
   pid_t pid_ = -1;
+  pid_t guard_ = -1;  ///< a process that ends it if this cannot
   int pid_fd_ = -1;
   int pipe_fd_ = -1;
   bool ended_ = false;

@@ -10,7 +10,7 @@ namespace tether {
 /// What somebody's tool has measured, on its way to a trace (netem/playback/trace.hpp).
 struct Imported {
   struct Row {
-    double time_s = 0.0;             ///< since the first row, strictly increasing
+    double time_s = 0.0;               ///< since the first row, strictly increasing
     std::optional<double> delay_ms{};  ///< one way
     double prr = 1.0;
   };
