@@ -3,7 +3,7 @@
 #   tether-vehicle  what a vehicle's computer runs, with scenarios and drivetrains to begin from
 #   tether          all else: simulator, relay, controller, sweeps, figures, the page
 #   python3-tether  controllers in Python, and readers of runs, sweeps and logs
-#   tether-dev      the messages, for C++ (a CMake package) and for lcm-gen
+#   tether-dev      messages and a controller's client, for C++ (a CMake package); for lcm-gen
 #   tether-doc      docs/, examples and the change log
 #
 # Programs find what they read in ../share/tether from where they lie (common/base/share.hpp).
@@ -27,10 +27,12 @@ install(FILES systemd/sysusers.conf DESTINATION lib/sysusers.d RENAME tether.con
 install(FILES systemd/tether.env systemd/can0.network systemd/can0.link DESTINATION ${shared}/systemd
   COMPONENT vehicle)
 
-install(TARGETS tether_lcmtypes EXPORT tether-targets COMPONENT dev)
+install(TARGETS tether_lcmtypes tether_client EXPORT tether-targets COMPONENT dev)
 install(DIRECTORY ${CMAKE_BINARY_DIR}/generated/lcmtypes/tether
   ${CMAKE_BINARY_DIR}/generated/lcmtypes/lcm-gen
   DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tether COMPONENT dev FILES_MATCHING PATTERN "*.hpp")
+install(FILES lcmtypes/law_client.hpp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tether/tether
+  COMPONENT dev)
 install(DIRECTORY lcmtypes/ DESTINATION ${shared}/lcmtypes COMPONENT dev
   FILES_MATCHING PATTERN "*.lcm")
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/tether)

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/path/path_samples.hpp"
 #include "common/vehicle/motion_model.hpp"
 #include "common/vehicle/stop_ramp.hpp"
 #include "controller/estimation/clock_estimate.hpp"
@@ -13,7 +14,6 @@
 #include "controller/estimation/wheel_readings.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/network_estimate.hpp"
-#include "controller/laws/path_samples.hpp"
 #include "controller/laws/tracking_feedback.hpp"
 #include "controller/mpc/mpc_planner.hpp"
 
