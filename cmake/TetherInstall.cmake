@@ -47,6 +47,7 @@ install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT doc)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT doc)
 install(FILES examples/controller.cpp examples/controller.py
   DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc)
+install(PROGRAMS examples/floor_in_a_box.sh DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc)
 
 # tether_install_manuals(component programs...): their manual pages, as they print them.
 function(tether_install_manuals component)
