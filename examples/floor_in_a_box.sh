@@ -23,30 +23,30 @@ if ! unshare --net ip link add name probe type vcan 2>/dev/null; then
     give_up "no CAN interface can be made: be root, and modprobe vcan (Debian: in linux-image-amd64)"
 fi
 for program in tether{,-sim,-controller,-netem,-link,-can-bridge,-can-drive} lcm-logger ip awk; do
-    command -v $program >/dev/null || give_up "no $program on PATH: apt install tether liblcm-bin iproute2"
+    command -v "$program" >/dev/null || give_up "no $program on PATH: apt install tether liblcm-bin iproute2"
 done
 
 work=$(mktemp -d)
 clean_up() {
     local code=$?
     trap - EXIT
-    kill $(jobs -p) 2>/dev/null || true
+    jobs -p | xargs --no-run-if-empty kill 2>/dev/null || true
     wait
-    if [ $code != 0 ]; then tail -n 5 "$work"/*.said; fi
-    for host in control vehicle; do ip netns delete tether-$host 2>/dev/null || true; done
+    [ $code = 0 ] || tail -n 5 "$work"/*.said 2>/dev/null || true
+    for host in control vehicle; do ip netns delete $host.$$ 2>/dev/null || true; done
     rm -rf "$work"
 }
 trap clean_up EXIT
 trap 'exit 1' INT TERM
 
 # 1. Two hosts, a cable between them, and CAN on the vehicle.
-on() { ip netns exec "tether-$1" "${@:2}"; }
+on() { ip netns exec "$1.$$" "${@:2}"; }  # a command on a host
 for host in control vehicle; do
-    ip netns add tether-$host
+    ip netns add $host.$$
     on $host ip link set lo up
     on $host ip route add 224.0.0.0/4 dev lo  # LCM stays on its host
 done
-ip link add name radio netns tether-control type veth peer name radio netns tether-vehicle
+ip link add name radio netns control.$$ type veth peer name radio netns vehicle.$$
 on control ip address add 192.0.2.1/24 dev radio
 on vehicle ip address add 192.0.2.2/24 dev radio
 for host in control vehicle; do on $host ip link set radio up; done
@@ -56,9 +56,9 @@ say hosts "192.0.2.1 (control) and 192.0.2.2 (vehicle, with vcan0), Linux $(unam
 
 # 2. A bad network: as the scenario says, in both directions.
 spoil() { # side, direction
-    local command
-    command=$(tether netem export-tc $scenario --interface radio | grep -A 1 "^# $2" | grep ^tc)
-    on "$1" $command 2>/dev/null
+    local impair
+    read -ra impair <<<"$(tether netem export-tc $scenario --interface radio | grep -A 1 "^# $2" | grep ^tc)"
+    on "$1" "${impair[@]}" 2>/dev/null
 }
 if [ "${FLOOR:-}" != relay ] && spoil vehicle uplink && spoil control downlink; then
     air=tc
@@ -131,7 +131,7 @@ say e-stop "$(cat "$work/estop.said")"
 for job in $(jobs -p); do
     kill -0 "$job" 2>/dev/null || give_up "a program has ended"
 done
-kill $(jobs -p)
+jobs -p | xargs kill
 wait
 
 # 7. What was recorded, and what it should be.
