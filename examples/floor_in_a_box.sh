@@ -7,7 +7,7 @@
 #
 # In a source tree on a machine without vcan it starts itself in User-Mode Linux, without sudo. Exit code:
 # 0 if all that it measures is as it should be; each step is a line.
-#   DRIVE_S=25      how long to drive, seconds
+#   DRIVE_S=25      how long to drive, 5 to 35 s
 #   FLOOR=relay     tether-netem spoils poses and commands, as where the kernel has no netem
 set -euo pipefail
 drive_s=${DRIVE_S:-25}
