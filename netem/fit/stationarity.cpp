@@ -72,7 +72,7 @@ Stationarity test_stationarity(const FateBits& log, const GilbertElliott& model)
   std::size_t packets = 0;
   for (const auto& segment : log) packets += segment.size();
   Stationarity result;
-  if (packets < 10 * (kLow + kHigh)) return result;
+  if (packets < std::size_t{10} * (kLow + kHigh)) return result;
   const auto n = static_cast<double>(packets);
   const Spectrum spectrum(model, n);
   const std::vector<double> y = cosine_sums(log, n, kLow + kHigh);

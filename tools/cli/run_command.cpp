@@ -185,6 +185,42 @@ Scenario checked_scenario(const RunOptions& options) {
   return scenario;
 }
 
+/// How a run is made: all in this process, each node in one of its own, or all but the controller,
+/// which is somebody's program.
+struct Way {
+  std::optional<ClosedLoop> one;
+  std::optional<ProcessRun> many;
+  std::optional<ExternalController> controller;
+  std::optional<ExternalRun> with_another;
+
+  Way(const RunOptions& options, const Scenario& scenario) {
+    if (options.processes) {
+      many.emplace(ProcessRun::Options{.scenario_file = options.scenario.file,
+                                       .overrides = options.scenario.overrides(),
+                                       .lcm_url = options.lcm_url,
+                                       .patience_s = options.patience_s,
+                                       .step = options.step},
+                   scenario);
+    } else if (scenario.get<ControllerSettings>().is_external()) {
+      controller.emplace(options.lcm_url, true);
+      with_another.emplace(scenario, *controller);
+    } else {
+      one.emplace(scenario);
+    }
+  }
+  EventLoop& loop() { return one ? one->loop() : many ? many->loop() : with_another->loop(); }
+  Bus& bus() { return one ? one->bus() : many ? many->bus() : with_another->bus(); }
+  void run(Instant end) {
+    if (one) {
+      run_with_progress(*one, end);
+    } else if (with_another) {
+      with_another->run();
+    } else {
+      run_processes(*many);
+    }
+  }
+};
+
 int run(const RunOptions& options) {
   if (options.keys) {
     fmt::print("{}", describe_scenario_keys());
@@ -196,43 +232,22 @@ int run(const RunOptions& options) {
 
   const double start_s = wall_seconds();
   const Instant end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
-  std::optional<ClosedLoop> one;
-  std::optional<ProcessRun> many;
-  std::optional<ExternalController> controller;
-  std::optional<ExternalRun> with_another;  // program as its controller
-  if (!options.processes && scenario.get<ControllerSettings>().is_external()) {
-    controller.emplace(options.lcm_url, true);
-    with_another.emplace(scenario, *controller);
-  } else if (options.processes) {
-    many.emplace(ProcessRun::Options{.scenario_file = options.scenario.file,
-                                     .overrides = options.scenario.overrides(),
-                                     .lcm_url = options.lcm_url,
-                                     .patience_s = options.patience_s,
-                                     .step = options.step},
-                 scenario);
-  } else {
-    one.emplace(scenario);
-  }
-  EventLoop& loop = one ? one->loop() : many ? many->loop() : with_another->loop();
-  Bus& bus = one ? one->bus() : many ? many->bus() : with_another->bus();
-  FleetObserver observer(fleet_members(scenario), loop, bus);
+  Way way(options, scenario);
+  FleetObserver observer(fleet_members(scenario), way.loop(), way.bus());
   std::optional<ChannelWatch> channel;
-  if (one && observer.is_one())
-    channel.emplace(scenario.get<ChannelSettings>(), channel_traffic(scenario, true), loop,
-                    one->netem().uplink(), one->netem().downlink());
-  if (folder) folder->record(loop, bus);
+  if (way.one && observer.is_one()) {
+    channel.emplace(scenario.get<ChannelSettings>(), channel_traffic(scenario, true), way.loop(),
+                    way.one->netem().uplink(), way.one->netem().downlink());
+  }
+  if (folder) folder->record(way.loop(), way.bus());
   std::optional<ViewedRun> viewed;
-  if (options.view) viewed.emplace(options, scenario, *one);
+  if (options.view) viewed.emplace(options, scenario, *way.one);
   try {
-    if (one) notice_signals();
+    if (way.one) notice_signals();
     if (viewed) {
       viewed->run(end);
-    } else if (one) {
-      run_with_progress(*one, end);
-    } else if (with_another) {
-      with_another->run();
     } else {
-      run_processes(*many);
+      way.run(end);
     }
   } catch (const std::exception& error) {  // what it has written until then stays
     if (folder) folder->write_incomplete(observer, error.what());
@@ -242,7 +257,7 @@ int run(const RunOptions& options) {
   RunSummary summary{
       .wall_time_s = wall_seconds() - start_s, .sim_time_s = to_seconds(end), .end = end};
   if (channel) summary.channel = channel->report(end);
-  if (many) summary.lockstep = many->cost();
+  if (way.many) summary.lockstep = way.many->cost();
   observer.check_finite();
   report(options, scenario, observer, summary, folder);
   return kExitOk;
