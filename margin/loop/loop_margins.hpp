@@ -1,18 +1,12 @@
 #pragma once
 
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "common/scenario/scenario.hpp"
+#include "margin/loop/straight_loop.hpp"
 #include "margin/theory/critical.hpp"
 
 namespace tether {
-
-/// Why the theory does not hold for a scenario, each reason with the key that says so; empty if it
-/// does. It holds for the law `tracking` that answers each pose, a vehicle that holds its commands,
-/// constant delays, and links of model fixed or gilbert_elliott.
-std::vector<std::string> margin_obstacles(const Scenario& scenario);
 
 /// At the path's greatest speed between run.settled_from_s and the run's end, as if the path were
 /// straight there (margin/theory/sampled_loop.hpp). Limits of speed and acceleration are not in it.
@@ -25,6 +19,7 @@ struct LoopMargins {
   double radius = 0.0;   ///< growth of the mean square per period; stable below 1
   double radius_across = 0.0, radius_along = 0.0;
   Critical prr_each_way;                ///< both links fixed; the smallest that is stable
+  Critical more_loss;                   ///< independent, each way, beside the channel's own
   std::optional<Critical> mean_burst;   ///< packets; both links gilbert_elliott, at their PRR
   Critical delay_total_s;               ///< at this channel's losses
   double delay_margin_s = 0.0;          ///< without sampling and losses
@@ -33,6 +28,11 @@ struct LoopMargins {
   /// nullopt if unstable, or if the sensor has errors that are not white.
   std::optional<double> rms_m;
 };
+
+/// How much independent loss each way the loop bears beside its channel's own, 0 to 0.99.
+Critical critical_more_loss(const StraightLoop& loop);
+/// How long poses may take in all with these losses; up to 0.5 s or twelve periods.
+Critical critical_delay(const StraightLoop& loop, const LossChain& chain);
 
 /// Throws UsageError with all of margin_obstacles() if there are any.
 LoopMargins loop_margins(const Scenario& scenario);

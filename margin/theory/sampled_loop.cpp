@@ -96,9 +96,7 @@ LoopStep part_of(const LoopStep& step, LoopPart part) {
   return result;
 }
 
-double square_distance(const MatrixXd& moments, const PathMotion& motion,
-                       const LoopTiming& timing) {
-  const double ahead_m = motion.v_mps * timing.pose_delay_s;
+double square_distance(const MatrixXd& moments, double ahead_m) {
   const Eigen::Index last = moments.rows() - 1;
   return moments(0, 0) - 2.0 * ahead_m * moments(0, last) + ahead_m * ahead_m + moments(1, 1);
 }

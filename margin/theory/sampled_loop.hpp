@@ -58,9 +58,8 @@ LoopStep sampled_step(const LoopPeriod& period, const LoopTiming& timing, const 
 enum class LoopPart { all, across, along };
 LoopStep part_of(const LoopStep& step, LoopPart part);
 
-/// E[d²] of the distance d to the path's point of now, which the law's aim is ahead of by v·pose
-/// delay.
-double square_distance(const Eigen::MatrixXd& moments, const PathMotion& motion,
-                       const LoopTiming& timing);
+/// E[d²] of the distance d to the path's point of now, which the law's aim is ahead of by so much:
+/// v·pose delay, less what the law holds the vehicle behind its aim.
+double square_distance(const Eigen::MatrixXd& moments, double ahead_m);
 
 }  // namespace tether

@@ -77,6 +77,9 @@ class ChannelExpectation {
 
   const std::vector<ExpectedState>& states() const { return states_; }
   const std::vector<double>& stationary() const { return stationary_; }
+  /// From the state that a packet meets to that of the next one (stepped() with f > 0: the mean of
+  /// both).
+  const Matrix& transition() const { return transition_; }
   /// Mean sojourn time; infinite if the state is never left.
   double mean_sojourn(std::size_t state) const { return sojourns_[state]; }
   Unit sojourn_unit() const { return unit_; }

@@ -6,7 +6,10 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/path/kinds.hpp"
+#include "common/path/path_settings.hpp"
 #include "common/scenario/scenario.hpp"
+#include "controller/laws/pid_law.hpp"
 #include "controller/laws/tracking_feedback.hpp"
 #include "margin/loop/loop_margins.hpp"
 #include "margin/theory/sampled_loop.hpp"
@@ -49,6 +52,85 @@ TEST(TrackingJacobianTest, IsThatOfTheShippingLawOnStraightsAndCurvesAtAnySpeed)
       EXPECT_TRUE(law.isApprox(by_hand, 1e-4)) << v << ' ' << omega << '\n' << law;
     }
   }
+}
+
+/// On a straight along x at a speed v, where the vehicle is v/P behind the target.
+TEST(PidJacobianTest, IsThatOfTheShippingLawWhereItFollowsAStraight) {
+  const Scenario scenario =
+      paper({"controller.law=pid", "controller.v.p=1.5", "controller.omega.p=3", "controller.v.d=0",
+             "controller.omega.d=0", "controller.tau_s=0.4", "path.kind=line", "path.length_m=75",
+             "world.half_extent_m=500"});
+  const StraightLoop loop(scenario);
+  EXPECT_DOUBLE_EQ(loop.v_mps, 1.5);
+  EXPECT_DOUBLE_EQ(loop.behind_m, 1.0 - 1.5 * 0.4);
+  const auto path = make_path(scenario.get<PathSettings>());
+  constexpr double kAt_s = 20.0, kStep = 1e-6;
+  const PathPoint point = path->at(kAt_s);
+  const auto at = [&](double ahead_m, double left_m, double yaw_rad) {
+    PidLaw law(scenario.get<ControllerSettings>(), path, 0.0);
+    return law.step({point.x_m - loop.behind_m + ahead_m, left_m, yaw_rad},
+                    kStart + from_seconds(kAt_s));
+  };
+  const Twist still = at(0.0, 0.0, 0.0);
+  EXPECT_NEAR(still.v_mps, 1.5, 1e-9);
+  LawJacobian k;
+  for (int i = 0; i < 3; ++i) {
+    const auto off = [&](double by) {
+      return at(i == 0 ? -by : 0.0, i == 1 ? -by : 0.0, i == 2 ? -by : 0.0);
+    };
+    const Twist more = off(kStep), less = off(-kStep);
+    k(0, i) = (more.v_mps - less.v_mps) / (2.0 * kStep);
+    k(1, i) = (more.omega_radps - less.omega_radps) / (2.0 * kStep);
+  }
+  // Turned on the spot, the way to the target stays as long; its bearing turns by all of θ_e.
+  EXPECT_TRUE(k.isApprox(loop.law, 1e-5)) << k << "\n\n" << loop.law;
+}
+
+TEST(LoopMarginsTest, OneChainWrittenAsThreeModelsHasOneRadius) {
+  const double ge =
+      loop_margins(paper({"channel.model=gilbert_elliott", "channel.gilbert_elliott.p=0.1",
+                          "channel.gilbert_elliott.r=0.4"}))
+          .radius;
+  const double chain = loop_margins(paper({"channel.model=chain", "channel.chain.prr=[1.0, 0.0]",
+                                           "channel.chain.probabilities=[[0.9, 0.1], [0.4, 0.6]]"}))
+                           .radius;
+  const double four = loop_margins(paper({"channel.model=four_state", "channel.four_state.p13=0.1",
+                                          "channel.four_state.p31=0.4"}))
+                          .radius;
+  EXPECT_NEAR(chain, ge, 1e-7);
+  EXPECT_NEAR(four, ge, 1e-7);
+}
+
+TEST(LoopMarginsTest, RatesAndStepsInTimeAreOneChainAtThePosesPeriod) {
+  const double cycle_s = 0.4, p_bad = 0.3;  // rates 1/(0.28 s) and 1/(0.12 s)
+  const double a = -std::expm1(-0.05 * (1.0 / 0.28 + 1.0 / 0.12));
+  const std::string p = std::to_string(p_bad * a), stays = std::to_string(1.0 - std::stod(p));
+  const std::string r = std::to_string((1.0 - p_bad) * a),
+                    back = std::to_string(1.0 - std::stod(r));
+  const double markov =
+      loop_margins(paper({"channel.model=markov", "channel.markov.bad.prr=0",
+                          "channel.markov.p_bad=" + std::to_string(p_bad),
+                          "channel.markov.mean_cycle_s=" + std::to_string(cycle_s)}))
+          .radius;
+  const double stepped = loop_margins(paper({"channel.model=chain", "channel.chain.prr=[1.0, 0.0]",
+                                             "channel.chain.step_s=0.05",
+                                             "channel.chain.probabilities=[[" + stays + "," + p +
+                                                 "],[" + r + "," + back + "]]"}))
+                             .radius;
+  EXPECT_NEAR(stepped, markov, 1e-5);
+}
+
+/// Where one state rules both links, a pose that arrives is a command that arrives.
+TEST(LoopMarginsTest, ASharedStateLosesNoMoreThanOneLink) {
+  const std::vector<std::string> markov{"channel.model=markov", "channel.markov.bad.prr=0",
+                                        "channel.markov.p_bad=0.3",
+                                        "channel.markov.mean_cycle_s=0.4"};
+  auto shared = markov, one = markov;
+  shared.emplace_back("channel.shared_state=true");
+  one[0] = "channel.uplink.model=markov";
+  for (std::size_t i = 1; i < one.size(); ++i) one[i].insert(8, "uplink.");
+  EXPECT_NEAR(loop_margins(paper(shared)).prr, 0.7, 1e-9);
+  EXPECT_NEAR(loop_margins(paper(shared)).radius, loop_margins(paper(one)).radius, 1e-7);
 }
 
 TEST(LoopMarginsTest, OfTheEightAreAtItsTopSpeed) {
@@ -106,14 +188,20 @@ TEST(LoopMarginsTest, RefusesByNameWhatTheTheoryDoesNotHoldFor) {
     return "";
   };
   using testing::HasSubstr;
-  EXPECT_THAT(refusal({"controller.law=pid"}), HasSubstr("controller.law = \"pid\""));
+  EXPECT_THAT(refusal({"controller.law=pid"}),
+              HasSubstr("controller.v.i, .v.d, .omega.i, .omega.d"));
   EXPECT_THAT(refusal({"controller.trigger=timer"}), HasSubstr("controller.trigger"));
   EXPECT_THAT(refusal({"controller.pose_timeout_s=0.4"}), HasSubstr("controller.pose_timeout_s"));
   EXPECT_THAT(refusal({"sensor.send=changed"}), HasSubstr("sensor.send"));
   EXPECT_THAT(refusal({"channel.uplink.jitter.law=gamma", "channel.uplink.jitter.mean_ms=20",
                        "channel.uplink.jitter.sd_ms=10"}),
               HasSubstr("channel.uplink.jitter"));
-  EXPECT_THAT(refusal({"channel.downlink.model=markov"}), HasSubstr("channel.downlink.model"));
+  EXPECT_THAT(refusal({"channel.downlink.model=markov", "channel.downlink.markov.bad.delay_ms=50"}),
+              HasSubstr("channel.downlink.model = \"markov\": must have one delay"));
+  EXPECT_THAT(refusal({"channel.model=chain", "channel.chain.prr=[1.0, 0.0]",
+                       "channel.chain.probabilities=[[0.9, 0.1], [0.5, 0.5]]",
+                       "channel.chain.step_s=0.03"}),
+              HasSubstr("channel.uplink.chain.step_s = 0.03"));
   EXPECT_THAT(refusal({"vehicle.actuator_lag_ms=50"}), HasSubstr("vehicle.radius_error"));
   EXPECT_THAT(refusal({"controller.law=predictive", "actuator.policy=horizon"}),
               testing::AllOf(HasSubstr("controller.law"), HasSubstr("actuator.policy")));

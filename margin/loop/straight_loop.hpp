@@ -1,0 +1,53 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+#include "margin/theory/delay_margin.hpp"
+#include "margin/theory/loss_chain.hpp"
+#include "margin/theory/sampled_loop.hpp"
+
+namespace tether {
+
+/// Why the theory does not hold for a scenario, each reason with the key that says so; empty if it
+/// does. It holds for laws that answer each pose and remember nothing (`tracking`; `pid` without I
+/// and D), a vehicle that holds its commands, constant delays, and links whose losses are a Markov
+/// chain's from pose to pose.
+std::vector<std::string> margin_obstacles(const Scenario& scenario);
+/// Throws UsageError with all of them if there are any.
+void refuse_margin_obstacles(const Scenario& scenario);
+
+/// The loop of a scenario on a straight, at its path's greatest speed between run.settled_from_s
+/// and the run's end.
+struct StraightLoop {
+  /// The scenario has no margin_obstacles(). Throws UsageError if its path rests all the time.
+  explicit StraightLoop(const Scenario& scenario);
+
+  /// δω = v (k_y y_e + k_theta θ_e).
+  SteeringLoop steering;
+  LawJacobian law;
+  /// By how much the law holds the vehicle behind the point that it aims at, m (`pid`: P·distance
+  /// is the path's speed v/P behind the target, which is v τ ahead of the path's point).
+  double behind_m = 0.0;
+  LoopTiming timing;
+  PoseNoise noise;
+  double v_mps = 0.0, least_mps = 0.0;
+  ChainLink uplink, downlink;
+  bool shared = false;  ///< channel.shared_state
+
+  LoopStep step(const LoopTiming& with) const;
+  /// Both links with this much more independent loss each.
+  LossChain chain(double more_loss = 0.0) const;
+  /// Share of the packets that each link lets through, the mean of both.
+  double prr_each_way() const;
+  double radius(const LossChain& chain, LoopPart part = LoopPart::all) const;
+  /// Growth of the mean square per period if poses take this long in all, the greater of both
+  /// parts.
+  double radius_with_delay(const LossChain& chain, double delay_s) const;
+  /// √E[d²] by the sensor's white noise and the poses' delay; nullopt if unstable.
+  std::optional<double> rms_m(const LossChain& chain) const;
+};
+
+}  // namespace tether
