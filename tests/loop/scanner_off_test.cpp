@@ -26,11 +26,13 @@ MessageDigest digest_of_run(const std::string& scenario) {
 
 // Size and checksum of the logs that the last commit before scanners wrote, c2e6eda ("Open the runs
 // behind a report's points in the viewer"): `tether run SCENARIO --set run.duration_s=10`, and
-// zlib's crc32 of each event's channel and message in turn. Its log files are byte for byte those
-// of today. On a processor without FMA glibc's sines differ in the last bit, and so would these.
+// zlib's crc32 of each event's channel and message in turn. Its log files were byte for byte those
+// of today (0x0178f513 and 0x31ddc759) as long as the metrics in SIM/TRUTH were of each step, and
+// still are with kMetricsPeriod (sim_node.cpp) at a step. On a processor without FMA glibc's sines
+// differ in the last bit, and so would these.
 TEST(ScannerOff, RunsAreThoseOfBeforeThereWasAScanner) {
-  EXPECT_EQ(digest_of_run("paper.toml"), (MessageDigest{133'565, 0x0178f513}));
-  EXPECT_EQ(digest_of_run("warehouse_lap.toml"), (MessageDigest{207'285, 0x31ddc759}));
+  EXPECT_EQ(digest_of_run("paper.toml"), (MessageDigest{133'565, 0xf3f913ee}));
+  EXPECT_EQ(digest_of_run("warehouse_lap.toml"), (MessageDigest{207'285, 0x50c916c2}));
 }
 
 }  // namespace

@@ -86,17 +86,20 @@ TEST(PidJacobianTest, IsThatOfTheShippingLawWhereItFollowsAStraight) {
   EXPECT_TRUE(k.isApprox(loop.law, 1e-5)) << k << "\n\n" << loop.law;
 }
 
+double radius_of(const Scenario& scenario) {
+  refuse_margin_obstacles(scenario);
+  const StraightLoop loop(scenario);
+  return loop.radius(loop.chain());
+}
+
 TEST(LoopMarginsTest, OneChainWrittenAsThreeModelsHasOneRadius) {
   const double ge =
-      loop_margins(paper({"channel.model=gilbert_elliott", "channel.gilbert_elliott.p=0.1",
-                          "channel.gilbert_elliott.r=0.4"}))
-          .radius;
-  const double chain = loop_margins(paper({"channel.model=chain", "channel.chain.prr=[1.0, 0.0]",
-                                           "channel.chain.probabilities=[[0.9, 0.1], [0.4, 0.6]]"}))
-                           .radius;
-  const double four = loop_margins(paper({"channel.model=four_state", "channel.four_state.p13=0.1",
-                                          "channel.four_state.p31=0.4"}))
-                          .radius;
+      radius_of(paper({"channel.model=gilbert_elliott", "channel.gilbert_elliott.p=0.1",
+                       "channel.gilbert_elliott.r=0.4"}));
+  const double chain = radius_of(paper({"channel.model=chain", "channel.chain.prr=[1.0, 0.0]",
+                                        "channel.chain.probabilities=[[0.9, 0.1], [0.4, 0.6]]"}));
+  const double four = radius_of(paper(
+      {"channel.model=four_state", "channel.four_state.p13=0.1", "channel.four_state.p31=0.4"}));
   EXPECT_NEAR(chain, ge, 1e-7);
   EXPECT_NEAR(four, ge, 1e-7);
 }
@@ -107,30 +110,28 @@ TEST(LoopMarginsTest, RatesAndStepsInTimeAreOneChainAtThePosesPeriod) {
   const std::string p = std::to_string(p_bad * a), stays = std::to_string(1.0 - std::stod(p));
   const std::string r = std::to_string((1.0 - p_bad) * a),
                     back = std::to_string(1.0 - std::stod(r));
-  const double markov =
-      loop_margins(paper({"channel.model=markov", "channel.markov.bad.prr=0",
-                          "channel.markov.p_bad=" + std::to_string(p_bad),
-                          "channel.markov.mean_cycle_s=" + std::to_string(cycle_s)}))
-          .radius;
-  const double stepped = loop_margins(paper({"channel.model=chain", "channel.chain.prr=[1.0, 0.0]",
-                                             "channel.chain.step_s=0.05",
-                                             "channel.chain.probabilities=[[" + stays + "," + p +
-                                                 "],[" + r + "," + back + "]]"}))
-                             .radius;
+  const double markov = radius_of(
+      paper({"channel.model=markov", "channel.markov.bad.prr=0", "channel.markov.bad.delay_ms=0",
+             "channel.markov.good.delay_ms=0", "channel.markov.p_bad=" + std::to_string(p_bad),
+             "channel.markov.mean_cycle_s=" + std::to_string(cycle_s)}));
+  const double stepped = radius_of(
+      paper({"channel.model=chain", "channel.chain.prr=[1.0, 0.0]", "channel.chain.step_s=0.05",
+             "channel.chain.probabilities=[[" + stays + "," + p + "],[" + r + "," + back + "]]"}));
   EXPECT_NEAR(stepped, markov, 1e-5);
 }
 
 /// Where one state rules both links, a pose that arrives is a command that arrives.
 TEST(LoopMarginsTest, ASharedStateLosesNoMoreThanOneLink) {
-  const std::vector<std::string> markov{"channel.model=markov", "channel.markov.bad.prr=0",
-                                        "channel.markov.p_bad=0.3",
-                                        "channel.markov.mean_cycle_s=0.4"};
+  const std::vector<std::string> markov{
+      "channel.model=markov",          "channel.markov.bad.prr=0",
+      "channel.markov.bad.delay_ms=0", "channel.markov.good.delay_ms=0",
+      "channel.markov.p_bad=0.3",      "channel.markov.mean_cycle_s=0.4"};
   auto shared = markov, one = markov;
   shared.emplace_back("channel.shared_state=true");
   one[0] = "channel.uplink.model=markov";
   for (std::size_t i = 1; i < one.size(); ++i) one[i].insert(8, "uplink.");
-  EXPECT_NEAR(loop_margins(paper(shared)).prr, 0.7, 1e-9);
-  EXPECT_NEAR(loop_margins(paper(shared)).radius, loop_margins(paper(one)).radius, 1e-7);
+  EXPECT_NEAR(StraightLoop(paper(shared)).chain().prr(), 0.7, 1e-9);
+  EXPECT_NEAR(radius_of(paper(shared)), radius_of(paper(one)), 1e-7);
 }
 
 TEST(LoopMarginsTest, OfTheEightAreAtItsTopSpeed) {
