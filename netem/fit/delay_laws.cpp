@@ -16,12 +16,10 @@ namespace {
 
 using Fast = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
 
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMostValues = 20'000;
 constexpr double kLeastShape = 2.02;  // of a Pareto law: below 2 there is no variance
 
 double phi(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
-double logistic(double u) { return 1.0 / (1.0 + std::exp(-u)); }
 
 /// Values from 0 with mean 1 over their least, and sums of them.
 struct Sample {
@@ -42,28 +40,28 @@ struct Sample {
 };
 
 /// Parameters of a law over the sample: lower end, then two more.
-struct Shape {
+struct LawShape {
   double lower, a, b;
 };
 
 struct Family {
   const char* name;
-  bool at_least_value;                           // the lower end is the least value itself
-  double (*log_density)(Sample&, const Shape&);  // mean of it
+  bool at_least_value;                              // the lower end is the least value itself
+  double (*log_density)(Sample&, const LawShape&);  // mean of it
   double (*start_a)(double lower, double sd);
   double (*start_b)(double lower, double sd);
   /// mean, standard deviation, shape
-  void (*moments)(const Shape&, double& mean, double& sd, double& shape);
+  void (*moments)(const LawShape&, double& mean, double& sd, double& shape);
 };
 
 // a: shape k, b: scale θ
-double gamma_density(Sample& s, const Shape& p) {
+double gamma_density(Sample& s, const LawShape& p) {
   s.sum_above(p.lower);
   return (p.a - 1.0) * s.logarithms / s.size() - s.sum / s.size() / p.b - p.a * std::log(p.b) -
          std::lgamma(p.a);
 }
 // a: σ, b: median
-double lognormal_density(Sample& s, const Shape& p) {
+double lognormal_density(Sample& s, const LawShape& p) {
   s.sum_above(p.lower);
   const double mu = std::log(p.b), mean = s.logarithms / s.size();
   const double square = s.squared_logarithms / s.size() - 2.0 * mu * mean + mu * mu;
@@ -71,7 +69,7 @@ double lognormal_density(Sample& s, const Shape& p) {
          0.5 * square / (p.a * p.a);
 }
 // a: tail index less kLeastShape, b: scale
-double pareto_density(Sample& s, const Shape& p) {
+double pareto_density(Sample& s, const LawShape& p) {
   const double index = p.a + kLeastShape;
   double sum = 0.0;
   for (const double x : s.values) sum += std::log1p((x - p.lower) / p.b);
@@ -82,7 +80,7 @@ const Family kFamilies[] = {
     {"gamma", false, gamma_density,
      [](double lower, double sd) { return std::pow((1.0 - lower) / sd, 2); },
      [](double lower, double sd) { return sd * sd / (1.0 - lower); },
-     [](const Shape& p, double& mean, double& sd, double&) {
+     [](const LawShape& p, double& mean, double& sd, double&) {
        mean = p.a * p.b;
        sd = std::sqrt(p.a) * p.b;
      }},
@@ -91,13 +89,13 @@ const Family kFamilies[] = {
      [](double lower, double sd) {
        return (1.0 - lower) / std::sqrt(1.0 + std::pow(sd / (1.0 - lower), 2));
      },
-     [](const Shape& p, double& mean, double& sd, double&) {
+     [](const LawShape& p, double& mean, double& sd, double&) {
        mean = p.b * std::exp(0.5 * p.a * p.a);
        sd = mean * std::sqrt(std::expm1(p.a * p.a));
      }},
     {"pareto", true, pareto_density, [](double, double) { return 1.0; },
      [](double, double) { return 2.0; },
-     [](const Shape& p, double& mean, double& sd, double& shape) {
+     [](const LawShape& p, double& mean, double& sd, double& shape) {
        shape = p.a + kLeastShape;
        mean = p.b / (shape - 1.0);
        sd = mean * std::sqrt(shape / (shape - 2.0));
@@ -105,7 +103,7 @@ const Family kFamilies[] = {
 
 /// From what is climbed (logit of the lower end within its bounds, if it is sought; logarithms) to
 /// parameters.
-Shape shape_of(const Sample& s, const Eigen::VectorXd& u, std::optional<double> lower) {
+LawShape shape_of(const Sample& s, const Eigen::VectorXd& u, std::optional<double> lower) {
   const Eigen::Index first = lower ? 0 : 1;
   const double sought =
       lower ? *lower : s.least_lower + (s.most_lower - s.least_lower) * logistic(u[0]);
@@ -164,7 +162,7 @@ FittedLaw fit_family(const Family& family, Sample& s, double sd) {
     m = climb(family, s, sd, lower);
   }
   const auto quantities = [&](const Eigen::VectorXd& u) {
-    const Shape p = shape_of(s, u, lower);
+    const LawShape p = shape_of(s, u, lower);
     std::array<double, 4> all{p.lower, 0.0, 0.0, 3.0};
     family.moments(p, all[1], all[2], all[3]);
     return all;

@@ -1,9 +1,17 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <functional>
+#include <limits>
 
 namespace tether {
+
+/// What a fit cannot say.
+inline constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+/// A share for any number: what is between 0 and 1 is searched for without bounds.
+inline double logistic(double u) { return 1.0 / (1.0 + std::exp(-u)); }
 
 using Objective = std::function<double(const Eigen::VectorXd&)>;
 

@@ -15,10 +15,7 @@
 namespace tether {
 namespace {
 
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-
 double logit(double p) { return std::log(p / (1.0 - p)); }
-double logistic(double u) { return 1.0 / (1.0 + std::exp(-u)); }
 
 /// One parameter of a model: where it is, whether it is free, and on which scale it moves.
 struct Coordinate {
