@@ -194,7 +194,8 @@ LinkConfig parse_link_config(const std::string& text, const std::string& file) {
   std::string url = kDefaultLcmUrl;
   top.text("lcm_url", url, "udpm://GROUP:PORT?ttl=0");
   config.lcm_url = made(top, "lcm_url", [&] { return checked_lcm_url(url); });
-  if (multicast_group(config.lcm_url).empty()) {
+  // Beyond the host, LCM is what the link is there to avoid.
+  if (multicast_group(config.lcm_url).empty() || lcm_option(config.lcm_url, "ttl") != 0) {
     top.refuse("lcm_url", *top.find("lcm_url"), "udpm://GROUP:PORT?ttl=0");
   }
   read_settings(top, config);

@@ -47,6 +47,8 @@ TEST(LinkConfig, RefusalsNameFileLineAndWhatIsAllowed) {
   EXPECT_THAT(refusal("second_path = \"never\"\n" + kPaths + kPeer), HasSubstr("\"deferred\""));
   EXPECT_THAT(refusal("second_after_ms = 5\n" + kPaths + kPeer), HasSubstr("does nothing"));
   EXPECT_THAT(refusal("lcm_url = \"tcpq://localhost:7700\"\n" + kPaths + kPeer), HasSubstr("udpm"));
+  EXPECT_THAT(refusal("lcm_url = \"udpm://239.255.76.67:7667?ttl=1\"\n" + kPaths + kPeer),
+              HasSubstr("ttl=0"));
   EXPECT_THAT(refusal(kPaths), HasSubstr("0 tables [[peer]]"));
   EXPECT_THAT(refusal("key = \"k\"\n" + kPeer), HasSubstr("0 tables [[path]]"));
   EXPECT_THAT(refusal(kPaths + kPeer + kPeer), HasSubstr("two peers are called \"vehicle7\""));
