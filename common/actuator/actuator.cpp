@@ -50,9 +50,8 @@ Twist Actuator::command_in_force(Instant now) const {
 }
 
 Instant Actuator::unchanged_until(Instant now) const {
-  const Instant by_plans = plans_.empty() ? Instant::max() : plans_.unchanged_until(now);
-  if (policy_->after_timeout == nullptr || (!plans_.empty() && plans_.in_force(now)))
-    return by_plans;
+  const Instant by_plans = plans_.unchanged_until(now);
+  if (policy_->after_timeout == nullptr || plans_.end(now)) return by_plans;
   if (now - arrival_ < timeout_) return std::min(by_plans, arrival_ + timeout_);
   return stands_still(command_in_force(now)) ? by_plans : now;
 }

@@ -83,7 +83,6 @@ KinematicVehicle::KinematicVehicle(const VehicleConfig& vehicle, const WorldSett
                                    Duration step, const Surroundings& surroundings,
                                    std::uint64_t seed)
     : Plant(step),
-      step_s_(to_seconds(step)),
       max_change_mps_(vehicle.max_wheel_acceleration_mps2 * step_s_),
       wheel_radius_m_(vehicle.wheel_radius_m),
       track_m_(vehicle.track_m),

@@ -58,7 +58,6 @@ class KinematicVehicle final : public Plant {
   void move_at_walls(const PlanarMotion& wish, std::span<const Shape> near);
 
   // What each step needs is together: of a fleet, many take turns in the caches.
-  double step_s_;
   double max_change_mps_;
   double wheel_radius_m_, track_m_, max_wheel_speed_mps_;
   WheelSpeeds commands_;

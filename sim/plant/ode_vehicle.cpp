@@ -45,7 +45,6 @@ OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world,
                        RandomEngine random, const Surroundings& surroundings, std::uint64_t seed)
     : Plant(step),
       config_(vehicle),
-      step_s_(to_seconds(step)),
       max_change_mps_(vehicle.max_wheel_acceleration_mps2 * step_s_),
       disturbances_(vehicle, world, step_s_, random) {
   check_bodies(vehicle, world, step_s_);

@@ -55,7 +55,6 @@ class OdeVehicle final : public Plant {
   Pose2 pose() const;
 
   VehicleConfig config_;
-  double step_s_;
   double max_change_mps_;  ///< of a servo's target, in a step
   std::unique_ptr<World> world_;
   std::optional<NearObstacles> obstacles_;  ///< if there are any

@@ -71,12 +71,13 @@ class Plant {
   virtual std::uint64_t solver_complaints() const = 0;
 
  protected:
-  explicit Plant(Duration step) : step_(step) {}
+  explicit Plant(Duration step) : step_(step), step_s_(to_seconds(step)) {}
   Plant(const Plant&) = delete;
   Plant& operator=(const Plant&) = delete;
 
   double t_s_ = 0.0;
   Duration step_;
+  double step_s_;  ///< the same
 };
 
 /// For the plants' own checks: throws std::invalid_argument, "vehicle or world: " and `what`,

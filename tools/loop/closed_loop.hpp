@@ -79,8 +79,7 @@ class ClosedLoop {
     if (scenario.get<ControllerSettings>().is_external()) {
       throw UsageError(
           "controller.external: this needs a controller of its own; tether run and tether live "
-          "wait "
-          "for another, and tether run and tether sweep start controller.command");
+          "wait for another, and tether run and tether sweep start controller.command");
     }
     return scenario;
   }
