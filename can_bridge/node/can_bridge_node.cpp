@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <stdexcept>
 #include <string>
 #include <tether/drive_request_t.hpp>
@@ -17,6 +16,7 @@
 #include "common/actuator/actuator_settings.hpp"
 #include "common/actuator/plan_message.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/say.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/odometry_message.hpp"
@@ -109,7 +109,7 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
                 [this](CounterList& out) { list_counters(out); }) {
   check_cycle(config, settings.get<CanSettings>().cycle_ms);
   if (const std::string warning = port.warning(); !warning.empty()) {
-    fmt::print(stderr, "tether-can-bridge: warning: {}\n", warning);
+    say(Severity::warning, "tether-can-bridge: warning: " + warning);
   }
   const bool drives_itself = settings.get<AutonomySettings>().enabled;
   if (drives_itself) autonomy_.emplace(settings, loop, bus);

@@ -5,13 +5,13 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <system_error>
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/say.hpp"
 
 namespace tether {
 namespace {
@@ -49,8 +49,8 @@ void EstopFile::remember(bool latched) {
   if (done) {
     latched_ = latched;
   } else if (!std::exchange(failed_, true)) {
-    fmt::print(stderr, "tether-can-bridge: \"{}\" does not remember the e-stop: {}\n",
-               path_.string(), std::strerror(errno));
+    say(Severity::error, fmt::format("tether-can-bridge: \"{}\" does not remember the e-stop: {}",
+                                     path_.string(), std::strerror(errno)));
   }
 }
 

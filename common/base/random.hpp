@@ -1,9 +1,13 @@
 #pragma once
 
 #include <boost/random/uniform_01.hpp>
+#include <boost/random/uniform_int_distribution.hpp>
+#include <cstddef>
 #include <cstdint>
 #include <random>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 namespace tether {
 
@@ -27,6 +31,15 @@ RandomEngine random_stream(std::uint64_t seed, std::string_view name);
 /// The next number of a uniform distribution on [0, 1).
 inline double uniform_01(RandomEngine& random) {
   return boost::random::uniform_01<double>()(random);
+}
+
+/// Any order is as likely as any other (Fisher and Yates); the same with every standard library.
+template <class One>
+void shuffle(std::vector<One>& all, RandomEngine& random) {
+  for (std::size_t i = all.size(); i > 1; --i) {
+    boost::random::uniform_int_distribution<std::size_t> any(0, i - 1);
+    std::swap(all[i - 1], all[any(random)]);
+  }
 }
 
 }  // namespace tether

@@ -6,8 +6,9 @@
 #include <netinet/in.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <utility>
+
+#include "common/base/say.hpp"
 
 namespace tether {
 
@@ -47,7 +48,7 @@ SoleSender::SoleSender(EventLoop& loop, Bus& bus, const std::vector<std::string>
                        Report report)
     : loop_(loop), report_(std::move(report)) {
   if (!report_) {
-    report_ = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
+    report_ = [](const std::string& line) { say(Severity::warning, line); };
   }
   for (const std::string& channel : channels) {
     Watched& watched = channels_.emplace_back(Watched{channel, {}});

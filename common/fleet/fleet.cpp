@@ -5,7 +5,6 @@
 #include <numeric>
 
 #include "common/base/random.hpp"
-#include "common/base/shuffle.hpp"
 #include "common/fleet/own_keys.hpp"
 #include "common/path/kinds.hpp"
 #include "common/path/path_settings.hpp"

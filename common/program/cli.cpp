@@ -8,6 +8,7 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "common/base/say.hpp"
 #include "common/base/text.hpp"
 #include "common/program/manual.hpp"
 #include "common/version.hpp"
@@ -17,7 +18,7 @@ namespace tether {
 int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& body) {
   const auto complain = [&app](const char* what) {
     std::fflush(stdout);
-    fmt::print(stderr, "{}: error: {}\n", app.get_name(), printable_message(what));
+    say(Severity::error, fmt::format("{}: error: {}", app.get_name(), printable_message(what)));
   };
   try {
     app.parse(argc, argv);

@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
-#include <cstdio>
 #include <memory>
 #include <optional>
 #include <tether/clock_t.hpp>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/base/say.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/lcm/lcm_url.hpp"
@@ -109,7 +109,7 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   std::optional<ClockFollower> clock;
   if (!options.start_utime_us && !program.owns_clock && !options.stands_alone) {
     clock.emplace(loop, bus);
-    fmt::print(stderr, "{}: waiting for SIM/CLOCK on {}\n", program.name, url);
+    say(Severity::info, fmt::format("{}: waiting for SIM/CLOCK on {}", program.name, url));
     manager.status("waiting for SIM/CLOCK on " + url);
     if (!clock->wait()) return End::signal;
   }
@@ -121,20 +121,21 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   if (!options.stands_alone) {
     presence.emplace(loop, networks, program.name, scenario.get<VehicleSettings>().name);
   }
-  fmt::print(stderr, "{}: running, t = {:.3f} s, on {}\n", program.name, to_seconds(loop.now()),
-             url);
+  say(Severity::info,
+      fmt::format("{}: running, t = {:.3f} s, on {}", program.name, to_seconds(loop.now()), url));
   manager.ready("running on " + url);
   loop.run();
   manager.stopping();
   wind_down(*node, loop);
   if (clock && clock->jumped()) {
-    fmt::print(stderr, "{}: SIM/CLOCK jumped: starting over\n", program.name);
+    say(Severity::warning, fmt::format("{}: SIM/CLOCK jumped: starting over", program.name));
     return End::clock_jumped;
   }
   node->finish();
   if (loop.slips() > 0) {
-    fmt::print(stderr, "{}: {} deadline slips, worst lateness {:.1f} ms\n", program.name,
-               loop.slips(), to_milliseconds(loop.lateness_max()));
+    say(Severity::warning,
+        fmt::format("{}: {} deadline slips, worst lateness {:.1f} ms", program.name, loop.slips(),
+                    to_milliseconds(loop.lateness_max())));
   }
   return End::signal;
 }

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <utility>
 
-#include "common/base/shuffle.hpp"
+#include "common/base/random.hpp"
 #include "common/vehicle/frames.hpp"
 
 namespace tether {

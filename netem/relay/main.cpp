@@ -1,10 +1,8 @@
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <string>
 #include <vector>
 
+#include "common/base/say.hpp"
 #include "common/fleet/fleet.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udpm_bus.hpp"
@@ -34,14 +32,14 @@ int main(int argc, char** argv) {
           const std::vector<std::string>& overrides) {
         if (texts.empty()) {
           const std::string warning = overload_warning(scenario.get<MediumSettings>());
-          if (!warning.empty()) fmt::print(stderr, "tether-netem: {}\n", warning);
+          if (!warning.empty()) say(Severity::warning, "tether-netem: " + warning);
           return;
         }
         rules = parse_relay_rules(texts, lcm_url, scenario);
         check_overrides(use_of(rules), overrides);
         own_url = checked_lcm_url(lcm_url);
         for (const RelayRule& rule : rules) {
-          fmt::print(stderr, "tether-netem: rule: {}\n", to_text(rule));
+          say(Severity::info, "tether-netem: rule: " + to_text(rule));
         }
       }};
   const auto make = [&](const NodeContext& c) -> std::unique_ptr<Node> {

@@ -157,10 +157,21 @@ def tether_finds_the_programs_beside_it(test):
         check(sub in said and node in said, f"tether {command} --help: {said}")
 
 
+def the_journal_is_told_how_bad_it_is(test):
+    stream = "JOURNAL_STREAM=$(stat --dereference --format=%d:%i /dev/stderr)"
+    command = f"exec {test.bin}/tether-link run none.toml"
+    said = test.run("/bin/bash", "-c", f"export {stream}; {command}").err()
+    check(said.startswith("<3>tether-link: error: ") and said.count("\n") == 1, said)
+    said = test.run("/bin/bash", "-c", f"export {stream}; {command} 2>elsewhere", cwd=test.work).err()
+    elsewhere = (test.work / "elsewhere").read_text()
+    check(said == "" and elsewhere.startswith("tether-link: error: "), said + elsewhere)
+
+
 main(
     bad_urls,
     unreachable_network,
     bad_scenarios,
     live_starts_nothing_for_a_bad_scenario,
     tether_finds_the_programs_beside_it,
+    the_journal_is_told_how_bad_it_is,
 )

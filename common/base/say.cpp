@@ -1,0 +1,32 @@
+#include "common/base/say.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+
+namespace tether {
+namespace {
+
+/// As systemd.exec(5) says to find out: somebody may have sent stderr elsewhere since.
+bool stderr_is_the_journal() {
+  const char* const stream = std::getenv("JOURNAL_STREAM");
+  struct stat now {};
+  return stream != nullptr && fstat(STDERR_FILENO, &now) == 0 &&
+         stream == fmt::format("{}:{}", now.st_dev, now.st_ino);
+}
+
+}  // namespace
+
+void say(Severity severity, std::string_view line) {
+  static const bool is_journal = stderr_is_the_journal();
+  if (is_journal) {
+    fmt::print(stderr, "<{}>{}\n", static_cast<int>(severity), line);
+  } else {
+    fmt::print(stderr, "{}\n", line);
+  }
+}
+
+}  // namespace tether

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string_view>
+
+namespace tether {
+
+/// How much a line matters; numbers as syslog(3) has them.
+enum class Severity { error = 3, warning = 4, info = 6 };
+
+/// A line for whoever runs this program, on stderr. If that is systemd's journal, it is told the
+/// severity (sd-daemon(3)): `journalctl -p warning`.
+void say(Severity severity, std::string_view line);
+
+}  // namespace tether
