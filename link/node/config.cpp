@@ -17,7 +17,6 @@
 namespace tether::link {
 namespace {
 
-constexpr std::size_t kIpAndUdpBytes = 28;
 constexpr char kAddressForm[] = "an IPv4 address and a port, such as \"192.0.2.7:7700\"";
 
 /// The tables of a list [[name]].

@@ -10,6 +10,9 @@
 
 namespace tether::link {
 
+/// Of each IP packet of the network's `mtu`.
+inline constexpr std::size_t kIpAndUdpBytes = 28;
+
 /// One way into the network.
 struct PathConfig {
   std::string name;
@@ -28,8 +31,9 @@ struct PeerConfig {
 ///     lcm_url = "udpm://239.255.76.67:7667?ttl=0"
 ///     mtu = 1400                # bytes of an IP packet that all paths carry, 576 to 65535
 ///     second_path = "always"    # each message by both paths at once; or "deferred": by the second
-///     second_after_ms = 20      #   if the first has not been acknowledged after so long, 1 to
-///     1000 rekey_s = 3600            # 10 to 86400 report_period_s = 1       # 0.1 to 60
+///     second_after_ms = 20      #   if the first is not acknowledged after so long, 1 to 1000
+///     rekey_s = 3600            # 10 to 86400
+///     report_period_s = 1       # 0.1 to 60
 ///
 ///     [[path]]                  # one or two, in the same order on both hosts
 ///     name = "wifi"

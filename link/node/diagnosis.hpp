@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/say.hpp"
 #include "common/base/time.hpp"
 #include "link/session/refusals.hpp"
 
@@ -20,18 +21,28 @@ class Diagnosis {
   struct Sight {
     std::vector<std::string> alive;  ///< names of the paths
     std::vector<std::string> dead;
+    std::vector<std::string> narrow;  ///< alive, but nothing as long as the mtu comes through
+    std::size_t mtu = 0;
     Refusals refused;
-    double clock_ahead_s = 0.0;
+    double clock_ahead_s = 0.0;   ///< of the newest HELLO that was refused for it
+    double clock_offset_s = 0.0;  ///< as the session has measured it: by so much at least
+  };
+  struct Line {
+    Severity severity;
+    std::string text;
   };
   /// Now; called once a second or so. nullopt: nothing new.
-  std::optional<std::string> look(Instant now, const Sight& sight);
+  std::optional<Line> look(Instant now, const Sight& sight);
 
  private:
-  std::string why_down(const Sight& sight) const;
+  std::string how_up(const Sight& sight);
+  std::string why_down(const Sight& sight);
+  std::string clocks_apart(double ahead_s);
 
   std::string peer_;
   std::optional<Instant> since_;  // looked at without seeing it
   Refusals then_;                 // when that began
+  double ahead_said_s_ = 0.0;
   std::string said_;
 };
 

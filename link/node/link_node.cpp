@@ -33,25 +33,50 @@ LinkNode::LinkNode(LinkConfig config, const KeyPair& own, EventLoop& loop, Bus& 
                  [this](std::size_t, std::string_view channel, ByteView bytes) {
                    bus_.publish(channel, bytes);
                  }},
-                random),
-      told_too_long_(config_.paths.size(), false) {
+                random) {
   assert(!bus_.hears_itself());
   for (const PathConfig& path : config_.paths) sockets_.emplace_back(path);
   for (const PeerConfig& peer : config_.peers) diagnoses_.emplace_back(peer.name);
-  for (std::size_t path = 0; path < sockets_.size(); ++path) {
-    loop_.add_fd(sockets_[path].fd(), [this, path](Instant) { on_readable(path); });
-  }
+  for (std::size_t path = 0; path < sockets_.size(); ++path) open_path(path);
   bus_.subscribe(".*", kDeepQueue, [this](const Message& m) { on_message(m); });
   const Instant now = loop_.now();
   loop_.every(now, kTick, Priority::node, [this](Instant) { endpoint_.tick(moment()); });
-  loop_.every(now + kLook, kLook, Priority::observer, [this](Instant) { diagnose(); });
+  loop_.every(now + kLook, kLook, Priority::observer, [this](Instant) {
+    renew_paths();
+    diagnose();
+  });
   loop_.every(now + config_.report_period, config_.report_period, Priority::observer,
               [this](Instant) { report(); });
   loop_.every(now + kFates, kFates, Priority::observer, [this](Instant) { tell_fates(); });
 }
 
 LinkNode::~LinkNode() {
-  for (const PathSocket& socket : sockets_) loop_.remove_fd(socket.fd());
+  for (const PathSocket& socket : sockets_) {
+    if (socket.fd() >= 0) loop_.remove_fd(socket.fd());
+  }
+}
+
+void LinkNode::open_path(std::size_t path) {
+  const PathSocket& socket = sockets_[path];
+  const std::string name = fmt::format("path \"{}\"", config_.paths[path].name);
+  if (socket.fd() < 0) {
+    say_(Severity::warning,
+         fmt::format("{} is closed, and tried again each second: {}", name, socket.trouble()));
+    return;
+  }
+  loop_.add_fd(socket.fd(), [this, path](Instant) { on_readable(path); });
+  say_(Severity::info, fmt::format("{} on {}", name, to_text(config_.paths[path].bind)));
+}
+
+void LinkNode::renew_paths() {
+  for (std::size_t path = 0; path < sockets_.size(); ++path) {
+    PathSocket& socket = sockets_[path];
+    if (socket.is_current()) continue;
+    const std::string trouble = socket.trouble();
+    if (socket.fd() >= 0) loop_.remove_fd(socket.fd());
+    socket.reopen();
+    if (socket.fd() >= 0 || socket.trouble() != trouble) open_path(path);
+  }
 }
 
 void LinkNode::on_message(const Message& message) {
@@ -185,19 +210,17 @@ void LinkNode::diagnose() {
     PeerLink& peer = endpoint_.peer(i);
     Diagnosis::Sight sight;
     for (std::size_t path = 0; path < sockets_.size(); ++path) {
-      (peer.alive(path, now) ? sight.alive : sight.dead).push_back(config_.paths[path].name);
+      const std::string& name = config_.paths[path].name;
+      const bool alive = peer.alive(path, now);
+      (alive ? sight.alive : sight.dead).push_back(name);
+      const bool narrow = sockets_[path].too_long() || !peer.carries_long(path);
+      if (alive && narrow) sight.narrow.push_back(name);
     }
+    sight.mtu = config_.settings.datagram_bytes + kIpAndUdpBytes;
+    if (const auto offset = peer.offset(now)) sight.clock_offset_s = nearest_to_zero_s(*offset);
     sight.refused = endpoint_.refused();
     sight.clock_ahead_s = static_cast<double>(peer.sessions().clock_ahead_ns()) * 1e-9;
-    if (const auto line = diagnoses_[i].look(now, sight)) say_(*line);
-  }
-  for (std::size_t path = 0; path < sockets_.size(); ++path) {
-    if (!sockets_[path].too_long() || told_too_long_[path]) continue;
-    told_too_long_[path] = true;
-    say_(
-        fmt::format("path \"{}\": the network does not carry packets of {} bytes: set a smaller "
-                    "mtu, on both hosts",
-                    config_.paths[path].name, config_.settings.datagram_bytes + 28));
+    if (const auto line = diagnoses_[i].look(now, sight)) say_(line->severity, line->text);
   }
 }
 

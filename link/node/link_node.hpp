@@ -8,6 +8,7 @@
 #include <tether/peer_report_t.hpp>
 #include <vector>
 
+#include "common/base/say.hpp"
 #include "common/bus/bus.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
@@ -24,10 +25,10 @@ inline constexpr char kFatesChannel[] = "LINK/FATES";
 /// heard here again, so that nothing goes round; LINK/… never leaves the host.
 class LinkNode final : public Node {
  public:
-  using Say = std::function<void(const std::string& line)>;
+  using Say = std::function<void(Severity severity, const std::string& line)>;
 
-  /// `bus` must not hear itself. `say`: a line for the terminal. Throws as PathSocket and Endpoint
-  /// do.
+  /// `bus` must not hear itself. `say`: a line for whoever runs it. Throws as PathSocket and
+  /// Endpoint do.
   LinkNode(LinkConfig config, const KeyPair& own, EventLoop& loop, Bus& bus,
            const RandomKey& random, Say say);
   ~LinkNode() override;
@@ -47,6 +48,8 @@ class LinkNode final : public Node {
                    peer_report_t& out);
   void tell_fates();
   void tell_fates_of(std::size_t peer, std::size_t path);
+  void open_path(std::size_t path);
+  void renew_paths();
   void diagnose();
 
   LinkConfig config_;
@@ -56,7 +59,6 @@ class LinkNode final : public Node {
   std::deque<PathSocket> sockets_;
   Endpoint endpoint_;
   std::vector<Diagnosis> diagnoses_;
-  std::vector<bool> told_too_long_;
   bool copies_scheduled_ = false;
   std::int64_t seq_ = 0;
   std::int64_t fates_seq_ = 0;

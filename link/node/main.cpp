@@ -42,12 +42,11 @@ int run(const std::string& file) {
   const link::KeyPair own = link::read_key_file(config.key_file);
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());
   UdpmBus bus(config.lcm_url, loop);
-  const auto say = [](const std::string& line) { fmt::print(stderr, "tether-link: {}\n", line); };
+  const auto say = [](Severity severity, const std::string& line) {
+    tether::say(severity, "tether-link: " + line);
+  };
   link::LinkNode node(config, own, loop, bus, random_key, say);
-  for (const link::PathConfig& path : config.paths) {
-    say(fmt::format("path \"{}\" on {}", path.name, link::to_text(path.bind)));
-  }
-  say("running, on " + config.lcm_url);
+  say(Severity::info, "running, on " + config.lcm_url);
   ServiceManager manager(loop);
   manager.ready("running on " + config.lcm_url);
   loop.run();
@@ -77,10 +76,10 @@ int record(const RecordOptions& options) {
   const std::string summary = recording.summary();
   fmt::print("{}", summary);
   if (!summary.empty()) return kExitOk;
-  fmt::print(stderr,
-             "tether-link: nothing was heard on {} of {}: does tether-link run there, with a peer "
-             "that is up and does not defer copies?\n",
-             link::kFatesChannel, options.lcm_url);
+  say(Severity::error,
+      fmt::format("tether-link: nothing was heard on {} of {}: does tether-link run there, with a "
+                  "peer that is up and does not defer copies?",
+                  link::kFatesChannel, options.lcm_url));
   return kExitFailed;
 }
 

@@ -1,6 +1,7 @@
 #include "link/node/path_socket.hpp"
 
 #include <fmt/format.h>
+#include <net/if.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -10,6 +11,7 @@
 #include <ctime>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "common/lcm/udp_sockets.hpp"
 
@@ -34,47 +36,64 @@ std::int64_t wall_ns() {
   return t.tv_sec * 1'000'000'000LL + t.tv_nsec;
 }
 
-PathSocket::PathSocket(const PathConfig& config) {
-  fd_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  if (fd_ < 0) {
-    throw std::runtime_error(
-        fmt::format("path \"{}\": no socket: {}", config.name, std::strerror(errno)));
-  }
-  try {
-    open(config);
-  } catch (...) {
-    close(fd_);
-    throw;
-  }
+PathSocket::PathSocket(const PathConfig& config) : config_(config) {
+  if (open() || errno == ENODEV || errno == EADDRNOTAVAIL) return;
+  throw std::runtime_error(fmt::format("path \"{}\": {}", config_.name, trouble_));
 }
 
-void PathSocket::open(const PathConfig& config) {
-  const auto set = [&](int level, int name, int value) {
+PathSocket::~PathSocket() { shut(); }
+
+void PathSocket::shut() {
+  if (fd_ < 0) return;
+  dropped_before_ += dropped_datagrams({fd_});
+  close(std::exchange(fd_, -1));
+}
+
+bool PathSocket::fail(const std::string& what) {
+  const int error = errno;
+  trouble_ = fmt::format("{}: {}", what, std::strerror(error));
+  shut();
+  errno = error;
+  return false;
+}
+
+bool PathSocket::open() {
+  const std::string& interface = config_.interface;
+  // Before it is bound: if another takes its place meanwhile, that is noticed.
+  interface_index_ = if_nametoindex(interface.c_str());
+  fd_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (fd_ < 0) return fail("no socket");
+  const auto set = [this](int level, int name, int value) {
     return setsockopt(fd_, level, name, &value, sizeof value) == 0;
-  };
-  const auto fail = [&](const std::string& what) {
-    throw std::runtime_error(
-        fmt::format("path \"{}\": {}: {}", config.name, what, std::strerror(errno)));
   };
   set(SOL_SOCKET, SO_RCVBUF, kBufferBytes);
   set(SOL_SOCKET, SO_SNDBUF, kBufferBytes);
-  if (!set(SOL_SOCKET, SO_TIMESTAMPNS, 1)) fail("no times of arrival");
-  if (!set(IPPROTO_IP, IP_MTU_DISCOVER, IP_PMTUDISC_DO)) fail("no path MTU");
-  const std::string& interface = config.interface;
+  if (!set(SOL_SOCKET, SO_TIMESTAMPNS, 1)) return fail("no times of arrival");
+  if (!set(IPPROTO_IP, IP_MTU_DISCOVER, IP_PMTUDISC_DO)) return fail("no path MTU");
   if (!interface.empty() && setsockopt(fd_, SOL_SOCKET, SO_BINDTODEVICE, interface.c_str(),
                                        static_cast<socklen_t>(interface.size())) != 0) {
-    fail(fmt::format("cannot use interface \"{}\" (`ip link` lists them)", interface));
+    return fail(fmt::format("cannot use interface \"{}\" (`ip link` lists them)", interface));
   }
-  const sockaddr_in own = to_system(config.bind);
+  const sockaddr_in own = to_system(config_.bind);
   if (bind(fd_, reinterpret_cast<const sockaddr*>(&own), sizeof own) != 0) {
-    fail(
+    return fail(
         fmt::format("cannot bind to {} (is another tether-link running; is it an address of this "
                     "host?)",
-                    to_text(config.bind)));
+                    to_text(config_.bind)));
   }
+  trouble_.clear();
+  return true;
 }
 
-PathSocket::~PathSocket() { close(fd_); }
+bool PathSocket::is_current() const {
+  return fd_ >= 0 && (config_.interface.empty() ||
+                      if_nametoindex(config_.interface.c_str()) == interface_index_);
+}
+
+void PathSocket::reopen() {
+  shut();
+  open();
+}
 
 bool PathSocket::send(const Address& to, ByteView datagram) {
   const sockaddr_in address = to_system(to);
@@ -98,6 +117,8 @@ void PathSocket::receive(const std::function<void(const Address&, ByteView, std:
   }
 }
 
-std::int64_t PathSocket::dropped() const { return dropped_datagrams({fd_}); }
+std::int64_t PathSocket::dropped() const {
+  return dropped_before_ + (fd_ < 0 ? 0 : dropped_datagrams({fd_}));
+}
 
 }  // namespace tether::link

@@ -14,6 +14,14 @@ struct IntervalNs {
   std::int64_t max_ns = 0;
 };
 
+/// The least of an interval, by its amount: 0 if it may be 0. Seconds.
+constexpr double nearest_to_zero_s(const IntervalNs& interval) {
+  const std::int64_t ns = interval.min_ns > 0   ? interval.min_ns
+                          : interval.max_ns < 0 ? interval.max_ns
+                                                : 0;
+  return static_cast<double>(ns) * 1e-9;
+}
+
 /// By how much a peer's clock is ahead of ours: an interval that holds the truth whatever the
 /// delays are, as long as none is negative and the clocks run alike to kDrift.
 ///

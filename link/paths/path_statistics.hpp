@@ -33,6 +33,7 @@ class PathStatistics {
   static constexpr Duration kRecent = std::chrono::seconds{5};
   /// Without an authentic datagram for so long, a path counts as down: four probes in a row.
   static constexpr Duration kDead = std::chrono::seconds{1};
+  static constexpr int kShortInARow = 40;
 
   void on_sent() { ++sent_; }
   void on_received(Instant now, std::int64_t transit_ns, bool first);
@@ -40,8 +41,12 @@ class PathStatistics {
   /// came.
   void on_told(Instant now, std::int64_t sent, std::int64_t received);
   void on_round_trip(std::int64_t ns);
+  void on_probe(bool is_long) { short_probes_ = is_long ? 0 : short_probes_ + 1; }
 
   bool alive(Instant now) const { return newest_ && now - *newest_ <= kDead; }
+  /// False: so many short probes came, and no long one, that losses do not explain it. Of p lost,
+  /// all of 40 / 3 (1 − p) long ones must have been, for every fourth is long: below 2·10⁻⁶.
+  bool carries_long() const { return short_probes_ < kShortInARow; }
   /// Begins a new period.
   PathReport report(Instant now);
 
@@ -61,6 +66,7 @@ class PathStatistics {
   std::optional<std::int64_t> transit_min_ns_, transit_max_ns_, round_trip_min_ns_;
   double transit_sum_ns_ = 0.0;
   std::int64_t transits_ = 0;
+  int short_probes_ = 0;
   std::deque<Told> recent_;
 };
 

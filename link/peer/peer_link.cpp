@@ -102,14 +102,17 @@ void PeerLink::probe(std::size_t path, Moment m) {
   Session* const session = sessions_.current();
   if (session == nullptr) return;
   const LastProbe& last = last_probes_[path];
+  constexpr std::size_t kBytes = kSealedHeaderBytes + kTagBytes + kProbeBytes;
+  const std::size_t padding = probes_ % kLongProbe == 0 ? settings_.datagram_bytes - kBytes : 0;
   write_text(text_,
              {m.wall_ns, Probe{static_cast<std::uint8_t>(path), session->count(path).sent + 1,
-                               last.wall_ns, last.arrival_ns}});
+                               last.wall_ns, last.arrival_ns, padding}});
   session->seal(text_, datagram_);
   send_by(path, *session, datagram_);
 }
 
 void PeerLink::probe_all(Moment m) {
+  ++probes_;
   for (std::size_t path = 0; path < settings_.paths; ++path) probe(path, m);
   next_probe_ = m.now + settings_.probe_period;
 }
@@ -207,6 +210,7 @@ void PeerLink::on_probe(std::size_t path, Session& session, std::int64_t wall_ns
     count.received_by_then = count.received;
   }
   last_probes_[path] = {wall_ns, m.wall_ns};
+  paths_[path].on_probe(probe.padding > 0);
   if (probe.echo_wall_ns <= 0) return;
   const std::int64_t away_ns = m.wall_ns - probe.echo_wall_ns;
   paths_[path].on_round_trip(away_ns - (wall_ns - probe.echo_arrival_ns));

@@ -60,9 +60,12 @@ struct PeerCounters {
 /// One peer: messages in, datagrams out, and back. Pure: time and randomness are arguments.
 ///
 /// Each datagram goes by every path under one counter, and the first copy counts. PROBEs go by each
-/// path, each period; they also keep a path open through NAT, and notice when it is down.
+/// path, each period; they also keep a path open through NAT, and notice when it is down. One of
+/// kLongProbe is as long as datagrams may be, and notices a network that drops such.
 class PeerLink {
  public:
+  static constexpr std::uint64_t kLongProbe = 4;
+
   /// `refused` must outlive it. `number`: below 256, of this peer alone.
   PeerLink(const Identity& identity, std::uint8_t number, PeerRules rules,
            const LinkSettings& settings, PeerOutput out, RandomKey random, Refusals& refused);
@@ -85,6 +88,8 @@ class PeerLink {
 
   bool up(Instant now) const;
   bool alive(std::size_t path, Instant now) const { return paths_[path].alive(now); }
+  /// Whether the peer's longest datagrams come by it, too.
+  bool carries_long(std::size_t path) const { return paths_[path].carries_long(); }
   /// Since the newest authentic datagram; −1 s before the first.
   double age_s(Instant now) const { return newest_ ? to_seconds(now - *newest_) : -1.0; }
   PathReport report(std::size_t path, Instant now) { return paths_[path].report(now); }
@@ -143,6 +148,7 @@ class PeerLink {
   std::size_t acknowledge_by_ = 0;
   std::optional<Instant> newest_;
   std::optional<Instant> next_probe_;
+  std::uint64_t probes_ = 0;  // periods
   PeerCounters counters_;
   Bytes text_;
   Bytes datagram_;

@@ -29,7 +29,8 @@ std::optional<Probe> read_probe(Reader& r) {
   p.sent = r.number<std::uint64_t>();
   p.echo_wall_ns = r.number<std::int64_t>();
   p.echo_arrival_ns = r.number<std::int64_t>();
-  if (!r.ended() || !is_time(p.echo_wall_ns) || !is_time(p.echo_arrival_ns)) return std::nullopt;
+  p.padding = r.rest().size();
+  if (!r.ok() || !is_time(p.echo_wall_ns) || !is_time(p.echo_arrival_ns)) return std::nullopt;
   return p;
 }
 
@@ -138,6 +139,7 @@ void write_text(Bytes& out, const Text& text) {
     begin_text(TextKind::probe);
     w.number(probe->path).number(probe->sent);
     w.number(probe->echo_wall_ns).number(probe->echo_arrival_ns);
+    out.resize(out.size() + probe->padding);
   } else if (const auto* ack = std::get_if<Ack>(&text.what)) {
     begin_text(TextKind::ack);
     w.number(ack->newest).number(ack->bits);

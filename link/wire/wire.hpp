@@ -49,6 +49,7 @@ namespace tether::link {
 //  10  8  sealed datagrams sent on it in this session, this one too
 //  18  8  time of the last PROBE that came by this path, as it says itself; 0: none
 //  26  8  when it arrived, by the sender's clock
+//  34  …  padding, of any content: some are as long as datagrams may be
 //
 // PIECE of a message, those of one message under consecutive counters:
 //   9  1  flags; bit 0: acknowledge this
@@ -60,7 +61,7 @@ namespace tether::link {
 //   9  8  the newest counter accepted
 //  17  8  bit i: newest − i was accepted
 
-inline constexpr std::uint8_t kVersion = 1;
+inline constexpr std::uint8_t kVersion = 2;
 enum class Kind : std::uint8_t { hello = 1, answer = 2, sealed = 3 };
 
 inline constexpr std::size_t kHelloBytes = 86;
@@ -69,6 +70,7 @@ inline constexpr std::size_t kMacBytes = 32;
 inline constexpr std::size_t kSealedHeaderBytes = 14;
 inline constexpr std::size_t kTagBytes = 16;
 inline constexpr std::size_t kPieceHeaderBytes = 14;
+inline constexpr std::size_t kProbeBytes = 34;
 /// No message needs more pieces.
 inline constexpr std::size_t kMostPieces = 2048;
 /// Of an LCM message that is carried.
@@ -115,6 +117,7 @@ struct Probe {
   std::uint64_t sent = 0;
   std::int64_t echo_wall_ns = 0;
   std::int64_t echo_arrival_ns = 0;
+  std::size_t padding = 0;  ///< bytes
 };
 struct Piece {
   bool wants_ack = false;

@@ -8,13 +8,26 @@ namespace {
 using std::chrono::seconds;
 using ::testing::HasSubstr;
 
+std::string text_of(const std::optional<Diagnosis::Line>& line) {
+  return line ? line->text : "nothing";
+}
+
 /// What is said 5 s after a peer was seen last, when `count` has gone up since.
 std::string said_after(std::int64_t Refusals::*count, double clock_ahead_s = 0.0) {
   Diagnosis diagnosis("vehicle7");
-  Diagnosis::Sight sight{{}, {"wifi"}, {}, clock_ahead_s};
+  Diagnosis::Sight sight;
+  sight.dead = {"wifi"};
+  sight.clock_ahead_s = clock_ahead_s;
   EXPECT_FALSE(diagnosis.look(kStart, sight));
   if (count != nullptr) ++(sight.refused.*count);
-  return diagnosis.look(kStart + seconds{5}, sight).value_or("nothing");
+  return text_of(diagnosis.look(kStart + seconds{5}, sight));
+}
+
+Diagnosis::Sight sight_of(std::vector<std::string> alive, std::vector<std::string> dead = {}) {
+  Diagnosis::Sight sight;
+  sight.alive = std::move(alive);
+  sight.dead = std::move(dead);
+  return sight;
 }
 
 TEST(Diagnosis, SaysWhyAPeerIsDownAndWhatToDo) {
@@ -29,16 +42,41 @@ TEST(Diagnosis, SaysWhyAPeerIsDownAndWhatToDo) {
 
 TEST(Diagnosis, SaysEachThingOnce) {
   Diagnosis diagnosis("vehicle7");
-  const Diagnosis::Sight both{{"wifi", "5g"}, {}, {}, 0.0};
-  EXPECT_EQ(diagnosis.look(kStart, both), "peer \"vehicle7\": up, by wifi and 5g");
-  EXPECT_FALSE(diagnosis.look(kStart + seconds{1}, both));
-  const Diagnosis::Sight one{{"5g"}, {"wifi"}, {}, 0.0};
-  EXPECT_EQ(diagnosis.look(kStart + seconds{2}, one), "peer \"vehicle7\": up, by 5g; wifi is down");
+  const auto both = diagnosis.look(kStart, sight_of({"wifi", "5g"}));
+  EXPECT_EQ(text_of(both), "peer \"vehicle7\": up, by wifi and 5g");
+  EXPECT_EQ(both->severity, Severity::info);
+  EXPECT_FALSE(diagnosis.look(kStart + seconds{1}, sight_of({"wifi", "5g"})));
+  const auto one = diagnosis.look(kStart + seconds{2}, sight_of({"5g"}, {"wifi"}));
+  EXPECT_EQ(text_of(one), "peer \"vehicle7\": up, by 5g; wifi is down");
+  EXPECT_EQ(one->severity, Severity::warning);
+}
+
+TEST(Diagnosis, SaysWhichPathDropsLongPackets) {
+  Diagnosis diagnosis("vehicle7");
+  Diagnosis::Sight sight = sight_of({"wifi", "5g"});
+  sight.narrow = {"5g"};
+  sight.mtu = 1400;
+  EXPECT_THAT(text_of(diagnosis.look(kStart, sight)),
+              HasSubstr("5g does not carry packets of 1400 bytes: set a smaller mtu"));
+}
+
+TEST(Diagnosis, SaysThatClocksAreApartWhileASessionLives) {
+  Diagnosis diagnosis("vehicle7");
+  Diagnosis::Sight sight = sight_of({"wifi"});
+  sight.clock_offset_s = -60.0;
+  EXPECT_EQ(text_of(diagnosis.look(kStart, sight)), "peer \"vehicle7\": up, by wifi");
+  sight.clock_offset_s = -61.0;
+  EXPECT_THAT(text_of(diagnosis.look(kStart + seconds{1}, sight)), HasSubstr("-61.0 s apart"));
+  sight.clock_offset_s = -62.0;
+  EXPECT_FALSE(diagnosis.look(kStart + seconds{2}, sight));
+  sight.clock_offset_s = 0.0;
+  EXPECT_EQ(text_of(diagnosis.look(kStart + seconds{3}, sight)), "peer \"vehicle7\": up, by wifi");
 }
 
 TEST(Diagnosis, RepeatedClockTroubleIsOneLine) {
   Diagnosis diagnosis("vehicle7");
-  Diagnosis::Sight sight{{}, {"wifi"}, {}, 73.2};
+  Diagnosis::Sight sight = sight_of({}, {"wifi"});
+  sight.clock_ahead_s = 73.2;
   diagnosis.look(kStart, sight);
   ++sight.refused.clock;
   EXPECT_TRUE(diagnosis.look(kStart + seconds{5}, sight));

@@ -4,7 +4,6 @@ recording is fitted, and whose fit is simulated. The floor is tc's netem where t
 else our relay's links in front of the same sockets; the two hosts are network namespaces. Usage: floor_test.py BIN_DIR"""
 
 import csv
-import ctypes
 import json
 import math
 import os
@@ -18,9 +17,9 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
 
-from live_support import TWIST, TYPES, LcmType, Network, check, main, wait_until  # noqa: E402
+from hosts import Host, shell, veth  # noqa: E402
+from live_support import TWIST, check, main, wait_until  # noqa: E402
 
-TYPES["LINK/REPORT"] = LcmType("peer_report")
 RATE_HZ = 400
 MESSAGES = 8000
 P, R = 0.02, 0.2  # per datagram, as Gilbert has it: 9.1 % lost in bursts of 5
@@ -28,45 +27,11 @@ LOSS, BURST = P / (P + R), 1 / R
 NORMAL_MS = (20.0, 2.0)  # netem's delay
 CONSTANT_MS, LOGNORMAL_MS = 10.0, (4.0, 4.0)  # our links'
 SIGMAS = 4.5
-CLONE_NEWNET = 0x40000000
-
-
-def shell(text):
-    done = subprocess.run(["sh", "-c", text], capture_output=True, text=True)
-    check(done.returncode == 0, f"{text}: {done.stderr}")
 
 
 def works(text):
     """Whether a command does, in a network of its own."""
     return subprocess.run(["unshare", "--net", "sh", "-c", text], capture_output=True).returncode == 0
-
-
-class Host:
-    """A network namespace that lives as long as a process in it."""
-
-    def __init__(self, test):
-        self._sleeper = test.start("/usr/bin/env", "unshare", "--net", "sleep", "1000")
-        own = os.readlink("/proc/self/ns/net")
-        pid = self._sleeper.pid
-        wait_until(5, lambda: os.readlink(f"/proc/{pid}/ns/net") != own, "a namespace")
-        self.enter = ["nsenter", f"--net=/proc/{pid}/ns/net"]
-        self.pid = pid
-        self.shell("ip link set lo up && ip route add 224.0.0.0/4 dev lo")
-
-    def shell(self, text):
-        shell(" ".join(self.enter) + f" sh -c '{text}'")
-
-    def network(self):
-        """On the LCM network of that host: a socket stays where it was opened."""
-        libc = ctypes.CDLL(None, use_errno=True)
-        home = os.open("/proc/self/ns/net", os.O_RDONLY)
-        there = os.open(f"/proc/{self.pid}/ns/net", os.O_RDONLY)
-        check(libc.setns(there, CLONE_NEWNET) == 0, os.strerror(ctypes.get_errno()))
-        network = Network()
-        check(libc.setns(home, CLONE_NEWNET) == 0, os.strerror(ctypes.get_errno()))
-        os.close(home)
-        os.close(there)
-        return network
 
 
 class Floor:
@@ -89,10 +54,7 @@ class Floor:
 
     def _with_tc(self, near, far):
         self.kind = "tc's netem between network namespaces"
-        shell("ip link add name vnear type veth peer name vfar")
-        for name, host, number in (("vnear", near, 1), ("vfar", far, 2)):
-            shell(f"ip link set {name} netns {host.pid}")
-            host.shell(f"ip address add 10.77.0.{number}/24 dev {name} && ip link set {name} up")
+        veth(near, "vnear", far, "vfar", "10.77.0")
         near.shell(f"tc qdisc add dev vnear root {self.NETEM}")
         self.bind = {"near": "10.77.0.1:7700", "far": "10.77.0.2:7700"}
         self.other = {"near": self.bind["far"], "far": self.bind["near"]}

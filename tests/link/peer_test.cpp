@@ -56,6 +56,32 @@ TEST(PeerLink, NoDatagramIsLongerThanThePathCarries) {
   EXPECT_EQ(longest, kSmallestDatagram);
 }
 
+TEST(PeerLink, NoticesAPathThatDropsLongDatagrams) {
+  TwoHosts net(two_paths());
+  net.connect();
+  net.run(seconds{15});
+  EXPECT_TRUE(net.link(0).carries_long(0) && net.link(0).carries_long(1));
+  net.loses = [](const TwoHosts::Datagram& d) { return d.path == 1 && d.bytes.size() > 1000; };
+  net.run(seconds{12});
+  EXPECT_TRUE(net.link(0).carries_long(1)) << "may yet be losses";
+  net.run(seconds{3});
+  EXPECT_TRUE(net.link(0).carries_long(0));
+  EXPECT_FALSE(net.link(0).carries_long(1));
+  EXPECT_TRUE(net.link(0).alive(1, net.now));
+  net.loses = [](const TwoHosts::Datagram&) { return false; };
+  net.run(seconds{1});
+  EXPECT_TRUE(net.link(0).carries_long(1));
+}
+
+TEST(PeerLink, MeasuresClocksThatAreSetApartWhileASessionLives) {
+  TwoHosts net;
+  net.connect();
+  net.hosts[1].clock_ahead_ns = 73'000'000'000;
+  net.run(seconds{2});
+  EXPECT_NEAR(nearest_to_zero_s(net.link(0).offset(net.now).value()), 73.0, 0.01);
+  EXPECT_NEAR(nearest_to_zero_s(net.link(1).offset(net.now).value()), -73.0, 0.01);
+}
+
 TEST(PeerLink, SendsOnlyWhatARuleNames) {
   TwoHosts net;
   net.connect();
