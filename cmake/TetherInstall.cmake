@@ -9,7 +9,7 @@
 # Programs find what they read in ../share/tether from where they lie (common/base/share.hpp).
 include(GNUInstallDirs)
 
-set(TETHER_VEHICLE_PROGRAMS tether-link tether-can-bridge tether-can-drive tether-localiser tether-autonomy)
+set(TETHER_VEHICLE_PROGRAMS tether-vehicle tether-link tether-can-bridge tether-can-drive tether-localiser tether-autonomy)
 set(TETHER_LAB_PROGRAMS tether tether-sim tether-netem tether-controller tether-can)
 set(shared ${CMAKE_INSTALL_DATADIR}/tether)
 

@@ -15,7 +15,7 @@ import traceback
 from subprocess import PIPE, STDOUT, Popen
 
 MODULES = {
-    "vcan": ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan", "slcan", "can-gw", "veth", "sch_netem"),
+    "vcan": ("can", "can-raw", "can-bcm", "can-dev", "vcan", "vxcan", "slcan", "can-gw", "veth", "sch_netem", "overlay"),
     "netem": ("sch_netem", "sch_prio", "veth"),
 }
 

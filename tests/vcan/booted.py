@@ -1,6 +1,7 @@
 """A booted system for the tests of the project's units: systemd as the first process of a process and
 mount namespace of its own, whose root has this machine's /usr and the build folder as /tether, read-only, and an /etc of its
-own. Only in a guest, which may be spoilt (uml/with_can.sh --guest)."""
+own. Its /usr can be one that packages are installed into. Only in a guest, which may be spoilt
+(uml/with_can.sh --guest)."""
 
 import os
 import pathlib
@@ -17,12 +18,19 @@ UNITS = SOURCE / "systemd"
 # What a unit is given besides its own file: here as in /usr/lib/systemd/system.
 HARDENING = "tether-.service.d/hardening.conf"
 
+READ_ONLY = "mount --bind --read-only /usr usr"
+# What is written to it stays in the guest's memory. dpkg knows what this machine has.
+FOR_PACKAGES = """
+    mkdir -p var/lib/dpkg/info var/lib/dpkg/updates var/lib/dpkg/triggers written worked
+    cp /var/lib/dpkg/status var/lib/dpkg
+    mount -t overlay -o lowerdir=/usr,upperdir=$PWD/written,workdir=$PWD/worked overlay usr
+"""
 BOOT = """
     set -e
     mount -t tmpfs tmpfs {root}
     cd {root}
     mkdir usr etc var proc sys dev run tmp root tether
-    mount --bind --read-only /usr usr
+    {usr}
     for folder in bin sbin lib lib64; do ln -s usr/$folder; done
     mount --bind --read-only {build} tether
     mount --rbind /dev dev
@@ -36,19 +44,24 @@ BOOT = """
 
 
 class Booted:
-    def __init__(self, test, bin_dir):
+    def __init__(self, test, bin_dir, for_packages=False):
         check(os.environ.get("TETHER_CAN_KERNEL") == "uml", "only under uml/with_can.sh --guest")
         self.root = pathlib.Path(tempfile.mkdtemp(dir="/run"))
-        script = textwrap.dedent(BOOT).format(root=self.root, build=pathlib.Path(bin_dir).parent)
+        script = textwrap.dedent(BOOT).format(root=self.root, build=pathlib.Path(bin_dir).parent,
+                                              usr=FOR_PACKAGES if for_packages else READ_ONLY)
         subprocess.run(["bash", "-c", script], check=True)
-        shutil.copy(UNITS / "hardening.conf", self.units / HARDENING)
         # There is no journal.
         (self.units / HARDENING).with_name("said.conf").write_text("[Service]\nStandardOutput=append:/var/%N.said\n")
+        (self.units / "test.target").write_text("[Unit]\nDefaultDependencies=no\n")
+        if not for_packages:
+            self._give_units()
+
+    def _give_units(self):
+        shutil.copy(UNITS / "hardening.conf", self.units / HARDENING)
         for unit in UNITS.glob("*.service"):
             # From the build tree instead of the package.
             text = unit.read_text().replace("ExecStart=/usr/bin/tether", "ExecStart=/tether/bin/tether")
             (self.units / unit.name).write_text(text)
-        (self.units / "test.target").write_text("[Unit]\nDefaultDependencies=no\n")
         user = subprocess.run(["systemd-sysusers", f"--root={self.root}", UNITS / "sysusers.conf"],
                               capture_output=True, text=True, check=False)
         check(user.returncode == 0 and "tether" in (self.root / "etc/passwd").read_text(), user.stderr)

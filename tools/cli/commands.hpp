@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "tools/cli/base/action.hpp"
+#include "tools/cli/vehicle/vehicle_commands.hpp"
 
 namespace tether {
 
@@ -15,12 +16,9 @@ void add_merge_command(CLI::App& tether, Action& action);
 void add_report_command(CLI::App& tether, Action& action);
 void add_reproduce_command(CLI::App& tether, Action& action);
 void add_live_command(CLI::App& tether, Action& action);
-void add_echo_command(CLI::App& tether, Action& action);
 void add_log_command(CLI::App& tether, Action& action);
 void add_spy_command(CLI::App& tether, Action& action);
 void add_view_command(CLI::App& tether, Action& action);
-void add_can_command(CLI::App& tether, Action& action);
-void add_doctor_command(CLI::App& tether, Action& action);
 void add_margin_command(CLI::App& tether, Action& action);
 void add_path_command(CLI::App& tether, Action& action);
 

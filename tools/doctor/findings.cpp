@@ -127,8 +127,15 @@ DoctorFinding processors(const Machine& m) {
           "sudo cpupower frequency-set --governor performance"};
 }
 
-DoctorFinding kernel(const Machine& m) {
-  return {Verdict::good, "kernel", m.kernel + (m.realtime_kernel ? ", PREEMPT_RT" : ""), ""};
+DoctorFinding versions(const Machine& m) {
+  const std::string all = fmt::format("Tether {}, Linux {}{}", m.version, m.kernel,
+                                      m.realtime_kernel ? " (PREEMPT_RT)" : "");
+  if (m.other_versions.empty()) return {Verdict::good, "versions", all, ""};
+  std::vector<std::string> others;
+  for (const auto& [name, version] : m.other_versions) others.push_back(name + ": " + version);
+  return {Verdict::wrong, "versions",
+          fmt::format("{}; but beside it {}", all, fmt::join(others, ", ")),
+          "install all packages of one version together: sudo apt install ./tether*.deb"};
 }
 
 DoctorFinding programs(const Machine& m) {
@@ -154,8 +161,9 @@ const char* word_of(Verdict verdict) {
 }  // namespace
 
 std::vector<DoctorFinding> findings_of(const Machine& machine) {
-  return {multicast(machine), messages(machine),   buffers(machine), clock(machine),   can(machine),
-          rights(machine),    processors(machine), kernel(machine),  programs(machine)};
+  return {multicast(machine),  messages(machine), buffers(machine),
+          clock(machine),      can(machine),      rights(machine),
+          processors(machine), versions(machine), programs(machine)};
 }
 
 std::string text_of(const std::vector<DoctorFinding>& findings) {

@@ -13,16 +13,22 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
 
+#include "common/base/share.hpp"
+#include "common/base/text.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udp_sockets.hpp"
 #include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
+#include "common/version.hpp"
 #include "tools/base/process.hpp"
 
 namespace tether {
@@ -124,12 +130,37 @@ void look_at_processors(Machine& machine) {
   }
 }
 
+/// What a program says of its version; empty if nothing.
+std::string version_of(const fs::path& program) {
+  const std::string name = program.filename();
+  const std::unique_ptr<FILE, int (*)(FILE*)> said(
+      popen(("'" + program.string() + "' --version 2>/dev/null").c_str(), "re"), pclose);
+  std::array<char, 200> line{};
+  if (!said || std::fgets(line.data(), line.size(), said.get()) == nullptr) return {};
+  std::string text(
+      trimmed(std::string_view(line.data()).substr(0, std::strcspn(line.data(), "\n"))));
+  return text.starts_with(name + " ") ? text.substr(name.size() + 1) : text;
+}
+
+void look_at_siblings(Machine& machine) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(executable_folder(), error)) {
+    const std::string name = entry.path().filename();
+    const bool is_ours = name == "tether" || name.starts_with("tether-");
+    if (!is_ours || access(entry.path().c_str(), X_OK) != 0) continue;
+    const std::string version = version_of(entry.path());
+    if (version != machine.version) machine.other_versions[name] = version;
+  }
+}
+
 }  // namespace
 
 Machine examine(const std::string& lcm_url, const std::string& can_interface) {
   Machine machine;
   machine.lcm_url = checked_lcm_url(lcm_url);
   machine.can_asked = can_interface;
+  machine.version = kVersion;
+  look_at_siblings(machine);
   utsname system{};
   if (uname(&system) == 0) machine.kernel = system.release;
   machine.realtime_kernel = word_in("/sys/kernel/realtime") == "1";
@@ -143,7 +174,11 @@ Machine examine(const std::string& lcm_url, const std::string& can_interface) {
   look_at_can(machine);
   look_at_rights(machine);
   look_at_processors(machine);
-  for (const char* program : {"gnuplot", "java", "lcm-logger", "ip"}) {
+  std::vector<const char*> programs{"lcm-logger", "ip"};
+  if (fs::exists(executable_folder() / "tether")) {  // not a vehicle's computer
+    programs.insert(programs.end(), {"gnuplot", "java"});
+  }
+  for (const char* program : programs) {
     if (find_program(program).empty()) machine.missing_programs.emplace_back(program);
   }
   return machine;

@@ -10,6 +10,9 @@ namespace tether {
 
 /// What matters to Tether of a machine, as it is now. Texts are the system's own words.
 struct Machine {
+  std::string version;  ///< of this program, with its commit
+  /// Programs of Tether beside this one that say another, and what they say.
+  std::map<std::string, std::string> other_versions;
   std::string kernel;  ///< "6.1.0-18-amd64"
   bool realtime_kernel = false;
 

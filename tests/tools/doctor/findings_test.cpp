@@ -11,6 +11,7 @@ using Verdict = DoctorFinding::Verdict;
 /// On which everything works.
 Machine sound() {
   Machine m;
+  m.version = "0.1.0+abc";
   m.kernel = "6.1.0";
   m.lcm_url = "udpm://239.255.76.67:7667?ttl=1";
   m.multicast_by = "10.0.0.2";
@@ -46,6 +47,14 @@ TEST(Doctor, HasNothingToSayOfASoundMachine) {
     EXPECT_EQ(finding.verdict, Verdict::good) << finding.about;
     EXPECT_EQ(finding.to_do, "") << finding.about;
   }
+}
+
+TEST(Doctor, NamesProgramsOfAnotherVersionBesideIt) {
+  Machine m = sound();
+  m.other_versions["tether-link"] = "0.2.0+def";
+  expect(m, "versions", Verdict::wrong, "apt install ./tether*.deb");
+  EXPECT_THAT(about(m, "versions").what,
+              HasSubstr("Tether 0.1.0+abc, Linux 6.1.0; but beside it tether-link: 0.2.0+def"));
 }
 
 TEST(Doctor, SaysHowToMakeARouteWhereThereIsNone) {

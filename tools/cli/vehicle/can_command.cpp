@@ -13,7 +13,7 @@
 #include "tools/can/drive.hpp"
 #include "tools/can/operator.hpp"
 #include "tools/can/probe.hpp"
-#include "tools/cli/commands.hpp"
+#include "tools/cli/vehicle/vehicle_commands.hpp"
 
 namespace tether {
 namespace {

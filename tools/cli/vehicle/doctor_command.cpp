@@ -7,7 +7,7 @@
 
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
-#include "tools/cli/commands.hpp"
+#include "tools/cli/vehicle/vehicle_commands.hpp"
 #include "tools/doctor/findings.hpp"
 
 namespace tether {

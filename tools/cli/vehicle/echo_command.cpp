@@ -16,7 +16,7 @@
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/commands.hpp"
+#include "tools/cli/vehicle/vehicle_commands.hpp"
 #include "tools/messages/message_printer.hpp"
 #include "tools/messages/stream_statistics.hpp"
 

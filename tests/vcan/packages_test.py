@@ -1,0 +1,116 @@
+#!/usr/bin/env -S python3 -B
+"""The vehicle's package on a booted system: installed, its link enabled, stopped and hung, then updated and
+taken back to the version before, with settings and keys as they were. Usage: packages_test.py BIN_DIR"""
+
+import time
+
+from booted import Booted
+from live_support import check, main, wait_until
+
+LINK = "tether-link.service"
+UNITS = [f"tether-{name}.service" for name in ("link", "can-bridge", "localiser", "autonomy", "logger")]
+
+
+class Vehicle(Booted):
+    def __init__(self, test):
+        super().__init__(test, test.bin, for_packages=True)
+        folder = test.bin.parent / "packages"
+        self.packages = {}
+        for which, files in (("now", folder.glob("tether-vehicle_*")), ("later", folder.glob("later/tether-vehicle_*"))):
+            (file,) = files
+            target = self.root / "root" / f"{which}.deb"
+            target.write_bytes(file.read_bytes())
+            self.packages[which] = (f"/root/{which}.deb", file.name.split("_")[1])
+
+    def install(self, which, *options):
+        file, version = self.packages[which]
+        self.run("env", "DEBIAN_FRONTEND=noninteractive", "dpkg", *options, "--install", file)
+        status = self.run("dpkg-query", "--show", "--showformat=${db:Status-Status} ${Version}", "tether-vehicle")
+        check(status == f"installed {version}", status)
+
+    def give_link(self):
+        """Keys as the guide says; the peer is elsewhere."""
+        other = self.run("tether-link", "keygen", "/root/other.key")
+        self.run("tether-link", "keygen", "/etc/tether/link.key")
+        self.run("chown", "tether:", "/etc/tether/link.key")
+        file = self.root / "etc/tether/link.toml"
+        file.write_text(f"""
+            key = "link.key"
+            [[path]]
+            name = "wifi"
+            bind = "127.0.0.1:7700"
+            [[path]]
+            name = "5g"
+            bind = "0.0.0.0:7701"
+            interface = "wwan0"
+            [[peer]]
+            name = "control"
+            public_key = "{other}"
+            addresses = ["127.0.0.1:7710", ""]
+            """)
+        file.chmod(0o644)
+
+    def link_said(self):
+        return (self.root / "var/tether-link.said").read_text()
+
+    def wait_link(self, seconds=10):
+        wait_until(seconds, lambda: self.show(LINK, "ActiveState") == "active", "the link is up")
+
+
+def installed_updated_and_taken_back(test):
+    system = Vehicle(test)
+    system.start(test)
+    system.install("now")
+    check("tether:" in (system.root / "etc/passwd").read_text(), "the package makes the user")
+    states = system.ctl("is-enabled", *UNITS, check_it=False).split()
+    check(states == ["disabled"] * len(UNITS), f"nothing starts by being installed: {states}")
+
+    system.ctl("enable", LINK)
+    failed = system.ctl("start", LINK, check_it=False)
+    check(system.show(LINK, "ActiveState") != "active", f"up without its file: {failed}")
+    wait_until(5, lambda: "link.toml" in system.link_said(), "a line about the file that is missing")
+    system.give_link()
+    system.wait_link()  # it never gives up
+    check(system.ctl("is-enabled", LINK) == "enabled", "enabled")
+    check(system.show(LINK, "StatusText").startswith("running on udpm"), system.show(LINK, "StatusText"))
+    said = system.link_said()
+    check('path "5g" is closed, and tried again each second: cannot use interface "wwan0"' in said, said)
+    status = system.run("cat", f"/proc/{system.show(LINK, 'MainPID')}/status")
+    kept = dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
+    check(int(kept["CapBnd"], 16) == 0 and kept["NoNewPrivs"] == "1" and kept["Uid"].split()[0] != "0", str(kept))
+    test.say(f"installed; the link is up as user {kept['Uid'].split()[0]} without any capability")
+
+    for name in ("STOP", "KILL"):
+        before = int(system.show(LINK, "NRestarts"))
+        system.run("kill", f"-{name}", system.show(LINK, "MainPID"))
+        wait_until(12, lambda before=before: int(system.show(LINK, "NRestarts")) > before, f"started anew after SIG{name}")
+        system.wait_link()
+    test.say("started anew after SIGSTOP (watchdog) and SIGKILL")
+
+    on_board = [f"tether-{name}.service" for name in ("localiser", "autonomy")]
+    system.configure(TETHER_SCENARIO="/usr/share/tether/scenarios/factory.toml", TETHER_START_UTIME=int(time.time() * 1e6))
+    system.ctl("start", *on_board)
+    time.sleep(2)
+    for unit in on_board:
+        state = (system.show(unit, "ActiveState"), system.show(unit, "NRestarts"), system.show(unit, "StatusText").split()[0])
+        check(state == ("active", "0", "running"), f"{unit}: {state}\n{system.said()}")
+    system.ctl("stop", *on_board)
+    test.say("localiser and on-board driver run")
+
+    key = system.run("tether-link", "show", "/etc/tether/link.key")
+    for which, options in (("later", ()), ("now", ("--force-downgrade",))):
+        system.install(which, *options)
+        system.ctl("restart", "tether-*")
+        system.wait_link()
+        check(system.ctl("is-enabled", LINK) == "enabled", f"enabled, with {which}")
+        check(system.run("tether-link", "show", "/etc/tether/link.key") == key, "the key is kept")
+        test.say(f"{system.packages[which][1]}: the link is up with the same key")
+
+    system.ctl("stop", LINK)
+    check(system.show(LINK, "Result") == "success", system.show(LINK, "Result"))
+    system.run("dpkg", "--purge", "tether-vehicle")
+    check((system.root / "etc/tether/link.key").exists(), "keys are nobody's but the user's")
+    check(not (system.root / "usr/bin/tether-link").exists(), "removed")
+
+
+main(installed_updated_and_taken_back)
