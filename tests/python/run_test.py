@@ -132,6 +132,28 @@ class Sweeps(WithAFolder):
             tether.read_sweep(self.work / "nothing")
 
 
+class Live(WithAFolder):
+    COMMAND = f"controller.command='{sys.executable} {SOURCE}/examples/controller.py --url {{url}} --scenario {{scenario}}'"
+
+    def live(self, command, *words):
+        settings = ("--set", "run.duration_s=4", "--set", "sensor.rate_hz=10", "--set", command)
+        command = [tether.path.program(), "live", PAPER, *settings, *words]
+        environment = os.environ | {"PYTHONPATH": str(SOURCE / "python")}
+        return subprocess.run(command, capture_output=True, text=True, env=environment)
+
+    def test_runs_start_the_command(self):
+        done = self.live(self.COMMAND, "--out", self.work / "live")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        commands = tether.read_run(self.work / "live").table("CTRL/CMD_VEL")["v_mps"]
+        self.assertGreater(len(commands), 30)
+        self.assertGreater(max(commands), 0.1)
+
+    def test_runs_end_with_the_command_and_say_how(self):
+        done = self.live("controller.command='sleep 3; echo no more; exit 3'")
+        self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
+        self.assertRegex(done.stderr, 'controller.command ended with exit code 3, saying "no more"')
+
+
 class Installed(WithAFolder):
     def test_by_pip_without_a_network(self):
         python = "/usr/bin/python3"

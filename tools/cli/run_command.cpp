@@ -202,7 +202,7 @@ struct Way {
                                        .step = options.step},
                    scenario);
     } else if (scenario.get<ControllerSettings>().is_external()) {
-      controller.emplace(options.lcm_url, true);
+      controller.emplace(options.lcm_url, tell_of_controller);
       with_another.emplace(scenario, *controller);
     } else {
       one.emplace(scenario);

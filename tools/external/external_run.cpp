@@ -41,8 +41,10 @@ TimeManager::Config config_of(const Scenario& scenario, std::int64_t session,
 
 }  // namespace
 
-ExternalController::ExternalController(const std::string& lcm_url, bool tell)
-    : url_(lcm_url), tell_(tell) {
+void tell_of_controller(const std::string& line) { fmt::print(stderr, "controller: {}\n", line); }
+
+ExternalController::ExternalController(const std::string& lcm_url, ExternalProgram::OnLine tell)
+    : url_(lcm_url), tell_(std::move(tell)) {
   if (url_.empty()) url_ = port_.emplace().lcm_url();
   url_ = reachable_lcm_url(url_);
   if (multicast_group(url_).empty()) {
@@ -71,7 +73,7 @@ void ExternalController::begin(const Scenario& scenario, std::size_t arm, EventL
     program_.reset();
     command_ = command;
     program_ = std::make_unique<ExternalProgram>(command, [this](const std::string& line) {
-      if (tell_) fmt::print(stderr, "controller: {}\n", line);
+      if (tell_) tell_(line);
     });
   }
   program_->watch(loop, std::move(on_end));

@@ -25,9 +25,8 @@ namespace tether {
 /// a run that failed; without a command, whoever joins.
 class ExternalController {
  public:
-  /// `lcm_url`: empty for a free port of this host's. `tell`: what a command writes goes to
-  /// standard error.
-  explicit ExternalController(const std::string& lcm_url = "", bool tell = false);
+  /// `lcm_url`: empty for a free port of this host's. `tell`: what a command writes.
+  explicit ExternalController(const std::string& lcm_url = "", ExternalProgram::OnLine tell = {});
 
   const std::string& url() const { return url_; }
 
@@ -42,12 +41,15 @@ class ExternalController {
  private:
   std::optional<ReservedPort> port_;
   std::string url_;
-  bool tell_;
+  ExternalProgram::OnLine tell_;
   std::optional<TemporaryFolder> folder_;
   bool warm_ = false;
   std::string command_;  ///< of the program
   std::unique_ptr<ExternalProgram> program_;
 };
+
+/// "controller: LINE" on standard error.
+void tell_of_controller(const std::string& line);
 
 /// A run in virtual time whose controller is somebody else's program, in lockstep over LCM, and all
 /// else in this thread: the same messages in the same order as ProcessRun has them.

@@ -118,6 +118,7 @@ std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
 
 LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     : url_(options.lcm_url),
+      scenario_(scenario),
       status_(options.show_status),
       dashboard_(fleet_members(scenario).front()),
       end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)),
@@ -131,7 +132,8 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
       senders_(loop_, bus_, channels_of_one_sender(scenario),
                [this](const std::string& line) { watch_.several_senders(loop_.now(), line); }),
       observer_(fleet_members(scenario), loop_, bus_),
-      operator_(scenario, loop_, bus_) {
+      operator_(scenario, loop_, bus_),
+      guest_(url_, [this](const std::string& line) { status_.say("controller: " + line); }) {
   if (!options.out.empty()) {
     folder_.emplace(options.out, scenario);
     folder_->record(loop_, *recorder_);
@@ -210,6 +212,14 @@ void LiveSession::start(Child& child) {
   watch_.started(child.name, child.process->pid());
 }
 
+void LiveSession::start_guest() {
+  guest_.begin(scenario_, 0, loop_, [this](const std::string& how) {
+    if (ending_) return;
+    failure_ = fmt::format("t = {:.1f} s: controller.command {}", to_seconds(loop_.now()), how);
+    loop_.stop();
+  });
+}
+
 void LiveSession::watch_run() {
   const Instant now = loop_.now();
   watch_.update(now);
@@ -230,6 +240,7 @@ void LiveSession::run() {
   expect_no_company();
   if (view_) view_->start();
   for (auto& child : children_) start(*child);
+  start_guest();
   loop_.every(loop_.now(), from_seconds(to_seconds(kWatchPeriod) * loop_.rate()),
               Priority::observer, [this](Instant) { watch_run(); });
   loop_.every(loop_.now(), kStatusPeriod, Priority::observer, [this](Instant) { show_status(); });
@@ -287,6 +298,7 @@ void LiveSession::on_child_exit(Child& child, int code) {
 
 void LiveSession::shut_down() {
   ending_ = true;
+  guest_.end(false);
   for (auto& child : children_) {
     ending_child_ = child.get();
     child->process->send_signal(SIGTERM);

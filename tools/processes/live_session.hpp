@@ -13,6 +13,7 @@
 #include "common/program/presence.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tools/can/arm_operator.hpp"
+#include "tools/external/external_run.hpp"
 #include "tools/processes/dashboard.hpp"
 #include "tools/processes/node_process.hpp"
 #include "tools/processes/run_watch.hpp"
@@ -26,7 +27,8 @@ namespace tether {
 /// processes on one LCM network, arms the drives, watches the processes and their messages, and
 /// ends them in order. A node that dies is started again and joins the run at the right time (the
 /// run says how often that happened); so does one that hangs, after it was ended. A node that
-/// refuses to start, or fails before it has run for the first time, ends the run.
+/// refuses to start, or fails before it has run for the first time, ends the run; so does
+/// somebody's controller (controller.command), whenever it ends.
 ///
 /// The network has to be its own: a run that finds another there does not start, and whatever else
 /// makes it another run than it says (RunWatch, SoleSender) is said at once and in findings().
@@ -71,6 +73,7 @@ class LiveSession {
   void start(Child& child);
   void add_child(const Options& options, const std::string& name);
   void add_view(const Options& options);
+  void start_guest();
   void on_child_exit(Child& child, int code);
   void show_status();
   void shut_down();
@@ -79,6 +82,7 @@ class LiveSession {
   std::vector<std::string> silent() const;
 
   std::string url_;
+  Scenario scenario_;
   TerminalStatus status_;
   Dashboard dashboard_;
   bool ending_ = false;
@@ -96,6 +100,7 @@ class LiveSession {
   ArmOperator operator_;
   std::optional<OutputFolder> folder_;
   std::vector<std::unique_ptr<Child>> children_;
+  ExternalController guest_;           ///< of controller.command, if there is one
   std::unique_ptr<NodeProcess> view_;  ///< only looks: the run goes on without it
   int restarts_ = 0;
   std::string failure_;

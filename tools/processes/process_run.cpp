@@ -65,7 +65,7 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   config.end = end_;
   config.patience = from_seconds(options.patience_s);
   if (!scenario.get<ControllerSettings>().command.empty()) {
-    guest_.emplace(url_, true);
+    guest_.emplace(url_, tell_of_controller);
     begin_guest_ = [this, scenario] {
       guest_->begin(scenario, 0, io_, [this](const std::string& how) {
         if (!ending_) manager_->on_node_gone("controller", how);
