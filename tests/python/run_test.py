@@ -127,6 +127,21 @@ class Sweeps(WithAFolder):
             for name in ("channel.prr", "seed", "epsilon_m", "max_error_m"):
                 self.assertEqual(float(row[name]), float(text[name]), name)
 
+    def test_become_what_numpy_and_pandas_work_with(self):
+        run_tether("run", PAPER, "--set", "run.duration_s=5", "--out", self.work / "run")
+        ask = """import sys, tether
+table = tether.read_run(sys.argv[1]).table("SIM/TRUTH")
+numbers, frame = table.numpy()["x_m"], table.pandas()
+assert str(numbers.dtype) == "float64" and list(numbers) == table["x_m"]
+assert list(frame.columns) == list(table) and len(frame) == len(table["x_m"]) and frame["x_m"].max() == numbers.max()
+print(len(frame))
+"""
+        environment = os.environ | {"PYTHONPATH": str(SOURCE / "python")}
+        debians = ["/usr/bin/python3", "-B", "-c", ask, self.work / "run"]
+        said = subprocess.run(debians, capture_output=True, text=True, env=environment)
+        self.assertEqual(said.returncode, 0, said.stderr)
+        self.assertGreater(int(said.stdout), 50)
+
     def test_that_are_not_there_are_named(self):
         with self.assertRaisesRegex(FileNotFoundError, "nothing/?.*no sweep"):
             tether.read_sweep(self.work / "nothing")
