@@ -9,6 +9,8 @@ int main(int argc, char** argv) {
   return node_main(argc, argv,
                    {.name = "tether-autonomy",
                     .description = "The vehicle as its own driver, which asks for a remote one",
+                    .examples = {"tether-autonomy scenarios/factory_blocked.toml   # beside the "
+                                 "other nodes; they all together: tether live"},
                     .lockstep_name = "autonomy",
                     .make = [](const NodeContext& c) {
                       return group_of<AutonomyNode>(

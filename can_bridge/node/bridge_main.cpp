@@ -23,8 +23,10 @@ std::unique_ptr<tether::Node> make_bridge(const tether::NodeContext& c) {
 // AGV/CMD_VEL ──▶ freshness, limits ──▶ drive profile ──▶ CAN ──▶ CAN/STATE, WHEELS, ODOMETRY
 int main(int argc, char** argv) {
   using namespace tether;
-  return node_main(argc, argv,
-                   {.name = "tether-can-bridge",
-                    .description = "The vehicle's drivetrain on CAN: commands in, drives out",
-                    .make = make_bridge});
+  return node_main(
+      argc, argv,
+      {.name = "tether-can-bridge",
+       .description = "The vehicle's drivetrain on CAN: commands in, drives out",
+       .examples = {"tether-can-bridge my_agv.toml --start-utime $(date +%s%6N) --lock-memory"},
+       .make = make_bridge});
 }

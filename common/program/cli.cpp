@@ -1,6 +1,7 @@
 #include "common/program/cli.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -53,6 +54,12 @@ void add_about(CLI::App& app) {
          "Print what completes the command line in a shell")
       ->check(CLI::IsMember({"bash", "zsh"}))
       ->trigger_on_parse();
+}
+
+void add_examples(CLI::App& command, const std::vector<std::string>& lines) {
+  const std::string before = command.get_footer();
+  command.footer(fmt::format("{}Examples:\n  {}", before.empty() ? "" : before + "\n\n",
+                             fmt::join(lines, "\n  ")));
 }
 
 }  // namespace tether

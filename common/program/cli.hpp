@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace CLI {  // NOLINT(readability-identifier-naming)
 class App;
@@ -20,5 +21,9 @@ int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& bo
 
 /// `--version`, `--man` and `--completion bash|zsh` (manual.hpp): each prints and ends the program.
 void add_about(CLI::App& app);
+
+/// "Examples:" and a line each at the end of the help. After the command's own footer and
+/// subcommands, which inherit footers.
+void add_examples(CLI::App& command, const std::vector<std::string>& lines);
 
 }  // namespace tether

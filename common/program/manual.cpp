@@ -73,6 +73,18 @@ std::string usage(const CLI::App& app, const std::string& path) {
   return out;
 }
 
+/// What `--help` ends with: paragraphs, in which man(7) keeps the lines that begin with a space.
+std::string footer_of(const CLI::App& app) {
+  const std::string footer = app.get_footer();
+  std::string out;
+  for (std::size_t begin = 0; begin < footer.size();) {
+    const std::size_t end = std::min(footer.find("\n\n", begin), footer.size());
+    out += ".P\n" + roff(footer.substr(begin, end - begin)) + "\n";
+    begin = end + 2;
+  }
+  return out;
+}
+
 /// Of each command that does something: itself, and its subcommands.
 void for_each_command(const CLI::App& app, const std::string& path, const auto& visit) {
   visit(app, path);
@@ -174,9 +186,9 @@ std::string manual_page(const CLI::App& app) {
   std::string commands;
   for_each_command(app, app.get_name(), [&](const CLI::App& command, const std::string& path) {
     if (&command == &app) return;
-    commands +=
-        fmt::format(".SS {}\n{}\n.P\n{}.\n{}", roff(path.substr(path.find(' ') + 1)),
-                    usage(command, path), roff(command.get_description()), options_of(command));
+    commands += fmt::format(".SS {}\n{}\n.P\n{}.\n{}{}", roff(path.substr(path.find(' ') + 1)),
+                            usage(command, path), roff(command.get_description()),
+                            options_of(command), footer_of(command));
   });
   std::string page = fmt::format(
       ".TH {} 1 \"\" \"Tether {}\" \"Tether\"\n.SH NAME\n{} \\- {}\n.SH SYNOPSIS\n{}{}\n"
@@ -185,7 +197,7 @@ std::string manual_page(const CLI::App& app) {
       usage(app, app.get_name()), commands.empty() ? "" : " \\fIcommand\\fR ...", options_of(app));
   if (!commands.empty()) page += ".SH COMMANDS\n" + commands;
   page += ".SH EXIT STATUS\n0: done. 1: failed, or a run that is not valid. 2: bad input.\n";
-  if (!app.get_footer().empty()) page += fmt::format(".SH SEE ALSO\n{}\n", roff(app.get_footer()));
+  if (!app.get_footer().empty()) page += ".SH EXAMPLES\n" + footer_of(app);
   return page;
 }
 

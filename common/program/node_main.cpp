@@ -214,6 +214,7 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
   app.add_flag("--lock-memory", options.locks_memory,
                "keep all memory from being paged out (needs LimitMEMLOCK=infinity)");
   program.own.add(app);
+  add_examples(app, program.examples);
   return run_cli(app, argc, argv, [&] {
     if (options.locks_memory) lock_memory();
     options.stands_alone = program.own.stand_alone();

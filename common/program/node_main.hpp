@@ -42,9 +42,10 @@ struct OwnOptions {
 };
 
 struct NodeProgram {
-  std::string name;                 ///< "tether-sim"
-  std::string description;          ///< first line of --help
-  bool joins_two_networks = false;  ///< has --control-lcm-url
+  std::string name;                   ///< "tether-sim"
+  std::string description;            ///< first line of --help
+  std::vector<std::string> examples;  ///< last lines of --help
+  bool joins_two_networks = false;    ///< has --control-lcm-url
   bool owns_clock = false;  ///< without --start-utime: starts the run's clock instead of following
   std::string lockstep_name{};  ///< of lockstep_nodes(); has --lockstep if not empty
   std::function<std::unique_ptr<Node>(const NodeContext&)> make;

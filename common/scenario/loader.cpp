@@ -147,7 +147,8 @@ const ScenarioKey* ScenarioLoader::find_key(const std::string& key) {
   return found == keys.end() ? nullptr : &*found;
 }
 
-void ScenarioLoader::refuse_unknown(const std::string& place, const std::string& given) {
+void ScenarioLoader::refuse_unknown(const std::string& place, const std::string& given,
+                                    std::string_view prefix) {
   const std::string key = printable(given, kLongestValueShown);
   if (const NamedTables* tables = named_tables(scenario_.schema(), given); tables != nullptr) {
     const auto dot = given.find('.', tables->prefix.size());
@@ -162,9 +163,14 @@ void ScenarioLoader::refuse_unknown(const std::string& place, const std::string&
   });
   const std::string& hint =
       edit_distance(nearest, key) > 3 && same_name != names.end() ? *same_name : nearest;
+  const auto as_given = [prefix](std::string_view name) {
+    return name.starts_with(prefix) ? name.substr(prefix.size()) : name;
+  };
   throw UsageError(fmt::format(
-      "{}: unknown key \"{}\" (did you mean \"{}\"? `tether run --keys` lists all keys)", place,
-      key, hint));
+      "{}: unknown key \"{}\"{} (did you mean \"{}\"? `tether run --keys` lists all keys)", place,
+      as_given(key),
+      prefix.empty() ? "" : fmt::format(" in [{}]", prefix.substr(0, prefix.size() - 1)),
+      as_given(hint)));
 }
 
 void ScenarioLoader::apply_table(const toml::table& table, const std::string& prefix,
@@ -189,16 +195,18 @@ void ScenarioLoader::apply_table(const toml::table& table, const std::string& pr
   }
 }
 
-void ScenarioLoader::apply_override(const std::string& text, const std::string& place) {
+void ScenarioLoader::apply_override(const std::string& text, const std::string& place,
+                                    std::string_view prefix) {
   const auto equals = text.find('=');
   if (equals == std::string::npos || equals == 0) {
     throw UsageError(fmt::format("{}: expected KEY=VALUE", place));
   }
-  const std::string key = std::string(trimmed(text.substr(0, equals)));
+  const std::string key =
+      std::string(prefix) + std::string(trimmed(std::string_view(text).substr(0, equals)));
   const toml::table parsed = parse_value(std::string(trimmed(text.substr(equals + 1))), place);
   if (apply_list(key, *parsed.get("value"), place)) return;
   for (const std::string& target : scenario_.schema().keys_meant_by(key)) {
-    if (find_key(target) == nullptr) refuse_unknown(place, key);
+    if (find_key(target) == nullptr) refuse_unknown(place, key, prefix);
     apply(target, *parsed.get("value"), place);
   }
 }

@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/scenario/section.hpp"
@@ -28,8 +29,10 @@ class ScenarioLoader {
   void apply_table(const toml::table& table, const std::string& prefix, const std::string& file);
 
   /// `text` is "KEY=VALUE"; a key may stand for several (ScenarioSchema::keys_meant_by) and makes
-  /// the named table that it is in.
-  void apply_override(const std::string& text, const std::string& place);
+  /// the named table that it is in. `prefix`: of all keys, which whoever gave this left out
+  /// ("channel."), and so does what is said of unknown ones.
+  void apply_override(const std::string& text, const std::string& place,
+                      std::string_view prefix = "");
 
   /// Ends a level of settings, the file or the overrides: checks that each has an effect and lets
   /// the sections resolve theirs, so that the next level beats them in either form. Names of files
@@ -49,7 +52,8 @@ class ScenarioLoader {
   const std::vector<ScenarioKey>& keys_beside(const std::string& key);
   const ScenarioKey* find_key(const std::string& key);
   std::string why_switched_off(const std::string& key) const;
-  [[noreturn]] void refuse_unknown(const std::string& place, const std::string& key);
+  [[noreturn]] void refuse_unknown(const std::string& place, const std::string& key,
+                                   std::string_view prefix = "");
   void make_table(const std::string& key, const std::string& place);
   void apply(const std::string& key, const toml::node& node, const std::string& place);
   bool apply_list(const std::string& key, const toml::node& node, const std::string& place);

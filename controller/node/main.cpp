@@ -24,6 +24,8 @@ int main(int argc, char** argv) {
   return node_main(argc, argv,
                    {.name = "tether-controller",
                     .description = "The remote controller: poses in, velocity commands out",
+                    .examples = {"tether-controller scenarios/paper.toml --set "
+                                 "controller.law=tracking   # follows SIM/CLOCK"},
                     .lockstep_name = "controller",
                     .make = [](const NodeContext& c) {
                       const auto session = session_of_this_start(c.loop);

@@ -9,6 +9,8 @@ int main(int argc, char** argv) {
   return node_main(argc, argv,
                    {.name = "tether-localiser",
                     .description = "The localiser: scans and odometry in, poses out",
+                    .examples = {"tether-localiser scenarios/factory.toml   # beside the other "
+                                 "nodes; they all together: tether live"},
                     .lockstep_name = "localiser",
                     .make = [](const NodeContext& c) {
                       return group_of<LocaliserNode>(

@@ -43,7 +43,7 @@ void apply(ScenarioLoader& loader, const std::string& setting, const std::string
                                  kLongestSettingKey));
   }
   const bool is_whole = setting.starts_with(kPrefix);
-  loader.apply_override(is_whole ? setting : kPrefix + setting, place);
+  loader.apply_override(setting, place, is_whole ? "" : kPrefix);
 }
 
 }  // namespace

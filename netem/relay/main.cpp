@@ -50,12 +50,17 @@ int main(int argc, char** argv) {
         c.scenario, rules, c.loop, own_url,
         [&loop = c.loop](const std::string& url) { return std::make_unique<UdpmBus>(url, loop); });
   };
-  return node_main(argc, argv,
-                   {.name = "tether-netem",
-                    .description = "The network between vehicle and controller, or between any LCM "
-                                   "programs: loss and delay",
-                    .joins_two_networks = true,
-                    .lockstep_name = "netem",
-                    .make = make,
-                    .own = own});
+  return node_main(
+      argc, argv,
+      {.name = "tether-netem",
+       .description = "The network between vehicle and controller, or between any LCM "
+                      "programs: loss and delay",
+       .examples =
+           {"tether-netem scenarios/paper.toml --set channel.prr=0.45   # follows SIM/CLOCK",
+            "tether-netem --rule 'CAMERA -> CAMERA_LATE via uplink' --set "
+            "channel.uplink.delay_ms=50"},
+       .joins_two_networks = true,
+       .lockstep_name = "netem",
+       .make = make,
+       .own = own});
 }

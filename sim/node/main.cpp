@@ -9,6 +9,8 @@ int main(int argc, char** argv) {
       argc, argv,
       {.name = "tether-sim",
        .description = "The vehicle side of the loop: simulated vehicle, pose sensor, actuator",
+       .examples = {"tether-sim scenarios/paper.toml   # the others start before it: tether-netem, "
+                    "tether-controller"},
        .owns_clock = true,
        .lockstep_name = "sim",
        .make = [](const NodeContext& c) {

@@ -56,7 +56,7 @@ def refuses_with_the_reason(test):
     started(test)
     for settings, why in (
         (["uplink.prr=0", "prr=2"], "refused, nothing has changed: prr=2: channel.uplink.prr = 2 is"),
-        (["uplink.prrr=0"], 'unknown key "channel.uplink.prrr" (did you mean "channel.uplink.prr"'),
+        (["uplink.prrr=0"], 'unknown key "uplink.prrr" in [channel] (did you mean "uplink.prr"'),
         (["markov.bad.prr=0"], "channel.uplink.markov.bad.prr has no effect"),
         (["model=trace", "trace.file=nowhere.csv"], 'cannot read the trace "nowhere.csv"'),
     ):

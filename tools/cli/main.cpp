@@ -10,6 +10,7 @@
 #include "common/base/text.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/process.hpp"
+#include "tools/cli/base/examples.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/netem/netem_commands.hpp"
 
@@ -60,9 +61,6 @@ int refuse(const CLI::App& command, const std::string& word) {
 int main(int argc, char** argv) {
   using namespace tether;
   CLI::App app("Tether: how much delay and loss does a remotely controlled AGV survive?", "tether");
-  app.footer(
-      "Also: tether sim, netem, controller, localiser, can-bridge and can-drive, the nodes of a "
-      "live run; and tether link, which carries channels between hosts.");
   add_about(app);
   app.require_subcommand(1);
   Action action;
@@ -82,6 +80,14 @@ int main(int argc, char** argv) {
   add_doctor_command(app, action);
   add_margin_command(app, action);
   add_path_command(app, action);
+  app.footer(
+      "Also: tether sim, netem, controller, localiser, can-bridge and can-drive, the nodes of a "
+      "live run; and tether link, which carries channels between hosts.");
+  add_command_examples(app);
+  add_examples(app,
+               {"tether run scenarios/paper.toml --out out/paper     # one run, and its picture",
+                "tether run scenarios/paper.toml --view              # in the browser",
+                "tether doctor                                       # what this machine lacks"});
   const std::string word = argc > 1 ? argv[1] : "", next = argc > 2 ? argv[2] : "";
   const auto found =
       app.get_subcommands([&](const CLI::App* sub) { return sub->check_name(word); });

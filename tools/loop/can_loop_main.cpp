@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
                    {.name = "tether-can",
                     .description = "CAN bridge and emulated drives on a CAN bus in memory: the "
                                    "drivetrain of a run in simulated time",
+                    .examples = {"tether run --processes scenarios/hil_vcan.toml   # starts it"},
                     .lockstep_name = "can",
                     .make = [](const NodeContext& c) { return std::make_unique<Drivetrain>(c); }});
 }

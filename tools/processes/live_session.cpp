@@ -264,8 +264,8 @@ std::vector<std::string> LiveSession::findings() const {
   for (const auto& [name, count] : network) {
     if (name != "datagrams_dropped" || count == 0) continue;
     all.push_back(
-        fmt::format("the recording lacks {} datagrams: the kernel's buffer was full (as root: "
-                    "sysctl net.core.rmem_max=2097152)",
+        fmt::format("the recording lacks {} datagrams: the kernel's buffer was full (`tether "
+                    "doctor` says how to enlarge it)",
                     count));
   }
   return all;

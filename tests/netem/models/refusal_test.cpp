@@ -47,9 +47,8 @@ std::vector<Refused> refused() {
       {{"uplink.markov.bad.prr=1.5"},
        "uplink.markov.bad.prr=1.5: channel.uplink.markov.bad.prr = 1.5 is not allowed: must be a "
        "number in [0, 1]"},
-      {{"uplink.los=0.5"},
-       "unknown key \"channel.uplink.los\" (did you mean \"channel.uplink.loss\""},
-      {{"run.seed=2"}, "unknown key \"channel.run.seed\""},
+      {{"uplink.los=0.5"}, "unknown key \"uplink.los\" in [channel] (did you mean \"uplink.loss\""},
+      {{"run.seed=2"}, "unknown key \"run.seed\" in [channel]"},
       {{"change=[]"}, "cannot be changed"},
       {{"loss=0.1\n0.2"}, "one line"},
       {{std::string(200, 'x') + "=1"}, "at most 128 characters"},
@@ -68,7 +67,7 @@ std::vector<Refused> refused() {
         "downlink.chain.rates_per_s=[[0, 0], [0, 0]]"},
        "where the chain ends up depends on where it begins"}};
   for (Refused& one : list) one.settings.insert(one.settings.begin(), good.begin(), good.end());
-  list.push_back({{"=1"}, "unknown key"});
+  list.push_back({{"=1"}, "expected KEY=VALUE"});
   return list;
 }
 

@@ -249,7 +249,9 @@ TEST(RelayNodeSettings, OfOtherLinksAreRefusedWithThoseInUse) {
   EXPECT_EQ(heard[0].reason, "downlink.prr=0 has no effect: the rules use no link but sat, uplink");
   EXPECT_EQ(heard[1].reason,
             "links.foo.prr=0.2 has no effect: the rules use no link but sat, uplink");
-  EXPECT_THAT(heard[2].reason, HasSubstr("unknown key \"channel.links.sat.prrr\""));
+  EXPECT_THAT(
+      heard[2].reason,
+      HasSubstr("unknown key \"links.sat.prrr\" in [channel] (did you mean \"links.sat.prr\"?"));
   EXPECT_THAT(heard[3].reason, HasSubstr("rules decode nothing"));
   EXPECT_THAT(heard[4].key, ElementsAre("links.sat.delay_ms"));
 }

@@ -112,12 +112,12 @@ void add_netem_command(CLI::App& tether, Action& action) {
   CLI::App* const netem =
       tether.add_subcommand("netem", "The network: models, and a running relay's settings");
   netem->require_subcommand(1);
-  netem->footer("`tether netem SCENARIO` and `--rule` are the relay: tether-netem --help");
   add_fit(*netem, action);
   add_netem_import_command(*netem, action);
   add_set_and_show(*netem, action);
   add_netem_scenario_commands(*netem, action);
   add_netem_plot_command(*netem, action);
+  netem->footer("`tether netem SCENARIO` and `--rule` are the relay: tether-netem --help");
 }
 
 }  // namespace tether

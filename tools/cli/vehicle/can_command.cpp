@@ -128,8 +128,6 @@ void add_can_command(CLI::App& tether, Action& action) {
   const auto options = std::make_shared<CanCommandOptions>();
   CLI::App* const can = tether.add_subcommand("can", "The CAN drivetrain: arm, stop, look, test")
                             ->require_subcommand(1);
-  can->footer(
-      "`tether can SCENARIO` is the drivetrain of a run in simulated time: tether-can --help");
   add_request(*can, options, action, "arm", drive_request_t::ARM,
               "Switch the drives on; the newest command must be fresh and zero");
   add_request(*can, options, action, "disarm", drive_request_t::DISARM,
@@ -147,6 +145,8 @@ void add_can_command(CLI::App& tether, Action& action) {
   add_operator_command(*can, options, "status", "State, wheels and odometry, once")
       ->callback([options, &action] { action = [options] { return can_status(options->op); }; });
   add_probe(*can, options, action);
+  can->footer(
+      "`tether can SCENARIO` is the drivetrain of a run in simulated time: tether-can --help");
 }
 
 }  // namespace tether

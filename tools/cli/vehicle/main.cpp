@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 
 #include "common/program/cli.hpp"
+#include "tools/cli/base/examples.hpp"
 #include "tools/cli/vehicle/vehicle_commands.hpp"
 
 // On a vehicle's computer, where there is no `tether`.
@@ -14,5 +15,8 @@ int main(int argc, char** argv) {
   add_doctor_command(app, action);
   add_can_command(app, action);
   add_echo_command(app, action);
+  add_command_examples(app);
+  add_examples(app, {"tether-vehicle doctor --can can0", "tether-vehicle can status",
+                     "tether-vehicle echo --quiet --duration 10"});
   return run_cli(app, argc, argv, [&action] { return action(); });
 }
