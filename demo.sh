@@ -11,10 +11,11 @@ build/release/bin/tether run scenarios/paper.toml --out out/paper
 cat <<'TEXT'
 
 Try next:
-  build/release/bin/tether run scenarios/paper.toml --set channel.prr=0.45     # a bad network
-  build/release/bin/tether live scenarios/paper.toml                           # real time, over LCM
-  build/release/bin/tether run scenarios/paper.toml --view                     # in the browser
-  build/release/bin/tether reproduce --quick                                   # the paper's figures
-  build/release/bin/tether run scenarios/hil_vcan.toml                         # over a CAN drivetrain
-  build/release/bin/tether run --keys                                          # all that can be set
+  PATH=$PWD/build/release/bin:$PATH                          # once in each shell
+  tether run scenarios/paper.toml --set channel.prr=0.45     # a bad network
+  tether live scenarios/paper.toml                           # real time, over LCM
+  tether run scenarios/paper.toml --view                     # in the browser
+  tether reproduce --quick                                   # the paper's figures
+  tether run scenarios/hil_vcan.toml                         # over a CAN drivetrain
+  tether run --keys                                          # all that can be set
 TEXT
