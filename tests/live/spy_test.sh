@@ -102,17 +102,17 @@ done
 
 # Beside the table: the fields of CTRL/REPORT, and the plot of one of them.
 make_picture() {
-    xdotool mousemove 60 107 click --repeat 2 --delay 80 1
+    xdotool mousemove 60 220 click --repeat 2 --delay 80 1
     wait_until 10 xdotool search --onlyvisible --name '^CTRL/REPORT' >window || return 1
     fields=$(tail -n 1 window)
-    xdotool windowmove "$fields" 0 216 windowsize "$fields" 650 240
-    xdotool mousemove 550 359 click 1
+    xdotool windowmove "$fields" 0 360 windowsize "$fields" 650 240
+    xdotool mousemove 550 503 click 1
     wait_until 10 xdotool search --onlyvisible --name '^distance_error_m' >window || return 1
     plot=$(tail -n 1 window)
-    xdotool windowmove "$plot" 802 0 windowsize "$plot" 470 456
+    xdotool windowmove "$plot" 802 0 windowsize "$plot" 470 600
     sleep 12 # for the curves to show something
     import -window root picture.png
-    convert picture.png -crop 1272x456+0+0 +repage -colors 64 -strip "$picture"
+    convert picture.png -crop 1272x600+0+0 +repage -colors 64 -strip "$picture"
 }
 if [ -n "$picture" ]; then
     make_picture || fail "lcm-spy opened no window for CTRL/REPORT"
