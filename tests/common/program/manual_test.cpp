@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "common/program/cli.hpp"
 #include "tests/support/folder.hpp"
 
 namespace tether {
@@ -35,6 +36,7 @@ struct Program {
         ->capture_default_str()
         ->envname("STEER_COUNT");
     log->add_subcommand("csv", "in full");
+    add_examples(*drive, {"steer drive home", "steer drive away --risk high"});
   }
 };
 
@@ -77,7 +79,8 @@ TEST(ManualPage, IsTypesetWithoutAWarning) {
   const std::string text = output_of("groff -man -Tascii -P-cbou " + page);
   EXPECT_THAT(text, AllOf(HasSubstr("Steers. \"Well\" - isn't it?"), HasSubstr("steer drive"),
                           HasSubstr(".dots and back\\slashes"), HasSubstr("where to (required)"),
-                          HasSubstr("[3]"), HasSubstr("STEER_COUNT"), HasSubstr("EXIT STATUS")));
+                          HasSubstr("[3]"), HasSubstr("STEER_COUNT"), HasSubstr("EXIT STATUS"),
+                          HasSubstr("  steer drive home\n"), HasSubstr("away --risk high\n")));
   EXPECT_THAT(text, Not(HasSubstr("secret")));
 }
 
