@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "common/path/kinds.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -23,9 +24,14 @@ constexpr int kPathDots = 2000;
 
 double prr(const link_report_t& link) { return link.offered > 0 ? reception_ratio(link) : 1.0; }
 
-std::string link_line(const char* name, const link_report_t& link, double per_second) {
-  return fmt::format("{:<9} PRR {:.2f}  {:3.0f}/s  delay {:.0f} ms", name, prr(link), per_second,
-                     link.delay_ms_mean);
+/// "-" where there is none.
+std::string known(double value, int digits, const char* unit) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}{}", value, digits, unit) : "-";
+}
+
+std::string link_line(const char* name, const link_report_t& link, const RecentLink::Seen& seen) {
+  return fmt::format("{:<9} PRR {:>4} {:>7} {:3.0f}/s   run {:.2f}", name, known(seen.prr, 2, ""),
+                     known(seen.delay_ms, 0, " ms"), seen.per_s, prr(link));
 }
 
 /// ASCII only is cut by bytes; a cut within a longer character would garble the terminal.
@@ -56,13 +62,22 @@ Dashboard::Dashboard(const Scenario& scenario)
   half_extent_m_ = std::min(half_extent_m_, std::max(kMargin * farthest_m, kLeast_m));
 }
 
-std::string Dashboard::line(const RunObserver& run, const Moment& moment) {
-  std::string text =
-      fmt::format("t {:6.1f} s   ε {:.3f} m   up PRR {:.2f} {:.0f}/s   down PRR {:.2f} {:.0f}/s",
-                  moment.t_s, run.truth().epsilon_m, prr(run.uplink()), moment.poses_hz,
-                  prr(run.downlink()), moment.commands_hz);
+double Dashboard::left_s(const Moment& moment) const {
+  return std::max(0.0, duration_s_ - moment.t_s);
+}
+
+std::string Dashboard::line(const RunObserver& run, const Moment& moment) const {
+  const ground_truth_t& truth = run.truth();
+  std::string text = fmt::format("{:4.0f} s left  ", left_s(moment));
   if (!moment.fleet.empty()) {
-    text = fmt::format("t {:6.1f} s   {}", moment.t_s, fmt::join(moment.fleet, "   "));
+    text += fmt::format("{}", fmt::join(moment.fleet, "   "));
+  } else {
+    text += fmt::format("{:5.1f}, {:5.1f} m  error {:5.2f} m", truth.x_m, truth.y_m, truth.error_m);
+    for (const auto& [name, seen] :
+         {std::pair("up", moment.uplink), std::pair("down", moment.downlink)}) {
+      text += fmt::format("  {} {:>4} {:>6}", name, known(seen.prr, 2, ""),
+                          known(seen.delay_ms, 0, " ms"));
+    }
   }
   if (!moment.drives.empty()) text += "   drives " + moment.drives;
   for (const std::string& silent : moment.silent) text += "   " + silent;
@@ -90,12 +105,14 @@ std::vector<std::string> Dashboard::map(const RunObserver& run, const Moment& mo
 }
 
 std::vector<std::string> Dashboard::facts(const RunObserver& run, const Moment& moment) const {
+  const ground_truth_t& truth = run.truth();
   std::vector<std::string> all{
-      fmt::format("t {:.1f} of {:.0f} s", moment.t_s, duration_s_),
-      fmt::format("ε {:.3f} m   now {:.3f} m", run.truth().epsilon_m, run.truth().error_m),
-      "",
-      link_line("uplink", run.uplink(), moment.poses_hz),
-      link_line("downlink", run.downlink(), moment.commands_hz),
+      fmt::format("t {:.1f} of {:.0f} s, {:.0f} s left", moment.t_s, duration_s_, left_s(moment)),
+      fmt::format("ε {:.3f} m   now {:.3f} m at {:.1f}, {:.1f}", truth.epsilon_m, truth.error_m,
+                  truth.x_m, truth.y_m),
+      fmt::format("in the last {:.0f} s:", RecentLink::kWindow_s),
+      link_line("uplink", run.uplink(), moment.uplink),
+      link_line("downlink", run.downlink(), moment.downlink),
       fmt::format("{:<9} {:.0f} ms, mean", "pose age",
                   1000.0 * run.aoi_mean_s(kStart + from_seconds(std::max(0.0, moment.t_s))))};
   if (!moment.fleet.empty()) {

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <string>
-#include <tether/link_report_t.hpp>
 #include <vector>
 
 #include "common/path/reference_path.hpp"
 #include "common/scenario/scenario.hpp"
+#include "tools/processes/recent_link.hpp"
 #include "tools/runs/run_observer.hpp"
 
 namespace tether {
@@ -18,7 +18,7 @@ class Dashboard {
   /// What an observer of the run does not know.
   struct Moment {
     double t_s = 0.0;
-    double poses_hz = 0.0, commands_hz = 0.0;
+    RecentLink::Seen uplink, downlink;  ///< in the last seconds
     std::vector<std::string> fleet;     ///< fleet_now()
     std::vector<Position> others;       ///< where the fleet's other vehicles are
     std::string drives;                 ///< state of the drives on CAN; empty: there are none
@@ -29,15 +29,16 @@ class Dashboard {
   /// `scenario`: the first vehicle's.
   explicit Dashboard(const Scenario& scenario);
 
-  /// In one line of fewer than 80 columns, but for what is wrong: t, ε, reception ratio and packets
-  /// a second each way, the drives; of a fleet t and how it stands.
-  static std::string line(const RunObserver& run, const Moment& moment);
+  /// In one line of fewer than 80 columns, but for what is wrong: the time that is left, where the
+  /// vehicle is, its error now, reception ratio and mean delay of the last seconds each way, the
+  /// drives; of a fleet the time and how it stands.
+  std::string line(const RunObserver& run, const Moment& moment) const;
   /// All beside a map: the path faint, the way of the last 20 s, the vehicle as an arrow, the
-  /// fleet's others as dots. At
-  /// most kRows lines of at most kColumns columns.
+  /// fleet's others as dots. At most kRows lines of at most kColumns columns.
   std::vector<std::string> lines(const RunObserver& run, const Moment& moment) const;
 
  private:
+  double left_s(const Moment& moment) const;
   std::string map_title() const;
   std::vector<std::string> map(const RunObserver& run, const Moment& moment) const;
   std::vector<std::string> facts(const RunObserver& run, const Moment& moment) const;

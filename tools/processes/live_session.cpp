@@ -39,7 +39,6 @@ constexpr Duration kWatchPeriod = std::chrono::milliseconds{250};
 /// A node that hangs when it is told to end gets no longer.
 constexpr Duration kEndingPatience = std::chrono::seconds{1};
 constexpr Duration kStatusPeriod = std::chrono::milliseconds{500};
-constexpr std::size_t kStatusWindow = 4;  ///< periods over which rates are
 constexpr Duration kRestartDelay = std::chrono::milliseconds{300};
 constexpr Duration kShutDownPatience = kWindDownLimit + std::chrono::seconds{1};
 /// Time for the nodes' last messages to arrive.
@@ -334,17 +333,13 @@ std::vector<Position> LiveSession::others() const {
 }
 
 void LiveSession::show_status() {
-  // Over some periods, for a message a second is in every other one.
-  heard_.push_back({observer_.first().poses_received(), observer_.first().commands_received()});
-  if (heard_.size() > kStatusWindow + 1) heard_.pop_front();
-  const double window_s = static_cast<double>(heard_.size() - 1) * to_seconds(kStatusPeriod);
-  const auto rate = [&](std::int64_t Heard::*count) {
-    if (window_s == 0.0) return 0.0;
-    return static_cast<double>(heard_.back().*count - heard_.front().*count) / window_s;
-  };
-  const Dashboard::Moment moment{.t_s = to_seconds(loop_.now()),
-                                 .poses_hz = rate(&Heard::poses),
-                                 .commands_hz = rate(&Heard::commands),
+  const RunObserver& first = observer_.first();
+  const double t_s = to_seconds(loop_.now());
+  uplink_.add(t_s, first.uplink(), first.poses_received());
+  downlink_.add(t_s, first.downlink(), first.commands_received());
+  const Dashboard::Moment moment{.t_s = t_s,
+                                 .uplink = uplink_.seen(),
+                                 .downlink = downlink_.seen(),
                                  .fleet = fleet_now(observer_, loop_.now()),
                                  .others = others(),
                                  .drives = drives(),
@@ -353,9 +348,9 @@ void LiveSession::show_status() {
   if (loop_.now() < kStart) {
     status_.show({moment.drives.empty() ? "starting" : "starting   drives " + moment.drives});
   } else if (status_.has_room(Dashboard::kColumns, Dashboard::kRows)) {
-    status_.show(dashboard_.lines(observer_.first(), moment));
+    status_.show(dashboard_.lines(first, moment));
   } else {
-    status_.show({Dashboard::line(observer_.first(), moment)});
+    status_.show({dashboard_.line(first, moment)});
   }
 }
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
@@ -108,10 +107,7 @@ class LiveSession {
   bool starting_ = true;
   std::size_t findings_said_ = 0;
   std::int64_t undecodable_ = 0;
-  struct Heard {
-    std::int64_t poses, commands;
-  };
-  std::deque<Heard> heard_;  ///< at the last updates of the status
+  RecentLink uplink_, downlink_;  ///< at the last updates of the status
 };
 
 }  // namespace tether

@@ -45,12 +45,17 @@ std::string TerminalStatus::erasure() const {
   return "\r" + up + (lines_.size() > 1 ? "\033[J" : "\033[K");  // to the end: of all, of the line
 }
 
+std::string TerminalStatus::rewritten(std::size_t before, const std::vector<std::string>& lines) {
+  const std::string up = before > 1 ? fmt::format("\033[{}A", before - 1) : "";
+  return fmt::format("\r{}{}\033[J", up, fmt::join(lines, "\033[K\n"));
+}
+
 void TerminalStatus::show(const std::vector<std::string>& lines) {
   if (!shown_) return;
-  fmt::print(stderr, "{}", erasure());
+  const std::size_t before = lines_.size();
   lines_ = lines;
   for (std::string& line : lines_) line = cut(line);
-  fmt::print(stderr, "{}", fmt::join(lines_, "\n"));
+  fmt::print(stderr, "{}", rewritten(before, lines_));
   std::fflush(stderr);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -16,12 +17,16 @@ class TerminalStatus {
   /// Whether the terminal, as large as it is now, has room for so much and the line below it.
   bool has_room(int columns, int rows) const;
 
-  /// Replaces the status. What does not fit into a row is cut off: a line that wraps would stay.
+  /// Replaces the status, over what stands there, which is not taken away first: it would flicker.
+  /// What does not fit into a row is cut off: a line that wraps would stay.
   void show(const std::vector<std::string>& lines);
   /// Writes a line that stays.
   void say(const std::string& line);
   /// Takes the status away.
   void clear();
+
+  /// What a terminal is sent to write `lines` over a status of `before` lines. Pure.
+  static std::string rewritten(std::size_t before, const std::vector<std::string>& lines);
 
  private:
   std::string erasure() const;

@@ -10,6 +10,8 @@ namespace tether {
 namespace {
 
 using ::testing::Contains;
+using ::testing::ContainsRegex;
+using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using ::testing::MatchesRegex;
 using ::testing::Not;
@@ -46,8 +48,8 @@ TEST(Dashboard, OfAFleetSaysHowAllStandAndWhoIsWorst) {
     EXPECT_THAT(lines, Contains(HasSubstr(said)));
   }
   EXPECT_THAT(lines, Contains(HasSubstr("AGV1: ε ")));
-  EXPECT_THAT(Dashboard::line(fleet.observer.first(), fleet.moment),
-              StartsWith("t   10.0 s   " + fleet.moment.fleet[0] + "   0 of 3 lost"));
+  EXPECT_THAT(fleet.dashboard.line(fleet.observer.first(), fleet.moment),
+              StartsWith("   0 s left  " + fleet.moment.fleet[0] + "   0 of 3 lost"));
 }
 
 TEST(Dashboard, ShowsWhereTheOthersOfAFleetAre) {
@@ -62,7 +64,30 @@ TEST(Dashboard, OfOneVehicleSaysNothingOfAFleet) {
   EXPECT_TRUE(one.moment.fleet.empty());
   const auto lines = one.dashboard.lines(one.observer.first(), one.moment);
   EXPECT_THAT(fmt::format("{}", fmt::join(lines, "\n")), Not(HasSubstr("lost")));
-  EXPECT_THAT(Dashboard::line(one.observer.first(), one.moment), HasSubstr("up PRR 1.00"));
+}
+
+TEST(Dashboard, InOneLineSaysWhatIsLeftWhereItIsHowFarOffAndWhatTheNetworkDidLately) {
+  Watched one({});
+  one.moment.t_s = 4.0;
+  one.moment.uplink = {0.95, 120.4, 10.0};
+  const ground_truth_t& truth = one.observer.first().truth();
+  EXPECT_EQ(one.dashboard.line(one.observer.first(), one.moment),
+            fmt::format("   6 s left  {:5.1f}, {:5.1f} m  error {:5.2f} m  up 0.95 120 ms  "
+                        "down    -      -",
+                        truth.x_m, truth.y_m, truth.error_m));
+  one.moment.uplink = one.moment.downlink = {0.5, 9999.0, 10.0};
+  EXPECT_LT(one.dashboard.line(one.observer.first(), one.moment).size(), 80U);
+  one.moment.findings = {"something"};
+  EXPECT_THAT(one.dashboard.line(one.observer.first(), one.moment), EndsWith("   INVALID"));
+}
+
+TEST(Dashboard, HasReceptionAndDelayOfTheLastSecondsBesideThoseOfTheRun) {
+  Watched one({"channel.uplink.prr=0.5"});
+  one.moment.uplink = {0.25, 80.0, 3.0};
+  const auto lines = one.dashboard.lines(one.observer.first(), one.moment);
+  EXPECT_THAT(lines, Contains(HasSubstr("in the last 10 s:")));
+  EXPECT_THAT(lines, Contains(ContainsRegex("uplink    PRR 0.25   80 ms   3/s   run 0.[3-7]")));
+  EXPECT_THAT(lines, Contains(HasSubstr("downlink  PRR    -       -   0/s   run 1.00")));
 }
 
 }  // namespace
