@@ -19,6 +19,8 @@ packages=(
 if [ "${1:-}" != vehicle ]; then
     packages+=(
         libode-dev libsqlite3-dev libzstd-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
+        # the Python module tether_env
+        pybind11-dev python3-dev python3-numpy
         # figures, charts, and lcm-spy with plots
         gnuplot-nox libjs-chart.js liblcm-java libjchart2d-java openjdk-17-jdk openjdk-17-jre
     )

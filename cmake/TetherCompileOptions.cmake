@@ -4,6 +4,10 @@ target_include_directories(tether_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_link_libraries(tether_options INTERFACE fmt::fmt)
 target_compile_options(tether_options INTERFACE -Wall -Wextra -Wpedantic
   $<$<BOOL:${TETHER_WERROR}>:-Werror>)
+# The Python module is made of the same libraries. What nobody outside sees costs no more than before.
+if(TETHER_PYTHON)
+  target_compile_options(tether_options INTERFACE -fPIC -fvisibility=hidden)
+endif()
 
 if(TETHER_SANITIZE)
   set(sanitizers -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)

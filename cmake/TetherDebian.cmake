@@ -66,5 +66,14 @@ if(NOT TETHER_VEHICLE_ONLY)
     "Controllers in Python for simulated and live runs, and readers of runs, sweeps and
  LCM logs: of the standard library alone."
     ARCH all DEPENDS "python3 (>= 3.11)" RECOMMENDS "tether (= ${PROJECT_VERSION}), python3-numpy")
+  if(TETHER_PYTHON)
+    set(CPACK_DEBIAN_ENV_PACKAGE_SECTION python)
+    set(this ${Python3_VERSION_MAJOR}.${Python3_VERSION_MINOR})
+    math(EXPR after "${Python3_VERSION_MINOR} + 1")
+    tether_debian_package(env python3-tether-env
+      "The closed loop of vehicle, network and controller as an environment for learning
+ programs, by Gymnasium's contract, one or many at once."
+      DEPENDS "tether-vehicle (= ${PROJECT_VERSION}), python3-numpy, python3 (>= ${this}), python3 (<< ${Python3_VERSION_MAJOR}.${after})")
+  endif()
 endif()
 include(CPack)

@@ -3,6 +3,7 @@
 #   tether-vehicle  what a vehicle's computer runs, with scenarios and drivetrains to begin from
 #   tether          all else: simulator, relay, controller, sweeps, figures, the page
 #   python3-tether  controllers in Python, and readers of runs, sweeps and logs
+#   python3-tether-env  closed loops as environments for learning programs; compiled
 #   tether-dev      messages and a controller's client, for C++ (a CMake package); for lcm-gen
 #   tether-doc      docs/, examples and the change log
 #
@@ -47,7 +48,7 @@ install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT doc)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT doc)
 install(FILES examples/controller.cpp examples/controller.py
   DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc)
-install(PROGRAMS examples/floor_in_a_box.sh DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc)
+install(PROGRAMS examples/floor_in_a_box.sh examples/learn_pid.py DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc)
 
 # tether_install_manuals(component programs...): their manual pages, as they print them.
 function(tether_install_manuals component)
@@ -82,6 +83,12 @@ if(NOT TETHER_VEHICLE_ONLY)
     FILES_MATCHING PATTERN "*.py")
   install(DIRECTORY lcmtypes/ DESTINATION ${python_packages}/tether/lcmtypes COMPONENT python
     FILES_MATCHING PATTERN "*.lcm")
+  if(TETHER_PYTHON)
+    list(APPEND components env)
+    install(TARGETS tether_env_core DESTINATION ${python_packages}/tether_env COMPONENT env)
+    install(DIRECTORY python/env/tether_env DESTINATION ${python_packages} COMPONENT env
+      FILES_MATCHING PATTERN "*.py")
+  endif()
   foreach(shell_file bash:bash-completion/completions/tether zsh:zsh/vendor-completions/_tether)
     string(REPLACE ":" ";" shell_file ${shell_file})
     list(POP_FRONT shell_file shell)

@@ -29,6 +29,7 @@ class FilteredLaw final : public Law {
   LawOutput decide(Instant now, const SeenPose* newest) override;
   LawOutput stop(Instant now) override;
   void reset() override { law_->reset(); }
+  void set_look_ahead(double tau_s) override { law_->set_look_ahead(tau_s); }
   LawErrors errors() const override { return law_->errors(); }
   void list_counters(CounterList& out) const override;
 

@@ -40,16 +40,21 @@ const LawKind& kind_of(const ControllerSettings& settings) {
   return *found;
 }
 
-std::unique_ptr<Law> make_law(const LawSettings& settings) {
-  const auto& controller = settings.get<ControllerSettings>();
-  const LawKind& kind = kind_of(controller);
+LawContext law_context(const LawSettings& settings, bool steers_any_point) {
   LawContext context{
       settings, make_path(settings.get<PathSettings>()),
       controlled_point_ahead_m(settings.get<PathSettings>(), settings.get<VehicleSettings>())};
-  if (context.ahead_m != 0.0 && !kind.steers_any_point) {
+  if (context.ahead_m != 0.0 && !steers_any_point) {
     context.path = std::make_shared<AxlePath>(context.path, context.ahead_m);
     context.ahead_m = 0.0;
   }
+  return context;
+}
+
+std::unique_ptr<Law> make_law(const LawSettings& settings) {
+  const auto& controller = settings.get<ControllerSettings>();
+  const LawKind& kind = kind_of(controller);
+  const LawContext context = law_context(settings, kind.steers_any_point);
   std::unique_ptr<Law> law = kind.make(context);
   if (controller.estimator == ControllerSettings::Estimator::none || kind.sends_plans) return law;
   return std::make_unique<FilteredLaw>(std::move(law), context);

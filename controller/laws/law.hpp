@@ -96,6 +96,9 @@ class Law {
   }
   virtual void reset() {}
 
+  /// Sets the look-ahead τ for its next decisions (LawKind::looks_ahead).
+  virtual void set_look_ahead(double) {}
+
   /// Whether it decides before the first pose and before t = 0.
   virtual bool plans_ahead() const { return false; }
   /// The plan to be on board at t = 0; asked once, before all else.
@@ -118,6 +121,9 @@ struct LawContext {
   double ahead_m = 0.0;
 };
 
+/// What a law is made of that heeds LawContext::ahead_m, or one that is derived for the axle alone.
+LawContext law_context(const LawSettings& settings, bool steers_any_point);
+
 /// One of the values of controller.law. A new one is a file with a function <name>_law() that
 /// returns its row, and a line in law.cpp.
 struct LawKind {
@@ -130,6 +136,7 @@ struct LawKind {
   /// path.point = "chassis" they get the axle's path that takes the chassis' centre along that of
   /// the scenario (AxlePath), and their errors are those to this one.
   bool steers_any_point = false;
+  bool looks_ahead = false;  ///< by controller.tau_s, and nothing else
   /// Keys of [controller], or their beginnings, without "controller.", that this law uses but not
   /// every law.
   std::vector<std::string> keys;

@@ -45,6 +45,7 @@ void PidLaw::reset() {
 LawKind pid_law() {
   return {.name = "pid",
           .steers_any_point = true,
+          .looks_ahead = true,
           .keys = {},
           .make = [](const LawContext& context) -> std::unique_ptr<Law> {
             return std::make_unique<PidLaw>(context.settings.get<ControllerSettings>(),

@@ -33,6 +33,7 @@ class PidLaw : public Law {
   LawErrors errors() const override { return errors_; }
 
   void set_tau(double tau_s) { tau_s_ = tau_s; }
+  void set_look_ahead(double tau_s) override { set_tau(tau_s); }
 
  private:
   std::shared_ptr<const ReferencePath> path_;

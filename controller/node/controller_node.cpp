@@ -34,7 +34,7 @@ bool is_usable(const LawOutput& decision) {
 }  // namespace
 
 ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop& loop, Bus& bus,
-                               std::optional<std::int64_t> session)
+                               std::optional<std::int64_t> session, std::unique_ptr<Law> law)
     : loop_(loop),
       bus_(bus),
       channels_(settings.get<VehicleSettings>().name),
@@ -42,7 +42,7 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
       config_(settings.get<ControllerSettings>()),
       pose_timeout_(from_seconds(config_.pose_timeout_s)),
       session_(session.value_or(session_of_seed(settings.get<RunSettings>().seed))),
-      law_(make_law(settings)),
+      law_(law ? std::move(law) : make_law(settings)),
       guard_({.earliest = earliest_stamp(settings)}),
       odometry_guard_({.earliest = earliest_stamp(settings)}),
       counters_(loop, bus, "controller", channels_.control_counters,
@@ -166,27 +166,37 @@ void ControllerNode::decide() {
     ++pose_timeouts_;
     send(now, law_->stop(now), true);
   } else if (law_->plans_ahead() || (newest_ && now >= kStart)) {
-    LawOutput decision = law_->decide(now, newest_ ? &*newest_ : nullptr);
-    if (!is_usable(decision)) {  // by no known input; NaN must neither go out nor stay in the law
-      ++unusable_commands_;
-      decision = law_->stop(now);
+    if (ask_) {
+      ask_();
+    } else {
+      decide_by_law();
     }
-    send(now, decision, false);
   } else {
     send(now, Twist{}, false);
   }
 }
 
-void ControllerNode::send(Instant now, const LawOutput& decision, bool stopped) {
+void ControllerNode::decide_by_law(bool sends) {
+  const Instant now = loop_.now();
+  LawOutput decision = law_->decide(now, newest());
+  if (!is_usable(decision)) {  // by no known input; NaN must neither go out nor stay in the law
+    ++unusable_commands_;
+    decision = law_->stop(now);
+  }
+  send(now, decision, false, sends);
+}
+
+void ControllerNode::send(Instant now, const LawOutput& decision, bool stopped, bool sends) {
   const auto* plan = std::get_if<Plan>(&decision);
   const Twist twist = plan == nullptr ? std::get<Twist>(decision) : plan->twists.front();
-  if (!sending_ || sending_->is_due(now, decision, stopped, newest_ ? &*newest_ : nullptr)) {
+  if (sends && (!sending_ || sending_->is_due(now, decision, stopped, newest()))) {
     if (plan == nullptr) {
       send_twist(now, twist);
     } else {
       send_plan(now, *plan, channels_.control_plan);
     }
     ++sent_;
+    last_sent_ = {now, twist};
   }
 
   const LawErrors errors = law_->errors();

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <tether/autonomy_state_t.hpp>
 #include <tether/odometry_t.hpp>
+#include <utility>
 
 #include "common/bus/bus.hpp"
 #include "common/bus/channel_names.hpp"
@@ -55,9 +57,27 @@ using ControllerNodeSettings =
 class ControllerNode final : public Node {
  public:
   /// `session`: tells the plans of this start from those of any other; nullopt: derived from the
-  /// run's seed.
+  /// run's seed. `law`: in place of the settings' own.
   ControllerNode(const ControllerNodeSettings& settings, EventLoop& loop, Bus& bus,
-                 std::optional<std::int64_t> session = std::nullopt);
+                 std::optional<std::int64_t> session = std::nullopt,
+                 std::unique_ptr<Law> law = nullptr);
+
+  /// From now on, where the law would be asked for a decision, `ask` is called instead. Whoever it
+  /// is then calls decide_by_law(), not later than the next event of the loop: the run is the same
+  /// as if nobody had been asked.
+  void ask_before_deciding(std::function<void()> ask) { ask_ = std::move(ask); }
+  /// `sends`: whether the decision goes out, if it does by the scenario. It is reported anyway.
+  void decide_by_law(bool sends = true);
+
+  Law& law() { return *law_; }
+  /// The newest pose, if there is any.
+  const SeenPose* newest() const { return newest_ ? &*newest_ : nullptr; }
+  /// The last command that was sent, or the first twist of the last plan.
+  struct Sent {
+    Instant when;
+    Twist twist;
+  };
+  const std::optional<Sent>& last_sent() const { return last_sent_; }
 
   /// Publishes the final counters. Sends no command: the actuator policy decides what happens to a
   /// vehicle whose controller is gone.
@@ -70,7 +90,7 @@ class ControllerNode final : public Node {
   void decide();
   void on_possible_timeout();
   bool timed_out(Instant now) const;
-  void send(Instant now, const LawOutput& decision, bool stopped);
+  void send(Instant now, const LawOutput& decision, bool stopped, bool sends = true);
   void send_twist(Instant now, const Twist& twist);
   void send_plan(Instant now, const Plan& plan, const std::string& channel);
   std::int64_t pose_utime() const;
@@ -84,6 +104,7 @@ class ControllerNode final : public Node {
   Duration pose_timeout_;
   std::int64_t session_;
   std::unique_ptr<Law> law_;
+  std::function<void()> ask_;
   StreamGuard guard_;
 
   StreamGuard odometry_guard_;
@@ -104,6 +125,7 @@ class ControllerNode final : public Node {
   std::int64_t undecodable_odometry_ = 0;
   std::int64_t non_finite_odometry_ = 0;
   std::optional<CommandSending> sending_;  ///< not set: all decisions are sent
+  std::optional<Sent> last_sent_;
   std::int64_t decisions_ = 0;
   std::int64_t sent_ = 0;
   std::int64_t pose_timeouts_ = 0;

@@ -34,6 +34,8 @@ class Metrics {
   /// ε; the present error before any time has passed. The same holds for rmse_m().
   double epsilon_m() const;
   double rmse_m() const;
+  /// ∫ ‖p*(t) − p(t)‖ dt so far [m·s].
+  double error_integral_m_s() const { return error_integral_; }
 
   /// ε and the largest error over the time from `settled_from_s` on. Until then both are the
   /// present error, which is where they begin: of a run that ends earlier they are the error at its

@@ -14,6 +14,7 @@ import tempfile
 BUILD = pathlib.Path(sys.argv[1])
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 VEHICLE = ["tether-vehicle", "tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-link", "tether-localiser"]
+PACKAGES = ["python3-tether-env", "python3-tether", "tether-dev", "tether-doc", "tether-vehicle", "tether"]  # by file name
 NOT_ON_A_VEHICLE = ["libode", "libsqlite3", "libzstd"]
 
 
@@ -108,8 +109,7 @@ def debian_takes_the_packages():
     run(*cpack, "-B", made)
     run(*cpack, "-B", made / "later", "-D", "CPACK_PACKAGE_VERSION=99.1", "-D", "CPACK_COMPONENTS_ALL=vehicle")
     packages = sorted(made.glob("*.deb"))
-    check(sorted(p.name.split("_")[0] for p in packages) == ["python3-tether", "tether", "tether-dev", "tether-doc", "tether-vehicle"],
-          packages)
+    check([p.name.split("_")[0] for p in packages] == PACKAGES, packages)
     print(run("lintian", "--allow-root", "--fail-on", "error", *packages).strip())
     files = [line.split()[5] for p in packages for line in run("dpkg", "-c", p).splitlines() if not line.endswith("/")]
     check(len(files) == len(set(files)), f"in two packages: {sorted({f for f in files if files.count(f) > 1})}")

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "autonomy/node/autonomy_node.hpp"
@@ -14,6 +16,7 @@
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
+#include "controller/laws/law.hpp"
 #include "controller/node/controller_node.hpp"
 #include "localiser/node/localiser_node.hpp"
 #include "netem/relay/netem_node.hpp"
@@ -27,14 +30,16 @@ namespace tether {
 class ClosedLoop {
  public:
   /// Throws UsageError for a scenario whose controller is somebody else's program.
-  explicit ClosedLoop(const Scenario& scenario)
+  /// `law`: of a vehicle that is alone, in place of the scenario's.
+  explicit ClosedLoop(const Scenario& scenario, std::unique_ptr<Law> law = nullptr)
       : scenario_(checked(scenario)),
         members_(fleet_members(scenario)),
         loop_(kStart - from_seconds(scenario.get<RunSettings>().lead_s)),
         bus_(loop_),
         sim_(members_, loop_, bus_),
         netem_(relays_of(members_, loop_, bus_, bus_)),
-        controllers_(group_of<ControllerNode>(members_, loop_, bus_)) {
+        controllers_(law ? controller_with(std::move(law))
+                         : group_of<ControllerNode>(members_, loop_, bus_)) {
     if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
       can_ = std::make_unique<CanLoop>(scenario, loop_, bus_);
     }
@@ -71,6 +76,7 @@ class ClosedLoop {
   const SimNode& sim(std::size_t i = 0) const { return sim_[i]; }
   const NetemNode& netem(std::size_t i = 0) const { return (*netem_)[i]; }
   NetemNode& netem(std::size_t i = 0) { return (*netem_)[i]; }
+  ControllerNode& controller(std::size_t i = 0) { return (*controllers_)[i]; }
   /// Null with a direct drivetrain.
   CanLoop* can() { return can_.get(); }
 
@@ -82,6 +88,13 @@ class ClosedLoop {
           "wait for another, and tether run and tether sweep start controller.command");
     }
     return scenario;
+  }
+
+  std::unique_ptr<NodeGroup<ControllerNode>> controller_with(std::unique_ptr<Law> law) {
+    auto one = std::make_unique<NodeGroup<ControllerNode>>();
+    one->add(std::make_unique<ControllerNode>(members_.front(), loop_, bus_, std::nullopt,
+                                              std::move(law)));
+    return one;
   }
 
   Scenario scenario_;

@@ -1,0 +1,152 @@
+#include "tools/gym/episode.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <numbers>
+#include <tether/pose_t.hpp>
+#include <utility>
+
+#include "common/base/errors.hpp"
+#include "common/bus/channel_names.hpp"
+#include "common/bus/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+
+namespace tether {
+namespace {
+
+constexpr double kAny = std::numeric_limits<double>::infinity();
+
+const Scenario& checked(const Scenario& scenario, const EpisodeSettings& settings) {
+  check_actions(scenario, settings.action);
+  for (const double tau_s : settings.preview_s) {
+    if (tau_s >= 0.0 && std::isfinite(tau_s)) continue;
+    throw UsageError(fmt::format("preview_s: {} is not allowed; finite numbers >= 0 are", tau_s));
+  }
+  return scenario;
+}
+
+std::unique_ptr<Law> law_of(const Scenario& scenario, const LawContext& context, ActionKind kind,
+                            GivenLaw*& given) {
+  if (kind == ActionKind::tau || kind == ActionKind::send) return make_law(scenario);
+  auto law = std::make_unique<GivenLaw>(context, kind == ActionKind::plan);
+  given = law.get();
+  return law;
+}
+
+/// A point of the world in the frame of `pose`.
+Position seen_from(const Pose2& pose, double cos_yaw, double sin_yaw, const PathPoint& point) {
+  const double dx = point.x_m - pose.x_m, dy = point.y_m - pose.y_m;
+  return {cos_yaw * dx + sin_yaw * dy, cos_yaw * dy - sin_yaw * dx};
+}
+
+}  // namespace
+
+std::vector<NumberSpace> observation_space(const EpisodeSettings& settings) {
+  std::vector<NumberSpace> space{{"ahead_m", -kAny, kAny},
+                                 {"left_m", -kAny, kAny},
+                                 {"heading_rad", -std::numbers::pi, std::numbers::pi}};
+  for (const char* name : {"path_v_mps", "path_omega_radps", "sent_v_mps", "sent_omega_radps",
+                           "sent_age_s", "pose_age_s", "pose_silence_s"}) {
+    space.push_back({name, -kAny, kAny});
+  }
+  space.push_back({"pose_reception", 0.0, 1.0});
+  if (settings.action == ActionKind::plan) space.push_back({"acknowledged_age_s", -kAny, kAny});
+  for (const double tau_s : settings.preview_s) {
+    space.push_back({fmt::format("ahead_m@{}", tau_s), -kAny, kAny});
+    space.push_back({fmt::format("left_m@{}", tau_s), -kAny, kAny});
+  }
+  return space;
+}
+
+Episode::Episode(const Scenario& scenario, const EpisodeSettings& settings, const std::string& log)
+    : settings_(settings),
+      context_(law_context(checked(scenario, settings), false)),
+      loop_(scenario, law_of(scenario, context_, settings.action, given_)),
+      end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)) {
+  loop_.controller().ask_before_deciding([this] {
+    due_ = true;
+    loop_.loop().stop();
+  });
+  subscribe<pose_t>(loop_.bus(), ChannelNames(scenario.get<VehicleSettings>().name).control_pose,
+                    kDeepQueue, undecodable_, [this](const pose_t& m) {
+                      if (m.seq <= newest_seq_) return;  // late
+                      newest_seq_ = m.seq;
+                      reception_.add(m.seq);
+                    });
+  if (!log.empty()) log_ = std::make_unique<EventLogWriter>(log, loop_.loop(), loop_.bus());
+  go_on();
+}
+
+void Episode::step(std::span<const double> action) {
+  if (due_) {
+    if (given_ != nullptr) {
+      given_->give(action);
+    } else if (settings_.action == ActionKind::tau) {
+      loop_.controller().law().set_look_ahead(action[0]);
+    }
+    loop_.controller().decide_by_law(given_ != nullptr || action.back() >= 0.5);
+    go_on();
+  }
+  reward_ = -unrewarded();
+  rewarded_ -= reward_;
+}
+
+void Episode::go_on() {
+  due_ = false;
+  loop_.run_until(end_);
+  if (due_) return;
+  loop_.finish();
+  if (log_) log_->close();
+  over_ = true;
+}
+
+SeenPose Episode::pose() {
+  if (const SeenPose* newest = loop_.controller().newest()) return *newest;
+  SeenPose start;
+  start.pose = nominal_start(context_.settings);
+  start.stamp = start.arrival = kStart;
+  start.seq = -1;
+  return start;
+}
+
+void Episode::observe(std::span<double> out) {
+  const SeenPose seen = this->pose();
+  const Pose2& pose = seen.pose;
+  const Instant now = loop_.loop().now();
+  const auto since = [now](Instant then) { return to_seconds(now - then); };
+  const double now_s = to_seconds(now);
+  const double cos_yaw = std::cos(pose.yaw_rad), sin_yaw = std::sin(pose.yaw_rad);
+  std::size_t i = 0;
+  const auto put = [&](double number) { out[i++] = number; };
+  const auto put_position = [&](const Position& p) {
+    put(p.x_m);
+    put(p.y_m);
+  };
+
+  const PathPoint here = context_.path->at(now_s);
+  put_position(seen_from(pose, cos_yaw, sin_yaw, here));
+  put(wrap_angle(here.yaw_rad - pose.yaw_rad));
+  put(here.v_mps);
+  put(here.omega_radps);
+  const auto& sent = loop_.controller().last_sent();
+  const Twist twist = sent ? sent->twist : Twist{};
+  put(twist.v_mps);
+  put(twist.omega_radps);
+  put(since(sent ? sent->when : kStart));
+  put(since(seen.stamp));
+  put(since(seen.arrival));
+  put(reception_.ratio());
+  if (settings_.action == ActionKind::plan) put(since(given_->acknowledged().value_or(kStart)));
+  for (const double tau_s : settings_.preview_s) {
+    put_position(seen_from(pose, cos_yaw, sin_yaw, context_.path->at(now_s + tau_s)));
+  }
+  assert(i == out.size());
+}
+
+}  // namespace tether
