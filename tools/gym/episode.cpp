@@ -22,12 +22,8 @@ namespace {
 
 constexpr double kAny = std::numeric_limits<double>::infinity();
 
-const Scenario& checked(const Scenario& scenario, const EpisodeSettings& settings) {
-  check_actions(scenario, settings.action);
-  for (const double tau_s : settings.preview_s) {
-    if (tau_s >= 0.0 && std::isfinite(tau_s)) continue;
-    throw UsageError(fmt::format("preview_s: {} is not allowed; finite numbers >= 0 are", tau_s));
-  }
+const Scenario& checked(const Scenario& scenario, ActionKind kind) {
+  check_actions(scenario, kind);
   return scenario;
 }
 
@@ -58,6 +54,9 @@ std::vector<NumberSpace> observation_space(const EpisodeSettings& settings) {
   space.push_back({"pose_reception", 0.0, 1.0});
   if (settings.action == ActionKind::plan) space.push_back({"acknowledged_age_s", -kAny, kAny});
   for (const double tau_s : settings.preview_s) {
+    if (!(tau_s >= 0.0 && std::isfinite(tau_s))) {
+      throw UsageError(fmt::format("preview_s: {} is not allowed; finite numbers >= 0 are", tau_s));
+    }
     space.push_back({fmt::format("ahead_m@{}", tau_s), -kAny, kAny});
     space.push_back({fmt::format("left_m@{}", tau_s), -kAny, kAny});
   }
@@ -66,7 +65,7 @@ std::vector<NumberSpace> observation_space(const EpisodeSettings& settings) {
 
 Episode::Episode(const Scenario& scenario, const EpisodeSettings& settings, const std::string& log)
     : settings_(settings),
-      context_(law_context(checked(scenario, settings), false)),
+      context_(law_context(checked(scenario, settings.action), false)),
       loop_(scenario, law_of(scenario, context_, settings.action, given_)),
       end_(kStart + from_seconds(scenario.get<RunSettings>().duration_s)) {
   loop_.controller().ask_before_deciding([this] {

@@ -39,7 +39,8 @@ struct EpisodeSettings {
 ///   acknowledged_age_s            with plans: since the newest plan that a pose named was decided
 ///   ahead_m@τ, left_m@τ           for each τ of preview_s, the path's point at now + τ
 ///
-/// Before the first pose the vehicle is taken to stand at its start since t = 0.
+/// Before the first pose the vehicle is taken to stand at its start since t = 0. Throws UsageError
+/// for negative or infinite previews.
 std::vector<NumberSpace> observation_space(const EpisodeSettings& settings);
 
 /// One run of a scenario's closed loop whose decisions are asked for outside: the very loop of
@@ -52,7 +53,7 @@ std::vector<NumberSpace> observation_space(const EpisodeSettings& settings);
 class Episode {
  public:
   /// Runs to the first decision. `log`: a file for all messages, as run.lcmlog; none if empty.
-  /// Throws UsageError for what check_actions() refuses, and for negative or infinite previews.
+  /// Throws UsageError for what check_actions() refuses.
   Episode(const Scenario& scenario, const EpisodeSettings& settings, const std::string& log = "");
 
   /// The run has come to its end: no decision is due, and results are final.

@@ -38,15 +38,15 @@ Overrides both(Overrides a, const Overrides& b) {
 }
 
 /// A run without an episode: its log, its ε, and what its law decided when it was asked.
-struct Run {
+struct Outcome {
   std::string log;
   double epsilon_m = 0.0;
   std::vector<std::vector<double>> twists, plans;
 };
 
-Run run_of(const Scenario& scenario) {
+Outcome run_of(const Scenario& scenario) {
   const Folder folder;
-  Run run;
+  Outcome run;
   {
     ClosedLoop loop(scenario);
     EventLogWriter log(folder.path / "log", loop.loop(), loop.bus());
@@ -72,10 +72,10 @@ Run run_of(const Scenario& scenario) {
 }
 
 /// An episode of these actions, one after another, or of the only one again and again.
-Run episode_of(const Scenario& scenario, ActionKind kind,
-               const std::vector<std::vector<double>>& actions) {
+Outcome episode_of(const Scenario& scenario, ActionKind kind,
+                   const std::vector<std::vector<double>>& actions) {
   const Folder folder;
-  Run run;
+  Outcome run;
   Episode episode(scenario, {kind, {}}, folder.path / "log");
   double rewards = 0.0;
   for (std::size_t i = 0; !episode.is_over(); ++i) {
@@ -91,8 +91,8 @@ Run episode_of(const Scenario& scenario, ActionKind kind,
 void expect_the_run_itself(const Overrides& overrides, ActionKind kind,
                            const std::vector<double>& action) {
   const Scenario scenario = scenario_with(overrides);
-  const Run run = run_of(scenario);
-  const Run episode = episode_of(scenario, kind, {action});
+  const Outcome run = run_of(scenario);
+  const Outcome episode = episode_of(scenario, kind, {action});
   EXPECT_GT(run.log.size(), 50'000U);
   EXPECT_TRUE(episode.log == run.log) << ::testing::PrintToString(overrides);
   EXPECT_EQ(episode.epsilon_m, run.epsilon_m);
@@ -130,7 +130,7 @@ TEST(Episode, OfTheTrackingLawsTwistsIsItsRunByteForByte) {
        {Overrides{}, Overrides{"controller.trigger=timer", "controller.rate_hz=20"},
         Overrides{"controller.pose_timeout_s=0.25"}}) {
     const Scenario scenario = scenario_with(both(both(kBad, trigger), {"controller.law=tracking"}));
-    const Run run = run_of(scenario);
+    const Outcome run = run_of(scenario);
     EXPECT_GT(run.twists.size(), 50U);
     EXPECT_TRUE(episode_of(scenario, ActionKind::twist, run.twists).log == run.log);
   }
@@ -140,13 +140,13 @@ TEST(Episode, OfThePredictiveLawsPlansMovesTheVehicleAsItsRunDoes) {
   const Scenario scenario =
       scenario_with(both(kBad, {"controller.law=predictive", "actuator.policy=horizon",
                                 "controller.horizon_s=5", "controller.trigger=timer"}));
-  const Run run = run_of(scenario);
+  const Outcome run = run_of(scenario);
   EXPECT_GT(run.plans.size(), 300U);
   EXPECT_EQ(episode_of(scenario, ActionKind::plan, run.plans).epsilon_m, run.epsilon_m);
 }
 
 TEST(Episode, WithAnotherLookAheadIsTheRunWithThatOne) {
-  const Run run = run_of(scenario_with(both(kBad, {"controller.tau_s=1.25"})));
+  const Outcome run = run_of(scenario_with(both(kBad, {"controller.tau_s=1.25"})));
   EXPECT_TRUE(episode_of(scenario_with(kBad), ActionKind::tau, {{1.25, 1.0}}).log == run.log);
 }
 
