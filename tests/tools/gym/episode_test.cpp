@@ -209,9 +209,10 @@ TEST(Episode, ObservesThePathInTheVehiclesFrame) {
   EXPECT_NEAR(number(episode, settings, "ahead_m"), 1.0, 1e-6);
   EXPECT_NEAR(number(episode, settings, "left_m"), 2.0, 1e-6);
   EXPECT_NEAR(number(episode, settings, "heading_rad"), 0.0, 1e-6);
-  EXPECT_NEAR(number(episode, settings, "ahead_m@4"), 3.0, 1e-6);
+  // It begins at rest and takes 1 s to reach its speed.
+  EXPECT_NEAR(number(episode, settings, "ahead_m@4"), 1.0 + 3.5 * 0.5, 1e-6);
   EXPECT_NEAR(number(episode, settings, "left_m@4"), 2.0, 1e-6);
-  EXPECT_EQ(number(episode, settings, "path_v_mps"), 0.5);
+  EXPECT_EQ(number(episode, settings, "path_v_mps"), 0.0);
 }
 
 TEST(Episode, KnowsOfAPlanOnBoardFromThePoseThatNamesIt) {
@@ -241,7 +242,7 @@ TEST(Episode, RefusesByNameWhatItsActionsDoNotGoWith) {
   EXPECT_EQ(refusal({"controller.law=predictive", "actuator.policy=horizon"}, ActionKind::twist),
             "controller.law: there are no actions \"twist\" with \"predictive\"; allowed: pid, "
             "pid_adaptive, tracking, tracking_compensated");
-  EXPECT_EQ(refusal({"fleet.count=2", "fleet.phases=even"}, ActionKind::twist),
+  EXPECT_EQ(refusal({"fleet.count=3"}, ActionKind::twist),
             "fleet.count: an environment has one vehicle; allowed: 1");
   EXPECT_EQ(refusal({"controller.estimator=ekf"}, ActionKind::twist),
             "controller.estimator: actions \"twist\" take the place of the law and its filter; "
