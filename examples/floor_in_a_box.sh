@@ -88,8 +88,8 @@ latest_only = [".*/(POSE|CMD_VEL|STATE)"]
 END
     chmod 644 "$work/$1.toml"
 }
-control_key=$(tether link keygen "$work/control.key")
-vehicle_key=$(tether link keygen "$work/vehicle.key")
+control_key=$(tether-link keygen "$work/control.key")
+vehicle_key=$(tether-link keygen "$work/vehicle.key")
 configure control 192.0.2.1 vehicle 192.0.2.2 "$vehicle_key" \
     "\"$command -> AGV/CMD_VEL\", \"CAN/REQUEST\"" "\"$pose\", \"CAN/STATE\""
 configure vehicle 192.0.2.2 control 192.0.2.1 "$control_key" \

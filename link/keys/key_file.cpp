@@ -38,7 +38,7 @@ std::string read_secret(const std::string& file) {
   if (in.fd < 0) {
     const int error = errno;
     refuse(file, fmt::format("cannot be opened: {}{}", std::strerror(error),
-                             error == ENOENT   ? "; `tether link keygen FILE` makes one"
+                             error == ENOENT   ? "; `tether-link keygen FILE` makes one"
                              : error == EACCES ? "; it must belong to who runs this (chown)"
                                                : ""));
   }
@@ -101,7 +101,7 @@ KeyPair read_key_file(const std::string& file) {
   try {
     table = toml::parse(text, file);
   } catch (const toml::parse_error& error) {  // without quoting what may be a secret
-    refuse(file, fmt::format("line {}: not TOML; `tether link keygen FILE` makes another",
+    refuse(file, fmt::format("line {}: not TOML; `tether-link keygen FILE` makes another",
                              error.source().begin.line));
   }
   sodium_memzero(text.data(), text.size());
@@ -115,6 +115,11 @@ KeyPair read_key_file(const std::string& file) {
 void check_nobody_else_writes(const std::string& file) {
   struct stat about {};
   if (stat(file.c_str(), &about) != 0) return;  // whoever reads it says why
+  if (about.st_uid != 0 && about.st_uid != geteuid()) {
+    throw UsageError(
+        fmt::format("\"{}\" is another user's, who can write whom this host trusts: chown root {}",
+                    file, file));
+  }
   if ((about.st_mode & 022) != 0) {
     throw UsageError(
         fmt::format("\"{}\": mode {:04o} lets others write whom this host trusts: chmod go-w {}",

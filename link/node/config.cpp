@@ -9,6 +9,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
+#include "common/base/pattern.hpp"
 #include "common/base/text.hpp"
 #include "common/base/toml_reader.hpp"
 #include "common/lcm/lcm_url.hpp"
@@ -59,6 +60,17 @@ auto made(const TomlReader& reader, const std::string& key, const Make& make) {
   }
 }
 
+/// Names of paths and peers are parts of lines, and of file names.
+std::string required_name(const TomlReader& reader, const std::string& what) {
+  static const Pattern kName("[A-Za-z0-9][A-Za-z0-9_.-]{0,62}");
+  const std::string name = required_text(reader, "name", what);
+  if (!kName.matches(name)) {
+    reader.refuse("name", *reader.find("name"),
+                  "1 to 63 letters, digits, _, . and -, the first a letter or digit");
+  }
+  return name;
+}
+
 std::vector<std::string> texts(const TomlReader& reader, const std::string& key,
                                const std::string& meaning) {
   const toml::node* const node = reader.find(key);
@@ -76,7 +88,7 @@ std::vector<std::string> texts(const TomlReader& reader, const std::string& key,
 
 PathConfig read_path(const TomlReader& reader) {
   PathConfig path;
-  path.name = required_text(reader, "name", "for reports");
+  path.name = required_name(reader, "for reports");
   const std::string bind = required_text(reader, "bind", "our address and port");
   path.bind = made(reader, "bind", [&] { return address_from_text(bind); });
   reader.text("interface", path.interface, "a network interface");
@@ -85,12 +97,12 @@ PathConfig read_path(const TomlReader& reader) {
 
 PeerConfig read_peer(const TomlReader& reader, std::size_t paths) {
   PeerConfig peer;
-  peer.name = required_text(reader, "name", "for reports and messages");
+  peer.name = required_name(reader, "for reports and messages");
   const std::string key = required_text(reader, "public_key", "64 hexadecimal digits");
   const std::optional<Key> value = key_from_text(key);
   if (!value) {
     reader.refuse("public_key", *reader.find("public_key"),
-                  "64 hexadecimal digits: `tether link show FILE` on the other host prints them");
+                  "64 hexadecimal digits: `tether-link show FILE` on the other host prints them");
   }
   peer.setup.key = *value;
   const auto addresses = texts(reader, "addresses", "one for each path, \"\": learned");
@@ -108,9 +120,17 @@ PeerConfig read_peer(const TomlReader& reader, std::size_t paths) {
   }
   const auto channels = [&](const std::string& name) {
     const auto patterns = texts(reader, name, "patterns of channels");
+    const bool has_arrow = std::any_of(patterns.begin(), patterns.end(), split_at_arrow);
+    if (has_arrow) {
+      reader.refuse(name, *reader.find(name), "names as the peer sends them: only `send` renames");
+    }
     return made(reader, name, [&] { return ChannelList(patterns); });
   };
   const auto send = texts(reader, "send", "patterns of channels");
+  const bool own = std::any_of(send.begin(), send.end(), [](const std::string& rule) {
+    return rule.find("LINK/") != std::string::npos;
+  });
+  if (own) reader.refuse("send", *reader.find("send"), "other channels: LINK/… stays on its host");
   peer.setup.rules.send = made(reader, "send", [&] { return SendRules(send); });
   peer.setup.rules.receive = channels("receive");
   peer.setup.rules.latest_only = channels("latest_only");
@@ -215,6 +235,11 @@ LinkConfig parse_link_config(const std::string& text, const std::string& file) {
                                  Endpoint::kMostPeers));
   }
   check_names(top, config.paths, "path");
+  if (config.paths.size() == 2 && config.paths[0].bind == config.paths[1].bind &&
+      config.paths[0].interface == config.paths[1].interface) {
+    top.refuse_at(1, "two paths bind to " + to_text(config.paths[0].bind) +
+                         ": each needs a port, or an interface, of its own");
+  }
   check_names(top, config.peers, "peer");
   return config;
 }

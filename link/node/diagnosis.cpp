@@ -3,7 +3,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 
 #include "link/session/sessions.hpp"
 
@@ -12,6 +15,8 @@ namespace {
 
 /// Clocks that drift or are measured anew are no news.
 constexpr double kClockNews_s = 5.0;
+constexpr char kCrossed[] =
+    "its paths are in another order than ours: put [[path]] and addresses in the same one";
 
 }  // namespace
 
@@ -25,38 +30,42 @@ std::string Diagnosis::clocks_apart(double ahead_s) {
 std::string Diagnosis::how_up(const Sight& sight) {
   std::string line = fmt::format("up, by {}", fmt::join(sight.alive, " and "));
   if (!sight.dead.empty()) line += fmt::format("; {} is down", fmt::join(sight.dead, ", "));
+  if (sight.crossed) line += fmt::format("; {}", kCrossed);
   if (!sight.narrow.empty()) {
     line += fmt::format("; {} does not carry packets of {} bytes: set a smaller mtu, on both hosts",
                         fmt::join(sight.narrow, ", "), sight.mtu);
   }
   if (std::abs(sight.clock_offset_s) > to_seconds(Sessions::kMostClockDifference)) {
-    line += "; no new session can begin: " + clocks_apart(sight.clock_offset_s);
+    line += fmt::format("; no new session can begin: {}", clocks_apart(sight.clock_offset_s));
   }
   return line;
 }
 
 std::string Diagnosis::why_down(const Sight& sight) {
   const Refusals& now = sight.refused;
+  // Of what authenticated.
   if (now.clock > then_.clock) {
-    return clocks_apart(sight.clock_ahead_s) + "; or somebody replays an old handshake";
+    return fmt::format("{}; or somebody replays an old handshake",
+                       clocks_apart(sight.clock_ahead_s));
   }
-  if (now.version > then_.version) {
-    return "datagrams of another version arrive: install the same Tether on both hosts";
-  }
-  if (now.address > then_.address) {
-    return "its datagrams come from elsewhere than its `addresses` say: correct them, or leave "
-           "\"\"";
-  }
-  if (now.crossed > then_.crossed) {
-    return "its paths are in another order than ours: put [[path]] and addresses in the same one";
-  }
-  if (now.forged > then_.forged) {
-    return "datagrams arrive that do not authenticate: compare each host's `tether link show` with "
-           "public_key on the other";
-  }
-  if (now.stranger > then_.stranger) {
-    return "a host with an unknown key calls: is the peer's key another now (`tether link show`)?";
-  }
+  if (sight.crossed) return kCrossed;
+  // Anybody may send these, so that they are a hint: what came most often.
+  struct Hint {
+    std::int64_t count;
+    const char* text;
+  };
+  const std::array<Hint, 4> hints{
+      {{now.forged - then_.forged,
+        "keys differ: compare each host's `tether-link show` with public_key on the other"},
+       {now.version - then_.version,
+        "another version runs there: install the same Tether on both hosts"},
+       {now.address - then_.address,
+        "it sends from elsewhere than its `addresses` here say: correct them"},
+       {now.stranger - then_.stranger,
+        "its key is another now: compare its `tether-link show` with public_key here"}}};
+  const auto most = std::max_element(
+      hints.begin(), hints.end(), [](const Hint& a, const Hint& b) { return a.count < b.count; });
+  if (most->count > 0) return fmt::format("nothing authentic arrives; perhaps {}", most->text);
   return "nothing arrives: is tether-link running there, are addresses, ports and firewalls right?";
 }
 
@@ -69,7 +78,7 @@ std::optional<Diagnosis::Line> Diagnosis::look(Instant now, const Sight& sight) 
     then_ = sight.refused;
   }
   if (!up && now - *since_ < kPatience) return std::nullopt;
-  const std::string line = up ? how_up(sight) : "down: " + why_down(sight);
+  const std::string line = up ? how_up(sight) : fmt::format("down: {}", why_down(sight));
   if (line == said_) return std::nullopt;
   said_ = line;
   const bool well = up && line.find(';') == std::string::npos;

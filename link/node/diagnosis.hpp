@@ -23,6 +23,7 @@ class Diagnosis {
     std::vector<std::string> dead;
     std::vector<std::string> narrow;  ///< alive, but nothing as long as the mtu comes through
     std::size_t mtu = 0;
+    bool crossed = false;  ///< its PROBEs come by the other path
     Refusals refused;
     double clock_ahead_s = 0.0;   ///< of the newest HELLO that was refused for it
     double clock_offset_s = 0.0;  ///< as the session has measured it: by so much at least

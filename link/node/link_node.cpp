@@ -14,6 +14,7 @@ namespace {
 
 constexpr Duration kTick = std::chrono::milliseconds{10};
 constexpr Duration kLook = std::chrono::seconds{1};
+constexpr Duration kTooLongMemory = 5 * kLook;
 constexpr Duration kFates = std::chrono::seconds{1};
 constexpr std::size_t kFatesPerMessage = 2500;  // one datagram of LCM
 constexpr double kNsPerMs = 1e6;
@@ -33,7 +34,8 @@ LinkNode::LinkNode(LinkConfig config, const KeyPair& own, EventLoop& loop, Bus& 
                  [this](std::size_t, std::string_view channel, ByteView bytes) {
                    bus_.publish(channel, bytes);
                  }},
-                random) {
+                random),
+      too_long_(config_.paths.size()) {
   assert(!bus_.hears_itself());
   for (const PathConfig& path : config_.paths) sockets_.emplace_back(path);
   for (const PeerConfig& peer : config_.peers) diagnoses_.emplace_back(peer.name);
@@ -206,6 +208,9 @@ void LinkNode::tell_fates_of(std::size_t peer, std::size_t path) {
 
 void LinkNode::diagnose() {
   const Instant now = loop_.now();
+  for (std::size_t path = 0; path < sockets_.size(); ++path) {
+    if (sockets_[path].take_too_long()) too_long_[path] = now;
+  }
   for (std::size_t i = 0; i < endpoint_.size(); ++i) {
     PeerLink& peer = endpoint_.peer(i);
     Diagnosis::Sight sight;
@@ -213,8 +218,10 @@ void LinkNode::diagnose() {
       const std::string& name = config_.paths[path].name;
       const bool alive = peer.alive(path, now);
       (alive ? sight.alive : sight.dead).push_back(name);
-      const bool narrow = sockets_[path].too_long() || !peer.carries_long(path);
+      const bool too_long = too_long_[path] && now - *too_long_[path] < kTooLongMemory;
+      const bool narrow = too_long || !peer.carries_long(path);
       if (alive && narrow) sight.narrow.push_back(name);
+      sight.crossed = sight.crossed || peer.is_crossed(path, now);
     }
     sight.mtu = config_.settings.datagram_bytes + kIpAndUdpBytes;
     if (const auto offset = peer.offset(now)) sight.clock_offset_s = nearest_to_zero_s(*offset);

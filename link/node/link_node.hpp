@@ -59,6 +59,7 @@ class LinkNode final : public Node {
   std::deque<PathSocket> sockets_;
   Endpoint endpoint_;
   std::vector<Diagnosis> diagnoses_;
+  std::vector<std::optional<Instant>> too_long_;  // by path, when it was noticed last
   bool copies_scheduled_ = false;
   std::int64_t seq_ = 0;
   std::int64_t fates_seq_ = 0;

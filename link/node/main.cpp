@@ -117,12 +117,12 @@ int main(int argc, char** argv) {
   record_command->add_flag("--same-clock", recorded.settings.same_clock,
                            "the peer's clock is set to ours (PTP, or one host): delays are as "
                            "stamped, instead of by the offset's interval");
-  add_examples(*app.get_subcommand("keygen"), {"tether link keygen control.key"});
-  add_examples(*app.get_subcommand("show"), {"tether link show control.key"});
-  add_examples(*app.get_subcommand("run"), {"tether link run control.toml"});
-  add_examples(*record_command, {"tether link record --out monday",
-                                 "tether link record --peer vehicle7 --seconds 600"});
-  add_examples(app, {"tether link keygen control.key", "tether link run control.toml"});
+  add_examples(*app.get_subcommand("keygen"), {"tether-link keygen control.key"});
+  add_examples(*app.get_subcommand("show"), {"tether-link show control.key"});
+  add_examples(*app.get_subcommand("run"), {"tether-link run control.toml"});
+  add_examples(*record_command, {"tether-link record --out monday",
+                                 "tether-link record --peer vehicle7 --seconds 600"});
+  add_examples(app, {"tether-link keygen control.key", "tether-link run control.toml"});
   return run_cli(app, argc, argv, [&]() -> int {
     if (app.got_subcommand(record_command)) return record(recorded);
     if (sodium_init() < 0) throw std::runtime_error("libsodium does not start");

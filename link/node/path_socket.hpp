@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 
 #include "common/lcm/datagram_batch.hpp"
 #include "link/node/config.hpp"
@@ -41,8 +42,8 @@ class PathSocket {
 
   std::int64_t unsent() const { return unsent_; }
   std::int64_t dropped() const;
-  /// A datagram was too long for the network.
-  bool too_long() const { return too_long_; }
+  /// Whether a datagram was too long for the interface, since the last call.
+  bool take_too_long() { return std::exchange(too_long_, false); }
 
  private:
   /// False: trouble_ says why, errno what the system said.

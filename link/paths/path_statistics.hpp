@@ -16,7 +16,7 @@ struct PathReport {
   std::int64_t received = 0;   ///< authentic ones of the peer's, each once
   std::int64_t first = 0;      ///< of these, those that no other path had brought before
   std::int64_t lost = 0;       ///< of the peer's; by what it says to have sent
-  double recent_loss = 0.0;    ///< share, over PathStatistics::kRecent
+  double recent_loss = -1.0;   ///< share, over PathStatistics::kRecent; −1: nothing is known
   double age_s = -1.0;         ///< since the newest; −1 before the first
   double longest_gap_s = 0.0;  ///< between two, since the last report
   /// Arrival by our clock minus sending by the peer's: delay − offset. Since the last report; empty
@@ -43,6 +43,9 @@ class PathStatistics {
   void on_round_trip(std::int64_t ns);
   void on_probe(bool is_long) { short_probes_ = is_long ? 0 : short_probes_ + 1; }
 
+  /// A PROBE of another path came by this one: not in one order on both hosts.
+  void on_crossed(Instant now) { crossed_ = now; }
+  bool is_crossed(Instant now) const { return crossed_ && now - *crossed_ <= kDead; }
   bool alive(Instant now) const { return newest_ && now - *newest_ <= kDead; }
   /// False: so many short probes came, and no long one, that losses do not explain it. Of p lost,
   /// all of 40 / 3 (1 − p) long ones must have been, for every fourth is long: below 2·10⁻⁶.
@@ -67,6 +70,7 @@ class PathStatistics {
   double transit_sum_ns_ = 0.0;
   std::int64_t transits_ = 0;
   int short_probes_ = 0;
+  std::optional<Instant> crossed_;
   std::deque<Told> recent_;
 };
 

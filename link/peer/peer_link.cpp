@@ -71,16 +71,16 @@ void PeerLink::send_piece(Session& session, const Piece& piece, const std::strin
   if (deferred) {
     const std::size_t first = first_alive ? 0 : 1;
     send_by(first, session, datagram_);
-    defer(latest, session.generation(), counter, 1 - first, m.now + *settings_.second_after);
+    defer(latest, session.own_number(), counter, 1 - first, m.now + *settings_.second_after);
     return;
   }
   for (std::size_t path = 0; path < settings_.paths; ++path) send_by(path, session, datagram_);
 }
 
-void PeerLink::defer(const std::string& latest, std::uint64_t generation, std::uint64_t counter,
+void PeerLink::defer(const std::string& latest, std::uint32_t session, std::uint64_t counter,
                      std::size_t path, Instant due) {
   if (copies_.size() >= kMostCopies) copies_.pop_front();
-  copies_.push_back({due, generation, counter, path, latest, datagram_});
+  copies_.push_back({due, session, counter, path, latest, datagram_});
 }
 
 void PeerLink::send_copies(Instant now) {
@@ -89,7 +89,7 @@ void PeerLink::send_copies(Instant now) {
     copies_.pop_front();
     Session* const session = sessions_.current();
     // With new keys, the receiver's count of the old session is over.
-    if (session == nullptr || session->generation() != copy.generation) {
+    if (session == nullptr || session->own_number() != copy.session) {
       out_.send(copy.path, copy.datagram);
     } else {
       send_by(copy.path, *session, copy.datagram);
@@ -166,6 +166,7 @@ bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView 
   const auto* const probe = text ? std::get_if<Probe>(&text->what) : nullptr;
   if (!text || (probe != nullptr && probe->path != path)) {
     ++(text ? refused_.crossed : refused_.malformed);
+    if (text) paths_[path].on_crossed(m.now);
     return false;
   }
   if (sessions_.confirm(*session, m.now)) probe_all(m);
@@ -180,11 +181,11 @@ bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView 
   if (const auto* piece = std::get_if<Piece>(&text->what)) {
     on_piece(path, *session, header.counter, *piece, m);
   } else if (probe != nullptr) {
-    on_probe(path, *session, text->wall_ns, *probe, m);
+    return on_probe(path, *session, text->wall_ns, *probe, m) && session == sessions_.current();
   } else {
     on_ack(*session, std::get<Ack>(text->what));
   }
-  return session == sessions_.current() && session->window().newest() == header.counter;
+  return false;
 }
 
 void PeerLink::judge(std::size_t path, const Session& session, std::uint64_t counter,
@@ -199,11 +200,12 @@ void PeerLink::judge(std::size_t path, const Session& session, std::uint64_t cou
   }
 }
 
-void PeerLink::on_probe(std::size_t path, Session& session, std::int64_t wall_ns,
+bool PeerLink::on_probe(std::size_t path, Session& session, std::int64_t wall_ns,
                         const Probe& probe, Moment m) {
   Session::PathCount& count = session.count(path);
   const std::uint64_t sent = probe.sent - count.told;
-  if (probe.sent > count.told && sent < kMostTold) {
+  const bool is_newest = probe.sent > count.told && sent < kMostTold;
+  if (is_newest) {
     paths_[path].on_told(m.now, static_cast<std::int64_t>(sent),
                          static_cast<std::int64_t>(count.received - count.received_by_then));
     count.told = probe.sent;
@@ -211,11 +213,12 @@ void PeerLink::on_probe(std::size_t path, Session& session, std::int64_t wall_ns
   }
   last_probes_[path] = {wall_ns, m.wall_ns};
   paths_[path].on_probe(probe.padding > 0);
-  if (probe.echo_wall_ns <= 0) return;
+  if (probe.echo_wall_ns <= 0) return is_newest;
   const std::int64_t away_ns = m.wall_ns - probe.echo_wall_ns;
   paths_[path].on_round_trip(away_ns - (wall_ns - probe.echo_arrival_ns));
   offset_.on_echo(m.now - Duration{std::max<std::int64_t>(away_ns, 0)}, probe.echo_wall_ns,
                   probe.echo_arrival_ns);
+  return is_newest;
 }
 
 void PeerLink::on_piece(std::size_t path, const Session& session, std::uint64_t counter,
@@ -255,7 +258,7 @@ void PeerLink::deliver(const Reassembly::Whole& whole) {
 
 void PeerLink::on_ack(const Session& session, const Ack& ack) {
   counters_.copies_saved += static_cast<std::int64_t>(std::erase_if(copies_, [&](const Copy& copy) {
-    if (copy.generation != session.generation() || copy.counter > ack.newest) return false;
+    if (copy.session != session.own_number() || copy.counter > ack.newest) return false;
     const std::uint64_t age = ack.newest - copy.counter;
     return age < 64 && (ack.bits >> age & 1) != 0;
   }));

@@ -76,7 +76,8 @@ class PeerLink {
   // Each takes a datagram, which lives as long as the call.
   void on_hello(ByteView hello, Moment m);
   void on_answer(ByteView answer, Moment m);
-  /// Whether it is authentic, and the newest of all: then the peer is where it came from.
+  /// Whether it is an authentic PROBE of that path, and the newest: then the peer is where it came
+  /// from.
   bool on_sealed(std::size_t path, const SealedHeader& header, ByteView datagram, Moment m);
 
   /// After a batch of datagrams: acknowledges them.
@@ -88,6 +89,8 @@ class PeerLink {
 
   bool up(Instant now) const;
   bool alive(std::size_t path, Instant now) const { return paths_[path].alive(now); }
+  /// Whether its PROBEs come by it, not by the other one.
+  bool is_crossed(std::size_t path, Instant now) const { return paths_[path].is_crossed(now); }
   /// Whether the peer's longest datagrams come by it, too.
   bool carries_long(std::size_t path) const { return paths_[path].carries_long(); }
   /// Since the newest authentic datagram; −1 s before the first.
@@ -106,7 +109,7 @@ class PeerLink {
   /// What waits for its acknowledgement.
   struct Copy {
     Instant due;
-    std::uint64_t generation;
+    std::uint32_t session;
     std::uint64_t counter;
     std::size_t path;
     std::string channel;  // if latest-only
@@ -121,9 +124,10 @@ class PeerLink {
   void send_by(std::size_t path, Session& session, ByteView datagram);
   void probe(std::size_t path, Moment m);
   void probe_all(Moment m);
-  void defer(const std::string& latest, std::uint64_t generation, std::uint64_t counter,
+  void defer(const std::string& latest, std::uint32_t session, std::uint64_t counter,
              std::size_t path, Instant due);
-  void on_probe(std::size_t path, Session& session, std::int64_t wall_ns, const Probe& probe,
+  /// Whether it is the newest of its path.
+  bool on_probe(std::size_t path, Session& session, std::int64_t wall_ns, const Probe& probe,
                 Moment m);
   void judge(std::size_t path, const Session& session, std::uint64_t counter, const Text& text,
              Moment m);

@@ -51,7 +51,7 @@ Recording::File& Recording::file_of(const path_fates_t& message) {
   }
   file.out.open(path);
   file.out << fmt::format(
-      "# Recorded by tether link record: what became of the datagrams of \"{}\" by path \"{}\".\n"
+      "# Recorded by tether-link record: what became of the datagrams of \"{}\" by path \"{}\".\n"
       "time_s,lost,delay_ms\n",
       printable(message.peer), printable(message.path));
   return file;

@@ -12,7 +12,8 @@ namespace tether::link {
 // datagrams: Noise's pattern KK (noiseprotocol.org, revision 34), with libsodium's X25519 and
 // BLAKE2b. With static keys a, b and ephemeral keys x, y of initiator and responder:
 //
-//   ss = DH(a, b)   authenticates the HELLO, cheaply: no Diffie-Hellman is computed for a stranger
+//   ss = DH(a, b)   authenticates HELLO and ANSWER, cheaply: no Diffie-Hellman is computed for a
+//                   stranger
 //   es = DH(x, b), se = DH(a, y), ee = DH(x, y)
 //   master = BLAKE2b(ss, es, se, ee, HELLO, ANSWER without MAC)
 //
@@ -46,6 +47,8 @@ class Identity {
   Key shared_{};         // ss
   Key own_hello_key_{};  // of HELLOs that we make
   Key peer_hello_key_{};
+  Key own_answer_key_{};
+  Key peer_answer_key_{};
 };
 
 /// The two directions of a session. Counters begin with 0.

@@ -23,8 +23,8 @@ Nonce nonce_of(std::uint64_t counter) {
 
 }  // namespace
 
-Session::Session(const SessionKeys& keys, std::uint64_t generation, bool initiated, Instant begin)
-    : keys_(keys), generation_(generation), initiated_(initiated), begin_(begin) {}
+Session::Session(const SessionKeys& keys, bool initiated, Instant begin)
+    : keys_(keys), initiated_(initiated), begin_(begin) {}
 
 Session::~Session() {
   sodium_memzero(keys_.send.data(), keys_.send.size());

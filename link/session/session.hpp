@@ -23,8 +23,8 @@ enum class Opened : std::uint8_t {
 /// each counter once. Keys are wiped at the end.
 class Session {
  public:
-  /// `generation`: counts up by one with each session with this peer. `initiated`: by us.
-  Session(const SessionKeys& keys, std::uint64_t generation, bool initiated, Instant begin);
+  /// `initiated`: by us.
+  Session(const SessionKeys& keys, bool initiated, Instant begin);
   ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
@@ -40,7 +40,9 @@ class Session {
   /// Of those opened, on all paths.
   const ReplayWindow& window() const { return window_; }
   std::uint32_t own_number() const { return keys_.own_session; }
+  /// When the peer's first datagram in it came, among the sessions with it: 1, 2 …; 0 before that.
   std::uint64_t generation() const { return generation_; }
+  void begin_generation(std::uint64_t generation) { generation_ = generation; }
   bool initiated() const { return initiated_; }
   Instant begin() const { return begin_; }
 
@@ -55,7 +57,7 @@ class Session {
 
  private:
   SessionKeys keys_;
-  std::uint64_t generation_;
+  std::uint64_t generation_ = 0;
   bool initiated_;
   Instant begin_;
   std::uint64_t counter_ = 0;

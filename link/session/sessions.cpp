@@ -39,7 +39,11 @@ std::optional<ByteView> Sessions::on_hello(ByteView hello, Moment m) {
     ++refused_.forged;
     return std::nullopt;
   }
-  if (answered_ && answered_hello_ == asked->mac) return answer_;
+  if (answered_ && answered_hello_ == asked->mac) {
+    if (++answers_ <= kMostAnswers) return answer_;
+    ++refused_.replayed;
+    return std::nullopt;
+  }
   constexpr std::int64_t kMost_ns = Duration{kMostClockDifference}.count();
   if (asked->wall_ns < m.wall_ns - kMost_ns || asked->wall_ns > m.wall_ns + kMost_ns) {
     ++refused_.clock;
@@ -58,8 +62,9 @@ std::optional<ByteView> Sessions::on_hello(ByteView hello, Moment m) {
     ++refused_.forged;
     return std::nullopt;
   }
-  answered_ = std::make_unique<Session>(answered->keys, ++generations_, false, m.now);
+  answered_ = std::make_unique<Session>(answered->keys, false, m.now);
   answered_hello_ = asked->mac;
+  answers_ = 1;
   answer_ = std::move(answered->answer);
   return answer_;
 }
@@ -73,16 +78,13 @@ bool Sessions::on_answer(ByteView answer, Moment m) {
     ++refused_.no_session;
     return false;
   }
-  std::optional<SessionKeys> keys;
-  if (started_->failed_answers < kMostFailedAnswers) {
-    keys = Handshake::finish(identity_, started_->hello, started_->ephemeral, answer);
-  }
+  const std::optional<SessionKeys> keys =
+      Handshake::finish(identity_, started_->hello, started_->ephemeral, answer);
   if (!keys) {
-    ++started_->failed_answers;
     ++refused_.forged;
     return false;
   }
-  install(std::make_unique<Session>(*keys, ++generations_, true, m.now), m.now);
+  install(std::make_unique<Session>(*keys, true, m.now), m.now);
   return true;
 }
 
@@ -93,8 +95,16 @@ Session* Sessions::find(std::uint32_t number) {
   return nullptr;
 }
 
-bool Sessions::confirm(const Session& session, Instant now) {
-  if (&session == previous_.get()) previous_end_ = now + kPreviousLife;
+bool Sessions::confirm(Session& session, Instant now) {
+  if (session.generation() == 0) session.begin_generation(++generations_);
+  if (&session == current_.get()) {
+    current_heard_ = now;
+    disagree_ = false;
+  } else if (&session == previous_.get()) {
+    previous_end_ = now + kPreviousLife;
+    const bool yields = identity_.peer() < identity_.own().public_key;
+    disagree_ = now - current_heard_ > (yields ? kDisagreement : 3 * kDisagreement);
+  }
   if (&session != answered_.get()) return false;
   install(std::move(answered_), now);
   return true;
@@ -107,6 +117,8 @@ void Sessions::install(std::unique_ptr<Session> session, Instant now) {
                     identity_.own().public_key < identity_.peer();
   previous_ = keep ? std::move(session) : std::exchange(current_, std::move(session));
   previous_end_ = now + kPreviousLife;
+  current_heard_ = now;
+  disagree_ = false;
   started_.reset();
   next_hello_.reset();
   wait_ = kFirstWait;
@@ -114,7 +126,7 @@ void Sessions::install(std::unique_ptr<Session> session, Instant now) {
 }
 
 bool Sessions::wants_new_keys(Instant now) const {
-  if (!current_) return true;
+  if (!current_ || disagree_) return true;
   // The other side only if whoever began the session does not.
   const Duration age = now - current_->begin();
   return age >= (current_->initiated() ? rekey_.after : rekey_.after + rekey_.after / 8) ||
@@ -134,7 +146,7 @@ std::optional<ByteView> Sessions::due_hello(Moment m, bool anew) {
     return std::nullopt;
   }
   if (next_hello_ && m.now < *next_hello_) return std::nullopt;
-  started_ = Started{key_pair_of(random_()), new_number(), {}, 0};
+  started_ = Started{key_pair_of(random_()), new_number(), {}};
   started_->hello = Handshake::hello(identity_, started_->ephemeral, started_->number, m.wall_ns);
   next_hello_ = m.now + wait_;
   wait_ = std::min<Duration>(2 * wait_, kLongestWait);

@@ -33,7 +33,10 @@ struct RekeySettings {
 /// Either side may begin, both at once too: then the session counts that the side with the smaller
 /// public key began, for both. A session that was only answered takes over with its first authentic
 /// datagram; the one before is heard for kPreviousLife after its last datagram. So renewing keys
-/// loses nothing, and a replayed HELLO, at worst, makes an answer that leads nowhere.
+/// loses nothing, and a replayed HELLO, at worst, makes an answer that leads nowhere. Where losses
+/// leave each side with another session, both are heard, and new keys end it: the side with the
+/// larger public key begins after kDisagreement of hearing only the one before, the other after
+/// three times that.
 ///
 /// HELLOs are taken once, and only if their time is within kMostClockDifference of ours; so much is
 /// to be remembered of them, and no more. Each is answered by one datagram, which is shorter; one
@@ -43,11 +46,12 @@ class Sessions {
   static constexpr Duration kMostClockDifference = std::chrono::seconds{60};
   static constexpr Duration kAnsweredLife = std::chrono::seconds{10};
   static constexpr Duration kPreviousLife = std::chrono::seconds{10};
+  static constexpr Duration kDisagreement = std::chrono::seconds{1};
   static constexpr Duration kFirstWait = std::chrono::milliseconds{500};  // then twice as long …
   static constexpr Duration kLongestWait = std::chrono::seconds{4};
   static constexpr std::size_t kMostRemembered = 1024;
-  /// To one HELLO: each costs three Diffie-Hellmans. Then the next HELLO is waited for.
-  static constexpr int kMostFailedAnswers = 16;
+  /// To one HELLO, which may come by each path.
+  static constexpr std::size_t kMostAnswers = kMostPaths;
 
   /// `number`: of this peer among the host's, below 256; session numbers hold it in their last
   /// byte. `refused` must outlive it.
@@ -61,7 +65,7 @@ class Sessions {
   /// The session of a sealed datagram; nullptr: none.
   Session* find(std::uint32_t number);
   /// An authentic datagram of `session` came. Whether it took over by that.
-  bool confirm(const Session& session, Instant now);
+  bool confirm(Session& session, Instant now);
 
   /// To seal with; nullptr: there is none.
   Session* current() { return current_.get(); }
@@ -79,7 +83,6 @@ class Sessions {
     KeyPair ephemeral;
     std::uint32_t number;
     Bytes hello;
-    int failed_answers = 0;
   };
   struct Remembered {
     Instant when;
@@ -100,8 +103,11 @@ class Sessions {
   std::unique_ptr<Session> current_;
   std::unique_ptr<Session> previous_;
   Instant previous_end_;
+  Instant current_heard_;              // or since it took over
+  bool disagree_ = false;              // the peer seals in previous_
   std::unique_ptr<Session> answered_;  // not confirmed yet
   Mac answered_hello_{};
+  std::size_t answers_ = 0;  // to that HELLO
   Bytes answer_;
   std::optional<Started> started_;
   std::optional<Instant> next_hello_;

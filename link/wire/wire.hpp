@@ -29,7 +29,8 @@ namespace tether::link {
 //   6  4  session: the number under which the answering side wants to hear
 //  10  8  time
 //  18 32  ephemeral public key
-//  50 32  MAC of HELLO and ANSWER, with a key of the session
+//  50 16  MAC of the HELLO and all before, with a key that only the two owners can compute
+//  66 16  MAC of HELLO and ANSWER, with a key of the session
 //
 // SEALED, everything else; 30 bytes and the text:
 //   2  4  session: the receiver's number

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "tests/support/folder.hpp"
 #include "tests/support/refusal.hpp"
@@ -53,7 +54,7 @@ TEST(LinkConfig, RefusalsNameFileLineAndWhatIsAllowed) {
   EXPECT_THAT(refusal("key = \"k\"\n" + kPeer), HasSubstr("0 tables [[path]]"));
   EXPECT_THAT(refusal(kPaths + kPeer + kPeer), HasSubstr("two peers are called \"vehicle7\""));
   EXPECT_THAT(refusal(kPaths + "[[peer]]\nname = \"v\"\npublic_key = \"12\"\n"),
-              HasSubstr("tether link show"));
+              HasSubstr("tether-link show"));
 }
 
 TEST(LinkConfig, RefusesAddressesThatAreNone) {
@@ -64,12 +65,32 @@ TEST(LinkConfig, RefusesAddressesThatAreNone) {
 }
 
 TEST(LinkConfig, RefusesRulesThatMeanNothing) {
-  for (const char* const rule :
-       {"(", "A ->", "-> B", "A -> $1", "(A) -> $2", "A -> $x", "A -> B -> C"}) {
+  for (const char* const rule : {"(", "A ->", "-> B", "A -> $1", "(A) -> $2", "A -> $x",
+                                 "A -> B -> C", "A -> LINK/REPORT"}) {
     const std::string text = kPaths + "[[peer]]\nname = \"v\"\npublic_key = \"" +
                              std::string(64, '1') + "\"\nsend = ['" + std::string(rule) + "']\n";
-    EXPECT_THAT(refusal(text), HasSubstr("link.toml:12: send: ")) << rule;
+    EXPECT_THAT(refusal(text), HasSubstr("link.toml:12: ")) << rule;
+    EXPECT_THAT(refusal(text), HasSubstr("send")) << rule;
   }
+  const std::string peer =
+      "[[peer]]\nname = \"v\"\npublic_key = \"" + std::string(64, '1') + "\"\n";
+  EXPECT_THAT(refusal(kPaths + peer + "receive = ['A -> B']\n"), HasSubstr("only `send` renames"));
+}
+
+TEST(LinkConfig, NamesFitIntoLinesAndFileNames) {
+  for (const char* const name : {"../x", "a b", "a\\nb", ".a"}) {
+    const std::string text =
+        "key = \"k\"\n[[path]]\nname = \"" + std::string(name) + "\"\nbind = \"0.0.0.0:7700\"\n";
+    EXPECT_THAT(refusal(text + kPeer), HasSubstr("letters, digits")) << name;
+  }
+}
+
+TEST(LinkConfig, TwoPathsDoNotShareASocket) {
+  const std::string path = "bind = \"0.0.0.0:7700\"\n";
+  const std::string two =
+      "key = \"k\"\n[[path]]\nname = \"a\"\n" + path + "[[path]]\nname = \"b\"\n" + path;
+  EXPECT_THAT(refusal(two + kPeer), HasSubstr("two paths bind to 0.0.0.0:7700"));
+  EXPECT_EQ(refusal(two + "interface = \"wwan0\"\n" + kPeer), "accepted");
 }
 
 TEST(LinkConfig, IsRefusedIfOthersMayWriteIt) {
@@ -79,6 +100,10 @@ TEST(LinkConfig, IsRefusedIfOthersMayWriteIt) {
   EXPECT_THAT(refusal_of([&] { load_link_config(file); }), HasSubstr("chmod go-w"));
   ASSERT_EQ(chmod(file.c_str(), 0644), 0);
   EXPECT_EQ(refusal_of([&] { load_link_config(file); }), "accepted");
+  if (geteuid() == 0) {
+    ASSERT_EQ(chown(file.c_str(), 65534, 65534), 0);
+    EXPECT_THAT(refusal_of([&] { load_link_config(file); }), HasSubstr("another user's"));
+  }
 }
 
 }  // namespace

@@ -118,6 +118,24 @@ TEST(TwoPaths, NoMessageIsMissedWhenThePulledOneComesBackAndTheOtherGoes) {
   EXPECT_EQ(heard_of(net, 6000).size(), 6000U);
 }
 
+TEST(TwoPaths, TheAddressOfASlowerOneIsLearnedWhateverComesByTheOther) {
+  TwoHosts net(two_paths());
+  net.knows_address = {false, true};
+  net.restart(0);
+  bool pulled = false;
+  net.delay = [](const TwoHosts::Datagram& d) { return milliseconds{d.path == 0 ? 2 : 40}; };
+  net.loses = [&](const TwoHosts::Datagram& d) { return pulled && d.path == 0; };
+  net.connect();
+  for (int i = 0; i < 600; ++i) {
+    pulled = i >= 300;
+    net.send(1, "POSE", numbered(0));
+    net.send(0, "CMD", numbered(static_cast<std::uint32_t>(i)));
+    net.run(milliseconds{10});
+  }
+  net.run(milliseconds{100});
+  EXPECT_EQ(numbers_heard(net).size(), 600U);
+}
+
 TEST(TwoPaths, LossOfEachIsReported) {
   TwoHosts net(two_paths());
   net.connect();

@@ -143,8 +143,8 @@ TEST(Handshake, RefusesItsOwnKeyAsAPeers) {
 
 struct Sealed {
   SessionKeys ab{key_number(1), key_number(2), 0x100, 0x200};
-  Session a{ab, 1, true, kStart};
-  Session b{{ab.receive, ab.send, 0x200, 0x100}, 1, false, kStart};
+  Session a{ab, true, kStart};
+  Session b{{ab.receive, ab.send, 0x200, 0x100}, false, kStart};
   Bytes datagram, text;
 
   Opened open(Session& at, std::size_t path, const Bytes& bytes) {

@@ -47,9 +47,10 @@ TEST(Sessions, TakeEachHelloOnce) {
   const Bytes first = e.hello(1);
   EXPECT_TRUE(e.of_b.on_hello(first, e.m));
   EXPECT_TRUE(e.of_b.on_hello(first, e.m)) << "by the other path: the same answer again";
+  EXPECT_FALSE(e.of_b.on_hello(first, e.m)) << "no host has three paths";
   EXPECT_TRUE(e.of_b.on_hello(e.hello(2), e.m));
   EXPECT_FALSE(e.of_b.on_hello(first, e.m));
-  EXPECT_EQ(e.refused_at_b.replayed, 1);
+  EXPECT_EQ(e.refused_at_b.replayed, 2);
 }
 
 TEST(Sessions, RememberSoManyHellosAndAnswerNoMore) {
@@ -88,7 +89,7 @@ TEST(Sessions, TheOneBeforeEndsSoonAndTheLastOneSomeDay) {
 }
 
 TEST(Session, SealsTheSameTextOtherwiseEachTime) {
-  Session session({key_number(1), key_number(2), 0x100, 0x200}, 1, true, kStart);
+  Session session({key_number(1), key_number(2), 0x100, 0x200}, true, kStart);
   Bytes first, second;
   session.seal(Bytes(40, 7), first);
   session.seal(Bytes(40, 7), second);
