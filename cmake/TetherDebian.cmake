@@ -4,6 +4,9 @@ set(CPACK_PACKAGE_CONTACT "The Tether authors <maintainers@tether.invalid>")
 set(CPACK_PACKAGE_HOMEPAGE_URL "")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
+set(CPACK_PROJECT_CONFIG_FILE ${PROJECT_SOURCE_DIR}/cmake/TetherPackageVersion.cmake)
+set(CPACK_TETHER_SOURCE_DIR ${PROJECT_SOURCE_DIR})
+set(CPACK_TETHER_RELEASE ${PROJECT_VERSION})
 set(CPACK_COMPONENTS_ALL ${components})
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
@@ -43,7 +46,9 @@ function(tether_debian_package component name description)
   install(FILES ${CMAKE_BINARY_DIR}/changelog.gz DESTINATION ${folder} COMPONENT ${component})
 endfunction()
 
-set(CPACK_DEBIAN_VEHICLE_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/systemd/postinst)
+set(scripts ${PROJECT_SOURCE_DIR}/systemd)
+set(CPACK_DEBIAN_VEHICLE_PACKAGE_CONTROL_EXTRA ${scripts}/postinst ${scripts}/prerm)
+set(CPACK_DEBIAN_LAB_PACKAGE_CONTROL_EXTRA ${scripts}/prerm)
 tether_debian_package(vehicle tether-vehicle
   "For a vehicle's computer: the CAN bridge to the motors' drives, localiser and
  on-board driver, with drivetrain files and scenarios to begin from."

@@ -109,6 +109,7 @@ def debian_takes_the_packages():
     run(*cpack, "-B", made)
     run(*cpack, "-B", made / "later", "-D", "CPACK_PACKAGE_VERSION=99.1", "-D", "CPACK_COMPONENTS_ALL=vehicle")
     packages = sorted(made.glob("*.deb"))
+    check(all("+" in p.name for p in packages) or not (SOURCE / ".git").exists(), f"no build in the version: {packages}")
     check([p.name.split("_")[0] for p in packages] == PACKAGES, packages)
     print(run("lintian", "--allow-root", "--fail-on", "error", *packages).strip())
     files = [line.split()[5] for p in packages for line in run("dpkg", "-c", p).splitlines() if not line.endswith("/")]

@@ -108,7 +108,10 @@ def installed_updated_and_taken_back(test):
 
     system.ctl("stop", LINK)
     check(system.show(LINK, "Result") == "success", system.show(LINK, "Result"))
+    system.ctl("start", LINK)
     system.run("dpkg", "--purge", "tether-vehicle")
+    check(system.show(LINK, "ActiveState") == "inactive", "a removed link does not go on")
+    check(not list((system.root / "etc/systemd/system").glob("*/tether-link.service")), "nor is it enabled")
     check((system.root / "etc/tether/link.key").exists(), "keys are nobody's but the user's")
     check(not (system.root / "usr/bin/tether-link").exists(), "removed")
 

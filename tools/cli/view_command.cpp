@@ -12,6 +12,7 @@
 #include "common/lcm/open_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/service_manager.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
@@ -91,6 +92,8 @@ int view_network(const ViewCommandOptions& options) {
     for (const ViewRequest& request : server.take_requests()) view.take(request);
   });
   announce(server);
+  ServiceManager manager(loop);
+  manager.ready("showing " + url);
   loop.run();
   return kExitOk;
 }

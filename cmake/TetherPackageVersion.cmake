@@ -1,0 +1,18 @@
+# Read by cpack. A package of a git checkout has its commit in its version, as its programs have, so that apt
+# takes two builds of one release for two: 0.1.0+20261126091500.1f219cccf651, in the order of their
+# commits. A version that cpack was given (-D CPACK_PACKAGE_VERSION=…) stays.
+if(NOT CPACK_PACKAGE_VERSION STREQUAL CPACK_TETHER_RELEASE)
+  return()
+endif()
+execute_process(COMMAND git -C ${CPACK_TETHER_SOURCE_DIR} log -1 --format=%cd.%h --abbrev=12
+    --date=format-local:%Y%m%d%H%M%S
+  OUTPUT_VARIABLE commit OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+if(commit)
+  set(CPACK_PACKAGE_VERSION ${CPACK_TETHER_RELEASE}+${commit})
+  foreach(component LAB PYTHON ENV)
+    foreach(relation DEPENDS RECOMMENDS)
+      string(REPLACE "(= ${CPACK_TETHER_RELEASE})" "(= ${CPACK_PACKAGE_VERSION})"
+        CPACK_DEBIAN_${component}_PACKAGE_${relation} "${CPACK_DEBIAN_${component}_PACKAGE_${relation}}")
+    endforeach()
+  endforeach()
+endif()
