@@ -2,7 +2,7 @@
 """Learns a PID's gains, and its look-ahead by the share of poses that arrive, by the cross-entropy method;
 then compares it with laws that were made and tuned by hand, on seeds that it has not seen.
 
-    examples/learn_pid.py [GENERATIONS]     # from the source tree; numpy and tether_env, two threads
+    examples/learn_pid.py [GENERATIONS [UNSEEN_SEEDS]]   # from the source tree; numpy and tether_env, two threads
 
 Cross-entropy: R. Rubinstein, The cross-entropy method for combinatorial and continuous optimization.
 Methodology and Computing in Applied Probability 1 (2), 1999."""
@@ -133,7 +133,7 @@ def row(name, epsilon_m, lost):
 
 
 def main():
-    generations = int(sys.argv[1]) if len(sys.argv) > 1 else 40
+    generations, seeds = (int(word) for word in sys.argv[1:] + ["40", "30"][len(sys.argv) - 1 :])
     with ThreadPoolExecutor(THREADS) as pool:
         began = time.perf_counter()
         learned = learn(pool, generations)
@@ -141,7 +141,7 @@ def main():
         print(f"{runs} runs of 62 s in {time.perf_counter() - began:.0f} s")
         print("learned:", gains_of(learned), "τ = {:.3f} s · exp({:.3f} (1 − reception))".format(np.exp(learned[4]), learned[5]))
 
-        unseen = range(201, 231)
+        unseen = range(201, 201 + seeds)
         print("| ε [m] | " + " | ".join(f"PRR {prr:g}" for prr in PRRS) + " |\n|-|" + "-|" * len(PRRS))
         epsilon_m, lost = of_candidates(pool, learned[None], unseen)
         row("PID, learned", epsilon_m[0], lost[0])

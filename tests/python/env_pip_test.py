@@ -31,6 +31,6 @@ with tempfile.TemporaryDirectory() as folder:
     where = run(python, "-c", "import tether_env; print(tether_env.__file__)", cwd=work)
     if str(work / "venv") not in where:
         sys.exit(f"FAILED: it is not the installed one that is imported, but {where}")
-    said = run(python, SOURCE / "examples" / "learn_pid.py", 1, cwd=work)
+    said = run(python, SOURCE / "examples" / "learn_pid.py", 1, 2, cwd=work)
     if "| PID, learned |" not in said or "384 runs of 62 s" not in said:
         sys.exit(f"FAILED: the example says\n{said}")
