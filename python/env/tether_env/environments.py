@@ -126,6 +126,8 @@ class Env(_Loops, _Env):
 
     def reset(self, *, seed=None, options=None):
         """options: settings, a dict of scenario keys for this episode; log, a file for its messages."""
+        if _Env is not object:
+            super().reset(seed=seed)
         observation, info = self._reset(seed, options, 1)
         return observation[0], {name: column.item() for name, column in info.items()}
 
