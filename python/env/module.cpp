@@ -173,8 +173,8 @@ class Batch {
 
   Numbers observe() {
     const std::size_t width = observation_space_.size();
-    Numbers out = numbers(
-        {static_cast<py::ssize_t>(loops_.size()), static_cast<py::ssize_t>(width)});
+    Numbers out =
+        numbers({static_cast<py::ssize_t>(loops_.size()), static_cast<py::ssize_t>(width)});
     double* const to = out.mutable_data();
     for (std::size_t i = 0; i < loops_.size(); ++i) {
       loops_[i].episode->observe({to + i * width, width});
@@ -221,8 +221,7 @@ class Batch {
                                m.wall_contact_s(),
                                m.lost() ? 1.0 : 0.0};
       for (std::size_t k = 0; k < std::size(values); ++k) {
-        results[k][i] =
-            loops_[i].ended ? values[k] : std::numeric_limits<double>::quiet_NaN();
+        results[k][i] = loops_[i].ended ? values[k] : std::numeric_limits<double>::quiet_NaN();
       }
     }
     return info;
