@@ -1,6 +1,6 @@
 // A controller of one's own for Tether: a proportional law that follows scenarios/paper.toml's
-// figure eight, by poses alone. docs/time.md says how to start it; controller.py is one by the
-// Python package.
+// figure eight, by poses alone. docs/reference/time.md says how to start it; controller.py is one
+// by the Python package.
 #include <cmath>
 #include <tether/law_client.hpp>
 

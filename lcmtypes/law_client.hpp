@@ -18,8 +18,8 @@
 #include <utility>
 #include <vector>
 
-/// For controllers of other projects: what takes part in a run, live or in lockstep (docs/time.md),
-/// with nothing but LCM and the messages. A whole controller is
+/// For controllers of other projects: what takes part in a run, live or in lockstep
+/// (docs/reference/time.md), with nothing but LCM and the messages. A whole controller is
 ///
 ///   int main(int argc, char** argv) {
 ///     return tether::control(argc, argv, [](const tether::pose_t& pose, tether::twist_t& command)

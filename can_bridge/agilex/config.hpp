@@ -17,7 +17,7 @@ class EmulatedDrivetrain;
 struct VehicleConfig;
 
 /// A chassis that speaks the AgileX protocol, version 2, as described in a file of drivetrains/
-/// (docs/drivetrain.md). The functions are its row in profiles/profiles.hpp.
+/// (docs/howto/drivetrain.md). The functions are its row in profiles/profiles.hpp.
 struct AgilexV2Config : DrivetrainCommon {
   static constexpr const char* kProfile = "agilex_v2";
   static constexpr std::array kSections{"drives", "chassis"};

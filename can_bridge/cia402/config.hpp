@@ -86,8 +86,8 @@ struct PdoConfig {
   std::vector<ObjectRef> objects;  ///< at most 8 bytes in all
 };
 
-/// A drivetrain of CiA 402 drives, as described in a file of drivetrains/ (docs/drivetrain.md). The
-/// functions are its row in profiles/profiles.hpp.
+/// A drivetrain of CiA 402 drives, as described in a file of drivetrains/
+/// (docs/howto/drivetrain.md). The functions are its row in profiles/profiles.hpp.
 struct Cia402Config : DrivetrainCommon {
   static constexpr const char* kProfile = "cia402";
   static constexpr std::array kSections{"bridge", "drives",   "left", "right",

@@ -10,7 +10,7 @@
 namespace tether {
 
 /// [can], with vehicle.drivetrain = can: the bridge, its limits and time-outs, the bus
-/// (docs/drivetrain.md).
+/// (docs/reference/drivetrain.md).
 struct CanSettings {
   enum class Arm { once, never };
   enum class Wheels { sim, model };
@@ -35,7 +35,7 @@ struct CanSettings {
   Arm arm = Arm::once;
   /// Hold-to-run: an operator has to say so often that he holds; 0: nobody has to.
   double operator_timeout_ms = 0.0;
-  std::string estop_file;    ///< remembers a latched e-stop; "": see docs/drivetrain.md
+  std::string estop_file;    ///< remembers a latched e-stop; "": see docs/reference/drivetrain.md
   double cycle_ms = 20.0;    ///< of the control loop: SYNC and setpoints
   double stale_ms = 200.0;   ///< a command older than this: ramp to zero
   double disarm_ms = 500.0;  ///< a command older than this: quick stop and disarm

@@ -62,7 +62,7 @@ struct DrivetrainSnapshot {
 };
 
 /// The protocol of one make of drivetrain, without I/O and without a clock: frames and time in,
-/// frames out. A new make is a new class (docs/drivetrain.md says how).
+/// frames out. A new make is a new class (docs/howto/drivetrain.md says how).
 ///
 /// Contract
 /// - Frames leave only through tick(), which the caller invokes once per control cycle, after it

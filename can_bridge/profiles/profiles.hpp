@@ -16,9 +16,9 @@
 
 namespace tether {
 
-/// A drivetrain, as described in a file of drivetrains/ (docs/drivetrain.md). This list is the
-/// table of all drive profiles: each type in it is a row, in its profile's own folder, and offers
-/// what ProfileConfig demands. A new profile is one more type here.
+/// A drivetrain, as described in a file of drivetrains/ (docs/howto/drivetrain.md). This list is
+/// the table of all drive profiles: each type in it is a row, in its profile's own folder, and
+/// offers what ProfileConfig demands. A new profile is one more type here.
 using DrivetrainConfig = std::variant<Cia402Config, AgilexV2Config>;
 
 /// What the row of a profile has to offer. A row that lacks something does not compile. Two

@@ -23,7 +23,7 @@ namespace tether {
 /// covariance estimation for two wheel robot vehicles, Monash University, MECSE-95-1, 1995; K. S.
 /// Chong, L. Kleeman, Accurate odometry and error modelling for a mobile robot, ICRA 1997): each
 /// wheel's way has an error of its own, white, with variance k²·|way|. What is systematic (radius,
-/// track) is taken to be calibrated (docs/drivetrain.md, "The first slow metre").
+/// track) is taken to be calibrated (docs/howto/drivetrain.md, "The first slow metre").
 /// - kVariancePerMetre: 3 mm standard deviation after a wheel's first metre. Straight on with a
 ///   track of 1.2 m that is 0.7° and 0.07 m sideways after 10 m, 2.1° and 2.2 m after 100 m: the
 ///   order of what J. Borenstein and L. Feng (IEEE Trans. Robotics and Automation 12(6), 1996)

@@ -15,7 +15,7 @@
 
 namespace tether {
 
-/// What the vehicle does with the commands that reach it (docs/actuator.md).
+/// What the vehicle does with the commands that reach it (docs/reference/actuator.md).
 /// - `hold` (the paper): the last command stays in force until the next one.
 /// - `zero`: a command stays in force for timeout_s after its arrival, then the twist is zero.
 /// - `ramp`: the same, but then the twist ramps to zero (ramp_to_stop).

@@ -4,7 +4,7 @@
 
 namespace tether {
 
-/// The protocol's channels (docs/time.md). No other channel begins with "TIME/".
+/// The protocol's channels (docs/reference/time.md). No other channel begins with "TIME/".
 inline constexpr std::string_view kTimePrefix = "TIME/";
 inline constexpr char kTimeJoin[] = "TIME/JOIN";
 inline constexpr char kTimeWelcome[] = "TIME/WELCOME";

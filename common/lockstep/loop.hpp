@@ -8,7 +8,7 @@
 namespace tether {
 
 /// Simulated time of one node in lockstep with others: events run in the order that they have in
-/// one VirtualLoop for all nodes, as far as a coordinator's grants allow (docs/time.md).
+/// one VirtualLoop for all nodes, as far as a coordinator's grants allow (docs/reference/time.md).
 class LockstepLoop final : public SimulatedLoop {
  public:
   /// `rank`: the node's place among the nodes, from 0 and below kFirstGrant.

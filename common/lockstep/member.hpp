@@ -16,8 +16,8 @@
 
 namespace tether {
 
-/// A node's part of the lockstep protocol (docs/time.md): joins a run, carries out grants, answers
-/// each with what the node has published and when its next event is.
+/// A node's part of the lockstep protocol (docs/reference/time.md): joins a run, carries out
+/// grants, answers each with what the node has published and when its next event is.
 ///
 /// Everything happens in calls of `io`, the loop of the process, whose time is wall time.
 class LockstepMember {

@@ -7,9 +7,9 @@
 
 namespace tether {
 
-/// Place of an event in a run that several nodes share (docs/time.md). Events happen by time, then
-/// by TimerQueue's order; a message that several nodes receive is one event for each, by the nodes'
-/// rank. The default is after everything.
+/// Place of an event in a run that several nodes share (docs/reference/time.md). Events happen by
+/// time, then by TimerQueue's order; a message that several nodes receive is one event for each, by
+/// the nodes' rank. The default is after everything.
 struct EventKey {
   Instant when = Instant::max();
   std::uint64_t order = INT64_MAX;

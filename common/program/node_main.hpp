@@ -59,7 +59,7 @@ struct NodeProgram {
 /// the program ends or starts over, whatever further signals come.
 ///
 /// With --lockstep the node lives in simulated time instead, which a coordinator grants
-/// (docs/time.md).
+/// (docs/reference/time.md).
 int node_main(int argc, char** argv, const NodeProgram& program);
 
 }  // namespace tether

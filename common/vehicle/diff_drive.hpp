@@ -17,7 +17,7 @@ struct WheelSpeeds {
 
 /// Differential-drive kinematics without slip, REP-103 axes, `track_m` between wheel centres:
 /// v = (v_l + v_r)/2, ω = (v_r − v_l)/track. (The paper prints ω with the opposite sign, which
-/// contradicts its own wheel positions; see docs/physics.md.)
+/// contradicts its own wheel positions; see docs/explanation/physics.md.)
 inline Twist to_twist(const WheelSpeeds& w, double track_m) {
   return {(w.left_mps + w.right_mps) / 2.0, (w.right_mps - w.left_mps) / track_m};
 }

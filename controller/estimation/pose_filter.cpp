@@ -49,7 +49,7 @@ double squared(double x) { return x * x; }
 constexpr double kReadNoise_mps = 0.02;
 // Of what commands lead to. Encoders are better; but that they read 1 m/s more for a moment,
 // because the first plan came on board sooner than is thought, must not be taken for another lag.
-// Tried from 0.02 to 0.3 in closed loops (docs/controllers.md).
+// Tried from 0.02 to 0.3 in closed loops (docs/explanation/estimation.md).
 constexpr double kLagNoise_mps = 0.3;
 
 /// The covariance after a measurement by `h` with white noise of these variances: Joseph's form

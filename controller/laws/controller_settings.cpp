@@ -25,12 +25,12 @@ constexpr double kMostSteps = 4000.0;  // of a plan_t
 void add_law_and_timing(KeyTable<Controller>& t) {
   std::vector<std::string> laws;
   for (const LawKind& kind : law_kinds()) laws.push_back(kind.name);
-  t.one_of("law", &Controller::law, laws, "control law: docs/controllers.md");
+  t.one_of("law", &Controller::law, laws, "control law: docs/reference/controllers.md");
   t.boolean("external", &Controller::external,
-            "no controller is started: the run waits for one of yours (docs/time.md)");
+            "no controller is started: the run waits for one of yours (docs/reference/time.md)");
   t.text("command", &Controller::command,
          "starts a controller of yours for each run in simulated time; {url}, {scenario}, {seed} "
-         "and {arm} are filled in (docs/python.md)");
+         "and {arm} are filled in (docs/howto/python.md)");
   t.boolean("warm", &Controller::warm,
             "the command serves one run after another, and is started anew only after a failure");
   t.number("patience_s", &Controller::patience_s, {0.1, 86'400.0},

@@ -15,8 +15,8 @@ struct BoxQp {
 /// The minimum, from a start within the bounds, or nullopt if the solver failed. Deterministic;
 /// calls share nothing.
 ///
-/// By NLopt's L-BFGS with bounds (L. Lukšan's subroutines). docs/controllers.md compares it with
-/// other solvers.
+/// By NLopt's L-BFGS with bounds (L. Lukšan's subroutines). docs/explanation/benchmark.md compares
+/// it with other solvers.
 std::optional<std::vector<double>> solve(const BoxQp& qp, std::vector<double> start);
 
 }  // namespace tether

@@ -49,7 +49,7 @@ using ControllerNodeSettings =
 /// With autonomy.enabled, CTRL/AUTONOMY comes in, too, and goes to the law. What goes out then
 /// names in its pose_utime the newest report by which the vehicle asks for a remote driver, −1
 /// while it does not ask: that is how it knows that a command means its present request
-/// (docs/autonomy.md).
+/// (docs/explanation/autonomy.md).
 ///
 /// Poses that are undecodable, non-finite (or beyond ±1e9), duplicated, late or stamped in the
 /// future are counted and otherwise ignored; they refresh nothing. So is odometry, which goes to

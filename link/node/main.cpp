@@ -100,7 +100,7 @@ int main(int argc, char** argv) {
   add("keygen", "Make a pair of keys, and print the public one: for the others' files",
       "key file to write, of mode 0600; never overwrites");
   add("show", "Print the public key of a key file", "key file");
-  add("run", "Carry channels until Ctrl-C", "configuration (TOML): docs/link.md");
+  add("run", "Carry channels until Ctrl-C", "configuration (TOML): docs/howto/link.md");
   RecordOptions recorded;
   CLI::App* const record_command = app.add_subcommand(
       "record",

@@ -10,7 +10,7 @@
     tether.main(law)                                        # a program, simulated or live
     run = tether.simulate("scenarios/paper.toml", law)      # a run from here
 
-docs/python.md says more.
+docs/howto/python.md says more.
 """
 
 from .controller import Controller, Plan

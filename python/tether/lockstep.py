@@ -1,4 +1,4 @@
-"""A controller as the node "controller" of a run in simulated time (docs/time.md)."""
+"""A controller as the node "controller" of a run in simulated time (docs/reference/time.md)."""
 
 import collections
 import heapq

@@ -47,7 +47,7 @@ struct LidarSettings {
   Pose2 mount(const VehicleConfig& vehicle) const;
 };
 
-/// The names of presets: scanners that there are (docs/lidar.md has the sources).
+/// The names of presets: scanners that there are (docs/reference/lidar.md has the sources).
 std::vector<std::string> lidar_presets();
 /// The settings of a preset, or of "custom" or "none" as they are above.
 LidarSettings lidar_preset(const std::string& model);

@@ -31,7 +31,7 @@ constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
 constexpr Duration kRealTimeBatch = std::chrono::milliseconds{5};
 /// The error is measured only this often, because computing the reference costs more than a step of
 /// the kinematic plant and 1 or 2 % of one of ODE. ε is then off by less than 1 µm
-/// (docs/physics.md).
+/// (docs/explanation/physics.md).
 constexpr Duration kMetricsPeriod = std::chrono::milliseconds{10};
 
 /// How often the vehicle reads its encoders, whatever rate its odometry is sent at.

@@ -17,7 +17,7 @@
 namespace tether {
 
 /// The AGV as two rolling wheels, for sweeps and predictions: no masses, no forces, no slip but at
-/// walls and obstacles (docs/physics.md).
+/// walls and obstacles (docs/explanation/physics.md).
 ///
 /// Each wheel's rim speed moves to its command at no more than `max_wheel_acceleration_mps2`. In a
 /// step() the vehicle drives the arc of the mean rim speeds: exact at constant speeds; while it

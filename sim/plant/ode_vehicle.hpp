@@ -16,7 +16,8 @@
 
 namespace tether {
 
-/// The AGV in its walled square and between obstacles, as rigid bodies in ODE (docs/physics.md).
+/// The AGV in its walled square and between obstacles, as rigid bodies in ODE
+/// (docs/explanation/physics.md).
 ///
 /// Commands are rim speeds. Each wheel's servo target moves towards its command at no more than
 /// `max_wheel_acceleration_mps2`, and the servo drives the wheel to its target with no more than

@@ -33,7 +33,7 @@ std::uint64_t ode_complaints_of_this_thread();
 ///
 /// There is no collision space, and for floor and walls no ODE geom: three bodies against five
 /// planes need neither. Contact points are computed here, exactly for a vehicle that stands upright
-/// (docs/physics.md). Obstacles are OdeObstacles' business.
+/// (docs/explanation/physics.md). Obstacles are OdeObstacles' business.
 ///
 /// Most steps neither slip nor saturate a servo. Each step is therefore first solved as if that
 /// were so (tyres as ball joints at their contact points, servos unlimited), which leaves the

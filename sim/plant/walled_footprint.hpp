@@ -31,7 +31,7 @@ struct PlanarMotion {
 /// push acts on the motion of a vehicle without inertia whose tyres resist slip equally in all
 /// directions and in proportion to it: a force f at the axle's midpoint adds f to the velocity
 /// there, a moment m adds m / (track/2)² to ω. Without friction that is the nearest motion that
-/// stays inside, by the mean square of both tyres' slip (docs/physics.md).
+/// stays inside, by the mean square of both tyres' slip (docs/explanation/physics.md).
 class WalledFootprint {
  public:
   WalledFootprint(const VehicleConfig& vehicle, const WorldSettings& world);

@@ -10,7 +10,8 @@
 #include "common/program/cli.hpp"
 #include "tests/campaign/campaign.hpp"
 
-// Seeded runs of random faults against the rules of rules.hpp: see docs/drivetrain.md.
+// Seeded runs of random faults against the rules of rules.hpp: see
+// docs/explanation/drivetrain-tests.md.
 
 namespace tether::campaign {
 namespace {

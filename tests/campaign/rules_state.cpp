@@ -212,7 +212,7 @@ bool is_silent(const Record& record, const Fault& fault) {
 }  // namespace
 
 std::optional<Violation> fault_unnoticed(const Record& record) {
-  // docs/drivetrain.md: 20 ms for a fault, 100 ms for missing feedback; and two cycles.
+  // docs/reference/drivetrain.md: 20 ms for a fault, 100 ms for missing feedback; and two cycles.
   for (const Fault& fault : record.faults) {
     Duration within{};
     const Duration missing = std::chrono::milliseconds{100} + 2 * record.limits.cycle;
@@ -244,7 +244,8 @@ std::optional<Violation> fault_unnoticed(const Record& record) {
 }
 
 std::optional<Violation> frozen_encoder_unnoticed(const Record& record) {
-  // docs/drivetrain.md: frozen at 0.3 m/s after 1.3 s; and a tenth for the setpoint's way to it.
+  // docs/reference/drivetrain.md: frozen at 0.3 m/s after 1.3 s; and a tenth for the setpoint's way
+  // to it.
   constexpr double kSlow_mps = 0.3;
   constexpr Duration kNoticed = std::chrono::milliseconds{1400};
   for (const Fault& fault : record.faults) {

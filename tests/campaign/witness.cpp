@@ -12,9 +12,9 @@
 namespace tether::campaign {
 namespace {
 
-/// Stamps farther ahead are refused (docs/drivetrain.md, "Age").
+/// Stamps farther ahead are refused (docs/reference/drivetrain.md, "Age").
 constexpr Duration kMaxAhead = std::chrono::milliseconds{50};
-/// Requests act within this time of their stamp (docs/drivetrain.md, "Requests").
+/// Requests act within this time of their stamp (docs/reference/drivetrain.md, "Requests").
 constexpr Duration kRequestFresh = std::chrono::seconds{1};
 
 bool is_zero(const Twist& twist) {

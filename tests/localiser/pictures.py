@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Pictures of docs/localisation.md: a scan in the hall on the map, error ellipses against the truth, and the
+"""Pictures of docs/explanation/localisation.md: a scan in the hall on the map, error ellipses against the truth, and the
 degenerate corridor. Needs gnuplot. Usage: pictures.py BIN_DIR OUT_DIR"""
 
 import bisect

@@ -118,9 +118,9 @@ int later(const std::vector<Journey>& a, const std::vector<Journey>& b) {
   return later;
 }
 
-// What docs/autonomy.md concludes from experiments/handover.toml, on other seeds. If all of six do
-// something, the share of those who do is above 0.54 (0.54^6 = 2.5 %); if none does, below 0.46.
-// All of six pairs are later by chance in one of 64.
+// What docs/explanation/autonomy.md concludes from experiments/handover.toml, on other seeds. If
+// all of six do something, the share of those who do is above 0.54 (0.54^6 = 2.5 %); if none does,
+// below 0.46. All of six pairs are later by chance in one of 64.
 
 TEST(Handover, TheVehicleComesAroundAtPrr1And06And03AndLossesDoNotMakeItFaster) {
   const auto &all = journeys("1"), &half = journeys("0.6"), &few = journeys("0.3");

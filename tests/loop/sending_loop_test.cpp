@@ -66,7 +66,8 @@ TEST(SendingChangesInALoop, OfPlansMendsLossesLongBeforeTheAgeLimit) {
   EXPECT_LT(run.down.offered, 150);
 }
 
-// ------------------------------------------------------------------ what docs/fleet.md concludes
+// ------------------------------------------------------------------ what docs/explanation/fleet.md
+// concludes
 
 struct AtAccessPoint {
   double epsilon_m, busy;

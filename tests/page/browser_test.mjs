@@ -368,7 +368,7 @@ test("the vehicle is driven by keys only while the dead man is held", () =>
     assert.deepEqual(await sent(), [], "then nothing is sent");
   }));
 
-// What a picture takes is a figure for docs/view.md; on a machine that has other things to do it is more.
+// What a picture takes is a figure for docs/howto/view.md; on a machine that has other things to do it is more.
 test("100 vehicles at 50 Hz: all messages come, and pictures are drawn", () =>
   onPage(log("fleet.lcmlog"), async (page) => {
     await (await page.createCDPSession()).send("Network.disable");

@@ -20,8 +20,8 @@ struct BadAnswer : std::runtime_error {
 };
 
 /// Which node may act next, how far, and with which messages: the conservative next-event rule
-/// (docs/time.md). The node whose event comes first acts, up to the first event of any other.
-/// Nothing in here knows of sockets or wall time.
+/// (docs/reference/time.md). The node whose event comes first acts, up to the first event of any
+/// other. Nothing in here knows of sockets or wall time.
 class GrantSchedule {
  public:
   struct Delivery {

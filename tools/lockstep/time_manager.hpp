@@ -20,9 +20,9 @@
 
 namespace tether {
 
-/// The coordinator of a run in lockstep (docs/time.md): waits for the nodes, grants them time one
-/// after another, records what they publish in the order in which one process would have, and ends
-/// the run with an error that names the culprit if one does not do what it owes.
+/// The coordinator of a run in lockstep (docs/reference/time.md): waits for the nodes, grants them
+/// time one after another, records what they publish in the order in which one process would have,
+/// and ends the run with an error that names the culprit if one does not do what it owes.
 ///
 /// Everything happens in calls of `io`, whose time is wall time; it is stopped at the end.
 class TimeManager {

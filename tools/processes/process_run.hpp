@@ -21,8 +21,8 @@
 
 namespace tether {
 
-/// A run in virtual time whose nodes are processes on an LCM network, in lockstep (docs/time.md):
-/// the same messages in the same order as ClosedLoop has them.
+/// A run in virtual time whose nodes are processes on an LCM network, in lockstep
+/// (docs/reference/time.md): the same messages in the same order as ClosedLoop has them.
 class ProcessRun {
  public:
   struct Options {

@@ -39,7 +39,7 @@ double reception_ratio(const link_report_t& link);
 /// Throws if the run's result is not a number: then it is invalid and has no summary.
 void check_finite(const RunObserver& run);
 
-/// One JSON object (docs/running.md says what is in it).
+/// One JSON object (docs/howto/running.md says what is in it).
 std::string to_json(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);
 
 // Parts of both that a fleet's have, too.

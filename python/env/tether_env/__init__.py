@@ -6,7 +6,7 @@
     observation, info = env.reset(seed=1)
     observation, reward, terminated, truncated, info = env.step([1.0, 0.2])
 
-docs/learning.md says more.
+docs/howto/learning.md says more.
 """
 
 from ._core import ResetNeeded, UsageError

@@ -85,7 +85,7 @@ TEST(EstimationBound, GrowsWithLossDelayAndNoise) {
   EXPECT_LT(fast_exact, fast);
   EXPECT_LT(bound_m(realistic, {1, 1.0, 3}), slow);
   EXPECT_LT(bound_m(realistic, {20, 0.45, 0}), fast);
-  // What loops reach (docs/controllers.md) lies above.
+  // What loops reach (docs/explanation/estimation.md) lies above.
   EXPECT_LT(slow, 0.2);
   EXPECT_LT(fast, 0.1);
 }

@@ -50,7 +50,7 @@ TEST(Link, AHundredThousandPacketsUnderWayTakeTheMemoryThatTheDocumentsSay) {
   constexpr std::int64_t kPackets = 100'000;
   constexpr std::size_t kPayload = 1000;
   constexpr double kPerPacket =
-      300.0;  // docs/performance.md: 135; more where a vector has just grown
+      300.0;  // docs/explanation/performance.md: 135; more where a vector has just grown
   Link link = delaying_link("queue_limit=" + std::to_string(kPackets));
   const std::size_t before = allocated_bytes();
   for (std::int64_t i = 0; i < kPackets + 500; ++i) {

@@ -12,9 +12,9 @@
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
 
-// What docs/controllers.md concludes from the benchmark and the robustness experiment, by the
-// shipped files' arms with their tuned gains, on the kinematic plant and the first 12 seeds; and
-// what docs/localisation.md does of where to localise, on the first 4.
+// What docs/explanation/benchmark.md concludes from the benchmark and the robustness experiment, by
+// the shipped files' arms with their tuned gains, on the kinematic plant and the first 12 seeds;
+// and what docs/explanation/localisation.md does of where to localise, on the first 4.
 //
 // No number of theirs is repeated here; a conclusion holds if chance does not explain it:
 //  - better, worse, a factor: the 95 % interval of the ratio of means over pairs of runs (BCa, the

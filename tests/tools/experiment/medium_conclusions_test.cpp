@@ -5,8 +5,8 @@
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
 
-// What docs/medium.md concludes from experiments/medium_stations.toml, by its arms where all eight
-// of its seeds agree, on the first two of them and for half as long.
+// What docs/explanation/medium.md concludes from experiments/medium_stations.toml, by its arms
+// where all eight of its seeds agree, on the first two of them and for half as long.
 
 namespace tether {
 namespace {

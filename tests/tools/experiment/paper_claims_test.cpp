@@ -10,7 +10,7 @@
 
 // The paper's claims, by the shipped experiments on the kinematic plant, with as many seeds as
 // `tether reproduce` has where verdicts need them. Seeds are fixed and runs are deterministic, so
-// the tolerance is in the claims: docs/reproduction.md has the same with the ODE plant.
+// the tolerance is in the claims: docs/explanation/reproduction.md has the same with the ODE plant.
 
 namespace tether {
 namespace {

@@ -73,7 +73,7 @@ struct TableChoice {
   Selection where;                   ///< the arms that are in it; all if empty
 };
 
-/// An experiment file (docs/experiments.md): which runs a sweep has.
+/// An experiment file (docs/howto/experiments.md): which runs a sweep has.
 struct Experiment {
   std::string name;
   std::vector<std::string> keys;     ///< of the grid

@@ -87,7 +87,8 @@ Gains read_gains(const std::string& file) {
 std::string to_toml(const Gains& gains) {
   const auto text = [](const std::string& value) { return to_toml(ScenarioValue(value)); };
   std::string out = fmt::format(
-      "# Gains by `tether tune` (docs/experiments.md). Not to be edited: made by the command.\n"
+      "# Gains by `tether tune` (docs/howto/experiments.md). Not to be edited: made by the "
+      "command.\n"
       "command = {}\nobjective = {}\n",
       text(gains.command), text(gains.objective));
   for (const TunedLaw& law : gains.laws) {

@@ -29,8 +29,8 @@ struct TunedLaw {
   bool operator==(const TunedLaw&) const = default;
 };
 
-/// A file of tuned gains (docs/experiments.md), which experiments name by `gains` and of which
-/// `tuned` takes a law's settings and gains.
+/// A file of tuned gains (docs/howto/experiments.md), which experiments name by `gains` and of
+/// which `tuned` takes a law's settings and gains.
 struct Gains {
   std::string file;
   std::string command;         ///< that makes it, of one version or, law by law, of several

@@ -44,7 +44,7 @@ struct TuningLaw {
   std::size_t searches = 1;          ///< from different places; the best of all counts
 };
 
-/// A tuning file (docs/experiments.md): which laws to tune, for what, and with which effort.
+/// A tuning file (docs/howto/experiments.md): which laws to tune, for what, and with which effort.
 struct Tuning {
   std::string name;
   std::string scenario_file, file;

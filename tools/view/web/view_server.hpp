@@ -14,7 +14,8 @@
 namespace tether {
 
 /// The HTTP and WebSocket server of `tether view`: in a thread of its own, so that no client, slow,
-/// dead or hostile, delays the program that it shows. docs/view.md says what it serves.
+/// dead or hostile, delays the program that it shows. docs/reference/view-protocol.md says what it
+/// serves.
 ///
 /// What is said to it is copied and taken over by its thread within 10 ms; all of its functions may
 /// be called from any thread, and none waits for a client.

@@ -1,5 +1,5 @@
 // The radio map under the factory: where packets of a link whose model is "map" get through, by its
-// access points (docs/channel.md). Shadowing, and rasters in files, only the relay knows.
+// access points (docs/reference/channel.md). Shadowing, and rasters in files, only the relay knows.
 
 const LINKS = ["uplink", "downlink"];
 
