@@ -61,7 +61,7 @@ if (lost) { plot_losses = plot_losses . ", " . box("lost") . " '#d55e00' title '
 if (outage) { plot_losses = plot_losses . ", " . box("outage") . " '#cc79a7' title 'outage'" }
 if (overflowed) { plot_losses = plot_losses . ", " . box("overflowed") . " '#e69f00' title 'no room'" }
 if (states) {
-  plot_losses = plot_losses . ", 'losses.csv' every ::1 using ($4 > 0 ? int($1) % 100 : NaN):(int($1) / 100 + 0.42):(0.5):(0.06) with boxxyerror lc rgb '#000000' title 'then in a state other than 0'"
+  plot_losses = plot_losses . ", 'losses.csv' every ::1 using ($4 > 0 ? int($1) % 100 : NaN):(int($1) / 100 + 0.42):(0.5):(0.06) with boxxyerror lc rgb '#000000' title 'then in a bad state'"
 }
 height = 110 + 34 * rows
 
@@ -147,7 +147,7 @@ void draw_delays(const std::filesystem::path& folder, const ChannelFigure& figur
   const std::string script = fmt::format(
       "title_text = \"{}: {} packets received\"\nconfigured = {}\n"
       "set xrange [{}:{}]\n",
-      figure.title, delays.size(), configured ? 1 : 0, low, high);
+      figure.delay_title, delays.size(), configured ? 1 : 0, low, high);
   run_gnuplot(folder, "delays.gp", script + kDelays);
 }
 

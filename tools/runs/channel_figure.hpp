@@ -11,7 +11,8 @@ namespace tether {
 
 /// What is drawn of a link.
 struct ChannelFigure {
-  std::string title;  ///< "downlink, gilbert_elliott"
+  std::string title;        ///< of losses: "downlink, gilbert_elliott"
+  std::string delay_title;  ///< "downlink, gamma delays"
   double interval_s = 1.0;
   std::vector<PacketFate> fates;  ///< from sample_fates()
   LinkExpectation expected;

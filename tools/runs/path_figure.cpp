@@ -73,21 +73,21 @@ std::string obstacles(const Scenario& scenario) {
 }
 
 constexpr char kOneVehicle[] = R"gnuplot(
-vehicles = "'trajectory.csv' every ::1 using 5:6 with lines lw 2 lc rgb '#1b9e4b' title 'planned', \
-  'trajectory.csv' every ::1 using 2:3 with lines lw 2 lc rgb '#1f5fbf' title 'actual', \
-  'trajectory.csv' every ::1::1 using 2:3 with points pt 7 ps 1.2 lc rgb '#1f5fbf' title 'start'"
+vehicles = "'trajectory.csv' every ::1 using 5:6 with lines lw 4 lc rgb '#009e73' title 'planned', \
+  'trajectory.csv' every ::1 using 2:3 with lines lw 2 lc rgb '#0072b2' title 'actual', \
+  'trajectory.csv' every ::1::1 using 2:3 with points pt 7 ps 1.2 lc rgb '#000000' title 'start'"
 )gnuplot";
 
 constexpr char kVehicles[] = R"gnuplot(
 set datafile separator ","
 stats 'trajectories.csv' every ::1 using 2 nooutput
 last = STATS_blocks - 1
-vehicles = "for [i=0:last] 'trajectories.csv' index i every ::1 using 6:7 with lines lw 2 \
-    lc rgb '#1b9e4b' title (i == 0 ? 'planned' : ''), \
-  for [i=0:last] 'trajectories.csv' index i every ::1 using 3:4 with lines lw 1 \
-    lc rgb '#1f5fbf' title (i == 0 ? 'actual' : ''), \
+vehicles = "for [i=0:last] 'trajectories.csv' index i every ::1 using 6:7 with lines lw 4 \
+    lc rgb '#009e73' title (i == 0 ? 'planned' : ''), \
+  for [i=0:last] 'trajectories.csv' index i every ::1 using 3:4 with lines lw 1.5 \
+    lc rgb '#0072b2' title (i == 0 ? 'actual' : ''), \
   for [i=0:last] 'trajectories.csv' index i every ::1::1 using 3:4 with points pt 7 ps 0.9 \
-    lc rgb '#1f5fbf' title (i == 0 ? 'start' : '')"
+    lc rgb '#000000' title (i == 0 ? 'start' : '')"
 )gnuplot";
 
 constexpr char kScript[] = R"gnuplot(

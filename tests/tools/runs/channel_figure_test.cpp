@@ -31,7 +31,8 @@ class ChannelFigureTest : public ::testing::Test {
   ChannelFigure figure(std::int64_t packets) {
     const LinkTraffic traffic{0.05, 50.0};
     LinkPair links = make_links(scenario_);
-    return {"a link", traffic.interval_s, sample_fates(links.downlink, traffic, packets),
+    return {"a link", "a link, gamma delays", traffic.interval_s,
+            sample_fates(links.downlink, traffic, packets),
             expect_link(scenario_.get<ChannelSettings>().downlink, traffic)};
   }
 

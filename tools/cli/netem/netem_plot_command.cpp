@@ -12,6 +12,7 @@
 #include "netem/channel/settings.hpp"
 #include "netem/check/channel_sample.hpp"
 #include "netem/relay/make_links.hpp"
+#include "netem/stages/jitter_laws.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/netem/netem_commands.hpp"
@@ -33,6 +34,7 @@ int plot(const PlotOptions& options) {
   const bool up = options.link == "uplink";
   const LinkConfig& config =
       up ? scenario.get<ChannelSettings>().uplink : scenario.get<ChannelSettings>().downlink;
+  const auto& jitter = config.own.get<JitterSettings>();
   const LinkTraffic traffic = up ? pose_traffic(scenario) : command_traffic(scenario, false);
   LinkPair links = make_links(scenario);
   std::error_code error;
@@ -42,7 +44,12 @@ int plot(const PlotOptions& options) {
                                  error ? error.message() : "a file has that name"));
   }
   const ChannelFigure figure{
-      fmt::format("{}, {}", options.link, config.model), traffic.interval_s,
+      fmt::format("{}, {}", options.link, config.model),
+      fmt::format("{}, {} delays", options.link,
+                  jitter.on() && jitter.law != "table" ? jitter.law
+                  : jitter.on()                        ? "tabulated"
+                                                       : config.model),
+      traffic.interval_s,
       sample_fates(up ? links.uplink : links.downlink, traffic, options.packets),
       expect_link(config, traffic)};
   draw_losses(options.out, figure);
