@@ -19,7 +19,7 @@ constexpr char kStyle[] = R"(
 body { font: 16px/1.5 sans-serif; background: var(--paper); color: var(--ink); max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
 a { color: var(--link) }
 h1 { line-height: 1.2 } h2 { margin-top: 3rem }
-img { max-width: 34rem; width: 100%; display: block; background: #fff }
+img { width: 100%; max-height: 94vh; object-fit: contain; display: block; background: #fff }
 table { border-collapse: collapse; font-size: .85rem; margin: 1rem 0 }
 th, td { border-bottom: 1px solid var(--line); padding: .25rem .6rem; text-align: left; vertical-align: top }
 td.number { text-align: right; white-space: nowrap }
@@ -61,10 +61,10 @@ std::string contents(const std::filesystem::path& file) {
   return text.str();
 }
 
-/// A file as the address of an image.
-std::string data_url(const std::filesystem::path& svg) {
-  std::string url = "data:image/svg+xml,";
-  for (const char c : contents(svg)) {
+/// As part of an address.
+std::string percent_encoded(const std::string& text) {
+  std::string url;
+  for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     const bool is_plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
                           (c >= '0' && c <= '9') ||
@@ -72,6 +72,16 @@ std::string data_url(const std::filesystem::path& svg) {
     url += is_plain ? std::string(1, c) : fmt::format("%{:02X}", byte);
   }
   return url;
+}
+
+/// A file as the address of an image.
+std::string data_url(const std::filesystem::path& svg) {
+  return "data:image/svg+xml," + percent_encoded(contents(svg));
+}
+
+/// To a file in the report's folder.
+std::string file_link(const std::string& name) {
+  return fmt::format("<a href=\"./{}\">{}</a>", percent_encoded(name), escaped(name));
 }
 
 std::string with_reason(const Claim& claim) {
@@ -154,15 +164,20 @@ std::string html_of(const ReportSection& s, const std::filesystem::path& folder)
   }
   html += fmt::format("<p class=\"facts\">{}", escaped(facts(s)));
   if (!s.figure.empty()) {
-    html += fmt::format(". Data, script and print files: {0}.csv, {0}.gp, {0}.pdf, {0}.png",
-                        escaped(s.figure));
+    html += ". Data, script and print files:";
+    const char* before = " ";
+    for (const char* kind : {".csv", ".gp", ".pdf", ".png", ".svg", ".tex"}) {
+      if (!std::filesystem::exists(folder / (s.figure + kind))) continue;
+      html += before + file_link(s.figure + kind);
+      before = ", ";
+    }
   }
   html += "</p>\n";
   for (std::size_t i = 0; i < s.tables.size(); ++i) {
     html +=
         fmt::format("<h3>{}</h3>\n<div class=\"scroll\">{}</div>\n<p class=\"facts\">{}. {}</p>\n",
                     escaped(s.tables[i].title), html_rows(s.tables[i].rows, true),
-                    escaped(s.tables[i].note), escaped(s.table_files[i]));
+                    escaped(s.tables[i].note), file_link(s.table_files[i]));
   }
   html +=
       "<details><summary>All numbers</summary><div class=\"scroll\">" + html_rows(s.table, false);

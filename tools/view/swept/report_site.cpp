@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
@@ -58,11 +60,32 @@ WebAnswer ReportSite::answer(bool is_post, std::string_view path) {
   if (path == "/" || path == "/report.html") {
     return is_post ? WebAnswer{405, "the report takes GET and HEAD\n"} : report();
   }
+  if (auto beside = is_post ? std::nullopt : file(path)) return std::move(*beside);
   if (!runs_.has(path)) return {404, "this report has no such run\n"};
   const std::string name(path);
   if (is_post) return {200, state_json(pages_.ask(name)), "application/json"};
   const auto made = pages_.find(name);
   return page_answer(made ? *made : waiting_);
+}
+
+std::optional<WebAnswer> ReportSite::file(std::string_view path) const {
+  static const std::map<std::string, std::string> kTypes{
+      {".csv", "text/csv; charset=utf-8"}, {".gp", "text/plain; charset=utf-8"},
+      {".pdf", "application/pdf"},         {".png", "image/png"},
+      {".svg", "image/svg+xml"},           {".tex", "text/plain; charset=utf-8"}};
+  const std::string name(path.substr(path.starts_with('/') ? 1 : 0));
+  const auto type = kTypes.find(fs::path(name).extension().string());
+  const fs::path beside = report_.parent_path() / name;
+  // Names alone: nothing of other folders.
+  if (type == kTypes.end() || name.find('/') != std::string::npos || !fs::is_regular_file(beside)) {
+    return std::nullopt;
+  }
+  try {
+    return WebAnswer{200, read_input(beside.string(), "a file of the report", kMostReportBytes),
+                     type->second};
+  } catch (const std::exception&) {
+    return std::nullopt;  // gone meanwhile
+  }
 }
 
 /// As it is now: it may have been made anew.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -14,6 +15,7 @@ namespace tether {
 /// What `tether view FOLDER` serves: the report of a folder of sweeps, and each of its runs.
 ///
 ///     GET  /                          report.html, which is told that points can be opened
+///     GET  /NAME.csv, .gp, .pdf, .png, .svg, .tex    a file beside it, to which it links
 ///     GET  /runs/[SWEEP/]ARM/SEED     the run as one page; while there is none, one that waits
 ///     POST the same                   {"state": "waiting", "in work", "ready" or "failed",
 ///                                     "share": 0 to 1, "error": text}; begins to compute it
@@ -30,6 +32,7 @@ class ReportSite {
 
  private:
   WebAnswer report() const;
+  std::optional<WebAnswer> file(std::string_view path) const;
   std::string make(const std::string& path, const MadePages::Progress& progress) const;
 
   std::filesystem::path report_;
