@@ -18,7 +18,7 @@ packages=(
 )
 if [ "${1:-}" != vehicle ]; then
     packages+=(
-        libode-dev libsqlite3-dev libzstd-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
+        libode-dev libsqlite3-dev libmuparser-dev libzstd-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
         # the Python module tether_env
         pybind11-dev python3-dev python3-numpy
         # figures, charts, and lcm-spy with plots

@@ -280,10 +280,22 @@ INSTANTIATE_TEST_SUITE_P(
         BadFile{"RiskMapWithoutTrajectories",
                 "seeds = 1\n[figure]\nkind = \"risk_map\"",
                 {"[figure]", "trajectory_period_s"}},
-        BadFile{"CurveOverTexts",
+        BadFile{"ComparisonOverTexts",
                 "seeds = 1\n[grid]\nvehicle.plant = [\"ode\", \"kinematic\"]\n"
-                "[figure]\nx = \"vehicle.plant\"",
+                "channel.prr = [1]\n[figure]\nkind = \"comparison\"\nx = \"vehicle.plant\"\n"
+                "y = \"channel.prr\"",
                 {"[figure]", "is no number"}},
+        BadFile{"ExpressionOfNoMetric",
+                "seeds = 1\n[grid]\nchannel.prr = [1]\n[figure]\nx = \"channel.prr\"\n"
+                "metric = \"epsilon_m / speed\"",
+                {"e.toml:7", "figure.metric must be one of epsilon_m, rmse_m", "\"speed\""}},
+        BadFile{"ExpressionThatEndsEarly",
+                "seeds = 1\n[grid]\nchannel.prr = [1]\n[figure]\nx = \"channel.prr\"\n"
+                "metric = \"max(epsilon_m, 2\"",
+                {"e.toml:7", "expression over them"}},
+        BadFile{"PrecisionOfAnExpression",
+                "[precision]\nmetric = \"2 * epsilon_m\"\nhalf_width = 1\nmost_seeds = 50",
+                {"e.toml:3", "epsilon_m, rmse_m"}},
         BadFile{"CurveOfTooManySeries",
                 "seeds = 1\n[grid]\nchannel.prr = [1]\n"
                 "\"controller.tau_s\" = [1, 2, 3, 4, 5, 6, 7, 8]\n"

@@ -12,6 +12,7 @@
 
 #include "common/path/figure_eight.hpp"
 #include "tests/support/folder.hpp"
+#include "tests/support/tex.hpp"
 #include "tests/tools/experiment/laws.hpp"
 #include "tools/base/process.hpp"
 
@@ -46,7 +47,8 @@ class ExperimentFiguresTest : public ::testing::Test {
   void expect_drawn(const std::string& stem) const {
     expect_pictures(stem);
     EXPECT_FALSE(contents(stem + ".csv").empty());
-    for (const char* format : {".svg", ".pdf", ".png"}) fs::remove(folder_ / (stem + format));
+    for (const char* format : {".svg", ".pdf", ".png", ".tex"})
+      fs::remove(folder_ / (stem + format));
     EXPECT_EQ(run_process({"sh", "-c", "exec gnuplot " + stem + ".gp >said 2>&1"}, folder_), 0);
     EXPECT_EQ(contents("said"), "") << "gnuplot warns";
     fs::remove(folder_ / "said");
@@ -60,6 +62,7 @@ class ExperimentFiguresTest : public ::testing::Test {
     EXPECT_EQ(contents(stem + ".pdf").substr(0, 5), "%PDF-");
     EXPECT_EQ(contents(stem + ".png").substr(1, 3), "PNG");
     EXPECT_GT(contents(stem + ".png").size(), 5000u);
+    testing::expect_tex(contents(stem + ".tex"));
   }
 
   // A text that the figure must show.

@@ -1,9 +1,12 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "tests/tools/runs/run_files.hpp"
+#include "tools/experiment/report/figure.hpp"
 #include "tools/experiment/report/report.hpp"
 #include "tools/experiment/report/tables.hpp"
 #include "tools/experiment/store/export.hpp"
@@ -25,8 +28,10 @@ struct HandMade {
 
 class SweepTables : public ::testing::Test {
  protected:
-  RunStore store_of(const std::vector<HandMade>& arms, std::vector<TableChoice> tables = {}) {
+  RunStore store_of(const std::vector<HandMade>& arms, std::vector<TableChoice> tables = {},
+                    std::optional<FigureChoice> figure = std::nullopt) {
     Experiment e;
+    e.figure = std::move(figure);
     e.name = "by_hand";
     e.keys = {"law", "PRR"};
     e.tables = std::move(tables);
@@ -269,6 +274,50 @@ TEST(MeanRatio, CommonLuckCancels) {
   // The rest, ±0.5 on a mean of 40 over 30 runs: an error of 0.023; of luck alone it would be 1.
   EXPECT_GT(half_width(r.interval), 0.02);
   EXPECT_LT(half_width(r.interval), 0.08);
+}
+
+TEST_F(SweepTables, ACurveOverNamesOfAnExpressionLinksToItsFiles) {
+  FigureChoice figure;
+  figure.x = "law";
+  figure.y = "PRR";
+  figure.metric = "100 * epsilon_m + rmse_m";
+  figure.y_label = "something [cm]";
+  {
+    const RunStore store = store_of(
+        {{"PID", "1", {1.0, 2.0}}, {"plans", "1", {0.1, 0.2}}, {"plans", "0.5", {0.3, 0.5}}}, {},
+        figure);
+    const SweepData data(store, figure.metric);
+    EXPECT_DOUBLE_EQ(data.arms()[0].runs[0].value, 100.5);
+    EXPECT_DOUBLE_EQ(data.arms()[2].summary.mean, 40.5);
+    EXPECT_THAT(names_of(data, figure), ElementsAre("PID", "plans"));
+    EXPECT_EQ(x_of(data, figure, 2), 2.0);
+  }
+  write_report(own_.path, RiskDefinition::whole_run);
+  const std::string html = testing::contents(own_.path / "report.html");
+  EXPECT_THAT(html, HasSubstr(R"("names":["PID","plans"])"));
+  EXPECT_THAT(html, HasSubstr(R"("y_label":"something [cm]")"));
+  for (const char* kind : {"csv", "gp", "pdf", "png", "svg", "tex"}) {
+    EXPECT_THAT(html, HasSubstr(fmt::format("<a href=\"./by_hand.{0}\">by_hand.{0}</a>", kind)));
+  }
+  EXPECT_THAT(testing::contents(own_.path / "by_hand.svg"),
+              AllOf(HasSubstr("plans"), HasSubstr("something [cm]")));
+}
+
+TEST(Labels, AreWordsInsteadOfKeys) {
+  EXPECT_EQ(label_of_value("controller.law", "pid"), "PID");
+  EXPECT_EQ(label_of_value("controller.law", "tracking_compensated"), "tracking compensated");
+  EXPECT_EQ(label_of_value("channel.uplink.prr", "0.45"), "PRR 0.45");
+  EXPECT_EQ(label_of_value("channel.delay_ms", "100"), "δ 100 ms");
+  EXPECT_EQ(label_of_value("delay_ms", "100"), "δ 100 ms");
+  EXPECT_EQ(label_of_value("controller.tau_s", "2"), "τ 2 s");
+  EXPECT_EQ(label_of_value("sensor.rate_hz", "20"), "sensor rate 20 Hz");
+  EXPECT_EQ(label_of_value("vehicle.accel_mps2", "3"), "vehicle accel 3 m/s²");
+  EXPECT_EQ(label_of_value("link.bits_per_s", "9"), "link 9 bit/s");
+  EXPECT_EQ(label_of_value("controller.preload", "true"), "controller preload");
+  EXPECT_EQ(label_of_value("controller.preload", "false"), "no controller preload");
+  EXPECT_EQ(label_of_value("channel.trace.file", "traces/hall 3.csv"), "hall 3");
+  EXPECT_EQ(label_of_value("law", "PID, 1/1 Hz"), "PID, 1/1 Hz");
+  EXPECT_EQ(label_of_value("size", "5"), "5") << "an axis with a name of its own";
 }
 
 }  // namespace

@@ -45,14 +45,15 @@ bool is_selected(const Selection& selection, const std::vector<KeyValue>& settin
 struct FigureChoice {
   enum class Kind : std::uint8_t { curve, heatmap, trajectories, risk_map, comparison, pareto };
   Kind kind = Kind::curve;
-  std::string x;       ///< curve, heatmap, comparison: the key along the x axis; pareto: a metric
-  std::string y;       ///< heatmap: the key along the y axis; others: of the series
-  std::string metric;  ///< what is drawn
+  std::string x;        ///< curve, heatmap, comparison: the key along the x axis; pareto: a metric
+  std::string y;        ///< heatmap: the key along the y axis; others: of the series
+  std::string metric;   ///< what is drawn: metric_expression.hpp
+  std::string y_label;  ///< instead of the metric's
   std::string title;
   Selection where;        ///< the arms that are drawn; all if empty
   std::string floor;      ///< comparison: the value of y whose first mean is a line for all x
   bool reversed = false;  ///< comparison: x falls to the right
-  std::string x_label;    ///< comparison: instead of the key
+  std::string x_label;    ///< comparison, curve: instead of the key
   std::string note;       ///< comparison: below, after the number of seeds
 };
 
@@ -65,7 +66,7 @@ struct TableChoice {
   };
   Kind kind = Kind::means;
   std::string title;
-  std::string metric;
+  std::string metric;                ///< metric_expression.hpp
   std::vector<std::string> columns;  ///< means: the keys whose values go across
   std::string key;                   ///< ratio: which differs; limit: along which
   std::string over, under;           ///< ratio: values of `key`

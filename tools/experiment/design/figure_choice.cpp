@@ -13,7 +13,7 @@
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
 #include "tools/experiment/design/grid.hpp"
-#include "tools/runs/metric.hpp"
+#include "tools/runs/metric_expression.hpp"
 
 namespace tether {
 namespace {
@@ -21,6 +21,8 @@ namespace {
 using Kind = FigureChoice::Kind;
 using TableKind = TableChoice::Kind;
 using nlohmann::json;
+
+using namespace std::string_view_literals;
 
 constexpr std::size_t kMostSeries = 7, kMostCompared = 14;
 
@@ -84,7 +86,7 @@ TableChoice read_table(const toml::table& table, const std::string& name,
   TableChoice choice;
   choice.kind = kind_of(section, kTableKinds);
   choice.title = section.text("title", "");
-  choice.metric = section.metric("metric");
+  choice.metric = section.metric_expression("metric");
   choice.where = read_where(section, name, keys);
   if (choice.kind == TableKind::means) {
     const toml::node* columns = section.get("columns");
@@ -156,7 +158,9 @@ void check_figure(const FigureChoice& figure, const Experiment& experiment,
       refuse(fmt::format("{} varies too, but is neither x nor y: its values would be mixed",
                          key_that_differs(*other->second, arm)));
     }
-    if (!is_number(x)) refuse(fmt::format("{} = {} is no number, as an axis needs", figure.x, x));
+    if (figure.kind != Kind::curve && !is_number(x)) {
+      refuse(fmt::format("{} = {} is no number, as an axis needs", figure.x, x));
+    }
     if (figure.kind == Kind::heatmap && !is_number(y)) {
       refuse(fmt::format("{} = {} is no number, as an axis needs", figure.y, y));
     }
@@ -204,24 +208,26 @@ std::optional<FigureChoice> read_figure(const Section& file, const std::string& 
                                         const std::vector<std::string>& keys) {
   const toml::table* table = file.table("figure");
   if (table == nullptr) return std::nullopt;
-  const Section section(
-      *table, "figure.", name,
-      {"kind", "x", "y", "metric", "title", "where", "floor", "reversed", "x_label", "note"});
+  const Section section(*table, "figure.", name,
+                        {"kind", "x", "y", "metric", "title", "where", "floor", "reversed",
+                         "x_label", "y_label", "note"});
   FigureChoice figure;
   figure.kind = kind_of(section, kFigureKinds);
   const bool is_pareto = figure.kind == Kind::pareto;
-  figure.x = is_pareto ? section.metric("x") : section.text("x", "");
+  figure.x = is_pareto ? section.metric_expression("x") : section.text("x", "");
   figure.y = section.text("y", "");
-  figure.metric = section.metric("metric");
+  figure.metric = section.metric_expression("metric");
   figure.title = section.text("title", "");
   figure.where = read_where(section, name, keys);
   figure.floor = section.text("floor", "");
   figure.reversed = section.boolean("reversed", false);
   figure.x_label = section.text("x_label", "");
+  figure.y_label = section.text("y_label", "");
   figure.note = section.text("note", "");
   const bool is_comparison = figure.kind == Kind::comparison;
   for (const char* key : {"floor", "reversed", "x_label", "note"}) {
-    if (!is_comparison && section.get(key) != nullptr) {
+    const bool is_known = is_comparison || (figure.kind == Kind::curve && key == "x_label"sv);
+    if (!is_known && section.get(key) != nullptr) {
       section.refuse(key, "left out: only comparisons have it");
     }
   }
@@ -255,17 +261,18 @@ void check_choices(const Experiment& experiment, const std::string& file) {
 
 std::string to_text(const std::optional<FigureChoice>& figure) {
   if (!figure) return "none";
-  return json{{"kind", static_cast<int>(figure->kind)},
-              {"x", figure->x},
-              {"y", figure->y},
-              {"metric", figure->metric},
-              {"title", figure->title},
-              {"where", figure->where},
-              {"floor", figure->floor},
-              {"reversed", figure->reversed},
-              {"x_label", figure->x_label},
-              {"note", figure->note}}
-      .dump();
+  json all{{"kind", static_cast<int>(figure->kind)},
+           {"x", figure->x},
+           {"y", figure->y},
+           {"metric", figure->metric},
+           {"title", figure->title},
+           {"where", figure->where},
+           {"floor", figure->floor},
+           {"reversed", figure->reversed},
+           {"x_label", figure->x_label},
+           {"note", figure->note}};
+  if (!figure->y_label.empty()) all["y_label"] = figure->y_label;  // sweeps without go on
+  return all.dump();
 }
 
 std::optional<FigureChoice> figure_of(const std::string& text) {
@@ -274,9 +281,8 @@ std::optional<FigureChoice> figure_of(const std::string& text) {
   const int kind = j.at("kind").get<int>();
   FigureChoice figure;
   figure.metric = j.at("metric").get<std::string>();
-  if (kind < 0 || kind > static_cast<int>(Kind::pareto) || !metric_number(figure.metric)) {
-    throw UsageError("an unknown figure");
-  }
+  if (kind < 0 || kind > static_cast<int>(Kind::pareto)) throw UsageError("an unknown figure");
+  MetricExpression{figure.metric};  // throws if this version does not know it
   figure.kind = static_cast<Kind>(kind);
   figure.x = j.at("x").get<std::string>();
   figure.y = j.at("y").get<std::string>();
@@ -285,6 +291,7 @@ std::optional<FigureChoice> figure_of(const std::string& text) {
   figure.floor = j.value("floor", "");
   figure.reversed = j.value("reversed", false);
   figure.x_label = j.value("x_label", "");
+  figure.y_label = j.value("y_label", "");
   figure.note = j.value("note", "");
   return figure;
 }
@@ -311,9 +318,10 @@ std::vector<TableChoice> tables_of(const std::string& text) {
     const int kind = j.at("kind").get<int>();
     TableChoice table;
     table.metric = j.at("metric").get<std::string>();
-    if (kind < 0 || kind > static_cast<int>(TableKind::limit) || !metric_number(table.metric)) {
+    if (kind < 0 || kind > static_cast<int>(TableKind::limit)) {
       throw UsageError("an unknown table");
     }
+    MetricExpression{table.metric};
     table.kind = static_cast<TableKind>(kind);
     table.title = j.at("title").get<std::string>();
     table.columns = j.at("columns").get<std::vector<std::string>>();

@@ -7,6 +7,7 @@
 
 #include "common/base/errors.hpp"
 #include "tools/runs/metric.hpp"
+#include "tools/runs/metric_expression.hpp"
 
 namespace tether {
 
@@ -72,6 +73,16 @@ std::string Section::metric(const std::string& key) const {
   std::string name = text(key, "epsilon_m");
   if (!metric_number(name)) refuse(key, fmt::format("one of {}", fmt::join(metric_names(), ", ")));
   return name;
+}
+
+std::string Section::metric_expression(const std::string& key) const {
+  std::string expression = text(key, "epsilon_m");
+  try {
+    MetricExpression{expression};
+  } catch (const UsageError& refused) {
+    refuse(key, refused.what());
+  }
+  return expression;
 }
 
 const toml::table* Section::table(const std::string& key) const {

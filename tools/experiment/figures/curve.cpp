@@ -11,7 +11,7 @@ namespace tether {
 namespace {
 
 constexpr char kCurveCommands[] = R"gnuplot(
-  set xlabel x_label noenhanced offset 0,0.4
+  set xlabel x_label noenhanced offset 0,0.4 norotate
   set ylabel y_label noenhanced offset 1,0
   set grid y lc rgb "#e4e4e4" lw 0.5
   set xrange [x_low:x_high]
@@ -20,23 +20,26 @@ constexpr char kCurveCommands[] = R"gnuplot(
   set lmargin at screen 1.3 / width_cm
   set rmargin at screen 1 - 0.2 / width_cm
   set tmargin at screen 1 - top_cm / height_cm
-  set bmargin at screen (bottom_cm + 1.0) / height_cm
+  set bmargin at screen (bottom_cm + x_axis_cm) / height_cm
+  eval name_tics
   command = "plot NaN"
   do for [s = 1 : series] {
     colour = word(colours, s)
     rows = sprintf("$1 == %d && strcol(2) eq", s)
-    command = command . sprintf(", data every ::1 using (%s 'mean' ? $3 : NaN):6:7 " \
-      . "with filledcurves fs solid noborder fc rgb '#b0%s'", rows, colour)
+    if (!named) {
+      command = command . sprintf(", data every ::1 using (%s 'mean' ? $4 : NaN):6:7 " \
+        . "with filledcurves fs solid noborder fc rgb '#b0%s'", rows, colour)
+    }
     command = command . sprintf(", data every ::1 using (%s 'run' ? $4 : NaN):5 " \
       . "with points pt 7 ps 0.28 lc rgb '#70%s'", rows, colour)
     if (bars) {
-      command = command . sprintf(", data every ::1 using (%s 'mean' ? $3 : NaN):5:6:7 " \
-        . "with yerrorbars pt 0 lw 1 lc rgb '#%s'", rows, colour)
+      command = command . sprintf(", data every ::1 using (%s 'mean' ? $4 : NaN):5:6:7 " \
+        . "with yerrorbars pt 0 lw %s lc rgb '#%s'", rows, named ? "2" : "1", colour)
     }
-    command = command . sprintf(", data every ::1 using (%s 'mean' ? $3 : NaN):5 " \
-      . "with linespoints pt 7 ps 0.45 lw 1.5 lc rgb '#%s'", rows, colour)
+    command = command . sprintf(", data every ::1 using (%s 'mean' ? $4 : NaN):5 " \
+      . "with %s pt 7 ps 0.45 lw 1.5 lc rgb '#%s'", rows, named ? "points" : "linespoints", colour)
     if (losses) {
-      command = command . sprintf(", data every ::1 using (%s 'mean' && $9 > 0 ? $3 : NaN):5 " \
+      command = command . sprintf(", data every ::1 using (%s 'mean' && $9 > 0 ? $4 : NaN):5 " \
         . "with points pt 2 ps 0.6 lw 1 lc rgb '#000000'", rows)
     }
   }
@@ -89,8 +92,16 @@ Extent extent_of(const CurveFigure& figure) {
   return e;
 }
 
+/// As where nothing is random: side by side their dots would look like an error bar.
+bool all_equal(const PlottedPoint& p) {
+  LeastMost runs;
+  for (const double run : p.runs) runs.add(run);
+  return runs.high - runs.low <= 1e-9 * std::abs(runs.high);
+}
+
 // Means come first, and without gaps, so that lines and bands hold together.
 std::string csv_of(const CurveFigure& figure, double jitter) {
+  const double apart = figure.names.empty() ? 0.0 : 1.0;  // of the series' means
   std::string csv = "series,kind,x,x_drawn,value,low,high,n,lost,name\n";
   const auto count = static_cast<double>(figure.series.size());
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
@@ -100,15 +111,18 @@ std::string csv_of(const CurveFigure& figure, double jitter) {
     std::string runs;
     for (const PlottedPoint& p : figure.series[s].points) {
       std::size_t n = 0;
+      const double spread = all_equal(p) ? 0.0 : 1.0;
       for (const double run : p.runs) {
         if (!std::isfinite(run)) continue;
         // The golden ratio's multiples spread evenly, whatever their number.
         const double turn = std::fmod(0.6180339887498949 * static_cast<double>(++n), 1.0);
-        runs += fmt::format("{},run,{},{:.6g},{},,,,,{}\n", s + 1, p.x,
-                            p.x + shift + 0.8 * width * (turn - 0.5), run, name);
+        runs += fmt::format(
+            "{},run,{},{:.6g},{},,,,,{}\n", s + 1, p.x,
+            p.x + (spread + apart > 0.0 ? shift : 0.0) + spread * 0.8 * width * (turn - 0.5), run,
+            name);
       }
-      csv += fmt::format("{},mean,{},{},{},{},{},{},{},{}\n", s + 1, p.x, p.x, p.mean,
-                         p.interval.low, p.interval.high, n, p.lost, name);
+      csv += fmt::format("{},mean,{},{},{},{},{},{},{},{}\n", s + 1, p.x, p.x + apart * shift,
+                         p.mean, p.interval.low, p.interval.high, n, p.lost, name);
     }
     csv += runs;
   }
@@ -129,6 +143,26 @@ std::string axes(const CurveFigure& figure, const Extent& e) {
                      e.x.low - x_margin, e.x.high + x_margin, low, high, log_y ? 1 : 0);
 }
 
+/// Names below the axis, upright where there is room, and how much of the height they take.
+std::string name_axis(const CurveFigure& figure) {
+  std::string texts, list;
+  double widest_cm = 0.0;
+  for (std::size_t i = 0; i < figure.names.size(); ++i) {
+    widest_cm = std::max(widest_cm, text_cm(figure.names[i]));
+    texts += fmt::format("text_{} = {}\n", 3001 + i, gnuplot_text(figure.names[i]));
+    list += fmt::format("{0}text_{1} {2}", i == 0 ? "" : ", ", 3001 + i, i + 1);
+  }
+  const double each_cm =
+      (figure.text.width_cm - 1.5) / static_cast<double>(figure.names.size() + 1);
+  const bool is_slanted = !figure.names.empty() && 1.1 * widest_cm > each_cm;
+  const char* how = is_slanted ? "rotate by 30 right " : "";
+  return texts + fmt::format("named = {}\nx_axis_cm = {:.3f}\nname_tics = {}\n",
+                             figure.names.empty() ? 0 : 1, is_slanted ? 1.0 + 0.6 * widest_cm : 1.0,
+                             gnuplot_text(list.empty() ? ""
+                                                       : fmt::format("set xtics {}noenhanced ({})",
+                                                                     how, list)));
+}
+
 // With one series, the legend says what dots, line and band mean; with several, their names.
 std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
   using Sample = LegendEntry::Sample;
@@ -139,15 +173,21 @@ std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
   if (figure.series.size() == 1) {
     const std::string colour = kSeriesColours[0];
     entries = {{Sample::point, "ps 0.28 lc rgb \"#70" + colour + "\"", "run"},
-               {Sample::linespoint, line(0), "mean"}};
-    if (intervals) {
+               {figure.names.empty() ? Sample::linespoint : Sample::point,
+                figure.names.empty() ? line(0) : "ps 0.45 " + line(0), "mean"}};
+    if (intervals && !figure.names.empty()) {
+      entries.push_back({Sample::line, "lw 2 lc rgb \"#" + colour + "\"",
+                         fmt::format("its {:g} % interval", 100.0 * figure.confidence)});
+    } else if (intervals) {
       entries.push_back({Sample::area, "fs solid noborder fc rgb \"#b0" + colour + "\"",
                          fmt::format("its {:g} % interval", 100.0 * figure.confidence)});
     }
     return entries;
   }
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
-    entries.push_back({Sample::linespoint, line(s), figure.series[s].name});
+    entries.push_back({figure.names.empty() ? Sample::linespoint : Sample::point,
+                       figure.names.empty() ? line(s) : "ps 0.45 " + line(s),
+                       figure.series[s].name});
   }
   return entries;
 }
@@ -163,20 +203,27 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
   }
   std::string note = seeds_note(e.least, e.most, e.failed);
   if (count > 1 && e.intervals) {
-    note += fmt::format(". Dots: runs; lines: means; bands: their {:g} % intervals",
+    note += fmt::format(". Dots: runs; {}: their {:g} % intervals",
+                        figure.names.empty() ? "lines: means; bands" : "large ones: means; bars",
                         100.0 * figure.confidence);
+  }
+  const auto all_points_equal = [](const CurveSeries& series) {
+    return std::all_of(series.points.begin(), series.points.end(), all_equal);
+  };
+  if (e.most > 1 && std::all_of(figure.series.begin(), figure.series.end(), all_points_equal)) {
+    note += ", all of them equal";
   }
   note += losses_note(figure.series);
   const FigureFrame frame(figure.text, note, legend_of(figure, e.intervals),
                           FigureFrame::Legend::above);
   std::string variables = frame.variables(stem, figure.text.height_cm);
-  variables += axes(figure, e);
+  variables += axes(figure, e) + name_axis(figure);
   variables += "colours = \"";
   for (std::size_t s = 0; s < count; ++s) variables += fmt::format("{} ", kSeriesColours[s]);
-  variables +=
-      fmt::format("\"\nx_label = {}\ny_label = {}\nbars = {}\nseries = {}\nlosses = {}\n",
-                  gnuplot_text(figure.x_label), gnuplot_text(figure.y_label),
-                  e.lonely_interval ? 1 : 0, count, losses_note(figure.series).empty() ? 0 : 1);
+  variables += fmt::format("\"\nx_label = {}\ny_label = {}\nbars = {}\nseries = {}\nlosses = {}\n",
+                           gnuplot_text(figure.x_label), gnuplot_text(figure.y_label),
+                           e.lonely_interval || !figure.names.empty() ? 1 : 0, count,
+                           losses_note(figure.series).empty() ? 0 : 1);
   draw_figure(folder, stem, csv_of(figure, e.jitter()), figure.text, variables, kCurveCommands);
 }
 

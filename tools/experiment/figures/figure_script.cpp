@@ -33,8 +33,20 @@ terminal_pdf = sprintf('set terminal pdfcairo size %gcm,%gcm font "%s,7.5" fonts
   width_cm, height_cm, font)
 terminal_png = sprintf('set terminal pngcairo size %.0f,%.0f font "%s,7.5" fontscale 3.125 ' \
   . 'lw 2.6 pointscale 2.6', width_cm / 2.54 * 300, height_cm / 2.54 * 300, font)
+terminal_tex = sprintf('set terminal tikz size %gcm,%gcm font ",7.5" fontscale 1 linewidth 1.2', \
+  width_cm, height_cm)
+# What TeX would take for a command, or has no letter for.
+replaced(s, from, to) = strstrt(s, from) == 0 ? s : \
+  s[1 : strstrt(s, from) - 1] . to . replaced(s[strstrt(s, from) + strlen(from) : *], from, to)
+tex_letters = "\\ \\textbackslash{} % \\% & \\& # \\# $ \\$ _ \\_ ^ \\^{} ε $\\varepsilon$ " \
+  . "δ $\\delta$ τ $\\tau$ × $\\times$ ± $\\pm$ – --"
+tex_from(s, i) = i > words(tex_letters) ? s : \
+  tex_from(replaced(s, word(tex_letters, i), word(tex_letters, i + 1)), i + 2)
+tex(s) = tex_from(s, 1)
+formats = strstrt(GPVAL_TERMINALS, "tikz") > 0 ? "svg pdf png tex" : "svg pdf png"
 
-do for [format in "svg pdf png"] {
+do for [format in formats] {
+  if (format eq "tex") { eval texts_for_tex }
   eval value("terminal_" . format)
   set output stem . "." . format
   eval decoration
@@ -253,11 +265,29 @@ std::string FigureFrame::legend(double height_cm) const {
   return commands;
 }
 
+namespace {
+
+/// Commands that have all texts among a script's variables as TeX needs them.
+std::string texts_for_tex(const std::string& variables) {
+  std::istringstream in(variables);
+  std::string commands, line;
+  while (std::getline(in, line)) {
+    const std::string name = line.substr(0, line.find(" = '"));
+    const bool is_text = name.starts_with("text_") || name.starts_with("titles[") ||
+                         name == "title_text" || name.ends_with("_label");
+    if (is_text && name != line) commands += fmt::format("{0} = tex({0}); ", name);
+  }
+  return "texts_for_tex = " + gnuplot_text(commands) + "\n";
+}
+
+}  // namespace
+
 void draw_figure(const std::filesystem::path& folder, const std::string& stem,
                  const std::string& csv, const FigureText& text, const std::string& variables,
                  const char* commands) {
   write_file(folder / (stem + ".csv"), with_last_column(csv, "plant", text.plant));
-  run_gnuplot(folder, stem + ".gp", variables + kPrologue + commands + kEpilogue);
+  run_gnuplot(folder, stem + ".gp",
+              variables + texts_for_tex(variables) + kPrologue + commands + kEpilogue);
 }
 
 }  // namespace tether

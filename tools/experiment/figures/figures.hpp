@@ -13,8 +13,9 @@
 namespace tether {
 
 // Figures for one column of print, by gnuplot. Each function writes into `folder`, which exists,
-// `stem`.svg, .pdf and .png with the data (.csv) and the script (.gp) beside them; the script can
-// be restyled and run again there: gnuplot STEM.gp. They throw std::runtime_error if a file cannot
+// `stem`.svg, .pdf, .png and .tex (TikZ: \usepackage{gnuplot-lua-tikz}, of gnuplot) with the data
+// (.csv) and the script (.gp) beside them; the script can be restyled and run again there: gnuplot
+// STEM.gp. They throw std::runtime_error if a file cannot
 // be written, gnuplot is missing (naming the package) or fails. Colours are Okabe and Ito's and,
 // for scales, cividis (Nuñez, Anderton, Renslow, PLOS ONE 13(7), 2018), whose lightness only rises:
 // all readers can tell them apart, and so can a grey print. No text is smaller than 7 pt. Values
@@ -74,10 +75,12 @@ struct CurveSeries {
 };
 
 /// A result against a parameter: one dot for each run, a line through the means, and a band of
-/// their intervals. Where a band has no neighbour to reach to, there are bars, too.
+/// their intervals. Where a band has no neighbour to reach to, there are bars, too. Where x is a
+/// name, there are bars only, the series side by side.
 struct CurveFigure {
   FigureText text;
-  std::string x_label;  ///< with unit: "δ [ms]"
+  std::string x_label;             ///< with unit: "δ [ms]"
+  std::vector<std::string> names;  ///< what x = 1, 2 … stand for; none: x is a number
   std::string y_label = "ε [m]";
   double confidence = kConfidence;  ///< of the intervals, for the legend
   bool log_y = false;               ///< else from 0; values that are not positive are left out
@@ -163,6 +166,7 @@ std::vector<TimeSpan> sharp_turns(const std::vector<RiskPoint>& path);
 struct RiskMapFigure {
   FigureText text;
   std::string value_label = "mean ε [m]";
+  std::string note;  ///< below, after the number of seeds: what the value is
   double confidence = kConfidence;
   double half_extent_m = 0.0;
   std::size_t failed = 0;         ///< runs that are in no mean

@@ -153,7 +153,7 @@ std::string note_of(const RiskMapFigure& figure) {
     least = std::min(least, p.n);
     most = std::max(most, p.n);
   }
-  return seeds_note(least, most, figure.failed);
+  return seeds_note(least, most, figure.failed) + (figure.note.empty() ? "" : "; " + figure.note);
 }
 
 std::vector<LegendEntry> legend_of(const RiskMapFigure& figure) {

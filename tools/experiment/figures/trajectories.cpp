@@ -10,7 +10,7 @@ namespace tether {
 namespace {
 
 // Everything is placed in cm: square panels, tics only at the outer ones.
-constexpr double kLeft_cm = 1.15, kRight_cm = 0.15, kGap_cm = 0.2, kPanelTitle_cm = 0.5;
+constexpr double kLeft_cm = 1.15, kRight_cm = 0.15, kGap_cm = 0.2, kPanelTitle_cm = 0.62;
 
 constexpr char kTrajectoriesCommands[] = R"gnuplot(
   set multiplot
@@ -33,8 +33,8 @@ constexpr char kTrajectoriesCommands[] = R"gnuplot(
     set title titles[i + 1] noenhanced offset 0,-0.7
     if (column == 0) { set ylabel "y [m]" offset 1.2,0; set format y "%g" } \
     else { unset ylabel; set format y "" }
-    if (i + columns >= |titles|) { set xlabel "x [m]" offset 0,0.5; set format x "%g" } \
-    else { unset xlabel; set format x "" }
+    if (i + columns >= |titles|) { set xlabel "x [m]" offset 0,0.5; set format x "%g"; set xtics scale 0.6 } \
+    else { unset xlabel; set format x ""; set xtics scale 0 }
     plot data every ::1 using ($1 == i + 1 && strcol(2) eq "planned" ? $3 : NaN):4 \
         with lines lw 2 lc rgb "#009e73", \
       '' every ::1 using ($1 == i + 1 && strcol(2) eq "actual" ? $3 : NaN):4 \

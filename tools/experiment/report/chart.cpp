@@ -42,21 +42,28 @@ std::string chart_json(const RunStore& store, const SweepData& data,
 
   std::optional<SweepData> across;  // pareto: what x is
   if (choice->kind == Kind::pareto) across.emplace(store, choice->x);
-  const auto x_of = [&](std::size_t arm) {
-    return across ? across->arms()[arm].summary.mean : data.number(arm, choice->x);
+  const auto place_of = [&](std::size_t arm) {
+    return across ? across->arms()[arm].summary.mean : x_of(data, *choice, arm);
   };
+  Json names = Json::array();
+  if (choice->kind == Kind::curve) {
+    for (const std::string& name : names_of(data, *choice)) {
+      names.push_back(label_of_value(choice->x, name));
+    }
+  }
   std::vector<Tradeoff> trades;
   std::vector<Json> drawn;
   Json series = Json::array();
   std::map<std::string, std::size_t> places;  // by the value of choice->y
   for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
     if (!is_selected(choice->where, data.arms()[arm].settings)) continue;
-    if (!std::isfinite(x_of(arm))) continue;
+    if (!std::isfinite(place_of(arm))) continue;
     const std::string name = data.text(arm, choice->y);
     const auto [place, is_new] = places.emplace(name, series.size());
-    if (is_new) series.push_back({{"name", name}, {"points", Json::array()}});
-    drawn.push_back(point_json(data, arm, x_of(arm)));
-    trades.push_back({x_of(arm), data.arms()[arm].summary.mean});
+    if (is_new)
+      series.push_back({{"name", label_of_value(choice->y, name)}, {"points", Json::array()}});
+    drawn.push_back(point_json(data, arm, place_of(arm)));
+    trades.push_back({place_of(arm), data.arms()[arm].summary.mean});
     series[place->second]["points"].push_back(drawn.back());
   }
   if (across) {
@@ -66,15 +73,16 @@ std::string chart_json(const RunStore& store, const SweepData& data,
   }
   const bool is_log = choice->kind == Kind::comparison || across;
   const std::string x_name = across ? label_of_metric(choice->x) : label_of_key(choice->x);
-  return Json{{"x_label", choice->x_label.empty() ? x_name : choice->x_label},
-              {"y_label", label_of_metric(choice->metric)},
-              {"y", is_log ? "" : label_of_key(choice->y)},
-              {"log", is_log},
-              {"reversed", choice->reversed},
-              {"folder", store.file().parent_path().string()},
-              {"report", folder.string()},
-              {"runs_at", address_of_runs(folder, store.file())},
-              {"series", std::move(series)}}
+  return Json{
+      {"x_label", choice->x_label.empty() ? x_name : choice->x_label},
+      {"y_label", choice->y_label.empty() ? label_of_metric(choice->metric) : choice->y_label},
+      {"names", std::move(names)},
+      {"log", is_log},
+      {"reversed", choice->reversed},
+      {"folder", store.file().parent_path().string()},
+      {"report", folder.string()},
+      {"runs_at", address_of_runs(folder, store.file())},
+      {"series", std::move(series)}}
       .dump();
 }
 

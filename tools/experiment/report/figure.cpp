@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
+#include "common/base/csv_table.hpp"
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tools/experiment/figures/figures.hpp"
 #include "tools/experiment/store/data.hpp"
-#include "tools/runs/metric.hpp"
+#include "tools/runs/metric_expression.hpp"
 
 namespace tether {
 namespace {
@@ -30,8 +32,7 @@ FigureText text_of(const RunStore& store) {
 }
 
 /// The drawn arms by the value of the figure's y, each by ascending x.
-std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& choice,
-                                   const std::string& before_names) {
+std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& choice) {
   std::vector<CurveSeries> all;
   std::map<std::string, std::size_t> places;  // by the value of choice.y
   for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
@@ -39,8 +40,8 @@ std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& ch
     if (!is_selected(choice.where, from.settings)) continue;
     const std::string name = data.text(arm, choice.y);
     const auto [place, is_new] = places.emplace(name, all.size());
-    if (is_new) all.push_back({choice.y.empty() ? "" : before_names + name, {}});
-    all[place->second].points.push_back({data.number(arm, choice.x), values_of(from.runs),
+    if (is_new) all.push_back({choice.y.empty() ? "" : label_of_value(choice.y, name), {}});
+    all[place->second].points.push_back({x_of(data, choice, arm), values_of(from.runs),
                                          from.summary.mean, from.summary.mean_interval,
                                          from.has_two_humps ? from.survival.lost.count : 0});
   }
@@ -51,13 +52,21 @@ std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& ch
   return all;
 }
 
+/// What the figure's y axis is called, and its colours.
+std::string value_label(const FigureChoice& choice, const char* before) {
+  return choice.y_label.empty() ? before + label_of_metric(choice.metric) : choice.y_label;
+}
+
 void draw_curve_of(const RunStore& store, const SweepData& data, const FigureChoice& choice,
                    const std::filesystem::path& folder, const std::string& stem) {
   CurveFigure figure;
   figure.text = text_of(store);
-  figure.x_label = label_of_key(choice.x);
-  figure.y_label = label_of_metric(choice.metric);
-  figure.series = series_of(data, choice, label_of_key(choice.y) + " ");
+  figure.x_label = choice.x_label.empty() ? label_of_key(choice.x) : choice.x_label;
+  figure.y_label = value_label(choice, "");
+  for (const std::string& name : names_of(data, choice)) {
+    figure.names.push_back(label_of_value(choice.x, name));
+  }
+  figure.series = series_of(data, choice);
   draw_curve(folder, stem, figure);
 }
 
@@ -67,11 +76,11 @@ void draw_comparison_of(const RunStore& store, const SweepData& data, const Figu
   figure.text = text_of(store);
   figure.text.height_cm = 8.2;
   figure.x_label = choice.x_label.empty() ? label_of_key(choice.x) : choice.x_label;
-  figure.y_label = "mean " + label_of_metric(choice.metric);
+  figure.y_label = value_label(choice, "mean ");
   figure.note = choice.note;
   figure.floor = choice.floor;
   figure.reversed = choice.reversed;
-  figure.series = series_of(data, choice, "");
+  figure.series = series_of(data, choice);
   draw_comparison(folder, stem, figure);
 }
 
@@ -83,13 +92,13 @@ void draw_pareto_of(const RunStore& store, const SweepData& data, const FigureCh
   figure.text = text_of(store);
   figure.text.height_cm = 8.2;
   figure.x_label = "mean " + label_of_metric(choice.x);
-  figure.y_label = "mean " + label_of_metric(choice.metric);
+  figure.y_label = value_label(choice, "mean ");
   std::map<std::string, std::size_t> places;
   for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
     const SweepData::ArmData& from = data.arms()[arm];
     if (!is_selected(choice.where, from.settings)) continue;
     const auto [place, is_new] = places.emplace(data.text(arm, choice.y), figure.series.size());
-    if (is_new) figure.series.push_back({place->first, {}});
+    if (is_new) figure.series.push_back({label_of_value(choice.y, place->first), {}});
     const Summary& x = across.arms()[arm].summary;
     figure.series[place->second].points.push_back(
         {x.mean, values_of(from.runs), from.summary.mean, from.summary.mean_interval,
@@ -104,7 +113,7 @@ void draw_heatmap_of(const RunStore& store, const SweepData& data, const FigureC
   figure.text = text_of(store);
   figure.x_label = label_of_key(choice.x);
   figure.y_label = label_of_key(choice.y);
-  figure.value_label = "mean " + label_of_metric(choice.metric);
+  figure.value_label = value_label(choice, "mean ");
   for (const double x : data.values(choice.x)) {
     const std::vector<std::size_t> column = data.where(choice.x, x);
     std::vector<std::vector<SeededValue>> runs;
@@ -144,7 +153,7 @@ void draw_trajectories_of(const RunStore& store, const std::filesystem::path& fo
         for (auto setting = arms[run.arm].settings.rbegin();
              setting != arms[run.arm].settings.rend(); ++setting) {
           panel.title =
-              fmt::format("{} {}, {}", label_of_key(setting->key), setting->plain(), panel.title);
+              fmt::format("{}, {}", label_of_value(setting->key, setting->plain()), panel.title);
         }
         for (const TrajectoryPoint& row : run.result.trajectory) {
           panel.planned.push_back(
@@ -168,10 +177,13 @@ void draw_risk_map_of(const RunStore& store, const std::filesystem::path& folder
   figure.turns = sharp_turns(figure.points);
   switch (definition) {
     case RiskDefinition::whole_run:
-      figure.value_label = "mean ε of runs in B here [m]";
+      figure.value_label = "mean ε [m]";
+      figure.note =
+          "ε is of the runs in which the channel was in its bad state (B) when the plan was here";
       break;
     case RiskDefinition::next_10_s:
-      figure.value_label = "mean error, next 10 s [m]";
+      figure.value_label = "mean error [m]";
+      figure.note = "the error is that of the next 10 s, where the channel was bad (B) here";
       break;
     case RiskDefinition::now:
       figure.value_label = "mean error [m]";
@@ -210,18 +222,85 @@ bool draw_sweep_figure(const RunStore& store, const SweepData& data,
   return true;
 }
 
-std::string label_of_key(const std::string& key) {
-  if (key.starts_with("channel.") && key.ends_with("prr")) return "PRR";
-  if (key == "delay_ms" || (key.starts_with("channel.") && key.ends_with("delay_ms"))) {
-    return "δ [ms]";
+std::vector<std::string> names_of(const SweepData& data, const FigureChoice& choice) {
+  std::vector<std::string> names;
+  bool are_numbers = true;
+  for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
+    if (!is_selected(choice.where, data.arms()[arm].settings)) continue;
+    const std::string name = data.text(arm, choice.x);
+    are_numbers = are_numbers && std::isfinite(data.number(arm, choice.x));
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   }
-  if (key == "controller.tau_s") return "τ [s]";
-  return key;
+  return are_numbers ? std::vector<std::string>{} : names;
 }
 
-std::string label_of_metric(const std::string& metric) {
-  const auto number = metric_number(metric);
-  return number ? metrics()[*number].label : metric;
+double x_of(const SweepData& data, const FigureChoice& choice, std::size_t arm) {
+  const std::vector<std::string> names = names_of(data, choice);
+  if (names.empty()) return data.number(arm, choice.x);
+  const auto place = std::find(names.begin(), names.end(), data.text(arm, choice.x));
+  return 1.0 + static_cast<double>(place - names.begin());
 }
+
+namespace {
+
+/// What a key's values are, and their unit: "sensor rate", "Hz".
+std::pair<std::string, std::string> quantity_of(const std::string& key) {
+  if (key.starts_with("channel.") && key.ends_with("prr")) return {"PRR", ""};
+  if (key == "delay_ms" || (key.starts_with("channel.") && key.ends_with("delay_ms"))) {
+    return {"δ", "ms"};
+  }
+  if (key == "controller.tau_s") return {"τ", "s"};
+  static const std::map<std::string, std::string> kUnits{{"s", "s"},
+                                                         {"ms", "ms"},
+                                                         {"m", "m"},
+                                                         {"mm", "mm"},
+                                                         {"hz", "Hz"},
+                                                         {"kg", "kg"},
+                                                         {"rad", "rad"},
+                                                         {"mps", "m/s"},
+                                                         {"mps2", "m/s²"},
+                                                         {"radps", "rad/s"},
+                                                         {"db", "dB"},
+                                                         {"us", "µs"},
+                                                         {"bits_per_s", "bit/s"}};
+  std::string words = key, unit;
+  for (const auto& [end, name] : kUnits) {
+    if (!key.ends_with("_" + end) || end.size() < key.size() - words.size()) continue;
+    words = key.substr(0, key.size() - end.size() - 1);
+    unit = name;
+  }
+  std::replace_if(
+      words.begin(), words.end(), [](char c) { return c == '.' || c == '_'; }, ' ');
+  return {words, unit};
+}
+
+}  // namespace
+
+std::string label_of_value(const std::string& key, const std::string& value) {
+  if (key == "controller.law") {
+    static const std::map<std::string, std::string> kLaws{
+        {"pid", "PID"}, {"pid_adaptive", "adaptive PID"}, {"mpc", "MPC"}};
+    if (const auto law = kLaws.find(value); law != kLaws.end()) return law->second;
+    std::string words = value;
+    std::replace(words.begin(), words.end(), '_', ' ');
+    return words;
+  }
+  if (key.ends_with(".file")) return std::filesystem::path(value).stem().string();
+  const auto [words, unit] = quantity_of(key);
+  const bool is_named = key.find('.') == std::string::npos && unit != "ms";
+  if (value == "true" || value == "false") return (value == "true" ? "" : "no ") + words;
+  if (is_named || !std::isfinite(finite_number(value))) return value;
+  return fmt::format("{} {}{}{}", words, value, unit.empty() ? "" : " ", unit);
+}
+
+std::string label_of_key(const std::string& key) {
+  if (key.ends_with("trace.file")) return "trace";
+  const auto [words, unit] = quantity_of(key);
+  const bool is_symbol = words == "PRR" || words == "δ" || words == "τ";
+  if (!is_symbol) return key;
+  return unit.empty() ? words : fmt::format("{} [{}]", words, unit);
+}
+
+std::string label_of_metric(const std::string& metric) { return MetricExpression(metric).label(); }
 
 }  // namespace tether

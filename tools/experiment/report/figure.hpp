@@ -18,7 +18,13 @@ bool draw_sweep_figure(const RunStore& store, const SweepData& data,
 
 /// "PRR", "δ [ms]", "τ [s]" or the key itself.
 std::string label_of_key(const std::string& key);
-/// "ε [m]", "rms error [m]"…
+/// A value for people: "PID", "PRR 0.45", "δ 100 ms", "sensor rate 20 Hz", "fade" of "fade.csv".
+std::string label_of_value(const std::string& key, const std::string& value);
+/// The figure's values of x, in the order of arms, if they are not all numbers; else none.
+std::vector<std::string> names_of(const SweepData& data, const FigureChoice& choice);
+/// Where an arm is along x: the number, or 1 for the first of names_of().
+double x_of(const SweepData& data, const FigureChoice& choice, std::size_t arm);
+/// "ε [m]", "rms error [m]"…, or the expression
 std::string label_of_metric(const std::string& metric);
 
 }  // namespace tether

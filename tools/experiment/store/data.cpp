@@ -8,6 +8,7 @@
 #include <set>
 
 #include "common/base/csv_table.hpp"
+#include "tools/runs/metric_expression.hpp"
 
 namespace tether {
 
@@ -20,7 +21,7 @@ bool is_same(double a, double b) { return std::abs(a - b) <= 1e-9; }
 }  // namespace
 
 SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_(metric) {
-  const std::size_t number = metric_number(metric).value();
+  const MetricExpression measure(metric);
   const std::size_t lost = metric_number("lost").value();
   const std::size_t returned = metric_number("return_s").value();
   const std::size_t away = metric_number("away_s").value();
@@ -32,8 +33,8 @@ SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_
   std::vector<Columns> columns(stored.size());
   store.for_each([&](const StoredRun& run) {
     const auto& values = run.result.metrics;
-    arms_.at(run.arm).runs.push_back({run.seed, values[number]});
     const bool has_failed = !run.result.failure.empty();
+    arms_.at(run.arm).runs.push_back({run.seed, has_failed ? kUnknown : measure.of(values)});
     columns[run.arm].lost.push_back(has_failed ? kUnknown : values[lost]);
     columns[run.arm].returned.push_back(has_failed ? kUnknown : values[returned]);
     columns[run.arm].away.push_back(has_failed ? kUnknown : values[away]);
@@ -44,12 +45,12 @@ SweepData::SweepData(const RunStore& store, const std::string& metric) : metric_
     arm.summary = summarize(values, kConfidence, kBootstrapSeed);
     arm.survival = survival_of(values, columns[i].lost, kConfidence, kBootstrapSeed);
     arm.returns = returns_of(columns[i].returned, columns[i].away, kConfidence, kBootstrapSeed);
-    arm.has_two_humps = metrics()[number].is_error && arm.survival.lost.count > 0;
+    arm.has_two_humps = measure.is_error() && arm.survival.lost.count > 0;
     for (std::size_t run = 0; run < arm.runs.size(); ++run) {
       if (columns[i].lost[run] <= 0.5) arm.survivors.push_back(arm.runs[run]);
     }
-    if (number == lost) arm.summary.mean_interval = arm.survival.lost.interval;
-    if (metrics()[number].is_share) {
+    if (metric == "lost") arm.summary.mean_interval = arm.survival.lost.interval;
+    if (measure.is_share()) {
       const auto known = std::count_if(values.begin(), values.end(),
                                        [](double value) { return !std::isnan(value); });
       const auto count =

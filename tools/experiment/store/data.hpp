@@ -30,7 +30,7 @@ class SweepData {
     std::vector<SeededValue> survivors = {};
   };
 
-  /// `metric` is the name of one of metrics().
+  /// `metric`: one of metrics(), or an expression over them (metric_expression.hpp).
   SweepData(const RunStore& store, const std::string& metric);
 
   const std::vector<ArmData>& arms() const { return arms_; }

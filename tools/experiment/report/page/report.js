@@ -46,7 +46,7 @@
     const colour = colours[number % colours.length];
     const style = Math.floor(number / colours.length) % DASHES.length;
     return {
-      label: chart.y ? `${chart.y} ${series.name}` : series.name || "mean",
+      label: series.name || "mean",
       data: series.points
         .filter((point) => point.mean !== null)
         .map((point) => ({ ...point, y: point.mean }))
@@ -56,10 +56,13 @@
       borderDash: DASHES[style],
       pointStyle: POINTS[style],
       pointRadius: 4,
-      showLine: true,
+      showLine: chart.names.length === 0,
       borderWidth: 1.5,
     };
   }
+
+  // x is a number, or the place of a name.
+  const xText = (chart, x) => chart.names[x - 1] ?? digits(x);
 
   const addressOf = (chart, point, seed) => `${chart.runs_at}/${point.arm}/${seed}`;
   const TAB = "tether-run"; // one for all runs
@@ -87,7 +90,7 @@
     select.addEventListener("change", write);
     write();
     const title = document.createElement("p");
-    title.textContent = `${label}, ${chart.x_label} ${digits(point.x)}: ${describe(point)}. The run with `;
+    title.textContent = `${label}, ${chart.x_label} ${xText(chart, point.x)}: ${describe(point)}. The run with `;
     title.append(select, ...(isServed ? [": ", link, ", or again:"] : [" again:"]));
     place.replaceChildren(title, commands);
     return link.href;
@@ -99,7 +102,7 @@
     datasets.forEach(({ label, data }, series) => {
       const group = Object.assign(document.createElement("optgroup"), { label });
       data.forEach((point, index) =>
-        group.append(new Option(`${chart.x_label} ${digits(point.x)}: ${describe(point)}`, `${series} ${index}`)),
+        group.append(new Option(`${chart.x_label} ${xText(chart, point.x)}: ${describe(point)}`, `${series} ${index}`)),
       );
       list.append(group);
     });
@@ -120,6 +123,11 @@
     Chart.defaults.color = style.color;
     Chart.defaults.borderColor = style.getPropertyValue("--line");
     const axis = (text) => ({ title: { display: true, text } });
+    const named = chart.names.length > 0 && {
+      min: 0.5,
+      max: chart.names.length + 0.5,
+      ticks: { stepSize: 1, callback: (x) => chart.names[x - 1] ?? "" },
+    };
     const datasets = chart.series.map((series, number) => datasetOf(series, number, chart));
     const show = (series, index) => showRuns(runs, chart, datasets[series].label, datasets[series].data[index]);
     if (!figure.querySelector(".points")) runs.before(pointList(datasets, chart, show));
@@ -129,7 +137,7 @@
       options: {
         animation: false,
         scales: {
-          x: { type: "linear", reverse: chart.reversed, ...axis(chart.x_label) },
+          x: { type: "linear", reverse: chart.reversed, ...axis(chart.x_label), ...named },
           y: { type: chart.log ? "logarithmic" : "linear", beginAtZero: true, ...axis(chart.y_label) },
         },
         plugins: {
@@ -137,7 +145,7 @@
           tooltip: {
             callbacks: {
               label: ({ raw, dataset }) =>
-                `${dataset.label}, ${chart.x_label} ${digits(raw.x)}: ${describe(raw)}`,
+                `${dataset.label}, ${chart.x_label} ${xText(chart, raw.x)}: ${describe(raw)}`,
             },
           },
         },
