@@ -93,7 +93,7 @@ TEST_F(CurveFigureTest, CurveOverNamesHasBarsSideBySideAndTheNamesBelow) {
   }
   draw_curve(folder_, "names", figure);
   testing::expect_tex(contents("names.tex"));
-  for (const char* name : {"office_100%", "hall &amp; yard", "a warehouse with a long name"}) {
+  for (const char* name : {"office_100%", "hall &amp; yard", "a warehouse with a l…"}) {
     EXPECT_TRUE(shows("names", name)) << name;
   }
   EXPECT_NE(contents("names.tex").find("office\\_100\\%"), std::string::npos);

@@ -143,24 +143,46 @@ std::string axes(const CurveFigure& figure, const Extent& e) {
                      e.x.low - x_margin, e.x.high + x_margin, low, high, log_y ? 1 : 0);
 }
 
-/// Names below the axis, upright where there is room, and how much of the height they take.
-std::string name_axis(const CurveFigure& figure) {
-  std::string texts, list;
-  double widest_cm = 0.0;
-  for (std::size_t i = 0; i < figure.names.size(); ++i) {
-    widest_cm = std::max(widest_cm, text_cm(figure.names[i]));
-    texts += fmt::format("text_{} = {}\n", 3001 + i, gnuplot_text(figure.names[i]));
-    list += fmt::format("{0}text_{1} {2}", i == 0 ? "" : ", ", 3001 + i, i + 1);
+/// A slanted name takes height of the figure.
+std::string shortened(const std::string& name) {
+  constexpr std::size_t kMostLetters = 20;
+  std::size_t letters = 0;
+  for (std::size_t i = 0; i < name.size(); ++i) {
+    const bool begins = (static_cast<unsigned char>(name[i]) & 0xc0U) != 0x80U;  // in UTF-8
+    if (begins && ++letters > kMostLetters) return name.substr(0, i) + "…";
   }
-  const double each_cm =
-      (figure.text.width_cm - 1.5) / static_cast<double>(figure.names.size() + 1);
-  const bool is_slanted = !figure.names.empty() && 1.1 * widest_cm > each_cm;
-  const char* how = is_slanted ? "rotate by 30 right " : "";
+  return name;
+}
+
+/// Names below the axis, slanted where there is no room, and how much of the height they take. As
+/// labels: gnuplot takes a tic's text for a format, and warns of long ones that are rotated.
+std::string name_axis(const CurveFigure& figure) {
+  std::string texts, tics, labels;
+  double widest_cm = 0.0;
+  for (const std::string& name : figure.names) {
+    widest_cm = std::max(widest_cm, text_cm(shortened(name)));
+  }
+  const auto count = static_cast<double>(figure.names.size());
+  const bool is_slanted = 1.1 * widest_cm > (figure.text.width_cm - 1.5) / (count + 1.0);
+  for (std::size_t i = 0; i < figure.names.size(); ++i) {
+    const std::size_t tag = 3001 + i;
+    texts += fmt::format("text_{} = {}\n", tag, gnuplot_text(shortened(figure.names[i])));
+    tics += fmt::format("{}\"\" {}", i == 0 ? "" : ", ", i + 1);
+    labels += fmt::format(
+        "set label {0} text_{0} at first {1}, screen (bottom_cm + x_axis_cm - 0.3) / height_cm {2} "
+        "noenhanced; ",
+        tag, i + 1, is_slanted ? "right rotate by 30" : "center");
+  }
+  std::string commands;
+  if (!figure.names.empty()) {
+    commands = fmt::format(
+        "set xtics ({}); {}unset xlabel; set label 3000 x_label at graph 0.5, screen (bottom_cm + "
+        "0.3) / height_cm center noenhanced",
+        tics, labels);
+  }
   return texts + fmt::format("named = {}\nx_axis_cm = {:.3f}\nname_tics = {}\n",
-                             figure.names.empty() ? 0 : 1, is_slanted ? 1.0 + 0.6 * widest_cm : 1.0,
-                             gnuplot_text(list.empty() ? ""
-                                                       : fmt::format("set xtics {}noenhanced ({})",
-                                                                     how, list)));
+                             figure.names.empty() ? 0 : 1,
+                             is_slanted ? 1.15 + 0.5 * widest_cm : 1.0, gnuplot_text(commands));
 }
 
 // With one series, the legend says what dots, line and band mean; with several, their names.

@@ -265,7 +265,8 @@ std::pair<std::string, std::string> quantity_of(const std::string& key) {
                                                          {"bits_per_s", "bit/s"}};
   std::string words = key, unit;
   for (const auto& [end, name] : kUnits) {
-    if (!key.ends_with("_" + end) || end.size() < key.size() - words.size()) continue;
+    const bool has_unit = key.ends_with("_" + end) || key.ends_with("." + end);
+    if (!has_unit || end.size() < key.size() - words.size()) continue;
     words = key.substr(0, key.size() - end.size() - 1);
     unit = name;
   }
