@@ -15,7 +15,7 @@ BUILD = pathlib.Path(sys.argv[1])
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 VEHICLE = ["tether-vehicle", "tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-link", "tether-localiser"]
 PACKAGES = ["python3-tether-env", "python3-tether", "tether-dev", "tether-doc", "tether-vehicle", "tether"]  # by file name
-NOT_ON_A_VEHICLE = ["libode", "libsqlite3", "libzstd"]
+NOT_ON_A_VEHICLE = ["libode", "libsqlite3", "libmuparser", "libzstd"]
 
 
 def check(condition, what):
