@@ -1,16 +1,21 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cmath>
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
+#include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
 #include "margin/loop/loop_margins.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/experiment/design/experiment.hpp"
+#include "tools/experiment/sweep/session.hpp"
+#include "tools/margin/verification_text.hpp"
 
 namespace tether {
 namespace {
@@ -18,6 +23,9 @@ namespace {
 struct MarginOptions {
   ScenarioOptions scenario;
   bool json = false;
+  std::string verify;  ///< an experiment
+  bool quick = false;
+  std::optional<std::size_t> jobs;
 };
 
 std::string in_words(const Critical& critical, double factor, const char* unit) {
@@ -87,7 +95,38 @@ std::string margins_in_json(const LoopMargins& m) {
   return json.dump(2) + "\n";
 }
 
+/// One row after the other, as they are done: each takes a while.
+int verify_experiment(const MarginOptions& options) {
+  const Experiment experiment =
+      load_experiment(options.verify, options.scenario.overrides(), options.quick);
+  VerificationTrial trial;
+  trial.full.runs = std::max(StraightTrial::kGroups, experiment.seeds.size());
+  trial.full.seed = experiment.seeds.front();
+  trial.full.jobs = options.jobs.value_or(default_jobs());
+  TextOutput out;
+  bool all_hold = true;
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  if (!options.json) out.write(verification_head());
+  for (const Arm& arm : experiment.arms) {
+    for (const VerifiedCritical& row : verify_margins(arm.scenario, trial)) {
+      all_hold = all_hold && row.holds();
+      if (options.json) {
+        json.push_back(verification_json(arm.text(), row));
+      } else {
+        out.write(verification_row(arm.text(), row));
+      }
+    }
+  }
+  if (options.json) out.write(json.dump(2) + "\n");
+  out.close();
+  return all_hold ? kExitOk : kExitFailed;
+}
+
 int tell_margins(const MarginOptions& options) {
+  if (!options.verify.empty()) return verify_experiment(options);
+  if (options.scenario.file.empty()) {
+    throw UsageError("tether margin: name a scenario, or an experiment with --verify");
+  }
   const LoopMargins margins = loop_margins(options.scenario.load());
   TextOutput out;
   out.write(options.json ? margins_in_json(margins) : margins_in_words(margins));
@@ -106,7 +145,14 @@ void add_margin_command(CLI::App& tether, Action& action) {
                             "PRR, burst and delay, and the error that noise leaves. Refuses "
                             "scenarios for which the theory "
                             "does not hold");
-  add_scenario(*command, options->scenario)->required();
+  add_scenario(*command, options->scenario);
+  command->add_option("--verify", options->verify,
+                      "an experiment: critical values of each of its arms, predicted, and of "
+                      "simulations, with 95 % intervals");
+  command->add_flag("--quick", options->quick,
+                    "--verify: no more runs than the file's quick_seeds");
+  command->add_option("--jobs", options->jobs, "runs at a time [one per core]")
+      ->check(CLI::Range(1, 1024));
   command->add_flag("--json", options->json, "print one JSON object");
   command->callback([options, &action] { action = [options] { return tell_margins(*options); }; });
 }

@@ -1,0 +1,69 @@
+#include "tools/margin/verification.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tools/experiment/design/experiment.hpp"
+
+// A small part of experiments/margins.toml: what is computed against what simulations have.
+
+namespace tether {
+namespace {
+
+VerificationTrial small() {
+  VerificationTrial trial;
+  trial.linear_loops = 300;
+  trial.linear_periods = 300;
+  trial.full.runs = 20;
+  trial.full.periods = 4000;
+  return trial;
+}
+
+/// The bars are those of the whole experiment; the intervals of so few runs are wider.
+void expect_within_bars(const std::string& law, const std::string& rate,
+                        const std::string& channel) {
+  const Experiment experiment = load_experiment(TETHER_SOURCE_DIR "/experiments/margins.toml");
+  for (const Arm& arm : experiment.arms) {
+    const auto& s = arm.settings;
+    if (s[0].plain() != law || s[1].plain() != rate || s[2].plain() != channel) continue;
+    for (const VerifiedCritical& row : verify_margins(arm.scenario, small())) {
+      const bool is_prr = row.quantity == VerifiedCritical::Quantity::prr;
+      SCOPED_TRACE(arm.text() + (is_prr ? " prr" : " delay"));
+      ASSERT_TRUE(row.predicted && row.linear) << row.why;
+      EXPECT_NEAR(row.off(row.linear), 0.0, 0.05);
+      if (!row.why.empty()) continue;
+      ASSERT_TRUE(row.full);
+      EXPECT_NEAR(row.off(row.full), 0.0, 0.15) << *row.predicted;
+    }
+    return;
+  }
+  FAIL() << "no such arm";
+}
+
+TEST(VerificationTest, TrackingAtTheEightsTopSpeedHasItsCriticalPrrAndDelay) {
+  expect_within_bars("tracking, 2.87 m/s", "20", "independent");
+}
+
+TEST(VerificationTest, APidWithoutMemoryHasThemOnAChannelWithBursts) {
+  expect_within_bars("P, 1.5 m/s", "10", "Gilbert-Elliott, bursts of 3");
+}
+
+TEST(VerificationTest, AChannelThatMovesInTimeHasItsCriticalPrr) {
+  expect_within_bars("tracking, 1.5 m/s", "10", "Markov in time, 90 %");
+}
+
+TEST(VerificationTest, OnTheEightThereIsAReasonInsteadOfANumber) {
+  const Scenario eight = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
+                                       {"controller.law=tracking", "sensor.rate_hz=20"});
+  VerificationTrial trial = small();
+  for (const VerifiedCritical& row : verify_margins(eight, trial)) {
+    EXPECT_FALSE(row.full);
+    EXPECT_NE(row.why.find("the path's speed varies"), std::string::npos) << row.why;
+    EXPECT_TRUE(row.holds());
+  }
+}
+
+}  // namespace
+}  // namespace tether

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+#include "tools/margin/straight_trial.hpp"
+
+namespace tether {
+
+/// A critical value found by simulations at five values, up to 15 % around the predicted one: where
+/// a quadratic through what is simulated changes sides.
+struct SimulatedCritical {
+  double value = 0.0;
+  double low = 0.0, high = 0.0;  ///< 95 % interval
+};
+
+/// A critical value as the theory has it, and as simulations have it.
+struct VerifiedCritical {
+  enum class Quantity { prr, delay };
+  Quantity quantity = Quantity::prr;
+  std::optional<double> predicted;          ///< delays in s; none: `why` says why
+  std::optional<SimulatedCritical> linear;  ///< none: nowhere near `predicted`
+  std::optional<SimulatedCritical> full;    ///< none: nowhere near, or `why`
+  std::string why;  ///< why there is nothing to compare, or why the full loop may differ
+
+  /// By which share of `predicted`; NaN without either.
+  double off(const std::optional<SimulatedCritical>& simulated) const;
+  /// Within 5 % for the linear loop and 15 % for the full one, or there is a reason why not.
+  bool holds() const;
+};
+
+struct VerificationTrial {
+  std::size_t linear_loops = 500, linear_periods = 600;  ///< of each of ten seeds
+  StraightTrial full;
+};
+
+/// Critical PRR (mean of both links, with more and more independent loss beside the scenario's own)
+/// and critical delay from pose to wheels (with its losses), across the path. Throws UsageError for
+/// margin_obstacles().
+std::vector<VerifiedCritical> verify_margins(const Scenario& scenario,
+                                             const VerificationTrial& trial);
+
+}  // namespace tether
