@@ -140,6 +140,13 @@ void channel_obstacles(const Scenario& scenario, Reasons& reasons) {
          "medium.model: must be \"none\"; what a shared radio does is no chain");
 }
 
+void refuse(const Reasons& reasons) {
+  if (reasons.empty()) return;
+  std::string text = "margin: the theory does not hold for this scenario:";
+  for (const std::string& reason : reasons) text += "\n  " + reason;
+  throw UsageError(text);
+}
+
 }  // namespace
 
 std::vector<std::string> margin_obstacles(const Scenario& scenario) {
@@ -150,12 +157,12 @@ std::vector<std::string> margin_obstacles(const Scenario& scenario) {
   return reasons;
 }
 
-void refuse_margin_obstacles(const Scenario& scenario) {
-  const Reasons reasons = margin_obstacles(scenario);
-  if (reasons.empty()) return;
-  std::string text = "margin: the theory does not hold for this scenario:";
-  for (const std::string& reason : reasons) text += "\n  " + reason;
-  throw UsageError(text);
+void refuse_margin_obstacles(const Scenario& scenario) { refuse(margin_obstacles(scenario)); }
+
+void refuse_channel_obstacles(const Scenario& scenario) {
+  Reasons reasons;
+  channel_obstacles(scenario, reasons);
+  refuse(reasons);
 }
 
 }  // namespace tether

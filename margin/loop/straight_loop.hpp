@@ -18,6 +18,8 @@ namespace tether {
 std::vector<std::string> margin_obstacles(const Scenario& scenario);
 /// Throws UsageError with all of them if there are any.
 void refuse_margin_obstacles(const Scenario& scenario);
+/// The same of the channel alone, whatever the law.
+void refuse_channel_obstacles(const Scenario& scenario);
 
 /// The loop of a scenario on a straight, at its path's greatest speed between run.settled_from_s
 /// and the run's end.

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -15,6 +16,8 @@
 #include "tools/cli/commands.hpp"
 #include "tools/experiment/design/experiment.hpp"
 #include "tools/experiment/sweep/session.hpp"
+#include "tools/margin/design_search.hpp"
+#include "tools/margin/stability_map.hpp"
 #include "tools/margin/verification_text.hpp"
 
 namespace tether {
@@ -26,6 +29,12 @@ struct MarginOptions {
   std::string verify;  ///< an experiment
   bool quick = false;
   std::optional<std::size_t> jobs;
+  std::string figure;  ///< *.png, *.svg
+  std::string find;    ///< rate, tau, horizon, gains
+  std::optional<double> target_m;
+  std::size_t seeds = 20;
+
+  std::size_t threads() const { return jobs.value_or(default_jobs()); }
 };
 
 std::string in_words(const Critical& critical, double factor, const char* unit) {
@@ -102,7 +111,7 @@ int verify_experiment(const MarginOptions& options) {
   VerificationTrial trial;
   trial.full.runs = std::max(StraightTrial::kGroups, experiment.seeds.size());
   trial.full.seed = experiment.seeds.front();
-  trial.full.jobs = options.jobs.value_or(default_jobs());
+  trial.full.jobs = options.threads();
   TextOutput out;
   bool all_hold = true;
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
@@ -114,6 +123,7 @@ int verify_experiment(const MarginOptions& options) {
         json.push_back(verification_json(arm.text(), row));
       } else {
         out.write(verification_row(arm.text(), row));
+        out.flush();
       }
     }
   }
@@ -122,15 +132,63 @@ int verify_experiment(const MarginOptions& options) {
   return all_hold ? kExitOk : kExitFailed;
 }
 
+std::string design_in_words(const DesignAnswer& answer, double target_m) {
+  std::string text;
+  for (const DesignStep& step : answer.tried) {
+    text += fmt::format("{}: {}; simulated ε {:.4f} ± {:.4f} m: {}\n", fmt::join(step.set, " "),
+                        step.predicted, step.simulated.mean_m, step.simulated.half_width_m,
+                        step.good ? "good" : "misses the target");
+  }
+  if (answer.found()) return text;
+  return text + fmt::format("nothing found for {:g} m: {}\n", target_m, answer.why_none);
+}
+
+std::string design_in_json(const DesignAnswer& answer) {
+  nlohmann::ordered_json json;
+  json["found"] = answer.found();
+  json["why_none"] = answer.found() ? "" : answer.why_none;
+  json["tried"] = nlohmann::ordered_json::array();
+  for (const DesignStep& step : answer.tried) {
+    json["tried"].push_back({{"set", step.set},
+                             {"predicted", step.predicted},
+                             {"settled_epsilon_m", step.simulated.mean_m},
+                             {"half_width_m", step.simulated.half_width_m},
+                             {"good", step.good}});
+  }
+  return json.dump(2) + "\n";
+}
+
+int find(const MarginOptions& options) {
+  constexpr double kTarget_m = 0.1;
+  const double target_m = options.target_m.value_or(kTarget_m);
+  const DesignAnswer answer =
+      find_design({options.scenario.file, options.scenario.overrides(), options.find, target_m,
+                   options.seeds, options.threads()});
+  TextOutput out;
+  out.write(options.json ? design_in_json(answer) : design_in_words(answer, target_m));
+  out.close();
+  return answer.found() ? kExitOk : kExitFailed;
+}
+
+void draw(const MarginOptions& options) {
+  constexpr double kLimit_m = 0.5;
+  const Scenario scenario = options.scenario.load();
+  draw_stability_map(options.figure, scenario,
+                     stability_map(scenario, options.target_m.value_or(kLimit_m), options.seeds,
+                                   options.threads()));
+}
+
 int tell_margins(const MarginOptions& options) {
   if (!options.verify.empty()) return verify_experiment(options);
   if (options.scenario.file.empty()) {
     throw UsageError("tether margin: name a scenario, or an experiment with --verify");
   }
+  if (!options.find.empty()) return find(options);
   const LoopMargins margins = loop_margins(options.scenario.load());
   TextOutput out;
   out.write(options.json ? margins_in_json(margins) : margins_in_words(margins));
   out.close();
+  if (!options.figure.empty()) draw(options);
   return kExitOk;
 }
 
@@ -151,6 +209,19 @@ void add_margin_command(CLI::App& tether, Action& action) {
                       "simulations, with 95 % intervals");
   command->add_flag("--quick", options->quick,
                     "--verify: no more runs than the file's quick_seeds");
+  command->add_option("--figure", options->figure,
+                      "draw where the loop is stable, by PRR and delay, and what runs have: *.png "
+                      "or *.svg");
+  command
+      ->add_option("--find", options->find,
+                   "what the scenario needs for --target under its channel; checked by runs")
+      ->check(CLI::IsMember({"rate", "tau", "horizon", "gains"}));
+  command
+      ->add_option("--target", options->target_m,
+                   "error in m: for --find [0.1]; runs of --figure with less count as stable [0.5]")
+      ->check(CLI::Range(1e-6, 1e6));
+  command->add_option("--seeds", options->seeds, "runs of each check or point [20]")
+      ->check(CLI::Range(2, 100000));
   command->add_option("--jobs", options->jobs, "runs at a time [one per core]")
       ->check(CLI::Range(1, 1024));
   command->add_flag("--json", options->json, "print one JSON object");

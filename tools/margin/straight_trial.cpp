@@ -22,6 +22,7 @@ namespace tether {
 namespace {
 
 constexpr double kNoise = 1e-6;
+constexpr double kFar_m = 0.01;  // where limits may begin to play a part
 constexpr double kBeside_m = 1e-3;
 constexpr double kSettling_s = 2.0;
 constexpr double kSettlingPeriods = 50.0;
@@ -92,6 +93,12 @@ double Tail::exponent(std::size_t without) const {
   const auto first = all.end() - top;
   std::nth_element(all.begin(), first - 1, all.end());
   const double least = *(first - 1);
+  if (least > std::log(kFar_m)) {
+    const auto far =
+        std::count_if(all.begin(), all.end(), [](double x) { return x > std::log(kFar_m); });
+    const double share = static_cast<double>(far) / static_cast<double>(all.size());
+    return -std::log(share) / std::log(kFar_m / kNoise);
+  }
   double sum = 0.0;
   for (auto it = first; it != all.end(); ++it) sum += *it - least;
   return static_cast<double>(top) / sum;

@@ -33,6 +33,8 @@ struct Tail {
   std::vector<std::vector<double>> logs;  ///< of the deviations, by group of runs
 
   /// α by Hill's estimator (Ann. Statist. 3, 1975) on the largest 1 %; of all but group `without`.
+  /// If these are beyond 1 cm, 10 000 times the noise, limits bend the tail, and α is what the
+  /// share beyond 1 cm says: at most 0.5.
   double exponent(std::size_t without = StraightTrial::kGroups) const;
 };
 

@@ -1,0 +1,170 @@
+#include "tools/margin/design_search.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "common/actuator/actuator_settings.hpp"
+#include "common/base/errors.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "margin/loop/loop_margins.hpp"
+
+namespace tether {
+namespace {
+
+class Search {
+ public:
+  explicit Search(const DesignQuestion& question) : q_(question), base_(load({})) {}
+
+  DesignAnswer rate() {
+    for (const double hz :
+         {1.0, 2.0, 4.0, 5.0, 8.0, 10.0, 12.5, 16.0, 20.0, 25.0, 40.0, 50.0, 100.0}) {
+      const std::vector<std::string> set{fmt::format("sensor.rate_hz={}", hz)};
+      const auto rms_m = predicted_m(set);
+      if (!rms_m || *rms_m > q_.target_m) continue;
+      if (try_out(set, rms_text(*rms_m))) return answer_;
+    }
+    return none("no rate up to 100 Hz is good enough");
+  }
+
+  DesignAnswer tau() {
+    need_law("pid", "tau");
+    const StraightLoop loop = margin_loop({});
+    const double best_s = loop.v_mps / loop.law(0, 0) / loop.v_mps - loop.timing.pose_delay_s;
+    if (!(best_s > 0.0)) return none("the best look-ahead would be below 0");
+    const std::vector<std::string> set{fmt::format("controller.tau_s={:.4g}", best_s)};
+    return at_best(set, predicted_m(set));
+  }
+
+  DesignAnswer gains() {
+    need_law("tracking", "gains");
+    std::optional<double> least_m;
+    std::vector<std::string> best;
+    for (double k_y = 0.05; k_y < 6.0; k_y *= 1.2) {
+      for (const double damping : {0.7, 0.85, 1.0, 1.2, 1.5, 2.0}) {
+        const std::vector<std::string> set{
+            fmt::format("controller.tracking.k_y={:.4g}", k_y),
+            fmt::format("controller.tracking.k_theta={:.4g}", 2.0 * std::sqrt(k_y) * damping)};
+        const auto rms_m = predicted_m(set);
+        if (!rms_m || (least_m && *least_m <= *rms_m)) continue;
+        least_m = rms_m;
+        best = set;
+      }
+    }
+    return at_best(best, least_m);
+  }
+
+  DesignAnswer horizon() {
+    if (base_.get<ActuatorSettings>().policy != "horizon") {
+      throw UsageError(fmt::format(
+          "--find horizon: actuator.policy = \"{}\" must be \"horizon\", with a law that plans",
+          base_.get<ActuatorSettings>().policy));
+    }
+    refuse_channel_obstacles(base_);
+    const StraightLoop loop(base_);
+    const double step_s = base_.get<ControllerSettings>().plan_step_ms * 1e-3;
+    const double silence_s = silence(loop.chain(), 1e-3) * loop.timing.period_s;
+    double horizon_s = step_s * std::ceil((silence_s + loop.timing.total_s()) / step_s);
+    for (int i = 0; i < 8; ++i) {
+      if (try_out({fmt::format("controller.horizon_s={:.4g}", horizon_s)},
+                  fmt::format("one in 1000 silences is longer than {:.3g} s", silence_s))) {
+        return answer_;
+      }
+      horizon_s = step_s * std::ceil(1.5 * horizon_s / step_s);
+    }
+    return none("runs miss the target with all of these");
+  }
+
+ private:
+  Scenario load(const std::vector<std::string>& set) const {
+    std::vector<std::string> all = q_.overrides;
+    all.insert(all.end(), set.begin(), set.end());
+    return load_scenario(q_.file, all);
+  }
+
+  StraightLoop margin_loop(const std::vector<std::string>& set) const {
+    const Scenario scenario = load(set);
+    refuse_margin_obstacles(scenario);
+    return StraightLoop(scenario);
+  }
+
+  std::optional<double> predicted_m(const std::vector<std::string>& set) const {
+    const StraightLoop loop = margin_loop(set);
+    return loop.rms_m(loop.chain());
+  }
+
+  void need_law(const std::string& law, const std::string& what) const {
+    const std::string& is = base_.get<ControllerSettings>().law;
+    if (is == law) return;
+    throw UsageError(
+        fmt::format("--find {}: controller.law = \"{}\" must be \"{}\"", what, is, law));
+  }
+
+  static std::string rms_text(double rms_m) {
+    return fmt::format("rms {:.4f} m on a straight", rms_m);
+  }
+
+  /// After how many periods all but this share of silences are over.
+  static double silence(const LossChain& chain, double share) {
+    std::vector<double> silent(chain.states);  // since a command arrived
+    double all = 0.0;
+    for (const auto& jump : chain.jumps) {
+      if (jump.mode != LossChain::kReceived) continue;
+      silent[jump.to] += chain.stationary[jump.from] * jump.probability;
+      all += chain.stationary[jump.from] * jump.probability;
+    }
+    constexpr int kMost = 100'000;
+    for (int periods = 1; periods <= kMost; ++periods) {
+      std::vector<double> next(chain.states);
+      for (const auto& jump : chain.jumps) {
+        if (jump.mode == LossChain::kLost) next[jump.to] += silent[jump.from] * jump.probability;
+      }
+      silent = next;
+      double left = 0.0;
+      for (const double p : silent) left += p;
+      if (left <= share * all) return periods;
+    }
+    throw UsageError("--find horizon: the channel's silences are too long for any horizon");
+  }
+
+  bool try_out(const std::vector<std::string>& set, const std::string& predicted) {
+    DesignStep step{set, predicted, settled_error(load(set), q_.seeds, q_.jobs), false};
+    step.good = step.simulated.mean_m + step.simulated.half_width_m <= q_.target_m;
+    answer_.tried.push_back(step);
+    return step.good;
+  }
+
+  DesignAnswer at_best(const std::vector<std::string>& set, const std::optional<double>& rms_m) {
+    if (!rms_m) return none("the loop is unstable with all of them");
+    if (*rms_m > q_.target_m) {
+      return none(
+          fmt::format("the best, {}, has a predicted rms error of {:.4f} m", set.front(), *rms_m));
+    }
+    if (!try_out(set, rms_text(*rms_m))) answer_.why_none = "runs miss the target";
+    return answer_;
+  }
+
+  DesignAnswer none(const std::string& why) {
+    answer_.why_none = why;
+    return answer_;
+  }
+
+  const DesignQuestion& q_;
+  Scenario base_;
+  DesignAnswer answer_;
+};
+
+}  // namespace
+
+DesignAnswer find_design(const DesignQuestion& question) {
+  Search search(question);
+  if (question.what == "rate") return search.rate();
+  if (question.what == "tau") return search.tau();
+  if (question.what == "gains") return search.gains();
+  if (question.what == "horizon") return search.horizon();
+  throw UsageError(fmt::format("--find {}: must be rate, tau, horizon or gains", question.what));
+}
+
+}  // namespace tether

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <vector>
+
+#include "common/scenario/scenario.hpp"
+
+namespace tether {
+
+/// Where a scenario's loop is mean-square stable, by PRR each way (independent losses in place of
+/// the channel's) and delay from pose to wheels, and what runs have at some of these places.
+struct StabilityMap {
+  struct Edge {
+    double delay_s, prr;  ///< stable from this PRR on
+  };
+  struct Point {
+    double prr, delay_s, error_m;  ///< settled_error()
+  };
+  std::vector<Edge> edges;  ///< of ascending delays, as far as PRR 1 is stable
+  double longest_s = 0.0;   ///< of the delays looked at
+  double limit_m = 0.0;     ///< runs with a smaller error count as stable
+  std::size_t seeds = 0;    ///< of each point
+  std::vector<Point> points;
+};
+
+/// Runs are on the scenario's own path, with its noise; delays are the uplink's. Throws UsageError
+/// for margin_obstacles(), and if the links are not `fixed`.
+StabilityMap stability_map(const Scenario& scenario, double limit_m, std::size_t seeds,
+                           std::size_t jobs);
+
+/// Draws it with gnuplot into `file`, *.png or *.svg; script and data stay beside it. Throws
+/// UsageError for other names, and what run_gnuplot() throws.
+void draw_stability_map(const std::filesystem::path& file, const Scenario& scenario,
+                        const StabilityMap& map);
+
+}  // namespace tether
