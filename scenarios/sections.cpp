@@ -21,6 +21,7 @@
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 #include "localiser/node/localiser_section.hpp"
+#include "margin/tube/tube_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "netem/models/kinds.hpp"
@@ -293,7 +294,7 @@ std::vector<ScenarioSection> scenario_sections() {
       check_keeping(*variant.scenario, place);
     }
   };
-  // The last section: what is sent follows from what all have completed.
+  // The last section that completes anything: what is sent follows from what all have completed.
   autonomy.complete = [own = autonomy.complete](Scenario& scenario,
                                                 const std::set<std::string>& given,
                                                 const std::string& file) {
@@ -314,7 +315,8 @@ std::vector<ScenarioSection> scenario_sections() {
           fleet_section(),
           lidar_section(),
           localiser,
-          autonomy};
+          autonomy,
+          tube_section()};
 }
 
 }  // namespace tether

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -11,6 +12,7 @@
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
 #include "margin/loop/loop_margins.hpp"
+#include "margin/tube/tube_settings.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
@@ -32,6 +34,7 @@ struct MarginOptions {
   std::string figure;  ///< *.png, *.svg
   std::string find;    ///< rate, tau, horizon, gains
   std::optional<double> target_m;
+  std::string budget;  ///< "0.1m"
   std::size_t seeds = 20;
 
   std::size_t threads() const { return jobs.value_or(default_jobs()); }
@@ -170,6 +173,48 @@ int find(const MarginOptions& options) {
   return answer.found() ? kExitOk : kExitFailed;
 }
 
+/// "0.1m", "0.1 m" or "0.1".
+double budget_m(const std::string& text) {
+  std::size_t end = 0;
+  double value = NAN;
+  try {
+    value = std::stod(text, &end);
+  } catch (const std::exception&) {
+    end = 0;
+  }
+  const std::string unit = text.substr(std::min(text.find_first_not_of(' ', end), text.size()));
+  if (end > 0 && value > 0.0 && std::isfinite(value) && (unit.empty() || unit == "m")) return value;
+  throw UsageError(fmt::format("--budget {}: must be a distance above 0, such as 0.1m", text));
+}
+
+/// The longest silence after which the vehicle is surely within the budget of its plan.
+int tell_budget(const MarginOptions& options) {
+  const double most_m = budget_m(options.budget);
+  const Scenario scenario = options.scenario.load();
+  constexpr double kLongest_s = 16.0;
+  double looked_s = 0.5;
+  PathTube tube = path_tube(scenario, looked_s);
+  while (tube.deviation_m.back() <= most_m && looked_s < kLongest_s) {
+    tube = path_tube(scenario, looked_s *= 2.0);
+  }
+  const auto silence_s = tube.longest_s(most_m);
+  TextOutput out;
+  if (options.json) {
+    nlohmann::ordered_json json{{"budget_m", most_m}, {"silence_s", nullptr}};
+    if (silence_s) json["silence_s"] = *silence_s;
+    json["looked_up_to_s"] = looked_s;
+    out.write(json.dump(2) + "\n");
+  } else if (!silence_s || *silence_s == 0.0) {
+    out.write(fmt::format("no silence keeps within {:g} m: at once it can be {:.3f} m off\n",
+                          most_m, tube.deviation_m.front()));
+  } else {
+    out.write(fmt::format("within {:g} m: silences of {} {:g} s, which can.max_blind_s may be\n",
+                          most_m, *silence_s < looked_s ? "up to" : "at least", *silence_s));
+  }
+  out.close();
+  return silence_s && *silence_s > 0.0 ? kExitOk : kExitFailed;
+}
+
 void draw(const MarginOptions& options) {
   constexpr double kLimit_m = 0.5;
   const Scenario scenario = options.scenario.load();
@@ -184,6 +229,7 @@ int tell_margins(const MarginOptions& options) {
     throw UsageError("tether margin: name a scenario, or an experiment with --verify");
   }
   if (!options.find.empty()) return find(options);
+  if (!options.budget.empty()) return tell_budget(options);
   const LoopMargins margins = loop_margins(options.scenario.load());
   TextOutput out;
   out.write(options.json ? margins_in_json(margins) : margins_in_words(margins));
@@ -220,6 +266,9 @@ void add_margin_command(CLI::App& tether, Action& action) {
       ->add_option("--target", options->target_m,
                    "error in m: for --find [0.1]; runs of --figure with less count as stable [0.5]")
       ->check(CLI::Range(1e-6, 1e6));
+  command->add_option("--budget", options->budget,
+                      "the longest silence after which a vehicle that follows plans is surely "
+                      "within this distance of its plan, by the bounds of [tube]: 0.1m");
   command->add_option("--seeds", options->seeds, "runs of each check or point [20]")
       ->check(CLI::Range(2, 100000));
   command->add_option("--jobs", options->jobs, "runs at a time [one per core]")

@@ -21,6 +21,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
+#include "margin/tube/tube_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "tools/cli/base/scenario_options.hpp"
@@ -258,6 +259,7 @@ int run(const RunOptions& options) {
       .wall_time_s = wall_seconds() - start_s, .sim_time_s = to_seconds(end), .end = end};
   if (channel) summary.channel = channel->report(end);
   if (way.many) summary.lockstep = way.many->cost();
+  summary.tube_m = tube_m(scenario);
   observer.check_finite();
   report(options, scenario, observer, summary, folder);
   return kExitOk;

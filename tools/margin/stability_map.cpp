@@ -35,11 +35,12 @@ set ylabel "delay from pose to wheels [ms]"
 set xrange [0:102]
 set yrange [-0.04 * longest_ms : 1.04 * longest_ms]
 set grid lc rgb "#dddddd"
-set key outside bottom center horizontal samplen 2
+set key at screen 0.5, 0.02 center bottom horizontal samplen 2
+set bmargin 6
 set terminal @terminal
 set output picture
 plot edges every ::1 using (100 * $2):(1000 * $1) with filledcurves closed fc rgb "#cfe8d8" title "mean-square stable, computed", \
-  edges every ::1 using (100 * $2):(1000 * $1) with lines lw 2.5 lc rgb "#1b9e4b" notitle, \
+  edges every ::1 using (100 * $2):($2 < 1 ? 1000 * $1 : NaN) with lines lw 2.5 lc rgb "#1b9e4b" notitle, \
   points every ::1 using (100 * $1):($3 <= limit ? 1000 * $2 : NaN) with points pt 7 ps 1.1 lc rgb "#0072b2" \
     title sprintf("simulated: off by %g m at most", limit), \
   points every ::1 using (100 * $1):($3 > limit ? 1000 * $2 : NaN) with points pt 2 ps 1.1 lw 2 lc rgb "#d55e00" \

@@ -7,6 +7,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
+#include "margin/tube/tube_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/models/kinds.hpp"
 #include "tools/base/gnuplot.hpp"
@@ -27,10 +28,11 @@ std::string plant_text(const Scenario& scenario) {
 std::string variables(const Scenario& scenario, double epsilon_m) {
   return fmt::format(
       "title_text = \"ε = {:.2f} m   ({}{}; {}; seed {})\"\n"
-      "wall = {}\n",
+      "wall = {}\ntube = {}\n",
       epsilon_m, plant_text(scenario), channel_text("up", scenario.get<ChannelSettings>().uplink),
       channel_text("down", scenario.get<ChannelSettings>().downlink),
-      scenario.get<RunSettings>().seed, scenario.get<WorldSettings>().half_extent_m);
+      scenario.get<RunSettings>().seed, scenario.get<WorldSettings>().half_extent_m,
+      tube_m(scenario).value_or(0.0));
 }
 
 std::string polygon(const Shape& shape) {
@@ -73,7 +75,9 @@ std::string obstacles(const Scenario& scenario) {
 }
 
 constexpr char kOneVehicle[] = R"gnuplot(
-vehicles = "'trajectory.csv' every ::1 using 5:6 with lines lw 4 lc rgb '#009e73' title 'planned', \
+band = tube > 0 ? "'trajectory.csv' every ::1 using 5:6:(tube) with circles fs solid noborder \
+  lc rgb '#d3ecdb' title 'tube of plans', " : ''
+vehicles = band . "'trajectory.csv' every ::1 using 5:6 with lines lw 4 lc rgb '#009e73' title 'planned', \
   'trajectory.csv' every ::1 using 2:3 with lines lw 2 lc rgb '#0072b2' title 'actual', \
   'trajectory.csv' every ::1::1 using 2:3 with points pt 7 ps 1.2 lc rgb '#000000' title 'start'"
 )gnuplot";

@@ -10,6 +10,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
+#include "margin/tube/tube_settings.hpp"
 #include "tools/runs/channel_report.hpp"
 #include "tools/runs/metric.hpp"
 
@@ -214,6 +215,10 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   if (run.truth().lost) json["lost_from_s"] = run.truth().lost_from_s;
   json["collision"] = run.truth().wall_contact_s > 0.0;
   add_common(json, scenario, summary);
+  if (summary.tube_m) {
+    json["tube"] = {{"silence_s", scenario.get<TubeSettings>().silence_s},
+                    {"deviation_m", *summary.tube_m}};
+  }
   json["uplink"] = link_json(run.uplink());
   json["downlink"] = link_json(run.downlink());
   if (summary.channel) {
@@ -248,6 +253,10 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   text += fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
                       truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
   text += settled_text(truth, scenario.get<RunSettings>());
+  if (summary.tube_m) {
+    text += fmt::format("{:<9} after {:g} s of silence at most {:.3f} m from its plan\n", "tube",
+                        scenario.get<TubeSettings>().silence_s, *summary.tube_m);
+  }
   text += sending_text(run.counters());
   text += medium_text(run.counters(), summary.sim_time_s);
   text += link_text("uplink", run.uplink());

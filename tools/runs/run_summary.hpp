@@ -30,6 +30,7 @@ struct RunSummary {
   /// Live runs: what makes it another run than it says, in words; empty if nothing does.
   std::optional<std::vector<std::string>> findings = {};
   std::optional<ChannelReport> channel = {};  ///< of runs in one process
+  std::optional<double> tube_m = {};          ///< of plans: tube_m()
   std::optional<LockstepCost> lockstep = {};  ///< of runs in lockstep
 };
 
