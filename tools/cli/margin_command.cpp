@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -112,20 +113,26 @@ int verify_experiment(const MarginOptions& options) {
   const Experiment experiment =
       load_experiment(options.verify, options.scenario.overrides(), options.quick);
   VerificationTrial trial;
-  trial.full.runs = std::max(StraightTrial::kGroups, experiment.seeds.size());
-  trial.full.seed = experiment.seeds.front();
-  trial.full.jobs = options.threads();
+  trial.seeds = experiment.seeds.size();
+  trial.jobs = options.threads();
+  const VerificationTable table(experiment);
   TextOutput out;
   bool all_hold = true;
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
-  if (!options.json) out.write(verification_head());
-  for (const Arm& arm : experiment.arms) {
-    for (const VerifiedCritical& row : verify_margins(arm.scenario, trial)) {
+  if (!options.json) out.write(table.head());
+  for (std::size_t i = 0; i < experiment.arms.size(); ++i) {
+    const Arm& arm = experiment.arms[i];
+    if (isatty(STDERR_FILENO) != 0) {
+      fmt::print(stderr, "\r\033[K{} of {} arms", i, experiment.arms.size());
+    }
+    const auto rows = verify_margins(arm.scenario, trial);
+    if (isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\r\033[K");
+    for (const VerifiedCritical& row : rows) {
       all_hold = all_hold && row.holds();
       if (options.json) {
-        json.push_back(verification_json(arm.text(), row));
+        json.push_back(verification_json(arm, row));
       } else {
-        out.write(verification_row(arm.text(), row));
+        out.write(table.row(arm, row));
         out.flush();
       }
     }
@@ -230,6 +237,7 @@ int tell_margins(const MarginOptions& options) {
   }
   if (!options.find.empty()) return find(options);
   if (!options.budget.empty()) return tell_budget(options);
+  if (!options.figure.empty()) check_map_file(options.figure);
   const LoopMargins margins = loop_margins(options.scenario.load());
   TextOutput out;
   out.write(options.json ? margins_in_json(margins) : margins_in_words(margins));

@@ -35,8 +35,8 @@ set ylabel "delay from pose to wheels [ms]"
 set xrange [0:102]
 set yrange [-0.04 * longest_ms : 1.04 * longest_ms]
 set grid lc rgb "#dddddd"
-set key at screen 0.5, 0.02 center bottom horizontal samplen 2
-set bmargin 6
+set key at screen 0.5, 0.015 center bottom horizontal samplen 2
+set bmargin 8
 set terminal @terminal
 set output picture
 plot edges every ::1 using (100 * $2):(1000 * $1) with filledcurves closed fc rgb "#cfe8d8" title "mean-square stable, computed", \
@@ -92,12 +92,16 @@ StabilityMap stability_map(const Scenario& scenario, double limit_m, std::size_t
   return map;
 }
 
+void check_map_file(const std::filesystem::path& file) {
+  const std::string kind = file.extension().string();
+  if (kind == ".png" || kind == ".svg") return;
+  throw UsageError(fmt::format("--figure {}: must end in .png or .svg", file.string()));
+}
+
 void draw_stability_map(const std::filesystem::path& file, const Scenario& scenario,
                         const StabilityMap& map) {
+  check_map_file(file);
   const std::string kind = file.extension().string();
-  if (kind != ".png" && kind != ".svg") {
-    throw UsageError(fmt::format("--figure {}: must end in .png or .svg", file.string()));
-  }
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
   std::filesystem::create_directories(folder);
   const std::string stem = file.stem().string();

@@ -29,8 +29,11 @@ struct StabilityMap {
 StabilityMap stability_map(const Scenario& scenario, double limit_m, std::size_t seeds,
                            std::size_t jobs);
 
+/// Throws UsageError unless it is *.png or *.svg: before anything is simulated for it.
+void check_map_file(const std::filesystem::path& file);
+
 /// Draws it with gnuplot into `file`, *.png or *.svg; script and data stay beside it. Throws
-/// UsageError for other names, and what run_gnuplot() throws.
+/// as check_map_file() and run_gnuplot() do.
 void draw_stability_map(const std::filesystem::path& file, const Scenario& scenario,
                         const StabilityMap& map);
 

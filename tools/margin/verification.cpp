@@ -1,107 +1,73 @@
 #include "tools/margin/verification.hpp"
 
-#include <Eigen/QR>
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <functional>
 
 #include "common/vehicle/vehicle_settings.hpp"
 #include "margin/loop/loop_margins.hpp"
 #include "margin/theory/linear_trial.hpp"
-#include "netem/channel/settings.hpp"
-#include "netem/models/kinds.hpp"
+#include "sim/sensor/sensor_settings.hpp"
+#include "tools/margin/loop_population.hpp"
+#include "tools/margin/parallel.hpp"
 
 namespace tether {
 namespace {
 
 constexpr double kLinearBar = 0.05, kFullBar = 0.15;
-constexpr double kStudent9 = 2.262;  // of ten seeds, and of ten groups: 97.5 %
-constexpr std::size_t kPoints = 5;
+constexpr double kSmall_m = 0.01;  // the law's terms of second order are below 1 % of the first's
+constexpr std::size_t kPoints = 3;
 using Points = std::array<double, kPoints>;
 
-/// Where the quadratic of least squares through the points passes 0, nearest to their middle;
-/// nullopt if that is farther off than twice the outermost ones.
+/// Where the quadratic through the points passes 0, nearest to the middle one; nullopt if that is
+/// farther off than the outermost ones.
 std::optional<double> zero_of(const Points& x, const Points& y) {
-  const double middle = 0.5 * (x.front() + x.back()), half = 0.5 * (x.back() - x.front());
-  Eigen::Matrix<double, kPoints, 3> a;
-  Eigen::Matrix<double, kPoints, 1> b;
-  for (std::size_t i = 0; i < kPoints; ++i) {
-    const double u = (x[i] - middle) / half;
-    const auto row = static_cast<Eigen::Index>(i);
-    a.row(row) << 1.0, u, u * u;
-    b[row] = y[i];
-  }
-  const Eigen::Vector3d c = a.colPivHouseholderQr().solve(b);
-  const double root = c[1] * c[1] - 4.0 * c[0] * c[2];
+  const double below = x[0] - x[1], above = x[2] - x[1];
+  const double fall = (y[0] - y[1]) / below, rise = (y[2] - y[1]) / above;
+  const double c2 = (rise - fall) / (above - below), c1 = fall - c2 * below, c0 = y[1];
+  const double root = c1 * c1 - 4.0 * c0 * c2;
   if (!(root >= 0.0)) return std::nullopt;
-  const double q = -0.5 * (c[1] + std::copysign(std::sqrt(root), c[1]));
-  const double u = c[0] / q;  // the smaller one
-  if (!(std::abs(u) <= 2.0)) return std::nullopt;
-  return middle + half * u;
+  const double u = c0 / (-0.5 * (c1 + std::copysign(std::sqrt(root), c1)));  // the smaller one
+  if (!(u >= below && u <= above)) return std::nullopt;
+  return x[1] + u;
 }
 
-SimulatedCritical with_interval(double value, double deviation) {
-  return {value, value - kStudent9 * deviation, value + kStudent9 * deviation};
-}
-
-/// `log_radius(x, seed)`. Each seed has a zero; the interval is Student's of their mean.
-std::optional<SimulatedCritical> linear_critical(
-    const Points& x, const std::function<double(double, std::uint64_t)>& log_radius) {
-  constexpr std::size_t kSeeds = 10;
-  double sum = 0.0, squares = 0.0;
-  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    Points y{};
-    for (std::size_t i = 0; i < kPoints; ++i) y[i] = log_radius(x[i], seed);
-    const auto zero = zero_of(x, y);
-    if (!zero) return std::nullopt;
-    sum += *zero;
-    squares += *zero * *zero;
-  }
-  constexpr double n = kSeeds;
-  const double mean = sum / n, variance = std::max(0.0, squares / n - mean * mean) / (n - 1.0);
-  return with_interval(mean, std::sqrt(variance));
-}
-
-/// A value with each group of runs left out, and at last with all.
-using LeftOut = std::array<double, StraightTrial::kGroups + 1>;
-
-/// The interval is the jackknife's.
-std::optional<SimulatedCritical> full_critical(const Points& x,
-                                               const std::function<LeftOut(double)>& value_at) {
-  std::array<LeftOut, kPoints> values{};
-  for (std::size_t i = 0; i < kPoints; ++i) values[i] = value_at(x[i]);
-  const auto zero = [&](std::size_t without) {
-    Points y{};
-    for (std::size_t i = 0; i < kPoints; ++i) y[i] = values[i][without];
-    return zero_of(x, y);
+/// `log_radius(x, seed)`; nullopt if their mean has no zero. The interval is the jackknife's.
+std::optional<SimulatedCritical> simulated_critical(
+    const Points& x, const VerificationTrial& trial,
+    const std::function<double(double, std::uint64_t)>& log_radius) {
+  std::vector<Points> y(trial.seeds);
+  for_each_index(trial.seeds * kPoints, trial.jobs, [&](std::size_t i) {
+    y[i / kPoints][i % kPoints] = log_radius(x[i % kPoints], 1 + i / kPoints);
+  });
+  const auto zero_without = [&](std::size_t left_out) {
+    Points sum{};
+    for (std::size_t seed = 0; seed < trial.seeds; ++seed) {
+      for (std::size_t i = 0; seed != left_out && i < kPoints; ++i) sum[i] += y[seed][i];
+    }
+    return zero_of(x, sum);
   };
-  const auto all = zero(StraightTrial::kGroups);
+  const auto all = zero_without(trial.seeds);
   if (!all) return std::nullopt;
-  constexpr double n = StraightTrial::kGroups;
+  const auto n = static_cast<double>(trial.seeds);
   double squares = 0.0;
-  for (std::size_t group = 0; group < StraightTrial::kGroups; ++group) {
-    const auto one = zero(group);
+  for (std::size_t seed = 0; seed < trial.seeds; ++seed) {
+    const auto one = zero_without(seed);
     if (!one) return std::nullopt;
     squares += (*one - *all) * (*one - *all);
   }
-  return with_interval(*all, std::sqrt(squares * (n - 1.0) / n));
-}
-
-/// Positive where the mean square is finite.
-LeftOut stability_of(const Tail& tail) {
-  LeftOut values{};
-  for (std::size_t i = 0; i < values.size(); ++i) values[i] = std::log(tail.exponent(i) / 2.0);
-  return values;
+  const double half = boost::math::quantile(boost::math::students_t(n - 1.0), 0.975) *
+                      std::sqrt(squares * (n - 1.0) / n);
+  return SimulatedCritical{*all, *all - half, *all + half};
 }
 
 Points around(double middle, double most) {
-  const double low = (1.0 - kFullBar) * middle, high = std::min(most, (1.0 + kFullBar) * middle);
-  Points x{};
-  for (std::size_t i = 0; i < kPoints; ++i) {
-    x[i] = low + (high - low) * static_cast<double>(i) / (kPoints - 1);
-  }
-  return x;
+  return {(1.0 - kFullBar) * middle, middle, std::min(most, (1.0 + kFullBar) * middle)};
 }
 
 std::string why_none(const Critical& critical) {
@@ -126,18 +92,20 @@ class Verifier {
   VerifiedCritical prr() const {
     VerifiedCritical row;
     const double own = loop_.prr_each_way();
+    const auto more_loss = [&](double prr) { return std::max(0.0, 1.0 - prr / own); };
+    const auto chain_of = [&](double prr) { return loop_.chain(more_loss(prr)); };
     const LoopStep step = part_of(loop_.step(loop_.timing), LoopPart::across);
-    const auto chain_of = [&](double prr) { return loop_.chain(std::max(0.0, 1.0 - prr / own)); };
     const Critical critical =
         critical_value([&](double prr) { return mean_square_radius(chain_of(prr), {step}); },
                        0.01 * own, own, 1e-5);
     if (critical.kind != Critical::Kind::found) return without(row, why_none(critical));
     row.predicted = critical.value;
-    row.linear = linear_critical(around(critical.value, own), [&](double prr, std::uint64_t seed) {
-      return log_radius(chain_of(prr), step, seed);
+    const Points x = around(critical.value, own);
+    row.linear = simulated_critical(x, trial_, [&](double prr, std::uint64_t seed) {
+      return linear_growth(chain_of(prr), step, seed);
     });
-    compare_full(row, own, [&](double prr) {
-      return stability_of(simulated_tail(scenario_, std::max(0.0, 1.0 - prr / own), trial_.full));
+    compare_full(row, x, [&](double prr, const PopulationTrial& trial) {
+      return whole_loop_growth(scenario_, more_loss(prr), trial);
     });
     return row;
   }
@@ -155,21 +123,21 @@ class Verifier {
                        0.0, most_s, 1e-4);
     if (critical.kind != Critical::Kind::found) return without(row, why_none(critical));
     row.predicted = critical.value;
-    row.linear = linear_critical(
-        around(critical.value, INFINITY),
-        [&](double s, std::uint64_t seed) { return log_radius(chain, step(s), seed); });
-    const LinkConfig& up = scenario_.get<ChannelSettings>().uplink;
-    const double other_s = loop_.timing.total_s() - 1e-3 * up.fixed.delay_ms;
-    if (!kind_of(up).uses_delay_ms || (1.0 - kFullBar) * critical.value < other_s) {
-      return without(row, "the uplink's delay cannot be set alone");
+    const Points x = around(critical.value, INFINITY);
+    row.linear = simulated_critical(x, trial_, [&](double s, std::uint64_t seed) {
+      return linear_growth(chain, step(s), seed);
+    });
+    const double links_s =
+        loop_.timing.total_s() - 1e-3 * scenario_.get<SensorSettings>().latency_ms;
+    if (x.front() < links_s) {
+      return without(row, fmt::format("the links' own delay, {:.0f} ms, is not below what is "
+                                      "tried, from {:.0f} ms on",
+                                      1e3 * links_s, 1e3 * x.front()));
     }
-    compare_full(row, INFINITY, [&](double s) {
+    compare_full(row, x, [&](double s, const PopulationTrial& trial) {
       Scenario late = scenario_;
-      late.get<ChannelSettings>().uplink.fixed.delay_ms = 1e3 * (s - other_s);
-      if (chain.prr() < 1.0) return stability_of(simulated_tail(late, 0.0, trial_.full));
-      LeftOut same{};
-      same.fill(-simulated_growth(late));
-      return same;
+      late.get<SensorSettings>().latency_ms = 1e3 * (s - links_s);
+      return whole_loop_growth(late, 0.0, trial);
     });
     return row;
   }
@@ -180,19 +148,30 @@ class Verifier {
     return row;
   }
 
-  double log_radius(const LossChain& chain, const LoopStep& step, std::uint64_t seed) const {
+  double linear_growth(const LossChain& chain, const LoopStep& step, std::uint64_t seed) const {
     return std::log(simulated_radius(
         chain, {step},
         {.loops = trial_.linear_loops, .periods = trial_.linear_periods, .seed = seed}));
   }
 
-  void compare_full(VerifiedCritical& row, double most,
-                    const std::function<LeftOut(double)>& value_at) const {
+  template <class Growth>
+  void compare_full(VerifiedCritical& row, const Points& x, const Growth& growth) const {
     row.why = why_not_full_;
     if (!row.why.empty()) return;
-    row.full = full_critical(around(*row.predicted, most), value_at);
+    std::atomic<double> largest_m = 0.0;
+    row.full = simulated_critical(x, trial_, [&](double value, std::uint64_t seed) {
+      const PopulationGrowth one =
+          growth(value, {.loops = trial_.full_loops, .periods = trial_.full_periods, .seed = seed});
+      double seen_m = largest_m;
+      while (one.largest_m > seen_m && !largest_m.compare_exchange_weak(seen_m, one.largest_m)) {
+      }
+      return one.log_radius;
+    });
     if (scenario_.get<VehicleSettings>().plant == VehicleSettings::Plant::ode) {
       row.why = "vehicle.plant = \"ode\": wheels have mass, and tyres slip";
+    } else if (largest_m > kSmall_m) {
+      row.why = fmt::format("loops got up to {:.2g} m off, where the law is not linear",
+                            largest_m.load());
     }
   }
 

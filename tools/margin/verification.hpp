@@ -1,20 +1,21 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "common/scenario/scenario.hpp"
-#include "tools/margin/straight_trial.hpp"
 
 namespace tether {
 
-/// A critical value found by simulations at five values, up to 15 % around the predicted one: where
-/// a quadratic through what is simulated changes sides.
+/// A critical value found by simulations at the predicted one and 15 % beside it: where
+/// a quadratic through the logarithms of the growth changes sides, with the jackknife's
+/// 95 % interval over the seeds.
 struct SimulatedCritical {
   double value = 0.0;
-  double low = 0.0, high = 0.0;  ///< 95 % interval
+  double low = 0.0, high = 0.0;
 };
 
 /// A critical value as the theory has it, and as simulations have it.
@@ -33,13 +34,15 @@ struct VerifiedCritical {
 };
 
 struct VerificationTrial {
-  std::size_t linear_loops = 500, linear_periods = 600;  ///< of each of ten seeds
-  StraightTrial full;
+  std::size_t seeds = 10;  ///< from 1 on, at least 2
+  std::size_t linear_loops = 500, linear_periods = 600;
+  std::size_t full_loops = 150, full_periods = 100;
+  std::size_t jobs = 1;  ///< threads; the result does not depend on it
 };
 
 /// Critical PRR (mean of both links, with more and more independent loss beside the scenario's own)
-/// and critical delay from pose to wheels (with its losses), across the path. Throws UsageError for
-/// margin_obstacles().
+/// and critical delay from pose to wheels (with its losses; the sensor's latency is what varies),
+/// across the path. Throws UsageError for margin_obstacles().
 std::vector<VerifiedCritical> verify_margins(const Scenario& scenario,
                                              const VerificationTrial& trial);
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 namespace tether {
@@ -27,24 +28,50 @@ nlohmann::ordered_json in_json(const std::optional<SimulatedCritical>& s) {
   return {{"value", s->value}, {"low", s->low}, {"high", s->high}};
 }
 
-constexpr const char* kRow = "{:<81} {:<8} {:>9}  {:<24} {:<24} {}\n";
+std::vector<std::string> plain(const Arm& arm) {
+  std::vector<std::string> values;
+  for (const KeyValue& setting : arm.settings) values.push_back(setting.plain());
+  return values;
+}
 
 }  // namespace
 
-std::string verification_head() {
-  return fmt::format(fmt::runtime(kRow), "", "critical", "predicted", "linear loop", "whole loop",
-                     "");
+VerificationTable::VerificationTable(const Experiment& experiment) : keys_(experiment.keys) {
+  for (const std::string& key : keys_) widths_.push_back(key.size());
+  for (const Arm& arm : experiment.arms) {
+    const auto values = plain(arm);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      widths_[i] = std::max(widths_[i], values[i].size());
+    }
+  }
 }
 
-std::string verification_row(const std::string& arm, const VerifiedCritical& row) {
-  return fmt::format(fmt::runtime(kRow), arm, is_delay(row) ? "delay" : "PRR",
-                     row.predicted ? number(row, *row.predicted) : "-", simulated(row, row.linear),
-                     simulated(row, row.full), row.holds() ? row.why : "misses its bar");
+std::string VerificationTable::line(const std::vector<std::string>& settings,
+                                    const std::vector<std::string>& cells) const {
+  std::string text;
+  for (std::size_t i = 0; i < settings.size(); ++i) {
+    text += fmt::format("{:<{}}  ", settings[i], widths_[i]);
+  }
+  text += fmt::format("{:<8}  {:>9}  {:<26}  {:<26}  {}", cells[0], cells[1], cells[2], cells[3],
+                      cells[4]);
+  return text.substr(0, text.find_last_not_of(' ') + 1) + "\n";
 }
 
-nlohmann::ordered_json verification_json(const std::string& arm, const VerifiedCritical& row) {
+std::string VerificationTable::head() const {
+  return line(keys_, {"critical", "predicted", "linear loop", "whole loop", ""});
+}
+
+std::string VerificationTable::row(const Arm& arm, const VerifiedCritical& row) const {
+  const std::string misses = row.holds() ? "" : "misses its bar";
+  return line(plain(arm),
+              {is_delay(row) ? "delay" : "PRR", row.predicted ? number(row, *row.predicted) : "-",
+               simulated(row, row.linear), simulated(row, row.full),
+               misses + (misses.empty() || row.why.empty() ? "" : "; ") + row.why});
+}
+
+nlohmann::ordered_json verification_json(const Arm& arm, const VerifiedCritical& row) {
   nlohmann::ordered_json json;
-  json["arm"] = arm;
+  json["arm"] = arm.text();
   json["critical"] = is_delay(row) ? "delay_s" : "prr";
   json["predicted"] = nullptr;
   if (row.predicted) json["predicted"] = *row.predicted;

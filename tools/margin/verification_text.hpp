@@ -1,16 +1,32 @@
 #pragma once
 
+#include <cstddef>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
+#include "tools/experiment/design/experiment.hpp"
 #include "tools/margin/verification.hpp"
 
 namespace tether {
 
-/// The head of a table of critical values; then a row of it: predicted and simulated values, their
-/// 95 % intervals, by how much they are off, and why there is none.
-std::string verification_head();
-std::string verification_row(const std::string& arm, const VerifiedCritical& row);
-nlohmann::ordered_json verification_json(const std::string& arm, const VerifiedCritical& row);
+/// A table of an experiment's critical values: the grid's settings; predicted and simulated values,
+/// their 95 % intervals, by how much they are off; and why there is none.
+class VerificationTable {
+ public:
+  explicit VerificationTable(const Experiment& experiment);
+
+  std::string head() const;
+  std::string row(const Arm& arm, const VerifiedCritical& row) const;
+
+ private:
+  std::string line(const std::vector<std::string>& settings,
+                   const std::vector<std::string>& cells) const;
+
+  std::vector<std::string> keys_;
+  std::vector<std::size_t> widths_;  ///< of the settings' columns
+};
+
+nlohmann::ordered_json verification_json(const Arm& arm, const VerifiedCritical& row);
 
 }  // namespace tether

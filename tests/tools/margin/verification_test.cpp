@@ -14,10 +14,9 @@ namespace {
 
 VerificationTrial small() {
   VerificationTrial trial;
+  trial.seeds = 4;
   trial.linear_loops = 300;
   trial.linear_periods = 300;
-  trial.full.runs = 20;
-  trial.full.periods = 4000;
   return trial;
 }
 
@@ -34,6 +33,8 @@ void expect_within_bars(const std::string& law, const std::string& rate,
       ASSERT_TRUE(row.predicted && row.linear) << row.why;
       EXPECT_NEAR(row.off(row.linear), 0.0, 0.05);
       if (!row.why.empty()) continue;
+      // Delays of whole loops with losses are not verified: docs/margins.md.
+      if (!is_prr && channel != "independent") continue;
       ASSERT_TRUE(row.full);
       EXPECT_NEAR(row.off(row.full), 0.0, 0.15) << *row.predicted;
     }
