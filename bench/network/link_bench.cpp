@@ -49,7 +49,7 @@ using std::chrono::seconds;
 
 void seal_and_open(benchmark::State& state) {
   const link::SessionKeys ab{link::testing::key_number(1), link::testing::key_number(2), 1, 2};
-  link::Session a(ab, 1, true, kStart), b({ab.receive, ab.send, 2, 1}, 1, false, kStart);
+  link::Session a(ab, true, kStart), b({ab.receive, ab.send, 2, 1}, false, kStart);
   const Bytes text(static_cast<std::size_t>(state.range(0)), 7);
   Bytes datagram, opened;
   for (auto unused : state) {

@@ -7,7 +7,8 @@
 
 #include "tools/experiment/design/experiment.hpp"
 
-// A small part of experiments/margins.toml: what is computed against what simulations have.
+// A small part of experiments/margins.toml: what is computed against what simulations have. Arms
+// with losses in bursts take minutes: `tether margin --verify` has them.
 
 namespace tether {
 namespace {
@@ -33,8 +34,6 @@ void expect_within_bars(const std::string& law, const std::string& rate,
       ASSERT_TRUE(row.predicted && row.linear) << row.why;
       EXPECT_NEAR(row.off(row.linear), 0.0, 0.05);
       if (!row.why.empty()) continue;
-      // Delays of whole loops with losses are not verified: docs/margins.md.
-      if (!is_prr && channel != "independent") continue;
       ASSERT_TRUE(row.full);
       EXPECT_NEAR(row.off(row.full), 0.0, 0.15) << *row.predicted;
     }
@@ -45,14 +44,6 @@ void expect_within_bars(const std::string& law, const std::string& rate,
 
 TEST(VerificationTest, TrackingAtTheEightsTopSpeedHasItsCriticalPrrAndDelay) {
   expect_within_bars("tracking, 2.87 m/s", "20", "independent");
-}
-
-TEST(VerificationTest, APidWithoutMemoryHasThemOnAChannelWithBursts) {
-  expect_within_bars("P, 1.5 m/s", "10", "Gilbert-Elliott, bursts of 3");
-}
-
-TEST(VerificationTest, AChannelThatMovesInTimeHasItsCriticalPrr) {
-  expect_within_bars("tracking, 1.5 m/s", "10", "Markov in time, 90 %");
 }
 
 TEST(VerificationTest, OnTheEightThereIsAReasonInsteadOfANumber) {
