@@ -80,14 +80,14 @@ if(NOT TETHER_VEHICLE_ONLY)
   list(APPEND components python)
   set(python_packages lib/python3/dist-packages)
   install(DIRECTORY python/tether DESTINATION ${python_packages} COMPONENT python
-    FILES_MATCHING PATTERN "*.py")
+    FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
   install(DIRECTORY lcmtypes/ DESTINATION ${python_packages}/tether/lcmtypes COMPONENT python
     FILES_MATCHING PATTERN "*.lcm")
   if(TETHER_PYTHON)
     list(APPEND components env)
     install(TARGETS tether_env_core DESTINATION ${python_packages}/tether_env COMPONENT env)
     install(DIRECTORY python/env/tether_env DESTINATION ${python_packages} COMPONENT env
-      FILES_MATCHING PATTERN "*.py")
+      FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
   endif()
   foreach(shell_file bash:bash-completion/completions/tether zsh:zsh/vendor-completions/_tether)
     string(REPLACE ":" ";" shell_file ${shell_file})

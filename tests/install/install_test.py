@@ -67,7 +67,7 @@ def works_in_any_folder(work):
         check(page in said, said[:200])
     run("bash", "-n", prefix / "share/bash-completion/completions/tether")
     names_the_source = [str(file.relative_to(prefix)) for file in prefix.rglob("*") if file.is_file() and
-                        file.parent.name != "bin" and str(SOURCE).encode() in file.read_bytes()]
+                        file.parent.name != "bin" and file.suffix != ".so" and str(SOURCE).encode() in file.read_bytes()]
     check(not names_the_source, f"{SOURCE} stands in {names_the_source}")
     return prefix
 
