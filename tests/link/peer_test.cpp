@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -170,7 +171,8 @@ TEST(PeerLink, LatestOnlyMessagesGoOnWhenLossesAtTheStartLeaveEachSideWithAnothe
   }
   EXPECT_GE(net.hosts[1].heard.size(), 98U);
   EXPECT_LE(net.link(1).counters().superseded, 2);
-  EXPECT_GT(net.link(1).take_fates(0).size(), 50U) << "both seal in one session";
+  EXPECT_GT(net.link(1).take_fates(0).size(), 50U);
+  EXPECT_EQ(net.link(0).sessions().count(), 3) << "new keys have ended it";
 }
 
 TEST(PeerLink, ForgedAnswersToEachHelloDelayNothing) {
@@ -308,6 +310,25 @@ TEST(PeerLink, AReplayFromElsewhereDoesNotMoveALearnedAddress) {
   net.send(1, "POSE", {1});
   net.run(milliseconds{10});
   EXPECT_EQ(net.hosts[0].heard.size(), 1U);
+}
+
+TEST(PeerLink, AProbeThatComesLateDoesNotMoveALearnedAddress) {
+  TwoHosts net;
+  net.knows_address = {false, true};
+  net.restart(0);
+  net.connect();
+  std::optional<Bytes> held;
+  net.loses = [&](const TwoHosts::Datagram& d) {
+    if (held || d.from != 1) return false;
+    held = d.bytes;
+    return true;
+  };
+  net.run(seconds{1});
+  ASSERT_TRUE(held);
+  net.inject(0, 0, *held, Address{0x0A0000FF, 7700});
+  net.send(0, "CMD", {1});
+  net.run(milliseconds{10});
+  EXPECT_EQ(net.hosts[1].heard.size(), 1U);
 }
 
 TEST(PeerLink, PathsInAnotherOrderAreNoticed) {

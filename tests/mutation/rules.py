@@ -289,7 +289,6 @@ RULES = [
     ("link: ANSWERs of anybody", "Handshake::finish", "false", r"^!equal\(macs\.last"),
     ("link: a HELLO has as many answers as it is sent", "Sessions::on_hello", "true", "kMostAnswers"),
     ("link: each side keeps another session", "Sessions::wants_new_keys", "operand", "^disagree_$"),
-    ("link: PROBEs of before move the peer", "PeerLink::on_probe", "operand", "^probe.sent > count.told$"),
     ("link: keys of low order", "Identity::Identity", "operand", "multiply"),
     ("link: a peer with our own key", "Identity::Identity", "operand", "own.public_key == peer"),
     ("link: keys for ever", "Sessions::wants_new_keys", "operand", "^age >="),
