@@ -155,8 +155,10 @@ void check_figure(const FigureChoice& figure, const Experiment& experiment,
     series.insert(y);
     if (is_pareto) continue;
     if (!is_new) {
-      refuse(fmt::format("{} varies too, but is neither x nor y: its values would be mixed",
-                         key_that_differs(*other->second, arm)));
+      constexpr char kMixed[] =
+          "{0} varies too, but is neither x nor y: its values would be mixed; a curve for each: "
+          "y = \"{0}\"";
+      refuse(fmt::format(kMixed, key_that_differs(*other->second, arm)));
     }
     if (figure.kind != Kind::curve && !is_number(x)) {
       refuse(fmt::format("{} = {} is no number, as an axis needs", figure.x, x));
