@@ -63,7 +63,7 @@ auto made(const TomlReader& reader, const std::string& key, const Make& make) {
 /// Names of paths and peers are parts of lines, and of file names.
 std::string required_name(const TomlReader& reader, const std::string& what) {
   static const Pattern kName("[A-Za-z0-9][A-Za-z0-9_.-]{0,62}");
-  const std::string name = required_text(reader, "name", what);
+  std::string name = required_text(reader, "name", what);
   if (!kName.matches(name)) {
     reader.refuse("name", *reader.find("name"),
                   "1 to 63 letters, digits, _, . and -, the first a letter or digit");

@@ -79,7 +79,7 @@ void try_peer(Script& script) {
   const auto keys = link::Handshake::finish(identity, hello, ephemeral, net.seen[0].bytes);
   must(keys.has_value(), "by an authentic ANSWER");
   net.keep = false;
-  link::Session session(*keys, 1, true, net.now);
+  link::Session session(*keys, true, net.now);
   Bytes text, datagram;
   while (!script.ended()) {
     if (script.choice(3) == 0) {

@@ -132,7 +132,9 @@ DoctorFinding versions(const Machine& m) {
                                       m.realtime_kernel ? " (PREEMPT_RT)" : "");
   if (m.other_versions.empty()) return {Verdict::good, "versions", all, ""};
   std::vector<std::string> others;
-  for (const auto& [name, version] : m.other_versions) others.push_back(name + ": " + version);
+  for (const auto& [name, version] : m.other_versions) {
+    others.push_back(fmt::format("{}: {}", name, version));
+  }
   return {Verdict::wrong, "versions",
           fmt::format("{}; but beside it {}", all, fmt::join(others, ", ")),
           "install all packages of one version together: sudo apt install ./tether*.deb"};

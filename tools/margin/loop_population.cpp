@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <utility>
@@ -270,7 +271,9 @@ PopulationGrowth whole_loop_growth(const Scenario& scenario, double more_loss,
       sum += weights[i] = loops[i].grow(stage);
       growth.largest_m = std::max(growth.largest_m, std::sqrt(loops[i].square_m2()));
     }
-    if (!(sum > 0.0)) return {.log_radius = -INFINITY, .largest_m = growth.largest_m};
+    if (!(sum > 0.0))
+      return {.log_radius = -std::numeric_limits<double>::infinity(),
+              .largest_m = growth.largest_m};
     const auto n = static_cast<double>(loops.size());
     if (stage > kSettlingStages) logs.push_back(logs.back() + std::log(sum / n));
     if (stage < stages) {

@@ -155,7 +155,7 @@ void check_figure(const FigureChoice& figure, const Experiment& experiment,
     series.insert(y);
     if (is_pareto) continue;
     if (!is_new) {
-      constexpr char kMixed[] =
+      static constexpr char kMixed[] =
           "{0} varies too, but is neither x nor y: its values would be mixed; a curve for each: "
           "y = \"{0}\"";
       refuse(fmt::format(kMixed, key_that_differs(*other->second, arm)));
@@ -284,7 +284,7 @@ std::optional<FigureChoice> figure_of(const std::string& text) {
   FigureChoice figure;
   figure.metric = j.at("metric").get<std::string>();
   if (kind < 0 || kind > static_cast<int>(Kind::pareto)) throw UsageError("an unknown figure");
-  MetricExpression{figure.metric};  // throws if this version does not know it
+  const MetricExpression checked(figure.metric);  // throws if this version does not know it
   figure.kind = static_cast<Kind>(kind);
   figure.x = j.at("x").get<std::string>();
   figure.y = j.at("y").get<std::string>();
@@ -323,7 +323,7 @@ std::vector<TableChoice> tables_of(const std::string& text) {
     if (kind < 0 || kind > static_cast<int>(TableKind::limit)) {
       throw UsageError("an unknown table");
     }
-    MetricExpression{table.metric};
+    const MetricExpression checked(table.metric);
     table.kind = static_cast<TableKind>(kind);
     table.title = j.at("title").get<std::string>();
     table.columns = j.at("columns").get<std::vector<std::string>>();
