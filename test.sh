@@ -13,7 +13,11 @@ case "${1:-}" in
 esac
 [ -f build/release/build.ninja ] || cmake --preset release
 if [ "${1:-}" = quick ]; then
-    cmake --build --preset release --target quick_tests -- --quiet
+    cmake --build --preset release --target quick_tests tether -- --quiet
+    tests/docs/reference.py build/release/bin || {
+        echo "docs/reference: tests/docs/reference.py build/release/bin --write" >&2
+        exit 1
+    }
     exec ctest --preset release --build-config Quick --label-regex '^quick$' --parallel "$jobs" --progress
 fi
 cmake --build --preset release

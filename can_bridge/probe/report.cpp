@@ -64,8 +64,8 @@ std::string silence_text(const ProbedNode& node, const std::set<int>& heard) {
   }
   if (heard.empty()) {
     return text +
-           "  Nobody was heard on this bus. Check: supply of the drives, CAN plug, bit rate on "
-           "both\n  sides (`ip -details link show`), 120 Ohm at both ends, CAN_H and CAN_L "
+           "  Nobody was heard on this bus. Check: supply of the drives, node ids, CAN plug, bit rate "
+           "on both\n  sides (`ip -details link show`), 120 Ohm at both ends, CAN_H and CAN_L "
            "swapped.\n";
   }
   return text + fmt::format(

@@ -5,6 +5,7 @@ import heapq
 import itertools
 import re
 import time
+import traceback
 import zlib
 
 from .messages import message_type
@@ -151,7 +152,8 @@ class Lockstep:
             try:
                 self._run(grant, published)
             except Exception as failure:
-                error = f"{type(failure).__name__}: {failure}"
+                where = traceback.extract_tb(failure.__traceback__)[-1]
+                error = f"{type(failure).__name__}: {failure} ({where.filename}:{where.lineno})"
                 raise
             finally:
                 self._reply(grant, published, error)
