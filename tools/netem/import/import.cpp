@@ -25,6 +25,11 @@ double median_step_s(const std::vector<Imported::Row>& rows) {
 
 void apply(const GapRule& rule, Imported& imported, const std::string& name) {
   if (imported.rows.size() < 2) return;
+  constexpr double kLongest_s = 1e9;  // of a trace
+  if (imported.rows.back().time_s - imported.rows.front().time_s > kLongest_s) {
+    throw UsageError(fmt::format("{}: its times are {:.3g} s apart; a trace has 1e9 s at most",
+                                 name, imported.rows.back().time_s - imported.rows.front().time_s));
+  }
   const double step_s = median_step_s(imported.rows);
   const double limit_s = rule.longer_than_s > 0.0 ? rule.longer_than_s : kGapIsLonger * step_s;
   std::vector<Imported::Row> rows;
