@@ -11,7 +11,7 @@ Odometry::Odometry(const VehicleConfig& vehicle)
     : radius_m_(vehicle.wheel_radius_m),
       track_m_(vehicle.track_m),
       max_speed_mps_(vehicle.max_wheel_speed_mps) {
-  state_.pose = {vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)};
+  state_.pose = vehicle.start_pose();
 }
 
 void Odometry::update(const std::array<WheelFeedback, 2>& wheels) {

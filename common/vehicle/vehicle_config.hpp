@@ -53,6 +53,9 @@ struct VehicleConfig {
   double start_x_m = 0.0;
   double start_y_m = 0.0;
   double start_yaw_rad = 0.0;
+
+  /// Where it begins, but for the errors of the start (VehicleSettings).
+  Pose2 start_pose() const { return {start_x_m, start_y_m, wrap_angle(start_yaw_rad)}; }
 };
 
 }  // namespace tether

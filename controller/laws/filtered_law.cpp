@@ -5,20 +5,12 @@
 #include "controller/laws/tracking_law.hpp"
 
 namespace tether {
-namespace {
-
-Pose2 start_of(const VehicleSettings& vehicle) {
-  return {vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)};
-}
-
-}  // namespace
-
 FilteredLaw::FilteredLaw(std::unique_ptr<Law> law, const LawContext& context)
     : law_(std::move(law)),
       filter_(context.settings.get<ControllerSettings>().ekf, {},
               model_of(context.settings).limits(),
-              start_of(context.settings.get<VehicleSettings>())),
-      wheels_(start_of(context.settings.get<VehicleSettings>())),
+              context.settings.get<VehicleSettings>().start_pose()),
+      wheels_(context.settings.get<VehicleSettings>().start_pose()),
       delay_(DelayEstimate::kFew),
       sensor_latency_(
           from_seconds(context.settings.get<ControllerSettings>().sensor_latency_ms * 1e-3)) {}

@@ -45,14 +45,14 @@ PredictiveLaw::PredictiveLaw(const ControllerSettings& controller, const Actuato
       feedback_(controller, model_.limits().max_wheel_acceleration_mps2),
       delay_(DelayEstimate::kFew),
       form_(form),
-      wheels_({vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)}),
+      wheels_(vehicle.start_pose()),
       sensor_latency_(from_seconds(controller.sensor_latency_ms * 1e-3)),
       adapts_clock_(controller.estimator == ControllerSettings::Estimator::ekf &&
                     controller.adapt_clock),
       run_out_{actuator.deceleration_mps2, actuator.yaw_deceleration_radps2,
                model_.limits().max_wheel_acceleration_mps2, model_.limits().max_wheel_speed_mps,
                model_.limits().track_m},
-      start_pose_{vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)},
+      start_pose_(vehicle.start_pose()),
       step_(controller.plan_step()),
       steps_(controller.plan_steps()),
       silence_(step_ * static_cast<std::int64_t>(steps_) / 2) {

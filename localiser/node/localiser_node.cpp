@@ -32,9 +32,7 @@ Localiser localiser_of(const LocaliserNodeSettings& settings) {
   out.search.match.range_noise_m = own.range_noise_m;
   out.search.match.max_distance_m = own.max_distance_m;
   out.max_beams = static_cast<std::size_t>(own.max_beams);
-  if (own.knows_start) {
-    out.start = Pose2{vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)};
-  }
+  if (own.knows_start) out.start = vehicle.start_pose();
   out.start_error_m = std::max(out.start_error_m, vehicle.start_error_m);
   out.start_error_rad = std::max(out.start_error_rad, vehicle.start_error_rad);
   return {out, std::make_shared<const DistanceField>(seen_shapes(settings), own.resolution_m),

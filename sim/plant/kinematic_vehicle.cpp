@@ -89,7 +89,7 @@ KinematicVehicle::KinematicVehicle(const VehicleConfig& vehicle, const WorldSett
       max_wheel_speed_mps_(vehicle.max_wheel_speed_mps),
       footprint_(vehicle, world) {
   check_drivable(vehicle, world, step_s_);
-  state_.pose = {vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)};
+  state_.pose = vehicle.start_pose();
   state_.height_m = vehicle.wheel_radius_m;
   if (!surroundings.any()) return;
   obstacles_ =

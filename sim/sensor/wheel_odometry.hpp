@@ -31,7 +31,7 @@ class WheelOdometry {
         track_m_(vehicle.track_m * (1.0 + vehicle.track_error)),
         radius_ratio_(1.0 + vehicle.radius_error),
         tick_rad_(ticks > 0 ? 2.0 * std::numbers::pi / static_cast<double>(ticks) : 0.0) {
-    state_.pose = {vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)};
+    state_.pose = vehicle.start_pose();
   }
 
   /// The encoders' angles since the start.

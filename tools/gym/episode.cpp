@@ -15,6 +15,7 @@
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/frames.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
@@ -33,12 +34,6 @@ std::unique_ptr<Law> law_of(const Scenario& scenario, const LawContext& context,
   auto law = std::make_unique<GivenLaw>(context, kind == ActionKind::plan);
   given = law.get();
   return law;
-}
-
-/// A point of the world in the frame of `pose`.
-Position seen_from(const Pose2& pose, double cos_yaw, double sin_yaw, const PathPoint& point) {
-  const double dx = point.x_m - pose.x_m, dy = point.y_m - pose.y_m;
-  return {cos_yaw * dx + sin_yaw * dy, cos_yaw * dy - sin_yaw * dx};
 }
 
 }  // namespace
@@ -108,7 +103,7 @@ void Episode::go_on() {
 SeenPose Episode::pose() {
   if (const SeenPose* newest = loop_.controller().newest()) return *newest;
   SeenPose start;
-  start.pose = nominal_start(context_.settings);
+  start.pose = context_.settings.get<VehicleSettings>().start_pose();
   start.stamp = start.arrival = kStart;
   start.seq = -1;
   return start;
@@ -116,21 +111,20 @@ SeenPose Episode::pose() {
 
 void Episode::observe(std::span<double> out) {
   const SeenPose seen = this->pose();
-  const Pose2& pose = seen.pose;
   const Instant now = loop_.loop().now();
   const auto since = [now](Instant then) { return to_seconds(now - then); };
   const double now_s = to_seconds(now);
-  const double cos_yaw = std::cos(pose.yaw_rad), sin_yaw = std::sin(pose.yaw_rad);
   std::size_t i = 0;
   const auto put = [&](double number) { out[i++] = number; };
-  const auto put_position = [&](const Position& p) {
-    put(p.x_m);
-    put(p.y_m);
+  const auto seen_here = [&](const PathPoint& p) {
+    const Pose2 there = relative_to(seen.pose, {p.x_m, p.y_m, p.yaw_rad});
+    put(there.x_m);
+    put(there.y_m);
+    return there;
   };
 
   const PathPoint here = context_.path->at(now_s);
-  put_position(seen_from(pose, cos_yaw, sin_yaw, here));
-  put(wrap_angle(here.yaw_rad - pose.yaw_rad));
+  put(seen_here(here).yaw_rad);
   put(here.v_mps);
   put(here.omega_radps);
   const auto& sent = loop_.controller().last_sent();
@@ -143,7 +137,7 @@ void Episode::observe(std::span<double> out) {
   put(reception_.ratio());
   if (settings_.action == ActionKind::plan) put(since(given_->acknowledged().value_or(kStart)));
   for (const double tau_s : settings_.preview_s) {
-    put_position(seen_from(pose, cos_yaw, sin_yaw, context_.path->at(now_s + tau_s)));
+    seen_here(context_.path->at(now_s + tau_s));
   }
   assert(i == out.size());
 }

@@ -31,8 +31,9 @@ void GivenLaw::on_pose(const SeenPose& seen) {
 }
 
 LawOutput GivenLaw::decide(Instant now, const SeenPose* newest) {
-  errors_ = errors_to(newest == nullptr ? nominal_start(context_.settings) : newest->pose,
-                      context_.path->at(to_seconds(now)));
+  errors_ = errors_to(
+      newest == nullptr ? context_.settings.get<VehicleSettings>().start_pose() : newest->pose,
+      context_.path->at(to_seconds(now)));
   if (!plans_) return given_.front();
   return plan(now, std::move(given_));
 }
@@ -55,11 +56,6 @@ LawOutput GivenLaw::plan(Instant now, std::vector<Twist> twists) {
 
 void GivenLaw::list_counters(CounterList& out) const {
   if (plans_) out.emplace_back("plan.made", static_cast<std::int64_t>(decided_.size()));
-}
-
-Pose2 nominal_start(const LawSettings& settings) {
-  const auto& vehicle = settings.get<VehicleSettings>();
-  return {vehicle.start_x_m, vehicle.start_y_m, wrap_angle(vehicle.start_yaw_rad)};
 }
 
 }  // namespace tether

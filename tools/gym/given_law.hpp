@@ -45,7 +45,4 @@ class GivenLaw final : public Law {
   LawErrors errors_;
 };
 
-/// Where the vehicle begins, as the scenario says it.
-Pose2 nominal_start(const LawSettings& settings);
-
 }  // namespace tether

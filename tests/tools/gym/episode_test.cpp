@@ -155,7 +155,7 @@ TEST(Episode, WhereNothingIsSentLeavesTheVehicleStanding) {
   Episode episode(scenario, {ActionKind::send, {}});
   const std::vector<double> skip{0.0};
   while (!episode.is_over()) episode.step(skip);
-  const Pose2 start = nominal_start(scenario);
+  const Pose2 start = scenario.get<VehicleSettings>().start_pose();
   EXPECT_NEAR(episode.pose().pose.x_m, start.x_m, 0.1) << "noise of 0.02 m";
   EXPECT_NEAR(episode.pose().pose.y_m, start.y_m, 0.1);
 }
