@@ -31,7 +31,7 @@ void AdaptivePidLaw::on_pose(const SeenPose& seen) {
   reception_.add(seen.seq);
   delay_.add(seen.arrival - seen.stamp);
   tau_s_ = factor_ * table_.tau_s(reception_.ratio(), to_milliseconds(delay_.median()));
-  set_tau(tau_s_);
+  set_look_ahead(tau_s_);
 }
 
 void AdaptivePidLaw::list_counters(CounterList& out) const {

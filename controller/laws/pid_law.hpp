@@ -32,8 +32,7 @@ class PidLaw : public Law {
   /// θ_e and d_e of the last step.
   LawErrors errors() const override { return errors_; }
 
-  void set_tau(double tau_s) { tau_s_ = tau_s; }
-  void set_look_ahead(double tau_s) override { set_tau(tau_s); }
+  void set_look_ahead(double tau_s) override { tau_s_ = tau_s; }
 
  private:
   std::shared_ptr<const ReferencePath> path_;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/vehicle/frames.hpp"
+
 namespace tether {
 namespace {
 
@@ -18,9 +20,8 @@ Vector2d turned(const Vector2d& v) { return {-v.y(), v.x()}; }
 
 /// Along the arc of a twist that holds for `dt_s`.
 Vector2d arc(double yaw_rad, double v_mps, double omega_radps, double dt_s) {
-  const double half = 0.5 * omega_radps * dt_s;
-  const double chord = v_mps * dt_s * (std::abs(half) < 1e-8 ? 1.0 : std::sin(half) / half);
-  return {chord * std::cos(yaw_rad + half), chord * std::sin(yaw_rad + half)};
+  const Pose2 end = along_arc({0.0, 0.0, yaw_rad}, v_mps * dt_s, omega_radps * dt_s);
+  return {end.x_m, end.y_m};
 }
 
 /// A part of a range, by its centre and half its width.
@@ -186,10 +187,7 @@ std::vector<Twist> variations(const TubePlan& plan, double clock_s) {
 std::vector<Pose2> planned(const TubePlan& plan) {
   std::vector<Pose2> poses{Pose2{}};
   for (const Twist& u : plan.twists) {
-    const Pose2& from = poses.back();
-    const Vector2d moved = arc(from.yaw_rad, u.v_mps, u.omega_radps, plan.step_s);
-    poses.push_back(
-        {from.x_m + moved.x(), from.y_m + moved.y(), from.yaw_rad + u.omega_radps * plan.step_s});
+    poses.push_back(along_arc(poses.back(), u.v_mps * plan.step_s, u.omega_radps * plan.step_s));
   }
   return poses;
 }

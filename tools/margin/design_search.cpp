@@ -32,7 +32,7 @@ class Search {
   DesignAnswer tau() {
     need_law("pid", "tau");
     const StraightLoop loop = margin_loop({});
-    const double best_s = loop.v_mps / loop.law(0, 0) / loop.v_mps - loop.timing.pose_delay_s;
+    const double best_s = 1.0 / loop.law(0, 0) - loop.timing.pose_delay_s;
     if (!(best_s > 0.0)) return none("the best look-ahead would be below 0");
     const std::vector<std::string> set{fmt::format("controller.tau_s={:.4g}", best_s)};
     return at_best(set, predicted_m(set));

@@ -1,10 +1,10 @@
 #include "tools/margin/settled_error.hpp"
 
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <stdexcept>
 
 #include "common/scenario/run_settings.hpp"
+#include "netem/statistics/estimate.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/margin/parallel.hpp"
 #include "tools/runs/metric.hpp"
@@ -27,8 +27,7 @@ SettledError settled_error(const Scenario& scenario, std::size_t seeds, std::siz
   }
   const auto n = static_cast<double>(seeds);
   const double mean = sum / n, variance = std::max(0.0, squares / n - mean * mean) / (n - 1.0);
-  const double quantile = boost::math::quantile(boost::math::students_t(n - 1.0), 0.975);
-  return {mean, quantile * std::sqrt(variance)};
+  return {mean, student_quantile(0.95, n - 1.0) * std::sqrt(variance)};
 }
 
 }  // namespace tether

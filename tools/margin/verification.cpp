@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <functional>
 
 #include "common/vehicle/vehicle_settings.hpp"
 #include "margin/loop/loop_margins.hpp"
 #include "margin/theory/linear_trial.hpp"
+#include "netem/statistics/estimate.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 #include "tools/margin/loop_population.hpp"
 #include "tools/margin/parallel.hpp"
@@ -61,8 +61,7 @@ std::optional<SimulatedCritical> simulated_critical(
     if (!one) return std::nullopt;
     squares += (*one - *all) * (*one - *all);
   }
-  const double half = boost::math::quantile(boost::math::students_t(n - 1.0), 0.975) *
-                      std::sqrt(squares * (n - 1.0) / n);
+  const double half = student_quantile(0.95, n - 1.0) * std::sqrt(squares * (n - 1.0) / n);
   return SimulatedCritical{*all, *all - half, *all + half};
 }
 
