@@ -28,11 +28,10 @@ std::string plant_text(const Scenario& scenario) {
 std::string variables(const Scenario& scenario, double epsilon_m) {
   return fmt::format(
       "title_text = \"ε = {:.2f} m   ({}{}; {}; seed {})\"\n"
-      "wall = {}\ntube = {}\n",
+      "wall = {}\n",
       epsilon_m, plant_text(scenario), channel_text("up", scenario.get<ChannelSettings>().uplink),
       channel_text("down", scenario.get<ChannelSettings>().downlink),
-      scenario.get<RunSettings>().seed, scenario.get<WorldSettings>().half_extent_m,
-      tube_m(scenario).value_or(0.0));
+      scenario.get<RunSettings>().seed, scenario.get<WorldSettings>().half_extent_m);
 }
 
 std::string polygon(const Shape& shape) {
@@ -122,7 +121,9 @@ set output
 void draw_path_figure(const std::filesystem::path& folder, const Scenario& scenario,
                       double epsilon_m) {
   run_gnuplot(folder, "path.gp",
-              variables(scenario, epsilon_m) + obstacles(scenario) + kOneVehicle + kScript);
+              variables(scenario, epsilon_m) +
+                  fmt::format("tube = {}\n", tube_m(scenario).value_or(0.0)) + obstacles(scenario) +
+                  kOneVehicle + kScript);
 }
 
 void draw_fleet_figure(const std::filesystem::path& folder, const Scenario& scenario,
