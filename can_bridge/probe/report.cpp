@@ -65,9 +65,8 @@ std::string silence_text(const ProbedNode& node, const std::set<int>& heard) {
   if (heard.empty()) {
     return text +
            "  Nobody was heard on this bus. Check: supply of the drives, node ids, CAN plug,\n"
-           "  bit rate on both sides (`ip -details link show`), 120 Ohm at both ends, CAN_H and "
-           "CAN_L\n"
-           "  swapped.\n";
+           "  bit rate on both sides (`ip -details link show`), 120 Ohm at both ends, CAN_H\n"
+           "  and CAN_L swapped.\n";
   }
   return text + fmt::format(
                     "  Heard on this bus: {} {}. Check the node id that is set in this drive, its "

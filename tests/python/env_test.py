@@ -7,7 +7,6 @@ import math
 import pathlib
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import unittest
@@ -20,6 +19,7 @@ import numpy as np
 
 import tether
 import tether_env
+from folder import WithAFolder
 
 PAPER = SOURCE / "scenarios" / "paper.toml"
 FAST = {"vehicle.plant": "kinematic", "sensor.rate_hz": 20, "run.duration_s": 10}
@@ -41,13 +41,6 @@ def to_the_end(env, act, **reset):
         assert not terminated
         rewards.append(reward)
     return rewards, info
-
-
-class WithAFolder(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.work = pathlib.Path(folder.name)
 
 
 class Runs(WithAFolder):

@@ -9,7 +9,6 @@ import pathlib
 import shutil
 import subprocess
 import sys
-import tempfile
 import unittest
 import unittest.mock
 
@@ -18,6 +17,7 @@ BIN = pathlib.Path(sys.argv.pop(1)).resolve()
 os.environ["TETHER"] = str(BIN / "tether")
 sys.path.insert(0, str(SOURCE / "python"))
 import tether
+from folder import WithAFolder
 
 PAPER = SOURCE / "scenarios" / "paper.toml"
 
@@ -35,13 +35,6 @@ def run_tether(*words):
     if done.returncode:
         raise AssertionError(f"tether {words}: {done.stderr}")
     return done.stdout
-
-
-class WithAFolder(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.work = pathlib.Path(folder.name)
 
 
 class Runs(WithAFolder):
