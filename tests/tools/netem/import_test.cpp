@@ -173,6 +173,12 @@ TEST(ImportIperf3, ReadsTheReceiversLossesInTextAndJson) {
   }
 }
 
+TEST(ImportPing, RefusesANumberThatIsFarBeyondWhatWasSent) {
+  std::istringstream in("64 bytes: icmp_seq=700000000500000000 time=1 ms\n5 packets transmitted\n");
+  EXPECT_THAT(refusal([&] { import_ping(in, "p.txt", 1.0); }),
+              HasSubstr("p.txt: numbers from 1 to 700000000500000000; at most 20000000 packets"));
+}
+
 TEST(ImportIperf3, ReadsRoundTripsOfTcpAndRefusesTheRest) {
   const std::string tcp =
       R"({"intervals":[{"streams":[{"rtt":30000}],"sum":{"start":0.5,"sender":true}},
@@ -187,6 +193,17 @@ TEST(ImportIperf3, ReadsRoundTripsOfTcpAndRefusesTheRest) {
               HasSubstr("no report of a receiver"));
   EXPECT_THAT(says("{"), HasSubstr("no report of iperf3"));
   EXPECT_THAT(says(R"({"intervals":[{"sum":3}]})"), HasSubstr("no report of iperf3"));
+  EXPECT_THAT(says("[  5]   0.00-1.00   sec   1 KBytes  1 Mbits/sec  0.01 ms  91/90 (101%)"),
+              HasSubstr("more packets are lost than were sent"));
+  EXPECT_THAT(says("[  5]   nan-1.00   sec   1 KBytes  1 Mbits/sec  0.01 ms  3/90 (3%)"),
+              HasSubstr("its time is no number"));
+}
+
+TEST(ImportIperf3, TakesLossesThatAreTakenBackForNone) {
+  const auto trace = trace_of(import_iperf3(
+      "[  5]   0.00-1.00   sec   1 KBytes  1 Mbits/sec  0.01 ms  -2/90 (-2.2%)", "i"));
+  ASSERT_EQ(trace.rows.size(), 1U);
+  EXPECT_EQ(trace.rows[0].prr, 1.0);
 }
 
 TEST(ImportGaps, HoldLoseOrEndIt) {

@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string_view>
@@ -22,8 +24,11 @@ void add_row(Imported& imported, Imported::Row row) {
   imported.rows.push_back(row);
 }
 
+/// What comes late, after it was counted as lost, iperf3 takes back from an interval's losses,
+/// which may then be below 0.
 void add_udp(Imported& imported, double start_s, double packets, double lost) {
-  if (packets > 0.0) add_row(imported, {start_s, std::nullopt, 1.0 - lost / packets});
+  if (packets > 0.0)
+    add_row(imported, {start_s, std::nullopt, std::min(1.0, 1.0 - lost / packets)});
 }
 
 /// The intervals of a report in JSON; false if they have neither losses nor round trips.
@@ -98,7 +103,14 @@ Imported import_iperf3(const std::string& text, const std::string& name) {
   }
   if (imported.rows.empty()) throw UsageError(fmt::format(kNoReceiver, name));
   const double first_s = imported.rows.front().time_s;
-  for (Imported::Row& row : imported.rows) row.time_s -= first_s;
+  for (Imported::Row& row : imported.rows) {
+    row.time_s -= first_s;
+    if (!std::isfinite(row.time_s) || !(row.prr >= 0.0)) {
+      throw UsageError(fmt::format(
+          "{}: in an interval of it more packets are lost than were sent, or its time is no number",
+          name));
+    }
+  }
   imported.notes.push_back(imported.has_delays
                                ? "delays are half TCP's round trips; losses are not known"
                                : "losses by interval; delays are not known");

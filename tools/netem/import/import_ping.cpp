@@ -40,14 +40,11 @@ class Echoes {
     if (!seq) {
       if (line.find(" packets transmitted") != std::string_view::npos) {
         transmitted_ = to_number<std::int64_t>(line.substr(0, line.find(' ')));
+        if (transmitted_ && *transmitted_ > kMostPackets) transmitted_.reset();
       }
       return;
     }
-    const std::int64_t number = unwrapped(*seq);
-    if (!all_.empty() && number - all_.begin()->first > kMostPackets) {
-      throw UsageError(fmt::format("{}:{}: more than {} packets", name, line_number, kMostPackets));
-    }
-    Echo& echo = all_[number];
+    Echo& echo = all_[unwrapped(*seq)];
     const auto time_ms = number_after<double>(line, " time=");
     if (!time_ms || line.find("(DUP!)") != std::string_view::npos) return;
     if (line.find(" ms") == std::string_view::npos) {
@@ -60,11 +57,13 @@ class Echoes {
     }
   }
 
-  /// What was sent before the first and after the last that the file tells of.
-  void complete() {
-    if (all_.empty() || !transmitted_ || *transmitted_ > kMostPackets) return;
-    const std::int64_t first = std::min<std::int64_t>(1, all_.begin()->first);
-    for (std::int64_t i = first; i < first + *transmitted_; ++i) all_[i];
+  /// Of those sent, also before the first and after the last that the file tells of.
+  std::int64_t first() const {
+    const std::int64_t told = all_.begin()->first;
+    return transmitted_ ? std::min<std::int64_t>(1, told) : told;
+  }
+  std::int64_t last() const {
+    return std::max(all_.rbegin()->first, first() + transmitted_.value_or(0) - 1);
   }
 
   const std::map<std::int64_t, Echo>& all() const { return all_; }
@@ -124,12 +123,15 @@ Imported import_ping(std::istream& in, const std::string& name, double interval_
   Echoes echoes;
   int line_number = 0;
   for (std::string line; std::getline(in, line);) echoes.add(name, ++line_number, line);
-  echoes.complete();
   if (echoes.all().empty()) throw UsageError(name + ": no line has icmp_seq= or seq=");
+  const std::int64_t first = echoes.first(), last = echoes.last();
+  if (last - first >= kMostPackets) {
+    throw UsageError(fmt::format("{}: numbers from {} to {}; at most {} packets are taken", name,
+                                 first, last, kMostPackets));
+  }
   const SendTimes times(echoes.all(), interval_s);
   Imported imported;
   imported.of_fates = imported.has_delays = true;
-  const std::int64_t first = echoes.all().begin()->first, last = echoes.all().rbegin()->first;
   for (std::int64_t number = first; number <= last; ++number) {
     const auto found = echoes.all().find(number);
     Imported::Row row{.time_s = times.at(number) - times.at(first), .prr = 0.0};
