@@ -27,9 +27,9 @@
 namespace tether {
 namespace {
 
-constexpr double kDeviation_m = 1e-11;   // where losses begin
-constexpr double kSettlingSpeeds = 8.0;  // time constants of errors along the straight
-constexpr std::size_t kStage = 5;        // periods between two draws
+constexpr double kSmallAlong_m = 1e-7;  // when losses begin; else speeds, and so gains, vary
+constexpr double kMiddle_m = 1e-10;     // across, half way in logarithms
+constexpr std::size_t kStage = 5;       // periods between two draws
 constexpr std::size_t kSettlingStages = 24;
 
 /// When the path has its full speed.
@@ -37,6 +37,13 @@ double full_speed_s(const ReferencePath& path, double v_mps) {
   double t_s = 0.0;
   while (path.at(t_s).v_mps < v_mps * (1.0 - 1e-9)) t_s += 0.05;
   return t_s;
+}
+
+/// Until 1 m has shrunk to `left_m`, if squares grow like this; or long enough to notice it.
+double periods_until(double left_m, double radius) {
+  constexpr double kMost = 1000.0;
+  return radius < 1.0 ? std::min(kMost, std::ceil(2.0 * std::log(left_m) / std::log(radius)))
+                      : kMost;
 }
 
 /// Without noise, and without losses until they are given.
@@ -66,7 +73,7 @@ struct Common {
   Scenario scenario;      ///< without losses
   NetemSettings network;  ///< with them
   PathPoint start;
-  double period_s, crossover_radps, turn_m;
+  double v_mps, period_s, crossover_radps, turn_m;
   double from_s;  ///< of the first stage, between two poses
 
   Common(const Scenario& given, double more_loss, std::size_t stages)
@@ -78,26 +85,31 @@ struct Common {
       channel = change_channel(channel, {fmt::format("loss={}", more_loss)}).channel;
     }
     const StraightLoop loop(scenario);
+    v_mps = loop.v_mps;
     period_s = loop.timing.period_s;
     crossover_radps = loop.steering.crossover_radps();
-    turn_m = loop.v_mps / crossover_radps;  // of a radian, as it swings
-    const double speed_s = full_speed_s(*make_path(given.get<PathSettings>()), loop.v_mps);
-    const double settling_s = kSettlingSpeeds / loop.law(0, 0);
-    from_s = (std::ceil((speed_s + settling_s) / period_s) + 0.5) * period_s;
-    start_beside(kDeviation_m * std::pow(loop.radius(loop.chain(), LoopPart::across),
-                                         -0.5 * settling_s / period_s));
+    turn_m = v_mps / crossover_radps;  // of a radian, as it swings
+    const double speed_s = full_speed_s(*make_path(given.get<PathSettings>()), v_mps);
+    const double settling =
+        periods_until(kSmallAlong_m, loop.radius(loop.chain(), LoopPart::along));
+    from_s = (std::ceil(speed_s / period_s) + settling + 0.5) * period_s;
+    const StraightLoop lossy(given);
+    const double growth = 0.5 * std::log(lossy.radius(lossy.chain(more_loss), LoopPart::across)) *
+                          static_cast<double>(stages * kStage);
+    const double begin_m = std::clamp(kMiddle_m * std::exp(-0.5 * growth), 1e-12, 1e-3);
+    start_beside(begin_m * std::pow(loop.radius(loop.chain(), LoopPart::across), -0.5 * settling));
     auto& run = scenario.get<RunSettings>();
     run.duration_s = end_s(stages) + period_s;
     run.truth_rate_hz = 1.0 / run.duration_s;
     run.report_period_s = run.duration_s;
     auto& path = scenario.get<PathSettings>();
     constexpr double kBraking_m = 5.0;
-    if (path.kind == "line") path.length_m = loop.v_mps * run.duration_s + kBraking_m;  // no more
+    if (path.kind == "line") path.length_m = v_mps * run.duration_s + kBraking_m;  // no more
   }
 
   void start_beside(double by_m) {
-    constexpr double kMost_m = 1e-3;
-    const double beside_m = std::clamp(by_m, kDeviation_m, kMost_m);
+    constexpr double kMost_m = 0.1;
+    const double beside_m = std::min(by_m, kMost_m);
     auto& vehicle = scenario.get<VehicleSettings>();
     vehicle.start_x_m = start.x_m - beside_m * std::sin(start.yaw_rad);
     vehicle.start_y_m = start.y_m + beside_m * std::cos(start.yaw_rad);
@@ -182,6 +194,7 @@ class WholeLoop {
   }
 
   double square_m2() const { return square_m2_; }
+  double speed_mps() const { return state().twist.v_mps; }
 
  private:
   struct Luck {
@@ -189,7 +202,8 @@ class WholeLoop {
     std::uint64_t seed;
   };
 
-  double now_m2() { return common_->square_m2(loop_->sim().vehicle().state()); }
+  VehicleState state() const { return loop_->sim().vehicle().state(); }
+  double now_m2() const { return common_->square_m2(state()); }
 
   void run_to(std::size_t stage) { loop_->run_until(kStart + from_seconds(common_->end_s(stage))); }
 
@@ -270,10 +284,13 @@ PopulationGrowth whole_loop_growth(const Scenario& scenario, double more_loss,
     for (std::size_t i = 0; i < loops.size(); ++i) {
       sum += weights[i] = loops[i].grow(stage);
       growth.largest_m = std::max(growth.largest_m, std::sqrt(loops[i].square_m2()));
+      growth.speed_off =
+          std::max(growth.speed_off, std::abs(loops[i].speed_mps() / common.v_mps - 1.0));
     }
-    if (!(sum > 0.0))
-      return {.log_radius = -std::numeric_limits<double>::infinity(),
-              .largest_m = growth.largest_m};
+    if (!(sum > 0.0)) {
+      growth.log_radius = -std::numeric_limits<double>::infinity();
+      return growth;
+    }
     const auto n = static_cast<double>(loops.size());
     if (stage > kSettlingStages) logs.push_back(logs.back() + std::log(sum / n));
     if (stage < stages) {
