@@ -86,14 +86,6 @@ double PathTube::after_m(double silence_s) const {
       deviation_m.begin() + static_cast<std::ptrdiff_t>(std::min(i, deviation_m.size() - 1)) + 1);
 }
 
-std::optional<double> PathTube::longest_s(double budget_m) const {
-  std::optional<double> longest;
-  for (std::size_t i = 0; i < deviation_m.size() && deviation_m[i] <= budget_m; ++i) {
-    longest = static_cast<double>(i) * step_s;
-  }
-  return longest;
-}
-
 TubePlan plan_along(const ReferencePath& path, double from_s, double silence_s, double step_s) {
   TubePlan plan{.twists = {}, .step_s = step_s};
   const auto steps = static_cast<std::size_t>(std::max(1.0, std::ceil(silence_s / step_s - 1e-9)));
@@ -142,6 +134,21 @@ PathTube path_tube(const Scenario& scenario, double silence_s) {
     }
   }
   return tube;
+}
+
+LongestSilence longest_silence(const Scenario& scenario, double budget_m) {
+  constexpr double kLongest_s = 16.0;
+  double looked_s = 0.5;
+  PathTube tube = path_tube(scenario, looked_s);
+  const auto is_within = [&](double m) { return m <= budget_m; };
+  while (std::ranges::all_of(tube.deviation_m, is_within) && looked_s < kLongest_s) {
+    tube = path_tube(scenario, looked_s *= 2.0);
+  }
+  const auto beyond = std::ranges::find_if_not(tube.deviation_m, is_within);
+  const auto steps = static_cast<double>(beyond - tube.deviation_m.begin());
+  return {.silence_s = std::max(0.0, steps - 1.0) * tube.step_s,
+          .at_once_m = tube.deviation_m.front(),
+          .or_longer = beyond == tube.deviation_m.end()};
 }
 
 }  // namespace tether

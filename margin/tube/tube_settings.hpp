@@ -26,13 +26,21 @@ struct PathTube {
   std::vector<double> deviation_m;  ///< after so many steps
 
   double after_m(double silence_s) const;
-  /// The longest silence after which the deviation is within `budget_m`; nullopt if none is.
-  std::optional<double> longest_s(double budget_m) const;
 };
 
 /// Silences up to `silence_s`, which begin every second. Throws UsageError unless actuator.policy
 /// is "horizon".
 PathTube path_tube(const Scenario& scenario, double silence_s);
+
+/// The longest silence in which the deviation surely stays within some distance.
+struct LongestSilence {
+  double silence_s = 0.0;  ///< 0: none
+  double at_once_m = 0.0;  ///< the deviation when a silence begins
+  bool or_longer = false;  ///< it is as long as was looked at: 16 s
+};
+
+/// `budget_m` > 0. Throws as path_tube() does.
+LongestSilence longest_silence(const Scenario& scenario, double budget_m);
 
 /// After tube.silence_s; nullopt with 0.
 std::optional<double> tube_m(const Scenario& scenario);

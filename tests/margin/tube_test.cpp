@@ -4,7 +4,9 @@
 #include <cstdlib>
 #include <numbers>
 #include <string>
+#include <vector>
 
+#include "common/base/errors.hpp"
 #include "common/base/random.hpp"
 #include "common/path/kinds.hpp"
 #include "common/path/path_settings.hpp"
@@ -177,6 +179,37 @@ TEST(TubeRunsTest, NoRunWithinTheBoundsLeavesTheTubeAndTheWorstComesNearIt) {
   EXPECT_EQ(outcome.left, 0);
   EXPECT_GT(outcome.tightness, 0.6);
   EXPECT_LE(outcome.tightness, 1.0);
+}
+
+TEST(LongestSilenceTest, KeepsTheBudgetAndAStepMoreDoesNot) {
+  const Scenario scenario =
+      load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
+                    {"controller.law=predictive", "actuator.policy=horizon", "tube.silence_s=1",
+                     "tube.radius=0.01", "tube.track=0.01", "tube.start_m=0.02"});
+  const LongestSilence longest = longest_silence(scenario, 0.1);
+  ASSERT_GT(longest.silence_s, 0.0);
+  EXPECT_FALSE(longest.or_longer);
+  EXPECT_NEAR(longest.at_once_m, 0.02, 1e-9);
+  const PathTube tube = path_tube(scenario, longest.silence_s + 1.0);
+  EXPECT_LE(tube.after_m(longest.silence_s), 0.1);
+  EXPECT_GT(tube.after_m(longest.silence_s + tube.step_s), 0.1);
+}
+
+TEST(LongestSilenceTest, IsNoneWhereTheStartIsBeyondTheBudgetAndEndsAt16Seconds) {
+  const std::string file = TETHER_SOURCE_DIR "/scenarios/paper.toml";
+  const std::vector<std::string> plans{"controller.law=predictive", "actuator.policy=horizon",
+                                       "tube.silence_s=1", "tube.start_m=0.02"};
+  const LongestSilence none = longest_silence(load_scenario(file, plans), 0.01);
+  EXPECT_EQ(none.silence_s, 0.0);
+  EXPECT_NEAR(none.at_once_m, 0.02, 1e-9);
+  const LongestSilence all = longest_silence(load_scenario(file, plans), 1000.0);
+  EXPECT_TRUE(all.or_longer);
+  EXPECT_NEAR(all.silence_s, 16.0, 1e-9);
+}
+
+TEST(LongestSilenceTest, IsRefusedWhereCommandsAreHeld) {
+  EXPECT_THROW(longest_silence(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", {}), 0.1),
+               UsageError);
 }
 
 }  // namespace

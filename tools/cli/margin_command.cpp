@@ -194,32 +194,28 @@ double budget_m(const std::string& text) {
   throw UsageError(fmt::format("--budget {}: must be a distance above 0, such as 0.1m", text));
 }
 
-/// The longest silence after which the vehicle is surely within the budget of its plan.
 int tell_budget(const MarginOptions& options) {
   const double most_m = budget_m(options.budget);
-  const Scenario scenario = options.scenario.load();
-  constexpr double kLongest_s = 16.0;
-  double looked_s = 0.5;
-  PathTube tube = path_tube(scenario, looked_s);
-  while (tube.deviation_m.back() <= most_m && looked_s < kLongest_s) {
-    tube = path_tube(scenario, looked_s *= 2.0);
-  }
-  const auto silence_s = tube.longest_s(most_m);
+  auto overrides = options.scenario.overrides();
+  overrides.emplace_back("tube.silence_s=1");  // it is what is asked for: any lets bounds be set
+  const LongestSilence longest =
+      longest_silence(load_scenario(options.scenario.file, overrides), most_m);
+  const bool found = longest.silence_s > 0.0;
   TextOutput out;
   if (options.json) {
     nlohmann::ordered_json json{{"budget_m", most_m}, {"silence_s", nullptr}};
-    if (silence_s) json["silence_s"] = *silence_s;
-    json["looked_up_to_s"] = looked_s;
+    if (found) json["silence_s"] = longest.silence_s;
+    json["or_longer"] = longest.or_longer;
     out.write(json.dump(2) + "\n");
-  } else if (!silence_s || *silence_s == 0.0) {
+  } else if (!found) {
     out.write(fmt::format("no silence keeps within {:g} m: at once it can be {:.3f} m off\n",
-                          most_m, tube.deviation_m.front()));
+                          most_m, longest.at_once_m));
   } else {
     out.write(fmt::format("within {:g} m: silences of {} {:g} s, which can.max_blind_s may be\n",
-                          most_m, *silence_s < looked_s ? "up to" : "at least", *silence_s));
+                          most_m, longest.or_longer ? "at least" : "up to", longest.silence_s));
   }
   out.close();
-  return silence_s && *silence_s > 0.0 ? kExitOk : kExitFailed;
+  return found ? kExitOk : kExitFailed;
 }
 
 void draw(const MarginOptions& options) {
