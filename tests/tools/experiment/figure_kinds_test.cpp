@@ -74,6 +74,8 @@ TEST_F(CurveFigureTest, EqualRunsAreOneDotAndSaidToBeEqual) {
   testing::expect_tex(contents("equal.tex"));
   EXPECT_TRUE(has_row("equal", "1,run,100,100,2,,,,,,ode"));
   EXPECT_TRUE(shows("equal", "all of them equal"));
+  EXPECT_TRUE(shows("equal", "every run"));
+  EXPECT_FALSE(shows("equal", "interval")) << "there is none";
   figure.series[0].points[1] = curve_point(100.0, {2, 2.5, 2}, 1);
   draw_curve(folder_, "equal", figure);
   EXPECT_FALSE(has_row("equal", "1,run,100,100,2,,,,,,ode")) << "else dots would hide each other";

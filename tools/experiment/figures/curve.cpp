@@ -185,8 +185,9 @@ std::string name_axis(const CurveFigure& figure) {
                              is_slanted ? 1.15 + 0.5 * widest_cm : 1.0, gnuplot_text(commands));
 }
 
-// With one series, the legend says what dots, line and band mean; with several, their names.
-std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
+// With one series, the legend says what dots, line and band mean, as far as there are any; with
+// several, their names.
+std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals, bool equal) {
   using Sample = LegendEntry::Sample;
   const auto line = [](std::size_t s) {
     return fmt::format("lw 1.5 lc rgb \"#{}\"", kSeriesColours[s]);
@@ -194,6 +195,7 @@ std::vector<LegendEntry> legend_of(const CurveFigure& figure, bool intervals) {
   std::vector<LegendEntry> entries;
   if (figure.series.size() == 1) {
     const std::string colour = kSeriesColours[0];
+    if (equal && figure.names.empty()) return {{Sample::linespoint, line(0), "every run"}};
     entries = {{Sample::point, "ps 0.28 lc rgb \"#70" + colour + "\"", "run"},
                {figure.names.empty() ? Sample::linespoint : Sample::point,
                 figure.names.empty() ? line(0) : "ps 0.45 " + line(0), "mean"}};
@@ -232,11 +234,11 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
   const auto all_points_equal = [](const CurveSeries& series) {
     return std::all_of(series.points.begin(), series.points.end(), all_equal);
   };
-  if (e.most > 1 && std::all_of(figure.series.begin(), figure.series.end(), all_points_equal)) {
-    note += ", all of them equal";
-  }
+  const bool equal =
+      e.most > 1 && std::all_of(figure.series.begin(), figure.series.end(), all_points_equal);
+  if (equal) note += ", all of them equal";
   note += losses_note(figure.series);
-  const FigureFrame frame(figure.text, note, legend_of(figure, e.intervals),
+  const FigureFrame frame(figure.text, note, legend_of(figure, e.intervals, equal),
                           FigureFrame::Legend::above);
   std::string variables = frame.variables(stem, figure.text.height_cm);
   variables += axes(figure, e) + name_axis(figure);
