@@ -9,6 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "common/base/errors.hpp"
+#include "common/base/share.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
@@ -17,6 +19,7 @@
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/view/sources/log_view.hpp"
 #include "tools/view/swept/made_pages.hpp"
+#include "tools/view/swept/report_site.hpp"
 #include "tools/view/swept/sweep_runs.hpp"
 
 namespace tether {
@@ -180,6 +183,32 @@ TEST_F(SweepRunsTest, RefusesARunOfWhichAFileIsMissing) {
   const SweepRuns runs(own_.path);
   EXPECT_THAT([&] { runs.make_again("/runs/0/1", into_.path, ignore); },
               ::testing::ThrowsMessage<std::runtime_error>(HasSubstr("way.csv")));
+}
+
+TEST_F(SweepRunsTest, AReportIsServedWithTheFilesBesideItAndNothingElse) {
+  store(own_.path / "sweep", {run(0, 1)});
+  own_.file("report.html", "<html><body>all</body></html>");
+  own_.file("f2.csv", "x,mean\n1,2\n");
+  own_.file("sweep/inner.csv", "x\n");
+  own_.file("notes.txt", "private");
+  ReportSite site(own_.path, shared_file("view"));
+  const auto get = [&site](const char* path) { return site.answer(false, path); };
+  EXPECT_THAT(get("/").body, HasSubstr("<html data-served><body>all"));
+  EXPECT_EQ(get("/f2.csv").body, "x,mean\n1,2\n");
+  EXPECT_THAT(get("/f2.csv").type, HasSubstr("text/csv"));
+  for (const char* other : {"/notes.txt", "/sweep/inner.csv", "/sweep/runs.sqlite", "/f3.csv",
+                            "/../f2.csv", "/..", "/.csv", "/f2.csv/", "/%66%32.csv"}) {
+    EXPECT_EQ(get(other).status, 404) << other;
+  }
+  EXPECT_EQ(site.answer(true, "/f2.csv").status, 404) << "a file takes no POST";
+  EXPECT_EQ(site.answer(true, "/").status, 405);
+}
+
+TEST_F(SweepRunsTest, AFolderWithoutAReportIsRefusedWithTheCommandThatMakesIt) {
+  store(own_.path, {run(0, 1)});
+  EXPECT_THAT(
+      [&] { ReportSite(own_.path, shared_file("view")); },
+      ::testing::ThrowsMessage<UsageError>(HasSubstr("tether report " + own_.path.string())));
 }
 
 }  // namespace
