@@ -282,6 +282,20 @@ ScenarioSection controller_section() {
   return section;
 }
 
+void check_command_has_url(const Controller& controller, const std::string& file) {
+  bool has_url = controller.command.empty();
+  filled_in(controller.command, [&](const std::string& name) {
+    has_url = has_url || name == "url";
+    return name;
+  });
+  if (has_url) return;
+  throw UsageError(fmt::format(
+      "{}: controller.command = \"{}\" must have {{url}} in it: each run has an LCM network of its "
+      "own, and the program learns only so where it is (PROGRAM --url {{url}} --scenario "
+      "{{scenario}})",
+      file, controller.command));
+}
+
 std::vector<PathLimit> controller_path_limits(const Scenario& scenario) {
   const auto& controller = scenario.get<Controller>();
   return {{"a speed", "m/s", "controller.v.limit", controller.v.limit,

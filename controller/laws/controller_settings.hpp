@@ -88,6 +88,10 @@ struct ControllerSettings {
 
 ScenarioSection controller_section();
 
+/// Throws UsageError unless controller.command, if there is one, has {url}: for runs on a network
+/// whose URL nobody knows before.
+void check_command_has_url(const ControllerSettings& controller, const std::string& file);
+
 /// The limits of the controller's output.
 std::vector<PathLimit> controller_path_limits(const Scenario& scenario);
 

@@ -83,6 +83,17 @@ class Commands(WithAFolder):
         self.assertGreater(logs[0].count(b"CTRL/CMD_VEL"), 20)
         self.assertEqual(logs[0], logs[1])
 
+    def test_without_a_url_are_refused_at_once_where_only_the_run_knows_it(self):
+        command = [BIN / "tether", "run", PAPER, "--set", "controller.command='echo Hello; exit 3'"]
+        for kind in ([], ["--processes"]):
+            done = subprocess.run([*command, *kind], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 2)
+            self.assertRegex(done.stderr, "paper.toml: controller.command = .* must have {url} in it")
+        network = ["--lcm-url", "udpm://239.255.76.67:7781?ttl=0"]
+        done = subprocess.run([*command, *network], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn('ended with exit code 3, saying "Hello"', done.stderr)
+
 
 class Paths(WithAFolder):
     def test_are_the_simulators_to_the_bit(self):

@@ -166,7 +166,7 @@ class Sweeps(unittest.TestCase):
         self.failures("warm", WARM)
 
     def test_name_a_command_that_never_joins(self):
-        file = self.experiment("none", 'controller.command = "nonesuch {seed} {arm}"', seeds=1)
+        file = self.experiment("none", 'controller.command = "nonesuch {url} {seed} {arm}"', seeds=1)
         self.tether("sweep", file, "--out", "none", code=1)
         for failure in tether.read_sweep(self.work / "none")["failure"]:
             self.assertRegex(failure, "controller ended with exit code 127, saying .*nonesuch: not found")
@@ -231,6 +231,7 @@ class Sweeps(unittest.TestCase):
         for settings, why in (
             ('controller.command = "a {what}"', "controller.command: {what} must be {url}, {scenario}, {seed}, {arm}"),
             ('controller.command = "a {seed}"\ncontroller.warm = true', "{seed} must be {url}, {scenario} with controller.warm"),
+            ('controller.command = "a {scenario}"', 'bad.toml: controller.command = "a {scenario}" must have {url} in it'),
             ("controller.external = true", "controller.external = true without controller.command"),
             ("controller.warm = true", "there is no controller.command"),
             ("controller.patience_s = 3.0", "neither a controller.command nor controller.external"),

@@ -174,6 +174,9 @@ Scenario checked_scenario(const RunOptions& options) {
   if (!options.lcm_url.empty() && !options.processes && !external) {
     throw UsageError("run: --lcm-url needs --processes or a controller of yours");
   }
+  if (options.lcm_url.empty()) {
+    check_command_has_url(scenario.get<ControllerSettings>(), options.scenario.file);
+  }
   if (options.view && external) {
     throw UsageError(
         "run: --view shows no run with a controller of yours; --out, and tether view RUN.lcmlog "

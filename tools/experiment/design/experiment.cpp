@@ -35,6 +35,7 @@ constexpr std::int64_t kDefaultBatch = 20;
 void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
   for (const Arm& arm : arms) {
     const auto& controller = arm.scenario.get<ControllerSettings>();
+    check_command_has_url(controller, file);
     if (!controller.external || !controller.command.empty()) continue;
     throw UsageError(fmt::format(
         "{}: controller.external = true without controller.command, which starts a controller of "
