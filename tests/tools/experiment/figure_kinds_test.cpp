@@ -24,7 +24,7 @@ PlottedPoint point(double x, double y) {
 TEST(ParetoFigure, OfTwoSeriesHasTheirFront) {
   const testing::Folder folder;
   ParetoFigure figure;
-  figure.text = {"", "ode", "paper.toml"};
+  figure.text = {"", "ode", "paper"};
   figure.x_label = "busy";
   figure.series = {{"plans", {point(0.1, 0.04), point(0.2, 0.06)}},
                    {"PID, changed", {point(0.2, 0.02), point(0.3, 0.01), point(kNan, 0.001)}}};
@@ -64,7 +64,7 @@ class CurveFigureTest : public ::testing::Test {
 
   const testing::Folder own_;
   const std::filesystem::path folder_ = own_.path;
-  FigureText text_{"", "ode", "paper.toml"};
+  FigureText text_{"", "ode", "paper"};
 };
 
 TEST_F(CurveFigureTest, EqualRunsAreOneDotAndSaidToBeEqual) {

@@ -38,7 +38,7 @@ class ExperimentFiguresTest : public ::testing::Test {
       fs::remove_all(folder_);
       fs::create_directories(folder_);
     }
-    text_ = {"", "ode", "paper.toml"};
+    text_ = {"", "ode", "paper"};
   }
 
   std::string contents(const std::string& name) const { return testing::contents(folder_ / name); }
@@ -146,7 +146,7 @@ TEST_F(ExperimentFiguresTest, TrajectoriesOfFourRuns) {
   EXPECT_TRUE(has_row("trajectories", "1,planned,0,0,ode"));
   EXPECT_TRUE(has_row("trajectories", "1,start,0,0,ode"));
   EXPECT_TRUE(shows("trajectories", "PRR 0.45, ε = 19.8 m"));
-  EXPECT_TRUE(shows("trajectories", "plant: ode, scenario: paper.toml"));
+  EXPECT_TRUE(shows("trajectories", "plant: ode, experiment: paper"));
   EXPECT_TRUE(shows("trajectories", "seed 7"));
 }
 

@@ -86,8 +86,8 @@ std::vector<std::vector<LegendEntry>> legend_rows(const std::vector<LegendEntry>
 std::vector<std::string> caption_lines(const FigureText& text, const std::string& note) {
   std::string origin;
   if (!text.plant.empty()) origin = "plant: " + text.plant;
-  if (!text.scenario.empty()) {
-    origin += (origin.empty() ? "" : ", ") + ("scenario: " + text.scenario);
+  if (!text.experiment.empty()) {
+    origin += (origin.empty() ? "" : ", ") + ("experiment: " + text.experiment);
   }
   std::vector<std::string> lines;
   for (const std::string& part : {note, origin}) {

@@ -24,9 +24,9 @@ namespace tether {
 
 /// What a figure says besides its data. Texts are taken literally.
 struct FigureText {
-  std::string title;     ///< above; papers have a caption of their own instead
-  std::string plant;     ///< small, below; none if empty
-  std::string scenario;  ///< the same
+  std::string title;       ///< above; papers have a caption of their own instead
+  std::string plant;       ///< small, below; none if empty
+  std::string experiment;  ///< the same: its name
   double width_cm = 8.8;
   double height_cm = 6.5;  ///< trajectories and risk maps choose their own
 };

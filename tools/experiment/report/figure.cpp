@@ -27,7 +27,7 @@ FigureText text_of(const RunStore& store) {
   FigureText text;
   text.title = store.figure()->title;
   text.plant = store.plant();
-  text.scenario = store.name();
+  text.experiment = store.name();
   return text;
 }
 
