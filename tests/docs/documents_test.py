@@ -1,9 +1,9 @@
 #!/usr/bin/env -S python3 -B
 """Whether README.md and docs/ are true: each command is run and what it prints compared (blocks.py says how, and
 what marks exempt from it), each other one checked against the programs' helps, each link followed; whether each
-command's help has examples; and whether docs/reference is what the programs say.
-Usage: documents_test.py BIN_DIR [--nightly] [--only NAME]"""
+command's help has examples; and whether docs/reference is what the programs say."""
 
+import argparse
 import concurrent.futures
 import os
 import pathlib
@@ -164,10 +164,16 @@ def wrong_examples(bin_dir):
 
 
 def main():
-    bin_dir, nightly = pathlib.Path(sys.argv[1]).resolve(), "--nightly" in sys.argv
-    only = sys.argv[sys.argv.index("--only") + 1] if "--only" in sys.argv else ""
-    files = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-    files = [f for f in files if only in str(f.relative_to(ROOT))]
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bin_dir", type=pathlib.Path, help="folder of the programs: build/release/bin")
+    parser.add_argument("--nightly", action="store_true", help="what takes long, too")
+    parser.add_argument("--only", metavar="NAME", default="", help="only pages whose path has this, such as howto/tools")
+    given = parser.parse_args()
+    bin_dir, nightly, only = given.bin_dir.resolve(), given.nightly, given.only
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    files = [f for f in pages if only in str(f.relative_to(ROOT))]
+    if not files:
+        parser.error(f"--only: no page has {only} in {', '.join(str(f.relative_to(ROOT)) for f in pages)}")
     wrong = [] if only else [*wrong_examples(bin_dir), *wrong_demo(bin_dir), *reference.out_of_date(bin_dir)]
     for file in files:
         wrong += [*broken_links(file), *wrong_inline(file, bin_dir)]

@@ -1,7 +1,7 @@
 #!/usr/bin/env -S python3 -B
-"""The pages of docs/reference that the programs write: all scenario keys, and the helps of all commands.
-Usage: reference.py BIN_DIR --write | --check"""
+"""The pages of docs/reference that the programs write: all scenario keys, and the helps of all commands."""
 
+import argparse
 import os
 import pathlib
 import re
@@ -77,8 +77,14 @@ def out_of_date(bin_dir):
 
 
 def main():
-    bin_dir = pathlib.Path(sys.argv[1]).resolve()
-    if sys.argv[2:] == ["--write"]:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bin_dir", type=pathlib.Path, help="folder of the programs: build/release/bin")
+    way = parser.add_mutually_exclusive_group()
+    way.add_argument("--write", action="store_true", help="write the pages anew")
+    way.add_argument("--check", action="store_true", help="say which are out of date (the default); exit code 1 if any is")
+    given = parser.parse_args()
+    bin_dir = given.bin_dir.resolve()
+    if given.write:
         FOLDER.mkdir(exist_ok=True)
         for file, text in pages(bin_dir).items():
             file.write_text(text)
