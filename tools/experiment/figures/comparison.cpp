@@ -20,11 +20,11 @@ constexpr std::array kFamilyColours{"d55e00", "cc79a7", "009e73", "0072b2",
 constexpr std::array kPoints{7, 5, 9, 13, 6, 4, 8, 12};
 constexpr std::array kDashes{"1", "(8,4)", "(2,3)", "(8,3,2,3)"};
 
-constexpr double kYAxis_cm = 1.15, kXAxis_cm = 0.95, kLabelGap_cm = 0.34, kLeader_cm = 0.42;
+constexpr double kYAxis_cm = 1.35, kXAxis_cm = 0.95, kLabelGap_cm = 0.34, kLeader_cm = 0.42;
 
 constexpr char kComparisonCommands[] = R"gnuplot(
   set xlabel x_label noenhanced offset 0,0.4
-  set ylabel y_label noenhanced offset 1.2,0
+  set ylabel y_label noenhanced offset 0.3,0
   set logscale y
   set format y "%g"
   set grid ytics mytics lc rgb "#c8c8c8" lw 0.6, lc rgb "#f0f0f0" lw 0.4

@@ -225,18 +225,18 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
   if (e.x.empty() || count > kSeriesColours.size()) {
     throw std::invalid_argument("a curve needs a point and at most 7 series");
   }
-  std::string note = seeds_note(e.least, e.most, e.failed);
-  if (count > 1 && e.intervals) {
-    note += fmt::format(". Dots: runs; {}: their {:g} % intervals",
-                        figure.names.empty() ? "lines: means; bands" : "large ones: means; bars",
-                        100.0 * figure.confidence);
-  }
   const auto all_points_equal = [](const CurveSeries& series) {
     return std::all_of(series.points.begin(), series.points.end(), all_equal);
   };
   const bool equal =
       e.most > 1 && std::all_of(figure.series.begin(), figure.series.end(), all_points_equal);
+  std::string note = seeds_note(e.least, e.most, e.failed);
   if (equal) note += ", all of them equal";
+  if (count > 1 && e.intervals) {
+    note += fmt::format("; {}{}: their {:g} % intervals", equal ? "" : "dots: runs; ",
+                        figure.names.empty() ? "lines: means; bands" : "large ones: means; bars",
+                        100.0 * figure.confidence);
+  }
   note += losses_note(figure.series);
   const FigureFrame frame(figure.text, note, legend_of(figure, e.intervals, equal),
                           FigureFrame::Legend::above);
