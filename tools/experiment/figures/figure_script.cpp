@@ -164,8 +164,9 @@ std::string losses_note(const std::vector<CurveSeries>& all) {
     }
   }
   if (most == 0.0) return "";
-  return fmt::format("; ×: vehicles were lost (at most {:.0f} %), the mean is of both humps",
-                     100.0 * most);
+  return fmt::format(
+      "; ×: up to {:.0f} % of the vehicles were lost, the mean is of these and the others",
+      100.0 * most);
 }
 
 FigureFrame::FigureFrame(const FigureText& text, const std::string& note,
