@@ -234,13 +234,13 @@ TEST_F(ExperimentFiguresTest, CrossOutMeansOfTwoHumpsAndSayHowManyWereLost) {
   comparison.series = {{"a law", {lossy, curve_point(1.0, {1.0, 2.0, 3.0}, 1)}}};
   draw_comparison(folder_, "lossy", comparison);
   expect_drawn("lossy");
-  EXPECT_TRUE(shows("lossy", "up to 33"));
+  EXPECT_TRUE(shows("lossy", "33 % of"));
   CurveFigure curve;
   curve.text = text_;
   curve.series = comparison.series;
   draw_curve(folder_, "lossy_curve", curve);
   expect_drawn("lossy_curve");
-  EXPECT_TRUE(shows("lossy_curve", "up to 33"));
+  EXPECT_TRUE(shows("lossy_curve", "33 % of"));
   curve.series[0].points[0].lost = 0;
   draw_curve(folder_, "healthy", curve);
   EXPECT_FALSE(shows("healthy", "lost"));
