@@ -36,12 +36,15 @@ bool is_white(const SensorSettings& s) {
 
 }  // namespace
 
-Critical critical_delay(const StraightLoop& loop, const LossChain& chain) {
+double longest_delay_s(double period_s) {
   constexpr double kMost_s = 0.5;
   constexpr double kMostPeriods = 12.0;  // under way: the state grows by two for each
-  const double most_s = std::min(kMost_s, kMostPeriods * loop.timing.period_s);
+  return std::min(kMost_s, kMostPeriods * period_s);
+}
+
+Critical critical_delay(const StraightLoop& loop, const LossChain& chain) {
   return critical_value([&](double delay_s) { return loop.radius_with_delay(chain, delay_s); }, 0.0,
-                        most_s, 1e-4);
+                        longest_delay_s(loop.timing.period_s), 1e-4);
 }
 
 Critical critical_more_loss(const StraightLoop& loop) {

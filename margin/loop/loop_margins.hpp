@@ -31,7 +31,9 @@ struct LoopMargins {
 
 /// How much independent loss each way the loop bears beside its channel's own, 0 to 0.99.
 Critical critical_more_loss(const StraightLoop& loop);
-/// How long poses may take in all with these losses; up to 0.5 s or twelve periods.
+/// The longest that critical delays are looked for at: 0.5 s or twelve periods.
+double longest_delay_s(double period_s);
+/// How long poses may take in all with these losses.
 Critical critical_delay(const StraightLoop& loop, const LossChain& chain);
 
 /// Throws UsageError with all of margin_obstacles() if there are any.

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <cstdint>
 
 #include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
@@ -17,6 +18,7 @@
 #include "netem/models/chain.hpp"
 #include "netem/models/kinds.hpp"
 #include "netem/stages/kinds.hpp"
+#include "netem/stages/room.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
@@ -96,6 +98,20 @@ void check_steps(const std::string& prefix, const LinkConfig& link, double perio
       prefix, step_s, period_s));
 }
 
+/// What does not fit among those under way is lost, and most of all after a delay.
+void check_room(const std::string& prefix, const LinkConfig& link, double period_s,
+                Reasons& reasons) {
+  constexpr std::int64_t kPacketBytes = 1000;  // a pose or command is shorter
+  const auto& room = link.own.get<RoomSettings>();
+  const double delay_s = 1e-3 * kind_of(link).only_delay_ms(link).value_or(0.0);
+  const auto most = static_cast<std::int64_t>(std::ceil(delay_s / period_s)) + 1;
+  if (room.packets >= most && room.bytes >= most * kPacketBytes) return;
+  reasons.push_back(
+      fmt::format("{0}queue_limit, {0}queue_limit_bytes: must be at least {1} and {2}, as much as "
+                  "is under way; else packets are dropped",
+                  prefix, most, most * kPacketBytes));
+}
+
 void link_obstacles(const std::string& prefix, const LinkConfig& link, double period_s,
                     Reasons& reasons) {
   const ChannelModelKind& kind = kind_of(link);
@@ -110,6 +126,8 @@ void link_obstacles(const std::string& prefix, const LinkConfig& link, double pe
     reasons.push_back(
         fmt::format("{}model = \"{}\": must have one delay in all states; delays must be constant",
                     prefix, link.model));
+  } else {
+    check_room(prefix, link, period_s, reasons);
   }
   check_steps(prefix, link, period_s, reasons);
   for (const LinkStageKind& stage : link_stage_kinds()) {

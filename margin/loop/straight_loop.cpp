@@ -1,5 +1,7 @@
 #include "margin/loop/straight_loop.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -7,6 +9,7 @@
 #include "common/path/kinds.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/check/link_expectation.hpp"
@@ -42,6 +45,19 @@ double mean_prr(const ChainLink& link) {
   return sum;
 }
 
+/// A vehicle that cannot have the path's speed stays behind more and more.
+void check_limits(const Scenario& scenario, double v_mps) {
+  const auto check = [&](const char* key, double most_mps) {
+    if (most_mps >= v_mps) return;
+    throw UsageError(
+        fmt::format("margin: {} = {:g} must be at least the path's speed, {:.3f} m/s: the vehicle "
+                    "cannot follow it",
+                    key, most_mps, v_mps));
+  };
+  check("controller.v.limit", scenario.get<ControllerSettings>().v.limit);
+  check("vehicle.max_wheel_speed_mps", scenario.get<VehicleSettings>().max_wheel_speed_mps);
+}
+
 }  // namespace
 
 StraightLoop::StraightLoop(const Scenario& scenario) {
@@ -66,6 +82,7 @@ StraightLoop::StraightLoop(const Scenario& scenario) {
   if (!(v_mps > 0.0)) {
     throw UsageError("margin: the path rests from run.settled_from_s on: nothing steers there");
   }
+  check_limits(scenario, v_mps);
   const auto& c = scenario.get<ControllerSettings>();
   double k_x = c.tracking.k_x;
   steering = {c.tracking.k_y, c.tracking.k_theta, v_mps};

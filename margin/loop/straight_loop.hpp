@@ -24,7 +24,8 @@ void refuse_channel_obstacles(const Scenario& scenario);
 /// The loop of a scenario on a straight, at its path's greatest speed between run.settled_from_s
 /// and the run's end.
 struct StraightLoop {
-  /// The scenario has no margin_obstacles(). Throws UsageError if its path rests all the time.
+  /// The scenario has no margin_obstacles(). Throws UsageError if its path rests all the time, or
+  /// is faster than controller.v.limit or the wheels.
   explicit StraightLoop(const Scenario& scenario);
 
   /// δω = v (k_y y_e + k_theta θ_e).

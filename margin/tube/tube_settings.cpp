@@ -27,10 +27,46 @@ void need_plans(const Scenario& scenario, const std::string& asked) {
                   asked, policy));
 }
 
+/// Wheels that cannot turn as fast as the plan asks are not in the tube.
+void need_speed(const TubePlan& plan, const VehicleSettings& v, double larger) {
+  double asked_mps = 0.0;
+  for (const Twist& u : plan.twists) {
+    asked_mps = std::max(asked_mps, std::abs(u.v_mps) + 0.5 * v.track_m * std::abs(u.omega_radps));
+  }
+  if (asked_mps * larger <= v.max_wheel_speed_mps) return;
+  throw UsageError(
+      fmt::format("tube: vehicle.max_wheel_speed_mps = {} must be at least {:.3f}, which the path "
+                  "asks of the wheels, or the tube is no bound",
+                  v.max_wheel_speed_mps, asked_mps * larger));
+}
+
+/// What the floor does is in a tube as a disturbance alone.
+void need_disturbance(const Scenario& scenario, const std::string& asked) {
+  const auto& v = scenario.get<VehicleSettings>();
+  const auto& world = scenario.get<WorldSettings>();
+  const auto& bounds = scenario.get<TubeSettings>().bounds;
+  const bool yields = v.plant == VehicleSettings::Plant::ode &&
+                      (v.tyre != VehicleConfig::Tyre::rigid || world.slope_x != 0.0 ||
+                       world.slope_y != 0.0 || world.bump_spacing_m > 0.0);
+  if (!yields || (bounds.speed_mps > 0.0 && bounds.yaw_radps > 0.0)) return;
+  throw UsageError(
+      fmt::format("{}: tube.speed_mps and tube.yaw_radps must be above 0 with tyres that slip, "
+                  "slopes or bumps, or the tube is no bound",
+                  asked));
+}
+
 void check(const Scenario& scenario, const std::string& file) {
   const auto& tube = scenario.get<TubeSettings>();
   if (tube.silence_s <= 0.0) return;
   need_plans(scenario, file + ": tube.silence_s");
+  need_disturbance(scenario, file);
+  const double horizon_s = scenario.get<ControllerSettings>().horizon_s;
+  if (tube.silence_s > horizon_s) {
+    throw UsageError(
+        fmt::format("{}: tube.silence_s = {} must be at most controller.horizon_s = {}: where a "
+                    "plan ends, the tube does",
+                    file, tube.silence_s, horizon_s));
+  }
   const auto& v = scenario.get<VehicleSettings>();
   const auto within = [&](const char* key, double is, const char* bound, double most) {
     if (std::abs(is) <= most) return;
@@ -99,13 +135,14 @@ TubePlan plan_along(const ReferencePath& path, double from_s, double silence_s, 
 TubeBounds tube_bounds(const Scenario& scenario, const TubePlan& plan) {
   const auto& v = scenario.get<VehicleSettings>();
   TubeBounds bounds = scenario.get<TubeSettings>().bounds;
+  const double larger = (1.0 + bounds.radius) * (1.0 + bounds.track);
+  need_speed(plan, v, larger);
   double step_mps = 0.0;
   for (std::size_t i = 1; i < plan.twists.size(); ++i) {
     const Twist &a = plan.twists[i - 1], &b = plan.twists[i];
     step_mps = std::max(step_mps, std::abs(b.v_mps - a.v_mps) +
                                       0.5 * v.track_m * std::abs(b.omega_radps - a.omega_radps));
   }
-  const double larger = (1.0 + bounds.radius) * (1.0 + bounds.track);
   bounds.slewing_s = larger * step_mps / v.max_wheel_acceleration_mps2 +
                      2.0 * to_seconds(step_of(scenario.get<WorldSettings>()));
   return bounds;
@@ -137,12 +174,12 @@ PathTube path_tube(const Scenario& scenario, double silence_s) {
 }
 
 LongestSilence longest_silence(const Scenario& scenario, double budget_m) {
-  constexpr double kLongest_s = 16.0;
-  double looked_s = 0.5;
+  const double longest_s = std::min(16.0, scenario.get<ControllerSettings>().horizon_s);
+  double looked_s = std::min(0.5, longest_s);
   PathTube tube = path_tube(scenario, looked_s);
   const auto is_within = [&](double m) { return m <= budget_m; };
-  while (std::ranges::all_of(tube.deviation_m, is_within) && looked_s < kLongest_s) {
-    tube = path_tube(scenario, looked_s *= 2.0);
+  while (std::ranges::all_of(tube.deviation_m, is_within) && looked_s < longest_s) {
+    tube = path_tube(scenario, looked_s = std::min(longest_s, looked_s * 2.0));
   }
   const auto beyond = std::ranges::find_if_not(tube.deviation_m, is_within);
   const auto steps = static_cast<double>(beyond - tube.deviation_m.begin());

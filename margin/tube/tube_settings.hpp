@@ -29,14 +29,14 @@ struct PathTube {
 };
 
 /// Silences up to `silence_s`, which begin every second. Throws UsageError unless actuator.policy
-/// is "horizon".
+/// is "horizon", and if the wheels cannot turn as fast as the path asks.
 PathTube path_tube(const Scenario& scenario, double silence_s);
 
 /// The longest silence in which the deviation surely stays within some distance.
 struct LongestSilence {
   double silence_s = 0.0;  ///< 0: none
   double at_once_m = 0.0;  ///< the deviation when a silence begins
-  bool or_longer = false;  ///< it is as long as was looked at: 16 s
+  bool or_longer = false;  ///< it is as long as was looked at: 16 s, or the plan
 };
 
 /// `budget_m` > 0. Throws as path_tube() does.
@@ -47,7 +47,8 @@ std::optional<double> tube_m(const Scenario& scenario);
 
 /// The plan of a silence that begins at `from_s`.
 TubePlan plan_along(const ReferencePath& path, double from_s, double silence_s, double step_s);
-/// The bounds of [tube], with what the wheels' acceleration and the step of the plant do.
+/// The bounds of [tube], with what the wheels' acceleration and the step of the plant do. Throws
+/// UsageError if the wheels cannot turn as fast as the plan asks.
 TubeBounds tube_bounds(const Scenario& scenario, const TubePlan& plan);
 
 }  // namespace tether

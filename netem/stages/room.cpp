@@ -1,3 +1,5 @@
+#include "netem/stages/room.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,13 +10,6 @@
 
 namespace tether {
 namespace {
-
-struct RoomSettings {
-  std::int64_t packets = 100'000;  ///< under way; more are dropped
-  std::int64_t bytes = 1LL << 28;  ///< the same in bytes of payload
-
-  bool operator==(const RoomSettings&) const = default;
-};
 
 class Room final : public LinkStage {
  public:

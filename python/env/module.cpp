@@ -42,6 +42,25 @@ py::list as_tuples(const std::vector<NumberSpace>& space) {
   return list;
 }
 
+/// Marks that a thread is within reset or step: taken and left with the GIL, which they let go
+/// between.
+class InUse {
+ public:
+  explicit InUse(bool& flag) : flag_(flag) {
+    if (flag_) {
+      throw ResetNeeded(
+          "another thread is in reset() or step() of this environment: each needs its own");
+    }
+    flag_ = true;
+  }
+  ~InUse() { flag_ = false; }
+  InUse(const InUse&) = delete;
+  InUse& operator=(const InUse&) = delete;
+
+ private:
+  bool& flag_;
+};
+
 /// What a step does with a loop that is over; its reward is 0.
 enum class AfterEnd : std::uint8_t { refuses, begins_anew, rests };
 
@@ -69,6 +88,7 @@ class Batch {
   /// after the highest there was. Without settings: the environment's.
   py::tuple reset(std::vector<std::uint64_t> seeds, const std::vector<Settings>& settings,
                   const std::string& log) {
+    const InUse one_thread(in_use_);
     {
       const py::gil_scoped_release others_run;
       std::map<Settings, Scenario> scenarios;
@@ -87,6 +107,7 @@ class Batch {
   }
 
   py::tuple step(const Numbers& action, AfterEnd after_end) {
+    const InUse one_thread(in_use_);
     const std::size_t width = action_space_.size();
     const double* const all = check(action, after_end);
     Numbers reward = numbers({static_cast<py::ssize_t>(loops_.size())});
@@ -185,14 +206,16 @@ class Batch {
   /// Columns, one number a loop: of now; and results of those that have ended, if any has.
   py::dict info() {
     static constexpr const char* kNow[] = {"t_s", "x_m", "y_m", "yaw_rad", "pose_t_s"};
-    static constexpr const char* kResults[] = {"seed",        "epsilon_m",      "rmse_m",
-                                               "max_error_m", "wall_contact_s", "lost"};
+    static constexpr const char* kResults[] = {"epsilon_m", "rmse_m", "max_error_m",
+                                               "wall_contact_s", "lost"};
     py::dict info;
     const auto column = [&](const char* name) {
       Numbers one = numbers({static_cast<py::ssize_t>(loops_.size())});
       info[name] = one;
       return one.mutable_data();
     };
+    py::array_t<std::int64_t> seeds(static_cast<py::ssize_t>(loops_.size()));
+    info["seed"] = seeds;
     double* now[std::size(kNow)];
     std::transform(std::begin(kNow), std::end(kNow), now, column);
     bool any_ended = false;
@@ -204,6 +227,8 @@ class Batch {
       now[2][i] = seen.pose.y_m;
       now[3][i] = seen.pose.yaw_rad;
       now[4][i] = to_seconds(seen.stamp);
+      seeds.mutable_data()[i] =
+          static_cast<std::int64_t>(loops_[i].scenario.get<RunSettings>().seed);
       any_ended = any_ended || loops_[i].ended;
     }
     if (!any_ended) return info;
@@ -214,11 +239,7 @@ class Batch {
     for (std::size_t i = 0; i < loops_.size(); ++i) {
       ended.mutable_data()[i] = loops_[i].ended;
       const Metrics& m = loops_[i].episode->metrics();
-      const double values[] = {static_cast<double>(loops_[i].scenario.get<RunSettings>().seed),
-                               m.epsilon_m(),
-                               m.rmse_m(),
-                               m.max_error_m(),
-                               m.wall_contact_s(),
+      const double values[] = {m.epsilon_m(), m.rmse_m(), m.max_error_m(), m.wall_contact_s(),
                                m.lost() ? 1.0 : 0.0};
       for (std::size_t k = 0; k < std::size(values); ++k) {
         results[k][i] = loops_[i].ended ? values[k] : std::numeric_limits<double>::quiet_NaN();
@@ -236,6 +257,7 @@ class Batch {
   std::shared_ptr<const ReferencePath> path_;
   std::vector<Loop> loops_;
   std::uint64_t next_seed_ = 0;
+  bool in_use_ = false;
 };
 
 }  // namespace

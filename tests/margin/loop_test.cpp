@@ -206,6 +206,13 @@ TEST(LoopMarginsTest, RefusesByNameWhatTheTheoryDoesNotHoldFor) {
   EXPECT_THAT(refusal({"vehicle.actuator_lag_ms=50"}), HasSubstr("vehicle.radius_error"));
   EXPECT_THAT(refusal({"controller.law=predictive", "actuator.policy=horizon"}),
               testing::AllOf(HasSubstr("controller.law"), HasSubstr("actuator.policy")));
+  const std::vector<std::string> late{"channel.uplink.delay_ms=200", "sensor.rate_hz=20"};
+  EXPECT_EQ(refusal({late[0], late[1], "channel.uplink.queue_limit=5"}), "");
+  EXPECT_THAT(refusal({late[0], late[1], "channel.uplink.queue_limit=4"}),
+              HasSubstr("channel.uplink.queue_limit"));
+  EXPECT_THAT(refusal({"controller.v.limit=2.8"}), HasSubstr("controller.v.limit"));
+  EXPECT_THAT(refusal({"vehicle.max_wheel_speed_mps=2.8"}),
+              HasSubstr("vehicle.max_wheel_speed_mps"));
   EXPECT_EQ(refusal({}), "");
 }
 

@@ -207,6 +207,36 @@ TEST(LongestSilenceTest, IsNoneWhereTheStartIsBeyondTheBudgetAndEndsAt16Seconds)
   EXPECT_NEAR(all.silence_s, 16.0, 1e-9);
 }
 
+TEST(LongestSilenceTest, EndsWithThePlan) {
+  const LongestSilence plan =
+      longest_silence(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
+                                    {"controller.law=predictive", "actuator.policy=horizon",
+                                     "controller.horizon_s=1", "tube.silence_s=1"}),
+                      1000.0);
+  EXPECT_TRUE(plan.or_longer);
+  EXPECT_NEAR(plan.silence_s, 1.0, 1e-9);
+}
+
+TEST(PathTubeTest, IsRefusedWhereTheVehicleCannotBeWithinIt) {
+  const auto refusal = [](const std::vector<std::string>& more) -> std::string {
+    std::vector<std::string> set{"controller.law=predictive", "actuator.policy=horizon",
+                                 "tube.silence_s=2"};
+    set.insert(set.end(), more.begin(), more.end());
+    try {
+      tube_m(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", set));
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal({}), "");
+  EXPECT_NE(refusal({"controller.horizon_s=1.5"}).find("controller.horizon_s"), std::string::npos);
+  EXPECT_NE(refusal({"vehicle.max_wheel_speed_mps=1.5"}).find("vehicle.max_wheel_speed_mps"),
+            std::string::npos);
+  EXPECT_NE(refusal({"world.slope_x=0.05"}).find("tube.speed_mps"), std::string::npos);
+  EXPECT_EQ(refusal({"world.slope_x=0.05", "tube.speed_mps=0.1", "tube.yaw_radps=0.1"}), "");
+}
+
 TEST(LongestSilenceTest, IsRefusedWhereCommandsAreHeld) {
   EXPECT_THROW(longest_silence(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", {}), 0.1),
                UsageError);

@@ -168,6 +168,28 @@ class Vectors(unittest.TestCase):
             for a, b in zip(alone, pool.map(rewards, (1, 5)), strict=True):
                 np.testing.assert_array_equal(a, b)
 
+    def test_that_two_threads_step_at_once_are_an_exception_and_go_on(self):
+        many = tether_env.VectorEnv(64, PAPER, FAST | {"run.duration_s": 60}, action="send")
+        many.reset(seed=1)
+        refused = []
+
+        def steps():
+            for _ in range(200):
+                try:
+                    many.step(np.ones((64, 1)))
+                except tether_env.ResetNeeded as error:
+                    refused.append(str(error))
+
+        threads = [threading.Thread(target=steps) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertTrue(refused)
+        self.assertIn("another thread", refused[0])
+        many.reset(seed=1)
+        many.step(np.ones((64, 1)))
+
 
 class Spaces(unittest.TestCase):
     def test_say_what_comes_and_what_may_go(self):

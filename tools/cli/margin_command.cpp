@@ -41,14 +41,15 @@ struct MarginOptions {
   std::size_t threads() const { return jobs.value_or(default_jobs()); }
 };
 
-std::string in_words(const Critical& critical, double factor, const char* unit) {
+std::string in_words(const Critical& critical, double factor, const char* unit,
+                     const std::string& range = "the range looked at") {
   switch (critical.kind) {
     case Critical::Kind::found:
       return fmt::format("{:.3f}{}", critical.value * factor, unit);
     case Critical::Kind::always:
-      return "none in the range looked at: always stable";
+      return fmt::format("none in {}: always stable", range);
     case Critical::Kind::never:
-      return "none in the range looked at: never stable";
+      return fmt::format("none in {}: never stable", range);
     case Critical::Kind::not_monotone:
       break;
   }
@@ -79,11 +80,12 @@ std::string margins_in_words(const LoopMargins& m) {
         fmt::format("critical burst  {}\n", in_words(*m.mean_burst, 1.0, " packets on average"));
   }
   text += fmt::format(
-      "critical delay  {} from pose to wheels, with these losses\n"
+      "critical delay  {}\n"
       "delay margin    {:.1f} ms without sampling and losses; {:.1f} ms where delays vary, hold "
       "included\n",
-      in_words(m.delay_total_s, 1e3, " ms"), m.delay_margin_s * 1e3,
-      m.varying_delay_margin_s * 1e3);
+      in_words(m.delay_total_s, 1e3, " ms from pose to wheels, with these losses",
+               fmt::format("0 to {:g} ms", longest_delay_s(m.period_s) * 1e3)),
+      m.delay_margin_s * 1e3, m.varying_delay_margin_s * 1e3);
   if (m.rms_m) text += fmt::format("rms error       {:.4f} m on a straight\n", *m.rms_m);
   return text;
 }
@@ -125,7 +127,13 @@ int verify_experiment(const MarginOptions& options) {
     if (isatty(STDERR_FILENO) != 0) {
       fmt::print(stderr, "\r\033[K{} of {} arms", i, experiment.arms.size());
     }
-    const auto rows = verify_margins(arm.scenario, trial);
+    const auto rows = [&] {
+      try {
+        return verify_margins(arm.scenario, trial);
+      } catch (const UsageError& error) {
+        throw UsageError(fmt::format("{}: {}: {}", options.verify, arm.text(), error.what()));
+      }
+    }();
     if (isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\r\033[K");
     for (const VerifiedCritical& row : rows) {
       all_hold = all_hold && row.holds();
@@ -197,7 +205,8 @@ double budget_m(const std::string& text) {
 int tell_budget(const MarginOptions& options) {
   const double most_m = budget_m(options.budget);
   auto overrides = options.scenario.overrides();
-  overrides.emplace_back("tube.silence_s=1");  // it is what is asked for: any lets bounds be set
+  overrides.emplace_back(
+      "tube.silence_s=0.001");  // it is what is asked for: any lets bounds be set
   const LongestSilence longest =
       longest_silence(load_scenario(options.scenario.file, overrides), most_m);
   const bool found = longest.silence_s > 0.0;
@@ -228,13 +237,20 @@ void draw(const MarginOptions& options) {
 
 int tell_margins(const MarginOptions& options) {
   if (!options.verify.empty()) return verify_experiment(options);
+  if (options.target_m && !std::isfinite(*options.target_m)) {
+    throw UsageError("--target: must be a number of metres");
+  }
   if (options.scenario.file.empty()) {
     throw UsageError("tether margin: name a scenario, or an experiment with --verify");
   }
   if (!options.find.empty()) return find(options);
   if (!options.budget.empty()) return tell_budget(options);
-  if (!options.figure.empty()) check_map_file(options.figure);
-  const LoopMargins margins = loop_margins(options.scenario.load());
+  const Scenario scenario = options.scenario.load();
+  if (!options.figure.empty()) {
+    check_map_file(options.figure);
+    check_map(scenario);
+  }
+  const LoopMargins margins = loop_margins(scenario);
   TextOutput out;
   out.write(options.json ? margins_in_json(margins) : margins_in_words(margins));
   out.close();
@@ -259,20 +275,25 @@ void add_margin_command(CLI::App& tether, Action& action) {
                       "simulations, with 95 % intervals");
   command->add_flag("--quick", options->quick,
                     "--verify: no more runs than the file's quick_seeds");
-  command->add_option("--figure", options->figure,
-                      "draw where the loop is stable, by PRR and delay, and what runs have: *.png "
-                      "or *.svg");
-  command
-      ->add_option("--find", options->find,
-                   "what the scenario needs for --target under its channel; checked by runs")
-      ->check(CLI::IsMember({"rate", "tau", "horizon", "gains"}));
+  auto* const figure = command->add_option(
+      "--figure", options->figure,
+      "draw where the loop is stable, by PRR and delay, and what runs have: *.png "
+      "or *.svg");
+  auto* const find =
+      command
+          ->add_option("--find", options->find,
+                       "what the scenario needs for --target under its channel; checked by runs")
+          ->check(CLI::IsMember({"rate", "tau", "horizon", "gains"}));
   command
       ->add_option("--target", options->target_m,
                    "error in m: for --find [0.1]; runs of --figure with less count as stable [0.5]")
       ->check(CLI::Range(1e-6, 1e6));
-  command->add_option("--budget", options->budget,
-                      "the longest silence after which a vehicle that follows plans is surely "
-                      "within this distance of its plan, by the bounds of [tube]: 0.1m");
+  auto* const budget =
+      command->add_option("--budget", options->budget,
+                          "the longest silence after which a vehicle that follows plans is surely "
+                          "within this distance of its plan, by the bounds of [tube]: 0.1m");
+  find->excludes(figure, budget);
+  budget->excludes(figure);
   command->add_option("--seeds", options->seeds, "runs of each check or point [20]")
       ->check(CLI::Range(2, 100000));
   command->add_option("--jobs", options->jobs, "runs at a time [one per core]")

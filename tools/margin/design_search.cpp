@@ -22,6 +22,9 @@ class Search {
     for (const double hz :
          {1.0, 2.0, 4.0, 5.0, 8.0, 10.0, 12.5, 16.0, 20.0, 25.0, 40.0, 50.0, 100.0}) {
       const std::vector<std::string> set{fmt::format("sensor.rate_hz={}", hz)};
+      if (margin_obstacles(base_).empty() && !margin_obstacles(load(set)).empty()) {
+        continue;  // a chain's steps do not fit this rate
+      }
       const auto rms_m = predicted_m(set);
       if (!rms_m || *rms_m > q_.target_m) continue;
       if (try_out(set, rms_text(*rms_m))) return answer_;
@@ -116,7 +119,7 @@ class Search {
       all += chain.stationary[jump.from] * jump.probability;
     }
     constexpr int kMost = 100'000;
-    for (int periods = 1; periods <= kMost; ++periods) {
+    for (int periods = 1; all > 0.0 && periods <= kMost; ++periods) {
       std::vector<double> next(chain.states);
       for (const auto& jump : chain.jumps) {
         if (jump.mode == LossChain::kLost) next[jump.to] += silent[jump.from] * jump.probability;

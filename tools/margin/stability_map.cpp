@@ -50,16 +50,19 @@ set output
 
 }  // namespace
 
-StabilityMap stability_map(const Scenario& scenario, double limit_m, std::size_t seeds,
-                           std::size_t jobs) {
+void check_map(const Scenario& scenario) {
   refuse_margin_obstacles(scenario);
   const auto& channel = scenario.get<ChannelSettings>();
-  if (channel.uplink.model != "fixed" || channel.downlink.model != "fixed") {
-    throw UsageError(
-        "tether margin --figure: channel.uplink.model and channel.downlink.model must be "
-        "\"fixed\": "
-        "the map's losses are independent");
-  }
+  if (channel.uplink.model == "fixed" && channel.downlink.model == "fixed") return;
+  throw UsageError(
+      "tether margin --figure: channel.uplink.model and channel.downlink.model must be \"fixed\": "
+      "the map's losses are independent");
+}
+
+StabilityMap stability_map(const Scenario& scenario, double limit_m, std::size_t seeds,
+                           std::size_t jobs) {
+  check_map(scenario);
+  const auto& channel = scenario.get<ChannelSettings>();
   const StraightLoop loop(scenario);
   const double least_s = loop.timing.total_s() - 1e-3 * channel.uplink.fixed.delay_ms;
   StabilityMap map;
@@ -67,7 +70,7 @@ StabilityMap stability_map(const Scenario& scenario, double limit_m, std::size_t
   map.seeds = seeds;
   const LossChain lossless = both_links(ChainLink::independent(1.0), ChainLink::independent(1.0));
   const Critical longest = critical_delay(loop, lossless);
-  const double most_s = std::min(0.5, 12.0 * loop.timing.period_s);
+  const double most_s = longest_delay_s(loop.timing.period_s);
   const double end_s = longest.kind == Critical::Kind::found ? longest.value : most_s;
   constexpr int kEdges = 48, kColumns = 9, kRows = 7;
   for (int i = 0; i <= kEdges; ++i) {

@@ -29,7 +29,9 @@ struct StabilityMap {
 StabilityMap stability_map(const Scenario& scenario, double limit_m, std::size_t seeds,
                            std::size_t jobs);
 
-/// Throws UsageError unless it is *.png or *.svg: before anything is simulated for it.
+/// What stability_map() refuses: before anything is computed for it.
+void check_map(const Scenario& scenario);
+/// Throws UsageError unless it is *.png or *.svg.
 void check_map_file(const std::filesystem::path& file);
 
 /// Draws it with gnuplot into `file`, *.png or *.svg; script and data stay beside it. Throws

@@ -123,7 +123,7 @@ class Verifier {
     const auto step = [&](double delay_s) {
       return part_of(loop_.step({loop_.timing.period_s, delay_s, 0.0}), LoopPart::across);
     };
-    const double most_s = std::min(0.5, 12.0 * loop_.timing.period_s);
+    const double most_s = longest_delay_s(loop_.timing.period_s);
     const Critical critical =
         critical_value([&](double delay_s) { return mean_square_radius(chain, {step(delay_s)}); },
                        0.0, most_s, 1e-4);

@@ -59,6 +59,16 @@ TEST(FindRateTest, ATargetBelowTheNoiseHasNoAnswer) {
   EXPECT_NE(answer.why_none.find("no rate up to 100 Hz"), std::string::npos) << answer.why_none;
 }
 
+TEST(FindRateTest, RatesThatAChainsStepsDoNotFitAreLeftOut) {
+  const Settings set =
+      noisy("tracking") +
+      Settings{"sensor.rate_hz=20", "channel.model=chain", "channel.chain.prr=[1.0, 0.0]",
+               "channel.chain.probabilities=[[0.9, 0.1], [0.4, 0.6]]", "channel.chain.step_s=0.05"};
+  const DesignAnswer answer = find_design(question("rate", set, 0.03));
+  ASSERT_TRUE(answer.found()) << answer.why_none;
+  EXPECT_EQ(answer.tried.back().set, Settings{"sensor.rate_hz=20"});
+}
+
 TEST(FindTauTest, TheAnswerHasALowerPredictedErrorThanItsNeighbours) {
   const Settings set = noisy("pid") + Settings{"controller.v.d=0",       "controller.omega.d=0",
                                                "sensor.rate_hz=20",      "sensor.latency_ms=100",
@@ -95,6 +105,13 @@ TEST(FindHorizonTest, MoreLossNeedsALongerOne) {
   // Independent losses: one in 1000 silences is longer than ln 1000 / -ln(1 - p²) periods.
   EXPECT_NEAR(horizon_s("0.8"), 0.7, 0.1);
   EXPECT_GE(horizon_s("0.5"), 2.4);
+}
+
+TEST(FindHorizonTest, WhereNothingArrivesNoneIsLongEnough) {
+  EXPECT_THROW(find_design(question(
+                   "horizon",
+                   {"controller.law=predictive", "actuator.policy=horizon", "channel.prr=0"}, 0.3)),
+               UsageError);
 }
 
 TEST(FindTest, AQuestionThatDoesNotFitTheLawIsRefusedByKey) {
