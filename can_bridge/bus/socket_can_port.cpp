@@ -39,7 +39,8 @@ int open_can_socket() {
     throw std::runtime_error(
         fmt::format("this kernel has no CAN (socket: {}): load its modules, as root: modprobe "
                     "can-raw; a kernel for containers or clouds may lack them (Debian: install "
-                    "linux-image-amd64)",
+                    "linux-image-amd64). In a clone of the source, tests/uml/with_can.sh COMMAND "
+                    "runs a command in a kernel that has CAN",
                     std::strerror(errno)));
   }
   return check_system_call("opening a CAN socket", fd);

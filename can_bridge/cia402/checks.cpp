@@ -52,10 +52,6 @@ class Checker {
     throw UsageError(fmt::format("{}:{}: {}", source_.file, line, message));
   }
 
-  bool is_axis(std::uint8_t node) const {
-    return c_.axes[0].node == node || c_.axes[1].node == node;
-  }
-
   void check_nodes() const {
     for (std::size_t side = 0; side < 2; ++side) {
       if (c_.axes[side].node == c_.master_node) {
@@ -64,20 +60,6 @@ class Checker {
                            "a node id of its own",
                            kSides[side], c_.master_node));
       }
-    }
-    const auto check = [this](const char* what, std::uint8_t node, std::uint32_t line) {
-      if (is_axis(node)) return;
-      refuse(line, fmt::format("{} is for node {}, but the axes are on nodes {} and {}", what, node,
-                               c_.axes[0].node, c_.axes[1].node));
-    };
-    for (std::size_t i = 0; i < c_.pdos.size(); ++i) {
-      check("pdo", c_.pdos[i].node, source_.pdo_lines[i]);
-    }
-    for (std::size_t i = 0; i < c_.setup.size(); ++i) {
-      check("setup", c_.setup[i].node, source_.setup_lines[i]);
-    }
-    for (std::size_t i = 0; i < c_.watchdogs.size(); ++i) {
-      check("watchdog", c_.watchdogs[i].node, source_.watchdog_lines[i]);
     }
   }
 

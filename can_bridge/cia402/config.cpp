@@ -144,9 +144,23 @@ class Reader {
     return ratio;
   }
 
-  static std::vector<std::int64_t> read_nodes(const TomlReader& r) {
-    r.require("node", "a whole number from 1 to 126 (CANopen node id), or several in [ ]");
-    return r.integers("node", 1, 126, "CANopen node id");
+  std::vector<std::int64_t> read_nodes(const TomlReader& r) const {
+    const toml::node& value =
+        r.require("node", "a whole number from 1 to 126 (CANopen node id), or several in [ ]");
+    const auto nodes = r.integers("node", 1, 126, "CANopen node id");
+    for (const std::int64_t node : nodes) {
+      if (node == config_.axes[0].node || node == config_.axes[1].node) continue;
+      r.refuse("node", value,
+               fmt::format("of axes, and none has node {}: {}; change it there or here (tether can "
+                           "probe --scan lists the nodes of a bus)",
+                           node, nodes_text()));
+    }
+    return nodes;
+  }
+
+  std::string nodes_text() const {
+    return fmt::format("left.node = {}, right.node = {}", config_.axes[0].node,
+                       config_.axes[1].node);
   }
 
   void read_setup(const TomlReader& r) {
@@ -280,7 +294,8 @@ class Reader {
     }
     const bool wants_left = side.empty() ? left : side == "left";
     if (wants_left ? !left : !right) {
-      r.refuse("objects", node, fmt::format("an object of an axis on node {}", can_node));
+      r.refuse("objects", node,
+               fmt::format("an object of the axis on node {} ({})", can_node, nodes_text()));
     }
     return config_.axes[wants_left ? 0 : 1].*(found->object);
   }

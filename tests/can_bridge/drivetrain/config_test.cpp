@@ -219,8 +219,20 @@ const Bad kReading[] = {
      "object, such as \"left.controlword\", or an object such as \"0x60FF:00 i32\" (index from "
      "0x1000, subindex, type: i8, u8, i16, u16, i32 or u32)"},
     {"ObjectOfAnotherNode", &Toml::rpdo, "\"controlword\"", "\"left.controlword\"",
-     "test.toml:34: pdo.objects = 'left.controlword' is not allowed: must be an object of an axis "
-     "on node 2"},
+     "test.toml:34: pdo.objects = 'left.controlword' is not allowed: must be an object of the "
+     "axis on node 2 (left.node = 1, right.node = 2)"},
+    {"AxesThatTheRestDoesNotKnow", &Toml::left, "node = 1", "node = 6",
+     "test.toml:20: setup.node = [1, 2] is not allowed: must be of axes, and none has node 1: "
+     "left.node = 6, right.node = 2; change it there or here (tether can probe --scan lists the "
+     "nodes of a bus)"},
+    {"PdoOfAStranger", &Toml::tpdo1, "[1, 2]", "[1, 3]",
+     "test.toml:36: pdo.node = [1, 3] is not allowed: must be of axes, and none has node 3: "
+     "left.node = 1, right.node = 2; change it there or here (tether can probe --scan lists the "
+     "nodes of a bus)"},
+    {"WatchdogOfAStranger", &Toml::watchdog, "[1, 2]", "3",
+     "test.toml:25: watchdog.node = 3 is not allowed: must be of axes, and none has node 3: "
+     "left.node = 1, right.node = 2; change it there or here (tether can probe --scan lists the "
+     "nodes of a bus)"},
     {"NotToml", &Toml::head, "name = \"test\"", "name = test",
      "test.toml:1: Error while parsing boolean: expected 'true', saw 'te'"},
 };
@@ -280,8 +292,6 @@ const Bad kMeaning[] = {
     {"BridgeWithADrivesId", &Toml::bridge, "heartbeat_ms = 60", "node = 2",
      "test.toml:13: right.node = 2 is the bridge's own (bridge.node): each participant needs a "
      "node id of its own"},
-    {"SetupOfAStranger", &Toml::setup, "[1, 2]", "[1, 3]",
-     "test.toml:19: setup is for node 3, but the axes are on nodes 1 and 2"},
     {"SetupTwice", &Toml::setup, "[1, 2]", "[1, 1]",
      "test.toml:19: setup of 0x605A:00 i16 on node 1: is there twice, first in line 19"},
     {"SetupOfAPdo", &Toml::setup, "0x605A:00 i16", "0x1800:05 u16",
