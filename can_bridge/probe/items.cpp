@@ -168,6 +168,12 @@ std::string printable(const std::vector<std::uint8_t>& bytes) {
 
 }  // namespace
 
+std::vector<ProbeItem> scan_items() {
+  return {{{0x1000, 0, 0, false}, "device type", Kind::device_type, Need::info, {}},
+          {{0x1018, 1, 0, false}, "vendor", Kind::identity, Need::info, {}},
+          {{0x1018, 2, 0, false}, "product code", Kind::identity, Need::info, {}}};
+}
+
 std::vector<ProbeItem> probe_items(std::uint8_t node, const Cia402Config* config) {
   List list;
   add_standard(list);

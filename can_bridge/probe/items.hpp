@@ -45,6 +45,9 @@ struct ProbeItem {
 /// each object that its file mentions for this node. Each object once.
 std::vector<ProbeItem> probe_items(std::uint8_t node, const Cia402Config* config);
 
+/// What tells who a node is: device type (which every CANopen device has), vendor, product code.
+std::vector<ProbeItem> scan_items();
+
 /// A value as people read it: "0x00020192 (CiA 402 drive)".
 std::string probe_value(const ProbeItem& item, const std::vector<std::uint8_t>& bytes);
 

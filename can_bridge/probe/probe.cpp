@@ -12,7 +12,6 @@ using Need = ProbeItem::Need;
 using Outcome = SdoUpload::Result::Outcome;
 using Verdict = ProbeRow::Verdict;
 
-constexpr std::size_t kTriesForLife = 3;
 constexpr std::uint32_t kNoData = 0x08000024;
 
 bool is_absent(std::uint32_t abort_code) {
@@ -100,6 +99,15 @@ Probe::Probe(const std::vector<std::uint8_t>& nodes, const Cia402Config* config,
   }
 }
 
+Probe Probe::scan(Instant now) {
+  Probe probe(now);
+  probe.tries_for_life_ = 1;
+  for (std::uint8_t id = 1; id <= 127; ++id) {
+    probe.nodes_.push_back({id, scan_items(), {}, {}, {}, false});
+  }
+  return probe;
+}
+
 std::vector<CanFilter> Probe::filters() {
   return {{canopen::kSdoResponse, 0x780}, {canopen::kHeartbeat, 0x780}};
 }
@@ -118,8 +126,11 @@ void Probe::on_frame(const CanFrame& frame, Instant /*now*/) {
 }
 
 void Probe::tick(Instant now, std::vector<CanFrame>& out) {
+  assert(!nodes_.empty());
   const std::size_t first = out.size();
-  for (Node& node : nodes_) {
+  const std::size_t begin = turn_;
+  for (std::size_t i = 0; i < nodes_.size() && out.size() == first; ++i) {
+    Node& node = nodes_[turn_ = (begin + i) % nodes_.size()];
     if (node.pending && node.pending->result()) {
       node.results.push_back(*node.pending->result());
       node.answered = node.answered || node.results.back().outcome != Outcome::no_answer;
@@ -132,12 +143,13 @@ void Probe::tick(Instant now, std::vector<CanFrame>& out) {
     }
     node.pending->tick(now, out);
   }
+  turn_ = (turn_ + 1) % nodes_.size();
   // A probe must never change anything.
   for (std::size_t i = first; i < out.size(); ++i) assert(is_upload_request(out[i]));
 }
 
 bool Probe::finished(const Node& node) const {
-  if (!node.answered && node.results.size() >= kTriesForLife) return true;
+  if (!node.answered && node.results.size() >= tries_for_life_) return true;
   return node.results.size() == node.items.size();
 }
 

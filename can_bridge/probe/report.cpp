@@ -55,6 +55,11 @@ std::string rows_text(const std::vector<ProbeRow>& rows) {
   return text;
 }
 
+constexpr char kNobody[] =
+    "  Nobody was heard on this bus. Check: supply of the drives, node ids, CAN plug,\n"
+    "  bit rate on both sides (`ip -details link show`), 120 Ohm at both ends, CAN_H\n"
+    "  and CAN_L swapped.\n";
+
 std::string silence_text(const ProbedNode& node, const std::set<int>& heard) {
   std::string text = fmt::format("node {}: does not answer ({})\n", node.node, nmt_text(node.nmt));
   if (node.nmt) {
@@ -62,15 +67,10 @@ std::string silence_text(const ProbedNode& node, const std::set<int>& heard) {
            "  It lives, but its SDO server is silent: another master busy with it? Its own "
            "0x1200?\n";
   }
-  if (heard.empty()) {
-    return text +
-           "  Nobody was heard on this bus. Check: supply of the drives, node ids, CAN plug,\n"
-           "  bit rate on both sides (`ip -details link show`), 120 Ohm at both ends, CAN_H\n"
-           "  and CAN_L swapped.\n";
-  }
+  if (heard.empty()) return text + kNobody;
   return text + fmt::format(
                     "  Heard on this bus: {} {}. Check the node id that is set in this drive, its "
-                    "supply\n  and its plug.\n",
+                    "supply\n  and its plug; tether can probe --scan lists who answers.\n",
                     heard.size() == 1 ? "node" : "nodes", fmt::join(heard, ", "));
 }
 
@@ -98,6 +98,30 @@ std::string format_probe(const std::vector<ProbedNode>& nodes, const std::set<in
                               : answered ? "does NOT fit: see PROBLEM above"
                                          : "cannot be compared: a drive is missing";
   return text + fmt::format("\n\"{}\" {}\n", drivetrain_name, verdict);
+}
+
+std::string format_scan(const std::vector<ProbedNode>& nodes, const std::set<int>& heard) {
+  std::string rows;
+  const auto add = [&rows](const auto& node, const std::string& type, const std::string& vendor,
+                           const std::string& product, const std::string& rest) {
+    rows += fmt::format("{:>4}  {:<26}  {:<10}  {:<12}  {}", node, type, vendor, product, rest);
+    rows.erase(rows.find_last_not_of(' ') + 1);
+    rows += "\n";
+  };
+  add("node", "device type", "vendor", "product code", "");
+  const std::size_t head = rows.size();
+  std::size_t answered = 0;
+  for (const ProbedNode& node : nodes) {
+    if (node.answered) {
+      ++answered;
+      add(node.node, node.rows.at(0).value, node.rows.at(1).value, node.rows.at(2).value,
+          nmt_text(node.nmt));
+    } else if (heard.contains(node.node)) {
+      add(node.node, "does not answer", "-", "-", nmt_text(node.nmt) + "; a master?");
+    }
+  }
+  if (rows.size() == head) return fmt::format("no node of 1 to 127 answers\n{}", kNobody);
+  return rows + fmt::format("{} of 127 node ids answer{}\n", answered, answered == 1 ? "s" : "");
 }
 
 }  // namespace tether

@@ -291,6 +291,9 @@ def probe(test):
         for node in NODES:
             check(f"node {node}: answers" in text, text)
         check("0x1000:00" in text and "0x6041:00" in text and "SwitchOnDisabled" in text, text)
+        text = d.tether("probe", "--interface", "vcan0", "--scan", out=["2 of 127 node ids answer"])
+        for node in NODES:
+            check(f"{node:4}  0x00020192 (CiA 402 drive)" in text, text)
         d.tether("probe", "--interface", "vcan0", "--drivetrain", TWO_NODES,
                  out=['"two CiA 402 drives, profile velocity" fits', "0x60FF:00"])
         wrong = changed_file(test, "wrong.toml", TWO_NODES, ("0x6083:00 u32", "0x6090:00 u32"))

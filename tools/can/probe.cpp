@@ -42,7 +42,10 @@ std::vector<std::uint8_t> chosen_nodes(const CanProbeOptions& options,
   if (nodes.empty() && config) {
     for (const std::uint8_t node : config->nodes()) add(node);
   }
-  if (nodes.empty()) throw UsageError("whom to probe? Give --node or --drivetrain");
+  if (nodes.empty()) {
+    throw UsageError(
+        "whom to probe? Give --node or --drivetrain; --scan finds out who is on the bus");
+  }
   return nodes;
 }
 
@@ -59,12 +62,14 @@ void check_usable(const SocketCanPort& port, const std::string& interface) {
 
 int can_probe(const CanProbeOptions& options) {
   const std::optional<Cia402Config> config = load(options.drivetrain_file);
-  const std::vector<std::uint8_t> nodes = chosen_nodes(options, config);
+  std::vector<std::uint8_t> nodes;
+  if (!options.scan) nodes = chosen_nodes(options, config);
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());
   SocketCanPort port(options.interface, loop);
   check_usable(port, options.interface);
 
-  Probe probe(nodes, config ? &*config : nullptr, loop.now());
+  Probe probe = options.scan ? Probe::scan(loop.now())
+                             : Probe(nodes, config ? &*config : nullptr, loop.now());
   port.on_frame(Probe::filters(),
                 [&](const CanFrame& frame) { probe.on_frame(frame, loop.now()); });
   std::vector<CanFrame> out;
@@ -81,12 +86,14 @@ int can_probe(const CanProbeOptions& options) {
   if (loop.signal() != 0) throw std::runtime_error("interrupted");
 
   const std::vector<ProbedNode> report = probe.report();
-  fmt::print("{}", format_probe(report, probe.heard(), config ? config->name : ""));
+  fmt::print("{}", options.scan ? format_scan(report, probe.heard())
+                                : format_probe(report, probe.heard(), config ? config->name : ""));
   if (port.state() != CanState::up) {
     fmt::print("\n{} is {}\n", options.interface, to_string(port.state()));
   }
-  const bool fits =
-      std::all_of(report.begin(), report.end(), [](const ProbedNode& n) { return n.fits(); });
+  const auto is_fit = [](const ProbedNode& n) { return n.fits(); };
+  const bool fits = options.scan ? std::any_of(report.begin(), report.end(), is_fit)
+                                 : std::all_of(report.begin(), report.end(), is_fit);
   return fits ? kExitOk : kExitFailed;
 }
 

@@ -9,6 +9,7 @@ struct CanProbeOptions {
   std::string interface = "can0";
   std::vector<int> nodes;       ///< 1…127; empty: those of the drivetrain file
   std::string drivetrain_file;  ///< empty: only look
+  bool scan = false;            ///< ask all node ids who they are, instead of these
 };
 
 /// Looks at the drives on a bus and prints what it finds; changes nothing, moves nothing. Exit

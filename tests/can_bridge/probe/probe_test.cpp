@@ -63,7 +63,9 @@ class ProbeRun {
  public:
   ProbeRun(const Cia402Config& drives, const std::vector<std::uint8_t>& nodes,
            const Cia402Config* file)
-      : probe(nodes, file, at_ms(1000)), emulator_(drives, kStart) {
+      : ProbeRun(drives, Probe(nodes, file, at_ms(1000))) {}
+  ProbeRun(const Cia402Config& drives, Probe looking)
+      : probe(std::move(looking)), emulator_(drives, kStart) {
     for (int t = 0; t < 1000; ++t) emulator_.tick(at_ms(t), dropped_);
   }
 
@@ -73,6 +75,7 @@ class ProbeRun {
     for (int t = 1000; t < 60'000 && !probe.done(at_ms(t)); ++t) {
       std::vector<CanFrame> asked, answers;
       probe.tick(at_ms(t), asked);
+      EXPECT_LE(asked.size(), 1U) << "an adapter's queue holds few";
       for (const CanFrame& frame : asked) {
         EXPECT_TRUE(is_upload_request(frame));
         emulator_.on_frame(frame, at_ms(t), answers);
@@ -227,6 +230,28 @@ TEST(Probe, IsNotDoneBeforeItHasListenedLongEnough) {
   EXPECT_GE(run.ended_ms, 1000 + 1500);
 }
 
+TEST(ProbeScan, FindsEveryNodeThatAnswersAndNoOther) {
+  Cia402Config drives = shipped("two_node_cia402.toml");
+  const auto renamed = [](std::uint8_t node) {
+    return static_cast<std::uint8_t>(126 * node - 125);
+  };
+  for (AxisConfig& axis : drives.axes) axis.node = renamed(axis.node);
+  for (PdoConfig& pdo : drives.pdos) pdo.node = renamed(pdo.node);
+  for (WatchdogConfig& watchdog : drives.watchdogs) watchdog.node = renamed(watchdog.node);
+  ProbeRun run(drives, Probe::scan(at_ms(1000)));
+  run.run();
+  ASSERT_EQ(run.report.size(), 127U);
+  for (const ProbedNode& node : run.report) {
+    EXPECT_EQ(node.answered, node.node == 1 || node.node == 127) << int{node.node};
+  }
+  ASSERT_NE(run.row(126, "0x1000:00"), nullptr);
+  EXPECT_EQ(run.row(126, "0x1000:00")->value, "0x00020192 (CiA 402 drive)");
+  EXPECT_EQ(run.report[126].rows.size(), 3U);
+  // One request and a repetition to each of 125 that are not there, six to those that are.
+  EXPECT_EQ(run.sent, 125U * 2 + 6);
+  EXPECT_LE(run.ended_ms, 1000 + 1510);
+}
+
 // ---------------------------------------------------------------------------- text
 
 TEST(ProbeText, HintsDependOnWhatWasHeard) {
@@ -244,6 +269,26 @@ TEST(ProbeText, HintsDependOnWhatWasHeard) {
   node.nmt = canopen::NmtState::stopped;
   EXPECT_THAT(format_probe({node}, {3}, ""),
               ::testing::AllOf(HasSubstr("(heartbeat: stopped)"), HasSubstr("It lives")));
+}
+
+TEST(ProbeText, AScanIsATableOfWhoIsThere) {
+  ProbedNode drive, master, nobody;
+  drive.node = 5;
+  drive.answered = true;
+  drive.rows = {{"0x1000:00", "device type", "0x00020192 (CiA 402 drive)", "", Verdict::plain},
+                {"0x1018:01", "vendor", "0x00000123", "", Verdict::plain},
+                {"0x1018:02", "product code", "-", "no such object", Verdict::plain}};
+  master.node = 127;
+  master.nmt = canopen::NmtState::operational;
+  nobody.node = 6;
+  EXPECT_EQ(format_scan({drive, nobody, master}, {127}),
+            "node  device type                 vendor      product code\n"
+            "   5  0x00020192 (CiA 402 drive)  0x00000123  -             no heartbeat\n"
+            " 127  does not answer             -           -             heartbeat: operational; a "
+            "master?\n"
+            "1 of 127 node ids answers\n");
+  EXPECT_THAT(format_scan({nobody}, {}),
+              ::testing::AllOf(HasSubstr("no node of 1 to 127 answers"), HasSubstr("120 Ohm")));
 }
 
 TEST(ProbeText, RowsAreATableWithVerdicts) {

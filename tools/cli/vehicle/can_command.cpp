@@ -115,9 +115,16 @@ void add_probe(CLI::App& can, const SharedOptions& options, Action& action) {
       "reads (SDO uploads); not while the bridge starts up");
   command->add_option("--interface", options->probe.interface, "SocketCAN interface")
       ->capture_default_str();
-  command->add_option("--node", options->probe.nodes, "CANopen node ids [the file's]")
-      ->check(CLI::Range(1, 127));
-  command->add_option("--drivetrain", options->probe.drivetrain_file, "compare with this file");
+  CLI::Option* const nodes =
+      command->add_option("--node", options->probe.nodes, "CANopen node ids [the file's]")
+          ->check(CLI::Range(1, 127));
+  CLI::Option* const file =
+      command->add_option("--drivetrain", options->probe.drivetrain_file, "compare with this file");
+  command
+      ->add_flag("--scan", options->probe.scan,
+                 "list all nodes that answer, with device type, vendor and product code")
+      ->excludes(nodes)
+      ->excludes(file);
   command->callback(
       [options, &action] { action = [options] { return can_probe(options->probe); }; });
 }
