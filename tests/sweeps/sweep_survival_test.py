@@ -108,6 +108,34 @@ def loses_nothing_however_often_it_is_killed(bench):
     print(f"  killed {kills} times")
 
 
+def is_one_file_at_its_end_whoever_reads_it(bench):
+    """After all kills, too; also while it is there already, and in spite of a reader that was there."""
+    def files(out):
+        return sorted(file.name for file in out.glob("runs.sqlite*"))
+
+    killed, read = bench.folder / "killed", bench.folder / "read"
+    for _ in range(2):
+        result = bench.run(bench.tether, "report", str(killed))
+        check(result.returncode == 0, result.stderr)
+        check(files(killed) == ["runs.sqlite"], f"{files(killed)} after a report")
+        check(bench.sweep(killed, "--report").returncode == 0, "going on where nothing is left to do failed")
+        check(files(killed) == ["runs.sqlite"], f"{files(killed)} after a sweep with a report")
+    process = subprocess.Popen(bench.command(read), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while not (read / "runs.sqlite").exists():
+        time.sleep(0.01)
+    reader = sqlite3.connect(f"file:{read}/runs.sqlite?mode=ro", uri=True, timeout=30)
+    while process.poll() is None:
+        time.sleep(0.05)
+        try:
+            reader.execute("SELECT count(*) FROM runs").fetchone()
+        except sqlite3.OperationalError:
+            pass  # not made yet
+    check(process.returncode == 0, "a sweep suffered from its reader")
+    reader.close()
+    check(bench.csv(read) == bench.csv(bench.folder / "whole"), "the results differ")
+    check(bench.sweep(read).returncode == 0 and files(read) == ["runs.sqlite"], f"{files(read)} at last")
+
+
 def stops_on_ctrl_c_and_goes_on(bench):
     out = bench.folder / "interrupted"
     process = subprocess.Popen(
@@ -257,6 +285,7 @@ def main():
         bench = Bench(sys.argv[1], folder)
         for part in (
             loses_nothing_however_often_it_is_killed,
+            is_one_file_at_its_end_whoever_reads_it,
             stops_on_ctrl_c_and_goes_on,
             two_sweeps_into_one_database_are_refused,
             shards_merge_to_the_same_bytes,

@@ -160,6 +160,7 @@ RunStore RunStore::begin(const std::filesystem::path& file, const Experiment& ex
     check_same(store, identity);
     check_same_arms(store, experiment);
     store.write_meta({{"figure", identity.at("figure")}, {"tables", identity.at("tables")}});
+    database.execute("PRAGMA journal_mode = WAL");
   }
   // A power failure may undo the last runs, never more; the death of the process undoes nothing.
   database.execute("PRAGMA synchronous = NORMAL");
@@ -288,8 +289,10 @@ std::size_t RunStore::failures() const {
 }
 
 void RunStore::flush() {
-  Statement checkpoint(*database_, "PRAGMA wal_checkpoint(TRUNCATE)");
-  if (checkpoint.step() && checkpoint.whole(0) == 0) return;
+  // Without a log: who only reads would make its files anew, and may not remove them.
+  database_->execute("PRAGMA busy_timeout = 1000");
+  Statement alone(*database_, "PRAGMA journal_mode = DELETE");
+  if (alone.step() && alone.text(0) == "delete") return;
   throw std::runtime_error(
       fmt::format("{}: its write-ahead log is in use by another process", file().string()));
 }

