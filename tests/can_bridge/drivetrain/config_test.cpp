@@ -229,10 +229,6 @@ const Bad kReading[] = {
      "test.toml:36: pdo.node = [1, 3] is not allowed: must be of axes, and none has node 3: "
      "left.node = 1, right.node = 2; change it there or here (tether can probe --scan lists the "
      "nodes of a bus)"},
-    {"WatchdogOfAStranger", &Toml::watchdog, "[1, 2]", "3",
-     "test.toml:25: watchdog.node = 3 is not allowed: must be of axes, and none has node 3: "
-     "left.node = 1, right.node = 2; change it there or here (tether can probe --scan lists the "
-     "nodes of a bus)"},
     {"NotToml", &Toml::head, "name = \"test\"", "name = test",
      "test.toml:1: Error while parsing boolean: expected 'true', saw 'te'"},
 };
@@ -276,8 +272,7 @@ const Bad kMeaning[] = {
      "says so stops by itself, which is no warning"},
     {"LostSetpointsAsWarning", &Toml::drives, "feedback_timeout_ms = 100", "emcy_warnings = 0x8250",
      "test.toml:5: drives.emcy_warnings has 0x8250 (setpoints stopped coming): a drive that says "
-     "so "
-     "stops by itself, which is no warning"},
+     "so stops by itself, which is no warning"},
     {"NobodySendsSync", &Toml::bridge, "heartbeat_ms = 60", "sync = false",
      "test.toml:30: RPDO1 of node 1 has transmission = 1, but bridge.sync = false: nobody sends "
      "SYNC (use 254 or 255)"},
