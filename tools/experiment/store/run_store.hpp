@@ -58,10 +58,10 @@ class RunStore {
 
   /// Adds to the wall time so far.
   void add_wall_time(double wall_time_s);
-  /// Nothing is missing: of the shard, if it is one.
-  /// Puts everything into the database's own file, which is then alone and stays so: it can be
+  /// Puts everything into the database's own file, which is then alone until begin(): it can be
   /// moved once this is gone. Throws std::runtime_error while another process has it open.
   void flush();
+  /// Nothing is missing: of the shard, if it is one.
   void set_complete() { write_meta({{"complete", "true"}}); }
   bool is_complete() const { return meta("complete") == "true"; }
 
