@@ -12,4 +12,4 @@ if(NOT failed)
   string(APPEND text "+${commit}")
 endif()
 file(CONFIGURE OUTPUT ${OUTPUT} CONTENT
-  "#pragma once\n\nnamespace tether {\ninline constexpr char kVersion[] = \"@text@\";\n}\n" @ONLY)
+  "namespace tether {\nextern const char* const kVersion;\nconst char* const kVersion = \"@text@\";\n}\n" @ONLY)
