@@ -2,6 +2,7 @@
 """The pages of docs/reference that the programs write: all scenario keys, and the helps of all commands."""
 
 import argparse
+import difflib
 import os
 import pathlib
 import re
@@ -72,8 +73,11 @@ def pages(bin_dir):
 
 def out_of_date(bin_dir):
     for file, text in pages(bin_dir).items():
-        if not file.exists() or file.read_text() != text:
-            yield f"docs/reference/{file.name} is not what the programs say: tests/docs/reference.py BIN_DIR --write"
+        page = file.read_text() if file.exists() else ""
+        if page != text:
+            lines = difflib.unified_diff(page.splitlines(), text.splitlines(), n=0, lineterm="")
+            changed = [line for line in lines if line[:1] in "+-"][2:]
+            yield "\n    ".join((f"docs/reference/{file.name} is not what the programs say:", *changed[:6]))
 
 
 def main():
@@ -90,7 +94,8 @@ def main():
             file.write_text(text)
         return 0
     faults = list(out_of_date(bin_dir))
-    print("\n".join(faults))
+    if faults:
+        print("\n".join((*faults, f"write it anew: tests/docs/reference.py {given.bin_dir} --write")))
     return 1 if faults else 0
 
 
