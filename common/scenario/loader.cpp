@@ -36,10 +36,11 @@ std::string table_name(const NamedTables& tables, const std::string& key) {
 /// Keys that may be meant by a misspelt one, also those that stand for several, such as
 /// "channel.prr".
 std::vector<std::string> names_beside(const ScenarioSchema& schema,
-                                      const std::vector<ScenarioKey>& keys) {
+                                      const std::vector<ScenarioKey>& keys, bool short_forms) {
   std::vector<std::string> names, shorter;
   for (const ScenarioKey& key : keys) {
     names.push_back(key.name);
+    if (!short_forms) continue;
     for (const ScenarioSection& section : schema.sections()) {
       if (!section.short_form) continue;
       if (std::string name = section.short_form(key.name); !name.empty()) shorter.push_back(name);
@@ -148,7 +149,7 @@ const ScenarioKey* ScenarioLoader::find_key(const std::string& key) {
 }
 
 void ScenarioLoader::refuse_unknown(const std::string& place, const std::string& given,
-                                    std::string_view prefix) {
+                                    std::string_view prefix, bool short_forms) {
   const std::string key = printable(given, kLongestValueShown);
   if (const NamedTables* tables = named_tables(scenario_.schema(), given); tables != nullptr) {
     const auto dot = given.find('.', tables->prefix.size());
@@ -156,7 +157,8 @@ void ScenarioLoader::refuse_unknown(const std::string& place, const std::string&
         dot == std::string::npos || !tables->why_not ? "" : tables->why_not(given.substr(dot + 1));
     if (!why.empty()) throw UsageError(fmt::format("{}: {} is not allowed: {}", place, key, why));
   }
-  const std::vector<std::string> names = names_beside(scenario_.schema(), keys_beside(key));
+  const std::vector<std::string> names =
+      names_beside(scenario_.schema(), keys_beside(key), short_forms);
   const std::string& nearest = nearest_name(names, key);
   const auto same_name = std::find_if(names.begin(), names.end(), [&key](const auto& name) {
     return last_part(name) == last_part(key);
@@ -206,7 +208,7 @@ void ScenarioLoader::apply_override(const std::string& text, const std::string& 
   const toml::table parsed = parse_value(std::string(trimmed(text.substr(equals + 1))), place);
   if (apply_list(key, *parsed.get("value"), place)) return;
   for (const std::string& target : scenario_.schema().keys_meant_by(key)) {
-    if (find_key(target) == nullptr) refuse_unknown(place, key, prefix);
+    if (find_key(target) == nullptr) refuse_unknown(place, key, prefix, true);
     apply(target, *parsed.get("value"), place);
   }
 }

@@ -52,8 +52,9 @@ class ScenarioLoader {
   const std::vector<ScenarioKey>& keys_beside(const std::string& key);
   const ScenarioKey* find_key(const std::string& key);
   std::string why_switched_off(const std::string& key) const;
+  /// `short_forms`: those of overrides ("channel.prr") may be meant, too.
   [[noreturn]] void refuse_unknown(const std::string& place, const std::string& key,
-                                   std::string_view prefix = "");
+                                   std::string_view prefix = "", bool short_forms = false);
   void make_table(const std::string& key, const std::string& place);
   void apply(const std::string& key, const toml::node& node, const std::string& place);
   bool apply_list(const std::string& key, const toml::node& node, const std::string& place);

@@ -63,7 +63,9 @@ Trace read_trace(std::istream& in, const std::string& name) {
   CsvTable table(in, name);
   Trace trace;
   trace.of_fates = table.has("lost");
-  if (!table.has("time_s")) table.fail("the header must name a column time_s");
+  if (!table.has("time_s"))
+    table.fail(
+        "the header must name a column time_s (tether netem import makes a trace of other tables)");
   if (!table.has("delay_ms") && !table.has("prr") && !table.has("lost")) {
     table.fail("the header must name one of the columns delay_ms, prr and lost");
   }

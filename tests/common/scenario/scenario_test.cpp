@@ -284,6 +284,7 @@ TEST(Scenario, AMisspeltKeyIsRefusedWithAGuess) {
   EXPECT_THAT(refusal("[sensor]\nrate_hs = 5.0"), HasSubstr("did you mean \"sensor.rate_hz\"?"));
   EXPECT_THAT(refusal("[chanel.uplink]\nprr = 0.5"),
               HasSubstr("did you mean \"channel.uplink.prr\"?"));
+  EXPECT_THAT(refusal("[channel]\nprr = 0.5"), HasSubstr("did you mean \"channel.uplink.prr\"?"));
   EXPECT_THAT(refusal("[vehicle]\nhalf_extent_m = 5.0"),
               HasSubstr("did you mean \"world.half_extent_m\"?"));
   EXPECT_THAT(refusal("rum = 1"), HasSubstr("unknown key \"rum\""));

@@ -102,7 +102,9 @@ TEST(ReadTrace, RefusesWithFileAndLine) {
   const std::vector<std::pair<std::string, std::string>> cases{
       {"", "t.csv:1: no header line"},
       {"time_s,prr\n", "t.csv:1: no rows below the header"},
-      {"t,prr\n0,1\n", "t.csv:1: the header must name a column time_s"},
+      {"t,prr\n0,1\n",
+       "t.csv:1: the header must name a column time_s (tether netem import makes a trace of other "
+       "tables)"},
       {"time_s,x\n0,1\n",
        "t.csv:1: the header must name one of the columns delay_ms, prr and lost"},
       {"time_s,prr,lost\n0,1,0\n", "t.csv:1: the header names both prr and lost; keep one of them"},

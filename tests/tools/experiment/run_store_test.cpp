@@ -39,6 +39,10 @@ TEST_F(Store, GivesBackWhatWasPutInByArmAndSeed) {
   EXPECT_EQ(runs[2].result, result(4.0));
   EXPECT_EQ(store.size(), 3U);
   EXPECT_EQ(store.failures(), 1U);
+  ASSERT_TRUE(store.first_failure());
+  EXPECT_EQ(store.first_failure()->arm, 1U);
+  EXPECT_EQ(store.first_failure()->seed, 1U);
+  EXPECT_EQ(store.first_failure()->why, "it broke");
   EXPECT_EQ(store.name(), "two_arms");
   EXPECT_EQ(store.plant(), "ode");
 }

@@ -50,6 +50,12 @@ class Echo {
   }
 
   void run() {
+    constexpr Duration kPatience = std::chrono::seconds{2};
+    loop_.at(loop_.now() + kPatience, Priority::observer, [this](Instant) {
+      if (shown_ > 0) return;
+      fmt::print(stderr, "nothing yet on {} whose name matches \"{}\"\n", options_.lcm_url,
+                 options_.channel_regex);
+    });
     if (options_.duration_s) {
       loop_.run_until(loop_.now() + from_seconds(*options_.duration_s));
     } else {
@@ -85,6 +91,12 @@ class Echo {
 };
 
 int echo(const EchoOptions& options) {
+  if (options.channel_regex.ends_with(".lcmlog")) {
+    throw UsageError(
+        fmt::format("echo: {} is a log, not channels that are heard now; see "
+                    "tether log info, csv",
+                    options.channel_regex));
+  }
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());
   Echo(options, loop).run();
   return kExitOk;

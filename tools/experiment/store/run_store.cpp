@@ -288,6 +288,15 @@ std::size_t RunStore::failures() const {
   return static_cast<std::size_t>(count.whole(0));
 }
 
+std::optional<FailedRun> RunStore::first_failure() const {
+  Statement first(*database_,
+                  "SELECT arm, seed, failure FROM runs WHERE failure IS NOT NULL "
+                  "ORDER BY arm, seed LIMIT 1");
+  if (!first.step()) return std::nullopt;
+  return FailedRun{static_cast<std::size_t>(first.whole(0)),
+                   static_cast<std::uint64_t>(first.whole(1)), first.text(2)};
+}
+
 void RunStore::flush() {
   // Without a log: who only reads would make its files anew, and may not remove them.
   database_->execute("PRAGMA busy_timeout = 1000");

@@ -23,6 +23,12 @@ struct StoredRun {
   RunResult result;  ///< trajectory only if asked for
 };
 
+struct FailedRun {
+  std::size_t arm;
+  std::uint64_t seed;
+  std::string why;
+};
+
 /// The runs of a sweep, in an SQLite database: one row each, the resolved scenario of each arm, and
 /// what the sweep was made from. A run is in it wholly or not at all, whenever the process dies.
 ///
@@ -55,6 +61,7 @@ class RunStore {
                 bool with_trajectories = false) const;
   std::size_t size() const;
   std::size_t failures() const;
+  std::optional<FailedRun> first_failure() const;
 
   /// Adds to the wall time so far.
   void add_wall_time(double wall_time_s);

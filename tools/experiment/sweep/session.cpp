@@ -70,8 +70,13 @@ SweepOutcome sweep_into(const fs::path& folder, const Experiment& experiment, co
   } catch (const std::runtime_error&) {
     // Somebody reads it now: all is there, in three files.
   }
-  return {database,    store.size(),        store.failures(),
-          is_complete, store.wall_time_s(), store.plant()};
+  SweepOutcome outcome{database,    store.size(),        store.failures(), "",
+                       is_complete, store.wall_time_s(), store.plant()};
+  if (const auto failed = store.first_failure()) {
+    outcome.first_failure = fmt::format("{}, seed {}: {}", experiment.arms.at(failed->arm).text(),
+                                        failed->seed, failed->why);
+  }
+  return outcome;
 }
 
 }  // namespace tether

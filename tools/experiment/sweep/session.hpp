@@ -11,6 +11,7 @@ namespace tether {
 struct SweepOutcome {
   std::filesystem::path database;
   std::size_t runs = 0, failed = 0;  ///< in the database
+  std::string first_failure;         ///< which and why, or ""
   bool is_complete = false;          ///< false: interrupted
   double wall_time_s = 0.0;          ///< of all its sessions
   std::string plant;
