@@ -148,8 +148,11 @@ class Reader {
     const toml::node& value =
         r.require("node", "a whole number from 1 to 126 (CANopen node id), or several in [ ]");
     const auto nodes = r.integers("node", 1, 126, "CANopen node id");
+    const auto& [left, right] = config_.axes;
+    // Two axes that are the same objects of a drive are the mistake then, and are told of later.
+    if (left.node == right.node && left.target_velocity == right.target_velocity) return nodes;
     for (const std::int64_t node : nodes) {
-      if (node == config_.axes[0].node || node == config_.axes[1].node) continue;
+      if (node == left.node || node == right.node) continue;
       r.refuse("node", value,
                fmt::format("of axes, and none has node {}: {}; change it there or here (tether can "
                            "probe --scan lists the nodes of a bus)",
