@@ -73,9 +73,10 @@ LoopMargins loop_margins(const Scenario& scenario) {
   m.more_loss = critical_more_loss(loop);
   if (!loop.shared && is_bursty(loop.uplink) && is_bursty(loop.downlink))
     m.mean_burst = critical_burst(loop);
-  m.delay_total_s = critical_delay(loop, chain);
-  m.delay_margin_s = loop.steering.delay_margin_s();
-  m.varying_delay_margin_s = loop.steering.varying_delay_margin_s();
+  if (!loop.plans()) {
+    m.delays = {critical_delay(loop, chain), loop.steering.delay_margin_s(),
+                loop.steering.varying_delay_margin_s()};
+  }
   if (is_white(scenario.get<SensorSettings>())) m.rms_m = loop.rms_m(chain);
   return m;
 }

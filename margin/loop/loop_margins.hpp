@@ -18,12 +18,15 @@ struct LoopMargins {
   double prr = 1.0;      ///< of a pose and its answer together
   double radius = 0.0;   ///< growth of the mean square per period; stable below 1
   double radius_across = 0.0, radius_along = 0.0;
-  Critical prr_each_way;                ///< both links fixed; the smallest that is stable
-  Critical more_loss;                   ///< independent, each way, beside the channel's own
-  std::optional<Critical> mean_burst;   ///< packets; both links gilbert_elliott, at their PRR
-  Critical delay_total_s;               ///< at this channel's losses
-  double delay_margin_s = 0.0;          ///< without sampling and losses
-  double varying_delay_margin_s = 0.0;  ///< likewise, of delays that vary; the hold is one of them
+  Critical prr_each_way;               ///< both links fixed; the smallest that is stable
+  Critical more_loss;                  ///< independent, each way, beside the channel's own
+  std::optional<Critical> mean_burst;  ///< packets; both links gilbert_elliott, at their PRR
+  struct Delays {
+    Critical total_s;               ///< at this channel's losses
+    double margin_s = 0.0;          ///< without sampling and losses
+    double varying_margin_s = 0.0;  ///< likewise, of delays that vary; the hold is one of them
+  };
+  std::optional<Delays> delays;  ///< none with plans
   /// √E[d²] on the straight at that speed, by the sensor's white noise and the poses' delay;
   /// nullopt if unstable, or if the sensor has errors that are not white.
   std::optional<double> rms_m;

@@ -38,13 +38,40 @@ void pid_obstacles(const ControllerSettings& c, Reasons& reasons) {
          "controller.v.p, .omega.p: must be above 0; else nothing corrects");
 }
 
+/// Whether one number is a whole multiple of another.
+bool is_multiple(double of, double part) {
+  constexpr double kRounding = 1e-9;
+  const double times = of / part;
+  return times > 0.5 && std::abs(times - std::round(times)) <= kRounding * times;
+}
+
+void plan_obstacles(const Scenario& scenario, Reasons& reasons) {
+  const auto& sensor = scenario.get<SensorSettings>();
+  const double step_s = to_seconds(scenario.get<ControllerSettings>().plan_step());
+  if (!is_multiple(1.0 / sensor.rate_hz, step_s)) {
+    reasons.push_back(
+        fmt::format("controller.plan_step_ms: 1/sensor.rate_hz = {:g} ms must be a whole multiple "
+                    "of it; else plans are left within a step",
+                    1e3 / sensor.rate_hz));
+  }
+  const auto& channel = scenario.get<ChannelSettings>();
+  const auto is_late = [](const LinkConfig& link) {
+    const ChannelModelKind& kind = kind_of(link);
+    return kind.only_delay_ms != nullptr && kind.only_delay_ms(link).value_or(0.0) > 0.0;
+  };
+  add_if(sensor.latency_ms > 0.0 || is_late(channel.uplink) || is_late(channel.downlink), reasons,
+         "controller.law: with plans, sensor.latency_ms and the links' delays must be 0; what the "
+         "vehicle does until a plan arrives is predicted, and not in the theory");
+}
+
 void controller_obstacles(const Scenario& scenario, Reasons& reasons) {
   const auto& c = scenario.get<ControllerSettings>();
-  if (c.law != "tracking" && c.law != "pid") {
-    reasons.push_back(fmt::format(
-        "controller.law = \"{}\": must be \"tracking\" or \"pid\"; others plan, predict, "
-        "or remember",
-        c.law));
+  const bool plans = has_linear_plans(c);
+  if (c.law != "tracking" && c.law != "pid" && !plans) {
+    reasons.push_back(
+        fmt::format("controller.law = \"{}\": must be \"tracking\", \"pid\", \"predictive\" or "
+                    "\"predictive_consistent\"; others optimise, or remember",
+                    c.law));
   }
   if (c.law == "pid") pid_obstacles(c, reasons);
   add_if(
@@ -58,8 +85,12 @@ void controller_obstacles(const Scenario& scenario, Reasons& reasons) {
          "controller.external: must be false; another program's law is unknown");
   add_if(c.pose_timeout_s > 0.0, reasons,
          "controller.pose_timeout_s: must be 0; a stop in silences is not linear");
-  add_if(scenario.get<ActuatorSettings>().policy != "hold", reasons,
-         "actuator.policy: must be \"hold\"; other policies act on the time without commands");
+  if (plans) {
+    plan_obstacles(scenario, reasons);
+  } else {
+    add_if(scenario.get<ActuatorSettings>().policy != "hold", reasons,
+           "actuator.policy: must be \"hold\"; other policies act on the time without commands");
+  }
 }
 
 void vehicle_obstacles(const Scenario& scenario, Reasons& reasons) {
@@ -89,9 +120,7 @@ void check_steps(const std::string& prefix, const LinkConfig& link, double perio
                  Reasons& reasons) {
   if (link.model != "chain") return;
   const double step_s = link.own.get<ChainConfig>().step_s;
-  const double steps = step_s > 0.0 ? period_s / step_s : 1.0;
-  constexpr double kRounding = 1e-9;
-  if (steps > 0.5 && std::abs(steps - std::round(steps)) <= kRounding * steps) return;
+  if (step_s == 0.0 || is_multiple(period_s, step_s)) return;
   reasons.push_back(fmt::format(
       "{}chain.step_s = {:g}: must be 0, or 1/sensor.rate_hz = {:g} s a whole multiple of it; else "
       "poses meet the steps at other times each",

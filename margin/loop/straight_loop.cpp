@@ -60,6 +60,10 @@ void check_limits(const Scenario& scenario, double v_mps) {
 
 }  // namespace
 
+bool has_linear_plans(const ControllerSettings& controller) {
+  return controller.law == "predictive" || controller.law == "predictive_consistent";
+}
+
 StraightLoop::StraightLoop(const Scenario& scenario) {
   const auto& sensor = scenario.get<SensorSettings>();
   const auto& channel = scenario.get<ChannelSettings>();
@@ -94,10 +98,22 @@ StraightLoop::StraightLoop(const Scenario& scenario) {
     behind_m = distance_m - v_mps * c.tau_s;
   }
   law = tracking_jacobian(k_x, steering.k_y, steering.k_theta, v_mps);
+  if (!has_linear_plans(c)) return;
+  plan_step_s = to_seconds(c.plan_step());
+  const auto silence = chain().silence_periods(1e-4);
+  if (silence && *silence * timing.period_s <= c.horizon_s) return;
+  throw UsageError(fmt::format(
+      "margin: controller.horizon_s = {:g} must be longer than all but one in 10 000 silences, {}",
+      c.horizon_s,
+      silence ? fmt::format("{:g} s", *silence * timing.period_s) : "which have no end"));
 }
 
 LoopStep StraightLoop::step(const LoopTiming& with) const {
   const PathMotion motion{v_mps, 0.0};
+  if (plans()) {
+    const auto steps = static_cast<int>(std::lround(with.period_s / plan_step_s));
+    return planned_step({motion, law, plan_step_s, steps}, noise);
+  }
   return sampled_step({motion, motion, motion, law}, with, noise);
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/scenario/scenario.hpp"
+#include "controller/laws/controller_settings.hpp"
 #include "margin/theory/delay_margin.hpp"
 #include "margin/theory/loss_chain.hpp"
 #include "margin/theory/sampled_loop.hpp"
@@ -14,8 +15,11 @@ namespace tether {
 /// Why the theory does not hold for a scenario, each reason with the key that says so; empty if it
 /// does. It holds for laws that answer each pose and remember nothing (`tracking`; `pid` without I
 /// and D), a vehicle that holds its commands, constant delays, and links whose losses are a Markov
-/// chain's from pose to pose.
+/// chain's from pose to pose; and, without delays, for plans that roll out `tracking`
+/// (`predictive`, `predictive_consistent`) and are longer than silences.
 std::vector<std::string> margin_obstacles(const Scenario& scenario);
+/// Whether the law's plans roll out the tracking law.
+bool has_linear_plans(const ControllerSettings& controller);
 /// Throws UsageError with all of them if there are any.
 void refuse_margin_obstacles(const Scenario& scenario);
 /// The same of the channel alone, whatever the law.
@@ -25,7 +29,8 @@ void refuse_channel_obstacles(const Scenario& scenario);
 /// and the run's end.
 struct StraightLoop {
   /// The scenario has no margin_obstacles(). Throws UsageError if its path rests all the time, or
-  /// is faster than controller.v.limit or the wheels.
+  /// is faster than controller.v.limit or the wheels; and if plans end within one of 10 000
+  /// silences.
   explicit StraightLoop(const Scenario& scenario);
 
   /// δω = v (k_y y_e + k_theta θ_e).
@@ -38,7 +43,9 @@ struct StraightLoop {
   PoseNoise noise;
   double v_mps = 0.0, least_mps = 0.0;
   ChainLink uplink, downlink;
-  bool shared = false;  ///< channel.shared_state
+  bool shared = false;       ///< channel.shared_state
+  double plan_step_s = 0.0;  ///< of laws that plan; else 0
+  bool plans() const { return plan_step_s > 0.0; }
 
   LoopStep step(const LoopTiming& with) const;
   /// Both links with this much more independent loss each.

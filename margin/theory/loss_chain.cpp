@@ -37,6 +37,28 @@ double LossChain::prr() const {
   return sum;
 }
 
+std::optional<int> LossChain::silence_periods(double share) const {
+  std::vector<double> silent(states);  // since a command arrived
+  double all = 0.0;
+  for (const Jump& jump : jumps) {
+    if (jump.mode != kReceived) continue;
+    silent[jump.to] += stationary[jump.from] * jump.probability;
+    all += stationary[jump.from] * jump.probability;
+  }
+  constexpr int kMost = 100'000;
+  for (int periods = 1; all > 0.0 && periods <= kMost; ++periods) {
+    std::vector<double> next(states);
+    for (const Jump& jump : jumps) {
+      if (jump.mode == kLost) next[jump.to] += silent[jump.from] * jump.probability;
+    }
+    silent = next;
+    double left = 0.0;
+    for (const double p : silent) left += p;
+    if (left <= share * all) return periods;
+  }
+  return std::nullopt;
+}
+
 LossChain both_links(const ChainLink& uplink, const ChainLink& downlink) {
   const std::size_t ups = uplink.prr.size(), downs = downlink.prr.size();
   LossChain chain{.states = ups * downs, .jumps = {}, .stationary = {}};

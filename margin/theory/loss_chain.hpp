@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "netem/statistics/stationary.hpp"
@@ -35,6 +36,9 @@ struct LossChain {
 
   /// Share of the periods in which a command arrives.
   double prr() const;
+  /// After how many periods all but this share of silences are over; nullopt if it is more than
+  /// 100 000, or nothing ever arrives.
+  std::optional<int> silence_periods(double share) const;
 };
 
 /// Of a command that is sent for each pose that arrives. A downlink that steps by packets steps

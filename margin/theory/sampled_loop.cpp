@@ -79,13 +79,39 @@ LoopStep sampled_step(const LoopPeriod& period, const LoopTiming& timing, const 
     step.a[mode] = a;
     step.noise[mode] = g * g.transpose();
   }
+  for (Eigen::Index i = 0; i < n; ++i) step.is_along.push_back(i == 0 || (i >= 3 && i % 2 == 1));
+  return step;
+}
+
+LoopStep planned_step(const PlannedPeriod& period, const PoseNoise& noise) {
+  const Motion motion = motion_in(period.path, period.step_s);
+  const Eigen::Matrix3d as_planned = motion.phi + motion.gamma * period.law;
+  Eigen::Matrix3d open = Eigen::Matrix3d::Identity(), closed = open;
+  for (int i = 0; i < period.steps; ++i) {
+    open = motion.phi * open;
+    closed = as_planned * closed;
+  }
+  const Eigen::Vector3d sigma(noise.position_m, noise.position_m, noise.yaw_rad);
+  MatrixXd lost = MatrixXd::Identity(7, 7), received = lost;
+  lost.block<3, 3>(0, 0) = open;  // e - ê moves as nobody steers it
+  lost.block<3, 3>(0, 3) = closed - open;
+  lost.block<3, 3>(3, 3) = closed;
+  received.block<3, 3>(0, 0) = received.block<3, 3>(3, 0) = closed;
+  received.block<3, 3>(3, 3).setZero();
+  MatrixXd measured = MatrixXd::Zero(7, 3);
+  measured.topRows(3) = (closed - open) * sigma.asDiagonal();
+  measured.middleRows(3, 3) = closed * sigma.asDiagonal();
+  LoopStep step;
+  step.a = {received, lost};
+  step.noise = {measured * measured.transpose(), MatrixXd::Zero(7, 7)};
+  step.is_along = {true, false, false, true, false, false, false};
   return step;
 }
 
 LoopStep part_of(const LoopStep& step, LoopPart part) {
   std::vector<Eigen::Index> kept;
   for (Eigen::Index i = 0; i + 1 < step.a[0].rows(); ++i) {
-    const bool is_along = i == 0 || (i >= 3 && i % 2 == 1);
+    const bool is_along = step.is_along[static_cast<std::size_t>(i)];
     if (part == LoopPart::all || is_along == (part == LoopPart::along)) kept.push_back(i);
   }
   LoopStep result;

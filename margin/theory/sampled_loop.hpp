@@ -53,8 +53,24 @@ struct LoopPeriod {
 /// twists under way (newest first), 1.
 LoopStep sampled_step(const LoopPeriod& period, const LoopTiming& timing, const PoseNoise& noise);
 
+/// A law of plans: each pose is answered, at once, by the twists that the law gives the vehicle
+/// from that pose on, in steps of `step_s`; until the next one arrives, the vehicle follows them.
+struct PlannedPeriod {
+  PathMotion path;
+  LawJacobian law;
+  double step_s = 0.05;
+  int steps = 1;  ///< from a pose to the next
+};
+
+/// One period of such a loop. In each step both the errors and those that the plan in force means
+/// the vehicle to have (ê) move by the twist u_r + K ê (packetised predictive control: Quevedo,
+/// Nešić, IEEE Trans. Autom. Control 56 (2), 2011); a pose that is answered sets ê to what it
+/// measures. Plans are longer than silences. State: x_e, y_e, θ_e, the three of ê, 1.
+LoopStep planned_step(const PlannedPeriod& period, const PoseNoise& noise);
+
 /// What part of the state is looked at. On a straight path `across` (y_e, θ_e, ω) and `along` (x_e,
-/// v) do not depend on each other; `all` leaves out the 1, for mean_square_radius().
+/// v) do not depend on each other (LoopStep::is_along); `all` leaves out the 1, for
+/// mean_square_radius().
 enum class LoopPart { all, across, along };
 LoopStep part_of(const LoopStep& step, LoopPart part);
 

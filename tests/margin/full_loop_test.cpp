@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "margin/loop/loop_margins.hpp"
@@ -14,11 +15,14 @@
 namespace tether {
 namespace {
 
-struct FullLoop : testing::TestWithParam<double> {};
+using Case = std::tuple<std::string, double>;  // law, PRR each way
+
+struct FullLoop : testing::TestWithParam<Case> {};
 
 /// On a straight of 60 m at 1.5 m/s: 45 s, of which 40 count.
-std::vector<std::string> straight(double prr) {
-  return {"controller.law=tracking",
+std::vector<std::string> straight(const std::string& law, double prr) {
+  return {"controller.law=" + law,
+          law == "tracking" ? "actuator.policy=hold" : "actuator.policy=horizon",
           "vehicle.plant=kinematic",
           "sensor.rate_hz=20",
           "sensor.position_noise_m=0.02",
@@ -35,7 +39,8 @@ std::vector<std::string> straight(double prr) {
 // second), so the mean of 1600 has a standard deviation of √(2/1600) = 3.5 %, and its root of 1.8
 // %. Allowed are 3 of these and what the theory leaves out: 10 %.
 TEST_P(FullLoop, OnAStraightHasTheErrorThatIsPredicted) {
-  auto settings = straight(GetParam());
+  const auto& [law, prr] = GetParam();
+  auto settings = straight(law, prr);
   const std::string file = TETHER_SOURCE_DIR "/scenarios/paper.toml";
   const LoopMargins predicted = loop_margins(load_scenario(file, settings));
   ASSERT_TRUE(predicted.rms_m);
@@ -59,7 +64,12 @@ TEST_P(FullLoop, OnAStraightHasTheErrorThatIsPredicted) {
   EXPECT_NEAR(simulated_m / *predicted.rms_m, 1.0, 0.10)
       << simulated_m << " m, " << *predicted.rms_m << " m predicted";
 }
-INSTANTIATE_TEST_SUITE_P(ByReception, FullLoop, testing::Values(1.0, 0.8, 0.65, 0.55));
+INSTANTIATE_TEST_SUITE_P(ByReception, FullLoop,
+                         testing::Combine(testing::Values("tracking"),
+                                          testing::Values(1.0, 0.8, 0.65, 0.55)));
+INSTANTIATE_TEST_SUITE_P(OfPlans, FullLoop,
+                         testing::Combine(testing::Values("predictive", "predictive_consistent"),
+                                          testing::Values(1.0, 0.65, 0.3)));
 
 }  // namespace
 }  // namespace tether

@@ -179,6 +179,16 @@ TEST(LoopMarginsTest, MoreNoiseIsMoreErrorInProportion) {
   EXPECT_NEAR(*two.rms_m, 2.0 * *one.rms_m, 1e-6);
 }
 
+TEST(LoopMarginsTest, OfPlansAreStableAtAnyReceptionAndHaveNoDelay) {
+  const std::vector<std::string> plans{"controller.law=predictive", "actuator.policy=horizon",
+                                       "sensor.rate_hz=10", "channel.prr=0.3"};
+  const LoopMargins m = loop_margins(paper(plans));
+  EXPECT_EQ(m.prr_each_way.kind, Critical::Kind::always);
+  EXPECT_FALSE(m.delays);
+  // Nothing arrives in a share of 0.91 of the periods, and what is off then stays off.
+  EXPECT_NEAR(m.radius, 1.0 - 0.3 * 0.3, 1e-3);
+}
+
 TEST(LoopMarginsTest, RefusesByNameWhatTheTheoryDoesNotHoldFor) {
   const auto refusal = [](const std::vector<std::string>& set) -> std::string {
     try {
@@ -204,7 +214,15 @@ TEST(LoopMarginsTest, RefusesByNameWhatTheTheoryDoesNotHoldFor) {
                        "channel.chain.step_s=0.03"}),
               HasSubstr("channel.uplink.chain.step_s = 0.03"));
   EXPECT_THAT(refusal({"vehicle.actuator_lag_ms=50"}), HasSubstr("vehicle.radius_error"));
-  EXPECT_THAT(refusal({"controller.law=predictive", "actuator.policy=horizon"}),
+  const auto planned = [&](const std::string& law, const std::string& more) {
+    return refusal({"controller.law=" + law, "actuator.policy=horizon", more});
+  };
+  EXPECT_EQ(planned("predictive", "sensor.rate_hz=20"), "");
+  EXPECT_EQ(planned("predictive_consistent", "channel.prr=0.3"), "");
+  EXPECT_THAT(planned("predictive", "sensor.rate_hz=12.5"), HasSubstr("controller.plan_step_ms"));
+  EXPECT_THAT(planned("predictive", "channel.delay_ms=10"), HasSubstr("delays must be 0"));
+  EXPECT_THAT(planned("predictive", "channel.prr=0"), HasSubstr("controller.horizon_s"));
+  EXPECT_THAT(planned("mpc", "sensor.rate_hz=20"),
               testing::AllOf(HasSubstr("controller.law"), HasSubstr("actuator.policy")));
   const std::vector<std::string> late{"channel.uplink.delay_ms=200", "sensor.rate_hz=20"};
   EXPECT_EQ(refusal({late[0], late[1], "channel.uplink.queue_limit=5"}), "");

@@ -71,21 +71,23 @@ std::string margins_in_words(const LoopMargins& m) {
       "loop            a pose every {:g} ms, {:g} ms from pose to wheels, {:.4f} of the poses are "
       "answered\n"
       "mean square     {}: × {:.4f} a period across the path, {:.4f} along it\n"
-      "critical PRR    {} each way, independent losses\n",
+      "critical PRR    {}\n",
       m.v_mps, m.least_mps, m.period_s * 1e3, m.delay_s * 1e3, m.prr,
       m.radius < 1.0 ? "stable" : "unstable", m.radius_across, m.radius_along,
-      in_words(m.prr_each_way, 1.0, ""));
+      in_words(m.prr_each_way, 1.0, " each way, independent losses"));
   if (m.mean_burst) {
     text +=
         fmt::format("critical burst  {}\n", in_words(*m.mean_burst, 1.0, " packets on average"));
   }
-  text += fmt::format(
-      "critical delay  {}\n"
-      "delay margin    {:.1f} ms without sampling and losses; {:.1f} ms where delays vary, hold "
-      "included\n",
-      in_words(m.delay_total_s, 1e3, " ms from pose to wheels, with these losses",
-               fmt::format("0 to {:g} ms", longest_delay_s(m.period_s) * 1e3)),
-      m.delay_margin_s * 1e3, m.varying_delay_margin_s * 1e3);
+  if (m.delays) {
+    text += fmt::format(
+        "critical delay  {}\n"
+        "delay margin    {:.1f} ms without sampling and losses; {:.1f} ms where delays vary, hold "
+        "included\n",
+        in_words(m.delays->total_s, 1e3, " ms from pose to wheels, with these losses",
+                 fmt::format("0 to {:g} ms", longest_delay_s(m.period_s) * 1e3)),
+        m.delays->margin_s * 1e3, m.delays->varying_margin_s * 1e3);
+  }
   if (m.rms_m) text += fmt::format("rms error       {:.4f} m on a straight\n", *m.rms_m);
   return text;
 }
@@ -102,9 +104,12 @@ std::string margins_in_json(const LoopMargins& m) {
   json["radius_along"] = m.radius_along;
   json["critical_prr_each_way"] = in_json(m.prr_each_way);
   if (m.mean_burst) json["critical_mean_burst"] = in_json(*m.mean_burst);
-  json["critical_delay_s"] = in_json(m.delay_total_s);
-  json["delay_margin_s"] = m.delay_margin_s;
-  json["varying_delay_margin_s"] = m.varying_delay_margin_s;
+  json["critical_delay_s"] = json["delay_margin_s"] = json["varying_delay_margin_s"] = nullptr;
+  if (m.delays) {
+    json["critical_delay_s"] = in_json(m.delays->total_s);
+    json["delay_margin_s"] = m.delays->margin_s;
+    json["varying_delay_margin_s"] = m.delays->varying_margin_s;
+  }
   json["rms_m"] = nullptr;
   if (m.rms_m) json["rms_m"] = *m.rms_m;
   return json.dump(2) + "\n";

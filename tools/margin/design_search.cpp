@@ -19,13 +19,16 @@ class Search {
   explicit Search(const DesignQuestion& question) : q_(question), base_(load({})) {}
 
   DesignAnswer rate() {
+    margin_loop({});  // what is refused at the scenario's own rate is refused
     for (const double hz :
          {1.0, 2.0, 4.0, 5.0, 8.0, 10.0, 12.5, 16.0, 20.0, 25.0, 40.0, 50.0, 100.0}) {
       const std::vector<std::string> set{fmt::format("sensor.rate_hz={}", hz)};
-      if (margin_obstacles(base_).empty() && !margin_obstacles(load(set)).empty()) {
-        continue;  // a chain's steps do not fit this rate
+      std::optional<double> rms_m;
+      try {
+        rms_m = predicted_m(set);
+      } catch (const UsageError&) {
+        continue;  // a chain's steps, or plans, do not fit this rate
       }
-      const auto rms_m = predicted_m(set);
       if (!rms_m || *rms_m > q_.target_m) continue;
       if (try_out(set, rms_text(*rms_m))) return answer_;
     }
@@ -68,7 +71,11 @@ class Search {
     refuse_channel_obstacles(base_);
     const StraightLoop loop(base_);
     const double step_s = base_.get<ControllerSettings>().plan_step_ms * 1e-3;
-    const double silence_s = silence(loop.chain(), 1e-3) * loop.timing.period_s;
+    const auto periods = loop.chain().silence_periods(1e-3);
+    if (!periods) {
+      throw UsageError("--find horizon: the channel's silences are too long for any horizon");
+    }
+    const double silence_s = *periods * loop.timing.period_s;
     double horizon_s = step_s * std::ceil((silence_s + loop.timing.total_s()) / step_s);
     for (int i = 0; i < 8; ++i) {
       if (try_out({fmt::format("controller.horizon_s={:.4g}", horizon_s)},
@@ -107,29 +114,6 @@ class Search {
 
   static std::string rms_text(double rms_m) {
     return fmt::format("rms {:.4f} m on a straight", rms_m);
-  }
-
-  /// After how many periods all but this share of silences are over.
-  static double silence(const LossChain& chain, double share) {
-    std::vector<double> silent(chain.states);  // since a command arrived
-    double all = 0.0;
-    for (const auto& jump : chain.jumps) {
-      if (jump.mode != LossChain::kReceived) continue;
-      silent[jump.to] += chain.stationary[jump.from] * jump.probability;
-      all += chain.stationary[jump.from] * jump.probability;
-    }
-    constexpr int kMost = 100'000;
-    for (int periods = 1; all > 0.0 && periods <= kMost; ++periods) {
-      std::vector<double> next(chain.states);
-      for (const auto& jump : chain.jumps) {
-        if (jump.mode == LossChain::kLost) next[jump.to] += silent[jump.from] * jump.probability;
-      }
-      silent = next;
-      double left = 0.0;
-      for (const double p : silent) left += p;
-      if (left <= share * all) return periods;
-    }
-    throw UsageError("--find horizon: the channel's silences are too long for any horizon");
   }
 
   bool try_out(const std::vector<std::string>& set, const std::string& predicted) {

@@ -52,6 +52,11 @@ set output
 
 void check_map(const Scenario& scenario) {
   refuse_margin_obstacles(scenario);
+  if (has_linear_plans(scenario.get<ControllerSettings>())) {
+    throw UsageError(
+        "tether margin --figure: controller.law must be \"tracking\" or \"pid\": the map varies "
+        "delays, which plans may not have here");
+  }
   const auto& channel = scenario.get<ChannelSettings>();
   if (channel.uplink.model == "fixed" && channel.downlink.model == "fixed") return;
   throw UsageError(

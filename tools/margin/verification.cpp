@@ -119,6 +119,7 @@ class Verifier {
   VerifiedCritical delay() const {
     VerifiedCritical row;
     row.quantity = VerifiedCritical::Quantity::delay;
+    if (loop_.plans()) return without(row, "plans are of loops without delay");
     const LossChain chain = loop_.chain();
     const auto step = [&](double delay_s) {
       return part_of(loop_.step({loop_.timing.period_s, delay_s, 0.0}), LoopPart::across);

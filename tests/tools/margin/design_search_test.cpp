@@ -69,6 +69,16 @@ TEST(FindRateTest, RatesThatAChainsStepsDoNotFitAreLeftOut) {
   EXPECT_EQ(answer.tried.back().set, Settings{"sensor.rate_hz=20"});
 }
 
+TEST(FindRateTest, OfPlansIsTheLowestAtWhichTheyAreLongerThanSilences) {
+  const DesignAnswer answer =
+      find_design(question("rate",
+                           noisy("predictive") + Settings{"actuator.policy=horizon",
+                                                          "channel.prr=0.5", "sensor.rate_hz=20"},
+                           0.1));
+  ASSERT_TRUE(answer.found()) << answer.why_none;
+  EXPECT_EQ(answer.tried.back().set, Settings{"sensor.rate_hz=2"});
+}
+
 TEST(FindTauTest, TheAnswerHasALowerPredictedErrorThanItsNeighbours) {
   const Settings set = noisy("pid") + Settings{"controller.v.d=0",       "controller.omega.d=0",
                                                "sensor.rate_hz=20",      "sensor.latency_ms=100",
@@ -129,9 +139,9 @@ TEST(FindTest, AQuestionThatDoesNotFitTheLawIsRefusedByKey) {
             "--find gains: controller.law = \"pid\" must be \"tracking\"");
   EXPECT_NE(refusal("horizon", noisy("tracking")).find("actuator.policy = \"hold\""),
             std::string::npos);
-  EXPECT_NE(refusal("rate", {"controller.law=predictive", "actuator.policy=horizon"})
-                .find("controller.law"),
-            std::string::npos);
+  EXPECT_NE(
+      refusal("rate", {"controller.law=mpc", "actuator.policy=horizon"}).find("controller.law"),
+      std::string::npos);
 }
 
 }  // namespace
