@@ -15,10 +15,6 @@
 namespace tether {
 namespace {
 
-// Bounds that keep sums of times within the range of nanoseconds.
-constexpr double kLongest_s = 1e9;
-constexpr double kLongestDelay_ms = 1e9;
-
 double read_prr(const CsvTable& table, bool of_fates) {
   if (of_fates) {
     const auto lost = table.cell("lost");
@@ -35,7 +31,7 @@ std::optional<Duration> read_delay(const CsvTable& table, bool is_lost) {
   // A lost packet has no delay: logs leave it empty.
   if (!table.has("delay_ms") || (is_lost && table.cell("delay_ms").empty())) return std::nullopt;
   const double delay_ms = table.number("delay_ms");
-  if (delay_ms < 0.0 || delay_ms > kLongestDelay_ms) table.refuse("delay_ms", "in [0, 1e9]");
+  if (delay_ms < 0.0 || delay_ms > Trace::kLongestDelay_ms) table.refuse("delay_ms", "in [0, 1e9]");
   return from_seconds(delay_ms * 1e-3);
 }
 
@@ -76,7 +72,7 @@ Trace read_trace(std::istream& in, const std::string& name) {
   while (table.next_row()) {
     const double time_s = table.number("time_s");
     if (trace.rows.empty()) trace.first_s = time_s;
-    if (std::abs(time_s - trace.first_s) > kLongest_s) {
+    if (std::abs(time_s - trace.first_s) > Trace::kLongest_s) {
       table.refuse("time_s", "within 1e9 s of the first row's");
     }
     const double prr = read_prr(table, trace.of_fates);

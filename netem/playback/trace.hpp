@@ -18,6 +18,10 @@ namespace tether {
 /// ignored. A packet log with a row for each packet that was sent is such a
 /// trace, and so is a table of conditions by the second.
 struct Trace {
+  // Bounds that keep sums of times within the range of nanoseconds.
+  static constexpr double kLongest_s = 1e9;
+  static constexpr double kLongestDelay_ms = 1e9;
+
   struct Row {
     Duration since_first{0};
     Duration delay{0};

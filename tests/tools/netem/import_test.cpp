@@ -235,5 +235,16 @@ TEST(ImportFormat, IsKnownByHowAFileBegins) {
   EXPECT_EQ(format_of_measurement("time_s,prr\n"), "csv");
 }
 
+TEST(ImportGaps, WhatIsBeyondATracesBoundsIsRefused) {
+  const auto told = [](const std::string& rows) {
+    Imported imported = csv("time_s,delay_ms\n" + rows);
+    return refusal([&] { apply({}, imported, "m.csv"); });
+  };
+  EXPECT_EQ(told("0,1\n1e9,1e9\n"), "accepted");
+  EXPECT_THAT(told("0,1\n1.1e9,1\n"), HasSubstr("1.1e+09 s apart"));
+  EXPECT_THAT(told("0,1\n1,1.1e9\n"), HasSubstr("a delay is 1.1e+09 ms"));
+  EXPECT_THAT(told("0,1.1e9\n"), HasSubstr("a delay is"));
+}
+
 }  // namespace
 }  // namespace tether

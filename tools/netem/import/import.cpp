@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/base/errors.hpp"
+#include "netem/playback/trace.hpp"
 
 namespace tether {
 namespace {
@@ -21,15 +22,26 @@ double median_step_s(const std::vector<Imported::Row>& rows) {
   return *middle;
 }
 
+/// What a trace cannot hold.
+void check_bounds(const Imported& imported, const std::string& name) {
+  if (imported.rows.empty()) return;
+  const double span_s = imported.rows.back().time_s - imported.rows.front().time_s;
+  if (span_s > Trace::kLongest_s) {
+    throw UsageError(fmt::format("{}: its times are {:.3g} s apart; a trace has {:g} s at most",
+                                 name, span_s, Trace::kLongest_s));
+  }
+  for (const Imported::Row& row : imported.rows) {
+    if (row.delay_ms.value_or(0.0) <= Trace::kLongestDelay_ms) continue;
+    throw UsageError(fmt::format("{}: a delay is {:.3g} ms; a trace has {:g} ms at most", name,
+                                 *row.delay_ms, Trace::kLongestDelay_ms));
+  }
+}
+
 }  // namespace
 
 void apply(const GapRule& rule, Imported& imported, const std::string& name) {
+  check_bounds(imported, name);
   if (imported.rows.size() < 2) return;
-  constexpr double kLongest_s = 1e9;  // of a trace
-  if (imported.rows.back().time_s - imported.rows.front().time_s > kLongest_s) {
-    throw UsageError(fmt::format("{}: its times are {:.3g} s apart; a trace has 1e9 s at most",
-                                 name, imported.rows.back().time_s - imported.rows.front().time_s));
-  }
   const double step_s = median_step_s(imported.rows);
   const double limit_s = rule.longer_than_s > 0.0 ? rule.longer_than_s : kGapIsLonger * step_s;
   std::vector<Imported::Row> rows;
