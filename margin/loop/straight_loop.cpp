@@ -108,12 +108,14 @@ StraightLoop::StraightLoop(const Scenario& scenario) {
       silence ? fmt::format("{:g} s", *silence * timing.period_s) : "which have no end"));
 }
 
+PlannedPeriod StraightLoop::planned_period() const {
+  const auto steps = static_cast<int>(std::lround(timing.period_s / plan_step_s));
+  return {{v_mps, 0.0}, law, plan_step_s, steps};
+}
+
 LoopStep StraightLoop::step(const LoopTiming& with) const {
   const PathMotion motion{v_mps, 0.0};
-  if (plans()) {
-    const auto steps = static_cast<int>(std::lround(with.period_s / plan_step_s));
-    return planned_step({motion, law, plan_step_s, steps}, noise);
-  }
+  if (plans()) return planned_step(planned_period(), noise);
   return sampled_step({motion, motion, motion, law}, with, noise);
 }
 
@@ -125,6 +127,7 @@ LossChain StraightLoop::chain(double more_loss) const {
 double StraightLoop::prr_each_way() const { return 0.5 * (mean_prr(uplink) + mean_prr(downlink)); }
 
 double StraightLoop::radius(const LossChain& chain, LoopPart part) const {
+  if (plans()) return planned_radius(chain, planned_period(), part);
   return mean_square_radius(chain, {part_of(step(timing), part)});
 }
 

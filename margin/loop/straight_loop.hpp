@@ -47,6 +47,9 @@ struct StraightLoop {
   double plan_step_s = 0.0;  ///< of laws that plan; else 0
   bool plans() const { return plan_step_s > 0.0; }
 
+  /// Of a law that plans.
+  PlannedPeriod planned_period() const;
+  /// Plans have no delay, and their own period.
   LoopStep step(const LoopTiming& with) const;
   /// Both links with this much more independent loss each.
   LossChain chain(double more_loss = 0.0) const;

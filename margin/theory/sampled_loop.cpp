@@ -1,5 +1,7 @@
 #include "margin/theory/sampled_loop.hpp"
 
+#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <unsupported/Eigen/MatrixFunctions>
 
@@ -30,6 +32,15 @@ MatrixXd reference_rows(const PathMotion& path, Eigen::Index n) {
   rows(0, n - 1) = path.v_mps;
   rows(1, n - 1) = path.omega_radps;
   return rows;
+}
+
+/// How ê moves from a pose to the next.
+Eigen::Matrix3d as_planned(const PlannedPeriod& period) {
+  const Motion motion = motion_in(period.path, period.step_s);
+  const Eigen::Matrix3d one_step = motion.phi + motion.gamma * period.law;
+  Eigen::Matrix3d all = Eigen::Matrix3d::Identity();
+  for (int i = 0; i < period.steps; ++i) all = one_step * all;
+  return all;
 }
 
 constexpr double kRounding = 1e-9;  // of a delay in periods
@@ -85,12 +96,9 @@ LoopStep sampled_step(const LoopPeriod& period, const LoopTiming& timing, const 
 
 LoopStep planned_step(const PlannedPeriod& period, const PoseNoise& noise) {
   const Motion motion = motion_in(period.path, period.step_s);
-  const Eigen::Matrix3d as_planned = motion.phi + motion.gamma * period.law;
-  Eigen::Matrix3d open = Eigen::Matrix3d::Identity(), closed = open;
-  for (int i = 0; i < period.steps; ++i) {
-    open = motion.phi * open;
-    closed = as_planned * closed;
-  }
+  const Eigen::Matrix3d closed = as_planned(period);
+  Eigen::Matrix3d open = Eigen::Matrix3d::Identity();
+  for (int i = 0; i < period.steps; ++i) open = motion.phi * open;
   const Eigen::Vector3d sigma(noise.position_m, noise.position_m, noise.yaw_rad);
   MatrixXd lost = MatrixXd::Identity(7, 7), received = lost;
   lost.block<3, 3>(0, 0) = open;  // e - ê moves as nobody steers it
@@ -120,6 +128,17 @@ LoopStep part_of(const LoopStep& step, LoopPart part) {
     result.noise[mode] = step.noise[mode](kept, kept);
   }
   return result;
+}
+
+double planned_radius(const LossChain& chain, const PlannedPeriod& period, LoopPart part) {
+  const Eigen::Matrix3d closed = as_planned(period);
+  MatrixXd looked_at = closed;
+  if (part == LoopPart::along) looked_at = closed.topLeftCorner<1, 1>();
+  if (part == LoopPart::across) looked_at = closed.bottomRightCorner<2, 2>();
+  const double shrinks = looked_at.eigenvalues().cwiseAbs().maxCoeff();
+  LoopStep silence;
+  silence.a = {MatrixXd::Zero(1, 1), MatrixXd::Ones(1, 1)};
+  return std::max(shrinks * shrinks, mean_square_radius(chain, {silence}));
 }
 
 double square_distance(const MatrixXd& moments, double ahead_m) {

@@ -74,6 +74,11 @@ LoopStep planned_step(const PlannedPeriod& period, const PoseNoise& noise);
 enum class LoopPart { all, across, along };
 LoopStep part_of(const LoopStep& step, LoopPart part);
 
+/// mean_square_radius() of a loop of plans, whose matrices are block triangular in e − ê and ê:
+/// e − ê ends where a pose is answered, and else grows no faster than a power of time on a straight
+/// path; ê shrinks as the law has it.
+double planned_radius(const LossChain& chain, const PlannedPeriod& period, LoopPart part);
+
 /// E[d²] of the distance d to the path's point of now, which the law's aim is ahead of by so much:
 /// v·pose delay, less what the law holds the vehicle behind its aim.
 double square_distance(const Eigen::MatrixXd& moments, double ahead_m);

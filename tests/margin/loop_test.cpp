@@ -192,7 +192,9 @@ TEST(LoopMarginsTest, OfPlansAreStableAtAnyReceptionAndHaveNoDelay) {
 TEST(LoopMarginsTest, RefusesByNameWhatTheTheoryDoesNotHoldFor) {
   const auto refusal = [](const std::vector<std::string>& set) -> std::string {
     try {
-      loop_margins(paper(set));
+      const Scenario scenario = paper(set);
+      refuse_margin_obstacles(scenario);
+      const StraightLoop loop(scenario);
     } catch (const UsageError& error) {
       return error.what();
     }

@@ -118,6 +118,17 @@ TEST(SampledLoopTest, WithoutLossesTheDelayMarginIsTheFormulasLessHalfAHold) {
   EXPECT_NEAR(delay.value, SteeringLoop{.v_mps = 2.87}.delay_margin_s() - 0.5 * h, 0.004);
 }
 
+// Where silences are short the general operator finds it, too.
+TEST(PlannedLoopTest, HasTheRadiusOfItsMatrices) {
+  const PlannedPeriod period{{2.0, 0.0}, tracking_jacobian(2.5, 0.8, 2.0, 2.0), 0.05, 2};
+  const LossChain chain = independent(0.9);
+  for (const LoopPart part : {LoopPart::across, LoopPart::along}) {
+    EXPECT_NEAR(planned_radius(chain, period, part),
+                mean_square_radius(chain, {part_of(planned_step(period, {}), part)}), 1e-6);
+  }
+  EXPECT_NEAR(planned_radius(independent(0.3), period, LoopPart::across), 1.0 - 0.3 * 0.3, 1e-6);
+}
+
 TEST(CriticalPrrTest, IsThatOfThePublishedTable) {
   EXPECT_NEAR(critical_prr(1.0, 0.05), 0.336, 5e-4);
   EXPECT_NEAR(critical_prr(2.0, 0.05), 0.462, 5e-4);

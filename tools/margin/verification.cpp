@@ -102,7 +102,7 @@ class Verifier {
     const auto chain_of = [&](double prr) { return loop_.chain(more_loss(prr)); };
     const LoopStep step = part_of(loop_.step(loop_.timing), LoopPart::across);
     const Critical critical =
-        critical_value([&](double prr) { return mean_square_radius(chain_of(prr), {step}); },
+        critical_value([&](double prr) { return loop_.radius(chain_of(prr), LoopPart::across); },
                        0.01 * own, own, 1e-5);
     if (critical.kind != Critical::Kind::found) return without(row, why_none(critical));
     row.predicted = critical.value;
