@@ -16,6 +16,20 @@
 
 namespace tether {
 
+namespace {
+
+/// What CLI11 found, as other errors are told; and which --help to read.
+std::string in_our_words(const CLI::App* app, const CLI::Error& error) {
+  std::string whole = app->get_name();
+  for (const auto* sub = app; !sub->get_subcommands().empty();) {
+    sub = sub->get_subcommands().front();
+    whole += " " + sub->get_name();
+  }
+  return fmt::format("{}: error: {}; see {} --help\n", app->get_name(), error.what(), whole);
+}
+
+}  // namespace
+
 int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& body) {
   const auto complain = [&app](const char* what) {
     std::fflush(stdout);
@@ -29,6 +43,7 @@ int run_cli(CLI::App& app, int argc, char** argv, const std::function<int()>& bo
     }
     return code;
   } catch (const CLI::ParseError& error) {
+    app.failure_message(in_our_words);
     return app.exit(error) == 0 ? kExitOk : kExitUsage;
   } catch (const UsageError& error) {
     complain(error.what());

@@ -152,6 +152,7 @@ def tether_finds_the_programs_beside_it(test):
         text = refused(test, 2, [f'"tether {" ".join(words)}"', "did you mean", meant, "--help"], test.bin / "tether", *words)
     test.say(text)
     refused(test, 2, ["run.lcmlog", "is a log"], test.bin / "tether", "echo", "run.lcmlog")
+    refused(test, 2, ["tether: error: ", "--sedes", "; see tether run --help"], test.bin / "tether", "run", "--sedes=3")
     # What both know: this program's commands, and where the node's help is.
     for command, sub, node in (("can", "estop", "tether-can --help"), ("netem", "fit", "tether-netem --help")):
         said = test.run(test.bin / "tether", command, "--help", seconds=5).out()
