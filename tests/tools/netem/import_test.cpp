@@ -176,7 +176,7 @@ TEST(ImportIperf3, ReadsTheReceiversLossesInTextAndJson) {
 TEST(ImportPing, RefusesANumberThatIsFarBeyondWhatWasSent) {
   std::istringstream in("64 bytes: icmp_seq=700000000500000000 time=1 ms\n5 packets transmitted\n");
   EXPECT_THAT(refusal([&] { import_ping(in, "p.txt", 1.0); }),
-              HasSubstr("p.txt: numbers from 1 to 700000000500000000; at most 20000000 packets"));
+              HasSubstr("p.txt: numbers from 1 to 700000000500000000, of which"));
 }
 
 TEST(ImportIperf3, ReadsRoundTripsOfTcpAndRefusesTheRest) {

@@ -14,7 +14,8 @@ namespace tether {
 namespace {
 
 constexpr std::int64_t kNumbers = 65536;  // of an echo request; then they begin again
-constexpr std::int64_t kMostPackets = 20'000'000;
+// Those that no line tells of are lost: so many, and so many for each line.
+constexpr std::int64_t kMostPackets = 20'000'000, kMostSilent = 1'000'000, kMostSilentEach = 100;
 constexpr double kShortest_s = 1e-6;  // from one packet to the next
 
 /// The number behind `label`.
@@ -125,9 +126,13 @@ Imported import_ping(std::istream& in, const std::string& name, double interval_
   for (std::string line; std::getline(in, line);) echoes.add(name, ++line_number, line);
   if (echoes.all().empty()) throw UsageError(name + ": no line has icmp_seq= or seq=");
   const std::int64_t first = echoes.first(), last = echoes.last();
-  if (last - first >= kMostPackets) {
-    throw UsageError(fmt::format("{}: numbers from {} to {}; at most {} packets are taken", name,
-                                 first, last, kMostPackets));
+  const auto told = static_cast<std::int64_t>(echoes.all().size());
+  const std::int64_t most = std::min(kMostPackets, kMostSilent + kMostSilentEach * told);
+  if (last - first >= most) {
+    throw UsageError(
+        fmt::format("{}: numbers from {} to {}, of which {} are told of; at most {} "
+                    "packets are taken of so few",
+                    name, first, last, told, most));
   }
   const SendTimes times(echoes.all(), interval_s);
   Imported imported;
