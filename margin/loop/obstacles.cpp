@@ -55,11 +55,8 @@ void plan_obstacles(const Scenario& scenario, Reasons& reasons) {
                     1e3 / sensor.rate_hz));
   }
   const auto& channel = scenario.get<ChannelSettings>();
-  const auto is_late = [](const LinkConfig& link) {
-    const ChannelModelKind& kind = kind_of(link);
-    return kind.only_delay_ms != nullptr && kind.only_delay_ms(link).value_or(0.0) > 0.0;
-  };
-  add_if(sensor.latency_ms > 0.0 || is_late(channel.uplink) || is_late(channel.downlink), reasons,
+  const double links_s = only_delay_s(channel.uplink) + only_delay_s(channel.downlink);
+  add_if(sensor.latency_ms > 0.0 || links_s > 0.0, reasons,
          "controller.law: with plans, sensor.latency_ms and the links' delays must be 0; what the "
          "vehicle does until a plan arrives is predicted, and not in the theory");
 }
@@ -132,8 +129,7 @@ void check_room(const std::string& prefix, const LinkConfig& link, double period
                 Reasons& reasons) {
   constexpr std::int64_t kPacketBytes = 1000;  // a pose or command is shorter
   const auto& room = link.own.get<RoomSettings>();
-  const double delay_s = 1e-3 * kind_of(link).only_delay_ms(link).value_or(0.0);
-  const auto most = static_cast<std::int64_t>(std::ceil(delay_s / period_s)) + 1;
+  const auto most = static_cast<std::int64_t>(std::ceil(only_delay_s(link) / period_s)) + 1;
   if (room.packets >= most && room.bytes >= most * kPacketBytes) return;
   reasons.push_back(
       fmt::format("{0}queue_limit, {0}queue_limit_bytes: must be at least {1} and {2}, as much as "
@@ -176,11 +172,9 @@ void channel_obstacles(const Scenario& scenario, Reasons& reasons) {
   const double period_s = 1.0 / scenario.get<SensorSettings>().rate_hz;
   link_obstacles("channel.uplink.", channel.uplink, period_s, reasons);
   link_obstacles("channel.downlink.", channel.downlink, period_s, reasons);
-  if (channel.shared_state && kind_of(channel.uplink).only_delay_ms != nullptr) {
-    add_if(kind_of(channel.uplink).only_delay_ms(channel.uplink).value_or(0.0) > 0.0, reasons,
-           "channel.shared_state = true: must be false, or the uplink's delay 0; else the state "
-           "moves between a pose and its answer");
-  }
+  add_if(channel.shared_state && only_delay_s(channel.uplink) > 0.0, reasons,
+         "channel.shared_state = true: must be false, or the uplink's delay 0; else the state "
+         "moves between a pose and its answer");
   add_if(!channel.changes.empty(), reasons,
          "channel.change: must be empty; losses must have one law all the time");
   add_if(scenario.get<MediumSettings>().model != MediumSettings::Model::none, reasons,

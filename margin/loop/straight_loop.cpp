@@ -29,10 +29,6 @@ ChainLink chain_of(const LinkConfig& link, double period_s) {
   return chain;
 }
 
-double delay_s(const LinkConfig& link) {
-  return 1e-3 * kind_of(link).only_delay_ms(link).value_or(0.0);
-}
-
 ChainLink with_loss(ChainLink link, double loss) {
   for (double& prr : link.prr) prr *= 1.0 - loss;
   return link;
@@ -64,11 +60,16 @@ bool has_linear_plans(const ControllerSettings& controller) {
   return controller.law == "predictive" || controller.law == "predictive_consistent";
 }
 
+double only_delay_s(const LinkConfig& link) {
+  const auto delay_ms = kind_of(link).only_delay_ms;
+  return delay_ms == nullptr ? 0.0 : 1e-3 * delay_ms(link).value_or(0.0);
+}
+
 StraightLoop::StraightLoop(const Scenario& scenario) {
   const auto& sensor = scenario.get<SensorSettings>();
   const auto& channel = scenario.get<ChannelSettings>();
-  timing = {1.0 / sensor.rate_hz, 1e-3 * sensor.latency_ms + delay_s(channel.uplink),
-            delay_s(channel.downlink)};
+  timing = {1.0 / sensor.rate_hz, 1e-3 * sensor.latency_ms + only_delay_s(channel.uplink),
+            only_delay_s(channel.downlink)};
   noise = {sensor.position_noise_m, sensor.yaw_noise_rad};
   uplink = chain_of(channel.uplink, timing.period_s);
   downlink = chain_of(channel.downlink, timing.period_s);

@@ -12,6 +12,8 @@
 
 namespace tether {
 
+struct LinkConfig;
+
 /// Why the theory does not hold for a scenario, each reason with the key that says so; empty if it
 /// does. It holds for laws that answer each pose and remember nothing (`tracking`; `pid` without I
 /// and D), a vehicle that holds its commands, constant delays, and links whose losses are a Markov
@@ -24,6 +26,9 @@ bool has_linear_plans(const ControllerSettings& controller);
 void refuse_margin_obstacles(const Scenario& scenario);
 /// The same of the channel alone, whatever the law.
 void refuse_channel_obstacles(const Scenario& scenario);
+
+/// The delay that a link has in all states, s; 0 if it has no such.
+double only_delay_s(const LinkConfig& link);
 
 /// The loop of a scenario on a straight, at its path's greatest speed between run.settled_from_s
 /// and the run's end.

@@ -34,14 +34,20 @@ MatrixXd reference_rows(const PathMotion& path, Eigen::Index n) {
   return rows;
 }
 
-/// How ê moves from a pose to the next.
-Eigen::Matrix3d as_planned(const PlannedPeriod& period) {
-  const Motion motion = motion_in(period.path, period.step_s);
-  const Eigen::Matrix3d one_step = motion.phi + motion.gamma * period.law;
-  Eigen::Matrix3d all = Eigen::Matrix3d::Identity();
-  for (int i = 0; i < period.steps; ++i) all = one_step * all;
-  return all;
-}
+/// From a pose to the next, of a loop of plans.
+struct PlannedMotion {
+  Eigen::Matrix3d open = Eigen::Matrix3d::Identity();    ///< how e − ê moves: nobody steers it
+  Eigen::Matrix3d closed = Eigen::Matrix3d::Identity();  ///< how ê moves: as the law has it
+
+  explicit PlannedMotion(const PlannedPeriod& period) {
+    const Motion motion = motion_in(period.path, period.step_s);
+    const Eigen::Matrix3d steered = motion.phi + motion.gamma * period.law;
+    for (int i = 0; i < period.steps; ++i) {
+      open = motion.phi * open;
+      closed = steered * closed;
+    }
+  }
+};
 
 constexpr double kRounding = 1e-9;  // of a delay in periods
 
@@ -95,13 +101,10 @@ LoopStep sampled_step(const LoopPeriod& period, const LoopTiming& timing, const 
 }
 
 LoopStep planned_step(const PlannedPeriod& period, const PoseNoise& noise) {
-  const Motion motion = motion_in(period.path, period.step_s);
-  const Eigen::Matrix3d closed = as_planned(period);
-  Eigen::Matrix3d open = Eigen::Matrix3d::Identity();
-  for (int i = 0; i < period.steps; ++i) open = motion.phi * open;
+  const auto& [open, closed] = PlannedMotion(period);
   const Eigen::Vector3d sigma(noise.position_m, noise.position_m, noise.yaw_rad);
   MatrixXd lost = MatrixXd::Identity(7, 7), received = lost;
-  lost.block<3, 3>(0, 0) = open;  // e - ê moves as nobody steers it
+  lost.block<3, 3>(0, 0) = open;
   lost.block<3, 3>(0, 3) = closed - open;
   lost.block<3, 3>(3, 3) = closed;
   received.block<3, 3>(0, 0) = received.block<3, 3>(3, 0) = closed;
@@ -131,7 +134,7 @@ LoopStep part_of(const LoopStep& step, LoopPart part) {
 }
 
 double planned_radius(const LossChain& chain, const PlannedPeriod& period, LoopPart part) {
-  const Eigen::Matrix3d closed = as_planned(period);
+  const Eigen::Matrix3d closed = PlannedMotion(period).closed;
   MatrixXd looked_at = closed;
   if (part == LoopPart::along) looked_at = closed.topLeftCorner<1, 1>();
   if (part == LoopPart::across) looked_at = closed.bottomRightCorner<2, 2>();

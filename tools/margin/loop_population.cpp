@@ -59,7 +59,7 @@ Scenario quiet(const Scenario& given) {
   auto& channel = scenario.get<ChannelSettings>();
   const auto perfect = [](const LinkConfig& link) {
     LinkConfig with_delay;
-    with_delay.fixed.delay_ms = kind_of(link).only_delay_ms(link).value_or(0.0);
+    with_delay.fixed.delay_ms = 1e3 * only_delay_s(link);
     return with_delay;
   };
   channel.uplink = perfect(channel.uplink);
