@@ -167,7 +167,8 @@ class Sweeps(unittest.TestCase):
 
     def test_name_a_command_that_never_joins(self):
         file = self.experiment("none", 'controller.command = "nonesuch {url} {seed} {arm}"', seeds=1)
-        self.tether("sweep", file, "--out", "none", code=1)
+        said = self.tether("sweep", file, "--out", "none", code=1)
+        self.assertRegex(said, r"\nfailed    channel.prr = 0.4, seed 1: controller ended with exit code 127")
         for failure in tether.read_sweep(self.work / "none")["failure"]:
             self.assertRegex(failure, "controller ended with exit code 127, saying .*nonesuch: not found")
 

@@ -107,7 +107,7 @@ int sweep(const SweepCommandOptions& options) {
              outcome.failed == 0
                  ? ""
                  : fmt::format(", of which {} failed (see `tether sweep export`)", outcome.failed));
-  if (outcome.failed > 0) fmt::print("first     {}\n", outcome.first_failure);
+  if (outcome.failed > 0) fmt::print("failed    {}\n", outcome.first_failure);
   if (outcome.is_complete && options.report) {
     write_report(folder, RiskDefinition::whole_run);
     fmt::print("report    {}\n", (folder / "report.html").string());
