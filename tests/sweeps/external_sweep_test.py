@@ -158,7 +158,7 @@ class Sweeps(unittest.TestCase):
             self.assertRegex(row["failure"] or "", REASONS.get(row["seed"], "^$"))
             self.assertEqual(row["epsilon_m"] is None, row["seed"] in REASONS)
         for pid in map(int, (self.work / "pids").read_text().split()):
-            self.assertFalse(is_alive(pid), f"{pid} is left")
+            self.assertTrue(soon(lambda: not is_alive(pid)), f"{pid} is left")
 
     def test_name_what_fails_and_go_on(self):
         self.write_law(FAILING)
@@ -187,7 +187,7 @@ class Sweeps(unittest.TestCase):
         self.tether("sweep", file, "--out", "killed")
         self.assertEqual(self.csv("killed"), whole)
         self.assertGreater(seen, 0)
-        self.assertEqual(self.controllers(), [])
+        self.assertTrue(soon(lambda: not self.controllers()), f"{self.controllers()} are left")
 
     def test_are_refused_with_another_program(self):
         self.sweep("again")
@@ -245,6 +245,14 @@ def is_alive(pid):
         return pathlib.Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] not in "ZX"
     except FileNotFoundError:
         return False
+
+
+def soon(holds):
+    """Whether it comes true: what is killed goes when a busy machine comes to it."""
+    deadline = time.monotonic() + 10
+    while not holds() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return holds()
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/eventfd.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -10,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <csignal>
 #include <string_view>
 #include <utility>
@@ -22,10 +24,13 @@ namespace {
 
 constexpr std::size_t kLongestLine = 4096;
 
-/// In the child; only what is allowed between fork() and exec.
-[[noreturn]] void become(const char* command, pid_t parent, int out_fd) {
+/// In the child; only what is allowed between fork() and exec. Waits for a count of `start_fd`: a
+/// command that runs without its guard would outlive a parent that is killed.
+[[noreturn]] void become(const char* command, pid_t parent, int start_fd, int out_fd) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(1);  // the parent died before the line above
+  eventfd_t guarded = 0;
+  if (eventfd_read(start_fd, &guarded) != 0) _exit(1);
   setpgid(0, 0);
   sigset_t none;
   sigemptyset(&none);
@@ -59,16 +64,25 @@ ExternalProgram::ExternalProgram(const std::string& command, OnLine on_line)
     : on_line_(std::move(on_line)) {
   std::array<int, 2> pipe_fds{};
   check_system_call("opening a pipe", pipe2(pipe_fds.data(), O_CLOEXEC));
+  const int start_fd = eventfd(0, EFD_CLOEXEC);
   const pid_t parent = getpid();
   pid_ = fork();
-  if (pid_ == 0) become(command.c_str(), parent, pipe_fds[1]);
+  if (pid_ == 0) become(command.c_str(), parent, start_fd, pipe_fds[1]);
   close(pipe_fds[1]);
   pipe_fd_ = pipe_fds[0];
-  if (pid_ < 0) close(pipe_fd_);
-  check_system_call("starting " + command, pid_);
-  setpgid(pid_, pid_);  // here too: whoever comes first
-  guard_ = fork();
+  if (pid_ > 0) setpgid(pid_, pid_);  // here too: whoever comes first
+  if (pid_ > 0) guard_ = fork();
   if (guard_ == 0) guard(pid_, parent);
+  if (guard_ < 0) {
+    const std::system_error error(errno, std::generic_category(), "starting " + command);
+    if (pid_ > 0) kill(pid_, SIGKILL);
+    if (pid_ > 0) waitpid(pid_, nullptr, 0);
+    close(start_fd);
+    close(pipe_fd_);
+    throw error;
+  }
+  eventfd_write(start_fd, 1);
+  close(start_fd);
   fcntl(pipe_fd_, F_SETFL, O_NONBLOCK);
   pid_fd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
 }
