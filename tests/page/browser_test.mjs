@@ -43,11 +43,14 @@ async function slide(page, selector, share) {
   await page.mouse.click(box.x + 8 + share * (box.width - 16), box.y + box.height / 2);
 }
 
-/** How many pixels of the vehicle's colour are on the map around a place, in pixels of the map. */
-function bluePixels(page, [x, y]) {
+/** How many pixels of the vehicle's colour are on the map around a place, in pixels of the map; of none, the vehicle's. */
+function bluePixels(page, place) {
   return page.evaluate(
-    (px, py) => {
-      const { map } = globalThis.tether;
+    (place) => {
+      const { map, model } = globalThis.tether;
+      const at = model.shown?.place;
+      if (!place && !at) return 0;
+      const [px, py] = place ?? [map.camera.x(at.x_m), map.camera.y(at.y_m)];
       const wanted = getComputedStyle(document.documentElement).getPropertyValue("--truth").trim();
       const rgb = [1, 3, 5].map((i) => parseInt(wanted.slice(i, i + 2), 16));
       const ratio = map.surface.ratio;
@@ -63,8 +66,7 @@ function bluePixels(page, [x, y]) {
       }
       return count;
     },
-    x,
-    y,
+    place,
   );
 }
 
@@ -78,13 +80,13 @@ const vehicleOnMap = (page) =>
 test("the vehicle is seen to move", () =>
   onPage(run("--speed", "2"), async (page) => {
     const first = await until("a vehicle", () => vehicleOnMap(page));
-    await until("it is drawn", async () => (await bluePixels(page, await vehicleOnMap(page))) > 60);
+    await until("it is drawn", async () => (await bluePixels(page)) > 60);
     await until("it has moved by 60 pixels", async () => {
       const [x, y] = await vehicleOnMap(page);
       return Math.hypot(x - first[0], y - first[1]) > 60;
     });
-    assert.ok((await bluePixels(page, await vehicleOnMap(page))) > 60, "it is drawn where it is");
-    assert.ok((await bluePixels(page, first)) < 60, "and no more where it was");
+    await until("it is drawn where it is", async () => (await bluePixels(page)) > 60);
+    await until("and no more where it was", async () => (await bluePixels(page, first)) < 60);
   }));
 
 test("of a fleet one is looked at, by the numbers, its law and its path", () =>
@@ -94,7 +96,10 @@ test("of a fleet one is looked at, by the numbers, its law and its path", () =>
     async (page) => {
       await until("three to choose from", () => page.$$eval("#vehicle option", (all) => all.length === 3));
       assert.equal(await page.$eval("#vehicle", (choice) => choice.value), "1");
-      assert.match(await text(page, "settings-whose"), /of all vehicles' links; shown is what AGV1 has/);
+      await until("whose the settings are", async () =>
+        /of all vehicles' links; shown is what AGV1 has/.test(await text(page, "settings-whose")),
+      );
+      await until("facts", async () => /law.*uplink/.test(await text(page, "facts")));
       const seen = async () => [
         /law(.*?)uplink/.exec(await text(page, "facts"))[1],
         await page.evaluate(() => Math.max(...globalThis.tether.map.scene.path.map(([x]) => x)) > 12),
@@ -103,7 +108,7 @@ test("of a fleet one is looked at, by the numbers, its law and its path", () =>
       await page.select("#vehicle", "2");
       await until("its own path", async () => !(await seen())[1]);
       assert.deepEqual(await seen(), ["tracking", false]);
-      await until("it is drawn", async () => (await bluePixels(page, await vehicleOnMap(page))) > 60);
+      await until("it is drawn", async () => (await bluePixels(page)) > 60);
     },
   ));
 
@@ -212,7 +217,7 @@ test("a log in one file is replayed and scrubbed, from file:// and offline", asy
       return truth && Math.abs(truth.utime / 1e6 - wanted) < 1.5;
     }, share * 40));
   }
-  await until("it is drawn", async () => (await bluePixels(page, await vehicleOnMap(page))) > 60);
+  await until("it is drawn", async () => (await bluePixels(page)) > 60);
   assert.match(await text(page, "source"), /log run\.lcmlog/);
   assert.equal(await page.evaluate(() => globalThis.tether.model.about.half_extent_m > 0), true, "walls are known");
   assert.deepEqual(wrong, []);
@@ -368,7 +373,7 @@ test("the vehicle is driven by keys only while the dead man is held", () =>
     assert.deepEqual(await sent(), [], "then nothing is sent");
   }));
 
-// What a picture takes is a figure for docs/howto/view.md; on a machine that has other things to do it is more.
+// What a picture takes is a figure for docs/howto/view.md. A busy machine draws fewer: the bounds are per second of the log.
 test("100 vehicles at 50 Hz: all messages come, and pictures are drawn", () =>
   onPage(log("fleet.lcmlog"), async (page) => {
     await (await page.createCDPSession()).send("Network.disable");
@@ -377,20 +382,21 @@ test("100 vehicles at 50 Hz: all messages come, and pictures are drawn", () =>
     const counts = () =>
       page.evaluate(() => {
         const { model, frames } = globalThis.tether;
-        return [frames.total, [...model.channels.values()].reduce((sum, channel) => sum + channel.count, 0)];
+        const log_s = model.channels.get("AGV1/POSE").latest.utime / 1e6;
+        return [frames.total, [...model.channels.values()].reduce((sum, channel) => sum + channel.count, 0), log_s];
       });
-    const [frames1, messages1] = await counts();
-    const cpu1 = cpuOfRenderers(browser.process().pid);
-    const t1 = performance.now();
+    const [frames1, messages1, log1_s] = await counts();
+    const cpu1_s = cpuOfRenderers(browser.process().pid);
     await sleep(6000);
-    const [frames2, messages2] = await counts();
-    const cpu_s = cpuOfRenderers(browser.process().pid) - cpu1;
-    const wall_s = (performance.now() - t1) / 1000;
-    const frames = frames2 - frames1;
+    const [frames2, messages2, log2_s] = await counts();
+    const cpu_s = cpuOfRenderers(browser.process().pid) - cpu1_s;
+    const [frames, messages, log_s] = [frames2 - frames1, messages2 - messages1, log2_s - log1_s];
     console.log(
-      `${(frames / wall_s).toFixed(1)} frames/s, ${((1000 * cpu_s) / frames).toFixed(1)} ms of computing each, ` +
-        `${((messages2 - messages1) / wall_s).toFixed(0)} messages/s`,
+      `in ${log_s.toFixed(1)} s of the log ${frames} pictures, ${((1000 * cpu_s) / frames).toFixed(1)} ms of computing each, ` +
+        `${messages} messages`,
     );
-    assert.ok(messages2 - messages1 > 4000 * wall_s, "the messages came");
-    assert.ok((1000 * cpu_s) / frames < 100);
+    assert.ok(log_s > 1, "the log plays");
+    assert.ok(Math.abs(messages - 5000 * log_s) < 300, "all messages of that time came");
+    assert.ok(frames > 2 * log_s, "pictures are drawn");
+    assert.ok(cpu_s < 1.5 * log_s, `${cpu_s} s of computing`);
   }));
