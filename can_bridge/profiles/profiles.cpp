@@ -9,6 +9,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
+#include "common/base/toml_reader.hpp"
 
 namespace tether {
 namespace {
@@ -98,12 +99,7 @@ DrivetrainConfig read(const toml::table& table, const std::string& file) {
 }  // namespace
 
 DrivetrainConfig parse_drivetrain(const std::string& toml, const std::string& name) {
-  try {
-    return read(toml::parse(toml, name), name);
-  } catch (const toml::parse_error& error) {
-    throw UsageError(
-        fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
-  }
+  return read(parse_toml(toml, name), name);
 }
 
 DrivetrainConfig load_drivetrain(const std::string& file) {

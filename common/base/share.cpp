@@ -6,15 +6,8 @@
 #include <stdexcept>
 
 namespace tether {
-namespace {
 
 namespace fs = std::filesystem;
-
-fs::path shared(const std::string& name) {
-  return (executable_folder() / "../share/tether" / name).lexically_normal();
-}
-
-}  // namespace
 
 fs::path executable_folder() {
   std::error_code error;
@@ -26,8 +19,12 @@ fs::path executable_folder() {
   return executable.parent_path();
 }
 
+fs::path shared_path(const fs::path& name) {
+  return (executable_folder() / "../share/tether" / name).lexically_normal();
+}
+
 fs::path shared_file(const std::string& name) {
-  auto file = shared(name);
+  auto file = shared_path(name);
   if (fs::exists(file)) return file;
   throw std::runtime_error(
       fmt::format("{} is missing: it belongs beside the program's folder", file.string()));
@@ -36,7 +33,7 @@ fs::path shared_file(const std::string& name) {
 std::string input_named(const std::string& file) {
   std::error_code error;
   if (file.empty() || fs::path(file).is_absolute() || fs::exists(file, error)) return file;
-  const fs::path brought = shared(file);
+  const fs::path brought = shared_path(file);
   return fs::is_regular_file(brought, error) ? brought.string() : file;
 }
 

@@ -8,9 +8,12 @@ namespace tether {
 /// The folder of the running executable: programs of the project lie side by side.
 std::filesystem::path executable_folder();
 
-/// What the project brings along (pages, scripts, scenarios): NAME in ../share/tether of the
-/// executable's folder, in a build tree and where it is installed. Throws std::runtime_error that
-/// names the file if it is not there.
+/// Where what the project brings along (pages, scripts, scenarios) is if it is there: NAME in
+/// ../share/tether of the executable's folder, in a build tree and where it is installed. An
+/// absolute name is left as it is.
+std::filesystem::path shared_path(const std::filesystem::path& name);
+
+/// That. Throws std::runtime_error that names the file if it is not there.
 std::filesystem::path shared_file(const std::string& name);
 
 /// The input file that a user means by `file`: the file of this name; where there is none and the

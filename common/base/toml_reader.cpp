@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
 
 namespace tether {
@@ -32,6 +33,19 @@ std::string toml_text(const toml::node& value) {
   std::ostringstream text;
   text << toml::node_view<const toml::node>(&value);
   return text.str();
+}
+
+toml::table parse_toml(const std::string& text, const std::string& file) {
+  try {
+    return toml::parse(text, file);
+  } catch (const toml::parse_error& error) {
+    throw UsageError(
+        fmt::format("{}:{}: {}", file, error.source().begin.line, error.description()));
+  }
+}
+
+toml::table read_toml(const std::string& file, const std::string& what) {
+  return parse_toml(read_input(file, what, kMostTomlBytes), file);
 }
 
 TomlReader::TomlReader(const toml::table& table, std::string file, std::string path,

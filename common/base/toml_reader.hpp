@@ -13,6 +13,11 @@ namespace tether {
 /// (toml++ prints 0.1 with 17 digits).
 std::string toml_text(const toml::node& value);
 
+/// `text`, which `file` has, as TOML. Throws UsageError: file, line, what is wrong.
+toml::table parse_toml(const std::string& text, const std::string& file);
+/// All of a file, of kMostTomlBytes at most; `what` is its kind, such as "the experiment file".
+toml::table read_toml(const std::string& file, const std::string& what);
+
 /// One table of a TOML file, read strictly: a key that is not in `keys` is refused at once, and a
 /// value of another type or out of range when it is asked for. Each refusal is a UsageError of one
 /// line: file, line, key, value, what is allowed.

@@ -1,13 +1,10 @@
 #include "common/scenario/scenario.hpp"
 
-#include <fmt/format.h>
-#include <toml++/toml.h>
-
 #include <filesystem>
 
-#include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
 #include "common/base/share.hpp"
+#include "common/base/toml_reader.hpp"
 #include "common/scenario/loader.hpp"
 
 namespace tether {
@@ -15,12 +12,7 @@ namespace {
 
 ScenarioLoader start_from_text(const std::string& toml, const std::string& name) {
   ScenarioLoader loader;
-  try {
-    loader.apply_table(toml::parse(toml, name), "", name);
-  } catch (const toml::parse_error& error) {
-    throw UsageError(
-        fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()));
-  }
+  loader.apply_table(parse_toml(toml, name), "", name);
   loader.end_level(name, std::filesystem::path(name).parent_path());
   return loader;
 }

@@ -196,13 +196,7 @@ std::vector<PeerSetup> LinkConfig::setups() const {
 }
 
 LinkConfig parse_link_config(const std::string& text, const std::string& file) {
-  toml::table table;
-  try {
-    table = toml::parse(text, file);
-  } catch (const toml::parse_error& error) {
-    throw UsageError(
-        fmt::format("{}:{}: {}", file, error.source().begin.line, error.description()));
-  }
+  const toml::table table = parse_toml(text, file);
   const TomlReader top(table, file, "",
                        {"key", "lcm_url", "mtu", "second_path", "second_after_ms", "rekey_s",
                         "report_period_s", "path", "peer"});

@@ -21,9 +21,9 @@ void need_plans(const Scenario& scenario, const std::string& asked) {
   const std::string& policy = scenario.get<ActuatorSettings>().policy;
   if (policy == "horizon") return;
   throw UsageError(
-      fmt::format("{}: actuator.policy = \"{}\" must be \"horizon\", with a law that plans: what "
-                  "holds its last "
-                  "command is not bounded in a silence",
+      fmt::format("{}: actuator.policy = \"{}\" must be \"horizon\", with a law that plans, for a "
+                  "tube (tube.silence_s, --budget): what holds its last command is not bounded in "
+                  "a silence",
                   asked, policy));
 }
 
@@ -58,7 +58,7 @@ void need_disturbance(const Scenario& scenario, const std::string& asked) {
 void check(const Scenario& scenario, const std::string& file) {
   const auto& tube = scenario.get<TubeSettings>();
   if (tube.silence_s <= 0.0) return;
-  need_plans(scenario, file + ": tube.silence_s");
+  need_plans(scenario, file);
   need_disturbance(scenario, file);
   const double horizon_s = scenario.get<ControllerSettings>().horizon_s;
   if (tube.silence_s > horizon_s) {

@@ -12,6 +12,7 @@
 #include "can_bridge/probe/probe.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
+#include "common/base/share.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 
@@ -22,7 +23,7 @@ constexpr Duration kTick = std::chrono::milliseconds{2};
 
 std::optional<Cia402Config> load(const std::string& file) {
   if (file.empty()) return std::nullopt;
-  const DrivetrainConfig config = load_drivetrain(file);
+  const DrivetrainConfig config = load_drivetrain(input_named(file));
   const auto* const drives = std::get_if<Cia402Config>(&config);
   if (drives == nullptr) {
     throw UsageError(fmt::format(

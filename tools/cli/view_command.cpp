@@ -8,6 +8,7 @@
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/open_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
@@ -113,6 +114,9 @@ int view(const ViewCommandOptions& options) {
     throw UsageError("view: either a log (or a report's folder), or the network of --lcm-url");
   }
   if (std::filesystem::is_directory(options.log)) return view_report(options);
+  if (!std::filesystem::exists(options.log)) {
+    check_input(options.log, "the log or the folder of a report", kMostRecordingBytes);
+  }
   return view_log(options);
 }
 

@@ -15,6 +15,7 @@ namespace tether {
 namespace {
 
 using testing::AllOf;
+using testing::EndsWith;
 using testing::HasSubstr;
 
 class InputFile : public testing::Test {
@@ -53,6 +54,18 @@ TEST_F(InputFile, IsNoDeviceNoPipeAndNoDirectory) {
   EXPECT_THAT(refusal([] { open_input("/", "the trace", 100); }), HasSubstr("\"/\": it is a dir"));
   EXPECT_THAT(refusal([] { open_input("/nowhere", "the trace", 100); }),
               HasSubstr("\"/nowhere\": No such file"));
+}
+
+TEST_F(InputFile, ThatIsMissingIsAskedForByANameThatIsWrittenAlike) {
+  const std::string is = file("");
+  const std::string folder = is.substr(0, is.size() - 4);
+  const auto refused = [&](const std::string& name) {
+    return refusal([&] { read_input(folder + name, "the trace", 100); });
+  };
+  EXPECT_EQ(refused("fille"), "cannot read the trace \"" + folder +
+                                  "fille\": No such file or directory (did you mean \"" + is +
+                                  "\"?)");
+  EXPECT_THAT(refused("field"), EndsWith("No such file or directory"));
 }
 
 TEST_F(InputFile, IsReadWhollyUpToTheBound) {

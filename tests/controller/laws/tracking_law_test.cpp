@@ -60,6 +60,16 @@ TEST(TrackingFeedback, StaysWithinItsLimitsHoweverFarThePathIs) {
   }
 }
 
+TEST(TrackingFeedback, CatchingUpBrakesWithNineTenthsOfTheVehiclesAcceleration) {
+  const TrackingFeedback feedback({}, 3.0);
+  const auto v_mps = [&](double ahead_m) {
+    return feedback.command({}, reference(ahead_m, 0.0, 0.0, 0.0, 0.0)).v_mps;
+  };
+  // From v²/2 = a s; where |x_e| is beyond what K_x x_e serves, and below the limit of speed.
+  const double a_mps2 = (v_mps(2.5) * v_mps(2.5) - v_mps(2.0) * v_mps(2.0)) / (2.0 * 0.5);
+  EXPECT_NEAR(a_mps2, 0.9 * 3.0, 1e-9);
+}
+
 TEST(TrackingLaw, CatchesUpFromRestAlmostAsFastAsTheVehicleCan) {
   LawRig rig(with_law("tracking"));
   double integral = 0.0, furthest_ahead_m = 0.0;

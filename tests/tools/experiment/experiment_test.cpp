@@ -314,9 +314,12 @@ TEST_F(ExperimentFile, WithoutScenarioIsRefused) {
   EXPECT_THROW(load_experiment(file_), UsageError);
 }
 
-TEST_F(ExperimentFile, ThatIsNotThereIsNamed) {
+TEST_F(ExperimentFile, ThatIsNotThereOrMayNeverEndIsNamed) {
   EXPECT_THAT([] { load_experiment("/no/such.toml"); },
-              ::testing::ThrowsMessage<UsageError>(HasSubstr("/no/such.toml")));
+              ::testing::ThrowsMessage<UsageError>(
+                  HasSubstr("the experiment file \"/no/such.toml\": No such file")));
+  EXPECT_THAT([] { load_experiment("/dev/zero"); },
+              ::testing::ThrowsMessage<UsageError>(HasSubstr("it is not a regular file")));
 }
 
 TEST_F(ExperimentFile, TheCommandLineMayNotSetWhatTheGridVaries) {

@@ -202,7 +202,7 @@ TEST_F(ExperimentFiguresTest, CurveOfThreeSeriesOnALogAxis) {
                    series("three", 0.6, 20)};
   draw_curve(folder_, "curve", figure);
   expect_drawn("curve");
-  EXPECT_TRUE(shows("curve", "n = 20 seeds a point; dots: runs"));
+  EXPECT_TRUE(shows("curve", "n = 20 seeds a point; dots: runs, side by side;"));
   EXPECT_TRUE(shows("curve", "p_{id}"));
 }
 

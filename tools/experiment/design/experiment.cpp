@@ -14,6 +14,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/share.hpp"
+#include "common/base/toml_reader.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/scenario/loader.hpp"
 #include "controller/laws/controller_settings.hpp"
@@ -184,7 +185,7 @@ std::uint64_t Experiment::stride() const {
 Experiment load_experiment(const std::string& name, const std::vector<std::string>& overrides,
                            bool quick) {
   const std::string file = input_named(name);
-  const toml::table table = parse_experiment(file);
+  const toml::table table = read_toml(file, "the experiment file");
   const Section section(
       table, "", file,
       {"name", "scenario", "seeds", "quick_seeds", "common_random_numbers", "trajectory_period_s",

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "common/base/errors.hpp"
-#include "common/base/input_file.hpp"
+#include "common/base/toml_reader.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/scenario/section.hpp"
 #include "tools/experiment/design/section.hpp"
@@ -71,8 +71,7 @@ TunedLaw read_law(const PlacedNode& given, const std::string& file) {
 }  // namespace
 
 Gains read_gains(const std::string& file) {
-  check_input(file, "the file of gains", kMostTomlBytes);  // an experiment names it: no device
-  const toml::table table = parse_experiment(file);
+  const toml::table table = read_toml(file, "the file of gains");
   const Section section(table, "", file, {"command", "objective", "law"});
   Gains gains;
   gains.file = file;

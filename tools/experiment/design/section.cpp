@@ -11,18 +11,6 @@
 
 namespace tether {
 
-toml::table parse_experiment(const std::string& file) {
-  try {
-    return toml::parse_file(file);
-  } catch (const toml::parse_error& error) {
-    if (!error.source().begin) {
-      throw UsageError(fmt::format("cannot read the experiment file \"{}\"", file));
-    }
-    throw UsageError(
-        fmt::format("{}:{}: {}", file, error.source().begin.line, error.description()));
-  }
-}
-
 Section::Section(const toml::table& table, std::string name, std::string file,
                  const std::set<std::string>& known)
     : table_(table), name_(std::move(name)), file_(std::move(file)) {

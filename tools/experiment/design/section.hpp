@@ -8,10 +8,6 @@
 
 namespace tether {
 
-/// Reads an experiment's file, or one of those that go with experiments. Throws UsageError that
-/// names file and line.
-toml::table parse_experiment(const std::string& file);
-
 /// A table of the experiment file, which must have these keys and no others. All throw UsageError
 /// that names file, line, key and what is allowed.
 class Section {

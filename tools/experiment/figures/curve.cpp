@@ -233,7 +233,7 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
   std::string note = seeds_note(e.least, e.most, e.failed);
   if (equal) note += ", all of them equal";
   if (count > 1 && e.intervals) {
-    note += fmt::format("; {}{}: their {:g} % intervals", equal ? "" : "dots: runs; ",
+    note += fmt::format("; {}{}: their {:g} % intervals", equal ? "" : "dots: runs, side by side; ",
                         figure.names.empty() ? "lines: means; bands" : "large ones: means; bars",
                         100.0 * figure.confidence);
   }

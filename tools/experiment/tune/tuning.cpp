@@ -14,7 +14,9 @@
 #include <variant>
 
 #include "common/base/errors.hpp"
+#include "common/base/share.hpp"
 #include "common/base/text.hpp"
+#include "common/base/toml_reader.hpp"
 #include "common/scenario/key_table.hpp"
 #include "common/scenario/loader.hpp"
 #include "tools/experiment/design/section.hpp"
@@ -291,8 +293,9 @@ Scenario Tuning::scenario_of(const TuningLaw& law, std::size_t condition,
   return loader.finish(scenario_file);
 }
 
-Tuning load_tuning(const std::string& file, const std::vector<std::string>& overrides, bool quick) {
-  const toml::table table = parse_experiment(file);
+Tuning load_tuning(const std::string& name, const std::vector<std::string>& overrides, bool quick) {
+  const std::string file = input_named(name);
+  const toml::table table = read_toml(file, "the tuning file");
   const Section section(
       table, "", file,
       {"name", "scenario", "seeds", "quick_seeds", "metric", "most", "mean", "evaluations",
