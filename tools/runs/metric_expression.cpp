@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "common/base/errors.hpp"
+#include "common/base/nearest_name.hpp"
 #include "tools/runs/metric.hpp"
 
 namespace tether {
@@ -41,7 +42,10 @@ MetricExpression::MetricExpression(const std::string& text)
     parsed_->parser.SetExpr(text);
     for (const auto& [name, place] : parsed_->parser.GetUsedVar()) {
       const auto number = metric_number(name);
-      if (!number) refuse(fmt::format(": \"{}\" is none", name));
+      if (!number) {
+        refuse(fmt::format(": \"{}\" is none (did you mean \"{}\"?)", name,
+                           nearest_name(metric_names(), name)));
+      }
       if (!metric_number(text)) parsed_->used.push_back(*number);
       is_error_ = is_error_ || metrics()[*number].is_error;
     }

@@ -92,10 +92,10 @@ void add_metrics(nlohmann::ordered_json& json, Metric::InSummary where, const Ru
   }
 }
 
-/// How the vehicle did after the start, where there is a time after it, and whether it was lost.
-std::string settled_text(const ground_truth_t& truth, const RunSettings& run) {
+/// How the vehicle did after the start, where there was a time after it, and whether it was lost.
+std::string settled_text(const ground_truth_t& truth, const RunSettings& run, double sim_time_s) {
   std::string text;
-  if (run.duration_s > run.settled_from_s) {
+  if (sim_time_s > run.settled_from_s) {
     text = fmt::format("{:<9} from {:g} s on: ε = {:.3f} m, largest {:.2f} m\n", "settled",
                        run.settled_from_s, truth.settled_epsilon_m, truth.settled_max_error_m);
   }
@@ -252,7 +252,7 @@ std::string to_text(const Scenario& scenario, const RunObserver& run, const RunS
   std::string text = summary.findings ? verdict_text(*summary.findings) : "";
   text += fmt::format("ε = {:.3f} m   (rms {:.3f} m, largest {:.2f} m, at the walls {:.1f} s)\n",
                       truth.epsilon_m, truth.rmse_m, truth.max_error_m, truth.wall_contact_s);
-  text += settled_text(truth, scenario.get<RunSettings>());
+  text += settled_text(truth, scenario.get<RunSettings>(), summary.sim_time_s);
   if (summary.tube_m) {
     text += fmt::format("{:<9} after {:g} s of silence at most {:.3f} m from its plan\n", "tube",
                         scenario.get<TubeSettings>().silence_s, *summary.tube_m);

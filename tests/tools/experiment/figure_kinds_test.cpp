@@ -76,6 +76,11 @@ TEST_F(CurveFigureTest, EqualRunsAreOneDotAndSaidToBeEqual) {
   EXPECT_TRUE(shows("equal", "all of them equal"));
   EXPECT_TRUE(shows("equal", "every run"));
   EXPECT_FALSE(shows("equal", "interval")) << "there is none";
+  figure.series.push_back(figure.series[0]);
+  draw_curve(folder_, "equal", figure);
+  EXPECT_TRUE(shows("equal", "all of them equal"));
+  EXPECT_FALSE(shows("equal", "interval")) << "nor of two";
+  figure.series.pop_back();
   figure.series[0].points[1] = curve_point(100.0, {2, 2.5, 2}, 1);
   draw_curve(folder_, "equal", figure);
   EXPECT_FALSE(has_row("equal", "1,run,100,100,2,,,,,,ode")) << "else dots would hide each other";
@@ -101,6 +106,8 @@ TEST_F(CurveFigureTest, CurveOverNamesHasBarsSideBySideAndTheNamesBelow) {
   EXPECT_NE(contents("names.tex").find("office\\_100\\%"), std::string::npos);
   EXPECT_NE(contents("names.csv").find("1,mean,1,0.875,"), std::string::npos);
   EXPECT_NE(contents("names.csv").find("2,mean,1,1.125,"), std::string::npos);
+  EXPECT_NE(contents("names.csv").find(",plans,a warehouse with a long name,ode"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -180,7 +180,7 @@ TEST_F(ExperimentFiguresTest, CurveOfOneSeries) {
   figure.series[0].points[2] = curve_point(0.5, {1.5, kNan, 2.5, 3.5, INFINITY}, 1);
   draw_curve(folder_, "curve", figure);
   expect_drawn("curve");
-  EXPECT_TRUE(shows("curve", "n = 3–50 seeds a point; 2 failed runs left out"));
+  EXPECT_TRUE(shows("curve", "n = 3–50 seeds a point; 2 runs without a value left out"));
   EXPECT_TRUE(shows("curve", "its 95 % interval"));
   const PlottedPoint& p = figure.series[0].points[2];
   std::ostringstream mean;
@@ -256,7 +256,7 @@ TEST_F(ExperimentFiguresTest, ComparisonsOfDegenerateDataAreDrawn) {
                    {"zeros", {curve_point(0.5, {0.0, 0.0}, 1), curve_point(0.6, {0.0}, 1)}}};
   draw_comparison(folder_, "nothing", figure);
   expect_drawn("nothing");
-  EXPECT_TRUE(shows("nothing", "1 failed run left out"));
+  EXPECT_TRUE(shows("nothing", "1 run without a value left out"));
   EXPECT_THROW(draw_comparison(folder_, "none", {}), std::invalid_argument);
 }
 
@@ -292,7 +292,7 @@ TEST_F(ExperimentFiguresTest, CurvesOfDegenerateDataAreDrawn) {
   figure.series = {{"failed", {curve_point(0.5, {kNan}, 1), curve_point(0.6, {kNan, kNan}, 1)}}};
   draw_curve(folder_, "failed", figure);
   expect_drawn("failed");
-  EXPECT_TRUE(shows("failed", "n = 0 seeds a point; 3 failed runs left out"));
+  EXPECT_TRUE(shows("failed", "n = 0 seeds a point; 3 runs without a value left out"));
   EXPECT_THROW(draw_curve(folder_, "none", {}), std::invalid_argument);
 }
 
@@ -305,7 +305,7 @@ TEST_F(ExperimentFiguresTest, HeatmapWithBestAndTiedCells) {
   draw_heatmap(folder_, "heatmap", figure);
   expect_drawn("heatmap");
   EXPECT_TRUE(has_row("heatmap", "0.3,2,1,4,nan,0,50,0,nan,nan,ode"));
-  EXPECT_TRUE(shows("heatmap", "n = 50 seeds a point; 50 failed runs left out"));
+  EXPECT_TRUE(shows("heatmap", "n = 50 seeds a point; 50 runs without a value left out"));
   EXPECT_TRUE(shows("heatmap", "no run succeeded"));
   EXPECT_TRUE(shows("heatmap", "not separable"));
 }
@@ -340,7 +340,7 @@ TEST_F(ExperimentFiguresTest, RiskMapOfTheFigureEight) {
   draw_risk_map(folder_, "risk", figure);
   expect_drawn("risk");
   EXPECT_TRUE(has_row("risk", "0,0,0,7.5,6,9.75,50,0,ode"));
-  EXPECT_TRUE(shows("risk", "n = 40–50 seeds a point; 60 failed runs left out"));
+  EXPECT_TRUE(shows("risk", "n = 40–50 seeds a point; 60 runs without a value left out"));
   EXPECT_TRUE(shows("risk", ">start<"));
 }
 

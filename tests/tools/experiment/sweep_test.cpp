@@ -94,6 +94,8 @@ TEST_F(Sweep, HasTheResultsOfSingleRuns) {
     EXPECT_NEAR(metric("lost_from_s"), 3.0, 1e-9) << "not up to the run's end";
     EXPECT_EQ(metric("aoi_ms_mean"), observer.aoi_mean_s(kStart + std::chrono::seconds{3}) * 1e3);
     EXPECT_EQ(metric("uplink_lost"), static_cast<double>(observer.uplink().lost));
+    EXPECT_EQ(metric("uplink_delay_ms_p99"), observer.uplink().delay_ms_p99);
+    EXPECT_EQ(metric("downlink_delay_ms_max"), observer.downlink().delay_ms_max);
   });
   std::size_t rows = 0;
   store.for_each([&](const StoredRun& run) { rows = run.result.trajectory.size(); }, true);
@@ -107,11 +109,15 @@ TEST(RunSummaryText, SaysSinceWhenAVehicleIsLost) {
   ClosedLoop loop(scenario);
   const RunObserver observer(scenario, loop.loop(), loop.bus());
   loop.run();
-  const std::string text = to_text(scenario, observer, {});
+  const auto text_after = [&](double sim_time_s) {
+    return to_text(scenario, observer, {.sim_time_s = sim_time_s});
+  };
+  const std::string text = text_after(3.0);
   EXPECT_NE(text.find(fmt::format("LOST      from {:.1f} s on\n", observer.truth().lost_from_s)),
             std::string::npos)
       << text;
   EXPECT_EQ(text.find("settled"), std::string::npos) << "3 s are not yet settled";
+  EXPECT_NE(text_after(11.0).find("settled   from 10 s on"), std::string::npos);
   EXPECT_NE(to_json(scenario, observer, {}).find("\"lost\": true"), std::string::npos);
   EXPECT_NEAR(observer.truth().lost_from_s + observer.truth().away_s, 3.0, 1e-9);
 }

@@ -59,6 +59,7 @@ TEST(MetricExpression, IsUnknownWhereAMetricOfItIs) {
 TEST(MetricExpression, RefusesWhatItDoesNotKnowAndSaysWhatItDoes) {
   EXPECT_THAT(refusal("epsilon"), HasSubstr("one of epsilon_m, rmse_m"));
   EXPECT_THAT(refusal("epsilon_m / speed"), HasSubstr("\"speed\""));
+  EXPECT_THAT(refusal("uplink_lots / 2"), HasSubstr("(did you mean \"uplink_lost\"?)"));
   EXPECT_THAT(refusal("2 * (epsilon_m"), HasSubstr("parenthesis"));
   EXPECT_THAT(refusal("epsilon_m, rmse_m"), HasSubstr("one number"));
   EXPECT_THAT(refusal("1 + 1"), HasSubstr("there is none in it"));

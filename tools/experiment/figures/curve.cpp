@@ -101,8 +101,14 @@ bool all_equal(const PlottedPoint& p) {
 
 // Means come first, and without gaps, so that lines and bands hold together.
 std::string csv_of(const CurveFigure& figure, double jitter) {
-  const double apart = figure.names.empty() ? 0.0 : 1.0;  // of the series' means
-  std::string csv = "series,kind,x,x_drawn,value,low,high,n,lost,name\n";
+  const bool has_names = !figure.names.empty();
+  const auto x_name = [&](double x) {
+    if (!has_names) return std::string();
+    return "," + csv_cell(figure.names.at(static_cast<std::size_t>(std::lround(x)) - 1));
+  };
+  std::string csv = "series,kind,x,x_drawn,value,low,high,n,lost,name";
+  csv += has_names ? ",x_name\n" : "\n";
+  const double apart = has_names ? 1.0 : 0.0;  // of the series' means
   const auto count = static_cast<double>(figure.series.size());
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
     const std::string name = csv_cell(figure.series[s].name);
@@ -117,12 +123,12 @@ std::string csv_of(const CurveFigure& figure, double jitter) {
         // The golden ratio's multiples spread evenly, whatever their number.
         const double turn = std::fmod(0.6180339887498949 * static_cast<double>(++n), 1.0);
         runs += fmt::format(
-            "{},run,{},{:.6g},{},,,,,{}\n", s + 1, p.x,
+            "{},run,{},{:.6g},{},,,,,{}{}\n", s + 1, p.x,
             p.x + (spread + apart > 0.0 ? shift : 0.0) + spread * 0.8 * width * (turn - 0.5), run,
-            name);
+            name, x_name(p.x));
       }
-      csv += fmt::format("{},mean,{},{},{},{},{},{},{},{}\n", s + 1, p.x, p.x + apart * shift,
-                         p.mean, p.interval.low, p.interval.high, n, p.lost, name);
+      csv += fmt::format("{},mean,{},{},{},{},{},{},{},{}{}\n", s + 1, p.x, p.x + apart * shift,
+                         p.mean, p.interval.low, p.interval.high, n, p.lost, name, x_name(p.x));
     }
     csv += runs;
   }
@@ -231,9 +237,10 @@ void draw_curve(const std::filesystem::path& folder, const std::string& stem,
   const bool equal =
       e.most > 1 && std::all_of(figure.series.begin(), figure.series.end(), all_points_equal);
   std::string note = seeds_note(e.least, e.most, e.failed);
-  if (equal) note += ", all of them equal";
-  if (count > 1 && e.intervals) {
-    note += fmt::format("; {}{}: their {:g} % intervals", equal ? "" : "dots: runs, side by side; ",
+  if (equal) {
+    note += ", all of them equal";
+  } else if (count > 1 && e.intervals) {
+    note += fmt::format("; dots: runs, side by side; {}: their {:g} % intervals",
                         figure.names.empty() ? "lines: means; bands" : "large ones: means; bars",
                         100.0 * figure.confidence);
   }

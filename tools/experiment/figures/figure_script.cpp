@@ -146,12 +146,14 @@ std::string csv_cell(const std::string& text) {
   return cell + "\"";
 }
 
-std::string seeds_note(std::size_t least, std::size_t most, std::size_t failed) {
+std::string seeds_note(std::size_t least, std::size_t most, std::size_t without_value) {
   std::string note =
       least == most ? fmt::format("n = {}", least) : fmt::format("n = {}–{}", least, most);
   note += most == 1 ? " seed a point" : " seeds a point";
-  if (failed > 0)
-    note += fmt::format("; {} failed {} left out", failed, failed == 1 ? "run" : "runs");
+  if (without_value > 0) {
+    note += fmt::format("; {} {} without a value left out", without_value,
+                        without_value == 1 ? "run" : "runs");
+  }
   return note;
 }
 

@@ -25,8 +25,9 @@ std::string csv_cell(const std::string& text);
 /// About how wide the text is in a figure: its number of characters (not of bytes, in UTF-8).
 double text_cm(const std::string& text);
 
-/// "n = 50 seeds a point", "n = 20–50 seeds a point"; and how many failed, if any did.
-std::string seeds_note(std::size_t least, std::size_t most, std::size_t failed);
+/// "n = 50 seeds a point", "n = 20–50 seeds a point"; and how many have no value, if any:
+/// they failed, or the metric is not defined there (0 / 0).
+std::string seeds_note(std::size_t least, std::size_t most, std::size_t without_value);
 
 /// "; ×: vehicles were lost (at most 6.7 %) …" if some were at any point; else nothing.
 std::string losses_note(const std::vector<CurveSeries>& all);

@@ -48,7 +48,7 @@ std::string chart_json(const RunStore& store, const SweepData& data,
   Json names = Json::array();
   if (choice->kind == Kind::curve) {
     for (const std::string& name : names_of(data, *choice)) {
-      names.push_back(label_of_value(choice->x, name));
+      names.push_back(label_of_value(data, choice->x, name));
     }
   }
   std::vector<Tradeoff> trades;
@@ -61,7 +61,8 @@ std::string chart_json(const RunStore& store, const SweepData& data,
     const std::string name = data.text(arm, choice->y);
     const auto [place, is_new] = places.emplace(name, series.size());
     if (is_new)
-      series.push_back({{"name", label_of_value(choice->y, name)}, {"points", Json::array()}});
+      series.push_back(
+          {{"name", label_of_value(data, choice->y, name)}, {"points", Json::array()}});
     drawn.push_back(point_json(data, arm, place_of(arm)));
     trades.push_back({place_of(arm), data.arms()[arm].summary.mean});
     series[place->second]["points"].push_back(drawn.back());

@@ -40,7 +40,7 @@ std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& ch
     if (!is_selected(choice.where, from.settings)) continue;
     const std::string name = data.text(arm, choice.y);
     const auto [place, is_new] = places.emplace(name, all.size());
-    if (is_new) all.push_back({choice.y.empty() ? "" : label_of_value(choice.y, name), {}});
+    if (is_new) all.push_back({choice.y.empty() ? "" : label_of_value(data, choice.y, name), {}});
     all[place->second].points.push_back({x_of(data, choice, arm), values_of(from.runs),
                                          from.summary.mean, from.summary.mean_interval,
                                          from.has_two_humps ? from.survival.lost.count : 0});
@@ -64,7 +64,7 @@ void draw_curve_of(const RunStore& store, const SweepData& data, const FigureCho
   figure.x_label = choice.x_label.empty() ? label_of_key(choice.x) : choice.x_label;
   figure.y_label = value_label(choice, "");
   for (const std::string& name : names_of(data, choice)) {
-    figure.names.push_back(label_of_value(choice.x, name));
+    figure.names.push_back(label_of_value(data, choice.x, name));
   }
   figure.series = series_of(data, choice);
   draw_curve(folder, stem, figure);
@@ -98,7 +98,7 @@ void draw_pareto_of(const RunStore& store, const SweepData& data, const FigureCh
     const SweepData::ArmData& from = data.arms()[arm];
     if (!is_selected(choice.where, from.settings)) continue;
     const auto [place, is_new] = places.emplace(data.text(arm, choice.y), figure.series.size());
-    if (is_new) figure.series.push_back({label_of_value(choice.y, place->first), {}});
+    if (is_new) figure.series.push_back({label_of_value(data, choice.y, place->first), {}});
     const Summary& x = across.arms()[arm].summary;
     figure.series[place->second].points.push_back(
         {x.mean, values_of(from.runs), from.summary.mean, from.summary.mean_interval,
@@ -292,6 +292,17 @@ std::string label_of_value(const std::string& key, const std::string& value) {
   if (value == "true" || value == "false") return (value == "true" ? "" : "no ") + words;
   if (is_named || !std::isfinite(finite_number(value))) return value;
   return fmt::format("{} {}{}{}", words, value, unit.empty() ? "" : " ", unit);
+}
+
+std::string label_of_value(const SweepData& data, const std::string& key,
+                           const std::string& value) {
+  const std::string label = label_of_value(key, value);
+  for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
+    const std::string other = data.text(arm, key);
+    if (other == value || label_of_value(key, other) != label) continue;
+    return std::filesystem::path(value).replace_extension().string();
+  }
+  return label;
 }
 
 std::string label_of_key(const std::string& key) {

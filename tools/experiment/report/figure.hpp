@@ -20,6 +20,8 @@ bool draw_sweep_figure(const RunStore& store, const SweepData& data,
 std::string label_of_key(const std::string& key);
 /// A value for people: "PID", "PRR 0.45", "δ 100 ms", "sensor rate 20 Hz", "fade" of "fade.csv".
 std::string label_of_value(const std::string& key, const std::string& value);
+/// The same; two files of one name in a sweep have their folders with them: "floor1/fade".
+std::string label_of_value(const SweepData& data, const std::string& key, const std::string& value);
 /// The figure's values of x, in the order of arms, if they are not all numbers; else none.
 std::vector<std::string> names_of(const SweepData& data, const FigureChoice& choice);
 /// Where an arm is along x: the number, or 1 for the first of names_of().
