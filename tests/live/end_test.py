@@ -45,6 +45,7 @@ def ends_on_signal(test):
         pattern = r"valid     one run on this network, one of each node, all alive\nε = \d+\.\d+ m "
         check(re.match(pattern, live.out()), f"no summary: {live.out()}")
         check(re.search(r"^uplink +\d+ sent, \d+ delivered", live.out(), re.MULTILINE), "no uplink")
+        check("settled" not in live.out(), f"10 s were not driven: {live.out()}")
         test.say(f"{number.name}: ended after {took:.2f} s with {live.out().splitlines()[1]}")
 
 
@@ -57,6 +58,14 @@ def has_no_result_before_the_start(test):
     check("no result: ended before t = 0" in live.err(), live.err())
     check(live.out() == "", f"a summary of nothing: {live.out()}")
     check(not any(map(alive, nodes.values())), "nodes are left")
+
+
+def is_not_valid_when_its_controller_never_commands(test):
+    command = "sleep 60; : {url}"
+    live = test.start("tether", "live", PAPER, *FAST, "--duration", "2", "--set", f'controller.command="{command}"')
+    check(live.wait(15) == 1, f"exit code: {live.err()}")
+    told = r"INVALID .*\n +the controller of AGV never sent a command, and \d+ poses reached it\n"
+    check(re.match(told, live.out()), f"a run without control is valid: {live.out()}")
 
 
 def leaves_nothing_behind_when_killed(test):
@@ -157,6 +166,7 @@ def shows_a_map_where_there_is_room(test):
 main(
     ends_on_signal,
     has_no_result_before_the_start,
+    is_not_valid_when_its_controller_never_commands,
     leaves_nothing_behind_when_killed,
     lasts_as_long_as_told,
     shows_one_status_line,

@@ -255,8 +255,25 @@ void LiveSession::run() {
                                   url_));
 }
 
+/// Controllers of somebody's have no presence to be judged by, but what they send.
+std::vector<std::string> LiveSession::mute_controllers() const {
+  std::vector<std::string> all;
+  const std::vector<Scenario> members = fleet_members(scenario_);
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    const RunObserver& vehicle = *observer_.vehicles()[i];
+    const bool has_to_answer = members[i].get<ControllerSettings>().is_external() &&
+                               !members[i].get<AutonomySettings>().enabled;
+    const bool was_heard = vehicle.downlink().offered > 0 || vehicle.commands_received() > 0;
+    if (!has_to_answer || was_heard || vehicle.poses_received() == 0) continue;
+    all.push_back(fmt::format("the controller of {} never sent a command, and {} poses reached it",
+                              members[i].get<VehicleSettings>().name, vehicle.poses_received()));
+  }
+  return all;
+}
+
 std::vector<std::string> LiveSession::findings() const {
   std::vector<std::string> all = watch_.findings();
+  for (std::string& mute : mute_controllers()) all.push_back(std::move(mute));
   if (!folder_) return all;
   CounterList network;
   recorder_->list_counters(network);

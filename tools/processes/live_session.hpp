@@ -79,6 +79,7 @@ class LiveSession {
   std::string drives() const;
   std::vector<Position> others() const;
   std::vector<std::string> silent() const;
+  std::vector<std::string> mute_controllers() const;
 
   std::string url_;
   Scenario scenario_;

@@ -17,7 +17,7 @@ winsize size_of_terminal() {
   return size;
 }
 
-/// What fits into a row.
+/// What fits into a row, up to a blank: half a number is a wrong one.
 std::string cut(const std::string& line) {
   const std::size_t columns = size_of_terminal().ws_col;
   const bool has_escapes = line.find('\033') != std::string::npos;  // from who asked has_room()
@@ -25,7 +25,7 @@ std::string cut(const std::string& line) {
   std::size_t shown = 0;
   for (std::size_t i = 0; i < line.size(); ++i) {
     const bool begins = (static_cast<unsigned char>(line[i]) & 0xc0U) != 0x80U;  // in UTF-8
-    if (begins && ++shown > columns) return line.substr(0, i);
+    if (begins && ++shown > columns) return line.substr(0, line.find_last_of(' ', i));
   }
   return line;
 }
