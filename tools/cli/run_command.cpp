@@ -264,6 +264,7 @@ int run(const RunOptions& options) {
   if (way.many) summary.lockstep = way.many->cost();
   summary.tube_m = tube_m(scenario);
   observer.check_finite();
+  if (scenario.get<ControllerSettings>().is_external()) observer.check_commands();
   report(options, scenario, observer, summary, folder);
   return kExitOk;
 }

@@ -1,6 +1,9 @@
 #include "tools/runs/fleet_observer.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <stdexcept>
 
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tools/runs/run_summary.hpp"
@@ -32,6 +35,19 @@ std::map<std::string, std::int64_t> FleetObserver::counters() const {
     }
   }
   return counters;
+}
+
+void FleetObserver::check_commands() const {
+  for (std::size_t i = 0; i < vehicles_.size(); ++i) {
+    for (const char* name : {"sim.command.non_finite", "sim.command.undecodable",
+                             "sim.plan.unasked", "sim.plan.undecodable"}) {
+      const std::int64_t count = vehicles_[i]->counter(name);
+      if (count == 0) continue;
+      throw std::runtime_error(
+          fmt::format("{} got {} messages from the controller that are no commands to it ({})",
+                      names_[i], count, name));
+    }
+  }
 }
 
 void FleetObserver::check_finite() const {

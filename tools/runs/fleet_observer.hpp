@@ -30,6 +30,11 @@ class FleetObserver {
   /// Throws if a result is not a number: then it is invalid and has no summary.
   void check_finite() const;
 
+  /// Throws if a vehicle got what is no command to it: numbers that are not finite, bytes that
+  /// nobody can read, plans without a policy that follows them. For runs in which nobody but
+  /// their controller can have sent that.
+  void check_commands() const;
+
  private:
   std::vector<std::unique_ptr<const RunObserver>> observers_;
   std::vector<const RunObserver*> vehicles_;
