@@ -29,8 +29,8 @@ void add_law_and_timing(KeyTable<Controller>& t) {
   t.boolean("external", &Controller::external,
             "no controller is started: the run waits for one of yours (docs/reference/time.md)");
   t.text("command", &Controller::command,
-         "starts a controller of yours for each run in simulated time; {url}, {scenario}, {seed} "
-         "and {arm} are filled in (docs/howto/python.md)");
+         "starts a controller of yours for each run in simulated time; {url}, {scenario}, "
+         "{folder}, {seed} and {arm} are filled in (docs/howto/python.md)");
   t.boolean("warm", &Controller::warm,
             "the command serves one run after another, and is started anew only after a failure");
   t.number("patience_s", &Controller::patience_s, {0.1, 86'400.0},
@@ -216,13 +216,23 @@ void check_driver(const Scenario& scenario, const std::string& file) {
 
 /// What a command may name; a warm one is told of no single run but by the scenario's file.
 void check_command(const Controller& controller, const std::string& file) {
-  std::vector<std::string> names{"url", "scenario"};
+  std::vector<std::string> names{"url", "scenario", "folder"};
   if (!controller.warm) names.insert(names.end(), {"seed", "arm"});
   filled_in(controller.command, [&](const std::string& name) {
     if (std::find(names.begin(), names.end(), name) != names.end()) return name;
     throw UsageError(fmt::format("{}: controller.command: {{{}}} must be {{{}}}{}", file, name,
                                  fmt::join(names, "}, {"),
                                  controller.warm ? " with controller.warm = true" : ""));
+  });
+}
+
+/// {folder}: of the file that has the command.
+void fill_in_folder(Scenario& scenario, const ScenarioLevel& level) {
+  if (!level.has("controller.command")) return;
+  std::string& command = scenario.get<Controller>().command;
+  const std::string folder = level.folder.empty() ? "." : level.folder.string();
+  command = filled_in(command, [&](const std::string& name) {
+    return name == "folder" ? "'" + folder + "'" : "{" + name + "}";
   });
 }
 
@@ -278,6 +288,7 @@ ScenarioSection controller_section() {
                       {"controller.send_delta_radps", {send}, always},
                       {"controller.send_max_age_s", {send}, always},
                       {"controller.derivative_filter_s", {"controller.v.d", "controller.omega.d"}}};
+  section.end_level = fill_in_folder;
   section.check = check;
   return section;
 }

@@ -80,6 +80,18 @@ def lie(self, grant, published, error, honest=tether.Lockstep._reply):
 tether.Lockstep._reply = lie
 tether.main(Failing)
 """
+SPOILT = LAW + """
+def spoilt(self, grant, published, honest=tether.Lockstep._run):
+    on_pose = self._controller.on_pose
+    self._controller.on_pose = lambda *seen: [(channel, b"no command") for channel, _ in on_pose(*seen)]
+    try:
+        honest(self, grant, published)
+    finally:
+        self._controller.on_pose = on_pose
+
+tether.Lockstep._run = spoilt
+tether.main(law)
+"""
 REASONS = {
     2: "controller could not carry out grant .*KeyError: 'what'",
     3: "controller ended with exit code 3, saying \"no more\"; it owed the answer to grant",
@@ -165,6 +177,14 @@ class Sweeps(unittest.TestCase):
         self.failures("cold", COLD)
         self.failures("warm", WARM)
 
+    def test_fail_where_the_vehicle_got_what_is_no_command(self):
+        self.write_law(SPOILT)
+        said = self.tether("sweep", self.experiment("spoilt", seeds=1), "--out", "spoilt", code=1)
+        why = r"AGV got \d+ messages from the controller that are no commands to it \(sim.command.undecodable\)"
+        self.assertRegex(said, why)
+        command = COLD.replace(" = ", "=")
+        self.assertRegex(self.tether("run", SOURCE / "scenarios" / "paper.toml", "--set", command, code=1), why)
+
     def test_name_a_command_that_never_joins(self):
         file = self.experiment("none", 'controller.command = "nonesuch {url} {seed} {arm}"', seeds=1)
         said = self.tether("sweep", file, "--out", "none", code=1)
@@ -193,6 +213,23 @@ class Sweeps(unittest.TestCase):
         self.sweep("again")
         self.write_law(LAW + "\n# another\ntether.main(law)\n")
         self.assertIn("inputs", self.tether("sweep", self.work / "again.toml", "--out", "again", code=2))
+
+        command = "python3 -B 'l a/w.py' --url {url} --scenario {scenario}"
+        (self.work / "l a").mkdir()
+        (self.work / "l a" / "w.py").write_text(LAW + "\ntether.main(law)\n")
+        self.sweep("quoted", settings=f'controller.command = "{command}"', seeds=1)
+        (self.work / "l a" / "w.py").write_text(LAW + "\n# another\ntether.main(law)\n")
+        self.assertIn("l a/w.py", self.tether("sweep", self.work / "quoted.toml", "--out", "quoted", code=2))
+
+    def test_find_what_lies_beside_the_experiment(self):
+        (self.work / "in here").mkdir()
+        self.write_law(LAW + "\ntether.main(law)\n")
+        (self.work / "law.py").rename(self.work / "in here" / "law.py")
+        command = "python3 -B {folder}/law.py --url {url} --scenario {scenario}"
+        file = self.experiment("beside", f'controller.command = "{command}"', seeds=1)
+        file.rename(self.work / "in here" / "beside.toml")
+        self.tether("sweep", "in here/beside.toml", "--out", "beside")
+        self.assertEqual(tether.read_sweep(self.work / "beside")["failure"].count(None), 3)
 
     def test_take_no_notice_of_strangers(self):
         quiet = self.sweep("quiet", settings=WARM)
@@ -230,8 +267,8 @@ class Sweeps(unittest.TestCase):
 
     def test_refuse_what_cannot_be(self):
         for settings, why in (
-            ('controller.command = "a {what}"', "controller.command: {what} must be {url}, {scenario}, {seed}, {arm}"),
-            ('controller.command = "a {seed}"\ncontroller.warm = true', "{seed} must be {url}, {scenario} with controller.warm"),
+            ('controller.command = "a {what}"', "controller.command: {what} must be {url}, {scenario}, {folder}, {seed}, {arm}"),
+            ('controller.command = "a {seed}"\ncontroller.warm = true', "{seed} must be {url}, {scenario}, {folder} with controller.warm"),
             ('controller.command = "a {scenario}"', 'bad.toml: controller.command = "a {scenario}" must have {url} in it'),
             ("controller.external = true", "controller.external = true without controller.command"),
             ("controller.warm = true", "there is no controller.command"),

@@ -41,10 +41,17 @@ std::string hash_of_file(const std::string& file) {
 /// The words of a command that are files: a script of somebody's.
 std::set<std::string> files_in(const std::string& command) {
   std::set<std::string> files;
-  std::istringstream words(command);
-  for (std::string word; words >> word;) {
-    std::erase_if(word, [](char c) { return c == '\'' || c == '"'; });
-    if (std::error_code none; std::filesystem::is_regular_file(word, none)) files.insert(word);
+  std::string word;
+  bool is_quoted = false;
+  for (const char c : command + ' ') {
+    if (c == '\'') {  // the key takes no other quotes, and no backslashes
+      is_quoted = !is_quoted;
+    } else if (c != ' ' || is_quoted) {
+      word += c;
+    } else {
+      if (std::error_code none; std::filesystem::is_regular_file(word, none)) files.insert(word);
+      word.clear();
+    }
   }
   return files;
 }
