@@ -7,8 +7,7 @@
 
 #include <sstream>
 
-#include "common/base/errors.hpp"
-#include "netem/playback/trace.hpp"
+#include "tests/tools/netem/import_test.hpp"
 
 namespace tether {
 namespace {
@@ -24,39 +23,6 @@ Imported csv(const std::string& text, const ImportColumns& columns = {}) {
 Imported ping(const std::string& text, double interval_s = 1.0) {
   std::istringstream in(text);
   return import_ping(in, "p.txt", interval_s);
-}
-
-std::string refusal(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "accepted";
-}
-
-/// As the channel reads it.
-Trace trace_of(const Imported& imported) {
-  std::istringstream in(to_trace_csv(imported, "test"));
-  return read_trace(in, "t.csv");
-}
-
-std::vector<double> times(const Imported& imported) {
-  std::vector<double> all;
-  for (const auto& row : imported.rows) all.push_back(row.time_s);
-  return all;
-}
-
-std::vector<double> delays(const Trace& trace) {
-  std::vector<double> all;
-  for (const auto& row : trace.rows) all.push_back(to_seconds(row.delay) * 1e3);
-  return all;
-}
-
-std::vector<double> prrs(const Trace& trace) {
-  std::vector<double> all;
-  for (const auto& row : trace.rows) all.push_back(row.prr);
-  return all;
 }
 
 TEST(ImportCsv, TakesUnitsFromNamesAndEpochsToTheNanosecond) {
@@ -153,57 +119,10 @@ TEST(ImportPing, KnowsBusyboxAndRefusesWhatIsNoPing) {
   EXPECT_THAT(refusal([] { ping("hello\n"); }), HasSubstr("no line has icmp_seq="));
 }
 
-TEST(ImportIperf3, ReadsTheReceiversLossesInTextAndJson) {
-  const std::string text =
-      "Accepted connection from 10.0.0.1, port 55000\n"
-      "[ ID] Interval           Transfer     Bitrate         Jitter    Lost/Total Datagrams\n"
-      "[  5]   0.00-1.00   sec   128 KBytes  1.05 Mbits/sec  0.012 ms  3/90 (3.3%)\n"
-      "[  5]   1.00-2.00   sec   128 KBytes  1.05 Mbits/sec  0.012 ms  0/100 (0%)\n"
-      "- - - - - - - - - - - - - - - - - - - - - - - - -\n"
-      "[  5]   0.00-2.00   sec   256 KBytes  1.05 Mbits/sec  0.012 ms  3/190 (1.6%)  receiver\n";
-  const std::string json =
-      R"({"start":{},"intervals":[
-        {"streams":[],"sum":{"start":0,"end":1,"packets":90,"lost_packets":3,"sender":false}},
-        {"streams":[],"sum":{"start":1,"end":2,"packets":100,"lost_packets":0,"sender":false}}],"end":{}})";
-  for (const std::string& report : {text, json, R"({"server_output_json":)" + json + "}"}) {
-    const auto trace = trace_of(import_iperf3(report, "i"));
-    ASSERT_EQ(trace.rows.size(), 2U);
-    EXPECT_NEAR(trace.rows[0].prr, 1.0 - 3.0 / 90.0, 1e-8);
-    EXPECT_EQ(trace.rows[1].prr, 1.0);
-  }
-}
-
 TEST(ImportPing, RefusesANumberThatIsFarBeyondWhatWasSent) {
   std::istringstream in("64 bytes: icmp_seq=700000000500000000 time=1 ms\n5 packets transmitted\n");
   EXPECT_THAT(refusal([&] { import_ping(in, "p.txt", 1.0); }),
               HasSubstr("p.txt: numbers from 1 to 700000000500000000, of which"));
-}
-
-TEST(ImportIperf3, ReadsRoundTripsOfTcpAndRefusesTheRest) {
-  const std::string tcp =
-      R"({"intervals":[{"streams":[{"rtt":30000}],"sum":{"start":0.5,"sender":true}},
-                       {"streams":[{"rtt":50000}],"sum":{"start":1.5,"sender":true}}]})";
-  EXPECT_THAT(delays(trace_of(import_iperf3(tcp, "i"))), ElementsAre(15.0, 25.0));
-  const auto says = [](const std::string& text) {
-    return refusal([&] { import_iperf3(text, "i"); });
-  };
-  EXPECT_THAT(says(R"({"error":"unable to connect"})"),
-              HasSubstr("iperf3 says: unable to connect"));
-  EXPECT_THAT(says(R"({"intervals":[{"streams":[],"sum":{"start":0,"packets":90}}]})"),
-              HasSubstr("no report of a receiver"));
-  EXPECT_THAT(says("{"), HasSubstr("no report of iperf3"));
-  EXPECT_THAT(says(R"({"intervals":[{"sum":3}]})"), HasSubstr("no report of iperf3"));
-  EXPECT_THAT(says("[  5]   0.00-1.00   sec   1 KBytes  1 Mbits/sec  0.01 ms  91/90 (101%)"),
-              HasSubstr("more packets are lost than were sent"));
-  EXPECT_THAT(says("[  5]   nan-1.00   sec   1 KBytes  1 Mbits/sec  0.01 ms  3/90 (3%)"),
-              HasSubstr("its time is no number"));
-}
-
-TEST(ImportIperf3, TakesLossesThatAreTakenBackForNone) {
-  const auto trace = trace_of(import_iperf3(
-      "[  5]   0.00-1.00   sec   1 KBytes  1 Mbits/sec  0.01 ms  -2/90 (-2.2%)", "i"));
-  ASSERT_EQ(trace.rows.size(), 1U);
-  EXPECT_EQ(trace.rows[0].prr, 1.0);
 }
 
 TEST(ImportGaps, HoldLoseOrEndIt) {
@@ -232,6 +151,7 @@ TEST(ImportFormat, IsKnownByHowAFileBegins) {
   EXPECT_EQ(format_of_measurement(kPing), "ping");
   EXPECT_EQ(format_of_measurement("\n{\"start\":{}}"), "iperf3");
   EXPECT_EQ(format_of_measurement("Connecting to host 10.0.0.2, port 5201\n"), "iperf3");
+  EXPECT_EQ(format_of_measurement("[ ID] Interval           Transfer     Bitrate\n"), "iperf3");
   EXPECT_EQ(format_of_measurement("time_s,prr\n"), "csv");
 }
 

@@ -88,7 +88,8 @@ std::string format_of_measurement(const std::string& text) {
   const std::size_t begin = std::min(text.find_first_not_of(" \t\r\n"), text.size());
   const auto has = [&](const char* what) { return text.find(what) < 4096; };
   if (begin < text.size() && text[begin] == '{') return "iperf3";
-  if (has("Connecting to host") || has("Server listening") || has("Accepted connection"))
+  if (has("[ ID] Interval") || has("[ ID][Role]") || has("Connecting to host") ||
+      has("Server listening") || has("Accepted connection"))
     return "iperf3";
   if (has("PING ") || has("icmp_seq=") || has("bytes from ")) return "ping";
   return "csv";

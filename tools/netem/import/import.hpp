@@ -43,8 +43,9 @@ Imported import_csv(std::istream& in, const std::string& name, const ImportColum
 Imported import_ping(std::istream& in, const std::string& name, double interval_s);
 
 /// What iperf3 writes: of UDP the receiver's report, in text or JSON (-J; of the client with
-/// --get-server-output): a row for each interval, with its share of packets that arrived; of TCP
-/// the sender's in JSON: half the round trip times.
+/// --get-server-output): a row for each interval, with its share of packets that arrived, of all
+/// streams together; of TCP the sender's in JSON: half the round trip times. The summary and what
+/// is omitted (-O) do not count. Throws UsageError for a file without such a report, or with two.
 Imported import_iperf3(const std::string& text, const std::string& name);
 
 /// What becomes of times without rows.
