@@ -18,14 +18,30 @@ std::string_view unquoted(std::string_view cell) {
   return quoted ? trimmed(cell.substr(1, cell.size() - 2)) : cell;
 }
 
-std::vector<std::string_view> split(std::string_view line) {
+/// Where the first cell ends: npos if it is the last.
+std::size_t end_of_cell(std::string_view line, char delimiter) {
+  const auto quote = line.find_first_not_of(' ');
+  std::size_t from = 0;
+  if (quote != std::string_view::npos && line[quote] == '"') from = line.find('"', quote + 1);
+  return line.find(delimiter, from == std::string_view::npos ? 0 : from);
+}
+
+std::vector<std::string_view> split(std::string_view line, char delimiter) {
   std::vector<std::string_view> cells;
   for (;;) {
-    const auto comma = line.find(',');
-    cells.push_back(unquoted(trimmed(line.substr(0, comma))));
-    if (comma == std::string_view::npos) return cells;
-    line.remove_prefix(comma + 1);
+    const auto end = end_of_cell(line, delimiter);
+    cells.push_back(unquoted(trimmed(line.substr(0, end))));
+    if (end == std::string_view::npos) return cells;
+    line.remove_prefix(end + 1);
   }
+}
+
+/// The one that the header has.
+char delimiter_of(std::string_view header) {
+  for (const char delimiter : {',', ';', '\t'}) {
+    if (split(header, delimiter).size() > 1) return delimiter;
+  }
+  return ',';
 }
 
 }  // namespace
@@ -37,7 +53,8 @@ double finite_number(std::string_view text) {
 
 CsvTable::CsvTable(std::istream& in, std::string name) : in_(in), name_(std::move(name)) {
   if (!next_line()) fail("no header line");
-  for (std::string_view cell : split(line_)) {
+  delimiter_ = delimiter_of(line_);
+  for (std::string_view cell : split(line_, delimiter_)) {
     if (!columns_.emplace(cell, width_).second)
       fail(fmt::format("two columns \"{}\"", printable(cell, kLongestValueShown)));
     ++width_;
@@ -64,7 +81,7 @@ std::vector<std::string> CsvTable::columns() const {
 
 bool CsvTable::next_row() {
   if (!next_line()) return false;
-  row_ = split(line_);
+  row_ = split(line_, delimiter_);
   if (row_.size() != width_) {
     fail(fmt::format("{} cells, but the header has {}", row_.size(), width_));
   }

@@ -10,10 +10,10 @@
 
 namespace tether {
 
-/// A CSV file with a header line, read row by row. Commas separate cells, also between quotes.
-/// Blanks around a cell, then double quotes around it, and a byte order mark are ignored. Empty
-/// lines and lines that begin with '#' do not count. Every error is a UsageError that begins
-/// "name:line: ".
+/// A CSV file with a header line, read row by row. Commas separate cells; if the header has none,
+/// semicolons, else tabs; not in a cell between quotes. Blanks around a cell, then double quotes
+/// around it, and a byte order mark are ignored. Empty lines and lines that begin with '#' do not
+/// count. Every error is a UsageError that begins "name:line: ".
 class CsvTable {
  public:
   /// Reads the header; `name` stands for the file in messages. Throws if there is none, or if it
@@ -46,6 +46,7 @@ class CsvTable {
   std::istream& in_;
   std::string name_;
   std::string line_;
+  char delimiter_ = ',';
   int line_number_ = 0;
   std::map<std::string, std::size_t> columns_;
   std::size_t width_ = 0;

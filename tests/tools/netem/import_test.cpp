@@ -2,6 +2,7 @@
 // line.
 #include "tools/netem/import/import.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -65,8 +66,21 @@ TEST(ImportCsv, RefusesWhatIsNotClear) {
     return refusal([&] { csv(text, columns); });
   };
   EXPECT_EQ(
-      says("time,prr\n0,1\n"),
-      "m.csv:1: column \"time\" needs its unit: --time \"time:UNIT\", one of ns, us, µs, ms, s");
+      says("time_s,rtt\n0,1\n"),
+      "m.csv:1: column \"rtt\" needs its unit: --delay \"rtt:UNIT\", one of ns, us, µs, ms, s");
+  EXPECT_THAT(says("time,prr\n0,1\n"),
+              HasSubstr("m.csv:2: time = \"0\" must be like 2026-11-26T15:04:05.123Z"));
+  EXPECT_THAT(says("time,prr\n0,1\n"),
+              HasSubstr("needs its unit: --time \"time:UNIT\", one of ns, us, µs, ms, s"));
+  EXPECT_EQ(says("t,prr\n0,1\n", {.time = "t:min"}),
+            "m.csv:1: --time \"t:min\": the unit must be one of ns, us, µs, ms, s, iso");
+  EXPECT_THAT(says("time_s,prr\n2026-11-26T15:04:05Z,1\n"), HasSubstr("must be a number of s, or"));
+  for (const char* losses : {"lost", "loss_percent"}) {
+    EXPECT_EQ(says(fmt::format("time_s,{}\n0,0\n1,\n", losses)),
+              fmt::format("m.csv:3: {} = \"\" must be a value: leave out rows whose losses are not "
+                          "known",
+                          losses));
+  }
   EXPECT_THAT(says("time_s,loss\n0,1\n"),
               HasSubstr("one of lost, share, percent, prr, prr_percent"));
   EXPECT_THAT(says("time_s,rtt_ms,delay_ms\n0,1,1\n"), HasSubstr("Say which with --delay"));
@@ -78,6 +92,56 @@ TEST(ImportCsv, RefusesWhatIsNotClear) {
   EXPECT_THAT(says("time_s,delay_ms\n1,-1\n"), HasSubstr("m.csv:2: delay_ms"));
   EXPECT_THAT(says("time_s,delay_ms,lost\n1,,0\n"), HasSubstr("where not all is lost"));
   EXPECT_THAT(says("time_s,prr\n"), HasSubstr("no rows"));
+}
+
+TEST(ImportCsv, TakesSemicolonsAndTabsWhereTheHeaderHasNoComma) {
+  for (const std::string text : {"time_s;rtt_ms;lost\n0;20;0\n1;;1\n2;30;0\n",
+                                 "time_s\trtt_ms\tlost\n0\t20\t0\n1\t\t1\n2\t30\t0\n"}) {
+    const auto trace = trace_of(csv(text));
+    EXPECT_THAT(prrs(trace), ElementsAre(1.0, 0.0, 1.0));
+    EXPECT_THAT(delays(trace), ElementsAre(10.0, 12.5, 15.0));
+  }
+  EXPECT_THAT(refusal([] { csv("time_s;prr\n0;0,5\n"); }), HasSubstr("prr = \"0,5\" must be"));
+}
+
+TEST(ImportCsv, TakesNamesWithCommasBetweenQuotes) {
+  const std::string header = R"-("time, local (s)","delay, one way (ms)")-";
+  for (const char* delay : {"", "delay, one way (ms):ms", "delay, one way (ms)"}) {
+    const Imported imported =
+        csv(header + "\n0,20\n1,\"30\"\n", {.time = "time, local (s)", .delay = delay});
+    EXPECT_THAT(delays(trace_of(imported)), ElementsAre(20.0, 30.0));
+    EXPECT_TRUE(imported.notes.empty());  // not halved
+  }
+  EXPECT_THAT(delays(trace_of(csv("\"delay, one way (ms)\";t_s\n5;0\n6;1\n"))),
+              ElementsAre(5.0, 6.0));
+}
+
+TEST(ImportCsv, TakesTimesInIso8601) {
+  const auto seconds = [](const std::string& rows, const ImportColumns& columns = {}) {
+    return times(csv("time,prr\n" + rows, columns));
+  };
+  EXPECT_THAT(seconds("2026-11-26T15:04:05.123Z,1\n2026-11-26T15:04:06.123000001Z,1\n"),
+              ElementsAre(0.0, 1.000000001));
+  EXPECT_THAT(seconds("2024-02-28 23:59:59,1\n2024-03-01 00:00:00.5,1\n", {.time = "time:iso"}),
+              ElementsAre(0.0, 86401.5));
+  EXPECT_THAT(seconds("2026-11-26T15:00:00+01:00,1\n2026-11-26T09:30:01-0500,1\n"
+                      "2026-11-26T14:30:02Z,1\n",
+                      {.time = "time"}),
+              ElementsAre(0.0, 1801.0, 1802.0));
+  for (const char* wrong :
+       {"2026-11-26", "2026-13-26T15:04:05Z", "2026-02-30T15:04:05Z", "2026-11-26T24:04:05Z",
+        "2026-11-26T15:04:05.Z", "2026-11-26T15:04:05 CET", "2026-11-26T15:04:05+1",
+        "26.11.2026 15:04:05", "2026-11-26X15:04:05Z", ""}) {
+    EXPECT_THAT(refusal([&] { seconds(std::string(wrong) + ",1\n"); }),
+                HasSubstr(fmt::format("time = \"{}\" must be like", wrong)));
+  }
+}
+
+TEST(ImportCsv, SaysWhatASingleRowMeans) {
+  Imported imported = csv("time_s,prr\n7,0.5\n");
+  apply({}, imported, "m.csv");
+  EXPECT_THAT(imported.notes, ElementsAre(HasSubstr("a single row: it holds")));
+  EXPECT_THAT(prrs(trace_of(imported)), ElementsAre(0.5));
 }
 
 constexpr char kPing[] =

@@ -38,8 +38,8 @@ int import(const ImportOptions& options) {
   out.write(to_trace_csv(imported, fmt::format("{}, read as {}", printable(options.file), format)));
   out.close();
   if (options.out.empty()) return kExitOk;
-  fmt::print("{}: {} rows over {:g} s, read as {}\n", options.out, imported.rows.size(),
-             imported.rows.back().time_s, format);
+  fmt::print("{}: {} row{} over {:g} s, read as {}\n", options.out, imported.rows.size(),
+             imported.rows.size() == 1 ? "" : "s", imported.rows.back().time_s, format);
   for (const std::string& note : imported.notes) fmt::print("{}\n", note);
   return kExitOk;
 }
@@ -55,11 +55,13 @@ void add_netem_import_command(CLI::App& netem, Action& action) {
   command->add_option("file", options->file, "what was measured")->required();
   command->add_option("--format", options->format, "csv, ping or iperf3 [by how the file begins]")
       ->check(CLI::IsMember({"csv", "ping", "iperf3"}));
-  command->add_option("--time", options->columns.time,
-                      "CSV: column of the times, NAME:UNIT: ns, us, ms or s [by its name]");
   command->add_option(
-      "--delay", options->columns.delay,
-      "CSV: column of the delays, likewise; not a number where the packet was lost");
+      "--time", options->columns.time,
+      "CSV: column of the times, NAME:UNIT: ns, us, ms, s or iso (2026-11-26T15:04:05Z) [by "
+      "its name]");
+  command->add_option("--delay", options->columns.delay,
+                      "CSV: column of the delays, NAME:UNIT: ns, us, ms or s; not a number where "
+                      "the packet was lost [by its name]");
   command->add_option("--loss", options->columns.loss,
                       "CSV: column of the losses, NAME:UNIT: lost (0 or 1), share, percent, prr or "
                       "prr_percent [by its name]");

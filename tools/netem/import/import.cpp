@@ -41,6 +41,9 @@ void check_bounds(const Imported& imported, const std::string& name) {
 
 void apply(const GapRule& rule, Imported& imported, const std::string& name) {
   check_bounds(imported, name);
+  if (imported.rows.size() == 1) {
+    imported.notes.push_back("a single row: it holds for as long as the trace is used");
+  }
   if (imported.rows.size() < 2) return;
   const double step_s = median_step_s(imported.rows);
   const double limit_s = rule.longer_than_s > 0.0 ? rule.longer_than_s : kGapIsLonger * step_s;

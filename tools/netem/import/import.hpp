@@ -23,11 +23,12 @@ struct Imported {
 /// Which columns of a CSV file mean what: "NAME:UNIT", or "NAME" if its end says the unit, as
 /// delay_ms and "rtt (us)" do. Empty: the only one whose name is of the kind.
 ///
-/// - time: ns, us, ms, s; since any instant. time, timestamp, ts, t, epoch
-/// - delay: the same units. delay, latency, owd; rtt and ping are halved
+/// - time: ns, us, ms, s; since any instant; iso (from_iso_time()), if nothing says the unit. time,
+///   timestamp, ts, t, epoch
+/// - delay: ns, us, ms, s. delay, latency, owd, delay_one_way, one_way_delay; rtt and ping are
+///   halved
 /// - loss: lost (0 or 1), share (of packets lost), percent (of them lost), prr (share that
-/// arrived),
-///   prr_percent. lost, loss, prr
+///   arrived), prr_percent. lost, loss, prr
 struct ImportColumns {
   std::string time{}, delay{}, loss{};
   bool round_trip = false;  ///< delays are halved, whatever their name

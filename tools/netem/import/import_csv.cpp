@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <utility>
 
@@ -12,12 +11,14 @@
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
 #include "tools/netem/import/import.hpp"
+#include "tools/netem/import/iso_time.hpp"
 
 namespace tether {
 namespace {
 
 using Units = std::vector<std::pair<std::string, double>>;  // and what one is worth
-const Units kTimes{{"ns", 1e-9}, {"us", 1e-6}, {"µs", 1e-6}, {"ms", 1e-3}, {"s", 1.0}};
+const std::string kIso = "iso";
+const Units kTimes{{"ns", 1e-9}, {"us", 1e-6}, {"µs", 1e-6}, {"ms", 1e-3}, {"s", 1.0}, {kIso, 1.0}};
 const std::vector<std::string> kLosses{"lost", "share", "percent", "prr", "prr_percent"};
 
 struct Kind {
@@ -27,10 +28,11 @@ struct Kind {
 };
 
 const Kind& kind(const std::string& what) {
-  static const std::vector<std::string> units{"ns", "us", "µs", "ms", "s"};
   static const std::array<Kind, 3> kKinds{
-      {{"time", {"time", "timestamp", "ts", "t", "epoch"}, units},
-       {"delay", {"delay", "latency", "owd", "rtt", "ping"}, units},
+      {{"time", {"time", "timestamp", "ts", "t", "epoch"}, {"ns", "us", "µs", "ms", "s", kIso}},
+       {"delay",
+        {"delay", "latency", "owd", "delay_one_way", "one_way_delay", "rtt", "ping"},
+        {"ns", "us", "µs", "ms", "s"}},
        {"loss", {"lost", "loss", "prr"}, kLosses}}};
   return *std::find_if(kKinds.begin(), kKinds.end(), [&](const Kind& k) { return k.what == what; });
 }
@@ -41,22 +43,21 @@ struct Column {
   std::string stem;
 };
 
-/// "RTT (ms)" is "rtt" and "ms"; "delay_ms" likewise; what has no unit at its end has "".
+/// "RTT (ms)" is "rtt" and "ms"; "delay_ms" likewise; "delay, one way (ms)" is "delay_one_way" and
+/// "ms"; what has no unit at its end has "".
 std::pair<std::string, std::string> stem_and_unit(const std::string& name,
                                                   const std::vector<std::string>& units) {
   std::string words;
   for (const char c : name) {
-    const bool parts = c == ' ' || c == '(' || c == '[' || c == '-' || c == '.';
+    const bool parts = std::string_view(" ([-.,_").find(c) != std::string_view::npos;
     if (c == '%') words += "percent";
-    if (c == ')' || c == ']' || c == '%') continue;
+    if (c == ')' || c == ']' || c == '%' || (parts && words.ends_with('_'))) continue;
     words += parts ? '_' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   }
   for (const std::string& unit : units) {
     const std::string end = "_" + unit;
     if (!words.ends_with(end)) continue;
-    std::string stem = words.substr(0, words.size() - end.size());
-    while (stem.ends_with('_')) stem.pop_back();
-    return {stem, unit};
+    return {words.substr(0, words.size() - end.size()), unit};
   }
   return {words, ""};
 }
@@ -79,6 +80,7 @@ Column column_of(const CsvTable& table, const Kind& k, const std::string& option
     } else if (column.stem == "prr" && column.unit == "percent") {
       column.unit = "prr_percent";
     }
+    if (column.unit.empty() && k.what == "time") column.unit = kIso;
     if (column.unit.empty()) refuse_unit(table, k, column.name);
     return column;
   };
@@ -87,6 +89,10 @@ Column column_of(const CsvTable& table, const Kind& k, const std::string& option
     const bool is_said = colon != std::string::npos && has_unit(option.substr(colon + 1));
     const std::string name = is_said ? option.substr(0, colon) : option;
     if (!table.has(name)) {
+      if (colon != std::string::npos && table.has(option.substr(0, colon))) {
+        table.fail(fmt::format("--{} \"{}\": the unit must be one of {}", k.what,
+                               printable(option, kLongestNameShown), fmt::join(k.units, ", ")));
+      }
       table.fail(fmt::format("has no column \"{}\" (--{}), but {}; units are {}",
                              printable(name, kLongestNameShown), k.what,
                              fmt::join(table.columns(), ", "), fmt::join(k.units, ", ")));
@@ -113,19 +119,30 @@ double worth(const std::string& unit) {
       ->second;
 }
 
-/// Epochs in nanoseconds have more digits than a double.
-long double exact_number(const CsvTable& table, const std::string& column) {
-  const std::string_view cell = table.cell(column);
-  long double value = 0.0L;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc{} || end != cell.data() + cell.size() || !std::isfinite(value)) {
-    table.refuse(column, "a number");
+/// In the column's unit. Epochs in nanoseconds have more digits than a double.
+long double time_of(const CsvTable& table, const Column& column) {
+  const std::string_view cell = table.cell(column.name);
+  if (column.unit == kIso) {
+    if (const auto time_s = from_iso_time(cell)) return *time_s;
+    const std::string name = printable(column.name, kLongestNameShown);
+    table.refuse(
+        column.name,
+        fmt::format("like 2026-11-26T15:04:05.123Z, with a blank for the T, another zone "
+                    "(+01:00) or none; a number needs its unit: --time \"{}:UNIT\", one of "
+                    "{}",
+                    name, fmt::join(kind("delay").units, ", ")));
   }
-  return value;
+  const auto value = to_number<long double>(cell);
+  if (!value || !std::isfinite(*value)) {
+    table.refuse(column.name,
+                 fmt::format("a number of {}, or of the unit \"{}\"", column.unit, kIso));
+  }
+  return *value;
 }
 
 double prr_of(const CsvTable& table, const Column& column) {
   const std::string_view cell = table.cell(column.name);
+  if (cell.empty()) table.refuse(column.name, "a value: leave out rows whose losses are not known");
   if (column.unit == "lost") {
     if (cell == "0" || cell == "false" || cell == "no") return 1.0;
     if (cell == "1" || cell == "true" || cell == "yes") return 0.0;
@@ -180,7 +197,7 @@ Imported import_csv(std::istream& in, const std::string& name, const ImportColum
   long double first = 0.0L;
   std::size_t doubles = 0;
   while (table.next_row()) {
-    const long double time = exact_number(table, columns.time.name);
+    const long double time = time_of(table, columns.time);
     if (imported.rows.empty()) first = time;
     const double time_s =
         std::round(static_cast<double>((time - first) * worth(columns.time.unit)) * 1e9) / 1e9;
