@@ -181,6 +181,34 @@ TEST(ImportPing, KnowsBusyboxAndRefusesWhatIsNoPing) {
                 .rows.size(),
             3U);
   EXPECT_THAT(refusal([] { ping("hello\n"); }), HasSubstr("no line has icmp_seq="));
+  EXPECT_THAT(refusal([] { ping("Antwort von 192.0.2.7: Bytes=32 Zeit=12ms TTL=57\n"); }),
+              HasSubstr("on Linux, macOS and busybox, nor begins with \"Reply from\""));
+}
+
+TEST(ImportPing, KnowsMacOs) {
+  const auto trace =
+      trace_of(ping("PING 192.0.2.7 (192.0.2.7): 56 data bytes\n"
+                    "64 bytes from 192.0.2.7: icmp_seq=0 ttl=57 time=12.100 ms\n"
+                    "Request timeout for icmp_seq 1\n"
+                    "64 bytes from 192.0.2.7: icmp_seq=2 ttl=57 time=14.100 ms\n"));
+  EXPECT_THAT(prrs(trace), ElementsAre(1.0, 0.0, 1.0));
+}
+
+TEST(ImportPing, KnowsWindows) {
+  const std::string text =
+      "\r\nPinging 192.0.2.7 with 32 bytes of data:\r\n"
+      "Reply from 192.0.2.7: bytes=32 time=12ms TTL=57\r\nRequest timed out.\r\n"
+      "Reply from 192.0.2.1: Destination host unreachable.\r\nGeneral failure.\r\n"
+      "Reply from 2001:db8::7: time<1ms\r\n\r\nPing statistics for 192.0.2.7:\r\n"
+      "    Packets: Sent = 5, Received = 2, Lost = 3 (60% loss),\r\n";
+  EXPECT_EQ(format_of_measurement(text), "ping");
+  const Imported imported = ping(text);
+  EXPECT_THAT(times(imported), ElementsAre(0, 1, 2, 3, 4));
+  EXPECT_THAT(imported.notes.back(), HasSubstr("Windows waits 4 s for what is lost"));
+  const auto trace = trace_of(imported);
+  EXPECT_THAT(prrs(trace), ElementsAre(1.0, 0.0, 0.0, 0.0, 1.0));
+  EXPECT_DOUBLE_EQ(delays(trace).front(), 6.0);
+  EXPECT_DOUBLE_EQ(delays(trace).back(), 0.25);
 }
 
 TEST(ImportPing, RefusesANumberThatIsFarBeyondWhatWasSent) {
@@ -216,6 +244,8 @@ TEST(ImportFormat, IsKnownByHowAFileBegins) {
   EXPECT_EQ(format_of_measurement("\n{\"start\":{}}"), "iperf3");
   EXPECT_EQ(format_of_measurement("Connecting to host 10.0.0.2, port 5201\n"), "iperf3");
   EXPECT_EQ(format_of_measurement("[ ID] Interval           Transfer     Bitrate\n"), "iperf3");
+  EXPECT_EQ(format_of_measurement("Antwort von 192.0.2.7: Bytes=32 Zeit=12ms TTL=57\n"), "ping");
+  EXPECT_EQ(format_of_measurement("Request timed out.\n"), "ping");
   EXPECT_EQ(format_of_measurement("time_s,prr\n"), "csv");
 }
 

@@ -95,6 +95,7 @@ std::string format_of_measurement(const std::string& text) {
       has("Server listening") || has("Accepted connection"))
     return "iperf3";
   if (has("PING ") || has("icmp_seq=") || has("bytes from ")) return "ping";
+  if (has("TTL=") || has("Reply from ") || has("Request timed out")) return "ping";  // Windows'
   return "csv";
 }
 

@@ -38,9 +38,9 @@ struct ImportColumns {
 /// instant the last counts. Throws UsageError with file, line and column.
 Imported import_csv(std::istream& in, const std::string& name, const ImportColumns& columns);
 
-/// What ping of iputils or busybox writes, best with -D (times) and -O (none needed): a number that
-/// is missing was lost. Delays are half the round trips. Without times, packets are `interval_s`
-/// apart.
+/// What ping of iputils, macOS or busybox writes, best with -D (times) and -O (none needed): a
+/// number that is missing was lost. Windows' (in English) has a line for each packet. Delays are
+/// half the round trips. Without times, packets are `interval_s` apart.
 Imported import_ping(std::istream& in, const std::string& name, double interval_s);
 
 /// What iperf3 writes: of UDP the receiver's report, in text or JSON (-J; of the client with

@@ -16,6 +16,7 @@ namespace {
 constexpr std::int64_t kNumbers = 65536;  // of an echo request; then they begin again
 // Those that no line tells of are lost: so many, and so many for each line.
 constexpr std::int64_t kMostPackets = 20'000'000, kMostSilent = 1'000'000, kMostSilentEach = 100;
+constexpr double kBelow1_ms = 0.5;    // what Windows' "time<1ms" counts as
 constexpr double kShortest_s = 1e-6;  // from one packet to the next
 
 /// The number behind `label`.
@@ -36,6 +37,7 @@ struct Echo {
 class Echoes {
  public:
   void add(const std::string& name, int line_number, std::string_view line) {
+    if (add_windows(line)) return;
     auto seq = number_after<std::int64_t>(line, "icmp_seq=");
     if (!seq) seq = number_after<std::int64_t>(line, " seq=");
     if (!seq) {
@@ -68,8 +70,24 @@ class Echoes {
   }
 
   const std::map<std::int64_t, Echo>& all() const { return all_; }
+  bool are_of_windows() const { return of_windows_ > 0; }
 
  private:
+  /// Windows' ping numbers nothing, but writes a line for each: "Reply from 192.0.2.7: bytes=32
+  /// time=12ms TTL=57" (or time<1ms), "Request timed out.", "Reply from 192.0.2.1: Destination host
+  /// unreachable." False: the line is none of its.
+  bool add_windows(std::string_view line) {
+    const bool is_below = line.find(" time<1ms") != std::string_view::npos;
+    const bool is_reply = line.starts_with("Reply from ");
+    if (!is_reply && !line.starts_with("Request timed out") && !line.starts_with("Destination ") &&
+        !line.starts_with("General failure"))
+      return false;
+    Echo& echo = all_[++of_windows_];
+    if (is_reply) echo.round_trip_ms = number_after<double>(line, " time=");
+    if (is_reply && is_below) echo.round_trip_ms = kBelow1_ms;
+    return true;
+  }
+
   std::int64_t unwrapped(std::int64_t seq) const {
     if (all_.empty()) return seq;
     const std::int64_t last = all_.rbegin()->first;
@@ -81,6 +99,7 @@ class Echoes {
 
   std::map<std::int64_t, Echo> all_;
   std::optional<std::int64_t> transmitted_;
+  std::int64_t of_windows_ = 0;
 };
 
 /// When each packet was sent: as known, else evenly between those that are known.
@@ -124,7 +143,12 @@ Imported import_ping(std::istream& in, const std::string& name, double interval_
   Echoes echoes;
   int line_number = 0;
   for (std::string line; std::getline(in, line);) echoes.add(name, ++line_number, line);
-  if (echoes.all().empty()) throw UsageError(name + ": no line has icmp_seq= or seq=");
+  if (echoes.all().empty()) {
+    throw UsageError(
+        name +
+        ": no line has icmp_seq= or seq=, as those of ping on Linux, macOS and busybox, nor begins "
+        "with \"Reply from\", as Windows' in English");
+  }
   const std::int64_t first = echoes.first(), last = echoes.last();
   const auto told = static_cast<std::int64_t>(echoes.all().size());
   const std::int64_t most = std::min(kMostPackets, kMostSilent + kMostSilentEach * told);
@@ -153,7 +177,10 @@ Imported import_ping(std::istream& in, const std::string& name, double interval_
   imported.notes.push_back(
       times.are_known()
           ? fmt::format("times are those of sending, one every {:.4g} s", times.interval_s())
-          : fmt::format("no times (ping -D): one every {:g} s is assumed", interval_s));
+          : fmt::format("no times{}: one every {:g} s is assumed",
+                        echoes.are_of_windows() ? ", and Windows waits 4 s for what is lost (-w)"
+                                                : " (ping -D)",
+                        interval_s));
   return imported;
 }
 
