@@ -13,7 +13,8 @@
 docs/howto/python.md says more.
 """
 
-from .controller import Controller, Plan
+from .controller import Controller
+from .decision import Plan
 from .lockstep import Lockstep, LockstepError
 from .messages import decode, message_type, message_types
 from .network import DEFAULT_URL, Network

@@ -5,33 +5,27 @@ nothing. t is the run's time in seconds; pose has x_m, y_m, yaw_rad and t_s, whe
 path is the scenario's (path.at(t)), or None where no scenario was named.
 """
 
-import dataclasses
 import inspect
 
+from .decision import Plan, checked
 from .messages import message_type
 
 _POSE, _TWIST, _PLAN = (message_type(name) for name in ("pose_t", "twist_t", "plan_t"))
 
 
-@dataclasses.dataclass
-class Plan:
-    """The twists of the coming time: each is in force for step_s, the first from start_s on."""
-
-    start_s: float
-    step_s: float
-    v_mps: list
-    omega_radps: list
-
-
 class Controller:
-    """One run's. `rate_hz` 0: the law is called for each pose; else so often, with the newest one."""
+    """One run's. `rate_hz` 0: the law is called for each pose; else so often, with the newest one.
+    `check_plans` is called before the first Plan is sent, and raises if the vehicle takes none. What a law
+    returns that is neither twist nor Plan nor None is a ValueError that names the law."""
 
-    def __init__(self, law, path=None, vehicle="AGV", rate_hz=0.0, session=1):
+    def __init__(self, law, path=None, vehicle="AGV", rate_hz=0.0, session=1, check_plans=None):
         side = "CTRL" + (vehicle[3:] if vehicle.startswith("AGV") else "-" + vehicle)
         self.pose_channel = side + "/POSE"
         self._command_channel, self._plan_channel = side + "/CMD_VEL", side + "/PLAN"
         self.period_ns = round(1e9 / rate_hz) if rate_hz else 0
         self._law = law() if inspect.isclass(law) else law
+        self._name = getattr(law, "__name__", type(law).__name__)
+        self._check_plans = check_plans
         self._path = path
         self._session = session
         self._pose = None
@@ -55,9 +49,12 @@ class Controller:
         return self._decide(t_s) if self._pose else []
 
     def _decide(self, t_s):
-        decision = self._law(t_s, self._pose, self._path)
+        decision = checked(self._law(t_s, self._pose, self._path), self._name)
         if decision is None:
             return []
+        if isinstance(decision, Plan) and self._check_plans:
+            self._check_plans(self._name)
+            self._check_plans = None
         pose = self._pose
         head = {"utime": round(1e6 * t_s), "seq": self._sent, "run": pose.run, "pose_utime": pose.utime}
         self._sent += 1

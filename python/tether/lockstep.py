@@ -3,6 +3,7 @@
 import collections
 import heapq
 import itertools
+import pathlib
 import re
 import time
 import traceback
@@ -13,6 +14,7 @@ from .messages import message_type
 _JOIN, _GRANT, _REQUEST, _RESEND, _WELCOME = (
     message_type(f"time_{name}_t") for name in ("join", "grant", "request", "resend", "welcome")
 )
+_HERE = pathlib.Path(__file__).parent
 _NEVER = (1 << 63) - 1
 _RUN, _LEAVE = _GRANT.constants["RUN"], _GRANT.constants["LEAVE"]
 _DELIVERY, _NODE = 1 << 56, 2 << 56  # priorities in an event's order
@@ -23,6 +25,13 @@ _REPEAT_S, _PATIENCE_S, _COORDINATOR_PATIENCE_S = 0.05, 5.0, 30.0
 
 class LockstepError(Exception):
     pass
+
+
+def _where(failure):
+    """The last line of the law that it came from; nothing if it is none's."""
+    lines = traceback.extract_tb(failure.__traceback__)
+    of_laws = [f" ({at.filename}:{at.lineno})" for at in lines if pathlib.Path(at.filename).parent != _HERE]
+    return of_laws[-1] if of_laws else ""
 
 
 class Lockstep:
@@ -152,8 +161,7 @@ class Lockstep:
             try:
                 self._run(grant, published)
             except Exception as failure:
-                where = traceback.extract_tb(failure.__traceback__)[-1]
-                error = f"{type(failure).__name__}: {failure} ({where.filename}:{where.lineno})"
+                error = f"{type(failure).__name__}: {failure}{_where(failure)}"
                 raise
             finally:
                 self._reply(grant, published, error)

@@ -16,7 +16,7 @@ class Network:
 
     def __init__(self, url=DEFAULT_URL):
         found = re.fullmatch(r"udpm://([\d.]+):(\d+)(?:\?(.*))?", url)
-        if not found:
+        if not found or int(found[2]) > 0xFFFF:
             raise ValueError(f"LCM URL: must be udpm://GROUP:PORT?ttl=N, not {url!r}")
         settings = dict(pair.partition("=")[::2] for pair in (found[3] or "").split("&"))
         self.url = url
@@ -24,21 +24,29 @@ class Network:
         self._sent = 0
         self._unfinished = {}
         self._out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, int(settings.get("ttl", 0)))
         self._in = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._open(settings)
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, settings):
+        self._out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, int(settings.get("ttl", 0)))
         self._in.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._in.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         self._in.setsockopt(
             socket.SOL_SOCKET, socket.SO_RCVBUF, int(settings.get("recv_buf_size", 1 << 21))
         )
         self._in.bind(("", self._address[1]))
-        member = socket.inet_aton(self._address[0]) + socket.inet_aton("0.0.0.0")
+        group = self._address[0]
+        member = socket.inet_aton(group) + socket.inet_aton("0.0.0.0")
         try:
             self._in.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
         except OSError as error:
             raise OSError(
                 error.errno,
-                f"{error.strerror}: no route to {found[1]}; tether doctor --lcm-url '{url}' says more",
+                f"{error.strerror}: no route to {group}; tether doctor --lcm-url '{self.url}' says more",
             ) from None
         self._in.setblocking(False)
 

@@ -1,6 +1,8 @@
 """A scenario's reference path, as Tether itself computes it: by its program, to the last bit."""
 
+import contextlib
 import csv
+import math
 import os
 import pathlib
 import shutil
@@ -42,7 +44,10 @@ class Path:
             raise ValueError(self._process.communicate()[1].strip())
 
     def at(self, t_s):
+        """ValueError for a time that is not finite."""
         t_s = float(t_s)
+        if not math.isfinite(t_s):
+            raise ValueError(f"path.at({t_s}): the time must be finite, in seconds")
         point = self._points.get(t_s)
         if point is None:
             self._process.stdin.write(f"{t_s!r}\n")
@@ -56,7 +61,8 @@ class Path:
         return point
 
     def close(self):
-        self._process.stdin.close()
+        with contextlib.suppress(BrokenPipeError):  # it has ended, and what it was asked is still here
+            self._process.stdin.close()
         self._process.stdout.close()
         self._process.stderr.close()
         self._process.wait()

@@ -1,6 +1,7 @@
 """The same law in simulated time, live, and in a run that Python starts itself."""
 
 import argparse
+import contextlib
 import json
 import pathlib
 import random
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 import weakref
 
 from .controller import Controller
@@ -101,28 +103,60 @@ def main(law, rate_hz=0.0, scenario=None, settings=None, vehicle="AGV"):
     parser = argparse.ArgumentParser(description=(law.__doc__ or "A controller for Tether").strip())
     parser.add_argument("--url", "--lcm-url", default=DEFAULT_URL, help="the run's LCM network [%(default)s]")
     parser.add_argument("--scenario", default=scenario, help="whose path it is [%(default)s]")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="as of the run")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", type=_setting, help="as of the run"
+    )
     parser.add_argument("--warm", action="store_true", help="serve one run after another")
     options = parser.parse_args()
-    settings = dict(settings or {}) | dict(text.split("=", 1) for text in options.set)
-    network = Network(options.url)
+    settings = dict(settings or {}) | dict(options.set)
     try:
-        while True:
-            with _Lazy(options.scenario, settings) as path:
-                live = _one_run(network, law, path, vehicle, rate_hz, options.warm)
-                if live:
-                    _live(network, Controller(law, path, vehicle, rate_hz, time.time_ns()), live)
-            if not options.warm:
-                return
+        with contextlib.closing(Network(options.url)) as network:
+            _serve(network, law, rate_hz, vehicle, settings, options)
     except (LockstepError, OSError, ValueError) as error:
         sys.exit(f"{pathlib.Path(sys.argv[0]).name}: {error}")
     except KeyboardInterrupt:
         sys.exit(130)
 
 
-def _one_run(network, law, path, vehicle, rate_hz, warm):
-    node = Lockstep(network.publish, Controller(law, path, vehicle, rate_hz))
-    return _in_lockstep(network, node, warm)
+def _setting(text):
+    key, is_one, value = text.partition("=")
+    if not key or not is_one:
+        raise argparse.ArgumentTypeError(f"must be KEY=VALUE, not {text!r}")
+    return key, value
+
+
+def _serve(network, law, rate_hz, vehicle, settings, options):
+    """One run, or with --warm one after another."""
+    check = _check_of_plans(options.scenario, settings)
+
+    def controller(path, session=1):
+        return Controller(law, path, vehicle, rate_hz, session, check)
+
+    while True:
+        with _Lazy(options.scenario, settings) as path:
+            node = Lockstep(network.publish, controller(path))
+            live = _in_lockstep(network, node, options.warm)
+            if live:
+                _live(network, controller(path, time.time_ns()), live)
+        if not options.warm:
+            return
+
+
+def _check_of_plans(file, settings, named=None):
+    """Refuses a law's plans if the run's scenario, as far as it is known here, has a vehicle that follows
+    none. `file` is read when the first plan comes; what it does not say is not known, nor what the vehicles
+    of a fleet have otherwise."""
+
+    def check(law):
+        policy = settings.get("actuator.policy")
+        with contextlib.suppress(OSError, ValueError, TypeError):  # there is none, or it cannot be read
+            scenario = tomllib.loads(pathlib.Path(file).read_text())
+            policy = None if "fleet" in scenario else policy or scenario.get("actuator", {}).get("policy")
+        if policy and str(policy).strip("'\"") != "horizon":
+            only = f'which the vehicle follows with actuator.policy = "horizon" only, not with {policy}'
+            raise ValueError(f"{named or file}: {law} is a law that sends plans, {only}")
+
+    return check
 
 
 class _Lazy:
@@ -148,36 +182,41 @@ class _Lazy:
             self._path.close()
 
 
+def _end(process):
+    process.kill()
+    process.wait()
+
+
 def simulate(scenario, law, settings=None, rate_hz=0.0, out=None, seed=None, vehicle="AGV"):
     """Makes one run in simulated time with this law in this process; the same for the same seed.
 
         run = tether.simulate("scenarios/paper.toml", law, {"channel.prr": 0.45})
         run.summary["epsilon_m"], run.trajectory, run.table("CTRL/CMD_VEL")
 
-    Returns the Run; its folder is `out`, or a temporary one that ends with it. Raises RunFailed."""
-    where = tempfile.mkdtemp() if out is None else str(out)
-    url = f"udpm://239.255.76.67:{random.SystemRandom().randrange(20000, 30000)}?ttl=0"
+    Returns the Run; its folder is `out`, or a temporary one that ends with it. Raises RunFailed,
+    and what the law raises; then neither processes nor a temporary folder are left."""
     options = [f"--set={key}={in_toml(value)}" for key, value in (settings or {}).items()]
     options += [] if seed is None else [f"--seed={seed}"]
-    command = [program(), "run", str(scenario), f"--lcm-url={url}", f"--out={where}", "--json"]
-    command += ["--set=controller.external=true", *options]
-    network = Network(url)
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        with Path(scenario, settings) as path:
-            node = Lockstep(network.publish, Controller(law, path, vehicle, rate_hz))
-            _in_lockstep(network, node, alive=lambda: process.poll() is None)
+    url = f"udpm://239.255.76.67:{random.SystemRandom().randrange(20000, 30000)}?ttl=0"
+    with contextlib.ExitStack() as kept, contextlib.ExitStack() as used:  # whatever is raised, nothing is left
+        where = tempfile.mkdtemp() if out is None else str(out)
+        if out is None:
+            kept.callback(shutil.rmtree, where, ignore_errors=True)
+        command = [program(), "run", str(scenario), f"--lcm-url={url}", f"--out={where}", "--json"]
+        command += ["--set=controller.external=true", *options]
+        network = used.enter_context(contextlib.closing(Network(url)))
+        process = used.enter_context(
+            subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        )
+        used.callback(_end, process)
+        path = used.enter_context(Path(scenario, settings))
+        check = _check_of_plans(pathlib.Path(where) / "scenario.toml", {}, named=scenario)
+        node = Lockstep(network.publish, Controller(law, path, vehicle, rate_hz, check_plans=check))
+        _in_lockstep(network, node, alive=lambda: process.poll() is None)
         said, complaints = process.communicate(timeout=60)
-    except Exception:
-        process.kill()
-        process.communicate()
-        raise
-    finally:
-        network.close()
-    if process.returncode != 0:
-        raise RunFailed(complaints.strip().splitlines()[-1] if complaints.strip() else "no word why")
-    run = Run(where)
-    run.summary = json.loads(said)
-    if out is None:
-        weakref.finalize(run, shutil.rmtree, where, ignore_errors=True)
+        if process.returncode != 0:
+            raise RunFailed(complaints.strip().splitlines()[-1] if complaints.strip() else "no word why")
+        run = Run(where)
+        run.summary = json.loads(said)
+        weakref.finalize(run, kept.pop_all().close)
     return run

@@ -1,8 +1,12 @@
 #!/usr/bin/env -S python3 -B
 """The Python package without network and programs: messages, the node in lockstep, logs."""
 
+import decimal
+import fractions
+import os
 import pathlib
 import struct
+import subprocess
 import sys
 import tempfile
 import time
@@ -18,6 +22,7 @@ POSE, TWIST, PLAN = (tether.message_type(n) for n in ("pose_t", "twist_t", "plan
 GRANT, REQUEST = tether.message_type("time_grant_t"), tether.message_type("time_request_t")
 WELCOME, RESEND = tether.message_type("time_welcome_t"), tether.message_type("time_resend_t")
 NEVER = (1 << 63) - 1
+WANTED = "a pair (v_mps, omega_radps) of finite numbers, a tether.Plan or None is wanted"
 
 
 def pose(utime, seq, run=0):
@@ -165,6 +170,13 @@ class Lockstep(unittest.TestCase):
             node.grant(20, [(0, pose(0, 0))])
         self.assertRegex(node.answer().error, r"^ZeroDivisionError: division by zero \(.*protocol_test\.py:\d+\)$")
 
+    def test_says_what_is_wrong_with_what_a_law_returned(self):
+        node = Node(lambda t, pose, path: "ab")
+        node.node.hear("CTRL/POSE", pose(0, 0))
+        with self.assertRaises(ValueError):
+            node.grant(20, [(0, pose(0, 0))])
+        self.assertEqual(node.answer().error, f"ValueError: <lambda> returned 'ab'; {WANTED}")
+
     def test_knows_that_a_run_is_over_or_another_has_begun(self):
         node = Node()
         node.grant(20, kind="LEAVE")
@@ -207,6 +219,75 @@ class TheController(unittest.TestCase):
         self.assertEqual(controller.on_timer(0.0), [])
         self.assertEqual(controller.on_pose(0.0, pose(0, 0)), [])
         self.assertEqual(len(controller.on_timer(0.05)), 1)
+
+
+class WhatALawReturns(unittest.TestCase):
+    def sent(self, decision, **more):
+        def law(t, pose, path):
+            return decision
+
+        return tether.Controller(law, **more).on_pose(0.0, pose(0, 0))
+
+    def test_is_a_pair_of_finite_numbers_a_plan_or_nothing(self):
+        nan, inf = float("nan"), float("inf")
+        for decision in ("ab", ("0.1", "0.2"), (10**400, 0.0), (10**5000, 0.0), 1.0, (nan, 0.0), (0.0, inf), (-inf, 0.0),
+                         (1e9, 0.0), (1.0, 2.0, 3.0), (1.0,), (), (1.0, None), (1j, 0.0), {1.0: 2.0, 3.0: 4.0}, {1.0, 2.0}):
+            with self.assertRaises(ValueError) as failure:
+                self.sent(decision)
+            self.assertRegex(str(failure.exception), "^law returned .{,60}; a pair")
+            self.assertTrue(str(failure.exception).endswith(f"; {WANTED}"))
+        self.assertEqual(self.sent(None), [])
+        for decision in ((1, 0.5), [1.0, 0.5], (fractions.Fraction(1), decimal.Decimal("0.5"))):
+            ((_, data),) = self.sent(decision)
+            self.assertEqual((TWIST.decode(data).v_mps, TWIST.decode(data).omega_radps), (1.0, 0.5))
+
+    def test_may_be_numpys(self):
+        ask = """import numpy, tether
+twist, plan = tether.message_type("twist_t"), tether.message_type("plan_t")
+def sent(decision):
+    ((_, data),) = tether.Controller(lambda t, pose, path: decision).on_pose(0.0, tether.message_type("pose_t").encode())
+    return data
+for decision in (numpy.array([1.0, 0.5]), (numpy.float32(1), numpy.float64(0.5)), numpy.array([[1, 2], [0.5, 2]])[:, 0]):
+    assert sent(decision) == sent((1.0, 0.5))
+assert plan.decode(sent(tether.Plan(0.0, 0.1, numpy.ones(3), numpy.zeros(3)))).v_mps == [1.0, 1.0, 1.0]
+for decision in (numpy.ones(3), numpy.array([1.0, numpy.nan]), numpy.ones((2, 2)), numpy.float64(1.0)):
+    try:
+        sent(decision)
+    except ValueError as error:
+        print(error)
+"""
+        environment = os.environ | {"PYTHONPATH": str(pathlib.Path(__file__).resolve().parents[2] / "python")}
+        debians = ["/usr/bin/python3", "-B", "-c", ask]
+        said = subprocess.run(debians, capture_output=True, text=True, env=environment)
+        self.assertEqual(said.returncode, 0, said.stderr)
+        self.assertEqual(said.stdout.count(f"; {WANTED}\n"), 4, said.stdout)
+
+    def test_is_a_plan_that_a_vehicle_can_follow(self):
+        nan = float("nan")
+        for plan, why in (
+            ((0.0, 0.0, [1], [0]), r"step_s = 0.0; 0.000001 to 600 seconds are wanted"),
+            ((0.0, nan, [1], [0]), "step_s = nan"),
+            ((0.0, 301.0, [1, 1], [0, 0]), r"step_s = 301.0; 0.000001 to 300 seconds"),
+            ((nan, 0.1, [1], [0]), "start_s = nan; seconds of the run are wanted"),
+            ((0.0, 0.1, [1, 2], [0]), "2 v_mps and 1 omega_radps; as many of both are wanted"),
+            ((0.0, 0.1, [], []), r"v_mps = \[\]; 1 to 4000 finite numbers are wanted"),
+            ((0.0, 0.1, [0] * 4001, [0] * 4001), "v_mps = .*; 1 to 4000"),
+            ((0.0, 0.1, [1, nan], [0, 0]), r"v_mps = \[1, nan\]; 1 to 4000"),
+            ((0.0, 0.1, [1], ["0"]), r"omega_radps = \['0'\]; 1 to 4000"),
+            ((0.0, 0.1, 1.0, 0.0), "v_mps = 1.0; 1 to 4000"),
+            ((0.0, 0.1, [1e39], [0]), r"v_mps = \[1e\+39\]; 1 to 4000"),
+        ):
+            with self.assertRaisesRegex(ValueError, f"^law returned a Plan with {why}"):
+                self.sent(tether.Plan(*plan))
+
+    def test_is_refused_under_the_name_of_a_class_that_is_the_law(self):
+        class Mine:
+            def __call__(self, t, pose, path):
+                return 1.0
+
+        for law in (Mine, Mine()):
+            with self.assertRaisesRegex(ValueError, "^Mine returned 1.0; "):
+                tether.Controller(law).on_pose(0.0, pose(0, 0))
 
 
 class ALiveRunsClock(unittest.TestCase):

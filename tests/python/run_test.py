@@ -7,8 +7,10 @@ import math
 import os
 import pathlib
 import shutil
+import sqlite3
 import subprocess
 import sys
+import tempfile
 import unittest
 import unittest.mock
 
@@ -66,6 +68,108 @@ class Runs(WithAFolder):
             tether.simulate(PAPER, lambda t, pose, path: 1 / 0)
 
 
+    def test_leave_nothing_whatever_the_law_raises(self):
+        path = tether.Path(PAPER)  # of somebody else: stays
+        self.addCleanup(path.close)
+        before = children()
+        folder = unittest.mock.patch.object(tempfile, "tempdir", str(self.work))
+        folder.start()
+        self.addCleanup(folder.stop)
+        for error in (SystemExit(3), KeyboardInterrupt(), GeneratorExit(), ZeroDivisionError()):
+
+            def fail(t, pose, path, error=error):
+                self.assertGreater(len(children() - before), 0)
+                path.at(t)
+                raise error
+
+            with self.assertRaises(type(error)):
+                tether.simulate(PAPER, fail)
+            self.assertEqual(children(), before, error)
+            self.assertEqual(list(self.work.iterdir()), [], error)
+        with self.assertRaises(ValueError):
+            tether.simulate("nonsense.toml", law)
+        self.assertEqual(list(self.work.iterdir()), [])
+        run = tether.simulate(PAPER, law, {"run.duration_s": 1})
+        self.assertEqual([run.folder], list(self.work.iterdir()))
+        self.assertGreater(len(run.trajectory["x_m"]), 10)
+        del run
+        self.assertEqual((children(), list(self.work.iterdir())), (before, []))
+
+    def test_leave_the_folder_that_was_named(self):
+        with self.assertRaises(ZeroDivisionError):
+            tether.simulate(PAPER, lambda t, pose, path: 1 / 0, out=self.work / "mine")
+        self.assertTrue((self.work / "mine" / "scenario.toml").exists())
+
+    def test_refuse_plans_that_the_vehicle_would_not_follow(self):
+        def planner(t, pose, path):
+            return tether.Plan(t, 0.1, [1.0] * 20, [0.0] * 20)
+
+        why = 'paper.toml: planner is a law that sends plans, which the vehicle follows with actuator.policy = "horizon" only'
+        with self.assertRaisesRegex(ValueError, why):
+            tether.simulate(PAPER, planner, {"run.duration_s": 5})
+        run = tether.simulate(PAPER, planner, {"run.duration_s": 5, "actuator.policy": "horizon"})
+        self.assertGreater(run.trajectory["x_m"][-1], 3.0)
+
+
+def children():
+    """Processes of this one."""
+    return {int(pid) for task in pathlib.Path("/proc/self/task").iterdir() for pid in (task / "children").read_text().split()}
+
+
+class Programs(WithAFolder):
+    """Of laws, by tether.main."""
+
+    def program(self, *words, returns="1.0, 0.0", before=()):
+        (self.work / "mine.py").write_text(
+            f"import tether\n\ndef law(t, pose, path):\n    return {returns}\n\ntether.main(law)\n"
+        )
+        command = [*before, sys.executable, "-B", self.work / "mine.py", *words]
+        environment = os.environ | {"PYTHONPATH": str(SOURCE / "python")}
+        return subprocess.run(command, capture_output=True, text=True, env=environment)
+
+    def test_refuse_settings_that_are_none(self):
+        for text in ("foo", "=1"):
+            done = self.program("--set", text)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(f"mine.py: error: argument --set: must be KEY=VALUE, not '{text}'\n", done.stderr)
+
+    def test_say_that_there_is_no_network(self):
+        for words, why in (
+            (["--url", "udp:nonsense"], "LCM URL: must be udpm://GROUP:PORT"),
+            (["--url", "udpm://239.255.76.67:99999"], "LCM URL: must be udpm://GROUP:PORT"),
+        ):
+            done = self.program(*words)
+            self.assertEqual((done.returncode, done.stderr.count("\n")), (1, 1), done.stderr)
+            self.assertIn(f"mine.py: {why}", done.stderr)
+        done = self.program(before=["unshare", "--net", *([] if os.getuid() == 0 else ["--user"])])
+        self.assertEqual((done.returncode, done.stderr.count("\n")), (1, 1), done.stderr)
+        self.assertRegex(done.stderr, r"^mine.py: .*no route to 239\.255\.76\.67; tether doctor")
+
+    def run_with(self, returns, *words, more=""):
+        self.program("--help", returns=returns)
+        command = f"{sys.executable} -B {self.work}/mine.py --url {{url}} {more}"
+        settings = ["--set", "run.duration_s=5", "--set", f'controller.command="{command}"']
+        environment = os.environ | {"PYTHONPATH": str(SOURCE / "python")}
+        done = subprocess.run([BIN / "tether", "run", PAPER, *settings, *words], capture_output=True, text=True, env=environment)
+        return done.returncode, done.stderr
+
+    def test_refuse_plans_where_the_scenario_is_known(self):
+        plan = "tether.Plan(t, 0.1, [1.0] * 20, [0.0] * 20)"
+        scenario = "--scenario {scenario}"
+        code, said = self.run_with(plan, more=scenario)
+        self.assertEqual(code, 1)
+        self.assertRegex(said, r'toml: law is a law that sends plans, .*actuator.policy = "horizon" only, not with hold')
+        self.assertEqual(self.run_with(plan, "--set", "actuator.policy=horizon", more=scenario), (0, ""))
+        self.assertEqual(self.run_with(plan), (0, ""))  # it cannot know
+        as_of_the_run = f"--scenario {PAPER} --set actuator.policy=horizon"
+        self.assertEqual(self.run_with(plan, "--set", "actuator.policy=horizon", more=as_of_the_run), (0, ""))
+
+    def test_that_return_nonsense_end_the_run(self):
+        code, said = self.run_with("float('nan'), 0.0")
+        self.assertEqual(code, 1)
+        self.assertIn("ValueError: law returned (nan, 0.0); a pair (v_mps, omega_radps) of finite numbers", said)
+
+
 class Commands(WithAFolder):
     def test_are_started_by_tether_and_the_run_is_the_same_by_processes_or_not(self):
         (self.work / "law.py").write_text(
@@ -112,6 +216,14 @@ class Paths(WithAFolder):
         with tether.Path(PAPER, {"path.kind": "line", "path.speed_mps": 0.5, "path.length_m": 10}) as path:
             self.assertEqual(path.at(1e6), (10.0, 0.0, 0.0, 0.0, 0.0))
             self.assertEqual(path.at(5.0).v_mps, 0.5)
+
+
+    def test_can_be_used_after_a_time_that_is_none(self):
+        with tether.Path(PAPER) as path:
+            for t_s in (math.nan, math.inf, -math.inf):
+                with self.assertRaisesRegex(ValueError, rf"path.at\({t_s}\): the time must be finite, in seconds"):
+                    path.at(t_s)
+            self.assertLess(path.at(-1.0).x_m, 0.0)
 
 
 class Sweeps(WithAFolder):
