@@ -4,6 +4,7 @@ A Table is a dict of columns; .rows() are its rows as dicts, .numpy() and .panda
 libraries make of it, where they are installed.
 """
 
+import contextlib
 import json
 import pathlib
 import re
@@ -40,15 +41,45 @@ class Logged(typing.NamedTuple):
     message: object  # its fields; None if it is none of Tether's
 
 
+_SYNC = struct.pack(">I", 0xEDA1DA01)  # before each message of a log
+_SQLITE = b"SQLite format 3\0"
+
+
+def _looks_like(where):
+    """For errors: what is there."""
+    where = pathlib.Path(where)
+    if where.is_dir():
+        if (where / "runs.sqlite").exists():
+            return "the folder of a sweep (tether.read_sweep)"
+        if (where / "summary.json").exists():
+            return "the folder of a run (tether.read_run)"
+        is_run = (where / "run.lcmlog").exists()
+        return "the folder of a run that is not over" if is_run else "a folder of something else"
+    if not where.exists():
+        return "nothing: there is no such file or folder"
+    with open(where, "rb") as file:
+        head = file.read(16)
+    if head == _SQLITE:
+        return "an SQLite database"
+    return "an LCM log (tether.read_log)" if head.startswith(_SYNC) else "a file of something else"
+
+
 def read_log(file, channels=".*"):
     """The messages of an LCM log, one after another, whose whole channel matches the expression.
-    A last message that is cut off, by a program that was killed, is left out."""
+    A last message that is cut off, by a program that was killed, is left out. ValueError for what is no
+    LCM log, or damaged."""
     wanted = re.compile(channels)
+    if pathlib.Path(file).is_dir():
+        raise ValueError(f"{file}: an LCM log is wanted (a run's is run.lcmlog); this is {_looks_like(file)}")
     with open(file, "rb") as log:
-        while len(head := log.read(28)) == 28:
-            sync, _, stamp_us, name_size, size = struct.unpack(">IqqII", head)
-            if sync != 0xEDA1DA01:
-                raise ValueError(f"{file}: no LCM log, or damaged, before byte {log.tell()}")
+        while head := log.read(28):
+            if not head.startswith(_SYNC[: len(head)]):
+                at = log.tell() - len(head)
+                what = f"damaged at byte {at}" if at else f"no LCM log; it is {_looks_like(file)}"
+                raise ValueError(f"{file}: {what}")
+            if len(head) < 28:
+                return
+            _, stamp_us, name_size, size = struct.unpack(">qqII", head[4:])
             name, data = log.read(name_size), log.read(size)
             if len(name) + len(data) < name_size + size:
                 return
@@ -78,6 +109,9 @@ class Run:
         why = self.folder / "incomplete.txt"
         if why.exists():
             raise ValueError(f"{folder}: the run is incomplete: {why.read_text().strip()}")
+        if not (self.folder / "summary.json").exists():
+            wanted = "the folder of a run that is over, with summary.json, is wanted"
+            raise FileNotFoundError(f"{folder}: {wanted}; this is {_looks_like(folder)}")
         self.summary = json.loads((self.folder / "summary.json").read_text())
         self.scenario = tomllib.loads((self.folder / "scenario.toml").read_text())
         self.log_file = self.folder / "run.lcmlog"
@@ -103,19 +137,20 @@ def read_sweep(where):
     `tether sweep export`, not here."""
     file = pathlib.Path(where)
     file = file / "runs.sqlite" if file.is_dir() else file
+    wanted = "a sweep's folder, or its runs.sqlite, is wanted"
     if not file.exists():
-        raise FileNotFoundError(f"{file}: no sweep's database")
-    database = sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)
+        raise FileNotFoundError(f"{where}: {wanted}; this is {_looks_like(where)}")
     try:
-        arms = {
-            arm: {key: number_or_text(value) for key, value in json.loads(text)}
-            for arm, text in database.execute("SELECT arm, settings FROM arms")
-        }
-        cursor = database.execute("SELECT * FROM runs ORDER BY arm, seed")
-        names = [column[0] for column in cursor.description]
-        runs = [dict(zip(names, row)) for row in cursor]
-    finally:
-        database.close()
+        with contextlib.closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            arms = {
+                arm: {key: number_or_text(value) for key, value in json.loads(text)}
+                for arm, text in database.execute("SELECT arm, settings FROM arms")
+            }
+            cursor = database.execute("SELECT * FROM runs ORDER BY arm, seed")
+            names = [column[0] for column in cursor.description]
+            runs = [dict(zip(names, row)) for row in cursor]
+    except sqlite3.DatabaseError as error:
+        raise ValueError(f"{where}: {wanted}; this is {_looks_like(where)}: {error}") from None
     varied = list(dict.fromkeys(key for settings in arms.values() for key in settings))
     table = Table(arm=[run["arm"] for run in runs])
     for key in varied:

@@ -320,8 +320,12 @@ class Logs(unittest.TestCase):
                              [(0.0, "CTRL/POSE", "pose_t"), (1.5, "OTHER", ""), (3.0, "CTRL/POSE", "pose_t")])
             table = tether.log_table(file, "CTRL/POSE")
             self.assertEqual((table["t_s"], table["utime"], table.rows()[1]["seq"]), ([0.0, 3.0], [5, 6], 1))
-            file.write_bytes(b"x" * 100)
-            with self.assertRaisesRegex(ValueError, "no LCM log"):
+            for other in (b"x" * 100, b"x", b"short text\n"):
+                file.write_bytes(other)
+                with self.assertRaisesRegex(ValueError, "a.lcmlog: no LCM log; it is a file of something else"):
+                    list(tether.read_log(file))
+            file.write_bytes(log + b"x")
+            with self.assertRaisesRegex(ValueError, f"a.lcmlog: damaged at byte {len(log)}"):
                 list(tether.read_log(file))
 
 

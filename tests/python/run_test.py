@@ -259,8 +259,32 @@ print(len(frame))
         self.assertGreater(int(said.stdout), 50)
 
     def test_that_are_not_there_are_named(self):
-        with self.assertRaisesRegex(FileNotFoundError, "nothing/?.*no sweep"):
+        wanted = "a sweep's folder, or its runs.sqlite, is wanted"
+        with self.assertRaisesRegex(FileNotFoundError, f"nothing: {wanted}; this is nothing: there is no such"):
             tether.read_sweep(self.work / "nothing")
+
+    def test_and_runs_and_logs_are_told_from_one_another(self):
+        run, sweep, mine = (self.work / name for name in ("run", "sweep", "mine.py"))
+        run_tether("run", PAPER, "--set", "run.duration_s=1", "--out", run)
+        sweep.mkdir()
+        sqlite3.connect(sweep / "runs.sqlite").execute("CREATE TABLE others (a)").connection.close()
+        mine.write_text("import tether\n")
+        of_run = "the folder of a run that is over, with summary.json, is wanted; this is"
+        of_sweep = "a sweep's folder, or its runs.sqlite, is wanted; this is"
+        for read, what, why in (
+            (tether.read_run, sweep, rf"{of_run} the folder of a sweep \(tether.read_sweep\)"),
+            (tether.read_run, self.work / "nothing", f"{of_run} nothing: there is no such file or folder"),
+            (tether.read_run, run / "run.lcmlog", rf"{of_run} an LCM log \(tether.read_log\)"),
+            (tether.read_run, self.work, f"{of_run} a folder of something else"),
+            (tether.read_sweep, run, rf"{of_sweep} the folder of a run \(tether.read_run\)"),
+            (tether.read_sweep, mine, f"{of_sweep} a file of something else: file is not a database"),
+            (tether.read_sweep, sweep, f"{of_sweep} the folder of a sweep .*: no such table: arms"),
+            (tether.read_log, run, r"an LCM log is wanted \(a run's is run.lcmlog\); this is the folder of a run"),
+            (tether.read_log, sweep / "runs.sqlite", "no LCM log; it is an SQLite database"),
+            (tether.read_log, mine, "no LCM log; it is a file of something else"),
+        ):
+            with self.assertRaisesRegex((ValueError, FileNotFoundError), f"^{what}: {why}"):
+                list(read(what))
 
 
 class Live(WithAFolder):
