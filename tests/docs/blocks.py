@@ -10,6 +10,9 @@ A mark in an HTML comment above a block says how it is checked, if not by runnin
     <!-- check: parse (why) -->       not run: commands, options, keys and files have to be there
     <!-- first: COMMAND -->           this is run before; what stays in the background ends with the page
     <!-- file: NAME -->               no commands: the block is this file, for those that follow
+
+Blocks of Python are run, too, unless they are a file: snippets.py says how.
+    <!-- end of: FILE -->             and with these lines the checkout's FILE ends
 """
 
 import dataclasses
@@ -37,12 +40,13 @@ class Block:
     line: int
     mark: str  # "" for none
     commands: list
-    file_text: str = ""  # with mark "file": what is in it
-    name: str = ""  # and its name
+    file_text: str = ""  # with marks "file" and "python": what is in it
+    name: str = ""  # of the file that it is, or of the one that ends with it
 
 
 def lines_of_blocks(text):
-    """(number of the first line, its lines without indentation, the comments above) of each block of code."""
+    """(number of the first line, its lines without indentation, the comments above, its language or "") of each
+    block of code."""
     lines = text.splitlines()
     i = 0
 
@@ -55,10 +59,10 @@ def lines_of_blocks(text):
         return "\n".join(line.strip() for line in lines[begin:i])
 
     while i < len(lines):
-        fence = re.match(r"(\s*)```", lines[i])
+        fence = re.match(r"(\s*)```(\w*)", lines[i])
         if fence:
             end = next(k for k in range(i + 1, len(lines)) if lines[k].startswith(fence[1] + "```"))
-            yield i + 2, [line[len(fence[1]) :] for line in lines[i + 1 : end]], above(i)
+            yield i + 2, [line[len(fence[1]) :] for line in lines[i + 1 : end]], above(i), fence[2]
             i = end + 1
         elif re.match(" {4,}\\S", lines[i]) and (i == 0 or not lines[i - 1].strip() or "<!-- " in lines[i - 1]):
             indent = len(lines[i]) - len(lines[i].lstrip())
@@ -68,7 +72,7 @@ def lines_of_blocks(text):
             block = [line[indent:] for line in lines[i:end]]
             while block and not block[-1].strip():
                 block.pop()
-            yield i + 1, block, above(i)
+            yield i + 1, block, above(i), ""
             i = end
         else:
             i += 1
@@ -101,10 +105,13 @@ def commands_of(lines):
 
 
 def blocks_of(file):
-    for number, lines, above in lines_of_blocks(file.read_text()):
-        written = re.search(r"(?m)^<!-- file: (\S+) -->$", above)
-        if written:
-            yield Block(file, number, "file", [], "\n".join(lines) + "\n", written[1])
+    for number, lines, above, language in lines_of_blocks(file.read_text()):
+        text = "\n".join(lines) + "\n"
+        written = re.search(r"(?m)^<!-- (file|end of): (\S+) -->$", above)
+        if written and written[1] == "file":
+            yield Block(file, number, "file", [], text, written[2])
+        elif language == "python":
+            yield Block(file, number, "python", [], text, written[2] if written else "")
         elif lines and PROGRAM.match(lines[0]):
             mark = MARK.search(above)
             if "<!-- check" in above and not mark:

@@ -1,7 +1,8 @@
 #!/usr/bin/env -S python3 -B
 """Whether README.md and docs/ are true: each command is run and what it prints compared (blocks.py says how, and
-what marks exempt from it), each other one checked against the programs' helps, each link followed; whether each
-command's help has examples; and whether docs/reference is what the programs say."""
+what marks exempt from it), each other one checked against the programs' helps, each block of Python run
+(snippets.py), each link followed; whether each command's help has examples; and whether docs/reference is what the
+programs say."""
 
 import argparse
 import concurrent.futures
@@ -83,12 +84,30 @@ def check_block(shell, block):
             yield f"{where}\n  exit code {code}:\n{said}"
 
 
+def check_python(shell, blocks_of_python, bin_dir):
+    """What is wrong when a page's Python is run, a text each. What needs tether_env is left out where that is not
+    built."""
+    file = blocks_of_python[0].file
+    for block in blocks_of_python:
+        if block.name and not (ROOT / block.name).read_text().endswith("\n" + block.file_text):
+            yield f"{file.relative_to(ROOT)}:{block.line}: {block.name} does not end so"
+    built = bin_dir.parent / "python"
+    if not (built / "tether_env").is_dir() and any("tether_env" in block.file_text for block in blocks_of_python):
+        return
+    debians = "/usr/bin/python3 -B"  # with numpy and pandas
+    code, said = shell.run(f'PYTHONPATH="$PYTHONPATH:{built}" {debians} {ROOT}/tests/docs/snippets.py {file}')
+    if code:
+        yield f"{file.relative_to(ROOT)}: its Python:\n{said}"
+
+
 def check_document(file, bin_dir, nightly):
     """(what is wrong, commands that were run, commands that were looked at, seconds)"""
     wrong, run, read, begin = [], 0, 0, time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         shell = Shell(pathlib.Path(folder), bin_dir, nightly)
-        for block in blocks.blocks_of(file):
+        found = list(blocks.blocks_of(file))
+        of_python = [block for block in found if block.mark == "python"]
+        for block in found:
             if block.mark == "file":
                 (shell.cwd / block.name).write_text(block.file_text)
             elif block.mark == "parse" or (block.mark == "nightly" and not nightly):
@@ -97,9 +116,12 @@ def check_document(file, bin_dir, nightly):
                     fault = helps.wrong_with(bin_dir, ROOT, command.text)
                     if fault:
                         wrong.append(f"{file.relative_to(ROOT)}:{block.line}: {command.text}\n  {fault}")
-            else:
+            elif block.mark != "python":
                 run += len(block.commands)
                 wrong += check_block(shell, block)
+        if of_python:
+            run += len(of_python)
+            wrong += check_python(shell, of_python, bin_dir)
         shell.close()
     return wrong, run, read, time.monotonic() - begin
 

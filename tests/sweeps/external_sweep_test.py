@@ -49,6 +49,19 @@ def law(t, pose, path):
     heading_error = math.remainder(math.atan2(dy, dx) - pose.yaw_rad, 2 * math.pi)
     return 0.495 * abs(complex(dx, dy)), 0.2925 * heading_error
 """
+# As docs/howto/python.md has it.
+SMOOTH = """
+class Smooth:
+    def __init__(self):
+        self.v_mps = 0.0
+
+    def __call__(self, t, pose, path):
+        v_mps, omega_radps = law(t, pose, path)
+        self.v_mps += 0.5 * (v_mps - self.v_mps)
+        return self.v_mps, omega_radps
+
+tether.main(Smooth)
+"""
 # What goes wrong at 4 s, by seed.
 FAILING = LAW + """
 SCENARIO = sys.argv[sys.argv.index("--scenario") + 1]
@@ -149,6 +162,12 @@ class Sweeps(unittest.TestCase):
         for name, options in (("two", {}), ("warm", {"settings": WARM})):
             for jobs in (1, 3):
                 self.assertEqual(self.sweep(f"{name}{jobs}", f"--jobs={jobs}", **options), one, f"{name}, {jobs} threads")
+
+    def test_do_not_depend_on_threads_where_a_warm_law_remembers_in_a_class(self):
+        self.write_law(LAW + SMOOTH)
+        one = self.sweep("smooth", settings=COLD)
+        for jobs in (1, 2):
+            self.assertEqual(self.sweep(f"smooth{jobs}", f"--jobs={jobs}", settings=WARM), one, f"{jobs} threads")
 
     def test_give_what_the_same_law_in_cpp_gives(self):
         self.sweep("python", settings=WARM)
