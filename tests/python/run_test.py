@@ -6,7 +6,7 @@ import csv
 import math
 import os
 import pathlib
-import shutil
+import re
 import sqlite3
 import subprocess
 import sys
@@ -309,22 +309,53 @@ class Live(WithAFolder):
         self.assertRegex(done.stderr, 'controller.command ended with exit code 3, saying "no more"')
 
 
+def sources():
+    return {file for file in (SOURCE / "python").rglob("*") if "__pycache__" not in file.parts}
+
+
 class Installed(WithAFolder):
-    def test_by_pip_without_a_network(self):
-        python = "/usr/bin/python3"
-        subprocess.run([python, "-m", "venv", self.work / "venv"], check=True)
-        pip = [self.work / "venv/bin/pip", "install", "--no-index", "--disable-pip-version-check"]
-        copy = self.work / "source"  # for pip builds in the folder
-        for part in ("python", "lcmtypes"):
-            shutil.copytree(SOURCE / part, copy / part, ignore=shutil.ignore_patterns("build", "*.egg-info"))
-        shutil.copy(SOURCE / "CMakeLists.txt", copy)
-        done = subprocess.run([*pip, copy / "python"], capture_output=True, text=True)
+    def setUp(self):
+        super().setUp()
+        subprocess.run(["/usr/bin/python3", "-m", "venv", self.work / "venv"], check=True)
+        self.pip("uninstall", "--yes", "setuptools")  # nor is anything else there to build with
+
+    def pip(self, *words):
+        command = [self.work / "venv/bin/pip", "--disable-pip-version-check", *words]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=self.work)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-        ask = "import tether; print(len(tether.message_types()), tether.__file__)"
+        return done.stdout
+
+    def installed(self):
+        """Where it is, and the messages that it knows."""
+        ask = "import tether; print(tether.__file__, *tether.message_types())"
         said = subprocess.run([self.work / "venv/bin/python", "-c", ask], cwd=self.work, capture_output=True, text=True)
-        count, where = said.stdout.split()
-        self.assertEqual(int(count), len(list((SOURCE / "lcmtypes").glob("*.lcm"))))
-        self.assertIn("venv", where)
+        where, *names = said.stdout.split()
+        return where, names
+
+    def test_by_pip_without_a_network_and_setuptools(self):
+        version = re.search(r"VERSION (\d+\.\d+\.\d+)", (SOURCE / "CMakeLists.txt").read_text())[1]
+        before = sources()
+        for isolated in ([], ["--no-build-isolation"]):
+            self.pip("install", "--no-index", *isolated, SOURCE / "python")
+            where, names = self.installed()
+            self.assertEqual(len(names), len(list((SOURCE / "lcmtypes").glob("*.lcm"))))
+            self.assertTrue(where.startswith(str(self.work / "venv")), where)
+            self.assertIn(f"Version: {version}\n", self.pip("show", "--files", "tether"))
+            self.pip("uninstall", "--yes", "tether")
+            self.assertFalse(pathlib.Path(where).exists())
+        self.assertEqual(sources(), before)  # nothing is left beside them
+
+    def test_as_a_link_to_the_source_tree(self):
+        self.pip("install", "--no-index", "--editable", SOURCE / "python")
+        self.assertEqual(self.installed()[0], str(SOURCE / "python" / "tether" / "__init__.py"))
+
+    def test_is_the_same_wheel_each_time(self):
+        wheels = []
+        for folder in ("a", "b"):
+            self.pip("wheel", "--no-index", "--no-deps", "--wheel-dir", folder, SOURCE / "python")
+            ((wheel,),) = [list((self.work / folder).iterdir())]
+            wheels.append((wheel.name, wheel.read_bytes()))
+        self.assertEqual(wheels[0], wheels[1])
 
 
 if __name__ == "__main__":
