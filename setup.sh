@@ -9,7 +9,7 @@ packages=(
     # compiler and build
     g++ cmake ninja-build pkg-config python3 git ca-certificates
     # pip install ./python
-    python3-venv python3-pip python3-setuptools
+    python3-venv python3-pip
     # libraries
     liblcm-dev liblcm-bin libboost-dev libeigen3-dev libnlopt-dev libnlopt-cxx-dev libcli11-dev libfmt-dev
     libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev libsodium-dev libsystemd-dev nlohmann-json3-dev
@@ -20,7 +20,7 @@ if [ "${1:-}" != vehicle ]; then
     packages+=(
         libode-dev libsqlite3-dev libmuparser-dev libzstd-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
         # the Python module tether_env
-        pybind11-dev python3-dev python3-numpy
+        pybind11-dev python3-dev python3-numpy python3-setuptools
         # figures, charts, and lcm-spy with plots
         gnuplot-nox libjs-chart.js liblcm-java libjchart2d-java openjdk-17-jdk openjdk-17-jre
     )
