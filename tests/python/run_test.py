@@ -160,7 +160,9 @@ class Programs(WithAFolder):
         self.assertEqual(code, 1)
         self.assertRegex(said, r'toml: law is a law that sends plans, .*actuator.policy = "horizon" only, not with hold')
         self.assertEqual(self.run_with(plan, "--set", "actuator.policy=horizon", more=scenario), (0, ""))
-        self.assertEqual(self.run_with(plan), (0, ""))  # it cannot know
+        code, said = self.run_with(plan)  # it cannot know, the run does
+        self.assertEqual(code, 1, said)
+        self.assertIn('plans without actuator.policy = "horizon" (sim.plan.unasked)', said)
         as_of_the_run = f"--scenario {PAPER} --set actuator.policy=horizon"
         self.assertEqual(self.run_with(plan, "--set", "actuator.policy=horizon", more=as_of_the_run), (0, ""))
 

@@ -202,7 +202,7 @@ class Sweeps(unittest.TestCase):
     def test_fail_where_the_vehicle_got_what_is_no_command(self):
         self.write_law(SPOILT)
         said = self.tether("sweep", self.experiment("spoilt", seeds=1), "--out", "spoilt", code=1)
-        why = r"AGV got \d+ messages from the controller that are no commands to it \(sim.command.undecodable\)"
+        why = r"AGV got \d+ messages from the controller that are no commands to it: bytes that are no twist \(sim"
         self.assertRegex(said, why)
         command = COLD.replace(" = ", "=")
         self.assertRegex(self.tether("run", SOURCE / "scenarios" / "paper.toml", "--set", command, code=1), why)

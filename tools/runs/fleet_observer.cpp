@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
+#include <utility>
 
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tools/runs/run_summary.hpp"
@@ -38,14 +40,19 @@ std::map<std::string, std::int64_t> FleetObserver::counters() const {
 }
 
 void FleetObserver::check_commands() const {
+  constexpr std::array<std::pair<const char*, const char*>, 4> kNone{{
+      {"sim.command.non_finite", "numbers that are not finite"},
+      {"sim.command.undecodable", "bytes that are no twist"},
+      {"sim.plan.unasked", "plans without actuator.policy = \"horizon\""},
+      {"sim.plan.undecodable", "bytes that are no plan"},
+  }};
   for (std::size_t i = 0; i < vehicles_.size(); ++i) {
-    for (const char* name : {"sim.command.non_finite", "sim.command.undecodable",
-                             "sim.plan.unasked", "sim.plan.undecodable"}) {
-      const std::int64_t count = vehicles_[i]->counter(name);
+    for (const auto& [counter, what] : kNone) {
+      const std::int64_t count = vehicles_[i]->counter(counter);
       if (count == 0) continue;
       throw std::runtime_error(
-          fmt::format("{} got {} messages from the controller that are no commands to it ({})",
-                      names_[i], count, name));
+          fmt::format("{} got {} messages from the controller that are no commands to it: {} ({})",
+                      names_[i], count, what, counter));
     }
   }
 }
