@@ -120,7 +120,14 @@ void Probe::on_frame(const CanFrame& frame, Instant /*now*/) {
   if (beat) heard_.insert(id);
   for (Node& node : nodes_) {
     if (node.id != id) continue;
-    if (beat) node.nmt = static_cast<canopen::NmtState>(frame.data[0] & 0x7F);
+    if (beat) {
+      const auto state = static_cast<canopen::NmtState>(frame.data[0] & 0x7F);
+      if (!node.nmt && state == canopen::NmtState::boot_up) {  // nobody was there to be asked
+        node.pending.reset();
+        node.results.clear();
+      }
+      node.nmt = state;
+    }
     if (function == canopen::kSdoResponse && node.pending) node.pending->on_frame(frame);
   }
 }

@@ -53,7 +53,7 @@ class Probe {
   /// is_upload_request() to one of the nodes: it asserts so.
   void tick(Instant now, std::vector<CanFrame>& out);
 
-  /// All is read, or given up: a node that answers none of its first three objects (in a scan: the
+  /// All is read, or given up: a node that boots meanwhile is asked from the beginning, once; one that answers none of its first three objects (in a scan: the
   /// first) is not asked for more.
   bool done(Instant now) const;
   std::vector<ProbedNode> report() const;

@@ -58,7 +58,7 @@ std::string rows_text(const std::vector<ProbeRow>& rows) {
 constexpr char kNobody[] =
     "  Nobody was heard on this bus. Check: supply of the drives, node ids, CAN plug,\n"
     "  bit rate on both sides (`ip -details link show`), 120 Ohm at both ends, CAN_H\n"
-    "  and CAN_L swapped.\n";
+    "  and CAN_L swapped. On a virtual bus: is tether-can-drive running on it?\n";
 
 std::string silence_text(const ProbedNode& node, const std::set<int>& heard) {
   std::string text = fmt::format("node {}: does not answer ({})\n", node.node, nmt_text(node.nmt));

@@ -103,9 +103,9 @@ run_in_uml() {
     exit "$(cat "$job/exit_code")"
 }
 
-if [ $# = 0 ]; then
-    echo "usage: with_can.sh [--netem] COMMAND ARGS... | --where" >&2
-    exit 1
+if [ $# = 0 ] || [ "$1" = --help ]; then
+    sed -n '/^# Runs/,/^set/s/^# \?//p' "$0"
+    [ $# != 0 ] || exit 1
 elif [ "$network" = netem ] && ! command -v tc >/dev/null; then
     echo "no tc: install iproute2" >&2
     exit 1

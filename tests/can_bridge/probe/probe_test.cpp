@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -204,6 +205,27 @@ TEST(Probe, ANodeThatIsNotThereIsGivenUpSoonAndTheOthersAreStillRead) {
   EXPECT_THAT(run.report[1].rows, IsEmpty());
   // Three objects, each asked for twice with 300 ms to answer.
   EXPECT_LE(run.ended_ms, 1000 + 3 * 2 * 300 + 10);
+}
+
+TEST(Probe, AsksANodeAllOverThatBootsMeanwhile) {
+  const Cia402Config file = shipped("two_node_cia402.toml");
+  for (const int boots_at_ms : {1, 299, 400, 700, 1400}) {
+    Probe probe({1, 2}, &file, at_ms(0));
+    std::optional<EmulatedCia402> drives;
+    for (int t = 0; t < 60'000 && !probe.done(at_ms(t)); ++t) {
+      std::vector<CanFrame> asked, answers;
+      probe.tick(at_ms(t), asked);
+      if (t == boots_at_ms) drives.emplace(file, at_ms(t));
+      if (!drives) continue;
+      for (const CanFrame& frame : asked) drives->on_frame(frame, at_ms(t), answers);
+      drives->tick(at_ms(t), answers);
+      for (const CanFrame& frame : answers) probe.on_frame(frame, at_ms(t));
+    }
+    for (const ProbedNode& node : probe.report()) {
+      EXPECT_TRUE(node.fits()) << boots_at_ms;
+      EXPECT_EQ(node.rows.at(0).value, "0x00020192 (CiA 402 drive)") << boots_at_ms;
+    }
+  }
 }
 
 TEST(Probe, ListensForHeartbeatsEvenIfAllIsReadSoon) {
