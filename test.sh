@@ -13,12 +13,17 @@ case "${1:-}" in
 esac
 [ -f build/release/build.ninja ] || cmake --preset release
 if [ "${1:-}" = quick ]; then
-    cmake --build --preset release --target tether -- --quiet
+    quiet=()
+    [ -t 1 ] || quiet=(-- --quiet)
+    cmake --build --preset release --target tether "${quiet[@]}"
+    differs=$(tests/docs/reference.py build/release/bin 2>&1) || echo "$differs"  # the sooner known, the better
+    cmake --build --preset release --target quick_tests "${quiet[@]}"
     faults=0
-    tests/docs/reference.py build/release/bin || faults=1  # the sooner known, the better
-    cmake --build --preset release --target quick_tests -- --quiet
-    ctest --preset release --build-config Quick --label-regex '^quick$' --parallel "$jobs" --progress
-    [ "$faults" = 0 ] || echo "docs/reference is not what the programs say: see above" >&2
+    ctest --preset release --build-config Quick --label-regex '^quick$' --parallel "$jobs" --progress || faults=1
+    if [ -n "$differs" ]; then
+        printf '\n%s\n' "$differs" >&2
+        faults=1
+    fi
     exit "$faults"
 fi
 cmake --build --preset release

@@ -53,8 +53,8 @@ class Probe {
   /// is_upload_request() to one of the nodes: it asserts so.
   void tick(Instant now, std::vector<CanFrame>& out);
 
-  /// All is read, or given up: a node that boots meanwhile is asked from the beginning, once; one that answers none of its first three objects (in a scan: the
-  /// first) is not asked for more.
+  /// All is read, or given up: a node that boots meanwhile is asked from the beginning, once; one
+  /// that answers none of its first three objects (in a scan: the first) is not asked for more.
   bool done(Instant now) const;
   std::vector<ProbedNode> report() const;
   /// All nodes whose heartbeat or boot-up message was heard.
