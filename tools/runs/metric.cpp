@@ -30,6 +30,10 @@ double medium_busy(const RunObserver& run, Instant end) {
 double sent(const link_report_t& link) { return static_cast<double>(link.offered); }
 double lost(const link_report_t& link) { return static_cast<double>(link.lost + link.overflowed); }
 
+Metric of_link(const char* name, double (*of)(const RunObserver& run, Instant end)) {
+  return {name, name, kElsewhere, of};
+}
+
 }  // namespace
 
 const std::vector<Metric>& metrics() {
@@ -63,28 +67,18 @@ const std::vector<Metric>& metrics() {
        [](Run r, Instant) { return r.autonomy() ? r.autonomy()->late_s : 0.0; }},
       {"aoi_ms_mean", "aoi_ms_mean", kLast,
        [](Run r, Instant end) { return r.aoi_mean_s(end) * 1e3; }},
-      {"uplink_sent", "uplink_sent", kElsewhere, [](Run r, Instant) { return sent(r.uplink()); }},
-      {"uplink_lost", "uplink_lost", kElsewhere, [](Run r, Instant) { return lost(r.uplink()); }},
-      {"uplink_delay_ms_mean", "uplink_delay_ms_mean", kElsewhere,
-       [](Run r, Instant) { return r.uplink().delay_ms_mean; }},
-      {"uplink_delay_ms_p50", "uplink_delay_ms_p50", kElsewhere,
-       [](Run r, Instant) { return r.uplink().delay_ms_p50; }},
-      {"uplink_delay_ms_p99", "uplink_delay_ms_p99", kElsewhere,
-       [](Run r, Instant) { return r.uplink().delay_ms_p99; }},
-      {"uplink_delay_ms_max", "uplink_delay_ms_max", kElsewhere,
-       [](Run r, Instant) { return r.uplink().delay_ms_max; }},
-      {"downlink_sent", "downlink_sent", kElsewhere,
-       [](Run r, Instant) { return sent(r.downlink()); }},
-      {"downlink_lost", "downlink_lost", kElsewhere,
-       [](Run r, Instant) { return lost(r.downlink()); }},
-      {"downlink_delay_ms_mean", "downlink_delay_ms_mean", kElsewhere,
-       [](Run r, Instant) { return r.downlink().delay_ms_mean; }},
-      {"downlink_delay_ms_p50", "downlink_delay_ms_p50", kElsewhere,
-       [](Run r, Instant) { return r.downlink().delay_ms_p50; }},
-      {"downlink_delay_ms_p99", "downlink_delay_ms_p99", kElsewhere,
-       [](Run r, Instant) { return r.downlink().delay_ms_p99; }},
-      {"downlink_delay_ms_max", "downlink_delay_ms_max", kElsewhere,
-       [](Run r, Instant) { return r.downlink().delay_ms_max; }},
+      of_link("uplink_sent", [](Run r, Instant) { return sent(r.uplink()); }),
+      of_link("uplink_lost", [](Run r, Instant) { return lost(r.uplink()); }),
+      of_link("uplink_delay_ms_mean", [](Run r, Instant) { return r.uplink().delay_ms_mean; }),
+      of_link("uplink_delay_ms_p50", [](Run r, Instant) { return r.uplink().delay_ms_p50; }),
+      of_link("uplink_delay_ms_p99", [](Run r, Instant) { return r.uplink().delay_ms_p99; }),
+      of_link("uplink_delay_ms_max", [](Run r, Instant) { return r.uplink().delay_ms_max; }),
+      of_link("downlink_sent", [](Run r, Instant) { return sent(r.downlink()); }),
+      of_link("downlink_lost", [](Run r, Instant) { return lost(r.downlink()); }),
+      of_link("downlink_delay_ms_mean", [](Run r, Instant) { return r.downlink().delay_ms_mean; }),
+      of_link("downlink_delay_ms_p50", [](Run r, Instant) { return r.downlink().delay_ms_p50; }),
+      of_link("downlink_delay_ms_p99", [](Run r, Instant) { return r.downlink().delay_ms_p99; }),
+      of_link("downlink_delay_ms_max", [](Run r, Instant) { return r.downlink().delay_ms_max; }),
       {"medium_busy", "share of the medium's time that is taken", kElsewhere,
        [](Run r, Instant end) { return medium_busy(r, end); }, false, false, kSum},
       {"vehicles_lost", "share of the fleet's vehicles that were lost", kElsewhere,

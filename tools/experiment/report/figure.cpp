@@ -296,7 +296,7 @@ std::string label_of_value(const std::string& key, const std::string& value) {
 
 std::string label_of_value(const SweepData& data, const std::string& key,
                            const std::string& value) {
-  const std::string label = label_of_value(key, value);
+  std::string label = label_of_value(key, value);
   for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
     const std::string other = data.text(arm, key);
     if (other == value || label_of_value(key, other) != label) continue;
