@@ -103,9 +103,13 @@ run_in_uml() {
     exit "$(cat "$job/exit_code")"
 }
 
-if [ $# = 0 ] || [ "$1" = --help ]; then
-    sed -n '/^# Runs/,/^set/s/^# \?//p' "$0"
-    [ $# != 0 ] || exit 1
+usage() { sed -n '/^# Runs/,/^set/s/^# \?//p' "$0"; }
+
+if [ $# = 0 ]; then
+    usage >&2
+    exit 1
+elif [ "$1" = --help ]; then
+    usage
 elif [ "$network" = netem ] && ! command -v tc >/dev/null; then
     echo "no tc: install iproute2" >&2
     exit 1

@@ -62,9 +62,9 @@ constexpr std::size_t kLongestLine = 4096;
 
 ExternalProgram::ExternalProgram(const std::string& command, OnLine on_line)
     : on_line_(std::move(on_line)) {
+  const int start_fd = check_system_call("opening an event", eventfd(0, EFD_CLOEXEC));
   std::array<int, 2> pipe_fds{};
   check_system_call("opening a pipe", pipe2(pipe_fds.data(), O_CLOEXEC));
-  const int start_fd = eventfd(0, EFD_CLOEXEC);
   const pid_t parent = getpid();
   pid_ = fork();
   if (pid_ == 0) become(command.c_str(), parent, start_fd, pipe_fds[1]);

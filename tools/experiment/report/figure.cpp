@@ -297,6 +297,7 @@ std::string label_of_value(const std::string& key, const std::string& value) {
 std::string label_of_value(const SweepData& data, const std::string& key,
                            const std::string& value) {
   std::string label = label_of_value(key, value);
+  if (!key.ends_with(".file")) return label;
   for (std::size_t arm = 0; arm < data.arms().size(); ++arm) {
     const std::string other = data.text(arm, key);
     if (other == value || label_of_value(key, other) != label) continue;

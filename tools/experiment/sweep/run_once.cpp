@@ -4,7 +4,6 @@
 #include <exception>
 #include <map>
 #include <string>
-#include <type_traits>
 
 #include "common/fleet/fleet.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -43,9 +42,7 @@ RunResult run_to_the_end(auto& loop, const Scenario& scenario, double trajectory
   const FleetObserver observer(fleet_members(scenario), loop.loop(), loop.bus());
   loop.run();
   observer.check_finite();
-  if constexpr (std::is_same_v<std::remove_cvref_t<decltype(loop)>, ExternalRun>) {
-    observer.check_commands();
-  }
+  if (scenario.get<ControllerSettings>().is_external()) observer.check_commands();
   const Instant end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
   RunResult result;
   std::transform(metrics().begin(), metrics().end(), result.metrics.begin(),
