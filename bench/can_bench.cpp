@@ -20,6 +20,7 @@
 #include "common/bus/message_io.hpp"
 #include "common/loop/virtual_loop.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/can/arm_operator.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
@@ -33,7 +34,7 @@ namespace {
 using bench::median;
 
 Scenario hil(const std::vector<std::string>& overrides) {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml", overrides);
+  return load_scenario(in_source("/scenarios/hil_vcan.toml"), overrides);
 }
 
 double seconds_of_run(const Scenario& scenario) {

@@ -32,6 +32,7 @@
 #include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/can/arm_operator.hpp"
 
 // CPU load of the bridge on this kernel, which need not have CAN: bridge and emulated drives are
@@ -216,7 +217,7 @@ Load patient_load(const Scenario& scenario) {
 
 void cpu_load(benchmark::State& state) {
   const Scenario scenario = load_scenario(
-      TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml",
+      in_source("/scenarios/hil_vcan.toml"),
       {fmt::format("can.cycle_ms={}", state.range(0)), "can.wheels=model", "can.coupling_ms=50"});
   if (bench::charges_whole_ticks()) state.SetLabel("this kernel charges whole ticks: no figure");
   for (auto unused : state) {

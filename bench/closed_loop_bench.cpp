@@ -8,6 +8,7 @@
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/fleet_observer.hpp"
 
@@ -24,7 +25,7 @@ using bench::record_servo_targets;
 using bench::seconds_of;
 
 Scenario paper(const std::vector<std::string>& overrides) {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  return load_scenario(in_source("/scenarios/paper.toml"), overrides);
 }
 
 void run_loop(const Scenario& scenario) {
@@ -35,7 +36,7 @@ void run_loop(const Scenario& scenario) {
 }
 
 Scenario shipped(const std::string& name) {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/" + name + ".toml", {});
+  return load_scenario(in_source("/scenarios/") + name + ".toml", {});
 }
 
 void compare_with_bare_ode(benchmark::State& state, const Scenario& scenario) {

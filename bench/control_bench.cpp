@@ -12,6 +12,7 @@
 #include "common/path/path_settings.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/law.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 // What a decision of each law costs, and what it puts on the air.
@@ -22,7 +23,7 @@ namespace {
 Scenario scenario_of(const std::string& law, std::vector<std::string> more = {}) {
   more.push_back("controller.law=" + law);
   if (law.starts_with("predictive") || law == "mpc") more.emplace_back("actuator.policy=horizon");
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", more);
+  return load_scenario(in_source("/scenarios/paper.toml"), more);
 }
 
 /// A decision each 100 ms and a pose with every `poses_each`-th, a vehicle that keeps to the path;

@@ -18,6 +18,7 @@
 #include "common/bus/message_io.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/base/process.hpp"
 
 namespace tether::bench {
@@ -26,7 +27,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr char kScenario[] = TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml";
+const std::string kScenario = in_source("/scenarios/hil_vcan.toml");
 constexpr milliseconds kBoot{500};  // for the processes to be there when the run begins
 constexpr seconds kArmPatience{30};
 constexpr milliseconds kPressPeriod{300};

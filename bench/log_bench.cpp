@@ -8,6 +8,7 @@
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
 #include "common/scenario/scenario.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/log/log_survey.hpp"
 #include "tools/log/mcap_export.hpp"
 #include "tools/loop/closed_loop.hpp"
@@ -26,7 +27,7 @@ using bench::median;
 
 Scenario scenario() {
   return load_scenario(
-      TETHER_SOURCE_DIR "/scenarios/paper.toml",
+      in_source("/scenarios/paper.toml"),
       {"vehicle.plant=kinematic", "sensor.rate_hz=20", "sensor.odometry_rate_hz=20",
        bench::is_smoke() ? "run.duration_s=5" : "run.duration_s=600"});
 }

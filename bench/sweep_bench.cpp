@@ -11,6 +11,7 @@
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/experiment/sweep/sweep.hpp"
 
@@ -34,7 +35,7 @@ double resident_mb() {
 Experiment make_experiment(std::size_t seeds) {
   Experiment experiment;
   experiment.name = "bench";
-  experiment.arms = {{{}, load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", {})}};
+  experiment.arms = {{{}, load_scenario(in_source("/scenarios/paper.toml"), {})}};
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) experiment.seeds.push_back(seed);
   return experiment;
 }

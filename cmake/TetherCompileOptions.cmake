@@ -21,6 +21,50 @@ if(TETHER_SANITIZE)
   endif()
 endif()
 
+# ccache, where it is installed: a second clone, in whatever folder, compiles next to nothing. Paths below
+# the checkout are seen relative to the build folder, and a precompiled header is known by its contents.
+find_program(TETHER_CCACHE ccache)
+if(TETHER_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER env CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=yes
+    CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${TETHER_CCACHE})
+endif()
+
+# tether_batches(variable name kilobytes sources...): files that include the sources, as many at a time as
+# have so many kilobytes; what they share is read once. They name sources relative to the checkout: the
+# same files, and the same objects, in each clone. -DTETHER_BATCHES=OFF: each source by itself.
+option(TETHER_BATCHES "Compile several sources of a library together" ON)
+function(tether_batches variable name kilobytes)
+  set(${variable} ${ARGN} PARENT_SCOPE)
+  if(NOT TETHER_BATCHES)
+    return()
+  endif()
+  set(files ${ARGN})
+  list(FILTER files EXCLUDE REGEX "\\.cpp$")  # generated headers
+  set(sources ${ARGN})
+  list(FILTER sources INCLUDE REGEX "\\.cpp$")
+  set(batch)
+  set(bytes 0)
+  foreach(source IN LISTS sources ITEMS "")
+    if(source)
+      cmake_path(ABSOLUTE_PATH source BASE_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR} NORMALIZE)
+      file(SIZE ${source} size)
+      cmake_path(RELATIVE_PATH source BASE_DIRECTORY ${PROJECT_SOURCE_DIR})
+    endif()
+    math(EXPR sum "${bytes} + ${size}")
+    if(batch AND (NOT source OR sum GREATER ${kilobytes}000))
+      list(LENGTH files number)
+      set(file ${CMAKE_CURRENT_BINARY_DIR}/${name}_${number}.cpp)
+      file(CONFIGURE OUTPUT ${file} CONTENT "${batch}" @ONLY)
+      list(APPEND files ${file})
+      set(batch)
+      set(bytes 0)
+    endif()
+    string(APPEND batch "#include \"${source}\"\n")
+    math(EXPR bytes "${bytes} + ${size}")
+  endforeach()
+  set(${variable} ${files} PARENT_SCOPE)
+endfunction()
+
 # tether_add_library(name sources...): a library whose sources share these headers, read once.
 # Without them (-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON) everything builds as well.
 add_library(tether_headers OBJECT ${PROJECT_SOURCE_DIR}/common/base/headers.cpp)
@@ -31,7 +75,12 @@ target_precompile_headers(tether_headers PRIVATE
   <algorithm> <array> <chrono> <cmath> <deque> <filesystem> <functional> <map> <memory> <optional>
   <random> <set> <span> <stdexcept> <string> <string_view> <utility> <variant> <vector>)
 function(tether_add_library name)
-  add_library(${name} ${ARGN})
+  cmake_parse_arguments(L "APART" "" "" ${ARGN})
+  set(sources ${L_UNPARSED_ARGUMENTS})
+  if(NOT L_APART)
+    tether_batches(sources ${name} 80 ${sources})
+  endif()
+  add_library(${name} ${sources})
   target_link_libraries(${name} PUBLIC tether_options)
   target_compile_options(${name} PRIVATE ${TETHER_LIBRARY_OPTIONS})
   target_precompile_headers(${name} REUSE_FROM tether_headers)

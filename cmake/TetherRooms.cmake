@@ -4,17 +4,18 @@
 # tether_add_room([SOURCES files...] [USES folders...] [LIBS targets...] [PRIVATE_LIBS targets...] [APART]):
 # the library of this folder. USES: all other rooms that its files include, and nothing else
 # (tests/lint/rooms.py checks it, and that no arrow runs back up). APART: its sources have things of one
-# name, so that the sanitizers' build cannot read several as one.
+# name, so that they cannot be compiled together.
 function(tether_add_room)
   cmake_parse_arguments(R "APART" "" "SOURCES;USES;LIBS;PRIVATE_LIBS" ${ARGN})
   tether_rooms(name ${CMAKE_CURRENT_SOURCE_DIR})
   tether_rooms(uses ${R_USES})
   if(R_SOURCES)
-    tether_add_library(${name} ${R_SOURCES})
-    target_link_libraries(${name} PUBLIC ${uses} ${R_LIBS} PRIVATE ${R_PRIVATE_LIBS})
+    set(apart)
     if(R_APART)
-      set_target_properties(${name} PROPERTIES UNITY_BUILD OFF)
+      set(apart APART)
     endif()
+    tether_add_library(${name} ${apart} ${R_SOURCES})
+    target_link_libraries(${name} PUBLIC ${uses} ${R_LIBS} PRIVATE ${R_PRIVATE_LIBS})
   else()
     add_library(${name} INTERFACE)
     target_link_libraries(${name} INTERFACE tether_options ${uses} ${R_LIBS} ${R_PRIVATE_LIBS})

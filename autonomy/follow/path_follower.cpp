@@ -21,10 +21,6 @@ LawSettings on_board(LawSettings settings) {
   return settings;
 }
 
-double distance_m(const Position& a, const Position& b) {
-  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
-}
-
 }  // namespace
 
 std::shared_ptr<const ReferencePath> axle_path(

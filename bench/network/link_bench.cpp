@@ -176,7 +176,7 @@ class LiveLink {
                              Line{{url_of(7667), loop_}, {url_of(7668), loop_}}};
   bench::BareForwarder first_{url_of(7670), url_of(7671)};
   bench::BareForwarder second_{url_of(7671), url_of(7672)};
-  testing::Folder folder_;
+  test::Folder folder_;
   std::vector<std::unique_ptr<NodeProcess>> processes_;
   std::vector<std::uint8_t> bytes_;
   std::string said_, failure_;

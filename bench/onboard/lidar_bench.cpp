@@ -90,7 +90,7 @@ void rays(benchmark::State& state, double height_m) {
   for (const Shape& s : shapes) {
     if (s.clearance_m <= height_m && height_m <= s.height_m) cut.push_back(s);
   }
-  testing::OdeRays ode(cut, height_m);
+  test::OdeRays ode(cut, height_m);
   std::vector<RayFan> fans = turns(bench::is_smoke() ? 10 : 300);
   const double count = 541.0 * static_cast<double>(fans.size());
   std::vector<double> ours_s, ode_s, ratio;

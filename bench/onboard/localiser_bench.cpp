@@ -13,8 +13,8 @@
 namespace tether {
 namespace {
 
-using testing::hall;
-using testing::HallScanner;
+using test::hall;
+using test::HallScanner;
 
 constexpr std::size_t kScans = 64;
 

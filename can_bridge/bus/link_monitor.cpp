@@ -1,5 +1,7 @@
 #include "can_bridge/bus/link_monitor.hpp"
 
+#include <net/if.h>
+// <net/if.h> comes first: the kernel's header then leaves out what both define.
 #include <linux/can/netlink.h>
 #include <linux/if.h>
 #include <linux/rtnetlink.h>

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 namespace tether {
 
 /// Where the vehicle's controlled point (path.point), usually its axle's midpoint, should be and
@@ -18,6 +20,10 @@ struct Position {
 
   bool operator==(const Position&) const = default;
 };
+
+inline double distance_m(const Position& a, const Position& b) {
+  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
+}
 
 /// A path with its timing: one point for each instant. A path with an end rests there from then on.
 /// A path that begins at rest also rests at its start before t = 0. Immutable; safe to share.

@@ -14,6 +14,11 @@ struct Pose2 {
   bool operator==(const Pose2&) const = default;
 };
 
+/// Returns the distance of their positions.
+inline double distance_m(const Pose2& a, const Pose2& b) {
+  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
+}
+
 /// Body velocity of a vehicle that cannot move sideways.
 struct Twist {
   double v_mps = 0.0;        ///< forward speed of the axle's midpoint

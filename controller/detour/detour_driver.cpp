@@ -40,10 +40,6 @@ PathLimits way_limits(const AutonomySettings& autonomy, PathLimits limits) {
   return limits;
 }
 
-double distance_m(const Pose2& a, const Pose2& b) {
-  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
-}
-
 }  // namespace
 
 DetourDriver::DetourDriver(const AutonomySettings& autonomy, const VehicleConfig& vehicle,

@@ -5,14 +5,14 @@
 namespace tether {
 namespace {
 
-constexpr double kCell_m = 0.1;
+constexpr double kMemoryCell_m = 0.1;
 constexpr std::size_t kMostCells = 5000;
 
 }  // namespace
 
 void ObstacleMemory::add(Instant now, const std::vector<Position>& points) {
   for (const Position& p : points) {
-    const std::pair cell{std::llround(p.x_m / kCell_m), std::llround(p.y_m / kCell_m)};
+    const std::pair cell{std::llround(p.x_m / kMemoryCell_m), std::llround(p.y_m / kMemoryCell_m)};
     if (seen_.size() < kMostCells || seen_.contains(cell)) seen_[cell] = now;
   }
 }
@@ -25,8 +25,8 @@ std::vector<Position> ObstacleMemory::points() const {
   std::vector<Position> points;
   points.reserve(seen_.size());
   for (const auto& [cell, when] : seen_) {
-    points.push_back(
-        {static_cast<double>(cell.first) * kCell_m, static_cast<double>(cell.second) * kCell_m});
+    points.push_back({static_cast<double>(cell.first) * kMemoryCell_m,
+                      static_cast<double>(cell.second) * kMemoryCell_m});
   }
   return points;
 }

@@ -17,10 +17,6 @@ constexpr double kSame_m = 1e-6;
 constexpr std::size_t kThin = 8;  // of moves in halves
 constexpr double kSample_m = 0.05;
 
-double distance_m(const Pose2& a, const Pose2& b) {
-  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
-}
-
 /// With a pose in the middle of each arc.
 std::vector<Pose2> in_halves(const std::vector<Pose2>& poses) {
   std::vector<Pose2> more;

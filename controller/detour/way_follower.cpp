@@ -14,10 +14,6 @@ constexpr double kOff_m = 0.2;
 /// The vehicle is looked for so far ahead of where it was: what it drives between two poses.
 constexpr double kWindow_m = 1.0;
 
-double distance_m(const Pose2& a, const Pose2& b) {
-  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
-}
-
 }  // namespace
 
 WayFollower::WayFollower(std::vector<WayLeg> legs, const PathLimits& limits)

@@ -13,7 +13,7 @@
 namespace tether {
 namespace {
 
-const std::string kPrefix = "channel.";
+const std::string kSettingPrefix = "channel.";
 
 /// With those of its links by name that `channel` has, at their defaults unless they are there.
 ChannelSettings with_links_of(const ChannelSettings& channel, ChannelSettings other) {
@@ -31,7 +31,7 @@ std::vector<ChannelSetting> differences(const ChannelSettings& channel,
   for (const ScenarioKey& key : now.schema().keys_of(now)) {
     const auto value = key.get(now);
     if (!value || (value == key.get(then) && !given.contains(key.name))) continue;
-    found.push_back({key.name.substr(kPrefix.size()), to_toml(*value)});
+    found.push_back({key.name.substr(kSettingPrefix.size()), to_toml(*value)});
   }
   return found;
 }
@@ -42,8 +42,8 @@ void apply(ScenarioLoader& loader, const std::string& setting, const std::string
                                  place.substr(0, place.size() - setting.size() + 20),
                                  kLongestSettingKey));
   }
-  const bool is_whole = setting.starts_with(kPrefix);
-  loader.apply_override(setting, place, is_whole ? "" : kPrefix);
+  const bool is_whole = setting.starts_with(kSettingPrefix);
+  loader.apply_override(setting, place, is_whole ? "" : kSettingPrefix);
 }
 
 }  // namespace

@@ -20,10 +20,6 @@ Position middle(const VehicleConfig& vehicle, const VehicleState& state) {
           axle.y_m - vehicle.axle_x_m * std::sin(axle.yaw_rad)};
 }
 
-double distance_m(const Position& a, const Position& b) {
-  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);
-}
-
 double speed_mps(const Plant& plant) { return std::abs(plant.state().twist.v_mps); }
 
 /// As a step begins.

@@ -33,7 +33,7 @@ void check_bodies(const VehicleConfig& v, const WorldSettings& w, double step_s)
 
 // So near an obstacle is looked at: a vehicle that tilts reaches a little farther than one that
 // stands upright.
-constexpr double kSlack_m = 0.1;
+constexpr double kOdeSlack_m = 0.1;
 
 }  // namespace
 
@@ -50,7 +50,7 @@ OdeVehicle::OdeVehicle(const VehicleConfig& vehicle, const WorldSettings& world,
   check_bodies(vehicle, world, step_s_);
   world_ = std::make_unique<World>(vehicle, world, step_s_);
   if (!surroundings.any()) return;
-  obstacles_.emplace(vehicle, world, surroundings, seed, step_s_, kSlack_m);
+  obstacles_.emplace(vehicle, world, surroundings, seed, step_s_, kOdeSlack_m);
   world_->expect_obstacles(vehicle, obstacles_->fastest_mps());
 }
 

@@ -1,9 +1,11 @@
 #include "tests/campaign/setup.hpp"
 
+#include "tests/support/source_dir.hpp"
+
 namespace tether::campaign {
 
 Setup load_setup() {
-  const Scenario scenario = load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml",
+  const Scenario scenario = load_scenario(in_source("/scenarios/hil_vcan.toml"),
                                           {"run.lead_s=0", "can.wheels=model", "can.arm=never"});
   return {scenario, load_drivetrain(scenario.get<CanSettings>().drivetrain_file)};
 }

@@ -11,15 +11,16 @@
 #include "common/scenario/scenario.hpp"
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/fuzz/script.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether::fuzzing {
 
-using tether::testing::VirtualWorld;
+using tether::test::VirtualWorld;
 
 /// One of drivetrains/.
 inline const DrivetrainConfig& choose_drivetrain(Script& script) {
-  static const std::string folder = TETHER_SOURCE_DIR "/drivetrains/";
+  static const std::string folder = in_source("/drivetrains/");
   static const std::vector<DrivetrainConfig> all{load_drivetrain(folder + "two_node_cia402.toml"),
                                                  load_drivetrain(folder + "dual_axis_cia402.toml"),
                                                  load_drivetrain(folder + "zlac8015d.toml"),
@@ -51,7 +52,7 @@ struct CanWorld : VirtualWorld {
     publish(bus, channel, message);
   }
   void steer(double v_mps) {
-    publish(bus, "AGV/CMD_VEL", testing::twist(loop.now(), ++seq_, v_mps, 0.0));
+    publish(bus, "AGV/CMD_VEL", test::twist(loop.now(), ++seq_, v_mps, 0.0));
   }
   void pass_time(Duration time) { loop.run_until(loop.now() + time); }
 

@@ -11,9 +11,9 @@ namespace tether::fuzzing {
 /// Each line is a request to the relay, while it relays: it answers, and goes on relaying.
 void try_input(std::span<const std::uint8_t> input) {
   static const Scenario scenario;
-  testing::VirtualWorld world;
+  test::VirtualWorld world;
   const NetemNode relay(scenario, world.loop, world.bus, world.bus);
-  std::vector<testing::Seen<channel_setting_result_t>> answers;
+  std::vector<test::Seen<channel_setting_result_t>> answers;
   world.collect("NET/SETTINGS", answers);
 
   std::istringstream in(text_of(input));
@@ -22,7 +22,7 @@ void try_input(std::span<const std::uint8_t> input) {
   while (requests < 5 && std::getline(in, line)) {
     line.resize(std::min(line.size(), line.find('\0')));  // LCM's texts end there
     publish(world.bus, "NET/SET", setting_request(to_utime(world.loop.now()), ++requests, {line}));
-    publish(world.bus, "AGV/POSE", testing::pose(world.loop.now(), requests));
+    publish(world.bus, "AGV/POSE", test::pose(world.loop.now(), requests));
     world.loop.run_until(world.loop.now() + std::chrono::milliseconds{100});
   }
   must(std::ssize(answers) == requests, "each request is answered");

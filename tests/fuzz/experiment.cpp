@@ -2,14 +2,15 @@
 
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/support/folder.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether::fuzzing {
 
 /// An experiment beside the paper's scenario.
 void try_input(std::span<const std::uint8_t> input) {
-  static const testing::Folder folder;
+  static const test::Folder folder;
   static const auto scenario =
-      folder.file("paper.toml", testing::contents(TETHER_SOURCE_DIR "/scenarios/paper.toml"));
+      folder.file("paper.toml", test::contents(in_source("/scenarios/paper.toml")));
   const auto file = folder.file("experiment.toml", text_of(input));
   takes([&] {
     const Experiment experiment = load_experiment(file);

@@ -14,7 +14,7 @@
 namespace tether::fuzzing {
 namespace {
 
-using tether::testing::VirtualWorld;
+using tether::test::VirtualWorld;
 
 constexpr std::int64_t kSession = 7;
 const std::vector<std::string> kWords{"netem", "sim", "controller", "SIM/POSE", "NET/POSE", ".*"};

@@ -10,7 +10,7 @@ namespace tether::fuzzing {
 
 /// An image, where it begins as one, else the map's YAML file.
 void try_input(std::span<const std::uint8_t> input) {
-  static const testing::Folder folder;
+  static const test::Folder folder;
   const std::string text = text_of(input);
   const bool is_image = text.starts_with('P');
   folder.file("room.pgm", is_image ? text : "P2 2 2 255 0 254 205 0");

@@ -18,7 +18,7 @@ void try_input(std::span<const std::uint8_t> input) {
       must(std::isfinite(table.tau_s(prr, 30.0)), "there is a look-ahead for every network");
     }
   });
-  static const testing::Folder folder;
+  static const test::Folder folder;
   JitterSettings jitter;
   jitter.law = "table";
   jitter.file = folder.file("delays.txt", text_of(input));

@@ -94,7 +94,7 @@ TEST(LinkConfig, TwoPathsDoNotShareASocket) {
 }
 
 TEST(LinkConfig, IsRefusedIfOthersMayWriteIt) {
-  const tether::testing::Folder folder;
+  const tether::test::Folder folder;
   const std::string file = folder.file("link.toml", kPaths + kPeer).string();
   ASSERT_EQ(chmod(file.c_str(), 0664), 0);
   EXPECT_THAT(refusal_of([&] { load_link_config(file); }), HasSubstr("chmod go-w"));

@@ -13,7 +13,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
-using tether::testing::Folder;
+using tether::test::Folder;
 
 mode_t mode_of(const std::string& file) {
   struct stat about {};

@@ -11,7 +11,7 @@ namespace tether::link {
 namespace {
 
 using ::testing::HasSubstr;
-using tether::testing::contents;
+using tether::test::contents;
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
@@ -35,7 +35,7 @@ path_fates_t fates(const std::vector<double>& transit_ms, double begin_s = 1e9) 
 }
 
 TEST(Recording, HasARowForEachDatagramWithItsDelay) {
-  const tether::testing::Folder folder;
+  const tether::test::Folder folder;
   Recording recording({folder.path.string(), "", false});
   recording.take(fates({5.0, -1.0, -1.0, 0.0}));
   const std::string text = contents(folder.path / "vehicle_7-wifi.csv");
@@ -46,7 +46,7 @@ TEST(Recording, HasARowForEachDatagramWithItsDelay) {
 }
 
 TEST(Recording, ByOneClockTakesDelaysAsStamped) {
-  const tether::testing::Folder folder;
+  const tether::test::Folder folder;
   Recording recording({folder.path.string(), "", true});
   recording.take(fates({5.0}));
   EXPECT_THAT(contents(folder.path / "vehicle_7-wifi.csv"), HasSubstr(",0,5.000000\n"));
@@ -54,7 +54,7 @@ TEST(Recording, ByOneClockTakesDelaysAsStamped) {
 }
 
 TEST(Recording, TimesIncreaseWhateverTheClockDoes) {
-  const tether::testing::Folder folder;
+  const tether::test::Folder folder;
   Recording recording({folder.path.string(), "", false});
   recording.take(fates({1.0, 1.0}, 1e9));
   recording.take(fates({1.0, 1.0}, 5e8));  // set back by years
@@ -69,7 +69,7 @@ TEST(Recording, TimesIncreaseWhateverTheClockDoes) {
 }
 
 TEST(Recording, BeginsWhenTheOffsetIsKnownAndTakesOnlyWhomItIsAskedFor) {
-  const tether::testing::Folder folder;
+  const tether::test::Folder folder;
   Recording recording({folder.path.string(), "vehicle 7", false});
   path_fates_t unknown = fates({1.0, 1.0});
   unknown.offset_known = 0;
@@ -85,14 +85,14 @@ TEST(Recording, BeginsWhenTheOffsetIsKnownAndTakesOnlyWhomItIsAskedFor) {
 }
 
 TEST(Recording, NeverOverwritesAndNamesTheFile) {
-  const tether::testing::Folder folder;
+  const tether::test::Folder folder;
   folder.file("vehicle_7-wifi.csv", "yesterday's");
   Recording again({folder.path.string(), "", false});
   EXPECT_THAT(refusal_of([&] { again.take(fates({1.0})); }),
               HasSubstr("vehicle_7-wifi.csv: exists already"));
   Recording nowhere({(folder.path / "none").string(), "", false});
   EXPECT_THAT(refusal_of([&] { nowhere.take(fates({1.0})); }), HasSubstr("cannot be written"));
-  const tether::testing::Folder fresh;
+  const tether::test::Folder fresh;
   Recording twins({fresh.path.string(), "", false});
   path_fates_t other = fates({1.0});
   other.peer = "vehicle-7";

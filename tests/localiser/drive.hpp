@@ -9,7 +9,7 @@
 #include "localiser/core/localiser.hpp"
 #include "tests/localiser/hall.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// People who walk to and fro, each on a circle of its own.
 class People {
@@ -180,4 +180,4 @@ inline double off_rad(const Localisation& found, const Pose2& truth) {
   return std::abs(wrap_angle(found.pose.yaw_rad - truth.yaw_rad));
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -15,7 +15,7 @@
 #include "localiser/odometry/odometry_track.hpp"
 #include "tests/support/shapes.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// Four walls of 0.5 m around a floor of this size, whose centre is the origin.
 inline std::vector<Shape> walls(double length_m, double width_m) {
@@ -147,4 +147,4 @@ inline Pose2 any_free_pose(const std::vector<Shape>& shapes, double length_m, do
   }
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -16,6 +16,7 @@
 #include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 namespace tether {
@@ -24,7 +25,7 @@ namespace {
 using ::testing::HasSubstr;
 
 Scenario shipped(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/" + name + ".toml", overrides);
+  return load_scenario(in_source("/scenarios/") + name + ".toml", overrides);
 }
 
 std::string refusal(const std::string& name, const std::vector<std::string>& overrides) {

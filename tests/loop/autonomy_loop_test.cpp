@@ -13,6 +13,7 @@
 #include "common/base/random.hpp"
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 namespace tether {
@@ -219,7 +220,7 @@ TEST(AutonomyLoop, ItDoesSoByPlansWhichMayBeLateAndLost) {
 
 TEST(AutonomyLoop, ItDoesSoWithDrivesOnCan) {
   Journey run(kBox, {"vehicle.drivetrain=can", "vehicle.plant=ode", "run.lead_s=6",
-                     "can.drivetrain=" TETHER_SOURCE_DIR "/drivetrains/dual_axis_cia402.toml"});
+                     "can.drivetrain=" + in_source("/drivetrains/dual_axis_cia402.toml")});
   EXPECT_EQ(run.reports.back().state, autonomy_state_t::AUTONOMOUS);
   EXPECT_NEAR(run.x_m(), 13.0, 0.1);
 }
@@ -243,8 +244,8 @@ TEST(AutonomyLoop, LawsThatNeverTakeOverAreRefusedAndTheRemoteDriverOfNobodyIs) 
     return refusal_of([&] { parse_scenario(kLine, "test", overrides); });
   };
   for (const std::string law : {"pid", "pid_adaptive", "tracking", "tracking_compensated"}) {
-    std::vector<std::string> set{"controller.law=" + law, "controller.tau_table=" TETHER_SOURCE_DIR
-                                                          "/scenarios/tau_table.csv"};
+    std::vector<std::string> set{"controller.law=" + law,
+                                 "controller.tau_table=" + in_source("/scenarios/tau_table.csv")};
     EXPECT_THAT(with(set), ::testing::HasSubstr("test: controller.law = \"" + law +
                                                 "\" never takes over a vehicle that drives by "
                                                 "itself (autonomy.enabled = true): controller.law "
@@ -295,7 +296,7 @@ mapped = false
   const Scenario s = parse_scenario(kLine + std::string(kNear), "test",
                                     {"run.duration_s=12", "autonomy.wait_s=1", "lidar.rate_hz=10",
                                      "channel.prr=0.8", "channel.delay_ms=20"});
-  testing::LockstepRig rig(s);
+  test::LockstepRig rig(s);
   std::int64_t undecodable = 0, remote = 0;
   subscribe<autonomy_state_t>(rig.network, "AGV/AUTONOMY", kDeepQueue, undecodable,
                               [&remote](const autonomy_state_t& m) {
@@ -304,7 +305,7 @@ mapped = false
   rig.run();
   ASSERT_EQ(rig.manager->error(), "");
   EXPECT_GT(remote, 10);
-  EXPECT_TRUE(rig.record == testing::record_of(s));
+  EXPECT_TRUE(rig.record == test::record_of(s));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 // What the paper reports, on scenarios/paper.toml as it is shipped.
@@ -12,7 +13,7 @@ namespace tether {
 namespace {
 
 double epsilon_m(const std::vector<std::string>& overrides) {
-  ClosedLoop loop(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides));
+  ClosedLoop loop(load_scenario(in_source("/scenarios/paper.toml"), overrides));
   loop.run();
   return loop.sim().metrics().epsilon_m();
 }
@@ -42,7 +43,7 @@ TEST(PaperBaseline, EpsilonWithoutImpairmentIsAboutOnePointEightMetres) {
 
 TEST(PaperBaseline, OfASlowVehicleEpsilonIsFrom1Point8To2Point1MetresAtHalfASecond) {
   const auto slow_m = [](const char* delay_ms) {
-    ClosedLoop loop(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper_slow.toml",
+    ClosedLoop loop(load_scenario(in_source("/scenarios/paper_slow.toml"),
                                   {std::string("channel.delay_ms=") + delay_ms}));
     loop.run();
     return loop.sim().metrics().epsilon_m();

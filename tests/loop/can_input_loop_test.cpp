@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"
@@ -19,9 +20,9 @@
 namespace tether {
 namespace {
 
-using testing::at_s;
-using testing::contents;
-using testing::Folder;
+using test::at_s;
+using test::contents;
+using test::Folder;
 using ::testing::HasSubstr;
 
 /// The usual drivetrain with one input, at 0x3A0, silent from 100 ms on.
@@ -29,7 +30,7 @@ struct Vehicle {
   explicit Vehicle(const std::string& input, const std::string& kind = "can",
                    std::vector<std::string> overrides = {}) {
     const auto file = folder.path / "drivetrain.toml";
-    std::ofstream(file) << contents(TETHER_SOURCE_DIR "/drivetrains/two_node_cia402.toml")
+    std::ofstream(file) << contents(in_source("/drivetrains/two_node_cia402.toml"))
                         << "[[safety_input]]\nname = \"field\"\n"
                         << input << "kind = \"" << kind << "\"\n"
                         << (kind == "can" ? "id = 0x3A0\nlength = 1\nbyte = 0\nmask = 0x03\n"
@@ -38,7 +39,7 @@ struct Vehicle {
     overrides.emplace_back("can.drivetrain=" + file.string());
     overrides.emplace_back("run.duration_s=20");
     loop = std::make_unique<ClosedLoop>(
-        load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml", overrides));
+        load_scenario(in_source("/scenarios/hil_vcan.toml"), overrides));
     keep("CAN/STATE", state);
     keep("SIM/TRUTH", truth);
   }

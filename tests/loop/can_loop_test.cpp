@@ -9,6 +9,7 @@
 #include <tether/twist_t.hpp>
 #include <vector>
 
+#include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"
@@ -20,16 +21,16 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::contents;
-using testing::Folder;
-using testing::run_and_hash;
-using testing::run_into;
-using testing::Seen;
+using test::at_ms;
+using test::at_s;
+using test::contents;
+using test::Folder;
+using test::run_and_hash;
+using test::run_into;
+using test::Seen;
 
 Scenario hil(const std::vector<std::string>& overrides = {}) {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml", overrides);
+  return load_scenario(in_source("/scenarios/hil_vcan.toml"), overrides);
 }
 
 /// A run with everything that the safety logic did in it.
@@ -114,13 +115,13 @@ TEST(CanLoop, TheOutputFolderHoldsTheDrivetrainAndReproducesTheRun) {
   run_into(folder.path / "b", load_scenario((folder.path / "a" / "scenario.toml").string(), {}));
   EXPECT_EQ(contents(folder.path / "a" / "run.lcmlog"), contents(folder.path / "b" / "run.lcmlog"));
   EXPECT_EQ(contents(folder.path / "a" / "drivetrain.toml"),
-            contents(TETHER_SOURCE_DIR "/drivetrains/two_node_cia402.toml"));
+            contents(in_source("/drivetrains/two_node_cia402.toml")));
 }
 
 class EachDrivetrain : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(EachDrivetrain, DrivesThePath) {
-  const std::string file = std::string(TETHER_SOURCE_DIR "/drivetrains/") + GetParam() + ".toml";
+  const std::string file = in_source("/drivetrains/") + GetParam() + ".toml";
   const Drive run(hil({"can.drivetrain=" + file}));
   EXPECT_LT(run.observer.truth().epsilon_m, 1.85);
   EXPECT_EQ(run.observer.drivetrain()->state().disarms, 0);

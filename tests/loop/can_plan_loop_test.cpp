@@ -21,6 +21,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "sim/node/sim_node.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tools/loop/can_loop.hpp"
 
@@ -30,23 +31,23 @@
 namespace tether {
 namespace {
 
-using testing::at_s;
-using testing::counter;
-using testing::Seen;
+using test::at_s;
+using test::counter;
+using test::Seen;
 
 /// Plans, and as much of a budget for blind driving as simulated drives may have.
-Scenario hil(const std::vector<std::string>& overrides) {
+Scenario planned_hil(const std::vector<std::string>& overrides) {
   std::vector<std::string> all{"actuator.policy=horizon", "can.max_blind_s=10",
                                "can.max_blind_m=100"};
   all.insert(all.end(), overrides.begin(), overrides.end());
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml", all);
+  return load_scenario(in_source("/scenarios/hil_vcan.toml"), all);
 }
 
 /// With the budget as it is by default.
 Scenario floor_plan(const std::vector<std::string>& overrides) {
   std::vector<std::string> all{"can.max_blind_s=1", "can.max_blind_m=1", "run.duration_s=25"};
   all.insert(all.end(), overrides.begin(), overrides.end());
-  return hil(all);
+  return planned_hil(all);
 }
 
 /// What the planner does, and until when.
@@ -100,8 +101,8 @@ class Planner {
   std::int64_t undecodable_ = 0;
 };
 
-struct Drive {
-  explicit Drive(const Scenario& scenario, const Plans& plans = {}, Twist twist = {1.0, 0.1})
+struct PlannedDrive {
+  explicit PlannedDrive(const Scenario& scenario, const Plans& plans = {}, Twist twist = {1.0, 0.1})
       : loop(kStart - from_seconds(scenario.get<RunSettings>().lead_s)),
         bus(loop),
         sim(scenario, loop, bus),
@@ -165,8 +166,8 @@ struct Drive {
 };
 
 TEST(CanPlanLoop, GoesTheWayOfTheDirectRun) {
-  Drive can(hil({"run.duration_s=10"}));
-  Drive direct(hil({"run.duration_s=10", "vehicle.drivetrain=direct"}));
+  PlannedDrive can(planned_hil({"run.duration_s=10"}));
+  PlannedDrive direct(planned_hil({"run.duration_s=10", "vehicle.drivetrain=direct"}));
   EXPECT_EQ(can.states.back().message.state, drivetrain_state_t::ARMED);
   EXPECT_EQ(can.states.back().message.disarms, 0);
   ASSERT_GT(std::hypot(direct.pose().x_m, direct.pose().y_m), 5.0);
@@ -177,7 +178,7 @@ TEST(CanPlanLoop, GoesTheWayOfTheDirectRun) {
 }
 
 TEST(CanPlanLoop, PosesNameThePlanThatOnlyTheBridgeKnows) {
-  const Drive run(hil({"run.duration_s=5"}));
+  const PlannedDrive run(planned_hil({"run.duration_s=5"}));
   EXPECT_EQ(run.poses.front().message.plan_id, -1);
   std::int64_t last = -1, named = 0;
   for (const auto& [when, m] : run.poses) {
@@ -194,8 +195,8 @@ TEST(CanPlanLoop, PosesNameThePlanThatOnlyTheBridgeKnows) {
 }
 
 TEST(CanPlanLoop, APlanOutlivesTheNetworkAndThenTheLadderOfOldCommandsCounts) {
-  Drive run(hil({"run.duration_s=10"}),
-            {.silent = at_s(4)});  // the last plan ends just before t = 7
+  PlannedDrive run(planned_hil({"run.duration_s=10"}),
+                   {.silent = at_s(4)});  // the last plan ends just before t = 7
   Instant slowing{}, disarmed{};
   for (const auto& [when, m] : run.states) {
     if (when < at_s(4)) continue;
@@ -214,7 +215,7 @@ TEST(CanPlanLoop, APlanOutlivesTheNetworkAndThenTheLadderOfOldCommandsCounts) {
 // A twist is 150 ms old when it comes, and the next in 0.3 s on average: with these, hil_vcan.toml
 // as it is does not even arm.
 TEST(CanPlanLoop, LossAndDelayThatStopTwistsDoNotStopPlans) {
-  Drive run(hil({"run.duration_s=20", "channel.prr=0.4", "channel.delay_ms=150"}));
+  PlannedDrive run(planned_hil({"run.duration_s=20", "channel.prr=0.4", "channel.delay_ms=150"}));
   EXPECT_EQ(run.states.back().message.disarms, 0);
   EXPECT_EQ(run.states.back().message.state, drivetrain_state_t::ARMED);
   EXPECT_NEAR(run.sim.vehicle().state().twist.v_mps, 1.0, 0.02);
@@ -225,7 +226,8 @@ TEST(CanPlanLoop, LossAndDelayThatStopTwistsDoNotStopPlans) {
 // stand later than the bridge's setpoints by what the drives lag behind.
 TEST(CanPlanLoop, WithBothLinksDeadTheVehicleStandsWithinTheBudget) {
   for (const double v_mps : {0.5, 1.0, 3.0}) {
-    const Drive run(floor_plan({}), {.twists = 2000, .silent = at_s(20)}, {v_mps, v_mps / 3.0});
+    const PlannedDrive run(floor_plan({}), {.twists = 2000, .silent = at_s(20)},
+                           {v_mps, v_mps / 3.0});
     const auto [s, m] = run.rest_after(at_s(20));
     std::printf("measured: both links dead at %.1f m/s: stands after %.2f s, %.2f m\n",
                 run.speed_at(at_s(20)), s, m);
@@ -236,7 +238,7 @@ TEST(CanPlanLoop, WithBothLinksDeadTheVehicleStandsWithinTheBudget) {
 }
 
 TEST(CanPlanLoop, WithTheUplinkDeadPlansFromAnOldPoseDoNotProlongTheBudget) {
-  const Drive run(floor_plan({}), {.twists = 2000, .blind = at_s(20)}, {3.0, 1.0});
+  const PlannedDrive run(floor_plan({}), {.twists = 2000, .blind = at_s(20)}, {3.0, 1.0});
   const auto [s, m] = run.rest_after(at_s(20));
   std::printf("measured: uplink dead at %.1f m/s: stands after %.2f s, %.2f m\n",
               run.speed_at(at_s(20)), s, m);
@@ -246,13 +248,13 @@ TEST(CanPlanLoop, WithTheUplinkDeadPlansFromAnOldPoseDoNotProlongTheBudget) {
 }
 
 TEST(CanPlanLoop, WithPosesDeadFromTheStartTheVehicleNeverMoves) {
-  const Drive run(floor_plan({}), {.twists = 2000, .blind = Instant::min()}, {3.0, 0.0});
+  const PlannedDrive run(floor_plan({}), {.twists = 2000, .blind = Instant::min()}, {3.0, 0.0});
   EXPECT_NEAR(run.truths.back().message.x_m, run.truths.front().message.x_m, 1e-6);
   EXPECT_GT(run.count("plan.without_pose") + run.count("plan.blind"), 400);
 }
 
 TEST(CanPlanLoop, HalfASecondOfDelaySlowsButDoesNotStop) {
-  const Drive run(floor_plan({"channel.delay_ms=250"}), {.any = true}, {3.0, 1.0});
+  const PlannedDrive run(floor_plan({"channel.delay_ms=250"}), {.any = true}, {3.0, 1.0});
   EXPECT_EQ(run.states.back().message.state, drivetrain_state_t::ARMED);
   EXPECT_EQ(run.states.back().message.disarms, 0);
   std::printf("measured: 250 ms each way: %.2f m/s\n", run.speed_at(at_s(20)));

@@ -9,6 +9,7 @@
 #include <tether/odometry_t.hpp>
 #include <vector>
 
+#include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tools/loop/closed_loop.hpp"
 
@@ -18,13 +19,13 @@
 namespace tether {
 namespace {
 
-using testing::at_s;
+using test::at_s;
 using ::testing::HasSubstr;
 
 /// A run in which somebody may meddle with the bus.
 struct Meddled {
   explicit Meddled(std::vector<std::string> overrides = {})
-      : loop(load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml", [&] {
+      : loop(load_scenario(in_source("/scenarios/hil_vcan.toml"), [&] {
           overrides.emplace_back("run.duration_s=20");
           return overrides;
         }())) {

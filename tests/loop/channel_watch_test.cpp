@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/scenario/run_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/channel_report.hpp"
 #include "tools/runs/channel_traffic.hpp"
@@ -24,8 +25,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-Scenario paper(const std::vector<std::string>& keys, const std::string& file = "paper.toml") {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/" + file, keys);
+Scenario watched(const std::vector<std::string>& keys, const std::string& file = "paper.toml") {
+  return load_scenario(in_source("/scenarios/") + file, keys);
 }
 
 struct Watched {
@@ -68,9 +69,9 @@ Traffic traffic_of(const Scenario& scenario, bool watched) {
 
 TEST(ChannelWatch, ChangesNoByteOfARun) {
   for (const char* file : {"paper.toml", "paper_markov.toml"}) {
-    const Scenario scenario = paper({"channel.jitter.law=gamma", "channel.jitter.mean_ms=30",
-                                     "channel.jitter.sd_ms=20", "run.duration_s=30"},
-                                    file);
+    const Scenario scenario = watched({"channel.jitter.law=gamma", "channel.jitter.mean_ms=30",
+                                       "channel.jitter.sd_ms=20", "run.duration_s=30"},
+                                      file);
     const Traffic alone = traffic_of(scenario, false);
     EXPECT_GT(alone.size(), 1000U);
     EXPECT_EQ(alone, traffic_of(scenario, true));
@@ -78,7 +79,7 @@ TEST(ChannelWatch, ChangesNoByteOfARun) {
 }
 
 TEST(ChannelWatch, APerfectNetworkIsAsConfiguredInAPaperRun) {
-  const Watched run(paper({}));
+  const Watched run(watched({}));
   EXPECT_EQ(run.json["uplink"]["channel_check"], "ok");
   EXPECT_EQ(run.json["downlink"]["channel_check"], "ok");
   EXPECT_EQ(run.json["uplink"]["check"].size(), 4U);
@@ -93,16 +94,16 @@ TEST(ChannelWatch, APerfectNetworkIsAsConfiguredInAPaperRun) {
 }
 
 TEST(ChannelWatch, APaperRunAtHalfReceptionIsTooShort) {
-  const Watched run(paper({"channel.prr=0.5"}));
+  const Watched run(watched({"channel.prr=0.5"}));
   EXPECT_EQ(run.json["uplink"]["channel_check"], "too short");
   EXPECT_THAT(run.text, HasSubstr("too short to say: PRR, mean loss burst, lag-1 correlation; "
                                   "channel as configured: delay p50, p90, p99\n"));
 }
 
 TEST(ChannelWatch, ALongRunsStatesAreTheProcesss) {
-  const Watched run(paper({"sensor.rate_hz=20", "run.duration_s=300", "channel.model=markov",
-                           "channel.markov.mean_good_s=0.3", "channel.markov.mean_bad_s=0.1",
-                           "channel.markov.bad.delay_ms=0", "world.half_extent_m=1000"}));
+  const Watched run(watched({"sensor.rate_hz=20", "run.duration_s=300", "channel.model=markov",
+                             "channel.markov.mean_good_s=0.3", "channel.markov.mean_bad_s=0.1",
+                             "channel.markov.bad.delay_ms=0", "world.half_extent_m=1000"}));
   for (const char* link : {"uplink", "downlink"}) {
     std::map<std::string, nlohmann::json> rows;
     for (const auto& row : run.json[link]["check"]) rows[row["quantity"]] = row;
@@ -118,14 +119,14 @@ TEST(ChannelWatch, ALongRunsStatesAreTheProcesss) {
 }
 
 TEST(ChannelWatch, CommandsThroughASharedStateAreNotComparable) {
-  const Watched run(paper({}, "paper_markov.toml"));
+  const Watched run(watched({}, "paper_markov.toml"));
   EXPECT_EQ(run.json["downlink"]["check"][0]["verdict"], "not comparable");
   EXPECT_THAT(run.json["downlink"]["check"][0]["reason"], HasSubstr("commands answer the poses"));
   EXPECT_NE(run.json["uplink"]["check"][0]["verdict"], "not comparable");
 }
 
 TEST(ChannelWatch, TheLeadDoesNotCount) {
-  const Watched run(paper({"run.lead_s=5", "sensor.rate_hz=10", "run.duration_s=3"}));
+  const Watched run(watched({"run.lead_s=5", "sensor.rate_hz=10", "run.duration_s=3"}));
   EXPECT_EQ(run.summary.channel->uplink.packets, 31);
   EXPECT_GT(run.loop.netem().uplink().counters().offered, 31);
 }

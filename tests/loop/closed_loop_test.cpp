@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "common/base/errors.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 
 namespace fs = std::filesystem;
@@ -15,14 +16,14 @@ namespace fs = std::filesystem;
 namespace tether {
 namespace {
 
-using testing::contents;
-using testing::Files;
-using testing::Folder;
-using testing::run_and_hash;
-using testing::run_into;
+using test::contents;
+using test::Files;
+using test::Folder;
+using test::run_and_hash;
+using test::run_into;
 
 Scenario paper(const std::vector<std::string>& overrides = {}) {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  return load_scenario(in_source("/scenarios/paper.toml"), overrides);
 }
 
 /// Noise, loss, delay and both Markov channels at once.

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 // What the project promises of control over a bad network: experiments/control_targets.toml has the
@@ -11,9 +12,9 @@
 namespace tether {
 namespace {
 
-double epsilon_m(std::vector<std::string> overrides) {
+double achieved_epsilon_m(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(), "vehicle.max_wheel_acceleration_mps2=4");
-  ClosedLoop loop(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides));
+  ClosedLoop loop(load_scenario(in_source("/scenarios/paper.toml"), overrides));
   loop.run();
   return loop.sim().metrics().epsilon_m();
 }
@@ -22,7 +23,7 @@ double consistent_m(const std::vector<std::string>& overrides, const std::string
   std::vector<std::string> all{"controller.law=predictive_consistent", "actuator.policy=horizon",
                                "controller.trigger=timer", "controller.rate_hz=" + rate_hz};
   all.insert(all.end(), overrides.begin(), overrides.end());
-  return epsilon_m(all);
+  return achieved_epsilon_m(all);
 }
 
 double mean_consistent_m(const std::vector<std::string>& overrides, int seeds,
@@ -37,7 +38,7 @@ double mean_consistent_m(const std::vector<std::string>& overrides, int seeds,
 }
 
 TEST(ControlTargets, TrackingAtTwentyHertzIsWithinTwoAndAHalfCentimetres) {
-  EXPECT_LE(epsilon_m({"controller.law=tracking", "sensor.rate_hz=20"}), 0.025);
+  EXPECT_LE(achieved_epsilon_m({"controller.law=tracking", "sensor.rate_hz=20"}), 0.025);
 }
 
 TEST(ControlTargets, HalfASecondOfDelayEachWayCostsNoMoreThanEightCentimetres) {
@@ -117,7 +118,7 @@ TEST(ControlTargets, WithOdometryALagThatIsBelievedButAbsentLosesNoVehicle) {
 TEST(ControlTargets, OptimisedPlansAllowForTheVehiclesEstimatedClock) {
   // A clock that is 50 ms behind is 0.1 m at 2 m/s; aimed at the wrong time they are 0.091 m off.
   ClosedLoop loop(load_scenario(
-      TETHER_SOURCE_DIR "/scenarios/paper.toml",
+      in_source("/scenarios/paper.toml"),
       {"controller.law=mpc", "controller.plan_step_ms=150", "controller.trigger=timer",
        "controller.rate_hz=10", "actuator.policy=horizon", "controller.estimator=ekf",
        "controller.adapt.clock=true", "vehicle.clock_offset_ms=-50", "vehicle.plant=kinematic",

@@ -9,18 +9,19 @@
 
 #include "common/bus/message_io.hpp"
 #include "controller/laws/law.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 namespace tether {
 namespace {
 
-using testing::contents;
-using testing::Folder;
-using testing::run_into;
+using test::contents;
+using test::Folder;
+using test::run_into;
 
 Scenario loaded(const std::vector<std::string>& overrides, const char* file = "paper.toml") {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/" + std::string(file), overrides);
+  return load_scenario(in_source("/scenarios/") + std::string(file), overrides);
 }
 
 const std::vector<std::string> kUncertain{"vehicle.start_error_m=0.2",
@@ -90,15 +91,15 @@ TEST(UncertainStart, TheResolvedScenarioReproducesIt) {
   EXPECT_EQ(contents(folder.path / "a" / "run.lcmlog"), contents(folder.path / "b" / "run.lcmlog"));
 }
 
-double epsilon_m(const Scenario& scenario) {
+double disturbed_epsilon_m(const Scenario& scenario) {
   ClosedLoop loop(scenario);
   loop.run();
   return loop.sim().metrics().epsilon_m();
 }
 
 TEST(ControlledPoint, TheChassisCentreIsCloserToThePapersPathThanTheAxle) {
-  EXPECT_NEAR(epsilon_m(loaded({"path.point=axle"})), 1.7324, 1e-3);
-  EXPECT_NEAR(epsilon_m(loaded({"path.point=chassis"})), 1.5141, 1e-3);
+  EXPECT_NEAR(disturbed_epsilon_m(loaded({"path.point=axle"})), 1.7324, 1e-3);
+  EXPECT_NEAR(disturbed_epsilon_m(loaded({"path.point=chassis"})), 1.5141, 1e-3);
 }
 
 TEST(ControlledPoint, LawsForTheAxleTakeTheChassisCentreAlongThePathAsWell) {
@@ -108,9 +109,10 @@ TEST(ControlledPoint, LawsForTheAxleTakeTheChassisCentreAlongThePathAsWell) {
   predictive[0] = "controller.law=predictive";
   predictive.emplace_back("actuator.policy=horizon");
   for (auto law : {tracking, predictive}) {
-    const double axle = epsilon_m(loaded(law));
+    const double axle = disturbed_epsilon_m(loaded(law));
     law.emplace_back("path.point=chassis");
-    EXPECT_LT(epsilon_m(loaded(law)), axle) << law[0];  // it begins 0.5 m nearer to the path
+    EXPECT_LT(disturbed_epsilon_m(loaded(law)), axle)
+        << law[0];  // it begins 0.5 m nearer to the path
   }
 }
 
@@ -124,7 +126,7 @@ TEST(Odometry, ReachesTheControllerAndChangesNothingForLawsThatDoNotUseIt) {
   subscribe<odometry_t>(loop.bus(), "CTRL/ODOMETRY", kDeepQueue, undecodable,
                         [&](const odometry_t&) { ++arrived; });
   loop.run();
-  EXPECT_EQ(loop.sim().metrics().epsilon_m(), epsilon_m(loaded(lossy)));
+  EXPECT_EQ(loop.sim().metrics().epsilon_m(), disturbed_epsilon_m(loaded(lossy)));
   // Of 1001, some of the last under way: 600 get through, with a deviation of √(1000 · 0.24)
   // = 15.5.
   EXPECT_NEAR(static_cast<double>(arrived), 600.0, 4.0 * 15.5);

@@ -13,27 +13,28 @@
 #include "sim/sensor/sensor_settings.hpp"
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 
 namespace tether {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::contents;
+using test::contents;
+using test::Folder;
+using test::record_of;
+using test::run_into;
 using ::testing::ElementsAre;
-using testing::Folder;
 using ::testing::HasSubstr;
-using testing::record_of;
-using testing::run_into;
 
 /// Three vehicles far from each other, with losses, unless `overrides` say otherwise.
-Scenario fleet(const std::vector<std::string>& overrides) {
+Scenario differing_fleet(const std::vector<std::string>& overrides) {
   std::vector<std::string> all{"vehicle.plant=kinematic", "run.duration_s=10",
                                "fleet.count=3",           "fleet.phases=none",
                                "fleet.offset_x_m=50",     "world.half_extent_m=400",
                                "sensor.rate_hz=10",       "channel.prr=0.8"};
   all.insert(all.end(), overrides.begin(), overrides.end());
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", all);
+  return load_scenario(in_source("/scenarios/paper.toml"), all);
 }
 
 /// Small, as a localiser's map has to be.
@@ -45,8 +46,8 @@ std::vector<std::string> in_small_hall(std::vector<std::string> overrides) {
   return overrides;
 }
 
-std::string refusal(const std::vector<std::string>& overrides) {
-  return refusal_of([&] { fleet(overrides); });
+std::string fleet_refusal(const std::vector<std::string>& overrides) {
+  return refusal_of([&] { differing_fleet(overrides); });
 }
 
 const SensorSettings& sensor_of(const std::vector<Scenario>& members, std::size_t i) {
@@ -55,8 +56,8 @@ const SensorSettings& sensor_of(const std::vector<Scenario>& members, std::size_
 
 TEST(FleetDiffer, TablesNameVehiclesByNumbersRangesAndLists) {
   const auto members =
-      fleet_members(fleet({"fleet.count=6", "fleet.vehicle.1,3-4,6.sensor.rate_hz=5",
-                           "fleet.vehicle.5.sensor.latency_ms=7"}));
+      fleet_members(differing_fleet({"fleet.count=6", "fleet.vehicle.1,3-4,6.sensor.rate_hz=5",
+                                     "fleet.vehicle.5.sensor.latency_ms=7"}));
   std::vector<double> rates_hz, latencies_ms;
   for (std::size_t i = 0; i < 6; ++i) {
     rates_hz.push_back(sensor_of(members, i).rate_hz);
@@ -82,10 +83,10 @@ TEST(FleetDiffer, SeveralTablesOfAVehicleAddUpAndTheCommandLineBeatsTheFile) {
 }
 
 TEST(FleetDiffer, AVehicleHasItsOwnLawLossesSensorAndPath) {
-  ClosedLoop loop(
-      fleet({"fleet.vehicle.1.controller.law=tracking", "fleet.vehicle.2.channel.uplink.prr=0.2",
-             "fleet.vehicle.2.channel.downlink.prr=1", "fleet.vehicle.3.sensor.rate_hz=2",
-             "fleet.vehicle.3.path.kind=circle", "fleet.vehicle.3.path.radius_m=6"}));
+  ClosedLoop loop(differing_fleet(
+      {"fleet.vehicle.1.controller.law=tracking", "fleet.vehicle.2.channel.uplink.prr=0.2",
+       "fleet.vehicle.2.channel.downlink.prr=1", "fleet.vehicle.3.sensor.rate_hz=2",
+       "fleet.vehicle.3.path.kind=circle", "fleet.vehicle.3.path.radius_m=6"}));
   EXPECT_EQ(loop.members()[0].get<ControllerSettings>().law, "tracking");
   EXPECT_EQ(loop.members()[1].get<ControllerSettings>().law, "pid");
   std::int64_t undecodable = 0;
@@ -111,7 +112,7 @@ TEST(FleetDiffer, TheOthersDriveAsTheyWouldHadItNotDiffered) {
       "fleet.vehicle.2.vehicle.max_wheel_speed_mps=2.9", "fleet.vehicle.2.path.amplitude_m=15"};
   std::vector<std::string> of_others[2], of_second;
   for (const bool differs : {false, true}) {
-    ClosedLoop loop(fleet(differs ? own : std::vector<std::string>{}));
+    ClosedLoop loop(differing_fleet(differs ? own : std::vector<std::string>{}));
     loop.bus().subscribe("(SIM|NET|CTRL|AGV)[13]/.*", kDeepQueue, [&](const Message& message) {
       of_others[differs ? 1 : 0].push_back(std::string(message.channel) +
                                            std::string(message.bytes.begin(), message.bytes.end()));
@@ -123,9 +124,9 @@ TEST(FleetDiffer, TheOthersDriveAsTheyWouldHadItNotDiffered) {
 }
 
 TEST(FleetDiffer, WhatSaysTheSameAsTheScenarioChangesNoByteOfTheRunOrItsFiles) {
-  const Scenario alike = fleet({});
+  const Scenario alike = differing_fleet({});
   const Scenario said =
-      fleet({"fleet.vehicle.2.sensor.rate_hz=10", "fleet.vehicle.1-3.path.phase=0"});
+      differing_fleet({"fleet.vehicle.2.sensor.rate_hz=10", "fleet.vehicle.1-3.path.phase=0"});
   EXPECT_EQ(to_toml(said), to_toml(alike));
   EXPECT_TRUE(record_of(said) == record_of(alike));
 }
@@ -143,7 +144,7 @@ TEST(FleetDiffer, WhatARunWritesReproducesIt) {
                                      "fleet.vehicle.3.actuator.policy=horizon",
                                      "run.duration_s=4"};
   const Folder folder;
-  const Scenario scenario = fleet(own);
+  const Scenario scenario = differing_fleet(own);
   run_into(folder.path / "a", scenario);
   const Scenario again = load_scenario((folder.path / "a" / "scenario.toml").string(), {});
   run_into(folder.path / "b", again);
@@ -154,12 +155,13 @@ TEST(FleetDiffer, WhatARunWritesReproducesIt) {
 }
 
 TEST(FleetDiffer, AListThatIsEmptyForAVehicleOnlyStaysEmptyInWhatARunWrites) {
-  const Scenario scenario =
-      fleet({"channel.uplink.outages=[[2, 3]]", "fleet.vehicle.2.channel.uplink.outages=[]"});
+  const Scenario scenario = differing_fleet(
+      {"channel.uplink.outages=[[2, 3]]", "fleet.vehicle.2.channel.uplink.outages=[]"});
   const std::string written = to_toml(scenario);
   EXPECT_THAT(written, HasSubstr("\n[fleet.vehicle.2.channel.uplink]\noutages = []\n"));
   EXPECT_TRUE(record_of(parse_scenario(written, "written")) == record_of(scenario));
-  EXPECT_FALSE(record_of(scenario) == record_of(fleet({"channel.uplink.outages=[[2, 3]]"})));
+  EXPECT_FALSE(record_of(scenario) ==
+               record_of(differing_fleet({"channel.uplink.outages=[[2, 3]]"})));
 }
 
 /// Another value than the scenario has; the same where there is no obvious one.
@@ -171,15 +173,15 @@ ScenarioValue another(const ScenarioValue& value) {
 }
 
 TEST(FleetDiffer, EachKeyThatMayDifferIsWrittenAndReadAsItWasGiven) {
-  const Scenario scenario = fleet({});
+  const Scenario scenario = differing_fleet({});
   int differing = 0;
   for (const ScenarioKey& key : scenario.schema().keys()) {
     const auto value = key.get(scenario);
     if (!value || !may_differ(key.name)) continue;
     const std::string wanted = to_toml(another(*value));
     const std::vector<std::string> own{"fleet.vehicle.2." + key.name + "=" + wanted};
-    if (refusal(own) != "accepted") continue;  // it has no effect here, or needs other keys
-    const Scenario given = fleet(own);
+    if (fleet_refusal(own) != "accepted") continue;  // it has no effect here, or needs other keys
+    const Scenario given = differing_fleet(own);
     const std::string written = to_toml(given);
     EXPECT_EQ(to_toml(parse_scenario(written, "written")), written) << key.name;
     differing += static_cast<int>(given.get<FleetSettings>().variants.size());
@@ -188,18 +190,18 @@ TEST(FleetDiffer, EachKeyThatMayDifferIsWrittenAndReadAsItWasGiven) {
 }
 
 TEST(FleetDiffer, InLockstepItIsTheSameRun) {
-  const Scenario scenario = fleet(in_small_hall(
+  const Scenario scenario = differing_fleet(in_small_hall(
       {"run.duration_s=4", "sensor.odometry_rate_hz=20", "medium.model=dcf",
        "fleet.vehicle.2.controller.law=tracking", "fleet.vehicle.2.sensor.rate_hz=4",
        "fleet.vehicle.3.lidar.model=sick_nanoscan3", "fleet.vehicle.3.lidar.rate_hz=5",
        "fleet.vehicle.3.localiser.place=vehicle"}));
-  testing::LockstepRig rig(scenario);
+  test::LockstepRig rig(scenario);
   rig.run();
   EXPECT_TRUE(rig.record == record_of(scenario));
 }
 
 TEST(FleetDiffer, OnlyTheVehicleThatHasALocaliserLocalises) {
-  ClosedLoop loop(fleet(in_small_hall(
+  ClosedLoop loop(differing_fleet(in_small_hall(
       {"run.duration_s=2", "fleet.vehicle.2.sensor.odometry_rate_hz=50",
        "fleet.vehicle.2.lidar.model=sick_nanoscan3", "fleet.vehicle.2.localiser.place=vehicle"})));
   std::set<std::string> heard;
@@ -211,7 +213,7 @@ TEST(FleetDiffer, OnlyTheVehicleThatHasALocaliserLocalises) {
 }
 
 TEST(FleetDiffer, ASeedThatASweepGivesIsTheirsToo) {
-  Scenario scenario = fleet({"fleet.vehicle.2.channel.prr=0.5"});
+  Scenario scenario = differing_fleet({"fleet.vehicle.2.channel.prr=0.5"});
   scenario.get<RunSettings>().seed = 77;
   for (const Scenario& member : fleet_members(scenario)) {
     EXPECT_EQ(member.get<RunSettings>().seed, 77U);
@@ -220,8 +222,8 @@ TEST(FleetDiffer, ASeedThatASweepGivesIsTheirsToo) {
 
 TEST(FleetDiffer, AVehicleWithAnOpenPathBeginsAtItsStartAndTheOthersWhereTheLapHasThem) {
   const auto members = fleet_members(
-      fleet({"fleet.phases=even", "fleet.offset_x_m=0", "fleet.vehicle.2.path.kind=line",
-             "fleet.vehicle.2.path.start_y_m=60", "fleet.vehicle.2.path.length_m=9"}));
+      differing_fleet({"fleet.phases=even", "fleet.offset_x_m=0", "fleet.vehicle.2.path.kind=line",
+                       "fleet.vehicle.2.path.start_y_m=60", "fleet.vehicle.2.path.length_m=9"}));
   EXPECT_EQ(members[1].get<VehicleSettings>().start_y_m, 60.0);
   EXPECT_EQ(members[2].get<PathSettings>().phase, 2.0 / 3.0);
 }
@@ -243,22 +245,24 @@ TEST(FleetDiffer, RefusesWhatAllShareWhatIsNotThereAndWhatIsSaidTwice) {
         "vehicle.drivetrain=can", "controller.external=true", "channel.change=[]",
         "channel.links.sat.prr=0.5"}) {
     const std::string key = std::string(shared).substr(0, std::string(shared).find('='));
-    EXPECT_THAT(refusal({std::string("fleet.vehicle.2.") + shared}),
+    EXPECT_THAT(fleet_refusal({std::string("fleet.vehicle.2.") + shared}),
                 HasSubstr("--set fleet.vehicle.2." + std::string(shared) + ": fleet.vehicle.2." +
                           key + " is not allowed: " + key +
                           " is all vehicles'; one of a fleet may differ in keys of vehicle"))
         << shared;
   }
-  EXPECT_THAT(refusal({"fleet.vehicle.2-4.sensor.rate_hz=5"}),
+  EXPECT_THAT(fleet_refusal({"fleet.vehicle.2-4.sensor.rate_hz=5"}),
               HasSubstr("paper.toml: fleet.vehicle.2-4 is not allowed: numbers are 1 to 3, which "
                         "is fleet.count"));
-  EXPECT_THAT(refusal({"fleet.count=1", "fleet.vehicle.1.sensor.rate_hz=5"}), HasSubstr("fleet"));
-  EXPECT_THAT(refusal({"fleet.vehicle.2-3.sensor.rate_hz=5", "fleet.vehicle.1,3.sensor.rate_hz=5"}),
-              HasSubstr("vehicle 3 has sensor.rate_hz twice: fleet.vehicle.1,3.sensor.rate_hz and "
-                        "fleet.vehicle.2-3.sensor.rate_hz"));
+  EXPECT_THAT(fleet_refusal({"fleet.count=1", "fleet.vehicle.1.sensor.rate_hz=5"}),
+              HasSubstr("fleet"));
+  EXPECT_THAT(
+      fleet_refusal({"fleet.vehicle.2-3.sensor.rate_hz=5", "fleet.vehicle.1,3.sensor.rate_hz=5"}),
+      HasSubstr("vehicle 3 has sensor.rate_hz twice: fleet.vehicle.1,3.sensor.rate_hz and "
+                "fleet.vehicle.2-3.sensor.rate_hz"));
   for (const char* name :
        {"0", "x", "3-2", "2,1", "1,1", "02", "2-", "1001", "1-1001", "-2", "1,"}) {
-    EXPECT_THAT(refusal({std::string("fleet.vehicle.") + name + ".sensor.rate_hz=5"}),
+    EXPECT_THAT(fleet_refusal({std::string("fleet.vehicle.") + name + ".sensor.rate_hz=5"}),
                 HasSubstr(std::string("fleet.vehicle.") + name +
                           " is not allowed: must be numbers of vehicles from 1 to 1000"))
         << name;
@@ -266,22 +270,22 @@ TEST(FleetDiffer, RefusesWhatAllShareWhatIsNotThereAndWhatIsSaidTwice) {
 }
 
 TEST(FleetDiffer, RefusesValuesAsForTheScenario) {
-  EXPECT_THAT(refusal({"fleet.vehicle.2.sensor.rate_hz=-1"}),
+  EXPECT_THAT(fleet_refusal({"fleet.vehicle.2.sensor.rate_hz=-1"}),
               HasSubstr("fleet.vehicle.2.sensor.rate_hz = -1 is not allowed: must be a number in"));
-  EXPECT_THAT(refusal({"fleet.vehicle.2.sensor.rate=1"}),
+  EXPECT_THAT(fleet_refusal({"fleet.vehicle.2.sensor.rate=1"}),
               HasSubstr("did you mean \"fleet.vehicle.2.sensor.rate_hz\"?"));
-  EXPECT_THAT(refusal({"fleet.vehicle.2.sensor.jump_m=1"}),
+  EXPECT_THAT(fleet_refusal({"fleet.vehicle.2.sensor.jump_m=1"}),
               HasSubstr("fleet.vehicle.2: sensor.jump_m has no effect: sensor.jumps_per_min is 0"));
-  EXPECT_THAT(refusal({"fleet.vehicle.2.controller.law=predictive_consistent"}),
+  EXPECT_THAT(fleet_refusal({"fleet.vehicle.2.controller.law=predictive_consistent"}),
               HasSubstr("AGV2: controller.law is one that sends plans"));
-  EXPECT_THAT(
-      refusal({"medium.model=dcf", "medium.queue=2", "fleet.vehicle.2.actuator.policy=horizon",
-               "fleet.vehicle.2.controller.law=predictive_consistent"}),
-      HasSubstr("fleet.vehicle.2: medium.queue = 2 is too short for a command or plan"));
-  EXPECT_THAT(refusal({"fleet.vehicle.2.vehicle.start_x_m=3"}),
+  EXPECT_THAT(fleet_refusal({"medium.model=dcf", "medium.queue=2",
+                             "fleet.vehicle.2.actuator.policy=horizon",
+                             "fleet.vehicle.2.controller.law=predictive_consistent"}),
+              HasSubstr("fleet.vehicle.2: medium.queue = 2 is too short for a command or plan"));
+  EXPECT_THAT(fleet_refusal({"fleet.vehicle.2.vehicle.start_x_m=3"}),
               HasSubstr("fleet.vehicle.2: with fleet.count = 3 each vehicle starts where its path "
                         "begins"));
-  EXPECT_THAT(refusal({"fleet.vehicle.2.vehicle.chassis_length_m=100"}),
+  EXPECT_THAT(fleet_refusal({"fleet.vehicle.2.vehicle.chassis_length_m=100"}),
               HasSubstr("would start where AGV"));
 }
 

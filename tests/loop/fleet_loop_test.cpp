@@ -9,6 +9,7 @@
 #include "common/fleet/fleet.hpp"
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/runs/fleet_observer.hpp"
 
@@ -16,14 +17,14 @@ namespace tether {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::Folder;
+using test::Folder;
+using test::record_of;
+using test::run_into;
 using ::testing::HasSubstr;
-using testing::record_of;
-using testing::run_into;
 
 Scenario fleet(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(), {"vehicle.plant=kinematic", "run.duration_s=20"});
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  return load_scenario(in_source("/scenarios/paper.toml"), overrides);
 }
 
 /// Side by side, far from each other.
@@ -98,7 +99,7 @@ TEST(Fleet, TheSameSeedGivesTheSameBytesInAnyThread) {
 TEST(Fleet, InLockstepItIsTheSameRun) {
   const Scenario scenario = fleet({"fleet.count=3", "medium.model=dcf", "run.duration_s=5",
                                    "sensor.rate_hz=10", "sensor.odometry_rate_hz=20"});
-  testing::LockstepRig rig(scenario);
+  test::LockstepRig rig(scenario);
   rig.run();
   EXPECT_TRUE(rig.record == record_of(scenario));
 }
@@ -125,11 +126,10 @@ TEST(Fleet, ItsFilesReproduceTheRun) {
   run_into(folder.path / "a", fleet({"fleet.count=3", "run.duration_s=3"}));
   run_into(folder.path / "b", load_scenario((folder.path / "a" / "scenario.toml").string(), {}));
   for (const char* file : {"run.lcmlog", "trajectories.csv"}) {
-    EXPECT_EQ(testing::contents(folder.path / "a" / file),
-              testing::contents(folder.path / "b" / file))
+    EXPECT_EQ(test::contents(folder.path / "a" / file), test::contents(folder.path / "b" / file))
         << file;
   }
-  const std::string rows = testing::contents(folder.path / "a" / "trajectories.csv");
+  const std::string rows = test::contents(folder.path / "a" / "trajectories.csv");
   EXPECT_THAT(rows, HasSubstr("\nAGV1,"));
   EXPECT_THAT(rows, HasSubstr("\n\n\nvehicle,t_s,x_m"));
   EXPECT_THAT(rows, HasSubstr("\nAGV3,"));
@@ -168,7 +168,7 @@ TEST(Fleet, RefusesWhatItCannotBe) {
   EXPECT_THAT(refusal({"fleet.count=3", "fleet.phases=none", "fleet.offset_x_m=30"}),
               HasSubstr("AGV2"));
   EXPECT_THAT(refusal({"fleet.count=7", "vehicle.drivetrain=can",
-                       "can.drivetrain=" TETHER_SOURCE_DIR "/drivetrains/two_node_cia402.toml"}),
+                       "can.drivetrain=" + in_source("/drivetrains/two_node_cia402.toml")}),
               HasSubstr("a CAN bus is one vehicle's"));
 }
 

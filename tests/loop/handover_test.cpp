@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/base/random.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 namespace tether {
@@ -24,7 +25,7 @@ class Journey {
     overrides.push_back(fmt::format("run.seed={}", seed));
     overrides.emplace_back("run.duration_s=75");  // 22 s of path
     const Scenario scenario =
-        load_scenario(TETHER_SOURCE_DIR "/scenarios/factory_blocked.toml", overrides);
+        load_scenario(in_source("/scenarios/factory_blocked.toml"), overrides);
     limits_ = scenario.get<AutonomySettings>();
     ClosedLoop loop(scenario);
     subscribe<autonomy_state_t>(loop.bus(), "AGV/AUTONOMY", kDeepQueue, undecodable_,

@@ -10,6 +10,7 @@
 #include "common/base/errors.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
@@ -19,16 +20,16 @@
 namespace tether {
 namespace {
 
-using testing::contents;
-using testing::Folder;
+using test::contents;
+using test::Folder;
+using test::run_and_hash;
+using test::run_into;
 using ::testing::HasSubstr;
 using ::testing::Not;
-using testing::run_and_hash;
-using testing::run_into;
 
-Scenario paper(std::vector<std::string> overrides, bool kinematic = true) {
+Scenario on_plant(std::vector<std::string> overrides, bool kinematic = true) {
   if (kinematic) overrides.emplace_back("vehicle.plant=kinematic");
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  return load_scenario(in_source("/scenarios/paper.toml"), overrides);
 }
 
 double epsilon_m(const Scenario& scenario) {
@@ -38,25 +39,26 @@ double epsilon_m(const Scenario& scenario) {
 }
 
 TEST(KinematicLoop, EpsilonWithoutImpairmentIsThatOfOde) {
-  const double ode = epsilon_m(paper({}, false));
-  EXPECT_NEAR(epsilon_m(paper({})), ode, 0.01 * ode);
+  const double ode = epsilon_m(on_plant({}, false));
+  EXPECT_NEAR(epsilon_m(on_plant({})), ode, 0.01 * ode);
   EXPECT_NEAR(ode, 1.732, 0.005);
 }
 
 TEST(KinematicLoop, EpsilonWithDelayIsThatOfOde) {
-  const double ode = epsilon_m(paper({"channel.delay_ms=500"}, false));
-  EXPECT_NEAR(epsilon_m(paper({"channel.delay_ms=500"})), ode, 0.01 * ode);
+  const double ode = epsilon_m(on_plant({"channel.delay_ms=500"}, false));
+  EXPECT_NEAR(epsilon_m(on_plant({"channel.delay_ms=500"})), ode, 0.01 * ode);
 }
 
 TEST(KinematicLoop, SameScenarioAndSeedGiveByteIdenticalFiles) {
   const std::vector<std::string> lossy{"channel.prr=0.45", "run.seed=7", "run.duration_s=30"};
-  EXPECT_EQ(run_and_hash(paper(lossy)), run_and_hash(paper(lossy)));
+  EXPECT_EQ(run_and_hash(on_plant(lossy)), run_and_hash(on_plant(lossy)));
 }
 
 TEST(KinematicLoop, HowOftenTheTruthIsLookedAtDoesNotChangeTheRun) {
-  const double e = epsilon_m(paper({"channel.prr=0.45"}));
+  const double e = epsilon_m(on_plant({"channel.prr=0.45"}));
   for (const char* rate : {"7.3", "1000", "0.1"}) {
-    EXPECT_EQ(epsilon_m(paper({"channel.prr=0.45", std::string("run.truth_rate_hz=") + rate})), e);
+    EXPECT_EQ(epsilon_m(on_plant({"channel.prr=0.45", std::string("run.truth_rate_hz=") + rate})),
+              e);
   }
 }
 
@@ -82,29 +84,29 @@ TEST(KinematicLoop, StepsTakenAtOnceLeadWhereStepsOneByOneDo) {
         {"channel.prr=0.6", "actuator.policy=ramp", "actuator.timeout_s=1.5"},
         {"controller.law=predictive_consistent", "controller.trigger=timer",
          "controller.rate_hz=10", "actuator.policy=horizon", "channel.prr=0.7"}}) {
-    const Scenario one_by_one = with_obstacle(paper(overrides));
-    const auto a = trajectory(paper(overrides)), b = trajectory(one_by_one);
+    const Scenario one_by_one = with_obstacle(on_plant(overrides));
+    const auto a = trajectory(on_plant(overrides)), b = trajectory(one_by_one);
     ASSERT_EQ(a.size(), b.size());
     double apart_m = 0.0;
     for (std::size_t i = 0; i < a.size(); ++i) {
       apart_m = std::max(apart_m, std::hypot(a[i].x_m - b[i].x_m, a[i].y_m - b[i].y_m));
     }
     EXPECT_LT(apart_m, 1e-6) << overrides.size();
-    EXPECT_NEAR(epsilon_m(paper(overrides)), epsilon_m(one_by_one), 1e-6);
+    EXPECT_NEAR(epsilon_m(on_plant(overrides)), epsilon_m(one_by_one), 1e-6);
   }
 }
 
 TEST(KinematicLoop, PlansOfTenSecondsAreEnoughForAMinuteWithoutAnyPose) {
   const Scenario blind =
-      paper({"controller.law=predictive_consistent", "controller.trigger=timer",
-             "controller.rate_hz=10", "controller.horizon_s=10", "actuator.policy=horizon",
-             "channel.uplink.prr=0", "channel.downlink.prr=0.5"});
+      on_plant({"controller.law=predictive_consistent", "controller.trigger=timer",
+                "controller.rate_hz=10", "controller.horizon_s=10", "actuator.policy=horizon",
+                "channel.uplink.prr=0", "channel.downlink.prr=0.5"});
   EXPECT_LT(epsilon_m(blind), 0.1);
 }
 
 TEST(KinematicLoop, MetricsCoverRunsOfAnyLength) {
   // A vehicle that stands: the largest error is the last one, at 2.345 s.
-  ClosedLoop loop(paper({"channel.prr=0", "run.duration_s=2.345"}));
+  ClosedLoop loop(on_plant({"channel.prr=0", "run.duration_s=2.345"}));
   loop.run();
   const double theta = 0.1 * 2.345;
   EXPECT_NEAR(loop.sim().metrics().max_error_m(),
@@ -115,7 +117,7 @@ TEST(KinematicLoop, EveryOutputSaysWhichPlantItCameFrom) {
   const Folder folder;
   for (const bool kinematic : {true, false}) {
     const auto out = folder.path / (kinematic ? "kinematic" : "ode");
-    run_into(out, paper({"run.duration_s=2"}, kinematic));
+    run_into(out, on_plant({"run.duration_s=2"}, kinematic));
     EXPECT_EQ(nlohmann::json::parse(contents(out / "summary.json"))["plant"],
               kinematic ? "kinematic" : "ode");
     EXPECT_EQ(contents(out / "path.gp").find("kinematic plant; ") != std::string::npos, kinematic);
@@ -123,7 +125,7 @@ TEST(KinematicLoop, EveryOutputSaysWhichPlantItCameFrom) {
 }
 
 TEST(KinematicLoop, TheResolvedScenarioHoldsNoMassesAndGivesTheSameRun) {
-  const Scenario scenario = paper({"channel.prr=0.45", "run.duration_s=30", "run.seed=4"});
+  const Scenario scenario = on_plant({"channel.prr=0.45", "run.duration_s=30", "run.seed=4"});
   const std::string text = to_toml(scenario);
   EXPECT_THAT(text, HasSubstr("plant = \"kinematic\""));
   EXPECT_THAT(text, HasSubstr("wall_friction"));
@@ -134,9 +136,9 @@ TEST(KinematicLoop, TheResolvedScenarioHoldsNoMassesAndGivesTheSameRun) {
 }
 
 TEST(KinematicLoop, KeysWithoutEffectAreRefusedAtTheLevelWhereTheyAreGiven) {
-  EXPECT_NO_THROW(paper({}));  // the file has friction and torque, for the plant that it names
+  EXPECT_NO_THROW(on_plant({}));  // the file has friction and torque, for the plant that it names
   try {
-    paper({"world.friction=0.5"});
+    on_plant({"world.friction=0.5"});
     FAIL();
   } catch (const UsageError& error) {
     EXPECT_STREQ(error.what(),

@@ -16,13 +16,14 @@
 #include "common/vehicle/frames.hpp"
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 namespace tether {
 namespace {
 
-using testing::LockstepRig;
-using testing::record_of;
+using test::LockstepRig;
+using test::record_of;
 
 constexpr char kHall[] = R"(
 [run]
@@ -180,7 +181,7 @@ TEST(LocaliserLoop, InTheFactoryAVehicleThatKnowsNothingIsFoundWhereItIsOrNotAtA
     SCOPED_TRACE(y_m);
     const std::string y = std::string("start_y_m=") + y_m;
     ClosedLoop loop(load_scenario(
-        TETHER_SOURCE_DIR "/scenarios/factory.toml",
+        in_source("/scenarios/factory.toml"),
         {"vehicle.plant=kinematic", "run.duration_s=8", "localiser.knows_start=false",
          "path.kind=line", "path.length_m=2", "path.start_x_m=-12", "path." + y,
          "vehicle.start_x_m=-12", "vehicle." + y, "channel.model=fixed", "channel.prr=0"}));
@@ -198,7 +199,7 @@ TEST(LocaliserLoop, InTheFactoryAVehicleThatKnowsNothingIsFoundWhereItIsOrNotAtA
 }
 
 TEST(LocaliserLoop, OnALapThroughTheFactoryItIsWithin3CmAndHalfADegree) {
-  const Scenario factory = load_scenario(TETHER_SOURCE_DIR "/scenarios/factory.toml",
+  const Scenario factory = load_scenario(in_source("/scenarios/factory.toml"),
                                          {"vehicle.plant=kinematic", "run.duration_s=157"});
   ClosedLoop loop(factory);
   const LocalisationErrors errors(loop.bus());
@@ -217,8 +218,7 @@ TEST(LocaliserLoop, OnALapThroughTheFactoryItIsWithin3CmAndHalfADegree) {
 // Its errors are of one run, and of slip that does not change from scan to scan: so there is a
 // bound from above only.
 TEST(LocaliserLoop, OnTyresThatSlipInACurveItDoesNotTakeItselfForSurerThanItIs) {
-  ClosedLoop loop(
-      load_scenario(TETHER_SOURCE_DIR "/scenarios/factory.toml", {"run.duration_s=12"}));
+  ClosedLoop loop(load_scenario(in_source("/scenarios/factory.toml"), {"run.duration_s=12"}));
   const LocalisationErrors errors(loop.bus());
   loop.run();
   EXPECT_LT(errors.summary().nees, 3.0);

@@ -23,7 +23,7 @@
 #include "tools/lockstep/time_manager.hpp"
 #include "tools/loop/closed_loop.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// What a line between a program and the network does to what the program sends.
 struct LineFaults {
@@ -189,4 +189,4 @@ class LockstepRig {
   std::vector<std::unique_ptr<Program>> programs_;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

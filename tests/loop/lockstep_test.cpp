@@ -7,21 +7,22 @@
 #include <vector>
 
 #include "tests/loop/lockstep_rig.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
 
-using testing::BadLine;
+using test::BadLine;
+using test::LineFaults;
+using test::LockstepRig;
+using test::record_of;
 using ::testing::HasSubstr;
-using testing::LineFaults;
-using testing::LockstepRig;
-using testing::record_of;
 
 Scenario scenario(const std::vector<std::string>& more = {}, const char* file = "paper.toml") {
   std::vector<std::string> overrides{"run.duration_s=4", "vehicle.plant=kinematic",
                                      "sensor.rate_hz=20", "channel.prr=0.8", "channel.delay_ms=30"};
   overrides.insert(overrides.end(), more.begin(), more.end());
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/" + std::string(file), overrides);
+  return load_scenario(in_source("/scenarios/") + std::string(file), overrides);
 }
 
 void expect_as_in_one_process(const Scenario& s, const LineFaults& faults = {}) {
@@ -53,7 +54,7 @@ TEST(Lockstep, WithTiesBetweenTheNodes) {
 TEST(Lockstep, WithPlansALeadAndAChannelThatChanges) {
   expect_as_in_one_process(scenario({"controller.law=predictive", "actuator.policy=horizon",
                                      "controller.preload=true", "run.lead_s=1"}));
-  expect_as_in_one_process(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper_markov.toml",
+  expect_as_in_one_process(load_scenario(in_source("/scenarios/paper_markov.toml"),
                                          {"run.duration_s=4", "vehicle.plant=kinematic"}));
   expect_as_in_one_process(scenario({"channel.uplink.duplicate.probability=0.3",
                                      "channel.change=[{at_s=1, "

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/bus/message_io.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tools/loop/closed_loop.hpp"
 
@@ -16,7 +17,7 @@
 namespace tether {
 namespace {
 
-using testing::counter;
+using test::counter;
 
 /// What came out of a link: the message's number and its way's length in ns.
 using Arrivals = std::vector<std::pair<std::int64_t, std::int64_t>>;
@@ -67,15 +68,15 @@ const std::vector<std::string> kBadNetwork{"run.duration_s=40",
                                            "channel.jitter.sd_ms=20",
                                            "channel.loss=0.05"};
 
-Scenario paper(std::vector<std::string> keys, const std::vector<std::string>& more = {}) {
+Scenario through_netem(std::vector<std::string> keys, const std::vector<std::string>& more = {}) {
   keys.insert(keys.end(), more.begin(), more.end());
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", keys);
+  return load_scenario(in_source("/scenarios/paper.toml"), keys);
 }
 
 TEST(CommonRandomNumbers, TwoControllersMeetTheSameFates) {
-  const LoopRun gentle(paper(kBadNetwork));
-  const LoopRun harsh(
-      paper(kBadNetwork, {"controller.v.p=2.5", "controller.omega.p=1.5", "controller.tau_s=0.5"}));
+  const LoopRun gentle(through_netem(kBadNetwork));
+  const LoopRun harsh(through_netem(
+      kBadNetwork, {"controller.v.p=2.5", "controller.omega.p=1.5", "controller.tau_s=0.5"}));
   ASSERT_NE(gentle.loop.sim().metrics().epsilon_m(), harsh.loop.sim().metrics().epsilon_m());
   EXPECT_GT(gentle.poses.size(), 100U);
   EXPECT_EQ(gentle.poses, harsh.poses);
@@ -84,8 +85,9 @@ TEST(CommonRandomNumbers, TwoControllersMeetTheSameFates) {
 }
 
 TEST(CommonRandomNumbers, AControllerThatSendsAtOtherTimesMeetsTheSameFatesPacketByPacket) {
-  const LoopRun by_event(paper(kBadNetwork));
-  const LoopRun by_timer(paper(kBadNetwork, {"controller.trigger=timer", "controller.rate_hz=50"}));
+  const LoopRun by_event(through_netem(kBadNetwork));
+  const LoopRun by_timer(
+      through_netem(kBadNetwork, {"controller.trigger=timer", "controller.rate_hz=50"}));
   EXPECT_EQ(by_event.poses, by_timer.poses);
   std::map<std::int64_t, std::int64_t> expected(by_timer.commands.begin(), by_timer.commands.end());
   for (const auto& [seq, way_ns] : by_event.commands) {
@@ -95,9 +97,9 @@ TEST(CommonRandomNumbers, AControllerThatSendsAtOtherTimesMeetsTheSameFatesPacke
 }
 
 TEST(CommonRandomNumbers, MoreModelsDownlinkChangeNothingUplink) {
-  const LoopRun plain(paper(kBadNetwork));
-  const LoopRun more(paper(kBadNetwork, {"channel.downlink.duplicate.probability=0.3",
-                                         "channel.downlink.reorder.probability=0.2"}));
+  const LoopRun plain(through_netem(kBadNetwork));
+  const LoopRun more(through_netem(kBadNetwork, {"channel.downlink.duplicate.probability=0.3",
+                                                 "channel.downlink.reorder.probability=0.2"}));
   EXPECT_EQ(plain.poses, more.poses);
 }
 
@@ -112,10 +114,10 @@ Arrivals during(const Arrivals& all, std::int64_t first, std::int64_t last) {
 TEST(ChannelChange, MeetsBeforeAndAfterWhatRunsWithTheseSettingsMeet) {
   const std::vector<std::string> worse{"channel.uplink.markov.bad.prr=0.1",
                                        "channel.uplink.loss=0.3"};
-  const LoopRun plain(paper(kBadNetwork)), bad(paper(kBadNetwork, worse));
-  const LoopRun changed(
-      paper(kBadNetwork,
-            {"channel.change=[{at_s=20, set=['uplink.markov.bad.prr=0.1', 'uplink.loss=0.3']}]"}));
+  const LoopRun plain(through_netem(kBadNetwork)), bad(through_netem(kBadNetwork, worse));
+  const LoopRun changed(through_netem(
+      kBadNetwork,
+      {"channel.change=[{at_s=20, set=['uplink.markov.bad.prr=0.1', 'uplink.loss=0.3']}]"}));
   constexpr std::int64_t kChange = 400;  // poses at 20 Hz
   EXPECT_EQ(during(changed.poses, 0, kChange), during(plain.poses, 0, kChange));
   EXPECT_EQ(during(changed.poses, kChange, 9999), during(bad.poses, kChange, 9999));
@@ -123,8 +125,8 @@ TEST(ChannelChange, MeetsBeforeAndAfterWhatRunsWithTheseSettingsMeet) {
 }
 
 TEST(ChannelChange, ThatIsRefusedInTheMiddleOfARunLeavesItAsItWas) {
-  const LoopRun plain(paper(kBadNetwork));
-  LoopRun asked(paper(kBadNetwork), {"uplink.loss=0.9", "downlink.prr=0.5"});
+  const LoopRun plain(through_netem(kBadNetwork));
+  LoopRun asked(through_netem(kBadNetwork), {"uplink.loss=0.9", "downlink.prr=0.5"});
   EXPECT_EQ(asked.poses, plain.poses);
   EXPECT_EQ(asked.commands, plain.commands);
 }
@@ -137,7 +139,7 @@ const std::vector<std::string> kDamage{
 
 TEST(Corruption, IsSurvivedByControllerAndVehicleAndCounted) {
   for (const char* seed : {"run.seed=1", "run.seed=2", "run.seed=3"}) {
-    LoopRun run(paper(kDamage, {seed}));
+    LoopRun run(through_netem(kDamage, {seed}));
     EXPECT_GT(run.loop.netem().uplink().counters().corrupted, 1000);
     EXPECT_GT(counter(run.counters["CTRL/COUNTERS"], "pose.undecodable"), 50);
     EXPECT_GT(counter(run.counters["SIM/COUNTERS"], "command.undecodable"), 50);
@@ -146,7 +148,7 @@ TEST(Corruption, IsSurvivedByControllerAndVehicleAndCounted) {
 }
 
 TEST(Corruption, IsSurvivedByTheCanBridge) {
-  LoopRun run(load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml", kDamage));
+  LoopRun run(load_scenario(in_source("/scenarios/hil_vcan.toml"), kDamage));
   EXPECT_GT(run.loop.netem().downlink().counters().corrupted, 500);
   EXPECT_GT(counter(run.counters["CAN/COUNTERS"], "command.undecodable"), 50);
   EXPECT_TRUE(std::isfinite(run.loop.sim().metrics().epsilon_m()));
@@ -164,7 +166,7 @@ TEST(EveryModel, RunsTheLoopAndAccountsForEveryPacket) {
     auto keys = kDamage;
     keys[2] = "channel.slot.period_ms=10";
     keys.insert(keys.end(), {"channel.rate.bits_per_s=1e5", "channel.outages=[[10, 12]]"});
-    const LoopRun run(paper(keys, model));
+    const LoopRun run(through_netem(keys, model));
     for (const Link* link : {&run.loop.netem().uplink(), &run.loop.netem().downlink()}) {
       const Link::Counters& c = link->counters();
       EXPECT_GT(c.delivered, 100);

@@ -10,6 +10,7 @@
 #include "common/path/path_settings.hpp"
 #include "common/path/planned_path.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"
 
@@ -18,11 +19,11 @@ namespace fs = std::filesystem;
 namespace tether {
 namespace {
 
-using testing::contents;
-using testing::Folder;
-using testing::run_into;
+using test::contents;
+using test::Folder;
+using test::run_into;
 
-const std::string kLap = TETHER_SOURCE_DIR "/scenarios/warehouse_lap.toml";
+const std::string kLap = in_source("/scenarios/warehouse_lap.toml");
 
 /// The ready lap with other settings.
 Scenario lap(const std::vector<std::string>& overrides) { return load_scenario(kLap, overrides); }
@@ -59,7 +60,7 @@ TEST(PathLoop, TheOutputFolderHoldsItsWaypointsAndReproducesTheRun) {
   const Folder folder;
   run_into(folder.path / "a", lap({"run.duration_s=20"}));
   EXPECT_EQ(contents(folder.path / "a" / "path.csv"),
-            contents(TETHER_SOURCE_DIR "/scenarios/paths/warehouse_lap.csv"));
+            contents(in_source("/scenarios/paths/warehouse_lap.csv")));
   fs::rename(folder.path / "a", folder.path / "moved");
   const std::string again = (folder.path / "moved" / "scenario.toml").string();
   run_into(folder.path / "b", load_scenario(again, {}));

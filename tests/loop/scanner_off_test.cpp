@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/bus/message_digest.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 // Who has no scanner has the runs of before there were scanners, to the last bit.
@@ -14,7 +15,7 @@ namespace {
 
 /// Of all channels' names and messages, one after the other, of the first 10 s.
 MessageDigest digest_of_run(const std::string& scenario) {
-  ClosedLoop loop(load_scenario(TETHER_SOURCE_DIR "/scenarios/" + scenario, {"run.duration_s=10"}));
+  ClosedLoop loop(load_scenario(in_source("/scenarios/") + scenario, {"run.duration_s=10"}));
   std::vector<std::uint8_t> all;
   loop.bus().subscribe(".*", kDeepQueue, [&all](const Message& message) {
     all.insert(all.end(), message.channel.begin(), message.channel.end());

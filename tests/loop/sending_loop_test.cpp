@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "common/scenario/scenario.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/fleet_observer.hpp"
 #include "tools/runs/metric.hpp"
@@ -19,7 +20,7 @@ struct Driven {
 
 Driven drive(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(), {"vehicle.plant=kinematic", "sensor.rate_hz=20"});
-  const Scenario scenario = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  const Scenario scenario = load_scenario(in_source("/scenarios/paper.toml"), overrides);
   ClosedLoop loop(scenario);
   const RunObserver observer(scenario, loop.loop(), loop.bus());
   loop.run();
@@ -80,7 +81,7 @@ AtAccessPoint fleet(std::vector<std::string> overrides) {
                                        "fleet.count=4", "fleet.phases=none", "fleet.offset_x_m=50",
                                        "medium.model=dcf", "sensor.position_noise_m=0.02",
                                        "sensor.yaw_noise_rad=0.01", "sensor.rate_hz=20"});
-  const Scenario scenario = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  const Scenario scenario = load_scenario(in_source("/scenarios/paper.toml"), overrides);
   ClosedLoop loop(scenario);
   const FleetObserver observer(loop.members(), loop.loop(), loop.bus());
   loop.run();

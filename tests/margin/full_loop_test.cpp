@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "margin/loop/loop_margins.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 
@@ -44,7 +45,7 @@ std::vector<std::string> straight(const std::string& law, double prr) {
 TEST_P(FullLoop, OnAStraightHasTheErrorThatIsPredicted) {
   const auto& [law, prr] = GetParam();
   auto settings = straight(law, prr);
-  const std::string file = TETHER_SOURCE_DIR "/scenarios/paper.toml";
+  const std::string file = in_source("/scenarios/paper.toml");
   const LoopMargins predicted = loop_margins(load_scenario(file, settings));
   ASSERT_TRUE(predicted.rms_m);
   settings.emplace_back();

@@ -13,6 +13,7 @@
 #include "controller/laws/tracking_feedback.hpp"
 #include "margin/loop/loop_margins.hpp"
 #include "margin/theory/sampled_loop.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -20,7 +21,7 @@ namespace {
 Scenario paper(std::vector<std::string> more = {}) {
   std::vector<std::string> set{"controller.law=tracking", "sensor.rate_hz=20"};
   set.insert(set.end(), more.begin(), more.end());
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", set);
+  return load_scenario(in_source("/scenarios/paper.toml"), set);
 }
 
 /// The shipping law at `reference`, by central differences in the vehicle's errors.

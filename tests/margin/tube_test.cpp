@@ -15,6 +15,7 @@
 #include "margin/tube/tube_settings.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/kinematic_vehicle.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -61,7 +62,7 @@ class TubeRuns {
  public:
   TubeRuns()
       : scenario_(load_scenario(
-            TETHER_SOURCE_DIR "/scenarios/paper.toml",
+            in_source("/scenarios/paper.toml"),
             {"controller.law=predictive_consistent", "actuator.policy=horizon",
              "vehicle.plant=kinematic", "tube.silence_s=1", "tube.radius=0.01", "tube.track=0.02",
              "tube.lag_s=0.05", "tube.clock_s=0.02", "tube.speed_mps=0.02", "tube.yaw_radps=0.01",
@@ -183,7 +184,7 @@ TEST(TubeRunsTest, NoRunWithinTheBoundsLeavesTheTubeAndTheWorstComesNearIt) {
 
 TEST(LongestSilenceTest, KeepsTheBudgetAndAStepMoreDoesNot) {
   const Scenario scenario =
-      load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
+      load_scenario(in_source("/scenarios/paper.toml"),
                     {"controller.law=predictive", "actuator.policy=horizon", "tube.silence_s=1",
                      "tube.radius=0.01", "tube.track=0.01", "tube.start_m=0.02"});
   const LongestSilence longest = longest_silence(scenario, 0.1);
@@ -196,7 +197,7 @@ TEST(LongestSilenceTest, KeepsTheBudgetAndAStepMoreDoesNot) {
 }
 
 TEST(LongestSilenceTest, IsNoneWhereTheStartIsBeyondTheBudgetAndEndsAt16Seconds) {
-  const std::string file = TETHER_SOURCE_DIR "/scenarios/paper.toml";
+  const std::string file = in_source("/scenarios/paper.toml");
   const std::vector<std::string> plans{"controller.law=predictive", "actuator.policy=horizon",
                                        "tube.silence_s=1", "tube.start_m=0.02"};
   const LongestSilence none = longest_silence(load_scenario(file, plans), 0.01);
@@ -209,7 +210,7 @@ TEST(LongestSilenceTest, IsNoneWhereTheStartIsBeyondTheBudgetAndEndsAt16Seconds)
 
 TEST(LongestSilenceTest, EndsWithThePlan) {
   const LongestSilence plan =
-      longest_silence(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
+      longest_silence(load_scenario(in_source("/scenarios/paper.toml"),
                                     {"controller.law=predictive", "actuator.policy=horizon",
                                      "controller.horizon_s=1", "tube.silence_s=1"}),
                       1000.0);
@@ -223,7 +224,7 @@ TEST(PathTubeTest, IsRefusedWhereTheVehicleCannotBeWithinIt) {
                                  "tube.silence_s=2"};
     set.insert(set.end(), more.begin(), more.end());
     try {
-      tube_m(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", set));
+      tube_m(load_scenario(in_source("/scenarios/paper.toml"), set));
     } catch (const UsageError& error) {
       return error.what();
     }
@@ -238,7 +239,7 @@ TEST(PathTubeTest, IsRefusedWhereTheVehicleCannotBeWithinIt) {
 }
 
 TEST(LongestSilenceTest, IsRefusedWhereCommandsAreHeld) {
-  EXPECT_THROW(longest_silence(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", {}), 0.1),
+  EXPECT_THROW(longest_silence(load_scenario(in_source("/scenarios/paper.toml"), {}), 0.1),
                UsageError);
 }
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A temporary folder of this test alone, gone with it: others, and the same test with sanitizers,
 /// may run at the same time.
@@ -35,4 +35,4 @@ inline std::string contents(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

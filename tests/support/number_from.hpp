@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <cstdlib>
 
-namespace tether::testing {
+namespace tether::test {
 
 /// What this variable of the environment says, as how many runs a test is to make.
 inline std::uint64_t number_from(const char* variable, std::uint64_t otherwise) {
@@ -11,4 +11,4 @@ inline std::uint64_t number_from(const char* variable, std::uint64_t otherwise) 
   return text == nullptr ? otherwise : std::strtoull(text, nullptr, 10);
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

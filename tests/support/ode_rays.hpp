@@ -10,7 +10,7 @@
 #include "common/world/shape.hpp"
 #include "sim/plant/ode_world.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// The same shapes as geoms of ODE in a quadtree, for its rays.
 class OdeRays {
@@ -69,4 +69,4 @@ class OdeRays {
   dGeomID ray_;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

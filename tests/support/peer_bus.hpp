@@ -8,7 +8,7 @@
 
 #include "common/bus/in_process_bus.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// One program's access to a network in virtual time: hears all but itself.
 class Peer final : public Bus {
@@ -38,4 +38,4 @@ class Peer final : public Bus {
   bool deaf_ = false;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

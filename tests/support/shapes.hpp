@@ -2,7 +2,7 @@
 
 #include "common/world/shape.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 inline Shape box(double x_m, double y_m, double length_m, double width_m, double yaw_rad = 0.0) {
   Shape shape;
@@ -20,4 +20,4 @@ inline Shape cylinder(double x_m, double y_m, double radius_m) {
   return shape;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -8,7 +8,9 @@
 #include <string_view>
 #include <vector>
 
-namespace tether::testing {
+#include "tests/support/source_dir.hpp"
+
+namespace tether::test {
 
 template <class Row>
 std::vector<std::string> names_of(const std::vector<Row>& table) {
@@ -22,7 +24,7 @@ inline std::vector<std::string> rows_defined_in(const std::string& folder,
                                                 const std::string& row_type,
                                                 std::string_view suffix) {
   std::vector<std::string> names;
-  const auto path = std::filesystem::path(TETHER_SOURCE_DIR) / folder;
+  const auto path = std::filesystem::path(in_source("")) / folder;
   for (const auto& entry : std::filesystem::directory_iterator(path)) {
     if (entry.path().extension() != ".cpp") continue;
     std::ifstream file(entry.path());
@@ -50,4 +52,4 @@ void expect_has_all_rows(const std::vector<Row>& table, const std::string& folde
       << "the table against the functions in " << folder;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

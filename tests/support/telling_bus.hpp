@@ -9,7 +9,7 @@
 
 #include "common/bus/bus.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A bus that tells who sent what it delivers, as UdpmBus does: `who` knows by the message.
 class TellingBus final : public Bus {
@@ -41,4 +41,4 @@ inline std::uint64_t sender_by_number(const Message& message) {
   return other ? 0x0100007f'0101 : 0x0100007f'0001;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace tether::testing {
+namespace tether::test {
 
 /// No LaTeX here: a whole picture, whose braces are in pairs, and whose texts have no letter that
 /// TeX takes for a command, nor a Greek one.
@@ -29,4 +29,4 @@ inline void expect_tex(const std::string& tex) {
   }
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

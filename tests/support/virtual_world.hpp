@@ -11,7 +11,7 @@
 #include "common/bus/message_io.hpp"
 #include "common/loop/virtual_loop.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 inline Instant at_s(double seconds) { return kStart + from_seconds(seconds); }
 inline Instant at_ms(double milliseconds) { return kStart + from_seconds(milliseconds * 1e-3); }
@@ -82,4 +82,4 @@ std::int64_t counter(const CountersMessage& m, const std::string& name) {
   return -1;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -18,7 +18,7 @@ winsize size_of_terminal() {
 }
 
 /// What fits into a row, up to a blank: half a number is a wrong one.
-std::string cut(const std::string& line) {
+std::string cut_to_terminal(const std::string& line) {
   const std::size_t columns = size_of_terminal().ws_col;
   const bool has_escapes = line.find('\033') != std::string::npos;  // from who asked has_room()
   if (columns == 0 || has_escapes) return line;
@@ -54,7 +54,7 @@ void TerminalStatus::show(const std::vector<std::string>& lines) {
   if (!shown_) return;
   const std::size_t before = lines_.size();
   lines_ = lines;
-  for (std::string& line : lines_) line = cut(line);
+  for (std::string& line : lines_) line = cut_to_terminal(line);
   fmt::print(stderr, "{}", rewritten(before, lines_));
   std::fflush(stderr);
 }

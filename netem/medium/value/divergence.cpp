@@ -70,7 +70,7 @@ double between(const Plan& newer, const Plan& known) {
     const Instant next = std::min({end, next_of(newer), next_of(known)});
     drive(a, newer.at(t), to_seconds(next - t));
     drive(b, known.at(t), to_seconds(next - t));
-    most_m = std::max(most_m, std::hypot(a.x_m - b.x_m, a.y_m - b.y_m));
+    most_m = std::max(most_m, distance_m(a, b));
     t = next;
   }
   return most_m;

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace tether::testing {
+namespace tether::test {
 
 DrivingRules::DrivingRules(const AutonomySettings& autonomy, const Outline& outline, double step_s)
     : autonomy_(autonomy), stopping_(autonomy), outline_(outline), step_s_(step_s) {}
@@ -72,4 +72,4 @@ void DrivingRules::moved(double way_m) {
   }
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

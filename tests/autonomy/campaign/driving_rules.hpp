@@ -6,7 +6,7 @@
 #include "common/base/time.hpp"
 #include "common/onboard/stopping_field.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// Who may drive and how, as rules that are checked at every setpoint, by nothing but what the
 /// driver says and does:
@@ -50,4 +50,4 @@ class DrivingRules {
   std::string broken_;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

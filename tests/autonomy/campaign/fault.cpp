@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 bool moves(const Twist& twist) { return twist.v_mps != 0.0 || twist.omega_radps != 0.0; }
@@ -73,4 +73,4 @@ Twist FaultyDriver::wheels(Instant now, const OnboardDriver::Output& out) {
   return told_;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

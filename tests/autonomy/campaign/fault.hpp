@@ -2,7 +2,7 @@
 
 #include "autonomy/node/onboard_driver.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// What may be wrong with a driver, for trials that have to notice it.
 enum class Fault {
@@ -47,4 +47,4 @@ class FaultyDriver {
   Twist told_;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

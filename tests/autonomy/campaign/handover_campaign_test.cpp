@@ -8,7 +8,7 @@
 #include "tests/autonomy/campaign/trial.hpp"
 #include "tests/support/number_from.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 struct Outcome {
@@ -103,4 +103,4 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& info) { return info.param.name; });
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

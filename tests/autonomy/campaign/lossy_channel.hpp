@@ -12,7 +12,7 @@
 #include "common/base/time.hpp"
 #include "netem/models/gilbert_elliott.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 struct Network {
   double loss = 0.0;
@@ -65,4 +65,4 @@ class LossyChannel {
   std::vector<std::pair<Instant, Message>> waiting_;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

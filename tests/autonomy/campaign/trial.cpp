@@ -11,7 +11,7 @@
 #include "tests/autonomy/campaign/lossy_channel.hpp"
 #include "tests/autonomy/support/scanner.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 constexpr Duration kStep = std::chrono::milliseconds{20};
@@ -302,4 +302,4 @@ std::string run_trial(std::uint64_t seed, TrialTotals& totals, Fault fault) {
   return Trial(seed, fault).run(totals);
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

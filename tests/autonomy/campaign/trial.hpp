@@ -5,7 +5,7 @@
 
 #include "tests/autonomy/campaign/fault.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// What became of one seeded run, for looking at whether the runs were worth it.
 struct TrialTotals {
@@ -33,4 +33,4 @@ struct TrialTotals {
 /// field at that time, and what the vehicle needs until it is seen.
 std::string run_trial(std::uint64_t seed, TrialTotals& totals, Fault fault = Fault::none);
 
-}  // namespace tether::testing
+}  // namespace tether::test

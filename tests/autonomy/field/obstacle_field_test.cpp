@@ -7,13 +7,13 @@
 namespace tether {
 namespace {
 
-using testing::box;
-using testing::cylinder;
-using testing::hall;
-using testing::Scanner;
+using test::box;
+using test::cylinder;
+using test::hall;
+using test::Scanner;
 
 constexpr Twist kAhead{1.0, 0.0};
-Instant at_ms(int ms) { return kStart + std::chrono::milliseconds{ms}; }
+Instant seen_at_ms(int ms) { return kStart + std::chrono::milliseconds{ms}; }
 
 /// 2 m long, 1.4 m wide with its wheels, 1.5 m ahead of the axle.
 const VehicleConfig kVehicle;
@@ -22,8 +22,8 @@ class ObstacleFieldTest : public ::testing::Test {
  protected:
   void see(std::vector<Shape> shapes, const Pose2& vehicle = {}, const Twist& twist = {}) {
     for (const Shape& wall : hall(15.0)) shapes.push_back(wall);
-    field_.see(scanner_.scan(at_ms(0), vehicle, shapes), {}, twist);
-    field_.update(at_ms(0), Pose2{});
+    field_.see(scanner_.scan(seen_at_ms(0), vehicle, shapes), {}, twist);
+    field_.update(seen_at_ms(0), Pose2{});
   }
 
   AutonomySettings settings_;
@@ -95,13 +95,13 @@ TEST_F(ObstacleFieldTest, BesideAWallThatIsNearerThanTheMarginTheMarginIsWhatThe
 
 TEST_F(ObstacleFieldTest, AScanMovesOnWithTheVehicle) {
   see({box(6.0, 0.0, 1.0, 1.0)});
-  field_.update(at_ms(100), Pose2{0.15, 0.0, 0.0});
+  field_.update(seen_at_ms(100), Pose2{0.15, 0.0, 0.0});
   EXPECT_NEAR(field_.clear_m(kAhead), 4.0 - 0.15, 0.01);
 }
 
 TEST_F(ObstacleFieldTest, BeamsAreCorrectedForTheMotionDuringTheScan) {
   // 360 beams within 100 ms at 1.5 m/s: the one straight ahead is measured 50 ms before the end.
-  Scan scan = scanner_.scan(at_ms(0), {}, {box(6.0, 0.0, 1.0, 1.0)});
+  Scan scan = scanner_.scan(seen_at_ms(0), {}, {box(6.0, 0.0, 1.0, 1.0)});
   scan.time_increment_s = 0.1 / 359.0;
   for (float& range : scan.range_m) range = range == 0.0F ? 20.0F : range;
   field_.see(scan, {}, {1.5, 0.0});
@@ -110,7 +110,7 @@ TEST_F(ObstacleFieldTest, BeamsAreCorrectedForTheMotionDuringTheScan) {
 }
 
 TEST_F(ObstacleFieldTest, WithoutAScanNothingIsClear) {
-  field_.update(at_ms(0), Pose2{});
+  field_.update(seen_at_ms(0), Pose2{});
   EXPECT_EQ(field_.blind(), "no scan");
   EXPECT_EQ(field_.clear_m(kAhead), 0.0);
   EXPECT_FALSE(field_.is_way_free({{}}));
@@ -118,25 +118,25 @@ TEST_F(ObstacleFieldTest, WithoutAScanNothingIsClear) {
 
 TEST_F(ObstacleFieldTest, AScanIsGoodForTheTimeOfReaction) {
   see({});
-  field_.update(at_ms(200), Pose2{});
+  field_.update(seen_at_ms(200), Pose2{});
   EXPECT_EQ(field_.blind(), "");
-  field_.update(at_ms(201), Pose2{});
+  field_.update(seen_at_ms(201), Pose2{});
   EXPECT_EQ(field_.blind(), "the newest scan is 201 ms old");
   EXPECT_EQ(field_.clear_m(kAhead), 0.0);
 }
 
 TEST_F(ObstacleFieldTest, AScanWithFewReturnsSaysNothing) {
-  Scan scan = scanner_.scan(at_ms(0), {}, hall(15.0));
+  Scan scan = scanner_.scan(seen_at_ms(0), {}, hall(15.0));
   for (std::size_t i = 35; i < scan.range_m.size(); ++i) scan.range_m[i] = 0.0F;
   field_.see(scan, {}, {});
-  field_.update(at_ms(0), Pose2{});
+  field_.update(seen_at_ms(0), Pose2{});
   EXPECT_EQ(field_.blind(), "only 10 % of the scanner's beams return");
   EXPECT_EQ(field_.clear_m(kAhead), 0.0);
 }
 
 TEST_F(ObstacleFieldTest, WithoutOdometryAScanCannotBeMovedToThePresent) {
   see({});
-  field_.update(at_ms(10), std::nullopt);
+  field_.update(seen_at_ms(10), std::nullopt);
   EXPECT_EQ(field_.blind(), "no odometry");
   EXPECT_EQ(field_.clear_m(kAhead), 0.0);
 }
@@ -146,8 +146,8 @@ TEST_F(ObstacleFieldTest, ReversesOnlyWhereItsScannerLooks) {
   EXPECT_GT(field_.clear_m({-0.3, 0.0}), 10.0);
   Scanner front{
       .mount = {1.4, 0.0, 0.0}, .beams = 270, .first_rad = -135.0 / 180.0 * std::numbers::pi};
-  field_.see(front.scan(at_ms(0), {}, hall(15.0)), {}, {});
-  field_.update(at_ms(0), Pose2{});
+  field_.see(front.scan(seen_at_ms(0), {}, hall(15.0)), {}, {});
+  field_.update(seen_at_ms(0), Pose2{});
   EXPECT_EQ(field_.clear_m({-0.3, 0.0}), 0.0);
   EXPECT_GT(field_.clear_m(kAhead), 10.0);
 }

@@ -13,7 +13,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-class PlansOfARemoteDriver : public testing::OnboardRig {
+class PlansOfARemoteDriver : public test::OnboardRig {
  protected:
   using OnboardRig::OnboardRig;
 

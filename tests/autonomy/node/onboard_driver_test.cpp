@@ -5,7 +5,7 @@
 namespace tether {
 namespace {
 
-using OnboardDriverTest = testing::OnboardRig;
+using OnboardDriverTest = test::OnboardRig;
 
 TEST_F(OnboardDriverTest, StandsBeforeTheRunBeginsAndThenDrivesItsPath) {
   now_ = kStart - std::chrono::seconds{3};
@@ -102,7 +102,7 @@ TEST_F(OnboardDriverTest, NobodyPushesRemotelyEither) {
     pass(0.1);
   };
   drive(0.0);
-  shapes_ = testing::hall(12.0);
+  shapes_ = test::hall(12.0);
   block(6.0);  // nothing in the way, and it is not on its path: it does not go on by itself
   pose_.y_m = 0.5;
   slipped_m_ = 0.0;

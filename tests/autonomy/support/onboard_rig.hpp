@@ -14,7 +14,7 @@
 #include "common/scenario/scenario.hpp"
 #include "tests/autonomy/support/scanner.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A vehicle that drives by itself on a line from the middle of a hall, whose wheels do at once
 /// what it says. No setpoint is farther from the one before than its limits allow.
@@ -96,4 +96,4 @@ enabled = true
   std::int64_t seq_ = 0;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

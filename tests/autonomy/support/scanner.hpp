@@ -9,7 +9,7 @@
 #include "common/world/shape.hpp"
 #include "tests/support/shapes.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A scanner without errors for tests: exact rays, 360 beams of a degree each, all at one instant,
 /// at the axle's midpoint unless `mount` says otherwise.
@@ -90,4 +90,4 @@ inline std::vector<Shape> hall(double half_m) {
           box(0, half_m + 0.1, 2 * half_m, 0.2), box(0, -half_m - 0.1, 2 * half_m, 0.2)};
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -10,6 +10,7 @@
 #include "can_bridge/profiles/emulation.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "tests/can_bridge/agilex/v2_rig.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -17,7 +18,7 @@ namespace {
 using agilex::Condition;
 using agilex::Mode;
 using ::testing::IsEmpty;
-using namespace tether::testing;  // NOLINT(google-build-using-namespace)
+using namespace tether::test;  // NOLINT(google-build-using-namespace)
 
 // ---------------------------------------------------------------------------- emulator
 
@@ -269,7 +270,7 @@ TEST(MakeDrivetrain, BothEndsFollowTheFilesProfile) {
   EXPECT_NE(dynamic_cast<AgilexV2Profile*>(make_drive_profile(config, vehicle).get()), nullptr);
   EXPECT_NE(dynamic_cast<EmulatedAgilexV2*>(make_emulated_drivetrain(config, kStart).get()),
             nullptr);
-  config = load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/two_node_cia402.toml");
+  config = load_drivetrain(in_source("/drivetrains/two_node_cia402.toml"));
   EXPECT_NE(dynamic_cast<Cia402Profile*>(make_drive_profile(config, vehicle).get()), nullptr);
   EXPECT_NE(dynamic_cast<EmulatedCia402*>(make_emulated_drivetrain(config, kStart).get()), nullptr);
 }

@@ -16,7 +16,7 @@ using agilex::Condition;
 using agilex::Mode;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using namespace tether::testing;  // NOLINT(google-build-using-namespace)
+using namespace tether::test;  // NOLINT(google-build-using-namespace)
 
 const CanFrame kZero = agilex::encode(0x111, agilex::Motion{});
 

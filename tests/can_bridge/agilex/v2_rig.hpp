@@ -11,7 +11,7 @@
 #include "can_bridge/agilex/v2.hpp"
 #include "can_bridge/agilex/v2_profile.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 inline constexpr double kRadius_m = 0.4;
 inline constexpr double kTrack_m = 1.2;
@@ -128,4 +128,4 @@ inline std::ptrdiff_t count(const std::vector<CanFrame>& frames, std::uint32_t i
                        [id](const CanFrame& f) { return f.id == id; });
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

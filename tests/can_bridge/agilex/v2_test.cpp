@@ -55,9 +55,9 @@ TEST(AgilexFrames, WrongLengthsAndUnknownStatesAreRefused) {
 }
 
 TEST(AgilexProfile, AVehicleOfOtherDimensionsIsRefused) {
-  using testing::agilex_chassis;
-  using testing::kRadius_m;
-  using testing::kTrack_m;
+  using test::agilex_chassis;
+  using test::kRadius_m;
+  using test::kTrack_m;
   EXPECT_NO_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m * 1.009, kTrack_m));
   EXPECT_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m * 1.011, kTrack_m), UsageError);
   EXPECT_THROW(AgilexV2Profile(agilex_chassis(), kRadius_m, kTrack_m * 0.989), UsageError);

@@ -11,7 +11,7 @@ namespace {
 
 using agilex::Mode;
 using ::testing::HasSubstr;
-using namespace tether::testing;  // NOLINT(google-build-using-namespace)
+using namespace tether::test;  // NOLINT(google-build-using-namespace)
 
 constexpr int kPatience_ms = 5000;  // longer than braking and every timeout of a step
 

@@ -9,12 +9,12 @@ namespace {
 
 using canopen::DriveState;
 using canopen::NmtState;
-using testing::Bench;
-using testing::FakeDrive;
+using test::Bench;
+using test::FakeDrive;
+using test::milliseconds;
+using test::two_nodes;
 using ::testing::HasSubstr;
-using testing::milliseconds;
 using ::testing::Not;
-using testing::two_nodes;
 
 const CanFrame kSdoQuickStop = CanFrame::make(0x601, {0x2B, 0x40, 0x60, 0, 0x02, 0, 0, 0});
 const CanFrame kSdoPowerOff = CanFrame::make(0x601, {0x2B, 0x40, 0x60, 0, 0, 0, 0, 0});

@@ -8,8 +8,8 @@ namespace tether::cia402 {
 namespace {
 
 using std::chrono::milliseconds;
-using ::tether::testing::pdo;
-using ::tether::testing::two_nodes;
+using ::tether::test::pdo;
+using ::tether::test::two_nodes;
 
 constexpr std::array<std::int64_t, 2> kStill{0, 0};
 

@@ -13,7 +13,7 @@
 #include "can_bridge/cia402/profile/profile.hpp"
 #include "tests/can_bridge/cia402/fake_cia402_drive.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 using std::chrono::milliseconds;
 
@@ -217,7 +217,7 @@ inline void expect_left_stops_and_stays_stopped(Bench& bench) {
   EXPECT_EQ(bench.controlword(0x201), 0x0000);
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test
 
 namespace tether {
 inline void PrintTo(DrivePhase phase, std::ostream* out) { *out << to_string(phase); }

@@ -12,7 +12,7 @@
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/cia402/config.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A scripted CANopen node with CiA 402 axes: an object dictionary, PDOs as that maps them, the
 /// state machine, and speeds that move by `ramp` units a cycle; not operational, it brakes. RPDOs
@@ -321,4 +321,4 @@ class FakeDrive {
   std::map<Key, std::uint8_t> sizes_{{{0x1017, 0}, 2}, {{0x6061, 0}, 1}};
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

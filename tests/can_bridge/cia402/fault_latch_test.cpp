@@ -7,7 +7,7 @@
 namespace tether::cia402 {
 namespace {
 
-using ::tether::testing::two_nodes;
+using ::tether::test::two_nodes;
 
 struct Latch {
   void fault(const Fault& f) { latch.latch(f, stage, axes); }

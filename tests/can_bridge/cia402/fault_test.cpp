@@ -8,12 +8,12 @@ namespace tether {
 namespace {
 
 using canopen::DriveState;
-using testing::Bench;
-using testing::emergency;
-using testing::expect_left_stops_and_stays_stopped;
-using testing::milliseconds;
+using test::Bench;
+using test::emergency;
+using test::expect_left_stops_and_stays_stopped;
+using test::milliseconds;
 
-void reboot(Bench& bench, testing::FakeDrive& drive) {
+void reboot(Bench& bench, test::FakeDrive& drive) {
   std::vector<CanFrame> out;
   drive.reboot(out);
   for (const CanFrame& f : out) bench.deliver(f);

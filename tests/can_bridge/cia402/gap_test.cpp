@@ -7,15 +7,15 @@ namespace tether {
 namespace {
 
 using canopen::NmtState;
-using testing::Bench;
-using testing::milliseconds;
+using test::Bench;
+using test::milliseconds;
 
 /// Rolling; then the bridge is gone for the drives, which brake and are pre-operational, as with
 /// 0x1029:1 = 0: no PDO any more.
 struct Lost : Bench {
   Lost() {
     drive({1.0, 0.0}, milliseconds(1000));
-    for (testing::FakeDrive& d : drives) {
+    for (test::FakeDrive& d : drives) {
       d.nmt = NmtState::pre_operational;
       d.axes[0].ramp = 2;
     }

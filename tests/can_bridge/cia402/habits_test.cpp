@@ -8,12 +8,12 @@ namespace tether {
 namespace {
 
 using canopen::DriveState;
-using testing::Bench;
+using test::Bench;
+using test::emergency;
+using test::milliseconds;
+using test::two_nodes;
 using ::testing::ElementsAre;
-using testing::emergency;
 using ::testing::HasSubstr;
-using testing::milliseconds;
-using testing::two_nodes;
 
 // ---------------------------------------------------------------------------- slow ones
 
@@ -133,7 +133,7 @@ TEST(Cia402Habits, APdoThatStaysOffIsRefused) {
 
 TEST(Cia402Habits, AModeThatIsShownOnlyWhenEnabledIsCheckedThen) {
   Bench bench;
-  for (testing::FakeDrive& d : bench.drives) d.shows_mode_late = true;
+  for (test::FakeDrive& d : bench.drives) d.shows_mode_late = true;
   bench.drive({1.0, 0.0});
   ASSERT_EQ(bench.phase(), DrivePhase::enabled) << bench.reason();
   EXPECT_GT(bench.left_axis().speed, 0);
@@ -240,7 +240,7 @@ TEST(Cia402Habits, AModeThatChangesWhileEnabledIsAFaultAtOnce) {
 TEST(Cia402Habits, AModeThatNoFeedbackTellsMustBeShownInStartUp) {
   Cia402Config config = two_nodes();
   for (PdoConfig& p : config.pdos) {
-    if (p.node == 1) std::erase(p.objects, testing::kModeDisplay);
+    if (p.node == 1) std::erase(p.objects, test::kModeDisplay);
   }
   Bench good(config);
   good.to_enabled();

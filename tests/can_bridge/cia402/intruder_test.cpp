@@ -6,9 +6,9 @@
 namespace tether {
 namespace {
 
-using testing::Bench;
-using testing::expect_left_stops_and_stays_stopped;
-using testing::milliseconds;
+using test::Bench;
+using test::expect_left_stops_and_stays_stopped;
+using test::milliseconds;
 
 struct Intruder : ::testing::TestWithParam<std::uint32_t> {};
 
@@ -91,7 +91,7 @@ TEST(Cia402Intruder, AfterAResetASecondSourceIsFoundAgain) {
 }
 
 TEST(Cia402Intruder, FeedbackThatDrivesSendWhenTheyLikeMayComeAnyNumberOfTimes) {
-  Cia402Config config = testing::two_nodes();
+  Cia402Config config = test::two_nodes();
   for (PdoConfig& pdo : config.pdos) {
     if (pdo.transmit) pdo.transmission = 255;
   }

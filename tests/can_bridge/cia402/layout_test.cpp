@@ -9,10 +9,10 @@ namespace tether {
 namespace {
 
 using canopen::DriveState;
-using testing::Bench;
-using testing::milliseconds;
-using testing::pdo;
-using testing::two_nodes;
+using test::Bench;
+using test::milliseconds;
+using test::pdo;
+using test::two_nodes;
 
 /// One node; the second axis' objects 0x800 further on.
 Cia402Config dual_axis() {

@@ -13,9 +13,9 @@ namespace tether {
 namespace {
 
 using canopen::DriveState;
-using testing::Bench;
-using testing::milliseconds;
-using testing::two_nodes;
+using test::Bench;
+using test::milliseconds;
+using test::two_nodes;
 
 std::vector<std::uint32_t> ids(const std::vector<CanFrame>& frames) {
   std::vector<std::uint32_t> result;

@@ -7,9 +7,9 @@
 namespace tether {
 namespace {
 
-using testing::Bench;
-using testing::milliseconds;
-using testing::two_nodes;
+using test::Bench;
+using test::milliseconds;
+using test::two_nodes;
 
 TEST(Cia402Refusal, AMissingDriveIsResetTwiceThenRefusedWithWhatToCheck) {
   Bench bench;

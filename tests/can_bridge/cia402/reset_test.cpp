@@ -8,9 +8,9 @@ namespace tether {
 namespace {
 
 using canopen::DriveState;
-using testing::Bench;
-using testing::emergency;
-using testing::milliseconds;
+using test::Bench;
+using test::emergency;
+using test::milliseconds;
 
 TEST(Cia402Reset, ResetIsARisingEdgeOfBit7AtTheFaultyAxisOnlyAndNeverEnables) {
   Bench bench;

@@ -9,19 +9,19 @@ namespace {
 
 using canopen::DriveState;
 using canopen::NmtState;
-using testing::Bench;
+using test::Bench;
+using test::milliseconds;
 using ::testing::HasSubstr;
-using testing::milliseconds;
 
 /// A bridge that is started anew while `before`'s drives do what they do.
 struct Restarted : Bench {
   explicit Restarted(const Bench& before) : Bench(before.config) {
     drives = before.drives;
-    for (testing::FakeDrive& d : drives) d.resets = 0;
+    for (test::FakeDrive& d : drives) d.resets = 0;
   }
   /// Both have lost the bridge's heartbeat and brake.
   void lose_master() {
-    for (testing::FakeDrive& d : drives) d.nmt = NmtState::pre_operational;
+    for (test::FakeDrive& d : drives) d.nmt = NmtState::pre_operational;
   }
   bool reset() const { return drives.front().resets > 0 || drives.back().resets > 0; }
 };
@@ -33,7 +33,7 @@ struct Rolling : Bench {
 TEST(Cia402Standstill, DrivesThatBrakeByThemselvesAreResetOnlyOnceTheyStand) {
   Restarted bench{Rolling()};
   bench.lose_master();
-  for (testing::FakeDrive& d : bench.drives) d.axes[0].ramp = 2;
+  for (test::FakeDrive& d : bench.drives) d.axes[0].ramp = 2;
   bench.profile.start(bench.now);
   bench.run(milliseconds(900));
   EXPECT_GT(bench.left_axis().speed, 0);
@@ -58,7 +58,7 @@ TEST(Cia402Standstill, ADriveThatCoastsInFaultIsResetOnlyOnceItStands) {
 TEST(Cia402Standstill, AResetAfterALostHeartbeatWaitsForTheWheelsToo) {
   Rolling bench;
   const int resets = bench.left().resets;
-  for (testing::FakeDrive& d : bench.drives) {
+  for (test::FakeDrive& d : bench.drives) {
     d.nmt = NmtState::pre_operational;
     d.axes[0].ramp = 1;
   }
@@ -102,7 +102,7 @@ TEST(Cia402Standstill, AFaultedDriveThatLeftOperationalWaitsForTheOneThatIsStill
 
 TEST(Cia402Standstill, ADriveThatDoesNotBrakeIsRefusedAndNeverReset) {
   Restarted bench{Rolling()};
-  for (testing::FakeDrive& d : bench.drives) d.axes[0].ramp = 0;
+  for (test::FakeDrive& d : bench.drives) d.axes[0].ramp = 0;
   bench.left_axis().speed = 100;
   bench.right_axis().speed = 0;
   bench.profile.start(bench.now);
@@ -131,7 +131,7 @@ TEST(Cia402Standstill, ADriveThatDoesNotBrakeIsRefusedAndNeverReset) {
 TEST(Cia402Standstill, TheRefusalNamesEachDriveThatTurns) {
   Restarted bench{Rolling()};
   bench.lose_master();
-  for (testing::FakeDrive& d : bench.drives) {
+  for (test::FakeDrive& d : bench.drives) {
     d.axes[0].ramp = 0;
     d.axes[0].state = DriveState::fault;
   }
@@ -144,7 +144,7 @@ TEST(Cia402Standstill, TheRefusalNamesEachDriveThatTurns) {
 TEST(Cia402Standstill, AStandstillThatIsNotToBeBelievedResetsNoDrive) {
   Restarted bench{Rolling()};
   bench.lose_master();
-  for (testing::FakeDrive& d : bench.drives) d.axes[0].speed = 0;
+  for (test::FakeDrive& d : bench.drives) d.axes[0].speed = 0;
   bench.profile.distrust_standstill(bench.now + milliseconds(1500));
   bench.profile.start(bench.now);
   bench.run(milliseconds(1480));
@@ -156,7 +156,7 @@ TEST(Cia402Standstill, AStandstillThatIsNotToBeBelievedResetsNoDrive) {
 TEST(Cia402Standstill, ADriveThatIsNotHeardIsAskedBeforeItIsReset) {
   Restarted bench{Rolling()};
   bench.lose_master();
-  for (testing::FakeDrive& d : bench.drives) {
+  for (test::FakeDrive& d : bench.drives) {
     d.beat = false;
     d.axes[0].ramp = 1;
   }
@@ -185,7 +185,7 @@ TEST(Cia402Standstill, ADriveThatAnswersNoSdoCannotBeAsked) {
 
 TEST(Cia402Standstill, ARunningDriveThatAnswersNoSdoIsJudgedByItsFeedback) {
   Restarted bench{Rolling()};
-  for (testing::FakeDrive& d : bench.drives) {
+  for (test::FakeDrive& d : bench.drives) {
     d.unanswered = {0x6041, 0};
     d.axes[0].ramp = 1;
   }
@@ -207,7 +207,7 @@ TEST(Cia402Standstill, ARunningDriveThatAnswersNoSdoIsJudgedByItsFeedback) {
 
 TEST(Cia402Standstill, ARunningDriveThatSaysNothingIsResetAfterTwoSecondsOfQuickStop) {
   Restarted bench{Rolling()};
-  for (testing::FakeDrive& d : bench.drives) {
+  for (test::FakeDrive& d : bench.drives) {
     d.unanswered = {0x6041, 0};
     d.send_feedback = false;
   }
@@ -222,7 +222,7 @@ TEST(Cia402Standstill, ARunningDriveThatSaysNothingIsResetAfterTwoSecondsOfQuick
 TEST(Cia402Standstill, APowerStageThatIsOnMustStandForHalfASecond) {
   Restarted bench{Rolling()};
   bench.lose_master();
-  for (testing::FakeDrive& d : bench.drives) {
+  for (test::FakeDrive& d : bench.drives) {
     d.axes[0].speed = 0;
     d.axes[0].ramp = 0;
     d.axes[0].state = DriveState::switched_on;
@@ -246,7 +246,7 @@ TEST(Cia402Standstill, DrivesThatStandWithPowerOffDelayNothing) {
 TEST(Cia402Standstill, AWheelThatIsTurnedBackwardsTurns) {
   Restarted bench{Rolling()};
   bench.lose_master();
-  for (testing::FakeDrive& d : bench.drives) {
+  for (test::FakeDrive& d : bench.drives) {
     d.axes[0].ramp = 0;
     d.axes[0].speed = -20;
   }

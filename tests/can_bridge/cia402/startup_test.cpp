@@ -8,9 +8,9 @@
 namespace tether {
 namespace {
 
-using testing::Bench;
-using testing::milliseconds;
-using testing::two_nodes;
+using test::Bench;
+using test::milliseconds;
+using test::two_nodes;
 
 /// What a frame of start-up says: "81" of NMT, or the SDO's bytes as far as they are used.
 std::string text(const CanFrame& f) {

@@ -8,8 +8,8 @@ namespace tether {
 namespace {
 
 using canopen::DriveState;
-using testing::Bench;
-using testing::milliseconds;
+using test::Bench;
+using test::milliseconds;
 
 /// The values of the controlword in all RPDOs with this identifier, without repetitions.
 std::vector<int> controlwords(const Bench& bench, std::uint32_t id) {
@@ -181,7 +181,7 @@ TEST(Cia402Profile, StopActsOnlyWhereThePowerStagesAreOnOrGoingOn) {
   ASSERT_TRUE(bench.reach(DrivePhase::standby));
   bench.profile.stop(StopKind::disable);
   EXPECT_EQ(bench.phase(), DrivePhase::standby);
-  bench.deliver(testing::emergency(1, 0x3210));
+  bench.deliver(test::emergency(1, 0x3210));
   bench.profile.stop(StopKind::quick);
   EXPECT_EQ(bench.phase(), DrivePhase::faulted);
 }

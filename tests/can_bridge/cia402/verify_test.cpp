@@ -10,9 +10,9 @@
 namespace tether {
 namespace {
 
-using testing::Bench;
+using test::Bench;
+using test::milliseconds;
 using ::testing::HasSubstr;
-using testing::milliseconds;
 
 /// Objects of node 1 that were read, as index << 8 | subindex.
 std::multiset<int> reads(const Bench& bench) {
@@ -45,7 +45,7 @@ TEST(Cia402Verify, EachWatchdogSetupAndPdoObjectIsReadOnceBeforeAnythingIsSwitch
 }
 
 struct Changed {
-  testing::FakeDrive::Key object;
+  test::FakeDrive::Key object;
   std::int64_t value;
   const char* reason;
 };
@@ -148,7 +148,7 @@ TEST_P(VitalWrite, OfAnotherStopsTheVehicleAndResetConfiguresTheDrivesAnew) {
                           "master may configure; reset configures the drives anew",
                           index));
     EXPECT_EQ(bench.profile.counters().intruder_writes, 1);
-    testing::expect_left_stops_and_stays_stopped(bench);
+    test::expect_left_stops_and_stays_stopped(bench);
     bench.profile.reset_fault();
     EXPECT_TRUE(bench.reach(DrivePhase::standby)) << bench.reason();
     EXPECT_EQ(bench.left().resets, resets + 1);

@@ -8,19 +8,20 @@
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
 
 template <class Config = Cia402Config>
 Config shipped(const std::string& name) {
-  return std::get<Config>(load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/" + name));
+  return std::get<Config>(load_drivetrain(in_source("/drivetrains/") + name));
 }
 
 TEST(ShippedDrivetrains, AllLoadAndHaveANameOfTheirOwn) {
   std::set<std::string> names;
   int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(TETHER_SOURCE_DIR "/drivetrains")) {
+  for (const auto& entry : std::filesystem::directory_iterator(in_source("/drivetrains"))) {
     if (entry.path().extension() != ".toml") continue;
     ++files;
     std::visit([&](const DrivetrainCommon& c) { names.insert(c.name); },

@@ -8,6 +8,7 @@
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 
 // A watchdog that notices a lost bridge has to say what it does then.
 namespace tether {
@@ -16,7 +17,7 @@ namespace {
 using ::testing::HasSubstr;
 
 std::string shipped_text() {
-  std::ifstream in(TETHER_SOURCE_DIR "/drivetrains/two_node_cia402.toml");
+  std::ifstream in(in_source("/drivetrains/two_node_cia402.toml"));
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
@@ -33,7 +34,7 @@ Cia402Config parse(const std::string& toml) {
   return std::get<Cia402Config>(parse_drivetrain(toml, "test.toml"));
 }
 
-std::string refusal(const std::string& toml) {
+std::string reaction_refusal(const std::string& toml) {
   return refusal_of([&] { parse_drivetrain(toml, "test.toml"); });
 }
 
@@ -48,7 +49,7 @@ TEST(WatchdogReaction, IsWrittenByStartUp) {
 
 TEST(WatchdogReaction, OfAHeartbeatConsumerMustBeSaid) {
   EXPECT_THAT(
-      refusal(with(kReaction, "\n")),
+      reaction_refusal(with(kReaction, "\n")),
       HasSubstr("watchdog.reaction is missing: must be the object that says what the drive "
                 "does without heartbeat, such as \"0x6007:00 i16\", with reaction_value, or "
                 "\"fixed\""));
@@ -56,36 +57,40 @@ TEST(WatchdogReaction, OfAHeartbeatConsumerMustBeSaid) {
 
 TEST(WatchdogReaction, MayBeFixedInTheDrive) {
   const std::string text = with(kReaction, "\nreaction = \"fixed\"\n");
-  EXPECT_EQ(refusal(text), "accepted");
+  EXPECT_EQ(reaction_refusal(text), "accepted");
   EXPECT_FALSE(parse(text).watchdogs[0].reaction.has_value());
-  EXPECT_THAT(refusal(with("\nreaction = \"0x6007:00 i16\"", "\nreaction = \"fixed\"")),
+  EXPECT_THAT(reaction_refusal(with("\nreaction = \"0x6007:00 i16\"", "\nreaction = \"fixed\"")),
               HasSubstr("watchdog.reaction_value needs watchdog.reaction ="));
 }
 
 TEST(WatchdogReaction, NeedsAnObjectAndAValue) {
-  EXPECT_THAT(refusal(with("\nreaction = \"0x6007:00 i16\"", "\nreaction = \"quick stop\"")),
-              HasSubstr("watchdog.reaction = 'quick stop' is not allowed: must be the object"));
-  EXPECT_THAT(refusal(with("\nreaction_value = 3 ", "\n")),
+  EXPECT_THAT(
+      reaction_refusal(with("\nreaction = \"0x6007:00 i16\"", "\nreaction = \"quick stop\"")),
+      HasSubstr("watchdog.reaction = 'quick stop' is not allowed: must be the object"));
+  EXPECT_THAT(reaction_refusal(with("\nreaction_value = 3 ", "\n")),
               HasSubstr("watchdog.reaction_value is missing: must be a whole number"));
-  EXPECT_THAT(refusal(with("\nreaction_value = 3 ", "\nreaction_value = 32768 ")),
+  EXPECT_THAT(reaction_refusal(with("\nreaction_value = 3 ", "\nreaction_value = 32768 ")),
               HasSubstr("what fits 0x6007:00 i16"));
 }
 
 TEST(WatchdogReaction, MustNotBeNone) {
-  EXPECT_THAT(refusal(with("\nreaction_value = 3 ", "\nreaction_value = 0 ")),
+  EXPECT_THAT(reaction_refusal(with("\nreaction_value = 3 ", "\nreaction_value = 0 ")),
               HasSubstr("watchdog.reaction_value = 0 is not allowed: must be a reaction that stops "
                         "the wheels (0x6007: 1 fault, 2 power off, 3 quick stop); 0 is none"));
-  EXPECT_THAT(refusal(with(kReaction, "\nreaction = \"0x6807:00 i16\"\nreaction_value = 0 ")),
-              HasSubstr("watchdog.reaction_value = 0 is not allowed"));
+  EXPECT_THAT(
+      reaction_refusal(with(kReaction, "\nreaction = \"0x6807:00 i16\"\nreaction_value = 0 ")),
+      HasSubstr("watchdog.reaction_value = 0 is not allowed"));
   // 0 may mean anything in a vendor's object.
-  EXPECT_EQ(refusal(with(kReaction, "\nreaction = \"0x2007:00 i16\"\nreaction_value = 0 ")),
-            "accepted");
+  EXPECT_EQ(
+      reaction_refusal(with(kReaction, "\nreaction = \"0x2007:00 i16\"\nreaction_value = 0 ")),
+      "accepted");
 }
 
 TEST(WatchdogReaction, IsNotSetTwice) {
   const std::string again =
       "[[setup]]\nnode = 1\nobject = \"0x6007:00 i16\"\nvalue = 2\nmeaning = \"power off\"\n";
-  EXPECT_THAT(refusal(shipped_text() + again), HasSubstr("is written from watchdog.reaction"));
+  EXPECT_THAT(reaction_refusal(shipped_text() + again),
+              HasSubstr("is written from watchdog.reaction"));
 }
 
 TEST(WatchdogReaction, IsNotSwitchedOffBySetup) {
@@ -93,7 +98,7 @@ TEST(WatchdogReaction, IsNotSwitchedOffBySetup) {
   const std::string off =
       "[[setup]]\nnode = 1\nobject = \"0x6007:00 i16\"\nvalue = 0\nmeaning = \"no action\"\n";
   EXPECT_THAT(
-      refusal(fixed + off),
+      reaction_refusal(fixed + off),
       HasSubstr("setup of 0x6007:00 i16 on node 1: value = 0 means that the drive runs on"));
 }
 

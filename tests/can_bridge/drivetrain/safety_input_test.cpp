@@ -9,6 +9,7 @@
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 
 // [[safety_input]] of a drivetrain's file.
 namespace tether {
@@ -24,27 +25,27 @@ const std::string kCan =
     "timeout_ms = 100\n";
 const std::string kGpio = "kind = \"gpio\"\nchip = \"gpiochip0\"\nline = 17\n";
 
-DrivetrainConfig with(const std::string& inputs, const std::string& file = "agilex_v2") {
-  std::ifstream in(std::string(TETHER_SOURCE_DIR "/drivetrains/") + file + ".toml");
+DrivetrainConfig with_input(const std::string& inputs, const std::string& file = "agilex_v2") {
+  std::ifstream in(in_source("/drivetrains/") + file + ".toml");
   std::ostringstream text;
   text << in.rdbuf() << "\n" << inputs;
   return parse_drivetrain(text.str(), "test.toml");
 }
 
-std::string refusal(const std::string& inputs) {
-  return refusal_of([&] { with(inputs); });
+std::string input_refusal(const std::string& inputs) {
+  return refusal_of([&] { with_input(inputs); });
 }
 
-TEST(SafetyInputFile, WithoutItThereAreNone) { EXPECT_TRUE(safety_inputs(with("")).empty()); }
+TEST(SafetyInputFile, WithoutItThereAreNone) { EXPECT_TRUE(safety_inputs(with_input("")).empty()); }
 
 TEST(SafetyInputFile, FilesOfEveryProfileMayHaveThem) {
   for (const char* const file : {"agilex_v2", "two_node_cia402", "dual_axis_cia402", "zlac8015d"}) {
-    EXPECT_EQ(safety_inputs(with(kStop + kCan, file)).size(), 1U) << file;
+    EXPECT_EQ(safety_inputs(with_input(kStop + kCan, file)).size(), 1U) << file;
   }
 }
 
 TEST(SafetyInputFile, ReadsAFrame) {
-  const auto input = safety_inputs(with(kStop + kCan + "stop = 0x02\n")).at(0);
+  const auto input = safety_inputs(with_input(kStop + kCan + "stop = 0x02\n")).at(0);
   EXPECT_EQ(input.name, "field");
   EXPECT_EQ(input.function, Function::protective_stop);
   EXPECT_EQ(input.reaction, SafetyInputConfig::Reaction::quick_stop);
@@ -61,7 +62,7 @@ TEST(SafetyInputFile, ReadsAFrame) {
 
 TEST(SafetyInputFile, ReadsALine) {
   const auto input =
-      safety_inputs(with(kStop + "reaction = \"ramp\"\n" + kGpio + "active_low = true\n"));
+      safety_inputs(with_input(kStop + "reaction = \"ramp\"\n" + kGpio + "active_low = true\n"));
   EXPECT_EQ(input.at(0).reaction, SafetyInputConfig::Reaction::ramp);
   const auto& gpio = std::get<SafetyInputConfig::Gpio>(input.at(0).wiring);
   EXPECT_EQ(gpio.chip, "gpiochip0");
@@ -70,11 +71,11 @@ TEST(SafetyInputFile, ReadsALine) {
 }
 
 TEST(SafetyInputFile, ReadsWhatOnlySomeFunctionsHave) {
-  const auto inputs = safety_inputs(
-      with(kStop + "restart_after_s = 2.0\n" + kGpio +
-           "[[safety_input]]\nname = \"warning\"\nfunction = \"speed_limit\"\n"
-           "speed_limit_mps = 0.3\n" +
-           kCan + "[[safety_input]]\nname = \"chain\"\nfunction = \"estop_status\"\n" + kGpio));
+  const auto inputs = safety_inputs(with_input(
+      kStop + "restart_after_s = 2.0\n" + kGpio +
+      "[[safety_input]]\nname = \"warning\"\nfunction = \"speed_limit\"\n"
+      "speed_limit_mps = 0.3\n" +
+      kCan + "[[safety_input]]\nname = \"chain\"\nfunction = \"estop_status\"\n" + kGpio));
   EXPECT_EQ(inputs.at(0).restart_after_s, 2.0);
   EXPECT_EQ(inputs.at(1).function, Function::speed_limit);
   EXPECT_EQ(inputs.at(1).speed_limit_mps, 0.3);
@@ -116,8 +117,8 @@ TEST(SafetyInputFile, WhatCannotBeIsRefused) {
       {kStop + kCan + "stop = 1\n", "another value than clear"},
       {kStop + kCan + "stop = 4\n", "within the mask"}};
   for (const auto& [text, part] : cases) {
-    EXPECT_THAT(refusal(text), HasSubstr(part)) << text;
-    EXPECT_THAT(refusal(text), HasSubstr("test.toml:")) << text;
+    EXPECT_THAT(input_refusal(text), HasSubstr(part)) << text;
+    EXPECT_THAT(input_refusal(text), HasSubstr("test.toml:")) << text;
   }
 }
 

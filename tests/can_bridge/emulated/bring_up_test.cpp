@@ -10,6 +10,7 @@
 #include "can_bridge/emulated/cia402.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/vehicle/vehicle_config.hpp"
+#include "tests/support/source_dir.hpp"
 
 // The profile that ships, against the emulated drives of each drivetrain file that ships.
 
@@ -20,8 +21,7 @@ namespace {
 class BringUp : public ::testing::TestWithParam<const char*> {
  protected:
   BringUp()
-      : config_(std::get<Cia402Config>(
-            load_drivetrain(std::string(TETHER_SOURCE_DIR "/drivetrains/") + GetParam()))),
+      : config_(std::get<Cia402Config>(load_drivetrain(in_source("/drivetrains/") + GetParam()))),
         profile_(make_drive_profile(config_, VehicleConfig{})),
         drives_(config_, kStart) {
     drives_.set_wheels({});

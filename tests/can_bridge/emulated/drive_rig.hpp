@@ -8,7 +8,7 @@
 #include "can_bridge/emulated/cia402.hpp"
 #include "common/base/time.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// Two single-axis drives, nodes 1 (left) and 2 (right, mounted the other way round), in rpm: as a
 /// drivetrain file would describe them.
@@ -168,4 +168,4 @@ class DriveRig {
   std::vector<Sent> sent_;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

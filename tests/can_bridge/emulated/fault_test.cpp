@@ -7,8 +7,8 @@
 namespace tether {
 namespace {
 
-using testing::DriveRig;
-using testing::two_node_drivetrain;
+using test::DriveRig;
+using test::two_node_drivetrain;
 
 constexpr double kRpm = 2.0 * std::numbers::pi / 60.0;  // in rad/s
 

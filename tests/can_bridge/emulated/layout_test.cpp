@@ -7,9 +7,9 @@
 namespace tether {
 namespace {
 
-using testing::DriveRig;
+using test::DriveRig;
 
-constexpr double kRpm = 2.0 * std::numbers::pi / 60.0;
+constexpr double kLayoutRpm = 2.0 * std::numbers::pi / 60.0;
 
 /// One node, axis 2 at +0x800 (IEC 61800-7-201: multiple axes in one device).
 Cia402Config two_axes_by_offset() {
@@ -52,7 +52,7 @@ Cia402Config two_axes_by_subindex() {
 }
 
 TEST(EmulatedLayouts, TwoNodesAreTwoDevicesAndOneNodeIsOne) {
-  EXPECT_EQ(DriveRig(testing::two_node_drivetrain()).drives().nodes().size(), 2u);
+  EXPECT_EQ(DriveRig(test::two_node_drivetrain()).drives().nodes().size(), 2u);
   EXPECT_EQ(DriveRig(two_axes_by_offset()).drives().nodes().size(), 1u);
   EXPECT_EQ(DriveRig(two_axes_by_subindex()).drives().nodes().size(), 1u);
 }
@@ -70,7 +70,7 @@ TEST(EmulatedLayouts, TheSecondAxisAtPlus800HasItsOwnStateMachineAndRamps) {
   EXPECT_EQ(rig.write(1, 0x6883, 0, 4, 60), 0);
   rig.write(1, 0x68FF, 0, 4, 60);
   rig.run(500);
-  EXPECT_NEAR(rig.drives().wheel_targets_radps()[1], 30.0 * kRpm, 1e-6);
+  EXPECT_NEAR(rig.drives().wheel_targets_radps()[1], 30.0 * kLayoutRpm, 1e-6);
   EXPECT_EQ(rig.drives().wheel_targets_radps()[0], 0.0);
   rig.write(1, 0x685A, 0, 2, 6);
   rig.write(1, 0x6840, 0, 2, 0x02);
@@ -139,8 +139,8 @@ TEST(EmulatedLayouts, APackedTargetSetsBothWheelsAndAPackedSpeedShowsBoth) {
   EXPECT_EQ(rig.write(1, 0x60FF, 3, 4, 0xFFD8'0028), 0);  // −40, 40
   rig.run(10);
   EXPECT_EQ(rig.read_signed(1, 0x60FF, 2), -40);
-  EXPECT_NEAR(rig.drives().wheel_targets_radps()[0], 40.0 * kRpm, 1e-9);
-  EXPECT_NEAR(rig.drives().wheel_targets_radps()[1], 40.0 * kRpm, 1e-9);
+  EXPECT_NEAR(rig.drives().wheel_targets_radps()[0], 40.0 * kLayoutRpm, 1e-9);
+  EXPECT_NEAR(rig.drives().wheel_targets_radps()[1], 40.0 * kLayoutRpm, 1e-9);
   EXPECT_EQ(rig.read_signed(1, 0x606C, 1), 400) << "tenths of rpm";
   EXPECT_EQ(rig.read(1, 0x606C, 3), 0xFE70'0190);
 }

@@ -8,10 +8,10 @@ namespace tether {
 namespace {
 
 using canopen::NmtState;
-using testing::DriveRig;
-using testing::two_node_drivetrain;
+using test::DriveRig;
+using test::two_node_drivetrain;
 
-constexpr double kRpm = 2.0 * std::numbers::pi / 60.0;  // in rad/s
+constexpr double kNodeRpm = 2.0 * std::numbers::pi / 60.0;  // in rad/s
 
 CanFrame emcy(std::uint16_t code, std::uint8_t error_register, std::uint8_t node = 1) {
   return CanFrame::make(
@@ -148,7 +148,7 @@ class Heartbeats : public ::testing::Test {
     rig_.write(1, 0x60FF, 0, 4, 60);
     rig_.nmt(0x01, 1);
     rig_.run(100);
-    ASSERT_NEAR(speed(), 60.0 * kRpm, 1e-9);
+    ASSERT_NEAR(speed(), 60.0 * kNodeRpm, 1e-9);
     if (beat) rig_.heartbeat();
     rig_.forget_sent();
   }
@@ -162,7 +162,7 @@ TEST_F(Heartbeats, AMasterThatNeverBeatLeavesTheDriveUnguarded) {
   drive(1, 0, false);
   rig_.run(10'000);
   EXPECT_EQ(emcys(), 0u);
-  EXPECT_NEAR(speed(), 60.0 * kRpm, 1e-9);
+  EXPECT_NEAR(speed(), 60.0 * kNodeRpm, 1e-9);
 }
 
 TEST_F(Heartbeats, SilenceIsNoticedAfter250MsNotBefore) {
@@ -197,7 +197,7 @@ TEST_F(Heartbeats, Reaction3StopsOnTheQuickStopRampAndSwitchesOff) {
   drive(3, 0);
   rig_.run(250);
   rig_.run(49);
-  EXPECT_NEAR(speed(), 30.0 * kRpm, 0.7 * kRpm);
+  EXPECT_NEAR(speed(), 30.0 * kNodeRpm, 0.7 * kNodeRpm);
   EXPECT_EQ(rig_.state(), 0x07);
   rig_.run(55);
   EXPECT_EQ(speed(), 0.0);
@@ -232,7 +232,7 @@ TEST_F(Heartbeats, Reaction0KeepsDrivingWithAWarning) {
   drive(0, 1);
   rig_.run(2000);
   EXPECT_EQ(emcys(), 1u);
-  EXPECT_NEAR(speed(), 60.0 * kRpm, 1e-9);
+  EXPECT_NEAR(speed(), 60.0 * kNodeRpm, 1e-9);
   EXPECT_EQ(rig_.read(1, 0x6041, 0) & 0x80, 0x80);
   rig_.heartbeat();
   rig_.run(2);
@@ -288,7 +288,7 @@ TEST_F(Heartbeats, ADriveSentToPreOperationalDrivesOnAndStillWatchesItsMaster) {
   rig_.send(0x201, {0x02, 0x00});  // the default RPDO1: a quick stop
   rig_.sync();
   rig_.run(200);
-  EXPECT_NEAR(speed(), 60.0 * kRpm, 1e-9) << "PDOs are ignored";
+  EXPECT_NEAR(speed(), 60.0 * kNodeRpm, 1e-9) << "PDOs are ignored";
   EXPECT_TRUE(rig_.sent(0x181).empty());
   EXPECT_EQ(rig_.state(), 0x27) << "SDO is answered";
   rig_.run(51);

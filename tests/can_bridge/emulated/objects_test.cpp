@@ -8,8 +8,8 @@
 namespace tether {
 namespace {
 
-using testing::DriveRig;
-using testing::two_node_drivetrain;
+using test::DriveRig;
+using test::two_node_drivetrain;
 
 constexpr std::int64_t kReadOnly = 0x06010002;
 constexpr std::int64_t kNoObject = 0x06020000;

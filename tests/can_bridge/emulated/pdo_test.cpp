@@ -5,12 +5,12 @@
 namespace tether {
 namespace {
 
-using testing::DriveRig;
-using testing::two_node_drivetrain;
+using test::DriveRig;
+using test::two_node_drivetrain;
 
 constexpr std::int64_t kCannotMap = 0x06040041;
 constexpr std::int64_t kTooLong = 0x06040042;
-constexpr std::int64_t kInvalidValue = 0x06090030;
+constexpr std::int64_t kPdoInvalidValue = 0x06090030;
 constexpr std::int64_t kDeviceState = 0x08000022;
 
 /// Node 1's PDOs under a master's hands.
@@ -79,21 +79,21 @@ TEST_F(EmulatedPdo, HoldsEightBytesAndNotOneMore) {
 }
 
 TEST_F(EmulatedPdo, SwitchesOnOnlyWithMappingAndAProperIdentifier) {
-  EXPECT_EQ(write(0x1401, 1, 4, 0x301), kInvalidValue) << "nothing mapped";
+  EXPECT_EQ(write(0x1401, 1, 4, 0x301), kPdoInvalidValue) << "nothing mapped";
   write(0x1601, 1, 4, 0x60FF0020);
   write(0x1601, 0, 1, 1);
   for (const std::uint32_t id : {0x000u, 0x07Fu, 0x101u, 0x581u, 0x67Fu, 0x701u, 0x20000301u}) {
-    EXPECT_EQ(write(0x1401, 1, 4, id), kInvalidValue) << std::hex << id;
+    EXPECT_EQ(write(0x1401, 1, 4, id), kPdoInvalidValue) << std::hex << id;
   }
   EXPECT_EQ(write(0x1401, 1, 4, 0x301), 0);
-  EXPECT_EQ(write(0x1401, 1, 4, 0x302), kInvalidValue) << "not while it is on";
+  EXPECT_EQ(write(0x1401, 1, 4, 0x302), kPdoInvalidValue) << "not while it is on";
   EXPECT_EQ(rig_.read(1, 0x1401, 1), 0x301);
 }
 
 TEST_F(EmulatedPdo, KnowsTheTransmissionTypes) {
   for (const int type : {0, 1, 240, 254, 255}) EXPECT_EQ(write(0x1401, 2, 1, type), 0) << type;
   for (const int type : {241, 252, 253}) {
-    EXPECT_EQ(write(0x1401, 2, 1, type), kInvalidValue) << type;
+    EXPECT_EQ(write(0x1401, 2, 1, type), kPdoInvalidValue) << type;
   }
 }
 

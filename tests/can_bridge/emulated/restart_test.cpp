@@ -9,10 +9,10 @@
 namespace tether {
 namespace {
 
-using testing::kPowerOff;
-using testing::kQuickStop;
-using testing::Vehicle;
-using testing::without_deadlines;
+using test::kPowerOff;
+using test::kQuickStop;
+using test::Vehicle;
+using test::without_deadlines;
 
 void expect_no_reset_at_speed(Vehicle& vehicle) {
   EXPECT_TRUE(vehicle.reaches(DrivePhase::standby, 12'000)) << vehicle.reason();

@@ -5,18 +5,18 @@
 #include <string>
 
 #include "tests/can_bridge/emulated/vehicle_rig.hpp"
+#include "tests/support/source_dir.hpp"
 
 // Stops that drives do not hear by PDO, in virtual time; and one drive that fails alone.
 
 namespace tether {
 namespace {
 
+using test::Vehicle;
 using ::testing::HasSubstr;
-using testing::Vehicle;
 
 Cia402Config shipped(const std::string& name = "two_node_cia402") {
-  return std::get<Cia402Config>(
-      load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/" + name + ".toml"));
+  return std::get<Cia402Config>(load_drivetrain(in_source("/drivetrains/") + name + ".toml"));
 }
 
 const CanFrame kPreOperational = canopen::nmt_frame(canopen::NmtCommand::pre_operational, 0);

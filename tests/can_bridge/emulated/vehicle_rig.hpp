@@ -16,15 +16,16 @@
 #include "can_bridge/emulated/cia402.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/vehicle/vehicle_config.hpp"
+#include "tests/support/source_dir.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 inline constexpr std::int64_t kPowerOff = 2, kQuickStop = 3;
 
 /// The shipped file, without setpoint deadlines: only the heartbeat tells that the bridge is lost.
 inline Cia402Config without_deadlines(bool brake, std::int64_t reaction) {
-  auto config = std::get<Cia402Config>(
-      load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/two_node_cia402.toml"));
+  auto config =
+      std::get<Cia402Config>(load_drivetrain(in_source("/drivetrains/two_node_cia402.toml")));
   config.emulated_brake = brake;
   for (WatchdogConfig& watchdog : config.watchdogs) watchdog.reaction_value = reaction;
   for (PdoConfig& pdo : config.pdos) {
@@ -138,4 +139,4 @@ class Vehicle {
   double fastest_reset_mps_ = 0.0;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -10,14 +10,14 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
+using test::at_ms;
 
 constexpr Duration kTick = std::chrono::nanoseconds{1};
 constexpr Duration kFresh = AutonomyWatch::kFresh;
 
 /// A watch with a = 1 m/s², 0.2 s and a margin of 0.3 m, and what it hears.
 struct AutonomyWatchTest : ::testing::Test {
-  testing::VirtualWorld world;
+  test::VirtualWorld world;
   Scenario scenario;
   std::optional<AutonomyWatch> watch;
   std::int64_t seq = 0;

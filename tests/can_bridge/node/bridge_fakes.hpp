@@ -12,7 +12,7 @@
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/loop/event_loop.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A bus end that keeps what is sent.
 struct FakePort final : CanPort {
@@ -141,4 +141,4 @@ struct LateLoop final : EventLoop {
   }
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

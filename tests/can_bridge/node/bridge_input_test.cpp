@@ -14,11 +14,11 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::FakePort;
-using testing::FakeProfile;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::FakePort;
+using test::FakeProfile;
+using test::Seen;
+using test::VirtualWorld;
 
 struct BridgeInputs : ::testing::Test {
   VirtualWorld world;
@@ -28,7 +28,7 @@ struct BridgeInputs : ::testing::Test {
   std::vector<Seen<drivetrain_state_t>> states;
 
   void start(std::uint32_t id, const Scenario& scenario = Scenario()) {
-    DrivetrainConfig config = testing::drivetrain();
+    DrivetrainConfig config = test::drivetrain();
     SafetyInputConfig input;
     input.name = "field";
     input.wiring = SafetyInputConfig::Can{.id = id, .clear = 0xFF};

@@ -13,13 +13,13 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::drivetrain;
-using testing::FakePort;
-using testing::FakeProfile;
-using testing::LateLoop;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::drivetrain;
+using test::FakePort;
+using test::FakeProfile;
+using test::LateLoop;
+using test::Seen;
+using test::VirtualWorld;
 
 struct LateCanBridgeTest : ::testing::Test {
   Scenario scenario;

@@ -21,20 +21,20 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::counter;
-using testing::drivetrain;
-using testing::FakePort;
-using testing::FakeProfile;
-using testing::Seen;
-using testing::setpoint_mmps;
-using testing::twist;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::counter;
+using test::drivetrain;
+using test::FakePort;
+using test::FakeProfile;
+using test::Seen;
+using test::setpoint_mmps;
+using test::twist;
+using test::VirtualWorld;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-using CanBridgeNodeTest = testing::BridgeRig;
+using CanBridgeNodeTest = test::BridgeRig;
 
 TEST_F(CanBridgeNodeTest, SendsAndReportsOnceACycleFromTheStartOn) {
   start();

@@ -5,18 +5,18 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::counter;
-using testing::drivetrain;
-using testing::FakePort;
-using testing::FakeProfile;
-using testing::Seen;
-using testing::setpoint_mmps;
-using testing::twist;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::counter;
+using test::drivetrain;
+using test::FakePort;
+using test::FakeProfile;
+using test::Seen;
+using test::setpoint_mmps;
+using test::twist;
+using test::VirtualWorld;
 
-using CanBridgePlanTest = testing::BridgeRig;
+using CanBridgePlanTest = test::BridgeRig;
 
 TEST_F(CanBridgePlanTest, CommandsPlansAndRequestsOfAnotherRunMoveNothingButStopsStop) {
   scenario.get<ActuatorSettings>().policy = "horizon";
@@ -25,7 +25,7 @@ TEST_F(CanBridgePlanTest, CommandsPlansAndRequestsOfAnotherRunMoveNothingButStop
   twist_t command = twist(at_ms(1010), 1000, 1.6, 0.0);
   command.run = 1;
   world.publish_at(at_ms(1010), "AGV/CMD_VEL", command);
-  plan_t plan = testing::to_message(testing::plan(at_ms(1010), 4, Plan::kBasedOnAny, {}));
+  plan_t plan = test::to_message(test::plan(at_ms(1010), 4, Plan::kBasedOnAny, {}));
   plan.run = 1;
   world.publish_at(at_ms(1010), "AGV/PLAN", plan);
   drive_request_t request{};
@@ -69,11 +69,11 @@ TEST_F(CanBridgePlanTest, TellsEveryCycleWhichPlanItFollows) {
   std::vector<Seen<plan_in_force_t>> plans;
   world.collect("CAN/PLAN", plans);
   start();
-  Plan p = testing::plan(at_ms(30), 4, Plan::kBasedOnNone, {});
-  world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(p));
+  Plan p = test::plan(at_ms(30), 4, Plan::kBasedOnNone, {});
+  world.publish_at(at_ms(30), "AGV/PLAN", test::to_message(p));
   p.name.id = p.seq = 5;
   p.based_on = p.based_on_last = 4;
-  world.publish_at(at_ms(70), "AGV/PRELOAD", testing::to_message(p));
+  world.publish_at(at_ms(70), "AGV/PRELOAD", test::to_message(p));
   world.publish_bytes_at(at_ms(75), "AGV/PLAN", {1, 2, 3});
   world.loop.run_until(at_ms(100));
   ASSERT_EQ(plans.size(), 6U);
@@ -93,7 +93,7 @@ TEST_F(CanBridgePlanTest, WithoutThePolicyItNeitherFollowsPlansNorTells) {
   world.collect("CAN/PLAN", plans);
   start();
   EXPECT_EQ(count("plan.unasked"), -1);
-  world.publish_at(at_ms(30), "AGV/PLAN", testing::to_message(testing::plan(at_ms(30), 4)));
+  world.publish_at(at_ms(30), "AGV/PLAN", test::to_message(test::plan(at_ms(30), 4)));
   world.loop.run_until(at_ms(100));
   EXPECT_TRUE(plans.empty());
   EXPECT_EQ(state().command_age_s, -1.0);

@@ -21,7 +21,7 @@
 #include "tests/support/telling_bus.hpp"
 #include "tests/support/virtual_world.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// The bridge's node with a drive profile that obeys; what it publishes.
 struct BridgeRig : ::testing::Test {
@@ -80,4 +80,4 @@ struct BridgeRig : ::testing::Test {
   }
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

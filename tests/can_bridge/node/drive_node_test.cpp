@@ -15,12 +15,12 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::counter;
-using testing::Seen;
-using testing::two_node_drivetrain;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::counter;
+using test::Seen;
+using test::two_node_drivetrain;
+using test::VirtualWorld;
 
 /// A port whose other end is the test: frames reach the node at once, and what it sends is kept.
 class FakePort final : public CanPort {

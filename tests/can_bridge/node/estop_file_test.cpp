@@ -14,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct EstopFileTest : ::testing::Test {
-  testing::Folder folder;
+  test::Folder folder;
   fs::path path = folder.path / "state" / "estop.AGV.can0";
 };
 

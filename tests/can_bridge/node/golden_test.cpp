@@ -17,6 +17,7 @@
 #include "can_bridge/node/can_bridge_node.hpp"
 #include "can_bridge/node/can_drive_node.hpp"
 #include "tests/can_bridge/node/bridge_fakes.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 
 // A stored log of candump's format, two_node_cia402.log: cold start, a short drive and the
@@ -29,14 +30,14 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
+using test::at_ms;
+using test::at_s;
+using test::FakePort;
+using test::Seen;
+using test::VirtualWorld;
 using ::testing::ElementsAre;
-using testing::FakePort;
-using testing::Seen;
-using testing::VirtualWorld;
 
-constexpr const char* kStored = TETHER_SOURCE_DIR "/tests/can_bridge/node/two_node_cia402.log";
+const std::string kStored = in_source("/tests/can_bridge/node/two_node_cia402.log");
 constexpr Duration kCycle = std::chrono::milliseconds{20};
 const Instant kEnd = at_s(5.5);
 
@@ -94,8 +95,7 @@ std::map<std::int64_t, std::multiset<std::string>> by_cycle(const Log& log) {
 }
 
 Scenario scenario() {
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/hil_vcan.toml",
-                       {"can.wheels=model", "run.lead_s=0"});
+  return load_scenario(in_source("/scenarios/hil_vcan.toml"), {"can.wheels=model", "run.lead_s=0"});
 }
 
 /// A controller and an operator with their minds made up.
@@ -191,7 +191,7 @@ TEST(GoldenLog, HoldsAColdStartAndADriveOfBothWheels) {
     if (frame.id == 0x000) nmt.insert(to_text(frame));
     if (frame.id != 0x201 && frame.id != 0x202) continue;
     auto& units = fastest[frame.id];
-    units = std::max(units, std::abs(testing::setpoint_mmps(frame)));
+    units = std::max(units, std::abs(test::setpoint_mmps(frame)));
   }
   for (const char* order : {"000#8101", "000#8102", "000#0101", "000#0102"}) {
     EXPECT_TRUE(nmt.contains(order)) << order;

@@ -11,6 +11,7 @@
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/emulated/cia402.hpp"
 #include "can_bridge/profiles/profiles.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -20,8 +21,8 @@ using ::testing::IsEmpty;
 using ::testing::Not;
 using Verdict = ProbeRow::Verdict;
 
-Duration ms(int milliseconds) { return std::chrono::milliseconds(milliseconds); }
-Instant at_ms(int milliseconds) { return kStart + ms(milliseconds); }
+Duration probe_ms(int milliseconds) { return std::chrono::milliseconds(milliseconds); }
+Instant probed_at(int milliseconds) { return kStart + probe_ms(milliseconds); }
 
 // ---------------------------------------------------------------------------- values
 
@@ -55,7 +56,7 @@ TEST(ProbeValue, ReadsAsATechnicianThinks) {
 // ---------------------------------------------------------------------------- the whole
 
 Cia402Config shipped(const std::string& name) {
-  return std::get<Cia402Config>(load_drivetrain(TETHER_SOURCE_DIR "/drivetrains/" + name));
+  return std::get<Cia402Config>(load_drivetrain(in_source("/drivetrains/") + name));
 }
 
 /// Runs a probe against emulated drives that have been on for a second; every frame that it sends
@@ -64,29 +65,29 @@ class ProbeRun {
  public:
   ProbeRun(const Cia402Config& drives, const std::vector<std::uint8_t>& nodes,
            const Cia402Config* file)
-      : ProbeRun(drives, Probe(nodes, file, at_ms(1000))) {}
+      : ProbeRun(drives, Probe(nodes, file, probed_at(1000))) {}
   ProbeRun(const Cia402Config& drives, Probe looking)
       : probe(std::move(looking)), emulator_(drives, kStart) {
-    for (int t = 0; t < 1000; ++t) emulator_.tick(at_ms(t), dropped_);
+    for (int t = 0; t < 1000; ++t) emulator_.tick(probed_at(t), dropped_);
   }
 
   EmulatedCia402& emulator() { return emulator_; }
 
   void run() {
-    for (int t = 1000; t < 60'000 && !probe.done(at_ms(t)); ++t) {
+    for (int t = 1000; t < 60'000 && !probe.done(probed_at(t)); ++t) {
       std::vector<CanFrame> asked, answers;
-      probe.tick(at_ms(t), asked);
+      probe.tick(probed_at(t), asked);
       EXPECT_LE(asked.size(), 1U) << "an adapter's queue holds few";
       for (const CanFrame& frame : asked) {
         EXPECT_TRUE(is_upload_request(frame));
-        emulator_.on_frame(frame, at_ms(t), answers);
+        emulator_.on_frame(frame, probed_at(t), answers);
       }
-      emulator_.tick(at_ms(t), answers);
+      emulator_.tick(probed_at(t), answers);
       for (const CanFrame& frame : answers) {
         const auto filters = Probe::filters();
         if (std::any_of(filters.begin(), filters.end(),
                         [&](const CanFilter& f) { return f.passes(frame); })) {
-          probe.on_frame(frame, at_ms(t));
+          probe.on_frame(frame, probed_at(t));
         }
       }
       sent += asked.size();
@@ -210,16 +211,16 @@ TEST(Probe, ANodeThatIsNotThereIsGivenUpSoonAndTheOthersAreStillRead) {
 TEST(Probe, AsksANodeAllOverThatBootsMeanwhile) {
   const Cia402Config file = shipped("two_node_cia402.toml");
   for (const int boots_at_ms : {1, 299, 400, 700, 1400}) {
-    Probe probe({1, 2}, &file, at_ms(0));
+    Probe probe({1, 2}, &file, probed_at(0));
     std::optional<EmulatedCia402> drives;
-    for (int t = 0; t < 60'000 && !probe.done(at_ms(t)); ++t) {
+    for (int t = 0; t < 60'000 && !probe.done(probed_at(t)); ++t) {
       std::vector<CanFrame> asked, answers;
-      probe.tick(at_ms(t), asked);
-      if (t == boots_at_ms) drives.emplace(file, at_ms(t));
+      probe.tick(probed_at(t), asked);
+      if (t == boots_at_ms) drives.emplace(file, probed_at(t));
       if (!drives) continue;
-      for (const CanFrame& frame : asked) drives->on_frame(frame, at_ms(t), answers);
-      drives->tick(at_ms(t), answers);
-      for (const CanFrame& frame : answers) probe.on_frame(frame, at_ms(t));
+      for (const CanFrame& frame : asked) drives->on_frame(frame, probed_at(t), answers);
+      drives->tick(probed_at(t), answers);
+      for (const CanFrame& frame : answers) probe.on_frame(frame, probed_at(t));
     }
     for (const ProbedNode& node : probe.report()) {
       EXPECT_TRUE(node.fits()) << boots_at_ms;
@@ -232,14 +233,14 @@ TEST(Probe, ListensForHeartbeatsEvenIfAllIsReadSoon) {
   Probe probe({1}, nullptr, kStart);
   std::vector<CanFrame> out;
   for (int i = 0; i < 3; ++i) {  // three aborts would still be answers; none comes
-    probe.tick(at_ms(600 * i), out);
-    probe.tick(at_ms(600 * i + 300), out);
-    probe.tick(at_ms(600 * i + 600), out);
+    probe.tick(probed_at(600 * i), out);
+    probe.tick(probed_at(600 * i + 300), out);
+    probe.tick(probed_at(600 * i + 600), out);
   }
-  probe.on_frame(canopen::heartbeat_frame(1, canopen::NmtState::pre_operational), at_ms(1700));
-  probe.on_frame(canopen::heartbeat_frame(4, canopen::NmtState::operational), at_ms(1700));
-  probe.tick(at_ms(1900), out);
-  ASSERT_TRUE(probe.done(at_ms(1900)));
+  probe.on_frame(canopen::heartbeat_frame(1, canopen::NmtState::pre_operational), probed_at(1700));
+  probe.on_frame(canopen::heartbeat_frame(4, canopen::NmtState::operational), probed_at(1700));
+  probe.tick(probed_at(1900), out);
+  ASSERT_TRUE(probe.done(probed_at(1900)));
   EXPECT_EQ(probe.report()[0].nmt, canopen::NmtState::pre_operational);
   EXPECT_EQ(probe.heard(), (std::set<int>{1, 4}));
   EXPECT_EQ(out.size(), 6U);
@@ -260,7 +261,7 @@ TEST(ProbeScan, FindsEveryNodeThatAnswersAndNoOther) {
   for (AxisConfig& axis : drives.axes) axis.node = renamed(axis.node);
   for (PdoConfig& pdo : drives.pdos) pdo.node = renamed(pdo.node);
   for (WatchdogConfig& watchdog : drives.watchdogs) watchdog.node = renamed(watchdog.node);
-  ProbeRun run(drives, Probe::scan(at_ms(1000)));
+  ProbeRun run(drives, Probe::scan(probed_at(1000)));
   run.run();
   ASSERT_EQ(run.report.size(), 127U);
   for (const ProbedNode& node : run.report) {

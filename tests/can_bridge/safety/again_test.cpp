@@ -4,7 +4,7 @@
 
 // The second time round: nothing of an earlier drive is left when the vehicle is armed again.
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 struct SecondTime : SafetyRig {
@@ -197,4 +197,4 @@ TEST_F(LyingFeedback, IsOfThePastOnceTheVehicleIsArmedAgain) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -4,7 +4,7 @@
 
 // What arming takes, and what refuses it.
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 struct Arming : SafetyRig {
@@ -234,4 +234,4 @@ TEST_F(Arming, IsGivenUpWhenTheDrivesDoNotSwitchOn) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -11,12 +11,12 @@ namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using testing::kCycle;
-using testing::kDisarm;
-using testing::kStale;
-using testing::plan;
+using test::kCycle;
+using test::kDisarm;
+using test::kStale;
+using test::plan;
 
-struct Blind : testing::SafetyRig {
+struct Blind : test::SafetyRig {
   std::int64_t id = 0;
 
   Blind() { restart(config()); }
@@ -303,21 +303,21 @@ TEST_F(Blind, ADisarmedVehicleChangesSessions) {
 /// The limits' own uncertainty: the budget holds whatever the accelerations and jerks are, whenever
 /// the network dies, in bends and while speeding up.
 TEST_F(Blind, TheBudgetHoldsForAnyLimitsAndAnyMoment) {
-  testing::Random random(2026);
+  test::Random random(2026);
   for (int run = 0; run < 300; ++run) {
     SafetyCore::Config config = Blind::config();
-    config.limits = testing::random_limits(random);
+    config.limits = test::random_limits(random);
     config.limits.cycle = kCycle;
-    config.max_blind = from_seconds(testing::uniform(random, 0.4, 3.0));
-    config.max_blind_m = testing::uniform(random, 0.2, 3.0);
+    config.max_blind = from_seconds(test::uniform(random, 0.4, 3.0));
+    config.max_blind_m = test::uniform(random, 0.2, 3.0);
     drives.phase = DrivePhase::standby;
     drives.standstill = true;
     restart(config);
     arm_with_plan();
-    const auto age_cycles = static_cast<std::size_t>(testing::uniform(random, 0.0, 15.0));
+    const auto age_cycles = static_cast<std::size_t>(test::uniform(random, 0.0, 15.0));
     const Duration age = static_cast<int>(age_cycles) * kCycle;
-    const Twist twist{testing::uniform(random, -4.0, 4.0), testing::uniform(random, -2.0, 2.0)};
-    const int cycles = 1 + static_cast<int>(testing::uniform(random, 0.0, 150.0));
+    const Twist twist{test::uniform(random, -4.0, 4.0), test::uniform(random, -2.0, 2.0)};
+    const int cycles = 1 + static_cast<int>(test::uniform(random, 0.0, 150.0));
     std::vector<double> driven(age_cycles + 1, driven_m);
     for (int i = 0; i < cycles; ++i) {
       now += kCycle;

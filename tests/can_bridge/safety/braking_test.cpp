@@ -8,9 +8,9 @@
 namespace tether {
 namespace {
 
-using testing::Random;
-using testing::random_limits;
-using testing::uniform;
+using test::Random;
+using test::random_limits;
+using test::uniform;
 
 constexpr double kRounding = 1e-9;
 

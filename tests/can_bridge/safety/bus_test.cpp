@@ -4,7 +4,7 @@
 
 // What befalls the bus and the bridge itself: failures, gaps, the end.
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 struct Bus : SafetyRig {
@@ -341,4 +341,4 @@ TEST_F(Leaving, IsNotOverBeforeItBegan) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -7,7 +7,7 @@
 
 #include "tests/can_bridge/safety/rig.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 constexpr double kTrack_m = 1.2, kRadius_m = 0.4;
@@ -144,4 +144,4 @@ TEST_F(LostWheel, StopsAnArmedVehicleAndLatches) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -4,7 +4,7 @@
 
 // E-stop and faults of the drives: what latches, and what resets it.
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 struct EStop : SafetyRig {};
@@ -293,4 +293,4 @@ TEST_F(Fault, AQuickStopThatDoesNotEndIsToldAndNeverSwitchesOffMovingWheels) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

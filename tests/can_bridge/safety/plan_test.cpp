@@ -10,12 +10,12 @@ namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using testing::kCycle;
-using testing::kDisarm;
-using testing::kStale;
-using testing::plan;
+using test::kCycle;
+using test::kDisarm;
+using test::kStale;
+using test::plan;
 
-struct SafetyPlan : testing::SafetyRig {
+struct SafetyPlan : test::SafetyRig {
   std::int64_t id = 0;
 
   SafetyPlan() {

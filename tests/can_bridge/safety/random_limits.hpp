@@ -5,7 +5,7 @@
 
 #include "can_bridge/safety/twist_limiter.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// No random limit of speed or yaw rate is above this.
 constexpr double kFastest = 4.0;
@@ -34,4 +34,4 @@ inline TwistLimits random_limits(Random& random) {
   return l;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

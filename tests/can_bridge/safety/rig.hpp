@@ -8,7 +8,7 @@
 
 #include "can_bridge/safety/safety_core.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
@@ -131,4 +131,4 @@ struct SafetyRig : ::testing::Test {
   }
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -9,7 +9,7 @@
 
 // Following, stale and bad commands, disarming.
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -264,4 +264,4 @@ TEST(SafetyCoreDeathTest, ATimeOfZeroOrADisarmTimeBelowTheStaleTimeIsABug) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

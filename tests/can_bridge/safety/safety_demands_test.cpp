@@ -4,7 +4,7 @@
 
 // What safety inputs demand, and what the safety core does about it.
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 struct Demands : SafetyRig {
@@ -186,4 +186,4 @@ TEST_F(EStopContact, ActsAsEStopAndLatchesUntilItIsReleasedAndReset) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

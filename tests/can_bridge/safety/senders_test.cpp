@@ -7,11 +7,11 @@ namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using testing::kCycle;
-using testing::kStale;
-using testing::kTick;
+using test::kCycle;
+using test::kStale;
+using test::kTick;
 
-struct Senders : testing::SafetyRig {
+struct Senders : test::SafetyRig {
   std::int64_t other_seq = 0;
 
   /// A sender that has its own numbers.
@@ -105,7 +105,7 @@ TEST_F(Senders, FasterItRampsEarlierSoThatNoMoreThanHalfAMeterIsDriven) {
 }
 
 /// can.operator_timeout_ms = 300.
-struct HoldToRun : testing::SafetyRig {
+struct HoldToRun : test::SafetyRig {
   static constexpr Duration kTimeout = milliseconds{300};
   std::int64_t alive_seq = 0;
 

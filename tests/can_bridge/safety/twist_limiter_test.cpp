@@ -13,10 +13,10 @@
 namespace tether {
 namespace {
 
-using testing::kFastest;
-using testing::Random;
-using testing::random_limits;
-using testing::uniform;
+using test::kFastest;
+using test::Random;
+using test::random_limits;
+using test::uniform;
 
 constexpr double kRounding = 1e-9;
 

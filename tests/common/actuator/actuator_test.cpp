@@ -15,9 +15,9 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::plan;
+using test::at_ms;
+using test::at_s;
+using test::plan;
 constexpr Duration kTick{1};
 
 ActuatorSettings config(const std::string& policy) {
@@ -114,11 +114,11 @@ TEST_P(EachPolicy, OnlyHorizonTakesPlansAndTheOthersCountThem) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Actuator, EachPolicy,
-                         ::testing::ValuesIn(testing::names_of(actuator_policies())),
+                         ::testing::ValuesIn(test::names_of(actuator_policies())),
                          [](const auto& info) { return info.param; });
 
 TEST(ActuatorPolicyTable, HasARowForEachPolicyThatOurSourcesDefineOnce) {
-  testing::expect_has_all_rows(actuator_policies(), "common/actuator", "ActuatorPolicy", "_policy");
+  test::expect_has_all_rows(actuator_policies(), "common/actuator", "ActuatorPolicy", "_policy");
 }
 
 TEST(ActuatorPolicyTable, EachPolicyIsInForceByItsNameInAScenario) {

@@ -19,9 +19,9 @@ namespace {
 using std::chrono::hours;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using testing::at_s;
-using testing::plan;
-constexpr Duration kTick{1};
+using test::at_s;
+using test::plan;
+constexpr Duration kBufferTick{1};
 constexpr std::int64_t kAny = Plan::kBasedOnAny;
 
 struct PlanBufferTest : ::testing::Test {
@@ -46,7 +46,7 @@ TEST_F(PlanBufferTest, HasNoPlanBeforeTheFirstTakesOver) {
   EXPECT_EQ(buffer.in_force(at_s(1)), std::nullopt);
   EXPECT_EQ(buffer.newest(), PlanName{});
   ASSERT_EQ(offer(at_s(1), plan(at_s(2), 4)), PlanFate::accepted);
-  EXPECT_EQ(buffer.in_force(at_s(2) - kTick), std::nullopt);
+  EXPECT_EQ(buffer.in_force(at_s(2) - kBufferTick), std::nullopt);
   EXPECT_EQ(v_mps(at_s(2)), 1.0);
 }
 
@@ -87,7 +87,7 @@ TEST_F(PlanBufferTest, RefusesMoreTwistsOrALongerHorizonThanTheBounds) {
   EXPECT_EQ(offer(at_s(1), plan(at_s(1), 0, kAny, {}, PlanBuffer::kMaxTwists + 1)),
             PlanFate::too_long);
   Plan p = plan(at_s(1), 0);  // ten twists
-  p.step = PlanBuffer::kMaxHorizon / 10 + kTick;
+  p.step = PlanBuffer::kMaxHorizon / 10 + kBufferTick;
   EXPECT_EQ(offer(at_s(1), p), PlanFate::too_long);
   p.step = PlanBuffer::kMaxHorizon / 10;
   EXPECT_EQ(offer(at_s(1), p), PlanFate::accepted);
@@ -96,11 +96,11 @@ TEST_F(PlanBufferTest, RefusesMoreTwistsOrALongerHorizonThanTheBounds) {
 
 TEST_F(PlanBufferTest, RefusesAStartTooFarAheadByTheSourcesMeasure) {
   Plan p = plan(at_s(1), 0);
-  p.start = at_s(1) + PlanBuffer::kMaxAhead + kTick;
+  p.start = at_s(1) + PlanBuffer::kMaxAhead + kBufferTick;
   EXPECT_EQ(offer(at_s(1), p), PlanFate::too_early);
   EXPECT_EQ(offer(at_s(1), p, PlanSource::preload), PlanFate::accepted);
   p = plan(at_s(1), 1);
-  p.start = at_s(1) + PlanBuffer::kMaxPreload + kTick;
+  p.start = at_s(1) + PlanBuffer::kMaxPreload + kBufferTick;
   EXPECT_EQ(offer(at_s(1), p, PlanSource::preload), PlanFate::too_early);
   p.seq = 2;
   p.start = at_s(1) + PlanBuffer::kMaxAhead;
@@ -118,7 +118,7 @@ TEST_F(PlanBufferTest, SurvivesTheLargestTimesOnTheWire) {
 
 TEST_F(PlanBufferTest, RefusesAPlanThatIsOverAndNotOneThatIsAboutToBe) {
   EXPECT_EQ(offer(at_s(2), plan(at_s(1), 0)), PlanFate::expired);
-  EXPECT_EQ(offer(at_s(2) - kTick, plan(at_s(1), 1)), PlanFate::accepted);
+  EXPECT_EQ(offer(at_s(2) - kBufferTick, plan(at_s(1), 1)), PlanFate::accepted);
 }
 
 TEST_F(PlanBufferTest, APlanThatComesLateBeginsInItsMiddle) {
@@ -136,7 +136,7 @@ TEST_F(PlanBufferTest, PlansThatStartLaterWaitWhileTheOldOneGoesOn) {
               PlanFate::accepted);
     EXPECT_EQ(buffer.newest(), (PlanName{7, i}));
   }
-  EXPECT_EQ(v_mps(at_s(1.2) - kTick), 0.1);
+  EXPECT_EQ(v_mps(at_s(1.2) - kBufferTick), 0.1);
   EXPECT_EQ(v_mps(at_s(1.2)), 1.1);
   EXPECT_EQ(v_mps(at_s(1.4)), 2.1);
   EXPECT_EQ(v_mps(at_s(1.6)), 3.1);
@@ -149,7 +149,7 @@ TEST_F(PlanBufferTest, AStopEndsAllPlansAndThoseDecidedBeforeIt) {
   EXPECT_EQ(buffer.in_force(at_s(2)), std::nullopt);
   EXPECT_EQ(buffer.newest(), PlanName{});
   Plan late = plan(at_s(2), 2, kAny);
-  late.stamp = at_s(2) - kTick;
+  late.stamp = at_s(2) - kBufferTick;
   EXPECT_EQ(offer(at_s(2), late), PlanFate::before_stop);
   EXPECT_EQ(counters().at("plan.before_stop"), 1);
   Plan next = plan(at_s(2), 3, kAny);
@@ -167,13 +167,13 @@ TEST_F(PlanBufferTest, WherePlansNeedPosesTheyNeedAFreshOneNotOlderThanTheLast) 
   p.pose = at_s(1);
   EXPECT_EQ(offer(at_s(2), p), PlanFate::blind);
   p.seq = 2;
-  p.pose = at_s(1) + kTick;
+  p.pose = at_s(1) + kBufferTick;
   EXPECT_EQ(offer(at_s(2), p), PlanFate::accepted);
-  EXPECT_EQ(buffer.seen(), at_s(1) + kTick);
+  EXPECT_EQ(buffer.seen(), at_s(1) + kBufferTick);
   p.seq = p.name.id = 3;
   p.pose = at_s(1);
   EXPECT_EQ(offer(at_s(2), p), PlanFate::older_pose);
-  EXPECT_EQ(buffer.seen(), at_s(1) + kTick);
+  EXPECT_EQ(buffer.seen(), at_s(1) + kBufferTick);
 }
 
 TEST_F(PlanBufferTest, WhileAnyStopIsAcceptedItNeedsNoPoseAndTellsNothingOfTheVehicle) {
@@ -244,11 +244,11 @@ TEST_F(PlanBufferTest, ThePlanStaysInForceWhenItsHorizonIsOver) {
 
 TEST_F(PlanBufferTest, CountsWhatItReceivedOnceEach) {
   ASSERT_EQ(offer(at_s(1), plan(at_s(1), 1)), PlanFate::accepted);
-  offer(at_s(1), plan(at_s(1), 1));           // the same packet
-  offer(at_s(1), plan(at_s(0.9), 0));         // overtaken
-  offer(at_s(1), plan(at_s(0.95), 2));        // the clock went back
-  offer(at_s(1), plan(at_s(2) + kTick, 3));   // stamped ahead
-  offer(at_s(1), plan(at_s(-5) - kTick, 3));  // of another run
+  offer(at_s(1), plan(at_s(1), 1));                 // the same packet
+  offer(at_s(1), plan(at_s(0.9), 0));               // overtaken
+  offer(at_s(1), plan(at_s(0.95), 2));              // the clock went back
+  offer(at_s(1), plan(at_s(2) + kBufferTick, 3));   // stamped ahead
+  offer(at_s(1), plan(at_s(-5) - kBufferTick, 3));  // of another run
   Plan negative = plan(at_s(1.5), 4);
   negative.seq = -1;
   offer(at_s(1.5), negative);

@@ -15,10 +15,10 @@
 namespace tether {
 namespace {
 
-using testing::at_s;
-using testing::plan;
-constexpr Duration kTick{1};
-constexpr std::int64_t kAny = Plan::kBasedOnAny, kNone = Plan::kBasedOnNone;
+using test::at_s;
+using test::plan;
+constexpr Duration kOrderTick{1};
+constexpr std::int64_t kAnyRun = Plan::kBasedOnAny, kNone = Plan::kBasedOnNone;
 
 struct PlanOrderTest : ::testing::Test {
   PlanBuffer buffer{StopLimits{}, StreamGuard::Config{}};
@@ -40,7 +40,7 @@ TEST_F(PlanOrderTest, APlanMustBeBasedOnThePlanInForce) {
   EXPECT_EQ(offer(at_s(1.2), plan(at_s(1.2), 3, 2)), PlanFate::inconsistent);
   EXPECT_EQ(offer(at_s(1.3), plan(at_s(1.3), 4, 1)), PlanFate::accepted);
   EXPECT_EQ(offer(at_s(1.4), plan(at_s(1.4), 5, 1)), PlanFate::inconsistent) << "4 is in force";
-  EXPECT_EQ(offer(at_s(1.5), plan(at_s(1.5), 6, kAny)), PlanFate::accepted);
+  EXPECT_EQ(offer(at_s(1.5), plan(at_s(1.5), 6, kAnyRun)), PlanFate::accepted);
   EXPECT_EQ(buffer.newest(), (PlanName{7, 6}));
 }
 
@@ -65,7 +65,7 @@ TEST_F(PlanOrderTest, APlanThatStartsBeforeAWaitingOneIsBasedOnWhatIsInForceUnti
     Plan waiting = plan(at_s(1.5), 1, 0);
     waiting.stamp = at_s(1.1);
     fresh.offer(at_s(1.1), PlanSource::network, waiting);
-    Plan before = plan(at_s(1.5) - kTick, 2, on_waiting ? 1 : 0);
+    Plan before = plan(at_s(1.5) - kOrderTick, 2, on_waiting ? 1 : 0);
     before.stamp = at_s(1.2);
     EXPECT_EQ(fresh.offer(at_s(1.2), PlanSource::network, before),
               on_waiting ? PlanFate::inconsistent : PlanFate::accepted);
@@ -115,8 +115,8 @@ TEST_F(PlanOrderTest, ARangeFitsPlansThatHaveSettledAndAreNotOver) {
     PlanFate fate;
   };
   for (const Case& c :
-       {Case{at_s(1.2) - kTick, PlanFate::inconsistent}, Case{at_s(1.2), PlanFate::accepted},
-        Case{at_s(2) - kTick, PlanFate::accepted},  // it ends at 2 s
+       {Case{at_s(1.2) - kOrderTick, PlanFate::inconsistent}, Case{at_s(1.2), PlanFate::accepted},
+        Case{at_s(2) - kOrderTick, PlanFate::accepted},  // it ends at 2 s
         Case{at_s(2), PlanFate::inconsistent}}) {
     PlanBuffer fresh{StopLimits{}, StreamGuard::Config{}};
     Plan followed = plan(at_s(1), 5, kNone);
@@ -178,40 +178,40 @@ TEST_F(PlanOrderTest, ANewSessionTakesOverWithAPlanBasedOnNoneOrAnyOnly) {
   EXPECT_EQ(offer_in(8, at_s(1.1), 0, 0), PlanFate::other_session) << "0 is another session's";
   EXPECT_EQ(offer_in(8, at_s(1.2), 1, kNone), PlanFate::accepted);
   EXPECT_EQ(buffer.newest(), (PlanName{8, 1}));
-  EXPECT_EQ(offer_in(9, at_s(1.3), 1, kAny), PlanFate::accepted);
+  EXPECT_EQ(offer_in(9, at_s(1.3), 1, kAnyRun), PlanFate::accepted);
 }
 
 TEST_F(PlanOrderTest, PlansOfASupersededSessionAreRefused) {
-  ASSERT_EQ(offer_in(7, at_s(1), 0, kAny), PlanFate::accepted);
-  ASSERT_EQ(offer_in(8, at_s(1.1), 0, kAny), PlanFate::accepted);
+  ASSERT_EQ(offer_in(7, at_s(1), 0, kAnyRun), PlanFate::accepted);
+  ASSERT_EQ(offer_in(8, at_s(1.1), 0, kAnyRun), PlanFate::accepted);
   for (int i = 1; i < 200; ++i) {  // both go on; the new one is heard only now and then
     const Instant now = at_s(1.1 + 0.1 * i);
-    EXPECT_EQ(offer_in(7, now, i, i % 2 == 0 ? kAny : kNone), PlanFate::other_session) << i;
+    EXPECT_EQ(offer_in(7, now, i, i % 2 == 0 ? kAnyRun : kNone), PlanFate::other_session) << i;
     if (i % 90 == 0) {
-      EXPECT_EQ(offer_in(8, now, i, kAny), PlanFate::accepted);
+      EXPECT_EQ(offer_in(8, now, i, kAnyRun), PlanFate::accepted);
     }
   }
 }
 
 TEST_F(PlanOrderTest, StrangersDoNotMakeTheSessionsOwnPlansLookOld) {
-  ASSERT_EQ(offer_in(7, at_s(1), 0, kAny), PlanFate::accepted);
-  ASSERT_EQ(offer_in(8, at_s(1.1), 0, kAny), PlanFate::accepted);
+  ASSERT_EQ(offer_in(7, at_s(1), 0, kAnyRun), PlanFate::accepted);
+  ASSERT_EQ(offer_in(8, at_s(1.1), 0, kAnyRun), PlanFate::accepted);
   Plan ahead = plan(at_s(2), 1'000'000);  // session 7, its clock half a second ahead
   EXPECT_EQ(offer(at_s(1.5), ahead), PlanFate::other_session);
-  EXPECT_EQ(offer_in(8, at_s(1.6), 1, kAny), PlanFate::accepted);
+  EXPECT_EQ(offer_in(8, at_s(1.6), 1, kAnyRun), PlanFate::accepted);
 }
 
 TEST_F(PlanOrderTest, ASessionOfOneDamagedPacketShutsNobodyOutForEver) {
-  ASSERT_EQ(offer_in(7, at_s(1), 0, kAny), PlanFate::accepted);
-  ASSERT_EQ(offer_in(7 ^ 4096, at_s(1.5), 1, kAny), PlanFate::accepted);
+  ASSERT_EQ(offer_in(7, at_s(1), 0, kAnyRun), PlanFate::accepted);
+  ASSERT_EQ(offer_in(7 ^ 4096, at_s(1.5), 1, kAnyRun), PlanFate::accepted);
   const Instant back = at_s(1.5) + PlanBuffer::kSessionSilence;
-  EXPECT_EQ(offer_in(7, back - kTick, 2, kAny), PlanFate::other_session);
-  EXPECT_EQ(offer_in(7, back, 3, kAny), PlanFate::accepted);
+  EXPECT_EQ(offer_in(7, back - kOrderTick, 2, kAnyRun), PlanFate::other_session);
+  EXPECT_EQ(offer_in(7, back, 3, kAnyRun), PlanFate::accepted);
 }
 
 TEST_F(PlanOrderTest, EndlesslyManySessionsTakeBoundedMemory) {
   for (int i = 0; i < 10'000; ++i) {
-    ASSERT_EQ(offer_in(i, at_s(1.0 + 0.001 * i), i, kAny), PlanFate::accepted);
+    ASSERT_EQ(offer_in(i, at_s(1.0 + 0.001 * i), i, kAnyRun), PlanFate::accepted);
   }
   CounterList list;
   buffer.list(list);

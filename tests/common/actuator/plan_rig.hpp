@@ -8,7 +8,7 @@
 #include "common/actuator/plan.hpp"
 #include "common/base/time.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A plan of `count` twists of `twist`, each for 100 ms, stamped and starting at `start`.
 inline Plan plan(Instant start, std::int64_t id, std::int64_t based_on = Plan::kBasedOnAny,
@@ -45,4 +45,4 @@ inline plan_t to_message(const Plan& plan) {
   return m;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -19,12 +19,12 @@ struct FileStoreTest : ::testing::Test {
     return path;
   }
 
-  testing::Folder folder;
+  test::Folder folder;
   int reads = 0;
   FileStore<std::string> store{[this](const std::string& name) {
     ++reads;
     if (!std::filesystem::exists(name)) throw UsageError("nothing there");
-    return testing::contents(name);
+    return test::contents(name);
   }};
 };
 

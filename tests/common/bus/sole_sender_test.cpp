@@ -12,7 +12,7 @@ using std::chrono::nanoseconds;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-constexpr std::uint64_t kAlice = 11, kBob = 22, kCarol = 33;
+constexpr std::uint64_t kFirstSender = 11, kSecondSender = 22, kCarol = 33;
 constexpr Duration kPeriod = milliseconds{50};
 
 struct SenderWatchTest : ::testing::Test {
@@ -24,17 +24,18 @@ struct SenderWatchTest : ::testing::Test {
     watch.heard(now, sender);
   }
   void hear_both(int times) {
-    for (int i = 0; i < times; ++i) hear(kAlice, kPeriod / 2), hear(kBob, kPeriod / 2);
+    for (int i = 0; i < times; ++i)
+      hear(kFirstSender, kPeriod / 2), hear(kSecondSender, kPeriod / 2);
   }
 };
 
 TEST_F(SenderWatchTest, OneSenderIsOneForEver) {
-  for (int i = 0; i < 1000; ++i) hear(kAlice);
+  for (int i = 0; i < 1000; ++i) hear(kFirstSender);
   EXPECT_THAT(watch.several(now), IsEmpty());
 }
 
 TEST_F(SenderWatchTest, WhoFallsSilentWhenAnotherBeginsWasStartedAnew) {
-  for (const std::uint64_t start : {kAlice, kBob, kCarol, kAlice}) {
+  for (const std::uint64_t start : {kFirstSender, kSecondSender, kCarol, kFirstSender}) {
     for (int i = 0; i < 100; ++i) {
       hear(start);
       EXPECT_THAT(watch.several(now), IsEmpty());
@@ -43,11 +44,11 @@ TEST_F(SenderWatchTest, WhoFallsSilentWhenAnotherBeginsWasStartedAnew) {
 }
 
 TEST_F(SenderWatchTest, TheOldOnesLastMessagesMayComeAfterTheNewOnesFirst) {
-  hear(kAlice);
-  hear(kBob);
-  hear(kAlice, SenderWatch::kOverlap - nanoseconds{1});
+  hear(kFirstSender);
+  hear(kSecondSender);
+  hear(kFirstSender, SenderWatch::kOverlap - nanoseconds{1});
   for (int i = 0; i < 100; ++i) {
-    hear(kBob);
+    hear(kSecondSender);
     EXPECT_THAT(watch.several(now), IsEmpty());
   }
 }
@@ -55,26 +56,26 @@ TEST_F(SenderWatchTest, TheOldOnesLastMessagesMayComeAfterTheNewOnesFirst) {
 TEST_F(SenderWatchTest, TwoAt20HzAreNoticedWithin200Ms) {
   const Instant begin = now;
   for (int i = 0; watch.several(now).empty() && i < 100; ++i) hear_both(1);
-  EXPECT_THAT(watch.several(now), ElementsAre(kAlice, kBob));
+  EXPECT_THAT(watch.several(now), ElementsAre(kFirstSender, kSecondSender));
   EXPECT_LE(now - begin, milliseconds{200});
 }
 
 TEST_F(SenderWatchTest, TwoAtOneHertzAreNoticedAtTheSecondMessageOfEither) {
-  hear(kAlice), hear(kBob, milliseconds{500}), hear(kAlice, milliseconds{500});
+  hear(kFirstSender), hear(kSecondSender, milliseconds{500}), hear(kFirstSender, milliseconds{500});
   EXPECT_THAT(watch.several(now), IsEmpty());
-  hear(kBob, milliseconds{500});
-  EXPECT_THAT(watch.several(now), ElementsAre(kAlice, kBob));
+  hear(kSecondSender, milliseconds{500});
+  EXPECT_THAT(watch.several(now), ElementsAre(kFirstSender, kSecondSender));
 }
 
 TEST_F(SenderWatchTest, IsSatisfiedWhenOneOfThemHasBeenSilentForTwoSeconds) {
   hear_both(10);
   const Instant last = now - kPeriod / 2;  // Alice's
-  EXPECT_THAT(watch.several(last + SenderWatch::kMemory), ElementsAre(kAlice, kBob));
+  EXPECT_THAT(watch.several(last + SenderWatch::kMemory), ElementsAre(kFirstSender, kSecondSender));
   EXPECT_THAT(watch.several(last + SenderWatch::kMemory + nanoseconds{1}), IsEmpty());
 }
 
 TEST_F(SenderWatchTest, DoesNotCountWhoIsUnknown) {
-  for (int i = 0; i < 20; ++i) hear(kAlice), hear(0);
+  for (int i = 0; i < 20; ++i) hear(kFirstSender), hear(0);
   EXPECT_THAT(watch.several(now), IsEmpty());
 }
 
@@ -84,7 +85,7 @@ TEST_F(SenderWatchTest, AFloodOfSendersDoesNotHideThoseThatGoOn) {
     hear_both(1);
     hear(other++, nanoseconds{1});
   }
-  EXPECT_THAT(watch.several(now), ElementsAre(kAlice, kBob));
+  EXPECT_THAT(watch.several(now), ElementsAre(kFirstSender, kSecondSender));
 }
 
 TEST(SoleSenderTest, WritesSendersAsAddressAndPort) {

@@ -14,7 +14,7 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-std::string refusal(const std::string& url) {
+std::string url_refusal(const std::string& url) {
   return refusal_of([&] { checked_lcm_url(url); });
 }
 
@@ -29,7 +29,7 @@ struct BadLcmUrl : testing::TestWithParam<BadUrl> {};
 
 TEST_P(BadLcmUrl, IsRefusedWithTheReasonAndWhatIsAllowed) {
   const auto& [url, why] = GetParam();
-  EXPECT_THAT(refusal(url),
+  EXPECT_THAT(url_refusal(url),
               AllOf(HasSubstr("LCM URL \"" + std::string(url) + "\": " + why + " ("),
                     HasSubstr("allowed: udpm://GROUP:PORT"),
                     HasSubstr("udpm://239.255.76.67:7667?ttl=0"), HasSubstr("tcpq://HOST:PORT")));
@@ -97,7 +97,7 @@ TEST(LcmUrl, MayBeAtTheEdgesOfWhatIsAllowed) {
   for (const std::string url :
        {"udpm://224.0.0.0:65535", "udpm://239.255.255.255:1", "tcpq://localhost:7700",
         "tcpq://10.0.0.1:1", "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=2147483647"}) {
-    EXPECT_EQ(refusal(url), "accepted") << url;
+    EXPECT_EQ(url_refusal(url), "accepted") << url;
   }
 }
 

@@ -10,7 +10,7 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
+using test::at_ms;
 
 constexpr std::int64_t kRun = 7;
 constexpr double kStep_m = 0.001;

@@ -6,13 +6,14 @@
 #include <cmath>
 
 #include "common/scenario/scenario.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/support/table_rows.hpp"
 
 namespace tether {
 namespace {
 
 TEST(PathTable, HasARowForEachKindThatOurSourcesDefineOnce) {
-  testing::expect_has_all_rows(path_kinds(), "common/path", "PathKind", "_path");
+  test::expect_has_all_rows(path_kinds(), "common/path", "PathKind", "_path");
 }
 
 TEST(PathTable, EachKindIsMadeByItsNameInAScenario) {
@@ -20,7 +21,7 @@ TEST(PathTable, EachKindIsMadeByItsNameInAScenario) {
     SCOPED_TRACE(kind.name);
     std::vector<std::string> overrides{"path.kind=" + kind.name};
     if (std::find(kind.keys.begin(), kind.keys.end(), "csv") != kind.keys.end()) {
-      overrides.emplace_back("path.csv=" TETHER_SOURCE_DIR "/scenarios/paths/warehouse_lap.csv");
+      overrides.emplace_back("path.csv=" + in_source("/scenarios/paths/warehouse_lap.csv"));
     }
     const Scenario scenario = parse_scenario("", "", overrides);
     EXPECT_EQ(&kind_of(scenario.get<PathSettings>()), &kind);

@@ -22,47 +22,50 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-Scenario parse(const std::vector<std::string>& overrides, const std::string& toml = "") {
+Scenario parse_path(const std::vector<std::string>& overrides, const std::string& toml = "") {
   return parse_scenario(toml, "a.toml", overrides);
 }
 
-std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
-  return refusal_of([&] { parse(overrides, toml); });
+std::string path_refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
+  return refusal_of([&] { parse_path(overrides, toml); });
 }
 
 const char* const kKinds[] = {"circle", "line", "rounded_rectangle"};
 
 TEST(PathKeys, EachKindIsFeasibleByDefault) {
   for (const std::string kind : kKinds) {
-    EXPECT_EQ(refusal({"path.kind=" + kind}), "accepted");
-    EXPECT_EQ(refusal({"path.kind=" + kind, "vehicle.drivetrain=can", "can.drivetrain=x.toml"}),
-              "accepted");
+    EXPECT_EQ(path_refusal({"path.kind=" + kind}), "accepted");
+    EXPECT_EQ(
+        path_refusal({"path.kind=" + kind, "vehicle.drivetrain=can", "can.drivetrain=x.toml"}),
+        "accepted");
   }
 }
 
 TEST(PathKeys, AKeyOfAnotherKindIsRefused) {
-  EXPECT_THAT(refusal({"path.kind=circle", "path.length_m=3"}),
+  EXPECT_THAT(path_refusal({"path.kind=circle", "path.length_m=3"}),
               HasSubstr("path.length_m has no effect: path.kind is \"circle\""));
-  EXPECT_THAT(refusal({"path.radius_m=3"}),
+  EXPECT_THAT(path_refusal({"path.radius_m=3"}),
               HasSubstr("path.radius_m has no effect: path.kind is \"figure_eight\""));
-  EXPECT_THAT(refusal({"path.kind=line", "path.csv=a.csv"}), HasSubstr("path.csv has no effect"));
+  EXPECT_THAT(path_refusal({"path.kind=line", "path.csv=a.csv"}),
+              HasSubstr("path.csv has no effect"));
   // What the file says of the path that it has may stay.
-  EXPECT_EQ(refusal({"path.kind=circle"}, "[path]\namplitude_m = 10.0"), "accepted");
+  EXPECT_EQ(path_refusal({"path.kind=circle"}, "[path]\namplitude_m = 10.0"), "accepted");
 }
 
 TEST(PathKeys, TheResolvedTextNamesThoseWithAnEffect) {
-  const Scenario circle = parse({"path.kind=circle", "path.radius_m=3", "path.clockwise=true"});
+  const Scenario circle =
+      parse_path({"path.kind=circle", "path.radius_m=3", "path.clockwise=true"});
   const std::string text = to_toml(circle);
   EXPECT_THAT(text, HasSubstr("kind = \"circle\"\nradius_m = 3.0\nclockwise = true\n"));
   EXPECT_THAT(text, Not(HasSubstr("amplitude_m")));
   EXPECT_THAT(text, Not(HasSubstr("corner_radius_m")));
-  EXPECT_EQ(to_toml(parse({}, text)), text);
+  EXPECT_EQ(to_toml(parse_path({}, text)), text);
   EXPECT_THAT(to_toml(Scenario{}), Not(HasSubstr("max_lateral_acceleration_mps2")));
 }
 
 TEST(PathStart, TheVehicleStartsWhereItsPathDoes) {
-  const Scenario s =
-      parse({"path.kind=line", "path.start_x_m=-5", "path.start_y_m=4", "path.start_yaw_rad=-0.5"});
+  const Scenario s = parse_path(
+      {"path.kind=line", "path.start_x_m=-5", "path.start_y_m=4", "path.start_yaw_rad=-0.5"});
   EXPECT_NEAR(s.get<VehicleSettings>().start_x_m, -5.0, 1e-12);
   EXPECT_NEAR(s.get<VehicleSettings>().start_y_m, 4.0, 1e-12);
   EXPECT_NEAR(s.get<VehicleSettings>().start_yaw_rad, -0.5, 1e-12);
@@ -70,14 +73,14 @@ TEST(PathStart, TheVehicleStartsWhereItsPathDoes) {
 }
 
 TEST(PathStart, AGivenStartOfTheVehicleStays) {
-  const Scenario s = parse({"path.kind=line", "path.start_x_m=-5", "path.start_y_m=4"},
-                           "[vehicle]\nstart_y_m = 3.0");
+  const Scenario s = parse_path({"path.kind=line", "path.start_x_m=-5", "path.start_y_m=4"},
+                                "[vehicle]\nstart_y_m = 3.0");
   EXPECT_EQ(s.get<VehicleSettings>().start_x_m, -5.0);
   EXPECT_EQ(s.get<VehicleSettings>().start_y_m, 3.0);
 }
 
 TEST(PathStart, TheFigureEightLeavesTheVehicleAtTheOrigin) {
-  const Scenario s = parse({"path.rotation_rad=1"});
+  const Scenario s = parse_path({"path.rotation_rad=1"});
   EXPECT_EQ(s.get<VehicleSettings>().start_yaw_rad, 0.0);
 }
 
@@ -114,9 +117,9 @@ TEST(PathCheck, NamesTheLimitItsValueAndThePlace) {
       {{"path.kind=csv", "path.csv=/nowhere.csv"}, "cannot read the waypoints \"/nowhere.csv\""},
   };
   for (const auto& c : cases) {
-    EXPECT_THAT(refusal(c.settings), AllOf(StartsWith("a.toml: "), HasSubstr(c.reason)));
+    EXPECT_THAT(path_refusal(c.settings), AllOf(StartsWith("a.toml: "), HasSubstr(c.reason)));
   }
-  EXPECT_THAT(refusal({"path.kind=line", "path.length_m=30"}),
+  EXPECT_THAT(path_refusal({"path.kind=line", "path.length_m=30"}),
               HasSubstr("a.toml: 20.55 m along the path, at (20.55, 0.00) m"));
 }
 
@@ -128,7 +131,7 @@ TEST(PathCheck, TyresHoldTheirShareOfTheWeightOnly) {
                 {"path.kind=circle", fmt::format("path.radius_m={}", radius_m),
                  fmt::format("path.speed_mps={}", std::sqrt(lateral_mps2 * radius_m)),
                  "path.max_lateral_acceleration_mps2=50", "path.max_yaw_rate_radps=50"});
-    return refusal(more);
+    return path_refusal(more);
   };
   EXPECT_EQ(at(4.65), "accepted");
   EXPECT_THAT(at(4.68), AllOf(HasSubstr("the path needs a friction coefficient of 0.60"),
@@ -149,9 +152,9 @@ TEST(PathCheck, TyresHoldTheirShareOfTheWeightOnly) {
 TEST(PathCheck, TheMotorsMustMoveTheLoadedVehicle) {
   // (2 * 4 N*m / 0.4 m)/(m + 1 kg): 4.5 m/s^2 empty, 2.56 with as much again.
   const auto at = [](double acceleration_mps2, const std::string& payload_kg) {
-    return refusal({"path.kind=line",
-                    fmt::format("path.max_acceleration_mps2={}", acceleration_mps2),
-                    "path.max_deceleration_mps2=1", "vehicle.payload_kg=" + payload_kg});
+    return path_refusal({"path.kind=line",
+                         fmt::format("path.max_acceleration_mps2={}", acceleration_mps2),
+                         "path.max_deceleration_mps2=1", "vehicle.payload_kg=" + payload_kg});
   };
   EXPECT_EQ(at(2.9, "0"), "accepted");
   EXPECT_EQ(at(2.5, "3.41275"), "accepted");
@@ -161,7 +164,7 @@ TEST(PathCheck, TheMotorsMustMoveTheLoadedVehicle) {
 }
 
 TEST(PathCheck, TheFigureEightIsFreeAsThePaperHasIt) {
-  EXPECT_EQ(refusal({"path.rate_radps=10", "path.amplitude_m=100"}), "accepted");
+  EXPECT_EQ(path_refusal({"path.rate_radps=10", "path.amplitude_m=100"}), "accepted");
 }
 
 /// A folder with a scenario and waypoints.
@@ -172,7 +175,7 @@ class PathFileTest : public ::testing::Test {
     const auto scenario = folder_.file("a.toml", "[path]\nkind = \"csv\"\ncsv = \"lap.csv\"\n");
     return load_scenario(scenario.string(), overrides);
   }
-  std::string refusal(const std::string& csv, const std::vector<std::string>& overrides = {}) {
+  std::string path_refusal(const std::string& csv, const std::vector<std::string>& overrides = {}) {
     try {
       load(csv, overrides);
     } catch (const UsageError& error) {
@@ -183,7 +186,7 @@ class PathFileTest : public ::testing::Test {
     return "accepted";
   }
 
-  testing::Folder folder_;
+  test::Folder folder_;
 };
 
 TEST_F(PathFileTest, IsLookedForBesideTheScenarioAndSetsTheStart) {
@@ -196,23 +199,23 @@ TEST_F(PathFileTest, IsLookedForBesideTheScenarioAndSetsTheStart) {
 }
 
 TEST_F(PathFileTest, ErrorsNameTheWaypointsLine) {
-  EXPECT_THAT(refusal("x_m,y_m\n0,0\n10,0\n21,0\n"),
+  EXPECT_THAT(path_refusal("x_m,y_m\n0,0\n10,0\n21,0\n"),
               AllOf(StartsWith("3: 20.5"), HasSubstr("world.half_extent_m = 22")));
-  EXPECT_THAT(refusal("x_m,y_m\n0,0\n5,0\n5,nan\n"), StartsWith("4: "));
-  EXPECT_THAT(refusal("x_m,y_m,v_mps\n0,0,1\n5,0,1\n10,0,1\n", {"controller.v.limit=0.9"}),
+  EXPECT_THAT(path_refusal("x_m,y_m\n0,0\n5,0\n5,nan\n"), StartsWith("4: "));
+  EXPECT_THAT(path_refusal("x_m,y_m,v_mps\n0,0,1\n5,0,1\n10,0,1\n", {"controller.v.limit=0.9"}),
               AllOf(StartsWith("2: "), HasSubstr("controller.v.limit = 0.9")));
-  EXPECT_THAT(refusal("x_m,y_m\n0,0\n4,0\n4.05,0.05\n4,0.1\n0,0.1\n"),
+  EXPECT_THAT(path_refusal("x_m,y_m\n0,0\n4,0\n4.05,0.05\n4,0.1\n0,0.1\n"),
               AllOf(StartsWith("3: "), HasSubstr("the path bends with a radius of 0.0")));
 }
 
 TEST_F(PathFileTest, ASpeedThatABendDoesNotAllowIsRefused) {
   const std::string rows = "0,0,1\n4,0,1\n6,2,1.5\n4,4,1\n0,4,1\n";
-  EXPECT_THAT(refusal("x_m,y_m,v_mps\n" + rows,
-                      {"path.max_lateral_acceleration_mps2=0.5", "path.max_yaw_rate_radps=5"}),
+  EXPECT_THAT(path_refusal("x_m,y_m,v_mps\n" + rows,
+                           {"path.max_lateral_acceleration_mps2=0.5", "path.max_yaw_rate_radps=5"}),
               AllOf(StartsWith("4: v_mps = 1.5 is not possible"),
                     HasSubstr("path.max_lateral_acceleration_mps2 = 0.5 allows")));
-  EXPECT_THAT(refusal("x_m,y_m,v_mps\n" + rows,
-                      {"path.max_lateral_acceleration_mps2=5", "path.max_yaw_rate_radps=0.3"}),
+  EXPECT_THAT(path_refusal("x_m,y_m,v_mps\n" + rows,
+                           {"path.max_lateral_acceleration_mps2=5", "path.max_yaw_rate_radps=0.3"}),
               HasSubstr("path.max_yaw_rate_radps = 0.3 allows"));
 }
 

@@ -16,6 +16,7 @@
 #include "common/path/path_settings.hpp"
 #include "common/path/simple_curves.hpp"
 #include "common/vehicle/pose.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -31,7 +32,7 @@ std::vector<PathSettings> one_of_each() {
     PathSettings path;
     path.kind = kind;
     path.start = {3.0, -2.0, 2.5};
-    path.csv = TETHER_SOURCE_DIR "/scenarios/paths/warehouse_lap.csv";
+    path.csv = in_source("/scenarios/paths/warehouse_lap.csv");
     paths.push_back(path);
   }
   paths[0].clockwise = true;

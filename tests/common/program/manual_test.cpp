@@ -11,6 +11,7 @@
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
 #include "tests/support/folder.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -51,8 +52,7 @@ std::string output_of(const std::string& command) {
 }
 
 /// Writes the text into a file of this name, and says where.
-std::string written(const testing::Folder& folder, const std::string& name,
-                    const std::string& text) {
+std::string written(const test::Folder& folder, const std::string& name, const std::string& text) {
   const auto path = folder.path / name;
   std::ofstream(path) << text;
   return path.string();
@@ -61,7 +61,7 @@ std::string written(const testing::Folder& folder, const std::string& name,
 /// What bash offers after these words, the last of which is incomplete.
 std::string completions(const std::string& words) {
   const Program program;
-  const testing::Folder folder;
+  const test::Folder folder;
   const std::string script =
       written(folder, "steer",
               completion_script(program.app, "bash") +
@@ -73,7 +73,7 @@ std::string completions(const std::string& words) {
 
 TEST(ManualPage, IsTypesetWithoutAWarning) {
   const Program program;
-  const testing::Folder folder;
+  const test::Folder folder;
   const std::string page = written(folder, "steer.1", manual_page(program.app));
   EXPECT_EQ(output_of("groff -man -ww -Tascii -z " + page), "");
   const std::string text = output_of("groff -man -Tascii -P-cbou " + page);
@@ -103,10 +103,10 @@ TEST(Completion, HidesWhatHelpHides) { EXPECT_EQ(completions("steer drive --s"),
 /// Types into a new zsh, and a tab; it has to show this within some seconds.
 void expect_in_zsh(const std::string& keys, const std::string& wanted) {
   const Program program;
-  const testing::Folder folder;
+  const test::Folder folder;
   written(folder, "_steer", completion_script(program.app, "zsh"));
   EXPECT_THAT(output_of(fmt::format("{}/tests/common/program/zsh_session.py {} '{}' '{}'",
-                                    TETHER_SOURCE_DIR, folder.path.string(), keys, wanted)),
+                                    in_source(""), folder.path.string(), keys, wanted)),
               HasSubstr(wanted));
 }
 

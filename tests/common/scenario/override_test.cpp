@@ -15,6 +15,7 @@
 #include "sim/sensor/sensor_settings.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 
 // What --set does, and what scenario files do as files.
 
@@ -143,13 +144,13 @@ TEST(ScenarioFile, ThatCannotBeReadIsRefusedByName) {
 }
 
 TEST(ScenarioFile, MayBeEmpty) {
-  const testing::Folder folder;
+  const test::Folder folder;
   EXPECT_EQ(to_toml(load_scenario(folder.file("empty.toml", "").string(), {})),
             to_toml(Scenario{}));
 }
 
 TEST(ScenarioFile, IsNamedWithItsPathInMessages) {
-  const testing::Folder folder;
+  const test::Folder folder;
   const std::string file =
       folder.file("odd.toml", "[run]\nseed = 1\n[sensor]\nrate_hz = \"often\"\n").string();
   EXPECT_THAT(file_refusal(file),
@@ -167,16 +168,14 @@ TEST(ScenarioFile, ResolvesToItselfWithEveryLawBehindTheFilter) {
       overrides.insert(overrides.end(), {"autonomy.enabled=true", "lidar.model=custom",
                                          "sensor.odometry_rate_hz=50"});
     }
-    const std::string text =
-        to_toml(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides));
-    EXPECT_EQ(to_toml(parse_scenario(text, TETHER_SOURCE_DIR "/scenarios/again.toml")), text)
-        << law.name;
+    const std::string text = to_toml(load_scenario(in_source("/scenarios/paper.toml"), overrides));
+    EXPECT_EQ(to_toml(parse_scenario(text, in_source("/scenarios/again.toml"))), text) << law.name;
   }
 }
 
 TEST(ScenarioFile, TheShippedOnesLoadAndRoundTrip) {
   for (const char* name : {"paper.toml", "paper_markov.toml", "paper_slow.toml"}) {
-    const Scenario s = load_scenario(std::string(TETHER_SOURCE_DIR "/scenarios/") + name, {});
+    const Scenario s = load_scenario(in_source("/scenarios/") + name, {});
     EXPECT_EQ(s.get<RunSettings>().duration_s, 62.0);
     EXPECT_EQ(s.get<SensorSettings>().rate_hz, 1.0);
     EXPECT_EQ(s.get<VehicleSettings>().track_m, 1.2);
@@ -186,7 +185,7 @@ TEST(ScenarioFile, TheShippedOnesLoadAndRoundTrip) {
 }
 
 TEST(ScenarioFile, ThePapersSlowVehicleDiffersInWhatItsDocumentationSaysOnly) {
-  const std::string folder = TETHER_SOURCE_DIR "/scenarios/";
+  const std::string folder = in_source("/scenarios/");
   EXPECT_EQ(
       to_toml(load_scenario(folder + "paper_slow.toml", {})),
       to_toml(load_scenario(folder + "paper.toml", {"controller.v.limit=2.8", "controller.v.p=0.48",
@@ -194,7 +193,7 @@ TEST(ScenarioFile, ThePapersSlowVehicleDiffersInWhatItsDocumentationSaysOnly) {
 }
 
 TEST(ScenarioFile, ThePapersMarkovChannelHasItsProbabilitiesAndSojournTimes) {
-  const Scenario s = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper_markov.toml", {});
+  const Scenario s = load_scenario(in_source("/scenarios/paper_markov.toml"), {});
   EXPECT_TRUE(s.get<ChannelSettings>().shared_state);
   for (const LinkConfig& link :
        {s.get<ChannelSettings>().uplink, s.get<ChannelSettings>().downlink}) {

@@ -19,7 +19,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
+std::string switch_refusal(const std::vector<std::string>& overrides,
+                           const std::string& toml = "") {
   return refusal_of([&] { parse_scenario(toml, "test.toml", overrides); });
 }
 
@@ -36,23 +37,24 @@ TEST(SwitchedKeys, AreRefusedWhereNothingTurnsThemOn) {
       {"controller.rate_hz=5", "controller.trigger is \"event\""},
       {"can.inject_at_s=5", "can.inject is \"none\""}};
   for (const auto& [key, why] : keys) {
-    EXPECT_THAT(refusal({key}), HasSubstr("--set: " + key.substr(0, key.find('=')))) << key;
-    EXPECT_THAT(refusal({key}), HasSubstr("has no effect: ")) << key;
-    EXPECT_THAT(refusal({key}), HasSubstr(why)) << key;
+    EXPECT_THAT(switch_refusal({key}), HasSubstr("--set: " + key.substr(0, key.find('=')))) << key;
+    EXPECT_THAT(switch_refusal({key}), HasSubstr("has no effect: ")) << key;
+    EXPECT_THAT(switch_refusal({key}), HasSubstr(why)) << key;
   }
-  EXPECT_THAT(refusal({}, "[sensor]\njump_m = 0.2"),
+  EXPECT_THAT(switch_refusal({}, "[sensor]\njump_m = 0.2"),
               HasSubstr("test.toml: sensor.jump_m has no effect"));
 }
 
 TEST(SwitchedKeys, AreAcceptedWithTheSwitchAtAnyLevelAndWhereItIsSaidThatItIsOff) {
-  EXPECT_EQ(refusal({"sensor.jump_m=0.2", "sensor.jumps_per_min=6"}), "accepted");
-  EXPECT_EQ(refusal({"sensor.jump_m=0.2"}, "[sensor]\njumps_per_min = 6"), "accepted");
-  EXPECT_EQ(refusal({"sensor.jumps_per_min=0"}, "[sensor]\njumps_per_min = 6\njump_m = 0.2"),
+  EXPECT_EQ(switch_refusal({"sensor.jump_m=0.2", "sensor.jumps_per_min=6"}), "accepted");
+  EXPECT_EQ(switch_refusal({"sensor.jump_m=0.2"}, "[sensor]\njumps_per_min = 6"), "accepted");
+  EXPECT_EQ(switch_refusal({"sensor.jumps_per_min=0"}, "[sensor]\njumps_per_min = 6\njump_m = 0.2"),
             "accepted");
-  EXPECT_EQ(refusal({"sensor.jump_m=0.2", "sensor.jumps_per_min=0"}), "accepted")
+  EXPECT_EQ(switch_refusal({"sensor.jump_m=0.2", "sensor.jumps_per_min=0"}), "accepted")
       << "as in a sweep over it";
-  EXPECT_EQ(refusal({"sensor.noise_correlation_s=2", "sensor.yaw_noise_rad=0.1"}), "accepted");
-  EXPECT_THAT(refusal({"sensor.jump_m=0.2"}, "[sensor]\njumps_per_min = 0"),
+  EXPECT_EQ(switch_refusal({"sensor.noise_correlation_s=2", "sensor.yaw_noise_rad=0.1"}),
+            "accepted");
+  EXPECT_THAT(switch_refusal({"sensor.jump_m=0.2"}, "[sensor]\njumps_per_min = 0"),
               HasSubstr("sensor.jumps_per_min is 0"));
 }
 
@@ -85,15 +87,15 @@ TEST(SwitchedKeys, OfLawsPoliciesAndDrivesMayStandWhereOthersAreChosen) {
   for (const char* key :
        {"controller.sensor_latency_ms=50", "controller.tracking.k_x=1", "actuator.decay_s=1",
         "can.bit_rate_bps=250000", "sensor.odometry_rate_hz=20"}) {
-    EXPECT_EQ(refusal({key}), "accepted") << key;
+    EXPECT_EQ(switch_refusal({key}), "accepted") << key;
   }
 }
 
 TEST(KeysOfMaps, AreRefusedWhereOthersReplaceThem) {
   const auto map = [](const std::string& key, const std::string& other = "map.delay_ms=0") {
     const std::string uplink = "channel.uplink.";
-    return refusal({uplink + "model=map", uplink + "map.access_points=[[0, 0]]", uplink + key,
-                    uplink + other});
+    return switch_refusal({uplink + "model=map", uplink + "map.access_points=[[0, 0]]",
+                           uplink + key, uplink + other});
   };
   EXPECT_THAT(map("map.shadowing_distance_m=5"),
               HasSubstr("channel.uplink.map.shadowing_distance_m has no effect: "
@@ -106,9 +108,10 @@ TEST(KeysOfMaps, AreRefusedWhereOthersReplaceThem) {
 }
 
 TEST(RefusedNumbers, AreTheShortestThatReadTheSame) {
-  EXPECT_THAT(refusal({"vehicle.start_error_m=-0.1"}),
+  EXPECT_THAT(switch_refusal({"vehicle.start_error_m=-0.1"}),
               HasSubstr("vehicle.start_error_m = -0.1 is not allowed"));
-  EXPECT_THAT(refusal({"run.duration_s=[0.1, 2.0]"}), HasSubstr("= [0.1, 2.0] is not allowed"));
+  EXPECT_THAT(switch_refusal({"run.duration_s=[0.1, 2.0]"}),
+              HasSubstr("= [0.1, 2.0] is not allowed"));
 }
 
 // ---------------------------------------------------------------------------- send = "changed"
@@ -117,7 +120,7 @@ TEST(SendingChanges, NeedsAnAgeLimitThatNobodyTakesForSilence) {
   const std::vector<std::string> poses{"sensor.send=changed", "sensor.rate_hz=20"};
   const auto with = [&](std::vector<std::string> more) {
     more.insert(more.begin(), poses.begin(), poses.end());
-    return refusal(more);
+    return switch_refusal(more);
   };
   EXPECT_EQ(with({}), "accepted");
   EXPECT_THAT(with({"sensor.send_max_age_s=0.04"}),
@@ -146,19 +149,19 @@ TEST(SendingChanges, NeedsAnAgeLimitThatNobodyTakesForSilence) {
 TEST(SendingChanges, OfPlansNeedsAnAgeLimitBelowTheirHorizon) {
   const std::vector<std::string> plans{"controller.send=changed", "actuator.policy=horizon",
                                        "controller.law=predictive", "controller.horizon_s=5"};
-  EXPECT_EQ(refusal(plans), "accepted");
+  EXPECT_EQ(switch_refusal(plans), "accepted");
   auto late = plans;
   late.emplace_back("controller.send_max_age_s=5");
-  EXPECT_THAT(refusal(late), HasSubstr("must be below controller.horizon_s = 5"));
+  EXPECT_THAT(switch_refusal(late), HasSubstr("must be below controller.horizon_s = 5"));
 }
 
 TEST(SendingChanges, OfTwistsHasATimeoutUnderAPolicyForPlansToo) {
   const std::vector<std::string> twists{"controller.send=changed", "actuator.policy=horizon",
                                         "controller.trigger=timer"};
-  EXPECT_EQ(refusal(twists), "accepted");
+  EXPECT_EQ(switch_refusal(twists), "accepted");
   auto late = twists;
   late.emplace_back("controller.send_max_age_s=0.5");
-  EXPECT_THAT(refusal(late),
+  EXPECT_THAT(switch_refusal(late),
               HasSubstr("must be above the longest time between two commands, 0.5 s"));
 }
 
@@ -168,7 +171,7 @@ TEST(SendingChanges, IsNoSilenceForTheBridge) {
                                   "controller.send=changed", "controller.send_max_age_s=" + age,
                                   "controller.law=" + law};
     if (law != "pid") keys.emplace_back("actuator.policy=horizon");
-    return refusal(keys);
+    return switch_refusal(keys);
   };
   EXPECT_EQ(by_can("0.19", "pid"), "accepted");
   EXPECT_THAT(by_can("0.2", "pid"), HasSubstr("must be below 0.2 s (can.stale_ms = 200)"));
@@ -177,15 +180,17 @@ TEST(SendingChanges, IsNoSilenceForTheBridge) {
 }
 
 TEST(SendingChanges, IsRefusedWhereItWouldDoNothingOrOthersNeedAll) {
-  EXPECT_THAT(refusal({"sensor.send=changed", "medium.model=dcf", "medium.others=3"}),
+  EXPECT_THAT(switch_refusal({"sensor.send=changed", "medium.model=dcf", "medium.others=3"}),
               HasSubstr("test.toml: sensor.send = \"changed\" needs medium.others = 0"));
-  EXPECT_THAT(refusal({"controller.send=changed", "autonomy.enabled=true", "lidar.model=custom",
-                       "sensor.odometry_rate_hz=50", "controller.law=detour"}),
-              HasSubstr("controller.send = \"changed\" needs autonomy.enabled = false"));
-  EXPECT_THAT(refusal({"sensor.send=changed", "localiser.place=vehicle", "lidar.model=custom",
-                       "sensor.odometry_rate_hz=50"}),
+  EXPECT_THAT(
+      switch_refusal({"controller.send=changed", "autonomy.enabled=true", "lidar.model=custom",
+                      "sensor.odometry_rate_hz=50", "controller.law=detour"}),
+      HasSubstr("controller.send = \"changed\" needs autonomy.enabled = false"));
+  EXPECT_THAT(switch_refusal({"sensor.send=changed", "localiser.place=vehicle",
+                              "lidar.model=custom", "sensor.odometry_rate_hz=50"}),
               HasSubstr("needs localiser.place = \"none\""));
-  EXPECT_THAT(refusal({"sensor.send=seldom"}), HasSubstr("must be \"always\" or \"changed\""));
+  EXPECT_THAT(switch_refusal({"sensor.send=seldom"}),
+              HasSubstr("must be \"always\" or \"changed\""));
 }
 
 TEST(SendingChanges, IsInTheResolvedScenarioOnlyWhereItIsOn) {

@@ -8,23 +8,23 @@
 namespace tether {
 namespace {
 
-constexpr double kTrack_m = 1.2;
+constexpr double kWheelTrack_m = 1.2;
 constexpr double kPi = std::numbers::pi;
 
 TEST(DiffDrive, AFasterRightWheelTurnsLeft) {
-  const Twist u = to_twist({.left_mps = 1.0, .right_mps = 2.2}, kTrack_m);
+  const Twist u = to_twist({.left_mps = 1.0, .right_mps = 2.2}, kWheelTrack_m);
   EXPECT_DOUBLE_EQ(u.v_mps, 1.6);
   EXPECT_DOUBLE_EQ(u.omega_radps, 1.0);
 }
 
 TEST(DiffDrive, EqualWheelsGoStraight) {
-  const Twist u = to_twist({.left_mps = -3.0, .right_mps = -3.0}, kTrack_m);
+  const Twist u = to_twist({.left_mps = -3.0, .right_mps = -3.0}, kWheelTrack_m);
   EXPECT_EQ(u.v_mps, -3.0);
   EXPECT_EQ(u.omega_radps, 0.0);
 }
 
 TEST(DiffDrive, TurningLeftOnTheSpotDrivesTheLeftWheelBackwards) {
-  const WheelSpeeds w = to_wheel_speeds({.v_mps = 0.0, .omega_radps = 1.0}, kTrack_m);
+  const WheelSpeeds w = to_wheel_speeds({.v_mps = 0.0, .omega_radps = 1.0}, kWheelTrack_m);
   EXPECT_DOUBLE_EQ(w.left_mps, -0.6);
   EXPECT_DOUBLE_EQ(w.right_mps, 0.6);
 }
@@ -32,7 +32,7 @@ TEST(DiffDrive, TurningLeftOnTheSpotDrivesTheLeftWheelBackwards) {
 TEST(DiffDrive, WheelSpeedsAndTwistAreInverses) {
   for (const double v : {-8.0, 0.0, 0.3, 8.0}) {
     for (const double omega : {-2.0, 0.0, 0.7, 2.0}) {
-      const Twist back = to_twist(to_wheel_speeds({v, omega}, kTrack_m), kTrack_m);
+      const Twist back = to_twist(to_wheel_speeds({v, omega}, kWheelTrack_m), kWheelTrack_m);
       EXPECT_NEAR(back.v_mps, v, 1e-14);
       EXPECT_NEAR(back.omega_radps, omega, 1e-14);
     }
@@ -44,7 +44,7 @@ TEST(DiffDrive, SaturationKeepsTheCurvature) {
   const WheelSpeeds got = saturate(wanted, 10.0);
   EXPECT_DOUBLE_EQ(got.right_mps, 10.0);
   EXPECT_DOUBLE_EQ(got.left_mps, 5.0);
-  const Twist before = to_twist(wanted, kTrack_m), after = to_twist(got, kTrack_m);
+  const Twist before = to_twist(wanted, kWheelTrack_m), after = to_twist(got, kWheelTrack_m);
   EXPECT_DOUBLE_EQ(after.omega_radps / after.v_mps, before.omega_radps / before.v_mps);
 }
 

@@ -12,6 +12,7 @@
 #include "common/world/surroundings.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -50,7 +51,7 @@ class MapTest : public ::testing::Test {
     return value.empty() ? text : text + key + ": " + value + "\n";
   }
 
-  testing::Folder folder_;
+  test::Folder folder_;
 };
 
 std::vector<bool> cells(const std::string& drawn) {
@@ -272,7 +273,7 @@ TEST_F(MapTest, OfAScenarioIsRefusedWithItsFileAndKey) {
 }
 
 TEST(ExampleMap, IsARoomWithADoorTwoTablesAndACrate) {
-  const OccupancyMap map = load_occupancy_map(TETHER_SOURCE_DIR "/scenarios/maps/room.yaml");
+  const OccupancyMap map = load_occupancy_map(in_source("/scenarios/maps/room.yaml"));
   EXPECT_EQ(map.columns * map.rows, 40u * 30u);
   const auto shapes = occupied_shapes(map);
   EXPECT_EQ(shapes.size(), 8u) << "three walls, two beside the door, and what stands in it";

@@ -16,18 +16,18 @@ namespace tether {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::at_ms;
-using testing::at_s;
+using test::at_ms;
+using test::at_s;
 
 constexpr double kTrack_m = 1.2;
 
-Twist command_at(double t_s) {  // speeds up and slows down, or a lag could not be seen
+Twist turning_command_at(double t_s) {  // speeds up and slows down, or a lag could not be seen
   return {2.0 + std::sin(2.0 * t_s), 0.3 * std::sin(t_s)};
 }
 
 constexpr auto by_commands = [](Instant from, Instant until, auto& vehicle) {
   for (; from < until; from += milliseconds{10}) {
-    vehicle.advance(command_at(to_seconds(from - kStart)), 0.01);
+    vehicle.advance(turning_command_at(to_seconds(from - kStart)), 0.01);
   }
 };
 
@@ -59,7 +59,7 @@ struct OdometryRig {
     const double step_s = 0.01, root_s = std::sqrt(step_s);
     const Instant end = now + from_seconds(seconds);
     for (; now < end; now += milliseconds{10}) {
-      const Twist command = command_at(to_seconds(now - kStart));
+      const Twist command = turning_command_at(to_seconds(now - kStart));
       const WheelSpeeds before = truth.rim;
       model.advance(truth, command, step_s);
       const WheelSpeeds by = believed(truth.rim), from = believed(before);
@@ -215,7 +215,7 @@ TEST(WheelReadings, FindALagThatIsBelievedButAbsentWithoutAnyPose) {
   DeadReckoning reckoning;
   for (int ms = 0; ms < 30000; ms += 10) {
     const WheelSpeeds before = truth.rim;
-    model.advance(truth, command_at(ms * 1e-3), 0.01);
+    model.advance(truth, turning_command_at(ms * 1e-3), 0.01);
     reckoning.move({0.005 * (before.left_mps + truth.rim.left_mps),
                     0.005 * (before.right_mps + truth.rim.right_mps), 0.0, 0.0},
                    kTrack_m);

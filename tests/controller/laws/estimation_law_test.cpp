@@ -22,9 +22,9 @@ namespace tether {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::at_s;
-using testing::LawRig;
-using testing::with_law;
+using test::at_s;
+using test::LawRig;
+using test::with_law;
 
 constexpr double kNoise_m = 0.05, kNoise_rad = 0.0349, kPrr = 0.45;
 

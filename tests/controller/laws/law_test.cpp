@@ -5,13 +5,14 @@
 #include <algorithm>
 
 #include "common/scenario/scenario.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/support/table_rows.hpp"
 
 namespace tether {
 namespace {
 
 TEST(LawTable, HasARowForEachLawThatOurSourcesDefineOnce) {
-  testing::expect_has_all_rows(law_kinds(), "controller/laws", "LawKind", "_law");
+  test::expect_has_all_rows(law_kinds(), "controller/laws", "LawKind", "_law");
 }
 
 TEST(LawTable, EachLawIsMadeByItsNameInAScenario) {
@@ -19,7 +20,7 @@ TEST(LawTable, EachLawIsMadeByItsNameInAScenario) {
     SCOPED_TRACE(kind.name);
     std::vector<std::string> overrides{
         "controller.law=" + kind.name,
-        "controller.tau_table=" TETHER_SOURCE_DIR "/scenarios/tau_table.csv",
+        "controller.tau_table=" + in_source("/scenarios/tau_table.csv"),
         kind.sends_plans ? "actuator.policy=horizon" : "actuator.policy=hold"};
     if (kind.drives_on_request) {
       overrides.insert(overrides.end(), {"autonomy.enabled=true", "lidar.model=custom",
@@ -37,10 +38,10 @@ TEST(LawTable, EachLawIsMadeByItsNameInAScenario) {
 
 TEST(AdaptivePid, ItsLookAheadIsTheTablesTimesTheFactor) {
   const auto tau_ms = [](const std::string& factor) {
-    const auto law = make_law(
-        parse_scenario("", "",
-                       {"controller.law=pid_adaptive", "controller.tau_factor=" + factor,
-                        "controller.tau_table=" TETHER_SOURCE_DIR "/scenarios/tau_table.csv"}));
+    const auto law =
+        make_law(parse_scenario("", "",
+                                {"controller.law=pid_adaptive", "controller.tau_factor=" + factor,
+                                 "controller.tau_table=" + in_source("/scenarios/tau_table.csv")}));
     const SeenPose pose;
     law->on_pose(pose);
     CounterList counters;

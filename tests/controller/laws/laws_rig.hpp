@@ -12,7 +12,7 @@
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A law and the vehicle that it believes in, without messages: laws are pure.
 struct LawRig {
@@ -54,4 +54,4 @@ inline Scenario with_law(const std::string& law) {
   return s;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

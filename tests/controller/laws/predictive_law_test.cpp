@@ -19,10 +19,10 @@ namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using testing::at_ms;
-using testing::at_s;
-using testing::LawRig;
-using testing::with_law;
+using test::at_ms;
+using test::at_s;
+using test::LawRig;
+using test::with_law;
 
 Plan plan_of(const LawOutput& output) { return std::get<Plan>(output); }
 

@@ -14,9 +14,9 @@ namespace tether {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::at_s;
-using testing::LawRig;
-using testing::with_law;
+using test::at_s;
+using test::LawRig;
+using test::with_law;
 
 PathPoint reference(double x_m, double y_m, double yaw_rad, double v_mps, double omega_radps) {
   return {x_m, y_m, yaw_rad, v_mps, omega_radps};

@@ -12,8 +12,8 @@
 namespace tether {
 namespace {
 
-using testing::LawRig;
-using testing::with_law;
+using test::LawRig;
+using test::with_law;
 
 /// H = AᵀA + I of a random A; the box is narrow enough for some bounds to be active.
 BoxQp random_qp(unsigned seed, std::size_t n, double box) {

@@ -13,12 +13,12 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::counter;
-using testing::pose;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::counter;
+using test::pose;
+using test::Seen;
+using test::VirtualWorld;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
@@ -219,7 +219,7 @@ TEST_F(ControllerNodeTest, GarbageOnThePoseChannelIsCountedAndIgnored) {
   world.publish_bytes_at(at_s(1), "CTRL/POSE", {});
   world.publish_bytes_at(at_s(1), "CTRL/POSE", {1, 2, 3});
   world.publish_bytes_at(at_s(1), "CTRL/POSE", std::vector<std::uint8_t>(48, 0xff));
-  world.publish_at(at_s(1), "CTRL/POSE", testing::twist(at_s(1), 0, 1.0, 1.0));  // another type
+  world.publish_at(at_s(1), "CTRL/POSE", test::twist(at_s(1), 0, 1.0, 1.0));  // another type
   world.loop.run_until(at_s(2));
   EXPECT_TRUE(commands.empty());
   EXPECT_EQ(count("pose.undecodable"), 4);

@@ -12,11 +12,11 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::pose;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::pose;
+using test::Seen;
+using test::VirtualWorld;
 
 /// The controller node with laws whose output is a plan.
 struct ControllerPlanTest : ::testing::Test {

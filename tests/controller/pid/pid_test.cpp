@@ -13,7 +13,7 @@
 namespace tether {
 namespace {
 
-using testing::at_s;
+using test::at_s;
 
 constexpr double kPi = 3.14159265358979323846;
 

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "common/base/errors.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -61,7 +62,7 @@ TEST(TauTable, RefusesWhatIsNoTable) {
 }
 
 TEST(TauTable, TheOneThatComesWithTheProjectIsGood) {
-  std::ifstream in(TETHER_SOURCE_DIR "/scenarios/tau_table.csv");
+  std::ifstream in(in_source("/scenarios/tau_table.csv"));
   const TauTable table = TauTable::read(in, "tau_table.csv");
   EXPECT_NEAR(table.tau_s(1.0, 0.0), 2.0, 0.01);
   EXPECT_LT(table.tau_s(1.0, 500.0), 2.0);

@@ -16,14 +16,14 @@
 namespace tether {
 namespace {
 
-using testing::any_free_pose;
-using testing::Drive;
-using testing::hall;
-using testing::HallScanner;
-using testing::LocalisedDrive;
-using testing::number_from;
-using testing::off_m;
-using testing::off_rad;
+using test::any_free_pose;
+using test::Drive;
+using test::hall;
+using test::HallScanner;
+using test::LocalisedDrive;
+using test::number_from;
+using test::off_m;
+using test::off_rad;
 
 using State = Localisation::State;
 

@@ -7,14 +7,14 @@
 namespace tether {
 namespace {
 
-using testing::any_free_pose;
-using testing::box;
-using testing::Drive;
-using testing::hall;
-using testing::HallScanner;
-using testing::LocalisedDrive;
-using testing::off_m;
-using testing::off_rad;
+using test::any_free_pose;
+using test::box;
+using test::Drive;
+using test::hall;
+using test::HallScanner;
+using test::LocalisedDrive;
+using test::off_m;
+using test::off_rad;
 
 using State = Localisation::State;
 
@@ -81,7 +81,7 @@ TEST(Localiser, GoesOnByOdometryWhileItsSightIsBlockedAndThenIsLost) {
   const std::vector<Shape> map = hall();
   Standing vehicle(map);
   // All around it, half a metre away.
-  const std::vector<Shape> cage{testing::cylinder(kStartPose.x_m, kStartPose.y_m, 0.9)};
+  const std::vector<Shape> cage{test::cylinder(kStartPose.x_m, kStartPose.y_m, 0.9)};
   std::vector<State> states;
   for (int i = 0; i < 2 * Localiser::kMostMisses; ++i) {
     states.push_back(vehicle.see(vehicle.scan(i < 3 ? map : cage)).state);
@@ -99,9 +99,9 @@ std::vector<Shape> fence(double radius_m, double from_rad, double to_rad) {
   const Pose2 eye = compose(kStartPose, HallScanner().mount);
   std::vector<Shape> posts;
   for (double angle = from_rad; angle <= to_rad; angle += 0.03) {
-    posts.push_back(testing::cylinder(eye.x_m + radius_m * std::cos(eye.yaw_rad + angle),
-                                      eye.y_m + radius_m * std::sin(eye.yaw_rad + angle),
-                                      0.02 * radius_m));
+    posts.push_back(test::cylinder(eye.x_m + radius_m * std::cos(eye.yaw_rad + angle),
+                                   eye.y_m + radius_m * std::sin(eye.yaw_rad + angle),
+                                   0.02 * radius_m));
   }
   return posts;
 }
@@ -198,7 +198,7 @@ TEST(Localiser, InACorridorIsDegenerateAlongItAndGoesOnByOdometry) {
 }
 
 TEST(Localiser, InACircleIsDegenerateInYaw) {
-  const std::vector<Shape> map{testing::cylinder(0.0, 0.0, 6.0)};
+  const std::vector<Shape> map{test::cylinder(0.0, 0.0, 6.0)};
   HallScanner scanner;
   scanner.mount = {};
   RandomEngine random = random_stream(1, "scanner");

@@ -13,9 +13,9 @@
 namespace tether {
 namespace {
 
-using testing::box;
-using testing::cylinder;
-using testing::hall;
+using test::box;
+using test::cylinder;
+using test::hall;
 
 TEST(DistanceTransform, IsExactForAnySeeds) {
   RandomEngine random = random_stream(1, "seeds");

@@ -7,8 +7,8 @@
 namespace tether {
 namespace {
 
-using testing::HallScanner;
-using testing::walls;
+using test::HallScanner;
+using test::walls;
 
 /// Drives along a circle of 2 m at 2 m/s, 1 rad/s.
 Pose2 on_circle(Instant when) {

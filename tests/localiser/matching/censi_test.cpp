@@ -8,11 +8,11 @@
 namespace tether {
 namespace {
 
-using testing::cast;
-using testing::cylinder;
-using testing::hall;
-using testing::HallScanner;
-using testing::walls;
+using test::cast;
+using test::cylinder;
+using test::hall;
+using test::HallScanner;
+using test::walls;
 
 TEST(Censi, IsTheInformationOfDerivativesOfTheRanges) {
   const std::vector<Shape> shapes = hall();

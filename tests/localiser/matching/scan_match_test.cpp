@@ -12,12 +12,12 @@
 namespace tether {
 namespace {
 
-using testing::any_free_pose;
-using testing::box;
-using testing::cylinder;
-using testing::hall;
-using testing::HallScanner;
-using testing::is_free;
+using test::any_free_pose;
+using test::box;
+using test::cylinder;
+using test::hall;
+using test::HallScanner;
+using test::is_free;
 
 constexpr double kCell_m = 0.05;
 
@@ -130,8 +130,8 @@ TEST(ScanMatch, InACorridorKnowsAllButThePlaceAlongIt) {
   const double c = std::cos(kYaw_rad), s = std::sin(kYaw_rad);
   std::vector<Shape> map;
   for (const double side : {-1.5, 1.5}) {
-    map.push_back(testing::box(-s * (side + std::copysign(0.25, side)),
-                               c * (side + std::copysign(0.25, side)), 200.0, 0.5, kYaw_rad));
+    map.push_back(test::box(-s * (side + std::copysign(0.25, side)),
+                            c * (side + std::copysign(0.25, side)), 200.0, 0.5, kYaw_rad));
   }
   const DistanceField field(map, 0.1);
   const HallScanner scanner;

@@ -16,12 +16,12 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::HallScanner;
+using test::at_ms;
+using test::at_s;
+using test::HallScanner;
+using test::Seen;
+using test::VirtualWorld;
 using ::testing::HasSubstr;
-using testing::Seen;
-using testing::VirtualWorld;
 
 constexpr char kHall[] = R"(
 [world]
@@ -102,7 +102,7 @@ struct Bench {
   std::int64_t counted(const std::string& name) {
     node->finish();
     world.loop.run_until(world.loop.now());
-    return counters.empty() ? -2 : testing::counter(counters.back().message, name);
+    return counters.empty() ? -2 : test::counter(counters.back().message, name);
   }
 };
 

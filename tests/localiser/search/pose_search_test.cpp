@@ -7,9 +7,9 @@
 namespace tether {
 namespace {
 
-using testing::hall;
-using testing::HallScanner;
-using testing::walls;
+using test::hall;
+using test::HallScanner;
+using test::walls;
 
 PoseSearch search_in(const std::vector<Shape>& map) {
   return {std::make_shared<const DistanceField>(map, 0.05), PoseSearch::Settings{},
@@ -47,8 +47,7 @@ TEST(PoseSearch, DoesNotDecideInAHallThatLooksTheSameFromTwoPlaces) {
 }
 
 TEST(PoseSearch, DoesNotDecideInACorridorWithoutEnds) {
-  const std::vector<Shape> map{testing::box(0.0, 2.25, 150.0, 0.5),
-                               testing::box(0.0, -2.25, 150.0, 0.5)};
+  const std::vector<Shape> map{test::box(0.0, 2.25, 150.0, 0.5), test::box(0.0, -2.25, 150.0, 0.5)};
   PoseSearch search = search_in(map);
   EXPECT_EQ(scans_until_found(search, map, {0.0, 0.0, 0.2}, 40), 0);
 }
@@ -74,7 +73,7 @@ TEST(PoseSearch, FindsAVehicleThatMovesMeanwhile) {
 TEST(PoseSearch, LooksOnlyWhereTheVehicleCanGetTo) {
   // A wall halves the hall.
   std::vector<Shape> map = hall();
-  map.push_back(testing::box(0.5, 0.0, 0.2, 20.0));
+  map.push_back(test::box(0.5, 0.0, 0.2, 20.0));
   const auto sweep_from = [&](double x_m) {
     PoseSearch::Settings settings;
     settings.inside = {x_m, 4.0};

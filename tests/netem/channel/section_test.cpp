@@ -27,7 +27,8 @@ Scenario parse(const std::string& toml, const std::vector<std::string>& override
 }
 
 /// What the user reads when `toml` with `overrides` is refused.
-std::string refusal(const std::string& toml, const std::vector<std::string>& overrides = {}) {
+std::string section_refusal(const std::string& toml,
+                            const std::vector<std::string>& overrides = {}) {
   return refusal_of([&] { parse(toml, overrides); });
 }
 
@@ -103,18 +104,18 @@ TEST(ScenarioChannel, OneOfReceptionRatioAndMeanBurstKeepsTheOther) {
                             .uplink.own.get<GilbertElliottConfig>();
   EXPECT_DOUBLE_EQ(*by_burst.r, 0.1);
   EXPECT_NEAR(*by_burst.r / (*by_burst.p + *by_burst.r), 0.3, 1e-12);
-  EXPECT_THAT(refusal(uplink("model = \"gilbert_elliott\"\ngilbert_elliott.prr = 0.5")),
+  EXPECT_THAT(section_refusal(uplink("model = \"gilbert_elliott\"\ngilbert_elliott.prr = 0.5")),
               HasSubstr("prr and channel.uplink.gilbert_elliott.mean_burst are needed together"));
 }
 
 TEST(ScenarioChannel, BurstsTooShortForTheReceptionRatioAreExplained) {
   const std::string text =
       "model = \"gilbert_elliott\"\ngilbert_elliott = { prr = 0.2, mean_burst = ";
-  EXPECT_THAT(refusal(uplink(text + "3.9 }")),
+  EXPECT_THAT(section_refusal(uplink(text + "3.9 }")),
               AllOf(HasSubstr("test.toml: channel.uplink.gilbert_elliott.mean_burst = 3.9"),
                     HasSubstr("prr = 0.2"), HasSubstr("at least max(1, (1-prr)/prr) = 4")));
-  EXPECT_EQ(refusal(uplink(text + "4.0 }")), "accepted");
-  EXPECT_THAT(refusal(uplink(text + "0.5 }")), HasSubstr("must be a number in [1, "));
+  EXPECT_EQ(section_refusal(uplink(text + "4.0 }")), "accepted");
+  EXPECT_THAT(section_refusal(uplink(text + "0.5 }")), HasSubstr("must be a number in [1, "));
 }
 
 struct Refused {
@@ -173,7 +174,8 @@ TEST(ScenarioChannel, WhatDoesNotFitTogetherIsRefused) {
       {"model = \"chain\"\nprr = 0.5", "prr has no effect: channel.uplink.model is \"chain\""},
       {"four_state.p13 = 0.5", "four_state.p13 has no effect"}};
   for (const Refused& c : cases) {
-    EXPECT_THAT(refusal(uplink(c.lines)), AllOf(HasSubstr("test.toml:"), HasSubstr(c.message)))
+    EXPECT_THAT(section_refusal(uplink(c.lines)),
+                AllOf(HasSubstr("test.toml:"), HasSubstr(c.message)))
         << c.lines;
   }
 }
@@ -182,7 +184,7 @@ TEST(ScenarioChannel, ASharedStateNeedsAModelThatMovesInTime) {
   const std::vector<std::string> shared{"channel.shared_state=true"};
   const auto with = [&](std::vector<std::string> keys) {
     keys.insert(keys.end(), shared.begin(), shared.end());
-    return refusal("", keys);
+    return section_refusal("", keys);
   };
   EXPECT_THAT(with({"channel.model=gilbert_elliott", "channel.gilbert_elliott.p=0.1",
                     "channel.gilbert_elliott.r=0.1"}),
@@ -237,10 +239,11 @@ TEST(ScenarioChannel, WhatIsWrongWithLinksByNameIsRefused) {
       {"[channel.links.set]", "channel NET/SET has another meaning"},
       {"[channel.links.sat]\n[channel.links.SAT]", "only in case: both would report on NET/SAT"}};
   for (const Refused& c : cases) {
-    EXPECT_THAT(refusal(c.lines), AllOf(HasSubstr("test.toml:"), HasSubstr(c.message))) << c.lines;
+    EXPECT_THAT(section_refusal(c.lines), AllOf(HasSubstr("test.toml:"), HasSubstr(c.message)))
+        << c.lines;
   }
-  EXPECT_THAT(refusal("", {"channel.links.sat.prx=1"}), HasSubstr("channel.links.sat.prr"));
-  EXPECT_EQ(refusal("[channel.links]"), "accepted");
+  EXPECT_THAT(section_refusal("", {"channel.links.sat.prx=1"}), HasSubstr("channel.links.sat.prr"));
+  EXPECT_EQ(section_refusal("[channel.links]"), "accepted");
 }
 
 TEST(ScenarioChannel, NamesOfFilesStartFromTheScenario) {
@@ -295,14 +298,14 @@ TEST_F(ScenarioSojournTimes, AnOverrideBeatsTheFileInEitherForm) {
 
 TEST_F(ScenarioSojournTimes, AreGivenInOneWayOnly) {
   for (const char* other : {"mean_good_s = 6.0", "mean_bad_s = 2.0"}) {
-    EXPECT_THAT(refusal(markov("p_bad = 0.25\nmean_cycle_s = 8.0\n" + std::string(other))),
+    EXPECT_THAT(section_refusal(markov("p_bad = 0.25\nmean_cycle_s = 8.0\n" + std::string(other))),
                 AllOf(StartsWith("test.toml: give either "), HasSubstr("markov.p_bad"),
                       HasSubstr("channel.uplink.markov.mean_good_s")));
   }
 }
 
 TEST_F(ScenarioSojournTimes, ThatFollowAreLimitedAsIfTheyHadBeenGiven) {
-  EXPECT_THAT(refusal(markov("p_bad = 0.001\nmean_cycle_s = 0.5")),
+  EXPECT_THAT(section_refusal(markov("p_bad = 0.001\nmean_cycle_s = 0.5")),
               AllOf(HasSubstr("channel.uplink.markov.mean_bad_s = 0.0005"),
                     HasSubstr("must be a number in [0.001, 1000000000]")));
 }

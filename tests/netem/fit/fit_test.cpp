@@ -19,8 +19,8 @@
 namespace tether {
 namespace {
 
-using testing::Chain;
-using testing::gilbert_elliott;
+using test::Chain;
+using test::gilbert_elliott;
 
 FateLog log_of(Chain chain, int packets, double interval_s = 0.05) {
   std::vector<LoggedPacket> fates;

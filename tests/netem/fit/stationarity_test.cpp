@@ -11,8 +11,8 @@
 namespace tether {
 namespace {
 
-using testing::Chain;
-using testing::gilbert_elliott;
+using test::Chain;
+using test::gilbert_elliott;
 using ::testing::HasSubstr;
 
 FateBits bits_of(Chain chain, int packets) {

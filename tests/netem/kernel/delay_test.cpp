@@ -17,7 +17,7 @@
 // and then, as the kernel's, not before the end of a pause. All laws take turns within one run,
 // because how late a machine is changes with what else it does.
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 constexpr std::size_t kLanes = 3;
@@ -194,4 +194,4 @@ TEST_F(KernelDelay, OfTcsNormalTableIsNormalAsOurs) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -13,7 +13,7 @@
 
 // tc's loss models in the kernel against ours: the same laws, packet by packet.
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 constexpr std::size_t kPackets = 400'000;
@@ -147,7 +147,7 @@ struct Comparison {
   std::array<double, 2> inflation;
 
   explicit Comparison(const LossCase& c)
-      : ratio_sd(tether::testing::ratio_sd(c)), inflation(inflations(c)) {}
+      : ratio_sd(tether::test::ratio_sd(c)), inflation(inflations(c)) {}
 
   Probabilities operator()(const Runs& first, const Runs& second) const {
     const auto same = [&](std::size_t i) {
@@ -218,4 +218,4 @@ INSTANTIATE_TEST_SUITE_P(Models, KernelSteps,
                                            four_state(0, 0, 0, 0, 1), four_state(1, 0, 1, 0, 0)));
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

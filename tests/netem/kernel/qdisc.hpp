@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace tether::testing {
+namespace tether::test {
 
 /// Runs tc, of which the test needs success, and returns what it wrote.
 inline std::string tc(const std::string& arguments) {
@@ -72,4 +72,4 @@ inline void expect_all_accounted_for(const QdiscCounts& counts, std::int64_t off
   ASSERT_EQ(counts.waiting, 0);
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

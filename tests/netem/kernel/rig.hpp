@@ -6,7 +6,7 @@
 #include "common/scenario/scenario.hpp"
 #include "netem/relay/make_links.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 // The kernel's random numbers cannot be seeded before Linux 6.6, so that each run is another one.
 // A right channel fails in one of a million runs: each of 14 comparisons (loss ratio, bursts and
@@ -27,4 +27,4 @@ inline Link our_link(const std::vector<std::string>& keys, std::uint64_t seed) {
   return make_links(parse_scenario("", "test", overrides)).uplink;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

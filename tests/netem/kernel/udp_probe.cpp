@@ -14,7 +14,7 @@
 
 #include "common/base/system_error.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 constexpr std::size_t kBatch = 64;             // fits into a socket's usual buffer
@@ -197,4 +197,4 @@ KernelRun UdpProbe::send_paced(std::size_t packets, Duration interval, std::size
   return run;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

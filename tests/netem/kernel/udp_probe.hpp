@@ -6,7 +6,7 @@
 
 #include "common/base/time.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A time of more than 0.5 ms in which the machine did nothing for the sender, which had slept its
 /// time out or was sending: it did something else.
@@ -58,4 +58,4 @@ class UdpProbe {
   int receiver_ = -1;
 };
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -13,7 +13,7 @@
 #include "tests/support/refusal.hpp"
 #include "tests/support/virtual_world.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 using Settings = std::vector<std::string>;
 
@@ -88,4 +88,4 @@ inline int different(const std::vector<PacketFate>& a, const std::vector<PacketF
   return count;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -11,7 +11,7 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
+using test::at_ms;
 
 constexpr int kPackets = 3000;
 
@@ -34,7 +34,7 @@ Scenario scenario(const std::vector<std::string>& overrides) {
   return parse_scenario("", "test.toml", all);
 }
 
-std::vector<PacketFate> uplink_fates(const std::vector<std::string>& overrides) {
+std::vector<PacketFate> fates_of(const std::vector<std::string>& overrides) {
   LinkPair links = make_links(scenario(overrides));
   return fates_of(links.uplink);
 }
@@ -60,11 +60,11 @@ std::vector<std::string> all_stages_but(const std::vector<std::string>* left_out
 }
 
 TEST(Fates, AreTheSameInEveryRunOfASeedAndOthersInAnother) {
-  const auto first = uplink_fates(all_stages_but(nullptr));
-  const auto again = uplink_fates(all_stages_but(nullptr));
+  const auto first = fates_of(all_stages_but(nullptr));
+  const auto again = fates_of(all_stages_but(nullptr));
   auto keys = all_stages_but(nullptr);
   keys.emplace_back("run.seed=2");
-  const auto other = uplink_fates(keys);
+  const auto other = fates_of(keys);
   int same = 0;
   for (std::size_t n = 0; n < kPackets; ++n) {
     EXPECT_EQ(first[n].departure, again[n].departure);
@@ -75,9 +75,9 @@ TEST(Fates, AreTheSameInEveryRunOfASeedAndOthersInAnother) {
 }
 
 TEST(Fates, ByTheStateDoNotDependOnAnyStage) {
-  const auto plain = uplink_fates({});
+  const auto plain = fates_of({});
   for (const auto& stage : kStages) {
-    const auto staged = uplink_fates(stage);
+    const auto staged = fates_of(stage);
     for (std::size_t n = 0; n < kPackets; ++n) {
       EXPECT_EQ(staged[n].state, plain[n].state);
       if (plain[n].outcome == PacketFate::Outcome::lost) {
@@ -90,9 +90,9 @@ TEST(Fates, ByTheStateDoNotDependOnAnyStage) {
 }
 
 TEST(Fates, OfAStageDoNotDependOnTheOtherStages) {
-  const auto all = uplink_fates(all_stages_but(nullptr));
-  const auto corrupt = uplink_fates(kStages[1]), duplicate = uplink_fates(kStages[2]);
-  const auto reorder = uplink_fates(kStages[3]);
+  const auto all = fates_of(all_stages_but(nullptr));
+  const auto corrupt = fates_of(kStages[1]), duplicate = fates_of(kStages[2]);
+  const auto reorder = fates_of(kStages[3]);
   int compared = 0;
   for (std::size_t n = 0; n < kPackets; ++n) {
     if (all[n].outcome != PacketFate::Outcome::under_way) continue;
@@ -105,11 +105,11 @@ TEST(Fates, OfAStageDoNotDependOnTheOtherStages) {
 }
 
 TEST(Fates, DelaysDoNotDependOnLossesAndCopies) {
-  const auto plain = uplink_fates(kJitter);
+  const auto plain = fates_of(kJitter);
   auto keys = kJitter;
   keys.insert(keys.end(), {"channel.uplink.loss=0.5", "channel.uplink.duplicate.probability=0.5",
                            "channel.uplink.corrupt.probability=0.5"});
-  const auto other = uplink_fates(keys);
+  const auto other = fates_of(keys);
   for (std::size_t n = 0; n < kPackets; ++n) {
     if (other[n].outcome == PacketFate::Outcome::under_way) {
       EXPECT_EQ(other[n].departure, plain[n].departure);
@@ -151,10 +151,10 @@ TEST(Fates, OfModelsPerPacketFollowThePacketsNumberNotTheTime) {
 }
 
 TEST(Fates, AnOutageChangesNothingAfterItsEnd) {
-  const auto plain = uplink_fates(kJitter);
+  const auto plain = fates_of(kJitter);
   auto keys = kJitter;
   keys.emplace_back("channel.uplink.outages=[[0.5, 0.7]]");
-  const auto other = uplink_fates(keys);
+  const auto other = fates_of(keys);
   for (std::size_t n = 0; n < kPackets; ++n) {
     const bool out = n >= 500 && n < 700;
     EXPECT_EQ(other[n].outcome == PacketFate::Outcome::outage, out);

@@ -12,27 +12,17 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::expect_balance;
+using test::pop;
+using test::VirtualWorld;
 
 Packet packet(std::uint8_t value) { return {"CTRL/POSE", {value}}; }
 
-/// What leaves a link by `now`, as the packets' first bytes.
-std::vector<int> pop(Link& link, Instant now) {
-  std::vector<int> values;
-  link.pop_ready(now, [&values](const Packet& p) { values.push_back(p.bytes.front()); });
-  return values;
-}
-
 Link fixed_link(double prr, double delay_ms, int queue_limit = 1000) {
-  return testing::link_with({"queue_limit=" + std::to_string(queue_limit)},
-                            {prr, from_seconds(delay_ms * 1e-3)});
-}
-
-void expect_balance(const Link& link) {
-  const Link::Counters& c = link.counters();
-  EXPECT_EQ(c.offered, c.lost + c.overflowed + c.delivered + link.in_flight());
+  return test::link_with({"queue_limit=" + std::to_string(queue_limit)},
+                         {prr, from_seconds(delay_ms * 1e-3)});
 }
 
 // ---------------------------------------------------------------------------- state process

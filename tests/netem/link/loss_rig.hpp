@@ -11,7 +11,7 @@
 #include "netem/statistics/estimate.hpp"
 #include "netem/statistics/loss_record.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 inline constexpr Duration kInterval = std::chrono::milliseconds{50};
 inline constexpr LossSpread kIndependent{};
@@ -62,4 +62,4 @@ inline void expect_misses(int misses, const char* model, const char* quantity, i
   EXPECT_GE(misses, 10) << quantity << ", " << model;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

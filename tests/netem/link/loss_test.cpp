@@ -28,7 +28,7 @@ void PrintTo(const FourState& m, std::ostream* out) {
 
 namespace {
 
-using testing::at_s;
+using test::at_s;
 
 constexpr double kSigmas = 5.0;
 

@@ -11,17 +11,13 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
+using test::at_ms;
+using test::at_s;
+using test::expect_balance;
 
 /// Delays everything by 1 s.
 Link delaying_link(const std::string& setting) {
-  return testing::link_with({setting}, {1.0, std::chrono::seconds{1}});
-}
-
-void expect_balance(const Link& link) {
-  const Link::Counters& c = link.counters();
-  EXPECT_EQ(c.offered, c.lost + c.overflowed + c.delivered + link.in_flight());
+  return test::link_with({setting}, {1.0, std::chrono::seconds{1}});
 }
 
 TEST(Link, DropsAndCountsWhatIsTooManyBytesUnderWay) {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 double smirnov_tail(double lambda) {
@@ -80,4 +80,4 @@ KolmogorovSmirnov same_law(std::vector<double> first, std::vector<double> second
   return result;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

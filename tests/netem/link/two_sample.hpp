@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace tether::testing {
+namespace tether::test {
 
 /// Do two samples come from one law? Each returns the probability of a difference at least as large
 /// as this one if they do.
@@ -36,4 +36,4 @@ struct KolmogorovSmirnov {
 };
 KolmogorovSmirnov same_law(std::vector<double> first, std::vector<double> second);
 
-}  // namespace tether::testing
+}  // namespace tether::test

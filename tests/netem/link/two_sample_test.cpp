@@ -7,7 +7,7 @@
 
 #include "common/base/random.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 namespace {
 
 TEST(TwoSample, RatiosDifferByTwoSampleStandardDeviations) {
@@ -78,4 +78,4 @@ TEST(TwoSample, FewOfManyEqualSamplesArePutApart) {
 }
 
 }  // namespace
-}  // namespace tether::testing
+}  // namespace tether::test

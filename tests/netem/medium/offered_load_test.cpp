@@ -12,7 +12,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-MediumSettings with(std::vector<std::string> overrides, const std::string& background = "") {
+MediumSettings medium_with(std::vector<std::string> overrides, const std::string& background = "") {
   return parse_scenario("[medium]\nmodel = \"dcf\"\n" + background, "test.toml", overrides)
       .get<MediumSettings>();
 }
@@ -20,14 +20,14 @@ MediumSettings with(std::vector<std::string> overrides, const std::string& backg
 const std::string kSaturated = "[[medium.background]]\nkind = \"saturated\"\nstations = 3\n";
 
 TEST(OfferedLoad, OfWhatIsSentWhenItChangesIsBetweenItsAgeLimitAndAllOfIt) {
-  const OfferedLoad always = offered_load(with({"sensor.rate_hz=20"}));
+  const OfferedLoad always = offered_load(medium_with({"sensor.rate_hz=20"}));
   EXPECT_EQ(always.least, always.most);
-  const OfferedLoad changed =
-      offered_load(with({"sensor.rate_hz=20", "sensor.send=changed", "sensor.send_max_age_s=0.5"}));
+  const OfferedLoad changed = offered_load(
+      medium_with({"sensor.rate_hz=20", "sensor.send=changed", "sensor.send_max_age_s=0.5"}));
   EXPECT_DOUBLE_EQ(changed.most, always.most);
   EXPECT_NEAR(changed.least, always.least / 10, 1e-12);  // a command for each pose
-  const OfferedLoad commands = offered_load(
-      with({"sensor.rate_hz=20", "controller.send=changed", "controller.send_max_age_s=0.5"}));
+  const OfferedLoad commands = offered_load(medium_with(
+      {"sensor.rate_hz=20", "controller.send=changed", "controller.send_max_age_s=0.5"}));
   EXPECT_DOUBLE_EQ(commands.most, always.most);
   EXPECT_GT(commands.least, changed.least);
   EXPECT_LT(commands.least, always.least);
@@ -37,19 +37,19 @@ TEST(OfferedLoad, IsToldWhereOnlyAllOfWhatMayBeSentIsTooMuch) {
   const std::vector<std::string> few{
       "sensor.send=changed", "fleet.count=40",           "fleet.columns=32",  "fleet.offset_x_m=45",
       "fleet.offset_y_m=45", "world.half_extent_m=9999", "medium.rate_Mbps=1"};
-  EXPECT_THAT(overload_warning(with(few)), StartsWith("[medium] is asked for up to "));
-  EXPECT_THAT(overload_warning(with(few)),
+  EXPECT_THAT(overload_warning(medium_with(few)), StartsWith("[medium] is asked for up to "));
+  EXPECT_THAT(overload_warning(medium_with(few)),
               HasSubstr("if all poses and commands were sent; with send = \"changed\" it is"));
   std::vector<std::string> many = few;
   many.emplace_back("sensor.send_max_age_s=0.05");
-  EXPECT_THAT(overload_warning(with(many)), HasSubstr("it cannot carry all"));
+  EXPECT_THAT(overload_warning(medium_with(many)), HasSubstr("it cannot carry all"));
 }
 
 // 541 beams of two bytes: one part of 1400 bytes at most, or two of 700.
 TEST(OfferedLoad, HasTheScansThatGoToTheEdgeInsteadOfPoses) {
   const std::vector<std::string> edge{"localiser.place=edge", "lidar.model=custom",
                                       "sensor.odometry_rate_hz=50", "lidar.rate_hz=15"};
-  const MediumSettings whole = with(edge);
+  const MediumSettings whole = medium_with(edge);
   EXPECT_FALSE(whole.poses_go_up);
   ASSERT_EQ(whole.more_up.size(), 2U);
   EXPECT_EQ(whole.more_up[0].rate_hz, 50.0);
@@ -58,30 +58,31 @@ TEST(OfferedLoad, HasTheScansThatGoToTheEdgeInsteadOfPoses) {
   EXPECT_GT(whole.more_up[1].bytes, 2 * 541);
   std::vector<std::string> in_parts = edge;
   in_parts.emplace_back("localiser.part_bytes=700");
-  EXPECT_EQ(with(in_parts).more_up.size(), 3U);
+  EXPECT_EQ(medium_with(in_parts).more_up.size(), 3U);
   MediumSettings blind = whole;
   blind.more_up.clear();
   EXPECT_GT(offered_load(whole).least, offered_load(blind).least + 15 * 8e-6 * 1082 / 54);
   std::vector<std::string> on_board = edge;
   on_board[0] = "localiser.place=vehicle";
-  EXPECT_TRUE(with(on_board).poses_go_up);
-  EXPECT_EQ(with(on_board).up.rate_hz, 15.0);
+  EXPECT_TRUE(medium_with(on_board).poses_go_up);
+  EXPECT_EQ(medium_with(on_board).up.rate_hz, 15.0);
 }
 
 TEST(OfferedLoad, OfSaturatedStationsIsAllAndWhatTheAccessPointWinsIsTold) {
-  EXPECT_THAT(overload_warning(with({}, kSaturated)),
+  EXPECT_THAT(overload_warning(medium_with({}, kSaturated)),
               HasSubstr("has 3 saturated stations, and no time left"));
-  EXPECT_THAT(overload_warning(with({}, kSaturated)), HasSubstr("and is asked for 20"));
+  EXPECT_THAT(overload_warning(medium_with({}, kSaturated)), HasSubstr("and is asked for 20"));
   const std::vector<std::string> voice{"medium.model=edca", "medium.category=VO"};
-  EXPECT_FALSE(offered_load(with(voice, kSaturated)).most_down_hz) << "other windows than theirs";
-  EXPECT_THAT(refusal_of([] { with({"medium.model=scheduled"}, kSaturated); }),
+  EXPECT_FALSE(offered_load(medium_with(voice, kSaturated)).most_down_hz)
+      << "other windows than theirs";
+  EXPECT_THAT(refusal_of([] { medium_with({"medium.model=scheduled"}, kSaturated); }),
               HasSubstr("kind = \"saturated\" needs medium.model = \"dcf\" or \"edca\""));
 }
 
 // Offered more than it can send, among three that are saturated: it sends as many frames as said,
 // less what backoff and collisions take, of four stations about a quarter.
 TEST(OfferedLoad, OfAnAccessPointAmongSaturatedStationsIsWhatItSendsThenButForBackoff) {
-  MediumSettings settings = with({}, kSaturated);
+  MediumSettings settings = medium_with({}, kSaturated);
   settings.down = {2000.0, 80};
   std::int64_t delivered = 0;
   const auto medium = SharedMedium::make(

@@ -27,8 +27,8 @@ MediumSettings two_access_points(bool waits, double break_ms = 200.0) {
   return settings;
 }
 
-struct Rig {
-  explicit Rig(const MediumSettings& settings)
+struct RoamingRig {
+  explicit RoamingRig(const MediumSettings& settings)
       : medium(SharedMedium::make(settings, 1, [this](const PacketFateOnAir& fate) {
           ++ends;
           fates[fate.id] = fate;
@@ -50,8 +50,8 @@ Instant at_ms(int ms) { return kStart + milliseconds{ms}; }
 
 /// A vehicle goes to the other access point at 1 s; packets both ways every 10 ms, up with even
 /// numbers: packet n at 5 n ms.
-Rig gone_over(const MediumSettings& settings) {
-  Rig rig(settings);
+RoamingRig gone_over(const MediumSettings& settings) {
+  RoamingRig rig(settings);
   rig.medium->add_vehicle("AGV");
   rig.medium->on_position(0, 1.0, 0.0, kStart);
   for (int n = 0; n < 400; ++n) {
@@ -64,7 +64,7 @@ Rig gone_over(const MediumSettings& settings) {
 }
 
 TEST(Roaming, LetsPacketsOfBothWaysWaitForTheEndOfTheBreak) {
-  const Rig rig = gone_over(two_access_points(true));
+  const RoamingRig rig = gone_over(two_access_points(true));
   for (const auto& [n, fate] : rig.fates) {
     EXPECT_TRUE(fate.delivered) << n;
     const bool in_break = n >= 200 && n < 240;
@@ -79,7 +79,7 @@ TEST(Roaming, LetsPacketsOfBothWaysWaitForTheEndOfTheBreak) {
 }
 
 TEST(Roaming, DelaysNothingIfThereIsNoBreak) {
-  const Rig rig = gone_over(two_access_points(false, 0.0));
+  const RoamingRig rig = gone_over(two_access_points(false, 0.0));
   for (const auto& [n, fate] : rig.fates) {
     EXPECT_TRUE(fate.delivered) << n;
     EXPECT_LT(fate.at, at_ms(5 * static_cast<int>(n) + 2));
@@ -89,7 +89,7 @@ TEST(Roaming, DelaysNothingIfThereIsNoBreak) {
 // In the middle of the break the vehicle comes back: it goes on to the other access point, and then
 // needs another break.
 TEST(Roaming, EndsOneBreakBeforeTheNext) {
-  Rig rig(two_access_points(true));
+  RoamingRig rig(two_access_points(true));
   rig.medium->add_vehicle("AGV");
   rig.medium->on_position(0, 1.0, 0.0, kStart);
   rig.medium->on_position(0, kFar_m, 0.0, at_ms(1000));
@@ -104,7 +104,7 @@ TEST(Roaming, EndsOneBreakBeforeTheNext) {
 }
 
 TEST(Roaming, LosesPacketsOfTheBreakIfTheyDoNotWait) {
-  const Rig rig = gone_over(two_access_points(false));
+  const RoamingRig rig = gone_over(two_access_points(false));
   for (const auto& [n, fate] : rig.fates) EXPECT_EQ(fate.delivered, n < 200 || n >= 240) << n;
   EXPECT_EQ(rig.counter("medium.roaming.lost"), 40);
 }
@@ -112,7 +112,7 @@ TEST(Roaming, LosesPacketsOfTheBreakIfTheyDoNotWait) {
 TEST(Roaming, LetsPacketsWaitForNoLongerThanTheirLifetime) {
   MediumSettings settings = two_access_points(true);
   settings.lifetime_ms = 99.0;
-  const Rig rig = gone_over(settings);
+  const RoamingRig rig = gone_over(settings);
   for (const auto& [n, fate] : rig.fates) EXPECT_EQ(fate.delivered, n < 200 || n > 220) << n;
   EXPECT_EQ(rig.counter("medium.roaming.lost"), 21);
 }
@@ -120,14 +120,14 @@ TEST(Roaming, LetsPacketsWaitForNoLongerThanTheirLifetime) {
 TEST(Roaming, LetsNoMorePacketsWaitThanAQueueHolds) {
   MediumSettings settings = two_access_points(true);
   settings.queue = 15;
-  const Rig rig = gone_over(settings);
+  const RoamingRig rig = gone_over(settings);
   EXPECT_EQ(rig.counter("medium.roaming.held"), 2 * 15);
   EXPECT_EQ(rig.counter("medium.roaming.lost"), 2 * 5);
 }
 
 // 30 packets of 1400 bytes take 60 ms: what is in queues goes along, what others are sent stays.
 TEST(Roaming, TakesWhatIsQueuedAlong) {
-  Rig rig(two_access_points(true));
+  RoamingRig rig(two_access_points(true));
   for (const char* name : {"roams", "stays"}) rig.medium->add_vehicle(name);
   rig.medium->on_position(0, 1.0, 0.0, kStart);
   rig.medium->on_position(1, 1.0, 0.0, kStart);
@@ -153,7 +153,7 @@ std::vector<Instant> restless(bool waits, int step_ms) {
   settings.queue = 10;
   settings.lifetime_ms = 100.0;
   settings.background = {{.stations = 2, .rate_hz = 50.0, .down = true}};
-  Rig rig(settings);
+  RoamingRig rig(settings);
   for (int i = 0; i < 4; ++i) rig.medium->add_vehicle(fmt::format("AGV{}", i));
   RandomEngine random(7);
   std::uint64_t sent = 0;

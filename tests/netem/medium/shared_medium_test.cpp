@@ -16,8 +16,8 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 /// A medium whose packets' fates can be looked up.
-struct Rig {
-  explicit Rig(const MediumSettings& settings)
+struct RadioRig {
+  explicit RadioRig(const MediumSettings& settings)
       : medium(SharedMedium::make(
             settings, 1, [this](const PacketFateOnAir& fate) { fates[fate.id] = fate; })) {}
   void run_until(Instant end) {
@@ -40,7 +40,7 @@ class EachMedium : public testing::TestWithParam<MediumSettings::Model> {
 };
 
 TEST_P(EachMedium, CarriesAPacketBothWays) {
-  Rig rig(settings());
+  RadioRig rig(settings());
   const std::size_t agv = rig.medium->add_vehicle("AGV");
   rig.medium->send(kStart, agv, Way::up, 1, 80);
   rig.medium->send(kStart, agv, Way::down, 2, 3288);
@@ -55,7 +55,7 @@ TEST_P(EachMedium, LosesAPacketIfOneOfItsFragmentsIsLost) {
   MediumSettings lossy = settings();
   lossy.error_ratio = 0.5;
   lossy.attempts = 1;
-  Rig rig(lossy);
+  RadioRig rig(lossy);
   const std::size_t agv = rig.medium->add_vehicle("AGV");
   int small = 0, large = 0;
   for (std::uint64_t i = 0; i < 2000; ++i) {
@@ -79,7 +79,7 @@ TEST_P(EachMedium, HasAnEndForEveryPacketUnderOverload) {
                         .stations = 5,
                         .rate_hz = 200.0,
                         .bytes = 1400}};
-  Rig rig(loaded);
+  RadioRig rig(loaded);
   for (int i = 0; i < 10; ++i) rig.medium->add_vehicle(fmt::format("AGV{}", i));
   for (std::uint64_t i = 0; i < 5000; ++i) {
     const Instant now = kStart + i * milliseconds{1};
@@ -103,7 +103,7 @@ TEST_P(EachMedium, DoesTheSameHoweverOftenItIsAsked) {
                       .rate_hz = 100.0,
                       .bytes = 400}};
   const auto run = [&busy](milliseconds step) {
-    Rig rig(busy);
+    RadioRig rig(busy);
     const std::size_t agv = rig.medium->add_vehicle("AGV");
     for (std::uint64_t i = 0; i < 200; ++i) {
       const Instant now = kStart + i * milliseconds{50};
@@ -133,7 +133,7 @@ TEST_P(EachMedium, IsSharedWithWhatTheAccessPointSendsToOthers) {
                             .bytes = 400,
                             .down = true}};
     }
-    Rig rig(shared);
+    RadioRig rig(shared);
     const std::size_t agv = rig.medium->add_vehicle("AGV");
     Duration sum{};
     for (std::uint64_t i = 0; i < 500; ++i) {
@@ -165,11 +165,11 @@ INSTANTIATE_TEST_SUITE_P(Models, EachMedium,
 // 1400 bytes at 6 Mbit/s take 2 ms, so 800 of them a second fill the queue that they are in.
 TEST(SharedMedium, LetsAnAccessPointSendWhatIsUrgentFirst) {
   const auto delivered = [](const std::string& category) {
-    Rig rig({.model = MediumSettings::Model::edca,
-             .rate_Mbps = 6.0,
-             .control_rate_Mbps = 6.0,
-             .category = category,
-             .background = {{.rate_hz = 800.0, .category = "BE", .down = true}}});
+    RadioRig rig({.model = MediumSettings::Model::edca,
+                  .rate_Mbps = 6.0,
+                  .control_rate_Mbps = 6.0,
+                  .category = category,
+                  .background = {{.rate_hz = 800.0, .category = "BE", .down = true}}});
     rig.medium->add_vehicle("AGV");
     for (std::uint64_t i = 0; i < 100; ++i) {
       rig.run_until(kStart + i * milliseconds{50});
@@ -209,7 +209,7 @@ TEST(SharedMedium, KnowsTheLoadThatPacketsAre) {
 // draw. What slots begin with moves them both alike.
 TEST_P(EachMedium, GivesAVehicleMoreNoPartInTheLuckOfTheOthers) {
   const auto fates = [](const MediumSettings& settings, bool has_more) {
-    Rig rig(settings);
+    RadioRig rig(settings);
     for (const char* name : {"AGV1", "AGV2"}) rig.medium->add_vehicle(name);
     if (has_more) rig.medium->add_vehicle("AGV3");
     for (std::uint64_t i = 0; i < 200; ++i) {
@@ -238,7 +238,7 @@ TEST_P(EachMedium, GivesAVehicleMoreNoPartInTheLuckOfTheOthers) {
 
 // Whatever a program sends to a relay.
 TEST(SharedMedium, LosesWhatNoDatagramHolds) {
-  Rig rig({.model = MediumSettings::Model::dcf});
+  RadioRig rig({.model = MediumSettings::Model::dcf});
   const std::size_t agv = rig.medium->add_vehicle("AGV");
   rig.medium->send(kStart, agv, Way::up, 1, 65'507);
   rig.medium->send(kStart, agv, Way::up, 2, 65'508);
@@ -256,7 +256,7 @@ TEST_P(EachMedium, HasOtherVehiclesToo) {
   crowd.others = 10;
   crowd.up = {20.0, 80};
   crowd.down = {10.0, 80};
-  Rig rig(crowd);
+  RadioRig rig(crowd);
   rig.medium->add_vehicle("AGV");
   rig.medium->send(kStart, 0, Way::up, 1, 80);
   rig.medium->advance(kStart + milliseconds{10'000});

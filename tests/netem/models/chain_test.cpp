@@ -17,11 +17,11 @@
 namespace tether {
 namespace {
 
-using testing::at_s;
+using test::at_s;
 using ::testing::DoubleNear;
 using ::testing::ElementsAre;
 
-constexpr double kSigmas = 5.0;
+constexpr double kChainSigmas = 5.0;
 
 const Matrix kRates{{0.0, 2.0, 1.0}, {4.0, 0.0, 0.5}, {3.0, 0.0, 0.0}};
 const Matrix kSteps{{0.9, 0.1, 0.0}, {0.2, 0.5, 0.3}, {0.4, 0.0, 0.6}};
@@ -87,13 +87,13 @@ TEST(ChainClock, SojournsAreExponentialAndJumpsFollowTheRates) {
   }
   for (std::size_t s = 0; s < 3; ++s) {
     // Exponential: standard deviation = mean; P[X > mean] = 1/e.
-    EXPECT_NEAR(sum_s[s] / count[s], mean_s[s], kSigmas * mean_s[s] / std::sqrt(count[s]));
+    EXPECT_NEAR(sum_s[s] / count[s], mean_s[s], kChainSigmas * mean_s[s] / std::sqrt(count[s]));
     const double p = std::exp(-1.0);
-    EXPECT_NEAR(longer[s] / count[s], p, kSigmas * std::sqrt(p * (1.0 - p) / count[s]));
+    EXPECT_NEAR(longer[s] / count[s], p, kChainSigmas * std::sqrt(p * (1.0 - p) / count[s]));
     EXPECT_EQ(jumps[s][s], 0.0);
   }
   const double from_0 = jumps[0][1] + jumps[0][2];
-  EXPECT_NEAR(jumps[0][1] / from_0, 2.0 / 3.0, kSigmas * std::sqrt(2.0 / 9.0 / from_0));
+  EXPECT_NEAR(jumps[0][1] / from_0, 2.0 / 3.0, kChainSigmas * std::sqrt(2.0 / 9.0 / from_0));
   EXPECT_EQ(jumps[2][1], 0.0);
 }
 
@@ -109,7 +109,7 @@ TEST(ChainClock, BeginsInTheStationaryDistributionAndKeepsIt) {
     }
     for (std::size_t s = 0; s < 3; ++s) {
       EXPECT_NEAR(count[s] / kSeeds, share[s],
-                  kSigmas * std::sqrt(share[s] * (1.0 - share[s]) / kSeeds));
+                  kChainSigmas * std::sqrt(share[s] * (1.0 - share[s]) / kSeeds));
     }
   }
 }
@@ -145,8 +145,8 @@ TEST(ChainClock, StepsAtMultiplesOfItsStepWithGeometricSojourns) {
   for (std::size_t s = 0; s < 3; ++s) {
     // Geometric: mean 1/q, variance (1−q)/q², P[1] = q, with q the probability of leaving.
     const double q = 1.0 - kSteps[s][s];
-    EXPECT_NEAR(sum[s] / count[s], 1.0 / q, kSigmas * std::sqrt((1.0 - q) / count[s]) / q);
-    EXPECT_NEAR(one[s] / count[s], q, kSigmas * std::sqrt(q * (1.0 - q) / count[s]));
+    EXPECT_NEAR(sum[s] / count[s], 1.0 / q, kChainSigmas * std::sqrt((1.0 - q) / count[s]) / q);
+    EXPECT_NEAR(one[s] / count[s], q, kChainSigmas * std::sqrt(q * (1.0 - q) / count[s]));
   }
 }
 
@@ -176,12 +176,13 @@ TEST(PacketChain, LosesAndLingersAsItsMatrixSays) {
   }
   const LossStatistics formula = *LossStatistics::of_chain(kSteps, loss);
   const auto lost = static_cast<double>(link.counters().lost);
-  EXPECT_NEAR(lost / kPackets, formula.loss_ratio(), kSigmas * formula.loss_ratio_sd(kPackets));
+  EXPECT_NEAR(lost / kPackets, formula.loss_ratio(),
+              kChainSigmas * formula.loss_ratio_sd(kPackets));
   // The number of bursts is the count of ends; its variance is below that of as many independent
   // packets inflated as the losses are.
   const double ends = formula.loss_ratio() / formula.mean_burst();
   EXPECT_NEAR(static_cast<double>(bursts) / kPackets, ends,
-              kSigmas * std::sqrt(ends * formula.variance_inflation() / kPackets));
+              kChainSigmas * std::sqrt(ends * formula.variance_inflation() / kPackets));
 }
 
 // -------------------------------------------------------------------- from scenarios
@@ -226,7 +227,7 @@ TEST(MakeLinks, ModelsPerPacketFollowTheScenario) {
       links.uplink.pop_ready(leaves == Instant::max() ? kStart : leaves, [](const Packet&) {});
     }
     EXPECT_NEAR(static_cast<double>(links.uplink.counters().lost) / kPackets, formula->loss_ratio(),
-                kSigmas * formula->loss_ratio_sd(kPackets));
+                kChainSigmas * formula->loss_ratio_sd(kPackets));
   }
 }
 

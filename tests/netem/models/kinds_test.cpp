@@ -7,7 +7,7 @@ namespace tether {
 namespace {
 
 TEST(ChannelModels, EachHasALineInTheTableAndWhatItMustHave) {
-  testing::expect_has_all_rows(channel_model_kinds(), "netem/models", "ChannelModelKind", "_model");
+  test::expect_has_all_rows(channel_model_kinds(), "netem/models", "ChannelModelKind", "_model");
   for (const ChannelModelKind& kind : channel_model_kinds()) {
     EXPECT_TRUE(kind.make != nullptr && kind.moves != nullptr && kind.export_loss != nullptr)
         << kind.name;
@@ -16,7 +16,7 @@ TEST(ChannelModels, EachHasALineInTheTableAndWhatItMustHave) {
 }
 
 TEST(LinkStages, EachHasALineInTheTableAndWhatItMustHave) {
-  testing::expect_has_all_rows(link_stage_kinds(), "netem/stages", "LinkStageKind", "_stage");
+  test::expect_has_all_rows(link_stage_kinds(), "netem/stages", "LinkStageKind", "_stage");
   for (const LinkStageKind& kind : link_stage_kinds()) {
     EXPECT_NE(kind.make, nullptr) << kind.name;
     EXPECT_EQ(kind.keys == nullptr, kind.name == "state") << kind.name;

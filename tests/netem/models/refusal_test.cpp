@@ -12,12 +12,12 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::channel;
-using testing::ChannelRig;
+using test::at_ms;
+using test::channel;
+using test::ChannelRig;
+using test::Settings;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::Settings;
 using ::testing::StartsWith;
 
 const Settings kBegin{"uplink.model=markov",
@@ -32,15 +32,15 @@ const Settings kBegin{"uplink.model=markov",
                       "downlink.gilbert_elliott.prr=0.7",
                       "downlink.gilbert_elliott.mean_burst=3"};
 
-struct Refused {
+struct RefusedModel {
   Settings settings;
   std::string reason;  ///< a part of it
 };
 
 /// All but the first could be done if it were not for the last of each.
-std::vector<Refused> refused() {
+std::vector<RefusedModel> refused() {
   const Settings good{"uplink.loss=0.9", "uplink.markov.bad.prr=0.2", "downlink.loss=0.7"};
-  std::vector<Refused> list{
+  std::vector<RefusedModel> list{
       {{"prr"}, "prr: expected KEY=VALUE"},
       {{"uplink.prr=0.5"},
        "settings: channel.uplink.prr has no effect: channel.uplink.model is \"markov\""},
@@ -66,7 +66,8 @@ std::vector<Refused> refused() {
       {{"downlink.model=chain", "downlink.chain.prr=[1.0, 0.5]",
         "downlink.chain.rates_per_s=[[0, 0], [0, 0]]"},
        "where the chain ends up depends on where it begins"}};
-  for (Refused& one : list) one.settings.insert(one.settings.begin(), good.begin(), good.end());
+  for (RefusedModel& one : list)
+    one.settings.insert(one.settings.begin(), good.begin(), good.end());
   list.push_back({{"=1"}, "expected KEY=VALUE"});
   return list;
 }
@@ -78,7 +79,7 @@ TEST(Refusal, GivesTheReason) {
   }
 }
 
-std::vector<PacketFate> fates(const std::vector<Refused>& requests) {
+std::vector<PacketFate> fates(const std::vector<RefusedModel>& requests) {
   ChannelRig rig(channel(kBegin));
   std::vector<PacketFate> fates;
   for (Link* link : {&rig.links.uplink, &rig.links.downlink}) {
@@ -99,7 +100,7 @@ std::vector<PacketFate> fates(const std::vector<Refused>& requests) {
 TEST(Refusal, ChangesNothingOfWhatPacketsMeet) {
   const auto untouched = fates({}), asked = fates(refused());
   ASSERT_EQ(untouched.size(), 4000U);
-  testing::expect_same(asked, untouched, 0, untouched.size());
+  test::expect_same(asked, untouched, 0, untouched.size());
 }
 
 TEST(Refusal, LeavesTheSettingsInForce) {

@@ -6,25 +6,27 @@
 
 #include "netem/models/state_process.hpp"
 #include "tests/netem/link/channel_rig.hpp"
+#include "tests/netem/stages/stage_rig.hpp"
 
 // Other settings for links in use: what becomes another and what stays as it was.
 
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::channel;
-using testing::ChannelRig;
-using testing::different;
+using test::at_ms;
+using test::at_s;
+using test::channel;
+using test::ChannelRig;
+using test::different;
+using test::expect_same;
+using test::pop;
+using test::Settings;
+using test::uplink_fates;
 using ::testing::ElementsAre;
-using testing::expect_same;
 using ::testing::HasSubstr;
-using testing::Settings;
-using testing::uplink_fates;
 
 constexpr int kChange = 1000;
-constexpr int kPackets = 3000;
+constexpr int kPacketsInAll = 3000;
 
 Settings operator+(Settings a, const Settings& b) {
   a.insert(a.end(), b.begin(), b.end());
@@ -65,21 +67,21 @@ const Settings kOther{"uplink.loss=0.4",
 TEST(Change, GivesEachPacketTheFateThatItsSettingsGiveItWhateverWasBefore) {
   const auto on = uplink_fates(kMarkov + kOn), other = uplink_fates(kMarkov + kOther);
   const auto off = uplink_fates(kMarkov);
-  ASSERT_GT(different(on, other, kChange, kPackets), 1000);
-  ASSERT_GT(different(on, off, kChange, kPackets), 1000);
+  ASSERT_GT(different(on, other, kChange, kPacketsInAll), 1000);
+  ASSERT_GT(different(on, off, kChange, kPacketsInAll), 1000);
 
   const auto switched_on = uplink_fates(kMarkov, {{kChange, kOn}});
   expect_same(switched_on, off, 0, kChange);
-  expect_same(switched_on, on, kChange, kPackets);
+  expect_same(switched_on, on, kChange, kPacketsInAll);
 
   const auto changed = uplink_fates(kMarkov + kOn, {{kChange, kOther}});
   expect_same(changed, on, 0, kChange);
-  expect_same(changed, other, kChange, kPackets);
+  expect_same(changed, other, kChange, kPacketsInAll);
 
   const auto paused = uplink_fates(kMarkov + kOn, {{kChange, kOff}, {2000, kOn}});
   expect_same(paused, on, 0, kChange);
   expect_same(paused, off, kChange, 2000);
-  expect_same(paused, on, 2000, kPackets);
+  expect_same(paused, on, 2000, kPacketsInAll);
 }
 
 TEST(Change, ToWhatIsInForceChangesNothing) {
@@ -87,7 +89,7 @@ TEST(Change, ToWhatIsInForceChangesNothing) {
                        "uplink.rate.bits_per_s=2e5"};
   const Settings all = kMarkov + kOn + slots;
   expect_same(uplink_fates(all, {{kChange, all}, {1234, {"downlink.prr=0.3"}}}), uplink_fates(all),
-              0, kPackets);
+              0, kPacketsInAll);
 }
 
 TEST(Change, OfTheJitterGoesOnWithTheNormalScores) {
@@ -95,7 +97,7 @@ TEST(Change, OfTheJitterGoesOnWithTheNormalScores) {
                      "uplink.jitter.sd_ms=2", "uplink.jitter.correlation=0.9"};
   const auto plain = uplink_fates(law);
   const auto later = uplink_fates(law, {{kChange, {"uplink.jitter.mean_ms=130"}}});
-  for (std::size_t n = 0; n < kPackets; ++n) {
+  for (std::size_t n = 0; n < kPacketsInAll; ++n) {
     const Duration expected = n < kChange ? Duration{0} : from_seconds(0.03);
     EXPECT_NEAR(static_cast<double>((later[n].departure - plain[n].departure - expected).count()),
                 0.0, 2.0);  // each delay is rounded to 1 ns
@@ -125,7 +127,7 @@ TEST(Change, OfSojournTimesGivesTheStatesOfARunThatHadThemFromTheStart) {
   const Settings slow{"uplink.markov.mean_good_s=0.7", "uplink.markov.mean_bad_s=0.4"};
   const auto changed = uplink_fates(kMarkov, {{kChange, slow}});
   expect_same(changed, uplink_fates(kMarkov), 0, kChange);
-  expect_same(changed, uplink_fates(kMarkov + slow), kChange, kPackets);
+  expect_same(changed, uplink_fates(kMarkov + slow), kChange, kPacketsInAll);
 }
 
 TEST(Change, OfTheModelThereAndBackMeetsTheSameChannelAgain) {
@@ -137,7 +139,7 @@ TEST(Change, OfTheModelThereAndBackMeetsTheSameChannelAgain) {
         uplink_fates(model, {{kChange, {"uplink.model=fixed"}}, {2000, {model.front()}}});
     expect_same(fates, plain, 0, kChange);
     expect_same(fates, uplink_fates({}), kChange, 2000);
-    expect_same(fates, plain, 2000, kPackets);
+    expect_same(fates, plain, 2000, kPacketsInAll);
   }
 }
 
@@ -170,7 +172,7 @@ TEST(Change, ToAModelPerPacketBeginsWithTheDrawsOfThePacketsNumber) {
   const auto fates = uplink_fates(
       gilbert, {{kChange, {"uplink.model=fixed"}}, {2000, {"uplink.model=gilbert_elliott"}}});
   expect_same(fates, uplink_fates({}), kChange, 2000);
-  expect_same(fates, plain, 2100, kPackets);
+  expect_same(fates, plain, 2100, kPacketsInAll);
 }
 
 TEST(Change, OfASharedStateIsForBothLinksOrNone) {
@@ -240,12 +242,6 @@ TEST(Change, OfAMapKnowsWhereTheVehicleIs) {
 }
 
 // ------------------------------------------------------------------- packets under way
-
-std::vector<int> pop(Link& link, Instant now) {
-  std::vector<int> values;
-  link.pop_ready(now, [&values](const Packet& p) { values.push_back(p.bytes.front()); });
-  return values;
-}
 
 TEST(Change, LeavesPacketsUnderWayAndCountersAlone) {
   ChannelRig rig(channel({"uplink.delay_ms=500"}));

@@ -11,10 +11,10 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::Seen;
+using test::VirtualWorld;
 
 struct Relayed {
   std::vector<std::int64_t> poses;
@@ -38,7 +38,7 @@ Relayed relayed(bool with_companions) {
   world.collect("NET/COUNTERS", counters);
   NetemNode node(scenario, world.loop, world.bus, world.bus);
   for (int i = 0; i < 600; ++i) {
-    world.publish_at(at_ms(100 * i), "AGV/POSE", testing::pose(at_ms(100 * i), i));
+    world.publish_at(at_ms(100 * i), "AGV/POSE", test::pose(at_ms(100 * i), i));
     if (!with_companions) continue;
     scan_part_t part{};
     localisation_t localisation{};
@@ -60,7 +60,7 @@ Relayed relayed(bool with_companions) {
   note(localisations, out.companions["LOCALISATION"]);
   note(states, out.companions["AUTONOMY"]);
   for (const std::string name : {"scan_part", "localisation", "autonomy"}) {
-    out.offered[name] = testing::counter(counters.back().message, name + ".offered");
+    out.offered[name] = test::counter(counters.back().message, name + ".offered");
   }
   return out;
 }

@@ -15,10 +15,10 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::Seen;
+using test::VirtualWorld;
 
 struct NetemNodeTest : ::testing::Test {
   Scenario scenario;
@@ -50,7 +50,7 @@ TEST_F(NetemNodeTest, ForwardsRawBytesBothWaysWithoutDecoding) {
 }
 
 TEST_F(NetemNodeTest, RelaysNothingOfAChannelWhileTwoProgramsSendOnIt) {
-  testing::TellingBus telling(world.bus, testing::sender_by_number);
+  test::TellingBus telling(world.bus, test::sender_by_number);
   std::vector<Seen<twist_t>> commands;
   std::vector<Seen<pose_t>> poses;
   std::vector<Seen<counters_t>> counters;
@@ -59,10 +59,10 @@ TEST_F(NetemNodeTest, RelaysNothingOfAChannelWhileTwoProgramsSendOnIt) {
   world.collect("NET/COUNTERS", counters);
   NetemNode node(scenario, world.loop, telling, telling);
   for (int ms = 0; ms < 6000; ms += 50) {
-    world.publish_at(at_ms(ms), "CTRL/CMD_VEL", testing::twist(at_ms(ms), ms / 50, 0.0, 0.0));
-    world.publish_at(at_ms(ms), "AGV/POSE", testing::pose(at_ms(ms), ms / 50));
+    world.publish_at(at_ms(ms), "CTRL/CMD_VEL", test::twist(at_ms(ms), ms / 50, 0.0, 0.0));
+    world.publish_at(at_ms(ms), "AGV/POSE", test::pose(at_ms(ms), ms / 50));
     if (ms >= 1000 && ms < 2000) {
-      world.publish_at(at_ms(ms + 10), "CTRL/CMD_VEL", testing::twist(at_ms(ms), 1000, 9.0, 0.0));
+      world.publish_at(at_ms(ms + 10), "CTRL/CMD_VEL", test::twist(at_ms(ms), 1000, 9.0, 0.0));
     }
   }
   world.loop.run_until(at_s(6));
@@ -77,8 +77,8 @@ TEST_F(NetemNodeTest, RelaysNothingOfAChannelWhileTwoProgramsSendOnIt) {
     EXPECT_FALSE(silent) << to_seconds(command.when);
   }
   EXPECT_LE(others, 3) << "until they are known to be two";
-  EXPECT_EQ(testing::counter(counters.back().message, "senders.refused"), refused);
-  EXPECT_EQ(testing::counter(counters.back().message, "senders.several"), 1);
+  EXPECT_EQ(test::counter(counters.back().message, "senders.refused"), refused);
+  EXPECT_EQ(test::counter(counters.back().message, "senders.several"), 1);
 }
 
 TEST_F(NetemNodeTest, PlansShareTheDownlinkWithCommandsAndPayForTheirSize) {
@@ -113,8 +113,8 @@ TEST_F(NetemNodeTest, APreloadPassesByTheLinksAndIsCounted) {
   world.loop.run_until(at_s(2));
   EXPECT_EQ(preloads, std::vector<Instant>{at_s(1.5)});
   EXPECT_EQ(node->downlink().counters().offered, 1);
-  EXPECT_EQ(testing::counter(counters.front().message, "preloads"), -1);  // none, no line
-  EXPECT_EQ(testing::counter(counters.back().message, "preloads"), 1);
+  EXPECT_EQ(test::counter(counters.front().message, "preloads"), -1);  // none, no line
+  EXPECT_EQ(test::counter(counters.back().message, "preloads"), 1);
 }
 
 TEST_F(NetemNodeTest, DeliversAfterTheDelayToTheNanosecond) {
@@ -122,7 +122,7 @@ TEST_F(NetemNodeTest, DeliversAfterTheDelayToTheNanosecond) {
   std::vector<Seen<pose_t>> seen;
   world.collect("CTRL/POSE", seen);
   const auto node = start();
-  world.publish_at(at_s(2), "AGV/POSE", testing::pose(at_s(2), 0));
+  world.publish_at(at_s(2), "AGV/POSE", test::pose(at_s(2), 0));
   world.loop.run_until(at_s(5));
   ASSERT_EQ(seen.size(), 1U);
   EXPECT_EQ(seen[0].when, at_s(2) + std::chrono::microseconds{333250});
@@ -132,7 +132,7 @@ TEST_F(NetemNodeTest, ReportsCountDelayAndState) {
   scenario.get<ChannelSettings>().uplink.fixed = {0.5, 100.0};
   const auto node = start();
   for (int i = 0; i < 200; ++i) {
-    world.publish_at(at_ms(10.0 * i), "AGV/POSE", testing::pose(at_ms(10.0 * i), i));
+    world.publish_at(at_ms(10.0 * i), "AGV/POSE", test::pose(at_ms(10.0 * i), i));
   }
   world.loop.run_until(at_s(4));
   node->finish();
@@ -171,7 +171,7 @@ TEST_F(NetemNodeTest, FeedsAMapWithThePositionBeforeThePoseIsSent) {
   const auto node = start();
   for (int i = 0; i < 200; ++i) {  // far away in every second
     const double x_m = i % 2 == 0 ? 1.0 : 1000.0;
-    world.publish_at(at_s(i), "AGV/POSE", testing::pose(at_s(i), i, x_m));
+    world.publish_at(at_s(i), "AGV/POSE", test::pose(at_s(i), i, x_m));
   }
   world.publish_bytes_at(at_s(200), "AGV/POSE", {1, 2, 3});
   world.loop.run_until(at_s(201));
@@ -224,7 +224,7 @@ TEST_F(NetemNodeTest, JoinsTwoNetworks) {
   NetemNode node(scenario, world.loop, world.bus, control_bus);
   int preloads = 0;
   world.bus.subscribe("AGV/PRELOAD", 1, [&](const Message&) { ++preloads; });
-  world.publish_at(at_s(1), "AGV/POSE", testing::pose(at_s(1), 0));
+  world.publish_at(at_s(1), "AGV/POSE", test::pose(at_s(1), 0));
   world.loop.at(at_s(1), Priority::node, [&](Instant) {
     control_bus.publish("CTRL/PRELOAD", std::vector<std::uint8_t>{1, 2, 3});
   });

@@ -9,10 +9,10 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::Seen;
+using test::VirtualWorld;
 
 struct Relayed {
   std::vector<Seen<pose_t>> poses;
@@ -31,7 +31,7 @@ Relayed relayed(const std::vector<std::string>& channel, bool with_odometry) {
   world.collect("NET/COUNTERS", counters);
   NetemNode node(scenario, world.loop, world.bus, world.bus);
   for (int i = 0; i < 600; ++i) {
-    world.publish_at(at_ms(100 * i), "AGV/POSE", testing::pose(at_ms(100 * i), i));
+    world.publish_at(at_ms(100 * i), "AGV/POSE", test::pose(at_ms(100 * i), i));
     odometry_t m{};
     m.seq = i;
     if (with_odometry) world.publish_at(at_ms(100 * i + 7), "AGV/ODOMETRY", m);
@@ -39,7 +39,7 @@ Relayed relayed(const std::vector<std::string>& channel, bool with_odometry) {
   world.loop.run_until(at_s(70));
   node.finish();
   world.loop.run_until(at_s(70));
-  out.offered = testing::counter(counters.back().message, "odometry.offered");
+  out.offered = test::counter(counters.back().message, "odometry.offered");
   return out;
 }
 

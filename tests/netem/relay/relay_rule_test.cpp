@@ -16,9 +16,9 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-const std::string kOwn = "udpm://239.255.76.67:7667?ttl=0";
+const std::string kOwnUrl = "udpm://239.255.76.67:7667?ttl=0";
 const std::string kBuffer = "&recv_buf_size=2097152";  // added by checked_lcm_url()
-const std::string kOther = "udpm://239.255.76.67:7668?ttl=0";
+const std::string kOtherUrl = "udpm://239.255.76.67:7668?ttl=0";
 
 Scenario scenario() {
   return parse_scenario("", "test.toml",
@@ -27,10 +27,10 @@ Scenario scenario() {
 }
 
 RelayRule parse(const std::string& text) {
-  return parse_relay_rules({text}, kOwn, scenario()).at(0);
+  return parse_relay_rules({text}, kOwnUrl, scenario()).at(0);
 }
 
-std::string refusal(const std::vector<std::string>& texts, const std::string& own = kOwn) {
+std::string refusal(const std::vector<std::string>& texts, const std::string& own = kOwnUrl) {
   return refusal_of([&] { parse_relay_rules(texts, own, scenario()); });
 }
 
@@ -46,24 +46,24 @@ TEST(RelayRule, HasUrlPatternNameAndLink) {
 
 TEST(RelayRule, NeedsNoUrlAndNoBlanksAroundAnAsciiArrow) {
   const RelayRule rule = parse("FOO->BAR via uplink");
-  EXPECT_EQ(rule.source_url, kOwn + kBuffer);
-  EXPECT_EQ(rule.destination_url, kOwn + kBuffer);
+  EXPECT_EQ(rule.source_url, kOwnUrl + kBuffer);
+  EXPECT_EQ(rule.destination_url, kOwnUrl + kBuffer);
   EXPECT_EQ(rule.pattern, "FOO");
   EXPECT_EQ(rule.rename, "BAR");
 }
 
 TEST(RelayRule, KeepsTheNameWhereOnlyAUrlStandsBehindTheArrow) {
   for (const char* colon : {"", ":"}) {
-    const RelayRule rule = parse("(A|B)C -> " + kOther + colon + " via downlink");
-    EXPECT_EQ(rule.destination_url, kOther + kBuffer);
+    const RelayRule rule = parse("(A|B)C -> " + kOtherUrl + colon + " via downlink");
+    EXPECT_EQ(rule.destination_url, kOtherUrl + kBuffer);
     EXPECT_EQ(ChannelMap(rule).map("AC"), "AC");
   }
 }
 
 TEST(RelayRule, TheUrlEndsAtItsSecondColonSoThatPatternsMayHaveColons) {
-  EXPECT_EQ(parse(kOther + ":(?:A|B):C -> D via uplink").pattern, "(?:A|B):C");
+  EXPECT_EQ(parse(kOtherUrl + ":(?:A|B):C -> D via uplink").pattern, "(?:A|B):C");
   EXPECT_EQ(parse("(?:A|B):C -> D via uplink").pattern, "(?:A|B):C");
-  EXPECT_EQ(parse("A -> " + kOther + ":B:C via uplink").rename, "B:C");
+  EXPECT_EQ(parse("A -> " + kOtherUrl + ":B:C via uplink").rename, "B:C");
 }
 
 TEST(RelayRule, TheLastViaIsTheOne) {
@@ -84,7 +84,7 @@ TEST(RelayRule, ThePatternMustMatchTheWholeNameAndGroupsAreReplaced) {
 TEST(RelayRule, IsShownOnALineAsItWasUnderstood) {
   EXPECT_EQ(to_text(parse("FOO->BAR via uplink")),
             "\"FOO\" on 239.255.76.67:7667 → as \"BAR\" on 239.255.76.67:7667, via uplink");
-  EXPECT_EQ(to_text(parse("FOO -> " + kOther + " via sat")),
+  EXPECT_EQ(to_text(parse("FOO -> " + kOtherUrl + " via sat")),
             "\"FOO\" on 239.255.76.67:7667 → as it is on 239.255.76.67:7668, via sat");
 }
 
@@ -133,15 +133,15 @@ TEST(RelayRule, AnObviousLoopIsRefused) {
     EXPECT_THAT(refusal({rule}), HasSubstr("a loop: ")) << rule;
   }
   EXPECT_EQ(refusal({"FOO -> FOO2 via uplink"}), "accepted");
-  EXPECT_EQ(refusal({"FOO -> " + kOther + ":FOO via uplink"}), "accepted");
-  EXPECT_EQ(refusal({"FOO -> " + kOther + " via uplink", kOther + ":FOO -> FOO via uplink"}),
+  EXPECT_EQ(refusal({"FOO -> " + kOtherUrl + ":FOO via uplink"}), "accepted");
+  EXPECT_EQ(refusal({"FOO -> " + kOtherUrl + " via uplink", kOtherUrl + ":FOO -> FOO via uplink"}),
             "accepted");
 }
 
 TEST(RelayRule, NetworksThatLcmCannotTellApartAreRefused) {
   EXPECT_THAT(refusal({"A -> udpm://239.255.76.68:7667?ttl=0:B via uplink"}),
               HasSubstr("have the same port"));
-  EXPECT_THAT(refusal({"A -> " + kOther + ":B via uplink",
+  EXPECT_THAT(refusal({"A -> " + kOtherUrl + ":B via uplink",
                        "udpm://239.255.76.68:7668?ttl=0:A -> B via uplink"}),
               HasSubstr("have the same port"));
   EXPECT_THAT(refusal({"A -> udpm://239.255.76.67:7667:B via uplink"}),

@@ -17,14 +17,14 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::counter;
+using test::at_ms;
+using test::at_s;
+using test::counter;
+using test::pose;
+using test::Seen;
+using test::VirtualWorld;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::pose;
-using testing::Seen;
-using testing::VirtualWorld;
 
 using Settings = std::vector<std::string>;
 

@@ -7,7 +7,7 @@
 namespace tether {
 namespace {
 
-using testing::at_s;
+using test::at_s;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 

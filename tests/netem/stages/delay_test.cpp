@@ -249,7 +249,7 @@ TEST(DelaySequence, EveryDelayTakesOneDrawWhateverTheLaw) {
 // -------------------------------------------------------------------- table files
 
 struct DelayTableFile : ::testing::Test {
-  const testing::Folder folder;
+  const test::Folder folder;
 
   JitterSettings written(const std::string& text) const {
     JitterSettings c = config("table", 0.0, 0.0);

@@ -9,7 +9,7 @@
 #include "netem/models/state_process.hpp"
 #include "netem/stages/kinds.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A link with these stages ("jitter.law=normal"), whose channel is always in one condition.
 inline Link link_with(const std::vector<std::string>& settings, LinkCondition condition = {}) {
@@ -21,4 +21,17 @@ inline Link link_with(const std::vector<std::string>& settings, LinkCondition co
   return {make_stages(link, "", streams), std::make_shared<FixedProcess>(condition)};
 }
 
-}  // namespace tether::testing
+/// The first bytes of the packets that leave a link by `now`.
+inline std::vector<int> pop(Link& link, Instant now) {
+  std::vector<int> values;
+  link.pop_ready(now, [&values](const Packet& p) { values.push_back(p.bytes.front()); });
+  return values;
+}
+
+inline void expect_balance(const Link& link) {
+  const Link::Counters& c = link.counters();
+  EXPECT_EQ(c.offered + c.duplicated,
+            c.outage_dropped + c.lost + c.overflowed + c.delivered + link.in_flight());
+}
+
+}  // namespace tether::test

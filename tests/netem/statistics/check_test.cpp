@@ -14,9 +14,9 @@
 namespace tether {
 namespace {
 
-using testing::Chain;
-using testing::gilbert_elliott;
-using testing::kInterval;
+using test::Chain;
+using test::gilbert_elliott;
+using test::kInterval;
 
 // ---------------------------------------------------------------------------- verdicts
 

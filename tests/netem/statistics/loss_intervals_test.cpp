@@ -13,12 +13,12 @@
 namespace tether {
 namespace {
 
-using testing::Chain;
-using testing::covers;
-using testing::expect_misses;
-using testing::gilbert_elliott;
-using testing::kIndependent;
-using testing::record_of;
+using test::Chain;
+using test::covers;
+using test::expect_misses;
+using test::gilbert_elliott;
+using test::kIndependent;
+using test::record_of;
 
 struct Model {
   const char* name;

@@ -10,7 +10,7 @@ namespace tether {
 namespace {
 
 using std::numbers::pi;
-using testing::at_ms;
+using test::at_ms;
 
 /// Without errors, above the vehicle, at the axle.
 LidarSettings clean() {

@@ -11,12 +11,12 @@ namespace tether {
 namespace {
 
 using std::numbers::pi;
-using testing::OdeRays;
+using test::OdeRays;
 
 constexpr double kHeight_m = 0.3;
 constexpr double kFar_m = 1000.0;
 
-Shape box(double x_m, double y_m, double yaw_rad, double length_m, double width_m) {
+Shape standing_box(double x_m, double y_m, double yaw_rad, double length_m, double width_m) {
   return {.pose = {x_m, y_m, yaw_rad}, .length_m = length_m, .width_m = width_m};
 }
 
@@ -46,8 +46,8 @@ double range_m(const RayCaster& caster, RayFan fan, double max_m = kFar_m) {
 // ---------------------------------------------------------------------------- closed forms
 
 TEST(RayCaster, SeesASquareHallFromItsMiddle) {
-  const RayCaster caster({box(0, 10.1, 0, 20.4, 0.2), box(0, -10.1, 0, 20.4, 0.2),
-                          box(10.1, 0, 0, 0.2, 20), box(-10.1, 0, 0, 0.2, 20)},
+  const RayCaster caster({standing_box(0, 10.1, 0, 20.4, 0.2), standing_box(0, -10.1, 0, 20.4, 0.2),
+                          standing_box(10.1, 0, 0, 0.2, 20), standing_box(-10.1, 0, 0, 0.2, 20)},
                          kHeight_m);
   RayFan fan = fan_at(0, 0, 720);
   caster.cast(fan, kFar_m);
@@ -74,7 +74,7 @@ TEST(RayCaster, SeesACircleFromOutsideAndInside) {
 }
 
 TEST(RayCaster, SeesTheOutlineFromWithinABox) {
-  const RayCaster caster({box(1, 2, 0.5, 4, 2)}, kHeight_m);
+  const RayCaster caster({standing_box(1, 2, 0.5, 4, 2)}, kHeight_m);
   EXPECT_NEAR(range_m(caster, ray(1, 2, 0.5)), 2.0, 1e-12);
   EXPECT_NEAR(range_m(caster, ray(1, 2, 0.5 - pi / 2)), 1.0, 1e-12);
 }
@@ -82,18 +82,18 @@ TEST(RayCaster, SeesTheOutlineFromWithinABox) {
 TEST(RayCaster, SeesNothingWhereNothingIs) {
   EXPECT_EQ(range_m(RayCaster({}, kHeight_m), ray(0, 0, 1)), RayFan::kNothing);
   RayFan none;
-  RayCaster({box(1, 2, 0.5, 4, 2)}, kHeight_m).cast(none, kFar_m);
+  RayCaster({standing_box(1, 2, 0.5, 4, 2)}, kHeight_m).cast(none, kFar_m);
   EXPECT_EQ(none.size(), 0U);
 }
 
 TEST(RayCaster, SeesUpToItsReach) {
-  const RayCaster caster({box(10, 0, 0, 2, 2)}, kHeight_m);
+  const RayCaster caster({standing_box(10, 0, 0, 2, 2)}, kHeight_m);
   EXPECT_EQ(range_m(caster, ray(0, 0, 0), 8.99), RayFan::kNothing);
   EXPECT_EQ(range_m(caster, ray(0, 0, 0), 9.01), 9.0);
 }
 
 TEST(RayCaster, SeesWhatItsHeightCuts) {
-  Shape shelf = box(5, 0, 0, 2, 2), pallet = box(10, 0, 0, 2, 2);
+  Shape shelf = standing_box(5, 0, 0, 2, 2), pallet = standing_box(10, 0, 0, 2, 2);
   shelf.clearance_m = 0.4;
   shelf.height_m = 3.0;
   pallet.height_m = 0.35;
@@ -103,7 +103,7 @@ TEST(RayCaster, SeesWhatItsHeightCuts) {
 }
 
 TEST(RayCaster, SeesWallsThatItAllButTouches) {
-  const RayCaster caster({box(0, 0.5, 0, 200, 1)}, kHeight_m);
+  const RayCaster caster({standing_box(0, 0.5, 0, 200, 1)}, kHeight_m);
   for (const double y_m : {-1e-12, -1e-9, -1e-6, -1e-3}) {
     RayFan fan = fan_at(0, y_m, 3600);
     caster.cast(fan, kFar_m);
@@ -116,11 +116,11 @@ TEST(RayCaster, SeesWallsThatItAllButTouches) {
 }
 
 TEST(RayCaster, DoesNotLookIntoWhatItIsNotIn) {
-  std::vector<Shape> rack{box(5, 1, 0.3, 6, 1.1)};
+  std::vector<Shape> rack{standing_box(5, 1, 0.3, 6, 1.1)};
   for (const double end : {-2.95, 0.0, 2.95}) {
     for (const double side : {-0.5, 0.5}) {
-      rack.push_back(box(5 + end * std::cos(0.3) - side * std::sin(0.3),
-                         1 + end * std::sin(0.3) + side * std::cos(0.3), 0.3, 0.1, 0.1));
+      rack.push_back(standing_box(5 + end * std::cos(0.3) - side * std::sin(0.3),
+                                  1 + end * std::sin(0.3) + side * std::cos(0.3), 0.3, 0.1, 0.1));
     }
   }
   rack.push_back(cylinder(5, 1, 0.5));
@@ -135,13 +135,13 @@ TEST(RayCaster, DoesNotLookIntoWhatItIsNotIn) {
 }
 
 TEST(RayCaster, HasNoGapWhereSidesMeet) {
-  const RayCaster caster({box(5, 1, 0, 2, 2), box(5, -1, 0, 2, 2)}, kHeight_m);
+  const RayCaster caster({standing_box(5, 1, 0, 2, 2), standing_box(5, -1, 0, 2, 2)}, kHeight_m);
   EXPECT_EQ(range_m(caster, ray(0, 0, 0)), 4.0);
 }
 
 TEST(RayCaster, SeesShapesWhereTheyAreByThen) {
-  RayCaster caster({box(20, 0, 0, 2, 30)}, kHeight_m);
-  Shape trolley = box(10, 0, 0, 2, 2), person = cylinder(0, 8, 0.5);
+  RayCaster caster({standing_box(20, 0, 0, 2, 30)}, kHeight_m);
+  Shape trolley = standing_box(10, 0, 0, 2, 2), person = cylinder(0, 8, 0.5);
   trolley.vx_mps = -2.0;
   person.vy_mps = 1.0;
   person.reflectivity = 0.1;
@@ -174,8 +174,9 @@ std::vector<Shape> random_hall(RandomEngine& random) {
   for (int i = 0; i < 60; ++i) {
     const double x_m = within(-20, 20), y_m = within(-20, 20);
     const double large_m = std::pow(10.0, within(-1.5, 1.0));
-    shapes.push_back(i % 3 == 0 ? cylinder(x_m, y_m, 0.3 * large_m)
-                                : box(x_m, y_m, within(-pi, pi), large_m, within(0.05, 3)));
+    shapes.push_back(i % 3 == 0
+                         ? cylinder(x_m, y_m, 0.3 * large_m)
+                         : standing_box(x_m, y_m, within(-pi, pi), large_m, within(0.05, 3)));
   }
   return shapes;
 }

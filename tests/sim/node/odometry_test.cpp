@@ -9,11 +9,11 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::Seen;
-using testing::twist;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::Seen;
+using test::twist;
+using test::VirtualWorld;
 
 struct OdometryTest : ::testing::Test {
   Scenario scenario;

@@ -27,7 +27,7 @@ namespace tether {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::plan;
+using test::plan;
 
 /// Valid and hostile input from a seed.
 class Hostile {

@@ -19,12 +19,12 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::counter;
-using testing::Seen;
-using testing::twist;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::counter;
+using test::Seen;
+using test::twist;
+using test::VirtualWorld;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
@@ -288,7 +288,7 @@ TEST_F(SimNodeTest, GarbageOnTheCommandChannelIsCountedAndIgnored) {
   world.publish_bytes_at(at_s(1), "AGV/CMD_VEL", {});
   world.publish_bytes_at(at_s(1), "AGV/CMD_VEL", std::vector<std::uint8_t>(7, 0xff));
   world.publish_bytes_at(at_s(1), "AGV/CMD_VEL", std::vector<std::uint8_t>(48, 0x80));
-  world.publish_at(at_s(1), "AGV/CMD_VEL", testing::pose(at_s(1), 0, 1.0, 1.0, 1.0));
+  world.publish_at(at_s(1), "AGV/CMD_VEL", test::pose(at_s(1), 0, 1.0, 1.0, 1.0));
   world.loop.run_until(at_s(2));
   EXPECT_NEAR(speed_mps(), 0.0, 1e-3);
   EXPECT_EQ(count("command.undecodable"), 4);

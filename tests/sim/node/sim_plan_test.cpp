@@ -23,14 +23,14 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::counter;
-using testing::plan;
-using testing::Seen;
-using testing::to_message;
-using testing::twist;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::counter;
+using test::plan;
+using test::Seen;
+using test::to_message;
+using test::twist;
+using test::VirtualWorld;
 
 class SimPlan : public ::testing::TestWithParam<VehicleSettings::Plant> {
  protected:

@@ -20,12 +20,12 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::at_s;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::at_s;
+using test::Seen;
+using test::VirtualWorld;
 
-constexpr double kStep_s = 1e-3;
+constexpr double kErrorStep_s = 1e-3;
 constexpr double kAcceleration_mps2 = 3.0;
 
 /// Where the kinematic vehicle is after `seconds` of a twist.
@@ -34,9 +34,9 @@ Pose2 driven(const VehicleSettings& vehicle, const Twist& twist, double seconds)
   kinematic.plant = VehicleSettings::Plant::kinematic;
   kinematic.max_wheel_acceleration_mps2 = kAcceleration_mps2;
   DriveErrors errors(kinematic);
-  const auto plant = make_plant(kinematic, {.half_extent_m = 1e3}, from_seconds(kStep_s));
-  for (int i = 0; i < std::lround(seconds / kStep_s); ++i) {
-    plant->set_wheel_targets(errors.step(twist, kStep_s));
+  const auto plant = make_plant(kinematic, {.half_extent_m = 1e3}, from_seconds(kErrorStep_s));
+  for (int i = 0; i < std::lround(seconds / kErrorStep_s); ++i) {
+    plant->set_wheel_targets(errors.step(twist, kErrorStep_s));
     plant->step();
   }
   return plant->state().pose;
@@ -44,7 +44,7 @@ Pose2 driven(const VehicleSettings& vehicle, const Twist& twist, double seconds)
 
 TEST(VehicleErrors, WithoutAnyTheWheelsGetTheTwistToTheBit) {
   DriveErrors errors({});
-  const WheelSpeeds rim = errors.step({1.3, -0.7}, kStep_s);
+  const WheelSpeeds rim = errors.step({1.3, -0.7}, kErrorStep_s);
   const WheelSpeeds ideal = to_wheel_speeds({1.3, -0.7}, VehicleConfig{}.track_m);
   EXPECT_EQ(rim.left_mps, ideal.left_mps);
   EXPECT_EQ(rim.right_mps, ideal.right_mps);
@@ -63,7 +63,7 @@ TEST(VehicleErrors, ATrackTakenForThreePercentTooWideTurnsThreePercentTooFar) {
   VehicleSettings vehicle;
   vehicle.track_error = 0.03;
   DriveErrors errors(vehicle);
-  const Twist twist = to_twist(errors.step({1.0, 0.5}, kStep_s), vehicle.track_m);
+  const Twist twist = to_twist(errors.step({1.0, 0.5}, kErrorStep_s), vehicle.track_m);
   EXPECT_NEAR(twist.v_mps, 1.0, 1e-12) << "it is as fast as it should be";
   EXPECT_NEAR(twist.omega_radps, 0.5 * 1.03, 1e-12);
   const double slowly_radps = 0.2;  // 10 s: 2 rad, from rest to 0.12 m/s at the rims in 40 ms
@@ -75,17 +75,17 @@ TEST(VehicleErrors, ALagOfFirstOrderIsAt63PercentAfterItsTimeConstant) {
   vehicle.actuator_lag_ms = 50.0;
   DriveErrors errors(vehicle);
   WheelSpeeds rim;
-  for (int i = 0; i < 50; ++i) rim = errors.step({1.0, 0.0}, kStep_s);
+  for (int i = 0; i < 50; ++i) rim = errors.step({1.0, 0.0}, kErrorStep_s);
   EXPECT_NEAR(rim.left_mps, 1.0 - std::exp(-1.0), 0.005);  // the steps' share of it: 0.0037
   EXPECT_NEAR(rim.left_mps, 1.0 - std::pow(50.0 / 51.0, 50), 1e-12) << "backward Euler";
   EXPECT_EQ(rim.left_mps, rim.right_mps);
-  for (int i = 0; i < 200; ++i) rim = errors.step({1.0, 0.0}, kStep_s);
+  for (int i = 0; i < 200; ++i) rim = errors.step({1.0, 0.0}, kErrorStep_s);
   EXPECT_NEAR(rim.left_mps, 1.0, std::exp(-5.0) + 0.005);
 }
 
 /// The centre of mass of chassis, caster and payload from the box's centre.
 std::array<double, 2> centre_of_mass_m(const VehicleConfig& vehicle) {
-  const OdeWorld world(vehicle, {}, kStep_s);
+  const OdeWorld world(vehicle, {}, kErrorStep_s);
   return {vehicle.axle_x_m - world.axle_in_chassis_m()[0], -world.axle_in_chassis_m()[1]};
 }
 
@@ -130,8 +130,8 @@ TEST_P(VehicleClock, StampsPosesWithItsOwnTime) {
 }
 
 TEST_P(VehicleClock, BeginsAPlanWhenItShowsThePlansStart) {
-  const Plan plan = testing::plan(at_s(1.5), 0, Plan::kBasedOnNone, {0.6, 0.0}, 20);
-  world.publish_at(at_s(1), "AGV/PLAN", testing::to_message(plan));
+  const Plan plan = test::plan(at_s(1.5), 0, Plan::kBasedOnNone, {0.6, 0.0}, 20);
+  world.publish_at(at_s(1), "AGV/PLAN", test::to_message(plan));
   // It is ahead: the start comes earlier. In 10 ms it gains 3 m/s² · 10 ms.
   const Instant start = at_s(1.5) - from_seconds(GetParam() * 1e-3);
   world.loop.run_until(start);

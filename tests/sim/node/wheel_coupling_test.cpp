@@ -14,9 +14,9 @@
 namespace tether {
 namespace {
 
-using testing::at_ms;
-using testing::Seen;
-using testing::VirtualWorld;
+using test::at_ms;
+using test::Seen;
+using test::VirtualWorld;
 
 wheel_targets_t targets(Instant stamp, std::int64_t seq, double left_radps, double right_radps) {
   wheel_targets_t m{};

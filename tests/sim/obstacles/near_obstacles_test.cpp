@@ -7,7 +7,7 @@
 namespace tether {
 namespace {
 
-constexpr double kStep_s = 1e-3, kSlack_m = 0.05;
+constexpr double kNearStep_s = 1e-3, kSlack_m = 0.05;
 
 Surroundings many(RandomEngine& random) {
   Surroundings hall;
@@ -36,13 +36,13 @@ TEST(NearObstacles, AreAllThatTheVehicleCanTouchInAStepAndNothingFar) {
   RandomEngine random = random_stream(1, "hall");
   const Surroundings hall = many(random);
   const WorldSettings world;
-  NearObstacles obstacles({}, world, hall, 1, kStep_s, kSlack_m);
+  NearObstacles obstacles({}, world, hall, 1, kNearStep_s, kSlack_m);
   MovingObstacles moving(hall, 1);
   const std::vector<Shape> standing = solid_shapes(hall);
   Pose2 pose;
   int found = 0;
   for (int i = 0; i < 60'000; ++i) {
-    const double t_s = i * kStep_s;
+    const double t_s = i * kNearStep_s;
     pose.x_m = 18.0 * std::sin(0.31 * t_s);
     pose.y_m = 18.0 * std::sin(0.17 * t_s + 1.0);
     pose.yaw_rad = wrap_angle(2.0 * std::sin(1.3 * t_s));
@@ -63,14 +63,14 @@ TEST(NearObstacles, AreAllThatTheVehicleCanTouchInAStepAndNothingFar) {
 }
 
 TEST(NearObstacles, OfAnEmptyHallAreNone) {
-  NearObstacles obstacles({}, {}, {}, 1, kStep_s, kSlack_m);
+  NearObstacles obstacles({}, {}, {}, 1, kNearStep_s, kSlack_m);
   EXPECT_TRUE(obstacles.near({}, 0.0).empty());
 }
 
 TEST(NearObstacles, AreFoundFromPlacesBeyondTheWalls) {
   Surroundings hall;
   hall.obstacles.push_back({.pose = {21.0, 21.0, 0.0}});
-  NearObstacles obstacles({}, {}, hall, 1, kStep_s, kSlack_m);
+  NearObstacles obstacles({}, {}, hall, 1, kNearStep_s, kSlack_m);
   EXPECT_EQ(obstacles.near({22.0, 22.0, 0.0}, 0.0).size(), 1u);
   EXPECT_TRUE(obstacles.near({-50.0, 0.0, 0.0}, 0.0).empty());
 }

@@ -10,14 +10,14 @@
 namespace tether {
 namespace {
 
-constexpr double kStep_s = 1e-3;
+constexpr double kDisturbedStep_s = 1e-3;
 
 /// The state after `seconds` with both rims told this speed.
 VehicleState driven(const VehicleSettings& vehicle, const WorldSettings& world, double rim_mps,
                     double seconds, std::uint64_t seed = 1) {
-  const auto plant = make_plant(vehicle, world, from_seconds(kStep_s), seed);
+  const auto plant = make_plant(vehicle, world, from_seconds(kDisturbedStep_s), seed);
   plant->set_wheel_targets({rim_mps, rim_mps});
-  for (int i = 0; i < static_cast<int>(seconds / kStep_s); ++i) plant->step();
+  for (int i = 0; i < static_cast<int>(seconds / kDisturbedStep_s); ++i) plant->step();
   return plant->state();
 }
 

@@ -19,11 +19,11 @@
 namespace tether {
 namespace {
 
-using testing::kOpenFloor;
-using testing::kStep;
-using testing::kStep_s;
-using testing::run;
-using testing::wheels;
+using test::kOpenFloor;
+using test::kStep;
+using test::kStep_s;
+using test::run;
+using test::wheels;
 
 TEST(KinematicVehicle, AcceleratesAndBrakesStraightWithinTheLimit) {
   KinematicVehicle vehicle({}, kOpenFloor, kStep);

@@ -12,10 +12,10 @@
 namespace tether {
 namespace {
 
-using testing::kOpenFloor;
-using testing::kStep;
-using testing::kStep_s;
-using testing::run;
+using test::kOpenFloor;
+using test::kStep;
+using test::kStep_s;
+using test::run;
 
 constexpr double kMaxAcceleration_mps2 = 1.0;
 

@@ -15,14 +15,14 @@
 namespace tether {
 namespace {
 
-using testing::kStep;
-using testing::kStep_s;
-using testing::wheels;
+using test::kStep;
+using test::kStep_s;
+using test::wheels;
 
 using PlantKind = VehicleSettings::Plant;
 
-Obstacle box(double x_m, double y_m, double length_m = 1.0, double width_m = 1.0,
-             double yaw_rad = 0.0) {
+Obstacle box_obstacle(double x_m, double y_m, double length_m = 1.0, double width_m = 1.0,
+                      double yaw_rad = 0.0) {
   return {.pose = {x_m, y_m, yaw_rad}, .length_m = length_m, .width_m = width_m};
 }
 
@@ -105,7 +105,7 @@ INSTANTIATE_TEST_SUITE_P(Of, BothPlants, ::testing::Values(PlantKind::kinematic,
                          });
 
 TEST_P(BothPlants, AnObstacleStopsItNoseOnAndBothWheelsSlip) {
-  for (const Obstacle& obstacle : {box(10.0, 0.0), cylinder(10.0, 0.0, 0.5)}) {
+  for (const Obstacle& obstacle : {box_obstacle(10.0, 0.0), cylinder(10.0, 0.0, 0.5)}) {
     for (const double v_mps : {1.0, 4.0, 8.0}) {
       Driven vehicle(GetParam(), hall({obstacle}));
       vehicle.drive(wheels(v_mps, 0.0), 15.0);
@@ -120,12 +120,12 @@ TEST_P(BothPlants, AnObstacleStopsItNoseOnAndBothWheelsSlip) {
 
 TEST_P(BothPlants, ItTouchesWithItsWheelsToo) {
   // The chassis is 1 m wide, the wheels reach to 0.7 m: they alone meet what is at 0.6 m.
-  for (const Obstacle& obstacle : {box(5.0, 1.1), cylinder(5.0, 0.85, 0.25)}) {
+  for (const Obstacle& obstacle : {box_obstacle(5.0, 1.1), cylinder(5.0, 0.85, 0.25)}) {
     Driven vehicle(GetParam(), hall({obstacle}));
     vehicle.drive(wheels(1.0, 0.0), 6.0);
     EXPECT_TRUE(vehicle.touched());
     EXPECT_LT(vehicle.deepest_m(), allowed_m());
-    Driven past(GetParam(), hall({box(5.0, 1.21), cylinder(7.0, -1.0, 0.25)}));
+    Driven past(GetParam(), hall({box_obstacle(5.0, 1.21), cylinder(7.0, -1.0, 0.25)}));
     past.drive(wheels(1.0, 0.0), 6.0);
     EXPECT_FALSE(past.touched());
     EXPECT_GT(past.state().pose.x_m, 5.0);
@@ -133,7 +133,7 @@ TEST_P(BothPlants, ItTouchesWithItsWheelsToo) {
 }
 
 TEST_P(BothPlants, ItBacksOffAgain) {
-  Driven vehicle(GetParam(), hall({box(6.0, 0.0)}));
+  Driven vehicle(GetParam(), hall({box_obstacle(6.0, 0.0)}));
   vehicle.drive(wheels(4.0, 0.0), 5.0);
   EXPECT_TRUE(vehicle.state().wall_contact);
   vehicle.drive(wheels(-1.0, 0.0), 6.0);
@@ -153,7 +153,7 @@ TEST_P(BothPlants, StaysOutOfObstaclesWhateverItIsTold) {
       if (std::hypot(x, y) < 4.0) continue;
       obstacles.push_back(obstacles.size() % 3 == 0
                               ? cylinder(x, y, draw(0.05, 0.7))
-                              : box(x, y, draw(0.1, 6.0), draw(0.1, 2.0), draw(-4, 4)));
+                              : box_obstacle(x, y, draw(0.1, 6.0), draw(0.1, 2.0), draw(-4, 4)));
     }
     Driven vehicle(GetParam(), hall(obstacles), {0.0, 0.0, draw(-3, 3)});
     for (int i = 0; i < 20; ++i) vehicle.drive(wheels(draw(-3, 5), draw(-1, 1)), 1.0);
@@ -184,7 +184,7 @@ TEST_P(BothPlants, AWallOfObstaclesIsAsTheHallsWall) {
 }
 
 TEST_P(BothPlants, WhatMovesPushesAVehicleThatStands) {
-  for (const Obstacle& obstacle : {box(-5.0, 0.0), cylinder(-5.0, 0.0, 0.4)}) {
+  for (const Obstacle& obstacle : {box_obstacle(-5.0, 0.0), cylinder(-5.0, 0.0, 0.4)}) {
     Driven vehicle(GetParam(), hall({going(obstacle, {{5.0, 0.0}}, 1.2)}));
     vehicle.drive({}, 8.0);
     const double back_m = obstacle.kind == Obstacle::Kind::box ? 0.5 : 0.4;
@@ -195,7 +195,7 @@ TEST_P(BothPlants, WhatMovesPushesAVehicleThatStands) {
 }
 
 TEST_P(BothPlants, IsFreeAgainWhenWhatHeldItLeaves) {
-  Driven vehicle(GetParam(), hall({going(box(6.0, 0.0), {{14.0, 0.0}}, 0.3)}));
+  Driven vehicle(GetParam(), hall({going(box_obstacle(6.0, 0.0), {{14.0, 0.0}}, 0.3)}));
   vehicle.drive(wheels(2.0, 0.0), 6.0);
   EXPECT_TRUE(vehicle.touched());
   EXPECT_NEAR(vehicle.state().twist.v_mps, 0.3, 0.01) << "no faster than what is in front";
@@ -205,8 +205,9 @@ TEST_P(BothPlants, IsFreeAgainWhenWhatHeldItLeaves) {
 }
 
 TEST_P(BothPlants, BetweenWhatMovesAndAWallNothingBreaks) {
-  const std::vector<Obstacle> obstacles{going(box(10.0, 0.0, 1.0, 3.0), {{21.4, 0.0}}, 1.0),
-                                        going(cylinder(20.0, 10.0, 0.3), {{20.0, -10.0}}, 1.5)};
+  const std::vector<Obstacle> obstacles{
+      going(box_obstacle(10.0, 0.0, 1.0, 3.0), {{21.4, 0.0}}, 1.0),
+      going(cylinder(20.0, 10.0, 0.3), {{20.0, -10.0}}, 1.5)};
   Driven vehicle(GetParam(), hall(obstacles), {18.0, 0.0, 0.2});
   vehicle.drive(wheels(0.5, 0.0), 40.0);
   const VehicleState s = vehicle.state();
@@ -218,7 +219,7 @@ TEST_P(BothPlants, BetweenWhatMovesAndAWallNothingBreaks) {
 
 TEST_P(BothPlants, OfEqualInputsTheStatesAreEqualToTheBit) {
   const std::vector<Obstacle> obstacles{going(cylinder(4.0, -3.0, 0.3), {{4.0, 3.0}}, 1.0),
-                                        box(9.0, 1.0, 2.0, 2.0, 0.3)};
+                                        box_obstacle(9.0, 1.0, 2.0, 2.0, 0.3)};
   std::array<VehicleState, 2> ends;
   for (VehicleState& end : ends) {
     Driven vehicle(GetParam(), hall(obstacles));
@@ -231,7 +232,8 @@ TEST_P(BothPlants, OfEqualInputsTheStatesAreEqualToTheBit) {
 }
 
 TEST_P(BothPlants, FarObstaclesChangeNothing) {
-  Driven alone(GetParam(), {}), among(GetParam(), hall({box(18.0, 18.0), box(-9.0, 5.0)}));
+  Driven alone(GetParam(), {}),
+      among(GetParam(), hall({box_obstacle(18.0, 18.0), box_obstacle(-9.0, 5.0)}));
   for (Driven* vehicle : {&alone, &among}) {
     vehicle->drive(wheels(1.0, 0.3), 5.0);
     vehicle->drive(wheels(1.0, -0.4), 5.0);

@@ -8,7 +8,7 @@
 
 // Driving a plant step by step.
 
-namespace tether::testing {
+namespace tether::test {
 
 inline constexpr Duration kStep = std::chrono::milliseconds(1);
 inline constexpr double kStep_s = 1e-3;
@@ -23,4 +23,4 @@ inline void run(Plant& vehicle, double seconds) {
   for (long i = 0; i < steps; ++i) vehicle.step();
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -20,11 +20,11 @@
 namespace tether {
 namespace {
 
-using testing::kOpenFloor;
-using testing::kStep;
-using testing::kStep_s;
-using testing::run;
-using testing::wheels;
+using test::kOpenFloor;
+using test::kStep;
+using test::kStep_s;
+using test::run;
+using test::wheels;
 
 /// What a steady command does in 60 s once the servos have reached it; the acceleration phase is
 /// left out by starting to measure 5 s after the command.

@@ -14,10 +14,10 @@
 namespace tether {
 namespace {
 
-using testing::kOpenFloor;
-using testing::kStep;
-using testing::kStep_s;
-using testing::run;
+using test::kOpenFloor;
+using test::kStep;
+using test::kStep_s;
+using test::run;
 
 constexpr double kGravity = 9.81;
 

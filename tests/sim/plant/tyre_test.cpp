@@ -9,13 +9,13 @@
 namespace tether {
 namespace {
 
-constexpr double kStep_s = 1e-3;
+constexpr double kTyreStep_s = 1e-3;
 constexpr double kPressing_N = 500.0;
 constexpr BrushTyre::Config kTyre{.stiffness = 20.0, .relaxation_m = 0.02, .friction = 0.6};
 
 /// The force of a tyre that is dragged over the floor at `slip_mps` for `seconds`.
 BrushTyre::Vector drag(BrushTyre& tyre, const BrushTyre::Vector& slip_mps, double rolling_mps,
-                       double seconds, double step_s = kStep_s) {
+                       double seconds, double step_s = kTyreStep_s) {
   BrushTyre::Vector force_N{};
   for (double t_s = 0.0; t_s < seconds; t_s += step_s) {
     const BrushTyre::Row row = tyre.prepare(slip_mps, rolling_mps, kPressing_N, step_s);
@@ -85,8 +85,8 @@ TEST(BrushTyre, ForceBuildsUpOverTheRelaxationLength) {
 TEST(BrushTyre, WithoutFrictionOrLoadThereIsNoForce) {
   BrushTyre::Config ice = kTyre;
   ice.friction = 0.0;
-  EXPECT_EQ(BrushTyre(ice).prepare({1.0, 0.0}, 1.0, kPressing_N, kStep_s).softness_mps_N, 0.0);
-  EXPECT_EQ(BrushTyre(kTyre).prepare({1.0, 0.0}, 1.0, 0.0, kStep_s).softness_mps_N, 0.0);
+  EXPECT_EQ(BrushTyre(ice).prepare({1.0, 0.0}, 1.0, kPressing_N, kTyreStep_s).softness_mps_N, 0.0);
+  EXPECT_EQ(BrushTyre(kTyre).prepare({1.0, 0.0}, 1.0, 0.0, kTyreStep_s).softness_mps_N, 0.0);
 }
 
 }  // namespace

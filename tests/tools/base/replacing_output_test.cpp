@@ -15,22 +15,22 @@ std::size_t files_in(const std::filesystem::path& folder) {
 }
 
 TEST(ReplacingOutput, TakesThePlaceOfTheFileWhenItIsClosed) {
-  const testing::Folder folder;
+  const test::Folder folder;
   const auto file = folder.file("x", "old");
   ReplacingOutput out(file);
   out.write("new ");
   out.write("text");
-  EXPECT_EQ(testing::contents(file), "old");
+  EXPECT_EQ(test::contents(file), "old");
   out.close();
-  EXPECT_EQ(testing::contents(file), "new text");
+  EXPECT_EQ(test::contents(file), "new text");
   EXPECT_EQ(files_in(folder.path), 1U);
 }
 
 TEST(ReplacingOutput, ThatIsNotClosedLeavesTheFileAsItWas) {
-  const testing::Folder folder;
+  const test::Folder folder;
   const auto file = folder.file("x", "old");
   { ReplacingOutput(file).write("new"); }
-  EXPECT_EQ(testing::contents(file), "old");
+  EXPECT_EQ(test::contents(file), "old");
   EXPECT_EQ(files_in(folder.path), 1U);
 }
 

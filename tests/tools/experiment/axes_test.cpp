@@ -11,6 +11,7 @@
 #include "netem/channel/settings.hpp"
 #include "netem/models/chain.hpp"
 #include "sim/sensor/sensor_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/experiment/file.hpp"
 
 // Axes with names and labels, parts, and what an experiment file wants to see; and the project's
@@ -23,10 +24,10 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-using testing::texts;
+using test::texts;
 
 /// With one seed.
-class ExperimentAxes : public testing::ExperimentFile {
+class ExperimentAxes : public test::ExperimentFile {
  protected:
   Experiment load(const std::string& text, const std::vector<std::string>& overrides = {}) {
     return ExperimentFile::load("seeds = 1\n" + text, overrides);
@@ -184,7 +185,7 @@ TEST_F(ExperimentAxes, TablesThatCannotBeMadeAreRefused) {
 // ------------------------------------------------------------- the project's experiments
 
 Experiment of_the_project(const std::string& name, bool quick = false) {
-  return load_experiment(TETHER_SOURCE_DIR "/experiments/" + name + ".toml", {}, quick);
+  return load_experiment(in_source("/experiments/") + name + ".toml", {}, quick);
 }
 
 std::size_t count(const Experiment& e, const Selection& selection) {
@@ -195,7 +196,7 @@ std::size_t count(const Experiment& e, const Selection& selection) {
 
 TEST(ProjectExperiments, AllLoad) {
   std::size_t files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(TETHER_SOURCE_DIR "/experiments")) {
+  for (const auto& entry : std::filesystem::directory_iterator(in_source("/experiments"))) {
     if (entry.is_directory()) continue;
     EXPECT_NO_THROW(load_experiment(entry.path().string())) << entry.path();
     ++files;

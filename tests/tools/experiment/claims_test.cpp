@@ -62,7 +62,7 @@ class Claims : public ::testing::Test {
   }
 
  private:
-  testing::Folder folder_;
+  test::Folder folder_;
   int stores_ = 0;
 };
 

@@ -9,15 +9,14 @@
 #include <vector>
 
 #include "tests/tools/experiment/laws.hpp"
+#include "tests/tools/experiment/nan.hpp"
 
 namespace tether {
 namespace {
 
-using testing::EightyTwenty;
-using testing::share_sd;
+using test::EightyTwenty;
+using test::share_sd;
 using Arm = std::vector<SeededValue>;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 Arm arm(const std::vector<double>& values) {
   Arm runs;
@@ -26,7 +25,7 @@ Arm arm(const std::vector<double>& values) {
 }
 
 TEST(PairedDifferenceTest, IsTakenOverTheCommonSeeds) {
-  const Arm first{{1, 5.0}, {2, 7.0}, {3, 9.0}, {4, kNan}, {6, 1.0}};
+  const Arm first{{1, 5.0}, {2, 7.0}, {3, 9.0}, {4, kNaN}, {6, 1.0}};
   const Arm second{{3, 5.0}, {2, 4.0}, {1, 3.0}, {4, 2.0}, {5, 1.0}};
   const PairedDifference d = paired_difference(first, second, 0.95, 1);
   EXPECT_EQ(d.difference.n, 3u);
@@ -119,7 +118,7 @@ TEST(TiesOfBestTest, OneRareCatastropheWidensNoOtherInterval) {
 
 TEST(TiesOfBestTest, UsesTheSeedsThatAllArmsHave) {
   Arm longer = arm({1, 1, 1, 1, 1, 1, 1, 1, 1, 99});
-  const Arm shorter = arm({2, 2, 2, 2, kNan, 2, 2, 2, 2});
+  const Arm shorter = arm({2, 2, 2, 2, kNaN, 2, 2, 2, 2});
   const BestArm best = ties_of_best({shorter, longer}, 0.95, 1);
   EXPECT_EQ(best.n, 8u);
   EXPECT_EQ(best.left_out, 2u);
@@ -129,7 +128,7 @@ TEST(TiesOfBestTest, UsesTheSeedsThatAllArmsHave) {
 }
 
 TEST(TiesOfBestTest, AnArmWithoutResultsTakesNoPart) {
-  const Arm failed = arm({kNan, kNan, kNan, kNan, kNan, kNan});
+  const Arm failed = arm({kNaN, kNaN, kNaN, kNaN, kNaN, kNaN});
   const BestArm best = ties_of_best({failed, arm({1, 2, 3, 4, 5, 6}), {}}, 0.95, 1);
   EXPECT_EQ(best.best, 1u);
   EXPECT_EQ(best.tied, (std::vector<bool>{false, true, false}));
@@ -155,34 +154,34 @@ TEST(TiesOfBestTest, FollowsTheSeedAndNotTheOrderOfRuns) {
   EXPECT_EQ(best.differences[2].low, again.differences[2].low);
 }
 
-constexpr int kDataSets = 400;
+constexpr int kComparedSets = 400;
 
 template <typename Make>
 double wrongly_separated(const Make& make) {
   RandomEngine random = random_stream(6, "ties");
   int wrong = 0;
-  for (int i = 0; i < kDataSets; ++i) {
+  for (int i = 0; i < kComparedSets; ++i) {
     const BestArm best = ties_of_best(make(random), 0.95, static_cast<std::uint64_t>(i));
     wrong += std::count(best.tied.begin(), best.tied.end(), false) > 0 ? 1 : 0;
   }
-  return static_cast<double>(wrong) / kDataSets;
+  return static_cast<double>(wrong) / kComparedSets;
 }
 
 // Three standard deviations of a share of 5 % in 400 data sets: 3.3 %.
 TEST(TiesOfBestTest, SeparatesAnyOfFiveEqualArmsInAtMostOneOfTwentyCases) {
   const double wrong =
       wrongly_separated([](RandomEngine& random) { return normal_arms(5, 30, 0.0, random); });
-  EXPECT_LE(wrong, 0.05 + 3.0 * share_sd(0.05, kDataSets));
-  EXPECT_GE(wrong, 0.05 - 3.0 * share_sd(0.05, kDataSets)) << "needlessly cautious";
+  EXPECT_LE(wrong, 0.05 + 3.0 * share_sd(0.05, kComparedSets));
+  EXPECT_GE(wrong, 0.05 - 3.0 * share_sd(0.05, kComparedSets)) << "needlessly cautious";
 }
 
 TEST(TiesOfBestTest, SeparatesEqualArmsOfLostRunsRarelyToo) {
   const double wrong = wrongly_separated([](RandomEngine& random) {
     std::vector<Arm> arms;
-    for (int k = 0; k < 4; ++k) arms.push_back(arm(testing::sample(EightyTwenty(), 30, random)));
+    for (int k = 0; k < 4; ++k) arms.push_back(arm(test::sample(EightyTwenty(), 30, random)));
     return arms;
   });
-  EXPECT_LE(wrong, 0.05 + 3.0 * share_sd(0.05, kDataSets));
+  EXPECT_LE(wrong, 0.05 + 3.0 * share_sd(0.05, kComparedSets));
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/experiment/design/experiment.hpp"
 #include "tools/experiment/statistics/comparison.hpp"
 #include "tools/experiment/statistics/survival.hpp"
@@ -38,8 +39,7 @@ struct Runs {
 class Cells {
  public:
   explicit Cells(const std::string& name, std::size_t seeds = kSeeds)
-      : experiment_(load_experiment(TETHER_SOURCE_DIR "/experiments/" + name + ".toml")),
-        seeds_(seeds) {}
+      : experiment_(load_experiment(in_source("/experiments/") + name + ".toml")), seeds_(seeds) {}
 
   /// Of the one arm that is at all of `where`.
   const Runs& at(const std::vector<std::pair<std::string, std::string>>& where) {

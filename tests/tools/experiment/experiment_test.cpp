@@ -19,8 +19,8 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-using testing::ExperimentFile;
-using testing::texts;
+using test::ExperimentFile;
+using test::texts;
 
 TEST_F(ExperimentFile, CrossesTheGridInItsOrderAndTheLastKeyVariesFastest) {
   const Experiment experiment = load(R"(

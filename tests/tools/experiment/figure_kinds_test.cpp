@@ -7,12 +7,11 @@
 
 #include "tests/support/folder.hpp"
 #include "tests/support/tex.hpp"
+#include "tests/tools/experiment/nan.hpp"
 #include "tools/experiment/figures/figures.hpp"
 
 namespace tether {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 PlottedPoint point(double x, double y) {
   const std::vector<double> runs{0.9 * y, y, 1.1 * y};
@@ -22,29 +21,29 @@ PlottedPoint point(double x, double y) {
 
 // The second of four is beaten by the first in both; the others are what it costs to be better.
 TEST(ParetoFigure, OfTwoSeriesHasTheirFront) {
-  const testing::Folder folder;
+  const test::Folder folder;
   ParetoFigure figure;
   figure.text = {"", "ode", "paper"};
   figure.x_label = "busy";
   figure.series = {{"plans", {point(0.1, 0.04), point(0.2, 0.06)}},
-                   {"PID, changed", {point(0.2, 0.02), point(0.3, 0.01), point(kNan, 0.001)}}};
+                   {"PID, changed", {point(0.2, 0.02), point(0.3, 0.01), point(kNaN, 0.001)}}};
   draw_pareto(folder.path, "pareto", figure);
   std::string front;
-  std::istringstream lines(testing::contents(folder.path / "pareto.csv"));
+  std::istringstream lines(test::contents(folder.path / "pareto.csv"));
   for (std::string line; std::getline(lines, line);) {
     if (line.starts_with("0,")) front += line.substr(2, line.find(',', 2) - 2) + " ";
   }
   EXPECT_EQ(front, "0.1 0.2 0.3 ");
-  EXPECT_NE(testing::contents(folder.path / "pareto.svg").find("PID, changed"), std::string::npos);
-  testing::expect_tex(testing::contents(folder.path / "pareto.tex"));
-  EXPECT_EQ(testing::contents(folder.path / "pareto.pdf").substr(0, 5), "%PDF-");
-  EXPECT_GT(testing::contents(folder.path / "pareto.png").size(), 5000U);
+  EXPECT_NE(test::contents(folder.path / "pareto.svg").find("PID, changed"), std::string::npos);
+  test::expect_tex(test::contents(folder.path / "pareto.tex"));
+  EXPECT_EQ(test::contents(folder.path / "pareto.pdf").substr(0, 5), "%PDF-");
+  EXPECT_GT(test::contents(folder.path / "pareto.png").size(), 5000U);
 }
 
 TEST(ParetoFigure, NeedsAPoint) {
-  const testing::Folder folder;
+  const test::Folder folder;
   ParetoFigure figure;
-  figure.series = {{"nothing", {point(kNan, 1.0)}}};
+  figure.series = {{"nothing", {point(kNaN, 1.0)}}};
   EXPECT_THROW(draw_pareto(folder.path, "none", figure), std::invalid_argument);
 }
 
@@ -54,7 +53,7 @@ class CurveFigureTest : public ::testing::Test {
     const Summary s = summarize(runs, kConfidence, seed);
     return {x, runs, s.mean, s.mean_interval};
   }
-  std::string contents(const std::string& name) const { return testing::contents(folder_ / name); }
+  std::string contents(const std::string& name) const { return test::contents(folder_ / name); }
   bool shows(const std::string& stem, const std::string& text) const {
     return contents(stem + ".svg").find(text) != std::string::npos;
   }
@@ -62,7 +61,7 @@ class CurveFigureTest : public ::testing::Test {
     return contents(stem + ".csv").find("\n" + row + "\n") != std::string::npos;
   }
 
-  const testing::Folder own_;
+  const test::Folder own_;
   const std::filesystem::path folder_ = own_.path;
   FigureText text_{"", "ode", "paper"};
 };
@@ -71,7 +70,7 @@ TEST_F(CurveFigureTest, EqualRunsAreOneDotAndSaidToBeEqual) {
   CurveFigure figure{.text = text_, .x_label = "δ [ms]", .names = {}, .series = {}};
   figure.series = {{"", {curve_point(0.0, {1.5, 1.5, 1.5}, 1), curve_point(100.0, {2, 2, 2}, 1)}}};
   draw_curve(folder_, "equal", figure);
-  testing::expect_tex(contents("equal.tex"));
+  test::expect_tex(contents("equal.tex"));
   EXPECT_TRUE(has_row("equal", "1,run,100,100,2,,,,,,ode"));
   EXPECT_TRUE(shows("equal", "all of them equal"));
   EXPECT_TRUE(shows("equal", "every run"));
@@ -99,7 +98,7 @@ TEST_F(CurveFigureTest, CurveOverNamesHasBarsSideBySideAndTheNamesBelow) {
     figure.series.push_back(one);
   }
   draw_curve(folder_, "names", figure);
-  testing::expect_tex(contents("names.tex"));
+  test::expect_tex(contents("names.tex"));
   for (const char* name : {"office_100%", "hall &amp; yard", "a warehouse with a l…"}) {
     EXPECT_TRUE(shows("names", name)) << name;
   }

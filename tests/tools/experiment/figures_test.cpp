@@ -14,15 +14,14 @@
 #include "tests/support/folder.hpp"
 #include "tests/support/tex.hpp"
 #include "tests/tools/experiment/laws.hpp"
+#include "tests/tools/experiment/nan.hpp"
 #include "tools/base/process.hpp"
 
 namespace tether {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::EightyTwenty;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+using test::EightyTwenty;
 
 PlottedPoint curve_point(double x, const std::vector<double>& runs, std::uint64_t seed) {
   const Summary s = summarize(runs, kConfidence, seed);
@@ -41,7 +40,7 @@ class ExperimentFiguresTest : public ::testing::Test {
     text_ = {"", "ode", "paper"};
   }
 
-  std::string contents(const std::string& name) const { return testing::contents(folder_ / name); }
+  std::string contents(const std::string& name) const { return test::contents(folder_ / name); }
 
   // All five files are there, each of its kind, and the script alone draws the pictures again.
   void expect_drawn(const std::string& stem) const {
@@ -62,7 +61,7 @@ class ExperimentFiguresTest : public ::testing::Test {
     EXPECT_EQ(contents(stem + ".pdf").substr(0, 5), "%PDF-");
     EXPECT_EQ(contents(stem + ".png").substr(1, 3), "PNG");
     EXPECT_GT(contents(stem + ".png").size(), 5000u);
-    testing::expect_tex(contents(stem + ".tex"));
+    test::expect_tex(contents(stem + ".tex"));
   }
 
   // A text that the figure must show.
@@ -132,7 +131,7 @@ class ExperimentFiguresTest : public ::testing::Test {
     return figure;
   }
 
-  const testing::Folder own_;
+  const test::Folder own_;
   fs::path folder_ = own_.path;
   FigureText text_;
 };
@@ -166,7 +165,7 @@ TEST_F(ExperimentFiguresTest, TrajectoriesOfOneToSixRuns) {
 
 TEST_F(ExperimentFiguresTest, ARunWithoutAnyFinitePoseShowsItsPlannedPath) {
   TrajectoryFigure figure{text_, "", 22.0, {panel("lost at once", 0.0)}};
-  figure.panels[0].actual = {{kNan, kNan}, {kNan, 1.0}};
+  figure.panels[0].actual = {{kNaN, kNaN}, {kNaN, 1.0}};
   draw_trajectories(folder_, "trajectories", figure);
   expect_drawn("trajectories");
   EXPECT_EQ(contents("trajectories.csv").find("actual"), std::string::npos);
@@ -177,7 +176,7 @@ TEST_F(ExperimentFiguresTest, CurveOfOneSeries) {
   figure.text = text_;
   figure.x_label = "PRR";
   figure.series = {series("", 1.0, 50)};
-  figure.series[0].points[2] = curve_point(0.5, {1.5, kNan, 2.5, 3.5, INFINITY}, 1);
+  figure.series[0].points[2] = curve_point(0.5, {1.5, kNaN, 2.5, 3.5, INFINITY}, 1);
   draw_curve(folder_, "curve", figure);
   expect_drawn("curve");
   EXPECT_TRUE(shows("curve", "n = 3–50 seeds a point; 2 runs without a value left out"));
@@ -252,7 +251,7 @@ TEST_F(ExperimentFiguresTest, ComparisonsOfDegenerateDataAreDrawn) {
   figure.series = {{"one point", {curve_point(0.5, {1.0, 2.0, 6.0}, 1)}}};
   draw_comparison(folder_, "one_point", figure);
   expect_drawn("one_point");
-  figure.series = {{"failed", {curve_point(0.5, {kNan}, 1)}},
+  figure.series = {{"failed", {curve_point(0.5, {kNaN}, 1)}},
                    {"zeros", {curve_point(0.5, {0.0, 0.0}, 1), curve_point(0.6, {0.0}, 1)}}};
   draw_comparison(folder_, "nothing", figure);
   expect_drawn("nothing");
@@ -289,7 +288,7 @@ TEST_F(ExperimentFiguresTest, CurvesOfDegenerateDataAreDrawn) {
   draw_curve(folder_, "log_zeros", figure);
   expect_drawn("log_zeros");
   figure.log_y = false;
-  figure.series = {{"failed", {curve_point(0.5, {kNan}, 1), curve_point(0.6, {kNan, kNan}, 1)}}};
+  figure.series = {{"failed", {curve_point(0.5, {kNaN}, 1), curve_point(0.6, {kNaN, kNaN}, 1)}}};
   draw_curve(folder_, "failed", figure);
   expect_drawn("failed");
   EXPECT_TRUE(shows("failed", "n = 0 seeds a point; 3 runs without a value left out"));
@@ -299,7 +298,7 @@ TEST_F(ExperimentFiguresTest, CurvesOfDegenerateDataAreDrawn) {
 TEST_F(ExperimentFiguresTest, HeatmapWithBestAndTiedCells) {
   HeatmapFigure figure = heatmap(8, 6);
   figure.text = text_;
-  figure.cells[3].mean = kNan;
+  figure.cells[3].mean = kNaN;
   figure.cells[3].failed = 50;
   figure.cells[3].n = 0;
   draw_heatmap(folder_, "heatmap", figure);
@@ -323,7 +322,7 @@ TEST_F(ExperimentFiguresTest, HeatmapsOfAllSizesAreDrawn) {
     expect_drawn(stem);
   }
   HeatmapFigure failed = heatmap(2, 2);
-  for (HeatCell& cell : failed.cells) cell.mean = kNan;
+  for (HeatCell& cell : failed.cells) cell.mean = kNaN;
   draw_heatmap(folder_, "failed", failed);
   expect_drawn("failed");
 }
@@ -332,7 +331,7 @@ TEST_F(ExperimentFiguresTest, RiskMapOfTheFigureEight) {
   RiskMapFigure figure = risk_map(124);
   figure.text = text_;
   for (std::size_t i = 60; i < 66; ++i) {
-    figure.points[i].mean = kNan;
+    figure.points[i].mean = kNaN;
     figure.points[i].interval = {};
     figure.points[i].n = 40;
   }
@@ -359,7 +358,7 @@ TEST_F(ExperimentFiguresTest, RiskMapsOfDegenerateDataAreDrawn) {
   figure.points[0].interval = {1.0, 3.0};
   draw_risk_map(folder_, "one_point", figure);
   expect_drawn("one_point");
-  figure.points[0].mean = kNan;
+  figure.points[0].mean = kNaN;
   figure.points[0].interval = {};
   draw_risk_map(folder_, "failed", figure);
   expect_drawn("failed");

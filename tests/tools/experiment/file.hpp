@@ -8,18 +8,19 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/base/write_file.hpp"
 #include "tools/experiment/design/experiment.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// An experiment file of its own folder, with the paper's scenario.
 class ExperimentFile : public ::testing::Test {
  protected:
   Experiment load(const std::string& text, const std::vector<std::string>& overrides = {}) {
     write_file(file_,
-               fmt::format("scenario = \"{}/scenarios/paper.toml\"\n{}", TETHER_SOURCE_DIR, text));
+               fmt::format("scenario = \"{}/scenarios/paper.toml\"\n{}", in_source(""), text));
     return load_experiment(file_, overrides);
   }
   std::string why_refused(const std::string& text, const std::vector<std::string>& overrides = {}) {
@@ -43,4 +44,4 @@ inline std::vector<std::string> texts(const Experiment& experiment) {
   return texts;
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

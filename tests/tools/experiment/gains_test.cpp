@@ -42,7 +42,7 @@ Gains two_laws() {
   return gains;
 }
 
-class TunedGains : public testing::ExperimentFile {
+class TunedGains : public test::ExperimentFile {
  protected:
   TunedGains() { write_file(folder_ / "gains.toml", to_toml(two_laws())); }
 };

@@ -8,7 +8,7 @@
 
 #include "common/base/random.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// exp of a standard normal.
 struct LogNormal {
@@ -52,4 +52,4 @@ inline double share_sd(double share, int trials) {
   return std::sqrt(share * (1.0 - share) / trials);
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "common/scenario/run_settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/experiment/design/experiment.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
@@ -19,8 +20,7 @@ class MediumConclusions : public ::testing::Test {
   };
   /// Of each seed.
   static std::vector<Run> runs(const std::string& law, const std::string& vehicles) {
-    const Experiment experiment =
-        load_experiment(TETHER_SOURCE_DIR "/experiments/medium_stations.toml");
+    const Experiment experiment = load_experiment(in_source("/experiments/medium_stations.toml"));
     const Selection selection{{"law", {law}}, {"vehicles", {vehicles}}};
     std::vector<Run> runs;
     for (std::size_t arm = 0; arm < experiment.arms.size(); ++arm) {

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "common/scenario/scenario.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/experiment/store.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
@@ -14,7 +15,7 @@ using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
 std::string paper(const std::vector<std::string>& overrides = {}) {
-  return to_toml(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides));
+  return to_toml(load_scenario(in_source("/scenarios/paper.toml"), overrides));
 }
 
 TEST(NeverCommanded, AVehicleOfThePaperAtPrr01IsSoInSlightlyMoreThanHalfOfTheRuns) {
@@ -57,7 +58,7 @@ class ByCommand : public Store {
                     const std::vector<std::string>& overrides = {"channel.prr=0.1"}) {
     Experiment e;
     e.name = "by_command";
-    e.arms = {Arm{{}, load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides)}};
+    e.arms = {Arm{{}, load_scenario(in_source("/scenarios/paper.toml"), overrides)}};
     for (const StoredRun& run : runs) e.seeds.push_back(run.seed);
     RunStore store = begin(e);
     store.add(runs);
@@ -95,7 +96,7 @@ TEST(NeverCommandedRuns, AreAsManyAsChanceGivesAndAllAlike) {
   constexpr std::uint64_t kSeeds = 100;
   std::size_t never = 0;
   double epsilon_m = 0.0;
-  Scenario scenario = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
+  Scenario scenario = load_scenario(in_source("/scenarios/paper.toml"),
                                     {"channel.prr=0.1", "vehicle.plant=kinematic"});
   const auto number = [](const char* name) { return metric_number(name).value(); };
   for (std::uint64_t seed = 2001; seed < 2001 + kSeeds; ++seed) {

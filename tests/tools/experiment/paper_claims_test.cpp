@@ -3,6 +3,7 @@
 #include <atomic>
 #include <thread>
 
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/experiment/report/claims.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
@@ -23,7 +24,7 @@ class PaperClaims : public ::testing::Test {
                         std::vector<std::string> overrides = {}) {
     overrides.emplace_back("vehicle.plant=kinematic");
     const Experiment experiment =
-        load_experiment(TETHER_SOURCE_DIR "/experiments/" + name + ".toml", overrides, quick);
+        load_experiment(in_source("/experiments/") + name + ".toml", overrides, quick);
     RunStore store = RunStore::begin(folder / name, experiment, {});
     const std::atomic<bool> stop{false};
     const SweepOptions options{std::thread::hardware_concurrency(), {}, {}, run_once};
@@ -33,7 +34,7 @@ class PaperClaims : public ::testing::Test {
   }
 
   static void SetUpTestSuite() {
-    const testing::Folder folder;
+    const test::Folder folder;
     results_ = std::make_unique<PaperResults>();
     const RunStore prr = sweep(folder.path, "f2_prr", false);
     results_->prr.emplace(prr, "epsilon_m");
@@ -110,7 +111,7 @@ TEST_F(PaperClaims, WithoutLossALookAheadOf2SecondsIsTheBestAndTheErrorRisesOnBo
 
 TEST_F(PaperClaims, ASlowVehiclesErrorRisesWithDelayAsThePapers) {
   // scenarios/paper_slow.toml; nothing is random here.
-  const testing::Folder folder;
+  const test::Folder folder;
   PaperResults slow;
   slow.delay.emplace(sweep(folder.path, "f3_delay", true,
                            {"controller.v.limit=2.8", "controller.v.p=0.48", "controller.v.d=0"}),

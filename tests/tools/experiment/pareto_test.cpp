@@ -3,13 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/tools/experiment/nan.hpp"
+
 namespace tether {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 TEST(ParetoFront, HasByAscendingXWhatNoOtherBeats) {
   EXPECT_THAT(pareto_front({{3, 1}, {1, 3}, {2, 4}, {2, 2}}), ElementsAre(1, 3, 0));
@@ -29,8 +29,8 @@ TEST(ParetoFront, LeavesOutWhatIsAsGoodInOneAndWorseInTheOther) {
 }
 
 TEST(ParetoFront, LeavesOutNaNWhichBeatsNothing) {
-  EXPECT_THAT(pareto_front({{kNan, 0}, {1, 1}, {0, kNan}}), ElementsAre(1));
-  EXPECT_THAT(pareto_front({{kNan, kNan}}), IsEmpty());
+  EXPECT_THAT(pareto_front({{kNaN, 0}, {1, 1}, {0, kNaN}}), ElementsAre(1));
+  EXPECT_THAT(pareto_front({{kNaN, kNaN}}), IsEmpty());
 }
 
 }  // namespace

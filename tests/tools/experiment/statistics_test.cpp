@@ -9,16 +9,15 @@
 #include <vector>
 
 #include "tests/tools/experiment/laws.hpp"
+#include "tests/tools/experiment/nan.hpp"
 
 namespace tether {
 namespace {
 
-using testing::EightyTwenty;
-using testing::LogNormal;
-using testing::sample;
-using testing::share_sd;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+using test::EightyTwenty;
+using test::LogNormal;
+using test::sample;
+using test::share_sd;
 
 void expect_interval(const Interval& interval, double low, double high) {
   EXPECT_DOUBLE_EQ(interval.low, low);
@@ -50,7 +49,7 @@ TEST(SummaryTest, QuantilesLieBetweenTwoValues) {
 }
 
 TEST(SummaryTest, OfNothingIsUndefined) {
-  const Summary s = summarize({kNan}, 0.95, 1);
+  const Summary s = summarize({kNaN}, 0.95, 1);
   EXPECT_EQ(s.n, 0u);
   EXPECT_EQ(s.left_out, 1u);
   EXPECT_TRUE(std::isnan(s.mean) && std::isnan(s.sd) && std::isnan(s.q05));
@@ -76,7 +75,7 @@ TEST(SummaryTest, EqualRunsHaveAnIntervalOfNoWidth) {
 }
 
 TEST(SummaryTest, FailedRunsAreLeftOutAndCounted) {
-  const Summary all = summarize({1.0, kNan, 2.0, 5.0, INFINITY}, 0.95, 1);
+  const Summary all = summarize({1.0, kNaN, 2.0, 5.0, INFINITY}, 0.95, 1);
   const Summary finite = summarize({1.0, 2.0, 5.0}, 0.95, 1);
   EXPECT_EQ(all.n, 3u);
   EXPECT_EQ(all.left_out, 2u);

@@ -54,7 +54,7 @@ class Store : public ::testing::Test {
     return text;
   }
 
-  testing::Folder own_;
+  test::Folder own_;
   const std::filesystem::path& folder_ = own_.path;
   std::filesystem::path file_ = folder_ / "runs.sqlite";
 };

@@ -7,11 +7,10 @@
 #include <vector>
 
 #include "common/base/random.hpp"
+#include "tests/tools/experiment/nan.hpp"
 
 namespace tether {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 TEST(StratifiedMeanTest, WeighsTheMeansOfTheKindsByTheirKnownProbabilities) {
   const auto s = stratified_mean({{0.25, {1.0, 3.0}}, {0.75, {10.0, 10.0, 16.0}}}, 0.95, 1);
@@ -37,7 +36,7 @@ TEST(StratifiedMeanTest, OfKindsWhoseRunsAreAllEqualIsExact) {
 }
 
 TEST(StratifiedMeanTest, IsUndefinedWithoutARunOfAKindThatThereIs) {
-  const auto s = stratified_mean({{0.5, {1.0, 2.0}}, {0.5, {kNan}}}, 0.95, 1);
+  const auto s = stratified_mean({{0.5, {1.0, 2.0}}, {0.5, {kNaN}}}, 0.95, 1);
   EXPECT_TRUE(std::isnan(s.mean));
   EXPECT_EQ(s.left_out, 1U);
   const auto certain = stratified_mean({{1.0, {1.0, 2.0}}, {0.0, {}}}, 0.95, 1);

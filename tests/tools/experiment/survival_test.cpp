@@ -7,15 +7,14 @@
 #include <vector>
 
 #include "tests/tools/experiment/laws.hpp"
+#include "tests/tools/experiment/nan.hpp"
 
 namespace tether {
 namespace {
 
-using testing::RarelyLost;
-using testing::sample;
-using testing::share_sd;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+using test::RarelyLost;
+using test::sample;
+using test::share_sd;
 
 // (1 − high)^30 = 2.5 %, by hand.
 TEST(LostShare, OfNoneReachesUpToWhatWouldShowNoneOneTimeInForty) {
@@ -54,7 +53,7 @@ TEST(LostShare, OfNothingIsUnknown) {
 }
 
 TEST(Survivors, AreTheVehiclesThatWereNotLost) {
-  const Survival s = survival_of({1.0, 22.0, 3.0, kNan}, {0.0, 1.0, 0.0, kNan}, 0.95, 1);
+  const Survival s = survival_of({1.0, 22.0, 3.0, kNaN}, {0.0, 1.0, 0.0, kNaN}, 0.95, 1);
   EXPECT_EQ(s.lost.count, 1U);
   EXPECT_EQ(s.lost.n, 3U) << "a run that failed is neither";
   EXPECT_EQ(s.survivors.n, 2U);
@@ -69,7 +68,7 @@ TEST(Survivors, HaveNoMeanIfAllAreLost) {
 }
 
 TEST(TimesToReturn, AreOfTheRunsThatCameBackAndCountThoseThatDidNot) {
-  const Returns r = returns_of({0.0, 2.0, 4.0, 0.0, kNan}, {0.0, 0.0, 1.0, 9.0, kNan}, 0.95, 1);
+  const Returns r = returns_of({0.0, 2.0, 4.0, 0.0, kNaN}, {0.0, 0.0, 1.0, 9.0, kNaN}, 0.95, 1);
   EXPECT_EQ(r.times.n, 2U);
   EXPECT_EQ(r.times.mean, 3.0);
   EXPECT_EQ(r.not_back, 2U);

@@ -62,7 +62,7 @@ class SweepTables : public ::testing::Test {
     return choice;
   }
 
-  testing::Folder own_;
+  test::Folder own_;
 };
 
 constexpr double kFailed = std::numeric_limits<double>::quiet_NaN();
@@ -143,11 +143,11 @@ TEST_F(SweepTables, OfAllCombinationsHasTheLostOnesWhereThereAreSome) {
   const std::vector<HandMade> healthy{{"a", "1", {2, 2}}};
   store_of(healthy);
   write_report(own_.path, RiskDefinition::whole_run);
-  EXPECT_THAT(testing::contents(own_.path / "report.md"), ::testing::Not(HasSubstr("lost [95 %]")));
+  EXPECT_THAT(test::contents(own_.path / "report.md"), ::testing::Not(HasSubstr("lost [95 %]")));
   std::filesystem::remove(own_.path / "runs.sqlite");
   store_of({{"a", "1", {2, 2}}, {"a", "0.5", {3, 22, 3}}});
   write_report(own_.path, RiskDefinition::whole_run);
-  EXPECT_THAT(testing::contents(own_.path / "report.md"),
+  EXPECT_THAT(test::contents(own_.path / "report.md"),
               AllOf(HasSubstr("lost [95 %] | mean of the others [95 %]"), HasSubstr("two humps"),
                     HasSubstr("| 1/3 [0.84, 90.6] % | 3 [3, 3]")));
 }
@@ -214,12 +214,12 @@ TEST_F(SweepTables, AreInTheReportAndBesideItAsData) {
   by_prr.columns = {"PRR"};
   store_of({{"a|b", "1", {2, 2}}, {"a|b", "0.5", {3, 3}}, {"c", "1", {4, 4}}}, {by_prr});
   write_report(own_.path, RiskDefinition::whole_run);
-  EXPECT_THAT(testing::contents(own_.path / "report.md"),
+  EXPECT_THAT(test::contents(own_.path / "report.md"),
               HasSubstr("### By hand\n\n| law | PRR 1 | PRR 0.5 |\n|-|-|-|\n"
                         "| a\\|b | 2 [2, 2] | 3 [3, 3] |\n| c | 4 [4, 4] |  |\n\nε [m]: mean"));
-  EXPECT_THAT(testing::contents(own_.path / "report.html"),
+  EXPECT_THAT(test::contents(own_.path / "report.html"),
               AllOf(HasSubstr("<h3>By hand</h3>"), HasSubstr("<td class=\"number\">3 [3, 3]")));
-  EXPECT_THAT(testing::contents(own_.path / "by_hand_table1.csv"),
+  EXPECT_THAT(test::contents(own_.path / "by_hand_table1.csv"),
               AllOf(HasSubstr("law,PRR,mean,low,high,n,failed,"), HasSubstr("\na|b,1,2,2,2,2,0,"),
                     HasSubstr("\na|b,0.5,3,3,3,2,0,"), HasSubstr("\nc,1,4,4,4,2,0,")));
 }
@@ -293,13 +293,13 @@ TEST_F(SweepTables, ACurveOverNamesOfAnExpressionLinksToItsFiles) {
     EXPECT_EQ(x_of(data, figure, 2), 2.0);
   }
   write_report(own_.path, RiskDefinition::whole_run);
-  const std::string html = testing::contents(own_.path / "report.html");
+  const std::string html = test::contents(own_.path / "report.html");
   EXPECT_THAT(html, HasSubstr(R"("names":["PID","plans"])"));
   EXPECT_THAT(html, HasSubstr(R"("y_label":"something [cm]")"));
   for (const char* kind : {"csv", "gp", "pdf", "png", "svg", "tex"}) {
     EXPECT_THAT(html, HasSubstr(fmt::format("<a href=\"./by_hand.{0}\">by_hand.{0}</a>", kind)));
   }
-  EXPECT_THAT(testing::contents(own_.path / "by_hand.svg"),
+  EXPECT_THAT(test::contents(own_.path / "by_hand.svg"),
               AllOf(HasSubstr("plans"), HasSubstr("something [cm]")));
 }
 

@@ -53,7 +53,7 @@ class Sweep : public ::testing::Test {
     return text;
   }
 
-  testing::Folder own_;
+  test::Folder own_;
   const std::filesystem::path& folder_ = own_.path;
   Experiment experiment_;
   SweepOptions options_;

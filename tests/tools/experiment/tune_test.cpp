@@ -11,6 +11,7 @@
 #include "common/base/errors.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/base/write_file.hpp"
 
@@ -51,7 +52,7 @@ class Tune : public ::testing::Test {
               bool quick = false) {
     const std::string file = (folder_ / "tune.toml").string();
     write_file(file,
-               fmt::format("scenario = \"{}/scenarios/paper.toml\"\n{}", TETHER_SOURCE_DIR, text));
+               fmt::format("scenario = \"{}/scenarios/paper.toml\"\n{}", in_source(""), text));
     return load_tuning(file, overrides, quick);
   }
   Tuning load() { return load(std::string(kHead) + kBounds + kLaws); }
@@ -71,7 +72,7 @@ class Tune : public ::testing::Test {
                 "tether tune tune.toml");
   }
 
-  testing::Folder own_;
+  test::Folder own_;
   const std::filesystem::path& folder_ = own_.path;
 };
 

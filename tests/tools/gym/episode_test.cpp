@@ -11,6 +11,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/output_folder.hpp"
 
@@ -19,14 +20,14 @@
 namespace tether {
 namespace {
 
-using testing::contents;
-using testing::Folder;
+using test::contents;
+using test::Folder;
 using Overrides = std::vector<std::string>;
 
 Scenario scenario_with(Overrides overrides) {
   overrides.insert(overrides.begin(), {"vehicle.plant=kinematic", "run.duration_s=20",
                                        "sensor.rate_hz=10", "sensor.position_noise_m=0.02"});
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", overrides);
+  return load_scenario(in_source("/scenarios/paper.toml"), overrides);
 }
 
 const Overrides kBad{"channel.prr=0.7", "channel.delay_ms=60", "channel.jitter.law=normal",

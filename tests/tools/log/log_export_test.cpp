@@ -136,7 +136,7 @@ TEST(LogSurvey, KnowsChannelsWithSomethingToDecodeAndTheEarliestTime) {
 }
 
 TEST(CsvExport, WritesOneTableAChannel) {
-  const testing::Folder folder;
+  const test::Folder folder;
   std::istringstream stream(pose(1'500'000, 0) + pose(-1, 1, "a_POSE") + pose(3, 2, "a/POSE") +
                             record(4, "AGV/POSE", bytes_of(twist_t{})));
   EventLogReader reader(stream);
@@ -147,13 +147,13 @@ TEST(CsvExport, WritesOneTableAChannel) {
               ElementsAre("AGV/POSE: AGV_POSE.csv", "a/POSE: a_POSE_2.csv", "a_POSE: a_POSE.csv"));
   EXPECT_THAT(report.left_out.lines(),
               ElementsAre("1 message on AGV/POSE: a twist_t among pose_t"));
-  EXPECT_EQ(testing::contents(folder.path / "AGV_POSE.csv"),
+  EXPECT_EQ(test::contents(folder.path / "AGV_POSE.csv"),
             "t_s,utime,seq,run,x_m,y_m,yaw_rad,plan_session,plan_id\n"
             "1.500000,1500000,0,0,0.5,0,0,0,0\n");
 }
 
 TEST(CsvExport, NamesOfFilesStayInTheFolder) {
-  const testing::Folder folder;
+  const test::Folder folder;
   std::istringstream stream(pose(0, 0, "../../x") + pose(0, 0, "..") +
                             pose(0, 0, std::string(900, 'y')));
   EventLogReader reader(stream);

@@ -8,6 +8,7 @@
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
 #include "margin/loop/straight_loop.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/margin/settled_error.hpp"
 
 // tether margin --find: the answer is what was asked for, and runs with other luck agree with it.
@@ -15,7 +16,7 @@
 namespace tether {
 namespace {
 
-const std::string kPaper = TETHER_SOURCE_DIR "/scenarios/paper.toml";
+const std::string kPaper = in_source("/scenarios/paper.toml");
 
 using Settings = std::vector<std::string>;
 

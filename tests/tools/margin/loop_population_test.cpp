@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "margin/loop/straight_loop.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
@@ -21,7 +22,7 @@ Scenario straight(const std::vector<std::string>& more) {
                                "path.max_acceleration_mps2=3",
                                "world.half_extent_m=500"};
   set.insert(set.end(), more.begin(), more.end());
-  return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", set);
+  return load_scenario(in_source("/scenarios/paper.toml"), set);
 }
 
 TEST(LoopPopulationTest, WithoutLossesOneLoopShrinksAsItsEigenvalueSays) {
@@ -47,9 +48,9 @@ TEST(LoopPopulationTest, TheSameSeedGrowsAlikeAndStaysSmallAndSteady) {
 
 TEST(LoopPopulationTest, APathWithCurvesOrOtherSpeedsIsNoTrial) {
   EXPECT_EQ(why_no_trial(straight({})), "");
-  EXPECT_NE(why_no_trial(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
-                                       {"controller.law=tracking"})),
-            "");
+  EXPECT_NE(
+      why_no_trial(load_scenario(in_source("/scenarios/paper.toml"), {"controller.law=tracking"})),
+      "");
 }
 
 }  // namespace

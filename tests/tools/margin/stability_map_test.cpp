@@ -6,13 +6,14 @@
 #include <filesystem>
 
 #include "common/base/errors.hpp"
+#include "tests/support/source_dir.hpp"
 
 namespace tether {
 namespace {
 
 const Scenario& straight() {
   static const Scenario scenario =
-      load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
+      load_scenario(in_source("/scenarios/paper.toml"),
                     {"controller.law=tracking", "vehicle.plant=kinematic", "sensor.rate_hz=10",
                      "sensor.position_noise_m=0.02", "path.kind=line", "path.length_m=90",
                      "path.speed_mps=1.5", "world.half_extent_m=500"});

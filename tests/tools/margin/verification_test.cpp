@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/source_dir.hpp"
 #include "tools/experiment/design/experiment.hpp"
 
 // A small part of experiments/margins.toml: what is computed against what simulations have.
@@ -25,7 +26,7 @@ VerificationTrial small() {
 /// The bars are those of the whole experiment; the intervals of so few runs are wider.
 void expect_within_bars(const std::string& law, const std::string& rate,
                         const std::string& channel) {
-  const Experiment experiment = load_experiment(TETHER_SOURCE_DIR "/experiments/margins.toml");
+  const Experiment experiment = load_experiment(in_source("/experiments/margins.toml"));
   for (const Arm& arm : experiment.arms) {
     const auto& s = arm.settings;
     if (s[0].plain() != law || s[1].plain() != rate || s[2].plain() != channel) continue;
@@ -53,7 +54,7 @@ TEST(VerificationTest, TrackingWithLossesInBurstsHasItsCriticalPrrAndDelay) {
 }
 
 TEST(VerificationTest, OnTheEightThereIsAReasonInsteadOfANumber) {
-  const Scenario eight = load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml",
+  const Scenario eight = load_scenario(in_source("/scenarios/paper.toml"),
                                        {"controller.law=tracking", "sensor.rate_hz=20"});
   VerificationTrial trial = small();
   for (const VerifiedCritical& row : verify_margins(eight, trial)) {

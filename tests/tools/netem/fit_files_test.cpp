@@ -277,7 +277,7 @@ TEST(ReadFitLog, WantsAChannelWhereThereAreSeveral) {
 // ---------------------------------------------------------------------------- any file
 
 TEST(ReadFitInput, TellsTheFormatsApart) {
-  const testing::Folder folder;
+  const test::Folder folder;
   const auto read = [&](const std::string& bytes) {
     const auto path = folder.file("some file", bytes);
     return read_fit_input(path.string(), {}).description.substr(path.string().size());

@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 #include <gmock/gmock.h>
 
+#include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/fleet_summary.hpp"
 
@@ -23,7 +24,7 @@ struct Watched {
           std::vector<std::string> all{"vehicle.plant=kinematic", "sensor.rate_hz=10",
                                        "run.duration_s=10"};
           all.insert(all.end(), more.begin(), more.end());
-          return load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", all);
+          return load_scenario(in_source("/scenarios/paper.toml"), all);
         }()),
         observer(loop.members(), loop.loop(), loop.bus()),
         dashboard(loop.members().front()) {

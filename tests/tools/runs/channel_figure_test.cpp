@@ -53,7 +53,7 @@ class ChannelFigureTest : public ::testing::Test {
     return fs::exists(folder_ / (name + ".svg")) && fs::file_size(folder_ / (name + ".png")) > 1000;
   }
 
-  const testing::Folder own_;
+  const test::Folder own_;
   const fs::path folder_ = own_.path;
   Scenario scenario_;
 };

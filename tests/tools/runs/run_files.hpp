@@ -10,7 +10,7 @@
 #include "tools/runs/output_folder.hpp"
 #include "tools/runs/run_summary.hpp"
 
-namespace tether::testing {
+namespace tether::test {
 
 /// A whole run with its files, as `tether run --out` does it.
 inline void run_into(const std::filesystem::path& path, const Scenario& scenario) {
@@ -37,4 +37,4 @@ inline Files run_and_hash(const Scenario& scenario) {
           std::hash<std::string>{}(contents(folder.path / "trajectory.csv")), log.size()};
 }
 
-}  // namespace tether::testing
+}  // namespace tether::test

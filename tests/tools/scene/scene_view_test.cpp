@@ -15,6 +15,7 @@
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
+#include "tests/support/source_dir.hpp"
 #include "tools/scene/foxglove_schemas.hpp"
 
 namespace tether {
@@ -38,7 +39,7 @@ MessageContent pose_at(double x_m, double y_m, double yaw_rad) {
 }
 
 SceneSetting paper() {
-  return scene_setting(load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", {}));
+  return scene_setting(load_scenario(in_source("/scenarios/paper.toml"), {}));
 }
 
 /// What of a message's fields the schema does not know or misses, by path.
@@ -72,14 +73,13 @@ TEST(SceneSetting, HasTheScenariosWallsVehicleAndPath) {
 }
 
 TEST(SceneSetting, OfALongRunKeepsThePathShort) {
-  const auto scenario =
-      load_scenario(TETHER_SOURCE_DIR "/scenarios/paper.toml", {"run.duration_s=3000"});
+  const auto scenario = load_scenario(in_source("/scenarios/paper.toml"), {"run.duration_s=3000"});
   EXPECT_EQ(scene_setting(scenario).path.size(), kMostPathPoints);
 }
 
 /// A hall with one of each: a rack, a pillar, and somebody who walks.
 SceneSetting hall() {
-  std::ifstream paper(TETHER_SOURCE_DIR "/scenarios/paper.toml");
+  std::ifstream paper(in_source("/scenarios/paper.toml"));
   const std::string text{std::istreambuf_iterator<char>(paper), {}};
   return scene_setting(parse_scenario(text + R"(
 [[world.obstacle]]

@@ -120,7 +120,7 @@ std::string pose(std::int64_t time_us, const std::string& channel) {
 }
 
 /// Poses each second from 0 to 4 s in turn on two channels, not in order, and something unknown.
-ViewedLog log_in(const testing::Folder& folder) {
+ViewedLog log_in(const test::Folder& folder) {
   const auto file =
       folder.file("run.lcmlog", pose(1'000'000, "CTRL/POSE") + pose(0, "AGV/POSE") +
                                     event(500'000, "X", "unknown!") + pose(2'000'000, "AGV/POSE") +
@@ -139,7 +139,7 @@ std::pair<nlohmann::json, std::vector<std::string>> parts(const std::string& tex
 }
 
 TEST(RecordingOfALog, HasTheMessagesInOrderOfTimeAndSaysWhatIsLeftOut) {
-  const testing::Folder folder;
+  const test::Folder folder;
   ViewedLog log = log_in(folder);
   const Recording recording = record(log, {});
   const auto [header, messages] = parts(recording.text);
@@ -152,14 +152,14 @@ TEST(RecordingOfALog, HasTheMessagesInOrderOfTimeAndSaysWhatIsLeftOut) {
 }
 
 TEST(RecordingOfALog, OfAPartHasThatPartOnly) {
-  const testing::Folder folder;
+  const test::Folder folder;
   ViewedLog log = log_in(folder);
   EXPECT_THAT(parts(record(log, {1.0, 2.5}).text).second, ElementsAre("1000000 0", "2000000 1"));
   EXPECT_THROW(record(log, {10.0, 20.0}), UsageError);
 }
 
 TEST(RecordingOfALog, OfTooMuchIsRefusedWithWhatToDo) {
-  const testing::Folder folder;
+  const test::Folder folder;
   ViewedLog log = log_in(folder);
   try {
     record(log, {}, 300);

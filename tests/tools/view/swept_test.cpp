@@ -121,7 +121,7 @@ class SweepRunsTest : public ::testing::Test {
   }
   static void ignore(double) {}
 
-  testing::Folder own_, into_;
+  test::Folder own_, into_;
   Experiment experiment_;
 };
 

@@ -23,10 +23,6 @@ std::vector<double> finite_ascending(const std::vector<double>& values) {
   return ascending;
 }
 
-double mean_of(const std::vector<double>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
-
 // Σ (x − mean)^power
 double moment_sum(const std::vector<double>& values, double mean, int power) {
   double sum = 0.0;
@@ -92,6 +88,10 @@ Interval order_interval(const std::vector<double>& ascending, double confidence)
 }
 
 }  // namespace
+
+double mean_of(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
 
 double half_width(const Interval& interval) { return 0.5 * (interval.high - interval.low); }
 

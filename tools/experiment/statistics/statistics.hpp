@@ -40,6 +40,9 @@ struct Summary {
   Interval median_interval;  ///< of median_interval()
 };
 
+/// Returns the mean of at least one value, summed in their order.
+double mean_of(const std::vector<double>& values);
+
 /// `confidence` is within (0, 1) here and below. All functions of this file sort first and draw
 /// from a stream derived from `seed` alone: the order in which runs ended does not matter, nor the
 /// thread. For the interval of a share, such as that of runs which failed, see

@@ -3,17 +3,13 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <numeric>
 
 #include "common/base/random.hpp"
 #include "tools/experiment/statistics/random_index.hpp"
+#include "tools/experiment/statistics/statistics.hpp"
 
 namespace tether {
 namespace {
-
-double mean_of(const std::vector<double>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
 
 double weighted_mean(const std::vector<Stratum>& strata) {
   double mean = 0.0;

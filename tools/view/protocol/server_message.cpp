@@ -5,10 +5,10 @@
 namespace tether {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-std::string to_text(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+std::string to_text(const OrderedJson& json) {
+  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
 }
 
 template <class Unsigned>
@@ -21,7 +21,7 @@ void put_little_endian(std::uint8_t* to, Unsigned value) {
 }  // namespace
 
 std::string server_info_message(const ServerInfo& info) {
-  Json metadata = Json::object();
+  OrderedJson metadata = OrderedJson::object();
   for (const auto& [key, value] : info.metadata) metadata[key] = value;
   return to_text({{"op", "serverInfo"},
                   {"name", info.name},
@@ -32,7 +32,7 @@ std::string server_info_message(const ServerInfo& info) {
 }
 
 std::string advertise_message(std::span<const AdvertisedChannel> channels) {
-  Json list = Json::array();
+  OrderedJson list = OrderedJson::array();
   for (const AdvertisedChannel& channel : channels) {
     list.push_back({{"id", channel.id},
                     {"topic", channel.topic},
@@ -45,7 +45,7 @@ std::string advertise_message(std::span<const AdvertisedChannel> channels) {
 }
 
 std::string unadvertise_message(std::span<const std::uint32_t> channels) {
-  Json list = Json::array();
+  OrderedJson list = OrderedJson::array();
   for (const std::uint32_t id : channels) list.push_back(id);
   return to_text({{"op", "unadvertise"}, {"channelIds", list}});
 }
@@ -56,9 +56,9 @@ std::string status_message(StatusLevel level, std::string_view text) {
 
 std::string parameter_values_message(std::span<const Parameter> parameters,
                                      const std::optional<std::string>& request) {
-  Json list = Json::array();
+  OrderedJson list = OrderedJson::array();
   for (const Parameter& parameter : parameters) {
-    Json one = {{"name", parameter.name}};
+    OrderedJson one = {{"name", parameter.name}};
     if (parameter.value) {
       std::visit([&one](const auto& value) { one["value"] = value; }, *parameter.value);
       if (std::holds_alternative<double>(*parameter.value)) one["type"] = "float64";
@@ -68,7 +68,7 @@ std::string parameter_values_message(std::span<const Parameter> parameters,
     }
     list.push_back(std::move(one));
   }
-  Json message = {{"op", "parameterValues"}, {"parameters", list}};
+  OrderedJson message = {{"op", "parameterValues"}, {"parameters", list}};
   if (request) message["id"] = *request;
   return to_text(message);
 }

@@ -14,7 +14,7 @@ namespace {
 constexpr Duration kStep = std::chrono::milliseconds{10};
 /// If computing is this much late, the run goes on more slowly and does not catch up.
 constexpr Duration kMostLate = std::chrono::milliseconds{200};
-constexpr Duration kTellPeriod = std::chrono::milliseconds{100};
+constexpr Duration kPacedTellPeriod = std::chrono::milliseconds{100};
 
 /// A clock that never steps back.
 Instant wall() {
@@ -46,7 +46,7 @@ void PacedRun::run(const RunUntil& run_until) {
     computed_ = std::min(wanted, computed_ + step(kStep));
     run_until(computed_);
     if (wanted - computed_ > step(kMostLate)) playback_.seek(wall(), computed_);
-    if (wall() - told_ >= kTellPeriod) tell();
+    if (wall() - told_ >= kPacedTellPeriod) tell();
     wait();
     take_requests();
   }

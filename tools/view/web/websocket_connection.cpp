@@ -19,7 +19,7 @@ constexpr std::size_t kMostMessageBytes = std::size_t{64} << 10;
 /// What is handed to the system before it has taken what it had.
 constexpr std::size_t kMostBacklogBytes = std::size_t{256} << 10;
 /// A client of which nothing is heard for so long, pongs included, is gone.
-constexpr auto kPatience = std::chrono::seconds{30};
+constexpr auto kPingPatience = std::chrono::seconds{30};
 
 /// One client's WebSocket: carries messages between it and the hub. Lives as long as it is read.
 class WebsocketConnection : public std::enable_shared_from_this<WebsocketConnection> {
@@ -42,7 +42,7 @@ class WebsocketConnection : public std::enable_shared_from_this<WebsocketConnect
   void start(const UpgradeRequest& request) {
     websocket::stream_base::timeout timeout{};
     timeout.handshake_timeout = std::chrono::seconds{10};
-    timeout.idle_timeout = kPatience;
+    timeout.idle_timeout = kPingPatience;
     timeout.keep_alive_pings = true;
     socket_.set_option(timeout);
     socket_.set_option(websocket::stream_base::decorator(

@@ -20,7 +20,7 @@ Waypoints read(const std::string& text) {
   return read_waypoints(in, "lap.csv");
 }
 
-std::string refusal(const std::string& text) {
+std::string waypoints_refusal(const std::string& text) {
   return refusal_of([&] { read(text); });
 }
 
@@ -74,8 +74,8 @@ TEST(Waypoints, BadFilesAreRefusedWithLineAndReason) {
       {"x_m,y_m\n0,0\n9,1\n12,1\n12,-1\n9,-1\n0,0\n", "lap.csv:2: ", "turns back by"},
   };
   for (const auto& c : cases) {
-    EXPECT_THAT(refusal(c.text), StartsWith(c.line)) << c.text;
-    EXPECT_THAT(refusal(c.text), HasSubstr(c.reason)) << c.text;
+    EXPECT_THAT(waypoints_refusal(c.text), StartsWith(c.line)) << c.text;
+    EXPECT_THAT(waypoints_refusal(c.text), HasSubstr(c.reason)) << c.text;
   }
 }
 

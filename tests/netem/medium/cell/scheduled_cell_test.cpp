@@ -15,8 +15,8 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
 /// A cell whose packets' ends can be looked up.
-struct Rig {
-  explicit Rig(const ScheduledRules& rules)
+struct CellRig {
+  explicit CellRig(const ScheduledRules& rules)
       : cell(rules, 1, [this](const PacketEnd& end) { ends[end.id] = end; }) {}
   void finish() { cell.advance(Instant::max() - milliseconds{1000}); }
   std::map<std::uint64_t, PacketEnd> ends;
@@ -28,7 +28,7 @@ struct Rig {
 TEST(ScheduledCell, HasTheClosedFormsDelayWhenUnloaded) {
   ScheduledRules rules;
   rules.error_ratio = 0.1;
-  Rig rig(rules);
+  CellRig rig(rules);
   const std::size_t user = rig.cell.add("AGV");
   std::vector<Instant> sent;
   RandomEngine random(2);
@@ -69,7 +69,7 @@ TEST(ScheduledCell, HasTheClosedFormsDelayWhenUnloaded) {
 TEST(ScheduledCell, LetsTheLastOfNEqualSourcesWaitForNMinusOneTurns) {
   constexpr int kUsers = 10;
   ScheduledRules rules{.request_period = microseconds{1}, .offset = Duration{0}};
-  Rig rig(rules);
+  CellRig rig(rules);
   for (int i = 0; i < kUsers; ++i) rig.cell.add(fmt::format("AGV{}", i));
   Duration worst{0};
   std::map<std::uint64_t, Instant> sent;
@@ -88,7 +88,7 @@ TEST(ScheduledCell, LetsTheLastOfNEqualSourcesWaitForNMinusOneTurns) {
 }
 
 TEST(ScheduledCell, SharesTheCellEquallyBetweenThoseWhoWantMore) {
-  Rig rig({.rate_Mbps = 10.0, .queue = 100'000});
+  CellRig rig({.rate_Mbps = 10.0, .queue = 100'000});
   for (int i = 0; i < 3; ++i) rig.cell.add(fmt::format("AGV{}", i));
   for (std::uint64_t i = 0; i < 3000; ++i) rig.cell.push(kStart, i % 3, i, 1200);
   rig.cell.advance(kStart + milliseconds{1000});
@@ -101,7 +101,7 @@ TEST(ScheduledCell, SharesTheCellEquallyBetweenThoseWhoWantMore) {
 }
 
 TEST(ScheduledCell, ServesTheMostUrgentFirstWhereToldTo) {
-  Rig rig({.request_period = microseconds{1}, .offset = Duration{0}});
+  CellRig rig({.request_period = microseconds{1}, .offset = Duration{0}});
   for (int i = 0; i < 5; ++i) rig.cell.add(fmt::format("AGV{}", i));
   rig.cell.set_urgency(
       [](std::size_t user, Instant, Instant) { return static_cast<double>(user); });
@@ -112,7 +112,7 @@ TEST(ScheduledCell, ServesTheMostUrgentFirstWhereToldTo) {
 
 TEST(ScheduledCell, AccountsForEveryPacket) {
   ScheduledRules rules{.rate_Mbps = 2.0, .error_ratio = 0.4, .attempts = 2, .queue = 5};
-  Rig rig(rules);
+  CellRig rig(rules);
   std::int64_t pushed = 0;
   for (int i = 0; i < 7; ++i) rig.cell.add(fmt::format("AGV{}", i));
   RandomEngine random(3);
@@ -134,7 +134,7 @@ TEST(ScheduledCell, AccountsForEveryPacket) {
 // One more vehicle changes when others are served, not what their transmissions meet.
 TEST(ScheduledCell, LeavesTheLuckOfOthersAloneWhenAUserIsAdded) {
   const auto attempts_of_first = [](int users) {
-    Rig rig({.error_ratio = 0.3, .attempts = 8});
+    CellRig rig({.error_ratio = 0.3, .attempts = 8});
     for (int i = 0; i < users; ++i) rig.cell.add(fmt::format("AGV{}", i));
     for (std::uint64_t n = 0; n < 200; ++n) {
       for (std::size_t i = 0; i < static_cast<std::size_t>(users); ++i) {
