@@ -1,25 +1,32 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds, and passes all tests: see README.md.
-#   ./test.sh          everything
-#   ./test.sh quick    while working: builds in release, passes logic and closed loops in virtual time
+# Builds and tests: see README.md.
+#   ./test.sh          to trust a build: logic, closed loops, real processes, CAN, packages, documents, and a
+#                      sample of each kind that takes long
+#   ./test.sh all      everything, as CI does: sanitizers, fuzzing, clang-tidy, mutation and long statistics, too
+#   ./test.sh quick    while working: logic and closed loops in virtual time; installs nothing
 set -euo pipefail
 cd "$(dirname "$0")"
 
 jobs=$(nproc)
-case "${1:-}" in
-    '') ./setup.sh tests ;;
+tier=${1:-person}
+case "$tier" in
+    person | all) ./setup.sh tests ;;
     quick) ;;
-    *) echo "usage: ./test.sh [quick]" >&2; exit 2 ;;
+    *) echo "usage: ./test.sh [all | quick]" >&2; exit 2 ;;
 esac
-[ -f build/release/build.ninja ] || cmake --preset release
-if [ "${1:-}" = quick ]; then
+if [ "$tier" = all ]; then
+    cmake --preset release -DTETHER_WERROR=ON
+elif [ ! -f build/release/build.ninja ]; then
+    cmake --preset release
+fi
+if [ "$tier" = quick ]; then
     quiet=()
     [ -t 1 ] || quiet=(-- --quiet)
     cmake --build --preset release --target tether "${quiet[@]}"
     differs=$(tests/docs/reference.py build/release/bin 2>&1) || echo "$differs"  # the sooner known, the better
     cmake --build --preset release --target quick_tests "${quiet[@]}"
     faults=0
-    ctest --preset release --build-config Quick --label-regex '^quick$' --parallel "$jobs" --progress || faults=1
+    ctest --preset release --label-regex '^quick$' --parallel "$jobs" --progress || faults=1
     if [ -n "$differs" ]; then
         printf '\n%s\n' "$differs" >&2
         faults=1
@@ -28,4 +35,8 @@ if [ "${1:-}" = quick ]; then
 fi
 cmake --build --preset release
 # Most tests on the wall clock only wait: what computes, the sanitizers' build among it, runs meanwhile.
-exec ctest --preset release --parallel "$((3 * jobs))"
+if [ "$tier" = all ]; then
+    exec ctest --preset release --parallel "$((3 * jobs))"
+fi
+exec ctest --preset release --build-config Sample --label-exclude '^(slow|asan|mutation|tidy|kernel|bench)$' \
+    --parallel "$((3 * jobs))"

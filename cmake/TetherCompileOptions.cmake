@@ -3,7 +3,9 @@ add_library(tether_options INTERFACE)
 target_include_directories(tether_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_link_libraries(tether_options INTERFACE fmt::fmt)
 target_compile_options(tether_options INTERFACE -Wall -Wextra -Wpedantic
-  $<$<BOOL:${TETHER_WERROR}>:-Werror>)
+  $<$<BOOL:${TETHER_WERROR}>:-Werror>
+  # GCC collects garbage from 128 MB on, which takes a tenth of its time.
+  $<$<CXX_COMPILER_ID:GNU>:--param=ggc-min-heapsize=600000>)
 # The Python module is made of the same libraries. What nobody outside sees costs no more than before.
 if(TETHER_PYTHON)
   target_compile_options(tether_options INTERFACE -fPIC -fvisibility=hidden)
@@ -22,12 +24,45 @@ if(TETHER_SANITIZE)
 endif()
 
 # ccache, where it is installed: a second clone, in whatever folder, compiles next to nothing. Paths below
-# the checkout are seen relative to the build folder, and a precompiled header is known by its contents.
+# the checkout are seen relative to the build folder.
 find_program(TETHER_CCACHE ccache)
 if(TETHER_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   set(CMAKE_CXX_COMPILER_LAUNCHER env CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=yes
-    CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${TETHER_CCACHE})
+    CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+    list(APPEND CMAKE_CXX_COMPILER_LAUNCHER CCACHE_PCH_EXTSUM=yes CCACHE_DEPEND=yes)
+  endif()
+  list(APPEND CMAKE_CXX_COMPILER_LAUNCHER ${TETHER_CCACHE})
 endif()
+
+# tether_headers_of(name options headers...): the library `name`, which only precompiles these headers.
+# tether_use_headers(target name): its sources include them first. Clang's precompiled header holds the
+# folder's name, so it is compiled in each clone and ccache knows it by a checksum of what it includes;
+# whether those headers are the same ccache sees by the sources' dependencies, which list them all.
+function(tether_headers_of name)
+  file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cpp CONTENT "// Only for the precompiled headers.\n")
+  add_library(${name} OBJECT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cpp)
+  target_link_libraries(${name} PUBLIC tether_options)
+  target_precompile_headers(${name} PRIVATE ${ARGN})
+  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang AND NOT CMAKE_DISABLE_PRECOMPILE_HEADERS)
+    set_target_properties(${name} PROPERTIES CXX_COMPILER_LAUNCHER "")
+    set(header ${CMAKE_CURRENT_BINARY_DIR}/CMakeFiles/${name}.dir/cmake_pch.hxx.pch)
+    string(SHA256 sum "${CMAKE_CXX_COMPILER_VERSION} ${ARGN}")
+    file(WRITE ${header}.sum ${sum})
+    set_property(TARGET ${name} PROPERTY TETHER_HEADER ${header})
+  endif()
+endfunction()
+function(tether_use_headers target name)
+  get_target_property(header ${name} TETHER_HEADER)
+  if(header)
+    get_target_property(sources ${target} SOURCES)
+    set_property(SOURCE ${sources} APPEND PROPERTY OBJECT_DEPENDS ${header})
+    cmake_path(RELATIVE_PATH header BASE_DIRECTORY ${CMAKE_BINARY_DIR})
+    target_compile_options(${target} PRIVATE "SHELL:-include-pch ${header}")
+  else()
+    target_precompile_headers(${target} REUSE_FROM ${name})
+  endif()
+endfunction()
 
 # tether_batches(variable name kilobytes sources...): files that include the sources, as many at a time as
 # have so many kilobytes; what they share is read once. They name sources relative to the checkout: the
@@ -65,23 +100,21 @@ function(tether_batches variable name kilobytes)
   set(${variable} ${files} PARENT_SCOPE)
 endfunction()
 
-# tether_add_library(name sources...): a library whose sources share these headers, read once.
+# tether_add_library(name [APART] [COLD] sources...): a library whose sources share these headers, read once.
 # Without them (-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON) everything builds as well.
-add_library(tether_headers OBJECT ${PROJECT_SOURCE_DIR}/common/base/headers.cpp)
-target_link_libraries(tether_headers PRIVATE tether_options)
-target_compile_options(tether_headers PRIVATE ${TETHER_LIBRARY_OPTIONS})
-target_precompile_headers(tether_headers PRIVATE
+tether_headers_of(tether_headers
   <fmt/format.h>
   <algorithm> <array> <chrono> <cmath> <deque> <filesystem> <functional> <map> <memory> <optional>
   <random> <set> <span> <stdexcept> <string> <string_view> <utility> <variant> <vector>)
+target_compile_options(tether_headers PRIVATE ${TETHER_LIBRARY_OPTIONS})
 function(tether_add_library name)
-  cmake_parse_arguments(L "APART" "" "" ${ARGN})
+  cmake_parse_arguments(L "APART;COLD" "" "" ${ARGN})
   set(sources ${L_UNPARSED_ARGUMENTS})
   if(NOT L_APART)
     tether_batches(sources ${name} 80 ${sources})
   endif()
   add_library(${name} ${sources})
   target_link_libraries(${name} PUBLIC tether_options)
-  target_compile_options(${name} PRIVATE ${TETHER_LIBRARY_OPTIONS})
-  target_precompile_headers(${name} REUSE_FROM tether_headers)
+  target_compile_options(${name} PRIVATE ${TETHER_LIBRARY_OPTIONS} $<$<AND:$<BOOL:${L_COLD}>,$<CONFIG:Release>>:-O1>)
+  tether_use_headers(${name} tether_headers)
 endfunction()

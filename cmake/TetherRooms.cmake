@@ -1,20 +1,23 @@
 # A room is a folder with a library of its own: can_bridge/safety is the target
 # tether_can_bridge_safety.
 #
-# tether_add_room([SOURCES files...] [USES folders...] [LIBS targets...] [PRIVATE_LIBS targets...] [APART]):
+# tether_add_room([SOURCES files...] [USES folders...] [LIBS targets...] [PRIVATE_LIBS targets...] [APART] [COLD]):
 # the library of this folder. USES: all other rooms that its files include, and nothing else
 # (tests/lint/rooms.py checks it, and that no arrow runs back up). APART: its sources have things of one
-# name, so that they cannot be compiled together.
+# name, so that they cannot be compiled together. COLD: runs once or seldom, so that a third less to compile counts
+# more than its speed.
 function(tether_add_room)
-  cmake_parse_arguments(R "APART" "" "SOURCES;USES;LIBS;PRIVATE_LIBS" ${ARGN})
+  cmake_parse_arguments(R "APART;COLD" "" "SOURCES;USES;LIBS;PRIVATE_LIBS" ${ARGN})
   tether_rooms(name ${CMAKE_CURRENT_SOURCE_DIR})
   tether_rooms(uses ${R_USES})
   if(R_SOURCES)
-    set(apart)
-    if(R_APART)
-      set(apart APART)
-    endif()
-    tether_add_library(${name} ${apart} ${R_SOURCES})
+    set(options)
+    foreach(option APART COLD)
+      if(R_${option})
+        list(APPEND options ${option})
+      endif()
+    endforeach()
+    tether_add_library(${name} ${options} ${R_SOURCES})
     target_link_libraries(${name} PUBLIC ${uses} ${R_LIBS} PRIVATE ${R_PRIVATE_LIBS})
   else()
     add_library(${name} INTERFACE)

@@ -1,6 +1,10 @@
 #pragma once
 
+#include <fmt/format.h>
+
 #include <cstdint>
+#include <cstdio>
+#include <cstdlib>
 #include <span>
 #include <string>
 #include <string_view>
@@ -14,7 +18,11 @@ namespace tether::fuzzing {
 void try_input(std::span<const std::uint8_t> input);
 
 /// `fact` must hold, whatever the input.
-void must(bool holds, std::string_view fact);
+inline void must(bool holds, std::string_view fact) {
+  if (holds) return;
+  fmt::print(stderr, "does not hold: {}\n", fact);
+  std::abort();
+}
 
 /// The input as text.
 inline std::string text_of(std::span<const std::uint8_t> input) {

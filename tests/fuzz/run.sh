@@ -21,9 +21,11 @@ find -L "$seeds" -type f -exec grep -ahoE '[A-Za-z_][A-Za-z_.]{2,40}' {} + | sor
 
 dictionary=()
 [ ! -s "$work/words" ] || dictionary=(-dict="$work/words")
+# Another commit explores from another seed; the same commit repeats what it found.
+seed=$((16#0$(git -C "$here" rev-parse HEAD 2>/dev/null | cut -c1-7) + 1))
 cd "$work" # targets that write do it here
 status=0
-"$build/fuzz/$name" -seed=1 -max_total_time="$seconds" -max_len=4096 -timeout=20 -rss_limit_mb=2048 \
+"$build/fuzz/$name" -seed="$seed" -max_total_time="$seconds" -max_len=4096 -timeout=20 -rss_limit_mb=2048 \
     -malloc_limit_mb=1024 "${dictionary[@]}" -artifact_prefix="$build/fuzz/found/$name-" \
     -print_final_stats=1 -verbosity=1 "$corpus" "$seeds" >"$work/said" 2>&1 || status=$?
 inputs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$work/said")

@@ -11,10 +11,10 @@
 namespace tether::test {
 
 /// One program's access to a network in virtual time: hears all but itself.
-class Peer final : public Bus {
+class PeerBus final : public Bus {
  public:
   /// Both must outlive the peer's last message.
-  Peer(InProcessBus& network, EventLoop& loop) : network_(network), loop_(loop) {}
+  PeerBus(InProcessBus& network, EventLoop& loop) : network_(network), loop_(loop) {}
 
   void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override {
     // The network delivers in the order of publication, so that between these is what is published.

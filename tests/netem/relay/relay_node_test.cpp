@@ -40,7 +40,7 @@ class Relay {
     const Scenario scenario = parse_scenario(toml, "test.toml", overrides);
     const auto parsed = parse_relay_rules(rules, kOwn, scenario);
     const auto network_at = [this](const std::string& url) {
-      return std::make_unique<test::Peer>(at(url), loop);
+      return std::make_unique<test::PeerBus>(at(url), loop);
     };
     at(kOwn + "&recv_buf_size=2097152").subscribe("NET/COUNTERS", 1, [this](const Message& m) {
       decode(m.bytes, counters);

@@ -1,1 +1,0 @@
-// Only for the precompiled header of all programs.

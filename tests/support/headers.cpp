@@ -1,1 +1,0 @@
-// Only for the precompiled headers of all tests.
