@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 
 namespace tether::cia402 {
 

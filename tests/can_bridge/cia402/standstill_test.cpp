@@ -228,9 +228,9 @@ TEST(Cia402Standstill, APowerStageThatIsOnMustStandForHalfASecond) {
     d.axes[0].state = DriveState::switched_on;
   }
   bench.profile.start(bench.now);
-  bench.run(milliseconds(500));
+  bench.run(milliseconds(600));
   EXPECT_FALSE(bench.reset());
-  bench.run(milliseconds(300));
+  bench.run(milliseconds(400));
   EXPECT_TRUE(bench.reset());
 }
 

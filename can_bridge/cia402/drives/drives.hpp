@@ -3,10 +3,10 @@
 #include <chrono>
 
 #include "can_bridge/cia402/config.hpp"
-#include "can_bridge/cia402/profile/axes.hpp"
-#include "can_bridge/cia402/profile/heartbeat.hpp"
-#include "can_bridge/cia402/profile/nodes.hpp"
-#include "can_bridge/cia402/profile/stage.hpp"
+#include "can_bridge/cia402/drives/axes.hpp"
+#include "can_bridge/cia402/drives/heartbeat.hpp"
+#include "can_bridge/cia402/drives/nodes.hpp"
+#include "can_bridge/cia402/drives/stage.hpp"
 
 namespace tether::cia402 {
 
