@@ -182,6 +182,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   publish_wheels(drives, now);
   publish_odometry(now);
   if (takes_plans_) publish_plan(now);
+  estop_latched_ = decision.estop_latched;
   if (estop_file_) estop_file_->remember(decision.estop_latched);
   ++cycles_;
 }

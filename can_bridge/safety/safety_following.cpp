@@ -25,6 +25,10 @@ void SafetyCore::begin_following(Instant now, const DrivetrainSnapshot& drives) 
     begin_quick_stop(now, "the command was not zero when the drives were on: arm again");
     return;
   }
+  if (!drives.standstill) {
+    begin_quick_stop(now, "the wheels turned when the drives were on: arm again at standstill");
+    return;
+  }
   motion_ = Motion::following;
   motion_since_ = now;
   slowed_by_budget_ = stale_ = false;

@@ -17,6 +17,8 @@ using canopen::DriveState;
 
 /// 50 revolutions a second: no vehicle's wheel turns faster.
 constexpr double kFastestWheel_radps = 314.0;
+/// How much later than the bridge commands it drives may begin to brake.
+constexpr Duration kDrivesLag = std::chrono::milliseconds(60);
 
 /// The more cautious of two controlwords for one common object.
 std::uint16_t more_cautious(std::uint16_t a, std::uint16_t b) {
@@ -77,12 +79,13 @@ void Axes::restart_sender_count() {
 }
 
 void Axes::begin(Instant now) {
-  possible_radps_ = {};
-  by_setpoint_ = {stops_by_setpoint_, stops_by_setpoint_};
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     was_in_doubt_[i] = in_doubt(i, now);
     axes_[i].begin();
   }
+  possible_radps_ = {};
+  rolled_out_ = {true, true};
+  by_setpoint_ = {stops_by_setpoint_, stops_by_setpoint_};
 }
 
 void Axes::on_news(const StandstillInquiry::News& news, Instant now) {
@@ -119,7 +122,8 @@ void Axes::require_deceleration(double radps2) {
 }
 
 void Axes::bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets) {
-  const double dt_s = to_seconds(now - bounded_at_.value_or(now));
+  // While the bridge was held up it did not brake.
+  const double dt_s = to_seconds(std::min<Duration>(now - bounded_at_.value_or(now), kDrivesLag));
   bounded_at_ = now;
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     double& possible_radps = possible_radps_[i];
@@ -130,6 +134,8 @@ void Axes::bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets)
     const double reported_radps = std::abs(axes_[i].reported_radps(now).value_or(0.0));
     possible_radps =
         std::max({0.0, slower_radps, target_radps, std::min(reported_radps, kFastestWheel_radps)});
+    if (possible_radps >= standstill_radps_) rolls_until_[i] = now + kDrivesLag;
+    rolled_out_[i] = now >= rolls_until_[i];
   }
 }
 
@@ -169,6 +175,10 @@ std::uint16_t Axes::stop_controlword(std::size_t i, Instant now) {
   if (!released_[i] && (is_stop(axis.controlword()) || by_setpoint_[i])) {
     released_[i] = axis.confirmed_off() || axis.confirmed_state() == DriveState::not_ready ||
                    axis.confirmed_state() == DriveState::fault || confirmed_standing(i, now);
+  }
+  // Another sender may have switched it on again.
+  if (released_[i] && axis.state() && !is_power_off(axis.state()) && axis.turning(now)) {
+    released_[i] = false;
   }
   const bool off = shares_controlword_ ? released_[0] && released_[1] : released_[i];
   return off ? canopen::kControlDisableVoltage : braking_controlword(i);

@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/cia402/drives/axis.hpp"
 #include "can_bridge/cia402/config.hpp"
-#include "can_bridge/cia402/pdo.hpp"
+#include "can_bridge/cia402/drives/axis.hpp"
 #include "can_bridge/cia402/drives/sender_count.hpp"
 #include "can_bridge/cia402/drives/standstill.hpp"
+#include "can_bridge/cia402/pdo.hpp"
 
 namespace tether::cia402 {
 
@@ -117,7 +117,7 @@ class Axes {
 
  private:
   std::array<std::uint16_t, 2> command(std::array<std::uint16_t, 2> words);
-  bool has_rolled_out(std::size_t i) const { return possible_radps_[i] < standstill_radps_; }
+  bool has_rolled_out(std::size_t i) const { return rolled_out_[i]; }
 
   bool shares_controlword_;
   bool stops_by_setpoint_;  // by configuration
@@ -125,6 +125,8 @@ class Axes {
   double standstill_radps_;
   std::array<double, 2> ramps_radps2_;      // of the quick stop; infinity: not known
   std::array<double, 2> possible_radps_{};  // each wheel is no faster than this
+  std::array<Instant, 2> rolls_until_{Instant::min(), Instant::min()};  // by that bound
+  std::array<bool, 2> rolled_out_{true, true};
   std::optional<Instant> bounded_at_;
   double wheel_radius_m_;
   double track_m_;

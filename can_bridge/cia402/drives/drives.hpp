@@ -12,6 +12,9 @@ namespace tether::cia402 {
 
 /// All that the stages work on: the drives as they are known, and the stage itself.
 struct Drives {
+  /// Between NMT commands to drives that are in NMT "stopped", where SDO is dead.
+  static constexpr Duration kRecall = std::chrono::milliseconds(100);
+
   Drives(const Cia402Config& c, double wheel_radius_m, double track_m)
       : config(c),
         axes(c, wheel_radius_m, track_m),

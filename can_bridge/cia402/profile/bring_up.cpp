@@ -38,7 +38,7 @@ void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame
       listen(now);
       break;
     case Stage::securing:
-      secure(now, service);
+      secure(now, nmt, service);
       break;
     case Stage::configuring:
       configure(now, service);
@@ -73,13 +73,22 @@ void BringUp::listen(Instant now) {
   d_.commanding = d_.nodes.any_running();
 }
 
-void BringUp::secure(Instant now, std::vector<CanFrame>& service) {
+void BringUp::recall_stopped(Instant now, std::vector<CanFrame>& nmt) {
+  if (recalled_ && now - *recalled_ < Drives::kRecall) return;
+  recalled_ = now;
+  for (const Node& node : d_.nodes) {
+    if (node.state != canopen::NmtState::stopped) continue;
+    nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::pre_operational, node.id));
+  }
+}
+
+void BringUp::secure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service) {
+  recall_stopped(now, nmt);
   d_.commanding = d_.commanding || d_.nodes.any_running();
   bool all_safe = d_.stage.elapsed(now) >= listening_time(d_.config);
   bool all_known = true;
   if (!d_.commanding) d_.axes.command_stop(now);
   for (Node& node : d_.nodes) {
-    if (node.booted()) continue;
     node.inquiry.tick(now, d_.axes.sdo_stop_words(), service);
     d_.axes.on_news(node.inquiry.take_news(), now);
     all_safe = all_safe && may_be_reset(node, now);
@@ -129,7 +138,7 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
 std::string BringUp::turning_text(Instant now) const {
   std::string all;
   for (const Node& node : d_.nodes) {
-    if (node.booted() || may_be_reset(node, now)) continue;
+    if (may_be_reset(node, now)) continue;
     std::string name = node.name;
     double speed_radps = 0.0;
     if (const auto& wheel = node.inquiry.fastest()) {
@@ -155,13 +164,24 @@ void BringUp::begin_configuration(Instant now) {
 }
 
 void BringUp::configure(Instant now, std::vector<CanFrame>& service) {
-  for (Node& node : d_.nodes) node.startup.tick(now, service);
+  for (Node& node : d_.nodes) start_up(node, now, service);
   if (std::string refusals = d_.nodes.refusals(); !refusals.empty()) {
     d_.refuse(std::move(refusals));
   } else if (d_.nodes.started_up()) {
     d_.heartbeat.restart_count();
     d_.stage.enter(Stage::beating);
   }
+}
+
+void BringUp::start_up(Node& node, Instant now, std::vector<CanFrame>& service) {
+  const bool again = node.startup.wants_reset_again();
+  if (again) {
+    node.inquiry.tick(now, d_.axes.sdo_stop_words(), service);
+    d_.axes.on_news(node.inquiry.take_news(), now);
+  }
+  node.startup.tick(now, service, !again || may_be_reset(node, now));
+  // Its wheel may have begun to turn since it was asked before the first reset.
+  if (!again && node.startup.wants_reset_again()) node.inquiry.begin();
 }
 
 void BringUp::start_nodes(Instant now, std::vector<CanFrame>& nmt) {

@@ -112,7 +112,8 @@ void Cia402Profile::on_sdo(const CanFrame& frame, Node& node) {
       expected = node.inquiry.on_sdo(frame);
       break;
     case Stage::configuring:
-      expected = node.startup.on_sdo(frame);
+      expected = node.startup.wants_reset_again() ? node.inquiry.on_sdo(frame)
+                                                  : node.startup.on_sdo(frame);
       break;
     case Stage::verifying:
       expected = node.read_back.on_sdo(frame);
@@ -141,6 +142,8 @@ void Cia402Profile::on_boot_up(Node& node) {
   for (Axis& axis : drives_.axes) {
     if (axis.node() == node.id) axis.reanchor();
   }
+  // Without power, but its wheel may roll: it is asked again.
+  if (drives_.stage.stage() <= Stage::securing) node.inquiry.begin();
   if (drives_.stage.stage() == Stage::configuring) {
     node.startup.on_boot_up();
   } else if (drives_.stage.stage() > Stage::configuring) {
@@ -335,7 +338,8 @@ std::uint16_t Cia402Profile::wanted_controlword(std::size_t i, Instant now) {
     case Stage::stopping:
       return stopping_.controlword(i);
     case Stage::clearing:
-      if (drives_.axes[i].in_fault()) return clearing_.controlword();
+      // A fault reaction is still braking.
+      if (drives_.axes[i].state() == canopen::DriveState::fault) return clearing_.controlword();
       break;
     default:
       break;

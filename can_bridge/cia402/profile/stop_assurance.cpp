@@ -11,8 +11,6 @@ using std::chrono::milliseconds;
 
 /// How long an operational drive may take to confirm a stop, before it gets it by SDO, too.
 constexpr Duration kPatience = milliseconds(100);
-/// Between NMT commands to drives that are in NMT "stopped".
-constexpr Duration kRecall = milliseconds(100);
 /// What a vendor's watchdog gets on top of its own time.
 constexpr Duration kWatchdogMargin = milliseconds(100);
 
@@ -72,7 +70,8 @@ std::optional<Fault> StopAssurance::tick(Instant now, std::vector<CanFrame>& nmt
     look_at(node, now);
     if (node.unconfirmed) names += (names.empty() ? "" : ", ") + node.name;
   }
-  if (std::ranges::any_of(d_.nodes, &Node::by_sdo) && (!recalled_ || now - *recalled_ >= kRecall)) {
+  if (std::ranges::any_of(d_.nodes, &Node::by_sdo) &&
+      (!recalled_ || now - *recalled_ >= Drives::kRecall)) {
     recalled_ = now;
     for (const Node& node : d_.nodes) {
       if (!node.by_sdo || node.state != canopen::NmtState::stopped) continue;
