@@ -108,7 +108,7 @@ void SafetyCore::watch_ramp(Instant now, const DrivetrainSnapshot& drives) {
   const WheelSpeeds rims{drives.wheels[0].fastest_radps * config_.wheel_radius_m,
                          drives.wheels[1].fastest_radps * config_.wheel_radius_m};
   const Twist measured = to_twist(rims, config_.limits.track_m);
-  if (ramp_watch_.brakes(now, measured)) return;
+  if (ramp_watch_.brakes(now, limiter_.twist(), measured)) return;
   latch_fault(
       fmt::format("the vehicle does not brake on the ramp: {:.2f} m/s, {:.2f} rad/s: check "
                   "the drives' ramps (0x6084), load and slope",

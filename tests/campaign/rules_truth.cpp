@@ -24,13 +24,16 @@ constexpr Duration kForeignReach = std::chrono::milliseconds{100};
 /// From a fault of an encoder on, until the bridge can know of none that it was told.
 constexpr Duration kRecovers = std::chrono::milliseconds{300};
 
-/// Whether something moved the wheels against setpoints and ramps within the last seconds: only
-/// witnesses can know of that.
+/// Whether something moved the wheels against setpoints and ramps, or took their power, within the
+/// last seconds: only witnesses can know of that.
 bool is_moved_unasked(const Record& record, Instant when) {
   constexpr Duration kRollsOut = std::chrono::seconds{5};
   return std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
-    const bool moves = f.kind == FaultKind::pushed || f.kind == FaultKind::weak_brake ||
-                       f.kind == FaultKind::bridge_restarted;
+    constexpr FaultKind kMoves[] = {FaultKind::pushed,        FaultKind::weak_brake,
+                                    FaultKind::drive_reboot,  FaultKind::bridge_restarted,
+                                    FaultKind::nmt,           FaultKind::sdo_write,
+                                    FaultKind::foreign_master};
+    const bool moves = std::find(std::begin(kMoves), std::end(kMoves), f.kind) != std::end(kMoves);
     return moves && f.when <= when && when <= f.until + kRollsOut;
   });
 }

@@ -19,14 +19,14 @@ int noticed_ms(Twist from, Twist rate) {
     const double t = ms * 1e-3;
     const Twist u{std::max(from.v_mps - rate.v_mps * t, 0.0),
                   std::max(from.omega_radps - rate.omega_radps * t, 0.0)};
-    if (!watch.brakes(kStart + milliseconds(ms), u)) return ms;
+    if (!watch.brakes(kStart + milliseconds(ms), {}, u)) return ms;
   }
   return -1;
 }
 
 TEST(RampWatch, AVehicleThatDoesNotBrakeIsNoticedWithinAFewCyclesOf150Ms) {
   EXPECT_EQ(noticed_ms({1.0, 0.0}, {0.0, 0.0}), 220);  // 0.05 m/s at 1 m/s²
-  EXPECT_EQ(noticed_ms({0.0, 1.0}, {0.0, 0.0}), 220);
+  EXPECT_EQ(noticed_ms({0.0, 1.0}, {0.0, 0.0}), 260);  // 0.2 rad/s at 2 rad/s²
 }
 
 TEST(RampWatch, HalfOfTheConfiguredDecelerationIsEnoughAndLessIsNot) {
@@ -37,17 +37,26 @@ TEST(RampWatch, HalfOfTheConfiguredDecelerationIsEnoughAndLessIsNot) {
 
 TEST(RampWatch, WhatStillSpeedsUpMeanwhileIsBrakedFromThere) {
   RampWatch watch(kDeceleration_mps2, kYawDeceleration_radps2);
-  EXPECT_TRUE(watch.brakes(kStart, {1.0, 0.0}));
-  EXPECT_TRUE(watch.brakes(kStart + milliseconds(100), {1.1, 0.0}));
-  EXPECT_TRUE(watch.brakes(kStart + milliseconds(160), {1.1, 0.0}));
-  EXPECT_FALSE(watch.brakes(kStart + milliseconds(260), {1.1, 0.0}));
+  EXPECT_TRUE(watch.brakes(kStart, {}, {1.0, 0.0}));
+  EXPECT_TRUE(watch.brakes(kStart + milliseconds(100), {}, {1.1, 0.0}));
+  EXPECT_TRUE(watch.brakes(kStart + milliseconds(160), {}, {1.1, 0.0}));
+  EXPECT_FALSE(watch.brakes(kStart + milliseconds(260), {}, {1.1, 0.0}));
+}
+
+TEST(RampWatch, AYawRateThatFallsSlowlyBecauseTheCurveIsKeptBrakes) {
+  RampWatch watch(kDeceleration_mps2, kYawDeceleration_radps2);
+  for (int ms = 0; ms <= 1000; ms += 20) {
+    const double left = 1.0 - ms * 1e-3;
+    const Twist u{2.0 * left, 0.5 * left};
+    EXPECT_TRUE(watch.brakes(kStart + milliseconds(ms), u, u)) << ms;
+  }
 }
 
 TEST(RampWatch, EachRampIsJudgedFromItsOwnBeginning) {
   RampWatch watch(kDeceleration_mps2, kYawDeceleration_radps2);
-  EXPECT_TRUE(watch.brakes(kStart, {1.0, 0.0}));
+  EXPECT_TRUE(watch.brakes(kStart, {}, {1.0, 0.0}));
   watch.end();
-  EXPECT_TRUE(watch.brakes(kStart + milliseconds(500), {1.0, 0.0}));
+  EXPECT_TRUE(watch.brakes(kStart + milliseconds(500), {}, {1.0, 0.0}));
 }
 
 struct Ramp : SafetyRig {
