@@ -105,6 +105,10 @@ bool Axes::in_doubt(std::size_t i, Instant now) const {
          !believes_standstill(now);
 }
 
+bool Axes::confirmed_standing(std::size_t i, Instant now) const {
+  return axes_[i].confirmed_standing(now) && has_rolled_out(i) && believes_standstill(now);
+}
+
 bool Axes::turning_of(std::uint8_t node, Instant now) const {
   return std::ranges::any_of(
       axes_, [&](const Axis& axis) { return axis.node() == node && axis.turning(now); });

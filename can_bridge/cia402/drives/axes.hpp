@@ -81,9 +81,7 @@ class Axes {
   void distrust_standstill(Instant until) { standstill_from_ = until; }
   bool believes_standstill(Instant now) const { return now >= standstill_from_; }
   /// Standstill that both witnesses show after the newest controlword, and that is believed.
-  bool confirmed_standing(std::size_t i, Instant now) const {
-    return axes_[i].confirmed_standing(now) && has_rolled_out(i) && believes_standstill(now);
-  }
+  bool confirmed_standing(std::size_t i, Instant now) const;
   /// Once per cycle, with the targets in force: bounds how fast each wheel can still be, if both
   /// witnesses failed together. From target or feedback on, whichever is faster, it brakes no
   /// harder than the drive's own quick stop ramp, or than stops have to.
