@@ -91,6 +91,25 @@ TEST(Axes, AnAxisThatIsOffIsNotEnabledToStopIt) {
   }
 }
 
+TEST(Axes, AnAxisThatAnotherSwitchesOnAgainIsBrakedAgain) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
+  const Instant now = stand(axes);
+  ASSERT_EQ(axes.stop_controlword(0, now), canopen::kControlDisableVoltage);
+  axes.on_feedback(feedback(1, 0x0237, 100), now);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlQuickStop);
+}
+
+TEST(Axes, APositionOfAfterTheQuickStopAloneConfirmsNoStandstill) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  const Instant now = stand(axes);
+  axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
+  axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlQuickStop);
+}
+
 TEST(Axes, ADistrustedStandstillSwitchesNoPowerOff) {
   Axes axes(two_nodes(), 0.1, 0.5);
   std::vector<CanFrame> out;

@@ -129,6 +129,50 @@ TEST(TwoWitnesses, FeedbackThatSaysTurningOutweighsAnSdoThatSaysNothing) {
   EXPECT_FALSE(bench.reset());
 }
 
+TEST(TwoWitnesses, ASpeedThatWasReadOnceAndIsAbortedThenIsUnknown) {
+  Rolls bench;
+  for (FakeDrive& d : bench.drives) d.axes[0].speed = 0;
+  bench.profile.start(bench.now);
+  ASSERT_TRUE(bench.run_until([&] {
+    const CanFrame* f = bench.newest(0x601);
+    return f != nullptr && f->data[1] == 0x64;  // the first position is asked for
+  }));
+  for (FakeDrive& d : bench.drives) d.aborts[{0x606C, 0}] = 0x06020000;
+  bench.run(milliseconds(2000));
+  EXPECT_FALSE(bench.reset());
+}
+
+TEST(TwoWitnesses, AResetWithoutBootUpMessageIsNotRepeatedWhileTheWheelTurns) {
+  Rolls bench;
+  for (FakeDrive& d : bench.drives) d.axes[0].speed = 0;
+  bench.left().boots = false;
+  bench.profile.start(bench.now);
+  ASSERT_TRUE(bench.run_until([&] { return bench.left().resets == 1; }));
+  bench.left_axis().speed = 20;  // it is pushed
+  bench.run(milliseconds(4000));
+  EXPECT_EQ(bench.left().resets, 1);
+  bench.left_axis().speed = 0;
+  bench.left().boots = true;
+  EXPECT_TRUE(bench.run_until([&] { return bench.left().resets == 2; }, milliseconds(1000)));
+}
+
+TEST(TwoWitnesses, ADriveThatBootsWhileItIsAskedIsAskedAtOnce) {
+  Rolls bench;
+  for (FakeDrive& d : bench.drives) {
+    d.silent = true;
+    d.axes[0].speed = 0;
+  }
+  bench.profile.start(bench.now);
+  bench.run(milliseconds(240));
+  std::vector<CanFrame> boot;
+  for (FakeDrive& d : bench.drives) {
+    d.silent = false;
+    d.reboot(boot);
+  }
+  for (const CanFrame& f : boot) bench.deliver(f);
+  EXPECT_TRUE(bench.run_until([&] { return bench.reset(); }, milliseconds(260)));
+}
+
 TEST(TwoWitnesses, ADriveThatAnswersWithOneWitnessOnlyIsResetAfterFiveSeconds) {
   Rolls bench;
   for (FakeDrive& d : bench.drives) {

@@ -64,12 +64,27 @@ TEST(Braking, AQuickStopThatTheDriveDoesNotLeaveIsFollowedByItsOwnWatchdog) {
   EXPECT_EQ(vehicle.bridge().counters().brake_escalations, 4);
   EXPECT_THAT(vehicle.reason(), HasSubstr("heartbeat and setpoints are withheld"));
   EXPECT_EQ(vehicle.heartbeats(300), 0);
+  EXPECT_EQ(vehicle.setpoints(), 0);
   // The watchdog's reaction has the same ramp here: nothing is left, and the reason says so.
   vehicle.run(400);
   EXPECT_THAT(vehicle.reason(), HasSubstr("use the hard-wired emergency stop"));
   fmt::print("measured: nothing brakes: {:.2f} m/s after 1.1 s, {:.2f} m\n", vehicle.speed_mps(),
              vehicle.way_m() - from_m);
   EXPECT_EQ(vehicle.resets(), 0);
+}
+
+TEST(Braking, AWheelThatCoastsWithoutPowerIsNamedAndTheOtherDriveKeepsItsHeartbeat) {
+  auto config = drivetrain_of(19200);
+  config.emulated_brake = false;
+  for (SetupWrite& setup : config.setup) {
+    if (setup.object.index == 0x605E) setup.value = 0;
+  }
+  Vehicle vehicle(config);
+  vehicle.drive(1.0);
+  vehicle.drives().inject({.node = 2, .kind = DriveFault::Kind::fault}, vehicle.now());
+  EXPECT_GT(vehicle.heartbeats(600), 5);
+  EXPECT_EQ(vehicle.bridge().counters().brake_escalations, 0);
+  EXPECT_THAT(vehicle.reason(), HasSubstr("right drive (node 2): coasts at"));
 }
 
 TEST(Braking, AWheelThatNothingBrakesKeepsItsPowerAndIsNotReset) {

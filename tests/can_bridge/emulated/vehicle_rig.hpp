@@ -119,10 +119,12 @@ class Vehicle {
   }
   /// How many heartbeats the bridge sends within this time.
   int heartbeats(int milliseconds) {
-    heartbeats_ = 0;
+    heartbeats_ = setpoints_ = 0;
     run(milliseconds);
     return heartbeats_;
   }
+  /// How many setpoints it sent meanwhile.
+  int setpoints() const { return setpoints_; }
 
  private:
   void turn_wheels() {
@@ -142,6 +144,7 @@ class Vehicle {
         fastest_reset_mps_ = std::max(fastest_reset_mps_, speed_mps());
       }
       if (frame.id == 0x77F) ++heartbeats_;
+      if (frame.id == 0x201 || frame.id == 0x202) ++setpoints_;
       const std::size_t wheel = frame.id == 0x202 ? 1 : 0;
       const bool disables = (frame.id == 0x201 || frame.id == 0x202) && (frame.data[0] & 2) == 0;
       if (disables && drives_.nodes()[wheel % drives_.nodes().size()]->powers(wheel)) {
@@ -160,6 +163,7 @@ class Vehicle {
   double fastest_reset_mps_ = 0.0;
   double fastest_cut_mps_ = 0.0;
   int heartbeats_ = 0;
+  int setpoints_ = 0;
 };
 
 }  // namespace tether::test

@@ -68,6 +68,20 @@ struct Ramp : SafetyRig {
   }
 };
 
+TEST_F(SafetyRig, AVehicleThatWasPushedWhileItsDrivesWereSwitchedOnIsNotArmed) {
+  command(0.0);
+  request(DriveRequest::arm);
+  ASSERT_EQ(cycle().state, BridgeState::arming);
+  drives.standstill = false;
+  for (int i = 0; i < 5; ++i) {
+    now += test::kCycle;
+    command(0.0);
+    cycle();
+    EXPECT_NE(last.state, BridgeState::armed);
+  }
+  expect_reason("the wheels turned when the drives were on");
+}
+
 TEST_F(Ramp, OfADisarmThatDoesNotBrakeBecomesAQuickStopAndAFault) {
   wheels_run_on();
   request(DriveRequest::disarm);

@@ -73,6 +73,9 @@ TEST_F(Wheel, IsUnknownOnceEitherWitnessIsStale) {
   EXPECT_EQ(at(300), Motion::unknown);
   for (int t = 220; t <= 400; t += 20) motion.on_position(angle_rad, at_ms(t));
   EXPECT_EQ(at(400), Motion::unknown) << "speed is missing";
+  report(420, 600, 0.0, 0.0);
+  for (int t = 620; t <= 720; t += 20) motion.on_speed(0.0, at_ms(t));
+  EXPECT_EQ(at(720), Motion::unknown) << "positions are old";
   motion.forget();
   for (int t = 420; t <= 600; t += 20) motion.on_speed(0.0, at_ms(t));
   EXPECT_EQ(at(600), Motion::unknown) << "positions are missing";
