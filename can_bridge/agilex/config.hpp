@@ -31,6 +31,7 @@ struct AgilexV2Config : DrivetrainCommon {
   TransmitRules transmit_rules() const;
   /// Its only watchdog is the chassis' own, of 500 ms: any control cycle will do.
   void check_cycle(double /*cycle_ms*/) const {}
+  void check_deceleration(double /*mps2*/, double /*wheel_radius_m*/) const {}
   /// It has no node ids.
   std::vector<std::uint8_t> nodes() const { return {}; }
 };

@@ -157,6 +157,8 @@ void EmulatedAgilexV2::inject(const DriveFault& fault, Instant now) {
         encoder.set_slip(std::clamp(fault.value, 0.0, 1.0));
       break;
     case DriveFault::Kind::sdo_abort:
+    case DriveFault::Kind::push:
+    case DriveFault::Kind::weak_brake:
       break;
   }
 }

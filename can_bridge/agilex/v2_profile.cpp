@@ -35,6 +35,12 @@ std::int64_t difference(std::int32_t now, std::int32_t before) {
                                    static_cast<std::uint32_t>(before));
 }
 
+WheelMotion motion_of(const AgilexV2Config& config, double wheel_radius_m) {
+  constexpr double kCount_m = 0.001;
+  return {config.standstill_radps, kCount_m / wheel_radius_m,
+          std::chrono::milliseconds(config.feedback_timeout_ms)};
+}
+
 const char* state_text(const agilex::SystemState& state) {
   if (state.condition == Condition::emergency_stop) return "EmergencyStop";
   if (state.condition == Condition::exception) return "Exception";
@@ -69,7 +75,10 @@ std::unique_ptr<DriveProfile> make_profile(const AgilexV2Config& config,
 
 AgilexV2Profile::AgilexV2Profile(const AgilexV2Config& config, double wheel_radius_m,
                                  double track_m)
-    : config_(config), wheel_radius_m_(wheel_radius_m), track_m_(track_m) {
+    : config_(config),
+      wheel_radius_m_(wheel_radius_m),
+      track_m_(track_m),
+      wheels_motion_{motion_of(config, wheel_radius_m), motion_of(config, wheel_radius_m)} {
   assert(wheel_radius_m > 0.0 && track_m > 0.0);
   if (differs(wheel_radius_m, config.chassis_wheel_radius_m) ||
       differs(track_m, config.chassis_track_m)) {
@@ -145,6 +154,8 @@ void AgilexV2Profile::on_frame(const CanFrame& frame, Instant now) {
       if (const auto motion = agilex::decode_motion(frame)) {
         motion_ = *motion;
         motion_stamp_ = now;
+        const std::array<double, 2> speeds_radps = wheel_speeds_radps();
+        for (std::size_t i = 0; i < 2; ++i) wheels_motion_.at(i).on_speed(speeds_radps.at(i), now);
       } else {
         ++counters_.rejected_frames;
       }
@@ -181,6 +192,11 @@ void AgilexV2Profile::on_odometry(const agilex::Odometry& odometry, Instant now)
   const bool close = heard_lately(odometry_stamp_, now);
   odometry_ = odometry;
   odometry_stamp_ = now;
+  if (std::max(std::abs(step[0]), std::abs(step[1])) > kLargestStep_mm) {
+    for (WheelMotion& motion : wheels_motion_) motion.forget_position();
+  }
+  wheels_motion_[0].on_position(odometry.left_mm / 1000.0 / wheel_radius_m_, now);
+  wheels_motion_[1].on_position(odometry.right_mm / 1000.0 / wheel_radius_m_, now);
   const double speed_before_mps = counted_speed_mps_;
   const auto [left_radps, right_radps] = wheel_speeds_radps();
   counted_speed_mps_ = std::max(std::abs(left_radps), std::abs(right_radps)) * wheel_radius_m_;
@@ -299,7 +315,10 @@ void AgilexV2Profile::tick_stopping(Instant now, std::vector<CanFrame>& out) {
     repeat(now, agilex::mode_frame(Mode::standby), out);
     if (lasts(now, kSettle_ms)) enter(DrivePhase::standby);
   } else if (lasts(now, kBrakeLimit_ms + config_.step_timeout_ms)) {
-    fault("chassis: does not leave CAN mode");
+    fault(turning(now)
+              ? "chassis: its wheels still turn after a stop: use the hard-wired emergency "
+                "stop"
+              : "chassis: does not leave CAN mode");
   }
 }
 
@@ -308,7 +327,8 @@ bool AgilexV2Profile::bring_to_standby(Instant now, bool brake_first, std::vecto
   if (state_stamp_ && state_.mode != Mode::can) return true;
   out.push_back(agilex::encode(agilex::kMotionCommand, agilex::Motion{}));
   const bool stands = standstill(now) && now >= standstill_from_;
-  if (!brake_first || stands || lasts(now, kBrakeLimit_ms)) {
+  const bool may_cut = (!brake_first || lasts(now, kBrakeLimit_ms)) && !turning(now);
+  if (stands || may_cut) {
     repeat(now, agilex::mode_frame(Mode::standby), out);
   }
   return false;
@@ -352,9 +372,16 @@ std::array<double, 2> AgilexV2Profile::wheel_speeds_radps() const {
 }
 
 bool AgilexV2Profile::standstill(Instant now) const {
-  const auto [left, right] = wheel_speeds_radps();
   return feedback_fresh(now) &&
-         std::max(std::abs(left), std::abs(right)) <= config_.standstill_radps;
+         std::ranges::all_of(wheels_motion_, [now](const WheelMotion& wheel) {
+           return wheel.judge(now) == Motion::standing;
+         });
+}
+
+bool AgilexV2Profile::turning(Instant now) const {
+  return std::ranges::any_of(wheels_motion_, [now](const WheelMotion& wheel) {
+    return wheel.judge(now) == Motion::turning;
+  });
 }
 
 DrivetrainSnapshot AgilexV2Profile::snapshot(Instant now) const {
@@ -364,8 +391,11 @@ DrivetrainSnapshot AgilexV2Profile::snapshot(Instant now) const {
   s.feedback_fresh = feedback_fresh(now);
   s.standstill = standstill(now);
   const std::array<double, 2> speeds = wheel_speeds_radps();
-  const double fastest_radps = std::max(std::abs(speeds[0]), std::abs(speeds[1]));
-  s.in_doubt = state_.mode == Mode::can || fastest_radps > config_.standstill_radps;
+  s.turning = turning(now);
+  const bool heard = motion_stamp_ || odometry_stamp_;
+  const bool stood = std::ranges::all_of(
+      wheels_motion_, [](const WheelMotion& wheel) { return wheel.newest() == Motion::standing; });
+  s.in_doubt = state_.mode == Mode::can || (heard && !stood);
   for (std::size_t i = 0; i < 2; ++i) {
     WheelFeedback& wheel = s.wheels.at(i);
     wheel.valid = motion_stamp_ && odometry_stamp_;
@@ -374,6 +404,7 @@ DrivetrainSnapshot AgilexV2Profile::snapshot(Instant now) const {
     wheel.angle_rad = static_cast<double>(way_mm_.at(i)) / 1000.0 / wheel_radius_m_;
     wheel.uncounted_rad = uncounted_m_ / wheel_radius_m_;
     wheel.speed_radps = speeds.at(i);
+    wheel.fastest_radps = wheels_motion_.at(i).fastest_radps(now).value_or(speeds.at(i));
     wheel.state = state_stamp_ ? state_text(state_) : "";
     wheel.statusword =
         static_cast<std::uint32_t>(state_.condition) << 8 | static_cast<std::uint32_t>(state_.mode);

@@ -9,6 +9,7 @@
 #include "can_bridge/agilex/config.hpp"
 #include "can_bridge/agilex/v2.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/motion/wheel_motion.hpp"
 
 namespace tether {
 
@@ -20,8 +21,9 @@ namespace tether {
 /// - enabling: 0x421 = 1, repeated every 100 ms, with zero motion commands, until 0x211 shows it.
 /// - enabled: 0x111 in every tick. v and ω are rounded to mm/s and mrad/s; beyond ±32.7 both are
 ///   scaled together.
-/// - stopping: zero motion commands until standstill, at most 3 s, then 0x421 = 0. The chassis has
-///   no harder brake than its own ramp. With StopKind::disable, 0x421 = 0 is sent at once.
+/// - stopping: zero motion commands until standstill, then 0x421 = 0; after 3 s also where no
+///   witness says that a wheel turns. The chassis has no harder brake than its own ramp. With
+///   StopKind::disable, 0x421 = 0 is sent at once, unless a wheel turns.
 /// - faulted: exception or emergency stop in 0x211, remote control taking over, silence for
 ///   feedback_timeout_ms, a way that jumps by more than a metre (the chassis restarted), time-out
 ///   of a mode change, a motion, mode or clearing command of another sender. While faulted it is
@@ -34,6 +36,8 @@ namespace tether {
 /// wheels can have gone that far (a metre more than twice what 0x221 said before), and if it is not
 /// within a metre of zero, where a restarted one begins. Else the way goes on from where it was,
 /// and what the speed of before would have made of it in up to 10 s counts as not counted.
+///
+/// Standstill takes both witnesses of each wheel (WheelMotion): speeds of 0x221, ways of 0x311.
 ///
 /// Wheel feedback: angles from 0x311, speeds from 0x221. `position_counts` are mm, `statusword` is
 /// 0x211's bytes 0 and 1, `error_code` its bytes 4 and 5, the same for both wheels.
@@ -74,6 +78,7 @@ class AgilexV2Profile final : public DriveProfile {
   bool heard_lately(const std::optional<Instant>& stamp, Instant now) const;
   bool feedback_fresh(Instant now) const;
   bool standstill(Instant now) const;
+  bool turning(Instant now) const;
   std::string missing(Instant now) const;
   std::array<double, 2> wheel_speeds_radps() const;
   bool lasts(Instant now, int milliseconds) const;
@@ -96,8 +101,9 @@ class AgilexV2Profile final : public DriveProfile {
   agilex::Motion motion_;
   agilex::Odometry odometry_;             // raw, as last received
   std::array<std::int64_t, 2> way_mm_{};  // unwrapped, since construction
-  double counted_speed_mps_ = 0.0;        // of the faster wheel, at the newest odometer
-  double uncounted_m_ = 0.0;              // of either wheel
+  std::array<WheelMotion, 2> wheels_motion_;
+  double counted_speed_mps_ = 0.0;  // of the faster wheel, at the newest odometer
+  double uncounted_m_ = 0.0;        // of either wheel
 
   Counters counters_;
   std::string intruder_;

@@ -86,7 +86,9 @@ bool is_upload_request(const CanFrame& frame) {
 }
 
 std::optional<ObjectRef> written_object(const CanFrame& frame) {
-  if (frame.size != 8) return std::nullopt;
+  // Drives may accept requests that are shorter than the standard's 8 bytes; without an object
+  // there is none to write.
+  if (frame.size < 4) return std::nullopt;
   const auto& d = frame.data;
   const int command = d[0] >> 5;
   constexpr int kInitiateDownload = 1, kBlockDownload = 6;

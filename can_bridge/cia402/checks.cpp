@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string_view>
 #include <utility>
 
 #include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/cia402/stop_objects.hpp"
 #include "can_bridge/cia402/texts.hpp"
 #include "common/base/errors.hpp"
 
@@ -45,6 +47,7 @@ class Checker {
     for (std::size_t side = 0; side < 2; ++side) check_coverage(side);
     for (std::size_t i = 0; i < c_.setup.size(); ++i) check_setup(i);
     check_watchdogs();
+    for (std::size_t side = 0; side < 2; ++side) check_stop(side);
   }
 
  private:
@@ -222,6 +225,29 @@ class Checker {
     }
   }
 
+  void check_stop(std::size_t side) const {
+    const std::uint32_t line = source_.axis_lines[side];
+    const auto option = cia402::quick_stop_option(c_, side);
+    const bool has_ramp = std::isfinite(cia402::stop_ramp_radps2(c_, side));
+    if (c_.stops_by_setpoint) return;
+    constexpr const char* kAdvice =
+        "write it in [[setup]], or give drives.stop = \"setpoint\" if the drive has no quick stop "
+        "ramp";
+    if (!option) {
+      refuse(line, fmt::format("{} axis: no [[setup]] sets its quick stop option (0x605A): {}",
+                               kSides[side], kAdvice));
+    }
+    if (*option != 1 && *option != 2 && *option != 5 && *option != 6) {
+      refuse(line,
+             fmt::format("{} axis: quick stop option (0x605A) {} does not brake by a ramp: use "
+                         "2 or 6 (0x6085), or 1 or 5 (0x6084)",
+                         kSides[side], *option));
+    }
+    if (has_ramp) return;
+    refuse(line, fmt::format("{} axis: no [[setup]] sets the ramp of its quick stop (0x60{}): {}",
+                             kSides[side], *option == 1 || *option == 5 ? "84" : "85", kAdvice));
+  }
+
   void check_watchdogs() const {
     for (std::size_t i = 0; i < c_.watchdogs.size(); ++i) {
       const WatchdogConfig& watchdog = c_.watchdogs[i];
@@ -266,6 +292,20 @@ bool is_no_reaction(const ObjectRef& object, std::int64_t value) {
 
 void check_cia402(const Cia402Config& config, const Cia402Source& source) {
   Checker(config, source).run();
+}
+
+void Cia402Config::check_deceleration(double mps2, double wheel_radius_m) const {
+  for (std::size_t side = 0; side < axes.size(); ++side) {
+    const double ramp_mps2 = cia402::stop_ramp_radps2(*this, side) * wheel_radius_m;
+    // The file's whole numbers may round down by a little.
+    if (ramp_mps2 >= 0.999 * mps2) continue;
+    const double needed = mps2 / wheel_radius_m / (2.0 * std::numbers::pi) *
+                          axes[side].target_velocity_per_rps.value();
+    throw UsageError(fmt::format(
+        "drivetrain \"{}\": the {} axis stops with {:.2f} m/s2, less than "
+        "can.max_deceleration_mps2 = {:g}: set its ramp (0x6085 or 0x6084) to {:.0f} at least",
+        name, kSides[side], ramp_mps2, mps2, std::ceil(needed)));
+  }
 }
 
 void Cia402Config::check_cycle(double cycle_ms) const {

@@ -65,7 +65,7 @@ class Reader {
     const auto r =
         file_.section("drives", {"heartbeat_ms", "heartbeat_timeout_ms", "feedback_timeout_ms",
                                  "boot_timeout_ms", "sdo_timeout_ms", "sdo_retries",
-                                 "step_timeout_ms", "standstill_radps", "emcy_warnings"});
+                                 "step_timeout_ms", "standstill_radps", "emcy_warnings", "stop"});
     if (!r) return;
     source_.drives_line = r->line();
     Cia402Config& c = config_;
@@ -76,6 +76,13 @@ class Reader {
     r->integer("sdo_timeout_ms", c.sdo_timeout_ms, 10, 10'000, "for the answer to one SDO request");
     r->integer("sdo_retries", c.sdo_retries, 0, 10, "of an SDO request without answer");
     read_step_and_standstill(*r, c);
+    if (const toml::node* const stop = r->find("stop")) {
+      const std::string text = stop->value_or(std::string{});
+      if (text != "quick_stop" && text != "setpoint") {
+        r->refuse("stop", *stop, "\"quick_stop\" or \"setpoint\"");
+      }
+      c.stops_by_setpoint = text == "setpoint";
+    }
     for (const std::int64_t code :
          r->integers("emcy_warnings", 1, 0xFFFF, "codes of emergency messages that are no fault")) {
       c.emcy_warnings.push_back(static_cast<std::uint16_t>(code));
@@ -83,10 +90,12 @@ class Reader {
   }
 
   void read_emulation() {
-    const auto r = file_.section("emulation", {"brake"});
+    const auto r = file_.section("emulation", {"brake", "coasting_radps2"});
     if (!r) return;
     r->flag("brake", config_.emulated_brake,
             "a brake holds emulated wheels whose power stage is off; false: they coast");
+    r->number("coasting_radps2", config_.emulated_coasting_radps2, 0.01, 100.0,
+              "deceleration of emulated wheels that coast, rad/s^2");
   }
 
   void read_axis(const std::string& side, std::size_t number) {

@@ -100,6 +100,9 @@ struct Cia402Config : DrivetrainCommon {
   std::uint16_t drive_heartbeat_timeout_ms = 300;
   std::uint16_t sdo_timeout_ms = 500;
   int sdo_retries = 2;
+  /// Wheels stop by a target of zero and the profile deceleration (0x6084), because the drive has
+  /// no quick stop ramp: no 0x605A and 0x6085 are demanded of the file.
+  bool stops_by_setpoint = false;
   /// Codes of emergency messages that are counted and told, and are no fault.
   std::vector<std::uint16_t> emcy_warnings;
   std::array<AxisConfig, 2> axes;  ///< left, right
@@ -108,6 +111,7 @@ struct Cia402Config : DrivetrainCommon {
   std::vector<PdoConfig> pdos;
   /// Of the emulated drives: a brake holds wheels whose power stage is off; else they coast.
   bool emulated_brake = true;
+  double emulated_coasting_radps2 = 1.0;  ///< how such wheels slow down
 
   /// Refuses also what cannot work: a PDO of more than 8 bytes, an axis whose setpoint or
   /// statusword no PDO carries, a node without watchdog…
@@ -120,6 +124,9 @@ struct Cia402Config : DrivetrainCommon {
   /// would trip when one frame is lost: each has to outlast three of what it waits for. Throws
   /// UsageError.
   void check_cycle(double cycle_ms) const;
+  /// Refuses quick stop ramps below `mps2` (can.max_deceleration_mps2) at the wheel's rim. Throws
+  /// UsageError.
+  void check_deceleration(double mps2, double wheel_radius_m) const;
   /// What `watchdog.object` is set to.
   std::int64_t value_of(const WatchdogConfig& watchdog) const;
   /// Whether a TPDO carries the mode of operation that `axis` displays.

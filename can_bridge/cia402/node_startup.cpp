@@ -57,7 +57,8 @@ void NodeStartup::refuse(const std::string& why) {
 }
 
 void NodeStartup::on_boot_up() {
-  if (state_ != State::booting && state_ != State::configuring && state_ != State::done) return;
+  const bool expected = state_ == State::booting || wants_reset_again();
+  if (!expected && state_ != State::configuring && state_ != State::done) return;
   if (++boots_ > kMaxBoots) {
     refuse(fmt::format("rebooted {} times during start-up: check its supply voltage", kMaxBoots));
     return;
@@ -109,7 +110,13 @@ void NodeStartup::finish() {
                   watchdog_failures_.empty() ? "none configured" : watchdog_failures_));
 }
 
-void NodeStartup::tick(Instant now, std::vector<CanFrame>& out) {
+void NodeStartup::tick(Instant now, std::vector<CanFrame>& out, bool may_reset_again) {
+  if (state_ == State::reset && (resets_ == 0 || may_reset_again)) {
+    out.push_back(canopen::nmt_frame(canopen::NmtCommand::reset_node, node_));
+    ++resets_;
+    deadline_ = now + boot_time();
+    state_ = State::booting;
+  }
   if (state_ == State::booting && now >= deadline_) {
     if (resets_ < kMaxResets) {
       state_ = State::reset;
@@ -119,12 +126,6 @@ void NodeStartup::tick(Instant now, std::vector<CanFrame>& out) {
                       "is its node id {}? If it boots more slowly, raise drives.boot_timeout_ms",
                       to_seconds(boot_time()), node_));
     }
-  }
-  if (state_ == State::reset) {
-    out.push_back(canopen::nmt_frame(canopen::NmtCommand::reset_node, node_));
-    ++resets_;
-    deadline_ = now + boot_time();
-    state_ = State::booting;
   }
   if (state_ == State::configuring && !answers_until_) answers_until_ = now + boot_time();
   // First takes what has arrived, then looks at timeouts, so that neither costs an extra cycle.

@@ -27,7 +27,10 @@ class NodeStartup {
   void on_boot_up();
   /// A frame with the identifier 0x580 + node. False: not the reply that is waited for.
   bool on_sdo(const CanFrame& frame) { return sdo_.on_frame(frame); }
-  void tick(Instant now, std::vector<CanFrame>& out);
+  /// `may_reset_again`: its wheel is known to stand, so that a reset that had no answer may be
+  /// repeated.
+  void tick(Instant now, std::vector<CanFrame>& out, bool may_reset_again = true);
+  bool wants_reset_again() const { return state_ == State::reset && resets_ > 0; }
 
   bool done() const { return state_ == State::done; }
   /// Why the node cannot be used, and what to do about it; "" if nothing is known against it.

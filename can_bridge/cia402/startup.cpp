@@ -5,6 +5,7 @@
 
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/cia402/pdo_objects.hpp"
+#include "can_bridge/cia402/stop_objects.hpp"
 #include "can_bridge/cia402/texts.hpp"
 
 namespace tether::cia402 {
@@ -133,7 +134,7 @@ std::vector<SdoStep> startup_steps(const Cia402Config& config, std::uint8_t node
 }
 
 bool is_vital(const Cia402Config& config, std::uint8_t node, std::uint16_t index) {
-  if (canopen::is_pdo_parameter(index)) return true;
+  if (stop_part(index) != StopPart::none) return true;
   for (const AxisConfig& axis : config.axes) {
     if (axis.node == node &&
         (axis.controlword.index == index || axis.target_velocity.index == index)) {

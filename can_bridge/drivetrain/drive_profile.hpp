@@ -42,6 +42,9 @@ struct WheelFeedback {
   /// its drive and jumps of its counter. Never falls.
   double uncounted_rad = 0;
   double speed_radps = 0;
+  /// The faster of reported speed and counted positions, as far as they are fresh; else
+  /// speed_radps.
+  double fastest_radps = 0;
   std::int64_t position_counts = 0;  ///< as angle_rad, in the drive's counts, unwrapped, signed
   std::string state;                 ///< "OperationEnabled", "Fault" … as the profile names it
   std::uint32_t statusword = 0;
@@ -54,8 +57,10 @@ struct DrivetrainSnapshot {
   /// as "right drive (node 2): no heartbeat for 300 ms: check its supply and the CAN plug".
   std::string reason;
   std::array<WheelFeedback, 2> wheels;  ///< left, right
-  bool standstill = false;              ///< both wheels' fresh feedback says (almost) zero speed
-  bool feedback_fresh = false;          ///< both wheels' feedback is younger than its deadline
+  /// Both wheels stand, by both witnesses (WheelMotion).
+  bool standstill = false;
+  bool turning = false;         ///< a fresh witness says that a wheel turns
+  bool feedback_fresh = false;  ///< both wheels' feedback is younger than its deadline
   /// A drive that was heard, or commanded, may have power on or turn, as far as is known: however
   /// old that knowledge is.
   bool in_doubt = false;
@@ -80,6 +85,7 @@ class DriveProfile {
     std::int64_t intruder_writes = 0;     ///< … that changed what the bridge had configured
     std::int64_t stops_by_sdo = 0;        ///< for drives that do not take them by PDO
     std::int64_t heartbeat_withheld = 0;  ///< times, so that a drive's watchdog stops it
+    std::int64_t brake_escalations = 0;   ///< steps taken because a wheel did not brake
     std::int64_t warnings = 0;            ///< messages of the drives that stop nothing
     /// Feedback beyond what the drives send by themselves: somebody else's.
     std::int64_t surplus_feedback = 0;
@@ -107,6 +113,9 @@ class DriveProfile {
   /// Until then, standstill that feedback shows switches no power stage off, because feedback is
   /// known to be wrong.
   virtual void distrust_standstill(Instant until) = 0;
+  /// The deceleration of a wheel's rim that stops are to have; a wheel that reaches less than half
+  /// of it gets stronger measures, if the profile has any. 0: not supervised.
+  virtual void require_deceleration(double /*mps2*/) {}
   /// Leaves `faulted` or `refused`: clears the drives' faults, and starts up again where a drive
   /// rebooted or was missing.
   virtual void reset_fault() = 0;

@@ -137,21 +137,26 @@ void EmulatedAxis::finish_fault_reaction(const Settings& s) {
   enter(State::fault);
 }
 
+void EmulatedAxis::coast(double friction, double push, Duration dt) {
+  if (brake_) return;
+  setpoint_ += push * to_seconds(dt);
+  ramp_to(0.0, friction, friction, to_seconds(dt));
+}
+
 void EmulatedAxis::move(const Settings& s, double dt_s) {
-  if (!powered()) {
-    ramp_to(0.0, s.friction, s.friction, dt_s);
-    return;
-  }
+  if (!powered()) return coast(s.friction, s.push, from_seconds(dt_s));
+  const double deceleration = s.brake_share * s.deceleration;
   if (state_ == State::operation_enabled) {
     const bool stopping = halted() || !commands_enable();
     const double target = stopping ? 0.0 : std::clamp(s.target, -s.max_speed, s.max_speed);
-    ramp_to(target, s.acceleration, s.deceleration, dt_s);
+    ramp_to(target, s.acceleration, deceleration, dt_s);
     return;
   }
   const int option =
       state_ == State::quick_stop_active ? s.quick_stop_option : s.fault_reaction_option;
   const bool on_quick_ramp = option == 2 || option == 6;
-  ramp_to(0.0, s.acceleration, on_quick_ramp ? s.quick_stop_deceleration : s.deceleration, dt_s);
+  const double quick_deceleration = s.brake_share * s.quick_stop_deceleration;
+  ramp_to(0.0, s.acceleration, on_quick_ramp ? quick_deceleration : deceleration, dt_s);
 }
 
 void EmulatedAxis::ramp_to(double target, double acceleration, double deceleration, double dt_s) {

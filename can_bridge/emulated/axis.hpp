@@ -41,6 +41,8 @@ class EmulatedAxis {
     int fault_reaction_option = 2;  ///< 0x605E: 0 power off at once; 1, 2 ramp 6084, 6085
     double actual = 0.0;            ///< measured speed
     double friction = 1.0;          ///< slows down a wheel that coasts
+    double push = 0.0;              ///< accelerates one; signed
+    double brake_share = 1.0;       ///< of the decelerations that acts
   };
 
   /// Power-on or reset: NotReadyToSwitchOn, everything forgotten.
@@ -50,6 +52,8 @@ class EmulatedAxis {
   void write_control(std::uint16_t word);
 
   void tick(const Settings& settings, Duration dt);
+  /// While the drive's firmware does not run: the wheel goes on by itself.
+  void coast(double friction, double push, Duration dt);
 
   /// A fault: fault reaction, then Fault. The first of several keeps its error code.
   void trip(std::uint16_t error_code);

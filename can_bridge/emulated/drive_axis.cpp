@@ -23,10 +23,16 @@ void EmulatedDriveAxis::run(const ObjectDictionary& dictionary, Duration dt) {
   s.window = std::max(0.1 * objects.target_per_radps, 0.5);
   s.quick_stop_option = option(objects.quick_stop_option, 2);
   s.fault_reaction_option = option(objects.fault_option, 2);
-  constexpr double kFriction_radps2 = 1.0;
-  s.friction = kFriction_radps2 * objects.target_per_radps;
+  s.friction = coasting_radps2 * objects.target_per_radps;
+  s.push = push_radps2 * objects.target_per_radps * objects.sign;
+  s.brake_share = brake_share;
   s.actual = actual(objects.target_per_radps);
   machine.tick(s, dt);
+}
+
+void EmulatedDriveAxis::coast(Duration dt) {
+  machine.coast(coasting_radps2 * objects.target_per_radps,
+                push_radps2 * objects.target_per_radps * objects.sign, dt);
 }
 
 void EmulatedDriveAxis::show(ObjectDictionary& dictionary, std::uint16_t device_error) const {

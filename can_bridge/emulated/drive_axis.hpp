@@ -13,9 +13,15 @@ struct EmulatedDriveAxis {
   AxisObjects objects;
   EmulatedAxis machine;
   EmulatedEncoder encoder;
+  double coasting_radps2 = 1.0;  ///< deceleration of a wheel without power and brake
+  double push_radps2 = 0.0;      ///< a load that accelerates it, forward positive
+  double brake_share = 1.0;      ///< of the drive's ramps towards zero that acts
 
   /// Runs the axis for `dt` with what the objects say.
   void run(const ObjectDictionary& dictionary, Duration dt);
+
+  /// Lets `dt` pass while the drive's firmware does not run.
+  void coast(Duration dt);
 
   /// Updates statusword, error code, mode display, speed and position. `device_error` shows where
   /// the axis has no error of its own.

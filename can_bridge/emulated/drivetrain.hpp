@@ -16,13 +16,15 @@ namespace tether {
 /// A fault to inject into an emulated drive.
 struct DriveFault {
   enum class Kind : std::int32_t {
-    none = 0,     ///< ends silence, SDO abort, encoder freeze and wheel slip
+    none = 0,     ///< ends all but fault and reboot
     fault = 1,    ///< the drive trips; value: its error code (0: 0x7500)
     reboot = 2,   ///< power cycle: boot-up message, everything forgotten
     silence = 3,  ///< sends nothing any more, still hears (broken TX); value: seconds, 0: for good
     sdo_abort = 4,       ///< aborts all SDO access to object `value` (0x1016 …; 0: to all)
     encoder_freeze = 5,  ///< position and speed feedback stand still
     wheel_slip = 6,      ///< the wheel turns but `value` (0…1) of its motion is not the encoder's
+    push = 8,  ///< a load accelerates wheels without power and brake by `value`, rad/s², forward
+    weak_brake = 9,  ///< stops are acknowledged, and `value` (0…1) of the ramps acts
   };
   int node = 0;  ///< CANopen node id; 0: all drives
   Kind kind = Kind::none;

@@ -30,7 +30,10 @@ EmulatedNode::EmulatedNode(const Cia402Config& config, std::uint8_t node, Instan
       pdos_(objects_.dictionary, *this),
       watch_(objects_.dictionary, objects_.heartbeat_consumers, objects_.watchdogs) {
   for (const AxisObjects& axis : objects_.axes) {
-    axes_.push_back({axis, EmulatedAxis(config.emulated_brake), {}});
+    axes_.push_back({.objects = axis,
+                     .machine = EmulatedAxis(config.emulated_brake),
+                     .encoder = {},
+                     .coasting_radps2 = config.emulated_coasting_radps2});
   }
   boot(now, true);
 }
@@ -86,7 +89,10 @@ void EmulatedNode::tick(Instant now, std::vector<CanFrame>& out) {
   last_tick_ = now;
   if (silent_ && now >= silent_until_) silent_ = false;
   if (nmt_ == NmtState::boot_up && now >= boot_end_) finish_boot(now);
-  if (!firmware_runs_) return;
+  if (!firmware_runs_) {
+    for (EmulatedDriveAxis& axis : axes_) axis.coast(dt);
+    return;
+  }
   if (nmt_ != NmtState::boot_up) watch_master(now);
   for (EmulatedDriveAxis& axis : axes_) {
     axis.run(objects_.dictionary, dt);
@@ -324,6 +330,12 @@ void EmulatedNode::set_wheels(const WheelStates& wheels) {
   }
 }
 
+bool EmulatedNode::powers(std::size_t wheel) const {
+  return std::ranges::any_of(axes_, [wheel](const EmulatedDriveAxis& axis) {
+    return axis.objects.wheel == wheel && axis.machine.powered();
+  });
+}
+
 void EmulatedNode::put_wheel_targets(std::array<double, 2>& targets_radps) const {
   for (const EmulatedDriveAxis& axis : axes_) {
     targets_radps[axis.objects.wheel] = axis.wheel_target_radps();
@@ -340,6 +352,8 @@ void EmulatedNode::inject(const DriveFault& fault, Instant now) {
       for (EmulatedDriveAxis& axis : axes_) {
         axis.encoder.set_frozen(false);
         axis.encoder.set_slip(0.0);
+        axis.push_radps2 = 0.0;
+        axis.brake_share = 1.0;
       }
       break;
     case DriveFault::Kind::fault: {
@@ -368,6 +382,12 @@ void EmulatedNode::inject(const DriveFault& fault, Instant now) {
     case DriveFault::Kind::wheel_slip:
       for (EmulatedDriveAxis& axis : axes_)
         axis.encoder.set_slip(std::clamp(fault.value, 0.0, 1.0));
+      break;
+    case DriveFault::Kind::push:
+      for (EmulatedDriveAxis& axis : axes_) axis.push_radps2 = fault.value;
+      break;
+    case DriveFault::Kind::weak_brake:
+      for (EmulatedDriveAxis& axis : axes_) axis.brake_share = std::clamp(fault.value, 0.0, 1.0);
       break;
   }
 }

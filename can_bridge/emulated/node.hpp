@@ -62,6 +62,8 @@ class EmulatedNode final : private RpdoReceiver {
   void set_wheels(const WheelStates& wheels);
   /// Writes the targets of this node's wheels.
   void put_wheel_targets(std::array<double, 2>& targets_radps) const;
+  /// Whether an axis of this node turns this wheel (0 left, 1 right) with its power stage on.
+  bool powers(std::size_t wheel) const;
   void inject(const DriveFault& fault, Instant now);
 
   std::uint8_t id() const { return id_; }

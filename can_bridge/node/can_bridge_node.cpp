@@ -73,6 +73,11 @@ std::vector<CanFilter> all_filters(const DriveProfile& profile, const SafetyInpu
   return filters;
 }
 
+/// The vehicle's speed by the faster witness of each wheel.
+double vehicle_speed_mps(const DrivetrainSnapshot& drives, double wheel_radius_m) {
+  return (drives.wheels[0].fastest_radps + drives.wheels[1].fastest_radps) / 2.0 * wheel_radius_m;
+}
+
 double age_s(const WheelFeedback& wheel, Instant now) {
   return wheel.valid ? to_seconds(now - wheel.stamp) : -1.0;
 }
@@ -107,7 +112,10 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
       counters_(loop, bus, "can_bridge", channels_.can_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),
                 [this](CounterList& out) { list_counters(out); }) {
-  check_cycle(config, settings.get<CanSettings>().cycle_ms);
+  const auto& can = settings.get<CanSettings>();
+  check_cycle(config, can.cycle_ms);
+  check_deceleration(config, can.max_deceleration_mps2, wheel_radius_m_);
+  profile_->require_deceleration(can.max_deceleration_mps2);
   if (const std::string warning = port.warning(); !warning.empty()) {
     say(Severity::warning, "tether-can-bridge: warning: " + warning);
   }
@@ -164,7 +172,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   gpio_.read();
   const DrivetrainSnapshot drives = profile_->snapshot(now);
   SafetyDemands demands = inputs_.cycle(now);
-  if (autonomy_) autonomy_->demand(now, odometry_.state().twist.v_mps, demands);
+  if (autonomy_) autonomy_->demand(now, vehicle_speed_mps(drives, wheel_radius_m_), demands);
   safety_.on_safety_inputs(std::move(demands));
   odometry_.update(drives.wheels);
   const Decision decision = safety_.cycle(now, drives, port_.state(), odometry_.state().distance_m);
@@ -174,6 +182,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   publish_wheels(drives, now);
   publish_odometry(now);
   if (takes_plans_) publish_plan(now);
+  estop_latched_ = decision.estop_latched;
   if (estop_file_) estop_file_->remember(decision.estop_latched);
   ++cycles_;
 }
@@ -315,6 +324,7 @@ void CanBridgeNode::list_counters(CounterList& out) const {
   list_if_any("drive.intruder_writes", drive.intruder_writes);
   list_if_any("drive.stops_by_sdo", drive.stops_by_sdo);
   list_if_any("drive.heartbeat_withheld", drive.heartbeat_withheld);
+  list_if_any("drive.brake_escalations", drive.brake_escalations);
   list_if_any("drive.warnings", drive.warnings);
   list_if_any("drive.surplus_feedback", drive.surplus_feedback);
   out.emplace_back("tx.denied", whitelist_.counters().denied);

@@ -67,6 +67,10 @@ class CanBridgeNode final : public Node {
   /// From now on the file remembers whether the e-stop is latched; if it says so already, the
   /// e-stop is pressed. Before the first cycle.
   void use_estop_file(EstopFile file);
+  /// The e-stop was latched when the bridge ended last: it is pressed. Before the first cycle.
+  void restore_estop() { safety_.restore_estop(); }
+  /// As of the last cycle.
+  bool estop_latched() const { return estop_latched_; }
 
   /// Quick stop, standstill, power off; then nothing is sent any more. True when all that is done,
   /// or after SafetyCore::leave_wait().
@@ -105,6 +109,7 @@ class CanBridgeNode final : public Node {
   bool takes_plans_;
 
   std::optional<EstopFile> estop_file_;
+  bool estop_latched_ = false;
   bool started_ = false;
   bool left_ = false;
   std::vector<CanFrame> frames_;

@@ -217,7 +217,7 @@ bool CanDriveNode::apply(std::int32_t node, std::int32_t kind, double value) {
   }
   const bool node_exists =
       node == 0 || std::find(nodes_.begin(), nodes_.end(), node) != nodes_.end();
-  const bool kind_exists = kind >= drive_fault_t::NONE && kind < drive_fault_t::SAFETY_INPUT;
+  const bool kind_exists = kind >= drive_fault_t::NONE && kind <= drive_fault_t::WEAK_BRAKE;
   if (kind == drive_fault_t::NONE && inputs_.has(node)) {
     inputs_.set(node, Act::clear);
   } else if (!node_exists) {

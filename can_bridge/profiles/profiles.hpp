@@ -40,6 +40,8 @@ concept ProfileConfig = std::derived_from<Config, DrivetrainCommon> &&
   { config.transmit_rules() } -> std::same_as<TransmitRules>;
   // Throws UsageError if the control cycle is too slow for the drives' time-outs.
   { config.check_cycle(20.0) } -> std::same_as<void>;
+  // Throws UsageError if the drives' own stop is weaker than the bridge's limit.
+  { config.check_deceleration(1.5, 0.4) } -> std::same_as<void>;
   // The node ids that a fault can be injected into; empty: it has none.
   { config.nodes() } -> std::same_as<std::vector<std::uint8_t>>;
 };
@@ -59,6 +61,9 @@ inline TransmitRules transmit_rules(const DrivetrainConfig& config) {
 }
 inline void check_cycle(const DrivetrainConfig& config, double cycle_ms) {
   std::visit([=](const auto& row) { row.check_cycle(cycle_ms); }, config);
+}
+inline void check_deceleration(const DrivetrainConfig& config, double mps2, double wheel_radius_m) {
+  std::visit([=](const auto& row) { row.check_deceleration(mps2, wheel_radius_m); }, config);
 }
 inline const std::vector<SafetyInputConfig>& safety_inputs(const DrivetrainConfig& config) {
   return std::visit(

@@ -18,6 +18,11 @@ BlindBudget::Config budget(const SafetyCore::Config& config) {
           TwistLimiter::kStopJerkDelay + 4 * config.limits.cycle};
 }
 
+/// A witness says so, or fresh feedback does not say that both stand.
+bool may_turn(const DrivetrainSnapshot& drives) {
+  return drives.turning || (drives.feedback_fresh && !drives.standstill);
+}
+
 bool is_stop(const Twist& u) { return u.v_mps == 0.0 && u.omega_radps == 0.0; }
 
 }  // namespace
@@ -29,7 +34,9 @@ SafetyCore::SafetyCore(const Config& config)
       budget_(budget(config)),
       request_guard_(config.earliest),
       limiter_(config.limits),
-      monitor_(config.limits.track_m, config.wheel_radius_m) {
+      monitor_(config.limits.track_m, config.wheel_radius_m),
+      witnesses_(config.limits.track_m, config.wheel_radius_m),
+      ramp_watch_(config.limits.max_deceleration_mps2, config.limits.max_yaw_deceleration_radps2) {
   assert(config.stale > Duration{0});
   assert(config.disarm >= config.stale);
 }
@@ -170,10 +177,15 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
   // A refusal's reason is out of date once the drives have gone on.
   if (phase != last_phase_) notice_.clear();
   last_phase_ = phase;
-  turning_ = drives.feedback_fresh && !drives.standstill;
+  if (phase == DrivePhase::starting || phase == DrivePhase::refused) witnesses_.demand_proof();
+  turning_ = may_turn(drives);
   in_doubt_ = drives.in_doubt;
-  fastest_rim_mps_ = config_.wheel_radius_m * std::max(std::abs(drives.wheels[0].speed_radps),
-                                                       std::abs(drives.wheels[1].speed_radps));
+  fastest_rim_mps_ = 0.0;
+  for (const WheelFeedback& wheel : drives.wheels) {
+    for (const double radps : {wheel.speed_radps, wheel.fastest_radps}) {
+      fastest_rim_mps_ = std::max(fastest_rim_mps_, config_.wheel_radius_m * std::abs(radps));
+    }
+  }
   if (phase == DrivePhase::faulted) {
     latch_fault(drives.reason, Cause::drives);
     // Take the profile's newest reason: it may learn the error code, or why feedback is missing,
@@ -197,7 +209,10 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
                 Cause::drives);
     feedback_lies_ = true;
   } else if (motion_ != Motion::enabling) {
-    const std::string trouble = monitor_.update(now, limiter_.twist(), drives.wheels);
+    // The witnesses come first, because they say which of them is wrong.
+    std::string trouble = witnesses_.update(now, limiter_.twist(), drives.wheels);
+    const std::string behind = monitor_.update(now, limiter_.twist(), drives.wheels);
+    if (trouble.empty()) trouble = behind;
     if (trouble.empty()) return;
     latch_fault(trouble);
     feedback_lies_ = did_not_follow_ = true;
@@ -240,13 +255,13 @@ void SafetyCore::advance(Instant now, const DrivetrainSnapshot& drives) {
       return;
     case Motion::enabling:
       if (drives.phase == DrivePhase::enabled) {
-        begin_following(now);
+        begin_following(now, drives);
       } else if (now - motion_since_ >= kEnableTimeout) {
         begin_quick_stop(now, "arming failed: the drives did not switch on: " + drives.reason);
       }
       break;
     case Motion::following:
-      follow(now);
+      follow(now, drives);
       break;
     case Motion::ramping:
       ramp_down(now, drives);

@@ -10,10 +10,12 @@
 #include "can_bridge/drivetrain/drive_profile.hpp"
 #include "can_bridge/safety/blind_budget.hpp"
 #include "can_bridge/safety/command_watch.hpp"
-#include "can_bridge/safety/follow_monitor.hpp"
+#include "can_bridge/motion/follow_monitor.hpp"
+#include "can_bridge/motion/ramp_watch.hpp"
 #include "can_bridge/safety/request_guard.hpp"
 #include "can_bridge/safety/safety_inputs.hpp"
 #include "can_bridge/safety/twist_limiter.hpp"
+#include "can_bridge/motion/witness_monitor.hpp"
 #include "common/actuator/actuator_settings.hpp"
 
 namespace tether {
@@ -76,6 +78,8 @@ struct Decision {
 ///   refused ("plan.before_stop"). Arming by a plan needs one that is younger than kPlanSilence and
 ///   not over, now and when the drives are on. Preloads are for departures: refused unless the
 ///   vehicle is disarmed and stands ("plan.preload_while_armed").
+/// - A wheel whose reported speed contradicts its position (WitnessMonitor) → the same. A vehicle
+///   that does not brake on a ramp (RampWatch) → quick stop and latched FAULT.
 /// - DISARM: ramp to zero, wait for standstill (at most kStandstillWait, then quick stop), power
 ///   off.
 /// - ESTOP: quick stop in the same cycle, latched until ESTOP_RELEASE and RESET; the release alone
@@ -203,12 +207,13 @@ class SafetyCore {
   void wait_for_restarted_bus(Instant now, CanState bus);
 
   void advance(Instant now, const DrivetrainSnapshot& drives);
-  void begin_following(Instant now);
-  void follow(Instant now);
+  void begin_following(Instant now, const DrivetrainSnapshot& drives);
+  void follow(Instant now, const DrivetrainSnapshot& drives);
   void follow_within_budget(const Twist& wanted, bool planned);
   void begin_ramp_down(const std::string& why, Instant now);
   void watch_age(Duration age);
   void ramp_down(Instant now, const DrivetrainSnapshot& drives);
+  void watch_ramp(Instant now, const DrivetrainSnapshot& drives);
   void finish_stop(Instant now, const DrivetrainSnapshot& drives);
   void begin_quick_stop(Instant now, const std::string& why);
   void count_disarm();
@@ -229,6 +234,8 @@ class SafetyCore {
   RequestGuard request_guard_;
   TwistLimiter limiter_;
   FollowMonitor monitor_;
+  WitnessMonitor witnesses_;
+  RampWatch ramp_watch_;
   std::vector<DriveRequest> requests_;  ///< accepted since the last cycle
   SafetyDemands demands_;
   std::string several_senders_;

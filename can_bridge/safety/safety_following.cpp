@@ -1,13 +1,16 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "can_bridge/safety/safety_core.hpp"
+#include "common/vehicle/diff_drive.hpp"
 
 // Following commands, and coming to rest from there.
 
 namespace tether {
 
-void SafetyCore::begin_following(Instant now) {
+void SafetyCore::begin_following(Instant now, const DrivetrainSnapshot& drives) {
   // The command was fresh and zero when ARM was pressed, but it may have changed while the drives
   // switched on. The vehicle must not start to move just because they are on now.
   if (commands_.age(now).value_or(Duration::max()) >= config_.stale) {
@@ -22,21 +25,29 @@ void SafetyCore::begin_following(Instant now) {
     begin_quick_stop(now, "the command was not zero when the drives were on: arm again");
     return;
   }
+  if (!drives.standstill) {
+    begin_quick_stop(now, "the wheels turned when the drives were on: arm again at standstill");
+    return;
+  }
   motion_ = Motion::following;
   motion_since_ = now;
   slowed_by_budget_ = stale_ = false;
   limiter_.reset();
   monitor_.reset();
-  follow(now);
+  witnesses_.reset();
+  ramp_watch_.end();
+  follow(now, drives);
 }
 
-void SafetyCore::follow(Instant now) {
+void SafetyCore::follow(Instant now, const DrivetrainSnapshot& drives) {
   const Duration age = commands_.age(now).value_or(Duration::max());
   watch_age(age);
   if (!stale_ && demands_.stop.empty()) {
+    ramp_watch_.end();
     follow_within_budget(permitted(commands_.twist(now)), commands_.follows_plan(now));
   } else if (age < config_.disarm) {
     limiter_.stop();
+    watch_ramp(now, drives);
   } else {
     begin_quick_stop(now, commands_.age_text(now, "was") +
                               ": check the controller and the network; arm again with a zero "
@@ -71,13 +82,15 @@ void SafetyCore::begin_ramp_down(const std::string& why, Instant now) {
   count_disarm();
   commands_.end_plans(now);
   motion_ = Motion::ramping;
+  ramp_watch_.end();
   setpoint_zero_since_.reset();
   stop_reason_ = why;
 }
 
 void SafetyCore::ramp_down(Instant now, const DrivetrainSnapshot& drives) {
   limiter_.stop();
-  if (!limiter_.at_rest()) return;
+  watch_ramp(now, drives);
+  if (motion_ != Motion::ramping || !limiter_.at_rest()) return;
   if (!setpoint_zero_since_) setpoint_zero_since_ = now;
   if (drives.standstill) {
     motion_ = Motion::stopping;
@@ -89,6 +102,18 @@ void SafetyCore::ramp_down(Instant now, const DrivetrainSnapshot& drives) {
   } else if (now - *setpoint_zero_since_ >= kStandstillWait) {
     begin_quick_stop(now, "the wheels still turned after the ramp to zero");
   }
+}
+
+void SafetyCore::watch_ramp(Instant now, const DrivetrainSnapshot& drives) {
+  const WheelSpeeds rims{drives.wheels[0].fastest_radps * config_.wheel_radius_m,
+                         drives.wheels[1].fastest_radps * config_.wheel_radius_m};
+  const Twist measured = to_twist(rims, config_.limits.track_m);
+  if (ramp_watch_.brakes(now, limiter_.twist(), measured)) return;
+  latch_fault(
+      fmt::format("the vehicle does not brake on the ramp: {:.2f} m/s, {:.2f} rad/s: check "
+                  "the drives' ramps (0x6084), load and slope",
+                  measured.v_mps, measured.omega_radps));
+  begin_quick_stop(now, fault_reason_);
 }
 
 void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
@@ -123,8 +148,11 @@ void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
   if (now - since >= kStopTimeout && !stop_overdue_) {
     stop_overdue_ = true;
     latch_fault(drives.standstill ? "the drives do not confirm that their power is off"
-                                  : "the wheels still turn after a quick stop: use the hard-wired "
-                                    "emergency stop");
+                : turning_
+                    ? "the wheels still turn after a quick stop: use the hard-wired emergency "
+                      "stop"
+                    : "standstill is not confirmed: no two witnesses of each wheel say so "
+                      "after a quick stop: look whether the wheels stand");
   }
 }
 

@@ -114,7 +114,7 @@ void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState b
     notice_ = "reset refused: the vehicle is still stopping";
   } else if (estop_pressed_ || !demands_.estop.empty()) {
     notice_ = "reset refused: the e-stop is pressed: release it first";
-  } else if (drives.feedback_fresh && !drives.standstill) {
+  } else if (turning_) {
     notice_ = "reset refused: the wheels are still turning: wait for standstill";
   } else if (did_not_follow_ && distrust_until_ && now < *distrust_until_) {
     notice_ = fmt::format(

@@ -14,7 +14,7 @@ Totals work(const Setup& setup, const Campaign& campaign, std::atomic<std::uint6
   Totals totals;
   for (std::uint64_t k = next++; k < campaign.runs; k = next++) {
     const std::uint64_t seed = campaign.first_seed + k;
-    totals.add(seed, run_trial(setup, draw_trial(seed), false));
+    totals.add(seed, run_trial(setup, with_vehicle(draw_trial(seed)), false));
   }
   return totals;
 }

@@ -9,6 +9,7 @@
 
 #include "common/program/cli.hpp"
 #include "tests/campaign/campaign.hpp"
+#include "tests/campaign/enumeration.hpp"
 
 // Seeded runs of random faults against the rules of rules.hpp: see
 // docs/explanation/drivetrain-tests.md.
@@ -20,6 +21,7 @@ struct Options {
   Campaign campaign;
   std::optional<std::uint64_t> seed;
   bool verbose = false;
+  std::string enumerate;  // "single", "pairs": instead of seeds
 };
 
 /// The command that runs this seed again.
@@ -34,7 +36,7 @@ void tell(const Finding& f) {
 
 int run_one(const Options& options) {
   const Setup setup = load_setup();
-  const Record record = run_trial(setup, draw_trial(*options.seed), options.verbose);
+  const Record record = run_trial(setup, with_vehicle(draw_trial(*options.seed)), options.verbose);
   for (const std::string& note : record.notes) fmt::print("{}\n", note);
   const auto found = check(*options.seed, record);
   for (const Finding& f : found) tell(f);
@@ -54,6 +56,27 @@ int run_many(const Options& options) {
   fmt::print("{}", totals.text());
   fmt::print(stderr, "{:.1f} s, {:.0f} runs for each second of a processor\n", took.count(),
              static_cast<double>(totals.runs) / cpu_s);
+  return totals.findings.empty() ? kExitOk : kExitFailed;
+}
+
+int run_all(const Options& options) {
+  const Setup setup = load_setup();
+  const Enumeration enumeration(setup, options.enumerate == "pairs");
+  if (options.seed) {
+    const Record record =
+        run_trial(setup, enumeration.trial(*options.seed % enumeration.size()), options.verbose);
+    for (const std::string& note : record.notes) fmt::print("{}\n", note);
+    const auto found = check(*options.seed, record);
+    for (const Finding& f : found) tell(f);
+    return found.empty() ? kExitOk : kExitFailed;
+  }
+  const Totals totals = run_enumeration(setup, enumeration, options.campaign.threads);
+  for (const Finding& f : totals.findings) {
+    fmt::print("{}: {} at {:.3f} s: {}\n    fault_campaign --enumerate {} --seed {} --verbose\n",
+               enumeration.name(f.seed), f.rule, to_seconds(f.when), f.what, options.enumerate,
+               f.seed);
+  }
+  fmt::print("{}", totals.text());
   return totals.findings.empty() ? kExitOk : kExitFailed;
 }
 
@@ -77,6 +100,11 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--seed", options.seed, "this one alone");
   app.add_flag("--verbose", options.verbose, "with --seed: the time line")->needs("--seed");
-  return run_cli(app, argc, argv,
-                 [&] { return options.seed ? run_one(options) : run_many(options); });
+  app.add_option("--enumerate", options.enumerate,
+                 "instead of seeds: each single fault, or each pair, in each phase of a drive")
+      ->check(CLI::IsMember({"single", "pairs"}));
+  return run_cli(app, argc, argv, [&] {
+    if (!options.enumerate.empty()) return run_all(options);
+    return options.seed ? run_one(options) : run_many(options);
+  });
 }

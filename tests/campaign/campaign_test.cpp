@@ -76,6 +76,28 @@ std::string broken(const Record& record) {
   return found.empty() ? "" : found.front().rule;
 }
 
+TEST(FaultCampaign, TheSeedsThatOnceCutPowerOfTurningWheelsBreakNoRule) {
+  const auto setup = load_setup();
+  for (const std::uint64_t seed : {1000781U, 1016389U}) {
+    for (const Trial& trial : {draw_trial(seed), with_vehicle(draw_trial(seed))}) {
+      for (const Finding& f : check(seed, run_trial(setup, trial, false))) {
+        ADD_FAILURE() << seed << ": " << f.rule << " at " << to_seconds(f.when) << ": " << f.what;
+      }
+    }
+  }
+}
+
+TEST(FaultCampaign, AWheelWithoutWitnessMayBeCutAndOneThatIsOnlyFrozenMayNot) {
+  Record frozen = drive();
+  frozen.faults = {{FaultKind::encoder_freeze, at_ms(3000), at_ms(3500), 0.0, 1}};
+  frozen.cuts = {{at_ms(3100), 0, 0.8, false}};
+  EXPECT_EQ(broken(frozen), "power cut while turning");
+  Record silent = drive();
+  silent.faults = {{FaultKind::drive_silent, at_ms(3000), at_ms(3500), 0.0, 1}};
+  silent.cuts = {{at_ms(3100), 0, 0.8, true}};
+  EXPECT_EQ(broken(silent), "");
+}
+
 TEST(FaultCampaign, AnOrdinaryDriveBreaksNoRule) { EXPECT_EQ(broken(drive()), ""); }
 
 struct Case {
@@ -125,6 +147,27 @@ INSTANTIATE_TEST_SUITE_P(
                }
              }},
         Case{"no rest at the end", [](Record& r) { r.wheels.back().rim_mps[0] = 0.002; }},
+        Case{"power cut while turning",
+             [](Record& r) {
+               r.cuts.push_back({at_ms(3200), 0, 0.6, false});
+             }},
+        Case{"power cut while turning",
+             [](Record& r) {
+               r.cuts.push_back({at_ms(3200), 1, -0.06, true});
+             }},
+        Case{"standstill reported while turning",
+             [](Record& r) { set_states(r, 3300, 3500, State::DISARMED); }},
+        Case{"standstill reported while turning",
+             [](Record& r) { r.wheels[99].rim_mps[1] = r.wheels[100].rim_mps[1] = 0.06; }},
+        Case{"armed wheel not as told", [](Record& r) { r.wheels[200].rim_mps[0] = 1.3; }},
+        Case{"armed wheel not as told", [](Record& r) { r.wheels[200].rim_mps[0] = -1.0; }},
+        Case{"e-stop left",
+             [](Record& r) {
+               r.requests = {{at_ms(2000), Request::ESTOP, true}};
+               set_states(r, 2000, 3000, State::ESTOP);
+               r.restarts = {at_ms(3000)};
+               set_states(r, 3000, 4001, State::DISARMED);
+             }},
         Case{"setpoint forbidden", [](Record& r) { r.states[10].twist.omega_radps = 0.001; }},
         Case{"setpoint forbidden", [](Record& r) { r.states[100].twist.v_mps = 2.1; }},
         Case{"frame forbidden", [](Record& r) { r.setpoints[10].moves = true; }},

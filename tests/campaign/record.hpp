@@ -23,6 +23,15 @@ struct StateSample {
 struct WheelSample {
   Instant when;
   std::array<double, 2> rim_mps{};  ///< left, right
+  std::array<bool, 2> powered{true, true};
+};
+
+/// The bridge sent a frame that takes power from a wheel, or resets its drive.
+struct CutSample {
+  Instant when;
+  std::size_t wheel = 0;
+  double rim_mps = 0.0;  ///< as it truly turned
+  bool reset = false;    ///< NMT reset; else "disable voltage" or "shutdown" of a powered axis
 };
 
 /// drive_request_t, when the bridge got it.
@@ -99,6 +108,7 @@ struct Record {
   std::vector<RequestSample> requests;
   std::vector<CommandSample> commands;
   std::vector<SetpointSample> setpoints;
+  std::vector<CutSample> cuts;
   std::array<std::vector<Instant>, 2> heard;  ///< setpoints on the bus, of each drive
   std::vector<Instant> foreign;               ///< a stranger commands the drives
   std::vector<Interval> stalls;               ///< of the bridge

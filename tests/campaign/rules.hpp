@@ -38,6 +38,16 @@ std::optional<Violation> blind_too_far(const Record& record);
 /// When all have been quiet for a while, the wheels stand and nothing is armed or stops.
 std::optional<Violation> no_rest_at_the_end(const Record& record);
 
+// rules_truth.cpp: of what the bridge believes, against how the wheels truly turn.
+
+/// The bridge takes power from no wheel that turns, and resets none of its drives.
+std::optional<Violation> power_cut_while_turning(const Record& record);
+/// DISARMED and ARMED begin only while the wheels truly stand.
+std::optional<Violation> standstill_reported_while_turning(const Record& record);
+/// While ARMED, each wheel's speed and direction are among those of the setpoints of the last
+/// 0.3 s, within 0.2 m/s.
+std::optional<Violation> armed_wheel_not_as_told(const Record& record);
+
 // rules_state.cpp: of states and setpoints.
 
 /// Published setpoints are zero unless ARMED or STOPPING, finite, and within the limits.

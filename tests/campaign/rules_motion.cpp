@@ -78,6 +78,31 @@ double fastest(const WheelSample& w) {
   return std::max(std::abs(w.rim_mps[0]), std::abs(w.rim_mps[1]));
 }
 
+/// Wheels without power turn: no bridge can brake them. That the bridge itself has not taken the
+/// power is power_cut_while_turning()'s.
+bool coasts(const WheelSample& w) {
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (!w.powered[i] && std::abs(w.rim_mps[i]) >= kStands_mps / 4.0) return true;
+  }
+  return false;
+}
+
+/// Nor can it brake with brakes that do not act.
+bool brakes_are_weak(const Record& record, Instant when) {
+  constexpr Duration kLate = std::chrono::milliseconds{500};
+  return std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
+    return f.kind == FaultKind::weak_brake && f.when <= when && when <= f.until + kLate;
+  });
+}
+
+/// While neither the bridge nor the drives' brakes have a hold on the wheels.
+void permit_physics(const Record& record, Permission& permission) {
+  constexpr Duration kSample = std::chrono::milliseconds{20};
+  for (const WheelSample& w : record.wheels) {
+    if (coasts(w) || brakes_are_weak(record, w.when)) permission.add(w.when, w.when + kSample);
+  }
+}
+
 /// How far and until when a vehicle may go on whose brakes are called for at `from.when`: it goes
 /// on accelerating for `lag`, then brakes at the rates that the bridge or the drives have.
 struct Braking {
@@ -144,6 +169,7 @@ std::optional<Violation> wheels_turn_unarmed(const Record& record) {
   }
   permit_strangers(record, permission);
   permit_silence(record, permission);
+  permit_physics(record, permission);
   return turns_outside(record, permission, reaction(record.limits));
 }
 
@@ -156,6 +182,7 @@ std::optional<Violation> wheels_turn_on_old_commands(const Record& record) {
   }
   permit_strangers(record, permission);
   permit_silence(record, permission);
+  permit_physics(record, permission);
   return turns_outside(record, permission, reaction(record.limits));
 }
 
@@ -164,6 +191,7 @@ std::optional<Violation> wheel_turns_without_setpoints(const Record& record) {
     Permission permission;
     for (const Instant t : record.heard[i]) permission.add(t, t + kDriveDeadline);
     permit_strangers(record, permission);
+    permit_physics(record, permission);
     // Of this wheel alone: the other one may have setpoints.
     Record one;
     one.limits = record.limits;
@@ -199,6 +227,9 @@ std::optional<Violation> on_plans(const Record& record, const Check& check) {
       if (!command->plan) others = std::max(others, braking(w, limits, limits.stale * 2).stands);
     }
     for (; foreign != record.foreign.end() && *foreign <= w.when; ++foreign) {
+      others = std::max(others, braking(w, limits, reaction(limits)).stands);
+    }
+    if (coasts(w) || brakes_are_weak(record, w.when)) {
       others = std::max(others, braking(w, limits, reaction(limits)).stands);
     }
     while (at_seen + 1 < ways.size() && ways[at_seen + 1].first <= seen) ++at_seen;
@@ -242,7 +273,7 @@ std::optional<Violation> blind_too_far(const Record& record) {
 std::optional<Violation> no_rest_at_the_end(const Record& record) {
   constexpr Duration kRest = std::chrono::milliseconds{500};
   for (const WheelSample& w : record.wheels) {
-    if (w.when < record.end - kRest || fastest(w) < 1e-3) continue;
+    if (w.when < record.end - kRest || fastest(w) < 1e-3 || coasts(w)) continue;
     return Violation{w.when, fmt::format("{:.4f} m/s", fastest(w))};
   }
   for (const StateSample& s : record.states) {

@@ -181,9 +181,10 @@ std::optional<Violation> estop_left(const Record& record) {
   auto request = record.requests.begin();
   for (std::size_t i = 0; i < record.states.size(); ++i) {
     const StateSample& s = record.states[i];
-    if (is_first(record, i)) {  // the old one got what came before
-      estop = {};
+    // What the old bridge got after its last cycle, it had no time to remember.
+    if (is_first(record, i)) {
       while (request != record.requests.end() && request->when < record.restarts.front()) ++request;
+      if (estop.latched) estop.pressed = true;
     }
     for (; request != record.requests.end() && request->when < s.when; ++request) {
       estop.on_request(*request);

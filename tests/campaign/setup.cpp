@@ -10,6 +10,15 @@ Setup load_setup() {
   return {scenario, load_drivetrain(scenario.get<CanSettings>().drivetrain_file)};
 }
 
+DrivetrainConfig drivetrain_of(const Setup& setup, const Trial& trial) {
+  DrivetrainConfig drivetrain = setup.drivetrain;
+  auto& config = std::get<Cia402Config>(drivetrain);
+  config.emulated_brake = trial.brake;
+  config.emulated_coasting_radps2 =
+      trial.coast_mps2 / setup.settings.get<VehicleSettings>().wheel_radius_m;
+  return drivetrain;
+}
+
 BridgeSettings settings_of(const Setup& setup, const Trial& trial) {
   BridgeSettings settings = setup.settings;
   auto& can = settings.get<CanSettings>();

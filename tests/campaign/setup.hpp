@@ -14,6 +14,9 @@ struct Setup {
 /// scenarios/hil_vcan.toml with wheels of the drives' own, its drivetrain, and no lead.
 Setup load_setup();
 
+/// The drives of a trial, that coast and brake as it says.
+DrivetrainConfig drivetrain_of(const Setup& setup, const Trial& trial);
+
 /// What the bridge of a trial is told, and what of that rules ask for.
 BridgeSettings settings_of(const Setup& setup, const Trial& trial);
 Limits limits_of(const BridgeSettings& settings);

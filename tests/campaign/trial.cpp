@@ -1,6 +1,7 @@
 #include "tests/campaign/trial.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/base/random.hpp"
 
@@ -13,7 +14,8 @@ double between(RandomEngine& random, double low, double high) {
 
 Fault draw_fault(RandomEngine& random, const Trial& trial) {
   Fault fault;
-  const auto rows = static_cast<double>(fault_rows().size());
+  // Those of the vehicle have a stream of their own: with_vehicle().
+  const auto rows = static_cast<double>(FaultKind::pushed);
   fault.kind = static_cast<FaultKind>(uniform_01(random) * rows);
   const FaultRow& row = row_of(fault.kind);
   fault.when = kStart + from_seconds(between(random, 0.3, to_seconds(trial.quiet) - 0.2));
@@ -64,7 +66,9 @@ const std::vector<FaultRow>& fault_rows() {
       {K::bus_off, "bus-off", 0.0, 1.0},
       {K::bus_stalled, "bus stalled", 0.0, 1.0},
       {K::bus_down, "bus down", 0.0, 1.0},
-      {K::error_passive, "bus error-passive", 0.0, 1.0}};
+      {K::error_passive, "bus error-passive", 0.0, 1.0},
+      {K::pushed, "vehicle pushed", 0.2, 2.0},
+      {K::weak_brake, "brakes weak", 0.2, 2.0}};
   return rows;
 }
 
@@ -93,6 +97,22 @@ Trial draw_trial(std::uint64_t seed) {
   t.end = t.quiet + std::chrono::seconds{4};
   const int faults = 1 + static_cast<int>(8.0 * uniform_01(random));
   for (int k = 0; k < faults; ++k) t.faults.push_back(draw_fault(random, t));
+  return t;
+}
+
+Trial with_vehicle(Trial t) {
+  RandomEngine random = random_stream(t.seed, "vehicle");
+  t.brake = uniform_01(random) < 0.5;
+  // Evenly by its logarithm, from steel on steel to a worm gear.
+  t.coast_mps2 = 0.1 * std::pow(80.0, uniform_01(random));
+  const int faults = static_cast<int>(3.0 * uniform_01(random));
+  for (int k = 0; k < faults; ++k) {
+    Fault fault = draw_fault(random, t);
+    fault.kind = uniform_01(random) < 0.5 ? FaultKind::pushed : FaultKind::weak_brake;
+    t.faults.push_back(fault);
+  }
+  // What pushes ends before the campaign's quiet, and the vehicle rolls out after it.
+  if (!t.brake) t.end = t.quiet + std::chrono::seconds{4} + from_seconds(3.0 / t.coast_mps2);
   return t;
 }
 

@@ -46,6 +46,8 @@ enum class FaultKind : std::uint8_t {
   bus_stalled,
   bus_down,
   error_passive,
+  pushed,      ///< a load accelerates wheels without power
+  weak_brake,  ///< stops are acknowledged, and the ramps act in part
 };
 
 struct FaultRow {
@@ -85,6 +87,8 @@ struct Trial {
   double yaw_deceleration_radps2 = 3.0;
   double max_blind_s = 1.0;
   double max_blind_m = 1.0;
+  bool brake = true;        ///< holds wheels without power; else they coast …
+  double coast_mps2 = 1.0;  ///< … at this deceleration
   double patience_s = 0.3;  ///< of the operator: between requests, and half of it before
   std::vector<Fault> faults;
   Instant quiet;
@@ -92,5 +96,7 @@ struct Trial {
 };
 
 Trial draw_trial(std::uint64_t seed);
+/// The same with another vehicle: how it coasts, and what pushes it or weakens its brakes.
+Trial with_vehicle(Trial trial);
 
 }  // namespace tether::campaign

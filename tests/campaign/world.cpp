@@ -13,6 +13,7 @@
 
 #include "can_bridge/bus/in_process_can.hpp"
 #include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/emulated/cia402.hpp"
 #include "can_bridge/node/can_drive_node.hpp"
 #include "common/bus/in_process_bus.hpp"
 #include "common/bus/message_io.hpp"
@@ -56,7 +57,7 @@ class World {
         can_(loop_, settings_.get<CanSettings>().bit_rate_bps),
         witness_(record_),
         drives_loop_(drives_process_, loop_),
-        drives_(settings_, setup.drivetrain, drives_loop_, bus_, can_.add_port()),
+        drives_(settings_, drivetrain_of(setup, trial), drives_loop_, bus_, can_.add_port()),
         received_([this](const Message& m) { on_message(m); }),
         sent_([this](const CanFrame& f) { on_sent(f); }),
         bridge_(settings_, setup, loop_, bus_, can_.add_port(), received_, sent_),
@@ -91,6 +92,8 @@ class World {
   void on_wheels(const wheel_states_t& m);
   void on_message(const Message& message);
   void on_sent(const CanFrame& frame);
+  void watch_power(const CanFrame& frame);
+  bool powers(std::size_t wheel) const;
   void on_frame(const CanFrame& frame);
   void begin(const Fault& fault);
   void begin_message_fault(const Fault& fault);
@@ -179,7 +182,7 @@ void World::on_wheels(const wheel_states_t& m) {
   if (std::exchange(wheels_turn_, turn) != turn) {
     note(fmt::format("  wheels {}: {:.2f} m/s, {:.2f} m/s", turn ? "turn" : "stand", left, right));
   }
-  record_.wheels.push_back({from_utime(m.utime), {left, right}});
+  record_.wheels.push_back({from_utime(m.utime), {left, right}, {powers(0), powers(1)}});
 }
 
 void World::on_message(const Message& message) {
@@ -191,7 +194,35 @@ void World::on_message(const Message& message) {
   }
 }
 
+bool World::powers(std::size_t wheel) const {
+  const auto& drives = dynamic_cast<const EmulatedCia402&>(drives_.drives());
+  return drives.nodes().at(wheel)->powers(wheel);
+}
+
+void World::watch_power(const CanFrame& frame) {
+  for (std::size_t i = 0; i < 2 && !record_.wheels.empty(); ++i) {
+    const auto node = static_cast<std::uint8_t>(i + 1);
+    const double rim_mps = record_.wheels.back().rim_mps[i];
+    if (frame.id == canopen::kNmt && (frame.data[1] == 0 || frame.data[1] == node)) {
+      const auto command = static_cast<canopen::NmtCommand>(frame.data[0]);
+      if (command == canopen::NmtCommand::reset_node ||
+          command == canopen::NmtCommand::reset_communication) {
+        record_.cuts.push_back({loop_.now(), i, rim_mps, true});
+      }
+      continue;
+    }
+    const bool by_pdo = frame.id == canopen::pdo_id(false, 1, node);
+    const bool by_sdo = frame.id == canopen::kSdoRequest + node && frame.data[0] == 0x2B &&
+                        frame.data[1] == 0x40 && frame.data[2] == 0x60;
+    if (!by_pdo && !by_sdo) continue;
+    const std::uint8_t word = frame.data[by_pdo ? 0 : 4];
+    const bool disables = (word & 2) == 0 || (word & 0x0F) == 0x06;
+    if (disables && powers(i)) record_.cuts.push_back({loop_.now(), i, rim_mps, false});
+  }
+}
+
 void World::on_sent(const CanFrame& frame) {
+  watch_power(frame);
   const bool setpoint =
       frame.id == canopen::pdo_id(false, 1, 1) || frame.id == canopen::pdo_id(false, 1, 2);
   if (!setpoint) return;
@@ -305,6 +336,12 @@ void World::begin_vehicle_fault(const Fault& fault) {
       return inject(fault, drive_fault_t::ENCODER_FREEZE, 0.0);
     case FaultKind::wheel_slip:
       return inject(fault, drive_fault_t::WHEEL_SLIP, fault.share);
+    case FaultKind::pushed: {
+      constexpr double kHardest_radps2 = 5.0;  // 2 m/s² at the rim
+      return inject(fault, drive_fault_t::PUSH, kHardest_radps2 * (2.0 * fault.share - 1.0));
+    }
+    case FaultKind::weak_brake:
+      return inject(fault, drive_fault_t::WEAK_BRAKE, fault.share);
     case FaultKind::bus_off:
       return set_bus(CanState::bus_off);
     case FaultKind::bus_stalled:
@@ -334,11 +371,14 @@ void World::end(const Fault& fault) {
     case K::bridge_restarted:
       if (!record_.restarts.empty()) return;
       record_.restarts.push_back(loop_.now());
+      if (bridge_.node.estop_latched()) next_bridge_.node.restore_estop();
       return next_bridge_.process.set_alive(true);
     case K::drive_silent:
     case K::sdo_abort:
     case K::encoder_freeze:
     case K::wheel_slip:
+    case K::pushed:
+    case K::weak_brake:
       cut_short(fault);
       return inject(fault, drive_fault_t::NONE, 0.0);
     case K::bus_off:
@@ -356,7 +396,8 @@ void World::cut_short(const Fault& fault) {
   for (Fault& other : record_.faults) {
     const bool injected =
         other.kind == FaultKind::drive_silent || other.kind == FaultKind::sdo_abort ||
-        other.kind == FaultKind::encoder_freeze || other.kind == FaultKind::wheel_slip;
+        other.kind == FaultKind::encoder_freeze || other.kind == FaultKind::wheel_slip ||
+        other.kind == FaultKind::pushed || other.kind == FaultKind::weak_brake;
     if (injected && other.node == fault.node) other.until = std::min(other.until, loop_.now());
   }
 }

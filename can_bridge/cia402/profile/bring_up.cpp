@@ -38,7 +38,7 @@ void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame
       listen(now);
       break;
     case Stage::securing:
-      secure(now, service);
+      secure(now, nmt, service);
       break;
     case Stage::configuring:
       configure(now, service);
@@ -73,14 +73,23 @@ void BringUp::listen(Instant now) {
   d_.commanding = d_.nodes.any_running();
 }
 
-void BringUp::secure(Instant now, std::vector<CanFrame>& service) {
+void BringUp::recall_stopped(Instant now, std::vector<CanFrame>& nmt) {
+  if (recalled_ && now - *recalled_ < Drives::kRecall) return;
+  recalled_ = now;
+  for (const Node& node : d_.nodes) {
+    if (node.state != canopen::NmtState::stopped) continue;
+    nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::pre_operational, node.id));
+  }
+}
+
+void BringUp::secure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service) {
+  recall_stopped(now, nmt);
   d_.commanding = d_.commanding || d_.nodes.any_running();
   bool all_safe = d_.stage.elapsed(now) >= listening_time(d_.config);
   bool all_known = true;
   if (!d_.commanding) d_.axes.command_stop(now);
   for (Node& node : d_.nodes) {
-    if (node.booted()) continue;
-    node.inquiry.tick(now, {d_.axes[0].controlword(), d_.axes[1].controlword()}, service);
+    node.inquiry.tick(now, d_.axes.sdo_stop_words(), service);
     d_.axes.on_news(node.inquiry.take_news(), now);
     all_safe = all_safe && may_be_reset(node, now);
     all_known = all_known && node.inquiry.verdict() != Verdict::unknown;
@@ -102,15 +111,24 @@ void BringUp::take_up_positions(Instant now) {
 }
 
 bool BringUp::may_be_reset(const Node& node, Instant now) const {
-  const Verdict verdict = node.inquiry.verdict();
-  if (verdict != Verdict::silent) {
-    return verdict == Verdict::standing && d_.axes.believes_standstill(now);
+  // A fresh witness that turns outweighs whatever else is said, or not said.
+  if (d_.axes.turning_of(node.id, now)) return false;
+  switch (node.inquiry.verdict()) {
+    case Verdict::standing:
+      return d_.axes.believes_standstill(now) && d_.axes.can_have_stopped(node.id);
+    case Verdict::unconfirmed:
+      return d_.stage.elapsed(now) >= kSecureTimeout;
+    case Verdict::unknown:
+    case Verdict::turning:
+      return false;
+    case Verdict::silent:
+      break;
   }
   if (node.lost && d_.stage.elapsed(now) < kBlindBraking) return false;
   if (!node.running) return true;
   for (std::size_t i = 0; i < d_.axes.size(); ++i) {
     if (d_.axes[i].node() != node.id) continue;
-    const bool safe = d_.axes[i].fresh(now) ? d_.axes.released(i) && d_.axes[i].standing(now)
+    const bool safe = d_.axes[i].fresh(now) ? d_.axes.released(i) && d_.axes.stands(i, now)
                                             : d_.stage.elapsed(now) >= kBlindBraking;
     if (!safe) return false;
   }
@@ -120,16 +138,16 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
 std::string BringUp::turning_text(Instant now) const {
   std::string all;
   for (const Node& node : d_.nodes) {
-    if (node.booted() || may_be_reset(node, now)) continue;
+    if (may_be_reset(node, now)) continue;
     std::string name = node.name;
     double speed_radps = 0.0;
     if (const auto& wheel = node.inquiry.fastest()) {
       name = d_.axes[wheel->axis].name();
       speed_radps = wheel->speed_radps;
     }
-    if (node.inquiry.verdict() == Verdict::silent) {
+    if (node.inquiry.verdict() != Verdict::turning) {
       for (const Axis& axis : d_.axes) {
-        if (axis.node() == node.id) speed_radps = axis.feedback().speed_radps;
+        if (axis.node() == node.id) speed_radps = axis.fastest_radps(now).value_or(speed_radps);
       }
     }
     all += fmt::format("{}{}: still turns at {:.2f} m/s after {:g} s", all.empty() ? "" : "; ",
@@ -146,13 +164,24 @@ void BringUp::begin_configuration(Instant now) {
 }
 
 void BringUp::configure(Instant now, std::vector<CanFrame>& service) {
-  for (Node& node : d_.nodes) node.startup.tick(now, service);
+  for (Node& node : d_.nodes) start_up(node, now, service);
   if (std::string refusals = d_.nodes.refusals(); !refusals.empty()) {
     d_.refuse(std::move(refusals));
   } else if (d_.nodes.started_up()) {
     d_.heartbeat.restart_count();
     d_.stage.enter(Stage::beating);
   }
+}
+
+void BringUp::start_up(Node& node, Instant now, std::vector<CanFrame>& service) {
+  const bool again = node.startup.wants_reset_again();
+  if (again) {
+    node.inquiry.tick(now, d_.axes.sdo_stop_words(), service);
+    d_.axes.on_news(node.inquiry.take_news(), now);
+  }
+  node.startup.tick(now, service, !again || may_be_reset(node, now));
+  // Its wheel may have begun to turn since it was asked before the first reset.
+  if (!again && node.startup.wants_reset_again()) node.inquiry.begin();
 }
 
 void BringUp::start_nodes(Instant now, std::vector<CanFrame>& nmt) {
@@ -194,7 +223,7 @@ void BringUp::settle(Instant now) {
       d_.refuse(d_.axes.feedback_text(i));
       return;
     }
-    ready = ready && axis.fresh(now) && axis.standing(now) && axis.confirmed_off();
+    ready = ready && axis.fresh(now) && d_.axes.stands(i, now) && axis.confirmed_off();
   }
   if (!ready) return;
   d_.axes.release();
@@ -231,7 +260,7 @@ std::string BringUp::not_settled(Instant now) const {
   for (std::size_t i = 0; i < d_.axes.size(); ++i) {
     const Axis& axis = d_.axes[i];
     if (!axis.fresh(now)) return d_.axes.feedback_text(i);
-    if (!axis.standing(now)) return axis.name() + ": waiting until its wheel stands";
+    if (!d_.axes.stands(i, now)) return axis.name() + ": waiting until its wheel stands";
     if (!axis.confirmed_off()) {
       return fmt::format("{}: in {}, waiting until its power stage is off", axis.name(),
                          canopen::to_string(axis.state()));

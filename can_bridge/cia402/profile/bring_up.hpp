@@ -1,9 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 
 namespace tether::cia402 {
 
@@ -23,13 +24,16 @@ class BringUp {
  private:
   void note_lost_nodes(Instant now);
   void listen(Instant now);
-  void secure(Instant now, std::vector<CanFrame>& service);
+  /// A drive in NMT "stopped" answers no SDO: to pre-operational, so that it can be asked.
+  void recall_stopped(Instant now, std::vector<CanFrame>& nmt);
+  void secure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
   /// The last look at the counters before the reset sets them anew.
   void take_up_positions(Instant now);
   bool may_be_reset(const Node& node, Instant now) const;
   std::string turning_text(Instant now) const;
   void begin_configuration(Instant now);
   void configure(Instant now, std::vector<CanFrame>& service);
+  void start_up(Node& node, Instant now, std::vector<CanFrame>& service);
   void start_nodes(Instant now, std::vector<CanFrame>& nmt);
   void activate(Instant now, std::vector<CanFrame>& nmt);
   void settle(Instant now);
@@ -38,6 +42,7 @@ class BringUp {
   Drives& d_;
   bool begun_ = false;  // and not yet ticked
   Instant nmt_start_at_{};
+  std::optional<Instant> recalled_;  // the newest NMT command to stopped drives
 };
 
 }  // namespace tether::cia402

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
 
 namespace tether::cia402 {

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
 
 namespace tether::cia402 {

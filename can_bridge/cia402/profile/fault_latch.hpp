@@ -4,9 +4,9 @@
 #include <optional>
 #include <string>
 
-#include "can_bridge/cia402/axis.hpp"
-#include "can_bridge/cia402/profile/axes.hpp"
-#include "can_bridge/cia402/profile/stage.hpp"
+#include "can_bridge/cia402/drives/axis.hpp"
+#include "can_bridge/cia402/drives/axes.hpp"
+#include "can_bridge/cia402/drives/stage.hpp"
 
 namespace tether::cia402 {
 

@@ -87,11 +87,23 @@ void Cia402Profile::on_foreign_sdo(const CanFrame& frame, std::uint8_t node) {
   const std::optional<ObjectRef> object = written_object(frame);
   if (!object || !cia402::is_vital(drives_.config, node, object->index)) return;
   ++counters_.intruder_writes;
+  distrust_part(cia402::stop_part(object->index), node);
   fault(Fault{fmt::format("{}: another sender writes {} by SDO: only one master may configure; "
                           "reset configures the drives anew",
                           drives_.nodes.of(node).name, cia402::object_text(*object)),
               true});
 }
+
+void Cia402Profile::distrust_part(cia402::StopPart part, std::uint8_t node) {
+  if (part == cia402::StopPart::pdo) drives_.nodes.of(node).pdos_doubtful = true;
+  for (std::size_t i = 0; i < drives_.axes.size(); ++i) {
+    if (drives_.axes[i].node() != node) continue;
+    if (part == cia402::StopPart::quick_stop) drives_.axes.stop_by_setpoint(i);
+    if (part == cia402::StopPart::other) drives_.axes.stop_by_quick_stop(i);
+  }
+}
+
+bool Cia402Profile::withholds() const { return assurance_.withholds() || braking_.withholds(); }
 
 void Cia402Profile::on_sdo(const CanFrame& frame, Node& node) {
   bool expected = true;
@@ -100,7 +112,8 @@ void Cia402Profile::on_sdo(const CanFrame& frame, Node& node) {
       expected = node.inquiry.on_sdo(frame);
       break;
     case Stage::configuring:
-      expected = node.startup.on_sdo(frame);
+      expected = node.startup.wants_reset_again() ? node.inquiry.on_sdo(frame)
+                                                  : node.startup.on_sdo(frame);
       break;
     case Stage::verifying:
       expected = node.read_back.on_sdo(frame);
@@ -129,6 +142,8 @@ void Cia402Profile::on_boot_up(Node& node) {
   for (Axis& axis : drives_.axes) {
     if (axis.node() == node.id) axis.reanchor();
   }
+  // Without power, but its wheel may roll: it is asked again.
+  if (drives_.stage.stage() <= Stage::securing) node.inquiry.begin();
   if (drives_.stage.stage() == Stage::configuring) {
     node.startup.on_boot_up();
   } else if (drives_.stage.stage() > Stage::configuring) {
@@ -250,11 +265,16 @@ void Cia402Profile::tick(Instant now, std::vector<CanFrame>& out) {
   std::vector<CanFrame> nmt, service;
   advance(now, nmt, service);
   fault(assurance_.tick(now, nmt));
+  fault(braking_.tick(now, assurance_.stopping()));
   stage.mark(now);
 
   out.insert(out.end(), nmt.begin(), nmt.end());
-  if (drives_.commanding) send_setpoints(now, out);
-  if (!assurance_.withholds()) drives_.heartbeat.tick(now, out);
+  if (drives_.commanding) {
+    send_setpoints(now, out);
+  } else {
+    drives_.axes.bound_speeds(now, {});
+  }
+  if (!withholds()) drives_.heartbeat.tick(now, out);
   assurance_.send_by_sdo(now, service);
   out.insert(out.end(), service.begin(), service.end());
 }
@@ -295,15 +315,16 @@ void Cia402Profile::send_setpoints(Instant now, std::vector<CanFrame>& out) {
   std::array<std::int64_t, 2> targets{};
   // This is the only place that decides whether setpoints are other than zero.
   if (drives_.stage.stage() == Stage::enabled) targets = drives_.axes.target_velocities(command_);
+  drives_.axes.bound_speeds(now, targets);
   std::vector<CanFrame> setpoints;
   drives_.axes.send({wanted_controlword(0, now), wanted_controlword(1, now)}, targets, setpoints);
-  const bool withholds = assurance_.withholds();
   for (const CanFrame& frame : setpoints) {
     const Sender to = cia402::sender_of(frame.id, drives_.config, drives_.axes.pdos());
-    if (withholds && assurance_.withholds_from(drives_.nodes.of(to.node))) continue;
+    if (assurance_.withholds_from(drives_.nodes.of(to.node))) continue;
+    if (braking_.withholds_from(to.node)) continue;
     out.push_back(frame);
   }
-  if (!drives_.config.sync || withholds) return;
+  if (!drives_.config.sync || withholds()) return;
   out.push_back(CanFrame::make(canopen::kSync, {}));
   // Before they are configured, drives may have other PDOs than ours.
   drives_.supervised() ? drives_.axes.on_sync() : drives_.axes.restart_sender_count();
@@ -315,9 +336,10 @@ std::uint16_t Cia402Profile::wanted_controlword(std::size_t i, Instant now) {
     case Stage::enabled:
       return drives_.axes[i].enabling_controlword();
     case Stage::stopping:
-      return stopping_.controlword();
+      return stopping_.controlword(i);
     case Stage::clearing:
-      if (drives_.axes[i].in_fault()) return clearing_.controlword();
+      // A fault reaction is still braking.
+      if (drives_.axes[i].state() == canopen::DriveState::fault) return clearing_.controlword();
       break;
     default:
       break;
@@ -341,6 +363,7 @@ DriveProfile::Counters Cia402Profile::counters() const {
   Counters all = counters_;
   all.stops_by_sdo = assurance_.stops_by_sdo();
   all.heartbeat_withheld = assurance_.times_withheld();
+  all.brake_escalations = braking_.escalations();
   return all;
 }
 
@@ -350,11 +373,18 @@ DrivetrainSnapshot Cia402Profile::snapshot(Instant now) const {
   result.phase = cia402::phase_of(drives_.stage.stage());
   result.reason =
       result.phase == DrivePhase::starting ? bring_up_.waiting_for(now) : drives_.stage.reason();
-  if (const std::string more = assurance_.text(); !more.empty()) result.reason += "; " + more;
-  for (std::size_t i = 0; i < axes.size(); ++i) result.wheels[i] = axes[i].feedback();
+  for (const std::string& more : {assurance_.text(), braking_.text()}) {
+    if (!more.empty()) result.reason += (result.reason.empty() ? "" : "; ") + more;
+  }
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    WheelFeedback& wheel = result.wheels[i];
+    wheel = axes[i].feedback();
+    wheel.fastest_radps = axes[i].fastest_radps(now).value_or(wheel.speed_radps);
+  }
   result.in_doubt = in_doubt(now);
   result.feedback_fresh = axes.fresh(now);
   result.standstill = result.feedback_fresh && axes.standing(now);
+  result.turning = axes.turning(now);
   return result;
 }
 

@@ -9,13 +9,15 @@
 
 #include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/identifiers.hpp"
+#include "can_bridge/cia402/profile/braking.hpp"
 #include "can_bridge/cia402/profile/bring_up.hpp"
 #include "can_bridge/cia402/profile/clearing.hpp"
-#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/profile/enabling.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
 #include "can_bridge/cia402/profile/stop_assurance.hpp"
 #include "can_bridge/cia402/profile/stopping.hpp"
+#include "can_bridge/cia402/stop_objects.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 
 namespace tether {
@@ -32,10 +34,11 @@ struct VehicleConfig;
 /// say "operational", all feedback must be fresh, the power stages off and the wheels standing.
 ///
 /// A reset switches a drive's power stage off, so that its wheel may roll on: no drive is reset
-/// while a wheel is known to turn. Each node, unless it has just booted, is asked by SDO until its
-/// wheels stand (cia402::StandstillInquiry), also one that was not heard; it gets quick stop
-/// commands meanwhile, by PDO if it is operational, by SDO if its power is on. After 5 s:
-/// `refused`, the quick stop stays commanded, and reset_fault() tries again. A node that answers no
+/// while a fresh witness, by PDO or SDO, says that its wheel turns. Each node, unless it has just
+/// booted, is asked by SDO until its wheels stand (cia402::StandstillInquiry), also one that was
+/// not heard; it gets quick stop commands meanwhile, by PDO if it is operational, by SDO if its
+/// power is on. After 5 s: `refused`, the quick stop stays commanded, and reset_fault() tries
+/// again. One that answers, but not with both witnesses, is reset after 5 s. A node that answers no
 /// SDO cannot be asked: an operational one may be reset when its feedback says that it stands or,
 /// without feedback, after 2 s of quick stop commands; one that this bridge had commanded and lost,
 /// after 2 s without the bridge's heartbeat; any other at once.
@@ -54,11 +57,12 @@ struct VehicleConfig;
 /// send, two sources of one synchronous TPDO (cia402::SenderCount; then no standstill is believed
 /// until 5 s after the last, or enable()). Then reset_fault() clears faults with a rising edge of
 /// controlword bit 7, or starts up again where the drive's configuration may be lost. Drives that a
-/// stop does not reach by PDO: cia402::StopAssurance.
+/// stop does not reach by PDO: cia402::StopAssurance. Wheels that do not brake: cia402::Braking.
 ///
-/// Others may read objects by SDO at any time. Whoever writes what start-up configures, any PDO
-/// parameter, or what commands an axis is a fault from the configuration on; other writes are only
-/// told of by intruder(), until the next reset_fault().
+/// Others may read objects by SDO at any time. A write to what start-up configures, to what a stop
+/// depends on (cia402::stop_part()), or to what commands an axis is a fault from the configuration
+/// on, and the stop does not rely on that object; other writes are only told of by intruder(),
+/// until the next reset_fault().
 ///
 /// Before the first frame: `starting`, wheels not valid.
 class Cia402Profile final : public DriveProfile {
@@ -79,6 +83,7 @@ class Cia402Profile final : public DriveProfile {
   /// than 5 s stays commanded and says so in the reason.
   void stop(StopKind kind) override;
   void distrust_standstill(Instant until) override { drives_.axes.distrust_standstill(until); }
+  void require_deceleration(double mps2) override { braking_.require(mps2); }
   void reset_fault() override;
   DrivetrainSnapshot snapshot(Instant now) const override;
   Counters counters() const override;
@@ -92,6 +97,8 @@ class Cia402Profile final : public DriveProfile {
  private:
   void on_intruder(const CanFrame& frame, const cia402::Sender& sender);
   void on_foreign_sdo(const CanFrame& frame, std::uint8_t node);
+  void distrust_part(cia402::StopPart part, std::uint8_t node);
+  bool withholds() const;
   void on_sdo(const CanFrame& frame, cia402::Node& node);
   void on_heartbeat(const CanFrame& frame, cia402::Node& node, Instant now);
   void on_boot_up(cia402::Node& node);
@@ -117,6 +124,7 @@ class Cia402Profile final : public DriveProfile {
   cia402::Stopping stopping_{drives_};
   cia402::Clearing clearing_{drives_};
   cia402::StopAssurance assurance_{drives_};
+  cia402::Braking braking_{drives_};
   Twist command_;
   Counters counters_;
   std::vector<std::uint32_t> intruders_;                          // their identifiers, each once

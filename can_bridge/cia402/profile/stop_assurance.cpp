@@ -11,8 +11,6 @@ using std::chrono::milliseconds;
 
 /// How long an operational drive may take to confirm a stop, before it gets it by SDO, too.
 constexpr Duration kPatience = milliseconds(100);
-/// Between NMT commands to drives that are in NMT "stopped".
-constexpr Duration kRecall = milliseconds(100);
 /// What a vendor's watchdog gets on top of its own time.
 constexpr Duration kWatchdogMargin = milliseconds(100);
 
@@ -72,7 +70,8 @@ std::optional<Fault> StopAssurance::tick(Instant now, std::vector<CanFrame>& nmt
     look_at(node, now);
     if (node.unconfirmed) names += (names.empty() ? "" : ", ") + node.name;
   }
-  if (std::ranges::any_of(d_.nodes, &Node::by_sdo) && (!recalled_ || now - *recalled_ >= kRecall)) {
+  if (std::ranges::any_of(d_.nodes, &Node::by_sdo) &&
+      (!recalled_ || now - *recalled_ >= Drives::kRecall)) {
     recalled_ = now;
     for (const Node& node : d_.nodes) {
       if (!node.by_sdo || node.state != canopen::NmtState::stopped) continue;
@@ -109,13 +108,17 @@ void StopAssurance::look_at(Node& node, Instant now) {
 }
 
 bool StopAssurance::is_confirmed(std::size_t i, Instant now) const {
-  return obeyed_[i] || (d_.axes[i].confirmed_standing(now) && d_.axes.believes_standstill(now));
+  const Axis& axis = d_.axes[i];
+  // Braking says whether an axis that is stopped by its setpoint does brake.
+  const bool takes_setpoint = d_.axes.stops_by_setpoint(i) && axis.fresh(now) &&
+                              axis.state() == canopen::DriveState::operation_enabled;
+  return obeyed_[i] || takes_setpoint || d_.axes.confirmed_standing(i, now);
 }
 
 bool StopAssurance::in_reach_of_pdos(const Node& node, Instant now) const {
-  return node.operational() && std::ranges::all_of(d_.axes, [&](const Axis& axis) {
-           return axis.node() != node.id || axis.fresh(now);
-         });
+  return node.operational() && !node.pdos_doubtful &&
+         std::ranges::all_of(
+             d_.axes, [&](const Axis& axis) { return axis.node() != node.id || axis.fresh(now); });
 }
 
 void StopAssurance::send_by_sdo(Instant now, std::vector<CanFrame>& service) {
@@ -123,7 +126,7 @@ void StopAssurance::send_by_sdo(Instant now, std::vector<CanFrame>& service) {
   if (!d_.commanding) d_.axes.command_stop(now);
   for (Node& node : d_.nodes) {
     if (!node.by_sdo || starves(node, now)) continue;
-    node.stopper.tick(now, {d_.axes[0].controlword(), d_.axes[1].controlword()}, service);
+    node.stopper.tick(now, d_.axes.sdo_stop_words(), service);
     d_.axes.on_news(node.stopper.take_news(), now);
   }
 }

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
 
 namespace tether::cia402 {
@@ -44,6 +44,8 @@ class StopAssurance {
   /// For reasons; "" while nothing is withheld.
   std::string text() const;
 
+  /// A stop is under way, as of the last tick.
+  bool stopping() const { return since_.has_value(); }
   std::int64_t stops_by_sdo() const;
   std::int64_t times_withheld() const { return times_withheld_; }
 

@@ -15,8 +15,8 @@ void Stopping::begin(StopKind kind) {
   braking_ = true;
 }
 
-std::uint16_t Stopping::controlword() const {
-  return braking_ ? canopen::kControlQuickStop : canopen::kControlDisableVoltage;
+std::uint16_t Stopping::controlword(std::size_t i) const {
+  return braking_ ? d_.axes.braking_controlword(i) : canopen::kControlDisableVoltage;
 }
 
 std::optional<Fault> Stopping::tick(Instant now) {
@@ -41,9 +41,9 @@ void Stopping::brake(Instant now) {
   const bool first = d_.stage.elapsed(now) == Duration{0};
   const bool at_once = first && kind_ == StopKind::disable;
   // A quick stop is sent at least once.
-  bool still = at_once || (!first && d_.axes.believes_standstill(now));
-  for (const Axis& axis : d_.axes) {
-    still = still && (at_once ? axis.standing(now) : axis.confirmed_standing(now));
+  bool still = at_once || !first;
+  for (std::size_t i = 0; i < d_.axes.size(); ++i) {
+    still = still && (at_once ? d_.axes.stands(i, now) : d_.axes.confirmed_standing(i, now));
   }
   if (still) {
     braking_ = false;
@@ -56,7 +56,7 @@ void Stopping::brake(Instant now) {
 
 std::string Stopping::overdue_text(Instant now) const {
   for (std::size_t i = 0; i < d_.axes.size(); ++i) {
-    if (d_.axes[i].standing(now)) continue;
+    if (d_.axes.stands(i, now)) continue;
     if (!d_.axes[i].fresh(now)) return d_.axes.feedback_text(i) + "; stop stays commanded";
     return fmt::format(
         "{}: its wheel still turns {:g} s after the quick stop: check brake and "

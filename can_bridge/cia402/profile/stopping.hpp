@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
 
 namespace tether::cia402 {
@@ -19,7 +19,7 @@ class Stopping {
   /// Enters `standby` when both power stages are off. A quick stop that takes longer than 5 s stays
   /// commanded and says so in the reason; a power stage that stays on is a fault.
   std::optional<Fault> tick(Instant now);
-  std::uint16_t controlword() const;
+  std::uint16_t controlword(std::size_t i) const;
 
  private:
   void brake(Instant now);

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <optional>
 
-#include "can_bridge/cia402/profile/drives.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
 
 /// What is wrong with drives that are supervised; nullopt: nothing.

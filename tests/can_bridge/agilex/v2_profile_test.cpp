@@ -123,14 +123,37 @@ TEST(AgilexProfile, AQuickStopCommandsZeroUntilStandstillThenStandby) {
   EXPECT_EQ(b.phase(), DrivePhase::standby);
 }
 
-TEST(AgilexProfile, AWheelThatNeverStandsEndsBrakingAfter3Seconds) {
+TEST(AgilexProfile, AChassisWhoseWheelsTurnIsNeverPutIntoStandby) {
   Bridge b;
   b.to_enabled();
   b.motion = {1000, 0};
   b.profile.stop(StopKind::quick);
+  EXPECT_EQ(count(b.tick_for(6000), 0x421), 0);
+  EXPECT_EQ(b.phase(), DrivePhase::faulted);
+  EXPECT_THAT(b.reason(), ::testing::HasSubstr("its wheels still turn after a stop"));
+}
+
+TEST(AgilexProfile, AWayThatGrowsIsNoStandstillThoughTheSpeedReadsZero) {
+  Bridge b;
+  b.to_enabled();
+  b.tick_for(200);
+  EXPECT_TRUE(b.snapshot().standstill);
+  b.profile.stop(StopKind::quick);
+  for (int i = 0; i < 100; ++i) {
+    b.odometry.left_mm += 10;
+    EXPECT_EQ(count(b.tick(), 0x421), 0);
+    EXPECT_FALSE(b.snapshot().standstill);
+    EXPECT_TRUE(b.snapshot().turning);
+  }
+}
+
+TEST(AgilexProfile, WithoutFreshWitnessesBrakingEndsAfter3Seconds) {
+  Bridge b;
+  b.to_enabled();
+  b.profile.stop(StopKind::quick);
+  b.profile.distrust_standstill(b.now() + std::chrono::seconds{60});
   EXPECT_EQ(count(b.tick_for(3000), 0x421), 0);
   EXPECT_EQ(newest(b.tick(), 0x421), agilex::mode_frame(Mode::standby));
-  EXPECT_EQ(b.phase(), DrivePhase::stopping);
 }
 
 TEST(AgilexProfile, AStandstillThatIsNotToBeBelievedDoesNotEndBraking) {
@@ -142,12 +165,16 @@ TEST(AgilexProfile, AStandstillThatIsNotToBeBelievedDoesNotEndBraking) {
   EXPECT_EQ(newest(b.tick_for(200), 0x421), agilex::mode_frame(Mode::standby));
 }
 
-TEST(AgilexProfile, DisableLeavesTheBrakingOut) {
-  Bridge b;
-  b.to_enabled();
-  b.motion = {1000, 0};
-  b.profile.stop(StopKind::disable);
-  EXPECT_EQ(newest(b.tick(), 0x421), agilex::mode_frame(Mode::standby));
+TEST(AgilexProfile, DisableLeavesTheBrakingOutUnlessAWheelTurns) {
+  Bridge stands;
+  stands.to_enabled();
+  stands.profile.stop(StopKind::disable);
+  EXPECT_EQ(newest(stands.tick(), 0x421), agilex::mode_frame(Mode::standby));
+  Bridge turns;
+  turns.to_enabled();
+  turns.motion = {1000, 0};
+  turns.profile.stop(StopKind::disable);
+  EXPECT_EQ(count(turns.tick_for(1000), 0x421), 0);
 }
 
 TEST(AgilexProfile, AStopRevokesAChangeOfModeThatIsUnderWay) {

@@ -57,7 +57,7 @@ TEST(AgilexTrust, AChassisThatWasLostIsInDoubtUnlessItsNewestWordsSayThatItStand
       Bridge b;
       b.state.mode = mode;
       b.motion = {v_mmps, 0};
-      b.tick_for(100);
+      b.tick_for(140);
       b.silent = true;
       b.tick_for(1000);
       EXPECT_EQ(b.snapshot().in_doubt, mode == Mode::can || v_mmps != 0) << v_mmps;
@@ -88,13 +88,15 @@ TEST(AgilexTrust, DisableEndsTheBrakingOfAQuickStopThatIsUnderWay) {
   b.to_enabled();
   b.profile.stop(StopKind::quick);
   EXPECT_EQ(count(b.tick_for(100), 0x421), 0);
+  b.motion = {};
+  b.tick_for(40);
+  b.profile.distrust_standstill(b.now() + std::chrono::seconds{60});
   b.profile.stop(StopKind::disable);
-  EXPECT_EQ(newest(b.tick(), 0x421), agilex::mode_frame(Mode::standby));
+  EXPECT_EQ(newest(b.tick_for(120), 0x421), agilex::mode_frame(Mode::standby));
 }
 
 TEST(AgilexTrust, AQuickStopDoesNotTakeBackADisable) {
   Bridge b;
-  b.motion = {800, 0};
   b.to_enabled();
   b.profile.stop(StopKind::disable);
   b.profile.stop(StopKind::quick);

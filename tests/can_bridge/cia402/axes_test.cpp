@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/profile/axes.hpp"
+#include "can_bridge/cia402/drives/axes.hpp"
 
 #include <gtest/gtest.h>
 
@@ -21,36 +21,115 @@ CanFrame feedback(std::uint8_t node, std::uint16_t statusword, std::int32_t spee
   return frame;
 }
 
+/// 100 ms in which axis 1 reports that it stands, the position included; returns its end.
+Instant stand(Axes& axes, Instant from = kStart) {
+  const Instant until = from + milliseconds(100);
+  for (Instant t = from; t <= until; t += milliseconds(20)) {
+    axes.on_feedback(feedback(1, 0x0017, 0), t);
+    axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), t);
+  }
+  return until;
+}
+
 TEST(Axes, AnAxisStandsBeforeItsPowerGoesOff) {
   Axes axes(two_nodes(), 0.1, 0.5);
   std::vector<CanFrame> out;
   axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
   ASSERT_TRUE(axes.on_feedback(feedback(1, 0x0017, 1000), kStart));
   EXPECT_EQ(axes.stop_controlword(0, kStart), canopen::kControlQuickStop);
-  axes.on_feedback(feedback(1, 0x0017, 0), kStart);
-  EXPECT_EQ(axes.stop_controlword(0, kStart), canopen::kControlDisableVoltage);
+  const Instant now = stand(axes);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlDisableVoltage);
   EXPECT_TRUE(axes.released(0));
-  EXPECT_EQ(axes.stop_controlword(1, kStart), canopen::kControlQuickStop) << "nothing is known";
+  EXPECT_EQ(axes.stop_controlword(1, now), canopen::kControlQuickStop) << "nothing is known";
+}
+
+TEST(Axes, ASpeedOfZeroAloneSwitchesNoPowerOff) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
+  for (int ms = 0; ms <= 400; ms += 20) {
+    axes.on_feedback(feedback(1, 0x0017, 0), kStart + milliseconds(ms));
+    EXPECT_EQ(axes.stop_controlword(0, kStart + milliseconds(ms)), canopen::kControlQuickStop);
+  }
+}
+
+TEST(Axes, NoWheelStandsSoonerThanItsRampCanStopItWhateverBothWitnessesSay) {
+  // 0x6085 = 3000 rpm/s: from 600 rpm in 0.2 s, and 60 ms in which the drive has not begun.
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  Instant now = stand(axes);
+  axes.bound_speeds(now, {600, 0});
+  axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
+  for (int ms = 20; ms <= 280; ms += 20) {
+    now += milliseconds(20);
+    axes.bound_speeds(now, kStill);
+    axes.on_feedback(feedback(1, 0x0017, 0), now);
+    axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
+    EXPECT_EQ(axes.stop_controlword(0, now) == canopen::kControlDisableVoltage, ms >= 240) << ms;
+  }
+}
+
+TEST(Axes, AnAxisThatStopsBySetpointIsEnabledUntilItStands) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  axes.on_feedback(feedback(1, 0x0237, 1000), kStart);
+  axes.stop_by_setpoint(0);
+  EXPECT_EQ(axes.stop_controlword(0, kStart), canopen::kControlEnableOperation);
+  EXPECT_EQ(axes.stop_controlword(1, kStart), canopen::kControlQuickStop);
+  axes.send({canopen::kControlEnableOperation, canopen::kControlQuickStop}, kStill, out);
+  EXPECT_EQ(axes.sdo_stop_words()[0], canopen::kControlQuickStop) << "SDO switches nothing on";
+  const Instant now = stand(axes);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlDisableVoltage);
+}
+
+TEST(Axes, AnAxisThatIsOffIsNotEnabledToStopIt) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  axes.stop_by_setpoint(0);
+  for (const std::uint16_t state : {0x0231, 0x0233, 0x0218}) {
+    axes.on_feedback(feedback(1, state, 1000), kStart);
+    EXPECT_EQ(axes.braking_controlword(0), canopen::kControlQuickStop);
+  }
+}
+
+TEST(Axes, AnAxisThatAnotherSwitchesOnAgainIsBrakedAgain) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
+  const Instant now = stand(axes);
+  ASSERT_EQ(axes.stop_controlword(0, now), canopen::kControlDisableVoltage);
+  axes.on_feedback(feedback(1, 0x0237, 100), now);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlQuickStop);
+}
+
+TEST(Axes, APositionOfAfterTheQuickStopAloneConfirmsNoStandstill) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  const Instant now = stand(axes);
+  axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
+  axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlQuickStop);
 }
 
 TEST(Axes, ADistrustedStandstillSwitchesNoPowerOff) {
   Axes axes(two_nodes(), 0.1, 0.5);
   std::vector<CanFrame> out;
-  axes.distrust_standstill(kStart + milliseconds(50));
+  axes.distrust_standstill(kStart + milliseconds(150));
   axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
-  axes.on_feedback(feedback(1, 0x0017, 0), kStart);
-  EXPECT_EQ(axes.stop_controlword(0, kStart), canopen::kControlQuickStop);
-  EXPECT_EQ(axes.stop_controlword(0, kStart + milliseconds(50)), canopen::kControlDisableVoltage);
+  const Instant now = stand(axes);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlQuickStop);
+  EXPECT_EQ(axes.stop_controlword(0, now + milliseconds(50)), canopen::kControlDisableVoltage);
 }
 
 TEST(Axes, OnlyFeedbackOfAfterTheQuickStopConfirmsAStandstill) {
   Axes axes(two_nodes(), 0.1, 0.5);
   std::vector<CanFrame> out;
-  axes.on_feedback(feedback(1, 0x0017, 0), kStart);
+  const Instant now = stand(axes);
   axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
-  EXPECT_EQ(axes.stop_controlword(0, kStart), canopen::kControlQuickStop);
-  axes.on_feedback(feedback(1, 0x0017, 0), kStart);
-  EXPECT_EQ(axes.stop_controlword(0, kStart), canopen::kControlDisableVoltage);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlQuickStop);
+  axes.on_feedback(feedback(1, 0x0017, 0), now);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlQuickStop) << "no position yet";
+  axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
+  EXPECT_EQ(axes.stop_controlword(0, now), canopen::kControlDisableVoltage);
 }
 
 TEST(Axes, OneControlwordForBothAxesIsTheMoreCautious) {

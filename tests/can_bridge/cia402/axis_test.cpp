@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/axis.hpp"
+#include "can_bridge/cia402/drives/axis.hpp"
 
 #include <gtest/gtest.h>
 
@@ -188,13 +188,15 @@ TEST_F(AxisTest, IsFreshUntilJustBeforeTheTimeoutOfItsOldestSignal) {
 TEST_F(AxisTest, StandsBelowTheThresholdAndOnlyByFreshFeedback) {
   config.actual_velocity_per_rps = {60000, 1};
   axis = make();
-  speed(477, 0);  // 0.04995 rad/s
-  EXPECT_TRUE(axis.standing(at(99)));
-  EXPECT_FALSE(axis.standing(at(100)));
-  speed(478, 100);  // 0.05006 rad/s
-  EXPECT_FALSE(axis.standing(at(100)));
-  speed(-478, 100);
-  EXPECT_FALSE(axis.standing(at(100)));
+  for (const int ms : {0, 50, 100}) position(1000, ms);
+  speed(477, 100);  // 0.04995 rad/s
+  EXPECT_TRUE(axis.standing(at(199)));
+  EXPECT_FALSE(axis.standing(at(200)));
+  position(1000, 200);
+  speed(478, 200);  // 0.05006 rad/s
+  EXPECT_TRUE(axis.turning(at(200)));
+  speed(-478, 200);
+  EXPECT_TRUE(axis.turning(at(200)));
 }
 
 TEST_F(AxisTest, AStatuswordFromBeforeTheControlwordConfirmsNothing) {

@@ -198,12 +198,13 @@ inline CanFrame emergency(std::uint8_t node, std::uint16_t code) {
                          static_cast<std::uint8_t>(code >> 8), 0, 0, 0, 0, 0, 0});
 }
 
-/// The healthy left wheel brakes and goes off; nothing moves again by itself.
-inline void expect_left_stops_and_stays_stopped(Bench& bench) {
+/// The healthy left wheel brakes and goes off; nothing moves again by itself. `braking`: the
+/// controlword meanwhile.
+inline void expect_left_stops_and_stays_stopped(Bench& bench, int braking = 0x0002) {
   bench.profile.set_command({1.0, 0.0});
   bench.cycle();
   EXPECT_EQ(bench.phase(), DrivePhase::faulted);
-  EXPECT_EQ(bench.controlword(0x201), 0x0002);
+  EXPECT_EQ(bench.controlword(0x201), braking);
   EXPECT_EQ(bench.target(0x201), 0);
   EXPECT_EQ(bench.target(0x202), 0);
   EXPECT_TRUE(bench.run_until(

@@ -60,7 +60,9 @@ class FakeDrive {
   int lost_replies = 0;          // so many SDO replies are lost
   std::set<Key> insisted_bits;   // objects that keep bit 30, and abort writes without it
   bool shows_mode_late = false;  // 0x6061 is 0 unless enabled
-  std::optional<std::int64_t> enabled_mode;  // 0x6061 while enabled
+  std::optional<std::int64_t> enabled_mode;    // 0x6061 while enabled
+  std::optional<std::int64_t> speed_reads;     // 0x606C, whatever the wheel does
+  std::optional<std::int64_t> position_reads;  // 0x6064, likewise
 
   std::vector<Axis> axes;
   canopen::NmtState nmt = canopen::NmtState::operational;
@@ -295,8 +297,8 @@ class FakeDrive {
       const AxisConfig& o = axis.objects;
       if (cleared.insert(key(o.statusword)).second) values_[key(o.statusword)] = 0;
       values_[key(o.statusword)] |= std::int64_t{statusword(axis.state)} << o.statusword_shift;
-      values_[key(o.actual_velocity)] = axis.speed;
-      values_[key(o.actual_position)] = axis.position;
+      values_[key(o.actual_velocity)] = speed_reads.value_or(axis.speed);
+      values_[key(o.actual_position)] = position_reads.value_or(axis.position);
       values_[key(o.error_code)] = axis.error;
       values_[key(o.mode_display)] = shown_mode(axis);
     }

@@ -289,6 +289,7 @@ TEST(Cia402Fault, OnceAWheelStoodItsPowerStageStaysOffWithoutFeedbackToo) {
   bench.right().trip(bench.right_axis(), 0x3210);
   bench.cycle();
   while (bench.left_axis().speed != 0) bench.cycle();
+  bench.run(milliseconds(120));
   bench.left().send_feedback = false;
   bench.cycle();
   ASSERT_EQ(bench.controlword(0x201), 0x0000);

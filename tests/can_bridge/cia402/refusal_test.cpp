@@ -258,7 +258,7 @@ TEST(Cia402Refusal, ADriveThatKeepsRebootingIsRefused) {
   Bench bench;
   bench.profile.start(bench.now);
   for (int i = 0; i < 3; ++i) {
-    bench.run(milliseconds(400));
+    bench.run(milliseconds(500));
     bench.deliver(canopen::heartbeat_frame(2, canopen::NmtState::boot_up));
   }
   bench.cycle();

@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/sender_count.hpp"
+#include "can_bridge/cia402/drives/sender_count.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
-#include "can_bridge/cia402/profile/stage.hpp"
+#include "can_bridge/cia402/drives/stage.hpp"
 
 #include <gtest/gtest.h>
 
-#include "can_bridge/cia402/profile/heartbeat.hpp"
-#include "can_bridge/cia402/profile/nodes.hpp"
+#include "can_bridge/cia402/drives/heartbeat.hpp"
+#include "can_bridge/cia402/drives/nodes.hpp"
 #include "tests/can_bridge/cia402/bench.hpp"
 
 namespace tether::cia402 {

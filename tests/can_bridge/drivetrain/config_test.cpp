@@ -35,9 +35,11 @@ struct Toml {
       "objects = [\"statusword\", \"actual_velocity\"]\n";
   std::string tpdo2 =
       "[[pdo]]\nnode = [1, 2]\ntpdo = 2\ntransmission = 1\nobjects = [\"actual_position\"]\n";
+  std::string ramp =
+      "[[setup]]\nnode = [1, 2]\nobject = \"0x6085:00 u32\"\nvalue = 100\nmeaning = \"ramp\"\n";
 
   std::string text() const {
-    return head + bridge + drives + left + right + setup + watchdog + rpdo + tpdo1 + tpdo2;
+    return head + bridge + drives + left + right + setup + watchdog + rpdo + tpdo1 + tpdo2 + ramp;
   }
 };
 
@@ -88,7 +90,7 @@ TEST(DrivetrainFile, SetupKeepsItsOrderNodeByNode) {
       "[[setup]]\nnode = 2\nobject = \"0x605E:00 i16\"\nvalue = -1\nrequired = false\n"
       "meaning = \"last\"\n";
   const Cia402Config c = parse(toml);
-  ASSERT_EQ(c.setup.size(), 3U);
+  ASSERT_EQ(c.setup.size(), 5U) << "and the ramp of both";
   EXPECT_EQ(c.setup[0].node, 1);
   EXPECT_EQ(c.setup[1].node, 2);
   EXPECT_TRUE(c.setup[1].required);
@@ -169,7 +171,7 @@ const Bad kReading[] = {
     {"NoSuchSide", &Toml::left, "[left]", "[drives.left]",
      "test.toml:7: unknown key \"drives.left\": allowed are heartbeat_ms, heartbeat_timeout_ms, "
      "feedback_timeout_ms, boot_timeout_ms, sdo_timeout_ms, sdo_retries, step_timeout_ms, "
-     "standstill_radps, emcy_warnings"},
+     "standstill_radps, emcy_warnings, stop"},
     {"NoErrorAsWarning", &Toml::drives, "feedback_timeout_ms = 100", "emcy_warnings = [0x8110, 0]",
      "test.toml:6: drives.emcy_warnings = [0x8110, 0] is not allowed: must be a whole number "
      "from "
@@ -326,6 +328,8 @@ std::string one_node(const std::string& right_objects) {
   Toml toml;
   toml.right = replaced(toml.right, "node = 2", "node = 1") + right_objects;
   toml.setup.clear();
+  toml.ramp.clear();
+  toml.drives = "[drives]\nstop = \"setpoint\"\n";
   toml.watchdog = replaced(toml.watchdog, "[1, 2]", "1");
   toml.rpdo = toml.tpdo1 = toml.tpdo2 = "";
   toml.rpdo =

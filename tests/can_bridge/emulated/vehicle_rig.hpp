@@ -37,6 +37,8 @@ inline Cia402Config without_deadlines(bool brake, std::int64_t reaction) {
 /// Bridge and drives on one ideal bus; wheels follow their targets. 20 ms control cycle.
 class Vehicle {
  public:
+  static constexpr double kRequired_mps2 = 3.0;
+
   explicit Vehicle(const Cia402Config& config) : config_(config), drives_(config, kStart) {
     drives_.set_wheels({});
     start_bridge();
@@ -44,6 +46,7 @@ class Vehicle {
 
   void start_bridge() {
     bridge_ = make_drive_profile(config_, VehicleConfig{});
+    bridge_->require_deceleration(kRequired_mps2);
     bridge_->start(now_);
   }
   void kill_bridge() { bridge_.reset(); }
@@ -84,7 +87,7 @@ class Vehicle {
     bridge_->set_command({.v_mps = v_mps, .omega_radps = 0.0});
     run(3000);
     ASSERT_NEAR(speed_mps(), v_mps, 0.01);
-    fastest_reset_mps_ = 0.0;
+    fastest_reset_mps_ = fastest_cut_mps_ = 0.0;
     resets_ = 0;
   }
 
@@ -108,6 +111,20 @@ class Vehicle {
   }
   int resets() const { return resets_; }
   double fastest_reset_mps() const { return fastest_reset_mps_; }
+  /// The fastest wheel whose power the bridge cut by "disable voltage".
+  double fastest_cut_mps() const { return fastest_cut_mps_; }
+  /// How far both wheels went on the mean.
+  double way_m() const {
+    return (wheels_.angle_rad[0] + wheels_.angle_rad[1]) / 2.0 * VehicleConfig{}.wheel_radius_m;
+  }
+  /// How many heartbeats the bridge sends within this time.
+  int heartbeats(int milliseconds) {
+    heartbeats_ = setpoints_ = 0;
+    run(milliseconds);
+    return heartbeats_;
+  }
+  /// How many setpoints it sent meanwhile.
+  int setpoints() const { return setpoints_; }
 
  private:
   void turn_wheels() {
@@ -126,6 +143,13 @@ class Vehicle {
         ++resets_;
         fastest_reset_mps_ = std::max(fastest_reset_mps_, speed_mps());
       }
+      if (frame.id == 0x77F) ++heartbeats_;
+      if (frame.id == 0x201 || frame.id == 0x202) ++setpoints_;
+      const std::size_t wheel = frame.id == 0x202 ? 1 : 0;
+      const bool disables = (frame.id == 0x201 || frame.id == 0x202) && (frame.data[0] & 2) == 0;
+      if (disables && drives_.nodes()[wheel % drives_.nodes().size()]->powers(wheel)) {
+        fastest_cut_mps_ = std::max(fastest_cut_mps_, std::abs(rim_mps(wheel)));
+      }
       drives_.on_frame(frame, now_, to_bridge);
     }
   }
@@ -137,6 +161,9 @@ class Vehicle {
   WheelStates wheels_;
   int resets_ = 0;
   double fastest_reset_mps_ = 0.0;
+  double fastest_cut_mps_ = 0.0;
+  int heartbeats_ = 0;
+  int setpoints_ = 0;
 };
 
 }  // namespace tether::test

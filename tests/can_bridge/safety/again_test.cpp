@@ -13,7 +13,7 @@ struct SecondTime : SafetyRig {
     for (int i = 0; i < cycles; ++i) {
       now += kCycle;
       command(v_mps);
-      for (WheelFeedback& w : drives.wheels) w.angle_rad += last.twist.v_mps * 0.02 / 0.4;
+      turn_wheels();
       cycle();
     }
   }
@@ -82,7 +82,8 @@ TEST_F(SecondTime, AWheelThatDidNotFollowBeforeIsJudgedAnew) {
   for (WheelFeedback& w : drives.wheels) w.valid = true;
   arm();
   drive_with_wheels(1.0, 200);
-  keep_commanding(20, 1.0);  // both encoders freeze
+  freeze_wheels();
+  keep_commanding(20, 1.0);
   ASSERT_FALSE(last.may_move);
   for (int i = 0; i < 100; ++i) cycle_after(kCycle);
   ASSERT_EQ(last.state, BridgeState::fault) << last.reason;
@@ -106,10 +107,11 @@ struct LyingFeedback : SafetyRig {
     for (int i = 0; i < 300; ++i) {
       now += kCycle;
       command(kSpeed_mps);
-      for (WheelFeedback& w : drives.wheels) w.angle_rad += last.twist.v_mps * 0.02 / 0.4;
+      turn_wheels();
       cycle();
     }
     drives.standstill = true;
+    freeze_wheels();
     for (int i = 0; i < 20 && last.action == Action::none; ++i) keep_commanding(1, kSpeed_mps);
     EXPECT_EQ(last.action, Action::quick_stop) << last.reason;
     return now;

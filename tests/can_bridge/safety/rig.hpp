@@ -99,6 +99,17 @@ struct SafetyRig : ::testing::Test {
     ASSERT_NEAR(last.twist.v_mps, v_mps, 1e-9);
     drives.standstill = false;
   }
+  /// For one cycle the wheels turn as they were last told.
+  void turn_wheels() {
+    for (WheelFeedback& wheel : drives.wheels) {
+      wheel.speed_radps = last.twist.v_mps / 0.4;
+      wheel.angle_rad += wheel.speed_radps * to_seconds(kCycle);
+    }
+  }
+  /// Both encoders freeze: speed and position.
+  void freeze_wheels() {
+    for (WheelFeedback& wheel : drives.wheels) wheel.speed_radps = 0.0;
+  }
   /// Cycles, `n` of them, with a fresh command before each.
   void keep_commanding(int n, double v_mps, double omega_radps = 0.0) {
     for (int i = 0; i < n; ++i) {

@@ -54,6 +54,8 @@ const std::map<std::string, std::int32_t>& fault_kinds() {
       {"sdo_abort", drive_fault_t::SDO_ABORT},
       {"encoder_freeze", drive_fault_t::ENCODER_FREEZE},
       {"wheel_slip", drive_fault_t::WHEEL_SLIP},
+      {"push", drive_fault_t::PUSH},
+      {"weak_brake", drive_fault_t::WEAK_BRAKE},
       {"safety_input", drive_fault_t::SAFETY_INPUT}};
   return kKinds;
 }
@@ -76,7 +78,8 @@ void add_inject(CLI::App& can, const SharedOptions& options, Action& action) {
       ->add_option("--value", options->value,
                    "fault: error code; silence: seconds, 0 for good; sdo_abort: object index, 0 "
                    "for all; wheel_slip: share, above 0, up to 1; safety_input: 0 demands, 1 is "
-                   "silent, 2 makes no sense")
+                   "silent, 2 makes no sense; push: acceleration of wheels without power, rad/s^2; "
+                   "weak_brake: share of the brake ramps that acts, 0 to 1")
       ->capture_default_str();
   command->callback([options, &action] {
     action = [options] {

@@ -9,6 +9,7 @@
 
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/canopen/sdo_client.hpp"
+#include "can_bridge/cia402/drives/axis.hpp"
 #include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/pdo.hpp"
 
@@ -18,24 +19,24 @@ namespace tether::cia402 {
 /// in NMT pre-operational, too, where a drive tells nothing and takes no setpoint by PDO. No I/O
 /// and no clock.
 ///
-/// Read of each axis: statusword and actual velocity. Wheels stand when all of them are slower than
-/// standstill_radps; with a power stage that is on, for half a second, because they might be
-/// starting. Objects whose reading the node aborts are left out of the judgement.
+/// Read of each axis: statusword, actual velocity and position. Wheels stand when all of them do by
+/// both witnesses (WheelMotion); with a power stage that is on, for half a second, because they
+/// might be starting. An object whose reading the node aborts is a witness that says nothing.
 ///
-/// Read besides, unless wheels have to stop first: each axis' position, and the node's watchdog,
-/// which start-up has set. A drive that has rebooted has lost what start-up set (CiA 301,
-/// 7.2.8.2.2: power-on values), unless somebody stored it in the drive; its position is then not
-/// told.
+/// Read besides, unless wheels have to stop first: the node's watchdog, which start-up has set. A
+/// drive that has rebooted has lost what start-up set (CiA 301, 7.2.8.2.2: power-on values), unless
+/// it was stored in the drive; position() then returns nothing.
 ///
 /// Written of each axis: its controlword, "quick stop" or "disable voltage" and nothing else, as
 /// long as the newest statusword does not show that the axis obeys.
 class StandstillInquiry {
  public:
   enum class Verdict {
-    unknown,   ///< no answer yet
-    silent,    ///< none in all tries; it is asked on
-    turning,   ///< as the newest answers say
-    standing,  ///< as the newest answers say
+    unknown,      ///< not enough answers yet
+    silent,       ///< no answer in all tries; it is asked on
+    turning,      ///< as the newest answers say
+    standing,     ///< as the newest answers say
+    unconfirmed,  ///< it answers, and a witness is missing; none says that it turns
   };
   struct Wheel {
     std::size_t axis = 0;  ///< 0 left, 1 right
@@ -72,10 +73,11 @@ class StandstillInquiry {
     std::optional<canopen::DriveState> state{};
     std::optional<double> speed_radps{};
     bool asked = false;  // the state, at least once
-    bool power_off = true;
+    bool power_off = false;
     std::optional<std::int64_t> position{};
+    Axis witness;
   };
-  enum class Asked { controlword, statusword, velocity, watchdog, position };
+  enum class Asked { controlword, statusword, velocity, position, watchdog };
   struct Question {
     Asked asked{};
     std::size_t reading = 0;
@@ -86,14 +88,17 @@ class StandstillInquiry {
   bool is_due(const Question& question, const std::array<std::uint16_t, 2>& stop_words) const;
   void ask(const std::array<std::uint16_t, 2>& stop_words);
   void on_result(const SdoResult& result, Instant now);
-  void note(const Question& question, const SdoResult& result);
+  void note(const Question& question, const SdoResult& result, Instant now);
+  Reading blank(std::size_t axis) const;
   void on_statusword(Reading& reading, const SdoResult& result);
-  void on_velocity(Reading& reading, const SdoResult& result);
+  void on_velocity(Reading& reading, const SdoResult& result, Instant now);
+  void on_position(Reading& reading, const SdoResult& result, Instant now);
   void judge(Instant now);
   bool has_to_write(const Reading& reading, std::uint16_t stop_word) const;
 
   Cia402Config config_;
   SdoClient sdo_;
+  Duration round_;  // the longest that all answers of a round may take
   bool stop_first_ = false;
   std::vector<Reading> readings_;    // of this round, or of the last one where not yet asked
   std::vector<Question> questions_;  // of a round

@@ -1,7 +1,6 @@
-#include "can_bridge/cia402/standstill.hpp"
+#include "can_bridge/cia402/drives/standstill.hpp"
 
 #include <cmath>
-#include <numbers>
 
 namespace tether::cia402 {
 namespace {
@@ -24,19 +23,25 @@ bool obeys_quick_stop(std::optional<DriveState> state) {
 
 StandstillInquiry::StandstillInquiry(const Cia402Config& config, std::uint8_t node,
                                      Duration timeout)
-    : config_(config), sdo_(node, timeout, config.sdo_retries) {
+    : config_(config), sdo_(node, timeout, config.sdo_retries), round_(timeout) {
   for (std::size_t axis = 0; axis < config.axes.size(); ++axis) {
-    if (config.axes[axis].node == node) readings_.push_back({.axis = axis});
+    if (config.axes[axis].node == node) readings_.push_back(blank(axis));
   }
   add_questions(Asked::controlword, &AxisConfig::controlword);
   add_questions(Asked::statusword, &AxisConfig::statusword);
   add_questions(Asked::velocity, &AxisConfig::actual_velocity);
+  add_questions(Asked::position, &AxisConfig::actual_position);
   for (const WatchdogConfig& watchdog : config.watchdogs) {
     if (watchdog.node != node || questions_.back().asked == Asked::watchdog) continue;
     watchdog_ = config.value_of(watchdog);
     questions_.push_back({Asked::watchdog, 0, watchdog.object});
   }
-  add_questions(Asked::position, &AxisConfig::actual_position);
+  round_ = timeout * static_cast<int>(questions_.size());
+  for (Reading& reading : readings_) reading = blank(reading.axis);
+}
+
+StandstillInquiry::Reading StandstillInquiry::blank(std::size_t axis) const {
+  return {.axis = axis, .witness = Axis(config_.axes[axis], "", round_, config_.standstill_radps)};
 }
 
 void StandstillInquiry::add_questions(Asked asked, const ObjectRef AxisConfig::*object) {
@@ -48,7 +53,7 @@ void StandstillInquiry::add_questions(Asked asked, const ObjectRef AxisConfig::*
 void StandstillInquiry::begin(bool stop_first) {
   sdo_.cancel();
   stop_first_ = stop_first;
-  for (Reading& reading : readings_) reading = {.axis = reading.axis};
+  for (Reading& reading : readings_) reading = blank(reading.axis);
   question_ = 0;
   configured_ = false;
   verdict_ = Verdict::unknown;
@@ -82,10 +87,10 @@ bool StandstillInquiry::is_due(const Question& question,
     case Asked::controlword:
       return has_to_write(reading, stop_words[reading.axis]);
     case Asked::watchdog:
-    case Asked::position:
       return !stop_first_;
     case Asked::statusword:
     case Asked::velocity:
+    case Asked::position:
       break;
   }
   return true;
@@ -105,16 +110,16 @@ void StandstillInquiry::on_result(const SdoResult& result, Instant now) {
     question_ = 0;
     return;
   }
-  note(questions_[question_], result);
+  note(questions_[question_], result, now);
   ++question_;
   const bool is_last = question_ == questions_.size() ||
-                       (stop_first_ && questions_[question_].asked > Asked::velocity);
+                       (stop_first_ && questions_[question_].asked > Asked::position);
   if (!is_last) return;
   question_ = 0;
   judge(now);
 }
 
-void StandstillInquiry::note(const Question& question, const SdoResult& result) {
+void StandstillInquiry::note(const Question& question, const SdoResult& result, Instant now) {
   const bool told = result.outcome == SdoResult::Outcome::done;
   Reading& reading = readings_[question.reading];
   switch (question.asked) {
@@ -123,14 +128,12 @@ void StandstillInquiry::note(const Question& question, const SdoResult& result) 
     case Asked::statusword:
       return on_statusword(reading, result);
     case Asked::velocity:
-      return on_velocity(reading, result);
+      return on_velocity(reading, result, now);
     case Asked::watchdog:
       configured_ = told && result.value == watchdog_;
       return;
     case Asked::position:
-      reading.position.reset();
-      if (told) reading.position = result.value;
-      return;
+      return on_position(reading, result, now);
   }
 }
 
@@ -151,27 +154,41 @@ void StandstillInquiry::on_statusword(Reading& reading, const SdoResult& result)
     reading.state = canopen::drive_state(word);
     news_.push_back({{Signal::statusword, reading.axis, axis.statusword, 0}, result.value});
   }
-  reading.power_off = !told || is_power_off(reading.state);
+  reading.power_off = is_power_off(reading.state);
 }
 
-void StandstillInquiry::on_velocity(Reading& reading, const SdoResult& result) {
+void StandstillInquiry::on_velocity(Reading& reading, const SdoResult& result, Instant now) {
   reading.speed_radps.reset();
   if (result.outcome != SdoResult::Outcome::done) return;
   const AxisConfig& axis = config_.axes[reading.axis];
-  reading.speed_radps = static_cast<double>(axis.sign * result.value) * 2.0 * std::numbers::pi /
-                        axis.actual_velocity_per_rps.value();
-  news_.push_back({{Signal::actual_velocity, reading.axis, axis.actual_velocity, 0}, result.value});
+  const PdoMap::Field field{Signal::actual_velocity, reading.axis, axis.actual_velocity, 0};
+  reading.witness.receive(field, result.value, now);
+  reading.speed_radps = reading.witness.feedback().speed_radps;
+  news_.push_back({field, result.value});
+}
+
+void StandstillInquiry::on_position(Reading& reading, const SdoResult& result, Instant now) {
+  reading.position.reset();
+  if (result.outcome != SdoResult::Outcome::done) return;
+  const AxisConfig& axis = config_.axes[reading.axis];
+  reading.position = result.value;
+  reading.witness.see_position(result.value, now);
+  news_.push_back({{Signal::actual_position, reading.axis, axis.actual_position, 0}, result.value});
 }
 
 void StandstillInquiry::judge(Instant now) {
-  bool standing = true, power_off = true;
+  bool standing = true, turning = false, complete = true, power_off = true;
   fastest_.reset();
   for (const Reading& reading : readings_) {
+    const Motion motion = reading.witness.motion(now);
     power_off = power_off && reading.power_off;
-    if (!reading.speed_radps) continue;
-    standing = standing && std::abs(*reading.speed_radps) < config_.standstill_radps;
-    if (!fastest_ || std::abs(*reading.speed_radps) > std::abs(fastest_->speed_radps)) {
-      fastest_ = Wheel{reading.axis, *reading.speed_radps};
+    const bool told = reading.speed_radps && reading.position;
+    standing = standing && told && motion == Motion::standing;
+    turning = turning || motion == Motion::turning;
+    complete = complete && told;
+    const double speed_radps = reading.witness.fastest_radps(now).value_or(0.0);
+    if (!fastest_ || std::abs(speed_radps) > std::abs(fastest_->speed_radps)) {
+      fastest_ = Wheel{reading.axis, speed_radps};
     }
   }
   if (!standing) {
@@ -180,7 +197,13 @@ void StandstillInquiry::judge(Instant now) {
     standing_since_ = now;
   }
   const bool long_enough = standing && (power_off || now - *standing_since_ >= kPoweredStandstill);
-  verdict_ = long_enough ? Verdict::standing : Verdict::turning;
+  if (long_enough) {
+    verdict_ = Verdict::standing;
+  } else if (turning || standing) {
+    verdict_ = Verdict::turning;
+  } else {
+    verdict_ = complete ? Verdict::unknown : Verdict::unconfirmed;
+  }
 }
 
 }  // namespace tether::cia402

@@ -7,6 +7,7 @@
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/cia402/pdo.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
+#include "can_bridge/motion/wheel_motion.hpp"
 
 namespace tether::cia402 {
 
@@ -26,11 +27,18 @@ class Axis {
   /// angle. What the wheel may have turned since the newest position counts as not counted
   /// (WheelFeedback::uncounted_rad): at the speed of then + standstill_radps, for 10 s at most, in
   /// which wheels without power have rolled out.
-  void reanchor() { anchored_ = false; }
+  void reanchor() {
+    anchored_ = false;
+    motion_.forget_position();
+  }
 
   /// The position of a drive whose feedback was silent, as read by SDO while its wheel stood, and
   /// which is known not to have rebooted since: what it counted meanwhile is taken up.
   void take_up(std::int64_t raw, Instant now);
+
+  /// A position that was read by SDO: a witness of motion, and nothing more. Its drive may have
+  /// rebooted, so it is not counted.
+  void see_position(std::int64_t raw, Instant now);
 
   // --- from the drive
   void receive(const PdoMap::Field& field, std::int64_t value, Instant now);
@@ -62,13 +70,19 @@ class Axis {
   bool in_fault() const;
   /// Whether anything was received of it since begin().
   bool known() const { return status_stamp_ || speed_stamp_; }
-  /// The newest speed says that the wheel stands, however old it is.
+  /// By both witnesses, as of the newest report, the wheel stood, however old that is.
   bool stood() const;
   /// Power stage off, confirmed: SwitchOnDisabled or ReadyToSwitchOn.
   bool confirmed_off() const;
-  /// The wheel stands, by a fresh speed received since the controlword last changed.
+  /// The wheel stands, by a speed and a position received since the controlword last changed.
   bool confirmed_standing(Instant now) const;
-  bool standing(Instant now) const;
+  bool standing(Instant now) const { return motion(now) == Motion::standing; }
+  bool turning(Instant now) const { return motion(now) == Motion::turning; }
+  /// What both witnesses say of the wheel, speed and position.
+  Motion motion(Instant now) const { return motion_.judge(now); }
+  /// The newest speed, if it is fresh; and the faster of both witnesses, if one is.
+  std::optional<double> reported_radps(Instant now) const { return motion_.reported_radps(now); }
+  std::optional<double> fastest_radps(Instant now) const { return motion_.fastest_radps(now); }
   /// Statusword, speed and position are all younger than the timeout.
   bool fresh(Instant now) const;
   /// The age of the oldest of these three; the longest duration if one has not come yet.
@@ -85,11 +99,16 @@ class Axis {
   std::string name_;
   Duration feedback_timeout_;
   double standstill_radps_;
+  WheelMotion motion_;
+
+  std::int64_t seen_raw_ = 0;     // of motion_, anchored or not
+  std::int64_t seen_counts_ = 0;  // the same, unwrapped
 
   std::optional<Instant> status_stamp_, speed_stamp_, position_stamp_;
   std::uint16_t statusword_ = 0;
   bool status_confirms_ = false;
   bool speed_confirms_ = false;
+  bool position_confirms_ = false;
   double speed_radps_ = 0.0;
   bool anchored_ = false;
   std::int64_t raw_position_ = 0;

@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/profile/stage.hpp"
+#include "can_bridge/cia402/drives/stage.hpp"
 
 namespace tether::cia402 {
 

@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/profile/nodes.hpp"
+#include "can_bridge/cia402/drives/nodes.hpp"
 
 #include <algorithm>
 
@@ -74,7 +74,7 @@ void Nodes::begin_inquiry(bool commanding) {
 void Nodes::begin_startup() {
   forget_states();
   for (Node& node : nodes_) {
-    node.heard = node.running = false;
+    node.heard = node.running = node.pdos_doubtful = false;
     node.startup.begin();
   }
 }

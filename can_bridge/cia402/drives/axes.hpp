@@ -4,14 +4,15 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "can_bridge/cia402/axis.hpp"
 #include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/drives/axis.hpp"
+#include "can_bridge/cia402/drives/sender_count.hpp"
+#include "can_bridge/cia402/drives/standstill.hpp"
 #include "can_bridge/cia402/pdo.hpp"
-#include "can_bridge/cia402/sender_count.hpp"
-#include "can_bridge/cia402/standstill.hpp"
 
 namespace tether::cia402 {
 
@@ -38,6 +39,7 @@ class Axes {
   /// A TPDO of the configuration. False: it has another length.
   bool on_feedback(const CanFrame& frame, Instant now);
   /// What was read by SDO counts as if a TPDO had told it.
+  /// Positions are witnesses of motion, but are not counted: the drive may have rebooted.
   void on_news(const StandstillInquiry::News& news, Instant now);
 
   // --- who sends the synchronous TPDOs
@@ -50,7 +52,16 @@ class Axes {
 
   // --- both axes
   bool fresh(Instant now) const { return axes_[0].fresh(now) && axes_[1].fresh(now); }
-  bool standing(Instant now) const { return axes_[0].standing(now) && axes_[1].standing(now); }
+  bool standing(Instant now) const { return stands(0, now) && stands(1, now); }
+  /// Axis `i` stands by both witnesses, and can have come to rest since it was last known to turn.
+  bool stands(std::size_t i, Instant now) const {
+    return axes_[i].standing(now) && has_rolled_out(i);
+  }
+  bool turning(Instant now) const { return axes_[0].turning(now) || axes_[1].turning(now); }
+  /// A fresh witness says that a wheel of this node turns.
+  bool turning_of(std::uint8_t node, Instant now) const;
+  /// Whether the wheels of this node can have come to rest since they were last known to turn.
+  bool can_have_stopped(std::uint8_t node) const;
   bool confirmed_off() const { return axes_[0].confirmed_off() && axes_[1].confirmed_off(); }
   /// Axis `i` may have power on or turn: its newest statusword since the last change of its
   /// controlword does not say that its power is off, or its newest speed does not say that it
@@ -69,11 +80,29 @@ class Axes {
   /// Until then, no standstill is believed, because feedback is known to be wrong.
   void distrust_standstill(Instant until) { standstill_from_ = until; }
   bool believes_standstill(Instant now) const { return now >= standstill_from_; }
-  /// Quick stop, until the axis stands or its power stage is off; from then on "disable voltage".
+  /// Standstill that both witnesses show after the newest controlword, and that is believed.
+  bool confirmed_standing(std::size_t i, Instant now) const;
+  /// Once per cycle, with the targets in force: bounds how fast each wheel can still be, if both
+  /// witnesses failed together. From target or feedback on, whichever is faster, it brakes no
+  /// harder than the drive's own quick stop ramp, or than stops have to.
+  void require_deceleration(double radps2);
+  void bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets);
+  /// From now until the next start-up, axis `i` is braked by a target of zero, because its quick
+  /// stop cannot be relied on.
+  void stop_by_setpoint(std::size_t i) { by_setpoint_[i] = true; }
+  void stop_by_quick_stop(std::size_t i) { by_setpoint_[i] = false; }
+  bool stops_by_setpoint(std::size_t i) const { return by_setpoint_[i]; }
+  /// What brakes axis `i`: "quick stop"; or by setpoint, as long as the axis takes one, "enable
+  /// operation" with a target of zero.
+  std::uint16_t braking_controlword(std::size_t i) const;
+  /// As braking_controlword(), until the axis stands or its power stage is off; from then on
+  /// "disable voltage".
   std::uint16_t stop_controlword(std::size_t i, Instant now);
 
   /// Commands the stop_controlword() of each axis, for drives that get it by SDO.
   std::array<std::uint16_t, 2> command_stop(Instant now);
+  /// The commanded controlwords, as SDO may carry them: "quick stop" or "disable voltage".
+  std::array<std::uint16_t, 2> sdo_stop_words() const;
 
   // --- to the drives
   /// The target velocities for `twist`. A wheel beyond its object's range scales both, so that the
@@ -86,7 +115,17 @@ class Axes {
 
  private:
   std::array<std::uint16_t, 2> command(std::array<std::uint16_t, 2> words);
+  bool has_rolled_out(std::size_t i) const { return rolled_out_[i]; }
 
+  bool shares_controlword_;
+  bool stops_by_setpoint_;  // by configuration
+  std::array<bool, 2> by_setpoint_;
+  double standstill_radps_;
+  std::array<double, 2> ramps_radps2_;      // of the quick stop; infinity: not known
+  std::array<double, 2> possible_radps_{};  // each wheel is no faster than this
+  std::array<Instant, 2> rolls_until_{Instant::min(), Instant::min()};  // by that bound
+  std::array<bool, 2> rolled_out_{true, true};
+  std::optional<Instant> bounded_at_;
   double wheel_radius_m_;
   double track_m_;
   std::uint16_t feedback_timeout_ms_;

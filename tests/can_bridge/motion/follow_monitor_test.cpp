@@ -1,4 +1,4 @@
-#include "can_bridge/safety/follow_monitor.hpp"
+#include "can_bridge/motion/follow_monitor.hpp"
 
 #include <gtest/gtest.h>
 
@@ -132,11 +132,12 @@ TEST_F(LostWheel, StopsAnArmedVehicleAndLatches) {
   for (int i = 0; i < 200; ++i) {
     now += kCycle;
     command(1.0);
-    for (WheelFeedback& w : drives.wheels) w.angle_rad += last.twist.v_mps * 0.02 / 0.4;
+    turn_wheels();
     cycle();
   }
   ASSERT_EQ(last.state, BridgeState::armed) << last.reason;
-  keep_commanding(20, 1.0);  // both encoders freeze
+  freeze_wheels();
+  keep_commanding(20, 1.0);
   EXPECT_FALSE(last.may_move);
   expect_reason("does not follow");
   cycle_after(kCycle);

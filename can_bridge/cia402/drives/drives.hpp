@@ -3,15 +3,18 @@
 #include <chrono>
 
 #include "can_bridge/cia402/config.hpp"
-#include "can_bridge/cia402/profile/axes.hpp"
-#include "can_bridge/cia402/profile/heartbeat.hpp"
-#include "can_bridge/cia402/profile/nodes.hpp"
-#include "can_bridge/cia402/profile/stage.hpp"
+#include "can_bridge/cia402/drives/axes.hpp"
+#include "can_bridge/cia402/drives/heartbeat.hpp"
+#include "can_bridge/cia402/drives/nodes.hpp"
+#include "can_bridge/cia402/drives/stage.hpp"
 
 namespace tether::cia402 {
 
 /// All that the stages work on: the drives as they are known, and the stage itself.
 struct Drives {
+  /// Between NMT commands to drives that are in NMT "stopped", where SDO is dead.
+  static constexpr Duration kRecall = std::chrono::milliseconds(100);
+
   Drives(const Cia402Config& c, double wheel_radius_m, double track_m)
       : config(c),
         axes(c, wheel_radius_m, track_m),

@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/axis.hpp"
+#include "can_bridge/cia402/drives/axis.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -32,15 +32,18 @@ Axis::Axis(const AxisConfig& config, std::string name, Duration feedback_timeout
     : config_(config),
       name_(std::move(name)),
       feedback_timeout_(feedback_timeout),
-      standstill_radps_(standstill_radps) {}
+      standstill_radps_(standstill_radps),
+      motion_(standstill_radps, kTurn_rad / config.counts_per_revolution.value(),
+              feedback_timeout) {}
 
 void Axis::begin() {
   status_stamp_.reset();
   speed_stamp_.reset();
   position_stamp_.reset();
   statusword_ = 0;
-  status_confirms_ = speed_confirms_ = false;
+  status_confirms_ = speed_confirms_ = position_confirms_ = false;
   speed_radps_ = 0.0;
+  motion_.forget();
   mode_.reset();
   error_code_ = emergency_code_ = 0;
   controlword_ = canopen::kControlDisableVoltage;
@@ -59,6 +62,7 @@ void Axis::receive(const PdoMap::Field& field, std::int64_t value, Instant now) 
                      config_.actual_velocity_per_rps.value();
       speed_stamp_ = now;
       speed_confirms_ = true;
+      motion_.on_speed(speed_radps_, now);
       break;
     case Signal::actual_position:
       on_position(value, now);
@@ -90,6 +94,7 @@ void Axis::on_position(std::int64_t raw, Instant now) {
     if (anchored_ && possible) {
       position_counts_ += config_.sign * travelled;
     } else {
+      motion_.forget_position();
       uncounted_rad_ += (speed_radps + standstill_radps_) * std::min(silence_s, kRollOut_s);
       // Or somebody did push the vehicle.
       if (anchored_) {
@@ -100,7 +105,16 @@ void Axis::on_position(std::int64_t raw, Instant now) {
   raw_position_ = raw;
   anchored_ = true;
   position_stamp_ = counted_at_ = now;
+  see_position(raw, now);
   counted_speed_radps_ = speed_radps_;
+}
+
+void Axis::see_position(std::int64_t raw, Instant now) {
+  seen_counts_ += wrapped_difference(raw, seen_raw_, config_.actual_position.bytes);
+  seen_raw_ = raw;
+  position_confirms_ = true;
+  const double count_rad = kTurn_rad / config_.counts_per_revolution.value();
+  motion_.on_position(static_cast<double>(config_.sign * seen_counts_) * count_rad, now);
 }
 
 void Axis::take_up(std::int64_t raw, Instant now) {
@@ -112,7 +126,7 @@ void Axis::take_up(std::int64_t raw, Instant now) {
 void Axis::command(std::uint16_t controlword) {
   if (controlword == controlword_) return;
   controlword_ = controlword;
-  status_confirms_ = speed_confirms_ = false;
+  status_confirms_ = speed_confirms_ = position_confirms_ = false;
 }
 
 std::uint16_t Axis::enabling_controlword() const {
@@ -160,13 +174,11 @@ bool Axis::confirmed_off() const {
          confirmed_state() == DriveState::ready_to_switch_on;
 }
 
-bool Axis::stood() const { return speed_stamp_ && std::abs(speed_radps_) < standstill_radps_; }
+bool Axis::stood() const { return motion_.newest() == Motion::standing; }
 
-bool Axis::standing(Instant now) const {
-  return stood() && now - *speed_stamp_ < feedback_timeout_;
+bool Axis::confirmed_standing(Instant now) const {
+  return speed_confirms_ && position_confirms_ && standing(now);
 }
-
-bool Axis::confirmed_standing(Instant now) const { return speed_confirms_ && standing(now); }
 
 bool Axis::fresh(Instant now) const { return age(now) < feedback_timeout_; }
 

@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/profile/axes.hpp"
+#include "can_bridge/cia402/drives/axes.hpp"
 
 #include <fmt/format.h>
 
@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "can_bridge/cia402/startup.hpp"
+#include "can_bridge/cia402/stop_objects.hpp"
 #include "can_bridge/cia402/texts.hpp"
 #include "common/vehicle/diff_drive.hpp"
 
@@ -13,6 +14,11 @@ namespace tether::cia402 {
 namespace {
 
 using canopen::DriveState;
+
+/// 50 revolutions a second: no vehicle's wheel turns faster.
+constexpr double kFastestWheel_radps = 314.0;
+/// How much later than the bridge commands it drives may begin to brake.
+constexpr Duration kDrivesLag = std::chrono::milliseconds(60);
 
 /// The more cautious of two controlwords for one common object.
 std::uint16_t more_cautious(std::uint16_t a, std::uint16_t b) {
@@ -35,7 +41,13 @@ Axis axis_of(const Cia402Config& config, std::size_t i) {
 }  // namespace
 
 Axes::Axes(const Cia402Config& config, double wheel_radius_m, double track_m)
-    : wheel_radius_m_(wheel_radius_m),
+    : shares_controlword_(config.axes[0].node == config.axes[1].node &&
+                          config.axes[0].controlword == config.axes[1].controlword),
+      stops_by_setpoint_(config.stops_by_setpoint),
+      by_setpoint_{config.stops_by_setpoint, config.stops_by_setpoint},
+      standstill_radps_(config.standstill_radps),
+      ramps_radps2_{stop_ramp_radps2(config, 0), stop_ramp_radps2(config, 1)},
+      wheel_radius_m_(wheel_radius_m),
       track_m_(track_m),
       feedback_timeout_ms_(config.feedback_timeout_ms),
       pdos_(config),
@@ -71,16 +83,64 @@ void Axes::begin(Instant now) {
     was_in_doubt_[i] = in_doubt(i, now);
     axes_[i].begin();
   }
+  possible_radps_ = {};
+  rolled_out_ = {true, true};
+  by_setpoint_ = {stops_by_setpoint_, stops_by_setpoint_};
 }
 
 void Axes::on_news(const StandstillInquiry::News& news, Instant now) {
-  for (const auto& [field, value] : news) axes_[field.axis].receive(field, value, now);
+  for (const auto& [field, value] : news) {
+    if (field.signal == Signal::actual_position) {
+      axes_[field.axis].see_position(value, now);
+    } else {
+      axes_[field.axis].receive(field, value, now);
+    }
+  }
 }
 
 bool Axes::in_doubt(std::size_t i, Instant now) const {
   const Axis& axis = axes_[i];
   if (!axis.known()) return was_in_doubt_[i];
-  return !is_power_off(axis.confirmed_state()) || !axis.stood() || !believes_standstill(now);
+  return !is_power_off(axis.confirmed_state()) || !axis.stood() || !has_rolled_out(i) ||
+         !believes_standstill(now);
+}
+
+bool Axes::confirmed_standing(std::size_t i, Instant now) const {
+  return axes_[i].confirmed_standing(now) && has_rolled_out(i) && believes_standstill(now);
+}
+
+bool Axes::turning_of(std::uint8_t node, Instant now) const {
+  return std::ranges::any_of(
+      axes_, [&](const Axis& axis) { return axis.node() == node && axis.turning(now); });
+}
+
+bool Axes::can_have_stopped(std::uint8_t node) const {
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    if (axes_[i].node() == node && !has_rolled_out(i)) return false;
+  }
+  return true;
+}
+
+void Axes::require_deceleration(double radps2) {
+  for (double& ramp_radps2 : ramps_radps2_) ramp_radps2 = std::max(ramp_radps2, radps2);
+}
+
+void Axes::bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets) {
+  // While the bridge was held up it did not brake.
+  const double dt_s = to_seconds(std::min<Duration>(now - bounded_at_.value_or(now), kDrivesLag));
+  bounded_at_ = now;
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    double& possible_radps = possible_radps_[i];
+    const double slower_radps =
+        std::isinf(ramps_radps2_[i]) ? 0.0 : possible_radps - ramps_radps2_[i] * dt_s;
+    const double target_radps =
+        static_cast<double>(std::abs(targets[i])) / std::abs(axes_[i].target_units(1.0));
+    const double reported_radps = std::abs(axes_[i].reported_radps(now).value_or(0.0));
+    possible_radps =
+        std::max({0.0, slower_radps, target_radps, std::min(reported_radps, kFastestWheel_radps)});
+    if (possible_radps >= standstill_radps_) rolls_until_[i] = now + kDrivesLag;
+    rolled_out_[i] = now >= rolls_until_[i];
+  }
 }
 
 bool Axes::on_feedback(const CanFrame& frame, Instant now) {
@@ -106,14 +166,26 @@ std::string Axes::feedback_text(std::size_t i) const {
                      axes_[i].name(), feedback_timeout_ms_, ids);
 }
 
+std::uint16_t Axes::braking_controlword(std::size_t i) const {
+  const std::optional<DriveState> state = axes_[i].state();
+  const bool takes_setpoints =
+      state == DriveState::operation_enabled || state == DriveState::quick_stop_active;
+  return by_setpoint_[i] && takes_setpoints ? canopen::kControlEnableOperation
+                                            : canopen::kControlQuickStop;
+}
+
 std::uint16_t Axes::stop_controlword(std::size_t i, Instant now) {
   const Axis& axis = axes_[i];
-  if (!released_[i] && is_stop(axis.controlword())) {
+  if (!released_[i] && (is_stop(axis.controlword()) || by_setpoint_[i])) {
     released_[i] = axis.confirmed_off() || axis.confirmed_state() == DriveState::not_ready ||
-                   axis.confirmed_state() == DriveState::fault ||
-                   (axis.confirmed_standing(now) && believes_standstill(now));
+                   axis.confirmed_state() == DriveState::fault || confirmed_standing(i, now);
   }
-  return released_[i] ? canopen::kControlDisableVoltage : canopen::kControlQuickStop;
+  // Another sender may have switched it on again.
+  if (released_[i] && axis.state() && !is_power_off(axis.state()) && axis.turning(now)) {
+    released_[i] = false;
+  }
+  const bool off = shares_controlword_ ? released_[0] && released_[1] : released_[i];
+  return off ? canopen::kControlDisableVoltage : braking_controlword(i);
 }
 
 std::array<std::int64_t, 2> Axes::target_velocities(const Twist& twist) const {
@@ -129,8 +201,7 @@ std::array<std::int64_t, 2> Axes::target_velocities(const Twist& twist) const {
 }
 
 std::array<std::uint16_t, 2> Axes::command(std::array<std::uint16_t, 2> words) {
-  if (axes_[0].node() == axes_[1].node() &&
-      axes_[0].controlword_object() == axes_[1].controlword_object()) {
+  if (shares_controlword_) {
     words[0] = words[1] = more_cautious(words[0], words[1]);
   }
   for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].command(words[i]);
@@ -139,6 +210,14 @@ std::array<std::uint16_t, 2> Axes::command(std::array<std::uint16_t, 2> words) {
 
 std::array<std::uint16_t, 2> Axes::command_stop(Instant now) {
   return command({stop_controlword(0, now), stop_controlword(1, now)});
+}
+
+std::array<std::uint16_t, 2> Axes::sdo_stop_words() const {
+  std::array words{axes_[0].controlword(), axes_[1].controlword()};
+  for (std::uint16_t& word : words) {
+    if (!is_stop(word)) word = canopen::kControlQuickStop;
+  }
+  return words;
 }
 
 void Axes::send(std::array<std::uint16_t, 2> words, const std::array<std::int64_t, 2>& targets,

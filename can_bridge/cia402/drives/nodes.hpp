@@ -9,7 +9,7 @@
 #include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/node_startup.hpp"
 #include "can_bridge/cia402/read_back.hpp"
-#include "can_bridge/cia402/standstill.hpp"
+#include "can_bridge/cia402/drives/standstill.hpp"
 
 namespace tether::cia402 {
 
@@ -35,9 +35,10 @@ struct Node {
   std::optional<canopen::NmtState> state;  ///< of the newest heartbeat
   Instant heartbeat_stamp{};
   // Before it is reset:
-  bool heard = false;    ///< in any NMT state, and not booted since
-  bool running = false;  ///< operational
-  bool lost = false;     ///< the bridge commanded it, and does not know that it has stopped
+  bool heard = false;          ///< in any NMT state, and not booted since
+  bool running = false;        ///< operational
+  bool lost = false;           ///< the bridge commanded it, and does not know that it has stopped
+  bool pdos_doubtful = false;  ///< another sender has written its PDO parameters
   // While it is to stop (StopAssurance):
   bool by_sdo = false;       ///< it gets its controlword by SDO
   bool unconfirmed = false;  ///< it has not told in time that it stops
