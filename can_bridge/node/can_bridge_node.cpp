@@ -165,6 +165,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   const DrivetrainSnapshot drives = profile_->snapshot(now);
   SafetyDemands demands = inputs_.cycle(now);
   if (autonomy_) autonomy_->demand(now, odometry_.state().twist.v_mps, demands);
+  if (estop_file_) demands.no_release = estop_file_->trouble();
   safety_.on_safety_inputs(std::move(demands));
   odometry_.update(drives.wheels);
   const Decision decision = safety_.cycle(now, drives, port_.state(), odometry_.state().distance_m);
@@ -174,7 +175,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   publish_wheels(drives, now);
   publish_odometry(now);
   if (takes_plans_) publish_plan(now);
-  if (estop_file_) estop_file_->remember(decision.estop_latched);
+  if (estop_file_) estop_file_->remember(decision.estop_latched, loop_.now());
   ++cycles_;
 }
 
@@ -280,14 +281,15 @@ void CanBridgeNode::publish_plan(Instant now) {
 }
 
 void CanBridgeNode::use_estop_file(EstopFile file) {
-  if (file.latched()) safety_.restore_estop();
+  if (file.latched()) safety_.restore_estop(file.why());
   estop_file_ = std::move(file);
 }
 
 bool CanBridgeNode::wind_down() {
   const Instant now = loop_.now();
   safety_.leave(now);
-  left_ = safety_.has_left(now);
+  const bool had_left = std::exchange(left_, safety_.has_left(now));
+  if (left_ && !had_left && estop_file_ && safety_.left_behind().empty()) estop_file_->end();
   return left_;
 }
 

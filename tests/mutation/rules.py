@@ -180,6 +180,25 @@ RULES = [
     ("node: bus events are lost", "CanBridgeNode", "drop", r"^safety_\.on_bus_state"),
     ("node: ends as if all were well", "CanBridgeNode::finish", "false", "left"),
 
+    # The e-stop is never forgotten
+    _obstacle("an e-stop would be forgotten", r"!demands_\.no_release\.empty\(\)"),
+    ("forgotten: released", "SafetyCore::handle", "false", r"!demands_\.no_release\.empty"),
+    ("forgotten: not told", "SafetyCore::reason", "drop", "no_release"),
+    ("forgotten: what the file says at the start", "CanBridgeNode::use_estop_file", "drop", "restore_estop"),
+    ("forgotten: the file is not asked", "CanBridgeNode::on_cycle", "drop", r"^demands\.no_release ="),
+    ("forgotten: the latch is not written", "CanBridgeNode::on_cycle", "drop", r"^estop_file_->remember"),
+    ("forgotten: an end with wheels that turn is clean", "CanBridgeNode::wind_down", "operand", "left_behind"),
+    ("forgotten: a file that was not there", "EstopFile::EstopFile", "false", "kEnded"),
+    ("forgotten: no record before the bridge runs", "EstopFile::EstopFile", "drop", "^refuse.path_, failure"),
+    ("forgotten: a write that fails", "EstopFile::remember", "drop", "^tell.*written"),
+    ("forgotten: the file is not verified", "EstopFile::remember", "drop", "^lost_ ="),
+    ("forgotten: a deleted file", "EstopFile::verify", "false", "lstat"),
+    ("forgotten: a replaced file", "EstopFile::verify", "false", "st_ino"),
+    ("forgotten: a changed file", "EstopFile::verify", "false", "read_record"),
+    ("forgotten: trusted again", "EstopFile::remember", "false", "^lost_$"),
+    ("forgotten: ends cleanly though latched", "EstopFile::end", "operand", "kLatched"),
+    ("forgotten: opens what is no file", "open_regular", "false", "S_ISREG"),
+
     # Autonomy: the stopping field
     ("field: the way of braking", "StoppingField::length_m", "arithmetic",
      r"^(speed_mps \* speed_mps( / \(2\.0 \* deceleration_mps2\))?|2\.0 \* deceleration_mps2) to"),
