@@ -199,6 +199,24 @@ RULES = [
     ("forgotten: ends cleanly though latched", "EstopFile::end", "operand", "kLatched"),
     ("forgotten: opens what is no file", "open_regular", "false", "S_ISREG"),
 
+    # Commissioned drives only
+    ("commission: without a record", "CommissionGuard::CommissionGuard", "drop", "not commissioned"),
+    ("commission: failed", "CommissionGuard::CommissionGuard", "drop", "the commissioning failed"),
+    ("commission: not complete", "CommissionGuard::CommissionGuard", "drop", "not complete"),
+    ("commission: another file", "CommissionGuard::CommissionGuard", "drop", "another drivetrain file"),
+    ("commission: before the drives were compared", "CommissionGuard::CommissionGuard", "drop", "kComparing"),
+    ("commission: after another start-up", "CommissionGuard::tick", "drop", "^compared_ = false"),
+    ("commission: asks while the profile may ask", "CommissionGuard::tick", "operand", "phase != DrivePhase::standby"),
+    ("commission: silent drives", "CommissionGuard::compare", "false", "node != 0"),
+    ("commission: differences are none", "^differences$", "false", "is != was"),
+    ("commission: moves at the wheels' reset", "Commission::stop", "operand", r"!snapshot_\.in_doubt"),
+    ("commission: withholds nothing", "Commission::withhold", "true", "is_withheld"),
+    ("commission: a drive that drives on stands", "PositionPoll::stands_since", "false", "still_m"),
+    ("commission: need not stop", "Commission::judge_withheld", "false", "must_stop"),
+    ("commission: wrong feedback goes on", "Commission::judge_feedback", "false", "^wrong$"),
+    ("commission: another master", "Commission::on_frame", "false", "kHeartbeat"),
+    ("commission: does not switch off", "Commission::stop", "drop", r"^profile_->stop"),
+
     # Autonomy: the stopping field
     ("field: the way of braking", "StoppingField::length_m", "arithmetic",
      r"^(speed_mps \* speed_mps( / \(2\.0 \* deceleration_mps2\))?|2\.0 \* deceleration_mps2) to"),
