@@ -42,6 +42,9 @@ void add_bus(KeyTable<Can>& t) {
       "estop_file", &Can::estop_file,
       "live: file in which the bridge remembers a latched e-stop; empty: with real drives one in "
       "its state folder, else none");
+  t.text("commission_record", &Can::commission_record,
+         "live: record of \"tether can commission\", which arming compares with the drives; empty: "
+         "with real CiA 402 drives one in the state folder, else none");
 }
 
 void add_deadlines_and_limits(KeyTable<Can>& t) {

@@ -147,7 +147,9 @@ void CanBridgeNode::on_request(const drive_request_t& message) {
 
 void CanBridgeNode::on_frame(const CanFrame& frame) {
   if (inputs_.on_frame(frame, loop_.now())) return;
-  if (started_) profile_->on_frame(frame, loop_.now());
+  if (!started_) return;
+  if (guard_) guard_->on_frame(frame);
+  profile_->on_frame(frame, loop_.now());
 }
 
 void CanBridgeNode::on_cycle(Instant scheduled) {
@@ -166,6 +168,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   SafetyDemands demands = inputs_.cycle(now);
   if (autonomy_) autonomy_->demand(now, odometry_.state().twist.v_mps, demands);
   if (estop_file_) demands.no_release = estop_file_->trouble();
+  if (guard_) demands.no_arming = guard_->refusal();
   safety_.on_safety_inputs(std::move(demands));
   odometry_.update(drives.wheels);
   const Decision decision = safety_.cycle(now, drives, port_.state(), odometry_.state().distance_m);
@@ -206,6 +209,7 @@ void CanBridgeNode::act(const Decision& decision, Instant now) {
   profile_->set_command(decision.twist);
   frames_.clear();
   profile_->tick(now, frames_);
+  if (guard_) guard_->tick(now, profile_->snapshot(now).phase, frames_);
   for (CanFrame& frame : frames_) {
     // The process was suspended or starved since the decision, so that the rest of its frames is
     // outdated.

@@ -7,11 +7,11 @@
 
 #include <array>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <system_error>
 #include <utility>
 
+#include "can_bridge/drivetrain/state_folder.hpp"
 #include "common/base/errors.hpp"
 #include "common/base/say.hpp"
 
@@ -166,21 +166,6 @@ void EstopFile::end() {
   if (const std::string failure = write(kEnded); !failure.empty()) {
     tell("cannot be written: " + failure);
   }
-}
-
-fs::path state_folder() {
-  const auto of = [](const char* name) {
-    const char* value = std::getenv(name);
-    return std::string(value == nullptr ? "" : value);
-  };
-  if (const std::string state = of("STATE_DIRECTORY"); !state.empty()) {
-    return state.substr(0, state.find(':'));
-  }
-  if (const std::string xdg = of("XDG_STATE_HOME"); !xdg.empty()) return fs::path(xdg) / "tether";
-  if (const std::string home = of("HOME"); !home.empty()) {
-    return fs::path(home) / ".local/state/tether";
-  }
-  return "/var/lib/tether";
 }
 
 fs::path default_estop_file(const std::string& vehicle, const std::string& interface) {

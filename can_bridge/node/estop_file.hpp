@@ -64,8 +64,4 @@ class EstopFile {
 /// Where bridges with real drives keep it: estop.VEHICLE.INTERFACE in state_folder().
 std::filesystem::path default_estop_file(const std::string& vehicle, const std::string& interface);
 
-/// Where the bridge keeps what it has to remember: $STATE_DIRECTORY (systemd), else
-/// $XDG_STATE_HOME/tether, else ~/.local/state/tether, else /var/lib/tether.
-std::filesystem::path state_folder();
-
 }  // namespace tether

@@ -102,7 +102,7 @@ struct Decision {
 ///   stop is demanded no arming begins, and one that is under way is given up. They may limit the
 ///   speed of the faster rim (the curve stays), or emergency-stop: as ESTOP, and the inputs have to
 ///   be clear before RESET. While an e-stop would not be remembered (no_release), ESTOP_RELEASE and
-///   ARM are refused, and the reason says so in every state.
+///   ARM are refused, and the reason says so in every state. no_arming refuses ARM alone.
 /// - leave(): quick stop, standstill, power off; no arming any more. Drives of which that is not
 ///   known (DrivetrainSnapshot::in_doubt) count as turning.
 ///

@@ -73,7 +73,8 @@ std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainS
       break;
     case BridgeState::disarmed:
       text = !notice_.empty() ? notice_ : stop_reason_;
-      if (text.empty()) text = demands_.stop.empty() ? "ready to be armed" : demands_.stop;
+      if (text.empty()) text = !demands_.stop.empty() ? demands_.stop : demands_.no_arming;
+      if (text.empty()) text = "ready to be armed";
       break;
     case BridgeState::arming:
       text = "the drives are being switched on";

@@ -72,6 +72,7 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
   if (fault_latched_) return "a fault is latched: mend it, then reset";
   if (!demands_.stop.empty()) return demands_.stop;
   if (!demands_.no_release.empty()) return demands_.no_release;
+  if (!demands_.no_arming.empty()) return demands_.no_arming;
   if (motion_ != Motion::idle) return "the vehicle is still stopping";
   if (action_ != Decision::Action::none) return "the drives are just being reset";
   if (bus != CanState::up) return fmt::format("the CAN bus is {}", to_string(bus));

@@ -200,6 +200,8 @@ RULES = [
     ("forgotten: opens what is no file", "open_regular", "false", "S_ISREG"),
 
     # Commissioned drives only
+    _obstacle("not commissioned", r"!demands_\.no_arming\.empty\(\)"),
+    ("commission: the guard is not asked", "CanBridgeNode::on_cycle", "drop", r"^demands\.no_arming ="),
     ("commission: without a record", "CommissionGuard::CommissionGuard", "drop", "not commissioned"),
     ("commission: failed", "CommissionGuard::CommissionGuard", "drop", "the commissioning failed"),
     ("commission: not complete", "CommissionGuard::CommissionGuard", "drop", "not complete"),

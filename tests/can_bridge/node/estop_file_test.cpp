@@ -138,6 +138,16 @@ TEST_F(EstopFileTest, ADeletedFileIsToldAtOnceAndNotTrustedAgain) {
   EXPECT_TRUE(EstopFile(path).latched());
 }
 
+TEST_F(EstopFileTest, AFileThatWasAwayForACycleIsNotTrustedThoughItIsBack) {
+  EstopFile file(path);
+  file.remember(false, after_ms(0));
+  fs::rename(path, folder.path / "away");
+  file.remember(false, after_ms(20));
+  fs::rename(folder.path / "away", path);
+  file.remember(false, after_ms(40));
+  EXPECT_THAT(file.trouble(), HasSubstr("was deleted"));
+}
+
 TEST_F(EstopFileTest, AFileThatSaysEndedInPlaceOfTheBridgesIsNotTrusted) {
   run_once();
   fs::copy(path, folder.path / "ended");

@@ -185,6 +185,19 @@ TEST_F(EStopContact, ActsAsEStopAndLatchesUntilItIsReleasedAndReset) {
   EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
 }
 
+TEST_F(Demands, NoArmingIsToldAndRefusesToArm) {
+  demands.no_arming = "not commissioned";
+  core.on_safety_inputs(demands);
+  EXPECT_EQ(cycle().reason, "not commissioned");
+  expect_cannot_be_armed();
+  EXPECT_EQ(last.reason, "arming refused: not commissioned");
+  core.on_safety_inputs({});
+  arm();
+  core.on_safety_inputs(demands);
+  keep_commanding(50, 1.0);
+  EXPECT_EQ(last.state, BridgeState::armed);
+}
+
 struct EStopThatIsNotRemembered : Demands {
   EStopThatIsNotRemembered() { demands.no_release = "the e-stop is not remembered"; }
 };

@@ -52,6 +52,7 @@ def read_options(arguments):
     p.add_argument("--enabled-mode", type=int, help="0x6061 while enabled")
     p.add_argument("--warnings", type=number, nargs="*", default=[], help="EMCY codes, in turn")
     p.add_argument("--warn-every-s", type=float, default=0.3, help="… while enabled")
+    p.add_argument("--serial", type=number, help="0x1018:4 [1000 + node]")
     p.add_argument("--first-count", type=number, default=0x7FFFF000, help="of the encoders")
     add_mechanics(p)
     add_deviations(p)

@@ -65,7 +65,8 @@ class Device:
         add(0x1016, 1, "u32", 0, check=self._check_consumer, written=self._forget_master)
         add(0x1017, 0, "u16", 0, written=lambda _: self._beat_soon())
         add(0x1018, 0, "u8", 4, "ro")
-        for sub, value in enumerate((0x0000_0ABC, 0x402, 0x0002_0001, 1000 + node), 1):
+        serial = 1000 + node if self._options.serial is None else self._options.serial
+        for sub, value in enumerate((0x0000_0ABC, 0x402, 0x0002_0001, serial), 1):
             add(0x1018, sub, "u32", value, "ro")
         add(0x1029, 0, "u8", 1, "ro")
         add(0x1029, 1, "u8", 0, check=self._check_behaviour)
