@@ -38,9 +38,13 @@ void add_bus(KeyTable<Can>& t) {
                      "the run arms the drivetrain once, or leaves it to an operator");
   t.number("operator_timeout_ms", &Can::operator_timeout_ms, {0.0, 10e3, false},
            "hold-to-run: stop without \"tether can hold\" for this long; 0: off");
-  t.text("estop_file", &Can::estop_file,
-         "live: where the bridge remembers a latched e-stop; empty: with real drives a file of its "
-         "own, else nowhere");
+  t.text(
+      "estop_file", &Can::estop_file,
+      "live: file in which the bridge remembers a latched e-stop; empty: with real drives one in "
+      "its state folder, else none");
+  t.text("commission_record", &Can::commission_record,
+         "live: record of \"tether can commission\", which arming compares with the drives; empty: "
+         "with real CiA 402 drives one in the state folder, else none");
 }
 
 void add_deadlines_and_limits(KeyTable<Can>& t) {

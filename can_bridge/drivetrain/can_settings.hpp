@@ -35,7 +35,9 @@ struct CanSettings {
   Arm arm = Arm::once;
   /// Hold-to-run: an operator has to say so often that he holds; 0: nobody has to.
   double operator_timeout_ms = 0.0;
-  std::string estop_file;    ///< remembers a latched e-stop; "": see docs/reference/drivetrain.md
+  std::string estop_file;  ///< remembers a latched e-stop; "": see docs/reference/drivetrain.md
+  /// What `tether can commission` wrote, for arming to compare; "": the same.
+  std::string commission_record;
   double cycle_ms = 20.0;    ///< of the control loop: SYNC and setpoints
   double stale_ms = 200.0;   ///< a command older than this: ramp to zero
   double disarm_ms = 500.0;  ///< a command older than this: quick stop and disarm

@@ -1,9 +1,33 @@
+#include "can_bridge/commission/guard.hpp"
+#include "can_bridge/drivetrain/state_folder.hpp"
 #include "can_bridge/node/can_bridge_node.hpp"
 #include "can_bridge/node/can_node.hpp"
+#include "common/base/input_file.hpp"
 
 static_assert(tether::SafetyCore::kLongestLeave < tether::kWindDownLimit);
 
 namespace {
+
+/// Real drives need a record; emulated ones are compared with one that is named.
+void compare_with_record(tether::OnSocketCan<tether::CanBridgeNode>& bridge,
+                         const tether::Scenario& scenario) {
+  using namespace tether;
+  const auto& can = scenario.get<CanSettings>();
+  const auto& vehicle = scenario.get<VehicleSettings>();
+  const auto* const drives = std::get_if<Cia402Config>(&bridge.config());
+  if (drives == nullptr || (can.emulate_drives && can.commission_record.empty())) return;
+  const std::string file = can.commission_record.empty()
+                               ? default_commission_record(vehicle.name, can.interface).string()
+                               : can.commission_record;
+  std::optional<CommissionRecord> record;
+  std::string why;
+  try {
+    record = parse_record(read_input(file, "the record of commissioning", kMostTomlBytes), file);
+  } catch (const UsageError& error) {
+    why = error.what();
+  }
+  bridge.node().use_commission_guard({*drives, vehicle.wheel_radius_m, std::move(record), why});
+}
 
 std::unique_ptr<tether::Node> make_bridge(const tether::NodeContext& c) {
   using namespace tether;
@@ -15,6 +39,7 @@ std::unique_ptr<tether::Node> make_bridge(const tether::NodeContext& c) {
   } else if (!can.emulate_drives) {
     bridge->node().use_estop_file(EstopFile(default_estop_file(vehicle.name, can.interface)));
   }
+  compare_with_record(*bridge, c.scenario);
   return bridge;
 }
 

@@ -155,7 +155,9 @@ void CanBridgeNode::on_request(const drive_request_t& message) {
 
 void CanBridgeNode::on_frame(const CanFrame& frame) {
   if (inputs_.on_frame(frame, loop_.now())) return;
-  if (started_) profile_->on_frame(frame, loop_.now());
+  if (!started_) return;
+  if (guard_) guard_->on_frame(frame);
+  profile_->on_frame(frame, loop_.now());
 }
 
 void CanBridgeNode::on_cycle(Instant scheduled) {
@@ -173,6 +175,8 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   const DrivetrainSnapshot drives = profile_->snapshot(now);
   SafetyDemands demands = inputs_.cycle(now);
   if (autonomy_) autonomy_->demand(now, vehicle_speed_mps(drives, wheel_radius_m_), demands);
+  if (estop_file_) demands.no_release = estop_file_->trouble();
+  if (guard_) demands.no_arming = guard_->refusal();
   safety_.on_safety_inputs(std::move(demands));
   odometry_.update(drives.wheels);
   const Decision decision = safety_.cycle(now, drives, port_.state(), odometry_.state().distance_m);
@@ -183,7 +187,7 @@ void CanBridgeNode::on_cycle(Instant scheduled) {
   publish_odometry(now);
   if (takes_plans_) publish_plan(now);
   estop_latched_ = decision.estop_latched;
-  if (estop_file_) estop_file_->remember(decision.estop_latched);
+  if (estop_file_) estop_file_->remember(decision.estop_latched, loop_.now());
   ++cycles_;
 }
 
@@ -214,6 +218,7 @@ void CanBridgeNode::act(const Decision& decision, Instant now) {
   profile_->set_command(decision.twist);
   frames_.clear();
   profile_->tick(now, frames_);
+  if (guard_) guard_->tick(now, profile_->snapshot(now).phase, frames_);
   for (CanFrame& frame : frames_) {
     // The process was suspended or starved since the decision, so that the rest of its frames is
     // outdated.
@@ -289,14 +294,15 @@ void CanBridgeNode::publish_plan(Instant now) {
 }
 
 void CanBridgeNode::use_estop_file(EstopFile file) {
-  if (file.latched()) safety_.restore_estop();
+  if (file.latched()) safety_.restore_estop(file.why());
   estop_file_ = std::move(file);
 }
 
 bool CanBridgeNode::wind_down() {
   const Instant now = loop_.now();
   safety_.leave(now);
-  left_ = safety_.has_left(now);
+  const bool had_left = std::exchange(left_, safety_.has_left(now));
+  if (left_ && !had_left && estop_file_ && safety_.left_behind().empty()) estop_file_->end();
   return left_;
 }
 

@@ -5,9 +5,11 @@
 #include <optional>
 #include <tether/drive_request_t.hpp>
 #include <tether/twist_t.hpp>
+#include <utility>
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
+#include "can_bridge/commission/guard.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 #include "can_bridge/gpio/gpio_inputs.hpp"
@@ -71,6 +73,8 @@ class CanBridgeNode final : public Node {
   void restore_estop() { safety_.restore_estop(); }
   /// As of the last cycle.
   bool estop_latched() const { return estop_latched_; }
+  /// From now on it decides whether these drives may be armed. Before the first cycle.
+  void use_commission_guard(CommissionGuard guard) { guard_ = std::move(guard); }
 
   /// Quick stop, standstill, power off; then nothing is sent any more. True when all that is done,
   /// or after SafetyCore::leave_wait().
@@ -110,6 +114,7 @@ class CanBridgeNode final : public Node {
 
   std::optional<EstopFile> estop_file_;
   bool estop_latched_ = false;
+  std::optional<CommissionGuard> guard_;
   bool started_ = false;
   bool left_ = false;
   std::vector<CanFrame> frames_;

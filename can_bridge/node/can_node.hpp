@@ -27,6 +27,7 @@ class OnSocketCan final : public Node {
         node_(c.scenario, config_, c.loop, c.bus, port_) {}
 
   CanNodeType& node() { return node_; }
+  const DrivetrainConfig& config() const { return config_; }
 
   bool wind_down() override { return node_.wind_down(); }
   void finish() override { node_.finish(); }

@@ -1,34 +1,67 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
+
+#include "common/base/time.hpp"
 
 namespace tether {
 
-/// Remembers on disk that the e-stop is latched, so that it outlives a crash of the bridge, a
-/// restart and a power failure: the file exists while it is. A bridge that finds it starts with the
-/// e-stop pressed, and RELEASE and RESET remove it.
+/// Remembers on disk that the e-stop is latched, so that the latch outlives a crash of the bridge,
+/// a restart, a power failure and a full disk.
+///
+/// The file has a fixed size and one of three records: "in use", "latched", "ended". It is created,
+/// filled and synced before the bridge runs, and only overwritten in place from then on, which
+/// needs no space. Only "ended" proves a clean end without a latched e-stop: a bridge that finds
+/// anything else, or no file, starts with the e-stop pressed. Therefore a bridge that is killed
+/// while its record cannot be written is latched at its next start, too.
 class EstopFile {
  public:
-  /// Makes the folder, and sees whether it can be written to. Throws UsageError if not: a bridge
-  /// that could not remember must not start.
-  explicit EstopFile(std::filesystem::path path);
+  /// A write that failed is repeated at most this often.
+  static constexpr Duration kRetry = std::chrono::seconds{1};
 
-  bool latched() const { return latched_; }
-  /// Each cycle; touches the disk only when it changes. Waits for the disk (fsync): a stop has been
-  /// sent before. A failure is said on stderr once, and tried again in the next cycle.
-  void remember(bool latched);
+  /// Creates the folder and the file. Throws UsageError if it cannot be written, or if `path` is
+  /// not a regular file: a FIFO, a device or a symbolic link is refused, not opened.
+  explicit EstopFile(std::filesystem::path path);
+  ~EstopFile();
+  EstopFile(EstopFile&& other) noexcept;
+  EstopFile& operator=(EstopFile&& other) noexcept;
+
+  /// Whether the bridge has to start with the e-stop pressed, and why.
+  bool latched() const { return !why_.empty(); }
+  const std::string& why() const { return why_; }
+
+  /// Each cycle: writes the record if it changes (and waits for the disk: a stop has been sent
+  /// before), then verifies that the path still names this file and that the file has the record.
+  void remember(bool latched, Instant now);
+
+  /// Why the e-stop would not be remembered; "" if it would. A file that was deleted, replaced or
+  /// changed is never trusted again; a failed write is repeated. Each new reason is also said on
+  /// stderr.
+  const std::string& trouble() const { return trouble_; }
+
+  /// The bridge ends in good order: power off, wheels at standstill. Writes "ended", unless the
+  /// e-stop is latched or the file is not trusted.
+  void end();
 
  private:
-  bool write() const;
+  class Descriptor;
+
+  std::string write(const std::string& record);
+  std::string verify() const;
+  void tell(std::string trouble);
 
   std::filesystem::path path_;
-  bool latched_;
-  bool failed_ = false;
+  std::unique_ptr<Descriptor> file_;
+  std::string record_;  ///< the newest one that is on disk
+  std::string why_;
+  std::string trouble_;
+  bool lost_ = false;  ///< not trusted again
+  Instant retry_at_ = Instant::min();
 };
 
-/// Where bridges with real drives keep it: estop.VEHICLE.INTERFACE in $STATE_DIRECTORY (systemd),
-/// else $XDG_STATE_HOME/tether, else ~/.local/state/tether, else /var/lib/tether.
+/// Where bridges with real drives keep it: estop.VEHICLE.INTERFACE in state_folder().
 std::filesystem::path default_estop_file(const std::string& vehicle, const std::string& interface);
 
 }  // namespace tether

@@ -105,7 +105,8 @@ struct Decision {
 ///   to standstill, from which the vehicle, still armed, goes on when the demand is over. While a
 ///   stop is demanded no arming begins, and one that is under way is given up. They may limit the
 ///   speed of the faster rim (the curve stays), or emergency-stop: as ESTOP, and the inputs have to
-///   be clear before RESET.
+///   be clear before RESET. While an e-stop would not be remembered (no_release), ESTOP_RELEASE and
+///   ARM are refused, and the reason says so in every state. no_arming refuses ARM alone.
 /// - leave(): quick stop, standstill, power off; no arming any more. Drives of which that is not
 ///   known (DrivetrainSnapshot::in_doubt) count as turning.
 ///
@@ -158,9 +159,9 @@ class SafetyCore {
   void on_safety_inputs(SafetyDemands demands) { demands_ = std::move(demands); }
   /// The bus's state has changed. Remembers trouble that is over before the next cycle.
   void on_bus_state(CanState bus);
-  /// The e-stop was latched when the bridge ended last: it is pressed again. Before the first
-  /// cycle.
-  void restore_estop();
+  /// The e-stop is pressed from the start, and `why`: it was latched when the bridge ended last, or
+  /// nobody knows. Before the first cycle.
+  void restore_estop(std::string why);
   /// The answer to Action::restart_bus.
   void on_bus_restarted(bool done, const std::string& why);
 
@@ -253,6 +254,7 @@ class SafetyCore {
   std::optional<Instant> held_;  ///< the newest ALIVE
   bool estop_pressed_ = false;
   bool estop_latched_ = false;
+  std::string estop_restored_;  ///< why it is latched, if this bridge did not see it pressed
   bool fault_latched_ = false;
   Cause fault_cause_ = Cause::bridge;
   std::string fault_reason_;

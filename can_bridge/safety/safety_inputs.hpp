@@ -21,6 +21,11 @@ struct SafetyDemands {
   /// For the faster rim; and who wants it.
   std::optional<double> speed_limit_mps{};
   std::string speed_limit_by;
+  /// Why the e-stop must not be released and nothing be armed: it would not outlive the bridge; ""
+  /// if it would. A vehicle that is armed goes on, for the e-stop acts.
+  std::string no_release;
+  /// Why nothing may be armed; "" if it may. A vehicle that is armed goes on.
+  std::string no_arming;
 };
 
 /// The vehicle's safety inputs (SafetyInputConfig): what they say, and what that demands. Pure:

@@ -73,7 +73,8 @@ std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainS
       break;
     case BridgeState::disarmed:
       text = !notice_.empty() ? notice_ : stop_reason_;
-      if (text.empty()) text = demands_.stop.empty() ? "ready to be armed" : demands_.stop;
+      if (text.empty()) text = !demands_.stop.empty() ? demands_.stop : demands_.no_arming;
+      if (text.empty()) text = "ready to be armed";
       break;
     case BridgeState::arming:
       text = "the drives are being switched on";
@@ -89,6 +90,9 @@ std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainS
       text = latched_reason();
       if (!notice_.empty()) text += "; " + notice_;
       break;
+  }
+  if (!demands_.no_release.empty() && text.find(demands_.no_release) == std::string::npos) {
+    text += (text.empty() ? "" : "; ") + demands_.no_release;
   }
   if (bus == CanState::error_passive) {
     text += text.empty() ? "" : "; ";
@@ -116,8 +120,11 @@ std::string SafetyCore::latched_reason() const {
           : fmt::format("{}; setpoints of before may still come out when the bus recovers: {}",
                         fault_reason_, purge_failure_);
   if (!estop_latched_) return fault;
-  std::string text =
-      estop_pressed_ ? "e-stop pressed: release it, then reset" : "e-stop released: reset to go on";
+  const std::string from_start =
+      estop_restored_.empty() ? "" : fmt::format(" (from the start: {})", estop_restored_);
+  std::string text = estop_pressed_
+                         ? fmt::format("e-stop pressed{}: release it, then reset", from_start)
+                         : "e-stop released: reset to go on";
   if (!demands_.estop.empty()) text = demands_.estop + ": release it, then reset";
   if (fault_latched_) text += "; besides: " + fault;
   return text;

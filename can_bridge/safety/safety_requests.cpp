@@ -19,10 +19,15 @@ void SafetyCore::handle(DriveRequest request, Instant now, const DrivetrainSnaps
     case DriveRequest::estop:
       estop_pressed_ = true;
       estop_latched_ = true;
+      estop_restored_.clear();
       reset_since_.reset();
       notice_.clear();
       return;
     case DriveRequest::estop_release:
+      if (!demands_.no_release.empty()) {
+        notice_ = "release refused";
+        return;
+      }
       estop_pressed_ = false;
       notice_.clear();
       return;
@@ -38,7 +43,10 @@ bool SafetyCore::is_held(Instant now) const {
   return held_ && now - *held_ < config_.operator_timeout;
 }
 
-void SafetyCore::restore_estop() { estop_pressed_ = estop_latched_ = true; }
+void SafetyCore::restore_estop(std::string why) {
+  estop_pressed_ = estop_latched_ = true;
+  estop_restored_ = std::move(why);
+}
 
 void SafetyCore::arm(Instant now, const DrivetrainSnapshot& drives, CanState bus) {
   if (motion_ == Motion::enabling || motion_ == Motion::following) return;
@@ -63,6 +71,8 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
   if (estop_latched_) return "the e-stop is latched: release it, then reset";
   if (fault_latched_) return "a fault is latched: mend it, then reset";
   if (!demands_.stop.empty()) return demands_.stop;
+  if (!demands_.no_release.empty()) return demands_.no_release;
+  if (!demands_.no_arming.empty()) return demands_.no_arming;
   if (motion_ != Motion::idle) return "the vehicle is still stopping";
   if (action_ != Decision::Action::none) return "the drives are just being reset";
   if (bus != CanState::up) return fmt::format("the CAN bus is {}", to_string(bus));
@@ -172,6 +182,7 @@ void SafetyCore::finish_reset(Instant now) {
   reset_since_.reset();
   fault_reason_.clear();
   purge_failure_.clear();
+  estop_restored_.clear();
   stop_reason_.clear();
   notice_.clear();
 }

@@ -6,6 +6,8 @@ SOURCES = [
     ("can_bridge/motion/*.cpp", ["can_safety_test"]),
     ("can_bridge/node/can_bridge_node.cpp", ["can_bridge_node_test"]),
     ("can_bridge/node/autonomy_watch.cpp", ["can_bridge_node_test"]),
+    ("can_bridge/node/estop_file.cpp", ["can_bridge_node_test"]),
+    ("can_bridge/commission/*.cpp", ["commission_test"]),
     ("can_bridge/cia402/*.cpp", ["can_profile_test", "drivetrain_config_test"]),
     ("can_bridge/cia402/drives/*.cpp", ["can_profile_test", "emulated_bring_up_test"]),
     ("can_bridge/cia402/profile/*.cpp", ["can_profile_test", "emulated_bring_up_test"]),

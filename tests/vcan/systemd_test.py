@@ -27,6 +27,7 @@ class Served(Drivetrain):
                                 ("stale_ms = 200.0", "stale_ms = 1000.0"),
                                 ("disarm_ms = 500.0", "disarm_ms = 2000.0"))
         self.system = Booted(test, test.bin)
+        self.scenario = self.system.root / scenario.relative_to("/")
         for file in (scenario, self.drivetrain):
             target = self.system.root / file.relative_to("/")
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -94,7 +95,18 @@ def bridge_as_a_service(test):
         check(rest <= ended + 0.1, f"it ended {rest - ended:.2f} s before the wheels were at rest")
         check(d.system.show(BRIDGE, "Result") == "success", d.system.show(BRIDGE, "Result"))
         test.say(f"stopped in {ended - when:.2f} s, at rest after {rest - when:.2f} s")
+        with_real_drives_it_remembers_the_estop(d)
         the_others_run_too(d, test)
+
+
+def with_real_drives_it_remembers_the_estop(d):
+    text = d.scenario.read_text().replace("[can]\n", '[can]\nemulate_drives = false\narm = "never"\n')
+    d.scenario.write_text(text)
+    since = time.time()
+    d.start_bridge()
+    d.wait_state("estop", 15, since, '"/var/lib/tether/estop.AGV.vcan0" did not exist')
+    d.system.ctl("stop", BRIDGE)
+    check((d.system.root / "var/lib/tether/estop.AGV.vcan0").stat().st_size == 512, "the e-stop's file")
 
 
 def the_others_run_too(d, test):

@@ -252,9 +252,10 @@ def a_latched_estop_outlives_the_bridge(test):
         d.settings += (f"can.estop_file={test.work}/state/estop",)
         d.start_drives()
         d.start_bridge()
-        d.wait_state("disarmed", 20)
-        d.tether("estop", out=["estop: e-stop pressed"])
-        wait_until(2, (test.work / "state/estop").exists, "the e-stop's file")
+        d.wait_state("estop", 20, reason="(from the start: ")
+        d.tether("release", out=["estop: e-stop released: reset to go on"])
+        d.tether("reset", out=["disarmed: ready to be armed"])
+        d.tether("estop", out=["estop: e-stop pressed: release it, then reset"])
         d.bridge.kill()
         since = time.time()
         d.start_bridge()
@@ -262,7 +263,6 @@ def a_latched_estop_outlives_the_bridge(test):
         d.tether("reset", code=1, out=["reset refused: the e-stop is pressed: release it first"])
         d.tether("release", out=["estop: e-stop released: reset to go on"])
         d.tether("reset", out=["disarmed: ready to be armed"])
-        wait_until(2, lambda: not (test.work / "state/estop").exists(), "the file is gone")
 
 
 # --- probe

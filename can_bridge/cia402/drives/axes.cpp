@@ -86,6 +86,7 @@ void Axes::begin(Instant now) {
   possible_radps_ = {};
   rolled_out_ = {true, true};
   by_setpoint_ = {stops_by_setpoint_, stops_by_setpoint_};
+  misfits_.clear();
 }
 
 void Axes::on_news(const StandstillInquiry::News& news, Instant now) {
@@ -144,10 +145,16 @@ void Axes::bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets)
 }
 
 bool Axes::on_feedback(const CanFrame& frame, Instant now) {
-  return PdoMap::unpack(*pdos_.tpdo(frame.id), frame,
-                        [this, now](const PdoMap::Field& field, std::int64_t value) {
-                          axes_[field.axis].receive(field, value, now);
-                        });
+  const PdoMap::Pdo& pdo = *pdos_.tpdo(frame.id);
+  const bool fits = PdoMap::unpack(pdo, frame, [&](const PdoMap::Field& field, std::int64_t value) {
+    axes_[field.axis].receive(field, value, now);
+  });
+  if (fits) {
+    misfits_.erase(frame.id);
+  } else {
+    misfits_[frame.id] = frame.size;
+  }
+  return fits;
 }
 
 bool Axes::shows_velocity_mode(std::size_t i) const {
@@ -156,11 +163,22 @@ bool Axes::shows_velocity_mode(std::size_t i) const {
 
 std::string Axes::feedback_text(std::size_t i) const {
   std::string ids;
+  std::string misfits;
   for (const PdoMap::Pdo& pdo : pdos_.tpdos()) {
     if (std::ranges::none_of(pdo.fields, [i](const auto& field) { return field.axis == i; })) {
       continue;
     }
     ids += fmt::format("{}0x{:03X}", ids.empty() ? "" : ", ", pdo.id);
+    if (const auto found = misfits_.find(pdo.id); found != misfits_.end()) {
+      misfits += fmt::format("{}0x{:03X} has {} bytes instead of {}", misfits.empty() ? "" : ", ",
+                             pdo.id, found->second, pdo.size);
+    }
+  }
+  if (!misfits.empty()) {
+    return fmt::format(
+        "{}: its TPDOs do not have the length of the file's mapping: {}. Map what the drive sends; "
+        "for a drive that pads its TPDOs to 8 bytes, map objects that fill them",
+        axes_[i].name(), misfits);
   }
   return fmt::format("{}: feedback older than {} ms (TPDOs {}): check its supply and the CAN plug",
                      axes_[i].name(), feedback_timeout_ms_, ids);

@@ -132,10 +132,11 @@ class Axes {
   PdoMap pdos_;
   std::array<Axis, 2> axes_;                      // left, right
   std::map<std::uint32_t, SenderCount> senders_;  // of the synchronous TPDOs, by identifier
-  std::array<bool, 2> tells_mode_;                // by a TPDO
-  std::array<bool, 2> released_{};                // braked; the power stage may go off
-  std::array<bool, 2> was_in_doubt_{};            // when begin() forgot the axis
-  Instant standstill_from_ = Instant::min();      // until then, standstill is not believed
+  std::map<std::uint32_t, int> misfits_;      // by identifier: a wrong length of its newest TPDO
+  std::array<bool, 2> tells_mode_;            // by a TPDO
+  std::array<bool, 2> released_{};            // braked; the power stage may go off
+  std::array<bool, 2> was_in_doubt_{};        // when begin() forgot the axis
+  Instant standstill_from_ = Instant::min();  // until then, standstill is not believed
 };
 
 }  // namespace tether::cia402

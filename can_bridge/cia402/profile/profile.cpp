@@ -24,6 +24,10 @@ namespace {
 /// As long as a stop may take (SafetyCore::kStopTimeout).
 constexpr Duration kBrakingWithoutFeedback = std::chrono::seconds(5);
 
+std::string rebooted_text(const Node& node) {
+  return fmt::format("{}: rebooted: full start-up needed; check its supply voltage", node.name);
+}
+
 }  // namespace
 
 std::unique_ptr<DriveProfile> make_profile(const Cia402Config& config,
@@ -131,6 +135,12 @@ void Cia402Profile::on_heartbeat(const CanFrame& frame, Node& node, Instant now)
     ++counters_.rejected_frames;
   } else if (state == NmtState::boot_up) {
     on_boot_up(node);
+  } else if (state == NmtState::operational && drives_.stage.reason() == rebooted_text(node)) {
+    // Only NMT "start" leads there after a reboot, and the bridge has not sent it.
+    drives_.stage.tell(fmt::format(
+        "{}: sent a boot-up message, but is still operational, so it did not reboot: a second "
+        "boot-up message after its start, or another device with its node id",
+        node.name));
   } else if (state != NmtState::operational && drives_.supervised()) {
     fault(Fault{fmt::format("{}: left the operational state ({}): full start-up needed", node.name,
                             state == NmtState::stopped ? "stopped" : "pre-operational"),
@@ -147,9 +157,7 @@ void Cia402Profile::on_boot_up(Node& node) {
   if (drives_.stage.stage() == Stage::configuring) {
     node.startup.on_boot_up();
   } else if (drives_.stage.stage() > Stage::configuring) {
-    fault(Fault{
-        fmt::format("{}: rebooted: full start-up needed; check its supply voltage", node.name),
-        true});
+    fault(Fault{rebooted_text(node), true});
   }
 }
 

@@ -62,10 +62,13 @@ std::optional<Fault> check_axis(const Drives& drives, std::size_t i) {
 }
 
 Fault wrong_mode(const Axis& axis) {
-  return {fmt::format("{}: mode of operation is {}, not 3 (profile velocity): another tool changed "
-                      "it?",
-                      axis.name(), axis.mode().value_or(0)),
-          true};
+  const std::int64_t mode = axis.mode().value_or(0);
+  return {
+      fmt::format("{}: mode of operation is {}, not 3 (profile velocity): {}", axis.name(), mode,
+                  mode != 0 ? "another tool changed it?"
+                            : "the drive shows none. If its mode display blinks, leave "
+                              "mode_display out of the TPDOs"),
+      true};
 }
 
 }  // namespace tether::cia402

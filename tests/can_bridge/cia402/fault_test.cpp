@@ -12,6 +12,7 @@ using test::Bench;
 using test::emergency;
 using test::expect_left_stops_and_stays_stopped;
 using test::milliseconds;
+using ::testing::HasSubstr;
 
 void reboot(Bench& bench, test::FakeDrive& drive) {
   std::vector<CanFrame> out;
@@ -69,6 +70,30 @@ TEST(Cia402Fault, AnEmergencyMessageWithoutErrorIsNone) {
   bench.deliver(emergency(2, 0x0000));
   bench.cycle();
   EXPECT_EQ(bench.phase(), DrivePhase::enabled);
+}
+
+TEST(Cia402Fault, FeedbackOfAnotherLengthIsNamed) {
+  Bench bench;
+  bench.drive({1.0, 0.0});
+  bench.right().silent = true;
+  bench.deliver(CanFrame::make(0x182, {0x37, 0x02, 0, 0, 0, 0, 0, 0}));
+  bench.run(milliseconds(120));
+  EXPECT_EQ(
+      bench.reason(),
+      "right drive (node 2): its TPDOs do not have the length of the file's mapping: 0x182 has "
+      "8 bytes instead of 6. Map what the drive sends; for a drive that pads its TPDOs to 8 "
+      "bytes, map objects that fill them");
+}
+
+TEST(Cia402Fault, ABootUpMessageOfADriveThatGoesOnIsNotCalledAReboot) {
+  Bench bench;
+  bench.drive({1.0, 0.0});
+  bench.deliver(CanFrame::make(0x702, {0x00}));
+  bench.cycle();
+  EXPECT_EQ(bench.phase(), DrivePhase::faulted);
+  bench.run(milliseconds(150));  // its next heartbeat
+  EXPECT_THAT(bench.reason(),
+              HasSubstr("right drive (node 2): sent a boot-up message, but is still operational"));
 }
 
 TEST(Cia402Fault, ARebootNeedsAFullStartUp) {

@@ -162,9 +162,10 @@ TEST(Cia402Habits, NoModeWhenEnabledIsAFaultAfterTheFeedbacksTimeout) {
   }
   bench.cycle();
   EXPECT_EQ(bench.phase(), DrivePhase::faulted);
-  EXPECT_EQ(bench.reason(),
-            "right drive (node 2): mode of operation is 0, not 3 (profile velocity): another tool "
-            "changed it?");
+  EXPECT_EQ(
+      bench.reason(),
+      "right drive (node 2): mode of operation is 0, not 3 (profile velocity): the drive shows "
+      "none. If its mode display blinks, leave mode_display out of the TPDOs");
 }
 
 TEST(Cia402Habits, AnotherModeWhenEnabledIsAFaultAtOnce) {

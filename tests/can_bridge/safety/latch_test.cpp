@@ -29,8 +29,9 @@ TEST_F(EStop, ActsWhateverItsStampAndNumber) {
 
 TEST_F(EStop, OfBeforeARestartIsPressedUntilReleasedAndReset) {
   core = SafetyCore(config());
-  core.restore_estop();
+  core.restore_estop("no proof of a clean end");
   EXPECT_EQ(cycle().state, BridgeState::estop);
+  expect_reason("e-stop pressed (from the start: no proof of a clean end): release it, then reset");
   EXPECT_TRUE(last.estop_latched);
   expect_cannot_be_armed();
   request(DriveRequest::reset);

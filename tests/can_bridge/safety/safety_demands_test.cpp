@@ -185,5 +185,57 @@ TEST_F(EStopContact, ActsAsEStopAndLatchesUntilItIsReleasedAndReset) {
   EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
 }
 
+TEST_F(Demands, NoArmingIsToldAndRefusesToArm) {
+  demands.no_arming = "not commissioned";
+  core.on_safety_inputs(demands);
+  EXPECT_EQ(cycle().reason, "not commissioned");
+  expect_cannot_be_armed();
+  EXPECT_EQ(last.reason, "arming refused: not commissioned");
+  core.on_safety_inputs({});
+  arm();
+  core.on_safety_inputs(demands);
+  keep_commanding(50, 1.0);
+  EXPECT_EQ(last.state, BridgeState::armed);
+}
+
+struct EStopThatIsNotRemembered : Demands {
+  EStopThatIsNotRemembered() { demands.no_release = "the e-stop is not remembered"; }
+};
+
+TEST_F(EStopThatIsNotRemembered, IsToldWhileTheVehicleDrivesOn) {
+  drive(1.0);
+  demand();
+  keep_commanding(50, 1.0);
+  EXPECT_EQ(last.state, BridgeState::armed);
+  EXPECT_EQ(last.reason, "the e-stop is not remembered");
+  EXPECT_GT(last.twist.v_mps, 0.5);
+}
+
+TEST_F(EStopThatIsNotRemembered, RefusesToArm) {
+  core.on_safety_inputs(demands);
+  EXPECT_EQ(cycle().reason, "ready to be armed; the e-stop is not remembered");
+  expect_cannot_be_armed();
+  EXPECT_EQ(last.reason, "arming refused: the e-stop is not remembered");
+  core.on_safety_inputs({});
+  arm();
+}
+
+TEST_F(EStopThatIsNotRemembered, CannotBeReleased) {
+  core.on_safety_inputs(demands);
+  request(DriveRequest::estop);
+  cycle_after(kCycle);
+  request(DriveRequest::estop_release);
+  EXPECT_EQ(
+      cycle_after(kCycle).reason,
+      "e-stop pressed: release it, then reset; release refused; the e-stop is not remembered");
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::estop);
+  core.on_safety_inputs({});
+  request(DriveRequest::estop_release);
+  request(DriveRequest::reset);
+  cycle_after(kCycle);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
+}
+
 }  // namespace
 }  // namespace tether::test

@@ -52,8 +52,34 @@ def read_options(arguments):
     p.add_argument("--enabled-mode", type=int, help="0x6061 while enabled")
     p.add_argument("--warnings", type=number, nargs="*", default=[], help="EMCY codes, in turn")
     p.add_argument("--warn-every-s", type=float, default=0.3, help="… while enabled")
+    p.add_argument("--serial", type=number, help="0x1018:4 [1000 + node]")
     p.add_argument("--first-count", type=number, default=0x7FFFF000, help="of the encoders")
+    add_mechanics(p)
+    add_deviations(p)
     return p.parse_args(arguments)
+
+
+def add_mechanics(p):
+    """See wheel.py; m/s² at the rim."""
+    p.add_argument("--coast-mps2", type=float, default=0.3, help="deceleration without power")
+    p.add_argument("--push-mps2", type=float, default=0.0, help="of a slope or a load, positive: on")
+    p.add_argument("--torque-mps2", type=float, default=6.0, help="what the motor can do")
+    p.add_argument("--holding-brake", action="store_true", help="closes without power")
+
+
+def add_deviations(p):
+    """What a faulty, miswired or wrongly described drive does. It is no fault to the drive itself."""
+    p.add_argument("--velocity", choices=("true", "zero", "enabled"), default="true",
+                   help="0x606C: as it is, always 0, 0 unless enabled")
+    p.add_argument("--velocity-scale", type=float, default=1.0, help="of 0x606C; negative: reversed")
+    p.add_argument("--position-scale", type=float, default=1.0, help="of 0x6064; negative: reversed")
+    p.add_argument("--freeze-after-turns", type=float, help="from then on 0x6064 stays as it is")
+    p.add_argument("--wheel-gain", type=float, default=1.0, help="the wheel turns as told times this")
+    p.add_argument("--no-braking", action="store_true", help="a quick stop is acknowledged only")
+    p.add_argument("--ignore", type=place, nargs="*", default=[], help="objects that act as if 0")
+    p.add_argument("--pad", action="store_true", help="each TPDO has 8 bytes")
+    p.add_argument("--blink-mode-s", type=float, help="so often 0x6061 is 0 for 30 ms")
+    p.add_argument("--second-boot-s", type=float, help="after the first boot-up message, without reset")
 
 
 def tell(**facts):

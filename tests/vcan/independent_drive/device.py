@@ -22,7 +22,7 @@ class Device:
 
     def __init__(self, node, options, send, tell, now):
         self.node = node
-        self.objects = Dictionary()
+        self.objects = Dictionary(options.ignore)
         self.nmt = BOOTING
         self.tell = tell
         self._options = options
@@ -65,7 +65,8 @@ class Device:
         add(0x1016, 1, "u32", 0, check=self._check_consumer, written=self._forget_master)
         add(0x1017, 0, "u16", 0, written=lambda _: self._beat_soon())
         add(0x1018, 0, "u8", 4, "ro")
-        for sub, value in enumerate((0x0000_0ABC, 0x402, 0x0002_0001, 1000 + node), 1):
+        serial = 1000 + node if self._options.serial is None else self._options.serial
+        for sub, value in enumerate((0x0000_0ABC, 0x402, 0x0002_0001, serial), 1):
             add(0x1018, sub, "u32", value, "ro")
         add(0x1029, 0, "u8", 1, "ro")
         add(0x1029, 1, "u8", 0, check=self._check_behaviour)
@@ -104,6 +105,8 @@ class Device:
 
     def _finish_boot(self, now):
         self.nmt = PRE_OPERATIONAL
+        after = self._options.second_boot_s
+        self._second_boot = None if after is None else self._boot_until + after
         self._send(0x700 + self.node, b"\0")
         self.tell(node=self.node, event="boot-up")
 
@@ -153,7 +156,7 @@ class Device:
         if identifier == 0x080:
             for pdo in self._transmit():
                 if (sample := pdo.on_sync(now)) is not None:
-                    self._send(pdo.identifier, sample)
+                    self._send_pdo(pdo, sample)
             for pdo in self._receive():
                 if pdo.valid and pdo.synchronous:
                     pdo.act()
@@ -161,6 +164,9 @@ class Device:
         for pdo in self._receive():
             if pdo.valid and pdo.identifier == identifier and not pdo.receive(data, now):
                 self.emergency(PDO_LENGTH)
+
+    def _send_pdo(self, pdo, sample):
+        self._send(pdo.identifier, sample.ljust(8, b"\0") if self._options.pad else sample)
 
     def _receive(self):
         return self._pdos[:4]
@@ -182,12 +188,15 @@ class Device:
             if now < self._boot_until:
                 return
             self._finish_boot(now)
+        if self._second_boot is not None and now >= self._second_boot:
+            self._second_boot = None
+            self._send(0x700 + self.node, b"\0")
         self._answer(now)
         self._watch(now)
         if self.nmt == OPERATIONAL:
             for pdo in self._transmit():
                 if (sample := pdo.on_time(now)) is not None:
-                    self._send(pdo.identifier, sample)
+                    self._send_pdo(pdo, sample)
         period = self.objects.get(0x1017) * 1e-3
         if period and now >= self._next_beat:
             self._next_beat = max(self._next_beat + period, now + period / 2)

@@ -5,6 +5,7 @@ import itertools
 import math
 
 from objects import INVALID_VALUE, Abort
+from wheel import RADIUS_M, Wheel
 
 # Statusword bits of each state (mask 0x6F), and names as in the standard.
 NOT_READY, SWITCH_ON_DISABLED, READY, SWITCHED_ON = 0x00, 0x40, 0x21, 0x23
@@ -23,11 +24,11 @@ PROFILE_VELOCITY = 3
 
 SELF_TEST_S = 0.05
 MAGNETISING_S = 0.04  # from "switch on" to SwitchedOn, and from there to OperationEnabled
-LAG_S = 0.02  # of the wheel behind the speed controller's demand
-FRICTION_RPS2 = 3.0  # of a wheel without power
 GEAR = 20
 UNITS_PER_RPS = 600  # 0.1 rpm of the motor
 COUNTS = 4096  # of the encoder per revolution of the motor
+UNITS_PER_MPS = GEAR * UNITS_PER_RPS / (2 * math.pi * RADIUS_M)
+BLINK_S = 0.03
 
 
 class Drive:
@@ -37,8 +38,8 @@ class Drive:
         self._device = device
         self._options = options
         self._warnings = itertools.cycle(options.warnings) if options.warnings else None
-        self._motor_revolutions = 0.0
-        self._speed = 0.0  # of the motor, in 0.1 rpm
+        self._wheel = Wheel(options)
+        self._blink_s = 0.0
         self.power_on()
 
     def add_objects(self, objects):
@@ -82,6 +83,11 @@ class Drive:
         self._demand = 0.0
         self._error = 0
         self._warning_left_s = self._options.warn_every_s
+
+    @property
+    def _speed(self):
+        """Of the motor, in 0.1 rpm."""
+        return self._wheel.rim_mps * UNITS_PER_MPS
 
     @property
     def powered(self):
@@ -167,6 +173,9 @@ class Drive:
     # --- motion
 
     def run(self, dt_s):
+        if dt_s <= 0.0:
+            return
+        self._blink_s += dt_s
         self._settle(dt_s)
         self._move(dt_s)
         self._warn(dt_s)
@@ -201,17 +210,14 @@ class Drive:
             fastest = self._objects.get(0x607F)
             target = 0 if halted else self._objects.get(0x60FF)
             self._ramp(max(-fastest, min(fastest, target)), dt_s, 0x6083, 0x6084)
-        elif self.state == QUICK_STOP:
+        elif self.state == QUICK_STOP and not self._options.no_braking:
             self._ramp(0, dt_s, 0x6085, 0x6084 if self._objects.get(0x605A) in (1, 5) else 0x6085)
         elif self.state == FAULT_REACTION:
             self._ramp(0, dt_s, 0x6085, 0x6084 if self._objects.get(0x605E) == 1 else 0x6085)
-        else:
-            friction = FRICTION_RPS2 * GEAR * UNITS_PER_RPS * dt_s
-            self._speed -= max(-friction, min(friction, self._speed))
+        elif not self.powered:
             self._demand = 0.0
-        if self.powered:
-            self._speed += (self._demand - self._speed) * (1.0 - math.exp(-dt_s / LAG_S))
-        self._motor_revolutions += self._speed / UNITS_PER_RPS * dt_s
+        wanted = self._demand / UNITS_PER_MPS * self._options.wheel_gain
+        self._wheel.run(dt_s, wanted if self.powered else None)
 
     def _warn(self, dt_s):
         if self._warnings is None or self.state != ENABLED:
@@ -227,11 +233,22 @@ class Drive:
             return self._options.enabled_mode
         if self._options.late_mode and self.state != ENABLED:
             return 0
+        if self._options.blink_mode_s and self._blink_s % self._options.blink_mode_s < BLINK_S:
+            return 0
         return self._objects.get(0x6060)
+
+    def _shown_velocity(self):
+        hidden = {"true": False, "zero": True, "enabled": self.state != ENABLED}
+        return 0 if hidden[self._options.velocity] else self._speed * self._options.velocity_scale
+
+    def _shown_turns(self):
+        limit = self._options.freeze_after_turns
+        turns = self._wheel.turns * self._options.position_scale
+        return turns if limit is None else max(-limit, min(limit, turns))
 
     def _publish(self):
         put = self._objects.set
-        counts = round(self._motor_revolutions * COUNTS) + self._options.first_count
+        counts = round(self._shown_turns() * GEAR * COUNTS) + self._options.first_count
         target = self._objects.get(0x60FF)
         word = self.state | 0x0210 | self._options.status_bits  # remote; main supply is there
         word |= 0x0400 if abs(self._speed - target) < 50 else 0
@@ -239,13 +256,13 @@ class Drive:
         put(0x6041, 0, word)
         put(0x6061, 0, self._shown_mode())
         put(0x6064, 0, (counts + (1 << 31)) % (1 << 32) - (1 << 31))
-        put(0x606C, 0, round(self._speed))
+        put(0x606C, 0, round(self._shown_velocity()))
         put(0x603F, 0, self._error)
 
     @property
     def wheel_rps(self):
-        return self._speed / UNITS_PER_RPS / GEAR
+        return self._speed / UNITS_PER_RPS / GEAR  # as it is, whatever it shows
 
     @property
     def wheel_turns(self):
-        return self._motor_revolutions / GEAR
+        return self._wheel.turns

@@ -55,8 +55,10 @@ class Entry:
 
 
 class Dictionary:
-    def __init__(self):
+    def __init__(self, ignored=()):
+        """`ignored`: objects that take values, return them by SDO, and act as if they were 0."""
         self._entries = {}
+        self._ignored = ignored
 
     def add(self, index, sub, kind, default, access="rw", pdo="", check=None, written=None):
         self._entries[index, sub] = Entry(kind, default, access, pdo, check, written)
@@ -74,6 +76,8 @@ class Dictionary:
 
     def get(self, index, sub=0, otherwise=0):
         """The value; `otherwise` where the device has no such object."""
+        if any(index == i and s in (None, sub) for i, s in self._ignored):
+            return 0
         found = self._entries.get((index, sub))
         return found.value if found else otherwise
 

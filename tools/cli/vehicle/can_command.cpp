@@ -10,6 +10,7 @@
 #include "common/base/errors.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli_range.hpp"
+#include "tools/can/commission.hpp"
 #include "tools/can/drive.hpp"
 #include "tools/can/operator.hpp"
 #include "tools/can/probe.hpp"
@@ -25,6 +26,7 @@ struct CanCommandOptions {
   double value = 0.0;
   CanDriveOptions drive;
   CanProbeOptions probe;
+  CanCommissionOptions commission;
 };
 using SharedOptions = std::shared_ptr<CanCommandOptions>;
 
@@ -132,6 +134,37 @@ void add_probe(CLI::App& can, const SharedOptions& options, Action& action) {
       [options, &action] { action = [options] { return can_probe(options->probe); }; });
 }
 
+void add_commission(CLI::App& can, const SharedOptions& options, Action& action) {
+  CLI::App* const command = can.add_subcommand(
+      "commission",
+      "Drive the wheels slowly and measure that each drive stops when the bridge falls silent; "
+      "writes the record that arming real drives requires. Stop the bridge first");
+  CanCommissionOptions& o = options->commission;
+  command->add_option("scenario", o.scenario_file, "scenario file (TOML)")->required();
+  command->add_option("--set", o.overrides, "override a scenario key: KEY=VALUE (repeatable)")
+      ->allow_extra_args(false);
+  command->add_option("--operator", o.operator_name, "name of the person beside the vehicle")
+      ->required()
+      ->check(CLI::Validator(
+          [](std::string& name) { return name.empty() ? "must not be empty" : std::string(); },
+          "NAME"));
+  CLI::Option* const free =
+      command->add_flag("--wheels-free", o.wheels_free, "the wheels turn freely: up to 0.5 m/s");
+  CLI::Option* const floor = command->add_flag(
+      "--on-the-floor", o.on_floor, "the vehicle drives up to 0.3 m to and fro: up to 0.05 m/s");
+  free->excludes(floor);
+  command->add_option("--speed-mps", o.speed_mps, "speed of the trials, m/s [the maximum]")
+      ->check(number_between(0.01, 0.5));
+  command->add_option("--record", o.record_file,
+                      "file to write [can.commission_record, else one in the state folder]");
+  command->callback([options, &action] {
+    if (!options->commission.wheels_free && !options->commission.on_floor) {
+      throw CLI::RequiredError("one of --wheels-free and --on-the-floor");
+    }
+    action = [options] { return can_commission(options->commission); };
+  });
+}
+
 }  // namespace
 
 void add_can_command(CLI::App& tether, Action& action) {
@@ -155,6 +188,7 @@ void add_can_command(CLI::App& tether, Action& action) {
   add_operator_command(*can, options, "status", "State, wheels and odometry, once")
       ->callback([options, &action] { action = [options] { return can_status(options->op); }; });
   add_probe(*can, options, action);
+  add_commission(*can, options, action);
   can->footer(
       "`tether can SCENARIO` is the drivetrain of a run in simulated time: tether-can --help");
 }
