@@ -67,11 +67,28 @@ def commands_page(bin_dir):
     return text
 
 
+def programs_not_built(bin_dir):
+    """Programs that commands.md documents and the folder lacks. Without them the page would lose their sections."""
+    page = FOLDER / "commands.md"
+    documented = re.findall(r"(?m)^## (tether\S*)$", page.read_text()) if page.exists() else []
+    return [name for name in documented if not os.access(bin_dir / name, os.X_OK)]
+
+
+def names_missing(bin_dir, missing):
+    return (
+        f"not built: {', '.join(missing)}, which docs/reference/commands.md documents. "
+        f"Run: cmake --build {bin_dir.parent} --target {' '.join(missing)}"
+    )
+
+
 def pages(bin_dir):
     return {FOLDER / "keys.md": keys_page(bin_dir), FOLDER / "commands.md": commands_page(bin_dir)}
 
 
 def out_of_date(bin_dir):
+    if missing := programs_not_built(bin_dir):
+        yield names_missing(bin_dir, missing)
+        return
     for file, text in pages(bin_dir).items():
         page = file.read_text() if file.exists() else ""
         if page != text:
@@ -90,6 +107,9 @@ def main():
     given = parser.parse_args()
     bin_dir = given.bin_dir.resolve()
     if given.write:
+        if missing := programs_not_built(bin_dir):
+            print(f"Nothing written: {names_missing(bin_dir, missing)}", file=sys.stderr)
+            return 1
         FOLDER.mkdir(exist_ok=True)
         for file, text in pages(bin_dir).items():
             file.write_text(text)

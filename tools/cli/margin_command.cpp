@@ -12,8 +12,8 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
+#include "controller/tube/tube_settings.hpp"
 #include "margin/loop/loop_margins.hpp"
-#include "margin/tube/tube_settings.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"

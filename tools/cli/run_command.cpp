@@ -21,7 +21,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
-#include "margin/tube/tube_settings.hpp"
+#include "controller/tube/tube_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "tools/cli/base/scenario_options.hpp"

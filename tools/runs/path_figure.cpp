@@ -7,7 +7,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
-#include "margin/tube/tube_settings.hpp"
+#include "controller/tube/tube_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/models/kinds.hpp"
 #include "tools/base/gnuplot.hpp"

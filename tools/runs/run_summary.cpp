@@ -10,7 +10,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
-#include "margin/tube/tube_settings.hpp"
+#include "controller/tube/tube_settings.hpp"
 #include "tools/runs/channel_report.hpp"
 #include "tools/runs/metric.hpp"
 

@@ -1,4 +1,4 @@
-#include "margin/tube/tube_settings.hpp"
+#include "controller/tube/tube_settings.hpp"
 
 #include <fmt/format.h>
 

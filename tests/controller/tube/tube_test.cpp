@@ -12,7 +12,7 @@
 #include "common/path/path_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
-#include "margin/tube/tube_settings.hpp"
+#include "controller/tube/tube_settings.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/kinematic_vehicle.hpp"
 #include "tests/support/source_dir.hpp"

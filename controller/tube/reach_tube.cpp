@@ -1,4 +1,4 @@
-#include "margin/tube/reach_tube.hpp"
+#include "controller/tube/reach_tube.hpp"
 
 #include <Eigen/Core>
 #include <algorithm>

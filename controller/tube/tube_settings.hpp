@@ -5,7 +5,7 @@
 
 #include "common/path/reference_path.hpp"
 #include "common/scenario/section.hpp"
-#include "margin/tube/reach_tube.hpp"
+#include "controller/tube/reach_tube.hpp"
 
 namespace tether {
 
