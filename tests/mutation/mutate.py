@@ -1,11 +1,11 @@
 #!/usr/bin/env -S python3 -B
 """Breaks the sources that keep a vehicle safe, one place at a time, and checks that a test notices.
 
-All mutants of a source are compiled into one object, in which the environment chooses one, and
-linked, in place of the original, with the test programs as the build links them. One run of each
-program tells which tests reach which mutant; only those are run with it, until one fails. What
-survives is an error unless survivors.toml says why it may; a rule (rules.py) whose mutant is gone
-or lives is always one.
+All mutants of a source, or of the sources that the build compiles together, are compiled into one
+object, in which the environment chooses one, and linked, in place of the original, with the test
+programs as the build links them. One run of each program tells which tests reach which mutant; only
+those are run with it, until one fails. What survives is an error unless survivors.toml says why it
+may; a rule (rules.py) whose mutant is gone or lives is always one.
 
   mutate.py --build build/release                what ctest runs: all rules, and STRICT
   mutate.py --build build/release --all          every mutant of every source (sources.py)
@@ -76,7 +76,7 @@ def number_all(sources):
     first = 1
     for source in sources:
         source.first = first
-        first += len(source.mutate(frozenset()).mutants)
+        first += len(source.mutate().mutants)
 
 
 def groups_of(tests):
@@ -95,11 +95,11 @@ class Source:
     def __init__(self, name, programs):
         self.name, self.programs = name, programs
         self.first = 1
-        self.without = frozenset()
+        self.unasked = frozenset()  # mutants that are not run: compiled, they would cost most of the time
+        self.without = frozenset()  # those that do not compile
 
-    def mutate(self, without):
-        self.without = without
-        mutated = Mutated((ROOT / self.name).read_text(), self.first, without, SPECIAL)
+    def mutate(self):
+        mutated = Mutated((ROOT / self.name).read_text(), self.first, self.unasked | self.without, SPECIAL)
         self.mutants = mutated.mutants
         for mutant in self.mutants:
             mutant.file = self.name
@@ -111,9 +111,8 @@ class Mutation:
         self.options, self.sources, self.folder = options, sources, folder
         self.build = options.build.resolve()
         self.commands = {
-            str(pathlib.Path(c["file"]).relative_to(ROOT)): c
-            for c in json.loads((self.build / "compile_commands.json").read_text())
-            if ROOT in pathlib.Path(c["file"]).parents
+            source: c for c in json.loads((self.build / "compile_commands.json").read_text())
+            for source in self.sources_in(pathlib.Path(c["file"]))
         }
         self.cache = self.build / "mutation_killers.json"
         self.killers = json.loads(self.cache.read_text()) if self.cache.exists() else {}
@@ -122,13 +121,18 @@ class Mutation:
     def run(self):
         chosen, problems = self.choose()
         self.sources = [s for s in self.sources if any(m.file == s.name for m in chosen)]
+        asked = {m.number for m in chosen}
+        for source in self.sources:
+            source.unasked = frozenset(m.number for m in source.mutants) - asked
         started = time.monotonic()
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-            objects = dict(zip([s.name for s in self.sources], pool.map(self.compile, self.sources)))
+            units = self.units()
+            objects = list(pool.map(self.compile, units))
             runtime = self.compile_runtime()
             programs = sorted({p for s in self.sources for p in s.programs})
             self.binaries = dict(zip(programs, pool.map(
-                lambda p: self.link(p, [runtime, *(objects[s.name] for s in self.sources if p in s.programs)]),
+                lambda p: self.link(p, [runtime, *(made for made, unit in zip(objects, units)
+                                                   if any(p in s.programs for s in unit))]),
                 programs)))
             print(f"{len(self.sources)} sources compiled, {len(programs)} programs linked: "
                   f"{time.monotonic() - started:.0f} s", flush=True)
@@ -174,28 +178,52 @@ class Mutation:
 
     # --- building
 
-    def compile(self, source):
-        without = frozenset()
+    def sources_in(self, file):
+        """The sources that are compiled with this file: those that a batch includes, or itself."""
+        if self.build in file.parents:
+            return re.findall(r'^#include "(.+\.cpp)"$', file.read_text(), re.MULTILINE) if file.exists() else []
+        return [str(file.relative_to(ROOT))] if ROOT in file.parents else []
+
+    def units(self):
+        """Sources that the build compiles together, as lists."""
+        units = collections.defaultdict(list)
+        for source in self.sources:
+            units[self.commands[source.name]["file"]].append(source)
+        return list(units.values())
+
+    def compile(self, unit):
+        """One object, whole like the build's: two would define what they share twice, and what is
+        inlined within a batch would stay without mutants."""
+        names = ", ".join(source.name for source in unit)
+        entry = self.commands[unit[0].name]
+        made = self.folder / f"{unit[0].name}.o"
         for _ in range(8):
-            text = source.mutate(without).text
-            file = self.folder / source.name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text)
-            entry = self.commands[source.name]
+            lines = {self.folder / s.name: s.mutate().text.split("\n") for s in unit}
+            for file, text in lines.items():
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text("\n".join(text))
             command = shlex.split(entry["command"])
-            command[command.index("-o") + 1] = f"{file}.o"
-            command[command.index("-c") + 1] = str(file)
+            command[command.index("-o") + 1] = str(made)
+            if entry["file"] == str(ROOT / unit[0].name):
+                command[command.index("-c") + 1] = str(self.folder / unit[0].name)
+            command[1:1] = ["-I", str(self.folder)]  # a batch finds the copies before the originals
             done = subprocess.run([*command, "-w", "-O1", "-fmax-errors=0"], cwd=entry["directory"],
                                   capture_output=True, text=True)
             if done.returncode == 0:
-                return f"{file}.o"
-            lines = text.split("\n")
-            bad = {int(n) for number in re.findall(rf"{re.escape(str(file))}:(\d+):\d+: (?:error|  required)", done.stderr)
-                   for n in re.findall(r"tether_mutant\((\d+)\)", lines[int(number) - 1])}
-            if not bad - without:
+                return made
+            bad = {source: self.bad(lines[self.folder / source.name], self.folder / source.name, done.stderr)
+                   for source in unit}
+            if not any(numbers - source.without for source, numbers in bad.items()):
                 break
-            without |= bad
-        sys.exit(f"cannot compile the mutants of {source.name}:\n{done.stderr[:3000]}")
+            for source, numbers in bad.items():
+                source.without |= numbers
+        sys.exit(f"cannot compile the mutants of {names}:\n{done.stderr[:3000]}")
+
+    @staticmethod
+    def bad(lines, file, errors):
+        """The mutants in lines of the file that the compiler does not take."""
+        found = re.findall(rf"{re.escape(str(file))}:(\d+):\d+: (?:error|  required)", errors)
+        return {int(n) for number in found for n in re.findall(r"tether_mutant\((\d+)\)", lines[int(number) - 1])}
 
     def compile_runtime(self):
         done = subprocess.run(["c++", "-std=c++20", "-O1", "-c", HERE / "runtime.cpp", "-o", self.folder / "runtime.o"])
