@@ -69,8 +69,8 @@ class CanBridgeNode final : public Node {
   /// From now on the file remembers whether the e-stop is latched; if it says so already, the
   /// e-stop is pressed. Before the first cycle.
   void use_estop_file(EstopFile file);
-  /// The e-stop was latched when the bridge ended last: it is pressed. Before the first cycle.
-  void restore_estop() { safety_.restore_estop(); }
+  /// The e-stop is pressed from the start, and `why`. Before the first cycle.
+  void restore_estop(std::string why) { safety_.restore_estop(std::move(why)); }
   /// As of the last cycle.
   bool estop_latched() const { return estop_latched_; }
   /// From now on it decides whether these drives may be armed. Before the first cycle.
