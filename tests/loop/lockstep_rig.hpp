@@ -63,7 +63,7 @@ class BadLine final : public Bus {
   bool chance(double p) { return p > 0.0 && std::uniform_real_distribution<>(0, 1)(random_) < p; }
 
   EventLoop& wall_;
-  Peer peer_;
+  PeerBus peer_;
   std::mt19937 random_;
 };
 

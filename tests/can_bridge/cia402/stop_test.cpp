@@ -12,7 +12,7 @@ using test::Bench;
 using test::milliseconds;
 
 /// The values of the controlword in all RPDOs with this identifier, without repetitions.
-std::vector<int> controlwords(const Bench& bench, std::uint32_t id) {
+std::vector<int> sent_controlwords(const Bench& bench, std::uint32_t id) {
   std::vector<int> words;
   for (const CanFrame& f : bench.log) {
     if (f.id != id) continue;
@@ -40,7 +40,7 @@ TEST_P(QuickStop, BrakesToStandstillThenSwitchesThePowerStagesOff) {
   EXPECT_EQ(bench.left_axis().speed, 0);
   EXPECT_EQ(bench.left_axis().state, DriveState::switch_on_disabled);
   EXPECT_EQ(bench.right_axis().state, DriveState::switch_on_disabled);
-  EXPECT_THAT(controlwords(bench, 0x201), ::testing::ElementsAre(0x0002, 0x0000));
+  EXPECT_THAT(sent_controlwords(bench, 0x201), ::testing::ElementsAre(0x0002, 0x0000));
 }
 
 TEST_P(QuickStop, KeepsTheQuickStopCommandedWhileOneWheelTurns) {
@@ -141,7 +141,7 @@ TEST(Cia402Profile, DisableSwitchesStandingWheelsOffAtOnce) {
   bench.log.clear();
   bench.profile.stop(StopKind::disable);
   EXPECT_TRUE(bench.reach(DrivePhase::standby, milliseconds(100)));
-  EXPECT_THAT(controlwords(bench, 0x201), ::testing::ElementsAre(0x0000));
+  EXPECT_THAT(sent_controlwords(bench, 0x201), ::testing::ElementsAre(0x0000));
 }
 
 TEST(Cia402Profile, DisableBrakesTurningWheelsFirst) {
@@ -169,8 +169,8 @@ TEST(Cia402Profile, AQuickStopIsSentToStandingWheelsToo) {
   bench.log.clear();
   bench.profile.stop(StopKind::quick);
   ASSERT_TRUE(bench.reach(DrivePhase::standby, milliseconds(200)));
-  EXPECT_THAT(controlwords(bench, 0x201), ::testing::ElementsAre(0x0002, 0x0000));
-  EXPECT_THAT(controlwords(bench, 0x202), ::testing::ElementsAre(0x0002, 0x0000));
+  EXPECT_THAT(sent_controlwords(bench, 0x201), ::testing::ElementsAre(0x0002, 0x0000));
+  EXPECT_THAT(sent_controlwords(bench, 0x202), ::testing::ElementsAre(0x0002, 0x0000));
 }
 
 TEST(Cia402Profile, StopActsOnlyWhereThePowerStagesAreOnOrGoingOn) {

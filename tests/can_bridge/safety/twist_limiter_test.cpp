@@ -18,7 +18,7 @@ using test::Random;
 using test::random_limits;
 using test::uniform;
 
-constexpr double kRounding = 1e-9;
+constexpr double kLimiterRounding = 1e-9;
 
 double seconds_per_cycle(const TwistLimits& limits) { return to_seconds(limits.cycle); }
 
@@ -60,10 +60,10 @@ class Watched {
 
  private:
   void check(const Twist& now, bool stop_jerk_allowed) {
-    EXPECT_LE(now.v_mps, limits_.max_speed_mps + kRounding);
-    EXPECT_GE(now.v_mps, -limits_.max_reverse_mps - kRounding);
-    EXPECT_LE(std::abs(now.omega_radps), limits_.max_yaw_rate_radps + kRounding);
-    EXPECT_LE(fastest_wheel(now, limits_.track_m), limits_.max_wheel_speed_mps + kRounding);
+    EXPECT_LE(now.v_mps, limits_.max_speed_mps + kLimiterRounding);
+    EXPECT_GE(now.v_mps, -limits_.max_reverse_mps - kLimiterRounding);
+    EXPECT_LE(std::abs(now.omega_radps), limits_.max_yaw_rate_radps + kLimiterRounding);
+    EXPECT_LE(fastest_wheel(now, limits_.track_m), limits_.max_wheel_speed_mps + kLimiterRounding);
     check_axis(before_.v_mps, now.v_mps, v_rate_, v_axis(limits_), stop_jerk_allowed);
     check_axis(before_.omega_radps, now.omega_radps, w_rate_, w_axis(limits_), stop_jerk_allowed);
     before_ = now;
@@ -95,13 +95,13 @@ Twist random_target(Random& random) {
 }
 
 bool arrived(const Twist& actual, const Twist& target) {
-  return std::abs(actual.v_mps - target.v_mps) <= kRounding &&
-         std::abs(actual.omega_radps - target.omega_radps) <= kRounding;
+  return std::abs(actual.v_mps - target.v_mps) <= kLimiterRounding &&
+         std::abs(actual.omega_radps - target.omega_radps) <= kLimiterRounding;
 }
 
 void expect_twist(const Twist& actual, const Twist& expected) {
-  EXPECT_NEAR(actual.v_mps, expected.v_mps, kRounding);
-  EXPECT_NEAR(actual.omega_radps, expected.omega_radps, kRounding);
+  EXPECT_NEAR(actual.v_mps, expected.v_mps, kLimiterRounding);
+  EXPECT_NEAR(actual.omega_radps, expected.omega_radps, kLimiterRounding);
 }
 
 TEST(TwistLimiter, RestsUntilItIsGivenATarget) {
@@ -114,9 +114,9 @@ TEST(TwistLimiter, RestsUntilItIsGivenATarget) {
 TEST(TwistLimiter, AStepInSpeedIsARampOfTheGivenJerkAndAcceleration) {
   TwistLimits limits;  // 1 m/s², 30 m/s³, 20 ms: the rate rises by 0.6 m/s² per cycle
   TwistLimiter limiter{limits};
-  EXPECT_NEAR(limiter.step({1.0, 0.0}).v_mps, 0.6 * 0.02, kRounding);
-  EXPECT_NEAR(limiter.step({1.0, 0.0}).v_mps, (0.6 + 1.0) * 0.02, kRounding);
-  EXPECT_NEAR(limiter.step({1.0, 0.0}).v_mps, (0.6 + 2.0) * 0.02, kRounding);
+  EXPECT_NEAR(limiter.step({1.0, 0.0}).v_mps, 0.6 * 0.02, kLimiterRounding);
+  EXPECT_NEAR(limiter.step({1.0, 0.0}).v_mps, (0.6 + 1.0) * 0.02, kLimiterRounding);
+  EXPECT_NEAR(limiter.step({1.0, 0.0}).v_mps, (0.6 + 2.0) * 0.02, kLimiterRounding);
 }
 
 TEST(TwistLimiter, BrakesHarderThanItAcceleratesIfToldSo) {
@@ -149,15 +149,15 @@ TEST(TwistLimiter, ATooFastWheelSlowsBothWheels) {
   limits.track_m = 1.0;
   const TwistLimiter limiter{limits};
   const Twist twist = limiter.within_speed_limits({1.5, 1.0});  // wheels at 1 and 2 m/s
-  EXPECT_NEAR(fastest_wheel(twist, 1.0), 1.0, kRounding);
-  EXPECT_NEAR(twist.omega_radps / twist.v_mps, 1.0 / 1.5, kRounding);
+  EXPECT_NEAR(fastest_wheel(twist, 1.0), 1.0, kLimiterRounding);
+  EXPECT_NEAR(twist.omega_radps / twist.v_mps, 1.0 / 1.5, kLimiterRounding);
 }
 
 TEST(TwistLimiter, BothAxesRiseInProportionSoThatTheCurveIsKept) {
   TwistLimiter limiter{TwistLimits{}};
   for (int n = 0; n < 500; ++n) {
     const Twist t = limiter.step({1.0, 0.8});
-    ASSERT_NEAR(t.omega_radps, 0.8 * t.v_mps, kRounding) << "in cycle " << n;
+    ASSERT_NEAR(t.omega_radps, 0.8 * t.v_mps, kLimiterRounding) << "in cycle " << n;
   }
   expect_twist(limiter.twist(), {1.0, 0.8});
 }
@@ -167,7 +167,7 @@ TEST(TwistLimiter, AStopKeepsTheCurveToo) {
   for (int n = 0; n < 500; ++n) limiter.step({2.0, -1.0});
   while (!limiter.at_rest()) {
     const Twist t = limiter.stop();
-    ASSERT_NEAR(t.omega_radps, -0.5 * t.v_mps, kRounding);
+    ASSERT_NEAR(t.omega_radps, -0.5 * t.v_mps, kLimiterRounding);
   }
 }
 
@@ -204,7 +204,7 @@ TEST(TwistLimiter, AConstantTargetIsNeverOvershotFromRestAndThenHeldForGood) {
       const Twist target = watched.limiter().within_speed_limits(random_target(random));
       const Twist from = watched.twist();
       const auto between = [](double x, double a, double b) {
-        return x >= std::min(a, b) - kRounding && x <= std::max(a, b) + kRounding;
+        return x >= std::min(a, b) - kLimiterRounding && x <= std::max(a, b) + kLimiterRounding;
       };
       int n = 0;
       for (; n < 300'000; ++n) {
@@ -320,8 +320,8 @@ TEST(TwistLimiter, AStopNeverRollsBackward) {
     for (int n = 0; n < 200; ++n) watched.step(target);
     for (int n = 0; n < 2000 && !watched.limiter().at_rest(); ++n) {
       watched.stop();
-      ASSERT_GE(watched.twist().v_mps, -kRounding);
-      ASSERT_GE(watched.twist().omega_radps, -kRounding);
+      ASSERT_GE(watched.twist().v_mps, -kLimiterRounding);
+      ASSERT_GE(watched.twist().omega_radps, -kLimiterRounding);
     }
   }
 }

@@ -30,7 +30,7 @@ Scenario with(const std::vector<std::string>& overrides, const std::string& toml
   return parse_scenario(toml, "test.toml", overrides);
 }
 
-std::string refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
+std::string override_refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
   return refusal_of([&] { with(overrides, toml); });
 }
 
@@ -81,41 +81,41 @@ TEST(ScenarioOverride, OfTheChannelReachesTheMarkovModel) {
 }
 
 TEST(ScenarioOverride, IsRefusedWithItsOwnTextAndWhatIsAllowed) {
-  EXPECT_THAT(refusal({"channel.downlink.prr=1.2"}),
+  EXPECT_THAT(override_refusal({"channel.downlink.prr=1.2"}),
               AllOf(StartsWith("--set channel.downlink.prr=1.2: "), HasSubstr("[0, 1]")));
-  EXPECT_THAT(refusal({"channel.ulpink.prr=0.5"}),
+  EXPECT_THAT(override_refusal({"channel.ulpink.prr=0.5"}),
               AllOf(HasSubstr("unknown key"), HasSubstr("channel.uplink.prr")));
-  EXPECT_THAT(refusal({"sensor.rate_hz=-1"}), HasSubstr("must be a number in [0.001, 1000]"));
-  EXPECT_THAT(refusal({"sensor.rate_hz=nan"}), HasSubstr("must be a number in [0.001, 1000]"));
-  EXPECT_THAT(refusal({"run.duration_s=inf"}), HasSubstr("must be a number in (0, 1000000]"));
-  EXPECT_THAT(refusal({"actuator.policy=levitate"}), HasSubstr("\"hold\" or \"zero\""));
-  EXPECT_THAT(refusal({"vehicle.name=CTRL"}), HasSubstr("channels CTRL... have another meaning"));
+  EXPECT_THAT(override_refusal({"sensor.rate_hz=-1"}), HasSubstr("must be a number in [0.001, 1000]"));
+  EXPECT_THAT(override_refusal({"sensor.rate_hz=nan"}), HasSubstr("must be a number in [0.001, 1000]"));
+  EXPECT_THAT(override_refusal({"run.duration_s=inf"}), HasSubstr("must be a number in (0, 1000000]"));
+  EXPECT_THAT(override_refusal({"actuator.policy=levitate"}), HasSubstr("\"hold\" or \"zero\""));
+  EXPECT_THAT(override_refusal({"vehicle.name=CTRL"}), HasSubstr("channels CTRL... have another meaning"));
 }
 
 TEST(ScenarioOverride, MustHaveAKeyAndOneReadableValue) {
-  EXPECT_THAT(refusal({"sensor.rate_hz"}), HasSubstr("expected KEY=VALUE"));
-  EXPECT_THAT(refusal({"=5"}), HasSubstr("expected KEY=VALUE"));
-  EXPECT_THAT(refusal({"sensor.rate_hz="}), HasSubstr("cannot read the value"));
-  EXPECT_THAT(refusal({"sensor.rate_hz=5\nrun.seed = 7"}), HasSubstr("must be one line"));
-  EXPECT_THAT(refusal({"sensor.rate_hz=[1, 2]"}), HasSubstr("must be a number"));
+  EXPECT_THAT(override_refusal({"sensor.rate_hz"}), HasSubstr("expected KEY=VALUE"));
+  EXPECT_THAT(override_refusal({"=5"}), HasSubstr("expected KEY=VALUE"));
+  EXPECT_THAT(override_refusal({"sensor.rate_hz="}), HasSubstr("cannot read the value"));
+  EXPECT_THAT(override_refusal({"sensor.rate_hz=5\nrun.seed = 7"}), HasSubstr("must be one line"));
+  EXPECT_THAT(override_refusal({"sensor.rate_hz=[1, 2]"}), HasSubstr("must be a number"));
 }
 
 TEST(ScenarioOverride, ThatTheChannelModelIgnoresIsRefused) {
   const std::string markov = "[channel.uplink]\nmodel = \"markov\"";
-  EXPECT_THAT(refusal({"channel.uplink.prr=0.5"}, markov),
+  EXPECT_THAT(override_refusal({"channel.uplink.prr=0.5"}, markov),
               AllOf(HasSubstr("has no effect"), HasSubstr("model is \"markov\"")));
-  EXPECT_THAT(refusal({"channel.uplink.markov.bad.prr=0.5"}),
+  EXPECT_THAT(override_refusal({"channel.uplink.markov.bad.prr=0.5"}),
               AllOf(HasSubstr("has no effect"), HasSubstr("model is \"fixed\"")));
-  EXPECT_EQ(refusal({"channel.downlink.prr=0.5"}, markov), "accepted");
+  EXPECT_EQ(override_refusal({"channel.downlink.prr=0.5"}, markov), "accepted");
 }
 
 TEST(Scenario, AKeyInTheFileThatTheChannelModelIgnoresIsRefused) {
-  EXPECT_THAT(refusal({}, "[channel.uplink]\nmarkov.p_bad = 0.9\nmarkov.mean_cycle_s = 4.0"),
+  EXPECT_THAT(override_refusal({}, "[channel.uplink]\nmarkov.p_bad = 0.9\nmarkov.mean_cycle_s = 4.0"),
               AllOf(StartsWith("test.toml: channel.uplink.markov."), HasSubstr("has no effect")));
-  EXPECT_THAT(refusal({}, "[channel.uplink]\nmodel = \"markov\"\nprr = 0.1"),
+  EXPECT_THAT(override_refusal({}, "[channel.uplink]\nmodel = \"markov\"\nprr = 0.1"),
               AllOf(StartsWith("test.toml: channel.uplink.prr"), HasSubstr("has no effect")));
   // What the file set before an override chose another model is no mistake.
-  EXPECT_EQ(refusal({"channel.uplink.model=markov"}, "[channel.uplink]\nprr = 0.1"), "accepted");
+  EXPECT_EQ(override_refusal({"channel.uplink.model=markov"}, "[channel.uplink]\nprr = 0.1"), "accepted");
 }
 
 TEST(Scenario, ASharedStateNeedsTheSameSojournTimesInBothDirections) {
@@ -123,8 +123,8 @@ TEST(Scenario, ASharedStateNeedsTheSameSojournTimesInBothDirections) {
   auto differing = shared, same = shared;
   differing.push_back("channel.downlink.markov.mean_bad_s=1");
   same.push_back("channel.markov.mean_bad_s=1");
-  EXPECT_THAT(refusal(differing), HasSubstr("the same sojourn times"));
-  EXPECT_EQ(refusal(same), "accepted");
+  EXPECT_THAT(override_refusal(differing), HasSubstr("the same sojourn times"));
+  EXPECT_EQ(override_refusal(same), "accepted");
 }
 
 TEST(ScenarioKeys, ValuesThatWouldOverflowTimeOrPhysicsAreRefused) {
@@ -134,7 +134,7 @@ TEST(ScenarioKeys, ValuesThatWouldOverflowTimeOrPhysicsAreRefused) {
         "path.amplitude_m=1e308", "vehicle.chassis_mass_kg=1e308", "vehicle.wheel_mass_kg=1e-300",
         "vehicle.track_m=1e200", "vehicle.caster_x_m=1e300", "vehicle.wheel_radius_m=1e-200",
         "world.gravity_mps2=1e308"}) {
-    EXPECT_THAT(refusal({text}), HasSubstr("must be a number in ")) << text;
+    EXPECT_THAT(override_refusal({text}), HasSubstr("must be a number in ")) << text;
   }
 }
 

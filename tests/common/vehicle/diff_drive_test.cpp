@@ -9,7 +9,7 @@ namespace tether {
 namespace {
 
 constexpr double kWheelTrack_m = 1.2;
-constexpr double kPi = std::numbers::pi;
+constexpr double kHalfTurn = std::numbers::pi;
 
 TEST(DiffDrive, AFasterRightWheelTurnsLeft) {
   const Twist u = to_twist({.left_mps = 1.0, .right_mps = 2.2}, kWheelTrack_m);
@@ -61,14 +61,14 @@ TEST(DiffDrive, SaturationLeavesSpeedsUpToTheLimitAlone) {
 
 TEST(WrapAngle, GivesTheSameDirectionAboveMinusPiAndUpToPi) {
   EXPECT_EQ(wrap_angle(0.0), 0.0);
-  EXPECT_EQ(wrap_angle(kPi), kPi);
-  EXPECT_EQ(wrap_angle(-kPi), kPi);
-  EXPECT_NEAR(wrap_angle(kPi + 0.1), -kPi + 0.1, 1e-14);
-  EXPECT_NEAR(wrap_angle(-kPi - 0.1), kPi - 0.1, 1e-14);
+  EXPECT_EQ(wrap_angle(kHalfTurn), kHalfTurn);
+  EXPECT_EQ(wrap_angle(-kHalfTurn), kHalfTurn);
+  EXPECT_NEAR(wrap_angle(kHalfTurn + 0.1), -kHalfTurn + 0.1, 1e-14);
+  EXPECT_NEAR(wrap_angle(-kHalfTurn - 0.1), kHalfTurn - 0.1, 1e-14);
   for (double a = -100.0; a < 100.0; a += 0.37) {
     const double wrapped = wrap_angle(a);
-    EXPECT_GT(wrapped, -kPi);
-    EXPECT_LE(wrapped, kPi);
+    EXPECT_GT(wrapped, -kHalfTurn);
+    EXPECT_LE(wrapped, kHalfTurn);
     EXPECT_NEAR(std::cos(wrapped), std::cos(a), 1e-12);
     EXPECT_NEAR(std::sin(wrapped), std::sin(a), 1e-12);
   }

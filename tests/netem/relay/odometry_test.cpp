@@ -14,17 +14,17 @@ using test::at_s;
 using test::Seen;
 using test::VirtualWorld;
 
-struct Relayed {
+struct RelayedOdometry {
   std::vector<Seen<pose_t>> poses;
   std::vector<Seen<odometry_t>> odometry;
   std::int64_t offered = 0;
 };
 
 /// 60 s of poses at 10 Hz and, if wanted, of odometry 7 ms behind each.
-Relayed relayed(const std::vector<std::string>& channel, bool with_odometry) {
+RelayedOdometry relayed(const std::vector<std::string>& channel, bool with_odometry) {
   const Scenario scenario = parse_scenario("", "test.toml", channel);
   VirtualWorld world;
-  Relayed out;
+  RelayedOdometry out;
   std::vector<Seen<counters_t>> counters;
   world.collect("CTRL/POSE", out.poses);
   world.collect("CTRL/ODOMETRY", out.odometry);
@@ -52,7 +52,7 @@ std::vector<std::int64_t> numbers(const std::vector<Seen<pose_t>>& poses) {
 class OdometryBesidePoses : public ::testing::TestWithParam<std::vector<std::string>> {};
 
 TEST_P(OdometryBesidePoses, LeavesTheirFateAlone) {
-  const Relayed with = relayed(GetParam(), true), without = relayed(GetParam(), false);
+  const RelayedOdometry with = relayed(GetParam(), true), without = relayed(GetParam(), false);
   EXPECT_EQ(numbers(with.poses), numbers(without.poses));
   EXPECT_EQ(with.offered, 600);
   EXPECT_EQ(without.offered, -1) << "no counter either";
@@ -71,7 +71,7 @@ INSTANTIATE_TEST_SUITE_P(Channels, OdometryBesidePoses,
                                                "channel.gilbert_elliott.r=0.3"}));
 
 TEST(RelayedOdometry, HasLuckOfItsOwn) {
-  const Relayed r = relayed({"channel.prr=0.5"}, true);
+  const RelayedOdometry r = relayed({"channel.prr=0.5"}, true);
   // Both got through: 600 · 0.25 = 150 ± 10.6, where poses and odometry are independent.
   std::vector<bool> posed(600);
   for (const auto& p : r.poses) posed[static_cast<std::size_t>(p.message.seq)] = true;
@@ -81,7 +81,7 @@ TEST(RelayedOdometry, HasLuckOfItsOwn) {
 }
 
 TEST(RelayedOdometry, MeetsTheStateThatThePosesMeet) {
-  const Relayed r = relayed(
+  const RelayedOdometry r = relayed(
       {"channel.model=markov", "channel.markov.mean_good_s=5", "channel.markov.mean_bad_s=5",
        "channel.markov.good.prr=1", "channel.markov.bad.prr=0"},
       true);
@@ -96,7 +96,7 @@ TEST(RelayedOdometry, MeetsTheStateThatThePosesMeet) {
 }
 
 TEST(RelayedOdometry, FollowsChangesOfTheUplinksSettings) {
-  const Relayed r =
+  const RelayedOdometry r =
       relayed({"channel.change=[{at_s=30, set=['uplink.delay_ms=40', 'uplink.loss=1']}]"}, true);
   EXPECT_EQ(r.odometry.size(), 300U);
   EXPECT_LT(r.odometry.back().when, at_s(30));
