@@ -277,7 +277,7 @@ RULES = [
     ("remote: repeated and late", "Supervisor::judge", "false", "guard_"),
     ("remote: begins in motion", "Supervisor::judge", "operand", "^is_stop$"),
     ("remote: takes over while it rolls", "Supervisor::judge", "operand", "^stood_$"),
-    ("remote: takes over wheels that roll", "OnboardDriver::step", "operand", "kStands_mps"),
+    ("remote: takes over wheels that roll", "OnboardDriver::wheels_stand", "operand", "kStands_mps"),
     ("remote: what is not followed refreshes", "Supervisor::hear", "drop", "not_followed"),
     ("remote: drives on in silence", "Supervisor::driver", "operand", "remote_is_fresh"),
     ("remote: two drive", "Supervisor::driver", "operand", "several_"),
