@@ -13,6 +13,9 @@ bool is_stop(const Twist& twist) { return twist.v_mps == 0.0 && twist.omega_radp
 
 /// Slower than this by its wheels the vehicle stands: encoders' steps, and what a floor shakes.
 constexpr double kStands_mps = 0.02;
+/// Over this time its odometer has to stand still, too, but for a count.
+constexpr Duration kStandsFor = std::chrono::milliseconds{100};
+constexpr double kCount_m = 0.001;
 
 }  // namespace
 
@@ -115,6 +118,16 @@ Twist OnboardDriver::wanted_by(Driver driver, Instant now, const Twist& law) con
   return driver == Driver::remote ? remote_.in_force(now) : Twist{};
 }
 
+bool OnboardDriver::wheels_stand(Instant now) const {
+  const std::optional<Twist> rolls = track_.twist(now);
+  const std::optional<Pose2> before = track_.at(now - kStandsFor), present = track_.at(now);
+  if (!rolls || !before || !present) return false;
+  const Pose2 step = relative_to(*before, *present);
+  const Twist way{std::hypot(step.x_m, step.y_m), step.yaw_rad};
+  return pace_mps(*rolls, field_.outline()) < kStands_mps &&
+         pace_mps(way, field_.outline()) < kStands_mps * to_seconds(kStandsFor) + kCount_m;
+}
+
 OnboardDriver::Output OnboardDriver::step(Instant now) {
   field_.update(now, track_.at(now));
   const StoppingField& stopping = field_.stopping();
@@ -128,8 +141,7 @@ OnboardDriver::Output OnboardDriver::step(Instant now) {
   sight.blocked = is_blocked(now, law);
   sight.on_path = outlook_.on_path;
   sight.way_free = outlook_.way_free;
-  sight.stands = setpoint_.stands() &&
-                 pace_mps(track_.twist(now).value_or(Twist{}), field_.outline()) < kStands_mps;
+  sight.stands = setpoint_.stands() && wheels_stand(now);
   sight.several_senders = several_senders_;
   const DriveState before = supervisor_.state();
   supervisor_.step(now, sight);

@@ -86,6 +86,8 @@ class OnboardDriver {
  private:
   std::string unfit(Instant now);
   bool is_blocked(Instant now, const Twist& wanted) const;
+  /// By speed and by position, both fresh.
+  bool wheels_stand(Instant now) const;
   Twist wanted_by(Driver driver, Instant now, const Twist& law) const;
   std::optional<Pose2> pose_at(Instant now) const;
   void look_along_path(Instant now, const std::optional<Pose2>& pose);

@@ -9,7 +9,6 @@
 
 #include "common/program/cli.hpp"
 #include "tests/campaign/campaign.hpp"
-#include "tests/campaign/enumeration.hpp"
 
 // Seeded runs of random faults against the rules of rules.hpp: see
 // docs/explanation/drivetrain-tests.md.

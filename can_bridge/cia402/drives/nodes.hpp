@@ -7,9 +7,9 @@
 
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/drives/standstill.hpp"
 #include "can_bridge/cia402/node_startup.hpp"
 #include "can_bridge/cia402/read_back.hpp"
-#include "can_bridge/cia402/drives/standstill.hpp"
 
 namespace tether::cia402 {
 

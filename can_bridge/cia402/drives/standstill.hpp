@@ -9,8 +9,8 @@
 
 #include "can_bridge/canopen/canopen.hpp"
 #include "can_bridge/canopen/sdo_client.hpp"
-#include "can_bridge/cia402/drives/axis.hpp"
 #include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/drives/axis.hpp"
 #include "can_bridge/cia402/pdo.hpp"
 
 namespace tether::cia402 {

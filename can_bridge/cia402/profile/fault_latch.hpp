@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "can_bridge/cia402/drives/axis.hpp"
 #include "can_bridge/cia402/drives/axes.hpp"
+#include "can_bridge/cia402/drives/axis.hpp"
 #include "can_bridge/cia402/drives/stage.hpp"
 
 namespace tether::cia402 {

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/identifiers.hpp"
 #include "can_bridge/cia402/profile/braking.hpp"
 #include "can_bridge/cia402/profile/bring_up.hpp"
 #include "can_bridge/cia402/profile/clearing.hpp"
-#include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/profile/enabling.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
 #include "can_bridge/cia402/profile/stop_assurance.hpp"
