@@ -110,4 +110,14 @@ foreach(folder scenarios experiments drivetrains)
     SYMBOLIC)
 endforeach()
 
+# All that is installed, without tests and benchmarks.
+add_custom_target(packaged)
+add_dependencies(packaged ${TETHER_VEHICLE_PROGRAMS} tether_lcmtypes_generated)
+if(NOT TETHER_VEHICLE_ONLY)
+  add_dependencies(packaged ${TETHER_LAB_PROGRAMS})
+endif()
+if(TETHER_PYTHON)
+  add_dependencies(packaged tether_env)
+endif()
+
 include(TetherDebian)

@@ -1,4 +1,23 @@
-# Read by cpack. A package of a git checkout has its commit in its version, as its programs have, so that apt
+# Read by cpack before it installs anything.
+
+# Ninja's cpack builds nothing, and what is not built ends it with the name of one file.
+set(missing)
+foreach(component IN LISTS CPACK_COMPONENTS_ALL)
+  string(TOUPPER ${component} component)
+  foreach(file IN LISTS CPACK_TETHER_${component}_FILES)
+    if(NOT EXISTS ${CPACK_TETHER_BUILD_DIR}/${file})
+      cmake_path(GET file FILENAME file)
+      list(APPEND missing ${file})
+    endif()
+  endforeach()
+endforeach()
+if(missing)
+  list(JOIN missing ", " missing)
+  message("cpack: not built: ${missing}. Run: cmake --build ${CPACK_TETHER_BUILD_DIR} --target packaged")
+  message(FATAL_ERROR)
+endif()
+
+# A package of a git checkout has its commit in its version, as its programs have, so that apt
 # takes two builds of one release for two: 0.1.0+20261126091500.1f219cccf651, in the order of their
 # commits. A version that cpack was given (-D CPACK_PACKAGE_VERSION=…) stays.
 if(NOT CPACK_PACKAGE_VERSION STREQUAL CPACK_TETHER_RELEASE)
