@@ -19,10 +19,12 @@ import argparse
 import collections
 import concurrent.futures
 import json
+import math
 import os
 import pathlib
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import tempfile
@@ -36,7 +38,8 @@ from rules import CAN_RULES, RULES, SPECIAL  # noqa: E402
 from sources import CAN_SOURCES, SOURCES, STRICT  # noqa: E402
 from syntax import Mutated  # noqa: E402
 
-FIRST_LIMIT_S = 20  # for what took milliseconds
+FIRST_LIMIT_S = 4  # of computing, for what took milliseconds
+WAITING = 15  # times as long a test may take in all, if it waits or the machine is busy
 
 
 def main():
@@ -292,13 +295,19 @@ class Mutation:
         environment = os.environ | environment | {"TMPDIR": str(self.folder)}
         if tests:
             environment["GTEST_FILTER"] = ":".join(tests)
+        # What hangs computes without end: on a busy machine, too, it is noticed by the processor's time.
+        command = ["prlimit", f"--cpu={math.ceil(limit_s)}:unlimited", self.binaries[program], "--gtest_fail_fast",
+                   "--gtest_brief=0"]
         try:
-            done = subprocess.run([self.binaries[program], "--gtest_fail_fast", "--gtest_brief=0"],
-                                  env=environment, capture_output=True, timeout=limit_s, cwd=self.folder)
+            done = subprocess.run(command, env=environment, capture_output=True, timeout=WAITING * limit_s,
+                                  cwd=self.folder)
+            output, hangs = done.stdout, done.returncode == -signal.SIGXCPU
         except subprocess.TimeoutExpired as late:
-            started = re.findall(rb"\[ RUN      \] (\S+)", late.stdout or b"")
+            output, hangs = late.stdout or b"", True
+        if hangs:
+            started = re.findall(rb"\[ RUN      \] (\S+)", output)
             return (started[-1].decode() if started else program) + " (hung)"
-        return self.killer(program, done.stdout.decode(errors="replace"), done.returncode)
+        return self.killer(program, output.decode(errors="replace"), done.returncode)
 
     @staticmethod
     def killer(program, output, code):

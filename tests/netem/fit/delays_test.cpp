@@ -37,15 +37,16 @@ JitterSettings settings_of(const Truth& truth) {
   return s;
 }
 
-/// Delays as the relay makes them, of which `lost` do not arrive.
+/// Delays as the relay makes them, of which a tenth does not arrive.
 DelayLog delays_of(const JitterSettings& settings, double correlation, std::uint64_t seed,
-                   double lost = 0.1) {
+                   int packets = kPackets) {
+  constexpr double kLost = 0.1;
   DelaySequence sequence(DelayLaw(settings, settings.table_ms), correlation, RandomEngine(seed));
   RandomEngine random(seed + 1000);
   DelayLog log(1);
-  for (int i = 0; i < kPackets; ++i) {
+  for (int i = 0; i < packets; ++i) {
     const double delay_s = kConstant_s + to_seconds(sequence.next());
-    log[0].push_back(uniform_01(random) < lost ? NAN : delay_s);
+    log[0].push_back(uniform_01(random) < kLost ? NAN : delay_s);
   }
   return log;
 }
@@ -81,9 +82,10 @@ void expect_quantiles(const DelayFit& fit, const DelayLaw& truth) {
   }
 }
 
+// A law or a quantile that is wrong is so in each log: four of them are for chance.
 TEST(FitDelays, FindsTheLawOfTheRelayAndItsQuantiles) {
   for (const Truth& truth : kTruths) {
-    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
       const DelayFit fit = fit_delays(delays_of(settings_of(truth), 0.0, seed));
       EXPECT_EQ(fit.law(), truth.law) << seed;
       EXPECT_EQ(fit.correlation, 0.0) << truth.law << ", " << seed;
@@ -93,18 +95,18 @@ TEST(FitDelays, FindsTheLawOfTheRelayAndItsQuantiles) {
 }
 
 TEST(FitDelays, FindsTheLawAndTheCorrelationOfCorrelatedDelays) {
-  for (const Truth& truth : kTruths) {
-    for (const double correlation : {0.6, 0.9}) {
-      int covers = 0;
-      for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+  for (const double correlation : {0.6, 0.9}) {
+    int covers = 0;
+    for (const Truth& truth : kTruths) {
+      for (std::uint64_t seed = 1; seed <= 4; ++seed) {
         const DelayFit fit = fit_delays(delays_of(settings_of(truth), correlation, seed));
         covers += std::abs(fit.correlation - correlation) <= 1.96 * fit.correlation_error ? 1 : 0;
         EXPECT_NEAR(fit.correlation, correlation, 4.5 * fit.correlation_error) << truth.law;
         EXPECT_FALSE(fit.lasts_longer()) << truth.law << ", " << seed;
         expect_quantiles(fit, DelayLaw(settings_of(truth), {}));
       }
-      EXPECT_GE(covers, 6) << "of 10 95 % intervals: P[fewer] = 6e-5";
     }
+    EXPECT_GE(covers, 15) << "of 20 95 % intervals: P[fewer] = 3e-4";
   }
 }
 
@@ -112,9 +114,9 @@ TEST(FitDelays, ParametersAreWithinTheirIntervals) {
   const Truth truth{"gamma", 8.0, 6.0, 3.0};
   const double values[] = {20.0, 8.0, 6.0};
   int covers[3] = {};
-  constexpr int kLogs = 40;
+  constexpr int kLogs = 40;  // of half the length: an interval covers in logs of any
   for (std::uint64_t seed = 1; seed <= kLogs; ++seed) {
-    const DelayFit fit = fit_delays(delays_of(settings_of(truth), 0.0, seed));
+    const DelayFit fit = fit_delays(delays_of(settings_of(truth), 0.0, seed, kPackets / 2));
     ASSERT_EQ(fit.law(), "gamma");
     const auto& parameters = fit.candidates[fit.best].parameters;
     ASSERT_EQ(parameters.size(), 3U);
