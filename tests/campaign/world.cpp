@@ -371,7 +371,8 @@ void World::end(const Fault& fault) {
     case K::bridge_restarted:
       if (!record_.restarts.empty()) return;
       record_.restarts.push_back(loop_.now());
-      if (bridge_.node.estop_latched()) next_bridge_.node.restore_estop("it was latched when the bridge ended last");
+      if (bridge_.node.estop_latched())
+        next_bridge_.node.restore_estop("it was latched when the bridge ended last");
       return next_bridge_.process.set_alive(true);
     case K::drive_silent:
     case K::sdo_abort:

@@ -3,7 +3,7 @@
 
 Fails, naming file and line, where a file includes a room that its own room does not declare (USES of
 tether_add_room, or tether_rooms(uses ...)), where a declared room is not used, where rooms form a
-cycle, where a top folder's arrow runs back up, where a folder has become too large, and where two
+cycle, where a top folder's arrow runs back up, and where two
 types have one name: of their inline functions the linker keeps one, for both.
 Usage: rooms.py [ROOT]"""
 
@@ -24,9 +24,6 @@ MAY_USE = {
     "margin": {"common", "sim", "controller", "netem"},
     "tools": {"common", "sim", "controller", "autonomy", "netem", "can_bridge", "localiser", "link", "margin"},
 }
-MAX_SOURCES = 25
-SOURCES = {".hpp", ".cpp", ".py", ".sh"}
-MAY_BE_LARGER = {}  # folder: (sources, why)
 
 USES = re.compile(r"\bUSES\b([^()]*?)(?=\b(?:LIBS|PRIVATE_LIBS|SOURCES)\b|\))|\btether_rooms\(uses\s([^()]*)\)")
 NAMESPACE = re.compile(r"namespace ?([\w:]*) ?{$")
@@ -103,15 +100,6 @@ def cycles(rooms):
         yield from visit(name)
 
 
-def large_folders(root):
-    for folder in sorted({p.parent for top in (*MAY_USE, "tests", "bench") for p in (root / top).rglob("*")}):
-        name = str(folder.relative_to(root))
-        count = sum(p.suffix in SOURCES and p.is_file() for p in folder.iterdir())
-        allowed = MAY_BE_LARGER.get(name, (MAX_SOURCES, ""))[0]
-        if count > allowed:
-            yield f"{name}: {count} source files; at most {allowed}: make two rooms of it"
-
-
 def types_of_one_name(root):
     found = {}  # name: the files that define it
     for top in (*MAY_USE, "tests", "bench"):
@@ -144,7 +132,7 @@ def main():
     cmakes = [c for top in MAY_USE for c in sorted((root / top).rglob("CMakeLists.txt")) if is_room(c)]
     rooms = {room.name: room for room in (Room(root, cmake) for cmake in cmakes)}
     found = [*folders_without_room(root, rooms), *undeclared_and_unused(rooms), *cycles(rooms),
-             *arrows_back_up(rooms), *large_folders(root), *types_of_one_name(root)]
+             *arrows_back_up(rooms), *types_of_one_name(root)]
     print("\n".join(found) if found else f"{len(rooms)} rooms, as they say")
     return 1 if found else 0
 

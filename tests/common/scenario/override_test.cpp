@@ -30,7 +30,8 @@ Scenario with(const std::vector<std::string>& overrides, const std::string& toml
   return parse_scenario(toml, "test.toml", overrides);
 }
 
-std::string override_refusal(const std::vector<std::string>& overrides, const std::string& toml = "") {
+std::string override_refusal(const std::vector<std::string>& overrides,
+                             const std::string& toml = "") {
   return refusal_of([&] { with(overrides, toml); });
 }
 
@@ -85,11 +86,15 @@ TEST(ScenarioOverride, IsRefusedWithItsOwnTextAndWhatIsAllowed) {
               AllOf(StartsWith("--set channel.downlink.prr=1.2: "), HasSubstr("[0, 1]")));
   EXPECT_THAT(override_refusal({"channel.ulpink.prr=0.5"}),
               AllOf(HasSubstr("unknown key"), HasSubstr("channel.uplink.prr")));
-  EXPECT_THAT(override_refusal({"sensor.rate_hz=-1"}), HasSubstr("must be a number in [0.001, 1000]"));
-  EXPECT_THAT(override_refusal({"sensor.rate_hz=nan"}), HasSubstr("must be a number in [0.001, 1000]"));
-  EXPECT_THAT(override_refusal({"run.duration_s=inf"}), HasSubstr("must be a number in (0, 1000000]"));
+  EXPECT_THAT(override_refusal({"sensor.rate_hz=-1"}),
+              HasSubstr("must be a number in [0.001, 1000]"));
+  EXPECT_THAT(override_refusal({"sensor.rate_hz=nan"}),
+              HasSubstr("must be a number in [0.001, 1000]"));
+  EXPECT_THAT(override_refusal({"run.duration_s=inf"}),
+              HasSubstr("must be a number in (0, 1000000]"));
   EXPECT_THAT(override_refusal({"actuator.policy=levitate"}), HasSubstr("\"hold\" or \"zero\""));
-  EXPECT_THAT(override_refusal({"vehicle.name=CTRL"}), HasSubstr("channels CTRL... have another meaning"));
+  EXPECT_THAT(override_refusal({"vehicle.name=CTRL"}),
+              HasSubstr("channels CTRL... have another meaning"));
 }
 
 TEST(ScenarioOverride, MustHaveAKeyAndOneReadableValue) {
@@ -110,12 +115,14 @@ TEST(ScenarioOverride, ThatTheChannelModelIgnoresIsRefused) {
 }
 
 TEST(Scenario, AKeyInTheFileThatTheChannelModelIgnoresIsRefused) {
-  EXPECT_THAT(override_refusal({}, "[channel.uplink]\nmarkov.p_bad = 0.9\nmarkov.mean_cycle_s = 4.0"),
-              AllOf(StartsWith("test.toml: channel.uplink.markov."), HasSubstr("has no effect")));
+  EXPECT_THAT(
+      override_refusal({}, "[channel.uplink]\nmarkov.p_bad = 0.9\nmarkov.mean_cycle_s = 4.0"),
+      AllOf(StartsWith("test.toml: channel.uplink.markov."), HasSubstr("has no effect")));
   EXPECT_THAT(override_refusal({}, "[channel.uplink]\nmodel = \"markov\"\nprr = 0.1"),
               AllOf(StartsWith("test.toml: channel.uplink.prr"), HasSubstr("has no effect")));
   // What the file set before an override chose another model is no mistake.
-  EXPECT_EQ(override_refusal({"channel.uplink.model=markov"}, "[channel.uplink]\nprr = 0.1"), "accepted");
+  EXPECT_EQ(override_refusal({"channel.uplink.model=markov"}, "[channel.uplink]\nprr = 0.1"),
+            "accepted");
 }
 
 TEST(Scenario, ASharedStateNeedsTheSameSojournTimesInBothDirections) {
