@@ -29,8 +29,8 @@ std::int64_t live(TwoHosts& net, Duration time) {
   return heard;
 }
 
-// What a session, an outage or a message leaves behind grows with their number, not with time: three
-// sessions and three outages an hour are a day's in eight hours.
+// What a session, an outage or a message leaves behind grows with their number, not with time:
+// three sessions and three outages an hour are a day's in eight hours.
 TEST(Soak, TwentySessionsOfLossAndOutagesLeaveNothingBehind) {
   for (const bool deferred : {false, true}) {
     LinkSettings settings = testing::two_paths();

@@ -129,9 +129,9 @@ TEST(LinkCheck, FindsEveryModelAndStageAsConfigured) {
   }
 }
 
-// The shown intervals miss the truth in 5 % of all cases or less, of short runs, too: 120 links, so 6 misses are
-// expected and 5 standard deviations of a binomial are 12. Those of sojourns and delays are
-// conservative, that of the PRR is not: it misses now and then.
+// The shown intervals miss the truth in 5 % of all cases or less, of short runs, too: 120 links, so
+// 6 misses are expected and 5 standard deviations of a binomial are 12. Those of sojourns and
+// delays are conservative, that of the PRR is not: it misses now and then.
 TEST(LinkCheck, IntervalsOfEveryModelCoverTheTruthAsOftenAsTheySay) {
   constexpr int kSeeds = 60;
   for (const auto& [name, keys] : kComparable) {
