@@ -6,8 +6,8 @@
 set -euo pipefail
 
 packages=(
-    # compiler and build
-    g++ cmake ninja-build pkg-config python3 git ca-certificates
+    # compiler and build; ccache compiles again only what changed, in any clone
+    g++ ccache cmake ninja-build pkg-config python3 git ca-certificates
     # pip install ./python
     python3-venv python3-pip
     # libraries
