@@ -29,28 +29,25 @@ endif()
 find_program(TETHER_CCACHE ccache)
 if(TETHER_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   set(CMAKE_CXX_COMPILER_LAUNCHER env CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=yes
-    CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
-    list(APPEND CMAKE_CXX_COMPILER_LAUNCHER CCACHE_PCH_EXTSUM=yes CCACHE_DEPEND=yes)
-  endif()
-  list(APPEND CMAKE_CXX_COMPILER_LAUNCHER ${TETHER_CCACHE})
+    CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime
+    CCACHE_DEPEND=yes CCACHE_PCH_EXTSUM=yes ${TETHER_CCACHE})
 endif()
 
-# tether_headers_of(name options headers...): the library `name`, which only precompiles these headers.
-# tether_use_headers(target name): its sources include them first. Clang's precompiled header holds the
-# folder's name, so it is compiled in each clone and ccache knows it by a checksum of what it includes;
-# whether those headers are the same ccache sees by the sources' dependencies, which list them all.
+# tether_headers_of(name headers...): the library `name`, which only precompiles these headers.
+# tether_use_headers(target name): its sources include them first. A precompiled header is another file each
+# time that it is compiled, and Clang's holds the folder's name: ccache knows it by precompile.sh's checksum.
 function(tether_headers_of name)
   file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cpp CONTENT "// Only for the precompiled headers.\n")
   add_library(${name} OBJECT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cpp)
   target_link_libraries(${name} PUBLIC tether_options)
   target_precompile_headers(${name} PRIVATE ${ARGN})
+  set(launcher ${PROJECT_SOURCE_DIR}/cmake/precompile.sh ${CMAKE_CXX_COMPILER_LAUNCHER})
   if(CMAKE_CXX_COMPILER_ID STREQUAL Clang AND NOT CMAKE_DISABLE_PRECOMPILE_HEADERS)
-    set_target_properties(${name} PROPERTIES CXX_COMPILER_LAUNCHER "")
-    set(header ${CMAKE_CURRENT_BINARY_DIR}/CMakeFiles/${name}.dir/cmake_pch.hxx.pch)
-    string(SHA256 sum "${CMAKE_CXX_COMPILER_VERSION} ${ARGN}")
-    file(WRITE ${header}.sum ${sum})
-    set_property(TARGET ${name} PROPERTY TETHER_HEADER ${header})
+    set(launcher ${PROJECT_SOURCE_DIR}/cmake/precompile.sh)
+    set_property(TARGET ${name} PROPERTY TETHER_HEADER ${CMAKE_CURRENT_BINARY_DIR}/CMakeFiles/${name}.dir/cmake_pch.hxx.pch)
+  endif()
+  if(TETHER_CCACHE)
+    set_target_properties(${name} PROPERTIES CXX_COMPILER_LAUNCHER "${launcher}")
   endif()
 endfunction()
 function(tether_use_headers target name)
