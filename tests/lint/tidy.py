@@ -36,6 +36,7 @@ CHATTER = re.compile(r"\d+ (warning|error)s?\b.* (generated|treated)|Suppressed|
                      r"Error while processing|Found compiler error|$")
 FATAL = re.compile("file not found|cannot open|too many|nested too|maximum")
 MESSAGE = re.compile(r"(/[^:]+):\d+:\d+: (\w+): .*?(\[[\w.,-]+\])?$")
+PLACE = re.compile(r"(/[^:\s'\"()]+):\d+:\d+")
 
 
 def options(build):
@@ -74,9 +75,10 @@ def messages(output):
 
 
 def files_of(message):
-    """The file of the message itself, and those that its notes name as well."""
-    matches = [match for match in map(MESSAGE.match, message) if match]
-    return [os.path.normpath(match[1]) for match in matches]
+    """The file of the message itself, and those that its text and its notes name as well ("lambda at ...")."""
+    if not MESSAGE.match(message[0]):
+        return []
+    return [os.path.normpath(file) for line in message for file in PLACE.findall(line)]
 
 
 def judge(output, failed, sources, includes):
@@ -174,4 +176,5 @@ def main():
     print(f"clang-tidy: {len(every)} sources are clean, {len(checked)} checked now")
 
 
-main()
+if __name__ == "__main__":
+    main()

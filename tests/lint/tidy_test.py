@@ -12,6 +12,8 @@ import time
 import unittest
 from pathlib import Path
 
+from tidy import judge
+
 HERE = Path(__file__).resolve().parent
 CONFIGURATION = "Checks: '-*,bugprone-integer-division,bugprone-infinite-loop'\nWarningsAsErrors: '*'\n"
 FILES = {
@@ -126,6 +128,12 @@ class TidyTest(unittest.TestCase):
         for place in ("second.cpp:2:29", "third.cpp:1:30", "third.cpp:3:3"):
             self.assertEqual(output.count(f"common/{place}: error:"), 1, output)
         self.assertNotIn("clang-diagnostic", output)
+
+    def test_an_error_in_a_system_header_is_of_the_source_that_it_names(self):
+        output = ("/usr/include/c++/12/bits/algobase.h:7:8: error: no matching function for call to object of type "
+                  "'Iter<(lambda at /p/b.cpp:37:54)>' [clang-diagnostic-error]\n        if (pred(first))\n")
+        found, clean, again = judge(output, True, ["/p/a.cpp", "/p/b.cpp", "/p/c.cpp"], lambda source, file: False)
+        self.assertEqual((found, clean, again), ([], ["/p/a.cpp", "/p/c.cpp"], ["/p/b.cpp"]))
 
     def test_a_source_that_does_not_compile_is_an_error(self):
         for text in ("int wrong( { }\n", '#include "common/missing.hpp"\n'):
