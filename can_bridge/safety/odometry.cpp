@@ -47,7 +47,7 @@ void Odometry::update(const std::array<WheelFeedback, 2>& wheels) {
   }
   if (std::max(uncounted_m[0], uncounted_m[1]) > 0.0) {
     ++reanchored_;
-  } else if (gap && anchored_) {
+  } else if (gap && anchored_ && (rims_m[0] != 0.0 || rims_m[1] != 0.0)) {
     ++gaps_;
   }
   move(rims_m, variances_m2, gap);

@@ -6,6 +6,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <string>
 
 namespace tether {
 namespace {
@@ -22,11 +23,11 @@ bool stderr_is_the_journal() {
 
 void say(Severity severity, std::string_view line) {
   static const bool is_journal = stderr_is_the_journal();
-  if (is_journal) {
-    fmt::print(stderr, "<{}>{}\n", static_cast<int>(severity), line);
-  } else {
-    fmt::print(stderr, "{}\n", line);
-  }
+  const std::string text = is_journal ? fmt::format("<{}>{}\n", static_cast<int>(severity), line)
+                                      : fmt::format("{}\n", line);
+  // A line that cannot be written is lost. It must not end a bridge, as fmt::print's exception
+  // would.
+  (void)std::fwrite(text.data(), 1, text.size(), stderr);
 }
 
 }  // namespace tether

@@ -8,7 +8,8 @@ namespace tether {
 enum class Severity { error = 3, warning = 4, info = 6 };
 
 /// A line for whoever runs this program, on stderr. If that is systemd's journal, it is told the
-/// severity (sd-daemon(3)): `journalctl -p warning`.
+/// severity (sd-daemon(3)): `journalctl -p warning`. A line that cannot be written, as to a full
+/// disk, is lost; nothing is thrown.
 void say(Severity severity, std::string_view line);
 
 }  // namespace tether

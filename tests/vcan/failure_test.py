@@ -37,7 +37,7 @@ CONTROL = (*map(rpdo1, NODES), SYNC, BRIDGE_BEAT)
 # The bridge's SDO requests, by first bytes: heartbeat consumer.
 CONSUMER = bytes.fromhex("23161001FA007F00")
 # Reading statusword and speed, writing the controlword, aborting what was not answered.
-STOPPING = {bytes.fromhex(x) for x in ("40416000", "406C6000", "2B406000", "80406000")}
+STOPPING = {bytes.fromhex(x) for x in ("40416000", "406C6000", "40646000", "2B406000", "80406000")}
 
 
 def measured(test, what, seconds, limit_s):
@@ -281,7 +281,7 @@ def a_drive_reboots(test):
         check(orders == [0x81, 0x01], f"node {node}: NMT {orders}")
         requests = [bytes(f.data) for f in record.frames(0x600 + node, since=reset)]
         check(CONSUMER in requests and len(requests) > 50, f"node {node}: not configured anew")
-        # Statusword, speed and quick stop until it says that it is off, and stands.
+        # Statusword, speed, position and quick stop until it says that it is off, and stands.
         asked = {bytes(f.data[:4]) for f in record.frames(0x600 + node, since=injected, until=reset)}
         check(asked <= STOPPING, f"node {node}: SDO before the reset: {asked}")
 

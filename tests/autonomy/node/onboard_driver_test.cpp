@@ -143,6 +143,17 @@ TEST_F(OnboardDriverTest, IsNotTakenOverWhileItsWheelsRoll) {
   EXPECT_EQ(out_.driver, Driver::remote);
 }
 
+TEST_F(OnboardDriverTest, IsNotTakenOverWhileItsCountersSayThatItRollsThoughTheSpeedReadsZero) {
+  ask();
+  wheels_ = Twist{};
+  for (int i = 0; i < 20; ++i) {
+    slipped_m_ -= 0.004;
+    pass(0.02);
+  }
+  driver_.on_command(now_, now_, 0, {}, now_);
+  EXPECT_EQ(counter("remote.not_from_rest"), 1);
+}
+
 TEST_F(OnboardDriverTest, StandsWhenTwoRemoteDriversSend) {
   ask();
   driver_.on_command(now_, now_, 0, {}, now_);

@@ -147,6 +147,27 @@ TEST(AgilexProfile, AWayThatGrowsIsNoStandstillThoughTheSpeedReadsZero) {
   }
 }
 
+TEST(AgilexProfile, ACounterThatRestartsIsNoWheelThatTurns) {
+  Bridge b;
+  b.to_enabled();
+  b.tick_for(200);
+  b.odometry.left_mm += 5000;
+  b.tick();
+  EXPECT_FALSE(b.snapshot().turning);
+  EXPECT_FALSE(b.snapshot().standstill) << "the window begins again";
+}
+
+TEST(AgilexProfile, TheFasterOfBothWitnessesIsHowFastAWheelMayTurn) {
+  Bridge b;
+  b.to_enabled();
+  for (int i = 0; i < 20; ++i) {
+    b.odometry.left_mm += 10;  // 0.5 m/s
+    b.tick();
+  }
+  EXPECT_EQ(b.snapshot().wheels[0].speed_radps, 0.0);
+  EXPECT_GT(b.snapshot().wheels[0].fastest_radps, 1.0);
+}
+
 TEST(AgilexProfile, WithoutFreshWitnessesBrakingEndsAfter3Seconds) {
   Bridge b;
   b.to_enabled();
