@@ -82,6 +82,7 @@ def drives_that_boot_in_fault(test):
         agv.start_bridge()
         state = agv.wait_state("fault", 15)
         check("left drive (node 1): fault 0x7305" in state.reason, state.reason)
+        time.sleep(0.5)  # a reset is refused until both witnesses say that the wheels stand
         check("remove the cause, then reset" in state.reason, state.reason)
         agv.request("reset")
         agv.wait_state("disarmed")
