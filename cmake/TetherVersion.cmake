@@ -11,5 +11,5 @@ file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/generated/common/version.hpp CONTENT
   "#pragma once\n\nnamespace tether {\nextern const char* const kVersion;\n}\n")
 add_library(tether_version STATIC ${version_source})
 add_dependencies(tether_version tether_version_source)
-set_target_properties(tether_version PROPERTIES POSITION_INDEPENDENT_CODE ON UNITY_BUILD OFF)
+set_target_properties(tether_version PROPERTIES POSITION_INDEPENDENT_CODE ON)
 target_include_directories(tether_version PUBLIC ${CMAKE_BINARY_DIR}/generated)
