@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <tether/drive_request_t.hpp>
@@ -73,6 +74,13 @@ std::vector<CanFilter> all_filters(const DriveProfile& profile, const SafetyInpu
   return filters;
 }
 
+/// A wheel that is pushed may exceed the limits of commands; reports of more than twice are wrong.
+double most_rim_speed_mps(const TwistLimits& limits) {
+  const double turning_mps = limits.max_yaw_rate_radps * limits.track_m / 2.0;
+  const double fastest_mps = std::max(limits.max_speed_mps, limits.max_reverse_mps) + turning_mps;
+  return 2.0 * std::min(fastest_mps, limits.max_wheel_speed_mps);
+}
+
 /// The vehicle's speed by the faster witness of each wheel.
 double vehicle_speed_mps(const DrivetrainSnapshot& drives, double wheel_radius_m) {
   return (drives.wheels[0].fastest_radps + drives.wheels[1].fastest_radps) / 2.0 * wheel_radius_m;
@@ -116,6 +124,7 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
   check_cycle(config, can.cycle_ms);
   check_deceleration(config, can.max_deceleration_mps2, wheel_radius_m_);
   profile_->require_deceleration(can.max_deceleration_mps2);
+  profile_->limit_reports(most_rim_speed_mps(twist_limits(settings)));
   if (const std::string warning = port.warning(); !warning.empty()) {
     say(Severity::warning, "tether-can-bridge: warning: " + warning);
   }

@@ -125,7 +125,10 @@ void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState b
   } else if (estop_pressed_ || !demands_.estop.empty()) {
     notice_ = "reset refused: the e-stop is pressed: release it first";
   } else if (turning_) {
-    notice_ = "reset refused: the wheels are still turning: wait for standstill";
+    notice_ = drives.turning
+                  ? "reset refused: the wheels are still turning: wait for standstill"
+                  : "reset refused: standstill is not confirmed: by its last report and its ramp, "
+                    "a wheel may still turn: wait, then reset again";
   } else if (did_not_follow_ && distrust_until_ && now < *distrust_until_) {
     notice_ = fmt::format(
         "reset refused: a wheel's feedback was wrong, so its standstill is not believed for "

@@ -84,11 +84,13 @@ class Axes {
   bool confirmed_standing(std::size_t i, Instant now) const;
   /// Once per cycle, with the targets in force: bounds how fast each wheel can still be, if both
   /// witnesses failed together. From target or feedback on, whichever is faster, it brakes no
-  /// harder than the drive's own quick stop ramp, or than stops have to.
+  /// harder than the drive's own quick stop ramp, or than stops have to. Reports count up to the
+  /// speed of limit_reports(), or one garbled or forged frame would deny standstill for minutes.
   void require_deceleration(double radps2);
   void bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets);
   /// From now until the next start-up, axis `i` is braked by a target of zero, because its quick
   /// stop cannot be relied on.
+  void limit_reports(double radps) { fastest_report_radps_ = radps; }
   void stop_by_setpoint(std::size_t i) { by_setpoint_[i] = true; }
   void stop_by_quick_stop(std::size_t i) { by_setpoint_[i] = false; }
   bool stops_by_setpoint(std::size_t i) const { return by_setpoint_[i]; }
@@ -121,7 +123,8 @@ class Axes {
   bool stops_by_setpoint_;  // by configuration
   std::array<bool, 2> by_setpoint_;
   double standstill_radps_;
-  std::array<double, 2> ramps_radps2_;      // of the quick stop; infinity: not known
+  std::array<double, 2> ramps_radps2_;  // of the quick stop; infinity: not known
+  double fastest_report_radps_;
   std::array<double, 2> possible_radps_{};  // each wheel is no faster than this
   std::array<Instant, 2> rolls_until_{Instant::min(), Instant::min()};  // by that bound
   std::array<bool, 2> rolled_out_{true, true};

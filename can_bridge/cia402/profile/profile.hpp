@@ -84,6 +84,9 @@ class Cia402Profile final : public DriveProfile {
   void stop(StopKind kind) override;
   void distrust_standstill(Instant until) override { drives_.axes.distrust_standstill(until); }
   void require_deceleration(double mps2) override { braking_.require(mps2); }
+  void limit_reports(double rim_mps) override {
+    drives_.axes.limit_reports(rim_mps / drives_.axes.wheel_radius_m());
+  }
   void reset_fault() override;
   DrivetrainSnapshot snapshot(Instant now) const override;
   Counters counters() const override;

@@ -194,12 +194,17 @@ TEST_F(Fault, ResetIsNotArm) {
 TEST_F(Fault, AResetIsRefusedWhileTheWheelsAreKnownToTurn) {
   drive(1.0);
   fail("left drive: fault");
+  drives.turning = true;
   cycle_after(kCycle);
   request(DriveRequest::reset);
   cycle_after(kCycle);
   EXPECT_EQ(last.action, Action::none);
   EXPECT_EQ(last.state, BridgeState::fault);
   expect_reason("reset refused: the wheels are still turning");
+  drives.turning = false;
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).action, Action::none);
+  expect_reason("reset refused: standstill is not confirmed");
   drives.standstill = true;
   request(DriveRequest::reset);
   EXPECT_EQ(cycle_after(kCycle).action, Action::reset_fault);
