@@ -39,9 +39,9 @@ struct VehicleConfig;
 /// not heard; it gets quick stop commands meanwhile, by PDO if it is operational, by SDO if its
 /// power is on. After 5 s: `refused`, the quick stop stays commanded, and reset_fault() tries
 /// again. One that answers, but not with both witnesses, is reset after 5 s. A node that answers no
-/// SDO cannot be asked: an operational one may be reset when its feedback says that it stands or,
-/// without feedback, after 2 s of quick stop commands; one that this bridge had commanded and lost,
-/// after 2 s without the bridge's heartbeat; any other at once.
+/// SDO cannot be asked: one that is heard may be reset only when its feedback says that it stands;
+/// one that this bridge had commanded and lost, after 2 s without the bridge's heartbeat and the
+/// time that its ramp takes; any other at once.
 ///
 /// enable() first reads back what start-up has configured (cia402::Enabling).
 ///

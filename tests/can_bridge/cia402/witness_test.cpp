@@ -173,6 +173,18 @@ TEST(TwoWitnesses, ADriveThatBootsWhileItIsAskedIsAskedAtOnce) {
   EXPECT_TRUE(bench.run_until([&] { return bench.reset(); }, milliseconds(260)));
 }
 
+TEST(TwoWitnesses, ADriveThatIsHeardAgainIsNotResetByTheSilenceBefore) {
+  Rolls bench;
+  for (FakeDrive& d : bench.drives) d.silent = true;
+  bench.left_axis().speed = 0;
+  bench.profile.start(bench.now);
+  bench.run(milliseconds(200));
+  bench.left().silent = false;  // heard, but it waits for the other
+  bench.left_axis().speed = 100;
+  bench.run(milliseconds(3000));
+  EXPECT_EQ(bench.left().resets, 0);
+}
+
 TEST(TwoWitnesses, ADriveThatAnswersWithOneWitnessOnlyIsResetAfterFiveSeconds) {
   Rolls bench;
   for (FakeDrive& d : bench.drives) {
