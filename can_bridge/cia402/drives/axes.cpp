@@ -207,6 +207,14 @@ std::uint16_t Axes::stop_controlword(std::size_t i, Instant now) {
   return off ? canopen::kControlDisableVoltage : braking_controlword(i);
 }
 
+void Axes::doubt(std::uint8_t node) {
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    if (axes_[i].node() != node) continue;
+    axes_[i].doubt();
+    released_[i] = false;
+  }
+}
+
 std::array<std::int64_t, 2> Axes::target_velocities(const Twist& twist) const {
   const WheelSpeeds speeds = to_wheel_speeds(twist, track_m_);
   const std::array units{axes_[0].target_units(speeds.left_mps / wheel_radius_m_),

@@ -77,6 +77,9 @@ class Axes {
   void hold() { released_ = {}; }
   void release() { released_ = {true, true}; }
   bool released(std::size_t i) const { return released_[i]; }
+  /// Another sender may have switched on the axes of this node: they have to show again that they
+  /// are off or stand.
+  void doubt(std::uint8_t node);
   /// Until then, no standstill is believed, because feedback is known to be wrong.
   void distrust_standstill(Instant until) { standstill_from_ = until; }
   bool believes_standstill(Instant now) const { return now >= standstill_from_; }
@@ -87,10 +90,10 @@ class Axes {
   /// harder than the drive's own quick stop ramp, or than stops have to. Reports count up to the
   /// speed of limit_reports(), or one garbled or forged frame would deny standstill for minutes.
   void require_deceleration(double radps2);
+  void limit_reports(double radps) { fastest_report_radps_ = radps; }
   void bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets);
   /// From now until the next start-up, axis `i` is braked by a target of zero, because its quick
   /// stop cannot be relied on.
-  void limit_reports(double radps) { fastest_report_radps_ = radps; }
   void stop_by_setpoint(std::size_t i) { by_setpoint_[i] = true; }
   void stop_by_quick_stop(std::size_t i) { by_setpoint_[i] = false; }
   bool stops_by_setpoint(std::size_t i) const { return by_setpoint_[i]; }

@@ -126,7 +126,7 @@ void Axis::take_up(std::int64_t raw, Instant now) {
 void Axis::command(std::uint16_t controlword) {
   if (controlword == controlword_) return;
   controlword_ = controlword;
-  status_confirms_ = speed_confirms_ = position_confirms_ = false;
+  doubt();
 }
 
 std::uint16_t Axis::enabling_controlword() const {

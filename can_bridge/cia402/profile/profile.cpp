@@ -81,6 +81,7 @@ void Cia402Profile::on_intruder(const CanFrame& frame, const Sender& sender) {
   ++counters_.intruder_frames;
   if (std::ranges::find(intruders_, frame.id) == intruders_.end()) intruders_.push_back(frame.id);
   if (sender.kind == Sender::Kind::sdo_request) return on_foreign_sdo(frame, sender.node);
+  if (sender.kind == Sender::Kind::setpoint) drives_.axes.doubt(sender.node);
   fault(Fault{fmt::format("another sender uses 0x{:03X}: only one master may command", frame.id),
               sender.kind == Sender::Kind::nmt});
 }
@@ -92,6 +93,7 @@ void Cia402Profile::on_foreign_sdo(const CanFrame& frame, std::uint8_t node) {
   if (!object || !cia402::is_vital(drives_.config, node, object->index)) return;
   ++counters_.intruder_writes;
   distrust_part(cia402::stop_part(object->index), node);
+  drives_.axes.doubt(node);
   fault(Fault{fmt::format("{}: another sender writes {} by SDO: only one master may configure; "
                           "reset configures the drives anew",
                           drives_.nodes.of(node).name, cia402::object_text(*object)),
