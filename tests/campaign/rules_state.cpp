@@ -202,11 +202,14 @@ std::optional<Violation> estop_left(const Record& record) {
 
 namespace {
 
-/// Whether the drive that has this fault cannot tell.
+/// Whether the drive that has this fault cannot tell: it is silent, or its firmware does not run.
 bool is_silent(const Record& record, const Fault& fault) {
-  return std::any_of(record.faults.begin(), record.faults.end(), [&fault](const Fault& f) {
-    return f.kind == FaultKind::drive_silent && fault.kind == FaultKind::drive_fault &&
-           f.node == fault.node && f.when <= fault.when && fault.when <= f.until;
+  constexpr Duration kBoots = std::chrono::milliseconds{300};
+  if (fault.kind != FaultKind::drive_fault) return false;
+  return std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
+    const bool silent = f.kind == FaultKind::drive_silent && fault.when <= f.until;
+    const bool boots = f.kind == FaultKind::drive_reboot && fault.when <= f.when + kBoots;
+    return (silent || boots) && f.node == fault.node && f.when <= fault.when;
   });
 }
 
