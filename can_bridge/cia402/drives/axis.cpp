@@ -176,6 +176,8 @@ bool Axis::confirmed_off() const {
 
 bool Axis::stood() const { return motion_.newest() == Motion::standing; }
 
+bool Axis::turned() const { return motion_.newest() == Motion::turning; }
+
 bool Axis::confirmed_standing(Instant now) const {
   return speed_confirms_ && position_confirms_ && standing(now);
 }

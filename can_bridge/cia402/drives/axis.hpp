@@ -74,6 +74,8 @@ class Axis {
   bool known() const { return status_stamp_ || speed_stamp_; }
   /// By both witnesses, as of the newest report, the wheel stood, however old that is.
   bool stood() const;
+  /// By one of them it turned.
+  bool turned() const;
   /// Power stage off, confirmed: SwitchOnDisabled or ReadyToSwitchOn.
   bool confirmed_off() const;
   /// The wheel stands, by a speed and a position received since the controlword last changed.

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace tether::cia402 {
@@ -124,8 +125,7 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
       break;
   }
   if (!node.heard) {
-    return !node.lost ||
-           (d_.stage.elapsed(now) >= kBlindBraking && d_.axes.can_have_stopped(node.id));
+    return can_have_stopped(node) && (!node.lost || d_.stage.elapsed(now) >= kBlindBraking);
   }
   // It runs, so that its silence says nothing of its wheel: only its feedback does.
   for (std::size_t i = 0; i < d_.axes.size(); ++i) {
@@ -133,6 +133,14 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
     if (!d_.axes[i].fresh(now) || !d_.axes.released(i) || !d_.axes.stands(i, now)) return false;
   }
   return true;
+}
+
+bool BringUp::can_have_stopped(const Node& node) const {
+  // A wheel that turned without power is stopped by no watchdog.
+  return d_.axes.can_have_stopped(node.id) &&
+         std::ranges::none_of(d_.axes, [&node](const Axis& axis) {
+           return axis.node() == node.id && axis.turned() && is_power_off(axis.state());
+         });
 }
 
 std::string BringUp::turning_text(Instant now) const {

@@ -185,6 +185,28 @@ TEST(TwoWitnesses, ADriveThatIsHeardAgainIsNotResetByTheSilenceBefore) {
   EXPECT_EQ(bench.left().resets, 0);
 }
 
+TEST(TwoWitnesses, ADriveThatWasSeenToCoastAndFallsSilentIsNotReset) {
+  Bench bench;
+  bench.drive({1.0, 0.0});
+  std::vector<CanFrame> boot;
+  bench.left().reboot(boot);  // as by another's NMT reset: it coasts
+  bench.left_axis().speed = 100;
+  bench.left_axis().ramp = 0;
+  for (const CanFrame& f : boot) bench.deliver(f);
+  bench.run(milliseconds(400));
+  bench.left().resets = bench.right().resets = 0;
+  bench.profile.reset_fault();
+  bench.run(milliseconds(1000));
+  bench.left().silent = true;
+  ASSERT_TRUE(bench.reach(DrivePhase::refused, milliseconds(8000)));
+  EXPECT_EQ(bench.left().resets, 0);
+  EXPECT_THAT(bench.reason(), HasSubstr("left drive (node 1): answers no SDO request"));
+  bench.left().silent = false;
+  bench.left_axis().speed = 0;
+  bench.profile.reset_fault();
+  EXPECT_TRUE(bench.reach(DrivePhase::standby)) << bench.reason();
+}
+
 TEST(TwoWitnesses, ADriveThatAnswersWithOneWitnessOnlyIsResetAfterFiveSeconds) {
   Rolls bench;
   for (FakeDrive& d : bench.drives) {
