@@ -143,6 +143,7 @@ void SafetyCore::watch_senders(Instant now) {
 void SafetyCore::watch_bus(CanState bus) {
   const CanState worst = std::max(worst_bus_, bus);
   worst_bus_ = bus;
+  is_unheard_ = worst != CanState::up && worst != CanState::error_passive;
   if (worst == CanState::bus_off || worst == CanState::stalled) bus_was_jammed_ = true;
   // An interface that is down or gone has dropped its queue: no old frame is left.
   if (bus == CanState::down || bus == CanState::absent) bus_was_jammed_ = false;
@@ -239,7 +240,10 @@ void SafetyCore::begin_quick_stop(Instant now, const std::string& why) {
   disable_sent_ = false;
   stop_overdue_ = false;
   distrust_until_.reset();
-  if (feedback_lies_) distrust_until_ = now + braking_time(limiter_.twist()) + kDistrustMargin;
+  // A stop that does not arrive begins only when the drives' own deadlines are over.
+  if (feedback_lies_ || is_unheard_) {
+    distrust_until_ = now + braking_time(limiter_.twist()) + kDistrustMargin;
+  }
   stop_reason_ = why;
 }
 

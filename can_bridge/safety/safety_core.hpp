@@ -98,8 +98,9 @@ struct Decision {
 ///   that no old frame is left in a queue. error-passive is reported, not latched; but no arming
 ///   meanwhile.
 /// - Power stages are switched off only at standstill, or by drives that fault. Feedback that was
-///   missing, or of a wheel that does not follow, may show standstill at full speed. After that,
-///   power stages stay on, braking, for as long as the ramp from the last setpoint takes
+///   missing, or of a wheel that does not follow, may show standstill at full speed, and a bus in
+///   trouble lets no stop through. After that, power stages stay on, braking, for as long as the
+///   ramp from the last setpoint takes
 ///   (|v|/deceleration or |ω|/yaw deceleration, the longer) and kDistrustMargin.
 /// - Safety inputs (SafetyInputs) may demand a stop: a quick stop or ramp, then disarmed; or a ramp
 ///   to standstill, from which the vehicle, still armed, goes on when the demand is over. While a
@@ -263,6 +264,7 @@ class SafetyCore {
   std::string notice_;         ///< why the last request was refused
 
   CanState worst_bus_ = CanState::up;   ///< since the last cycle
+  bool is_unheard_ = false;             ///< the bus was in trouble in this cycle
   bool bus_was_jammed_ = false;         ///< old frames may wait in its queues
   bool purge_due_ = false;              ///< setpoints may wait there: to be thrown away
   bool purged_ = false;                 ///< since the last RESET
