@@ -84,7 +84,8 @@ std::string broken(const Record& record) {
 
 TEST(FaultCampaign, TheSeedsThatOnceBrokeARuleBreakNone) {
   const auto setup = load_setup();
-  for (const std::uint64_t seed : {200942U, 203504U, 205111U, 208213U, 1000781U, 1016389U}) {
+  for (const std::uint64_t seed : {200942U, 203504U, 205111U, 208213U, 221629U, 222974U, 223933U,
+                                   230143U, 1000781U, 1016389U}) {
     for (const Trial& trial : {draw_trial(seed), with_vehicle(draw_trial(seed))}) {
       for (const Finding& f : check(seed, run_trial(setup, trial, false))) {
         ADD_FAILURE() << seed << ": " << f.rule << " at " << to_seconds(f.when) << ": " << f.what;
@@ -112,6 +113,16 @@ TEST(FaultCampaign, AFaultOfADriveThatJustRebootsShowsAsMissingFeedback) {
     set_states(r, 2120, 3000, State::STOPPING);
     EXPECT_EQ(fault_unnoticed(r).has_value(), !reboots);
   }
+}
+
+TEST(FaultCampaign, AForeignNmtStartBeginsADrivesDeadlineAgain) {
+  Record r = drive();
+  r.heard[1].resize(60);  // setpoints until 1.2 s
+  EXPECT_TRUE(wheel_turns_without_setpoints(r).has_value());
+  for (int ms = 1250; ms < 3500; ms += 50) {
+    r.faults.push_back({FaultKind::nmt, at_ms(ms), at_ms(ms), 0.0, 2});
+  }
+  EXPECT_FALSE(wheel_turns_without_setpoints(r).has_value());
 }
 
 TEST(FaultCampaign, AnOrdinaryDriveBreaksNoRule) { EXPECT_EQ(broken(drive()), ""); }
