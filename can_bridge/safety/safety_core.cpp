@@ -213,6 +213,7 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
     // The witnesses come first, because they say which of them is wrong.
     std::string trouble = witnesses_.update(now, limiter_.twist(), drives.wheels);
     const std::string behind = monitor_.update(now, limiter_.twist(), drives.wheels);
+    if (trouble.empty() && !behind.empty()) trouble = witnesses_.suspicion();
     if (trouble.empty()) trouble = behind;
     if (trouble.empty()) return;
     latch_fault(trouble);
