@@ -34,6 +34,7 @@ static_assert(static_cast<int>(BridgeState::armed) == drivetrain_state_t::ARMED)
 static_assert(static_cast<int>(BridgeState::stopping) == drivetrain_state_t::STOPPING);
 static_assert(static_cast<int>(BridgeState::fault) == drivetrain_state_t::FAULT);
 static_assert(static_cast<int>(BridgeState::estop) == drivetrain_state_t::ESTOP);
+static_assert(static_cast<int>(BridgeState::unconfirmed) == drivetrain_state_t::UNCONFIRMED);
 static_assert(static_cast<int>(DriveRequest::arm) == drive_request_t::ARM);
 static_assert(static_cast<int>(DriveRequest::disarm) == drive_request_t::DISARM);
 static_assert(static_cast<int>(DriveRequest::estop) == drive_request_t::ESTOP);

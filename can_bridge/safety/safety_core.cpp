@@ -102,6 +102,7 @@ Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanSta
     begin_quick_stop(now, latched() ? latched_reason() : "the bridge is being shut down");
   }
   advance(now, drives);
+  watch_standstill(now, drives);
   purge_bus();
 
   Decision decision;
@@ -155,7 +156,8 @@ void SafetyCore::watch_bus(CanState bus) {
       return;
     case CanState::stalled:
       return latch_fault(
-          "CAN bus stalled: nobody takes the frames: check the drives' supply, plug and bit rate");
+          "CAN bus stalled: nobody takes the frames: check the drives' supply, plug and "
+          "bit rate");
     case CanState::bus_off:
       return latch_fault(
           "CAN bus-off: check for a short circuit, termination (2 x 120 ohm) and bit rate");
@@ -245,6 +247,7 @@ void SafetyCore::begin_quick_stop(Instant now, const std::string& why) {
   if (feedback_lies_ || is_unheard_) {
     distrust_until_ = now + braking_time(limiter_.twist()) + kDistrustMargin;
   }
+  standstill_due_ = distrust_until_.value_or(now) + kStopTimeout;
   stop_reason_ = why;
 }
 

@@ -180,6 +180,7 @@ void SafetyCore::finish_reset(Instant now) {
   action_ = Decision::Action::reset_fault;
   estop_latched_ = false;
   fault_latched_ = false;
+  standstill_due_.reset();  // start-up asks the drives
   bus_was_jammed_ = false;
   purged_ = false;
   reset_since_.reset();

@@ -147,7 +147,7 @@ std::optional<Violation> fault_left(const Record& record) {
   for (std::size_t i = 0; i < record.states.size(); ++i) {
     const StateSample& s = record.states[i];
     if (is_first(record, i)) since.reset();
-    if (s.state == State::FAULT) {
+    if (s.state == State::FAULT || s.state == State::UNCONFIRMED) {
       if (!since) since = before(record, i);
     } else if (since && s.state != State::ESTOP && s.state != State::STOPPING) {
       if (!came(record, Request::RESET, *since, s.when)) {
