@@ -91,13 +91,18 @@ std::string WitnessMonitor::diagnosis(const Ways& ways) {
     return "its position (0x6064) stands still while its speed is as told: encoder frozen";
   }
   if (is(speed, 1.0) && is(position, -1.0)) return "the sign of its position is reversed";
-  const double ratio = ways.reported / ways.counted;
-  if (std::abs(ratio - 1.0) <= kAllowedShare) {
+  if (is(position, 0.0) && is(speed, 0.0)) {
+    return "speed (0x606C) and position (0x6064) agree that it hardly turns: blocked, or one "
+           "encoder, which serves both, is frozen";
+  }
+  const double longer_m = std::max(std::abs(ways.reported), std::abs(ways.counted));
+  if (std::abs(ways.reported - ways.counted) <= kAllowedShare * longer_m) {
     return fmt::format(
         "speed (0x606C) and position (0x6064) agree on {:.2f} times what it was told: "
         "target_velocity_per_rps, or the scales of both, are wrong",
         position);
   }
+  const double ratio = ways.reported / ways.counted;
   if (std::abs(position - 1.0) <= std::abs(speed - 1.0)) {
     return fmt::format(
         "its reported speed is {:.2f} times what its position says: "
