@@ -9,6 +9,7 @@ import time
 
 from can_drivetrain import (
     NODES,
+    SCENARIO,
     TWO_NODES,
     WHEEL_RADIUS_M,
     Drivetrain,
@@ -309,6 +310,17 @@ def probe(test):
         test.say(f"probe: {len(asked)} requests, all SDO uploads")
         d.tether("probe", "--interface", "vcan9", "--node", 1, code=1, err=["no CAN interface vcan9", "ip link add"])
         d.tether("probe", "--interface", "vcan0", "--drivetrain", "nowhere.toml", code=2, err=['"nowhere.toml"'])
+        # What the bridge refuses: a ramp that is a typing error, a quick stop that no one configured.
+        weak = changed_file(test, "weak.toml", TWO_NODES, ('"0x6085:00 u32"\nvalue = 19200', '"0x6085:00 u32"\nvalue = 192'))
+        d.tether("probe", "--interface", "vcan0", "--drivetrain", weak, code=2,
+                 err=["the left axis stops with 0.04 m/s2, less than can.max_deceleration_mps2"])
+        strong = changed_file(test, "strong.toml", SCENARIO, ("max_deceleration_mps2 = 3.0", "max_deceleration_mps2 = 5.0"))
+        d.tether("probe", "--interface", "vcan0", "--scenario", strong, "--drivetrain", TWO_NODES, code=2,
+                 err=["the left axis stops with 4.02 m/s2, less than can.max_deceleration_mps2 = 5"])
+        d.tether("probe", "--interface", "vcan0", "--scenario", SCENARIO, "--drivetrain", TWO_NODES, out=["fits"])
+        none = changed_file(test, "none.toml", TWO_NODES, ('object = "0x605A:00 i16"', 'object = "0x605D:00 i16"'))
+        d.tether("probe", "--interface", "vcan0", "--drivetrain", none, code=2,
+                 err=["left axis: no [[setup]] sets its quick stop option (0x605A)"])
 
 
 def probe_of_a_configured_drivetrain(test):
