@@ -250,7 +250,7 @@ void CanBridgeNode::publish_state(const Decision& decision, Instant now) {
   message.reason = decision.reason;
   if (const std::string intruder = profile_->intruder(); !intruder.empty()) {
     if (!message.reason.empty()) message.reason += "; ";
-    message.reason += "somebody else commands these drives: " + intruder;
+    message.reason += "another sender commands these drives: " + intruder;
   }
   if (const std::string warnings = profile_->warnings(); !warnings.empty()) {
     if (!message.reason.empty()) message.reason += "; ";

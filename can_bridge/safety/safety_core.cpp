@@ -135,7 +135,7 @@ void SafetyCore::watch_senders(Instant now) {
   if (commands_.two_senders()) {
     latch_fault("two senders take turns to command this vehicle: leave one of them, then reset");
   }
-  if (!is_held(now)) begin_ramp_down("nobody holds to run any more", now);
+  if (!is_held(now)) begin_ramp_down("hold-to-run released", now);
   if (std::exchange(foreign_stop_due_, false)) {
     begin_ramp_down("a controller of another session said to stand still", now);
   }
@@ -156,7 +156,7 @@ void SafetyCore::watch_bus(CanState bus) {
       return;
     case CanState::stalled:
       return latch_fault(
-          "CAN bus stalled: nobody takes the frames: check the drives' supply, plug and "
+          "CAN bus stalled: no device acknowledges the frames: check the drives' supply, plug and "
           "bit rate");
     case CanState::bus_off:
       return latch_fault(
@@ -197,7 +197,7 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
   }
   const bool power_on = phase == DrivePhase::enabled || phase == DrivePhase::enabling;
   if (motion_ == Motion::idle && power_on) {
-    latch_fault("the drives' power stages are on although nobody armed them");
+    latch_fault("the drives' power stages are on without ARM");
     begin_quick_stop(now, fault_reason_);
   }
   if (motion_ == Motion::idle || motion_ == Motion::stopping) return;

@@ -136,7 +136,7 @@ std::string SafetyCore::latched_reason() const {
                          ? fmt::format("e-stop pressed{}: release it, then reset", from_start)
                          : "e-stop released: reset to go on";
   if (!demands_.estop.empty()) text = demands_.estop + ": release it, then reset";
-  if (fault_latched_) text += "; besides: " + fault;
+  if (fault_latched_) text += "; also: " + fault;
   return text;
 }
 

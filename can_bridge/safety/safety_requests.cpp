@@ -80,8 +80,9 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
     return fmt::format("the drives are not ready: {}", to_string(drives.phase));
   }
   if (!is_held(now)) {
-    return fmt::format("nobody holds to run (can.operator_timeout_ms = {:.0f}): tether can hold",
-                       to_milliseconds(config_.operator_timeout));
+    return fmt::format(
+        "hold-to-run is released (can.operator_timeout_ms = {:.0f}): tether can hold",
+        to_milliseconds(config_.operator_timeout));
   }
   if (!drives.feedback_fresh) return "wheel feedback is missing";
   if (!drives.standstill) return "the wheels are turning: wait for standstill";

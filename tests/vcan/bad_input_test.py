@@ -165,7 +165,7 @@ def random_frames_while_armed(test):
         check(moved[0] <= 0.005, f"moved {moved[0]} m without FAULT")
         state = d.state()
         check(time.time() - state.arrival < 0.5, "CAN/STATE is silent")
-        check(state.state_name == "fault" and "somebody else commands these drives" in state.reason, d.now())
+        check(state.state_name == "fault" and "another sender commands these drives" in state.reason, d.now())
         d.check_still(time.time() - 0.5, "after the random frames")
         # A report of the largest speed must not keep RESET refused for longer than a possible one.
         cansend("181#0002FFFFFF7F", "182#0002FFFFFF7F")
@@ -191,7 +191,7 @@ def intruders(test):
             begin = time.time()
             cansend(frame)
             fault = d.wait_state("fault", 5, begin, f"another sender uses {identifier}: only one master may command")
-            check("somebody else commands these drives: " in fault.reason, fault.reason)
+            check("another sender commands these drives: " in fault.reason, fault.reason)
             stopping = d.wait_for("CAN/STATE", lambda m: m.state_name != "armed", 5, what, begin)
             stand = d.wait_standstill(begin)
             test.say(

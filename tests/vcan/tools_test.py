@@ -213,7 +213,7 @@ def drive(test):
         d.bridge.kill(signal.SIGCONT)
         d.hold(0.0)
         time.sleep(0.2)
-        d.tether("drive", "--v-mps", 0.1, code=1, err=["somebody else sends AGV/CMD_VEL: end it first"])
+        d.tether("drive", "--v-mps", 0.1, code=1, err=["another program sends AGV/CMD_VEL: end it first"])
 
 
 def nobody_is_there(test):
@@ -235,14 +235,14 @@ def hold_to_run(test):
         d.hold(0.0)
         d.wait_state("disarmed", 20)
         time.sleep(0.1)
-        d.tether("arm", code=1, out=["nobody holds to run (can.operator_timeout_ms = 500): tether can hold"])
+        d.tether("arm", code=1, out=["hold-to-run is released (can.operator_timeout_ms = 500): tether can hold"])
         holder = test.start("tether", "can", "hold")
         wait_until(5, lambda: "disarmed" in holder.out(), "tether can hold shows the state")
         d.tether("arm", out=["armed"])
         d.drive(SPEED_MPS)
         since = time.time()
         holder.kill(signal.SIGINT)
-        d.wait_state("disarmed", 5, since, "nobody holds to run any more")
+        d.wait_state("disarmed", 5, since, "hold-to-run released")
         stands = d.wait_standstill(since) - since
         test.say(f"measured: tether can hold ended -> wheels stand: {stands * 1e3:.0f} ms")
         check(holder.wait(5) == 0, f"tether can hold: {holder.process.returncode}")

@@ -87,7 +87,7 @@ void Cia402Profile::on_intruder(const CanFrame& frame, const Sender& sender) {
 }
 
 void Cia402Profile::on_foreign_sdo(const CanFrame& frame, std::uint8_t node) {
-  // Before that, start-up will write it anew.
+  // Before that, start-up will write it.
   if (drives_.stage.stage() < Stage::configuring) return;
   const std::optional<ObjectRef> object = written_object(frame);
   if (!object || !cia402::is_vital(drives_.config, node, object->index)) return;
@@ -95,7 +95,7 @@ void Cia402Profile::on_foreign_sdo(const CanFrame& frame, std::uint8_t node) {
   distrust_part(cia402::stop_part(object->index), node);
   drives_.axes.doubt(node);
   fault(Fault{fmt::format("{}: another sender writes {} by SDO: only one master may configure; "
-                          "reset configures the drives anew",
+                          "reset configures the drives again",
                           drives_.nodes.of(node).name, cia402::object_text(*object)),
               true});
 }
@@ -207,7 +207,7 @@ void Cia402Profile::watch_senders(std::uint32_t id, const Node& node, Instant no
   drives_.axes.distrust_standstill(now + kBrakingWithoutFeedback);
   fault(
       Fault{fmt::format("two sources send 0x{:03X}, feedback of {}: has another device its node "
-                        "id, or does somebody replay its frames? Feedback is not believed",
+                        "id, or are its frames replayed? Feedback is not believed",
                         id, node.name)});
 }
 

@@ -280,7 +280,7 @@ TEST_F(Fault, DrivesThatAreOnUnaskedAreStopped) {
   drives.phase = DrivePhase::enabled;
   cycle_after(kCycle);
   EXPECT_EQ(last.action, Action::quick_stop);
-  expect_reason("are on although nobody armed them");
+  expect_reason("are on without ARM");
 }
 
 TEST_F(Fault, AQuickStopThatDoesNotEndIsToldAndNeverSwitchesOffMovingWheels) {
