@@ -208,7 +208,7 @@ void LiveSession::expect_no_company() {
 
 void LiveSession::start(Child& child) {
   child.process->start();
-  watch_.started(child.name, child.process->pid());
+  watch_.started(loop_.now(), child.name, child.process->pid());
 }
 
 void LiveSession::start_guest() {

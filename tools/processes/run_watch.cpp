@@ -19,9 +19,10 @@ std::string describe(const presence_t& presence) {
                      printable(presence.vehicle), presence.pid, printable(presence.host));
 }
 
-void RunWatch::started(const std::string& program, std::int64_t pid) {
+void RunWatch::started(Instant now, const std::string& program, std::int64_t pid) {
   ended(program);
-  own_[program].pid = pid;
+  const Duration starting = from_seconds(to_seconds(kPatience - kSilence) * rate_);
+  own_[program] = {.pid = pid, .heard = std::max(now, kStart) + starting};
 }
 
 void RunWatch::ended(const std::string& program) {
@@ -68,15 +69,15 @@ void RunWatch::update(Instant now) {
       updated_ && now - *updated_ > from_seconds(to_seconds(kSilence) * rate_);
   updated_ = now;
   for (auto& [program, own] : own_) {
-    if (was_suspended && own.heard) own.heard = now;
-    const bool hangs = own.heard && silence(own, now) >= kSilence;
+    if (was_suspended) own.heard = std::max(own.heard, now);
+    const bool hangs = silence(own, now) >= kSilence;
     if (hangs && !own.reported) find(now, program + " does not answer: stopped, hung or cut off");
     own.reported = hangs;
   }
 }
 
 Duration RunWatch::silence(const Own& own, Instant now) const {
-  return from_seconds(to_seconds(now - *own.heard) / rate_);
+  return from_seconds(to_seconds(now - own.heard) / rate_);
 }
 
 std::vector<std::pair<std::string, Duration>> RunWatch::hung(Instant now) const {
@@ -89,7 +90,7 @@ std::vector<std::pair<std::string, Duration>> RunWatch::hung(Instant now) const 
 
 bool RunWatch::hangs(const std::string& program, Instant now, Duration for_so_long) const {
   const auto own = own_.find(program);
-  return own != own_.end() && own->second.heard && silence(own->second, now) >= for_so_long;
+  return own != own_.end() && silence(own->second, now) >= for_so_long;
 }
 
 void RunWatch::find(Instant now, const std::string& what) {

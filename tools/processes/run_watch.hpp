@@ -19,8 +19,9 @@ namespace tether {
 /// - Another run: a presence of another run; its first is told.
 /// - A stranger: a program of this run and vehicle, of which one is there already (other host or
 ///   process) and which this run has not started.
-/// - Hung: an own program that has been heard, and then is not for kSilence: stopped, in an endless
-///   loop, or cut off. After kPatience it is to be ended: overdue().
+/// - Hung: an own program that is not heard for kSilence: stopped, in an endless loop, or cut off.
+///   One that starts has until kPatience after its start, or after t = 0. After kPatience of
+///   silence it is to be ended: hangs().
 ///
 /// While the watch itself was suspended (two updates more than kSilence apart), nobody was silent.
 class RunWatch {
@@ -32,7 +33,7 @@ class RunWatch {
       : run_(run), host_(std::move(host)), rate_(rate) {}
 
   /// A program of this run was started as this process; its former process is gone.
-  void started(const std::string& program, std::int64_t pid);
+  void started(Instant now, const std::string& program, std::int64_t pid);
   /// It has ended, and is not expected to be heard.
   void ended(const std::string& program);
   /// It hangs, and is being ended.
@@ -55,7 +56,7 @@ class RunWatch {
  private:
   struct Own {
     std::int64_t pid = -1;
-    std::optional<Instant> heard;  ///< none: not yet since it was started
+    Instant heard{};  ///< or the end of its time to start, less kSilence
     bool reported = false;
   };
   void heard_of_other_run(Instant now, const presence_t& presence);
