@@ -95,6 +95,19 @@ def lie(self, grant, published, error, honest=tether.Lockstep._reply):
 tether.Lockstep._reply = lie
 tether.main(Failing)
 """
+# Killed at 4 s with seed 2, until there is a file "lives".
+KILLED = LAW + """
+import signal
+SCENARIO = sys.argv[sys.argv.index("--scenario") + 1]
+
+def killed(t, pose, path):
+    if t >= 4.0 and not os.path.exists("lives"):
+        if tomllib.loads(pathlib.Path(SCENARIO).read_text())["run"]["seed"] == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+    return law(t, pose, path)
+
+tether.main(killed)
+"""
 SPOILT = LAW + """
 def spoilt(self, grant, published, honest=tether.Lockstep._run):
     on_pose = self._controller.on_pose
@@ -198,6 +211,25 @@ class Sweeps(unittest.TestCase):
         self.write_law(FAILING)
         self.failures("cold", COLD)
         self.failures("warm", WARM)
+
+    def test_have_no_result_of_a_law_that_is_killed(self):
+        """As memory that runs out kills it: it is tried again, at once and by the next sweep."""
+        for name, settings in (("cold", COLD), ("warm", WARM)):
+            (self.work / "lives").unlink(missing_ok=True)
+            self.write_law(KILLED)
+            file = self.experiment(name, settings)
+            said = self.tether("sweep", file, "--out", name, code=1)
+            self.assertEqual(said.count("no result: "), 3, said)
+            self.assertRegex(said, r"no result: channel.prr = 0.4, seed 2: controller "
+                                   r"(was killed by signal 9|ended with exit code 137)")
+            self.assertIn("not complete; the same command goes on", said)
+            table = tether.read_sweep(self.work / name)
+            self.assertEqual(sorted(table["seed"]), [1, 1, 1, 3, 3, 3])
+            self.assertEqual(table["failure"].count(None), 6)
+            (self.work / "lives").touch()
+            self.tether("sweep", file, "--out", name)
+            self.write_law(LAW + "\ntether.main(law)\n")
+            self.assertEqual(self.csv(name), self.sweep(f"{name}_undisturbed", settings=settings))
 
     def test_fail_where_the_vehicle_got_what_is_no_command(self):
         self.write_law(SPOILT)
