@@ -273,6 +273,47 @@ TEST(Lockstep, AHeldRunStandsStillAndGoesOnAsIfNothingHadBeen) {
   EXPECT_TRUE(rig.record == record_of(s));
 }
 
+TEST(GrantSchedule, RefusesChannelsOfOtherNodesAndThoseThatReachThem) {
+  const Scenario s = scenario();
+  const auto error = [&](const std::string& channel, const std::string& node) -> std::string {
+    GrantSchedule schedule(kStart + from_seconds(10), channel_owners({s}));
+    schedule.add_node(node, {}, {kStart + from_seconds(1), 0, 0});
+    schedule.add_node("other", {"AGV/.*"}, {kStart + from_seconds(2), 0, 1});
+    const auto grant = schedule.next();
+    try {
+      schedule.answer(kFirstGrant, *grant, {},
+                      {{.channel = channel, .number = 1, .when = kStart + from_seconds(1.5)}});
+    } catch (const BadAnswer& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(error("CTRL/CMD_VEL", "controller"), "");
+  EXPECT_EQ(error("MY/NOTES", "controller"), "");
+  EXPECT_EQ(error("SIM/TRUTH", "sim"), "");
+  EXPECT_EQ(error("SIM/TRUTH", "controller"), "published on SIM/TRUTH, which belongs to sim");
+  EXPECT_EQ(error("AGV/CMD_VEL", "controller"), "published on AGV/CMD_VEL, which belongs to netem");
+  EXPECT_EQ(error("NET/SET", "controller"), "published on NET/SET, which belongs to netem");
+  EXPECT_EQ(error("AGV/DRIVE", "controller"), "published on AGV/DRIVE, which belongs to autonomy");
+  EXPECT_EQ(error("CTRL/CMD_VEL", "sim"), "published on CTRL/CMD_VEL, which belongs to controller");
+  EXPECT_EQ(error("AGV/OTHER", "controller"),
+            "published on AGV/OTHER, which other receives and no node of this run owns");
+}
+
+TEST(ChannelOwners, OfPosesIsTheLocaliserWhereThereIsOne) {
+  const auto owners = [](const char* place) {
+    Scenario s = scenario();
+    s.get<LocaliserSettings>().place = place == std::string("edge")
+                                           ? LocaliserSettings::Place::edge
+                                           : LocaliserSettings::Place::vehicle;
+    return channel_owners({s});
+  };
+  EXPECT_EQ(owners("edge").at("CTRL/POSE"), "localiser");
+  EXPECT_EQ(owners("edge").at("AGV/POSE"), "sim");
+  EXPECT_EQ(owners("vehicle").at("AGV/POSE"), "localiser");
+  EXPECT_EQ(owners("vehicle").at("CTRL/POSE"), "netem");
+}
+
 TEST(GrantSchedule, RefusesWhatContradictsAGrant) {
   const auto error = [](const Publication& p, const EventKey& next) -> std::string {
     GrantSchedule schedule(kStart + from_seconds(10));

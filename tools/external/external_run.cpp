@@ -31,6 +31,7 @@ TimeManager::Config config_of(const Scenario& scenario, std::int64_t session,
   TimeManager::Config config;
   config.session = session;
   config.nodes = nodes;
+  config.owners = channel_owners(fleet_members(scenario));
   config.end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
   config.patience = from_seconds(settings.patience_s);
   config.join_patience =

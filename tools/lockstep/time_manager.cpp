@@ -47,7 +47,7 @@ TimeManager::TimeManager(Config config, EventLoop& io, Bus& wire, Record record)
       io_(io),
       wire_(wire),
       record_(std::move(record)),
-      schedule_(config_.end),
+      schedule_(config_.end, config_.owners),
       joined_(config_.nodes.size()),
       begun_at_(io.now()) {
   wire_.subscribe(".*", kDeepQueue, [this](const Message& message) { hear(message); });
