@@ -285,13 +285,13 @@ class Sweeps(unittest.TestCase):
         self.tether("sweep", "in here/beside.toml", "--out", "beside")
         self.assertEqual(tether.read_sweep(self.work / "beside")["failure"].count(None), 3)
 
-    def test_take_no_notice_of_strangers(self):
+    def test_take_no_notice_of_strangers_but_on_the_runs_channels(self):
         quiet = self.sweep("quiet", settings=WARM)
         self.write_law(LAW + "\npathlib.Path('url').write_text(sys.argv[2])\ntether.main(law)\n")
         over = threading.Event()
         sent = []
 
-        def disturb():
+        def disturb(channels=()):
             network = None
             join, grant, twist = (tether.message_type(n) for n in ("time_join_t", "time_grant_t", "twist_t"))
             while not over.is_set():
@@ -302,8 +302,9 @@ class Sweeps(unittest.TestCase):
                     network.publish("TIME/JOIN", join.encode(node="camera"))
                     network.publish("TIME/GRANT", grant.encode(node="sim", id=99, kind=3))
                     network.publish("TIME/REQUEST", b"garbage")
-                    network.publish("CTRL/CMD_VEL", twist.encode(v_mps=7.0))
-                    network.publish("CTRL/POSE", b"garbage")
+                    network.publish("MY/NOTES", twist.encode(v_mps=7.0))
+                    for channel in channels:
+                        network.publish(channel, twist.encode(v_mps=7.0))
                     sent.append(5)
                 time.sleep(0.01)
             if network:
@@ -318,6 +319,19 @@ class Sweeps(unittest.TestCase):
             stranger.join()
         self.assertGreater(len(sent), 10)
         self.assertEqual(disturbed, quiet)
+
+        over.clear()
+        (self.work / "url").unlink()
+        stranger = threading.Thread(target=disturb, args=(("CTRL/CMD_VEL", "CTRL/POSE"),))
+        stranger.start()
+        try:
+            file = self.experiment("forged", settings=WARM, seeds=1)
+            said = self.tether("sweep", file, "--out", "forged", "--jobs=1", code=1)
+        finally:
+            over.set()
+            stranger.join()
+        self.assertRegex(said, r"no result: .*messages? on CTRL/(CMD_VEL|POSE) .* no node's: another program takes part")
+        self.assertEqual(tether.read_sweep(self.work / "forged")["seed"], [])
 
     def test_refuse_what_cannot_be(self):
         for settings, why in (

@@ -132,9 +132,9 @@ void ExternalRun::run() {
   manager_->dismiss();
   if (!manager_->done()) {
     const std::string why = manager_->error();
-    if (was_killed) throw RunKilled(why);
+    if (was_killed || manager_->disturbed()) throw NoResult(why);
     if (!why.empty()) throw std::runtime_error(why);
-    throw RunKilled(
+    throw NoResult(
         fmt::format("ended by signal {} at t = {:.3f} s", io_.signal(), to_seconds(loop_.now())));
   }
   loop_.run_until(end_);

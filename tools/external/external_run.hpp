@@ -55,8 +55,8 @@ class ExternalController {
 void tell_of_controller(const std::string& line);
 
 /// A run has no result because a signal ended its controller, as when memory runs out, or the run
-/// itself.
-class RunKilled : public std::runtime_error {
+/// itself, or because another program took part.
+class NoResult : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
@@ -73,7 +73,7 @@ class ExternalRun {
   EventLoop& loop() { return loop_; }
 
   /// Runs to the end. Throws std::runtime_error that names the node that kept it from there;
-  /// RunKilled if a signal did, or ended the controller.
+  /// NoResult, as there.
   void run();
 
  private:

@@ -54,6 +54,10 @@ class GrantSchedule {
   void answer(std::int64_t id, const Grant& grant, const EventKey& next,
               const std::vector<Publication>& published);
 
+  /// Whether a channel has an owner, or a node receives it.
+  bool concerns(const std::string& channel) {
+    return owners_.contains(channel) || !receivers(channel).empty();
+  }
   const std::string& name(std::size_t node) const { return nodes_[node].name; }
   std::size_t size() const { return nodes_.size(); }
   /// The earliest event of all; Instant::max() if there is none.

@@ -66,7 +66,7 @@ RunResult run_to_the_end(auto& loop, const Scenario& scenario, double trajectory
 RunResult result_of(const std::function<RunResult()>& run) {
   try {
     return run();
-  } catch (const RunKilled& error) {
+  } catch (const NoResult& error) {
     return failed(error, true);
   } catch (const std::system_error& error) {
     return failed(error, true);

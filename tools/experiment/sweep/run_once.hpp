@@ -9,7 +9,7 @@
 namespace tether {
 
 /// What `run` returns; or what it throws as a failure, to be repeated if it is this machine's: a
-/// RunKilled, memory, or a system call that failed.
+/// NoResult, memory, or a system call that failed.
 RunResult result_of(const std::function<RunResult()>& run);
 
 /// Runs the loop in virtual time, in this thread. ε and the other metrics are those of `tether
