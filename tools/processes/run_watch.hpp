@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <tether/presence_t.hpp>
 #include <utility>
@@ -23,6 +24,9 @@ namespace tether {
 ///   One that starts has until kPatience after its start, or after t = 0. After kPatience of
 ///   silence it is to be ended: hangs().
 ///
+/// - An unknown sender: one that sends on a channel of the run's programs, be it once, and is not
+///   heard on RUN/PRESENCE within kSilence.
+///
 /// While the watch itself was suspended (two updates more than kSilence apart), nobody was silent.
 class RunWatch {
  public:
@@ -38,8 +42,12 @@ class RunWatch {
   void ended(const std::string& program);
   /// It hangs, and is being ended.
   void given_up(Instant now, const std::string& program);
-  /// A message on RUN/PRESENCE.
-  void heard(Instant now, const presence_t& presence);
+  /// A message on RUN/PRESENCE, and who sent it (Message::sender; 0: not known).
+  void heard(Instant now, const presence_t& presence, std::uint64_t sender = 0);
+  /// A message on a channel on which only programs with a presence send.
+  void sent(Instant now, const std::string& channel, std::uint64_t sender);
+  /// The run is over: who has not said by now what it is was no program of it.
+  void end(Instant now);
   /// What several programs send (SoleSender), in words. Told unless known strangers explain it.
   void several_senders(Instant now, const std::string& line);
   /// Regularly, several times a second.
@@ -62,6 +70,7 @@ class RunWatch {
   void heard_of_other_run(Instant now, const presence_t& presence);
   Duration silence(const Own& own, Instant now) const;
   void find(Instant now, const std::string& what);
+  void judge_senders(Instant now, Instant since);
 
   std::int64_t run_;
   std::string host_;
@@ -69,6 +78,12 @@ class RunWatch {
   std::map<std::string, Own> own_;
   std::vector<std::pair<std::string, std::int64_t>> former_;  ///< processes that this run ended
   std::vector<std::int64_t> other_runs_;
+  struct Unnamed {
+    std::string channel;
+    Instant since;
+  };
+  std::map<std::uint64_t, Unnamed> unnamed_;  ///< senders that have no presence yet
+  std::set<std::uint64_t> named_;
   bool strangers_ = false;
   std::vector<std::string> known_;  ///< found, without their times
   std::vector<std::string> findings_;

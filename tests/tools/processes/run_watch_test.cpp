@@ -164,6 +164,33 @@ TEST_F(RunWatchTest, SeveralSendersAreToldUnlessAKnownStrangerExplainsThem) {
                           "t = 0.0 s: a second tether-sim of AGV, process 2 on host here"));
 }
 
+constexpr std::uint64_t kFirst = 0x0100007F'0000'1000, kSecond = 0x0100007F'0000'2000;
+
+TEST_F(RunWatchTest, OneDatagramOfAnUnknownSenderIsAFinding) {
+  watch.started(now, "tether-sim", 1);
+  watch.sent(now, "AGV/POSE", kFirst);  // before its first presence
+  watch.heard(now, presence("tether-sim", 1), kFirst);
+  watch.sent(now, "CTRL/POSE", kSecond);
+  for (int i = 0; i < 10; ++i) {
+    watch.heard(now, presence("tether-sim", 1), kFirst);
+    watch.sent(now, "AGV/POSE", kFirst);
+    watch.sent(now, "AGV/POSE", 0);  // the network does not say whose
+    EXPECT_EQ(watch.findings().size(), now - kStart >= RunWatch::kSilence ? 1U : 0U);
+    pass(kPeriod);
+  }
+  ASSERT_EQ(watch.findings().size(), 1U);
+  EXPECT_THAT(watch.findings()[0],
+              ::testing::StartsWith("t = 1.5 s: an unknown program sent on CTRL/POSE: "));
+}
+
+TEST_F(RunWatchTest, AnUnknownSenderOfTheLastMomentIsFoundAtTheEnd) {
+  watch.sent(now, "AGV/CMD_VEL", kFirst);
+  pass(kPeriod);
+  EXPECT_THAT(watch.findings(), IsEmpty());
+  watch.end(now);
+  EXPECT_EQ(watch.findings().size(), 1U);
+}
+
 TEST_F(RunWatchTest, AFloodOfFindingsIsBounded) {
   watch.started(now, "tether-sim", 1);
   for (int pid = 2; pid < 1000; ++pid) hear("tether-sim", pid);
