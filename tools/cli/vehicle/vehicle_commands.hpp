@@ -11,5 +11,6 @@ namespace tether {
 void add_can_command(CLI::App& tether, Action& action);
 void add_doctor_command(CLI::App& tether, Action& action);
 void add_echo_command(CLI::App& tether, Action& action);
+void add_record_command(CLI::App& tether, Action& action);
 
 }  // namespace tether
