@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 
 #include "common/lcm/lcm_url.hpp"
 
@@ -20,12 +21,23 @@ constexpr double kClockError_ms = 20.0;
 DoctorFinding multicast(const Machine& m) {
   const std::string group = multicast_group(m.lcm_url);
   if (group.empty()) return {Verdict::good, "multicast", m.lcm_url + " needs none", ""};
+  const bool stays_here = lcm_option(m.lcm_url, "ttl") == 0;
+  if (m.multicast_interface == "lo") {
+    const std::string what =
+        fmt::format("{} is reached by the loopback interface: this host alone", group);
+    if (stays_here) return {Verdict::good, "multicast", what, ""};
+    return {Verdict::note, "multicast", what + ", though the LCM network has ttl=1 or more",
+            fmt::format("sudo ip route del {}/32 dev lo; or ttl=0", group)};
+  }
   if (!m.multicast_by.empty()) {
-    const bool loopback = m.multicast_by == "0.0.0.0" || m.multicast_by.starts_with("127.");
-    return {Verdict::good, "multicast",
-            fmt::format("{} is reached by {}", group,
-                        loopback ? "the loopback interface: this host alone" : m.multicast_by),
-            ""};
+    const std::string what =
+        fmt::format("{} is reached by {}{}", group, m.multicast_by,
+                    m.multicast_interface.empty() ? "" : ", " + m.multicast_interface);
+    if (!stays_here) return {Verdict::good, "multicast", what, ""};
+    return {m.multicast_by_radio ? Verdict::wrong : Verdict::note, "multicast",
+            what + ": LCM's own programs go deaf when that goes down",
+            "sudo systemctl enable --now tether-host; or, until this host restarts: sudo "
+            "tether-vehicle lcm-route"};
   }
   return {Verdict::wrong, "multicast",
           fmt::format("no route to {}: {}", group, m.multicast_trouble),
@@ -142,10 +154,17 @@ DoctorFinding versions(const Machine& m) {
 
 DoctorFinding programs(const Machine& m) {
   if (m.missing_programs.empty()) return {Verdict::good, "programs", "all are there", ""};
-  return {
-      Verdict::note, "programs", fmt::format("missing: {}", fmt::join(m.missing_programs, ", ")),
-      "gnuplot-nox draws figures, default-jre runs lcm-spy, liblcm-bin has lcm-logger, iproute2 "
-      "ip"};
+  static const std::map<std::string, std::string> kPackages{
+      {"gnuplot", "gnuplot-nox draws figures"},
+      {"ip", "iproute2 sets up interfaces"},
+      {"java", "default-jre runs lcm-spy"},
+      {"lcm-logplayer", "liblcm-bin replays recordings"},
+      {"nft", "nftables keeps other hosts' datagrams from LCM's own programs"}};
+  std::vector<std::string> remedies;
+  for (const std::string& program : m.missing_programs) remedies.push_back(kPackages.at(program));
+  return {Verdict::note, "programs",
+          fmt::format("missing: {}", fmt::join(m.missing_programs, ", ")),
+          fmt::format("sudo apt install: {}", fmt::join(remedies, ", "))};
 }
 
 const char* word_of(Verdict verdict) {

@@ -6,6 +6,7 @@ namespace tether {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 using Verdict = DoctorFinding::Verdict;
 
 /// On which everything works.
@@ -66,6 +67,21 @@ TEST(Doctor, SaysHowToMakeARouteWhereThereIsNone) {
   EXPECT_EQ(about(m, "messages").verdict, Verdict::note);
 }
 
+TEST(Doctor, FailsWhereAnLcmNetworkOfThisHostLeavesByARadio) {
+  Machine m = sound();
+  m.lcm_url = "udpm://239.255.76.67:7667?ttl=0";
+  m.multicast_interface = "wlan0";
+  m.multicast_by_radio = true;
+  expect(m, "multicast", Verdict::wrong, "enable --now tether-host");
+  EXPECT_THAT(about(m, "multicast").what, HasSubstr("is reached by 10.0.0.2, wlan0: LCM's own"));
+  m.multicast_by_radio = false;
+  expect(m, "multicast", Verdict::note, "tether-vehicle lcm-route");
+  m.multicast_interface = "lo";
+  expect(m, "multicast", Verdict::good, "");
+  m.lcm_url = "udpm://239.255.76.67:7667?ttl=1";
+  expect(m, "multicast", Verdict::note, "ip route del 239.255.76.67/32 dev lo");
+}
+
 TEST(Doctor, TellsAFirewallFromATakenPort) {
   Machine m = sound();
   m.echo_ms.reset();
@@ -115,6 +131,7 @@ TEST(Doctor, NamesTheRightsAndTheGovernorsThatAreNotAsTheyShouldBe) {
   expect(m, "processors", Verdict::note, "performance");
   m.missing_programs = {"java"};
   expect(m, "programs", Verdict::note, "default-jre");
+  EXPECT_THAT(about(m, "programs").to_do, Not(HasSubstr("gnuplot")));
 }
 
 TEST(Doctor, WritesAVerdictAndWhatToDoToEach) {
