@@ -6,8 +6,8 @@
 set -eu
 if [ "${TETHER_OWN_NETWORK:-}" != yes ]; then
     export TETHER_OWN_NETWORK=yes
-    if [ -n "${TETHER_REAL_TIME:-}" ]; then # before all other work, where that is allowed
-        chrt --rr --pid 1 $$ >/dev/null 2>&1 || true
+    if [ -n "${TETHER_REAL_TIME:-}" ]; then # ahead of other work, where that is allowed
+        renice --priority -10 --pid $$ >/dev/null 2>&1 || true
     fi
     if [ -n "${CTEST_RESOURCE_GROUP_0_PROCESSORS:-}" ]; then
         id=${CTEST_RESOURCE_GROUP_0_PROCESSORS#id:}

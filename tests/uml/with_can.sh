@@ -85,7 +85,7 @@ run_in_uml() {
     # wake each other on another processor is slow. Before other work where that is allowed.
     take_processor
     run=(taskset --cpu-list "$processor")
-    if chrt --rr 1 true 2>/dev/null; then run+=(chrt --rr 1); fi
+    if nice -n -10 true 2>/dev/null; then run+=(nice -n -10); fi
     # The process namespace dies as a whole: with this script, or at the end of the time.
     (isolate --pid --fork --kill-child -- timeout --kill-after=1 "$timeout_s" \
         "${run[@]}" env --chdir=/ "${uml_environment[@]}" TMPDIR="$memory" "$uml" rootfstype=hostfs rootflags=/ rw mem=1024M \

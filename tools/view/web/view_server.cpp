@@ -14,6 +14,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
+#include "tools/base/json.hpp"
 #include "tools/view/web/connections.hpp"
 #include "tools/view/web/inbox.hpp"
 #include "tools/view/web/request_box.hpp"
@@ -199,7 +200,7 @@ class ViewServer::Core {
     status["messages.dropped_before_server"] = inbox_.dropped();
     status["connections"] = services_.connections;
     status["requests.refused"] = services_.refused;
-    return status.dump();
+    return json_text(status);
   }
 
   asio::ip::address address_;
