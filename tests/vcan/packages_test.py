@@ -2,6 +2,7 @@
 """The vehicle's package on a booted system: installed, its link enabled, stopped and hung, then updated and
 taken back to the version before, with settings and keys as they were. Usage: packages_test.py BIN_DIR"""
 
+import subprocess
 import time
 
 from booted import Booted
@@ -125,4 +126,39 @@ def installed_updated_and_taken_back(test):
     check(not (system.root / "usr/bin/tether-link").exists(), "removed")
 
 
-main(installed_updated_and_taken_back)
+def a_machine_without_systemd(test):
+    """The package makes the user and its folder all the same, and its programs run as that user."""
+    system = Vehicle(test)
+    for program in ("systemctl", "systemd-sysusers"):
+        (system.root / "usr/bin" / program).unlink()
+
+    def run(*command, code=0):
+        done = subprocess.run(["chroot", system.root, *command], capture_output=True, text=True, check=False)
+        check(done.returncode == code, f"{command}: {done.stdout}{done.stderr}")
+        return done.stdout
+
+    for which, options in (("now", ()), ("later", ())):
+        run("env", "DEBIAN_FRONTEND=noninteractive", "dpkg", *options, "--install", system.packages[which][0])
+    user = run("id", "tether")
+    check("tether" in user and (system.root / "var/lib/tether").stat().st_uid != 0, user)
+    (system.root / "run/logs").mkdir()
+    run("chown", "tether:", "/run/logs")
+    run("tether-vehicle", "lcm-route")
+    as_tether = ["chroot", system.root, "setpriv", "--reuid=tether", "--regid=tether", "--clear-groups"]
+    recorder = test.start("/usr/bin/env", *as_tether, "tether-vehicle", "record", "/run/logs", "--keep-free-mb", 1)
+    bridge = test.start("/usr/bin/env", *as_tether, "tether-can-bridge", "/usr/share/tether/scenarios/hil_vcan.toml",
+                        "--start-utime", int(time.time() * 1e6))
+
+    def recorded():
+        return b"CAN/STATE" in b"".join(file.read_bytes() for file in (system.root / "run/logs").iterdir())
+
+    wait_until(15, recorded, "the bridge's state is recorded")
+    for program in (bridge, recorder):
+        program.kill(15)
+        check(program.wait(20) == 0, program.err())
+    run("dpkg", "--purge", "tether-vehicle")
+    check(not (system.root / "usr/bin/tether-link").exists(), "removed")
+    test.say(f"without systemd: {user.strip()}")
+
+
+main(installed_updated_and_taken_back, a_machine_without_systemd)
