@@ -3,17 +3,26 @@
 written from the standard alone, by the commands of docs/howto/deployment.md: commissioned, started, armed,
 driven, stopped, killed, released and driven again. Usage: deployed_test.py BIN_DIR"""
 
+import re
 import time
 
 from booted import Booted
 from can_drivetrain import STANDING_MPS, changed_file, patient_file
 from can_drivetrain import SCENARIO as HIL
 from independent_drivetrain import Independent
-from live_support import check, main, wait_until
+from live_support import SOURCE, check, main, wait_until
 
+PAGE = (SOURCE / "docs/howto/deployment.md").read_text()
 BRIDGE = "tether-can-bridge.service"
-SCENARIO = "/etc/tether/vehicle.toml"
 SPEED_MPS = 0.3
+
+
+def commands_of_the_page(first):
+    """From the one that begins so to the end of its block; there is no sudo here."""
+    block = re.search(rf"(?m)^    {re.escape(first)}.*(?:\n    .*)*", PAGE)
+    check(block, f"deployment.md has no {first!r}")
+    as_tether = "setpriv --reuid=tether --regid=tether --clear-groups env "
+    return [line.strip().replace("sudo -u tether ", as_tether).replace("sudo ", "") for line in block[0].splitlines()]
 
 
 class Deployed(Independent):
@@ -29,8 +38,14 @@ class Deployed(Independent):
             file = self.system.root / "etc/tether" / name
             file.write_text(text)
             file.chmod(0o644)
-        self.system.configure(TETHER_SCENARIO=SCENARIO, TETHER_START_UTIME=self.start_utime,
-                              LCM_DEFAULT_URL=self.network.url)
+        self.follow("sudo install -D -m 644 /usr/share/tether/systemd/tether.env", 1)  # vcan0 is there
+
+    def follow(self, first, lines=None):
+        """Does what the page says there."""
+        for command in commands_of_the_page(first)[:lines]:
+            self.test.say(f"$ {command}")
+            said = self.system.run("sh", "-c", command)
+            check("PROBLEM" not in said, said)
 
     def can(self, *words):
         """A command of the vehicle's operator: what it says."""
@@ -62,13 +77,9 @@ class Deployed(Independent):
 
 def real_drives_from_the_first_start_on(test):
     with Deployed(test) as agv:
-        said = agv.system.run("setpriv", "--reuid=tether", "--regid=tether", "--clear-groups", "env",
-                              "STATE_DIRECTORY=/var/lib/tether", "tether-vehicle", "can", "commission", SCENARIO,
-                              "--operator", "A. Tester", "--wheels-free")
-        check("PROBLEM" not in said, said)
-        agv.system.ctl("enable", "--now", BRIDGE)
-        agv.wait_state("estop", 20, 0.0, "did not exist")
-        agv.release()
+        agv.follow("sudo systemctl stop tether-can-bridge")
+        check(any("did not exist" in m.reason for m in agv.network.messages("CAN/STATE")), "it began with the e-stop pressed")
+        agv.wait_state("disarmed", 20)
         driving = agv.begin_driving()
         test.say("commissioned, started, released, armed, driving")
 
