@@ -17,6 +17,8 @@ using Verdict = DoctorFinding::Verdict;
 constexpr std::int64_t kLeastBuffer_bytes = 2'097'152, kGoodBuffer_bytes = 8'388'608;
 /// Plans break at a clock 0.2 s off; a tenth of it is left to the clock.
 constexpr double kClockError_ms = 20.0;
+/// A setpoint that comes later than this part of a cycle moves visibly in the drive's ramp.
+constexpr double kGoodShareOfCycle = 0.25;
 
 DoctorFinding multicast(const Machine& m) {
   const std::string group = multicast_group(m.lcm_url);
@@ -185,6 +187,22 @@ std::vector<DoctorFinding> findings_of(const Machine& machine) {
   return {multicast(machine),  messages(machine), buffers(machine),
           clock(machine),      can(machine),      rights(machine),
           processors(machine), versions(machine), programs(machine)};
+}
+
+DoctorFinding finding_of(const Latency& latency, double cycle_ms) {
+  const std::string what = fmt::format(
+      "worst {:.2f} ms, 99.9 % below {:.2f} ms, of {} wake-ups in {:.0f} s under load{}, at a "
+      "cycle of {:g} ms",
+      latency.worst_ms, latency.p999_ms, latency.wakeups, latency.seconds,
+      latency.is_realtime ? "" : " without SCHED_FIFO and locked memory", cycle_ms);
+  if (latency.worst_ms <= kGoodShareOfCycle * cycle_ms) return {Verdict::good, "latency", what, ""};
+  const std::string to_do =
+      !latency.is_realtime ? "as root, or with LimitRTPRIO=50 and LimitMEMLOCK=infinity"
+      : latency.realtime_kernel
+          ? "a processor of its own: isolcpus=, and CPUAffinity= in a drop-in"
+          : "a PREEMPT_RT kernel: sudo apt install linux-image-rt-amd64; or a processor "
+            "of its own: isolcpus=, and CPUAffinity= in a drop-in";
+  return {latency.worst_ms <= cycle_ms ? Verdict::note : Verdict::wrong, "latency", what, to_do};
 }
 
 std::string text_of(const std::vector<DoctorFinding>& findings) {

@@ -5,6 +5,7 @@
 namespace tether {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 using Verdict = DoctorFinding::Verdict;
@@ -132,6 +133,27 @@ TEST(Doctor, NamesTheRightsAndTheGovernorsThatAreNotAsTheyShouldBe) {
   m.missing_programs = {"java"};
   expect(m, "programs", Verdict::note, "default-jre");
   EXPECT_THAT(about(m, "programs").to_do, Not(HasSubstr("gnuplot")));
+}
+
+TEST(Doctor, SaysWhetherALatencyFitsTheCycle) {
+  Latency l{
+      .wakeups = 10000, .worst_ms = 4.9, .p999_ms = 0.2, .seconds = 10.0, .is_realtime = true};
+  const DoctorFinding good = finding_of(l, 20.0);
+  EXPECT_EQ(good.verdict, Verdict::good);
+  EXPECT_EQ(good.what,
+            "worst 4.90 ms, 99.9 % below 0.20 ms, of 10000 wake-ups in 10 s under load, at a cycle "
+            "of 20 ms");
+  const DoctorFinding late = finding_of(l, 10.0);
+  EXPECT_EQ(late.verdict, Verdict::note);
+  EXPECT_THAT(late.to_do, HasSubstr("PREEMPT_RT"));
+  l.realtime_kernel = true;
+  EXPECT_THAT(finding_of(l, 10.0).to_do,
+              AllOf(HasSubstr("isolcpus"), Not(HasSubstr("PREEMPT_RT"))));
+  l.is_realtime = false;
+  const DoctorFinding wrong = finding_of(l, 4.0);
+  EXPECT_EQ(wrong.verdict, Verdict::wrong);
+  EXPECT_THAT(wrong.to_do, HasSubstr("LimitRTPRIO"));
+  EXPECT_THAT(wrong.what, HasSubstr("without SCHED_FIFO"));
 }
 
 TEST(Doctor, WritesAVerdictAndWhatToDoToEach) {
