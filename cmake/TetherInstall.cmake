@@ -90,7 +90,7 @@ set(components vehicle dev doc)
 if(NOT TETHER_VEHICLE_ONLY)
   list(APPEND components lab)
   install(TARGETS ${TETHER_LAB_PROGRAMS} COMPONENT lab)
-  install(FILES systemd/tether-controller.service systemd/tether-view.service DESTINATION ${units}
+  install(FILES systemd/tether-controller.service systemd/tether-controller@.service systemd/tether-view.service DESTINATION ${units}
     COMPONENT lab)
   install(DIRECTORY experiments DESTINATION ${shared} COMPONENT lab FILES_MATCHING PATTERN "*.toml")
   install(DIRECTORY ${CMAKE_BINARY_DIR}/share/tether/report ${CMAKE_BINARY_DIR}/share/tether/swept
