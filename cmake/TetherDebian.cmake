@@ -15,13 +15,16 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "testbed for vehicles steered over a bad network")
 # Debian wants a change log of its own form, and compressed.
-string(TIMESTAMP now "%a, %d %b %Y %H:%M:%S +0000" UTC)
-file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/changelog CONTENT "tether (${PROJECT_VERSION}) unstable; urgency=medium
+set(make_changelog "
+    string(TIMESTAMP now \"%a, %d %b %Y %H:%M:%S +0000\" UTC)  # $SOURCE_DATE_EPOCH, if it is set
+    file(WRITE ${CMAKE_BINARY_DIR}/changelog \"tether (${PROJECT_VERSION}) unstable; urgency=medium
 
   * See CHANGELOG.md of the package tether-doc.
 
- -- ${CPACK_PACKAGE_CONTACT}  ${now}
-")
+ -- ${CPACK_PACKAGE_CONTACT}  \${now}
+\")
+    execute_process(COMMAND gzip -9nc ${CMAKE_BINARY_DIR}/changelog
+      OUTPUT_FILE ${CMAKE_BINARY_DIR}/changelog.gz COMMAND_ERROR_IS_FATAL ANY)")
 
 # tether_debian_package(component name "description" [ARCH all] [DEPENDS ...] [RECOMMENDS ...] [SUGGESTS ...])
 function(tether_debian_package component name description)
@@ -40,10 +43,7 @@ function(tether_debian_package component name description)
   # Debian wants both in each package.
   set(folder ${CMAKE_INSTALL_DATADIR}/doc/${name})
   install(FILES LICENSE DESTINATION ${folder} RENAME copyright COMPONENT ${component})
-  install(CODE "
-    execute_process(COMMAND gzip -9nc ${CMAKE_BINARY_DIR}/changelog
-      OUTPUT_FILE ${CMAKE_BINARY_DIR}/changelog.gz COMMAND_ERROR_IS_FATAL ANY)"
-    COMPONENT ${component})
+  install(CODE "${make_changelog}" COMPONENT ${component})
   install(FILES ${CMAKE_BINARY_DIR}/changelog.gz DESTINATION ${folder} COMPONENT ${component})
 endfunction()
 

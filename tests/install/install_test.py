@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 
 BUILD = pathlib.Path(sys.argv[1])
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
@@ -99,6 +100,11 @@ def debian_takes_the_packages():
     run(*cpack, "-B", made)
     run(*cpack, "-B", made / "later", "-D", "CPACK_PACKAGE_VERSION=99.1", "-D", "CPACK_COMPONENTS_ALL=vehicle")
     packages = sorted(made.glob("*.deb"))
+    time.sleep(1.1)
+    run(*cpack, "-B", made / "again")
+    other = [p.name for p in packages if p.read_bytes() != (made / "again" / p.name).read_bytes()]
+    check(not other, f"made twice, these differ: {other}")
+    shutil.rmtree(made / "again")
     check(all("+" in p.name for p in packages) or not (SOURCE / ".git").exists(), f"no build in the version: {packages}")
     check([p.name.split("_")[0] for p in packages] == PACKAGES, packages)
     print(run("lintian", "--allow-root", "--fail-on", "error", *packages).strip())
