@@ -14,7 +14,7 @@ packages=(
     liblcm-dev liblcm-bin libboost-dev libeigen3-dev libnlopt-dev libnlopt-cxx-dev libcli11-dev libfmt-dev
     libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev libsodium-dev libsystemd-dev nlohmann-json3-dev
     # network set-up
-    iproute2
+    iproute2 nftables
 )
 if [ "${1:-}" != vehicle ]; then
     packages+=(

@@ -15,22 +15,26 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "testbed for vehicles steered over a bad network")
 # Debian wants a change log of its own form, and compressed.
-string(TIMESTAMP now "%a, %d %b %Y %H:%M:%S +0000" UTC)
-file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/changelog CONTENT "tether (${PROJECT_VERSION}) unstable; urgency=medium
+set(make_changelog "
+    string(TIMESTAMP now \"%a, %d %b %Y %H:%M:%S +0000\" UTC)  # $SOURCE_DATE_EPOCH, if it is set
+    file(WRITE ${CMAKE_BINARY_DIR}/changelog \"tether (${PROJECT_VERSION}) unstable; urgency=medium
 
   * See CHANGELOG.md of the package tether-doc.
 
- -- ${CPACK_PACKAGE_CONTACT}  ${now}
-")
+ -- ${CPACK_PACKAGE_CONTACT}  \${now}
+\")
+    execute_process(COMMAND gzip -9nc ${CMAKE_BINARY_DIR}/changelog
+      OUTPUT_FILE ${CMAKE_BINARY_DIR}/changelog.gz COMMAND_ERROR_IS_FATAL ANY)")
 
-# tether_debian_package(component name "description" [ARCH all] [DEPENDS ...] [RECOMMENDS ...])
+# tether_debian_package(component name "description" [ARCH all] [DEPENDS ...] [RECOMMENDS ...] [SUGGESTS ...])
 function(tether_debian_package component name description)
-  cmake_parse_arguments(D "" "ARCH;DEPENDS;RECOMMENDS" "" ${ARGN})
+  cmake_parse_arguments(D "" "ARCH;DEPENDS;RECOMMENDS;SUGGESTS" "" ${ARGN})
   string(TOUPPER ${component} up)
   set(CPACK_DEBIAN_${up}_PACKAGE_NAME ${name} PARENT_SCOPE)
   set(CPACK_COMPONENT_${up}_DESCRIPTION "${description}" PARENT_SCOPE)
   set(CPACK_DEBIAN_${up}_PACKAGE_DEPENDS "${D_DEPENDS}" PARENT_SCOPE)
   set(CPACK_DEBIAN_${up}_PACKAGE_RECOMMENDS "${D_RECOMMENDS}" PARENT_SCOPE)
+  set(CPACK_DEBIAN_${up}_PACKAGE_SUGGESTS "${D_SUGGESTS}" PARENT_SCOPE)
   if(D_ARCH)
     set(CPACK_DEBIAN_${up}_PACKAGE_ARCHITECTURE ${D_ARCH} PARENT_SCOPE)
   else()
@@ -39,10 +43,7 @@ function(tether_debian_package component name description)
   # Debian wants both in each package.
   set(folder ${CMAKE_INSTALL_DATADIR}/doc/${name})
   install(FILES LICENSE DESTINATION ${folder} RENAME copyright COMPONENT ${component})
-  install(CODE "
-    execute_process(COMMAND gzip -9nc ${CMAKE_BINARY_DIR}/changelog
-      OUTPUT_FILE ${CMAKE_BINARY_DIR}/changelog.gz COMMAND_ERROR_IS_FATAL ANY)"
-    COMPONENT ${component})
+  install(CODE "${make_changelog}" COMPONENT ${component})
   install(FILES ${CMAKE_BINARY_DIR}/changelog.gz DESTINATION ${folder} COMPONENT ${component})
 endfunction()
 
@@ -52,7 +53,7 @@ set(CPACK_DEBIAN_LAB_PACKAGE_CONTROL_EXTRA ${scripts}/prerm)
 tether_debian_package(vehicle tether-vehicle
   "For a vehicle's computer: the CAN bridge to the motors' drives, localiser and
  on-board driver, with drivetrain files and scenarios to begin from."
-  RECOMMENDS "can-utils, liblcm-bin")
+  RECOMMENDS "can-utils, iproute2, nftables")
 tether_debian_package(dev tether-dev
   "For other programs: the messages as C++ headers with a CMake package, and as
  LCM types for other languages."
@@ -65,7 +66,7 @@ if(NOT TETHER_VEHICLE_ONLY)
     "Simulates a remotely controlled vehicle and the network between: how much delay
  and loss does it survive? The same controller then runs on a factory floor."
     DEPENDS "tether-vehicle (= ${PROJECT_VERSION}), gnuplot-nox"
-    RECOMMENDS "liblcm-bin, liblcm-java, libjchart2d-java, default-jre")
+    SUGGESTS "liblcm-bin, liblcm-java, libjchart2d-java, default-jre")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
   tether_debian_package(python python3-tether
     "Controllers in Python for simulated and live runs, and readers of runs, sweeps and

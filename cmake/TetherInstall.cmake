@@ -20,12 +20,12 @@ install(DIRECTORY scenarios drivetrains DESTINATION ${shared} COMPONENT vehicle
 
 # Units, for the packages: they start /usr/bin/….
 set(units lib/systemd/system)
-foreach(unit link can-bridge localiser autonomy logger)
+foreach(unit host link can-bridge localiser autonomy logger)
   install(FILES systemd/tether-${unit}.service DESTINATION ${units} COMPONENT vehicle)
 endforeach()
 install(FILES systemd/hardening.conf DESTINATION ${units}/tether-.service.d COMPONENT vehicle)
 install(FILES systemd/sysusers.conf DESTINATION lib/sysusers.d RENAME tether.conf COMPONENT vehicle)
-install(FILES systemd/tether.env systemd/can0.network systemd/can0.link DESTINATION ${shared}/systemd
+install(FILES systemd/tether.env systemd/tether.nft systemd/can0.network systemd/can0.link systemd/bind-can0.conf DESTINATION ${shared}/systemd
   COMPONENT vehicle)
 
 install(TARGETS tether_lcmtypes tether_client EXPORT tether-targets COMPONENT dev)
@@ -44,23 +44,44 @@ write_basic_package_version_file(${CMAKE_BINARY_DIR}/tether-config-version.cmake
 install(FILES cmake/tether-config.cmake cmake/TetherLcm.cmake
   ${CMAKE_BINARY_DIR}/tether-config-version.cmake DESTINATION ${package} COMPONENT dev)
 
+# For builds without CMake: pkg-config --cflags --libs tether. LCM's own .pc file wants GLib's.
+file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/tether.pc CONTENT "prefix=\${pcfiledir}/../..
+aliasing=-fno-strict-aliasing
+
+Name: tether
+Description: ${PROJECT_DESCRIPTION}: messages, and a controller's client (C++17)
+Version: ${PROJECT_VERSION}
+Cflags: -I\${prefix}/include/tether \${aliasing}
+Libs: -llcm
+" @ONLY)
+install(FILES ${CMAKE_BINARY_DIR}/tether.pc DESTINATION ${CMAKE_INSTALL_DATADIR}/pkgconfig COMPONENT dev)
+
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT doc)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT doc)
 install(FILES examples/controller.cpp examples/controller.py
   DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc)
 install(PROGRAMS examples/floor_in_a_box.sh examples/learn_pid.py DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc)
 
-# tether_install_manuals(component programs...): their manual pages, as they print them.
+# tether_install_manuals(component programs...): their manual pages, and what completes their command
+# lines, as they print both.
 function(tether_install_manuals component)
   foreach(program IN LISTS ARGN)
-    set(page ${CMAKE_BINARY_DIR}/man/${program}.1)
+    set(page ${CMAKE_BINARY_DIR}/man/${program})
     install(CODE "
       file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/man)
-      execute_process(COMMAND $<TARGET_FILE:${program}> --man OUTPUT_FILE ${page}
+      execute_process(COMMAND $<TARGET_FILE:${program}> --man OUTPUT_FILE ${page}.1
         COMMAND_ERROR_IS_FATAL ANY)
-      execute_process(COMMAND gzip -9nf ${page} COMMAND_ERROR_IS_FATAL ANY)"
+      execute_process(COMMAND gzip -9nf ${page}.1 COMMAND_ERROR_IS_FATAL ANY)
+      execute_process(COMMAND $<TARGET_FILE:${program}> --completion bash OUTPUT_FILE ${page}.bash
+        COMMAND_ERROR_IS_FATAL ANY)
+      execute_process(COMMAND $<TARGET_FILE:${program}> --completion zsh OUTPUT_FILE ${page}.zsh
+        COMMAND_ERROR_IS_FATAL ANY)"
       COMPONENT ${component})
-    install(FILES ${page}.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT ${component})
+    install(FILES ${page}.1.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT ${component})
+    install(FILES ${page}.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+      RENAME ${program} COMPONENT ${component})
+    install(FILES ${page}.zsh DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions
+      RENAME _${program} COMPONENT ${component})
   endforeach()
 endfunction()
 tether_install_manuals(vehicle ${TETHER_VEHICLE_PROGRAMS})
@@ -69,7 +90,7 @@ set(components vehicle dev doc)
 if(NOT TETHER_VEHICLE_ONLY)
   list(APPEND components lab)
   install(TARGETS ${TETHER_LAB_PROGRAMS} COMPONENT lab)
-  install(FILES systemd/tether-controller.service systemd/tether-view.service DESTINATION ${units}
+  install(FILES systemd/tether-controller.service systemd/tether-controller@.service systemd/tether-view.service DESTINATION ${units}
     COMPONENT lab)
   install(DIRECTORY experiments DESTINATION ${shared} COMPONENT lab FILES_MATCHING PATTERN "*.toml")
   install(DIRECTORY ${CMAKE_BINARY_DIR}/share/tether/report ${CMAKE_BINARY_DIR}/share/tether/swept
@@ -89,18 +110,6 @@ if(NOT TETHER_VEHICLE_ONLY)
     install(DIRECTORY python/env/tether_env DESTINATION ${python_packages} COMPONENT env
       FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
   endif()
-  foreach(shell_file bash:bash-completion/completions/tether zsh:zsh/vendor-completions/_tether)
-    string(REPLACE ":" ";" shell_file ${shell_file})
-    list(POP_FRONT shell_file shell)
-    install(CODE "
-      execute_process(COMMAND $<TARGET_FILE:tether> --completion ${shell}
-        OUTPUT_FILE ${CMAKE_BINARY_DIR}/man/completion.${shell} COMMAND_ERROR_IS_FATAL ANY)"
-      COMPONENT lab)
-    cmake_path(GET shell_file PARENT_PATH folder)
-    cmake_path(GET shell_file FILENAME name)
-    install(FILES ${CMAKE_BINARY_DIR}/man/completion.${shell}
-      DESTINATION ${CMAKE_INSTALL_DATADIR}/${folder} RENAME ${name} COMPONENT lab)
-  endforeach()
 endif()
 
 # In a build tree, the same files are where they are kept.

@@ -17,6 +17,15 @@ if(missing)
   message(FATAL_ERROR)
 endif()
 
+# Time stamps in a package are its commit's, so that the same commit gives the same bytes.
+if(NOT DEFINED ENV{SOURCE_DATE_EPOCH})
+  execute_process(COMMAND git -C ${CPACK_TETHER_SOURCE_DIR} log -1 --format=%ct
+    OUTPUT_VARIABLE time OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+  if(time)
+    set(ENV{SOURCE_DATE_EPOCH} ${time})
+  endif()
+endif()
+
 # A package of a git checkout has its commit in its version, as its programs have, so that apt
 # takes two builds of one release for two: 0.1.0+20261126091500.1f219cccf651, in the order of their
 # commits. A version that cpack was given (-D CPACK_PACKAGE_VERSION=…) stays.

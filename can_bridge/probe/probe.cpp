@@ -117,7 +117,7 @@ void Probe::on_frame(const CanFrame& frame, Instant /*now*/) {
   const auto id = static_cast<std::uint8_t>(frame.id & 0x7F);
   const std::uint32_t function = frame.id & 0x780U;
   const bool beat = function == canopen::kHeartbeat && frame.size == 1;
-  if (beat) heard_.insert(id);
+  if (beat || function == canopen::kSdoResponse) heard_.insert(id);
   for (Node& node : nodes_) {
     if (node.id != id) continue;
     if (beat) {

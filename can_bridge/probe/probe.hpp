@@ -57,7 +57,7 @@ class Probe {
   /// that answers none of its first three objects (in a scan: the first) is not asked for more.
   bool done(Instant now) const;
   std::vector<ProbedNode> report() const;
-  /// All nodes whose heartbeat or boot-up message was heard.
+  /// All nodes whose heartbeat, boot-up message or answer to anybody was heard.
   const std::set<int>& heard() const { return heard_; }
 
  private:

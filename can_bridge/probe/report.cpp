@@ -70,7 +70,7 @@ std::string silence_text(const ProbedNode& node, const std::set<int>& heard) {
   if (heard.empty()) return text + kNobody;
   return text + fmt::format(
                     "  Heard on this bus: {} {}. Check the node id that is set in this drive, its "
-                    "supply\n  and its plug; tether can probe --scan lists who answers.\n",
+                    "supply\n  and its plug.\n",
                     heard.size() == 1 ? "node" : "nodes", fmt::join(heard, ", "));
 }
 

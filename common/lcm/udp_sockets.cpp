@@ -1,19 +1,27 @@
 #include "common/lcm/udp_sockets.hpp"
 
 #include <arpa/inet.h>
-#include <ifaddrs.h>
 #include <linux/sock_diag.h>
+#include <net/if.h>
 #include <netinet/in.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/types.h>
+#include <unistd.h>
 
 #include <array>
+#include <cerrno>
+#include <cstring>
 
 #include "common/base/system_error.hpp"
 #include "common/lcm/lcm_url.hpp"
 
 namespace tether {
 namespace {
+
+constexpr char kLoopback[] = "lo";
+
+int loopback_index() { return static_cast<int>(if_nametoindex(kLoopback)); }
 
 int udp_socket() {
   return check_system_call("opening a UDP socket", socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
@@ -58,20 +66,6 @@ sockaddr_in udpm_address(const std::string& url) {
   return address_of(inet_addr(multicast_group(url).c_str()), lcm_port(url));
 }
 
-bool is_own_address(in_addr address) {
-  if (address.s_addr == htonl(INADDR_ANY)) return true;
-  ifaddrs* all = nullptr;
-  if (getifaddrs(&all) != 0) return false;
-  bool own = false;
-  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
-    if (one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
-    const auto* found = reinterpret_cast<const sockaddr_in*>(one->ifa_addr);
-    own = own || found->sin_addr.s_addr == address.s_addr;
-  }
-  freeifaddrs(all);
-  return own;
-}
-
 int open_udpm_receiver(const std::string& url) {
   const int fd = udp_socket();
   // As LCM does, so that any number of programs hear the same port.
@@ -82,13 +76,54 @@ int open_udpm_receiver(const std::string& url) {
   set_option(fd, SOL_SOCKET, SO_TIMESTAMPNS, 1, "asking for times of arrival");
   // Unlike LCM 1.3, which hears every group on its port.
   set_option(fd, IPPROTO_IP, IP_MULTICAST_ALL, 0, "choosing the multicast group");
-  const sockaddr_in any = address_of(htonl(INADDR_ANY), lcm_port(url));
+  // To the group, so that no datagram to another address of this host is heard.
+  const sockaddr_in group = udpm_address(url);
   check_system_call("binding to the port of " + url,
-                    bind(fd, reinterpret_cast<const sockaddr*>(&any), sizeof any));
-  ip_mreq group{};
-  group.imr_multiaddr.s_addr = inet_addr(multicast_group(url).c_str());
-  set_option(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, group, "joining " + url);
+                    bind(fd, reinterpret_cast<const sockaddr*>(&group), sizeof group));
+  if (!join_udpm_group(fd, url)) check_system_call("joining " + url, -1);
   return fd;
+}
+
+bool join_udpm_group(int fd, const std::string& url) {
+  ip_mreqn group{};
+  group.imr_multiaddr = udpm_address(url).sin_addr;
+  const auto join = [&] {
+    return setsockopt(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) == 0 ||
+           errno == EADDRINUSE;  // a member already
+  };
+  const bool joined = join();
+  if (lcm_option(url, "ttl") != 0) return joined;
+  group.imr_ifindex = loopback_index();
+  return (group.imr_ifindex != 0 && join()) || joined;
+}
+
+bool reachable_over_loopback(const std::string& url) {
+  if (lcm_option(url, "ttl") != 0) return false;
+  ifreq loopback{};
+  std::strcpy(loopback.ifr_name, kLoopback);
+  const int fd = udp_socket();
+  const bool known = ioctl(fd, SIOCGIFFLAGS, &loopback) == 0;
+  close(fd);
+  return known && (loopback.ifr_flags & IFF_UP) != 0;
+}
+
+bool send_udpm(int fd, const std::string& url, msghdr& message) {
+  if (sendmsg(fd, &message, 0) >= 0) return true;
+  const bool no_way = errno == ENETUNREACH || errno == EHOSTUNREACH || errno == ENETDOWN;
+  if (!no_way || lcm_option(url, "ttl") != 0) return false;
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(in_pktinfo))> room{};
+  msghdr over_loopback = message;
+  over_loopback.msg_control = room.data();
+  over_loopback.msg_controllen = room.size();
+  cmsghdr* const note = CMSG_FIRSTHDR(&over_loopback);
+  note->cmsg_level = IPPROTO_IP;
+  note->cmsg_type = IP_PKTINFO;
+  note->cmsg_len = CMSG_LEN(sizeof(in_pktinfo));
+  in_pktinfo by{};
+  by.ipi_ifindex = loopback_index();
+  by.ipi_spec_dst.s_addr = htonl(INADDR_LOOPBACK);
+  std::memcpy(CMSG_DATA(note), &by, sizeof by);
+  return by.ipi_ifindex != 0 && sendmsg(fd, &over_loopback, 0) >= 0;
 }
 
 std::vector<int> udp_sockets(std::uint16_t port) {

@@ -1,5 +1,7 @@
 #include "common/lcm/udpm_bus.hpp"
 
+#include <arpa/inet.h>
+#include <fmt/format.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -8,6 +10,7 @@
 #include <cerrno>
 #include <utility>
 
+#include "common/base/say.hpp"
 #include "common/base/system_error.hpp"
 #include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"
@@ -25,7 +28,8 @@ std::uint64_t one_number(const sockaddr_in& address) {
 }  // namespace
 
 UdpmBus::UdpmBus(const std::string& url, EventLoop& loop)
-    : loop_(loop), url_(reachable_lcm_url(url)) {
+    : loop_(loop), url_(checked_lcm_url(url)) {
+  if (!reachable_over_loopback(url_)) reachable_lcm_url(url_);  // throws
   assert(!multicast_group(url_).empty());
   sending_fd_ = open_udpm_sender(url_);
   sockaddr_in own{};
@@ -34,18 +38,12 @@ UdpmBus::UdpmBus(const std::string& url, EventLoop& loop)
                     getsockname(sending_fd_, reinterpret_cast<sockaddr*>(&own), &size));
   own_port_ = own.sin_port;
   group_ = udpm_address(url_);
-}
-
-bool UdpmBus::is_own(std::uint64_t sender) {
-  if (static_cast<in_port_t>(sender) != own_port_) return false;
-  if (sender != own_sender_ && is_own_address({static_cast<in_addr_t>(sender >> 16)})) {
-    own_sender_ = sender;
-  }
-  return sender == own_sender_;
+  local_ = lcm_option(url_, "ttl") == 0;
 }
 
 UdpmBus::~UdpmBus() {
   if (receiving_fd_ >= 0) {
+    loop_.remove_fd(own_addresses_->fd());
     loop_.remove_fd(receiving_fd_);
     close(receiving_fd_);
   }
@@ -63,7 +61,7 @@ void UdpmBus::publish(std::string_view channel, std::span<const std::uint8_t> by
     message.msg_namelen = sizeof group_;
     message.msg_iov = parts.data();
     message.msg_iovlen = parts.size();
-    sent = sendmsg(sending_fd_, &message, 0) >= 0 && sent;
+    sent = send_udpm(sending_fd_, url_, message) && sent;
   };
   sent = make_lcm_datagrams(number_++, channel, bytes, send) && sent;
   if (!sent) ++publish_failures_;
@@ -80,7 +78,27 @@ void UdpmBus::listen() {
   if (receiving_fd_ >= 0) return;
   batch_ = std::make_unique<DatagramBatch>();
   receiving_fd_ = open_udpm_receiver(url_);
+  own_addresses_.emplace();
+  loop_.add_fd(own_addresses_->fd(), [this](Instant) { refresh(); });
   loop_.add_fd(receiving_fd_, [this](Instant) { receive(); });
+}
+
+bool UdpmBus::refresh() {
+  const bool changed = own_addresses_->refresh();
+  if (changed) join_udpm_group(receiving_fd_, url_);
+  return changed;
+}
+
+bool UdpmBus::is_of_this_host(in_addr sender) {
+  return own_addresses_->contains(sender) || (refresh() && own_addresses_->contains(sender));
+}
+
+void UdpmBus::ignore(in_addr sender) {
+  if (of_other_hosts_++ > 0) return;
+  say(Severity::warning,
+      fmt::format("LCM messages of {}, another host, are ignored: {} has ttl=0, so the network is "
+                  "this host's alone. For a network of several hosts: ttl=1",
+                  inet_ntoa(sender), url_));
 }
 
 void UdpmBus::receive() {
@@ -88,13 +106,17 @@ void UdpmBus::receive() {
   const int count = batch_->receive(receiving_fd_);
   if (count < 0 && errno != EAGAIN && errno != EINTR) check_system_call("receiving", count);
   for (std::size_t i = 0; static_cast<int>(i) < count; ++i) {
-    const std::uint64_t sender = one_number(batch_->sender(i));
-    if (is_own(sender)) {
+    const sockaddr_in& sender = batch_->sender(i);
+    const bool maybe_own = sender.sin_port == own_port_;
+    const bool of_this_host = (local_ || maybe_own) && is_of_this_host(sender.sin_addr);
+    if (of_this_host && maybe_own) {
       ++own_;
+    } else if (local_ && !of_this_host) {
+      ignore(sender.sin_addr);
     } else if (batch_->truncated(i)) {
       ++truncated_;
     } else {
-      hear(sender, batch_->arrival_ns(i).value_or(0) / 1000, batch_->datagram(i));
+      hear(one_number(sender), batch_->arrival_ns(i).value_or(0) / 1000, batch_->datagram(i));
     }
   }
 }
@@ -112,6 +134,7 @@ void UdpmBus::hear(std::uint64_t sender, std::int64_t arrival_utime,
 void UdpmBus::list_counters(CounterList& out) const {
   const LcmAssembler::Counters& c = assembler_.counters();
   out.emplace_back("datagrams_dropped", receiving_fd_ < 0 ? 0 : dropped_datagrams({receiving_fd_}));
+  out.emplace_back("datagrams_of_other_hosts", of_other_hosts_);
   out.emplace_back("datagrams_own", own_);
   out.emplace_back("incomplete", c.incomplete);
   out.emplace_back("malformed", c.malformed + truncated_);

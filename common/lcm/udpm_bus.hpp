@@ -13,6 +13,7 @@
 #include "common/bus/bus.hpp"
 #include "common/lcm/datagram_batch.hpp"
 #include "common/lcm/lcm_datagrams.hpp"
+#include "common/lcm/own_addresses.hpp"
 #include "common/loop/event_loop.hpp"
 
 namespace tether {
@@ -22,12 +23,15 @@ namespace tether {
 /// hears what it has published itself, which it knows by the sender's port and that the address is
 /// this host's. Other LCM programs cannot tell it from LCM.
 ///
+/// With ttl=0 the network is this host's alone: datagrams of other hosts are counted and ignored,
+/// and buses hear each other whatever happens to the route by which the group is reached.
+///
 /// Handlers run in the loop's thread. What waits, waits in the kernel's buffer (the URL's
 /// recv_buf_size), whose drops are counted. A bus that nobody subscribes to does not receive.
 class UdpmBus final : public Bus {
  public:
-  /// `url` is udpm. Throws as reachable_lcm_url() does, and if the system has no socket left.
-  /// `loop` must outlive the bus.
+  /// `url` is udpm. Throws as reachable_lcm_url() does, but not with ttl=0 and a loopback
+  /// interface; and if the system has no socket left. `loop` must outlive the bus.
   UdpmBus(const std::string& url, EventLoop& loop);
   ~UdpmBus() override;
 
@@ -37,8 +41,8 @@ class UdpmBus final : public Bus {
   bool hears_itself() const override { return false; }
   /// As it is used, buffer size included.
   const std::string& url() const { return url_; }
-  /// Datagrams dropped by the kernel, malformed and own ones, incomplete messages, publish
-  /// failures.
+  /// Datagrams dropped by the kernel, malformed ones, own ones and those of other hosts, incomplete
+  /// messages, publish failures.
   void list_counters(CounterList& out) const override;
 
  private:
@@ -49,7 +53,9 @@ class UdpmBus final : public Bus {
 
   void listen();
   void receive();
-  bool is_own(std::uint64_t sender);
+  bool refresh();
+  bool is_of_this_host(in_addr sender);
+  void ignore(in_addr sender);
   void hear(std::uint64_t sender, std::int64_t arrival_utime,
             std::span<const std::uint8_t> datagram);
 
@@ -59,12 +65,14 @@ class UdpmBus final : public Bus {
   int receiving_fd_ = -1;
   sockaddr_in group_{};
   in_port_t own_port_ = 0;
-  std::uint64_t own_sender_ = 0;  ///< as last heard; its address may change with the route
+  bool local_ = true;                          ///< ttl=0
+  std::optional<OwnAddresses> own_addresses_;  ///< once it receives
   std::uint32_t number_ = 0;
   std::unique_ptr<DatagramBatch> batch_;
   LcmAssembler assembler_;
   std::vector<Subscription> subscriptions_;
   std::int64_t own_ = 0;
+  std::int64_t of_other_hosts_ = 0;
   std::int64_t truncated_ = 0;
   std::int64_t publish_failures_ = 0;
 };

@@ -42,6 +42,7 @@ struct Options {
   bool locks_memory = false;
 };
 
+constexpr Duration kClockPatience = std::chrono::seconds{2};
 /// A clock that differs by more than this is another run's.
 constexpr Duration kClockJump = std::chrono::milliseconds{500};
 /// So many messages in a row must say so, because a single one may be a stray.
@@ -55,8 +56,15 @@ class ClockFollower {
                        [this](const clock_t& m) { on_clock(from_utime(m.utime), m.run); });
   }
 
-  /// Blocks until the first clock message; false if a signal came first.
-  bool wait() {
+  /// Blocks until the first clock message; false if a signal came first. Says after 2 s what to do.
+  bool wait(const std::string& name) {
+    loop_.at(loop_.now() + kClockPatience, Priority::observer, [this, name](Instant) {
+      if (following_) return;
+      say(Severity::warning,
+          fmt::format("{}: no SIM/CLOCK yet: start tether-sim, or without a simulator give "
+                      "--start-utime",
+                      name));
+    });
     loop_.run();
     return following_;
   }
@@ -111,7 +119,7 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
     clock.emplace(loop, bus);
     say(Severity::info, fmt::format("{}: waiting for SIM/CLOCK on {}", program.name, url));
     manager.status("waiting for SIM/CLOCK on " + url);
-    if (!clock->wait()) return End::signal;
+    if (!clock->wait(program.name)) return End::signal;
   }
 
   const auto node = program.make({scenario, loop, bus, control_bus});

@@ -134,6 +134,8 @@ PeerConfig read_peer(const TomlReader& reader, std::size_t paths) {
   peer.setup.rules.send = made(reader, "send", [&] { return SendRules(send); });
   peer.setup.rules.receive = channels("receive");
   peer.setup.rules.latest_only = channels("latest_only");
+  peer.setup.rules.timed =
+      reader.has("timed") ? channels("timed") : ChannelList({".*/(PLAN|PRELOAD)"});
   return peer;
 }
 
@@ -168,6 +170,11 @@ void read_settings(const TomlReader& top, LinkConfig& config) {
   config.settings.rekey.after = from_seconds(rekey_s);
   top.number("report_period_s", report_s, 0.1, 60.0, "between two reports");
   config.report_period = from_seconds(report_s);
+  double warning_ms = 50.0, limit_ms = 200.0;
+  top.number("clock_warning_ms", warning_ms, 1.0, 60000.0, "between the clocks, to be warned of");
+  top.number("clock_limit_ms", limit_ms, 1.0, 60000.0, "between the clocks, to refuse `timed`");
+  config.clock_warning = from_seconds(warning_ms * 1e-3);
+  config.settings.clock_limit = from_seconds(limit_ms * 1e-3);
 }
 
 }  // namespace
@@ -199,7 +206,7 @@ LinkConfig parse_link_config(const std::string& text, const std::string& file) {
   const toml::table table = parse_toml(text, file);
   const TomlReader top(table, file, "",
                        {"key", "lcm_url", "mtu", "second_path", "second_after_ms", "rekey_s",
-                        "report_period_s", "path", "peer"});
+                        "report_period_s", "clock_warning_ms", "clock_limit_ms", "path", "peer"});
   LinkConfig config;
   config.file = file;
   const std::filesystem::path key = required_text(top, "key", "our key file");
@@ -219,8 +226,8 @@ LinkConfig parse_link_config(const std::string& text, const std::string& file) {
     top.refuse_at(1, fmt::format("{} tables [[path]]: one or two are needed", config.paths.size()));
   }
   config.settings.paths = config.paths.size();
-  const std::vector<std::string> keys{"name", "public_key", "addresses",
-                                      "send", "receive",    "latest_only"};
+  const std::vector<std::string> keys{"name",    "public_key",  "addresses", "send",
+                                      "receive", "latest_only", "timed"};
   for (const TomlReader& peer : list(top, "peer", keys)) {
     config.peers.push_back(read_peer(peer, config.paths.size()));
   }

@@ -34,6 +34,8 @@ struct PeerConfig {
 ///     second_after_ms = 20      #   if the first is not acknowledged after so long, 1 to 1000
 ///     rekey_s = 3600            # 10 to 86400
 ///     report_period_s = 1       # 0.1 to 60
+///     clock_warning_ms = 50     # difference of the clocks that is warned of, 1 to 60000
+///     clock_limit_ms = 200      # and from which on `timed` messages are not taken, likewise
 ///
 ///     [[path]]                  # one or two, in the same order on both hosts
 ///     name = "wifi"
@@ -47,6 +49,7 @@ struct PeerConfig {
 ///     send = ["CTRL/(CMD_VEL|PLAN) -> AGV/$1"]
 ///     receive = ["AGV/.*"]      # by the names that it sends
 ///     latest_only = [".*/(POSE|CMD_VEL)"]
+///     timed = [".*/(PLAN|PRELOAD)"]          # messages for a time, by the names that it sends
 struct LinkConfig {
   std::string file;
   std::string key_file;
@@ -55,6 +58,7 @@ struct LinkConfig {
   std::vector<PeerConfig> peers;
   LinkSettings settings;
   Duration report_period = std::chrono::seconds{1};
+  Duration clock_warning = std::chrono::milliseconds{50};
 
   std::vector<PeerSetup> setups() const;
 };

@@ -15,6 +15,8 @@ namespace {
 
 /// Clocks that drift or are measured anew are no news.
 constexpr double kClockNews_s = 5.0;
+/// Share of a bound that clocks must come back to.
+constexpr double kBack = 0.8;
 constexpr char kCrossed[] =
     "its paths are in another order than ours: put [[path]] and addresses in the same one";
 
@@ -27,6 +29,24 @@ std::string Diagnosis::clocks_apart(double ahead_s) {
       ahead_said_s_, to_seconds(Sessions::kMostClockDifference));
 }
 
+/// Empty if they do not. Neither noise about a bound nor a small change is news.
+std::string Diagnosis::clocks_differ(const Sight& sight) {
+  const double now_s = std::abs(sight.clock_offset_s);
+  const double bound_s = std::min(sight.clock_warning_s, sight.clock_limit_s);
+  const bool differ = now_s >= bound_s * (differ_said_s_ > 0.0 ? kBack : 1.0);
+  if (!differ) {
+    differ_said_s_ = 0.0;
+    return "";
+  }
+  const bool said_too_far = differ_said_s_ >= sight.clock_limit_s;
+  const bool too_far = now_s >= sight.clock_limit_s * (said_too_far ? kBack : 1.0);
+  const double ratio = now_s / std::max(differ_said_s_, 1e-9);
+  if (ratio > 2.0 || ratio < 0.5 || too_far != said_too_far) differ_said_s_ = now_s;
+  return fmt::format("; the clocks are {:.0f} ms apart at least{}: set both (chrony, NTP)",
+                     differ_said_s_ * 1e3,
+                     too_far ? ", and messages for a time, such as plans, are refused" : "");
+}
+
 std::string Diagnosis::how_up(const Sight& sight) {
   std::string line = fmt::format("up, by {}", fmt::join(sight.alive, " and "));
   if (!sight.dead.empty()) line += fmt::format("; {} is down", fmt::join(sight.dead, ", "));
@@ -37,6 +57,8 @@ std::string Diagnosis::how_up(const Sight& sight) {
   }
   if (std::abs(sight.clock_offset_s) > to_seconds(Sessions::kMostClockDifference)) {
     line += fmt::format("; no new session can begin: {}", clocks_apart(sight.clock_offset_s));
+  } else {
+    line += clocks_differ(sight);
   }
   return line;
 }
@@ -77,7 +99,8 @@ std::optional<Diagnosis::Line> Diagnosis::look(Instant now, const Sight& sight) 
     since_ = now;
     then_ = sight.refused;
   }
-  if (!up && now - *since_ < kPatience) return std::nullopt;
+  was_up_ = was_up_ || up;
+  if (!up && !was_up_ && now - *since_ < kPatience) return std::nullopt;
   const std::string line = up ? how_up(sight) : fmt::format("down: {}", why_down(sight));
   if (line == said_) return std::nullopt;
   said_ = line;

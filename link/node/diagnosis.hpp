@@ -14,7 +14,8 @@ namespace tether::link {
 /// it is there, by which paths, or why perhaps not and what to do.
 class Diagnosis {
  public:
-  static constexpr Duration kPatience = std::chrono::seconds{5};  // before it says that nobody came
+  /// Before it says that nobody came. That a peer has gone is said at once.
+  static constexpr Duration kPatience = std::chrono::seconds{5};
 
   explicit Diagnosis(std::string peer) : peer_(std::move(peer)) {}
 
@@ -27,23 +28,28 @@ class Diagnosis {
     Refusals refused;
     double clock_ahead_s = 0.0;   ///< of the newest HELLO that was refused for it
     double clock_offset_s = 0.0;  ///< as the session has measured it: by so much at least
+    double clock_warning_s = 0.05;
+    double clock_limit_s = 0.2;  ///< from there on, messages for a time are refused
   };
   struct Line {
     Severity severity;
     std::string text;
   };
-  /// Now; called once a second or so. nullopt: nothing new.
+  /// Now; called several times a second. nullopt: nothing new.
   std::optional<Line> look(Instant now, const Sight& sight);
 
  private:
   std::string how_up(const Sight& sight);
   std::string why_down(const Sight& sight);
   std::string clocks_apart(double ahead_s);
+  std::string clocks_differ(const Sight& sight);
 
   std::string peer_;
   std::optional<Instant> since_;  // looked at without seeing it
   Refusals then_;                 // when that began
   double ahead_said_s_ = 0.0;
+  double differ_said_s_ = 0.0;  // 0: they do not
+  bool was_up_ = false;
   std::string said_;
 };
 

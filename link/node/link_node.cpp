@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <tether/path_fates_t.hpp>
 #include <utility>
 
@@ -13,8 +14,11 @@ namespace tether::link {
 namespace {
 
 constexpr Duration kTick = std::chrono::milliseconds{10};
-constexpr Duration kLook = std::chrono::seconds{1};
-constexpr Duration kTooLongMemory = 5 * kLook;
+constexpr Duration kRenew = std::chrono::seconds{1};
+constexpr Duration kLook = std::chrono::milliseconds{100};
+/// After so long without any datagram a peer is said to be down, within a second of the last one.
+constexpr double kSilence_s = 0.85;
+constexpr Duration kTooLongMemory = std::chrono::seconds{5};
 constexpr Duration kFates = std::chrono::seconds{1};
 constexpr std::size_t kFatesPerMessage = 2500;  // one datagram of LCM
 constexpr double kNsPerMs = 1e6;
@@ -43,10 +47,8 @@ LinkNode::LinkNode(LinkConfig config, const KeyPair& own, EventLoop& loop, Bus& 
   bus_.subscribe(".*", kDeepQueue, [this](const Message& m) { on_message(m); });
   const Instant now = loop_.now();
   loop_.every(now, kTick, Priority::node, [this](Instant) { endpoint_.tick(moment()); });
-  loop_.every(now + kLook, kLook, Priority::observer, [this](Instant) {
-    renew_paths();
-    diagnose();
-  });
+  loop_.every(now + kRenew, kRenew, Priority::observer, [this](Instant) { renew_paths(); });
+  loop_.every(now + kLook, kLook, Priority::observer, [this](Instant) { diagnose(); });
   loop_.every(now + config_.report_period, config_.report_period, Priority::observer,
               [this](Instant) { report(); });
   loop_.every(now + kFates, kFates, Priority::observer, [this](Instant) { tell_fates(); });
@@ -118,6 +120,8 @@ void LinkNode::report_peer(std::size_t number) {
   if (offset) {
     r.offset_min_ms = static_cast<double>(offset->min_ns) / kNsPerMs;
     r.offset_max_ms = static_cast<double>(offset->max_ns) / kNsPerMs;
+    const double apart_s = std::abs(nearest_to_zero_s(*offset));
+    r.clocks_apart = apart_s >= to_seconds(config_.clock_warning) ? 1 : 0;
   }
   r.clock_steps = peer.clock_steps();
   const PeerCounters& c = peer.counters();
@@ -125,6 +129,7 @@ void LinkNode::report_peer(std::size_t number) {
   r.unsent = c.unsent;
   r.delivered = c.delivered;
   r.not_allowed = c.not_allowed;
+  r.clock_refused = c.clock_refused;
   r.superseded = c.superseded;
   r.incomplete = peer.incomplete();
   r.duplicates = c.duplicates;
@@ -214,9 +219,10 @@ void LinkNode::diagnose() {
   for (std::size_t i = 0; i < endpoint_.size(); ++i) {
     PeerLink& peer = endpoint_.peer(i);
     Diagnosis::Sight sight;
+    const bool silent = peer.age_s(now) > kSilence_s;
     for (std::size_t path = 0; path < sockets_.size(); ++path) {
       const std::string& name = config_.paths[path].name;
-      const bool alive = peer.alive(path, now);
+      const bool alive = !silent && peer.alive(path, now);
       (alive ? sight.alive : sight.dead).push_back(name);
       const bool too_long = too_long_[path] && now - *too_long_[path] < kTooLongMemory;
       const bool narrow = too_long || !peer.carries_long(path);
@@ -225,6 +231,8 @@ void LinkNode::diagnose() {
     }
     sight.mtu = config_.settings.datagram_bytes + kIpAndUdpBytes;
     if (const auto offset = peer.offset(now)) sight.clock_offset_s = nearest_to_zero_s(*offset);
+    sight.clock_warning_s = to_seconds(config_.clock_warning);
+    sight.clock_limit_s = to_seconds(config_.settings.clock_limit);
     sight.refused = endpoint_.refused();
     sight.clock_ahead_s = static_cast<double>(peer.sessions().clock_ahead_ns()) * 1e-9;
     if (const auto line = diagnoses_[i].look(now, sight)) say_(line->severity, line->text);

@@ -1,6 +1,7 @@
 #include "link/peer/peer_link.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace tether::link {
@@ -248,13 +249,20 @@ void PeerLink::on_piece(std::size_t path, const Session& session, std::uint64_t 
   if (piece.number == 0 && piece.count > 1 && rules_.latest_only.has(piece.channel)) {
     reassembly_.drop_older(piece.channel, message);
   }
-  if (const auto whole = reassembly_.take(m.now, message, piece)) deliver(*whole);
+  if (const auto whole = reassembly_.take(m.now, message, piece)) deliver(*whole, m.now);
 }
 
-void PeerLink::deliver(const Reassembly::Whole& whole) {
+void PeerLink::deliver(const Reassembly::Whole& whole, Instant now) {
   if (!rules_.receive.has(whole.channel) || whole.channel.starts_with(kOwnChannels)) {
     ++counters_.not_allowed;
     return;
+  }
+  if (rules_.timed.has(whole.channel)) {
+    const std::optional<IntervalNs> apart = offset_.at(now);
+    if (apart && std::abs(nearest_to_zero_s(*apart)) >= to_seconds(settings_.clock_limit)) {
+      ++counters_.clock_refused;
+      return;
+    }
   }
   if (rules_.latest_only.has(whole.channel)) {
     const auto known = newest_of_.find(whole.channel);

@@ -27,6 +27,8 @@ struct LinkSettings {
   /// acknowledged the first after so long.
   std::optional<Duration> second_after;
   Duration probe_period = std::chrono::milliseconds{250};
+  /// Difference of the clocks from which on messages for a time are not taken.
+  Duration clock_limit = std::chrono::milliseconds{200};
   RekeySettings rekey;
 };
 
@@ -34,6 +36,7 @@ struct LinkSettings {
 struct PeerRules {
   SendRules send;           ///< what goes to it
   ChannelList receive;      ///< what is taken from it, under the names that it sends; not LINK/…
+  ChannelList timed;        ///< of these, the ones for a time: not while the clocks differ
   ChannelList latest_only;  ///< of these, by the names on the way, the new drops the old
 };
 
@@ -47,14 +50,15 @@ struct PeerOutput {
 };
 
 struct PeerCounters {
-  std::int64_t sent = 0;          ///< messages
-  std::int64_t delivered = 0;     ///< messages, each once
-  std::int64_t unsent = 0;        ///< messages without a session, or too long
-  std::int64_t not_allowed = 0;   ///< messages of channels that this peer may not send
-  std::int64_t superseded = 0;    ///< latest-only messages that came after a newer one
-  std::int64_t duplicates = 0;    ///< datagrams that came by both paths
-  std::int64_t copies = 0;        ///< deferred copies sent
-  std::int64_t copies_saved = 0;  ///< deferred copies that were acknowledged or superseded in time
+  std::int64_t sent = 0;           ///< messages
+  std::int64_t delivered = 0;      ///< messages, each once
+  std::int64_t unsent = 0;         ///< messages without a session, or too long
+  std::int64_t not_allowed = 0;    ///< messages of channels that this peer may not send
+  std::int64_t clock_refused = 0;  ///< messages for a time, while the clocks are too far apart
+  std::int64_t superseded = 0;     ///< latest-only messages that came after a newer one
+  std::int64_t duplicates = 0;     ///< datagrams that came by both paths
+  std::int64_t copies = 0;         ///< deferred copies sent
+  std::int64_t copies_saved = 0;   ///< deferred copies that were acknowledged or superseded in time
 };
 
 /// What a sealed datagram says of where its sender is on a path.
@@ -143,7 +147,7 @@ class PeerLink {
   void on_piece(std::size_t path, const Session& session, std::uint64_t counter, const Piece& piece,
                 Moment m);
   void on_ack(const Session& session, const Ack& ack);
-  void deliver(const Reassembly::Whole& whole);
+  void deliver(const Reassembly::Whole& whole, Instant now);
 
   PeerRules rules_;
   LinkSettings settings_;

@@ -2,9 +2,11 @@
 """tether doctor, on machines that lack what it looks for. Usage: doctor_test.py BIN_DIR"""
 
 import pathlib
+import re
 import socket
 import subprocess
 import sys
+import time
 
 sys.path.insert(1, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
 from live_support import GROUP, PORT, check, main
@@ -50,9 +52,22 @@ def knows_a_can_interface_from_others(test):
     check("lo is no CAN interface" in doctor(test, 1, "--can", "lo"), "lo is not CAN")
 
 
+def measures_latency_under_load(test):
+    begin = time.monotonic()
+    program = test.run(test.bin / "tether-vehicle", "doctor", "--realtime", "--seconds", 2, seconds=15)
+    said = program.out() + program.err()
+    measured = re.search(r"latency +worst ([\d.]+) ms, 99.9 % below ([\d.]+) ms, of (\d+) wake-ups in 2 s under load", said)
+    check(measured and 0 < float(measured[2]) <= float(measured[1]) and 1500 < int(measured[3]) <= 2000, said)
+    check(2 < time.monotonic() - begin < 10, time.monotonic() - begin)
+    refused = test.run(test.bin / "tether-vehicle", "doctor", "--seconds", 2)
+    check(refused.process.returncode == 2 and "--realtime" in refused.err(), refused.err())
+    test.say(measured[0])
+
+
 main(
     hears_itself_where_there_is_a_route,
     says_what_to_do_where_there_is_none,
     names_a_port_that_somebody_keeps_for_himself,
     knows_a_can_interface_from_others,
+    measures_latency_under_load,
 )

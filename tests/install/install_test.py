@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 
 BUILD = pathlib.Path(sys.argv[1])
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
@@ -64,7 +65,8 @@ def works_in_any_folder(work):
         said = run("man", "-l", prefix / f"share/man/man1/{page}.1.gz", **anywhere) if (
             pathlib.Path("/usr/bin/man").exists()) else run("gzip", "-dc", prefix / f"share/man/man1/{page}.1.gz")
         check(page in said, said[:200])
-    run("bash", "-n", prefix / "share/bash-completion/completions/tether")
+        run("bash", "-n", prefix / "share/bash-completion/completions" / page)
+        check((prefix / f"share/zsh/vendor-completions/_{page}").exists(), page)
     names_the_source = [str(file.relative_to(prefix)) for file in prefix.rglob("*") if file.is_file() and
                         file.parent.name != "bin" and file.suffix != ".so" and str(SOURCE).encode() in file.read_bytes()]
     check(not names_the_source, f"{SOURCE} stands in {names_the_source}")
@@ -76,6 +78,10 @@ def another_project_builds_with_it(work, prefix):
         f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCONTROLLER={prefix}/share/doc/tether/examples/controller.cpp",
         "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Werror")
     run("cmake", "--build", work / "foreign")
+    # And without CMake.
+    flags = run("pkg-config", "--cflags", "--libs", "tether", env=os.environ | {"PKG_CONFIG_PATH": f"{prefix}/share/pkgconfig"})
+    (work / "poses.cpp").write_text("#include <tether/law_client.hpp>\nint main() { return tether::pose_t{}.seq; }\n")
+    run("c++", "-std=c++17", work / "poses.cpp", *flags.split(), "-o", work / "poses")
     includes = run("ninja", "-C", work / "foreign", "-t", "deps")
     check(f"{prefix}/include/tether/tether/pose_t.hpp" in includes and str(SOURCE) not in includes, includes)
 
@@ -87,18 +93,26 @@ def the_vehicles_part_needs_no_simulator():
 
 
 def debian_takes_the_packages():
-    """What it makes stays, for can_packages_test; and so does the vehicle's part as of a later version."""
+    """What it makes stays, for can_packages_test and can_deployed_test; and so does the vehicle's part as of a later version."""
     made = BUILD / "packages"
     shutil.rmtree(made, ignore_errors=True)
     cpack = ("cpack", "-G", "DEB", "--config", BUILD / "CPackConfig.cmake")
     run(*cpack, "-B", made)
     run(*cpack, "-B", made / "later", "-D", "CPACK_PACKAGE_VERSION=99.1", "-D", "CPACK_COMPONENTS_ALL=vehicle")
     packages = sorted(made.glob("*.deb"))
+    time.sleep(1.1)
+    run(*cpack, "-B", made / "again")
+    other = [p.name for p in packages if p.read_bytes() != (made / "again" / p.name).read_bytes()]
+    check(not other, f"made twice, these differ: {other}")
+    shutil.rmtree(made / "again")
     check(all("+" in p.name for p in packages) or not (SOURCE / ".git").exists(), f"no build in the version: {packages}")
     check([p.name.split("_")[0] for p in packages] == PACKAGES, packages)
     print(run("lintian", "--allow-root", "--fail-on", "error", *packages).strip())
     files = [line.split()[5] for p in packages for line in run("dpkg", "-c", p).splitlines() if not line.endswith("/")]
     check(len(files) == len(set(files)), f"in two packages: {sorted({f for f in files if files.count(f) > 1})}")
+    # Without recommendations: of lcm-spy and figures, tether-vehicle has nothing, and neither needs Java.
+    said = run("dpkg-deb", "--field", packages[-1], "Recommends", "Suggests")
+    check("jre" in said.partition("Suggests:")[2] and "jre" not in said.partition("Suggests:")[0], said)
     print(run("apt-get", "--simulate", "--no-install-recommends", "install", *packages).strip().splitlines()[-1])
 
 

@@ -40,11 +40,20 @@ TEST(LinkConfig, IsReadWhole) {
   EXPECT_EQ(peer.rules.send.name_of("CTRL/PRELOAD"), std::nullopt);
   EXPECT_TRUE(peer.rules.receive.has("AGV/POSE"));
   EXPECT_FALSE(peer.rules.receive.has("XAGV/POSE"));
+  EXPECT_EQ(c.clock_warning, std::chrono::milliseconds{50});
+  EXPECT_EQ(c.settings.clock_limit, std::chrono::milliseconds{200});
+  EXPECT_TRUE(peer.rules.timed.has("AGV/PLAN") && peer.rules.timed.has("AGV/PRELOAD"));
+  EXPECT_FALSE(peer.rules.timed.has("AGV/CMD_VEL"));
+  const LinkConfig other = parse_link_config(
+      "clock_limit_ms = 20\n" + kPaths + kPeer + "timed = [\"AGV/CMD_VEL\"]\n", "/etc/link.toml");
+  EXPECT_EQ(other.settings.clock_limit, std::chrono::milliseconds{20});
+  EXPECT_TRUE(other.peers[0].setup.rules.timed.has("AGV/CMD_VEL"));
 }
 
 TEST(LinkConfig, RefusalsNameFileLineAndWhatIsAllowed) {
   EXPECT_THAT(refusal("nonsense = 1\n" + kPaths + kPeer), HasSubstr("link.toml:1: unknown key"));
   EXPECT_THAT(refusal("mtu = 500\n" + kPaths + kPeer), HasSubstr("from 576 to 65535"));
+  EXPECT_THAT(refusal("clock_warning_ms = 0\n" + kPaths + kPeer), HasSubstr("from 1 to 60000"));
   EXPECT_THAT(refusal("second_path = \"never\"\n" + kPaths + kPeer), HasSubstr("\"deferred\""));
   EXPECT_THAT(refusal("second_after_ms = 5\n" + kPaths + kPeer), HasSubstr("does nothing"));
   EXPECT_THAT(refusal("lcm_url = \"tcpq://localhost:7700\"\n" + kPaths + kPeer), HasSubstr("udpm"));

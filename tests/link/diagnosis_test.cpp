@@ -58,8 +58,8 @@ TEST(Diagnosis, SaysThatPathsAreInAnotherOrderWhetherMessagesComeOrNot) {
   EXPECT_THAT(text_of(diagnosis.look(kStart, sight)),
               HasSubstr("up, by wifi and 5g; its paths are in another order"));
   std::swap(sight.alive, sight.dead);
-  diagnosis.look(kStart, sight);
-  EXPECT_THAT(text_of(diagnosis.look(kStart + seconds{5}, sight)), HasSubstr("another order"));
+  EXPECT_THAT(text_of(diagnosis.look(kStart + seconds{1}, sight)),
+              HasSubstr("down: its paths are in another order"));
 }
 
 TEST(Diagnosis, TakesWhatStrangersSendMostForAHintAlone) {
@@ -85,13 +85,47 @@ TEST(Diagnosis, SaysThatClocksAreApartWhileASessionLives) {
   Diagnosis diagnosis("vehicle7");
   Diagnosis::Sight sight = sight_of({"wifi"});
   sight.clock_offset_s = -60.0;
-  EXPECT_EQ(text_of(diagnosis.look(kStart, sight)), "peer \"vehicle7\": up, by wifi");
+  EXPECT_THAT(text_of(diagnosis.look(kStart, sight)),
+              HasSubstr("60000 ms apart at least, and messages for a time"));
   sight.clock_offset_s = -61.0;
   EXPECT_THAT(text_of(diagnosis.look(kStart + seconds{1}, sight)), HasSubstr("-61.0 s apart"));
   sight.clock_offset_s = -62.0;
   EXPECT_FALSE(diagnosis.look(kStart + seconds{2}, sight));
   sight.clock_offset_s = 0.0;
   EXPECT_EQ(text_of(diagnosis.look(kStart + seconds{3}, sight)), "peer \"vehicle7\": up, by wifi");
+}
+
+TEST(Diagnosis, SaysFromWhenOnClocksMatter) {
+  Diagnosis diagnosis("vehicle7");
+  Diagnosis::Sight sight = sight_of({"wifi"});
+  int second = 0;
+  const auto said = [&](double offset_s) {
+    sight.clock_offset_s = offset_s;
+    const auto line = diagnosis.look(kStart + seconds{++second}, sight);
+    if (line && line->text.find("apart") != std::string::npos) {
+      EXPECT_EQ(line->severity, Severity::warning);
+    }
+    return text_of(line);
+  };
+  EXPECT_EQ(said(0.049), "peer \"vehicle7\": up, by wifi");
+  EXPECT_EQ(said(0.051),
+            "peer \"vehicle7\": up, by wifi; the clocks are 51 ms apart at least: set both "
+            "(chrony, NTP)");
+  for (const double noise : {0.049, 0.055, 0.045}) EXPECT_EQ(said(noise), "nothing");
+  EXPECT_THAT(said(-0.12), HasSubstr("120 ms apart"));
+  EXPECT_THAT(said(-0.21), HasSubstr("210 ms apart at least, and messages for a time, such as "
+                                     "plans, are refused"));
+  EXPECT_EQ(said(-0.19), "nothing");
+  EXPECT_THAT(said(-0.1), HasSubstr("100 ms apart at least: set"));
+  EXPECT_EQ(said(0.0), "peer \"vehicle7\": up, by wifi");
+}
+
+TEST(Diagnosis, SaysAtOnceThatAPeerHasGone) {
+  Diagnosis diagnosis("vehicle7");
+  diagnosis.look(kStart, sight_of({"wifi"}));
+  const auto line = diagnosis.look(kStart + seconds{1}, sight_of({}, {"wifi"}));
+  EXPECT_THAT(text_of(line), HasSubstr("down: nothing arrives"));
+  EXPECT_EQ(line->severity, Severity::warning);
 }
 
 TEST(Diagnosis, RepeatedClockTroubleIsOneLine) {

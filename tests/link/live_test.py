@@ -157,6 +157,25 @@ def no_message_is_missed_when_either_path_is_pulled(test, options=""):
     return report
 
 
+def both_paths_down_are_said_within_a_second(test):
+    link = Link(test)
+    wait_until(5, lambda: all("up, by wifi and 5g" in p.err() for p in (link.near_program, link.far_program)), "both up")
+    began = time.monotonic()
+    for path in link.paths:
+        path.pulled = True
+    for program, peer in ((link.near_program, "far"), (link.far_program, "near")):
+        line = f'peer "{peer}": down: nothing arrives'
+        wait_until(2, lambda p=program, line=line: line in p.err(), line)
+    took = time.monotonic() - began
+    test.say(f"both sides said so after {took:.2f} s")
+    check(took < 1.0, f"{took} s")
+    for path in link.paths:
+        path.pulled = False
+    for program in (link.near_program, link.far_program):
+        wait_until(5, lambda p=program: p.err().count("up, by wifi and 5g") == 2, "both up again")
+    link.end()
+
+
 def with_deferred_copies_neither(test):
     report = no_message_is_missed_when_either_path_is_pulled(
         test, 'second_path = "deferred"\nsecond_after_ms = 30'
@@ -218,6 +237,7 @@ def bad_keys_are_refused_in_one_line(test):
 
 main(
     no_message_is_missed_when_either_path_is_pulled,
+    both_paths_down_are_said_within_a_second,
     with_deferred_copies_neither,
     what_strangers_send_is_counted_and_goes_nowhere,
     bad_keys_are_refused_in_one_line,

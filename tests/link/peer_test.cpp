@@ -85,6 +85,25 @@ TEST(PeerLink, MeasuresClocksThatAreSetApartWhileASessionLives) {
   EXPECT_NEAR(nearest_to_zero_s(net.link(1).offset(net.now).value()), -73.0, 0.01);
 }
 
+TEST(PeerLink, TakesNoMessagesForATimeWhileTheClocksAreTooFarApart) {
+  TwoHosts net;
+  net.connect();
+  const auto taken = [&net](std::int64_t apart_ms) {
+    net.hosts[1].clock_ahead_ns = apart_ms * 1'000'000;
+    net.run(seconds{40});  // the interval forgets what was before a step
+    net.hosts[1].heard.clear();
+    for (const char* channel : {"CMD", "BIG"}) net.send(0, channel, {1});
+    net.run(milliseconds{10});
+    std::vector<std::string> channels;
+    for (const auto& heard : net.hosts[1].heard) channels.push_back(heard.channel);
+    return channels;
+  };
+  EXPECT_EQ(taken(150), (std::vector<std::string>{"CMD", "BIG"}));
+  EXPECT_EQ(taken(-300), (std::vector<std::string>{"CMD"}));
+  EXPECT_EQ(net.link(1).counters().clock_refused, 1);
+  EXPECT_EQ(taken(0), (std::vector<std::string>{"CMD", "BIG"}));
+}
+
 TEST(PeerLink, SendsOnlyWhatARuleNames) {
   TwoHosts net;
   net.connect();

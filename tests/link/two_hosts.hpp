@@ -69,6 +69,7 @@ class TwoHosts {
                          : std::vector<std::string>{"POSE|SECRET", "FAKE -> LINK/REPORT"});
     peer.rules.receive = ChannelList({i == 0 ? "POSE|LINK/.*" : "CMD|BIG|LATEST"});
     peer.rules.latest_only = ChannelList({"LATEST"});
+    peer.rules.timed = ChannelList({"BIG"});
     for (std::size_t path = 0; path < settings_.paths; ++path) {
       peer.addresses.push_back(knows_address[i] ? std::optional{host_address(1 - i, path)}
                                                 : std::nullopt);

@@ -5,7 +5,7 @@ and what to do. Usage: bad_input_test.py BIN_DIR"""
 import os
 import shutil
 
-from live_support import GROUP, NODES, PAPER, check, main
+from live_support import GROUP, NODES, PAPER, PORT, check, main
 
 ALLOWED = "allowed: udpm://GROUP:PORT[?ttl=N&recv_buf_size=N] with GROUP in 224.0.0.0-239.255.255."
 
@@ -60,13 +60,14 @@ def unreachable_network(test):
     # Loopback without a route, as on a machine that is not on any network.
     alone = ("unshare", "--net", "sh", "-c", 'ip link set lo up; exec "$@"', "sh")
     fix = f"sudo ip link set lo up && sudo ip route add {GROUP}/32 dev lo"
+    several_hosts = ("--lcm-url", f"udpm://{GROUP}:{PORT}?ttl=1")
     for command in live_and_nodes(test):
-        program = [shutil.which(alone[0]), *alone[1:], test.bin / command[0], *command[1:]]
+        program = [shutil.which(alone[0]), *alone[1:], test.bin / command[0], *command[1:], *several_hosts]
         text = refused(test, 1, [f"no route for multicast to {GROUP}", fix], *program)
     test.say(f"no route: {text}")
     # The command of the message mends it.
     script = fix.replace("sudo ", "") + '; exec "$@"'
-    command = [*alone[1:4], script, "sh", test.bin / "tether", "live", PAPER, "--duration=0.5"]
+    command = [*alone[1:4], script, "sh", test.bin / "tether", "live", PAPER, "--duration=0.5", *several_hosts]
     mended = test.run(shutil.which("unshare"), *command)
     check(mended.process.returncode == 0, f"the command in the message does not mend it: {fix}")
 

@@ -162,6 +162,8 @@ def nodes_without_start_time_follow_the_simulator(test):
         wait_until(3, lambda: "waiting for SIM/CLOCK on udpm://" in node.err(), f"{node.name} says")
     time.sleep(0.5)
     check(not test.network.channels(), f"messages before the simulator: {test.network.channels()}")
+    for node in followers:
+        wait_until(4, lambda: "no SIM/CLOCK yet: start tether-sim" in node.err(), f"{node.name} says what to do")
     for round_ in (1, 2):
         started = time.time()
         sim = test.start("tether-sim", *command)

@@ -90,7 +90,9 @@ TEST(BlindStart, NoLawByAnyPolicyDrivesLongerThanThePoseTimeout) {
         EXPECT_LT(run.moved_until_s, 5.0);
         EXPECT_LT(run.way_m, 5.0);
         EXPECT_GT(run.timeouts, 0);
-        if (!law->sends_plans) EXPECT_EQ(run.way_m, 0.0);
+        if (!law->sends_plans) {
+          EXPECT_EQ(run.way_m, 0.0);
+        }
         moved += run.way_m > 0.1 ? 1 : 0;
       }
     }

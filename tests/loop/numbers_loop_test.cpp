@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"

@@ -53,8 +53,25 @@ class Booted:
         # There is no journal.
         (self.units / HARDENING).with_name("said.conf").write_text("[Service]\nStandardOutput=append:/var/%N.said\n")
         (self.units / "test.target").write_text("[Unit]\nDefaultDependencies=no\n")
-        if not for_packages:
+        if for_packages:
+            self._take_packages(pathlib.Path(bin_dir).parent / "packages")
+        else:
             self._give_units()
+
+    def _take_packages(self, folder):
+        self.packages = {}
+        for which, files in (("now", folder.glob("tether-vehicle_*")), ("later", folder.glob("later/tether-vehicle_*"))):
+            (file,) = files
+            target = self.root / "root" / f"{which}.deb"
+            target.write_bytes(file.read_bytes())
+            self.packages[which] = (f"/root/{which}.deb", file.name.split("_")[1])
+
+    def install(self, which, *options):
+        """The vehicle's package: "now" or, of a later version, "later"."""
+        file, version = self.packages[which]
+        self.run("env", "DEBIAN_FRONTEND=noninteractive", "dpkg", *options, "--install", file)
+        status = self.run("dpkg-query", "--show", "--showformat=${db:Status-Status} ${Version}", "tether-vehicle")
+        check(status == f"installed {version}", status)
 
     def _give_units(self):
         shutil.copy(UNITS / "hardening.conf", self.units / HARDENING)
@@ -86,9 +103,12 @@ class Booted:
         text = "".join(f"{key}={value}\n" for key, value in settings.items())
         (self.root / "etc/tether/tether.env").write_text(text)
 
+    def inside(self, *command):
+        """The command that runs it there."""
+        return ["/usr/bin/nsenter", "--target", self.pid, "--mount", "--pid", "--root", *map(str, command)]
+
     def run(self, *command, check_it=True):
-        done = subprocess.run(["nsenter", "--target", self.pid, "--mount", "--pid", "--root", *map(str, command)],
-                              capture_output=True, text=True, check=False)
+        done = subprocess.run(self.inside(*command), capture_output=True, text=True, check=False)
         check(not check_it or done.returncode == 0, f"{command}: {done.stdout}{done.stderr}{self.said()}")
         return done.stdout.strip()
 

@@ -2,31 +2,21 @@
 """The vehicle's package on a booted system: installed, its link enabled, stopped and hung, then updated and
 taken back to the version before, with settings and keys as they were. Usage: packages_test.py BIN_DIR"""
 
+import subprocess
 import time
 
 from booted import Booted
 from live_support import check, main, wait_until
 
 LINK = "tether-link.service"
+HOST = "tether-host.service"
+LOGGER = "tether-logger.service"
 UNITS = [f"tether-{name}.service" for name in ("link", "can-bridge", "localiser", "autonomy", "logger")]
 
 
 class Vehicle(Booted):
     def __init__(self, test):
         super().__init__(test, test.bin, for_packages=True)
-        folder = test.bin.parent / "packages"
-        self.packages = {}
-        for which, files in (("now", folder.glob("tether-vehicle_*")), ("later", folder.glob("later/tether-vehicle_*"))):
-            (file,) = files
-            target = self.root / "root" / f"{which}.deb"
-            target.write_bytes(file.read_bytes())
-            self.packages[which] = (f"/root/{which}.deb", file.name.split("_")[1])
-
-    def install(self, which, *options):
-        file, version = self.packages[which]
-        self.run("env", "DEBIAN_FRONTEND=noninteractive", "dpkg", *options, "--install", file)
-        status = self.run("dpkg-query", "--show", "--showformat=${db:Status-Status} ${Version}", "tether-vehicle")
-        check(status == f"installed {version}", status)
 
     def give_link(self):
         """Keys as the guide says; the peer is elsewhere."""
@@ -50,6 +40,9 @@ class Vehicle(Booted):
             """)
         file.chmod(0o644)
 
+    def logs(self):
+        return sorted(file.name for file in (self.root / "var/lib/tether").glob("floor-*.lcmlog"))
+
     def link_said(self):
         return (self.root / "var/tether-link.said").read_text()
 
@@ -64,6 +57,9 @@ def installed_updated_and_taken_back(test):
     check("tether:" in (system.root / "etc/passwd").read_text(), "the package makes the user")
     states = system.ctl("is-enabled", *UNITS, check_it=False).split()
     check(states == ["disabled"] * len(UNITS), f"nothing starts by being installed: {states}")
+    check(system.ctl("is-enabled", HOST) == "enabled", "what keeps LCM on this host is enabled")
+    owner = (system.root / "var/lib/tether").stat()
+    check(system.run("id", "--user", "tether") == str(owner.st_uid), "the state folder is there, and tether's")
 
     system.ctl("enable", LINK)
     failed = system.ctl("start", LINK, check_it=False)
@@ -72,6 +68,9 @@ def installed_updated_and_taken_back(test):
     system.give_link()
     system.wait_link()  # it never gives up
     check(system.ctl("is-enabled", LINK) == "enabled", "enabled")
+    check(system.show(HOST, "ActiveState") == "active", "with settings, this host is made ready before the link")
+    route = system.run("ip", "route", "show", "239.255.76.67")
+    check("dev lo" in route and "src 127.0.0.1" in route, route)
     check(system.show(LINK, "StatusText").startswith("running on udpm"), system.show(LINK, "StatusText"))
     said = system.link_said()
     check('path "5g" is closed, and tried again each second: cannot use interface "wwan0"' in said, said)
@@ -88,14 +87,23 @@ def installed_updated_and_taken_back(test):
     test.say("started anew after SIGSTOP (watchdog) and SIGKILL")
 
     on_board = [f"tether-{name}.service" for name in ("localiser", "autonomy")]
-    system.configure(TETHER_SCENARIO="/usr/share/tether/scenarios/factory.toml", TETHER_START_UTIME=int(time.time() * 1e6))
-    system.ctl("start", *on_board)
+    system.configure(TETHER_SCENARIO="/usr/share/tether/scenarios/factory.toml",
+                     TETHER_RECORD='"--keep-free-mb 10 --file-mb 0.001 --files 3"')
+    system.ctl("start", *on_board, LOGGER)
     time.sleep(2)
-    for unit in on_board:
+    number = system.run("cat", "/run/tether/host.env").removeprefix("TETHER_START_UTIME=")
+    check(abs(int(number) * 1e-6 - time.time()) < 60, f"the run's number is of this start: {number}")
+    commands = system.run("cat", f"/proc/{system.show(on_board[0], 'MainPID')}/cmdline").split("\0")
+    check(number in commands, commands)
+    wait_until(15, lambda: system.logs()[0] > "floor-00000001.lcmlog", "the oldest log is deleted")
+    check(len(system.logs()) == 3, f"the newest three are kept: {system.logs()}")
+    for unit in (*on_board, LOGGER):
         state = (system.show(unit, "ActiveState"), system.show(unit, "NRestarts"), system.show(unit, "StatusText").split()[0])
-        check(state == ("active", "0", "running"), f"{unit}: {state}\n{system.said()}")
-    system.ctl("stop", *on_board)
-    test.say("localiser and on-board driver run")
+        check(state == ("active", "0", "running" if unit != LOGGER else state[2]), f"{unit}: {state}\n{system.said()}")
+    system.ctl("stop", *on_board, LOGGER)
+    test.say("localiser, on-board driver and logger run")
+
+    system.ctl("disable", HOST)
 
     key = system.run("tether-link", "show", "/etc/tether/link.key")
     for which, options in (("later", ()), ("now", ("--force-downgrade",))):
@@ -103,6 +111,7 @@ def installed_updated_and_taken_back(test):
         system.ctl("restart", "tether-*")
         system.wait_link()
         check(system.ctl("is-enabled", LINK) == "enabled", f"enabled, with {which}")
+        check(system.ctl("is-enabled", HOST, check_it=False) == "disabled", "an update enables nothing again")
         check(system.run("tether-link", "show", "/etc/tether/link.key") == key, "the key is kept")
         test.say(f"{system.packages[which][1]}: the link is up with the same key")
 
@@ -112,8 +121,44 @@ def installed_updated_and_taken_back(test):
     system.run("dpkg", "--purge", "tether-vehicle")
     check(system.show(LINK, "ActiveState") == "inactive", "a removed link does not go on")
     check(not list((system.root / "etc/systemd/system").glob("*/tether-link.service")), "nor is it enabled")
+    check(system.run("ip", "route", "show", "239.255.76.67") == "", "nor does its route stay")
     check((system.root / "etc/tether/link.key").exists(), "keys are nobody's but the user's")
     check(not (system.root / "usr/bin/tether-link").exists(), "removed")
 
 
-main(installed_updated_and_taken_back)
+def a_machine_without_systemd(test):
+    """The package makes the user and its folder all the same, and its programs run as that user."""
+    system = Vehicle(test)
+    for program in ("systemctl", "systemd-sysusers"):
+        (system.root / "usr/bin" / program).unlink()
+
+    def run(*command, code=0):
+        done = subprocess.run(["chroot", system.root, *command], capture_output=True, text=True, check=False)
+        check(done.returncode == code, f"{command}: {done.stdout}{done.stderr}")
+        return done.stdout
+
+    for which, options in (("now", ()), ("later", ())):
+        run("env", "DEBIAN_FRONTEND=noninteractive", "dpkg", *options, "--install", system.packages[which][0])
+    user = run("id", "tether")
+    check("tether" in user and (system.root / "var/lib/tether").stat().st_uid != 0, user)
+    (system.root / "run/logs").mkdir()
+    run("chown", "tether:", "/run/logs")
+    run("tether-vehicle", "lcm-route")
+    as_tether = ["chroot", system.root, "setpriv", "--reuid=tether", "--regid=tether", "--clear-groups"]
+    recorder = test.start("/usr/bin/env", *as_tether, "tether-vehicle", "record", "/run/logs", "--keep-free-mb", 1)
+    bridge = test.start("/usr/bin/env", *as_tether, "tether-can-bridge", "/usr/share/tether/scenarios/hil_vcan.toml",
+                        "--start-utime", int(time.time() * 1e6))
+
+    def recorded():
+        return b"CAN/STATE" in b"".join(file.read_bytes() for file in (system.root / "run/logs").iterdir())
+
+    wait_until(15, recorded, "the bridge's state is recorded")
+    for program in (bridge, recorder):
+        program.kill(15)
+        check(program.wait(20) == 0, program.err())
+    run("dpkg", "--purge", "tether-vehicle")
+    check(not (system.root / "usr/bin/tether-link").exists(), "removed")
+    test.say(f"without systemd: {user.strip()}")
+
+
+main(installed_updated_and_taken_back, a_machine_without_systemd)

@@ -302,8 +302,11 @@ def probe(test):
                         out=["does NOT fit: see PROBLEM above"])
         line = next(line for line in text.splitlines() if "0x6090:00" in line)
         check("PROBLEM" in line and "no such object" in line and "the file needs it" in line, line)
-        # An absent node, with hints; on an empty bus, too.
+        # An absent node, with who is there instead, though these have no heartbeat yet; on an empty bus, too.
         d.tether("probe", "--interface", "vcan0", "--node", 9, code=1,
+                 out=["node 9: does not answer (no heartbeat)", "Heard on this bus: nodes 1, 2. Check the node id",
+                      "Who is on this bus:", "2 of 127 node ids answer"])
+        d.tether("probe", "--interface", "vcan1", "--node", 9, code=1,
                  out=["node 9: does not answer (no heartbeat)", "Nobody was heard on this bus. Check: supply"])
         record.stop()
         asked = check_only_reads(record, "probe")

@@ -6,6 +6,7 @@
 #include <cassert>
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <stdexcept>
 
 #include "can_bridge/bus/socket_can_port.hpp"
@@ -71,6 +72,8 @@ void check_usable(const SocketCanPort& port, const std::string& interface) {
   }
 }
 
+bool has_answered(const ProbedNode& node) { return node.answered; }
+
 }  // namespace
 
 int can_probe(const CanProbeOptions& options) {
@@ -83,24 +86,42 @@ int can_probe(const CanProbeOptions& options) {
 
   Probe probe = options.scan ? Probe::scan(loop.now())
                              : Probe(nodes, config ? &*config : nullptr, loop.now());
+  Probe* current = &probe;
   port.on_frame(Probe::filters(),
-                [&](const CanFrame& frame) { probe.on_frame(frame, loop.now()); });
+                [&](const CanFrame& frame) { current->on_frame(frame, loop.now()); });
   std::vector<CanFrame> out;
   loop.every(loop.now(), kTick, Priority::node, [&](Instant) {
     out.clear();
-    probe.tick(loop.now(), out);
+    current->tick(loop.now(), out);
     for (const CanFrame& frame : out) {
       assert(is_upload_request(frame));  // nothing else may leave, whatever Probe does
       port.send(frame);
     }
-    if (probe.done(loop.now())) loop.stop();
+    if (current->done(loop.now())) loop.stop();
   });
-  loop.run();
-  if (loop.signal() != 0) throw std::runtime_error("interrupted");
+  const auto run = [&loop] {
+    loop.run();
+    if (loop.signal() != 0) throw std::runtime_error("interrupted");
+  };
+  run();
 
   const std::vector<ProbedNode> report = probe.report();
-  fmt::print("{}", options.scan ? format_scan(report, probe.heard())
-                                : format_probe(report, probe.heard(), config ? config->name : ""));
+  std::set<int> heard = probe.heard();
+  std::string others;
+  if (!options.scan && !std::all_of(report.begin(), report.end(), has_answered)) {
+    Probe scan = Probe::scan(loop.now());
+    current = &scan;
+    run();
+    heard.insert(scan.heard().begin(), scan.heard().end());
+    const std::vector<ProbedNode> all = scan.report();
+    if (std::any_of(all.begin(), all.end(), has_answered)) {
+      others = "\nWho is on this bus:\n" + format_scan(all, heard);
+    }
+  }
+  fmt::print("{}{}",
+             options.scan ? format_scan(report, heard)
+                          : format_probe(report, heard, config ? config->name : ""),
+             others);
   if (port.state() != CanState::up) {
     fmt::print("\n{} is {}\n", options.interface, to_string(port.state()));
   }

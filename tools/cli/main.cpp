@@ -74,6 +74,8 @@ int main(int argc, char** argv) {
   add_view_command(app, action);
   add_spy_command(app, action);
   add_echo_command(app, action);
+  add_record_command(app, action);
+  add_lcm_route_command(app, action);
   add_log_command(app, action);
   add_can_command(app, action);
   add_netem_command(app, action);

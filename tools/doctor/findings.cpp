@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 
 #include "common/lcm/lcm_url.hpp"
 
@@ -16,16 +17,29 @@ using Verdict = DoctorFinding::Verdict;
 constexpr std::int64_t kLeastBuffer_bytes = 2'097'152, kGoodBuffer_bytes = 8'388'608;
 /// Plans break at a clock 0.2 s off; a tenth of it is left to the clock.
 constexpr double kClockError_ms = 20.0;
+/// A setpoint that comes later than this part of a cycle moves visibly in the drive's ramp.
+constexpr double kGoodShareOfCycle = 0.25;
 
 DoctorFinding multicast(const Machine& m) {
   const std::string group = multicast_group(m.lcm_url);
   if (group.empty()) return {Verdict::good, "multicast", m.lcm_url + " needs none", ""};
+  const bool stays_here = lcm_option(m.lcm_url, "ttl") == 0;
+  if (m.multicast_interface == "lo") {
+    const std::string what =
+        fmt::format("{} is reached by the loopback interface: this host alone", group);
+    if (stays_here) return {Verdict::good, "multicast", what, ""};
+    return {Verdict::note, "multicast", what + ", though the LCM network has ttl=1 or more",
+            fmt::format("sudo ip route del {}/32 dev lo; or ttl=0", group)};
+  }
   if (!m.multicast_by.empty()) {
-    const bool loopback = m.multicast_by == "0.0.0.0" || m.multicast_by.starts_with("127.");
-    return {Verdict::good, "multicast",
-            fmt::format("{} is reached by {}", group,
-                        loopback ? "the loopback interface: this host alone" : m.multicast_by),
-            ""};
+    const std::string what =
+        fmt::format("{} is reached by {}{}", group, m.multicast_by,
+                    m.multicast_interface.empty() ? "" : ", " + m.multicast_interface);
+    if (!stays_here) return {Verdict::good, "multicast", what, ""};
+    return {m.multicast_by_radio ? Verdict::wrong : Verdict::note, "multicast",
+            what + ": LCM's own programs go deaf when that goes down",
+            "sudo systemctl enable --now tether-host; or, until this host restarts: sudo "
+            "tether-vehicle lcm-route"};
   }
   return {Verdict::wrong, "multicast",
           fmt::format("no route to {}: {}", group, m.multicast_trouble),
@@ -142,10 +156,17 @@ DoctorFinding versions(const Machine& m) {
 
 DoctorFinding programs(const Machine& m) {
   if (m.missing_programs.empty()) return {Verdict::good, "programs", "all are there", ""};
-  return {
-      Verdict::note, "programs", fmt::format("missing: {}", fmt::join(m.missing_programs, ", ")),
-      "gnuplot-nox draws figures, default-jre runs lcm-spy, liblcm-bin has lcm-logger, iproute2 "
-      "ip"};
+  static const std::map<std::string, std::string> kPackages{
+      {"gnuplot", "gnuplot-nox draws figures"},
+      {"ip", "iproute2 sets up interfaces"},
+      {"java", "default-jre runs lcm-spy"},
+      {"lcm-logplayer", "liblcm-bin replays recordings"},
+      {"nft", "nftables keeps other hosts' datagrams from LCM's own programs"}};
+  std::vector<std::string> remedies;
+  for (const std::string& program : m.missing_programs) remedies.push_back(kPackages.at(program));
+  return {Verdict::note, "programs",
+          fmt::format("missing: {}", fmt::join(m.missing_programs, ", ")),
+          fmt::format("sudo apt install: {}", fmt::join(remedies, ", "))};
 }
 
 const char* word_of(Verdict verdict) {
@@ -166,6 +187,22 @@ std::vector<DoctorFinding> findings_of(const Machine& machine) {
   return {multicast(machine),  messages(machine), buffers(machine),
           clock(machine),      can(machine),      rights(machine),
           processors(machine), versions(machine), programs(machine)};
+}
+
+DoctorFinding finding_of(const Latency& latency, double cycle_ms) {
+  const std::string what = fmt::format(
+      "worst {:.2f} ms, 99.9 % below {:.2f} ms, of {} wake-ups in {:.0f} s under load{}, at a "
+      "cycle of {:g} ms",
+      latency.worst_ms, latency.p999_ms, latency.wakeups, latency.seconds,
+      latency.is_realtime ? "" : " without SCHED_FIFO and locked memory", cycle_ms);
+  if (latency.worst_ms <= kGoodShareOfCycle * cycle_ms) return {Verdict::good, "latency", what, ""};
+  const std::string to_do =
+      !latency.is_realtime ? "as root, or with LimitRTPRIO=50 and LimitMEMLOCK=infinity"
+      : latency.realtime_kernel
+          ? "a processor of its own: isolcpus=, and CPUAffinity= in a drop-in"
+          : "a PREEMPT_RT kernel: sudo apt install linux-image-rt-amd64; or a processor "
+            "of its own: isolcpus=, and CPUAffinity= in a drop-in";
+  return {latency.worst_ms <= cycle_ms ? Verdict::note : Verdict::wrong, "latency", what, to_do};
 }
 
 std::string text_of(const std::vector<DoctorFinding>& findings) {

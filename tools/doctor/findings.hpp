@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/doctor/latency.hpp"
 #include "tools/doctor/machine.hpp"
 
 namespace tether {
@@ -22,6 +23,9 @@ struct DoctorFinding {
 
 /// What is to be said of a machine, always in the same order. Pure.
 std::vector<DoctorFinding> findings_of(const Machine& machine);
+
+/// Whether a machine of that latency keeps control cycles of `cycle_ms`. Pure.
+DoctorFinding finding_of(const Latency& latency, double cycle_ms);
 
 /// A line each: "wrong  multicast  no route …; sudo ip route add …".
 std::string text_of(const std::vector<DoctorFinding>& findings);

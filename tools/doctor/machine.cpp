@@ -24,6 +24,7 @@
 
 #include "common/base/share.hpp"
 #include "common/base/text.hpp"
+#include "common/lcm/host_routes.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udp_sockets.hpp"
 #include "common/lcm/udpm_bus.hpp"
@@ -45,6 +46,16 @@ std::string word_in(const fs::path& file) {
   return word;
 }
 
+bool is_radio(const std::string& interface) {
+  const fs::path folder = fs::path("/sys/class/net") / interface;
+  if (fs::exists(folder / "wireless") || fs::exists(folder / "phy80211")) return true;
+  std::ifstream events(folder / "uevent");
+  for (std::string line; std::getline(events, line);) {
+    if (line == "DEVTYPE=wlan" || line == "DEVTYPE=wwan") return true;
+  }
+  return false;
+}
+
 /// A socket that is connected to the group has the address by which it would send.
 void find_route(Machine& machine) {
   const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
@@ -55,6 +66,8 @@ void find_route(Machine& machine) {
     machine.multicast_trouble = std::generic_category().message(errno);
   } else if (getsockname(fd, reinterpret_cast<sockaddr*>(&own), &size) == 0) {
     machine.multicast_by = inet_ntoa(own.sin_addr);
+    machine.multicast_interface = outgoing_interface(group.sin_addr);
+    machine.multicast_by_radio = is_radio(machine.multicast_interface);
   }
   close(fd);
 }
@@ -174,9 +187,9 @@ Machine examine(const std::string& lcm_url, const std::string& can_interface) {
   look_at_can(machine);
   look_at_rights(machine);
   look_at_processors(machine);
-  std::vector<const char*> programs{"lcm-logger", "ip"};
+  std::vector<const char*> programs{"ip", "nft"};
   if (fs::exists(executable_folder() / "tether")) {  // not a vehicle's computer
-    programs.insert(programs.end(), {"gnuplot", "java"});
+    programs = {"ip", "gnuplot", "java", "lcm-logplayer"};
   }
   for (const char* program : programs) {
     if (find_program(program).empty()) machine.missing_programs.emplace_back(program);

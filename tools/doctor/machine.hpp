@@ -18,8 +18,10 @@ struct Machine {
 
   std::string lcm_url;       ///< as it was asked about
   std::string multicast_by;  ///< address by which datagrams to the group leave; empty: no route
-  std::string multicast_trouble;  ///< why there is no route
-  std::string port_trouble;       ///< why the port cannot be listened to; empty: it can
+  std::string multicast_trouble;    ///< why there is no route
+  std::string multicast_interface;  ///< by which they leave; empty: not known
+  bool multicast_by_radio = false;  ///< that interface is a radio's
+  std::string port_trouble;         ///< why the port cannot be listened to; empty: it can
   /// How long a message took to come back on the network; none: it did not within kPatience.
   std::optional<double> echo_ms;
 

@@ -239,10 +239,15 @@ TEST(Probe, ListensForHeartbeatsEvenIfAllIsReadSoon) {
   }
   probe.on_frame(canopen::heartbeat_frame(1, canopen::NmtState::pre_operational), probed_at(1700));
   probe.on_frame(canopen::heartbeat_frame(4, canopen::NmtState::operational), probed_at(1700));
+  CanFrame answer;  // to another master
+  answer.id = 0x586;
+  answer.size = 8;
+  answer.data[0] = 0x60;
+  probe.on_frame(answer, probed_at(1700));
   probe.tick(probed_at(1900), out);
   ASSERT_TRUE(probe.done(probed_at(1900)));
   EXPECT_EQ(probe.report()[0].nmt, canopen::NmtState::pre_operational);
-  EXPECT_EQ(probe.heard(), (std::set<int>{1, 4}));
+  EXPECT_EQ(probe.heard(), (std::set<int>{1, 4, 6}));
   EXPECT_EQ(out.size(), 6U);
 }
 

@@ -5,7 +5,9 @@
 namespace tether {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 using Verdict = DoctorFinding::Verdict;
 
 /// On which everything works.
@@ -66,6 +68,21 @@ TEST(Doctor, SaysHowToMakeARouteWhereThereIsNone) {
   EXPECT_EQ(about(m, "messages").verdict, Verdict::note);
 }
 
+TEST(Doctor, FailsWhereAnLcmNetworkOfThisHostLeavesByARadio) {
+  Machine m = sound();
+  m.lcm_url = "udpm://239.255.76.67:7667?ttl=0";
+  m.multicast_interface = "wlan0";
+  m.multicast_by_radio = true;
+  expect(m, "multicast", Verdict::wrong, "enable --now tether-host");
+  EXPECT_THAT(about(m, "multicast").what, HasSubstr("is reached by 10.0.0.2, wlan0: LCM's own"));
+  m.multicast_by_radio = false;
+  expect(m, "multicast", Verdict::note, "tether-vehicle lcm-route");
+  m.multicast_interface = "lo";
+  expect(m, "multicast", Verdict::good, "");
+  m.lcm_url = "udpm://239.255.76.67:7667?ttl=1";
+  expect(m, "multicast", Verdict::note, "ip route del 239.255.76.67/32 dev lo");
+}
+
 TEST(Doctor, TellsAFirewallFromATakenPort) {
   Machine m = sound();
   m.echo_ms.reset();
@@ -115,6 +132,28 @@ TEST(Doctor, NamesTheRightsAndTheGovernorsThatAreNotAsTheyShouldBe) {
   expect(m, "processors", Verdict::note, "performance");
   m.missing_programs = {"java"};
   expect(m, "programs", Verdict::note, "default-jre");
+  EXPECT_THAT(about(m, "programs").to_do, Not(HasSubstr("gnuplot")));
+}
+
+TEST(Doctor, SaysWhetherALatencyFitsTheCycle) {
+  Latency l{
+      .wakeups = 10000, .worst_ms = 4.9, .p999_ms = 0.2, .seconds = 10.0, .is_realtime = true};
+  const DoctorFinding good = finding_of(l, 20.0);
+  EXPECT_EQ(good.verdict, Verdict::good);
+  EXPECT_EQ(good.what,
+            "worst 4.90 ms, 99.9 % below 0.20 ms, of 10000 wake-ups in 10 s under load, at a cycle "
+            "of 20 ms");
+  const DoctorFinding late = finding_of(l, 10.0);
+  EXPECT_EQ(late.verdict, Verdict::note);
+  EXPECT_THAT(late.to_do, HasSubstr("PREEMPT_RT"));
+  l.realtime_kernel = true;
+  EXPECT_THAT(finding_of(l, 10.0).to_do,
+              AllOf(HasSubstr("isolcpus"), Not(HasSubstr("PREEMPT_RT"))));
+  l.is_realtime = false;
+  const DoctorFinding wrong = finding_of(l, 4.0);
+  EXPECT_EQ(wrong.verdict, Verdict::wrong);
+  EXPECT_THAT(wrong.to_do, HasSubstr("LimitRTPRIO"));
+  EXPECT_THAT(wrong.what, HasSubstr("without SCHED_FIFO"));
 }
 
 TEST(Doctor, WritesAVerdictAndWhatToDoToEach) {

@@ -7,6 +7,7 @@
 
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/cli_range.hpp"
 #include "tools/cli/vehicle/vehicle_commands.hpp"
 #include "tools/doctor/findings.hpp"
 
@@ -16,10 +17,19 @@ namespace {
 struct DoctorOptions {
   std::string lcm_url = kDefaultLcmUrl;
   std::string can;
+  bool realtime = false;
+  double seconds = 10.0;
+  double cycle_ms = 20.0;
 };
 
 int doctor(const DoctorOptions& options) {
-  const auto findings = findings_of(examine(options.lcm_url, options.can));
+  const Machine machine = examine(options.lcm_url, options.can);
+  auto findings = findings_of(machine);
+  if (options.realtime) {
+    Latency latency = measure_latency(from_seconds(options.seconds));
+    latency.realtime_kernel = machine.realtime_kernel;
+    findings.push_back(finding_of(latency, options.cycle_ms));
+  }
   fmt::print("{}", text_of(findings));
   return is_anything_wrong(findings) ? kExitFailed : kExitOk;
 }
@@ -34,6 +44,19 @@ void add_doctor_command(CLI::App& tether, Action& action) {
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
   command->add_option("--can", options->can, "a CAN interface that must be up, such as can0");
+  CLI::Option* const realtime =
+      command->add_flag("--realtime", options->realtime,
+                        "also measure how late the loop that steers wakes up while all processors "
+                        "and the disk are busy; not "
+                        "while a vehicle drives");
+  command->add_option("--seconds", options->seconds, "for so long")
+      ->check(number_between(1.0, 3600.0))
+      ->needs(realtime)
+      ->capture_default_str();
+  command->add_option("--cycle-ms", options->cycle_ms, "the bridge's cycle, can.cycle_ms")
+      ->check(number_between(1.0, 1000.0))
+      ->needs(realtime)
+      ->capture_default_str();
   command->footer("Exit code: 1 if anything is wrong.");
   command->callback([options, &action] { action = [options] { return doctor(*options); }; });
 }

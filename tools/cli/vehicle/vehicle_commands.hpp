@@ -11,5 +11,7 @@ namespace tether {
 void add_can_command(CLI::App& tether, Action& action);
 void add_doctor_command(CLI::App& tether, Action& action);
 void add_echo_command(CLI::App& tether, Action& action);
+void add_lcm_route_command(CLI::App& tether, Action& action);
+void add_record_command(CLI::App& tether, Action& action);
 
 }  // namespace tether
