@@ -108,7 +108,7 @@ TEST(JsonSchema, SaysWhatTheLcmFileSays) {
   const std::string session = pose["properties"]["plan_session"]["description"];
   EXPECT_TRUE(session.starts_with("The plan (plan_t) that")) << session;
   const auto state = schema_of("drivetrain_state_t")["properties"]["state"];
-  EXPECT_EQ(state["oneOf"].size(), 8U);
+  EXPECT_EQ(state["oneOf"].size(), 9U);
   EXPECT_EQ(state["oneOf"][4]["title"], "ARMED");
   EXPECT_EQ(state["oneOf"][4]["const"], 4);
   EXPECT_EQ(schema_of("plan_t")["properties"]["v_mps"]["items"]["type"], "number");
