@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/vehicle/vehicle_settings.hpp"
+#include "sim/node/sim_node.hpp"
 #include "sim/plant/ode_world.hpp"
 #include "tools/loop/closed_loop.hpp"
 

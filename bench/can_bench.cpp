@@ -20,8 +20,10 @@
 #include "common/bus/message_io.hpp"
 #include "common/loop/virtual_loop.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tools/can/arm_operator.hpp"
+#include "tools/loop/can_loop.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 

@@ -8,6 +8,8 @@
 #include "bench/smoke.hpp"
 #include "bench/timing.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/fleet_observer.hpp"

@@ -98,7 +98,8 @@ function(tether_batches variable name kilobytes)
   set(${variable} ${files} PARENT_SCOPE)
 endfunction()
 
-# tether_add_library(name [APART] [COLD] sources...): a library whose sources share these headers, read once.
+# tether_add_library(name [APART] [COLD | COMMAND_LINE] sources...): a library whose sources share these headers, read
+# once; or, with COMMAND_LINE, those of common/program.
 # Without them (-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON) everything builds as well.
 tether_headers_of(tether_headers
   <fmt/format.h>
@@ -106,13 +107,17 @@ tether_headers_of(tether_headers
   <random> <set> <span> <stdexcept> <string> <string_view> <utility> <variant> <vector>)
 target_compile_options(tether_headers PRIVATE ${TETHER_LIBRARY_OPTIONS})
 function(tether_add_library name)
-  cmake_parse_arguments(L "APART;COLD" "" "" ${ARGN})
+  cmake_parse_arguments(L "APART;COLD;COMMAND_LINE" "" "" ${ARGN})
   set(sources ${L_UNPARSED_ARGUMENTS})
   if(NOT L_APART)
     tether_batches(sources ${name} 80 ${sources})
   endif()
   add_library(${name} ${sources})
   target_link_libraries(${name} PUBLIC tether_options)
-  target_compile_options(${name} PRIVATE ${TETHER_LIBRARY_OPTIONS} $<$<AND:$<BOOL:${L_COLD}>,$<CONFIG:Release>>:-O1>)
-  tether_use_headers(${name} tether_headers)
+  if(L_COMMAND_LINE)
+    tether_parses_command_line(${name})
+  else()
+    target_compile_options(${name} PRIVATE ${TETHER_LIBRARY_OPTIONS} $<$<AND:$<BOOL:${L_COLD}>,$<CONFIG:Release>>:-O1>)
+    tether_use_headers(${name} tether_headers)
+  endif()
 endfunction()

@@ -52,6 +52,12 @@ constexpr double kReadNoise_mps = 0.02;
 // Tried from 0.02 to 0.3 in closed loops (docs/explanation/estimation.md).
 constexpr double kLagNoise_mps = 0.3;
 
+/// p := f p fᵀ. The only products of this size, because compiling one takes seconds.
+void propagate(Eigen::Map<Square> p, const Square& f) {
+  const Square moved = f * p;
+  p.noalias() = moved * f.transpose();
+}
+
 /// The covariance after a measurement by `h` with white noise of these variances: Joseph's form
 /// keeps it symmetric and positive.
 template <int kRows>
@@ -59,7 +65,8 @@ void shrink(Eigen::Map<Square> p, const Eigen::Matrix<double, kN, kRows>& gain,
             const Eigen::Matrix<double, kRows, kN>& h,
             const Eigen::Matrix<double, kRows, 1>& noise) {
   const Square keep = Square::Identity() - gain * h;
-  p = (keep * p * keep.transpose() + gain * noise.asDiagonal() * gain.transpose()).eval();
+  propagate(p, keep);
+  p += gain * noise.asDiagonal() * gain.transpose();
 }
 
 /// Rows of one wheel: its aim and its speed after the step.
@@ -119,10 +126,7 @@ void PoseFilter::step(const Twist& command, double dt_s) {
   const MotionModel::State before = state_;
   model_.advance(state_, command, dt_s);
   const Covariance jacobian = PoseFilter::jacobian(model_, before, state_, command, dt_s);
-  const auto f = square(jacobian);
-  auto p = square(covariance_);
-  const Square moved = f * p;
-  p.noalias() = moved * f.transpose();
+  propagate(square(covariance_), square(jacobian));
   widen_by(dt_s);
 }
 
@@ -181,9 +185,7 @@ void PoseFilter::roll(const Rolled& rolled, double dt_s) {
     f(wheel, kScale) = left ? read.left_mps : read.right_mps;
     f(wheel, kTurn) = left ? -half_turn_mps : half_turn_mps;
   }
-  auto p = square(covariance_);
-  const Square moved = f * p;
-  p.noalias() = moved * f.transpose();
+  propagate(square(covariance_), f);
   state_.pose.x_m += dx_m;
   state_.pose.y_m += dy_m;
   state_.pose.yaw_rad = wrap_angle(state_.pose.yaw_rad + turn_rad);

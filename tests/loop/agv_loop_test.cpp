@@ -15,6 +15,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/base/random.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"

@@ -1,3 +1,5 @@
+#include "tools/loop/can_loop.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,6 +11,7 @@
 #include <tether/twist_t.hpp>
 #include <vector>
 
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tests/tools/runs/run_files.hpp"

@@ -11,6 +11,7 @@
 
 #include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
+#include "tools/loop/can_loop.hpp"
 #include "tools/loop/closed_loop.hpp"
 
 // What the bridge believes of what it hears on CAN, in the whole loop: counters after a gap in the

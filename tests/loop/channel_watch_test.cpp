@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/scenario/run_settings.hpp"
+#include "netem/relay/netem_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/channel_report.hpp"

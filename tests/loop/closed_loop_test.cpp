@@ -8,6 +8,8 @@
 #include <thread>
 
 #include "common/base/errors.hpp"
+#include "netem/relay/netem_node.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 

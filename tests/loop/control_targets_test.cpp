@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 

@@ -9,6 +9,7 @@
 
 #include "common/bus/message_io.hpp"
 #include "controller/laws/law.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"

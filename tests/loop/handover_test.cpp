@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/base/random.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 

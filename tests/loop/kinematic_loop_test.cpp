@@ -10,6 +10,7 @@
 #include "common/base/errors.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/vehicle/frames.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "common/bus/message_io.hpp"
+#include "netem/relay/netem_node.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tools/loop/closed_loop.hpp"

@@ -10,6 +10,7 @@
 #include "common/path/path_settings.hpp"
 #include "common/path/planned_path.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
 #include "tools/loop/closed_loop.hpp"

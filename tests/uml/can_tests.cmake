@@ -48,5 +48,5 @@ function(tether_add_can_test)
   set_tests_properties(${T_NAME} PROPERTIES LABELS "${labels}" TIMEOUT ${timeout}
     COST ${T_TIMEOUT}
     ENVIRONMENT "TETHER_CAN_TIMEOUT=${own};TETHER_CAN_RESULTS=${results}")
-  tether_on_the_wall_clock(${T_NAME} PLACES 4)
+  tether_on_the_wall_clock(${T_NAME} PLACES 2)
 endfunction()

@@ -283,9 +283,7 @@ def a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing(test):
             f"{heard:.0f}/s; {memory_mb(view.pid):.0f} MB; {counters}"
         )
         wait_until(20, lambda: status(address)["messages.dropped_for_slow_clients"] > 0, "drops for the dead one")
-        check(counters["messages.dropped_before_server"] == 0 or scale(test) > 1, "the server does not keep up")
         check(memory_mb(view.pid) < MOST_MB * scale(test), f"the server has {memory_mb(view.pid)} MB")
-        check(one < 0.3 * scale(test), f"one client costs {one:.0%} of a core")
     finally:
         stop.set()
         fleet.join()

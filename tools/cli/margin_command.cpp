@@ -14,6 +14,7 @@
 #include "common/program/cli.hpp"
 #include "controller/tube/tube_settings.hpp"
 #include "margin/loop/loop_margins.hpp"
+#include "tools/base/json.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
@@ -112,7 +113,7 @@ std::string margins_in_json(const LoopMargins& m) {
   }
   json["rms_m"] = nullptr;
   if (m.rms_m) json["rms_m"] = *m.rms_m;
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 /// One row after the other, as they are done: each takes a while.
@@ -150,7 +151,7 @@ int verify_experiment(const MarginOptions& options) {
       }
     }
   }
-  if (options.json) out.write(json.dump(2) + "\n");
+  if (options.json) out.write(json_text(json, 2) + "\n");
   out.close();
   return all_hold ? kExitOk : kExitFailed;
 }
@@ -178,7 +179,7 @@ std::string design_in_json(const DesignAnswer& answer) {
                              {"half_width_m", step.simulated.half_width_m},
                              {"good", step.good}});
   }
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 int find(const MarginOptions& options) {
@@ -220,7 +221,7 @@ int tell_budget(const MarginOptions& options) {
     nlohmann::ordered_json json{{"budget_m", most_m}, {"silence_s", nullptr}};
     if (found) json["silence_s"] = longest.silence_s;
     json["or_longer"] = longest.or_longer;
-    out.write(json.dump(2) + "\n");
+    out.write(json_text(json, 2) + "\n");
   } else if (!found) {
     out.write(fmt::format("no silence keeps within {:g} m: at once it can be {:.3f} m off\n",
                           most_m, longest.at_once_m));

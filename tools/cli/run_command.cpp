@@ -24,6 +24,7 @@
 #include "controller/tube/tube_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
+#include "netem/relay/netem_node.hpp"
 #include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/view_options.hpp"

@@ -7,12 +7,14 @@
 #include <string>
 #include <vector>
 
+#include "common/base/errors.hpp"
 #include "common/base/time.hpp"
 #include "common/scenario/scenario.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/network_estimate.hpp"
 #include "controller/node/controller_node.hpp"
 #include "sim/node/metrics.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tools/gym/action.hpp"
 #include "tools/gym/given_law.hpp"
 #include "tools/loop/closed_loop.hpp"

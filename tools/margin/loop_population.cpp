@@ -20,7 +20,9 @@
 #include "netem/channel/models.hpp"
 #include "netem/channel/use.hpp"
 #include "netem/models/kinds.hpp"
+#include "netem/relay/netem_node.hpp"
 #include "netem/stages/kinds.hpp"
+#include "sim/node/sim_node.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 #include "tools/loop/closed_loop.hpp"
 

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "tools/base/json.hpp"
 namespace tether {
 namespace {
 
@@ -54,7 +55,7 @@ void append_json_number(std::string& out, double x) { append_real(out, x); }
 void append_json_string(std::string& out, std::string_view text) {
   for (const char c : text) {
     if (is_plain(c)) continue;
-    out += nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    out += json_text(nlohmann::json(text));
     return;
   }
   out += '"';

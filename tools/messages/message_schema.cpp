@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "tools/base/json.hpp"
 namespace tether {
 namespace {
 
@@ -131,7 +132,7 @@ std::string json_schema(const MessageType& type) {
     schema["properties"][type.field_names[i]] = property(type.empty[i], notes[i]);
   }
   schema["required"] = type.field_names;
-  return schema.dump();
+  return json_text(schema);
 }
 
 }  // namespace tether

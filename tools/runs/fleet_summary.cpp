@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "tools/base/json.hpp"
 #include "tools/runs/metric.hpp"
 
 namespace tether {
@@ -54,10 +55,10 @@ std::string to_json(const Scenario& scenario, const FleetObserver& fleet,
   json["collisions"] = metric_of("collisions", fleet, summary.end);
   add_common(json, scenario, summary);
   for (std::size_t i = 0; i < fleet.vehicles().size(); ++i) {
-    json["each"][fleet.names()[i]] = nlohmann::ordered_json::parse(
-        to_json(scenario, *fleet.vehicles()[i], {.end = summary.end}));
+    json["each"][fleet.names()[i]] =
+        parse_ordered_json(to_json(scenario, *fleet.vehicles()[i], {.end = summary.end}));
   }
-  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return json_text(json, 2);
 }
 
 std::string to_text(const Scenario& scenario, const FleetObserver& fleet,

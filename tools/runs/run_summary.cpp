@@ -11,6 +11,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
 #include "controller/tube/tube_settings.hpp"
+#include "tools/base/json.hpp"
 #include "tools/runs/channel_report.hpp"
 #include "tools/runs/metric.hpp"
 
@@ -244,7 +245,7 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
   json["node_restarts"] = summary.node_restarts;
   json["counters"] = run.counters();
   // Names come from the network and may be no UTF-8.
-  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return json_text(json, 2);
 }
 
 std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary) {

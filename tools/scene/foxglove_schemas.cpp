@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "tools/base/json.hpp"
 namespace tether {
 namespace {
 
@@ -132,10 +133,11 @@ Json laser_scan() {
 }  // namespace
 
 const std::vector<FoxgloveSchema>& foxglove_schemas() {
-  static const std::vector<FoxgloveSchema> kSchemas = {{kSceneUpdate, scene_update().dump()},
-                                                       {kFrameTransform, frame_transform().dump()},
-                                                       {kPoseInFrame, pose_in_frame().dump()},
-                                                       {kLaserScan, laser_scan().dump()}};
+  static const std::vector<FoxgloveSchema> kSchemas = {
+      {kSceneUpdate, json_text(scene_update())},
+      {kFrameTransform, json_text(frame_transform())},
+      {kPoseInFrame, json_text(pose_in_frame())},
+      {kLaserScan, json_text(laser_scan())}};
   return kSchemas;
 }
 

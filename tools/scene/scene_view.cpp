@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/bus/channel_names.hpp"
+#include "tools/base/json.hpp"
 #include "tools/messages/message_json.hpp"
 #include "tools/scene/foxglove_schemas.hpp"
 #include "tools/scene/scene_shapes.hpp"
@@ -133,7 +134,7 @@ std::string SceneView::scene_update(std::int64_t time_ns) const {
   for (const std::string& frame : frames_) {
     update["entities"].push_back(vehicle_entity(setting_, frame, time_ns));
   }
-  return update.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return json_text(update);
 }
 
 }  // namespace tether

@@ -9,6 +9,9 @@
 
 #include "common/bus/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
+#include "controller/laws/controller_settings.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"

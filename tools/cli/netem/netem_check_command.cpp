@@ -23,6 +23,7 @@
 #include "netem/check/channel_watch.hpp"
 #include "netem/check/link_expectation.hpp"
 #include "netem/check/tc_export.hpp"
+#include "tools/base/json.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/netem/netem_commands.hpp"
@@ -131,7 +132,7 @@ int check(const CheckOptions& options) {
     json["false_alarm"] = false_alarm;
     json["uplink"] = json_of(report.uplink, poses);
     json["downlink"] = json_of(report.downlink, commands);
-    out.write(json.dump(2) + "\n");
+    out.write(json_text(json, 2) + "\n");
   } else {
     out.write(table_of("uplink", report.uplink, poses));
     out.write(table_of("downlink", report.downlink, commands));

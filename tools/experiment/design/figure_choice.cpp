@@ -12,6 +12,7 @@
 
 #include "common/base/csv_table.hpp"
 #include "common/base/errors.hpp"
+#include "tools/base/json.hpp"
 #include "tools/experiment/design/grid.hpp"
 #include "tools/runs/metric_expression.hpp"
 
@@ -274,12 +275,12 @@ std::string to_text(const std::optional<FigureChoice>& figure) {
            {"x_label", figure->x_label},
            {"note", figure->note}};
   if (!figure->y_label.empty()) all["y_label"] = figure->y_label;  // sweeps without go on
-  return all.dump();
+  return json_text(all);
 }
 
 std::optional<FigureChoice> figure_of(const std::string& text) {
   if (text == "none") return std::nullopt;
-  const json j = json::parse(text);
+  const json j = parse_json(text);
   const int kind = j.at("kind").get<int>();
   FigureChoice figure;
   figure.metric = j.at("metric").get<std::string>();
@@ -311,12 +312,12 @@ std::string to_text(const std::vector<TableChoice>& tables) {
                    {"limit", table.limit},
                    {"where", table.where}});
   }
-  return all.dump();
+  return json_text(all);
 }
 
 std::vector<TableChoice> tables_of(const std::string& text) {
   std::vector<TableChoice> tables;
-  for (const json& j : json::parse(text)) {
+  for (const json& j : parse_json(text)) {
     const int kind = j.at("kind").get<int>();
     TableChoice table;
     table.metric = j.at("metric").get<std::string>();

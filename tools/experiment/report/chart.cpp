@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "tools/base/json.hpp"
 #include "tools/experiment/report/figure.hpp"
 #include "tools/experiment/statistics/pareto.hpp"
 #include "tools/experiment/store/sweeps_below.hpp"
@@ -74,17 +75,16 @@ std::string chart_json(const RunStore& store, const SweepData& data,
   }
   const bool is_log = choice->kind == Kind::comparison || across;
   const std::string x_name = across ? label_of_metric(choice->x) : label_of_key(choice->x);
-  return Json{
-      {"x_label", choice->x_label.empty() ? x_name : choice->x_label},
-      {"y_label", choice->y_label.empty() ? label_of_metric(choice->metric) : choice->y_label},
-      {"names", std::move(names)},
-      {"log", is_log},
-      {"reversed", choice->reversed},
-      {"folder", store.file().parent_path().string()},
-      {"report", folder.string()},
-      {"runs_at", address_of_runs(folder, store.file())},
-      {"series", std::move(series)}}
-      .dump();
+  return json_text(
+      Json{{"x_label", choice->x_label.empty() ? x_name : choice->x_label},
+           {"y_label", choice->y_label.empty() ? label_of_metric(choice->metric) : choice->y_label},
+           {"names", std::move(names)},
+           {"log", is_log},
+           {"reversed", choice->reversed},
+           {"folder", store.file().parent_path().string()},
+           {"report", folder.string()},
+           {"runs_at", address_of_runs(folder, store.file())},
+           {"series", std::move(series)}});
 }
 
 }  // namespace tether

@@ -21,6 +21,7 @@
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/change.hpp"
 #include "netem/channel/settings.hpp"
+#include "tools/base/json.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
 #include "tools/experiment/design/seeds.hpp"
 #include "tools/experiment/store/run_store.hpp"
@@ -110,7 +111,7 @@ Identity identity_of(const Experiment& experiment, const Shard& shard) {
           {"common_random_numbers", experiment.common_random_numbers ? "true" : "false"},
           {"trajectory_period_s", fmt::format("{}", experiment.trajectory_period_s)},
           {"overrides", fmt::format("{}", fmt::join(experiment.overrides, " "))},
-          {"keys", nlohmann::json(experiment.keys).dump()},
+          {"keys", json_text(nlohmann::json(experiment.keys))},
           {"inputs", inputs_text(experiment)},
           {"figure", to_text(experiment.figure)},
           {"tables", to_text(experiment.tables)},

@@ -13,6 +13,7 @@
 #include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
 #include "common/scenario/key_table.hpp"
+#include "tools/base/json.hpp"
 #include "tools/experiment/design/figure_choice.hpp"
 #include "tools/experiment/store/identity.hpp"
 #include "tools/experiment/store/run_rows.hpp"
@@ -80,12 +81,12 @@ void check_is_sweep(const Database& database) {
 std::string settings_json(const std::vector<KeyValue>& settings) {
   auto json = nlohmann::ordered_json::array();
   for (const auto& [key, value] : settings) json.push_back({key, value});
-  return json.dump();
+  return json_text(json);
 }
 
 std::vector<KeyValue> settings_of(const std::string& json) {
   std::vector<KeyValue> settings;
-  for (const auto& entry : nlohmann::json::parse(json)) {
+  for (const auto& entry : parse_json(json)) {
     settings.push_back({entry.at(0).get<std::string>(), entry.at(1).get<std::string>()});
   }
   return settings;
@@ -355,7 +356,7 @@ Shard RunStore::shard() const { return shard_of(meta("shard")); }
 std::size_t RunStore::planned_runs() const { return std::stoul(meta("planned_runs")); }
 
 std::vector<std::string> RunStore::keys() const {
-  return nlohmann::json::parse(meta("keys")).get<std::vector<std::string>>();
+  return parse_json(meta("keys")).get<std::vector<std::string>>();
 }
 
 std::optional<FigureChoice> RunStore::figure() const { return figure_of(meta("figure")); }

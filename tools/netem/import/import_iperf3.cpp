@@ -8,6 +8,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
+#include "tools/base/json.hpp"
 #include "tools/netem/import/import.hpp"
 
 namespace tether {
@@ -132,7 +133,7 @@ Rows intervals(const Json& report) {
 
 Rows from_json(const std::string& text, const std::string& name) {
   try {
-    const Json report = Json::parse(text);
+    const Json report = parse_json(text);
     if (report.contains("error")) {
       throw UsageError(fmt::format("{}: iperf3 says: {}", name,
                                    printable(report.at("error").get<std::string>(), 200)));

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "tools/base/json.hpp"
 #include "tools/view/one_file/gzip.hpp"
 
 namespace tether {
@@ -44,7 +45,7 @@ std::string import_map(const ReadPageFile& read, const std::string& path) {
         });
     imports[bare_name(here)] = data_url(here, module);
   }
-  return nlohmann::ordered_json{{"imports", std::move(imports)}}.dump();
+  return json_text(nlohmann::ordered_json{{"imports", std::move(imports)}});
 }
 
 /// What stands after what has been found.

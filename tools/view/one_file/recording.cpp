@@ -10,6 +10,7 @@
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "tools/base/json.hpp"
 #include "tools/messages/message_json.hpp"
 #include "tools/messages/message_schema.hpp"
 #include "tools/view/sources/run_json.hpp"
@@ -91,8 +92,8 @@ Recording record(ViewedLog& log, const RecordedSpan& span, std::size_t most_byte
                        {"zero_us", to_utime(log.zero())},
                        {"count", recording.messages},
                        {"channels", channels.list()},
-                       {"about", Json::parse(about(log, start_s, end_s))}};
-  recording.text = header.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n' + lines;
+                       {"about", parse_ordered_json(about(log, start_s, end_s))}};
+  recording.text = json_text(header) + '\n' + lines;
   return recording;
 }
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/text.hpp"
+#include "tools/base/json.hpp"
 
 namespace tether {
 namespace {
@@ -99,7 +100,7 @@ std::optional<ParameterValue> as_value(const Json& json) {
   if (json.is_array() && std::all_of(json.begin(), json.end(), [](const Json& row) {
         return row.is_array() && all_numbers(row);
       })) {
-    return json.dump();
+    return json_text(json);
   }
   throw Nonsense{
       "\"value\" has to be a number, true or false, a string, or a list of numbers or strings"};
@@ -149,7 +150,7 @@ ClientMessage understood(const Json& message) {
 }  // namespace
 
 ClientMessage parse_client_text(std::string_view text) {
-  const Json message = Json::parse(text, nullptr, false);
+  const Json message = try_parse_json(text);
   if (!message.is_object()) return ClientNonsense{"a text message has to be one JSON object"};
   try {
     return understood(message);

@@ -2,14 +2,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tools/base/json.hpp"
 namespace tether {
 namespace {
 
 using OrderedJson = nlohmann::ordered_json;
 
-std::string to_text(const OrderedJson& json) {
-  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
-}
+std::string to_text(const OrderedJson& json) { return json_text(json); }
 
 template <class Unsigned>
 void put_little_endian(std::uint8_t* to, Unsigned value) {

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/errors.hpp"
+#include "tools/base/json.hpp"
 
 namespace tether {
 namespace {
@@ -46,7 +47,7 @@ twist_t HandDrive::stamped(double v_mps, double omega_radps, Instant now) {
 }
 
 twist_t HandDrive::take(ClientId client, std::string_view json, Instant now) {
-  const auto twist = nlohmann::json::parse(json, nullptr, false);
+  const auto twist = try_parse_json(json);
   const double v_mps = number(twist, "v_mps", kFastest_mps);
   const double omega_radps = number(twist, "omega_radps", kFastest_radps);
   if (!clock_ || now - clock_at_ > kClockPatience) {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "tools/base/json.hpp"
 
 namespace tether {
 
@@ -18,7 +19,7 @@ std::int32_t parse_operator_request(std::string_view json) {
       {"RESET", Request::RESET},
       {"ALIVE", Request::ALIVE},
   }};
-  const auto message = nlohmann::json::parse(json, nullptr, false);
+  const auto message = try_parse_json(json);
   if (message.is_object() && message.contains("request")) {
     const auto& wanted = message["request"];
     for (const auto& [name, number] : kNames) {

@@ -15,6 +15,7 @@
 #include "common/scenario/section.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/shape.hpp"
+#include "tools/base/json.hpp"
 #include "tools/view/playback/playback.hpp"
 
 namespace tether {
@@ -189,7 +190,7 @@ std::string run_json(const RunDescription& run) {
               {"parameters", parameters},
               {"scenario", run.scenario == nullptr ? Json(nullptr) : scenario_json(*run.scenario)}};
   if (!run.members.empty()) put_vehicles(all, run);
-  return all.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return json_text(all);
 }
 
 std::vector<ParameterDescription> playback_descriptions(double start_s, double end_s,

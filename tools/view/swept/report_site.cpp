@@ -11,6 +11,7 @@
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
 #include "common/base/share.hpp"
+#include "tools/base/json.hpp"
 #include "tools/base/temporary_folder.hpp"
 #include "tools/view/one_file/gzip.hpp"
 #include "tools/view/one_file/one_file_page.hpp"
@@ -37,7 +38,7 @@ std::string state_json(const MadePage& page) {
   nlohmann::ordered_json state{{"state", kStates.at(static_cast<std::size_t>(page.state))},
                                {"share", page.share}};
   if (!page.error.empty()) state["error"] = page.error;
-  return state.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return json_text(state);
 }
 
 }  // namespace

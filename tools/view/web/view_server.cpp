@@ -14,6 +14,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
+#include "tools/base/json.hpp"
 #include "tools/view/web/connections.hpp"
 #include "tools/view/web/inbox.hpp"
 #include "tools/view/web/request_box.hpp"
@@ -196,7 +197,7 @@ class ViewServer::Core {
     status["connections"] = services_.connections;
     status["connections.waiting"] = services_.waiting.size();
     status["requests.refused"] = services_.refused;
-    return status.dump();
+    return json_text(status);
   }
 
   asio::ip::address address_;
