@@ -2,6 +2,7 @@
 """Hostile, broken and slow clients of tether view: the run goes on and is what it says, the server lives
 and serves others, and keeps to its memory. Usage: hostile_test.py BIN_DIR"""
 
+import itertools
 import json
 import pathlib
 import random
@@ -15,6 +16,8 @@ from view_client import BINARY, PING, TEXT, Client, address_of, connected, frame
 from live_support import PAPER, POSE, check, main, wait_for_loop, wait_until
 
 VEHICLES, RATE_HZ, CLIENTS = 100, 50, 20
+HOSTILE = 1000  # sockets
+PRESSED_S = 0.1  # from a press to its effect, and from connecting to being in
 MOST_MB = 120  # of the server, with a client that reads nothing
 SANITIZERS_ARE_LARGER = 10  # and slower: AddressSanitizer keeps what is freed
 
@@ -156,6 +159,75 @@ def hostile_clients_harm_neither_the_run_nor_each_other(test):
     check(live.wait(10) == 0, f"exit code {live.process.returncode}: {live.err()}")
 
 
+def hostile_sockets(address, stop, said):
+    """Connections from ten addresses that say nothing, half a request or a byte: 500 are held, 500 opened again and
+    again."""
+    half = b"GET / HTTP/1.1\r\nHost: a\r\nX: "
+    sockets = []
+    for i in itertools.count():
+        if stop.is_set():
+            break
+        if len(sockets) >= HOSTILE:
+            sockets.pop(HOSTILE // 2).close()
+        raw = socket.socket()
+        raw.settimeout(2)
+        try:
+            raw.bind((f"127.0.0.{2 + i % 10}", 0))
+            raw.connect(address)
+            raw.sendall((b"", half, b"G")[i % 3])
+        except OSError:
+            raw.close()
+            continue
+        sockets.append(raw)
+        said[0] += 1
+        if len(sockets) == HOSTILE:
+            time.sleep(0.002)
+    for raw in sockets:
+        raw.close()
+
+
+def hostile_sockets_keep_nobody_out(test):
+    """A client that may pass gets in, and what it presses has its effect, beside 1000 that only connect."""
+    live = test.start("tether", "live", PAPER, "--set=sensor.rate_hz=20", "--duration=600", "--view", "--port=0")
+    wait_for_loop(test.network)
+    address = address_of(live)
+    stop, said = threading.Event(), [0]
+    attack = threading.Thread(target=hostile_sockets, args=(address, stop, said))
+    attack.start()
+    try:
+        wait_until(30, lambda: said[0] >= HOSTILE, "the hostile sockets")
+        comes_in, pressed = [], []
+        for attempt in range(20):
+            begin = time.monotonic()
+            owner = Client(address)
+            owner.wait(5, lambda: owner.channels, "channels")
+            comes_in.append(time.monotonic() - begin)
+            owner.send(op="getParameters", parameterNames=[], id="all")
+            owner.wait(2, lambda: "network.uplink.prr" in owner.parameters, "parameters")
+            prr = 0.5 + 0.02 * attempt
+            asked = time.time()
+            owner.set("network.uplink.prr", prr)
+            report = wait_until(2, lambda: next((m for m in test.network.messages("NET/UPLINK", since=asked)
+                                                 if abs(m.state_prr - prr) < 1e-9), None), "the new setting in force")
+            pressed.append(report.arrival - asked)
+            owner.close()
+        waiting = status(address)["connections.waiting"]
+        test.say(f"beside {said[0]} hostile sockets: in after {1e3 * max(comes_in):.0f} ms, in force after "
+                 f"{1e3 * max(pressed):.0f} ms at most; {waiting} wait")
+        check(max(comes_in) < PRESSED_S * scale(test), f"let in after {comes_in}")
+        check(max(pressed) < PRESSED_S * scale(test), f"in force after {pressed}")
+        slow = connected(address)
+        slow.sendall(b"GET / HTTP/1.1\r\n")
+        begin = time.monotonic()
+        wait_until(3, lambda: _ended(slow), "slow headers are cut off")
+        check(time.monotonic() - begin < 2.0 * scale(test), f"cut off after {time.monotonic() - begin:.1f} s")
+    finally:
+        stop.set()
+        attack.join()
+    live.kill(signal.SIGINT)
+    check(live.wait(10) == 0, f"exit code {live.process.returncode}: {live.err()}")
+
+
 def a_fleet(network, stop):
     """VEHICLES' poses at RATE_HZ, spread over the period."""
     due, seq = time.monotonic(), 0
@@ -217,4 +289,4 @@ def a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing(test):
         fleet.join()
 
 
-main(hostile_clients_harm_neither_the_run_nor_each_other, a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing)
+main(hostile_clients_harm_neither_the_run_nor_each_other, hostile_sockets_keep_nobody_out, a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing)

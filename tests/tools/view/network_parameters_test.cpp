@@ -109,6 +109,10 @@ TEST(ViewNetworkParameters, AreDescribedAsAPageHasToShowThem) {
   EXPECT_EQ(prr.kind, "number");
   EXPECT_EQ(prr.low, 0.0);
   EXPECT_EQ(prr.high, 1.0);
+  const auto& delay = by_name.at("network.uplink.delay_ms");  // 0 or a number in [1e-06, 1000000]
+  EXPECT_EQ(delay.kind, "number");
+  EXPECT_EQ(delay.low, 0.0);
+  EXPECT_EQ(delay.high, 1e6);
   EXPECT_EQ(by_name.at("network.uplink.queue_limit").kind, "whole number");
   EXPECT_EQ(by_name.at("network.uplink.queue_limit").low, 1.0);
   EXPECT_EQ(by_name.at("network.uplink.in_order").kind, "switch");

@@ -49,17 +49,18 @@ ParameterDescription described(const ScenarioKey& key) {
   d.allowed = key.allowed;
   d.meaning = key.meaning;
   d.can_be_set = !key.file;
-  static const Pattern kNumber(R"(a (?:finite )?(whole )?number(.*))");
+  static const Pattern kNumber(R"((0 or )?a (?:finite )?(whole )?number(.*))");
   static const Pattern kInterval(R"( in [\[(]([^,]+), ([^\]]+)\])");
   static const Pattern kAtLeast(R"( >=? ([^ ]+))");
   if (const auto number = kNumber.groups(key.allowed)) {
-    d.kind = number->at(0).empty() ? "number" : "whole number";
-    if (const auto ends = kInterval.groups(number->at(1))) {
+    d.kind = number->at(1).empty() ? "number" : "whole number";
+    if (const auto ends = kInterval.groups(number->at(2))) {
       d.low = to_number<double>(ends->at(0));
       d.high = to_number<double>(ends->at(1));
-    } else if (const auto low = kAtLeast.groups(number->at(1))) {
+    } else if (const auto low = kAtLeast.groups(number->at(2))) {
       d.low = to_number<double>(low->at(0));
     }
+    if (!number->at(0).empty()) d.low = 0.0;
   } else if (key.allowed == "true or false") {
     d.kind = "switch";
   } else if (key.allowed.starts_with("a list of")) {

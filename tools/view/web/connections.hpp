@@ -1,10 +1,12 @@
 #pragma once
 
+#include <boost/asio/ip/address.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
 #include <cstdint>
 #include <functional>
+#include <list>
 #include <map>
 #include <memory>
 #include <string>
@@ -16,6 +18,29 @@
 
 namespace tether {
 
+/// A connection that has sent no request that may pass: anybody's.
+struct WaitingConnection {
+  boost::asio::ip::address from;
+  std::function<void()> close;
+};
+
+/// Connections that wait, oldest first. When there are too many of one address, or in all, the
+/// oldest of that address, or of the one that has most, is closed: who opens connections and sends
+/// nothing takes the place of its own.
+class WaitingRoom {
+ public:
+  static constexpr std::size_t kMostOfOneAddress = 64;
+  static constexpr std::size_t kMost = 256;
+
+  /// Returns the one that has to be closed, if there is one; it has left.
+  std::shared_ptr<WaitingConnection> enter(std::shared_ptr<WaitingConnection> connection);
+  void leave(const std::shared_ptr<WaitingConnection>& connection);
+  std::size_t size() const { return waiting_.size(); }
+
+ private:
+  std::list<std::shared_ptr<WaitingConnection>> waiting_;
+};
+
 /// What connections share; all of it belongs to the server's thread.
 struct ViewServices {
   Hub& hub;
@@ -26,7 +51,8 @@ struct ViewServices {
   std::function<std::string()> status_json;
   std::size_t most_connections = 0;
 
-  std::size_t connections = 0;
+  std::size_t connections = 0;  ///< of clients that may pass
+  WaitingRoom waiting = {};
   std::int64_t refused = 0;
   /// Sends what waits for each client.
   std::map<ClientId, std::function<void()>> pumps = {};

@@ -1,10 +1,12 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <chrono>
+#include <map>
 #include <optional>
 
 #include "tools/view/protocol/server_message.hpp"
@@ -19,8 +21,10 @@ using Error = boost::system::error_code;
 using Response = http::response<http::string_body>;
 
 constexpr std::uint32_t kMostHeaderBytes = 8 * 1024;
-/// For a request to come in whole, and for its answer to be taken.
+/// For a request to come in whole, and for its answer to be taken; of a client that may pass, …
 constexpr auto kPatience = std::chrono::seconds{10};
+/// … and of anybody else.
+constexpr auto kPatienceWithAnybody = std::chrono::milliseconds{1500};
 
 std::string_view text(beast::string_view s) { return {s.data(), s.size()}; }
 
@@ -28,15 +32,35 @@ std::string_view text(beast::string_view s) { return {s.data(), s.size()}; }
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
   HttpConnection(boost::asio::ip::tcp::socket socket, ViewServices& services)
-      : services_(services),
-        counted_(std::make_shared<CountedConnection>(services)),
-        stream_(std::move(socket)) {}
+      : services_(services), stream_(std::move(socket)) {}
+  ~HttpConnection() {
+    if (waiting_) services_.waiting.leave(waiting_);
+  }
+  HttpConnection(const HttpConnection&) = delete;
+  HttpConnection& operator=(const HttpConnection&) = delete;
 
+  void begin() {
+    Error error;
+    const auto from = stream_.socket().remote_endpoint(error).address();
+    if (error) return;  // it is gone already
+    waiting_ =
+        std::make_shared<WaitingConnection>(WaitingConnection{from, [weak = weak_from_this()] {
+                                                                if (const auto self = weak.lock())
+                                                                  self->cut_off();
+                                                              }});
+    if (const auto evicted = services_.waiting.enter(waiting_)) {
+      ++services_.refused;
+      evicted->close();
+    }
+    read();
+  }
+
+ private:
   void read() {
     parser_.emplace();
     parser_->header_limit(kMostHeaderBytes);
     parser_->body_limit(0);
-    stream_.expires_after(kPatience);
+    stream_.expires_after(patience());
     http::async_read(
         stream_, received_, *parser_, [self = shared_from_this()](const Error& error, std::size_t) {
           if (!error) return self->on_request();
@@ -47,7 +71,10 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
         });
   }
 
- private:
+  std::chrono::milliseconds patience() const {
+    return counted_ ? std::chrono::milliseconds{kPatience} : kPatienceWithAnybody;
+  }
+
   const UpgradeRequest& request() const { return parser_->get(); }
 
   void on_request() {
@@ -58,6 +85,15 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     if (!refused.empty()) {
       ++services_.refused;
       return answer(http::status::forbidden, refused + "\n");
+    }
+    if (!counted_) {
+      if (services_.connections >= services_.most_connections) {
+        ++services_.refused;
+        return answer(http::status::service_unavailable, "there are as many clients as may be\n");
+      }
+      services_.waiting.leave(waiting_);
+      waiting_.reset();
+      counted_ = std::make_shared<CountedConnection>(services_);
     }
     const bool is_post = services_.site && request().method() == http::verb::post;
     if (beast::websocket::is_upgrade(request()) && !services_.site) return upgrade();
@@ -129,7 +165,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   }
 
   void send() {
-    stream_.expires_after(kPatience);
+    stream_.expires_after(patience());
     http::async_write(stream_, *response_,
                       [self = shared_from_this()](const Error& error, std::size_t) {
                         if (error) return;
@@ -143,8 +179,14 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     stream_.socket().shutdown(boost::asio::ip::tcp::socket::shutdown_send, ignored);
   }
 
+  void cut_off() {
+    Error ignored;
+    stream_.socket().close(ignored);
+  }
+
   ViewServices& services_;
-  std::shared_ptr<CountedConnection> counted_;
+  std::shared_ptr<WaitingConnection> waiting_;  ///< before a request may pass
+  std::shared_ptr<CountedConnection> counted_;  ///< then
   beast::tcp_stream stream_;
   beast::flat_buffer received_{std::size_t{2} * kMostHeaderBytes};
   std::optional<http::request_parser<http::empty_body>> parser_;
@@ -155,7 +197,32 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 }  // namespace
 
 void serve_http(boost::asio::ip::tcp::socket socket, ViewServices& services) {
-  std::make_shared<HttpConnection>(std::move(socket), services)->read();
+  std::make_shared<HttpConnection>(std::move(socket), services)->begin();
+}
+
+std::shared_ptr<WaitingConnection> WaitingRoom::enter(
+    std::shared_ptr<WaitingConnection> connection) {
+  std::map<boost::asio::ip::address, std::size_t> counts;
+  for (const auto& one : waiting_) ++counts[one->from];
+  std::optional<boost::asio::ip::address> from;
+  if (counts[connection->from] >= kMostOfOneAddress) {
+    from = connection->from;
+  } else if (waiting_.size() >= kMost) {
+    const auto most = std::max_element(counts.begin(), counts.end(),
+                                       [](auto& a, auto& b) { return a.second < b.second; });
+    from = most->first;
+  }
+  waiting_.push_back(std::move(connection));
+  if (!from) return nullptr;
+  const auto oldest = std::find_if(waiting_.begin(), waiting_.end(),
+                                   [&](const auto& one) { return one->from == *from; });
+  std::shared_ptr<WaitingConnection> evicted = std::move(*oldest);
+  waiting_.erase(oldest);
+  return evicted;
+}
+
+void WaitingRoom::leave(const std::shared_ptr<WaitingConnection>& connection) {
+  waiting_.remove(connection);
 }
 
 }  // namespace tether

@@ -147,11 +147,7 @@ class ViewServer::Core {
         again_.async_wait([this](const Error&) { accept(); });
         return;
       }
-      if (services_.connections < services_.most_connections) {
-        serve_http(std::move(socket), services_);
-      } else {
-        ++services_.refused;
-      }
+      serve_http(std::move(socket), services_);
       accept();
     });
   }
@@ -199,6 +195,7 @@ class ViewServer::Core {
     for (const auto& [name, count] : hub_.counters()) status[name] = count;
     status["messages.dropped_before_server"] = inbox_.dropped();
     status["connections"] = services_.connections;
+    status["connections.waiting"] = services_.waiting.size();
     status["requests.refused"] = services_.refused;
     return json_text(status);
   }
