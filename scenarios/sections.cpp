@@ -226,7 +226,14 @@ void check_autonomy(const Scenario& scenario, const std::string& file) {
 
 /// The localiser cannot do without wheels and scanner.
 void check_inputs(const Scenario& scenario, const std::string& file) {
-  if (scenario.get<LocaliserSettings>().place == LocaliserSettings::Place::none) return;
+  const auto& localiser = scenario.get<LocaliserSettings>();
+  if (localiser.place == LocaliserSettings::Place::none) return;
+  if (!localiser.knows_start && scenario.get<ControllerSettings>().preload) {
+    throw UsageError(
+        fmt::format("{}: controller.preload = true plans from the start, which is unknown with "
+                    "localiser.knows_start = false: set one of them otherwise",
+                    file));
+  }
   if (scenario.get<SensorSettings>().odometry_rate_hz <= 0.0) {
     throw UsageError(fmt::format(
         "{}: localiser.place needs the wheels' odometry: sensor.odometry_rate_hz above 0, say 50",

@@ -132,9 +132,10 @@ class Checker {
       }
     }
     if (is_synchronous(pdo) && !c_.sync) {
-      refuse(line, fmt::format("{} has transmission = {}, but bridge.sync = false: nobody sends "
-                               "SYNC (use 254 or 255)",
-                               name, pdo.transmission));
+      refuse(line,
+             fmt::format("{} has transmission = {}, but bridge.sync = false: the bridge sends no "
+                         "SYNC (use 254 or 255)",
+                         name, pdo.transmission));
     }
     if (pdo.event_timer_required && pdo.event_timer_ms == 0) {
       refuse(line, fmt::format("{} has event_timer_required without event_timer_ms", name));

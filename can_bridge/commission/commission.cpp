@@ -12,6 +12,8 @@
 namespace tether {
 namespace {
 
+using std::chrono::milliseconds;
+
 constexpr int kMostResets = 3;
 
 }  // namespace
@@ -45,6 +47,7 @@ void Commission::on_frame(const CanFrame& frame, Instant now) {
     for (PositionPoll& poll : polls_) poll.on_frame(frame, now);
     return;
   }
+  if (step_ == Step::acting && withholds()) note_feedback(frame, now);
   profile_->on_frame(frame, now);
 }
 
@@ -187,6 +190,7 @@ void Commission::drive(Instant now) {
   if (step_ != Step::driving) return;
   steady_ = Mark{now, {way_m(0), way_m(1)}, {}};
   stood_ = {};
+  reports_ = {};
   polls_.clear();
   for (const AxisConfig& axis : config_.axes) polls_.emplace_back(axis, vehicle_.wheel_radius_m);
   enter(trial() == Trial::feedback ? Step::stopping : Step::acting, now);
@@ -202,6 +206,16 @@ void Commission::act(Instant now, std::vector<CanFrame>& out) {
     if (stands && !stood_[i]) stood_[i] = wheel.stamp;
   }
   if ((stood_[0] && stood_[1]) || elapsed(now) >= kMostWait) judge_quick_stop(now);
+}
+
+void Commission::note_feedback(const CanFrame& frame, Instant now) {
+  if (elapsed(now) < milliseconds(config_.feedback_timeout_ms)) return;
+  for (const PdoConfig& pdo : config_.pdos) {
+    if (!pdo.transmit || frame.id != canopen::pdo_id(true, pdo.number, pdo.node)) continue;
+    for (std::size_t i = 0; i < 2; ++i) {
+      reports_[i] = reports_[i] || config_.axes[i].node == pdo.node;
+    }
+  }
 }
 
 bool Commission::is_withheld(const CanFrame& frame) const {

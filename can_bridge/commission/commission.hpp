@@ -33,8 +33,9 @@ namespace tether {
 /// Problems: feedback that differs by more than kMostApart; a drive that is not at rest kMostWait
 /// after it was left without anything, without the heartbeat that it watches, or without the
 /// setpoints whose deadline the file requires; a quick stop that, with wheels free, is weaker than
-/// half of the configured deceleration (0x6085). SYNC alone need not stop a drive: that is only
-/// recorded.
+/// half of the configured deceleration (0x6085). Without SYNC a drive that takes its setpoints at
+/// SYNC must stop or fall silent: one that drives on and goes on to report would look healthy to
+/// the bridge, and take no stop by PDO.
 ///
 /// No I/O and no clock: frames and time in, frames out.
 class Commission {
@@ -107,6 +108,8 @@ class Commission {
   void judge_withheld(Instant now);
   bool must_stop(std::size_t axis) const;
   bool hears_any_frame(std::size_t axis) const;
+  bool waits_for_sync(std::uint8_t node) const;
+  void note_feedback(const CanFrame& frame, Instant now);
   void add(std::size_t axis, const std::string& found, const std::string& problem);
 
   Trial trial() const { return kTrials[trial_]; }
@@ -129,6 +132,7 @@ class Commission {
   DrivetrainSnapshot snapshot_;
   std::optional<ObjectReader> reader_;
   std::vector<PositionPoll> polls_;
+  std::array<bool, 2> reports_{};   ///< TPDOs go on while something is withheld
   std::vector<CanFrame> going_on_;  ///< what is sent while something is withheld
   // driving: from half of the time on; acting: from the beginning
   struct Mark {

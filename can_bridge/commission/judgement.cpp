@@ -120,9 +120,19 @@ bool Commission::must_stop(std::size_t axis) const {
         return pdo.node == node && !pdo.transmit && pdo.event_timer_ms > 0 &&
                pdo.event_timer_required;
       });
+    case Trial::sync:
+      return reports_[axis] && waits_for_sync(node);
     default:
       return false;
   }
+}
+
+/// Its setpoints, and so its stops by PDO, act at SYNC.
+bool Commission::waits_for_sync(std::uint8_t node) const {
+  constexpr int kLastSynchronous = 240;
+  return config_.sync && std::ranges::any_of(config_.pdos, [node](const PdoConfig& pdo) {
+           return pdo.node == node && !pdo.transmit && pdo.transmission <= kLastSynchronous;
+         });
 }
 
 // It has no heartbeat consumer, so that its watchdog is a vendor's.
@@ -145,7 +155,12 @@ void Commission::judge_withheld(Instant now) {
     const std::string found =
         fmt::format("drives on: {:.3f} m in {:.1f} s", way, to_seconds(elapsed(now)));
     std::string problem;
-    if (must_stop(i)) {
+    if (trial() == Trial::sync && must_stop(i)) {
+      problem =
+          "SYNC withheld: it drives on and reports as before, so that the bridge would not notice, "
+          "and its "
+          "setpoints act at SYNC: let its TPDOs depend on SYNC (0x1800:2 = 1)";
+    } else if (must_stop(i)) {
       problem = fmt::format(
           "{}: it drives on, its watchdog does not act ({}): check in its manual what that needs",
           trial_name(trial()),

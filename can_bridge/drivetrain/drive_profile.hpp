@@ -116,6 +116,8 @@ class DriveProfile {
   /// The deceleration of a wheel's rim that stops are to have; a wheel that reaches less than half
   /// of it gets stronger measures, if the profile has any. 0: not supervised.
   virtual void require_deceleration(double /*mps2*/) {}
+  /// The speed of a wheel's rim above which a report is not possible on this vehicle.
+  virtual void limit_reports(double /*rim_mps*/) {}
   /// Leaves `faulted` or `refused`: clears the drives' faults, and starts up again where a drive
   /// rebooted or was missing.
   virtual void reset_fault() = 0;

@@ -1,13 +1,9 @@
 #pragma once
 
 #include <array>
-#include <optional>
 #include <string>
 
-#include "can_bridge/drivetrain/drive_profile.hpp"
-#include "common/base/time.hpp"
-#include "common/vehicle/diff_drive.hpp"
-#include "common/vehicle/pose.hpp"
+#include "can_bridge/motion/rim_ways.hpp"
 
 namespace tether {
 
@@ -37,31 +33,26 @@ class FollowMonitor {
       {{0.1, 0.3, 0.15}, {0.02, 0.3, 0.25}, {0.02, 0.1, 0.8}}};
 
   FollowMonitor(double track_m, double wheel_radius_m)
-      : track_m_(track_m), wheel_radius_m_(wheel_radius_m) {}
+      : wheel_radius_m_(wheel_radius_m), sampler_(track_m, wheel_radius_m) {}
 
-  /// Starts anew: when following begins.
-  void reset() { last_.reset(); }
+  /// Begins again: when following begins.
+  void reset() { sampler_.reset(); }
 
   /// Call it once per cycle, with the twist in force since the last cycle and the newest feedback.
-  /// Returns what is wrong, for a technician; "" if both wheels follow. Invalid feedback starts it
-  /// anew.
+  /// Returns what is wrong, for a technician; "" if both wheels follow. Invalid feedback begins
+  /// again.
   std::string update(Instant now, const Twist& setpoint,
                      const std::array<WheelFeedback, 2>& wheels);
 
  private:
-  struct Sample {
-    Instant stamp{};
-    std::array<double, 2> angle_rad{};
-  };
   struct Sums {
     double behind_m = 0.0;
     double ahead_m = 0.0;
   };
   static bool exceeds(const Test& test, Sums& sums, double wanted_m, double behind_m, double dt);
 
-  double track_m_;
   double wheel_radius_m_;
-  std::optional<Sample> last_;
+  RimSampler sampler_;
   std::array<std::array<Sums, kTests.size()>, 2> sums_;  ///< of each wheel, by each test
 };
 

@@ -5,60 +5,71 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/vehicle/diff_drive.hpp"
-
 namespace tether {
+
+void WitnessMonitor::Ways::add(const RimWays& rim) {
+  told += rim.told_m;
+  reported += rim.reported_m;
+  counted += rim.counted_m;
+}
 
 std::string WitnessMonitor::update(Instant now, const Twist& setpoint,
                                    const std::array<WheelFeedback, 2>& wheels) {
-  if (!wheels[0].valid || !wheels[1].valid) {
-    last_.reset();
-    return "";
-  }
-  const Sample sample{now, {wheels[0].angle_rad, wheels[1].angle_rad}};
-  if (!last_) {
-    last_ = sample;
-    ways_ = {};
-    return "";
-  }
-  const double dt_s = to_seconds(now - last_->stamp);
-  const WheelSpeeds told = to_wheel_speeds(setpoint, track_m_);
+  if (sampler_.begins()) wheels_ = {};
+  const auto ways = sampler_.update(now, setpoint, wheels);
+  if (!ways) return "";
   std::string trouble;
   for (std::size_t i = 0; i < wheels.size(); ++i) {
-    const double told_m = (i == 0 ? told.left_mps : told.right_mps) * dt_s;
-    const double reported_m = wheels[i].speed_radps * wheel_radius_m_ * dt_s;
-    const double counted_m = (sample.angle_rad[i] - last_->angle_rad[i]) * wheel_radius_m_;
-    if (!contradicts(i, told_m, reported_m, counted_m, dt_s) || !trouble.empty()) continue;
-    trouble = fmt::format(
-        "the {} wheel: {} (on {:.2f} m by setpoint: {:.2f} m by speed, {:.2f} m by position)",
-        i == 0 ? "left" : "right", diagnosis(ways_[i]), ways_[i].told, ways_[i].reported,
-        ways_[i].counted);
+    const Ways* const found = contradiction(i, (*ways)[i]);
+    if (found != nullptr && trouble.empty()) trouble = text(i, *found);
   }
-  last_ = sample;
   return trouble;
 }
 
-bool WitnessMonitor::contradicts(std::size_t i, double told_m, double reported_m, double counted_m,
-                                 double dt_s) {
-  Ways& w = ways_[i];
-  w.told += told_m;
-  w.reported += reported_m;
-  w.counted += counted_m;
-  const double longer_m = std::max(std::abs(reported_m), std::abs(counted_m));
-  const double allowed_m = kAllowed_mps * dt_s + kAllowedShare * longer_m;
-  w.more = std::max(0.0, w.more + reported_m - counted_m - allowed_m);
-  w.less = std::max(0.0, w.less - reported_m + counted_m - allowed_m);
+std::string WitnessMonitor::suspicion() const {
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    const Wheel& w = wheels_[i];
+    if (std::max(w.more, w.less) >= kLimit_m / 2.0) return text(i, w.differing);
+  }
+  return "";
+}
+
+std::string WitnessMonitor::text(std::size_t i, const Ways& ways) {
+  return fmt::format(
+      "the {} wheel: {} (on {:.2f} m by setpoint: {:.2f} m by speed, {:.2f} m by position)",
+      side_name(i), diagnosis(ways), ways.told, ways.reported, ways.counted);
+}
+
+const WitnessMonitor::Ways* WitnessMonitor::contradiction(std::size_t i, const RimWays& rim) {
+  Wheel& w = wheels_[i];
+  const double longer_m = std::max(std::abs(rim.reported_m), std::abs(rim.counted_m));
+  const double allowed_m = kAllowed_mps * rim.dt_s + kAllowedShare * longer_m;
+  if (std::max(w.more, w.less) == 0.0) w.differing = {};
+  w.differing.add(rim);
+  w.more = std::max(0.0, w.more + rim.reported_m - rim.counted_m - allowed_m);
+  w.less = std::max(0.0, w.less - rim.reported_m + rim.counted_m - allowed_m);
   if (!proven_[i]) {
-    w.proof += std::max(longer_m, std::abs(told_m));
+    w.first.add(rim);
+    w.proof += std::max(longer_m, std::abs(rim.told_m));
     if (w.proof >= kProof_m) {
-      const double way_m = std::max(std::abs(w.reported), std::abs(w.counted));
-      if (std::abs(w.reported - w.counted) > kProofShare * std::max(way_m, kProof_m / 2.0)) {
-        return true;
-      }
-      proven_[i] = true;
+      // While it slows down or turns back, a wheel that lags is ahead.
+      const bool moves_away = rim.told_mps * w.first.told > 0.0;
+      if (!agree(w.first) || (moves_away && !follow(w.first, rim.told_mps))) return &w.first;
+      proven_[i] = moves_away;
     }
   }
-  return std::max(w.more, w.less) >= kLimit_m;
+  return std::max(w.more, w.less) >= kLimit_m ? &w.differing : nullptr;
+}
+
+bool WitnessMonitor::agree(const Ways& w) {
+  const double way_m = std::max({std::abs(w.reported), std::abs(w.counted), kProof_m / 2.0});
+  return std::abs(w.reported - w.counted) <= kProofShare * way_m;
+}
+
+bool WitnessMonitor::follow(const Ways& w, double told_mps) {
+  const double told_m = std::abs(w.told), way_m = std::copysign(w.counted, w.counted * w.told);
+  const double allowed_m = kProofShare * std::max(told_m, kProof_m / 2.0);
+  return way_m <= told_m + allowed_m && way_m >= told_m - allowed_m - kLag_s * std::abs(told_mps);
 }
 
 std::string WitnessMonitor::diagnosis(const Ways& ways) {
@@ -80,6 +91,17 @@ std::string WitnessMonitor::diagnosis(const Ways& ways) {
     return "its position (0x6064) stands still while its speed is as told: encoder frozen";
   }
   if (is(speed, 1.0) && is(position, -1.0)) return "the sign of its position is reversed";
+  if (is(position, 0.0) && is(speed, 0.0)) {
+    return "speed (0x606C) and position (0x6064) agree that it hardly turns: blocked, or one "
+           "encoder, which serves both, is frozen";
+  }
+  const double longer_m = std::max(std::abs(ways.reported), std::abs(ways.counted));
+  if (std::abs(ways.reported - ways.counted) <= kAllowedShare * longer_m) {
+    return fmt::format(
+        "speed (0x606C) and position (0x6064) agree on {:.2f} times what it was told: "
+        "target_velocity_per_rps, or the scales of both, are wrong",
+        position);
+  }
   const double ratio = ways.reported / ways.counted;
   if (std::abs(position - 1.0) <= std::abs(speed - 1.0)) {
     return fmt::format(

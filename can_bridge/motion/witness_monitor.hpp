@@ -1,12 +1,9 @@
 #pragma once
 
 #include <array>
-#include <optional>
 #include <string>
 
-#include "can_bridge/drivetrain/drive_profile.hpp"
-#include "common/base/time.hpp"
-#include "common/vehicle/pose.hpp"
+#include "can_bridge/motion/rim_ways.hpp"
 
 namespace tether {
 
@@ -22,7 +19,8 @@ namespace tether {
 /// behind passes up to 3 m/s.
 ///
 /// After a start-up of the drives, the first kProof_m of each wheel prove the scales: there the
-/// witnesses may differ by kProofShare, else the vehicle stops at once.
+/// witnesses may differ by kProofShare from each other and from the setpoint, which they may lag
+/// behind by kLag_s, else the vehicle stops at once.
 ///
 /// What physics does not tell apart is named together: an encoder that serves both witnesses and
 /// slips, wheels that slip on the floor, and a wrong scale of both look the same to them.
@@ -33,12 +31,12 @@ class WitnessMonitor {
   static constexpr double kLimit_m = 0.2;
   static constexpr double kProof_m = 0.2;
   static constexpr double kProofShare = 0.3;
+  static constexpr double kLag_s = 0.2;
 
-  WitnessMonitor(double track_m, double wheel_radius_m)
-      : track_m_(track_m), wheel_radius_m_(wheel_radius_m) {}
+  WitnessMonitor(double track_m, double wheel_radius_m) : sampler_(track_m, wheel_radius_m) {}
 
   /// When following begins.
-  void reset() { last_.reset(); }
+  void reset() { sampler_.reset(); }
   /// The drives were started up: their scales have to be proven again.
   void demand_proof() { proven_ = {}; }
 
@@ -46,28 +44,35 @@ class WitnessMonitor {
   /// what is wrong, for a technician; "" if nothing is. Invalid feedback starts it again.
   std::string update(Instant now, const Twist& setpoint,
                      const std::array<WheelFeedback, 2>& wheels);
+  /// For a wheel that does not follow, as another monitor says: the same text, already from
+  /// kLimit_m / 2 on; "" if the witnesses do not differ by that.
+  std::string suspicion() const;
 
  private:
-  struct Sample {
-    Instant stamp{};
-    std::array<double, 2> angle_rad{};
-  };
   /// Ways of one wheel's rim, m.
   struct Ways {
     double told = 0.0;      // by setpoint
     double reported = 0.0;  // by speed
     double counted = 0.0;   // by position
-    double proof = 0.0;     // the longest of them, unsigned, since the proof was demanded
-    double more = 0.0;      // CUSUM: reported beyond counted
-    double less = 0.0;
+
+    void add(const RimWays& rim);
   };
-  bool contradicts(std::size_t i, double told_m, double reported_m, double counted_m, double dt_s);
+  struct Wheel {
+    Ways first;          // until it is proven
+    double proof = 0.0;  // the longest of them, unsigned
+    double more = 0.0;   // CUSUM: reported beyond counted
+    double less = 0.0;
+    Ways differing;  // since both sums were last zero
+  };
+  /// The ways that contradict each other; nullptr if none do.
+  const Ways* contradiction(std::size_t i, const RimWays& rim);
+  static bool agree(const Ways& ways);
+  static bool follow(const Ways& ways, double told_mps);
+  static std::string text(std::size_t i, const Ways& ways);
   static std::string diagnosis(const Ways& ways);
 
-  double track_m_;
-  double wheel_radius_m_;
-  std::optional<Sample> last_;
-  std::array<Ways, 2> ways_;
+  RimSampler sampler_;
+  std::array<Wheel, 2> wheels_;
   std::array<bool, 2> proven_{};
 };
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <tether/drive_request_t.hpp>
@@ -33,6 +34,7 @@ static_assert(static_cast<int>(BridgeState::armed) == drivetrain_state_t::ARMED)
 static_assert(static_cast<int>(BridgeState::stopping) == drivetrain_state_t::STOPPING);
 static_assert(static_cast<int>(BridgeState::fault) == drivetrain_state_t::FAULT);
 static_assert(static_cast<int>(BridgeState::estop) == drivetrain_state_t::ESTOP);
+static_assert(static_cast<int>(BridgeState::unconfirmed) == drivetrain_state_t::UNCONFIRMED);
 static_assert(static_cast<int>(DriveRequest::arm) == drive_request_t::ARM);
 static_assert(static_cast<int>(DriveRequest::disarm) == drive_request_t::DISARM);
 static_assert(static_cast<int>(DriveRequest::estop) == drive_request_t::ESTOP);
@@ -71,6 +73,13 @@ std::vector<CanFilter> all_filters(const DriveProfile& profile, const SafetyInpu
     filters.push_back(wanted);
   }
   return filters;
+}
+
+/// A wheel that is pushed may exceed the limits of commands; reports of more than twice are wrong.
+double most_rim_speed_mps(const TwistLimits& limits) {
+  const double turning_mps = limits.max_yaw_rate_radps * limits.track_m / 2.0;
+  const double fastest_mps = std::max(limits.max_speed_mps, limits.max_reverse_mps) + turning_mps;
+  return 2.0 * std::min(fastest_mps, limits.max_wheel_speed_mps);
 }
 
 /// The vehicle's speed by the faster witness of each wheel.
@@ -116,6 +125,7 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
   check_cycle(config, can.cycle_ms);
   check_deceleration(config, can.max_deceleration_mps2, wheel_radius_m_);
   profile_->require_deceleration(can.max_deceleration_mps2);
+  profile_->limit_reports(most_rim_speed_mps(twist_limits(settings)));
   if (const std::string warning = port.warning(); !warning.empty()) {
     say(Severity::warning, "tether-can-bridge: warning: " + warning);
   }
@@ -240,7 +250,7 @@ void CanBridgeNode::publish_state(const Decision& decision, Instant now) {
   message.reason = decision.reason;
   if (const std::string intruder = profile_->intruder(); !intruder.empty()) {
     if (!message.reason.empty()) message.reason += "; ";
-    message.reason += "somebody else commands these drives: " + intruder;
+    message.reason += "another sender commands these drives: " + intruder;
   }
   if (const std::string warnings = profile_->warnings(); !warnings.empty()) {
     if (!message.reason.empty()) message.reason += "; ";

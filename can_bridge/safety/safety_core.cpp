@@ -102,6 +102,7 @@ Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanSta
     begin_quick_stop(now, latched() ? latched_reason() : "the bridge is being shut down");
   }
   advance(now, drives);
+  watch_standstill(now, drives);
   purge_bus();
 
   Decision decision;
@@ -134,7 +135,7 @@ void SafetyCore::watch_senders(Instant now) {
   if (commands_.two_senders()) {
     latch_fault("two senders take turns to command this vehicle: leave one of them, then reset");
   }
-  if (!is_held(now)) begin_ramp_down("nobody holds to run any more", now);
+  if (!is_held(now)) begin_ramp_down("hold-to-run released", now);
   if (std::exchange(foreign_stop_due_, false)) {
     begin_ramp_down("a controller of another session said to stand still", now);
   }
@@ -143,6 +144,7 @@ void SafetyCore::watch_senders(Instant now) {
 void SafetyCore::watch_bus(CanState bus) {
   const CanState worst = std::max(worst_bus_, bus);
   worst_bus_ = bus;
+  is_unheard_ = worst != CanState::up && worst != CanState::error_passive;
   if (worst == CanState::bus_off || worst == CanState::stalled) bus_was_jammed_ = true;
   // An interface that is down or gone has dropped its queue: no old frame is left.
   if (bus == CanState::down || bus == CanState::absent) bus_was_jammed_ = false;
@@ -154,7 +156,8 @@ void SafetyCore::watch_bus(CanState bus) {
       return;
     case CanState::stalled:
       return latch_fault(
-          "CAN bus stalled: nobody takes the frames: check the drives' supply, plug and bit rate");
+          "CAN bus stalled: no device acknowledges the frames: check the drives' supply, plug and "
+          "bit rate");
     case CanState::bus_off:
       return latch_fault(
           "CAN bus-off: check for a short circuit, termination (2 x 120 ohm) and bit rate");
@@ -194,7 +197,7 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
   }
   const bool power_on = phase == DrivePhase::enabled || phase == DrivePhase::enabling;
   if (motion_ == Motion::idle && power_on) {
-    latch_fault("the drives' power stages are on although nobody armed them");
+    latch_fault("the drives' power stages are on without ARM");
     begin_quick_stop(now, fault_reason_);
   }
   if (motion_ == Motion::idle || motion_ == Motion::stopping) return;
@@ -212,6 +215,7 @@ void SafetyCore::watch_drives(Instant now, const DrivetrainSnapshot& drives) {
     // The witnesses come first, because they say which of them is wrong.
     std::string trouble = witnesses_.update(now, limiter_.twist(), drives.wheels);
     const std::string behind = monitor_.update(now, limiter_.twist(), drives.wheels);
+    if (trouble.empty() && !behind.empty()) trouble = witnesses_.suspicion();
     if (trouble.empty()) trouble = behind;
     if (trouble.empty()) return;
     latch_fault(trouble);
@@ -239,7 +243,11 @@ void SafetyCore::begin_quick_stop(Instant now, const std::string& why) {
   disable_sent_ = false;
   stop_overdue_ = false;
   distrust_until_.reset();
-  if (feedback_lies_) distrust_until_ = now + braking_time(limiter_.twist()) + kDistrustMargin;
+  // A stop that does not arrive begins only when the drives' own deadlines are over.
+  if (feedback_lies_ || is_unheard_) {
+    distrust_until_ = now + braking_time(limiter_.twist()) + kDistrustMargin;
+  }
+  standstill_due_ = distrust_until_.value_or(now) + kStopTimeout;
   stop_reason_ = why;
 }
 

@@ -30,6 +30,7 @@ enum class BridgeState : std::int32_t {
   stopping,
   fault,
   estop,
+  unconfirmed,
 };
 /// "starting", "refused" …
 const char* to_string(BridgeState state);
@@ -98,8 +99,9 @@ struct Decision {
 ///   that no old frame is left in a queue. error-passive is reported, not latched; but no arming
 ///   meanwhile.
 /// - Power stages are switched off only at standstill, or by drives that fault. Feedback that was
-///   missing, or of a wheel that does not follow, may show standstill at full speed. After that,
-///   power stages stay on, braking, for as long as the ramp from the last setpoint takes
+///   missing, or of a wheel that does not follow, may show standstill at full speed, and a bus in
+///   trouble lets no stop through. After that, power stages stay on, braking, for as long as the
+///   ramp from the last setpoint takes
 ///   (|v|/deceleration or |ω|/yaw deceleration, the longer) and kDistrustMargin.
 /// - Safety inputs (SafetyInputs) may demand a stop: a quick stop or ramp, then disarmed; or a ramp
 ///   to standstill, from which the vehicle, still armed, goes on when the demand is over. While a
@@ -107,6 +109,8 @@ struct Decision {
 ///   speed of the faster rim (the curve stays), or emergency-stop: as ESTOP, and the inputs have to
 ///   be clear before RESET. While an e-stop would not be remembered (no_release), ESTOP_RELEASE and
 ///   ARM are refused, and the reason says so in every state. no_arming refuses ARM alone.
+/// - A stop after which no two witnesses of each wheel say within kStopTimeout that it stands →
+///   FAULT, told as UNCONFIRMED, until RESET and two witnesses. A latched e-stop is told as ESTOP.
 /// - leave(): quick stop, standstill, power off; no arming any more. Drives of which that is not
 ///   known (DrivetrainSnapshot::in_doubt) count as turning.
 ///
@@ -216,6 +220,7 @@ class SafetyCore {
   void ramp_down(Instant now, const DrivetrainSnapshot& drives);
   void watch_ramp(Instant now, const DrivetrainSnapshot& drives);
   void finish_stop(Instant now, const DrivetrainSnapshot& drives);
+  void watch_standstill(Instant now, const DrivetrainSnapshot& drives);
   void begin_quick_stop(Instant now, const std::string& why);
   void count_disarm();
   void latch_fault(const std::string& reason, Cause cause = Cause::bridge);
@@ -249,6 +254,8 @@ class SafetyCore {
   bool feedback_lies_ = false;                  ///< since the last ARM
   bool did_not_follow_ = false;                 ///< a wheel, since the last ARM
   std::optional<Instant> distrust_until_;       ///< since the last stop
+  std::optional<Instant> standstill_due_;       ///< of a stop, until standstill is confirmed
+  bool unconfirmed_ = false;                    ///< it was not in time
   Decision::Action action_ = Decision::Action::none;
 
   std::optional<Instant> held_;  ///< the newest ALIVE
@@ -263,6 +270,7 @@ class SafetyCore {
   std::string notice_;         ///< why the last request was refused
 
   CanState worst_bus_ = CanState::up;   ///< since the last cycle
+  bool is_unheard_ = false;             ///< the bus was in trouble in this cycle
   bool bus_was_jammed_ = false;         ///< old frames may wait in its queues
   bool purge_due_ = false;              ///< setpoints may wait there: to be thrown away
   bool purged_ = false;                 ///< since the last RESET

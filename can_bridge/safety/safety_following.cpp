@@ -144,15 +144,23 @@ void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
       }
       break;
   }
-  const Instant since = drives.standstill ? distrust_until_.value_or(motion_since_) : motion_since_;
-  if (now - since >= kStopTimeout && !stop_overdue_) {
+  const Instant since = distrust_until_.value_or(motion_since_);
+  if (drives.standstill && now - since >= kStopTimeout && !stop_overdue_) {
     stop_overdue_ = true;
-    latch_fault(drives.standstill ? "the drives do not confirm that their power is off"
-                : turning_
-                    ? "the wheels still turn after a quick stop: use the hard-wired emergency "
-                      "stop"
-                    : "standstill is not confirmed: no two witnesses of each wheel say so "
-                      "after a quick stop: look whether the wheels stand");
+    latch_fault("the drives do not confirm that their power is off");
+  }
+}
+
+void SafetyCore::watch_standstill(Instant now, const DrivetrainSnapshot& drives) {
+  const bool believed = !distrust_until_ || now >= *distrust_until_;
+  // Drives that have stopped and are off may fall silent.
+  const bool stands = drives.feedback_fresh ? drives.standstill : !drives.in_doubt;
+  if (stands && believed) {
+    standstill_due_.reset();
+    unconfirmed_ = unconfirmed_ && latched();
+  } else if (standstill_due_ && now >= *standstill_due_ && !unconfirmed_) {
+    unconfirmed_ = stop_overdue_ = true;
+    latch_fault("no confirmed standstill 5 s after the stop began");
   }
 }
 

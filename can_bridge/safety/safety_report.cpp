@@ -26,6 +26,8 @@ const char* to_string(BridgeState state) {
       return "fault";
     case BridgeState::estop:
       return "estop";
+    case BridgeState::unconfirmed:
+      return "unconfirmed";
   }
   return "?";
 }
@@ -45,10 +47,10 @@ BridgeState SafetyCore::state(const DrivetrainSnapshot& drives) const {
       break;
   }
   if (estop_latched_) return BridgeState::estop;
-  if (fault_latched_) return BridgeState::fault;
+  if (fault_latched_) return unconfirmed_ ? BridgeState::unconfirmed : BridgeState::fault;
   switch (drives.phase) {
     case DrivePhase::refused:
-      return BridgeState::refused;
+      return unconfirmed_ ? BridgeState::unconfirmed : BridgeState::refused;
     case DrivePhase::standby:
       return BridgeState::disarmed;
     case DrivePhase::stopping:
@@ -87,7 +89,8 @@ std::string SafetyCore::reason(BridgeState state, Instant now, const DrivetrainS
       break;
     case BridgeState::fault:
     case BridgeState::estop:
-      text = latched_reason();
+    case BridgeState::unconfirmed:
+      text = latched() ? latched_reason() : drives.reason;
       if (!notice_.empty()) text += "; " + notice_;
       break;
   }
@@ -119,6 +122,13 @@ std::string SafetyCore::latched_reason() const {
           ? fault_reason_
           : fmt::format("{}; setpoints of before may still come out when the bus recovers: {}",
                         fault_reason_, purge_failure_);
+  if (unconfirmed_) {
+    fault += standstill_due_
+                 ? (turning_ ? "; the wheels still turn: use the hard-wired emergency stop"
+                             : "; no two witnesses of each wheel say that it stands: look "
+                               "whether it does")
+                 : "; two witnesses of each wheel say now that it stands";
+  }
   if (!estop_latched_) return fault;
   const std::string from_start =
       estop_restored_.empty() ? "" : fmt::format(" (from the start: {})", estop_restored_);
@@ -126,7 +136,7 @@ std::string SafetyCore::latched_reason() const {
                          ? fmt::format("e-stop pressed{}: release it, then reset", from_start)
                          : "e-stop released: reset to go on";
   if (!demands_.estop.empty()) text = demands_.estop + ": release it, then reset";
-  if (fault_latched_) text += "; besides: " + fault;
+  if (fault_latched_) text += "; also: " + fault;
   return text;
 }
 

@@ -80,8 +80,9 @@ std::string SafetyCore::obstacle_to_arming(Instant now, const DrivetrainSnapshot
     return fmt::format("the drives are not ready: {}", to_string(drives.phase));
   }
   if (!is_held(now)) {
-    return fmt::format("nobody holds to run (can.operator_timeout_ms = {:.0f}): tether can hold",
-                       to_milliseconds(config_.operator_timeout));
+    return fmt::format(
+        "hold-to-run is released (can.operator_timeout_ms = {:.0f}): tether can hold",
+        to_milliseconds(config_.operator_timeout));
   }
   if (!drives.feedback_fresh) return "wheel feedback is missing";
   if (!drives.standstill) return "the wheels are turning: wait for standstill";
@@ -125,7 +126,10 @@ void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState b
   } else if (estop_pressed_ || !demands_.estop.empty()) {
     notice_ = "reset refused: the e-stop is pressed: release it first";
   } else if (turning_) {
-    notice_ = "reset refused: the wheels are still turning: wait for standstill";
+    notice_ = drives.turning
+                  ? "reset refused: the wheels are still turning: wait for standstill"
+                  : "reset refused: standstill is not confirmed: by its last report and its ramp, "
+                    "a wheel may still turn: wait, then reset again";
   } else if (did_not_follow_ && distrust_until_ && now < *distrust_until_) {
     notice_ = fmt::format(
         "reset refused: a wheel's feedback was wrong, so its standstill is not believed for "
@@ -177,6 +181,7 @@ void SafetyCore::finish_reset(Instant now) {
   action_ = Decision::Action::reset_fault;
   estop_latched_ = false;
   fault_latched_ = false;
+  standstill_due_.reset();  // start-up asks the drives
   bus_was_jammed_ = false;
   purged_ = false;
   reset_since_.reset();

@@ -31,8 +31,7 @@ void LockstepBus::publish(std::string_view channel, std::span<const std::uint8_t
   Publication publication{.channel = std::string(channel),
                           .number = ++number->second,
                           .when = loop_.now(),
-                          .index = loop_.take_index(),
-                          .digest = digest_of(bytes)};
+                          .index = loop_.take_index()};
   if (!heard_ || heard_->matches(channel)) {
     loop_.limit({loop_.now(), loop_.delivery_order(publication.index), -1});
   }
@@ -68,8 +67,11 @@ void LockstepBus::deliver(const Message& message) {
   }
 }
 
-std::vector<Publication> LockstepBus::take_published() {
+std::vector<Publication> LockstepBus::take_published(const DigestKey& key) {
   published_bytes_ = 0;
+  for (Publication& p : published_) {
+    if (const Bytes* bytes = recent(p.channel, p.number)) p.digest = digest_of(*bytes, key);
+  }
   return std::exchange(published_, {});
 }
 

@@ -11,8 +11,8 @@
 
 #include "common/base/pattern.hpp"
 #include "common/bus/bus.hpp"
-#include "common/bus/message_digest.hpp"
 #include "common/lockstep/loop.hpp"
+#include "common/lockstep/message_digest.hpp"
 
 namespace tether {
 
@@ -22,7 +22,7 @@ struct Publication {
   std::int64_t number = 0;  ///< among the node's on this channel, from 1
   Instant when{};
   std::uint64_t index = 0;  ///< LockstepLoop::take_index()
-  MessageDigest digest{};
+  MessageDigest digest{};   ///< by take_published()
 };
 
 /// Whether one of several expressions matches a channel.
@@ -66,8 +66,8 @@ class LockstepBus final : public Bus {
   /// Sends what was published since the last call.
   void flush();
 
-  /// What was published since the last call.
-  std::vector<Publication> take_published();
+  /// What was published since the last call, at most kKept messages.
+  std::vector<Publication> take_published(const DigestKey& key);
 
   /// Bytes that were published lately; null if they are no longer kept.
   const Bytes* recent(std::string_view channel, std::int64_t number) const;

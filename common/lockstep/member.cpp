@@ -129,6 +129,10 @@ void LockstepMember::on_welcome(std::span<const std::uint8_t> bytes) {
       !(any || is_ours(welcome.session, welcome.node))) {
     return;
   }
+  const auto run_key = key_of_hex(welcome.run_key), own_key = key_of_hex(welcome.node_key);
+  if (!run_key || !own_key) return;
+  run_key_ = *run_key;
+  own_key_ = *own_key;
   config_.session = welcome.session;
   last_heard_ = io_.now();
   bus_.set_heard(welcome.subscription);
@@ -138,6 +142,7 @@ void LockstepMember::on_welcome(std::span<const std::uint8_t> bytes) {
 void LockstepMember::on_grant(time_grant_t grant) {
   if (grant.session == config_.session) last_heard_ = io_.now();
   if (state_ != State::waiting || !is_ours(grant.session, grant.node)) return;
+  if (grant.mac != mac_of(grant, own_key_)) return;  // another program's
   if (grant.id == last_grant_) {  // the answer was lost, or the grant has come twice
     send_answer();
     return;
@@ -161,12 +166,12 @@ bool LockstepMember::collect() {
   for (std::size_t i = 0; i < has_.size(); ++i) {
     if (has_[i]) continue;
     std::optional<MessageInbox::Bytes> bytes;
-    const MessageDigest digest{grant_->size[i], static_cast<std::uint32_t>(grant_->crc32[i])};
+    const MessageDigest digest = digest_of_hex(grant_->size[i], grant_->digest[i]);
     if (grant_->publisher[i] == config_.name) {
       const auto* own = bus_.recent(grant_->channel[i], grant_->number[i]);
       if (own != nullptr) bytes = *own;
     } else {
-      bytes = inbox_.take(grant_->channel[i], digest);
+      bytes = inbox_.take(grant_->channel[i], digest, run_key_);
     }
     has_[i] = bytes.has_value();
     complete = complete && has_[i];
@@ -221,19 +226,21 @@ void LockstepMember::answer(const std::string& error) {
   answer_.session = config_.session;
   answer_.instance = config_.instance;
   answer_.grant = grant_->id;
+  answer_.grant_mac = grant_->mac;
   answer_.node = config_.name;
   answer_.next_ns = to_ns(loop_.next().when);
   answer_.next_order = static_cast<std::int64_t>(loop_.next().order);
   answer_.error = error;
-  for (Publication& p : bus_.take_published()) {
+  for (Publication& p : bus_.take_published(run_key_)) {
     answer_.channel.push_back(std::move(p.channel));
     answer_.number.push_back(p.number);
     answer_.time_ns.push_back(to_ns(p.when));
     answer_.index.push_back(static_cast<std::int64_t>(p.index));
     answer_.size.push_back(p.digest.size);
-    answer_.crc32.push_back(p.digest.crc32);
+    answer_.digest.push_back(to_hex(p.digest.hash));
   }
   answer_.count = static_cast<std::int32_t>(answer_.channel.size());
+  answer_.mac = mac_of(answer_, own_key_);
   last_grant_ = grant_->id;
   grant_.reset();
   // The coordinator works while the messages go out.

@@ -8,9 +8,10 @@
 #include <vector>
 
 #include "common/bus/bus.hpp"
-#include "common/bus/message_inbox.hpp"
 #include "common/lockstep/bus.hpp"
 #include "common/lockstep/loop.hpp"
+#include "common/lockstep/message_digest.hpp"
+#include "common/lockstep/message_inbox.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
 
@@ -79,6 +80,7 @@ class LockstepMember {
   LockstepLoop loop_;
   LockstepBus bus_;
   MessageInbox inbox_;
+  DigestKey run_key_{}, own_key_{};  ///< of the welcome
   Node* node_ = nullptr;
   State state_ = State::joining;
   std::string error_;

@@ -40,11 +40,29 @@ bool is_text(const std::string& text) {
   return !text.empty() && std::none_of(text.begin(), text.end(), bad);
 }
 
+/// What a number's key allows. Of a time or a rate from 0 on, 0 means something else than a tiny
+/// one, which would round to 0, or whose inverse would be endless.
+struct Allowed {
+  Range range;
+  bool or_zero = false;
+
+  bool contains(double x) const { return (or_zero && x == 0.0) || range.contains(x); }
+  std::string text() const { return (or_zero ? "0 or " : "") + range.text("number"); }
+};
+
+Allowed allowed_of(const std::string& name, const Range& range) {
+  const bool is_rate = name.ends_with("_hz");
+  const bool is_time = name.ends_with("_ms") || (name.ends_with("_s") && !name.ends_with("_per_s"));
+  if (range.low != 0.0 || !(is_rate || is_time)) return {range};
+  const double least = is_rate ? kRate.low : name.ends_with("_ms") ? 1e-6 : 1e-9;  // 1 ns
+  return {{least, range.high, false}, !range.open};
+}
+
 template <class T>
-Set number_setter(const ScenarioField<T>& field, Range range) {
-  return [field, range](Scenario& s, const ScenarioValue& value) {
+Set number_setter(const ScenarioField<T>& field, const Allowed& allowed) {
+  return [field, allowed](Scenario& s, const ScenarioValue& value) {
     const auto x = number_of(value);
-    if (!x || !range.contains(*x)) return false;
+    if (!x || !allowed.contains(*x)) return false;
     field.write(s) = *x;
     return true;
   };
@@ -81,7 +99,8 @@ std::string Range::text(const char* noun) const {
 
 ScenarioKey number_key(const std::string& name, const ScenarioField<double>& field, Range range,
                        const std::string& meaning) {
-  return {name, range.text("number"), meaning, getter(field), number_setter(field, range)};
+  const Allowed allowed = allowed_of(name, range);
+  return {name, allowed.text(), meaning, getter(field), number_setter(field, allowed)};
 }
 
 ScenarioKey optional_number_key(const std::string& name,
@@ -91,7 +110,8 @@ ScenarioKey optional_number_key(const std::string& name,
     const std::optional<double>& x = field.read(s);
     return x ? std::optional<ScenarioValue>(*x) : std::nullopt;
   };
-  return {name, range.text("number"), meaning, get, number_setter(field, range)};
+  const Allowed allowed = allowed_of(name, range);
+  return {name, allowed.text(), meaning, get, number_setter(field, allowed)};
 }
 
 ScenarioKey boolean_key(const std::string& name, const ScenarioField<bool>& field,

@@ -7,7 +7,7 @@ namespace tether {
 ScenarioSection run_section() {
   using Run = RunSettings;
   KeyTable<Run> t("run.");
-  t.number("duration_s", &Run::duration_s, {0.0, 1e6, true}, "length of the run");
+  t.number("duration_s", &Run::duration_s, kPositive, "length of the run");
   t.number("lead_s", &Run::lead_s, {0.0, 1e3, false},
            "the loop lives this long before the path starts; the vehicle stands");
   t.whole_number("seed", &Run::seed, 0, "seed of all random streams");

@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <limits>
 #include <optional>
+#include <set>
+#include <string>
 
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
@@ -34,6 +36,13 @@ class MapFile {
           fmt::format("{}: must be a YAML file with image, resolution, origin, …, as "
                       "map_server has it",
                       file));
+    }
+    std::set<std::string> keys;
+    for (const auto& entry : top_) {
+      const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
+      if (keys.insert(key).second) continue;
+      throw UsageError(fmt::format("{}:{}: {} is there twice", file, entry.first.Mark().line + 1,
+                                   printable(key, kLongestNameShown)));
     }
   }
 

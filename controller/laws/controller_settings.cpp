@@ -41,8 +41,10 @@ void add_law_and_timing(KeyTable<Controller>& t) {
       {{"event", Controller::Trigger::event}, {"timer", Controller::Trigger::timer}},
       "a command per pose that arrives, or at a rate");
   t.number("rate_hz", &Controller::rate_hz, kRate, "trigger = timer: commands per second");
-  t.number("pose_timeout_s", &Controller::pose_timeout_s, kNotNegative,
-           "a pose older than this stops the vehicle; 0 = never");
+  t.number(
+      "pose_timeout_s", &Controller::pose_timeout_s, kNotNegative,
+      "age of the newest pose, or without any the time since t = 0, that stops the vehicle; 0 = "
+      "never");
   t.boolean("wrap_heading", &Controller::wrap_heading,
             "heading error within (-pi, pi]; false: as it comes, turning the long way round");
   t.number("derivative_filter_s", &Controller::derivative_filter_s, kNotNegative,

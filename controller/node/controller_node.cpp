@@ -23,6 +23,15 @@ std::int64_t session_of_seed(std::uint64_t seed) {
   return static_cast<std::int64_t>(random() >> 1U);
 }
 
+/// A controller that begins later was restarted: the vehicle has left its start.
+constexpr Duration kLatestStart = std::chrono::seconds{1};
+
+bool is_start_known(const ControllerNodeSettings& settings, Instant begun) {
+  const auto& localiser = settings.get<LocaliserSettings>();
+  const bool declared = localiser.place == LocaliserSettings::Place::none || localiser.knows_start;
+  return declared && begun <= kStart + kLatestStart;
+}
+
 bool is_usable(const LawOutput& decision) {
   if (const auto* twist = std::get_if<Twist>(&decision)) return tether::is_usable(*twist);
   const auto& twists = std::get<Plan>(decision).twists;
@@ -41,6 +50,8 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
       senders_(loop, bus, {channels_.control_pose, channels_.control_odometry}),
       config_(settings.get<ControllerSettings>()),
       pose_timeout_(from_seconds(config_.pose_timeout_s)),
+      begun_(std::max(loop.now(), kStart)),
+      start_known_(is_start_known(settings, begun_)),
       session_(session.value_or(session_of_seed(settings.get<RunSettings>().seed))),
       law_(law ? std::move(law) : make_law(settings)),
       guard_({.earliest = earliest_stamp(settings)}),
@@ -76,6 +87,11 @@ ControllerNode::ControllerNode(const ControllerNodeSettings& settings, EventLoop
               const std::optional<Plan> plan = law_->preload();
               if (plan) send_plan(loop_.now(), *plan, channels_.control_preload);
             });
+  }
+  if (config_.trigger == ControllerSettings::Trigger::event && pose_timeout_ > Duration{0}) {
+    loop.at(begun_ + pose_timeout_, Priority::node, [this](Instant) {
+      if (!newest_) on_possible_timeout();
+    });
   }
   if (config_.trigger == ControllerSettings::Trigger::timer) {
     const Duration period = from_seconds(1.0 / config_.rate_hz);
@@ -157,7 +173,7 @@ void ControllerNode::on_possible_timeout() {
 }
 
 bool ControllerNode::timed_out(Instant now) const {
-  return newest_ && pose_timeout_ > Duration{0} && now - newest_->stamp >= pose_timeout_;
+  return pose_timeout_ > Duration{0} && now - (newest_ ? newest_->stamp : begun_) >= pose_timeout_;
 }
 
 void ControllerNode::decide() {
@@ -165,12 +181,14 @@ void ControllerNode::decide() {
   if (timed_out(now) && now >= kStart) {
     ++pose_timeouts_;
     send(now, law_->stop(now), true);
-  } else if (law_->plans_ahead() || (newest_ && now >= kStart)) {
+  } else if (law_->plans_ahead() ? newest_ || start_known_ : newest_ && now >= kStart) {
     if (ask_) {
       ask_();
     } else {
       decide_by_law();
     }
+  } else if (law_->plans_ahead()) {
+    send(now, law_->stop(now), false);
   } else {
     send(now, Twist{}, false);
   }

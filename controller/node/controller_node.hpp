@@ -17,6 +17,7 @@
 #include "common/fleet/fleet.hpp"
 #include "common/loop/event_loop.hpp"
 #include "common/loop/node.hpp"
+#include "common/onboard/onboard_settings.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
@@ -27,7 +28,7 @@ namespace tether {
 /// What the controller takes of a scenario.
 using ControllerNodeSettings =
     Sections<RunSettings, VehicleSettings, PathSettings, ControllerSettings, ActuatorSettings,
-             AutonomySettings, WorldSettings, Surroundings, FleetSettings>;
+             AutonomySettings, LocaliserSettings, WorldSettings, Surroundings, FleetSettings>;
 
 /// The remote controller: CTRL/POSE and, if the vehicle sends it, CTRL/ODOMETRY in, CTRL/CMD_VEL or
 /// CTRL/PLAN (and CTRL/REPORT, CTRL/COUNTERS) out.
@@ -37,11 +38,13 @@ using ControllerNodeSettings =
 ///
 /// A decision is a twist, or with a predictive law a plan.
 /// - Before the first pose, event sends nothing and timer sends zero twists. During the lead,
-///   before t = 0, both send zero twists. Predictive laws plan in both cases: the vehicle stands at
-///   its start.
+///   before t = 0, both send zero twists. Predictive laws plan in both cases if the start is known:
+///   the vehicle stands there. Else (localiser.knows_start = false, or the controller begins more
+///   than a second after t = 0) they send plans to stop.
 /// - When the newest pose is controller.pose_timeout_s old or older (age by its time stamp, so
-///   delay counts): event sends one zero twist, or a plan to stop; timer one each time; the law
-///   starts afresh with the next pose. A pose that arrives too old already is answered by a stop.
+///   delay counts), or no pose has come for that long since t = 0 or the controller's own start:
+///   event sends one zero twist, or a plan to stop; timer one each time; the law starts afresh with
+///   the next pose. A pose that arrives too old already is answered by a stop.
 ///   pose_timeout_s = 0: never (the paper).
 /// - With controller.preload, the first plan is on CTRL/PRELOAD at the beginning of the run.
 /// - With controller.send = "changed", not all of them go out (CommandSending); reports do.
@@ -102,6 +105,8 @@ class ControllerNode final : public Node {
   SoleSender senders_;
   ControllerSettings config_;
   Duration pose_timeout_;
+  Instant begun_;     ///< from where the time-out counts until a pose has come
+  bool start_known_;  ///< a law may plan from the start of the scenario
   std::int64_t session_;
   std::unique_ptr<Law> law_;
   std::function<void()> ask_;

@@ -9,6 +9,8 @@ namespace tether::link {
 static_assert(crypto_kx_PUBLICKEYBYTES == sizeof(Key) && crypto_kx_SECRETKEYBYTES == sizeof(Key) &&
               crypto_kx_SEEDBYTES == sizeof(Key) && crypto_scalarmult_BYTES == sizeof(Key));
 
+void wipe(Key& secret) { sodium_memzero(secret.data(), secret.size()); }
+
 KeyPair key_pair_of(const Key& seed) {
   KeyPair pair;
   crypto_kx_seed_keypair(pair.public_key.data(), pair.secret_key.data(), seed.data());

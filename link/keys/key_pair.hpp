@@ -9,8 +9,13 @@
 
 namespace tether::link {
 
-/// Of X25519.
+/// Overwrites a secret, which the compiler may not leave out.
+void wipe(Key& secret);
+
+/// Of X25519. The secret key is wiped at the end.
 struct KeyPair {
+  ~KeyPair() { wipe(secret_key); }
+
   Key public_key{};
   Key secret_key{};
 };

@@ -22,7 +22,7 @@ struct Address {
 struct PeerSetup {
   Key key{};
   PeerRules rules;
-  /// By path; what is empty, or none, is wherever the peer's newest authentic datagram came from.
+  /// By path; what is empty, or none, is learned (Endpoint).
   std::vector<std::optional<Address>> addresses;
 };
 
@@ -30,9 +30,16 @@ struct PeerSetup {
 ///
 /// A datagram that does not authenticate changes a counter, and nothing else. Only an authentic
 /// HELLO is answered, to where it came from, by one shorter datagram.
+///
+/// An address that is not configured is learned from the first authentic PROBE of that path. It
+/// changes only after nothing authentic has come from it for kSilentPlace, and after the new place
+/// has answered a PROBE that was sent there (as QUIC validates paths): who forwards copies of the
+/// peer's datagrams, however fast, does not get what is sent to the peer.
 class Endpoint {
  public:
   static constexpr std::size_t kMostPeers = 256;
+  static constexpr Duration kSilentPlace = std::chrono::seconds{1};
+  static constexpr Duration kChallengeLife = std::chrono::milliseconds{500};
 
   struct Output {
     std::function<void(std::size_t path, const Address& to, ByteView datagram)> send;
@@ -60,12 +67,21 @@ class Endpoint {
   const Refusals& refused() const { return refused_; }
 
  private:
+  /// Where a peer is on a path.
+  struct Place {
+    std::optional<Address> address;
+    bool is_pinned = false;  ///< by the configuration
+    Instant heard{};         ///< something authentic from there, be it a copy
+    std::optional<Address> candidate = {};
+    std::int64_t challenge_ns = 0;  ///< time of the PROBE that was sent to the candidate, …
+    Instant challenged{};           ///< … on the loop's clock
+  };
   struct Peer {
     std::uint64_t key_id;
-    std::vector<std::optional<Address>> pinned;
-    std::vector<std::optional<Address>> current;
+    std::vector<Place> places;
     PeerLink link;
   };
+  void learn(Peer& peer, std::size_t path, const Address& from, const Whereabouts& where, Moment m);
 
   PeerOutput output_of(std::size_t number);
   /// nullptr, and counted: there is none, or it is not there.

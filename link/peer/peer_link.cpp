@@ -99,9 +99,9 @@ void PeerLink::send_copies(Instant now) {
   }
 }
 
-void PeerLink::probe(std::size_t path, Moment m) {
+Session* PeerLink::seal_probe(std::size_t path, Moment m) {
   Session* const session = sessions_.current();
-  if (session == nullptr) return;
+  if (session == nullptr) return nullptr;
   const LastProbe& last = last_probes_[path];
   constexpr std::size_t kBytes = kSealedHeaderBytes + kTagBytes + kProbeBytes;
   const std::size_t padding = probes_ % kLongProbe == 0 ? settings_.datagram_bytes - kBytes : 0;
@@ -109,7 +109,19 @@ void PeerLink::probe(std::size_t path, Moment m) {
              {m.wall_ns, Probe{static_cast<std::uint8_t>(path), session->count(path).sent + 1,
                                last.wall_ns, last.arrival_ns, padding}});
   session->seal(text_, datagram_);
-  send_by(path, *session, datagram_);
+  return session;
+}
+
+void PeerLink::probe(std::size_t path, Moment m) {
+  Session* const session = seal_probe(path, m);
+  if (session != nullptr) send_by(path, *session, datagram_);
+}
+
+void PeerLink::challenge(std::size_t path, Moment m) {
+  Session* const session = seal_probe(path, m);
+  if (session == nullptr) return;
+  out_.reply(datagram_);
+  ++session->count(path).sent;
 }
 
 void PeerLink::probe_all(Moment m) {
@@ -151,24 +163,24 @@ void PeerLink::on_answer(ByteView answer, Moment m) {
   if (sessions_.on_answer(answer, m)) probe_all(m);  // which proves to the peer that we are we
 }
 
-bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView datagram,
-                         Moment m) {
+Whereabouts PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView datagram,
+                                Moment m) {
   Session* const session = sessions_.find(header.session);
   if (session == nullptr) {
     ++refused_.no_session;
-    return false;
+    return {};
   }
   const Opened opened = session->open(path, header, datagram, opened_);
   if (opened == Opened::forged || opened == Opened::replayed) {
     ++(opened == Opened::forged ? refused_.forged : refused_.replayed);
-    return false;
+    return {.authentic = opened == Opened::replayed && session->is_authentic(header, datagram)};
   }
   const std::optional<Text> text = read_text(opened_);
   const auto* const probe = text ? std::get_if<Probe>(&text->what) : nullptr;
   if (!text || (probe != nullptr && probe->path != path)) {
     ++(text ? refused_.crossed : refused_.malformed);
     if (text) paths_[path].on_crossed(m.now);
-    return false;
+    return {};
   }
   if (sessions_.confirm(*session, m.now)) probe_all(m);
   newest_ = m.now;
@@ -177,16 +189,17 @@ bool PeerLink::on_sealed(std::size_t path, const SealedHeader& header, ByteView 
   judge(path, *session, header.counter, *text, m);
   if (opened != Opened::fresh) {
     ++(opened == Opened::late ? refused_.late : counters_.duplicates);
-    return false;
+    return {.authentic = true};
   }
   if (const auto* piece = std::get_if<Piece>(&text->what)) {
     on_piece(path, *session, header.counter, *piece, m);
   } else if (probe != nullptr) {
-    return on_probe(path, *session, text->wall_ns, *probe, m) && session == sessions_.current();
+    const bool newest = on_probe(path, *session, text->wall_ns, *probe, m);
+    return {true, newest && session == sessions_.current(), probe->echo_wall_ns};
   } else {
     on_ack(*session, std::get<Ack>(text->what));
   }
-  return false;
+  return {.authentic = true};
 }
 
 void PeerLink::judge(std::size_t path, const Session& session, std::uint64_t counter,

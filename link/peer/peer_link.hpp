@@ -61,6 +61,13 @@ struct PeerCounters {
   std::int64_t copies_saved = 0;   ///< deferred copies that were acknowledged or superseded in time
 };
 
+/// What a sealed datagram says of where its sender is on a path.
+struct Whereabouts {
+  bool authentic = false;         ///< the peer sealed it, be it a copy of one that came before
+  bool newest = false;            ///< a PROBE of that path, and the newest
+  std::int64_t echo_wall_ns = 0;  ///< of that PROBE: the time of our PROBE that it answers
+};
+
 /// One peer: messages in, datagrams out, and back. Pure: time and randomness are arguments.
 ///
 /// Each datagram goes by every path under one counter, and the first copy counts. PROBEs go by each
@@ -80,9 +87,9 @@ class PeerLink {
   // Each takes a datagram, which lives as long as the call.
   void on_hello(ByteView hello, Moment m);
   void on_answer(ByteView answer, Moment m);
-  /// Whether it is an authentic PROBE of that path, and the newest: then the peer is where it came
-  /// from.
-  bool on_sealed(std::size_t path, const SealedHeader& header, ByteView datagram, Moment m);
+  Whereabouts on_sealed(std::size_t path, const SealedHeader& header, ByteView datagram, Moment m);
+  /// Sends a PROBE of this path to where the datagram that is being taken came from.
+  void challenge(std::size_t path, Moment m);
 
   /// After a batch of datagrams: acknowledges them.
   void flush(Moment m);
@@ -130,6 +137,8 @@ class PeerLink {
   void probe_all(Moment m);
   void defer(const std::string& latest, std::uint32_t session, std::uint64_t counter,
              std::size_t path, Instant due);
+  /// Seals a PROBE into datagram_; nullptr: there is no session.
+  Session* seal_probe(std::size_t path, Moment m);
   /// Whether it is the newest of its path.
   bool on_probe(std::size_t path, Session& session, std::int64_t wall_ns, const Probe& probe,
                 Moment m);

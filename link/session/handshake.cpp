@@ -37,8 +37,6 @@ bool multiply(Key& out, const Key& secret, const Key& point) {
   return crypto_scalarmult(out.data(), secret.data(), point.data()) == 0;
 }
 
-void wipe(Key& key) { sodium_memzero(key.data(), key.size()); }
-
 bool equal(ByteView a, ByteView b) {
   return a.size() == b.size() && sodium_memcmp(a.data(), b.data(), a.size()) == 0;
 }

@@ -21,7 +21,20 @@ Nonce nonce_of(std::uint64_t counter) {
   return nonce;
 }
 
+bool decrypt(Bytes& text, const SealedHeader& header, ByteView datagram, const Key& key) {
+  const ByteView sealed = datagram.subspan(kSealedHeaderBytes);
+  const Nonce nonce = nonce_of(header.counter);
+  return crypto_aead_chacha20poly1305_ietf_decrypt(
+             text.data(), nullptr, nullptr, sealed.data(), sealed.size(), datagram.data(),
+             kSealedHeaderBytes, nonce.data(), key.data()) == 0;
+}
+
 }  // namespace
+
+bool Session::is_authentic(const SealedHeader& header, ByteView datagram) const {
+  Bytes text(datagram.size() - kSealedHeaderBytes - kTagBytes);
+  return decrypt(text, header, datagram, keys_.receive);
+}
 
 Session::Session(const SessionKeys& keys, bool initiated, Instant begin)
     : keys_(keys), initiated_(initiated), begin_(begin) {}
@@ -47,14 +60,8 @@ Opened Session::open(std::size_t path, const SealedHeader& header, ByteView data
   assert(path < kMostPaths && datagram.size() >= kSealedHeaderBytes + kTagBytes);
   ReplayWindow& on_path = path_windows_[path];
   if (on_path.look(header.counter) != ReplayWindow::Verdict::fresh) return Opened::replayed;
-  const ByteView sealed = datagram.subspan(kSealedHeaderBytes);
-  text.resize(sealed.size() - kTagBytes);
-  const Nonce nonce = nonce_of(header.counter);
-  if (crypto_aead_chacha20poly1305_ietf_decrypt(text.data(), nullptr, nullptr, sealed.data(),
-                                                sealed.size(), datagram.data(), kSealedHeaderBytes,
-                                                nonce.data(), keys_.receive.data()) != 0) {
-    return Opened::forged;
-  }
+  text.resize(datagram.size() - kSealedHeaderBytes - kTagBytes);
+  if (!decrypt(text, header, datagram, keys_.receive)) return Opened::forged;
   on_path.mark(header.counter);
   ++counts_[path].received;
   const ReplayWindow::Verdict verdict = window_.look(header.counter);

@@ -37,6 +37,9 @@ class Session {
   /// authenticate changes nothing.
   Opened open(std::size_t path, const SealedHeader& header, ByteView datagram, Bytes& text);
 
+  /// Whether the peer sealed it, be it known or not. Changes nothing.
+  bool is_authentic(const SealedHeader& header, ByteView datagram) const;
+
   /// Of those opened, on all paths.
   const ReplayWindow& window() const { return window_; }
   std::uint32_t own_number() const { return keys_.own_session; }

@@ -20,16 +20,19 @@ std::uint32_t Sessions::new_number() {
   }
 }
 
-/// False if it is known, or there is no room to remember it.
-bool Sessions::remember(Instant now, const Mac& mac) {
+KeyPair Sessions::new_pair() {
+  Key seed = random_();
+  const KeyPair pair = key_pair_of(seed);
+  wipe(seed);
+  return pair;
+}
+
+bool Sessions::take(const Hello& hello, Instant now) {
+  // After that any HELLO of an allowed time is newer.
   constexpr Duration kLongEnough = 2 * kMostClockDifference + std::chrono::seconds{5};
-  while (!remembered_.empty() && now - remembered_.front().when > kLongEnough) {
-    remembered_.pop_front();
-  }
-  const bool is_known = std::any_of(remembered_.begin(), remembered_.end(),
-                                    [&mac](const Remembered& r) { return r.mac == mac; });
-  if (is_known || remembered_.size() >= kMostRemembered) return false;
-  remembered_.push_back({now, mac});
+  if (newest_hello_ && now - newest_hello_->when > kLongEnough) newest_hello_.reset();
+  if (newest_hello_ && hello.wall_ns <= newest_hello_->wall_ns) return false;
+  newest_hello_ = Taken{hello.wall_ns, now};
   return true;
 }
 
@@ -51,18 +54,19 @@ std::optional<ByteView> Sessions::on_hello(ByteView hello, Moment m) {
                                                 static_cast<std::uint64_t>(m.wall_ns));
     return std::nullopt;
   }
-  if (!remember(m.now, asked->mac)) {
+  if (!take(*asked, m.now)) {
     // By the second path, when the first has brought answer and confirmation already.
     if (!(current_ && answered_hello_ == asked->mac)) ++refused_.replayed;
     return std::nullopt;
   }
-  auto answered =
-      Handshake::answer(identity_, hello, key_pair_of(random_()), new_number(), m.wall_ns);
+  auto answered = Handshake::answer(identity_, hello, new_pair(), new_number(), m.wall_ns);
   if (!answered) {
     ++refused_.forged;
     return std::nullopt;
   }
   answered_ = std::make_unique<Session>(answered->keys, false, m.now);
+  wipe(answered->keys.send);
+  wipe(answered->keys.receive);
   answered_hello_ = asked->mac;
   answers_ = 1;
   answer_ = std::move(answered->answer);
@@ -78,13 +82,15 @@ bool Sessions::on_answer(ByteView answer, Moment m) {
     ++refused_.no_session;
     return false;
   }
-  const std::optional<SessionKeys> keys =
+  std::optional<SessionKeys> keys =
       Handshake::finish(identity_, started_->hello, started_->ephemeral, answer);
   if (!keys) {
     ++refused_.forged;
     return false;
   }
   install(std::make_unique<Session>(*keys, true, m.now), m.now);
+  wipe(keys->send);
+  wipe(keys->receive);
   return true;
 }
 
@@ -146,7 +152,7 @@ std::optional<ByteView> Sessions::due_hello(Moment m, bool anew) {
     return std::nullopt;
   }
   if (next_hello_ && m.now < *next_hello_) return std::nullopt;
-  started_ = Started{key_pair_of(random_()), new_number(), {}};
+  started_ = Started{new_pair(), new_number(), {}};
   started_->hello = Handshake::hello(identity_, started_->ephemeral, started_->number, m.wall_ns);
   next_hello_ = m.now + wait_;
   wait_ = std::min<Duration>(2 * wait_, kLongestWait);

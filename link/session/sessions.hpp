@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -38,9 +37,10 @@ struct RekeySettings {
 /// larger public key begins after kDisagreement of hearing only the one before, the other after
 /// three times that.
 ///
-/// HELLOs are taken once, and only if their time is within kMostClockDifference of ours; so much is
-/// to be remembered of them, and no more. Each is answered by one datagram, which is shorter; one
-/// that came by another path, by the same.
+/// HELLOs are taken only if their time is within kMostClockDifference of ours, and later than that
+/// of the newest one taken: recorded ones do not displace it. A peer whose clock is set back has to
+/// wait for that long at most before it can begin a session. Each is answered by one datagram,
+/// which is shorter; one that came by another path, by the same.
 class Sessions {
  public:
   static constexpr Duration kMostClockDifference = std::chrono::seconds{60};
@@ -49,7 +49,6 @@ class Sessions {
   static constexpr Duration kDisagreement = std::chrono::seconds{1};
   static constexpr Duration kFirstWait = std::chrono::milliseconds{500};  // then twice as long …
   static constexpr Duration kLongestWait = std::chrono::seconds{4};
-  static constexpr std::size_t kMostRemembered = 1024;
   /// To one HELLO, which may come by each path.
   static constexpr std::size_t kMostAnswers = kMostPaths;
 
@@ -84,13 +83,15 @@ class Sessions {
     std::uint32_t number;
     Bytes hello;
   };
-  struct Remembered {
+  struct Taken {
+    std::int64_t wall_ns;
     Instant when;
-    Mac mac;
   };
 
   std::uint32_t new_number();
-  bool remember(Instant now, const Mac& mac);
+  KeyPair new_pair();
+  /// False: it is not newer than the newest one.
+  bool take(const Hello& hello, Instant now);
   void install(std::unique_ptr<Session> session, Instant now);
   bool wants_new_keys(Instant now) const;
 
@@ -112,7 +113,7 @@ class Sessions {
   std::optional<Started> started_;
   std::optional<Instant> next_hello_;
   Duration wait_ = kFirstWait;
-  std::deque<Remembered> remembered_;
+  std::optional<Taken> newest_hello_;
   std::uint64_t generations_ = 0;
   std::int64_t count_ = 0;
   std::int64_t clock_ahead_ns_ = 0;

@@ -1,13 +1,13 @@
 """A controller as the node "controller" of a run in simulated time (docs/reference/time.md)."""
 
 import collections
+import hashlib
 import heapq
 import itertools
 import pathlib
 import re
 import time
 import traceback
-import zlib
 
 from .messages import message_type
 
@@ -25,6 +25,15 @@ _REPEAT_S, _PATIENCE_S, _COORDINATOR_PATIENCE_S = 0.05, 5.0, 30.0
 
 class LockstepError(Exception):
     pass
+
+
+def _keyed_hash(data, key):
+    return hashlib.blake2b(data, digest_size=16, key=key).hexdigest()
+
+
+def _mac(kind, message, key):
+    """Of a grant or an answer: of all but its seq, which differs between copies, and the mac."""
+    return _keyed_hash(kind.encode(**message | {"seq": 0, "mac": ""}), key)
 
 
 def _where(failure):
@@ -58,6 +67,7 @@ class Lockstep:
         self.over = False
         self.superseded = False  # another run is on this network
         self._heard = None  # what somebody takes
+        self._run_key = self._key = b""  # of digests; of this node's grants and answers
 
     def _say(self, on, kind, /, **fields):
         data = kind.encode(seq=self._seq, **fields)
@@ -121,6 +131,10 @@ class Lockstep:
         else:
             self.superseded = True
         if not self.session and welcome.node == "controller" and welcome.instance == self._instance:
+            try:
+                self._run_key, self._key = bytes.fromhex(welcome.run_key), bytes.fromhex(welcome.node_key)
+            except ValueError:
+                return
             self.session = welcome.session
             self._heard = [re.compile(expression) for expression in welcome.subscription]
         elif not self.session and not welcome.node:  # a coordinator waits
@@ -129,7 +143,7 @@ class Lockstep:
     def _on_grant(self, grant):
         if grant is None or grant.node != "controller" or not self.session:
             return
-        if grant.session != self.session:
+        if grant.session != self.session or grant.mac != _mac(_GRANT, vars(grant), self._key):
             return
         self.heard_at = time.monotonic()
         if grant.id == self._answer[0]:  # the answer was lost
@@ -147,7 +161,7 @@ class Lockstep:
             for kept in self._inbox if have[i] is None else ():
                 name, data = kept
                 if name == grant.channel[i] and len(data) == grant.size[i]:
-                    if zlib.crc32(data) == grant.crc32[i]:
+                    if _keyed_hash(data, self._run_key) == grant.digest[i]:
                         have[i] = data
                         self._inbox.remove(kept)
                         break
@@ -184,7 +198,7 @@ class Lockstep:
                 if len(self._sent) > _KEPT:
                     self._sent.popitem(last=False)
                 self._send(channel, sent)
-                published.append((channel, number, ns, index, len(sent), zlib.crc32(sent)))
+                published.append((channel, number, ns, index, len(sent), _keyed_hash(sent, self._run_key)))
                 if any(expression.fullmatch(channel) for expression in self._heard):
                     bound = min(bound, (ns, _DELIVERY | grant.id << 24 | index, -1))
                 index += 1
@@ -194,9 +208,10 @@ class Lockstep:
                 index += 1
 
     def _reply(self, grant, published, error):
-        names = ("channel", "number", "time_ns", "index", "size", "crc32")
+        names = ("channel", "number", "time_ns", "index", "size", "digest")
         columns = dict(zip(names, zip(*published))) if published else {}
         me = {"session": self.session, "instance": self._instance, "node": "controller"}
-        answer = {"grant": grant.id, "error": error, "count": len(published)}
-        data = self._say("TIME/REQUEST", _REQUEST, **me, **self._next(), **answer, **columns)
+        answer = {"grant": grant.id, "grant_mac": grant.mac, "error": error, "count": len(published)}
+        answer |= me | self._next() | columns
+        data = self._say("TIME/REQUEST", _REQUEST, **answer, mac=_mac(_REQUEST, answer, self._key))
         self._answer = (grant.id, data)

@@ -71,14 +71,21 @@ Record drive() {
   return r;
 }
 
+void set_states(Record& r, int from_ms, int until_ms, std::int32_t state) {
+  for (StateSample& s : r.states) {
+    if (s.when >= at_ms(from_ms) && s.when < at_ms(until_ms)) s.state = state;
+  }
+}
+
 std::string broken(const Record& record) {
   const auto found = check(1, record);
   return found.empty() ? "" : found.front().rule;
 }
 
-TEST(FaultCampaign, TheSeedsThatOnceCutPowerOfTurningWheelsBreakNoRule) {
+TEST(FaultCampaign, TheSeedsThatOnceBrokeARuleBreakNone) {
   const auto setup = load_setup();
-  for (const std::uint64_t seed : {1000781U, 1016389U}) {
+  for (const std::uint64_t seed : {200942U, 203504U, 205111U, 208213U, 221629U, 222974U, 223933U,
+                                   230143U, 1000781U, 1016389U}) {
     for (const Trial& trial : {draw_trial(seed), with_vehicle(draw_trial(seed))}) {
       for (const Finding& f : check(seed, run_trial(setup, trial, false))) {
         ADD_FAILURE() << seed << ": " << f.rule << " at " << to_seconds(f.when) << ": " << f.what;
@@ -96,6 +103,26 @@ TEST(FaultCampaign, AWheelWithoutWitnessMayBeCutAndOneThatIsOnlyFrozenMayNot) {
   silent.faults = {{FaultKind::drive_silent, at_ms(3000), at_ms(3500), 0.0, 1}};
   silent.cuts = {{at_ms(3100), 0, 0.8, true}};
   EXPECT_EQ(broken(silent), "");
+}
+
+TEST(FaultCampaign, AFaultOfADriveThatJustRebootsShowsAsMissingFeedback) {
+  for (const bool reboots : {true, false}) {
+    Record r = drive();
+    r.faults = {{FaultKind::drive_fault, at_ms(2000), at_ms(2000), 0.0, 1}};
+    if (reboots) r.faults.push_back({FaultKind::drive_reboot, at_ms(2000), at_ms(2000), 0.0, 1});
+    set_states(r, 2120, 3000, State::STOPPING);
+    EXPECT_EQ(fault_unnoticed(r).has_value(), !reboots);
+  }
+}
+
+TEST(FaultCampaign, AForeignNmtStartBeginsADrivesDeadlineAgain) {
+  Record r = drive();
+  r.heard[1].resize(60);  // setpoints until 1.2 s
+  EXPECT_TRUE(wheel_turns_without_setpoints(r).has_value());
+  for (int ms = 1250; ms < 3500; ms += 50) {
+    r.faults.push_back({FaultKind::nmt, at_ms(ms), at_ms(ms), 0.0, 2});
+  }
+  EXPECT_FALSE(wheel_turns_without_setpoints(r).has_value());
 }
 
 TEST(FaultCampaign, AnOrdinaryDriveBreaksNoRule) { EXPECT_EQ(broken(drive()), ""); }
@@ -116,12 +143,6 @@ TEST_P(EachRule, SeesWhatBreaksIt) {
     }
   }
   ADD_FAILURE() << "no such rule";
-}
-
-void set_states(Record& r, int from_ms, int until_ms, std::int32_t state) {
-  for (StateSample& s : r.states) {
-    if (s.when >= at_ms(from_ms) && s.when < at_ms(until_ms)) s.state = state;
-  }
 }
 
 INSTANTIATE_TEST_SUITE_P(

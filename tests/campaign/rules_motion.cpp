@@ -191,6 +191,10 @@ std::optional<Violation> wheel_turns_without_setpoints(const Record& record) {
     Permission permission;
     for (const Instant t : record.heard[i]) permission.add(t, t + kDriveDeadline);
     permit_strangers(record, permission);
+    // NMT "start" begins the deadline of a drive again.
+    for (const Fault& fault : record.faults) {
+      if (fault.kind == FaultKind::nmt) permission.add(fault.when, fault.when + kDriveDeadline);
+    }
     permit_physics(record, permission);
     // Of this wheel alone: the other one may have setpoints.
     Record one;

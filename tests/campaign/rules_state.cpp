@@ -147,7 +147,7 @@ std::optional<Violation> fault_left(const Record& record) {
   for (std::size_t i = 0; i < record.states.size(); ++i) {
     const StateSample& s = record.states[i];
     if (is_first(record, i)) since.reset();
-    if (s.state == State::FAULT) {
+    if (s.state == State::FAULT || s.state == State::UNCONFIRMED) {
       if (!since) since = before(record, i);
     } else if (since && s.state != State::ESTOP && s.state != State::STOPPING) {
       if (!came(record, Request::RESET, *since, s.when)) {
@@ -202,11 +202,14 @@ std::optional<Violation> estop_left(const Record& record) {
 
 namespace {
 
-/// Whether the drive that has this fault cannot tell.
+/// Whether the drive that has this fault cannot tell: it is silent, or its firmware does not run.
 bool is_silent(const Record& record, const Fault& fault) {
-  return std::any_of(record.faults.begin(), record.faults.end(), [&fault](const Fault& f) {
-    return f.kind == FaultKind::drive_silent && fault.kind == FaultKind::drive_fault &&
-           f.node == fault.node && f.when <= fault.when && fault.when <= f.until;
+  constexpr Duration kBoots = std::chrono::milliseconds{300};
+  if (fault.kind != FaultKind::drive_fault) return false;
+  return std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
+    const bool silent = f.kind == FaultKind::drive_silent && fault.when <= f.until;
+    const bool boots = f.kind == FaultKind::drive_reboot && fault.when <= f.when + kBoots;
+    return (silent || boots) && f.node == fault.node && f.when <= fault.when;
   });
 }
 

@@ -30,6 +30,7 @@ std::string cause_of(const std::string& reason) {
       {"interface down", "bus down"},
       {"emergency", "EMCY"},
       {"does not follow", "wheel does not follow"},
+      {" wheel: ", "witness or first way is wrong"},
       {"rebooted", "drive rebooted"},
       {"feedback", "feedback missing"},
       {"heartbeat", "heartbeat missing"}};

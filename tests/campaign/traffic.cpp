@@ -175,8 +175,8 @@ void Operator::step() {
     request(drive_request_t::ARM);
   } else if (state == drivetrain_state_t::ESTOP && !released_) {
     request(drive_request_t::ESTOP_RELEASE);
-  } else if (state == drivetrain_state_t::FAULT || state == drivetrain_state_t::REFUSED ||
-             state == drivetrain_state_t::ESTOP) {
+  } else if (state == drivetrain_state_t::FAULT || state == drivetrain_state_t::UNCONFIRMED ||
+             state == drivetrain_state_t::REFUSED || state == drivetrain_state_t::ESTOP) {
     request(drive_request_t::RESET);
   } else {
     return;

@@ -1,4 +1,5 @@
 #include <cstdint>
+#include <map>
 #include <string>
 #include <tether/all_messages.hpp>
 #include <tether/twist_t.hpp>
@@ -6,6 +7,7 @@
 
 #include "common/lockstep/channels.hpp"
 #include "common/lockstep/member.hpp"
+#include "common/lockstep/message_digest.hpp"
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/fuzz/script.hpp"
 #include "tests/support/virtual_world.hpp"
@@ -34,31 +36,40 @@ class Parrot final : public Node {
   Bus& bus_;
 };
 
+/// By node; those that a welcome of play() hands out are zeros.
+using Keys = std::map<std::string, DigestKey>;
+
 /// One message that looks like one of this run.
 template <class LcmType>
-void say(Script& script, VirtualWorld& world, const std::string& channel) {
+void say(Script& script, VirtualWorld& world, Keys& keys, const std::string& channel) {
   auto message = filled<LcmType>(script, kWords);
   if (script.byte() % 8 != 0) message.session = kSession;
+  if constexpr (requires { message.mac; }) {
+    if (script.byte() % 8 != 0) message.mac = mac_of(message, keys[message.node]);
+  }
+  if constexpr (requires { message.node_key; }) {
+    if (script.byte() % 8 != 0) message.run_key = message.node_key = to_hex(DigestKey{});
+  }
   publish(world.bus, channel, message);
 }
 
-void play(Script& script, VirtualWorld& world) {
+void play(Script& script, VirtualWorld& world, Keys& keys) {
   for (int i = 0; i < 200 && !script.ended(); ++i) {
     switch (script.choice(8)) {
       case 0:
-        say<time_welcome_t>(script, world, kTimeWelcome);
+        say<time_welcome_t>(script, world, keys, kTimeWelcome);
         break;
       case 1:
-        say<time_grant_t>(script, world, kTimeGrant);
+        say<time_grant_t>(script, world, keys, kTimeGrant);
         break;
       case 2:
-        say<time_resend_t>(script, world, kTimeResend);
+        say<time_resend_t>(script, world, keys, kTimeResend);
         break;
       case 3:
-        say<time_join_t>(script, world, kTimeJoin);
+        say<time_join_t>(script, world, keys, kTimeJoin);
         break;
       case 4:
-        say<time_request_t>(script, world, kTimeRequest);
+        say<time_request_t>(script, world, keys, kTimeRequest);
         break;
       case 5:
         world.bus.publish(kWords[script.choice(kWords.size())], script.take_some());
@@ -78,7 +89,8 @@ void try_member(Script& script) {
   Instant last_asked{};
   world.bus.subscribe(kTimeJoin, 1, [&](const Message&) { last_asked = world.loop.now(); });
   member.join(parrot);
-  play(script, world);
+  Keys keys;
+  play(script, world, keys);
   const bool asks = world.loop.now() - last_asked < std::chrono::seconds{1};
   must(asks || member.has_left() || !member.error().empty(),
        "a node that has lost its coordinator gives up");
@@ -95,7 +107,14 @@ void try_coordinator(Script& script) {
     must(when >= last, "a run is recorded in order");
     last = when;
   });
-  play(script, world);
+  Keys keys;
+  std::int64_t undecodable = 0;
+  subscribe<time_welcome_t>(world.bus, kTimeWelcome, kDeepQueue, undecodable,
+                            [&keys](const time_welcome_t& welcome) {
+                              const auto key = key_of_hex(welcome.node_key);
+                              if (key) keys[welcome.node] = *key;
+                            });
+  play(script, world, keys);
   must(manager.done() || !manager.error().empty(), "a coordinator without nodes gives up");
 }
 

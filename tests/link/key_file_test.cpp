@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <array>
+#include <new>
+
 #include "tests/link/two_hosts.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/support/refusal.hpp"
@@ -80,6 +84,18 @@ TEST(KeyText, IsHexadecimalOfExactlyOneKey) {
   EXPECT_FALSE(key_from_text(key_text(key) + "0"));
   EXPECT_FALSE(key_from_text(""));
   EXPECT_FALSE(key_from_text(std::string(64, 'x')));
+}
+
+TEST(KeyPair, WipesItsSecret) {
+  alignas(KeyPair) std::array<std::uint8_t, sizeof(KeyPair)> room{};
+  auto* pair = new (room.data()) KeyPair(key_pair_of(testing::key_number(1)));
+  const Key secret = pair->secret_key;
+  const auto holds = [&] {
+    return std::search(room.begin(), room.end(), secret.begin(), secret.end()) != room.end();
+  };
+  EXPECT_TRUE(holds());
+  pair->~KeyPair();
+  EXPECT_FALSE(holds());
 }
 
 }  // namespace

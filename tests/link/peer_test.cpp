@@ -350,6 +350,100 @@ TEST(PeerLink, AProbeThatComesLateDoesNotMoveALearnedAddress) {
   EXPECT_EQ(net.hosts[1].heard.size(), 1U);
 }
 
+/// Copies of all that host 0 sends, 5 ms faster and from elsewhere.
+void let_a_faster_observer_copy(TwoHosts& net, Duration time) {
+  net.keep = true;
+  for (const Instant end = net.now + time; net.now < end;) {
+    net.seen.clear();
+    net.run(milliseconds{2});
+    for (const TwoHosts::Datagram& d : std::vector(net.seen)) {
+      if (d.from == 0) net.inject(1, d.path, d.bytes, Address{0x0A000099, 7700});
+    }
+  }
+}
+
+TEST(PeerLink, AFasterObserverDoesNotTakeALearnedPath) {
+  TwoHosts net;
+  net.knows_address = {true, false};
+  net.restart(1);
+  net.delay = [](const TwoHosts::Datagram&) { return milliseconds{7}; };
+  net.connect();
+  for (int i = 0; i < 400; ++i) {
+    net.send(1, "POSE", numbered(static_cast<std::uint32_t>(i)));
+    let_a_faster_observer_copy(net, milliseconds{10});
+  }
+  net.run(milliseconds{20});
+  EXPECT_EQ(net.hosts[0].heard.size(), 400U);
+}
+
+TEST(PeerLink, ALearnedAddressMovesOnceTheOldOneIsSilentAndTheNewOneAnswers) {
+  TwoHosts net;
+  net.knows_address = {true, false};
+  net.restart(1);
+  net.connect();
+  net.run(seconds{2});
+  net.port[0] = 9900;  // as a NAT that has forgotten
+  const auto heard_after = [&](Duration time) {
+    net.run(time);
+    const std::size_t before = net.hosts[0].heard.size();
+    net.send(1, "POSE", {1});
+    net.run(milliseconds{10});
+    return net.hosts[0].heard.size() > before;
+  };
+  EXPECT_FALSE(heard_after(milliseconds{500}));
+  EXPECT_TRUE(heard_after(milliseconds{1500}));
+}
+
+TEST(PeerLink, AnAddressThatAnswersNoProbeIsNotMovedTo) {
+  TwoHosts net;
+  net.knows_address = {true, false};
+  net.restart(1);
+  net.connect();
+  net.keep = true;
+  net.loses = [](const TwoHosts::Datagram& d) { return d.from == 0; };
+  for (int i = 0; i < 300; ++i) {  // all that it sends comes from elsewhere only
+    net.seen.clear();
+    net.run(milliseconds{10});
+    for (const TwoHosts::Datagram& d : std::vector(net.seen)) {
+      if (d.from == 0) net.inject(1, d.path, d.bytes, Address{0x0A000099, 7700});
+    }
+  }
+  net.send(1, "POSE", {1});
+  net.run(milliseconds{10});
+  EXPECT_EQ(net.hosts[0].heard.size(), 1U);
+}
+
+TEST(PeerLink, RecordedHellosDoNotDelayASessionAfterARestart) {
+  TwoHosts net;
+  net.knows_address = {true, false};
+  net.restart(1);
+  net.keep = true;
+  for (int i = 0; i < 10; ++i) {  // ten of its HELLOs
+    net.restart(0);
+    net.run(milliseconds{300});
+  }
+  std::vector<Bytes> recorded;
+  for (const TwoHosts::Datagram& d : net.seen) {
+    if (d.from == 0 && read_hello(d.bytes)) recorded.push_back(d.bytes);
+  }
+  ASSERT_GE(recorded.size(), 10U);
+  net.restart(1);
+  net.restart(0);
+  const Instant begun = net.now;
+  while (!net.link(1).up(net.now) && net.now - begun < seconds{10}) {
+    net.seen.clear();
+    net.run(milliseconds{1});
+    const auto answers = std::count_if(net.seen.begin(), net.seen.end(), [](const auto& d) {
+      return d.from == 1 && read_answer(d.bytes).has_value();
+    });
+    if (answers > 0 && !recorded.empty()) {
+      net.inject(1, 0, recorded.back());
+      recorded.pop_back();
+    }
+  }
+  EXPECT_LT(net.now - begun, milliseconds{100});
+}
+
 TEST(PeerLink, PathsInAnotherOrderAreNoticed) {
   TwoHosts net(two_paths());
   net.keep = true;

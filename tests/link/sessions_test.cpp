@@ -48,19 +48,24 @@ TEST(Sessions, TakeEachHelloOnce) {
   EXPECT_TRUE(e.of_b.on_hello(first, e.m));
   EXPECT_TRUE(e.of_b.on_hello(first, e.m)) << "by the other path: the same answer again";
   EXPECT_FALSE(e.of_b.on_hello(first, e.m)) << "no host has three paths";
+  e.wait(seconds{1});
   EXPECT_TRUE(e.of_b.on_hello(e.hello(2), e.m));
   EXPECT_FALSE(e.of_b.on_hello(first, e.m));
   EXPECT_EQ(e.refused_at_b.replayed, 2);
 }
 
-TEST(Sessions, RememberSoManyHellosAndAnswerNoMore) {
+TEST(Sessions, TakeNoHelloOlderThanTheNewest) {
   Ends e;
-  for (std::size_t i = 0; i < Sessions::kMostRemembered; ++i) {
-    ASSERT_TRUE(e.of_b.on_hello(e.hello(i), e.m));
-  }
-  EXPECT_FALSE(e.of_b.on_hello(e.hello(5000), e.m));
-  e.wait(2 * Sessions::kMostClockDifference + seconds{6});
-  EXPECT_TRUE(e.of_b.on_hello(e.hello(5001), e.m)) << "those of before could not be taken now";
+  const Bytes first = e.hello(1);
+  e.wait(seconds{1});
+  const Bytes second = e.hello(2);
+  EXPECT_TRUE(e.of_b.on_hello(second, e.m));
+  EXPECT_FALSE(e.of_b.on_hello(first, e.m)) << "it would displace the second";
+  EXPECT_EQ(e.refused_at_b.replayed, 1);
+  e.m.wall_ns -= 30'000'000'000;  // both clocks are set back
+  EXPECT_FALSE(e.of_b.on_hello(e.hello(3), e.m));
+  e.wait(seconds{31});
+  EXPECT_TRUE(e.of_b.on_hello(e.hello(4), e.m));
 }
 
 TEST(Sessions, AnAnsweredOneThatNobodyConfirmsEnds) {

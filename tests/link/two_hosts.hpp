@@ -98,8 +98,7 @@ class TwoHosts {
   /// A datagram of anybody arrives at a host.
   void inject(std::size_t host, std::size_t path, ByteView bytes,
               std::optional<Address> from = {}) {
-    hosts[host].endpoint->take(path, from.value_or(host_address(1 - host, path)), bytes,
-                               moment(host));
+    hosts[host].endpoint->take(path, from.value_or(place_of(1 - host, path)), bytes, moment(host));
     hosts[host].endpoint->flush(moment(host));
   }
 
@@ -136,11 +135,15 @@ class TwoHosts {
   std::vector<Datagram> seen;  ///< all that was sent, if kept
   bool keep = false;
   std::array<bool, 2> knows_address{true, true};
-  std::array<std::optional<Key>, 2> peer_key;  ///< another one than the other host's; restart()
+  std::array<std::uint16_t, 2> port{7700, 7700};  ///< from which a host sends, and where it hears
+  std::array<std::optional<Key>, 2> peer_key;     ///< another one than the other host's; restart()
 
  private:
+  Address place_of(std::size_t host, std::size_t path) const {
+    return {host_address(host, path).ip, port[host]};
+  }
   void carry(std::size_t from, std::size_t path, const Address& to, ByteView bytes) {
-    if (to != host_address(1 - from, path)) return;
+    if (to != place_of(1 - from, path)) return;
     Datagram datagram{from, path, {bytes.begin(), bytes.end()}};
     if (keep) seen.push_back(datagram);
     if (!loses(datagram)) under_way_.emplace(now + delay(datagram), std::move(datagram));

@@ -8,7 +8,7 @@ import re
 import signal
 import time
 
-from live_support import PAPER, TWIST, Failure, alive, check, main, wait_for_loop, wait_until
+from live_support import PAPER, POSE, TWIST, Failure, alive, check, main, wait_for_loop, wait_until
 
 FAST = ("--set=sensor.rate_hz=20",)
 NOTICED_S = 1.5  # within a second; half a second for a busy machine
@@ -99,6 +99,29 @@ def a_stranger_that_sends_commands_is_named(test):
     check(refused > 0, "the relay took sides")
 
 
+def one_datagram_makes_the_run_invalid(test):
+    """A single pose or command with the right run number, before the run's own or among them."""
+    for channel, kind, early in (("CTRL/POSE", POSE, True), ("AGV/CMD_VEL", TWIST, False)):
+        run = live(test, "--duration=3")
+        wait_until(5, lambda: "tether-controller" in run.children(), "its controller")
+        if not early:
+            wait_for_loop(test.network, since=time.time())
+        test.network.send(channel, kind.encode(utime=0, seq=7, run=run_of(run)))
+        check_verdict(run, 1, "INVALID ")
+        check(re.search(rf"an unknown program sent on {channel}: ", run.out()), run.out())
+
+
+def a_run_that_refuses_all_commands_is_invalid(test):
+    """Those of a controller that names another run."""
+    run = live(test, "--duration=3", "--set=controller.external=true")
+    wait_for = time.monotonic() + 4
+    while time.monotonic() < wait_for and run.process.poll() is None:
+        test.network.send("CTRL/CMD_VEL", TWIST.encode(utime=0, seq=int(time.monotonic() * 100), run=77))
+        time.sleep(0.05)
+    check_verdict(run, 1, "INVALID ")
+    check("refused all" in run.out() and "sim.command.other_run" in run.out(), run.out())
+
+
 def a_stopped_node_is_told_ended_and_started_again(test):
     run = live(test)
     wait_for_loop(test.network)
@@ -139,6 +162,8 @@ main(
     two_that_start_at_once_are_both_invalid,
     a_second_of_each_program_is_named,
     a_stranger_that_sends_commands_is_named,
+    one_datagram_makes_the_run_invalid,
+    a_run_that_refuses_all_commands_is_invalid,
     a_stopped_node_is_told_ended_and_started_again,
     ends_soon_though_a_node_hangs,
 )

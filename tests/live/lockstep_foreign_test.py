@@ -71,6 +71,41 @@ def examples_work_in_real_time(test):
         test.say(f"{name}: commands reach the vehicle")
 
 
+LIAR = """
+import sys
+import tether
+channel, kind = sys.argv.pop(1), sys.argv.pop(1)
+
+def lies(self, grant, published, honest=tether.Lockstep._run):
+    on_pose = self._controller.on_pose
+    self._controller.on_pose = lambda *seen: on_pose(*seen) + [(channel, tether.message_type(kind).encode())]
+    try:
+        honest(self, grant, published)
+    finally:
+        self._controller.on_pose = on_pose
+
+tether.Lockstep._run = lies
+tether.main(lambda t, pose, path: (0.5, 0.1))
+"""
+
+
+def a_controller_owns_its_channels_alone(test):
+    """A controller that says where the vehicle is, or goes round the network, ends the run."""
+    (test.work / "liar.py").write_text(LIAR)
+    for channel, kind, owner in (
+        ("SIM/TRUTH", "ground_truth_t", "sim"), ("AGV/CMD_VEL", "twist_t", "netem"), ("NET/SET", "channel_setting_t", "netem"),
+        ("AGV/POSE", "pose_t", "sim"), ("NET/UPLINK", "link_report_t", "netem"), ("SIM/CLOCK", "clock_t", "sim"),
+    ):
+        command = f"python3 -B {test.work}/liar.py {channel} {kind} --url {{url}} --scenario {{scenario}}"
+        for way in ((), ("--processes",)):
+            run = test.start("tether", "run", PAPER, *way, *FAST, "--set", "run.duration_s=2",
+                             "--set", f'controller.command="{command}"', "--out", test.work / "lies")
+            check(run.wait(60) == 1, f"{channel}: exit code {run.wait(1)}: {run.err()}")
+            why = f"controller published on {channel}, which belongs to {owner} (grant "
+            check(why in run.err(), f"{channel}: {run.err()}")
+    test.say("a liar is named on 6 channels, with and without processes")
+
+
 def works_between_two_hosts(test):
     """A second network namespace at the other end of a cable: two hosts of one LCM network."""
     other = test.start("/usr/bin/env", "unshare", "--net", "sleep", "100")
@@ -114,7 +149,7 @@ def waiting_says_for_whom_and_ends_with_the_coordinator(test):
     began = time.monotonic()
     strays = [test.start(*controller) for controller in (EXAMPLE, (cpp(test), "--lockstep"))]
     time.sleep(1.0)
-    nobody = {"seq": 0, "session": 7, "instance": 0, "node": "", "rank": 0, "count": 0, "subscription": []}
+    nobody = {"seq": 0, "session": 7, "instance": 0, "node": "", "rank": 0, "run_key": "", "node_key": "", "count": 0, "subscription": []}
     test.network.send("TIME/WELCOME", LcmType("time_welcome").encode(utime=0, **nobody))
     for stray in strays:
         stray.wait(40)
@@ -126,6 +161,7 @@ main(
     waiting_says_for_whom_and_ends_with_the_coordinator,
     examples_are_the_same_however_slow,
     examples_follow_the_path,
+    a_controller_owns_its_channels_alone,
     examples_work_in_real_time,
     works_between_two_hosts,
 )

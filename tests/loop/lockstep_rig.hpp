@@ -111,6 +111,7 @@ class LockstepRig {
     const std::vector<Scenario> members = fleet_members(scenario);
     if (!members_with(has_localiser, members).empty()) config.nodes.emplace_back("localiser");
     if (!members_with(has_autonomy, members).empty()) config.nodes.emplace_back("autonomy");
+    config.owners = channel_owners(members);
     config.patience = patience;
     config.end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
     manager_line_.faults = faults;

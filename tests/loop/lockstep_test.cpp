@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <string>
+#include <tether/time_welcome_t.hpp>
 #include <vector>
 
 #include "tests/loop/lockstep_rig.hpp"
@@ -129,6 +131,40 @@ TEST(LockstepFaults, AStrangerThatJoinsIsNamed) {
   EXPECT_EQ(fault.error, "a node \"camera\" joined late; this run has sim, netem, controller");
 }
 
+/// A program that has heard what the coordinator says to the nodes, keys included.
+class Listener {
+ public:
+  explicit Listener(LockstepRig& rig) : rig_(rig) {
+    rig.stranger().subscribe(kTimeWelcome, kDeepQueue, [this](const Message& m) {
+      time_welcome_t welcome{};
+      if (decode(m.bytes, welcome) && !welcome.node.empty()) keys_[welcome.node] = welcome.node_key;
+    });
+  }
+  template <class LcmType>
+  LcmType with_key(LcmType message) const {
+    message.mac = mac_of(message, key_of_hex(keys_.at(message.node)).value());
+    return message;
+  }
+  /// Calls `forge` at the first grant to `node` after this, and publishes what it makes of it.
+  template <class Forge>
+  void at_next_grant(const std::string& node, const std::string& channel, Forge forge) {
+    rig_.stranger().subscribe(kTimeGrant, kDeepQueue,
+                              [=, this, done = false](const Message& m) mutable {
+                                time_grant_t grant{};
+                                if (done || !decode(m.bytes, grant) || grant.node != node ||
+                                    grant.kind != time_grant_t::RUN) {
+                                  return;
+                                }
+                                done = true;
+                                publish(rig_.stranger(), channel, forge(grant));
+                              });
+  }
+
+ private:
+  LockstepRig& rig_;
+  std::map<std::string, std::string> keys_;
+};
+
 time_request_t request(std::int64_t grant) {
   time_request_t r{};
   r.session = LockstepRig::kSession;
@@ -140,8 +176,94 @@ time_request_t request(std::int64_t grant) {
 
 TEST(LockstepFaults, AnAnswerToTheWrongGrantIsAnError) {
   LockstepRig rig(scenario());
-  const Fault fault = after(rig, [&] { publish(rig.stranger(), kTimeRequest, request(9999)); });
+  const Listener listener(rig);
+  const Fault fault =
+      after(rig, [&] { publish(rig.stranger(), kTimeRequest, listener.with_key(request(9999))); });
   EXPECT_THAT(fault.error, HasSubstr("controller answered grant 9999, but"));
+}
+
+/// What an unknown sender does with and without the keys that it can hear.
+template <class Forge>
+void expect_no_wrong_result(const std::string& channel, const Forge& forge,
+                            const std::string& error) {
+  const Scenario s = scenario({"channel.prr=1"});
+  for (const bool knows_key : {false, true}) {
+    LockstepRig rig(s);
+    Listener listener(rig);
+    rig.run_to(kStart + from_seconds(1));
+    listener.at_next_grant("controller", channel, [&](const time_grant_t& grant) {
+      auto message = forge(grant);
+      return knows_key ? listener.with_key(message) : message;
+    });
+    rig.run();
+    if (knows_key) {
+      EXPECT_THAT(rig.manager->error(), HasSubstr(error));
+      EXPECT_TRUE(rig.manager->disturbed());
+    } else {
+      EXPECT_TRUE(rig.manager->done()) << rig.manager->error();
+      EXPECT_TRUE(rig.record == record_of(s));
+      EXPECT_EQ(rig.manager->counters().forged, channel == kTimeRequest ? 1 : 0);
+    }
+  }
+}
+
+TEST(LockstepFaults, AForgedAnswerHasNoEffectOrEndsTheRun) {
+  const auto silent = [](const time_grant_t& grant) {
+    time_request_t answer = request(grant.id);
+    answer.grant_mac = grant.mac;
+    answer.next_ns = answer.next_order = INT64_MAX;
+    return answer;
+  };
+  expect_no_wrong_result(kTimeRequest, silent, "twice, and differently: another program");
+}
+
+TEST(LockstepFaults, AForgedGrantHasNoEffectOrEndsTheRun) {
+  const auto early = [](time_grant_t grant) {  // the next, before the coordinator's
+    ++grant.id;
+    grant.count = 0;
+    for (auto* texts : {&grant.publisher, &grant.channel, &grant.digest}) texts->clear();
+    for (auto* numbers : {&grant.number, &grant.time_ns, &grant.order, &grant.size}) {
+      numbers->clear();
+    }
+    return grant;
+  };
+  const Scenario s = scenario({"channel.prr=1"});
+  for (const bool knows_key : {false, true}) {
+    LockstepRig rig(s);
+    Listener listener(rig);
+    rig.run_to(kStart + from_seconds(1));
+    listener.at_next_grant("controller", kTimeGrant, [&](const time_grant_t& grant) {
+      return knows_key ? listener.with_key(early(grant)) : early(grant);
+    });
+    rig.run();
+    if (knows_key) {
+      EXPECT_THAT(rig.manager->error(), HasSubstr("controller answer"));
+    } else {
+      EXPECT_TRUE(rig.manager->done()) << rig.manager->error();
+      EXPECT_TRUE(rig.record == record_of(s));
+    }
+  }
+}
+
+TEST(LockstepFaults, AGrantForgedInPlaceOfTheCoordinatorsEndsTheRun) {
+  LockstepRig rig(scenario({"channel.prr=1"}));
+  Listener listener(rig);
+  rig.run_to(kStart + from_seconds(1));
+  rig.manager_line().faults.swallow = [&, done = false](const Message& m) mutable {
+    time_grant_t grant{};
+    if (done || m.channel != kTimeGrant || !decode(m.bytes, grant) || grant.node != "sim" ||
+        grant.kind != time_grant_t::RUN) {
+      return false;
+    }
+    done = true;
+    grant.until_ns += 1;
+    publish(rig.stranger(), kTimeGrant, listener.with_key(grant));
+    return true;
+  };
+  rig.run();
+  EXPECT_THAT(rig.manager->error(),
+              ::testing::MatchesRegex("sim answered a grant [0-9]+ that is not the coordinator's: "
+                                      "another program takes part on this run's network"));
 }
 
 TEST(LockstepFaults, AnAnswerOfAnotherRunIsCountedAndLeft) {
@@ -180,6 +302,7 @@ TEST(LockstepFaults, AMessageThatIsLostIsNamedHoweverShortTheCoordinatorsPatienc
 
 TEST(LockstepFaults, ANodeThatNeverLetsTimeGoOnIsNamed) {
   LockstepRig rig(scenario({"controller.external=true"}));
+  const Listener listener(rig);
   time_join_t join{};
   join.session = LockstepRig::kSession;
   join.instance = 1;
@@ -189,7 +312,8 @@ TEST(LockstepFaults, ANodeThatNeverLetsTimeGoOnIsNamed) {
     if (!decode(m.bytes, grant) || grant.node != "controller") return;
     time_request_t answer = request(grant.id);  // its next event is at 0, now and ever
     answer.next_order = (std::int64_t{2} << 56) + (grant.id << 24);
-    publish(rig.stranger(), kTimeRequest, answer);
+    answer.grant_mac = grant.mac;
+    publish(rig.stranger(), kTimeRequest, listener.with_key(answer));
   });
   publish(rig.stranger(), kTimeJoin, join);
   rig.run(60.0);
@@ -207,15 +331,26 @@ TEST(LockstepFaults, AMessageThatOnlyTheRecordMissesIsAnErrorToo) {
   EXPECT_THAT(fault.error, HasSubstr("lost on its way to the coordinator"));
 }
 
-TEST(LockstepFaults, AnotherMessageInPlaceOfTheRightOneIsNotTaken) {
+TEST(LockstepFaults, AnotherMessageInPlaceOfTheRightOneIsNotTakenAndEndsTheRun) {
   const Scenario s = scenario({"channel.prr=1"});
   LockstepRig rig(s);
   rig.run_to(kStart + from_seconds(1));
-  rig.stranger().publish("CTRL/POSE", std::vector<std::uint8_t>(64, 7));
-  rig.stranger().publish("AGV/CMD_VEL", std::vector<std::uint8_t>(48, 7));
+  rig.stranger().publish("CTRL/POSE", std::vector<std::uint8_t>(72, 7));
+  rig.stranger().publish("MY/NOTES", std::vector<std::uint8_t>(48, 7));
+  rig.run();
+  EXPECT_EQ(rig.manager->error(),
+            "1 message on CTRL/POSE (the first of 72 bytes) is no node's: another program takes "
+            "part on this run's network");
+  EXPECT_TRUE(rig.record == record_of(s));
+}
+
+TEST(LockstepFaults, AMessageOnAChannelThatNoNodeReceivesIsLeft) {
+  LockstepRig rig(scenario());
+  rig.run_to(kStart + from_seconds(1));
+  rig.stranger().publish("MY/NOTES", std::vector<std::uint8_t>(48, 7));
   rig.run();
   EXPECT_TRUE(rig.manager->done()) << rig.manager->error();
-  EXPECT_TRUE(rig.record == record_of(s));
+  EXPECT_EQ(rig.manager->unaccounted().at("MY/NOTES"), 1U);
 }
 
 TEST(LockstepFaults, AProcessThatEndsIsNamedAtOnce) {
@@ -271,6 +406,47 @@ TEST(Lockstep, AHeldRunStandsStillAndGoesOnAsIfNothingHadBeen) {
   rig.run();
   EXPECT_TRUE(rig.manager->done()) << rig.manager->error();
   EXPECT_TRUE(rig.record == record_of(s));
+}
+
+TEST(GrantSchedule, RefusesChannelsOfOtherNodesAndThoseThatReachThem) {
+  const Scenario s = scenario();
+  const auto error = [&](const std::string& channel, const std::string& node) -> std::string {
+    GrantSchedule schedule(kStart + from_seconds(10), channel_owners({s}));
+    schedule.add_node(node, {}, {kStart + from_seconds(1), 0, 0});
+    schedule.add_node("other", {"AGV/.*"}, {kStart + from_seconds(2), 0, 1});
+    const auto grant = schedule.next();
+    try {
+      schedule.answer(kFirstGrant, *grant, {},
+                      {{.channel = channel, .number = 1, .when = kStart + from_seconds(1.5)}});
+    } catch (const BadAnswer& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(error("CTRL/CMD_VEL", "controller"), "");
+  EXPECT_EQ(error("MY/NOTES", "controller"), "");
+  EXPECT_EQ(error("SIM/TRUTH", "sim"), "");
+  EXPECT_EQ(error("SIM/TRUTH", "controller"), "published on SIM/TRUTH, which belongs to sim");
+  EXPECT_EQ(error("AGV/CMD_VEL", "controller"), "published on AGV/CMD_VEL, which belongs to netem");
+  EXPECT_EQ(error("NET/SET", "controller"), "published on NET/SET, which belongs to netem");
+  EXPECT_EQ(error("AGV/DRIVE", "controller"), "published on AGV/DRIVE, which belongs to autonomy");
+  EXPECT_EQ(error("CTRL/CMD_VEL", "sim"), "published on CTRL/CMD_VEL, which belongs to controller");
+  EXPECT_EQ(error("AGV/OTHER", "controller"),
+            "published on AGV/OTHER, which other receives and no node of this run owns");
+}
+
+TEST(ChannelOwners, OfPosesIsTheLocaliserWhereThereIsOne) {
+  const auto owners = [](const char* place) {
+    Scenario s = scenario();
+    s.get<LocaliserSettings>().place = place == std::string("edge")
+                                           ? LocaliserSettings::Place::edge
+                                           : LocaliserSettings::Place::vehicle;
+    return channel_owners({s});
+  };
+  EXPECT_EQ(owners("edge").at("CTRL/POSE"), "localiser");
+  EXPECT_EQ(owners("edge").at("AGV/POSE"), "sim");
+  EXPECT_EQ(owners("vehicle").at("AGV/POSE"), "localiser");
+  EXPECT_EQ(owners("vehicle").at("CTRL/POSE"), "netem");
 }
 
 TEST(GrantSchedule, RefusesWhatContradictsAGrant) {

@@ -3,6 +3,7 @@
 
 import decimal
 import fractions
+import hashlib
 import os
 import pathlib
 import struct
@@ -12,7 +13,6 @@ import tempfile
 import time
 import types
 import unittest
-import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "python"))
 import tether
@@ -23,6 +23,17 @@ GRANT, REQUEST = tether.message_type("time_grant_t"), tether.message_type("time_
 WELCOME, RESEND = tether.message_type("time_welcome_t"), tether.message_type("time_resend_t")
 NEVER = (1 << 63) - 1
 WANTED = "a pair (v_mps, omega_radps) of finite numbers, a tether.Plan or None is wanted"
+
+
+RUN_KEY, NODE_KEY = bytes(range(32)), bytes(range(32, 64))
+
+
+def keyed(data, key=RUN_KEY):
+    return hashlib.blake2b(data, digest_size=16, key=key).hexdigest()
+
+
+def mac_of(kind, values):
+    return keyed(kind.encode(**values | {"seq": 0, "mac": ""}), NODE_KEY)
 
 
 def pose(utime, seq, run=0):
@@ -59,6 +70,7 @@ class Node:
         join = tether.message_type("time_join_t").decode(self.sent.pop()[1])
         self.first = join.next_ns, join.next_order
         welcome = {"session": 7, "instance": join.instance, "node": "controller", "count": len(heard)}
+        welcome |= {"run_key": RUN_KEY.hex(), "node_key": NODE_KEY.hex()}
         self.node.hear("TIME/WELCOME", WELCOME.encode(**welcome, subscription=list(heard)))
 
     def grant(self, number, messages=(), kind="RUN", until=(NEVER, NEVER, 99), **more):
@@ -69,8 +81,8 @@ class Node:
         values |= {"count": len(messages), "publisher": ["netem"] * len(messages)}
         values |= {"channel": ["CTRL/POSE"] * len(messages), "number": list(range(1, len(messages) + 1))}
         values |= {"time_ns": [ns for ns, _ in messages], "order": [1 << 56 | i for i in range(len(messages))]}
-        values |= {"size": [len(d) for _, d in messages], "crc32": [zlib.crc32(d) for _, d in messages]}
-        self.node.hear("TIME/GRANT", GRANT.encode(**values))
+        values |= {"size": [len(d) for _, d in messages], "digest": [keyed(d) for _, d in messages]}
+        self.node.hear("TIME/GRANT", GRANT.encode(**{"mac": mac_of(GRANT, values)} | values))
         return self.answer(), self.commands()
 
     def answer(self):
@@ -90,7 +102,8 @@ class Lockstep(unittest.TestCase):
         self.assertEqual((answer.grant, answer.session, answer.next_ns), (20, 7, NEVER))
         self.assertEqual((answer.channel, answer.number, answer.time_ns, answer.index), (["CTRL/CMD_VEL"], [1], [500_000_000], [0]))
         sent = dict(node.sent)["CTRL/CMD_VEL"]
-        self.assertEqual((answer.size, answer.crc32), ([len(sent)], [zlib.crc32(sent)]))
+        self.assertEqual((answer.size, answer.digest), ([len(sent)], [keyed(sent)]))
+        self.assertEqual(answer.mac, mac_of(REQUEST, vars(answer)))
 
     def test_answers_a_probe_at_once_and_acts_no_further(self):
         node = Node(rate_hz=10)
@@ -138,6 +151,15 @@ class Lockstep(unittest.TestCase):
         self.assertEqual(node.grant(19), (None, []))
         self.assertEqual(node.grant(21, session=8), (None, []))
         self.assertEqual(node.grant(21, node="sim"), (None, []))
+
+    def test_takes_no_notice_of_a_grant_without_its_key(self):
+        node = Node()
+        data = pose(0, 0)
+        node.node.hear("CTRL/POSE", data)
+        self.assertEqual(node.grant(20, [(0, data)], mac=""), (None, []))
+        self.assertEqual(node.grant(20, [(0, data)], mac="00" * 16), (None, []))
+        answer, commands = node.grant(20, [(0, data)])
+        self.assertEqual((answer.grant, len(commands)), (20, 1))
 
     def test_waits_for_a_lost_message_and_asks_for_it(self):
         node = Node()

@@ -95,6 +95,19 @@ def lie(self, grant, published, error, honest=tether.Lockstep._reply):
 tether.Lockstep._reply = lie
 tether.main(Failing)
 """
+# Killed at 4 s with seed 2, until there is a file "lives".
+KILLED = LAW + """
+import signal
+SCENARIO = sys.argv[sys.argv.index("--scenario") + 1]
+
+def killed(t, pose, path):
+    if t >= 4.0 and not os.path.exists("lives"):
+        if tomllib.loads(pathlib.Path(SCENARIO).read_text())["run"]["seed"] == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+    return law(t, pose, path)
+
+tether.main(killed)
+"""
 SPOILT = LAW + """
 def spoilt(self, grant, published, honest=tether.Lockstep._run):
     on_pose = self._controller.on_pose
@@ -199,6 +212,25 @@ class Sweeps(unittest.TestCase):
         self.failures("cold", COLD)
         self.failures("warm", WARM)
 
+    def test_have_no_result_of_a_law_that_is_killed(self):
+        """As memory that runs out kills it: it is tried again, at once and by the next sweep."""
+        for name, settings in (("cold", COLD), ("warm", WARM)):
+            (self.work / "lives").unlink(missing_ok=True)
+            self.write_law(KILLED)
+            file = self.experiment(name, settings)
+            said = self.tether("sweep", file, "--out", name, code=1)
+            self.assertEqual(said.count("no result: "), 3, said)
+            self.assertRegex(said, r"no result: channel.prr = 0.4, seed 2: controller "
+                                   r"(was killed by signal 9|ended with exit code 137)")
+            self.assertIn("not complete; the same command goes on", said)
+            table = tether.read_sweep(self.work / name)
+            self.assertEqual(sorted(table["seed"]), [1, 1, 1, 3, 3, 3])
+            self.assertEqual(table["failure"].count(None), 6)
+            (self.work / "lives").touch()
+            self.tether("sweep", file, "--out", name)
+            self.write_law(LAW + "\ntether.main(law)\n")
+            self.assertEqual(self.csv(name), self.sweep(f"{name}_undisturbed", settings=settings))
+
     def test_fail_where_the_vehicle_got_what_is_no_command(self):
         self.write_law(SPOILT)
         said = self.tether("sweep", self.experiment("spoilt", seeds=1), "--out", "spoilt", code=1)
@@ -253,13 +285,13 @@ class Sweeps(unittest.TestCase):
         self.tether("sweep", "in here/beside.toml", "--out", "beside")
         self.assertEqual(tether.read_sweep(self.work / "beside")["failure"].count(None), 3)
 
-    def test_take_no_notice_of_strangers(self):
+    def test_take_no_notice_of_strangers_but_on_the_runs_channels(self):
         quiet = self.sweep("quiet", settings=WARM)
         self.write_law(LAW + "\npathlib.Path('url').write_text(sys.argv[2])\ntether.main(law)\n")
         over = threading.Event()
         sent = []
 
-        def disturb():
+        def disturb(channels=()):
             network = None
             join, grant, twist = (tether.message_type(n) for n in ("time_join_t", "time_grant_t", "twist_t"))
             while not over.is_set():
@@ -270,8 +302,9 @@ class Sweeps(unittest.TestCase):
                     network.publish("TIME/JOIN", join.encode(node="camera"))
                     network.publish("TIME/GRANT", grant.encode(node="sim", id=99, kind=3))
                     network.publish("TIME/REQUEST", b"garbage")
-                    network.publish("CTRL/CMD_VEL", twist.encode(v_mps=7.0))
-                    network.publish("CTRL/POSE", b"garbage")
+                    network.publish("MY/NOTES", twist.encode(v_mps=7.0))
+                    for channel in channels:
+                        network.publish(channel, twist.encode(v_mps=7.0))
                     sent.append(5)
                 time.sleep(0.01)
             if network:
@@ -286,6 +319,19 @@ class Sweeps(unittest.TestCase):
             stranger.join()
         self.assertGreater(len(sent), 10)
         self.assertEqual(disturbed, quiet)
+
+        over.clear()
+        (self.work / "url").unlink()
+        stranger = threading.Thread(target=disturb, args=(("CTRL/CMD_VEL", "CTRL/POSE"),))
+        stranger.start()
+        try:
+            file = self.experiment("forged", settings=WARM, seeds=1)
+            said = self.tether("sweep", file, "--out", "forged", "--jobs=1", code=1)
+        finally:
+            over.set()
+            stranger.join()
+        self.assertRegex(said, r"no result: .*messages? on CTRL/(CMD_VEL|POSE) .* no node's: another program takes part")
+        self.assertEqual(tether.read_sweep(self.work / "forged")["seed"], [])
 
     def test_refuse_what_cannot_be(self):
         for settings, why in (

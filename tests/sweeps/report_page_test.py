@@ -38,6 +38,11 @@ x = "channel.prr"
 y = "controller.tau_s"
 """,
 }
+# Labels that end or swallow a script, an attribute or the page.
+HOSTILE = (
+    "<!--<script>", "</script><script>document.title='taken'</script>", "]]>\"'&<b>", "</title><h1>",
+    "<img src=x onerror=document.title='taken'>",
+)
 BLUE, RED = "#0072B2", "#D40000"  # of a curve, and of the box around the best τ
 
 
@@ -90,6 +95,41 @@ def explores(tether, browser, text, folder):
     check(float(f"{epsilon_m:.4g}") == float(value), f"seed {seed} again: {epsilon_m}, not {value}")
 
 
+def shows_hostile_labels(tether, browser, folder):
+    """A report whose labels, title and keys try to be HTML and scripts is shown as text."""
+    arms = "".join(f"[axis.label.{json.dumps(text)}]\nchannel.prr = {0.5 + 0.1 * i}\n" for i, text in enumerate(HOSTILE))
+    experiment = folder / "hostile.toml"
+    experiment.write_text(f"""scenario = "{SOURCE}/scenarios/paper.toml"
+seeds = 2
+[set]
+vehicle.plant = "kinematic"
+run.duration_s = 5
+[grid]
+controller.tau_s = [1.0, 2.0]
+{arms}[figure]
+kind = "comparison"
+x = "controller.tau_s"
+y = "label"
+title = {json.dumps(HOSTILE[0] + HOSTILE[1])}
+""")
+    own = folder / "hostile"
+    run(tether, "sweep", str(experiment), "--out", str(own), "--report")
+    page = own / "report.html"
+    text = page.read_text()
+    data = re.findall(r'<script type="application/json">(.*?)</script>', text, re.DOTALL)
+    check(data and "<" not in data[0], "embedded JSON has a <")
+    shown = json.dumps(json.loads(data[0]), ensure_ascii=False)
+    check(all(json.dumps(label, ensure_ascii=False)[1:-1] in shown for label in HOSTILE), "a label is not in the data")
+    probe = own / "probe.html"
+    probe.write_text(text.replace('<details class="chart">', '<details class="chart" open>').replace("</body>", """<script>document.body.dataset.charts =
+  [...document.querySelectorAll("canvas")].filter((c) => Chart.getChart(c)).length;</script></body>"""))
+    dom = run(*browser, "--virtual-time-budget=2000", "--dump-dom", probe.as_uri())
+    check(re.search(r'data-charts="1"', dom), "the chart is not drawn")
+    check("<title>taken</title>" not in dom, "a label ran as a script")
+    check("All numbers" in dom, "a label swallowed the page")
+    print(f"{len(HOSTILE)} hostile labels shown as text")
+
+
 def main():
     tether = str(pathlib.Path(sys.argv[1]).resolve() / "tether")
     for program, package in (("chromium", "chromium"), ("convert", "imagemagick")):
@@ -129,6 +169,7 @@ def main():
         check(blue > 500, f"only {blue} pixels of the curve's blue: is the figure shown?")
         check(red > 500, f"only {red} pixels of the boxes' red: is the heat map shown?")
         explores(tether, browser, text, folder)
+        shows_hostile_labels(tether, browser, folder)
         # Two sweeps of one experiment go by their folders and are no answer to a claim.
         shutil.copytree(folder / "out" / "f2_prr", folder / "out" / "again")
         said = run(tether, "report", str(folder / "out"))

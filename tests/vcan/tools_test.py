@@ -9,6 +9,7 @@ import time
 
 from can_drivetrain import (
     NODES,
+    SCENARIO,
     TWO_NODES,
     WHEEL_RADIUS_M,
     Drivetrain,
@@ -212,7 +213,7 @@ def drive(test):
         d.bridge.kill(signal.SIGCONT)
         d.hold(0.0)
         time.sleep(0.2)
-        d.tether("drive", "--v-mps", 0.1, code=1, err=["somebody else sends AGV/CMD_VEL: end it first"])
+        d.tether("drive", "--v-mps", 0.1, code=1, err=["another program sends AGV/CMD_VEL: end it first"])
 
 
 def nobody_is_there(test):
@@ -234,14 +235,14 @@ def hold_to_run(test):
         d.hold(0.0)
         d.wait_state("disarmed", 20)
         time.sleep(0.1)
-        d.tether("arm", code=1, out=["nobody holds to run (can.operator_timeout_ms = 500): tether can hold"])
+        d.tether("arm", code=1, out=["hold-to-run is released (can.operator_timeout_ms = 500): tether can hold"])
         holder = test.start("tether", "can", "hold")
         wait_until(5, lambda: "disarmed" in holder.out(), "tether can hold shows the state")
         d.tether("arm", out=["armed"])
         d.drive(SPEED_MPS)
         since = time.time()
         holder.kill(signal.SIGINT)
-        d.wait_state("disarmed", 5, since, "nobody holds to run any more")
+        d.wait_state("disarmed", 5, since, "hold-to-run released")
         stands = d.wait_standstill(since) - since
         test.say(f"measured: tether can hold ended -> wheels stand: {stands * 1e3:.0f} ms")
         check(holder.wait(5) == 0, f"tether can hold: {holder.process.returncode}")
@@ -312,6 +313,17 @@ def probe(test):
         test.say(f"probe: {len(asked)} requests, all SDO uploads")
         d.tether("probe", "--interface", "vcan9", "--node", 1, code=1, err=["no CAN interface vcan9", "ip link add"])
         d.tether("probe", "--interface", "vcan0", "--drivetrain", "nowhere.toml", code=2, err=['"nowhere.toml"'])
+        # What the bridge refuses: a ramp that is a typing error, a quick stop that no one configured.
+        weak = changed_file(test, "weak.toml", TWO_NODES, ('"0x6085:00 u32"\nvalue = 19200', '"0x6085:00 u32"\nvalue = 192'))
+        d.tether("probe", "--interface", "vcan0", "--drivetrain", weak, code=2,
+                 err=["the left axis stops with 0.04 m/s2, less than can.max_deceleration_mps2"])
+        strong = changed_file(test, "strong.toml", SCENARIO, ("max_deceleration_mps2 = 3.0", "max_deceleration_mps2 = 5.0"))
+        d.tether("probe", "--interface", "vcan0", "--scenario", strong, "--drivetrain", TWO_NODES, code=2,
+                 err=["the left axis stops with 4.02 m/s2, less than can.max_deceleration_mps2 = 5"])
+        d.tether("probe", "--interface", "vcan0", "--scenario", SCENARIO, "--drivetrain", TWO_NODES, out=["fits"])
+        none = changed_file(test, "none.toml", TWO_NODES, ('object = "0x605A:00 i16"', 'object = "0x605D:00 i16"'))
+        d.tether("probe", "--interface", "vcan0", "--drivetrain", none, code=2,
+                 err=["left axis: no [[setup]] sets its quick stop option (0x605A)"])
 
 
 def probe_of_a_configured_drivetrain(test):

@@ -38,6 +38,8 @@ Cia402Config drives_of(const Scenario& scenario) {
     throw UsageError(fmt::format("{}: only CiA 402 drives are commissioned", file));
   }
   check_cycle(config, scenario.get<CanSettings>().cycle_ms);
+  check_deceleration(config, scenario.get<CanSettings>().max_deceleration_mps2,
+                     scenario.get<VehicleSettings>().wheel_radius_m);
   return *drives;
 }
 

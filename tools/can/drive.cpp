@@ -66,8 +66,8 @@ class DriveSession {
   }
 
  private:
-  /// Listens until the bridge's clock is known, and at least for a moment, to hear whether somebody
-  /// else sends commands.
+  /// Listens until the bridge's clock is known, and at least for a moment, to hear whether another
+  /// program sends commands.
   void greet() {
     const Instant begin = loop_.now();
     while (loop_.now() < begin + kListen || (!clock_ && loop_.now() < begin + kFirstReport)) {
@@ -81,7 +81,7 @@ class DriveSession {
     }
     if (!foreign_.empty()) {
       throw std::runtime_error(fmt::format(
-          "somebody else sends {}: end it first, for two senders would take turns", foreign_));
+          "another program sends {}: end it first, for two senders would take turns", foreign_));
     }
   }
 

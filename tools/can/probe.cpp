@@ -10,19 +10,29 @@
 #include <stdexcept>
 
 #include "can_bridge/bus/socket_can_port.hpp"
+#include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/probe/probe.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 #include "common/base/share.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
 
 constexpr Duration kTick = std::chrono::milliseconds{2};
 
-std::optional<Cia402Config> load(const std::string& file) {
+/// Refuses what the bridge would: ramps that are weaker than the vehicle's stops, too.
+std::optional<Cia402Config> load(const CanProbeOptions& options) {
+  const Scenario scenario = options.scenario_file.empty()
+                                ? Scenario()
+                                : load_scenario(input_named(options.scenario_file), {});
+  const auto& can = scenario.get<CanSettings>();
+  const std::string file =
+      options.drivetrain_file.empty() ? can.drivetrain_file : options.drivetrain_file;
   if (file.empty()) return std::nullopt;
   const DrivetrainConfig config = load_drivetrain(input_named(file));
   const auto* const drives = std::get_if<Cia402Config>(&config);
@@ -30,6 +40,8 @@ std::optional<Cia402Config> load(const std::string& file) {
     throw UsageError(fmt::format(
         "{}: only CiA 402 drives have objects to read; listen to this one with candump", file));
   }
+  check_deceleration(config, can.max_deceleration_mps2,
+                     scenario.get<VehicleSettings>().wheel_radius_m);
   return *drives;
 }
 
@@ -65,7 +77,7 @@ bool has_answered(const ProbedNode& node) { return node.answered; }
 }  // namespace
 
 int can_probe(const CanProbeOptions& options) {
-  const std::optional<Cia402Config> config = load(options.drivetrain_file);
+  const std::optional<Cia402Config> config = load(options);
   std::vector<std::uint8_t> nodes;
   if (!options.scan) nodes = chosen_nodes(options, config);
   RealTimeLoop loop(RealTimeLoop::wall_utime_us());

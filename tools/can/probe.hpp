@@ -8,7 +8,8 @@ namespace tether {
 struct CanProbeOptions {
   std::string interface = "can0";
   std::vector<int> nodes;       ///< 1…127; empty: those of the drivetrain file
-  std::string drivetrain_file;  ///< empty: only look
+  std::string drivetrain_file;  ///< empty: the scenario's; without one: only look
+  std::string scenario_file;    ///< the vehicle that the file is for; empty: the keys' defaults
   bool scan = false;            ///< ask all node ids who they are, instead of these
 };
 

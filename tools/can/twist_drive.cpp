@@ -34,7 +34,7 @@ void TwistDrive::on_odometry(const odometry_t& odometry) {
 
 void TwistDrive::on_foreign_command(Instant now) {
   give_up(
-      "somebody else commands this vehicle, too: end the controller or the other "
+      "another sender commands this vehicle, too: end the controller or the other "
       "`tether can drive` first",
       now);
 }
@@ -55,7 +55,7 @@ void TwistDrive::wait(Instant now) {
     changed_ = now;
     enter(Phase::driving, now);
   } else if (now - since_ >= kArmPatience) {
-    give_up(fmt::format("nobody armed the drivetrain within {:.0f} s; it is {}",
+    give_up(fmt::format("the drivetrain was not armed within {:.0f} s; it is {}",
                         to_seconds(kArmPatience), state_ ? state_line(*state_) : "silent"),
             now);
   }

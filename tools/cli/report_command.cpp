@@ -95,7 +95,7 @@ int reproduce(ReproduceOptions options) {
     fmt::print(stderr, "{} ({} of {})\n", kFigures[i], i + 1, experiments.size());
     const SweepOutcome outcome = sweep_into(folder, experiments[i], Shard{}, jobs);
     if (!outcome.is_complete) {
-      fmt::print(stderr, "stopped; the same command goes on from here\n");
+      fmt::print(stderr, "not complete; the same command goes on from here\n");
       return kExitFailed;
     }
     const auto runs = [](const Experiment& e) {

@@ -148,6 +148,10 @@ void run_processes(ProcessRun& processes) {
     fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
                c.resends, advice_on_lost_messages());
   }
+  if (c.forged > 0) {
+    fmt::print(stderr, "tether: {} answers had not their node's key: they had no effect\n",
+               c.forged);
+  }
   for (const auto& [channel, count] : processes.unaccounted()) {
     fmt::print(stderr, "tether: {} messages on {} are in no node's answer: they had no effect\n",
                count, channel);

@@ -113,7 +113,7 @@ int sweep(const SweepCommandOptions& options) {
     fmt::print("report    {}\n", (folder / "report.html").string());
   }
   if (outcome.is_complete) return outcome.failed < outcome.runs ? kExitOk : kExitFailed;
-  fmt::print(stderr, "stopped; the same command goes on from here\n");
+  fmt::print(stderr, "not complete; the same command goes on from here\n");
   return kExitFailed;
 }
 

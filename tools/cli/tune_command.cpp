@@ -61,7 +61,7 @@ int run_tune(const TuneCommandOptions& options) {
   const auto gains =
       tune(tuning, choice, folder, options.jobs.value_or(default_jobs()), command_of(options));
   if (!gains) {
-    fmt::print(stderr, "stopped; the same command goes on from here\n");
+    fmt::print(stderr, "not complete; the same command goes on from here\n");
     return kExitFailed;
   }
   const fs::path file = folder / "gains.toml";

@@ -155,6 +155,11 @@ bool ExternalProgram::read_lines() {
   return size != 0;
 }
 
+bool ExternalProgram::was_killed() const {
+  const int code = WIFEXITED(status_) ? WEXITSTATUS(status_) : 0;
+  return ended_ && (WIFSIGNALED(status_) || (code > 128 && code <= 128 + SIGRTMAX));
+}
+
 std::string ExternalProgram::how_it_ended() const {
   std::string how = WIFSIGNALED(status_)
                         ? fmt::format("was killed by signal {}", WTERMSIG(status_))

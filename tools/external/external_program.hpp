@@ -28,6 +28,10 @@ class ExternalProgram {
   /// `how`: "ended with exit code 1: " and the last line that it wrote.
   void watch(EventLoop& loop, std::function<void(const std::string& how)> on_end);
 
+  /// Whether a signal ended it, or its command if the shell says so: by its exit code, 128 and the
+  /// signal's number. Known from `on_end` on.
+  bool was_killed() const;
+
   /// Whether it ends, or has ended, within this time.
   bool ends_within(std::chrono::milliseconds time);
 

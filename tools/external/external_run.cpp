@@ -31,6 +31,7 @@ TimeManager::Config config_of(const Scenario& scenario, std::int64_t session,
   TimeManager::Config config;
   config.session = session;
   config.nodes = nodes;
+  config.owners = channel_owners(fleet_members(scenario));
   config.end = kStart + from_seconds(scenario.get<RunSettings>().duration_s);
   config.patience = from_seconds(settings.patience_s);
   config.join_patience =
@@ -119,8 +120,11 @@ void ExternalRun::run() {
     fmt::print(stderr, "tether: waiting for the node \"{}\" of session {} on {}\n", kGuest,
                session_, controller_.url());
   }
-  controller_.begin(scenario_, arm_, io_, [this](const std::string& how) {
-    if (!ending_) manager_->on_node_gone(kGuest, how);
+  bool was_killed = false;
+  controller_.begin(scenario_, arm_, io_, [this, &was_killed](const std::string& how) {
+    if (ending_) return;
+    was_killed = manager_->error().empty() && controller_.was_killed();
+    manager_->on_node_gone(kGuest, how);
   });
   manager_->announce();
   io_.run();
@@ -128,9 +132,10 @@ void ExternalRun::run() {
   manager_->dismiss();
   if (!manager_->done()) {
     const std::string why = manager_->error();
-    throw std::runtime_error(!why.empty() ? why
-                                          : fmt::format("ended by signal {} at t = {:.3f} s",
-                                                        io_.signal(), to_seconds(loop_.now())));
+    if (was_killed || manager_->disturbed()) throw NoResult(why);
+    if (!why.empty()) throw std::runtime_error(why);
+    throw NoResult(
+        fmt::format("ended by signal {} at t = {:.3f} s", io_.signal(), to_seconds(loop_.now())));
   }
   loop_.run_until(end_);
   end.complete = true;

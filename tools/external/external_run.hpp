@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,8 @@ class ExternalController {
   /// loop watches it: `on_end` as ExternalProgram has it.
   void begin(const Scenario& scenario, std::size_t arm, EventLoop& loop,
              std::function<void(const std::string& how)> on_end);
+  /// Whether a signal ended the command of this run.
+  bool was_killed() const { return program_ && program_->was_killed(); }
   /// The run is over; one that was not `complete` ends the program, and so does one that serves no
   /// other run and does not end by itself within two seconds. Before the loop is gone.
   void end(bool complete);
@@ -51,6 +54,13 @@ class ExternalController {
 /// "controller: LINE" on standard error.
 void tell_of_controller(const std::string& line);
 
+/// A run has no result because a signal ended its controller, as when memory runs out, or the run
+/// itself, or because another program took part.
+class NoResult : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
 /// A run in virtual time whose controller is somebody else's program, in lockstep over LCM, and all
 /// else in this thread: the same messages in the same order as ProcessRun has them.
 class ExternalRun {
@@ -62,7 +72,8 @@ class ExternalRun {
   Bus& bus() { return bus_; }
   EventLoop& loop() { return loop_; }
 
-  /// Runs to the end. Throws std::runtime_error that names the node that kept it from there.
+  /// Runs to the end. Throws std::runtime_error that names the node that kept it from there;
+  /// NoResult, as there.
   void run();
 
  private:

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/text.hpp"
 #include "common/lcm/lcm_datagrams.hpp"
 #include "common/lockstep/channels.hpp"
 
@@ -57,7 +58,7 @@ std::optional<GrantSchedule::Grant> GrantSchedule::next() {
 }
 
 void GrantSchedule::check(const Node& node, const Grant& grant, const EventKey& next,
-                          const std::vector<Publication>& published) const {
+                          const std::vector<Publication>& published) {
   const auto t = [](Instant when) {
     return when == Instant::max() ? std::string("never")
                                   : fmt::format("t = {:.6f} s", to_seconds(when));
@@ -79,6 +80,7 @@ void GrantSchedule::check(const Node& node, const Grant& grant, const EventKey& 
         p.channel.starts_with(kTimePrefix)) {
       throw BadAnswer(fmt::format("published on \"{}\", which is no channel for it", p.channel));
     }
+    check_owner(node, p.channel);
     if (p.number != due) {
       throw BadAnswer(
           fmt::format("named message {} on {} where number {} was due", p.number, p.channel, due));
@@ -92,6 +94,20 @@ void GrantSchedule::check(const Node& node, const Grant& grant, const EventKey& 
   if (next.when < last) {
     throw BadAnswer(
         fmt::format("asked for an event at {}, in its past: it was at {}", t(next.when), t(last)));
+  }
+}
+
+void GrantSchedule::check_owner(const Node& node, const std::string& channel) {
+  if (owners_.empty()) return;
+  const auto owner = owners_.find(channel);
+  if (owner != owners_.end()) {
+    if (owner->second == node.name) return;
+    throw BadAnswer(fmt::format("published on {}, which belongs to {}", channel, owner->second));
+  }
+  for (const std::size_t receiver : receivers(channel)) {
+    if (nodes_[receiver].name == node.name) continue;
+    throw BadAnswer(fmt::format("published on {}, which {} receives and no node of this run owns",
+                                printable(channel, kLongestNameShown), nodes_[receiver].name));
   }
 }
 

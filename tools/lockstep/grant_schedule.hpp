@@ -6,11 +6,13 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/pattern.hpp"
 #include "common/lockstep/bus.hpp"
 #include "common/loop/event_key.hpp"
+#include "tools/lockstep/channel_owners.hpp"
 
 namespace tether {
 
@@ -35,8 +37,10 @@ class GrantSchedule {
     std::vector<Delivery> deliveries;
   };
 
-  /// Nothing happens after `end`.
-  explicit GrantSchedule(Instant end) : end_(end) {}
+  /// Nothing happens after `end`. A node may publish the channels that `owners` gives to it, and
+  /// others that neither have an owner nor reach another node.
+  explicit GrantSchedule(Instant end, ChannelOwners owners = {})
+      : end_(end), owners_(std::move(owners)) {}
 
   /// In order of rank. Throws UsageError for a subscription that is no regular expression.
   void add_node(std::string name, const std::vector<std::string>& subscriptions,
@@ -50,6 +54,10 @@ class GrantSchedule {
   void answer(std::int64_t id, const Grant& grant, const EventKey& next,
               const std::vector<Publication>& published);
 
+  /// Whether a channel has an owner, or a node receives it.
+  bool concerns(const std::string& channel) {
+    return owners_.contains(channel) || !receivers(channel).empty();
+  }
   const std::string& name(std::size_t node) const { return nodes_[node].name; }
   std::size_t size() const { return nodes_.size(); }
   /// The earliest event of all; Instant::max() if there is none.
@@ -66,10 +74,12 @@ class GrantSchedule {
   };
   EventKey first_event(std::size_t node) const;
   void check(const Node& node, const Grant& grant, const EventKey& next,
-             const std::vector<Publication>& published) const;
+             const std::vector<Publication>& published);
+  void check_owner(const Node& node, const std::string& channel);
   const std::vector<std::size_t>& receivers(const std::string& channel);
 
   Instant end_;
+  ChannelOwners owners_;
   std::vector<Node> nodes_;
   std::map<std::string, std::vector<std::size_t>> receivers_;
 };

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cstring>
 #include <tether/time_welcome_t.hpp>
 #include <utility>
 
@@ -27,15 +28,21 @@ EventKey next_of(const auto& message, std::size_t node) {
           static_cast<std::int32_t>(node)};
 }
 
+/// Keyed hashes are evenly distributed.
+std::uint64_t number_of(const MessageDigest& digest) {
+  std::uint64_t number = 0;
+  std::memcpy(&number, digest.hash.data(), sizeof number);
+  return number;
+}
+
 std::vector<Publication> publications_of(const time_request_t& request) {
   std::vector<Publication> published;
   for (std::size_t i = 0; i < request.channel.size(); ++i) {
-    published.push_back(
-        {.channel = request.channel[i],
-         .number = request.number[i],
-         .when = from_ns(request.time_ns[i]),
-         .index = static_cast<std::uint64_t>(request.index[i]),
-         .digest = {request.size[i], static_cast<std::uint32_t>(request.crc32[i])}});
+    published.push_back({.channel = request.channel[i],
+                         .number = request.number[i],
+                         .when = from_ns(request.time_ns[i]),
+                         .index = static_cast<std::uint64_t>(request.index[i]),
+                         .digest = digest_of_hex(request.size[i], request.digest[i])});
   }
   return published;
 }
@@ -47,9 +54,10 @@ TimeManager::TimeManager(Config config, EventLoop& io, Bus& wire, Record record)
       io_(io),
       wire_(wire),
       record_(std::move(record)),
-      schedule_(config_.end),
+      schedule_(config_.end, config_.owners),
       joined_(config_.nodes.size()),
       begun_at_(io.now()) {
+  while (node_keys_.size() < config_.nodes.size()) node_keys_.push_back(random_digest_key());
   wire_.subscribe(".*", kDeepQueue, [this](const Message& message) { hear(message); });
   io_.every(io_.now() + kManagerTick, kManagerTick, Priority::node, [this](Instant) { on_tick(); });
 }
@@ -146,6 +154,8 @@ void TimeManager::welcome(std::size_t node) {
   message.instance = joined_[node]->instance;
   message.node = config_.nodes[node];
   message.rank = static_cast<std::int32_t>(node);
+  message.run_key = to_hex(run_key_);
+  message.node_key = to_hex(node_keys_[node]);
   for (const auto& join : joined_) {
     message.subscription.insert(message.subscription.end(), join->subscription.begin(),
                                 join->subscription.end());
@@ -174,12 +184,13 @@ void TimeManager::on_request(const time_request_t& request) {
     return fail(fmt::format("{} answers as instance {}, but instance {} joined", request.node,
                             request.instance, joined_[node]->instance));
   }
-  const bool due = outstanding_ && outstanding_->grant.node == node;
-  if (due && request.grant == outstanding_->message.id) return on_answer(request);
-  if (was_answered(request.grant, node)) {
-    ++counters_.late;
+  if (request.mac != mac_of(request, node_keys_[node])) {
+    ++counters_.forged;
     return;
   }
+  const bool due = outstanding_ && outstanding_->grant.node == node;
+  if (due && request.grant == outstanding_->message.id) return on_answer(request);
+  if (was_answered(request.grant, node)) return on_late_answer(request);
   fail(fmt::format("{} answered grant {}, but {}", request.node, request.grant,
                    due ? "owes " + owed() : "no grant was out to it"));
 }
@@ -190,7 +201,19 @@ bool TimeManager::was_answered(std::int64_t grant, std::size_t node) const {
          !(outstanding_ && outstanding_->message.id == grant);
 }
 
+void TimeManager::on_late_answer(const time_request_t& request) {
+  ++counters_.late;
+  if (answers_[static_cast<std::size_t>(request.grant - kFirstGrant)] == request.mac) return;
+  fail_disturbed(
+      fmt::format("{} answered grant {} twice, and differently", request.node, request.grant));
+}
+
 void TimeManager::on_answer(const time_request_t& request) {
+  if (request.grant_mac != outstanding_->message.mac) {
+    return fail_disturbed(fmt::format("{} answered a grant {} that is not the coordinator's",
+                                      request.node, request.grant));
+  }
+  answers_.back() = request.mac;
   const Outstanding out = std::move(*outstanding_);
   const std::size_t node = out.grant.node;
   if (!request.error.empty()) {
@@ -199,8 +222,9 @@ void TimeManager::on_answer(const time_request_t& request) {
   }
   outstanding_.reset();
   if (out.message.kind == time_grant_t::PROBE) {
-    counters_.round_trips.push_back(io_.now() - out.sent_at);
-    idle_ += counters_.round_trips.back();
+    const Duration taken = io_.now() - out.sent_at;
+    if (state_ != State::closing) counters_.round_trips.push_back(taken);
+    idle_ += taken;
     return go_on();
   }
   const std::vector<Publication> published = publications_of(request);
@@ -211,7 +235,10 @@ void TimeManager::on_answer(const time_request_t& request) {
   }
   if (hold_until_ != Instant::max()) tell(out.grant, request);
   if (record_queue_.empty()) record_stuck_since_ = asked_at_ = io_.now();
-  for (const Publication& p : published) record_queue_.push_back({node, p, std::nullopt});
+  for (const Publication& p : published) {
+    record_queue_.push_back({node, p, std::nullopt});
+    named_.insert(number_of(p.digest));
+  }
   go_on();  // the next node acts while this is recorded
   take_bytes();
   go_on();
@@ -237,7 +264,7 @@ void TimeManager::tell(const GrantSchedule::Grant& grant, const time_request_t& 
 /// Records messages in order, up to the first whose bytes have not come yet.
 void TimeManager::take_bytes() {
   for (Recorded& r : record_queue_) {
-    if (!r.bytes) r.bytes = inbox_.take(r.message.channel, r.message.digest);
+    if (!r.bytes) r.bytes = inbox_.take(r.message.channel, r.message.digest, run_key_);
   }
   while (!record_queue_.empty() && record_queue_.front().bytes) {
     const Recorded r = std::move(record_queue_.front());
@@ -264,11 +291,36 @@ void TimeManager::go_on() {
   if (state_ == State::finishing && !outstanding_) {
     if (!finish_next()) advance();
   }
-  if (state_ == State::recording && record_queue_.empty()) {
-    state_ = State::done;
-    counters_.wall_time = io_.now() - begun_at_ - idle_;
-    io_.stop();
+  if (state_ == State::recording && record_queue_.empty()) state_ = State::closing;
+  if (state_ == State::closing && !outstanding_ && !close_next()) end();
+}
+
+/// A probe of one node after another: what they have sent before has come when they answer.
+bool TimeManager::close_next() {
+  if (closed_ == schedule_.size()) return false;
+  send({closed_++, {}, {}}, time_grant_t::PROBE);
+  return true;
+}
+
+/// Done, unless messages are left on the run's channels that no node has published.
+void TimeManager::end() {
+  std::map<std::string, std::size_t> others;
+  std::size_t size = 0;
+  inbox_.for_each([&](const std::string& channel, const MessageInbox::Bytes& bytes) {
+    if (named_.contains(number_of(digest_of(bytes, run_key_)))) return;  // a copy
+    if (!schedule_.concerns(channel)) return;
+    if (others.empty()) size = bytes.size();
+    ++others[channel];
+  });
+  if (!others.empty()) {
+    const auto& [channel, count] = *others.begin();
+    return fail_disturbed(fmt::format(
+        "{} message{} on {} (the first of {} bytes) {} no node's", count, count > 1 ? "s" : "",
+        printable(channel, kLongestNameShown), size, count > 1 ? "are" : "is"));
   }
+  state_ = State::done;
+  counters_.wall_time = io_.now() - begun_at_ - idle_;
+  io_.stop();
 }
 
 void TimeManager::advance() {
@@ -324,6 +376,7 @@ void TimeManager::send(GrantSchedule::Grant grant, std::int32_t kind) {
   message.session = config_.session;
   message.id = next_id_++;
   granted_to_.push_back(static_cast<std::uint8_t>(grant.node));
+  answers_.emplace_back();
   message.node = schedule_.name(grant.node);
   message.kind = kind;
   message.until_ns = to_ns(grant.until.when);
@@ -337,8 +390,9 @@ void TimeManager::send(GrantSchedule::Grant grant, std::int32_t kind) {
     message.time_ns.push_back(to_ns(d.message.when));
     message.order.push_back(static_cast<std::int64_t>(d.order));
     message.size.push_back(d.message.digest.size);
-    message.crc32.push_back(d.message.digest.crc32);
+    message.digest.push_back(to_hex(d.message.digest.hash));
   }
+  message.mac = mac_of(message, node_keys_[grant.node]);
   if (kind != time_grant_t::PROBE) ++counters_.grants;
   const Instant now = io_.now();
   outstanding_ = Outstanding{std::move(message), std::move(grant), now, now + config_.repeat_after,

@@ -11,10 +11,12 @@
 #include <tether/time_join_t.hpp>
 #include <tether/time_request_t.hpp>
 #include <tether/time_resend_t.hpp>
+#include <unordered_set>
 #include <vector>
 
 #include "common/bus/bus.hpp"
-#include "common/bus/message_inbox.hpp"
+#include "common/lockstep/message_digest.hpp"
+#include "common/lockstep/message_inbox.hpp"
 #include "common/loop/event_loop.hpp"
 #include "tools/lockstep/grant_schedule.hpp"
 
@@ -30,6 +32,7 @@ class TimeManager {
   struct Config {
     std::int64_t session = 1;        ///< this run's number, > 0
     std::vector<std::string> nodes;  ///< by rank
+    ChannelOwners owners{};          ///< who may publish what; none: anybody anything
     Instant end{};                   ///< of the run's time
     /// How long the coordinator waits for the nodes to join, and for an answer to a grant.
     Duration join_patience = std::chrono::seconds{20};
@@ -50,6 +53,7 @@ class TimeManager {
     std::int64_t resends = 0;           ///< messages asked for again by the coordinator
     std::int64_t asked_again = 0;       ///< messages asked for again by nodes
     std::int64_t foreign = 0;           ///< protocol messages of other sessions, or undecodable
+    std::int64_t forged = 0;            ///< answers without their node's key
     std::vector<Duration> round_trips;  ///< of the probes
     /// From the first grant to the end, without the probes and the time for which the run was held.
     Duration wall_time{0};
@@ -66,6 +70,8 @@ class TimeManager {
   bool done() const { return state_ == State::done; }
   /// Why the run failed; empty if nothing went wrong so far.
   const std::string& error() const { return error_; }
+  /// It failed because another program has taken part.
+  bool disturbed() const { return disturbed_; }
 
   /// A node's process has ended; `how`: "was killed by signal 9".
   void on_node_gone(const std::string& node, const std::string& how);
@@ -101,7 +107,7 @@ class TimeManager {
   std::vector<std::string> missing() const;
 
  private:
-  enum class State { joining, running, finishing, recording, done, failed };
+  enum class State { joining, running, finishing, recording, closing, done, failed };
   struct Recorded {
     std::size_t publisher;
     Publication message;
@@ -124,11 +130,15 @@ class TimeManager {
   void sign_of_life();  ///< a welcome to nobody
   void on_request(const time_request_t& request);
   bool was_answered(std::int64_t grant, std::size_t node) const;
+  void on_late_answer(const time_request_t& request);
   void on_answer(const time_request_t& request);
   void on_resend(const time_resend_t& resend);
   void go_on();
   void advance();
   bool finish_next();
+  bool close_next();
+  void end();
+  void fail_disturbed(const std::string& what);
   bool probe();
   void send(GrantSchedule::Grant grant, std::int32_t kind);
   void tell(const GrantSchedule::Grant& grant, const time_request_t& request);
@@ -145,6 +155,11 @@ class TimeManager {
   Record record_;
   GrantSchedule schedule_;
   MessageInbox inbox_;
+  DigestKey run_key_ = random_digest_key();
+  std::vector<DigestKey> node_keys_;           // by rank
+  std::vector<std::string> answers_;           // the mac of each grant's, by grant
+  std::unordered_set<std::uint64_t> named_{};  // messages that nodes have published, by hash
+  bool disturbed_ = false;
   std::set<std::string> asked_again_;  // channels
   State state_ = State::joining;
   std::string error_;
@@ -158,6 +173,7 @@ class TimeManager {
   std::int64_t welcomes_ = 0;
   std::int64_t grants_sent_ = 0;
   std::size_t finished_ = 0;  // nodes that were let finish
+  std::size_t closed_ = 0;    // nodes that were probed at the end
   std::deque<Recorded> record_queue_;
   Instant record_stuck_since_{};
   Instant asked_at_{};

@@ -44,8 +44,12 @@ void TimeManager::watch_grant(Instant now) {
                       out.message.node, to_seconds(config_.patience), out.missed, owed(),
                       advice_on_lost_messages()));
     }
-    return fail(fmt::format("{} did not answer within {:.1f} s: it owes {}", out.message.node,
-                            to_seconds(config_.patience), owed()));
+    const std::string forged =
+        counters_.forged == 0
+            ? ""
+            : fmt::format("; {} answers had not its key, and were left", counters_.forged);
+    return fail(fmt::format("{} did not answer within {:.1f} s: it owes {}{}", out.message.node,
+                            to_seconds(config_.patience), owed(), forged));
   }
   if (now < out.next_repeat) return;
   out.repeat_period = std::min(2 * out.repeat_period, kLongestRepeat);
@@ -103,15 +107,21 @@ void TimeManager::fail(const std::string& what) {
   io_.stop();
 }
 
+void TimeManager::fail_disturbed(const std::string& what) {
+  disturbed_ = true;
+  fail(what + ": another program takes part on this run's network");
+}
+
 void TimeManager::dismiss() {
-  for (const std::string& node : config_.nodes) {
+  for (std::size_t node = 0; node < config_.nodes.size(); ++node) {
     time_grant_t message{};
     message.utime = run_utime();
     message.seq = grants_sent_++;
     message.session = config_.session;
     message.id = next_id_++;
-    message.node = node;
+    message.node = config_.nodes[node];
     message.kind = time_grant_t::LEAVE;
+    message.mac = mac_of(message, node_keys_[node]);
     publish(wire_, kTimeGrant, message);
   }
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string_view>
@@ -20,19 +21,33 @@
 namespace tether {
 namespace {
 
+constexpr double kLongest_s = 1e9, kMostDelay_ms = 1e12;
+
+/// Of a row; `first_s`: of the first one.
+double time_of(const CsvTable& table, std::optional<double>& first_s) {
+  const double time_s = table.number("time_s");
+  if (!first_s) first_s = time_s;
+  const bool is_near = std::abs(time_s) <= 1e10 && std::abs(time_s - *first_s) <= kLongest_s;
+  if (!is_near) table.refuse("time_s", "within 1e9 s of the first row's, and within 1e10 s of 0");
+  return time_s;
+}
+
 double delay_of(const CsvTable& table) {
   if (!table.has("delay_ms") || table.cell("delay_ms").empty()) return NAN;
   const double delay_ms = table.number("delay_ms");
-  if (delay_ms < 0.0) table.refuse("delay_ms", "empty or a number >= 0");
+  if (delay_ms < 0.0 || delay_ms > kMostDelay_ms) {
+    table.refuse("delay_ms", "empty or a number in [0, 1e12]");
+  }
   return delay_ms * 1e-3;
 }
 
 FateLog read_packets(CsvTable& table) {
   std::vector<LoggedPacket> packets;
+  std::optional<double> first_s;
   while (table.next_row()) {
     const std::string_view lost = table.cell("lost");
     if (lost != "0" && lost != "1") table.refuse("lost", "0 or 1");
-    const double time_s = table.number("time_s");
+    const double time_s = time_of(table, first_s);
     if (!packets.empty() && time_s < packets.back().time_s) {
       table.fail(fmt::format("time_s goes back from {} to {}", packets.back().time_s, time_s));
     }
@@ -110,8 +125,11 @@ FitInput read_fit_csv(std::istream& in, const std::string& name) {
   }
   if (table.has("lost")) return {read_packets(table), name, {}};
   std::vector<Reception> receptions;
+  std::optional<double> first_s;
   while (table.next_row()) {
-    receptions.push_back({table.whole_number("seq"), table.number("time_s"), delay_of(table)});
+    const std::int64_t seq = table.whole_number("seq");
+    if (seq < 0) table.refuse("seq", "a whole number >= 0");
+    receptions.push_back({seq, time_of(table, first_s), delay_of(table)});
   }
   return fit_input_from(receptions, name);
 }

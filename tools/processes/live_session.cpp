@@ -113,6 +113,20 @@ std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
   return {all.begin(), all.end()};
 }
 
+/// Those on which no external controller, which has no presence, may send.
+std::vector<std::string> channels_of_programs(const Scenario& scenario) {
+  std::vector<std::string> channels = channels_of_one_sender(scenario);
+  for (const Scenario& member : fleet_members(scenario)) {
+    if (!member.get<ControllerSettings>().is_external()) continue;
+    const ChannelNames c(member.get<VehicleSettings>().name);
+    for (const std::string& own : {c.control_command, c.control_plan, c.control_preload,
+                                   c.control_report, c.control_counters}) {
+      std::erase(channels, own);
+    }
+  }
+  return channels;
+}
+
 }  // namespace
 
 LiveSession::LiveSession(const Options& options, const Scenario& scenario)
@@ -137,8 +151,16 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     folder_.emplace(options.out, scenario);
     folder_->record(loop_, *recorder_);
   }
-  subscribe<presence_t>(bus_, kPresenceChannel, kDeepQueue, undecodable_,
-                        [this](const presence_t& presence) { on_presence(presence); });
+  bus_.subscribe(kPresenceChannel, kDeepQueue, [this](const Message& message) {
+    presence_t presence{};
+    if (decode(message.bytes, presence)) return on_presence(presence, message.sender);
+    ++undecodable_;
+  });
+  for (const std::string& channel : channels_of_programs(scenario)) {
+    bus_.subscribe(channel, kDeepQueue, [this](const Message& message) {
+      watch_.sent(loop_.now(), std::string(message.channel), message.sender);
+    });
+  }
   for (const std::string& name : programs(scenario)) add_child(options, name);
   if (options.view) add_view(options);
 }
@@ -188,8 +210,8 @@ void LiveSession::add_child(const Options& options, const std::string& name) {
       [this, &child](int code) { on_child_exit(child, code); });
 }
 
-void LiveSession::on_presence(const presence_t& presence) {
-  if (!starting_) return watch_.heard(loop_.now(), presence);
+void LiveSession::on_presence(const presence_t& presence, std::uint64_t sender) {
+  if (!starting_) return watch_.heard(loop_.now(), presence, sender);
   if (company_.empty() || presence.program == kName) company_ = describe(presence);
 }
 
@@ -208,7 +230,7 @@ void LiveSession::expect_no_company() {
 
 void LiveSession::start(Child& child) {
   child.process->start();
-  watch_.started(child.name, child.process->pid());
+  watch_.started(loop_.now(), child.name, child.process->pid());
 }
 
 void LiveSession::start_guest() {
@@ -274,6 +296,9 @@ std::vector<std::string> LiveSession::mute_controllers() const {
 std::vector<std::string> LiveSession::findings() const {
   std::vector<std::string> all = watch_.findings();
   for (std::string& mute : mute_controllers()) all.push_back(std::move(mute));
+  if (std::string refused = observer_.refused_commands(); !refused.empty()) {
+    all.push_back(std::move(refused));
+  }
   if (!folder_) return all;
   CounterList network;
   recorder_->list_counters(network);
@@ -315,6 +340,7 @@ void LiveSession::on_child_exit(Child& child, int code) {
 void LiveSession::shut_down() {
   ending_ = true;
   guest_.end(false);
+  watch_.end(loop_.now());
   for (auto& child : children_) {
     ending_child_ = child.get();
     child->process->send_signal(SIGTERM);

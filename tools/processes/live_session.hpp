@@ -67,7 +67,7 @@ class LiveSession {
     bool has_run = false;
   };
   void expect_no_company();
-  void on_presence(const presence_t& presence);
+  void on_presence(const presence_t& presence, std::uint64_t sender);
   void watch_run();
   void start(Child& child);
   void add_child(const Options& options, const std::string& name);

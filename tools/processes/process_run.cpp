@@ -62,6 +62,7 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   TimeManager::Config config;
   config.session = RealTimeLoop::number_of_this_start();
   config.nodes = lockstep_nodes_of(scenario);
+  config.owners = channel_owners(fleet_members(scenario));
   config.end = end_;
   config.patience = from_seconds(options.patience_s);
   if (!scenario.get<ControllerSettings>().command.empty()) {

@@ -5,12 +5,15 @@
 #include <algorithm>
 
 #include "common/base/text.hpp"
+#include "common/bus/sole_sender.hpp"
 
 namespace tether {
 namespace {
 
 /// So many different findings are told; more would tell nothing new.
 constexpr std::size_t kMaxFindings = 20;
+/// More senders than a run has.
+constexpr std::size_t kMostNamed = 10'000;
 
 }  // namespace
 
@@ -19,9 +22,10 @@ std::string describe(const presence_t& presence) {
                      printable(presence.vehicle), presence.pid, printable(presence.host));
 }
 
-void RunWatch::started(const std::string& program, std::int64_t pid) {
+void RunWatch::started(Instant now, const std::string& program, std::int64_t pid) {
   ended(program);
-  own_[program].pid = pid;
+  const Duration starting = from_seconds(to_seconds(kPatience - kSilence) * rate_);
+  own_[program] = {.pid = pid, .heard = std::max(now, kStart) + starting};
 }
 
 void RunWatch::ended(const std::string& program) {
@@ -36,7 +40,30 @@ void RunWatch::given_up(Instant now, const std::string& program) {
   ended(program);
 }
 
-void RunWatch::heard(Instant now, const presence_t& presence) {
+void RunWatch::sent(Instant now, const std::string& channel, std::uint64_t sender) {
+  if (sender == 0 || named_.contains(sender) || unnamed_.size() >= kMaxFindings) return;
+  unnamed_.try_emplace(sender, channel, now);
+}
+
+void RunWatch::judge_senders(Instant now, Instant since) {
+  for (auto it = unnamed_.begin(); it != unnamed_.end();) {
+    const auto& [sender, unnamed] = *it;
+    if (unnamed.since > since) {
+      ++it;
+      continue;
+    }
+    find(now,
+         fmt::format("an unknown program sent on {}: {}", unnamed.channel, sender_name(sender)));
+    named_.insert(sender);
+    it = unnamed_.erase(it);
+  }
+}
+
+void RunWatch::end(Instant now) { judge_senders(now, now); }
+
+void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t sender) {
+  if (named_.size() < kMostNamed) named_.insert(sender);
+  unnamed_.erase(sender);
   if (presence.run != run_) return heard_of_other_run(now, presence);
   const bool here = presence.host == host_;
   const auto own = own_.find(presence.program);
@@ -67,16 +94,20 @@ void RunWatch::update(Instant now) {
   const bool was_suspended =
       updated_ && now - *updated_ > from_seconds(to_seconds(kSilence) * rate_);
   updated_ = now;
+  if (was_suspended) {
+    for (auto& [sender, unnamed] : unnamed_) unnamed.since = now;
+  }
+  judge_senders(now, now - from_seconds(to_seconds(kSilence) * rate_));
   for (auto& [program, own] : own_) {
-    if (was_suspended && own.heard) own.heard = now;
-    const bool hangs = own.heard && silence(own, now) >= kSilence;
+    if (was_suspended) own.heard = std::max(own.heard, now);
+    const bool hangs = silence(own, now) >= kSilence;
     if (hangs && !own.reported) find(now, program + " does not answer: stopped, hung or cut off");
     own.reported = hangs;
   }
 }
 
 Duration RunWatch::silence(const Own& own, Instant now) const {
-  return from_seconds(to_seconds(now - *own.heard) / rate_);
+  return from_seconds(to_seconds(now - own.heard) / rate_);
 }
 
 std::vector<std::pair<std::string, Duration>> RunWatch::hung(Instant now) const {
@@ -89,7 +120,7 @@ std::vector<std::pair<std::string, Duration>> RunWatch::hung(Instant now) const 
 
 bool RunWatch::hangs(const std::string& program, Instant now, Duration for_so_long) const {
   const auto own = own_.find(program);
-  return own != own_.end() && own->second.heard && silence(own->second, now) >= for_so_long;
+  return own != own_.end() && silence(own->second, now) >= for_so_long;
 }
 
 void RunWatch::find(Instant now, const std::string& what) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <tether/presence_t.hpp>
 #include <utility>
@@ -19,8 +20,12 @@ namespace tether {
 /// - Another run: a presence of another run; its first is told.
 /// - A stranger: a program of this run and vehicle, of which one is there already (other host or
 ///   process) and which this run has not started.
-/// - Hung: an own program that has been heard, and then is not for kSilence: stopped, in an endless
-///   loop, or cut off. After kPatience it is to be ended: overdue().
+/// - Hung: an own program that is not heard for kSilence: stopped, in an endless loop, or cut off.
+///   One that starts has until kPatience after its start, or after t = 0. After kPatience of
+///   silence it is to be ended: hangs().
+///
+/// - An unknown sender: one that sends on a channel of the run's programs, be it once, and is not
+///   heard on RUN/PRESENCE within kSilence.
 ///
 /// While the watch itself was suspended (two updates more than kSilence apart), nobody was silent.
 class RunWatch {
@@ -32,13 +37,17 @@ class RunWatch {
       : run_(run), host_(std::move(host)), rate_(rate) {}
 
   /// A program of this run was started as this process; its former process is gone.
-  void started(const std::string& program, std::int64_t pid);
+  void started(Instant now, const std::string& program, std::int64_t pid);
   /// It has ended, and is not expected to be heard.
   void ended(const std::string& program);
   /// It hangs, and is being ended.
   void given_up(Instant now, const std::string& program);
-  /// A message on RUN/PRESENCE.
-  void heard(Instant now, const presence_t& presence);
+  /// A message on RUN/PRESENCE, and who sent it (Message::sender; 0: not known).
+  void heard(Instant now, const presence_t& presence, std::uint64_t sender = 0);
+  /// A message on a channel on which only programs with a presence send.
+  void sent(Instant now, const std::string& channel, std::uint64_t sender);
+  /// The run is over: who has not said by now what it is was no program of it.
+  void end(Instant now);
   /// What several programs send (SoleSender), in words. Told unless known strangers explain it.
   void several_senders(Instant now, const std::string& line);
   /// Regularly, several times a second.
@@ -55,12 +64,13 @@ class RunWatch {
  private:
   struct Own {
     std::int64_t pid = -1;
-    std::optional<Instant> heard;  ///< none: not yet since it was started
+    Instant heard{};  ///< or the end of its time to start, less kSilence
     bool reported = false;
   };
   void heard_of_other_run(Instant now, const presence_t& presence);
   Duration silence(const Own& own, Instant now) const;
   void find(Instant now, const std::string& what);
+  void judge_senders(Instant now, Instant since);
 
   std::int64_t run_;
   std::string host_;
@@ -68,6 +78,12 @@ class RunWatch {
   std::map<std::string, Own> own_;
   std::vector<std::pair<std::string, std::int64_t>> former_;  ///< processes that this run ended
   std::vector<std::int64_t> other_runs_;
+  struct Unnamed {
+    std::string channel;
+    Instant since;
+  };
+  std::map<std::uint64_t, Unnamed> unnamed_;  ///< senders that have no presence yet
+  std::set<std::uint64_t> named_;
   bool strangers_ = false;
   std::vector<std::string> known_;  ///< found, without their times
   std::vector<std::string> findings_;

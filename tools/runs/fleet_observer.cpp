@@ -55,6 +55,31 @@ void FleetObserver::check_commands() const {
                       names_[i], count, what, counter));
     }
   }
+  if (const std::string refused = refused_commands(); !refused.empty()) {
+    throw std::runtime_error(refused);
+  }
+}
+
+std::string FleetObserver::refused_commands() const {
+  for (std::size_t i = 0; i < vehicles_.size(); ++i) {
+    std::int64_t accepted = 0, refused = 0;
+    std::string reasons;
+    for (const char* kind :
+         {"sim.command.", "sim.plan.", "can_bridge.command.", "can_bridge.plan."}) {
+      accepted += vehicles_[i]->counter(std::string(kind) + "accepted");
+      for (const char* reason :
+           {"other_run", "from_future", "before_start", "invalid_seq", "time_backwards"}) {
+        const std::int64_t count = vehicles_[i]->counter(std::string(kind) + reason);
+        refused += count;
+        if (count > 0)
+          reasons += fmt::format("{}{}{} {}", reasons.empty() ? "" : ", ", kind, reason, count);
+      }
+    }
+    if (accepted > 0 || refused == 0) continue;
+    return fmt::format("{} refused all {} commands that reached it: {}", names_[i], refused,
+                       reasons);
+  }
+  return "";
 }
 
 void FleetObserver::check_finite() const {

@@ -32,8 +32,11 @@ class FleetObserver {
 
   /// Throws if a vehicle got what is no command to it: numbers that are not finite, bytes that
   /// nobody can read, plans without a policy that follows them. For runs in which nobody but
-  /// their controller can have sent that.
+  /// their controller can have sent that. And if a vehicle refused all that it got.
   void check_commands() const;
+  /// Names a vehicle that refused all commands and plans that reached it, as those of another run
+  /// or from the future, and why; "" if there is none.
+  std::string refused_commands() const;
 
  private:
   std::vector<std::unique_ptr<const RunObserver>> observers_;

@@ -47,6 +47,7 @@ Axes::Axes(const Cia402Config& config, double wheel_radius_m, double track_m)
       by_setpoint_{config.stops_by_setpoint, config.stops_by_setpoint},
       standstill_radps_(config.standstill_radps),
       ramps_radps2_{stop_ramp_radps2(config, 0), stop_ramp_radps2(config, 1)},
+      fastest_report_radps_(kFastestWheel_radps),
       wheel_radius_m_(wheel_radius_m),
       track_m_(track_m),
       feedback_timeout_ms_(config.feedback_timeout_ms),
@@ -137,8 +138,8 @@ void Axes::bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets)
     const double target_radps =
         static_cast<double>(std::abs(targets[i])) / std::abs(axes_[i].target_units(1.0));
     const double reported_radps = std::abs(axes_[i].reported_radps(now).value_or(0.0));
-    possible_radps =
-        std::max({0.0, slower_radps, target_radps, std::min(reported_radps, kFastestWheel_radps)});
+    possible_radps = std::max(
+        {0.0, slower_radps, target_radps, std::min(reported_radps, fastest_report_radps_)});
     if (possible_radps >= standstill_radps_) rolls_until_[i] = now + kDrivesLag;
     rolled_out_[i] = now >= rolls_until_[i];
   }
@@ -204,6 +205,14 @@ std::uint16_t Axes::stop_controlword(std::size_t i, Instant now) {
   }
   const bool off = shares_controlword_ ? released_[0] && released_[1] : released_[i];
   return off ? canopen::kControlDisableVoltage : braking_controlword(i);
+}
+
+void Axes::doubt(std::uint8_t node) {
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    if (axes_[i].node() != node) continue;
+    axes_[i].doubt();
+    released_[i] = false;
+  }
 }
 
 std::array<std::int64_t, 2> Axes::target_velocities(const Twist& twist) const {

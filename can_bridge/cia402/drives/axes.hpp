@@ -77,6 +77,9 @@ class Axes {
   void hold() { released_ = {}; }
   void release() { released_ = {true, true}; }
   bool released(std::size_t i) const { return released_[i]; }
+  /// Another sender may have switched on the axes of this node: they have to show again that they
+  /// are off or stand.
+  void doubt(std::uint8_t node);
   /// Until then, no standstill is believed, because feedback is known to be wrong.
   void distrust_standstill(Instant until) { standstill_from_ = until; }
   bool believes_standstill(Instant now) const { return now >= standstill_from_; }
@@ -84,8 +87,10 @@ class Axes {
   bool confirmed_standing(std::size_t i, Instant now) const;
   /// Once per cycle, with the targets in force: bounds how fast each wheel can still be, if both
   /// witnesses failed together. From target or feedback on, whichever is faster, it brakes no
-  /// harder than the drive's own quick stop ramp, or than stops have to.
+  /// harder than the drive's own quick stop ramp, or than stops have to. Reports count up to the
+  /// speed of limit_reports(), or one garbled or forged frame would deny standstill for minutes.
   void require_deceleration(double radps2);
+  void limit_reports(double radps) { fastest_report_radps_ = radps; }
   void bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets);
   /// From now until the next start-up, axis `i` is braked by a target of zero, because its quick
   /// stop cannot be relied on.
@@ -121,7 +126,8 @@ class Axes {
   bool stops_by_setpoint_;  // by configuration
   std::array<bool, 2> by_setpoint_;
   double standstill_radps_;
-  std::array<double, 2> ramps_radps2_;      // of the quick stop; infinity: not known
+  std::array<double, 2> ramps_radps2_;  // of the quick stop; infinity: not known
+  double fastest_report_radps_;
   std::array<double, 2> possible_radps_{};  // each wheel is no faster than this
   std::array<Instant, 2> rolls_until_{Instant::min(), Instant::min()};  // by that bound
   std::array<bool, 2> rolled_out_{true, true};

@@ -126,7 +126,7 @@ void Axis::take_up(std::int64_t raw, Instant now) {
 void Axis::command(std::uint16_t controlword) {
   if (controlword == controlword_) return;
   controlword_ = controlword;
-  status_confirms_ = speed_confirms_ = position_confirms_ = false;
+  doubt();
 }
 
 std::uint16_t Axis::enabling_controlword() const {
@@ -175,6 +175,8 @@ bool Axis::confirmed_off() const {
 }
 
 bool Axis::stood() const { return motion_.newest() == Motion::standing; }
+
+bool Axis::turned() const { return motion_.newest() == Motion::turning; }
 
 bool Axis::confirmed_standing(Instant now) const {
   return speed_confirms_ && position_confirms_ && standing(now);

@@ -49,6 +49,8 @@ class Axis {
   /// confirm anything: an older one could be from before an earlier change.
   void command(std::uint16_t controlword);
   std::uint16_t controlword() const { return controlword_; }
+  /// Another sender may have commanded it: only what is received later confirms anything.
+  void doubt() { status_confirms_ = speed_confirms_ = position_confirms_ = false; }
 
   /// The controlword on the way to OperationEnabled (IEC 61800-7-201): 0x06, 0x07, 0x0F, each only
   /// once the statusword confirms the step before.
@@ -72,6 +74,8 @@ class Axis {
   bool known() const { return status_stamp_ || speed_stamp_; }
   /// By both witnesses, as of the newest report, the wheel stood, however old that is.
   bool stood() const;
+  /// By one of them it turned.
+  bool turned() const;
   /// Power stage off, confirmed: SwitchOnDisabled or ReadyToSwitchOn.
   bool confirmed_off() const;
   /// The wheel stands, by a speed and a position received since the controlword last changed.

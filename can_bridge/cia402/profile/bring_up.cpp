@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace tether::cia402 {
@@ -11,8 +12,7 @@ using Verdict = StandstillInquiry::Verdict;
 
 /// How long securing may take: enough for slow brakes, too.
 constexpr Duration kSecureTimeout = std::chrono::seconds(5);
-/// How long a running drive that says nothing about its wheel is braked before it is reset, and one
-/// that was lost at speed is left to its own watchdog.
+/// How long a drive that was lost at speed is left to its own watchdog before it is reset.
 constexpr Duration kBlindBraking = std::chrono::seconds(2);
 
 /// One and a half periods: each living drive's heartbeat falls into it.
@@ -124,15 +124,23 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
     case Verdict::silent:
       break;
   }
-  if (node.lost && d_.stage.elapsed(now) < kBlindBraking) return false;
-  if (!node.running) return true;
+  if (!node.heard) {
+    return can_have_stopped(node) && (!node.lost || d_.stage.elapsed(now) >= kBlindBraking);
+  }
+  // It runs, so that its silence says nothing of its wheel: only its feedback does.
   for (std::size_t i = 0; i < d_.axes.size(); ++i) {
     if (d_.axes[i].node() != node.id) continue;
-    const bool safe = d_.axes[i].fresh(now) ? d_.axes.released(i) && d_.axes.stands(i, now)
-                                            : d_.stage.elapsed(now) >= kBlindBraking;
-    if (!safe) return false;
+    if (!d_.axes[i].fresh(now) || !d_.axes.released(i) || !d_.axes.stands(i, now)) return false;
   }
   return true;
+}
+
+bool BringUp::can_have_stopped(const Node& node) const {
+  // A wheel that turned without power is stopped by no watchdog.
+  return d_.axes.can_have_stopped(node.id) &&
+         std::ranges::none_of(d_.axes, [&node](const Axis& axis) {
+           return axis.node() == node.id && axis.turned() && is_power_off(axis.state());
+         });
 }
 
 std::string BringUp::turning_text(Instant now) const {
@@ -140,6 +148,13 @@ std::string BringUp::turning_text(Instant now) const {
   for (const Node& node : d_.nodes) {
     if (may_be_reset(node, now)) continue;
     std::string name = node.name;
+    if (!all.empty()) all += "; ";
+    if (node.inquiry.verdict() == Verdict::silent && !d_.axes.turning_of(node.id, now)) {
+      all += name +
+             ": answers no SDO request, and no feedback says that its wheel stands: see that "
+             "it does, then switch the drive off and on";
+      continue;
+    }
     double speed_radps = 0.0;
     if (const auto& wheel = node.inquiry.fastest()) {
       name = d_.axes[wheel->axis].name();
@@ -150,10 +165,10 @@ std::string BringUp::turning_text(Instant now) const {
         if (axis.node() == node.id) speed_radps = axis.fastest_radps(now).value_or(speed_radps);
       }
     }
-    all += fmt::format("{}{}: still turns at {:.2f} m/s after {:g} s", all.empty() ? "" : "; ",
-                       name, speed_radps * d_.axes.wheel_radius_m(), to_seconds(kSecureTimeout));
+    all += fmt::format("{}: still turns at {:.2f} m/s after {:g} s: check its brake and load", name,
+                       speed_radps * d_.axes.wheel_radius_m(), to_seconds(kSecureTimeout));
   }
-  return all + ": check its brake and load; it is not reset while it turns, stop stays commanded";
+  return all + "; no drive is reset while its wheel may turn, the stop stays commanded";
 }
 
 void BringUp::begin_configuration(Instant now) {

@@ -30,6 +30,8 @@ class BringUp {
   /// The last look at the counters before the reset sets them anew.
   void take_up_positions(Instant now);
   bool may_be_reset(const Node& node, Instant now) const;
+  /// By its watchdog or ramp, since it was last heard.
+  bool can_have_stopped(const Node& node) const;
   std::string turning_text(Instant now) const;
   void begin_configuration(Instant now);
   void configure(Instant now, std::vector<CanFrame>& service);

@@ -55,7 +55,7 @@ std::optional<Fault> Enabling::verify(Instant now, std::vector<CanFrame>& servic
     done = done && node.read_back.done();
     if (node.read_back.deviation().empty()) continue;
     return Fault{fmt::format("{}: {} before it was to be enabled: another tool changed it? Reset "
-                             "configures the drives anew",
+                             "configures the drives again",
                              node.name, node.read_back.deviation()),
                  true};
   }

@@ -13,7 +13,7 @@ namespace tether::cia402 {
 ///
 /// First every object that start-up wrote or checked and that read as it should then (watchdogs and
 /// their reactions, heartbeat producer, [[setup]], PDOs) is read again. Another value, an abort or
-/// no answer is a fault, and reset_fault() configures the drives anew. One object of each node is
+/// no answer is a fault, and reset_fault() configures the drives again. One object of each node is
 /// read in a control cycle, all nodes at once: 26 objects, and so 0.52 s at 20 ms, with
 /// drivetrains/two_node_cia402.toml. An answer that stays away ends it after (sdo_retries + 1) ·
 /// sdo_timeout_ms.

@@ -81,19 +81,21 @@ void Cia402Profile::on_intruder(const CanFrame& frame, const Sender& sender) {
   ++counters_.intruder_frames;
   if (std::ranges::find(intruders_, frame.id) == intruders_.end()) intruders_.push_back(frame.id);
   if (sender.kind == Sender::Kind::sdo_request) return on_foreign_sdo(frame, sender.node);
+  if (sender.kind == Sender::Kind::setpoint) drives_.axes.doubt(sender.node);
   fault(Fault{fmt::format("another sender uses 0x{:03X}: only one master may command", frame.id),
               sender.kind == Sender::Kind::nmt});
 }
 
 void Cia402Profile::on_foreign_sdo(const CanFrame& frame, std::uint8_t node) {
-  // Before that, start-up will write it anew.
+  // Before that, start-up will write it.
   if (drives_.stage.stage() < Stage::configuring) return;
   const std::optional<ObjectRef> object = written_object(frame);
   if (!object || !cia402::is_vital(drives_.config, node, object->index)) return;
   ++counters_.intruder_writes;
   distrust_part(cia402::stop_part(object->index), node);
+  drives_.axes.doubt(node);
   fault(Fault{fmt::format("{}: another sender writes {} by SDO: only one master may configure; "
-                          "reset configures the drives anew",
+                          "reset configures the drives again",
                           drives_.nodes.of(node).name, cia402::object_text(*object)),
               true});
 }
@@ -205,7 +207,7 @@ void Cia402Profile::watch_senders(std::uint32_t id, const Node& node, Instant no
   drives_.axes.distrust_standstill(now + kBrakingWithoutFeedback);
   fault(
       Fault{fmt::format("two sources send 0x{:03X}, feedback of {}: has another device its node "
-                        "id, or does somebody replay its frames? Feedback is not believed",
+                        "id, or are its frames replayed? Feedback is not believed",
                         id, node.name)});
 }
 

@@ -39,9 +39,9 @@ struct VehicleConfig;
 /// not heard; it gets quick stop commands meanwhile, by PDO if it is operational, by SDO if its
 /// power is on. After 5 s: `refused`, the quick stop stays commanded, and reset_fault() tries
 /// again. One that answers, but not with both witnesses, is reset after 5 s. A node that answers no
-/// SDO cannot be asked: an operational one may be reset when its feedback says that it stands or,
-/// without feedback, after 2 s of quick stop commands; one that this bridge had commanded and lost,
-/// after 2 s without the bridge's heartbeat; any other at once.
+/// SDO cannot be asked: one that is heard may be reset only when its feedback says that it stands;
+/// one that this bridge had commanded and lost, after 2 s without the bridge's heartbeat and the
+/// time that its ramp takes; any other at once.
 ///
 /// enable() first reads back what start-up has configured (cia402::Enabling).
 ///
@@ -84,6 +84,9 @@ class Cia402Profile final : public DriveProfile {
   void stop(StopKind kind) override;
   void distrust_standstill(Instant until) override { drives_.axes.distrust_standstill(until); }
   void require_deceleration(double mps2) override { braking_.require(mps2); }
+  void limit_reports(double rim_mps) override {
+    drives_.axes.limit_reports(rim_mps / drives_.axes.wheel_radius_m());
+  }
   void reset_fault() override;
   DrivetrainSnapshot snapshot(Instant now) const override;
   Counters counters() const override;

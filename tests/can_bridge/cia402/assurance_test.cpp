@@ -80,6 +80,29 @@ TEST(StopAssurance, ANmtCommandOfAnotherIsAnsweredByAQuickStopBySdoInTheNextCycl
   EXPECT_TRUE(bench.reach(DrivePhase::standby)) << bench.reason();
 }
 
+TEST(StopAssurance, ADriveThatAnotherSwitchesOnBySdoAfterItsStopIsStoppedAgain) {
+  Driving bench;
+  bench.nmt(0x80);
+  ASSERT_TRUE(bench.run_until([&] { return bench.off() && !bench.snapshot().in_doubt; },
+                              milliseconds(1000)));
+  for (const std::uint8_t word : {0x06, 0x07, 0x0F}) {
+    const CanFrame write = CanFrame::make(0x601, {0x2B, 0x40, 0x60, 0, word, 0, 0, 0});
+    std::vector<CanFrame> ignored;
+    bench.left().on_frame(write, ignored);
+    bench.deliver(write);
+    bench.cycle();
+  }
+  bench.left_axis().speed = 100;
+  EXPECT_TRUE(bench.snapshot().in_doubt);
+  bench.log.clear();
+  EXPECT_TRUE(bench.run_until([&] { return bench.count(kSdoQuickStop) > 0; }, milliseconds(60)));
+  while (bench.left_axis().speed != 0) {
+    bench.cycle();
+    ASSERT_EQ(bench.count(kSdoPowerOff), 0);
+  }
+  EXPECT_TRUE(bench.run_until([&] { return bench.off(); }, milliseconds(1000)));
+}
+
 TEST(StopAssurance, OnlyTheNodeThatAnNmtCommandIsForIsStoppedBySdo) {
   const CanFrame start = CanFrame::make(canopen::kNmt, {0x01, 0}),
                  not_ours = CanFrame::make(canopen::kNmt, {0x80, 5}),

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "tests/can_bridge/cia402/bench.hpp"
 
 namespace tether::cia402 {
@@ -66,6 +68,22 @@ TEST(Axes, NoWheelStandsSoonerThanItsRampCanStopItWhateverBothWitnessesSay) {
     axes.on_feedback(feedback(1, 0x0017, 0), now);
     axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
     EXPECT_EQ(axes.stop_controlword(0, now) == canopen::kControlDisableVoltage, ms >= 240) << ms;
+  }
+}
+
+TEST(Axes, AnImpossibleReportDelaysStandstillByTheRampFromAPossibleSpeedOnly) {
+  // 3000 rpm/s: from 10 rev/s in 0.2 s; from the 2 147 483 647 rpm of one forged frame in days.
+  Axes axes(two_nodes(), 0.1, 0.5);
+  axes.limit_reports(2.0 * std::numbers::pi * 10.0);
+  Instant now = stand(axes);
+  axes.on_feedback(feedback(1, 0x0017, 0x7FFFFFFF), now);
+  axes.bound_speeds(now, kStill);
+  for (int ms = 20; ms <= 320; ms += 20) {
+    now += milliseconds(20);
+    axes.on_feedback(feedback(1, 0x0017, 0), now);
+    axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
+    axes.bound_speeds(now, kStill);
+    EXPECT_EQ(axes.stands(0, now), ms >= 240) << ms;
   }
 }
 

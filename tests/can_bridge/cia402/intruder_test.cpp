@@ -42,7 +42,7 @@ TEST(Cia402Intruder, ASecondSourceOfFeedbackStopsBothWheelsInItsThirdSyncPeriod)
   bench.deliver(standing_right());
   EXPECT_EQ(bench.reason(),
             "two sources send 0x182, feedback of right drive (node 2): has another device its node "
-            "id, or does somebody replay its frames? Feedback is not believed");
+            "id, or are its frames replayed? Feedback is not believed");
   EXPECT_EQ(bench.profile.counters().surplus_feedback, 3);
   bench.profile.set_command({1.0, 0.0});
   bench.cycle();

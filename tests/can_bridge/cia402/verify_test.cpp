@@ -58,9 +58,10 @@ TEST_P(EachObject, ThatReadsOtherwiseIsAFaultAndTheDrivesStayOff) {
   bench.right().set_object(object.first, object.second, value);
   bench.profile.enable();
   ASSERT_TRUE(bench.reach(DrivePhase::faulted, milliseconds(1000)));
-  EXPECT_EQ(bench.reason(), fmt::format("right drive (node 2): {} before it was to be enabled: "
-                                        "another tool changed it? Reset configures the drives anew",
-                                        reason));
+  EXPECT_EQ(bench.reason(),
+            fmt::format("right drive (node 2): {} before it was to be enabled: "
+                        "another tool changed it? Reset configures the drives again",
+                        reason));
   for (const CanFrame& f : bench.log) {
     if (f.id == 0x201 || f.id == 0x202) {
       EXPECT_EQ(f.data[0] & 0x0D, 0) << "only quick stop or off";
@@ -145,7 +146,7 @@ TEST_P(VitalWrite, OfAnotherStopsTheVehicleAndResetConfiguresTheDrivesAnew) {
                                          static_cast<std::uint8_t>(index >> 8), 0x01, 0, 0, 0, 0}));
     EXPECT_EQ(bench.reason(),
               fmt::format("left drive (node 1): another sender writes 0x{:04X}:1 by SDO: only one "
-                          "master may configure; reset configures the drives anew",
+                          "master may configure; reset configures the drives again",
                           index));
     EXPECT_EQ(bench.profile.counters().intruder_writes, 1);
     // The stop does not rely on what was written.

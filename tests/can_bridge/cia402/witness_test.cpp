@@ -173,6 +173,40 @@ TEST(TwoWitnesses, ADriveThatBootsWhileItIsAskedIsAskedAtOnce) {
   EXPECT_TRUE(bench.run_until([&] { return bench.reset(); }, milliseconds(260)));
 }
 
+TEST(TwoWitnesses, ADriveThatIsHeardAgainIsNotResetByTheSilenceBefore) {
+  Rolls bench;
+  for (FakeDrive& d : bench.drives) d.silent = true;
+  bench.left_axis().speed = 0;
+  bench.profile.start(bench.now);
+  bench.run(milliseconds(200));
+  bench.left().silent = false;  // heard, but it waits for the other
+  bench.left_axis().speed = 100;
+  bench.run(milliseconds(3000));
+  EXPECT_EQ(bench.left().resets, 0);
+}
+
+TEST(TwoWitnesses, ADriveThatWasSeenToCoastAndFallsSilentIsNotReset) {
+  Bench bench;
+  bench.drive({1.0, 0.0});
+  std::vector<CanFrame> boot;
+  bench.left().reboot(boot);  // as by another's NMT reset: it coasts
+  bench.left_axis().speed = 100;
+  bench.left_axis().ramp = 0;
+  for (const CanFrame& f : boot) bench.deliver(f);
+  bench.run(milliseconds(400));
+  bench.left().resets = bench.right().resets = 0;
+  bench.profile.reset_fault();
+  bench.run(milliseconds(1000));
+  bench.left().silent = true;
+  ASSERT_TRUE(bench.reach(DrivePhase::refused, milliseconds(8000)));
+  EXPECT_EQ(bench.left().resets, 0);
+  EXPECT_THAT(bench.reason(), HasSubstr("left drive (node 1): answers no SDO request"));
+  bench.left().silent = false;
+  bench.left_axis().speed = 0;
+  bench.profile.reset_fault();
+  EXPECT_TRUE(bench.reach(DrivePhase::standby)) << bench.reason();
+}
+
 TEST(TwoWitnesses, ADriveThatAnswersWithOneWitnessOnlyIsResetAfterFiveSeconds) {
   Rolls bench;
   for (FakeDrive& d : bench.drives) {

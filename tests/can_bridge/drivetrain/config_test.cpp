@@ -276,7 +276,8 @@ const Bad kMeaning[] = {
      "test.toml:5: drives.emcy_warnings has 0x8250 (setpoints stopped coming): a drive that says "
      "so stops by itself, which is no warning"},
     {"NobodySendsSync", &Toml::bridge, "heartbeat_ms = 60", "sync = false",
-     "test.toml:30: RPDO1 of node 1 has transmission = 1, but bridge.sync = false: nobody sends "
+     "test.toml:30: RPDO1 of node 1 has transmission = 1, but bridge.sync = false: the bridge "
+     "sends no "
      "SYNC (use 254 or 255)"},
     {"SilentWhenNothingChanges", &Toml::tpdo1, "transmission = 1", "transmission = 255",
      "test.toml:35: TPDO1 of node 1 is sent only when something changes, and silence would look "

@@ -34,7 +34,7 @@ struct Drive {
     constexpr double kCycle_s = 0.02, kAcceleration_mps2 = 1.0;
     double true_m = 0.0, v = 0.0, shown = 0.0;
     bool second = !proven;
-    for (Instant now = kStart; true_m < way_m; now += test::kCycle) {
+    for (Instant now = kStart; std::abs(true_m) < way_m; now += test::kCycle) {
       reason = monitor.update(now, {v, 0.0}, wheels);
       if (!reason.empty()) {
         noticed_m = true_m;
@@ -74,6 +74,7 @@ TEST_P(Deviation, IsNoticedAndNamed) {
   const Drive drive = Drive{.speed = speed, .position = position}.run();
   fmt::print("measured: {}: noticed after {:.2f} m\n", name, drive.late_m());
   EXPECT_THAT(drive.reason, HasSubstr("the left wheel: "));
+  EXPECT_THAT(drive.reason, HasSubstr(reason));
   EXPECT_LE(drive.late_m(), within_m);
 }
 
@@ -104,6 +105,38 @@ TEST(WitnessMonitor, TheFirstFifthOfAMetreAfterAStartUpMustAgree) {
   EXPECT_EQ(right.reason, "");
 }
 
+TEST(WitnessMonitor, InTheFirstFifthOfAMetreBothMustAgreeWithTheSetpointToo) {
+  for (const double turns : {1.6, 2.0, -1.0}) {
+    const Drive wrong = Drive{.proven = false, .turns = turns}.run(0.5);
+    EXPECT_THAT(wrong.reason, HasSubstr("agree on")) << turns;
+    EXPECT_LE(std::abs(wrong.noticed_m), 0.23) << turns;
+  }
+  for (const double turns : {0.9, 1.2}) {
+    EXPECT_EQ((Drive{.proven = false, .turns = turns}.run(0.5, 5.0).reason), "") << turns;
+  }
+  for (const double turns : {0.0, 0.2}) {
+    EXPECT_THAT((Drive{.proven = false, .turns = turns}.run(0.3, 1.0).reason),
+                HasSubstr("agree that it hardly turns: blocked"));
+  }
+}
+
+TEST(WitnessMonitor, NamesWhatAnotherMonitorHasNoticedFromHalfOfItsLimitOn) {
+  WitnessMonitor monitor(kTrack_m, kRadius_m);
+  std::array<WheelFeedback, 2> wheels;
+  for (WheelFeedback& wheel : wheels) wheel.valid = true;
+  double way_m = 0.0;
+  for (Instant now = kStart; way_m < 0.066; now += test::kCycle) {
+    ASSERT_EQ(monitor.update(now, {0.5, 0.0}, wheels), "");
+    // 0.01 m a cycle, and the difference of speed and position is twice that.
+    EXPECT_EQ(monitor.suspicion().empty(), way_m < 0.0535) << way_m;
+    way_m += 0.01;
+    wheels[0].speed_radps = wheels[1].speed_radps = 0.5 / kRadius_m;
+    wheels[0].angle_rad += 0.01 / kRadius_m;
+    wheels[1].angle_rad -= 0.01 / kRadius_m;
+  }
+  EXPECT_THAT(monitor.suspicion(), HasSubstr("the right wheel: the sign of its position"));
+}
+
 TEST(WitnessMonitor, WithoutASetpointItSaysWhatIsKnown) {
   WitnessMonitor monitor(kTrack_m, kRadius_m);
   std::array<WheelFeedback, 2> wheels;
@@ -127,6 +160,19 @@ TEST(WitnessMonitor, FeedbackThatIsNotValidStartsItAgain) {
   wheels[0].valid = true;
   wheels[0].angle_rad = 100.0;
   EXPECT_EQ(monitor.update(kStart + 2 * test::kCycle, {}, wheels), "");
+}
+
+TEST_F(SafetyRig, AWheelThatDoesNotFollowBecauseAWitnessIsWrongIsToldAsThat) {
+  for (WheelFeedback& wheel : drives.wheels) wheel.valid = true;
+  arm();
+  for (int i = 0; i < 200 && last.state == BridgeState::armed; ++i) {
+    turn_wheels();
+    drives.wheels[1].angle_rad -= 2.0 * last.twist.v_mps * to_seconds(test::kCycle) / 0.4;
+    now += test::kCycle;
+    command(2.0);
+    cycle();
+  }
+  expect_reason("the right wheel: the sign of its position is reversed");
 }
 
 TEST_F(SafetyRig, WitnessesThatContradictEachOtherAreAFaultAfterWhichNoStandstillIsBelieved) {

@@ -28,6 +28,16 @@ TEST_F(Bus, StalledStopsAndLatches) { expect_stop_and_latch(CanState::stalled); 
 TEST_F(Bus, DownStopsAndLatches) { expect_stop_and_latch(CanState::down); }
 TEST_F(Bus, AbsentStopsAndLatches) { expect_stop_and_latch(CanState::absent); }
 
+TEST_F(Bus, InTroubleLetsNoStopThroughSoThatNoStandstillIsBelievedForTheRampAndHalfASecond) {
+  drive(1.5);  // 1 s at 1.5 m/s²
+  bus = CanState::down;
+  cycle_after(kCycle);
+  EXPECT_EQ(last.distrust_until, now + milliseconds{1500});
+  bus = CanState::up;
+  drives.standstill = true;
+  for (int i = 0; i < 70; ++i) ASSERT_NE(cycle_after(kCycle).action, Action::disable);
+}
+
 TEST_F(Bus, OffForLessThanACycleLatchesToo) {
   drive(1.0);
   core.on_bus_state(CanState::bus_off);

@@ -194,12 +194,17 @@ TEST_F(Fault, ResetIsNotArm) {
 TEST_F(Fault, AResetIsRefusedWhileTheWheelsAreKnownToTurn) {
   drive(1.0);
   fail("left drive: fault");
+  drives.turning = true;
   cycle_after(kCycle);
   request(DriveRequest::reset);
   cycle_after(kCycle);
   EXPECT_EQ(last.action, Action::none);
   EXPECT_EQ(last.state, BridgeState::fault);
   expect_reason("reset refused: the wheels are still turning");
+  drives.turning = false;
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).action, Action::none);
+  expect_reason("reset refused: standstill is not confirmed");
   drives.standstill = true;
   request(DriveRequest::reset);
   EXPECT_EQ(cycle_after(kCycle).action, Action::reset_fault);
@@ -275,7 +280,7 @@ TEST_F(Fault, DrivesThatAreOnUnaskedAreStopped) {
   drives.phase = DrivePhase::enabled;
   cycle_after(kCycle);
   EXPECT_EQ(last.action, Action::quick_stop);
-  expect_reason("nobody armed");
+  expect_reason("are on without ARM");
 }
 
 TEST_F(Fault, AQuickStopThatDoesNotEndIsToldAndNeverSwitchesOffMovingWheels) {
@@ -286,11 +291,63 @@ TEST_F(Fault, AQuickStopThatDoesNotEndIsToldAndNeverSwitchesOffMovingWheels) {
   for (now = began + kCycle; now < began + SafetyCore::kStopTimeout; now += kCycle) {
     ASSERT_EQ(cycle().state, BridgeState::stopping);
   }
+  drives.turning = true;
   now = began + SafetyCore::kStopTimeout;
   cycle();
   EXPECT_EQ(last.state, BridgeState::estop);
   expect_reason("wheels still turn");
   for (int i = 0; i < 100; ++i) ASSERT_NE(cycle_after(kCycle).action, Action::disable);
+}
+
+TEST_F(Fault, AStandstillThatIsNotConfirmedInTimeIsAStateOfItsOwnUntilResetAndTwoWitnesses) {
+  drive(1.0);
+  drives.in_doubt = true;
+  drives.feedback_fresh = false;
+  fail("right drive: no heartbeat");  // no stop is under way any more
+  const Instant began = now;
+  while (now < began + SafetyCore::kStopTimeout) {
+    ASSERT_EQ(cycle_after(kCycle).state, BridgeState::fault);
+  }
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::unconfirmed);
+  expect_reason("right drive: no heartbeat; no two witnesses of each wheel say that it stands");
+  request(DriveRequest::arm);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::unconfirmed);
+
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::starting);
+  drives.phase = DrivePhase::refused;
+  drives.reason = "right drive: answers no SDO";
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::unconfirmed) << "and still latched";
+  expect_reason("right drive: answers no SDO");
+  drives.feedback_fresh = drives.standstill = true;
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::refused);
+}
+
+TEST_F(Fault, AStandstillThatIsConfirmedTooLateStaysUnconfirmedUntilReset) {
+  drive(1.0);
+  drives.turning = true;
+  fail("left drive: fault");
+  for (Instant end = now + SafetyCore::kStopTimeout; now < end; cycle_after(kCycle)) {
+    ASSERT_NE(last.state, BridgeState::unconfirmed);
+  }
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::unconfirmed);
+  expect_reason("the wheels still turn: use the hard-wired emergency stop");
+  drives.turning = false;
+  drives.standstill = true;
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::unconfirmed);
+  expect_reason("two witnesses of each wheel say now that it stands");
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::starting);
+  drives.phase = DrivePhase::standby;
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
+}
+
+TEST_F(Fault, DrivesThatStoppedAndFallSilentAreConfirmed) {
+  drive(1.0);
+  drives.standstill = true;
+  fail("left drive: no heartbeat");
+  drives.feedback_fresh = false;
+  for (int i = 0; i < 500; ++i) ASSERT_EQ(cycle_after(kCycle).state, BridgeState::fault);
 }
 
 }  // namespace

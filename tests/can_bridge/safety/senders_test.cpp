@@ -130,7 +130,7 @@ TEST_F(HoldToRun, NobodyHoldsNobodyArms) {
   command(0.0);
   request(DriveRequest::arm);
   EXPECT_EQ(cycle().state, BridgeState::disarmed);
-  expect_reason("nobody holds to run (can.operator_timeout_ms = 300): tether can hold");
+  expect_reason("hold-to-run is released (can.operator_timeout_ms = 300): tether can hold");
 }
 
 TEST_F(HoldToRun, WhoLetsGoStopsAndDisarms) {
@@ -139,7 +139,7 @@ TEST_F(HoldToRun, WhoLetsGoStopsAndDisarms) {
   hold();
   EXPECT_EQ(commanded_cycle(kTimeout - kTick, 1.0).state, BridgeState::armed);
   EXPECT_EQ(commanded_cycle(kTick, 1.0).state, BridgeState::stopping);
-  expect_reason("nobody holds to run any more");
+  expect_reason("hold-to-run released");
   for (int i = 0; i < 50; ++i) commanded_cycle(kCycle, 1.0);
   EXPECT_EQ(last.state, BridgeState::disarmed);
   hold();

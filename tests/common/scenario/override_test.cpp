@@ -23,6 +23,7 @@ namespace tether {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
@@ -91,7 +92,7 @@ TEST(ScenarioOverride, IsRefusedWithItsOwnTextAndWhatIsAllowed) {
   EXPECT_THAT(override_refusal({"sensor.rate_hz=nan"}),
               HasSubstr("must be a number in [0.001, 1000]"));
   EXPECT_THAT(override_refusal({"run.duration_s=inf"}),
-              HasSubstr("must be a number in (0, 1000000]"));
+              HasSubstr("must be a number in [0.001, 1000000]"));
   EXPECT_THAT(override_refusal({"actuator.policy=levitate"}), HasSubstr("\"hold\" or \"zero\""));
   EXPECT_THAT(override_refusal({"vehicle.name=CTRL"}),
               HasSubstr("channels CTRL... have another meaning"));
@@ -141,8 +142,22 @@ TEST(ScenarioKeys, ValuesThatWouldOverflowTimeOrPhysicsAreRefused) {
         "path.amplitude_m=1e308", "vehicle.chassis_mass_kg=1e308", "vehicle.wheel_mass_kg=1e-300",
         "vehicle.track_m=1e200", "vehicle.caster_x_m=1e300", "vehicle.wheel_radius_m=1e-200",
         "world.gravity_mps2=1e308"}) {
-    EXPECT_THAT(override_refusal({text}), HasSubstr("must be a number in ")) << text;
+    EXPECT_THAT(override_refusal({text}), ContainsRegex("must be (0 or )?a number in ")) << text;
   }
+}
+
+// Of these 0 means never, off or at once.
+TEST(ScenarioKeys, ATimeOrARateThatRoundsToZeroIsRefused) {
+  for (const char* key :
+       {"controller.pose_timeout_s", "can.operator_timeout_ms", "sensor.odometry_rate_hz",
+        "run.lead_s", "channel.uplink.delay_ms", "sensor.latency_ms"}) {
+    EXPECT_THAT(override_refusal({std::string(key) + "=1e-300"}),
+                AllOf(HasSubstr(key), HasSubstr("must be 0 or a number in [")));
+    EXPECT_THAT(override_refusal({std::string(key) + "=0"}), Not(HasSubstr("must be")));
+  }
+  EXPECT_THAT(override_refusal({"run.duration_s=1e-300"}),
+              HasSubstr("must be a number in [0.001, 1000000]"));
+  EXPECT_EQ(override_refusal({"controller.pose_timeout_s=1e-9"}), "accepted");
 }
 
 TEST(ScenarioFile, ThatCannotBeReadIsRefusedByName) {

@@ -329,7 +329,7 @@ constexpr BadValue kBadValues[] = {
     {"vehicle", "name = \"\"", "vehicle.name", "letters, digits, '-' and '_', at most 32"},
     {"vehicle", "name = 7", "vehicle.name", "letters, digits, '-' and '_', at most 32"},
     {"run", "seed = -1", "run.seed", "a finite whole number >= 0"},
-    {"run", "duration_s = 0.0", "run.duration_s", "a number in (0, 1000000]"},
+    {"run", "duration_s = 0.0", "run.duration_s", "a number in [0.001, 1000000]"},
     {"channel", "shared_state = 1", "channel.shared_state", "true or false"},
     {"channel.uplink", "prr = 1.2", "channel.uplink.prr", "a number in [0, 1]"},
     {"channel.uplink", "prr = -0.1", "channel.uplink.prr", "a number in [0, 1]"},

@@ -131,6 +131,8 @@ TEST_F(MapTest, NamesFileLineKeyAndWhatIsAllowed) {
       {with("free_thresh", ""), "free_thresh is missing"},
       {with("free_thresh", "0.9"),
        "free_thresh = 0.9 is not allowed: must be below occupied_thresh"},
+      {with("mode", "trinary") + "resolution: 0.1\n", "resolution is there twice"},
+      {with("mode", "trinary") + "mode: trinary\n", "mode is there twice"},
       {with("mode", "scale"), "mode = scale is not allowed: must be trinary, or not be there"},
       {"[1, 2]", "must be a YAML file with image, resolution, origin"},
       {"", "must be a YAML file with image"},

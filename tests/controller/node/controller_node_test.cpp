@@ -50,6 +50,7 @@ struct ControllerNodeTest : ::testing::Test {
 };
 
 TEST_F(ControllerNodeTest, EventTriggerSendsNothingBeforeTheFirstPose) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
   world.loop.run_until(at_s(10));
   EXPECT_TRUE(commands.empty());
@@ -68,6 +69,7 @@ TEST_F(ControllerNodeTest, TimerTriggerSendsZeroTwistsBeforeTheFirstPose) {
 }
 
 TEST_F(ControllerNodeTest, OdometryIsCheckedAsPosesAreAndTriggersNothing) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
   const auto odometry = [](double t_s, std::int64_t seq, double x_m = 0.0) {
     odometry_t m{};
@@ -106,6 +108,7 @@ TEST_F(ControllerNodeTest, EventTriggerAnswersEachPoseAtOnce) {
 }
 
 TEST_F(ControllerNodeTest, ReportNamesThePoseItsAgeAndTheErrors) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(0.75), 41));
   world.loop.run_until(at_s(1));
@@ -121,16 +124,40 @@ TEST_F(ControllerNodeTest, ReportNamesThePoseItsAgeAndTheErrors) {
 TEST_F(ControllerNodeTest, EventTriggerStopsTheVehicleOnceWhenThePoseIsTimeoutOld) {
   scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
-  world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0));
-  world.loop.run_until(at_ms(1499.999));
+  world.publish_at(at_s(0.4), "CTRL/POSE", pose(at_s(0.4), 0));
+  world.loop.run_until(at_ms(899.999));
   EXPECT_EQ(commands.size(), 1U);
   world.loop.run_until(at_s(20));
   ASSERT_EQ(commands.size(), 2U);
-  EXPECT_EQ(commands[1].when, at_ms(1500));
+  EXPECT_EQ(commands[1].when, at_ms(900));
   EXPECT_EQ(commands[1].message.v_mps, 0.0);
   EXPECT_EQ(commands[1].message.omega_radps, 0.0);
   EXPECT_TRUE(reports[1].message.pose_timed_out);
   EXPECT_EQ(count("pose.timeouts"), 1);
+}
+
+// A controller that was restarted has not stopped what the one before sent.
+TEST_F(ControllerNodeTest, EventTriggerStopsTheVehicleOnceWhenNoPoseHasComeForTheTimeout) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
+  world.loop.run_until(at_s(7));
+  start();
+  world.loop.run_until(at_s(20));
+  ASSERT_EQ(commands.size(), 1U);
+  EXPECT_EQ(commands[0].when, at_ms(7500));
+  EXPECT_EQ(commands[0].message.v_mps, 0.0);
+  EXPECT_TRUE(reports[0].message.pose_timed_out);
+  EXPECT_EQ(reports[0].message.pose_seq, -1);
+  EXPECT_EQ(count("pose.timeouts"), 1);
+}
+
+TEST_F(ControllerNodeTest, TimerTriggerCountsATimeoutThatBeginsWithTheRun) {
+  use_timer(10.0);
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
+  start();
+  world.loop.run_until(at_s(1));
+  ASSERT_EQ(reports.size(), 11U);
+  EXPECT_FALSE(reports[4].message.pose_timed_out);
+  EXPECT_TRUE(reports[5].message.pose_timed_out);
 }
 
 TEST_F(ControllerNodeTest, ANewPoseInTimePreventsTheTimeout) {
@@ -149,9 +176,10 @@ TEST_F(ControllerNodeTest, APoseThatArrivesTooOldIsAnsweredByAStop) {
   start();
   world.publish_at(at_s(2), "CTRL/POSE", pose(at_s(1.5), 0, 5.0, 5.0));
   world.loop.run_until(at_s(5));
-  ASSERT_EQ(commands.size(), 1U);
-  EXPECT_EQ(commands[0].message.v_mps, 0.0);
-  EXPECT_TRUE(reports[0].message.pose_timed_out);
+  ASSERT_EQ(commands.size(), 2U);  // 0.5 s without a pose, then the old one
+  EXPECT_EQ(commands[1].when, at_s(2));
+  EXPECT_EQ(commands[1].message.v_mps, 0.0);
+  EXPECT_TRUE(reports[1].message.pose_timed_out);
 }
 
 TEST_F(ControllerNodeTest, TimerTriggerSendsZeroTwistsFromThePoseTimeoutOn) {
@@ -177,6 +205,7 @@ TEST_F(ControllerNodeTest, ZeroTimeoutMeansNever) {
 }
 
 TEST_F(ControllerNodeTest, NonFinitePosesAreCountedAndIgnored) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0, kNaN, 0.0, 0.0));
   world.publish_at(at_s(2), "CTRL/POSE", pose(at_s(2), 1, 0.0, kInf, 0.0));
@@ -191,14 +220,15 @@ TEST_F(ControllerNodeTest, NonFinitePosesAreCountedAndIgnored) {
 TEST_F(ControllerNodeTest, ANonFinitePoseDoesNotRefreshTheTimeout) {
   scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
-  world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0));
-  world.publish_at(at_s(1.4), "CTRL/POSE", pose(at_s(1.4), 1, kNaN));
-  world.loop.run_until(at_s(1.6));
+  world.publish_at(at_s(0.1), "CTRL/POSE", pose(at_s(0.1), 0));
+  world.publish_at(at_s(0.5), "CTRL/POSE", pose(at_s(0.5), 1, kNaN));
+  world.loop.run_until(at_s(0.7));
   ASSERT_EQ(commands.size(), 2U);
-  EXPECT_EQ(commands[1].when, at_s(1.5));
+  EXPECT_EQ(commands[1].when, at_s(0.6));
 }
 
 TEST_F(ControllerNodeTest, DuplicatedReorderedAndBackwardPosesAreCountedAndIgnored) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
   world.publish_at(at_s(5), "CTRL/POSE", pose(at_s(5), 5));
   world.publish_at(at_s(5.1), "CTRL/POSE", pose(at_s(5), 5));    // the same again
@@ -215,6 +245,7 @@ TEST_F(ControllerNodeTest, DuplicatedReorderedAndBackwardPosesAreCountedAndIgnor
 }
 
 TEST_F(ControllerNodeTest, GarbageOnThePoseChannelIsCountedAndIgnored) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
   world.publish_bytes_at(at_s(1), "CTRL/POSE", {});
   world.publish_bytes_at(at_s(1), "CTRL/POSE", {1, 2, 3});
@@ -226,6 +257,7 @@ TEST_F(ControllerNodeTest, GarbageOnThePoseChannelIsCountedAndIgnored) {
 }
 
 TEST_F(ControllerNodeTest, CommandsStayWithinTheLimits) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.0;
   start();
   world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0, 1e6, -1e6, 3.0));
   world.publish_at(at_s(2), "CTRL/POSE", pose(at_s(2), 1, -1e6, 1e6, -3.0));

@@ -118,14 +118,53 @@ TEST_F(ControllerPlanTest, SessionsComeFromTheSeed) {
 TEST_F(ControllerPlanTest, APoseTimeoutIsAnsweredByAPlanToStop) {
   scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
   start();
-  world.publish_at(at_s(1), "CTRL/POSE", pose(at_s(1), 0));
+  world.publish_at(at_s(0.4), "CTRL/POSE", pose(at_s(0.4), 0));
   world.loop.run_until(at_s(3));
   ASSERT_EQ(plans.size(), 2U);
-  EXPECT_EQ(plans[1].when, at_ms(1500));
+  EXPECT_EQ(plans[1].when, at_ms(900));
   EXPECT_EQ(plans[1].message.count, 1);
   EXPECT_EQ(plans[1].message.v_mps[0], 0.0F);
   EXPECT_EQ(plans[1].message.based_on, -2);
   EXPECT_TRUE(reports[1].message.pose_timed_out);
+}
+
+TEST_F(ControllerPlanTest, PlansFromTheKnownStartEndAtTheTimeout) {
+  scenario.get<ControllerSettings>().pose_timeout_s = 0.5;
+  use_timer(10.0);
+  start();
+  world.loop.run_until(at_s(1));
+  ASSERT_EQ(plans.size(), 11U);
+  EXPECT_GT(plans[4].message.count, 1);
+  EXPECT_EQ(plans[5].message.count, 1);
+  EXPECT_EQ(plans[5].message.v_mps[0], 0.0F);
+  EXPECT_EQ(plans[10].message.count, 1);
+}
+
+TEST_F(ControllerPlanTest, OfAnUnknownStartPlansStopUntilThereIsAPose) {
+  scenario.get<LocaliserSettings>().place = LocaliserSettings::Place::vehicle;
+  scenario.get<LocaliserSettings>().knows_start = false;
+  use_timer(10.0);
+  start();
+  world.publish_at(at_s(0.25), "CTRL/POSE", pose(at_s(0.25), 0));
+  world.loop.run_until(at_s(1));
+  ASSERT_EQ(plans.size(), 11U);
+  for (std::size_t i = 0; i < plans.size(); ++i) {
+    EXPECT_EQ(plans[i].message.count > 1, i > 2) << i;
+  }
+  EXPECT_FALSE(reports[0].message.pose_timed_out);
+}
+
+// The vehicle is not at its start any more.
+TEST_F(ControllerPlanTest, ARestartedControllerStopsTheVehicleUntilThereIsAPose) {
+  use_timer(1.0);
+  world.loop.run_until(at_s(20.5));
+  start();
+  world.publish_at(at_s(22.5), "CTRL/POSE", pose(at_s(22.5), 0));
+  world.loop.run_until(at_s(23.5));
+  ASSERT_EQ(plans.size(), 3U);
+  EXPECT_EQ(plans[0].message.count, 1);
+  EXPECT_EQ(plans[1].message.count, 1);
+  EXPECT_GT(plans[2].message.count, 1);
 }
 
 TEST_F(ControllerPlanTest, ThePreloadedPlanIsThereBeforeAllElse) {

@@ -169,7 +169,7 @@ TEST(TwistDrive, GivesUpWhenNobodyArms) {
   Drive d({0.5, 0.0});
   d.run(TwistDrive::kArmPatience + TwistDrive::kLastZeros + 2 * kStep);
   EXPECT_EQ(d.drive.phase(), Phase::done);
-  EXPECT_THAT(d.drive.failure(), HasSubstr("nobody armed"));
+  EXPECT_THAT(d.drive.failure(), HasSubstr("was not armed"));
 }
 
 TEST(TwistDrive, InterruptedOrWithAnotherSenderItCommandsZeroForAWhile) {
@@ -181,7 +181,7 @@ TEST(TwistDrive, InterruptedOrWithAnotherSenderItCommandsZeroForAWhile) {
     const Instant since = d.now;
     while (d.drive.phase() != Phase::done) EXPECT_EQ(d.step().v_mps, 0.0);
     EXPECT_GE(d.now - since, TwistDrive::kLastZeros);
-    EXPECT_THAT(d.drive.failure(), HasSubstr(interrupted ? "interrupted" : "somebody else"));
+    EXPECT_THAT(d.drive.failure(), HasSubstr(interrupted ? "interrupted" : "another sender"));
   }
 }
 

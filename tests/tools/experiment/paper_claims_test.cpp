@@ -28,7 +28,7 @@ class PaperClaims : public ::testing::Test {
     RunStore store = RunStore::begin(folder / name, experiment, {});
     const std::atomic<bool> stop{false};
     const SweepOptions options{std::thread::hardware_concurrency(), {}, {}, run_once};
-    EXPECT_TRUE(run_sweep(experiment, {}, store, options, stop));
+    EXPECT_TRUE(run_sweep(experiment, {}, store, options, stop).is_complete);
     EXPECT_EQ(store.failures(), 0U);
     return store;
   }

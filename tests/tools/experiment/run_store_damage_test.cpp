@@ -37,6 +37,16 @@ TEST_F(Store, NamesTheRowWhosePayloadHasChanged) {
   }
 }
 
+TEST_F(Store, NamesARunWhoseTrajectoryIsMissing) {
+  begin().add({{0, 1, result(0.0)}, {0, 2, failure("it broke")}});
+  EXPECT_THAT(runs_of(RunStore::open(file_)), SizeIs(2));
+  Database(file_, Database::Mode::write).execute("DELETE FROM trajectories");
+  EXPECT_THAT([&] { runs_of(RunStore::open(file_)); },
+              ThrowsMessage<UsageError>(AllOf(
+                  HasSubstr(file_.string()),
+                  HasSubstr("the trajectory of the run of combination 0, seed 1 is missing"))));
+}
+
 // A thousand databases, each with one bit flipped: none gives other numbers without an error.
 TEST_F(Store, NeverGivesOtherNumbersBecauseOfAFlippedBit) {
   {

@@ -5,6 +5,9 @@
 
 #include <cmath>
 #include <filesystem>
+#include <map>
+#include <mutex>
+#include <new>
 #include <thread>
 
 #include "common/scenario/run_settings.hpp"
@@ -46,7 +49,9 @@ class Sweep : public ::testing::Test {
   RunStore begin(const std::string& name) {
     return RunStore::begin(folder_ / name, experiment_, {});
   }
-  bool sweep(RunStore& store) { return run_sweep(experiment_, {}, store, options_, stop_); }
+  bool sweep(RunStore& store) {
+    return run_sweep(experiment_, {}, store, options_, stop_).is_complete;
+  }
   static std::string exported(const RunStore& store) {
     std::string text;
     export_runs(store, [&text](const std::string& more) { text += more; });
@@ -172,6 +177,70 @@ TEST_F(Sweep, StopsAfterTheRunsUnderWayAndGoesOnLater) {
   options_.run = run_once;
   sweep(undisturbed);
   EXPECT_EQ(exported(store), exported(undisturbed));
+}
+
+/// Runs of which those of seed 2 are killed, as often as `kills` says for each of them.
+class KilledRuns {
+ public:
+  explicit KilledRuns(int kills) : kills_(kills) {}
+  RunResult operator()(const Scenario& scenario, double period_s) {
+    const std::lock_guard lock(mutex_);
+    const double prr = scenario.get<ChannelSettings>().uplink.fixed.prr;
+    RunResult killed;
+    killed.failure = "controller was killed by signal 9";
+    killed.is_to_be_repeated = true;
+    if (scenario.get<RunSettings>().seed == 2 && tries_[prr]++ < kills_) return killed;
+    return run_once(scenario, period_s);
+  }
+
+ private:
+  int kills_;
+  std::mutex mutex_;
+  std::map<double, int> tries_;
+};
+
+TEST_F(Sweep, MakesARunThatWasKilledOnceMore) {
+  KilledRuns runs(1);
+  options_.jobs = 2;
+  options_.run = [&](const Scenario& s, double period_s, std::size_t) { return runs(s, period_s); };
+  RunStore store = begin("runs");
+  EXPECT_TRUE(sweep(store));
+  RunStore undisturbed = begin("undisturbed");
+  options_.run = run_once;
+  sweep(undisturbed);
+  EXPECT_EQ(exported(store), exported(undisturbed));
+}
+
+TEST_F(Sweep, IsNotCompleteWhereARunWasKilledTwiceAndTriesItAgainLater) {
+  KilledRuns runs(3);  // the first sweep twice, the second one once
+  options_.jobs = 2;
+  options_.run = [&](const Scenario& s, double period_s, std::size_t) { return runs(s, period_s); };
+  RunStore store = begin("runs");
+  const SweepEnd end = run_sweep(experiment_, {}, store, options_, stop_);
+  EXPECT_FALSE(end.is_complete);
+  ASSERT_EQ(end.missing.size(), 3U);
+  EXPECT_EQ(end.missing[0].seed, 2U);
+  EXPECT_EQ(end.missing[0].result.failure, "controller was killed by signal 9");
+  EXPECT_FALSE(store.is_complete());
+  EXPECT_EQ(store.size(), 9U);
+  EXPECT_EQ(store.failures(), 0U);
+  EXPECT_TRUE(sweep(store));
+  EXPECT_TRUE(store.is_complete());
+  EXPECT_EQ(store.size(), 12U);
+}
+
+TEST_F(Sweep, OfMemoryThatRanOutHasNoResult) {
+  std::atomic<int> tries{0};
+  experiment_.arms.resize(1);
+  experiment_.seeds = {1};
+  options_.run = [&](const Scenario&, double, std::size_t) {
+    ++tries;
+    return result_of([]() -> RunResult { throw std::bad_alloc(); });
+  };
+  RunStore store = begin("runs");
+  EXPECT_FALSE(sweep(store));
+  EXPECT_EQ(tries, 2);
+  EXPECT_EQ(store.size(), 0U);
 }
 
 TEST_F(Sweep, ShowsHowFarItIs) {

@@ -105,7 +105,16 @@ TEST(ReadFitCsv, RefusesWithFileAndLine) {
       {"seq,time_s\n1,0\n1.5,1\n", "f.csv:3: seq = \"1.5\" must be a whole number"},
       {"seq,time_s\n1,soon\n", "f.csv:2: time_s = \"soon\" must be a finite number"},
       {"seq,time_s,delay_ms\n1,0,-2\n",
-       "f.csv:2: delay_ms = \"-2\" must be empty or a number >= 0"},
+       "f.csv:2: delay_ms = \"-2\" must be empty or a number in [0, 1e12]"},
+      {"seq,time_s,delay_ms\n1,0,1e308\n",
+       "f.csv:2: delay_ms = \"1e308\" must be empty or a number in [0, 1e12]"},
+      {"seq,time_s\n-1,0\n", "f.csv:2: seq = \"-1\" must be a whole number >= 0"},
+      {"seq,time_s\n1,-1e308\n2,0\n",
+       "f.csv:2: time_s = \"-1e308\" must be within 1e9 s of the first row's, and within 1e10 s of "
+       "0"},
+      {"time_s,lost\n0,0\n1e9,1\n1e9,0\n1.1e9,0\n",
+       "f.csv:5: time_s = \"1.1e9\" must be within 1e9 s of the first row's, and within 1e10 s of "
+       "0"},
       {"time_s,lost\n0,no\n", "f.csv:2: lost = \"no\" must be 0 or 1"},
       {"time_s,lost\n1,0\n0,0\n", "f.csv:3: time_s goes back from 1 to 0"}};
   for (const auto& [text, message] : cases) {

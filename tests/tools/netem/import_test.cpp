@@ -214,7 +214,23 @@ TEST(ImportPing, KnowsWindows) {
 TEST(ImportPing, RefusesANumberThatIsFarBeyondWhatWasSent) {
   std::istringstream in("64 bytes: icmp_seq=700000000500000000 time=1 ms\n5 packets transmitted\n");
   EXPECT_THAT(refusal([&] { import_ping(in, "p.txt", 1.0); }),
-              HasSubstr("p.txt: numbers from 1 to 700000000500000000, of which"));
+              HasSubstr("p.txt:1: the number is 7e+17, which must be in [0, 2e+07]"));
+  EXPECT_THAT(refusal([] {
+                ping("64 bytes: icmp_seq=1 time=1 ms\n64 bytes: icmp_seq=9000000 time=1 ms\n");
+              }),
+              HasSubstr("p.txt: numbers from 1 to 9000000, of which 2 are told of; at most"));
+}
+
+TEST(ImportPing, RefusesNumbersAndTimesThatNoPingHas) {
+  for (const char* number : {"9223372036854775807", "9223372036854770000", "20000001"}) {
+    const std::string line = std::string(" seq=") + number + " time=1 ms\n";
+    EXPECT_THAT(refusal([&] { ping("64 bytes: seq=65535 time=1 ms\n64 bytes:" + line); }),
+                HasSubstr("p.txt:2: the number is "));
+  }
+  EXPECT_THAT(refusal([] { ping("64 bytes: seq=1 time=10000000000 ms\n"); }),
+              HasSubstr("p.txt:1: the round trip in ms is 1e+10"));
+  EXPECT_THAT(refusal([] { ping("[1" + std::string(300, '0') + "] 64 bytes: seq=1 time=1 ms\n"); }),
+              HasSubstr("p.txt:1: the time in s is 1e+300"));
 }
 
 TEST(ImportGaps, HoldLoseOrEndIt) {

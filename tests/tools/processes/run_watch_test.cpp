@@ -39,9 +39,9 @@ struct RunWatchTest : ::testing::Test {
 };
 
 TEST_F(RunWatchTest, OneOfEachAllAliveIsInOrder) {
-  watch.started("tether-sim", 1);
-  watch.started("tether-controller", 2);
-  pass(std::chrono::seconds{10});  // while they start
+  watch.started(now, "tether-sim", 1);
+  watch.started(now, "tether-controller", 2);
+  pass(RunWatch::kPatience - nanoseconds{1});  // while they start
   for (int i = 0; i < 100; ++i) {
     hear("tether-sim", 1), hear("tether-controller", 2);
     pass(kPeriod);
@@ -51,7 +51,7 @@ TEST_F(RunWatchTest, OneOfEachAllAliveIsInOrder) {
 }
 
 TEST_F(RunWatchTest, AProgramIsHungWhenItHasNotBeenHeardForOneAndAHalfSeconds) {
-  watch.started("tether-sim", 1);
+  watch.started(now, "tether-sim", 1);
   hear("tether-sim", 1);
   pass(RunWatch::kSilence - nanoseconds{1});
   EXPECT_THAT(watch.hung(now), IsEmpty());
@@ -64,8 +64,25 @@ TEST_F(RunWatchTest, AProgramIsHungWhenItHasNotBeenHeardForOneAndAHalfSeconds) {
               ElementsAre("t = 1.5 s: tether-sim does not answer: stopped, hung or cut off"));
 }
 
+TEST_F(RunWatchTest, OneThatIsNeverHeardIsHungFiveSecondsAfterItsStartOrTheRuns) {
+  now = kStart - std::chrono::seconds{2};
+  watch.started(now, "tether-sim", 1);
+  pass(std::chrono::seconds{7} - nanoseconds{1});
+  EXPECT_THAT(watch.findings(), IsEmpty());
+  pass(nanoseconds{1});
+  EXPECT_THAT(watch.findings(),
+              ElementsAre("t = 5.0 s: tether-sim does not answer: stopped, hung or cut off"));
+  pass(RunWatch::kPatience - RunWatch::kSilence);
+  EXPECT_TRUE(watch.hangs("tether-sim", now, RunWatch::kPatience));
+  watch.started(now, "tether-sim", 2);
+  pass(RunWatch::kPatience - nanoseconds{1});
+  EXPECT_THAT(watch.hung(now), IsEmpty());
+  pass(nanoseconds{1});
+  EXPECT_EQ(watch.hung(now).size(), 1U);
+}
+
 TEST_F(RunWatchTest, OneThatAnswersAgainIsNotHungButTheRunWasDisturbed) {
-  watch.started("tether-sim", 1);
+  watch.started(now, "tether-sim", 1);
   hear("tether-sim", 1);
   pass(std::chrono::seconds{3});
   hear("tether-sim", 1);
@@ -75,11 +92,11 @@ TEST_F(RunWatchTest, OneThatAnswersAgainIsNotHungButTheRunWasDisturbed) {
 }
 
 TEST_F(RunWatchTest, OneThatHasEndedOrIsStartedAgainIsNotHung) {
-  watch.started("tether-sim", 1);
+  watch.started(now, "tether-sim", 1);
   hear("tether-sim", 1);
   watch.ended("tether-sim");
   pass(std::chrono::seconds{3});
-  watch.started("tether-sim", 2);
+  watch.started(now, "tether-sim", 2);
   pass(std::chrono::seconds{3});
   hear("tether-sim", 1);  // late
   hear("tether-sim", 2);
@@ -88,7 +105,7 @@ TEST_F(RunWatchTest, OneThatHasEndedOrIsStartedAgainIsNotHung) {
 }
 
 TEST_F(RunWatchTest, NobodyWasSilentWhileTheWatchItselfWasSuspended) {
-  watch.started("tether-sim", 1);
+  watch.started(now, "tether-sim", 1);
   pass(kPeriod);
   hear("tether-sim", 1);
   pass(std::chrono::seconds{60}, std::chrono::seconds{60});
@@ -99,7 +116,7 @@ TEST_F(RunWatchTest, NobodyWasSilentWhileTheWatchItselfWasSuspended) {
 
 TEST_F(RunWatchTest, InSlowMotionTheLimitsAreOnTheWallClock) {
   watch = RunWatch(kRun, "here", 0.1);
-  watch.started("tether-sim", 1);
+  watch.started(now, "tether-sim", 1);
   hear("tether-sim", 1);
   pass(milliseconds{149}, milliseconds{25});
   EXPECT_THAT(watch.hung(now), IsEmpty());
@@ -108,7 +125,7 @@ TEST_F(RunWatchTest, InSlowMotionTheLimitsAreOnTheWallClock) {
 }
 
 TEST_F(RunWatchTest, ASecondOfAProgramIsNamedOnce) {
-  watch.started("tether-controller", 2);
+  watch.started(now, "tether-controller", 2);
   hear("tether-controller", 3);
   hear("tether-controller", 3);
   presence_t elsewhere = presence("tether-controller", 2);
@@ -121,7 +138,7 @@ TEST_F(RunWatchTest, ASecondOfAProgramIsNamedOnce) {
 }
 
 TEST_F(RunWatchTest, AProgramThatThisRunDoesNotStartMayBeAnybodys) {
-  watch.started("tether-sim", 1);
+  watch.started(now, "tether-sim", 1);
   hear("tether-controller", 7);  // controller.external
   EXPECT_THAT(watch.findings(), IsEmpty());
 }
@@ -138,7 +155,7 @@ TEST_F(RunWatchTest, AnotherRunIsNamed) {
 }
 
 TEST_F(RunWatchTest, SeveralSendersAreToldUnlessAKnownStrangerExplainsThem) {
-  watch.started("tether-sim", 1);
+  watch.started(now, "tether-sim", 1);
   watch.several_senders(now, "several programs send at the same time on AGV/POSE: …");
   hear("tether-sim", 2);
   watch.several_senders(now, "several programs send at the same time on SIM/CLOCK: …");
@@ -147,8 +164,35 @@ TEST_F(RunWatchTest, SeveralSendersAreToldUnlessAKnownStrangerExplainsThem) {
                           "t = 0.0 s: a second tether-sim of AGV, process 2 on host here"));
 }
 
+constexpr std::uint64_t kFirst = 0x0100007F'0000'1000, kSecond = 0x0100007F'0000'2000;
+
+TEST_F(RunWatchTest, OneDatagramOfAnUnknownSenderIsAFinding) {
+  watch.started(now, "tether-sim", 1);
+  watch.sent(now, "AGV/POSE", kFirst);  // before its first presence
+  watch.heard(now, presence("tether-sim", 1), kFirst);
+  watch.sent(now, "CTRL/POSE", kSecond);
+  for (int i = 0; i < 10; ++i) {
+    watch.heard(now, presence("tether-sim", 1), kFirst);
+    watch.sent(now, "AGV/POSE", kFirst);
+    watch.sent(now, "AGV/POSE", 0);  // the network does not say whose
+    EXPECT_EQ(watch.findings().size(), now - kStart >= RunWatch::kSilence ? 1U : 0U);
+    pass(kPeriod);
+  }
+  ASSERT_EQ(watch.findings().size(), 1U);
+  EXPECT_THAT(watch.findings()[0],
+              ::testing::StartsWith("t = 1.5 s: an unknown program sent on CTRL/POSE: "));
+}
+
+TEST_F(RunWatchTest, AnUnknownSenderOfTheLastMomentIsFoundAtTheEnd) {
+  watch.sent(now, "AGV/CMD_VEL", kFirst);
+  pass(kPeriod);
+  EXPECT_THAT(watch.findings(), IsEmpty());
+  watch.end(now);
+  EXPECT_EQ(watch.findings().size(), 1U);
+}
+
 TEST_F(RunWatchTest, AFloodOfFindingsIsBounded) {
-  watch.started("tether-sim", 1);
+  watch.started(now, "tether-sim", 1);
   for (int pid = 2; pid < 1000; ++pid) hear("tether-sim", pid);
   EXPECT_EQ(watch.findings().size(), 20U);
 }

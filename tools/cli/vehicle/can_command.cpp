@@ -125,11 +125,16 @@ void add_probe(CLI::App& can, const SharedOptions& options, Action& action) {
           ->check(CLI::Range(1, 127));
   CLI::Option* const file =
       command->add_option("--drivetrain", options->probe.drivetrain_file, "compare with this file");
+  CLI::Option* const scenario = command->add_option(
+      "--scenario", options->probe.scenario_file,
+      "the vehicle's scenario: its drivetrain file; ramps must reach its can.max_deceleration_mps2 "
+      "[that key's default]");
   command
       ->add_flag("--scan", options->probe.scan,
                  "list all nodes that answer, with device type, vendor and product code")
       ->excludes(nodes)
-      ->excludes(file);
+      ->excludes(file)
+      ->excludes(scenario);
   command->callback(
       [options, &action] { action = [options] { return can_probe(options->probe); }; });
 }

@@ -20,6 +20,9 @@ struct RunResult {
   std::vector<double> metrics = std::vector<double>(tether::metrics().size());  ///< in their order
   std::vector<TrajectoryPoint> trajectory;
   std::string failure;  ///< why there are no metrics; empty if there are
+  /// The failure is this machine's and not the run's: its controller was killed, or memory,
+  /// processes or files ran out. Another try may have another end, so that this is no result.
+  bool is_to_be_repeated = false;
 
   bool operator==(const RunResult&) const = default;
 };

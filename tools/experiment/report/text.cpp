@@ -140,12 +140,12 @@ std::string html_rows(const std::vector<std::vector<std::string>>& rows, bool fi
   return html + "</table>";
 }
 
-/// JSON within a script: nothing in it may end the script.
-std::string script_data(std::string json) {
-  for (std::size_t i = json.find("</"); i != std::string::npos; i = json.find("</", i + 3)) {
-    json.insert(i + 1, "\\");
-  }
-  return json;
+/// JSON within a script: nothing in it may end the script, or, as "<!--" with "<script" does, keep
+/// it from ending. JSON has "<" in strings only.
+std::string script_data(const std::string& json) {
+  std::string data;
+  for (const char c : json) data += c == '<' ? std::string("\\u003c") : std::string(1, c);
+  return data;
 }
 
 std::string html_of(const ReportSection& s, const std::filesystem::path& folder) {

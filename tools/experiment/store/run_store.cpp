@@ -264,6 +264,9 @@ void RunStore::for_each(const std::function<void(const StoredRun&)>& use,
   const MetricColumns has_metric = metric_columns_of(*database_);
   Statement rows(*database_, select_runs(has_metric, with_trajectories, has_sums()));
   const int sum = static_cast<int>(4 + metrics().size());
+  const Identity all = with_trajectories ? identity() : Identity{};
+  const auto period = all.find("trajectory_period_s");
+  const bool has_trajectories = period != all.end() && period->second != "0";
   while (rows.step()) {
     const StoredRun run = stored_run(rows);
     if (has_sums()) {
@@ -271,6 +274,11 @@ void RunStore::for_each(const std::function<void(const StoredRun&)>& use,
       if (with_trajectories && !rows.is_nothing(sum - 1)) {
         verify("the trajectory of " + row_name(run), rows.whole(sum + 1),
                RowSum().add(rows.whole(0)).add(rows.whole(1)).add(rows.bytes(sum - 1)).value());
+      } else if (has_trajectories && run.result.failure.empty()) {
+        throw UsageError(
+            fmt::format("{}: the trajectory of {} is missing: take a copy, or delete "
+                        "the file and repeat the sweep",
+                        file().string(), row_name(run)));
       }
     }
     use(run);

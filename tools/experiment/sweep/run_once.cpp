@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <exception>
+#include <functional>
 #include <map>
+#include <new>
 #include <string>
+#include <system_error>
 
 #include "common/fleet/fleet.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -37,6 +40,13 @@ std::vector<TrajectoryPoint> to_points(const std::vector<TrajectoryRow>& rows) {
   return points;
 }
 
+RunResult failed(const std::exception& error, bool is_to_be_repeated) {
+  RunResult result;
+  result.failure = error.what();
+  result.is_to_be_repeated = is_to_be_repeated;
+  return result;
+}
+
 /// `loop`: a ClosedLoop or an ExternalRun.
 RunResult run_to_the_end(auto& loop, const Scenario& scenario, double trajectory_period_s) {
   const FleetObserver observer(fleet_members(scenario), loop.loop(), loop.bus());
@@ -53,8 +63,22 @@ RunResult run_to_the_end(auto& loop, const Scenario& scenario, double trajectory
 
 }  // namespace
 
-RunResult run_once(const Scenario& scenario, double trajectory_period_s, std::size_t arm) {
+RunResult result_of(const std::function<RunResult()>& run) {
   try {
+    return run();
+  } catch (const NoResult& error) {
+    return failed(error, true);
+  } catch (const std::system_error& error) {
+    return failed(error, true);
+  } catch (const std::bad_alloc& error) {
+    return failed(error, true);
+  } catch (const std::exception& error) {
+    return failed(error, false);
+  }
+}
+
+RunResult run_once(const Scenario& scenario, double trajectory_period_s, std::size_t arm) {
+  return result_of([&] {
     const Scenario quiet = with_few_reports(scenario, trajectory_period_s);
     if (const std::string& command = scenario.get<ControllerSettings>().command; !command.empty()) {
       thread_local std::map<std::string, ExternalController> controllers;  // by command
@@ -63,11 +87,7 @@ RunResult run_once(const Scenario& scenario, double trajectory_period_s, std::si
     }
     ClosedLoop loop(quiet);
     return run_to_the_end(loop, quiet, trajectory_period_s);
-  } catch (const std::exception& error) {
-    RunResult failed;
-    failed.failure = error.what();
-    return failed;
-  }
+  });
 }
 
 }  // namespace tether

@@ -1,11 +1,16 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 
 #include "common/scenario/scenario.hpp"
 #include "tools/experiment/design/run_result.hpp"
 
 namespace tether {
+
+/// What `run` returns; or what it throws as a failure, to be repeated if it is this machine's: a
+/// NoResult, memory, or a system call that failed.
+RunResult result_of(const std::function<RunResult()>& run);
 
 /// Runs the loop in virtual time, in this thread. ε and the other metrics are those of `tether
 /// run`. `trajectory_period_s`: 0 for no trajectory. Whatever the run throws becomes its failure.

@@ -63,18 +63,23 @@ SweepOutcome sweep_into(const fs::path& folder, const Experiment& experiment, co
   ProgressBar bar;
   const SweepOptions how{jobs, mean_half_width, [&bar](const SweepProgress& p) { bar.show(p); },
                          run_once};
-  const bool is_complete = run_sweep(experiment, shard, store, how, stop);
+  const SweepEnd end = run_sweep(experiment, shard, store, how, stop);
   bar.end();
+  const auto name = [&](std::size_t arm, std::uint64_t seed, const std::string& why) {
+    return fmt::format("{}, seed {}: {}", experiment.arms.at(arm).text(), seed, why);
+  };
+  for (const StoredRun& run : end.missing) {
+    fmt::print(stderr, "no result: {}\n", name(run.arm, run.seed, run.result.failure));
+  }
   try {
     store.flush();
   } catch (const std::runtime_error&) {
     // Somebody reads it now: all is there, in three files.
   }
-  SweepOutcome outcome{database,    store.size(),        store.failures(), "",
-                       is_complete, store.wall_time_s(), store.plant()};
+  SweepOutcome outcome{database,        store.size(),        store.failures(), "",
+                       end.is_complete, store.wall_time_s(), store.plant()};
   if (const auto failed = store.first_failure()) {
-    outcome.first_failure = fmt::format("{}, seed {}: {}", experiment.arms.at(failed->arm).text(),
-                                        failed->seed, failed->why);
+    outcome.first_failure = name(failed->arm, failed->seed, failed->why);
   }
   return outcome;
 }

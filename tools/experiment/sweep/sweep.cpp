@@ -7,6 +7,7 @@
 #include <deque>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <system_error>
 #include <thread>
@@ -122,13 +123,21 @@ class Session {
     });
   }
 
-  bool run(const std::atomic<bool>& stop) {
+  SweepEnd run(const std::atomic<bool>& stop) {
     fill();
     Clock::time_point next_store = start_ + kStorePeriod;
     while (under_way_ > 0) {
       if (stop) under_way_ -= workers_.forget_waiting();
       for (StoredRun& run : workers_.take(next_store)) {
+        if (run.result.is_to_be_repeated && !stop && repeated_.emplace(run.arm, run.seed).second) {
+          workers_.give({run.arm, run.seed});
+          continue;
+        }
         --under_way_;
+        if (run.result.is_to_be_repeated) {
+          missing_.push_back(std::move(run));
+          continue;
+        }
         schedule_.end({run.arm, run.seed}, result_of(run));
         if (!run.result.failure.empty()) ++progress_.failed;
         ++progress_.made;
@@ -140,7 +149,7 @@ class Session {
       next_store = Clock::now() + kStorePeriod;
     }
     show();
-    return schedule_.is_done();
+    return {schedule_.is_done(), std::move(missing_)};
   }
 
  private:
@@ -179,17 +188,19 @@ class Session {
   Clock::time_point stored_ = start_;
   SweepProgress progress_;
   std::size_t under_way_ = 0;
-  std::vector<StoredRun> ended_;  // not in the store yet
+  std::vector<StoredRun> ended_;                              // not in the store yet
+  std::set<std::pair<std::size_t, std::uint64_t>> repeated_;  // by arm and seed
+  std::vector<StoredRun> missing_;
   Workers workers_;
 };
 
 }  // namespace
 
-bool run_sweep(const Experiment& experiment, const Shard& shard, RunStore& store,
-               const SweepOptions& options, const std::atomic<bool>& stop) {
-  const bool is_complete = Session(experiment, shard, store, options).run(stop);
-  if (is_complete) store.set_complete();
-  return is_complete;
+SweepEnd run_sweep(const Experiment& experiment, const Shard& shard, RunStore& store,
+                   const SweepOptions& options, const std::atomic<bool>& stop) {
+  SweepEnd end = Session(experiment, shard, store, options).run(stop);
+  if (end.is_complete) store.set_complete();
+  return end;
 }
 
 }  // namespace tether

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstddef>
 #include <functional>
+#include <vector>
 
 #include "tools/experiment/store/run_store.hpp"
 #include "tools/experiment/sweep/schedule.hpp"
@@ -27,11 +28,18 @@ struct SweepOptions {
   std::function<RunResult(const Scenario&, double trajectory_period_s, std::size_t arm)> run;
 };
 
+/// What a sweep did not get.
+struct SweepEnd {
+  bool is_complete = false;        ///< the store has all runs
+  std::vector<StoredRun> missing;  ///< runs that were to be repeated after their second try, too
+};
+
 /// Makes all runs that the store lacks, with `jobs` threads, and puts each into the store as soon
-/// as it ends (at most a quarter of a second later). True if the store is complete; false if `stop`
-/// became true before: then the runs under way have been finished and stored. Results do not depend
-/// on `jobs`. Throws what the store throws, after all threads have ended.
-bool run_sweep(const Experiment& experiment, const Shard& shard, RunStore& store,
-               const SweepOptions& options, const std::atomic<bool>& stop);
+/// as it ends (at most a quarter of a second later). A run that is to be repeated is made once
+/// more, and is not stored if that, too, is to be repeated: the next sweep into the store tries it
+/// again. If `stop` becomes true before the end, the runs under way are finished and stored.
+/// Results do not depend on `jobs`. Throws what the store throws, after all threads have ended.
+SweepEnd run_sweep(const Experiment& experiment, const Shard& shard, RunStore& store,
+                   const SweepOptions& options, const std::atomic<bool>& stop);
 
 }  // namespace tether

@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::int64_t kNumbers = 65536;  // of an echo request; then they begin again
 // Those that no line tells of are lost: so many, and so many for each line.
-constexpr std::int64_t kMostPackets = 20'000'000, kMostSilent = 1'000'000, kMostSilentEach = 100;
+constexpr std::int64_t kMostPackets = 20'000'000, kMostSilent = 100'000, kMostSilentEach = 100;
+constexpr double kMostTime_ms = 1e9, kMostStamp_s = 1e11;
 constexpr double kBelow1_ms = 0.5;    // what Windows' "time<1ms" counts as
 constexpr double kShortest_s = 1e-6;  // from one packet to the next
 
@@ -47,16 +48,20 @@ class Echoes {
       }
       return;
     }
+    check(name, line_number, "the number", static_cast<double>(*seq), kMostPackets);
     Echo& echo = all_[unwrapped(*seq)];
     const auto time_ms = number_after<double>(line, " time=");
+    check(name, line_number, "the round trip in ms", time_ms.value_or(0.0), kMostTime_ms);
     if (!time_ms || line.find("(DUP!)") != std::string_view::npos) return;
     if (line.find(" ms") == std::string_view::npos) {
       throw UsageError(fmt::format("{}:{}: a time that is not in ms", name, line_number));
     }
     echo.round_trip_ms = *time_ms;
     if (line.starts_with('[')) {
-      if (const auto stamp = number_after<double>(line, "["))
+      if (const auto stamp = number_after<double>(line, "[")) {
+        check(name, line_number, "the time in s", *stamp, kMostStamp_s);
         echo.sent_s = *stamp - *time_ms * 1e-3;
+      }
     }
   }
 
@@ -73,6 +78,13 @@ class Echoes {
   bool are_of_windows() const { return of_windows_ > 0; }
 
  private:
+  static void check(const std::string& name, int line_number, const char* what, double value,
+                    double most) {
+    if (value >= 0.0 && value <= most) return;
+    throw UsageError(fmt::format("{}:{}: {} is {:g}, which must be in [0, {:g}]", name, line_number,
+                                 what, value, most));
+  }
+
   /// Windows' ping numbers nothing, but writes a line for each: "Reply from 192.0.2.7: bytes=32
   /// time=12ms TTL=57" (or time<1ms), "Request timed out.", "Reply from 192.0.2.1: Destination host
   /// unreachable." False: the line is none of its.
