@@ -210,7 +210,10 @@ Machine examine(const std::string& lcm_url, const std::string& can_interface, bo
     programs = {"ip", "gnuplot", "java", "lcm-logplayer"};
   }
   for (const char* program : programs) {
-    if (find_program(program).empty()) machine.missing_programs.emplace_back(program);
+    // Not on every user's PATH.
+    const bool is_there =
+        !find_program(program).empty() || fs::exists(fs::path("/usr/sbin") / program);
+    if (!is_there) machine.missing_programs.emplace_back(program);
   }
   return machine;
 }
