@@ -66,7 +66,8 @@ if(NOT TETHER_VEHICLE_ONLY)
     "Simulates a remotely controlled vehicle and the network between: how much delay
  and loss does it survive? The same controller then runs on a factory floor."
     DEPENDS "tether-vehicle (= ${PROJECT_VERSION}), gnuplot-nox"
-    SUGGESTS "liblcm-bin, liblcm-java, libjchart2d-java, default-jre")
+    RECOMMENDS liblcm-bin
+    SUGGESTS "liblcm-java, libjchart2d-java, default-jre")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
   tether_debian_package(python python3-tether
     "Controllers in Python for simulated and live runs, and readers of runs, sweeps and

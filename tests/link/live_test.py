@@ -4,6 +4,7 @@ Usage: live_test.py BIN_DIR"""
 
 import os
 import pathlib
+import re
 import signal
 import socket
 import sys
@@ -159,6 +160,8 @@ def no_message_is_missed_when_either_path_is_pulled(test, options=""):
 
 def both_paths_down_are_said_within_a_second(test):
     link = Link(test)
+    doctor = test.run("tether-vehicle", "doctor", "--link").out()
+    check(re.search(r"ok +link +up: far; clocks agree", doctor), doctor)
     wait_until(5, lambda: all("up, by wifi and 5g" in p.err() for p in (link.near_program, link.far_program)), "both up")
     began = time.monotonic()
     for path in link.paths:
@@ -169,6 +172,9 @@ def both_paths_down_are_said_within_a_second(test):
     took = time.monotonic() - began
     test.say(f"both sides said so after {took:.2f} s")
     check(took < 1.0, f"{took} s")
+    time.sleep(0.5)
+    doctor = test.run("tether-vehicle", "doctor", "--link").out()
+    check(re.search(r"wrong +link +down: far", doctor), doctor)
     for path in link.paths:
         path.pulled = False
     for program in (link.near_program, link.far_program):

@@ -88,6 +88,32 @@ DoctorFinding clock(const Machine& m) {
   return {Verdict::note, "clock", what, "chronyc tracking; a nearer time server"};
 }
 
+DoctorFinding link(const Machine& m) {
+  if (m.peers.empty()) {
+    return {Verdict::wrong, "link", "no LINK/REPORT on this host's LCM network",
+            "systemctl status tether-link; journalctl -u tether-link"};
+  }
+  std::vector<std::string> all, down, apart;
+  for (const auto& [name, peer] : m.peers) {
+    all.push_back(name);
+    if (!peer.up) down.push_back(name);
+    if (peer.clocks_apart) {
+      apart.push_back(
+          fmt::format("{} by {:.0f} to {:.0f} ms", name, peer.offset_min_ms, peer.offset_max_ms));
+    }
+  }
+  if (!down.empty()) {
+    return {Verdict::wrong, "link", fmt::format("down: {}", fmt::join(down, ", ")),
+            "journalctl -u tether-link"};
+  }
+  if (!apart.empty()) {
+    return {Verdict::wrong, "link",
+            fmt::format("clocks are ahead of ours: {}", fmt::join(apart, ", ")),
+            "chronyc tracking, on both hosts"};
+  }
+  return {Verdict::good, "link", fmt::format("up: {}; clocks agree", fmt::join(all, ", ")), ""};
+}
+
 DoctorFinding can(const Machine& m) {
   if (m.can_asked.empty()) {
     if (m.can.empty()) return {Verdict::good, "CAN", "no interface, none was asked about", ""};
@@ -184,9 +210,11 @@ const char* word_of(Verdict verdict) {
 }  // namespace
 
 std::vector<DoctorFinding> findings_of(const Machine& machine) {
-  return {multicast(machine),  messages(machine), buffers(machine),
-          clock(machine),      can(machine),      rights(machine),
-          processors(machine), versions(machine), programs(machine)};
+  std::vector<DoctorFinding> all{multicast(machine),  messages(machine), buffers(machine),
+                                 clock(machine),      can(machine),      rights(machine),
+                                 processors(machine), versions(machine), programs(machine)};
+  if (machine.link_asked) all.insert(all.begin() + 4, link(machine));
+  return all;
 }
 
 DoctorFinding finding_of(const Latency& latency, double cycle_ms) {

@@ -21,9 +21,11 @@
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
+#include <tether/peer_report_t.hpp>
 
 #include "common/base/share.hpp"
 #include "common/base/text.hpp"
+#include "common/bus/message_io.hpp"
 #include "common/lcm/host_routes.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udp_sockets.hpp"
@@ -109,6 +111,19 @@ void send_and_hear(Machine& machine) {
   close(fd);
 }
 
+/// Peers report at the same time, once in report_period_s, 1 s if it is not set.
+void hear_of_peers(Machine& machine) {
+  constexpr Duration kReport = std::chrono::milliseconds{1500};
+  RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+  UdpmBus bus(machine.lcm_url, loop);
+  std::int64_t undecodable = 0;
+  subscribe<peer_report_t>(
+      bus, "LINK/REPORT", kDeepQueue, undecodable, [&machine](const peer_report_t& r) {
+        machine.peers[r.peer] = {r.up != 0, r.clocks_apart != 0, r.offset_min_ms, r.offset_max_ms};
+      });
+  loop.run_until(loop.now() + kReport);
+}
+
 void look_at_clock(Machine& machine) {
   timex now{};
   const int state = adjtimex(&now);
@@ -168,7 +183,7 @@ void look_at_siblings(Machine& machine) {
 
 }  // namespace
 
-Machine examine(const std::string& lcm_url, const std::string& can_interface) {
+Machine examine(const std::string& lcm_url, const std::string& can_interface, bool link) {
   Machine machine;
   machine.lcm_url = checked_lcm_url(lcm_url);
   machine.can_asked = can_interface;
@@ -180,6 +195,9 @@ Machine examine(const std::string& lcm_url, const std::string& can_interface) {
   if (!multicast_group(machine.lcm_url).empty()) {
     find_route(machine);
     send_and_hear(machine);
+    machine.link_asked = link;
+    if (link && machine.port_trouble.empty() && !machine.multicast_by.empty())
+      hear_of_peers(machine);
   }
   const std::string rmem_max = word_in("/proc/sys/net/core/rmem_max");
   if (!rmem_max.empty()) machine.rmem_max_bytes = std::stoll(rmem_max);
@@ -192,7 +210,10 @@ Machine examine(const std::string& lcm_url, const std::string& can_interface) {
     programs = {"ip", "gnuplot", "java", "lcm-logplayer"};
   }
   for (const char* program : programs) {
-    if (find_program(program).empty()) machine.missing_programs.emplace_back(program);
+    // Not on every user's PATH.
+    const bool is_there =
+        !find_program(program).empty() || fs::exists(fs::path("/usr/sbin") / program);
+    if (!is_there) machine.missing_programs.emplace_back(program);
   }
   return machine;
 }

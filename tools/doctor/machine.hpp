@@ -37,6 +37,14 @@ struct Machine {
   std::map<std::string, Can> can;  ///< by name: those that there are, and the one asked about
   std::string can_asked;           ///< empty: none
 
+  struct Peer {  ///< of tether-link's LINK/REPORT
+    bool up = false;
+    bool clocks_apart = false;
+    double offset_min_ms = 0.0, offset_max_ms = 0.0;
+  };
+  bool link_asked = false;
+  std::map<std::string, Peer> peers;  ///< by name
+
   bool may_be_realtime = false;  ///< SCHED_FIFO is granted
   bool may_lock_memory = false;
   /// Of processors with frequency scaling; a name and how many have it.
@@ -45,8 +53,8 @@ struct Machine {
   std::vector<std::string> missing_programs;  ///< of those that parts of Tether start
 };
 
-/// Looks. Takes up to a third of a second if nothing comes back on the network. Throws UsageError
-/// for an LCM URL that is none.
-Machine examine(const std::string& lcm_url, const std::string& can_interface);
+/// Looks. Takes up to a third of a second if nothing comes back on the network, and with `link` as
+/// long as a report of the link may take. Throws UsageError for an LCM URL that is none.
+Machine examine(const std::string& lcm_url, const std::string& can_interface, bool link);
 
 }  // namespace tether

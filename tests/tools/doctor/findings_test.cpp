@@ -135,6 +135,22 @@ TEST(Doctor, NamesTheRightsAndTheGovernorsThatAreNotAsTheyShouldBe) {
   EXPECT_THAT(about(m, "programs").to_do, Not(HasSubstr("gnuplot")));
 }
 
+TEST(Doctor, LooksAtPeersAndTheirClocksWhereItIsAsked) {
+  Machine m = sound();
+  m.link_asked = true;
+  expect(m, "link", Verdict::wrong, "status tether-link");
+  m.peers["vehicle7"] = {.up = true};
+  m.peers["vehicle8"] = {.up = true};
+  expect(m, "link", Verdict::good, "");
+  EXPECT_EQ(about(m, "link").what, "up: vehicle7, vehicle8; clocks agree");
+  m.peers["vehicle8"] = {true, true, 51.0, 60.0};
+  expect(m, "link", Verdict::wrong, "chronyc");
+  EXPECT_EQ(about(m, "link").what, "clocks are ahead of ours: vehicle8 by 51 to 60 ms");
+  m.peers["vehicle7"].up = false;
+  expect(m, "link", Verdict::wrong, "journalctl");
+  EXPECT_EQ(about(m, "link").what, "down: vehicle7");
+}
+
 TEST(Doctor, SaysWhetherALatencyFitsTheCycle) {
   Latency l{
       .wakeups = 10000, .worst_ms = 4.9, .p999_ms = 0.2, .seconds = 10.0, .is_realtime = true};

@@ -17,13 +17,14 @@ namespace {
 struct DoctorOptions {
   std::string lcm_url = kDefaultLcmUrl;
   std::string can;
+  bool link = false;
   bool realtime = false;
   double seconds = 10.0;
   double cycle_ms = 20.0;
 };
 
 int doctor(const DoctorOptions& options) {
-  const Machine machine = examine(options.lcm_url, options.can);
+  const Machine machine = examine(options.lcm_url, options.can, options.link);
   auto findings = findings_of(machine);
   if (options.realtime) {
     Latency latency = measure_latency(from_seconds(options.seconds));
@@ -44,6 +45,8 @@ void add_doctor_command(CLI::App& tether, Action& action) {
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
   command->add_option("--can", options->can, "a CAN interface that must be up, such as can0");
+  command->add_flag("--link", options->link,
+                    "tether-link must run, its peers must be up, and their clocks agree");
   CLI::Option* const realtime =
       command->add_flag("--realtime", options->realtime,
                         "also measure how late the loop that steers wakes up while all processors "
