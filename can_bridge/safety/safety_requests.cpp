@@ -130,6 +130,8 @@ void SafetyCore::reset(Instant now, const DrivetrainSnapshot& drives, CanState b
                   ? "reset refused: the wheels are still turning: wait for standstill"
                   : "reset refused: standstill is not confirmed: by its last report and its ramp, "
                     "a wheel may still turn: wait, then reset again";
+  } else if (drives.phase == DrivePhase::standby && !drives.feedback_fresh && drives.in_doubt) {
+    notice_ = "reset refused: wheel feedback is missing: check the drives and the CAN plug";
   } else if (did_not_follow_ && distrust_until_ && now < *distrust_until_) {
     notice_ = fmt::format(
         "reset refused: a wheel's feedback was wrong, so its standstill is not believed for "

@@ -15,6 +15,9 @@ constexpr Duration kSecureTimeout = std::chrono::seconds(5);
 /// How long a drive that was lost at speed is left to its own watchdog before it is reset.
 constexpr Duration kBlindBraking = std::chrono::seconds(2);
 
+/// The bridge itself stood still for this long, so that it asks again whether wheels stand.
+constexpr Duration kSuspended = std::chrono::milliseconds(200);
+
 /// One and a half periods: each living drive's heartbeat falls into it.
 Duration listening_time(const Cia402Config& config) {
   return std::chrono::milliseconds(config.drive_heartbeat_ms) * 3 / 2;
@@ -33,6 +36,10 @@ void BringUp::begin() {
 void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service) {
   if (begun_) note_lost_nodes(now);
   begun_ = false;
+  if (ticked_ && now - *ticked_ >= kSuspended) {
+    for (Node& node : d_.nodes) node.inquiry.begin();
+  }
+  ticked_ = now;
   switch (d_.stage.stage()) {
     case Stage::listening:
       listen(now);

@@ -43,6 +43,7 @@ class BringUp {
 
   Drives& d_;
   bool begun_ = false;  // and not yet ticked
+  std::optional<Instant> ticked_;
   Instant nmt_start_at_{};
   std::optional<Instant> recalled_;  // the newest NMT command to stopped drives
 };

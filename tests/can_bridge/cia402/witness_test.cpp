@@ -185,6 +185,21 @@ TEST(TwoWitnesses, ADriveThatIsHeardAgainIsNotResetByTheSilenceBefore) {
   EXPECT_EQ(bench.left().resets, 0);
 }
 
+TEST(TwoWitnesses, ABridgeThatWasSuspendedAsksAgainBeforeItResets) {
+  for (const int ms : {300, 340, 380, 420}) {
+    Rolls bench;
+    for (FakeDrive& d : bench.drives) d.axes[0].speed = 0;
+    bench.profile.start(bench.now);
+    bench.run(milliseconds(ms));
+    if (bench.reason().find("boot-up") != std::string::npos) break;  // the reset is due already
+    ASSERT_FALSE(bench.reset());
+    bench.now += milliseconds(400);
+    bench.left_axis().speed = 100;  // pushed meanwhile
+    bench.run(milliseconds(600));
+    EXPECT_EQ(bench.left().resets, 0) << ms;
+  }
+}
+
 TEST(TwoWitnesses, ADriveThatWasSeenToCoastAndFallsSilentIsNotReset) {
   Bench bench;
   bench.drive({1.0, 0.0});

@@ -210,6 +210,21 @@ TEST_F(Fault, AResetIsRefusedWhileTheWheelsAreKnownToTurn) {
   EXPECT_EQ(cycle_after(kCycle).action, Action::reset_fault);
 }
 
+TEST_F(Fault, AResetInStandbyWaitsForFeedbackOfWheelsThatMayTurn) {
+  request(DriveRequest::estop);
+  request(DriveRequest::estop_release);
+  cycle_after(kCycle);
+  drives.standstill = drives.feedback_fresh = false;
+  drives.in_doubt = true;
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::estop);
+  expect_reason("reset refused: wheel feedback is missing");
+  drives.standstill = drives.feedback_fresh = true;
+  drives.in_doubt = false;
+  request(DriveRequest::reset);
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
+}
+
 TEST_F(Fault, AResetWithoutFeedbackIsPossibleSoThatDrivesCanStartAnew) {
   fail("right drive: no heartbeat");
   drives.standstill = drives.feedback_fresh = false;
