@@ -42,7 +42,7 @@ void RunWatch::given_up(Instant now, const std::string& program) {
 
 void RunWatch::sent(Instant now, const std::string& channel, std::uint64_t sender) {
   if (sender == 0 || named_.contains(sender) || unnamed_.size() >= kMaxFindings) return;
-  unnamed_.try_emplace(sender, channel, now);
+  unnamed_.try_emplace(sender, Unnamed{channel, now});
 }
 
 void RunWatch::judge_senders(Instant now, Instant since) {
