@@ -171,9 +171,13 @@ Whereabouts PeerLink::on_sealed(std::size_t path, const SealedHeader& header, By
     return {};
   }
   const Opened opened = session->open(path, header, datagram, opened_);
-  if (opened == Opened::forged || opened == Opened::replayed) {
-    ++(opened == Opened::forged ? refused_.forged : refused_.replayed);
-    return {.authentic = opened == Opened::replayed && session->is_authentic(header, datagram)};
+  if (opened == Opened::forged) {
+    ++refused_.forged;
+    return {};
+  }
+  if (opened == Opened::replayed) {
+    ++refused_.replayed;
+    return {.authentic = session->is_authentic(header, datagram)};
   }
   const std::optional<Text> text = read_text(opened_);
   const auto* const probe = text ? std::get_if<Probe>(&text->what) : nullptr;

@@ -222,6 +222,16 @@ TEST(TwoWitnesses, ADriveThatWasSeenToCoastAndFallsSilentIsNotReset) {
   EXPECT_TRUE(bench.reach(DrivePhase::standby)) << bench.reason();
 }
 
+TEST(TwoWitnesses, ADriveThatStoodWithoutPowerAndFallsSilentIsReset) {
+  Bench bench;
+  bench.to_standby();
+  bench.left().silent = true;
+  ASSERT_TRUE(bench.reach(DrivePhase::faulted));
+  bench.left().resets = 0;
+  bench.profile.reset_fault();
+  EXPECT_TRUE(bench.run_until([&] { return bench.left().resets > 0; }));
+}
+
 TEST(TwoWitnesses, ADriveThatAnswersWithOneWitnessOnlyIsResetAfterFiveSeconds) {
   Rolls bench;
   for (FakeDrive& d : bench.drives) {

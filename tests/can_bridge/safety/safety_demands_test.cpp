@@ -96,6 +96,8 @@ TEST_F(ProtectiveStop, ThatTheDrivesDoNotObeyIsAFaultThoughItIsStillDemanded) {
   for (int i = 0; i < 260; ++i) demand();
   EXPECT_EQ(last.state, BridgeState::unconfirmed);
   expect_reason("the wheels still turn");
+  EXPECT_EQ(last.reason.find("power is off"), std::string::npos)
+      << "it must not be off: " << last.reason;
 }
 
 TEST_F(ProtectiveStop, ThatMayRestartRampsStaysArmedAndGoesOn) {
