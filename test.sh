@@ -14,8 +14,8 @@ case "$tier" in
     quick) ;;
     *) echo "usage: ./test.sh [all | quick]" >&2; exit 2 ;;
 esac
-if [ "$tier" = all ]; then
-    cmake --preset release -DTETHER_WERROR=ON
+if [ "$tier" != quick ]; then  # a warning stops CI alone
+    cmake --preset release -DTETHER_WERROR="$([ -n "${CI:-}" ] && echo ON || echo OFF)"
 elif [ ! -f build/release/build.ninja ]; then
     cmake --preset release
 fi

@@ -22,7 +22,8 @@ find -L "$seeds" -type f -exec grep -ahoE '[A-Za-z_][A-Za-z_.]{2,40}' {} + | sor
 dictionary=()
 [ ! -s "$work/words" ] || dictionary=(-dict="$work/words")
 # Another commit explores from another seed; the same commit repeats what it found.
-seed=$((16#0$(git -C "$here" rev-parse HEAD 2>/dev/null | cut -c1-7) + 1))
+head=$(git -C "$here" rev-parse HEAD 2>/dev/null || echo 0)  # without git: always the same
+seed=$((16#0${head:0:7} + 1))
 cd "$work" # targets that write do it here
 status=0
 "$build/fuzz/$name" -seed="$seed" -max_total_time="$seconds" -max_len=4096 -timeout=20 -rss_limit_mb=2048 \

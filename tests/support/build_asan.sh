@@ -4,7 +4,7 @@
 #   build_asan.sh --run TEST  that test program alone, and runs it
 set -eu
 cd "$(dirname "$0")/../.."
-[ -f build/asan/build.ninja ] || cmake --preset asan
+cmake --preset asan -DTETHER_WERROR="$([ -n "${CI:-}" ] && echo ON || echo OFF)" >/dev/null
 if [ "${1:-}" = --run ]; then
     cmake --build --preset asan --target "$2" -- --quiet
     exec "build/asan/tests/$2" --gtest_brief=1

@@ -7,25 +7,32 @@ Times are wall clock: of a step while others ran beside it. What ccache had coun
 """
 
 import pathlib
+import re
 import sys
 
 
 def steps(build):
     """(seconds, output) of the last time that each step of the build ran."""
-    last = {}
+    last, one_of = {}, {}
     for line in (build / ".ninja_log").read_text().splitlines()[1:]:
         start, end, _, output, command = line.split("\t")
-        last[(start, end, command)] = (int(end) - int(start)) / 1000, output
-    return last.values()
+        if (build / output).exists():
+            last[output] = start, end, command
+    for output, step in last.items():
+        one_of[step] = (int(step[1]) - int(step[0])) / 1000, output  # a step may have several
+    return one_of.values()
 
 
 def tests(build):
-    """(mean seconds, name), as CTest keeps them to begin with the longest."""
-    file = build / "Testing" / "Temporary" / "CTestCostData.txt"
-    for line in file.read_text().splitlines() if file.exists() else ():
-        words = line.split()
-        if len(words) == 3 and float(words[2]) > 0:
-            yield float(words[2]), words[0]
+    """(seconds, name), as CTest wrote them in its last run."""
+    file = build / "Testing" / "Temporary" / "LastTest.log"
+    name = None
+    for line in file.read_text(errors="replace").splitlines() if file.exists() else ():
+        if begins := re.match(r"\d+/\d+ Test: (\S+)$", line):
+            name = begins[1]
+        elif name and (took := re.match(r"Test time = +([\d.]+) sec$", line)):
+            yield float(took[1]), name
+            name = None
 
 
 def table(title, rows, number):
