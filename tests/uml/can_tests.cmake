@@ -14,11 +14,18 @@ endfunction()
 tether_find_kernel(can_kernel)
 tether_find_kernel(netem_kernel --netem)
 
-# tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds [NETEM | GUEST] [ALONE]): runs
+# A guest has a clock of its own (guest_clock.cpp): it computes, and nothing hurries it.
+function(tether_on_the_kernels_clock test)
+  if(NOT uml IN_LIST ARGN)
+    tether_on_the_wall_clock(${test} PLACES 2)
+  endif()
+endfunction()
+
+# tether_add_can_test(NAME name {SCRIPT file | PROGRAM target} TIMEOUT seconds [NETEM | GUEST]): runs
 # `file BIN_DIR` or the program where CAN interfaces can be made, or with NETEM where tc has netem, or with
-# GUEST always in a guest (with_can.sh). ALONE: no other guest on its processor. What it writes to $TETHER_CAN_RESULTS stays in the build folder's can_results/.
+# GUEST always in a guest (with_can.sh). What it writes to $TETHER_CAN_RESULTS stays in the build folder's can_results/.
 function(tether_add_can_test)
-  cmake_parse_arguments(T "NETEM;GUEST;ALONE" "NAME;SCRIPT;PROGRAM;TIMEOUT" "" ${ARGN})
+  cmake_parse_arguments(T "NETEM;GUEST" "NAME;SCRIPT;PROGRAM;TIMEOUT" "" ${ARGN})
   if(T_NETEM)
     set(network --netem)
     set(labels kernel ${netem_kernel})
@@ -43,14 +50,10 @@ function(tether_add_can_test)
   set(results ${CMAKE_BINARY_DIR}/can_results/${T_NAME})
   file(MAKE_DIRECTORY ${results})
   add_test(NAME ${T_NAME} COMMAND ${TETHER_WITH_CAN} ${network} ${command})
-  math(EXPR own "3 * ${T_TIMEOUT}")  # parts that met a pause of this machine are run again
+  math(EXPR own "3 * ${T_TIMEOUT}")  # a guest on a busy machine; parts that met a pause are run again
   math(EXPR timeout "${own} + 20")  # with_can.sh's own comes first, and says more
   set_tests_properties(${T_NAME} PROPERTIES LABELS "${labels}" TIMEOUT ${timeout}
     COST ${T_TIMEOUT}
     ENVIRONMENT "TETHER_CAN_TIMEOUT=${own};TETHER_CAN_RESULTS=${results}")
-  if(T_ALONE)
-    tether_on_the_wall_clock(${T_NAME} PLACES 4)
-  else()
-    tether_on_the_wall_clock(${T_NAME} PLACES 2)  # a guest waits most of the time
-  endif()
+  tether_on_the_kernels_clock(${T_NAME} ${labels})
 endfunction()

@@ -4,6 +4,8 @@
 #   with_can.sh COMMAND ARGS...
 #   with_can.sh --where     only says where it would run
 #   with_can.sh --guest …   always in User-Mode Linux: a machine that may be spoilt
+#   with_can.sh --host-clock …   a guest's time is this machine's: to measure how long things take.
+#                           Else a guest does not see that it is kept waiting (guest_clock.cpp)
 #   with_can.sh --netem …   either, in a network that has tc's netem instead, and lo alone
 # Natively where this kernel can do it, else in User-Mode Linux, which needs neither root nor KVM:
 # a Linux kernel as a process, whose root file system is this machine's own, with this user's
@@ -18,8 +20,10 @@ here=$(dirname "$(readlink -f "$0")")
 timeout_s=${TETHER_CAN_TIMEOUT:-300}
 network=vcan
 native=yes
+clock=guest
 case "${1:-}" in
     --netem) network=netem && shift ;;
+    --host-clock) clock=host && shift ;;
     --guest) native=no && shift ;;
 esac
 # Debian's tools first: its python3 is the one that has python3-can.
@@ -51,16 +55,6 @@ run_native() {
     isolate --net "$here/${network}_network.sh" timeout --kill-after=5 "$timeout_s" "$@"
 }
 
-take_processor() { # CTest's choice; without CTest the last one, alone there until this script ends
-    if [[ ${CTEST_RESOURCE_GROUP_0_PROCESSORS:-} =~ ^id:([0-9]+) ]]; then
-        processor=${BASH_REMATCH[1]}
-        return
-    fi
-    processor=$(taskset --cpu-list --pid $$ | sed 's/.*[^0-9]//')
-    exec 9>"${TMPDIR:-/tmp}/tether_guest_$(id -u)"
-    flock 9
-}
-
 run_in_uml() {
     export TETHER_CAN_KERNEL=uml
     job=$(mktemp -d)
@@ -68,10 +62,15 @@ run_in_uml() {
     trap 'exit 1' HUP INT TERM
     export -p >"$job/environment"
     printf '%q ' "$@" >"$job/command"
-    uml_environment=()
+    local preloads=()
+    [ $clock = host ] || preloads+=("$here/guest_clock.cpp")
     if grep --quiet --word-regexp amx_tile /proc/cpuinfo; then
-        c++ -std=c++20 -O2 -shared -fPIC -o "$job/whole_xstate.so" "$here/whole_xstate.cpp"
-        uml_environment=("LD_PRELOAD=$job/whole_xstate.so")
+        preloads+=("$here/whole_xstate.cpp")
+    fi
+    uml_environment=()
+    if [ ${#preloads[@]} != 0 ]; then
+        c++ -std=c++20 -O2 -shared -fPIC -o "$job/preload.so" "${preloads[@]}"
+        uml_environment=("LD_PRELOAD=$job/preload.so")
     fi
 
     # Its memory is a file: best in a tmpfs that is large enough and may be executed from.
@@ -82,16 +81,19 @@ run_in_uml() {
     fi
     say_uml
     # On one of this machine's processors: its kernel and its processes take turns anyway, and to
-    # wake each other on another processor is slow. Before other work where that is allowed.
-    take_processor
-    run=(taskset --cpu-list "$processor")
-    if nice -n -10 true 2>/dev/null; then run+=(nice -n -10); fi
+    # wake each other on another processor is slow.
+    local processor=${CTEST_RESOURCE_GROUP_0_PROCESSORS:-}
+    if [[ $processor =~ ^id:([0-9]+) ]]; then
+        processor=${BASH_REMATCH[1]}
+    else
+        processor=$(python3 -c "import os, random; print(random.choice([*os.sched_getaffinity(0)]))")
+    fi
     # The process namespace dies as a whole: with this script, or at the end of the time.
     (isolate --pid --fork --kill-child -- timeout --kill-after=1 "$timeout_s" \
-        "${run[@]}" env --chdir=/ "${uml_environment[@]}" TMPDIR="$memory" "$uml" rootfstype=hostfs rootflags=/ rw mem=1024M \
+        taskset --cpu-list "$processor" env --chdir=/ "${uml_environment[@]}" TMPDIR="$memory" "$uml" rootfstype=hostfs rootflags=/ rw mem=1024M \
         uml_dir="$job/" con=null con0=null,fd:3 ssl=null ssl0=null,fd:1 quiet \
         init="$here/guest_init.py" tether_job="$job" tether_network="$network" \
-        </dev/null 3>"$job/kernel_log" 9>&-) &
+        </dev/null 3>"$job/kernel_log") &
     uml_pid=$!
     wait "$uml_pid" || true
     uml_pid=
