@@ -53,21 +53,22 @@ ScenarioSection autonomy_section() {
   t.number("deceleration_mps2", &Autonomy::deceleration_mps2, {0.01, 100.0, false},
            "a of the stopping field v^2/2a + v reaction + margin; setpoints change by no more");
   t.number("yaw_acceleration_radps2", &Autonomy::yaw_acceleration_radps2, {0.01, 100.0, false},
-           "of setpoints");
+           "yaw acceleration limit of setpoints");
   t.number("reaction_s", &Autonomy::reaction_s, {0.02, 10.0, false},
-           "of the stopping field; a scan that is older says nothing");
+           "reaction time of the stopping field; older scans are ignored");
   t.number("margin_m", &Autonomy::margin_m, {0.01, 10.0, false}, "left free ahead of the vehicle");
-  t.number("side_margin_m", &Autonomy::side_margin_m, {0.0, 10.0, false}, "and beside it");
+  t.number("side_margin_m", &Autonomy::side_margin_m, {0.0, 10.0, false},
+           "margin of the stopping field to each side");
   t.number("wait_s", &Autonomy::wait_s, kTime,
-           "in a protective stop before it asks for a remote driver");
+           "time in a protective stop before a remote driver is requested");
   t.number("clear_for_s", &Autonomy::clear_for_s, kTime,
-           "the way has to be free for so long before it goes on by itself");
+           "time that the way must be free before the vehicle drives on by itself");
   t.number("pose_timeout_s", &Autonomy::pose_timeout_s, kTime,
-           "without a pose for so long its localisation is lost");
+           "time without a pose after which localisation counts as lost");
   t.number("remote_timeout_s", &Autonomy::remote_timeout_s, kTime,
-           "without a command for so long there is no remote driver");
+           "time without a command after which the remote driver counts as gone");
   t.number("remote_max_age_s", &Autonomy::remote_max_age_s, kTime,
-           "what a remote driver saw may be so old");
+           "maximum age of what the remote driver saw");
   t.number("remote_speed_mps", &Autonomy::remote_speed_mps, {0.01, 10.0, false},
            "driven remotely it is no faster");
   ScenarioSection section{.defaults = Autonomy{}, .keys = t.take()};

@@ -21,15 +21,15 @@ bool has_can(const Scenario& scenario) {
 
 void add_bus(KeyTable<Can>& t) {
   t.file("drivetrain", &Can::drivetrain_file,
-         "what is on the bus: a file of drivetrains/, relative to the scenario file");
+         "file that describes the drives on the bus (drivetrains/), relative to the scenario file");
   t.text("interface", &Can::interface, "live: SocketCAN interface");
   t.number("bit_rate_bps", &Can::bit_rate_bps, {10e3, 1e6, false},
-           "of the simulated bus, and for the bus load");
+           "bit rate of the simulated bus, and for the bus load");
   t.boolean("emulate_drives", &Can::emulate_drives,
             "live: start tether-can-drive; false where real drives are on the bus");
   t.choice<Can::Wheels>("wheels", &Can::wheels,
                         {{"sim", Can::Wheels::sim}, {"model", Can::Wheels::model}},
-                        "what emulated drives turn: the simulator's wheels or a simple model");
+                        "wheels that emulated drives turn: the simulator's, or a simple model");
   KeyTable<VehicleSettings> of_vehicle("can.");
   of_vehicle.number("coupling_ms", &VehicleSettings::coupling_ms, {1.0, 50.0, false},
                     "between messages of emulated drives and simulated wheels");
@@ -37,7 +37,7 @@ void add_bus(KeyTable<Can>& t) {
   t.choice<Can::Arm>("arm", &Can::arm, {{"once", Can::Arm::once}, {"never", Can::Arm::never}},
                      "the run arms the drivetrain once, or leaves it to an operator");
   t.number("operator_timeout_ms", &Can::operator_timeout_ms, {0.0, 10e3, false},
-           "hold-to-run: stop without \"tether can hold\" for this long; 0: off");
+           "hold-to-run: time without \"tether can hold\" after which the vehicle stops; 0 = off");
   t.text(
       "estop_file", &Can::estop_file,
       "live: file in which the bridge remembers a latched e-stop; empty: with real drives one in "
@@ -54,20 +54,24 @@ void add_deadlines_and_limits(KeyTable<Can>& t) {
   t.number("disarm_ms", &Can::disarm_ms, kDeadline,
            "a command older than this: quick stop and disarm");
   t.number("max_stale_m", &Can::max_stale_m, kPositive,
-           "a command older than the vehicle takes for this way: ramp to zero");
-  t.number("max_blind_s", &Can::max_blind_s, kPositive,
-           "the vehicle stops within this time of the pose that the newest plan was made from");
-  t.number("max_blind_m", &Can::max_blind_m, kPositive, "the same: within this way, by odometry");
-  t.number("max_speed_mps", &Can::max_speed_mps, kPositive, "forward");
-  t.number("max_reverse_mps", &Can::max_reverse_mps, kPositive, "backward");
-  t.number("max_yaw_rate_radps", &Can::max_yaw_rate_radps, kPositive, "either way");
-  t.number("max_acceleration_mps2", &Can::max_acceleration_mps2, kPositive, "away from standstill");
+           "distance that the vehicle covers during a command's age, above which it ramps to zero");
+  t.number(
+      "max_blind_s", &Can::max_blind_s, kPositive,
+      "maximum time that the vehicle may drive after the pose that the newest plan was made from");
+  t.number("max_blind_m", &Can::max_blind_m, kPositive,
+           "maximum distance that the vehicle may drive after that pose, by odometry");
+  t.number("max_speed_mps", &Can::max_speed_mps, kPositive, "speed limit, forward");
+  t.number("max_reverse_mps", &Can::max_reverse_mps, kPositive, "speed limit, backward");
+  t.number("max_yaw_rate_radps", &Can::max_yaw_rate_radps, kPositive,
+           "yaw rate limit, in both directions");
+  t.number("max_acceleration_mps2", &Can::max_acceleration_mps2, kPositive,
+           "acceleration limit, away from standstill");
   t.number("max_deceleration_mps2", &Can::max_deceleration_mps2, kPositive,
-           "towards standstill; at least the acceleration");
+           "deceleration limit, towards standstill; at least the acceleration");
   t.number("max_yaw_acceleration_radps2", &Can::max_yaw_acceleration_radps2, kPositive,
-           "away from standstill");
+           "yaw acceleration limit, away from standstill");
   t.number("max_yaw_deceleration_radps2", &Can::max_yaw_deceleration_radps2, kPositive,
-           "towards standstill; at least the acceleration");
+           "yaw deceleration limit, towards standstill; at least the acceleration");
   t.number("max_jerk_mps3", &Can::max_jerk_mps3, kPositive, "change of acceleration per second");
   t.number("max_yaw_jerk_radps3", &Can::max_yaw_jerk_radps3, kPositive,
            "change of yaw acceleration per second");
@@ -86,16 +90,17 @@ void add_injection(KeyTable<Can>& t) {
                         "a fault of the emulated drives");
   t.whole_number("inject_node", &Can::inject_node, 0,
                  "the drive's node id, or which safety input; 0 = all");
-  t.number("inject_at_s", &Can::inject_at_s, {-1e3, 1e6, false}, "when");
+  t.number("inject_at_s", &Can::inject_at_s, {-1e3, 1e6, false},
+           "time at which the fault is injected");
   t.number("inject_value", &Can::inject_value, {0.0, 65535.0, false},
            "error code, seconds, object or share: see lcmtypes/tether_drive_fault.lcm");
 }
 
-/// Which real vehicles have in common: whoever sets these looser sets them wrong.
+/// Bounds that hold for all real vehicles.
 void check_real_drives(const Can& can, const std::string& file) {
   if (can.arm == Can::Arm::once) {
     throw UsageError(fmt::format(
-        "{}: can.arm = \"once\" moves the vehicle whoever stands beside it: with real "
+        "{}: can.arm = \"once\" moves the vehicle without an operator: with real "
         "drives (can.emulate_drives = false) it must be \"never\", and an operator arms "
         "(tether can arm)",
         file));
@@ -105,13 +110,14 @@ void check_real_drives(const Can& can, const std::string& file) {
     double value, most;
     const char* why;
   };
-  const char* blind = "so long and so far the vehicle drives though nobody sees it";
-  for (const Bound& b : {Bound{"max_blind_s", can.max_blind_s, kMostBlind, blind},
-                         {"max_blind_m", can.max_blind_m, kMostBlind, blind},
-                         {"stale_ms", can.stale_ms, 1000.0, "so long an old command is followed"},
-                         {"max_stale_m", can.max_stale_m, 2.0, "so far an old command is followed"},
-                         {"disarm_ms", can.disarm_ms, 5000.0,
-                          "so long after its last command the vehicle may drive off again"}}) {
+  const char* blind = "the limit of driving without a fresh pose";
+  for (const Bound& b :
+       {Bound{"max_blind_s", can.max_blind_s, kMostBlind, blind},
+        {"max_blind_m", can.max_blind_m, kMostBlind, blind},
+        {"stale_ms", can.stale_ms, 1000.0, "the age up to which an old command is followed"},
+        {"max_stale_m", can.max_stale_m, 2.0, "the distance over which an old command is followed"},
+        {"disarm_ms", can.disarm_ms, 5000.0,
+         "the age of the last command up to which the vehicle may drive off again"}}) {
     if (b.value <= b.most) continue;
     throw UsageError(
         fmt::format("{}: can.{} = {}: with real drives (can.emulate_drives = false) at most {}: {}",

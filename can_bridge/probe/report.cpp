@@ -55,8 +55,8 @@ std::string rows_text(const std::vector<ProbeRow>& rows) {
   return text;
 }
 
-constexpr char kNobody[] =
-    "  Nobody was heard on this bus. Check: supply of the drives, node ids, CAN plug,\n"
+constexpr char kNoNode[] =
+    "  No node was heard on this bus. Check: supply of the drives, node ids, CAN plug,\n"
     "  bit rate on both sides (`ip -details link show`), 120 Ohm at both ends, CAN_H\n"
     "  and CAN_L swapped. On a virtual bus: is tether-can-drive running on it?\n";
 
@@ -67,7 +67,7 @@ std::string silence_text(const ProbedNode& node, const std::set<int>& heard) {
            "  It lives, but its SDO server is silent: another master busy with it? Its own "
            "0x1200?\n";
   }
-  if (heard.empty()) return text + kNobody;
+  if (heard.empty()) return text + kNoNode;
   return text + fmt::format(
                     "  Heard on this bus: {} {}. Check the node id that is set in this drive, its "
                     "supply\n  and its plug.\n",
@@ -120,7 +120,7 @@ std::string format_scan(const std::vector<ProbedNode>& nodes, const std::set<int
       add(node.node, "does not answer", "-", "-", nmt_text(node.nmt) + "; a master?");
     }
   }
-  if (rows.size() == head) return fmt::format("no node of 1 to 127 answers\n{}", kNobody);
+  if (rows.size() == head) return fmt::format("no node of 1 to 127 answers\n{}", kNoNode);
   return rows + fmt::format("{} of 127 node ids answer{}\n", answered, answered == 1 ? "s" : "");
 }
 

@@ -51,10 +51,11 @@ ScenarioSection actuator_section() {
   std::vector<std::string> names;
   for (const ActuatorPolicy& policy : actuator_policies()) names.push_back(policy.name);
   t.one_of("policy", &Settings::policy, names,
-           "hold the last command, stop in some way after a timeout, or follow plans");
+           "reaction to a silent network: hold the last command, stop in some way after a timeout, "
+           "or follow plans");
   t.number("timeout_s", &Settings::timeout_s, kPositive,
            policies_that([](const ActuatorPolicy& p) { return p.after_timeout != nullptr; }) +
-               ": stop when no new twist came for this long");
+               ": time without a new twist after which the vehicle stops");
   t.number("decay_s", &Settings::decay_s, kPositive,
            policies_with("decay_s") + ": time constant of the stop");
   t.number("deceleration_mps2", &Settings::deceleration_mps2, kPositive,

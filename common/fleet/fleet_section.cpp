@@ -27,13 +27,12 @@ std::vector<ScenarioKey> keys() {
                            {"random", Fleet::Phases::random}},
                           "where on the lap of a closed path they begin");
   t.number("offset_x_m", &Fleet::offset_x_m, kOffset_m,
-           "from a path to that of the next vehicle in a row");
-  t.number("offset_y_m", &Fleet::offset_y_m, kOffset_m, "from a row of paths to the next");
+           "offset between the paths of neighbouring vehicles in a row");
+  t.number("offset_y_m", &Fleet::offset_y_m, kOffset_m, "offset between rows of paths");
   t.whole_number("columns", &Fleet::columns, 0, "vehicles in a row; 0: all are");
-  t.choice<Fleet::Ticks>(
-      "ticks", &Fleet::ticks,
-      {{"together", Fleet::Ticks::together}, {"spread", Fleet::Ticks::spread}},
-      "of their sensors and timers: all at once, or each at a time of its own by chance");
+  t.choice<Fleet::Ticks>("ticks", &Fleet::ticks,
+                         {{"together", Fleet::Ticks::together}, {"spread", Fleet::Ticks::spread}},
+                         "phases of the vehicles' sensors and timers: all equal, or random");
   return t.take();
 }
 

@@ -31,13 +31,13 @@ void add_shapes(KeyTable<Path>& t) {
   t.number("rate_radps", TETHER_MEMBER(figure_eight.rate_radps), {1e-6, 100.0, false},
            "one eight takes 2*pi/this seconds");
   t.number("rotation_rad", TETHER_MEMBER(figure_eight.rotation_rad), kAngle,
-           "of the eight's long axis against +x");
+           "angle of the eight's long axis from +x");
   t.file("csv", &Path::csv,
          "waypoints, CSV: x_m, y_m and, if wanted, v_mps; relative to the scenario file");
-  t.number("radius_m", &Path::radius_m, kSize, "of the circle");
+  t.number("radius_m", &Path::radius_m, kSize, "radius of the circle");
   t.number("length_m", &Path::length_m, kSize,
-           "of the line; of the rectangle, along the start's heading");
-  t.number("width_m", &Path::width_m, kSize, "of the rectangle, across the start's heading");
+           "length of the line, or of the rectangle along the start's heading");
+  t.number("width_m", &Path::width_m, kSize, "width of the rectangle, across the start's heading");
   t.number("corner_radius_m", &Path::corner_radius_m, kSize,
            "least radius in the rectangle's corners, which are clothoids");
   t.boolean("clockwise", &Path::clockwise, "circle and rectangle turn right instead of left");
@@ -71,11 +71,11 @@ std::vector<ScenarioKey> keys() {
   add_limits(t);
   t.choice<Path::Point>(
       "point", &Path::point, {{"axle", Path::Point::axle}, {"chassis", Path::Point::chassis}},
-      "of the vehicle, what is to follow the path: the axle's midpoint or the chassis' centre");
+      "point of the vehicle that follows the path: the axle's midpoint or the chassis' centre");
   t.number("phase", &Path::phase, kRatio,
            "share of a lap at which a closed path, and its vehicle, begin");
-  t.number("offset_x_m", &Path::offset_x_m, kStart_m, "the whole path lies so far off");
-  t.number("offset_y_m", &Path::offset_y_m, kStart_m, "the same along y");
+  t.number("offset_x_m", &Path::offset_x_m, kStart_m, "offset of the whole path along x");
+  t.number("offset_y_m", &Path::offset_y_m, kStart_m, "offset of the whole path along y");
   for (const PathKind& kind : path_kinds()) t.append(kind.own_keys);
   return t.take();
 }

@@ -9,7 +9,7 @@ ScenarioSection run_section() {
   KeyTable<Run> t("run.");
   t.number("duration_s", &Run::duration_s, kPositive, "length of the run");
   t.number("lead_s", &Run::lead_s, {0.0, 1e3, false},
-           "the loop lives this long before the path starts; the vehicle stands");
+           "time that the loop runs before the path starts; the vehicle stands");
   t.whole_number("seed", &Run::seed, 0, "seed of all random streams");
   t.number("truth_rate_hz", &Run::truth_rate_hz, kRate,
            "SIM/TRUTH messages and trajectory rows per second");
@@ -19,7 +19,8 @@ ScenarioSection run_section() {
            "settled_epsilon_m and settled_max_error_m count from this time on");
   t.number("lost_beyond_m", &Run::lost_beyond_m, kPositive,
            "an error above this for lost_for_s without a break: the vehicle is lost");
-  t.number("lost_for_s", &Run::lost_for_s, kNotNegative, "see lost_beyond_m");
+  t.number("lost_for_s", &Run::lost_for_s, kNotNegative,
+           "time that the error must stay above lost_beyond_m, without a break");
   return {.defaults = Run{}, .keys = t.take()};
 }
 

@@ -64,29 +64,30 @@ void add_start(KeyTable<Vehicle>& t) {
            "heading at t = 0; that of the path if not given (figure eight: 0)");
   t.number(
       "start_error_m", &Vehicle::start_error_m, {0.0, 100.0, false},
-      "standard deviation of the real start in x and y, which nobody knows of; at most 3 of it");
+      "standard deviation of the true start from the assumed one in x and y, clipped at 3 sigma");
   t.number("start_error_rad", &Vehicle::start_error_rad, {0.0, 10.0, false},
-           "standard deviation of the real heading at the start; at most 3 of it");
+           "standard deviation of the true heading at the start, clipped at 3 sigma");
 }
 
 void add_errors(KeyTable<Vehicle>& t) {
   constexpr Range kShare{-0.5, 0.5, false};
-  t.number("payload_kg", &Vehicle::payload_kg, {0.0, 1e5, false}, "a load, a point");
+  t.number("payload_kg", &Vehicle::payload_kg, {0.0, 1e5, false}, "mass of a point payload");
   t.number("payload_x_m", &Vehicle::payload_x_m, kOffset,
-           "of the load, relative to the chassis centre");
+           "payload along x, relative to the chassis centre");
   t.number("payload_y_m", &Vehicle::payload_y_m, kOffset,
-           "of the load, relative to the chassis centre");
+           "payload along y, relative to the chassis centre");
   t.number("payload_z_m", &Vehicle::payload_z_m, {-1.0, 10.0, false},
-           "of the load, relative to the chassis centre");
+           "payload along z, relative to the chassis centre");
   t.number("radius_error", &Vehicle::radius_error, kShare,
            "share by which the wheels are larger than the vehicle believes");
   t.number("track_error", &Vehicle::track_error, kShare,
            "share by which the vehicle believes in too wide a track");
   t.number("left_drag_N", &Vehicle::left_drag_N, kNotNegative,
            "drag of the left wheel, a constant force at its rim against its motion");
-  t.number("right_drag_N", &Vehicle::right_drag_N, kNotNegative, "the same of the right wheel");
+  t.number("right_drag_N", &Vehicle::right_drag_N, kNotNegative,
+           "drag of the right wheel, a constant force at its rim against its motion");
   t.number("actuator_lag_ms", &Vehicle::actuator_lag_ms, {0.0, 1e4, false},
-           "time constant of the rim speeds, which nobody allows for");
+           "unmodelled time constant of the rim speeds");
   t.number("clock_offset_ms", &Vehicle::clock_offset_ms, {-900.0, 900.0, false},
            "the vehicle's clock is ahead of the controller's by this");
 }
@@ -210,15 +211,16 @@ ScenarioSection world_section() {
   t.number("wall_friction", &World::wall_friction, kFriction,
            "Coulomb friction coefficient of the body on walls");
   t.number("gravity_mps2", &World::gravity_mps2, {0.1, 100.0, false}, "gravity");
-  t.number("step_ms", &World::step_ms, {0.05, 10.0, false},
-           "of the physics; goes into 10 ms without rest");
+  t.number("step_ms", &World::step_ms, {0.05, 10.0, false}, "physics time step; must divide 10 ms");
   constexpr Range kSlope{-0.5, 0.5, false};
   t.number("slope_x", &World::slope_x, kSlope, "by how much the floor rises along x, m/m");
   t.number("slope_y", &World::slope_y, kSlope, "by how much the floor rises along y, m/m");
   t.number("bump_spacing_m", &World::bump_spacing_m, kNotNegative,
-           "mean way of each wheel between two bumps, at random places; 0 = none");
-  t.number("bump_height_m", &World::bump_height_m, {0.0, 1.0, false}, "of a bump, a half sine");
-  t.number("bump_length_m", &World::bump_length_m, kLength, "of a bump, along the wheel's way");
+           "mean distance between bumps along each wheel's track, at random places; 0 = no bumps");
+  t.number("bump_height_m", &World::bump_height_m, {0.0, 1.0, false},
+           "height of a bump, which is half a sine wave");
+  t.number("bump_length_m", &World::bump_length_m, kLength,
+           "length of a bump along the wheel's track");
   ScenarioSection section{.defaults = World{}, .keys = t.take()};
   for (const char* of_bumps : {"world.bump_height_m", "world.bump_length_m"}) {
     section.switched.push_back({of_bumps, {"world.bump_spacing_m"}});
@@ -234,7 +236,7 @@ ScenarioSection vehicle_section() {
   t.choice<Vehicle::Drivetrain>(
       "drivetrain", &Vehicle::drivetrain,
       {{"direct", Vehicle::Drivetrain::direct}, {"can", Vehicle::Drivetrain::can}},
-      "what turns commands into wheel speeds: the simulator, or drives on CAN");
+      "converts commands to wheel speeds: the simulator, or drives on CAN");
   t.identifier("name", &Vehicle::name, "first part of its LCM channels");
   add_body(t);
   add_tyres(t);

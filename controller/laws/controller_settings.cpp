@@ -27,14 +27,14 @@ void add_law_and_timing(KeyTable<Controller>& t) {
   for (const LawKind& kind : law_kinds()) laws.push_back(kind.name);
   t.one_of("law", &Controller::law, laws, "control law: docs/reference/controllers.md");
   t.boolean("external", &Controller::external,
-            "no controller is started: the run waits for one of yours (docs/reference/time.md)");
+            "no controller is started: the run waits for an external one (docs/reference/time.md)");
   t.text("command", &Controller::command,
-         "starts a controller of yours for each run in simulated time; {url}, {scenario}, "
-         "{folder}, {seed} and {arm} are filled in (docs/howto/python.md)");
+         "command that starts an external controller for each run in simulated time; {url}, "
+         "{scenario}, {folder}, {seed} and {arm} are filled in (docs/howto/python.md)");
   t.boolean("warm", &Controller::warm,
-            "the command serves one run after another, and is started anew only after a failure");
+            "the command serves one run after another and is restarted only after a failure");
   t.number("patience_s", &Controller::patience_s, {0.1, 86'400.0},
-           "how long your controller may take for one answer, on the wall clock");
+           "maximum time that an external controller may take for one answer, wall clock");
   t.number("tau_s", &Controller::tau_s, kNotNegative, "look-ahead");
   t.choice<Controller::Trigger>(
       "trigger", &Controller::trigger,
@@ -46,7 +46,8 @@ void add_law_and_timing(KeyTable<Controller>& t) {
       "age of the newest pose, or without any the time since t = 0, that stops the vehicle; 0 = "
       "never");
   t.boolean("wrap_heading", &Controller::wrap_heading,
-            "heading error within (-pi, pi]; false: as it comes, turning the long way round");
+            "heading error is wrapped to (-pi, pi]; false: not wrapped, which may turn the long "
+            "way round");
   t.number("derivative_filter_s", &Controller::derivative_filter_s, kNotNegative,
            "time constant of the low-pass before the D terms");
 }
@@ -55,10 +56,11 @@ void add_sending(KeyTable<Controller>& t) {
   t.choice<Controller::Send>(
       "send", &Controller::send,
       {{"always", Controller::Send::always}, {"changed", Controller::Send::changed}},
-      "which commands or plans are sent: all, or those that differ from the last one sent");
+      "commands or plans to send: all, or those that differ from the last one sent");
   t.number("send_delta_mps", &Controller::send_delta_mps, kNotNegative,
            "send = changed: a speed off by more than this, of a plan at any time, is sent");
-  t.number("send_delta_radps", &Controller::send_delta_radps, kNotNegative, "likewise a yaw rate");
+  t.number("send_delta_radps", &Controller::send_delta_radps, kNotNegative,
+           "send = changed: a yaw rate off by more than this, of a plan at any time, is sent");
   t.number("send_max_age_s", &Controller::send_max_age_s, kPositive,
            "send = changed: the longest time between two commands or plans that are sent");
 }
@@ -70,7 +72,7 @@ void add_planning(KeyTable<Controller>& t) {
            "law = pid_adaptive: times the table's look-aheads, which other gains or rates need");
   t.number("horizon_s", &Controller::horizon_s, {0.05, 200.0, false}, "length of a plan");
   t.number("plan_step_ms", &Controller::plan_step_ms, {5.0, 1000.0, false},
-           "each twist of a plan is in force for this long; a horizon has at most 4000");
+           "duration of each twist of a plan; a horizon has at most 4000");
   t.boolean("preload", &Controller::preload, "the first plan is on board before departure");
 }
 
@@ -89,10 +91,10 @@ void add_feedback_and_model(KeyTable<Controller>& t) {
   t.number("tracking.max_lateral_mps2", TETHER_MEMBER(tracking.max_lateral_mps2),
            {0.1, 100.0, false}, "speed times yaw rate while catching up with the path");
   t.optional_number("model.track_m", TETHER_MEMBER(model.track_m), kLength,
-                    "in predictions; not set: the vehicle's");
+                    "track in predictions; not set: the vehicle's");
   t.optional_number("model.max_wheel_acceleration_mps2",
                     TETHER_MEMBER(model.max_wheel_acceleration_mps2), kPositive,
-                    "in predictions; not set: the vehicle's");
+                    "slew rate of rim speeds in predictions; not set: the vehicle's");
 }
 
 void add_estimation(KeyTable<Controller>& t) {
@@ -101,24 +103,28 @@ void add_estimation(KeyTable<Controller>& t) {
   t.choice<Controller::Estimator>(
       "estimator", &Controller::estimator,
       {{"none", Controller::Estimator::none}, {"ekf", Controller::Estimator::ekf}},
-      "what laws take for the pose: the newest one, or that of an extended Kalman filter");
+      "pose that laws use: the newest one, or an extended Kalman filter's");
   t.number("ekf.position_noise_m", TETHER_MEMBER(ekf.position_noise_m), kNoise,
-           "standard deviation of a pose's noise on x and y, as the filter takes it");
-  t.number("ekf.yaw_noise_rad", TETHER_MEMBER(ekf.yaw_noise_rad), kNoise, "likewise on yaw");
+           "standard deviation of a pose's noise on x and y that the filter assumes");
+  t.number("ekf.yaw_noise_rad", TETHER_MEMBER(ekf.yaw_noise_rad), kNoise,
+           "standard deviation of a pose's noise on yaw that the filter assumes");
   t.number("ekf.position_drift_mpsqrts", TETHER_MEMBER(ekf.position_drift_mpsqrts), kDrift,
            "random walk of the vehicle's x and y while its wheels turn, after 1 s: process noise");
   t.number("ekf.yaw_drift_radpsqrts", TETHER_MEMBER(ekf.yaw_drift_radpsqrts), kDrift,
-           "likewise of its yaw");
+           "random walk of the vehicle's yaw while its wheels turn, after 1 s: process noise");
   t.number("ekf.start_m", TETHER_MEMBER(ekf.start_m), kDrift,
            "standard deviation of the start's x and y");
-  t.number("ekf.start_rad", TETHER_MEMBER(ekf.start_rad), kDrift, "likewise of its yaw");
+  t.number("ekf.start_rad", TETHER_MEMBER(ekf.start_rad), kDrift,
+           "standard deviation of the start's yaw");
   t.number("ekf.lag_ms", TETHER_MEMBER(ekf.lag_ms), {0.0, 500.0, false},
            "time constant of the drive's rim speeds; with adapt.lag at first");
   t.optional_number("ekf.radius_error", TETHER_MEMBER(ekf.radius_error), {0.0, 0.1, false},
                     "standard deviation of the wheels' radius, relative, adapted or not; not set: "
                     "0.03 if anything is adapted, else 0");
   t.optional_number("ekf.track_error", TETHER_MEMBER(ekf.track_error), {0.0, 0.1, false},
-                    "likewise of the track");
+                    "standard deviation of the track, relative, adapted or not; not set: 0.03 if "
+                    "anything is adapted, "
+                    "else 0");
   t.boolean("adapt.radius", TETHER_MEMBER(adapt.radius), "the filter estimates the wheels' size");
   t.boolean("adapt.track", TETHER_MEMBER(adapt.track), "… the track that the drive believes in");
   t.boolean("adapt.lag", TETHER_MEMBER(adapt.lag), "… the lag of its rim speeds");
@@ -127,7 +133,7 @@ void add_estimation(KeyTable<Controller>& t) {
   t.boolean("adapt.clock", &Controller::adapt_clock,
             "by how much the vehicle's clock is ahead, from delays both ways");
   t.number("sensor_latency_ms", &Controller::sensor_latency_ms, {0.0, 1e4, false},
-           "of a pose's age when it arrives, what its sensor took: no delay of the network");
+           "share of a pose's age at its arrival that is its sensor's and not the network's");
 }
 
 bool is_of_filter(const std::string& key) {

@@ -11,7 +11,7 @@ std::vector<ScenarioKey> mpc_keys() {
       "controller.mpc.",
       {[](const Scenario& s) -> const Mpc& { return s.get<ControllerSettings>().own.get<Mpc>(); },
        [](Scenario& s) -> Mpc& { return s.get<ControllerSettings>().own.get<Mpc>(); }});
-  t.number("steps", &Mpc::steps, {1.0, 200.0, false}, "of a plan, whole, that are optimised");
+  t.number("steps", &Mpc::steps, {1.0, 200.0, false}, "number of optimised steps per plan");
   t.number("heading_m2", &Mpc::heading_m2, kNotNegative,
            "weight of a heading error's square against a distance's");
   t.number("rim_s2", &Mpc::rim_s2, {1e-6, 1e3, false},
@@ -19,7 +19,7 @@ std::vector<ScenarioKey> mpc_keys() {
   t.number("terminal", &Mpc::terminal, {1.0, 1e3, false}, "weight of the last step");
   t.number("within_m", &Mpc::within_m, kNotNegative,
            "farther off the path, plans are the tracking law's");
-  t.number("iterations", &Mpc::iterations, {1.0, 10.0, false}, "of linearisation, whole");
+  t.number("iterations", &Mpc::iterations, {1.0, 10.0, false}, "number of linearisations per plan");
   return t.take();
 }
 

@@ -101,9 +101,9 @@ ScenarioSection tube_section() {
   t.number("yaw_radps", TETHER_MEMBER(bounds.yaw_radps), {0.0, 10.0, false},
            "greatest disturbance of the yaw rate");
   t.number("start_m", TETHER_MEMBER(bounds.start_m), {0.0, 100.0, false},
-           "how far it may be off its plan when silence begins");
+           "maximum distance from the plan when silence begins");
   t.number("start_rad", TETHER_MEMBER(bounds.start_rad), {0.0, 1.0, false},
-           "how far its heading may be off then");
+           "maximum heading error when silence begins");
   ScenarioSection section{.defaults = Tube{}, .keys = t.take()};
   for (const ScenarioKey& key : section.keys) {
     if (key.name != "tube.silence_s") section.switched.push_back({key.name, {"tube.silence_s"}});

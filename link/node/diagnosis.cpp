@@ -67,8 +67,7 @@ std::string Diagnosis::why_down(const Sight& sight) {
   const Refusals& now = sight.refused;
   // Of what authenticated.
   if (now.clock > then_.clock) {
-    return fmt::format("{}; or somebody replays an old handshake",
-                       clocks_apart(sight.clock_ahead_s));
+    return fmt::format("{}; or an old handshake is replayed", clocks_apart(sight.clock_ahead_s));
   }
   if (sight.crossed) return kCrossed;
   // Anybody may send these, so that they are a hint: what came most often.

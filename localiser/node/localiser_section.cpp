@@ -22,20 +22,21 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
 }
 
 void add_map(KeyTable<Settings>& t) {
-  t.number("resolution_m", &Settings::resolution_m, {0.005, 1.0, false}, "of its map");
+  t.number("resolution_m", &Settings::resolution_m, {0.005, 1.0, false}, "cell size of its map");
   t.number("scan_height_m", &Settings::scan_height_m, {0.0, 10.0, false},
-           "of the scanner's plane above the floor: the map shows what is at that height");
+           "height of the scan plane above the floor: the map shows what is at that height");
 }
 
 void add_matching(KeyTable<Settings>& t) {
   t.number("range_noise_m", &Settings::range_noise_m, {1e-3, 1.0, false},
            "standard deviation of a beam's range");
   t.number("odometry_noise_m", &Settings::odometry_noise_m, {0.0, 1.0, false},
-           "standard deviation of a wheel's way after 1 m; it grows with the root of the way");
+           "standard deviation of a wheel's travel after 1 m; it grows with the square root of the "
+           "travel");
   t.number("max_distance_m", &Settings::max_distance_m, {0.05, 5.0, false},
            "beams that end farther from the map say nothing");
   t.whole_number("max_beams", &Settings::max_beams, Settings::kLeastBeams,
-                 "of a scan that are matched, evenly chosen");
+                 "maximum number of beams of a scan that are matched, evenly chosen");
   t.whole_number("particles", &Settings::particles, 72, "new ones each scan, while it searches");
 }
 
@@ -43,11 +44,10 @@ void add_matching(KeyTable<Settings>& t) {
 
 ScenarioSection localiser_section() {
   KeyTable<Settings> t("localiser.");
-  t.choice<Place>(
-      "place", &Settings::place,
-      {{"none", Place::none}, {"vehicle", Place::vehicle}, {"edge", Place::edge}},
-      "what makes poses of scans: nothing (they come from [sensor]), the vehicle, or the "
-      "controller's side, to which scans go through the network");
+  t.choice<Place>("place", &Settings::place,
+                  {{"none", Place::none}, {"vehicle", Place::vehicle}, {"edge", Place::edge}},
+                  "source of poses: [sensor], a localiser on the vehicle, or one on the "
+                  "controller's side, which receives scans through the network");
   t.boolean("knows_start", &Settings::knows_start,
             "where the vehicle starts; false: it has to find out");
   add_map(t);

@@ -24,7 +24,7 @@ std::vector<ScenarioKey> link_keys(const std::string& prefix,
   KeyTable<LinkConfig> t(prefix, link);
   std::vector<std::string> models;
   for (const ChannelModelKind& kind : channel_model_kinds()) models.push_back(kind.name);
-  t.one_of("model", &LinkConfig::model, models, "what decides the conditions of the link");
+  t.one_of("model", &LinkConfig::model, models, "model that sets loss and delay of the link");
   t.number("prr", TETHER_MEMBER(fixed.prr), kRatio,
            names_of_models(&ChannelModelKind::uses_prr) + ": packet reception ratio");
   t.number("delay_ms", TETHER_MEMBER(fixed.delay_ms), kDelayRange_ms,

@@ -186,18 +186,19 @@ void complete(Scenario& scenario, const std::set<std::string>& given, const std:
 
 void radio_keys(KeyTable<Medium>& t) {
   t.number("rate_Mbps", &Medium::rate_Mbps, {0.1, 1e4, false},
-           "of data; of a cell: of all users together");
+           "data rate; of a cell: that of all users together");
   t.boolean("he", &Medium::he, "Wi-Fi: 802.11ax (HE SU) instead of OFDM");
   t.number("control_rate_Mbps", &Medium::control_rate_Mbps, {1.0, 54.0, false},
            "Wi-Fi: of acknowledgements");
   t.one_of("category", &Medium::category, kCategories, "edca: of all that vehicles send and get");
   t.boolean("eifs", &Medium::eifs,
             "Wi-Fi: after a collision stations wait as for an acknowledgement");
-  t.whole_number("attempts", &Medium::attempts, 1, "of a frame, then it is lost");
+  t.whole_number("attempts", &Medium::attempts, 1,
+                 "maximum number of attempts per frame; then it is lost");
   t.whole_number("queue", &Medium::queue, 1, "frames that may wait at a station");
   t.number("lifetime_ms", &Medium::lifetime_ms, kPositive,
            "Wi-Fi: frames that have waited for longer are not sent");
-  t.number("error_ratio", &Medium::error_ratio, kRatio, "of attempts, lost to noise");
+  t.number("error_ratio", &Medium::error_ratio, kRatio, "share of attempts lost to noise");
 }
 
 void cell_keys(KeyTable<Medium>& t) {
@@ -270,7 +271,7 @@ ScenarioSection medium_section() {
                            {"dcf", Medium::Model::dcf},
                            {"edca", Medium::Model::edca},
                            {"scheduled", Medium::Model::scheduled}},
-                          "what all links share: nothing, Wi-Fi without and with access "
+                          "medium that all links share: none, Wi-Fi without and with access "
                           "categories, or a cell that grants its uplink");
   t.whole_number("others", &Medium::others, 0,
                  "other vehicles that send poses and get commands as this one does, each at a "

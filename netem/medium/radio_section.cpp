@@ -29,7 +29,7 @@ void hall_keys(KeyTable<Radio>& t) {
   t.number("roaming_hysteresis_db", &Radio::roaming_hysteresis_db, {0.0, 60.0, false},
            "hall: vehicles change to another access point that they hear so much better");
   t.number("roaming_break_ms", &Radio::roaming_break_ms, {0.0, 60'000.0, false},
-           "hall: nothing passes for so long after a change");
+           "hall: interruption after a change of the access point");
   t.choice<bool>("roaming_queue", &Radio::roaming_waits, {{"wait", true}, {"lost", false}},
                  "hall: what becomes of frames that are to pass meanwhile");
   t.choice<Clutter>("clutter", &Radio::clutter,

@@ -25,7 +25,7 @@ std::vector<ScenarioKey> keys(const LinkField& field) {
   t.number("path_loss_exponent", &MapConfig::path_loss_exponent, {0.0, 10.0, false},
            "access points: SNR falls by 10 times this per decade of distance");
   t.number("handover_s", &MapConfig::handover_s, {0.0, 1e3, false},
-           "access points: nothing gets through for so long after a change");
+           "access points: interruption after a change of the access point");
   t.number("shadowing_sd_db", &MapConfig::shadowing_sd_db, {0.0, 50.0, false},
            "standard deviation of log-normal shadowing; 0 = none");
   t.number("shadowing_distance_m", &MapConfig::shadowing_distance_m, {1e-3, 1e6, false},

@@ -20,10 +20,11 @@ bool same_times(const MarkovConfig& a, const MarkovConfig& b) {
 
 std::vector<ScenarioKey> keys(const LinkField& field) {
   auto t = field.keys_of<MarkovConfig>("markov");
-  t.number("good.prr", TETHER_MEMBER(good.prr), kRatio, "in the good state");
-  t.number("good.delay_ms", TETHER_MEMBER(good.delay_ms), kDelayRange_ms, "in the good state");
-  t.number("bad.prr", TETHER_MEMBER(bad.prr), kRatio, "in the bad state");
-  t.number("bad.delay_ms", TETHER_MEMBER(bad.delay_ms), kDelayRange_ms, "in the bad state");
+  t.number("good.prr", TETHER_MEMBER(good.prr), kRatio, "packet reception ratio in the good state");
+  t.number("good.delay_ms", TETHER_MEMBER(good.delay_ms), kDelayRange_ms,
+           "delay in the good state");
+  t.number("bad.prr", TETHER_MEMBER(bad.prr), kRatio, "packet reception ratio in the bad state");
+  t.number("bad.delay_ms", TETHER_MEMBER(bad.delay_ms), kDelayRange_ms, "delay in the bad state");
   t.number("mean_good_s", &MarkovConfig::mean_good_s, kSojourn,
            "mean sojourn time in the good state");
   t.number("mean_bad_s", &MarkovConfig::mean_bad_s, kSojourn, "mean sojourn time in the bad state");

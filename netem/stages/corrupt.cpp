@@ -67,8 +67,9 @@ const CorruptSettings& of(const LinkConfig& link) { return link.own.get<CorruptS
 
 std::vector<ScenarioKey> keys(const LinkField& field) {
   auto t = field.keys_of<CorruptSettings>("corrupt");
-  t.number("probability", &CorruptSettings::probability, kRatio, "that a packet is damaged");
-  t.whole_number("bits", &CorruptSettings::bits, 1, "flipped in a damaged packet");
+  t.number("probability", &CorruptSettings::probability, kRatio,
+           "probability that a packet is damaged");
+  t.whole_number("bits", &CorruptSettings::bits, 1, "number of bits flipped in a damaged packet");
   return t.take();
 }
 

@@ -28,7 +28,8 @@ double probability(const LinkConfig& link) { return link.own.get<DuplicateSettin
 
 std::vector<ScenarioKey> keys(const LinkField& field) {
   auto t = field.keys_of<DuplicateSettings>("duplicate");
-  t.number("probability", &DuplicateSettings::probability, kRatio, "that a packet is sent twice");
+  t.number("probability", &DuplicateSettings::probability, kRatio,
+           "probability that a packet is sent twice");
   return t.take();
 }
 

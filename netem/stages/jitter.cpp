@@ -85,16 +85,16 @@ std::vector<ScenarioKey> keys(const LinkField& field) {
   for (const JitterLaw& law : jitter_laws()) laws.push_back(law.name);
   auto t = field.keys_of<Settings>("jitter");
   t.one_of("law", &Settings::law, laws,
-           "of the delay added to the model's; the sum is never negative");
+           "distribution of the delay added to the model's; the sum is never negative");
   t.number("mean_ms", &Settings::mean_ms, kSigned, "mean of the law");
   t.number("sd_ms", &Settings::sd_ms, kDelayRange_ms, "standard deviation of the law");
   t.number("shape", &Settings::shape, {2.0, 1e3, true}, "pareto, paretonormal: tail index");
   t.list("table_ms", &Settings::table_ms, kSigned,
          "table: quantiles at equally spaced probabilities from 0 to 1, or ...");
   t.file("file", &Settings::file,
-         "... a file of observed delays in ms, one a line, relative to the scenario file");
+         "... a file of observed delays in ms, one per line, relative to the scenario file");
   t.number("correlation", &Settings::correlation, {-0.9999, 0.9999, false},
-           "of successive packets' normal scores");
+           "correlation of successive packets' normal scores");
   return t.take();
 }
 

@@ -58,12 +58,14 @@ const RateSettings& of(const LinkConfig& link) { return link.own.get<RateSetting
 std::vector<ScenarioKey> keys(const LinkField& field) {
   auto t = field.keys_of<RateSettings>("rate");
   t.number("bits_per_s", &RateSettings::bits_per_s, {0.0, 1e12, false},
-           "of the bottleneck; 0 = no limit");
-  t.whole_number("queue_packets", &RateSettings::queue_packets, 1,
-                 "waiting for the bottleneck or passing it; more are dropped");
-  t.whole_number("queue_bytes", &RateSettings::queue_bytes, 0, "the same in bytes; 0 = no limit");
+           "bit rate of the bottleneck; 0 = no limit");
+  t.whole_number(
+      "queue_packets", &RateSettings::queue_packets, 1,
+      "maximum number of packets that wait for the bottleneck or pass it; more are dropped");
+  t.whole_number("queue_bytes", &RateSettings::queue_bytes, 0,
+                 "maximum number of bytes that wait for the bottleneck or pass it; 0 = no limit");
   t.whole_number("overhead_bytes", &RateSettings::overhead_bytes, 0,
-                 "added to each packet's length");
+                 "bytes added to each packet's length");
   return t.take();
 }
 

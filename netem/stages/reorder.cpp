@@ -49,8 +49,10 @@ const ReorderSettings& of(const LinkConfig& link) { return link.own.get<ReorderS
 
 std::vector<ScenarioKey> keys(const LinkField& field) {
   auto t = field.keys_of<ReorderSettings>("reorder");
-  t.number("probability", &ReorderSettings::probability, kRatio, "that a packet skips its delay");
-  t.whole_number("gap", &ReorderSettings::gap, 1, "at most one packet in so many skips its delay");
+  t.number("probability", &ReorderSettings::probability, kRatio,
+           "probability that a packet skips its delay");
+  t.whole_number("gap", &ReorderSettings::gap, 1,
+                 "at most one packet in this many skips its delay");
   return t.take();
 }
 

@@ -27,8 +27,9 @@ class Room final : public LinkStage {
 std::vector<ScenarioKey> keys(const LinkField& field) {
   auto t = field.keys_of<RoomSettings>("");
   t.whole_number("queue_limit", &RoomSettings::packets, 1,
-                 "packets under way; more are dropped and counted");
-  t.whole_number("queue_limit_bytes", &RoomSettings::bytes, 1, "the same in bytes of payload");
+                 "maximum number of packets under way; more are dropped and counted");
+  t.whole_number("queue_limit_bytes", &RoomSettings::bytes, 1,
+                 "maximum payload of packets under way; more are dropped and counted");
   return t.take();
 }
 

@@ -102,7 +102,8 @@ std::vector<ScenarioKey> keys(const LinkField& field) {
            "packets are released at multiples of this; 0 = at any time");
   t.number("jitter_ms", &SlotSettings::jitter_ms, kDelayRange_ms,
            "each slot begins later by up to this; at most the period");
-  t.whole_number("packets", &SlotSettings::packets, 0, "released per slot at most; 0 = no limit");
+  t.whole_number("packets", &SlotSettings::packets, 0,
+                 "maximum number of packets released per slot; 0 = no limit");
   return t.take();
 }
 

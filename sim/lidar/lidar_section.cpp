@@ -25,9 +25,9 @@ std::vector<ScenarioKey> lidar_keys() {
   t.one_of("model", &Lidar::model, models,
            "the laser scanner; a name of one that there is sets the keys below that are not given");
   t.number("rate_hz", &Lidar::rate_hz, kRate, "turns per second");
-  t.whole_number("beams", &Lidar::beams, 1, "of a turn, at most 8192");
+  t.whole_number("beams", &Lidar::beams, 1, "number of beams per revolution, at most 8192");
   t.number("fov_rad", &Lidar::fov_rad, {0.0, 2.0 * std::numbers::pi, true},
-           "from the first beam to the last, with the middle ahead");
+           "angle from the first beam to the last; the middle one points ahead");
   t.number("range_min_m", &Lidar::range_min_m, {0.0, 1e3, false}, "nothing nearer is seen");
   t.number("range_max_m", &Lidar::range_max_m, {1e-3, 1e3, false}, "nothing farther is seen");
   t.number("range_10_m", &Lidar::range_10_m, {1e-3, 1e4, false},
@@ -39,12 +39,14 @@ std::vector<ScenarioKey> lidar_keys() {
            "ranges are multiples of it; 0 = any");
   t.number("divergence_rad", &Lidar::divergence_rad, {0.0, 0.1, false},
            "a beam's width at 1 m: at edges it sees two things");
-  t.number("dropout_share", &Lidar::dropout_share, kRatio, "of beams that see nothing, at random");
+  t.number("dropout_share", &Lidar::dropout_share, kRatio,
+           "share of beams that return nothing, at random");
   t.optional_number("mount_x_m", &Lidar::mount_x_m, kMount,
-                    "of the scanner, ahead of the axle; not given: at the chassis' front");
-  t.number("mount_y_m", &Lidar::mount_y_m, kMount, "of the scanner, to the left");
-  t.number("mount_yaw_rad", &Lidar::mount_yaw_rad, kAngle, "of the scanner");
-  t.number("height_m", &Lidar::height_m, {0.01, 100.0, false}, "of its plane above the floor");
+                    "scanner's position ahead of the axle; not given: the chassis' front");
+  t.number("mount_y_m", &Lidar::mount_y_m, kMount, "scanner's position to the left");
+  t.number("mount_yaw_rad", &Lidar::mount_yaw_rad, kAngle, "scanner's yaw");
+  t.number("height_m", &Lidar::height_m, {0.01, 100.0, false},
+           "height of the scan plane above the floor");
   return t.take();
 }
 

@@ -51,7 +51,7 @@ void add_events(KeyTable<Sensor>& t) {
            "localisation jumps, at random times (Poisson)");
   t.number("jump_m", &Sensor::jump_m, kNotNegative, "standard deviation of a jump in x and y");
   t.number("jump_rad", &Sensor::jump_rad, kNotNegative, "standard deviation of a jump in yaw");
-  t.number("jump_s", &Sensor::jump_s, kNotNegative, "how long a jump lasts; 0 = until the next");
+  t.number("jump_s", &Sensor::jump_s, kNotNegative, "duration of a jump; 0 = until the next");
   t.number("dropouts_per_min", &Sensor::dropouts_per_min, kPerMinute,
            "times without any pose, beginning at random while there are poses (Poisson)");
   t.number("dropout_s", &Sensor::dropout_s, kPositive, "their mean duration (exponential)");
@@ -60,10 +60,11 @@ void add_events(KeyTable<Sensor>& t) {
 void add_sending(KeyTable<Sensor>& t) {
   t.choice<Sensor::Send>("send", &Sensor::send,
                          {{"always", Sensor::Send::always}, {"changed", Sensor::Send::changed}},
-                         "which poses are sent: all, or those that differ from the last one sent");
+                         "poses to send: all, or those that differ from the last one sent");
   t.number("send_delta_m", &Sensor::send_delta_m, kNotNegative,
            "send = changed: a pose farther than this from the last one sent is sent");
-  t.number("send_delta_rad", &Sensor::send_delta_rad, kNotNegative, "likewise of its yaw");
+  t.number("send_delta_rad", &Sensor::send_delta_rad, kNotNegative,
+           "send = changed: a pose with a yaw farther than this from the last one sent is sent");
   t.number("send_max_age_s", &Sensor::send_max_age_s, kPositive,
            "send = changed: the longest time between two poses that are sent");
 }
@@ -89,12 +90,13 @@ ScenarioSection sensor_section() {
   t.number("rate_hz", &Sensor::rate_hz, kRate, "poses per second");
   add_noise(t);
   add_events(t);
-  t.number("latency_ms", &Sensor::latency_ms, {0.0, 1e6, false}, "from measurement to publication");
+  t.number("latency_ms", &Sensor::latency_ms, {0.0, 1e6, false},
+           "time from measurement to publication");
   add_sending(t);
   t.number("odometry_rate_hz", &Sensor::odometry_rate_hz, {0.0, 1000.0, false},
            "the wheels' odometry, sent to the controller, per second; 0 = none");
   t.whole_number("encoder_ticks", &Sensor::encoder_ticks, 0,
-                 "of each wheel's encoder in a turn, for the odometry; 0 = exact");
+                 "encoder ticks per wheel revolution, for the odometry; 0 = exact");
   ScenarioSection section{.defaults = Sensor{}, .keys = t.take()};
   section.switched = switched_keys();
   section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {

@@ -44,7 +44,7 @@ def drives_and_stops_when_the_hand_falls_silent(test):
         client.read(0.05)
     publish(other, v_mps=-1.0, omega_radps=0.0)
     other.wait(2, lambda: other.status, "the refusal of a second driver")
-    check("somebody else is driving" in other.status[0]["message"], other.status)
+    check("another client is driving" in other.status[0]["message"], other.status)
     moved = test.network.messages("SIM/TRUTH")[-1]
     check(moved.v_mps > 0.8 and moved.omega_radps > 0.1, f"it drives: {moved.v_mps} m/s, {moved.omega_radps} rad/s")
     twist = test.network.messages("AGV/CMD_VEL")[-1]

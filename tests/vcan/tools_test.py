@@ -307,7 +307,7 @@ def probe(test):
                  out=["node 9: does not answer (no heartbeat)", "Heard on this bus: nodes 1, 2. Check the node id",
                       "Who is on this bus:", "2 of 127 node ids answer"])
         d.tether("probe", "--interface", "vcan1", "--node", 9, code=1,
-                 out=["node 9: does not answer (no heartbeat)", "Nobody was heard on this bus. Check: supply"])
+                 out=["node 9: does not answer (no heartbeat)", "No node was heard on this bus. Check: supply"])
         record.stop()
         asked = check_only_reads(record, "probe")
         test.say(f"probe: {len(asked)} requests, all SDO uploads")

@@ -287,7 +287,7 @@ TEST(ProbeText, HintsDependOnWhatWasHeard) {
   node.node = 3;
   EXPECT_THAT(format_probe({node}, {}, ""),
               ::testing::AllOf(HasSubstr("node 3: does not answer (no heartbeat)"),
-                               HasSubstr("Nobody was heard on this bus"), HasSubstr("120 Ohm"),
+                               HasSubstr("No node was heard on this bus"), HasSubstr("120 Ohm"),
                                HasSubstr("bit rate")));
   EXPECT_THAT(format_probe({node}, {1, 2}, ""),
               ::testing::AllOf(HasSubstr("Heard on this bus: nodes 1, 2. Check the node id"),

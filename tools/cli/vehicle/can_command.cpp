@@ -96,9 +96,10 @@ void add_inject(CLI::App& can, const SharedOptions& options, Action& action) {
 }
 
 void add_drive(CLI::App& can, const SharedOptions& options, Action& action) {
-  CLI::App* const command = add_operator_command(can, options, "drive",
-                                                 "Command one twist for a time, once somebody has "
-                                                 "armed; for tests of a vehicle. Ctrl-C stops");
+  CLI::App* const command =
+      add_operator_command(can, options, "drive",
+                           "Command one twist for a time, once the vehicle is "
+                           "armed; for tests of a vehicle. Ctrl-C stops");
   command->add_option("--v-mps", options->drive.twist.v_mps, "forward speed")
       ->check(number_between(-20.0, 20.0))
       ->capture_default_str();

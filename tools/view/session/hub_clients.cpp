@@ -63,8 +63,8 @@ struct Hub::Handle {
     const auto& publishable = hub.options_.publishable;
     for (const auto& one : message.channels) {
       if (std::find(publishable.begin(), publishable.end(), one.topic) == publishable.end()) {
-        complain(
-            fmt::format("advertise: nobody may publish on {} here", printable(one.topic, 100)));
+        complain(fmt::format("advertise: clients may not publish on {} here",
+                             printable(one.topic, 100)));
       } else if (one.encoding != "json") {
         complain(fmt::format("advertise: the encoding has to be json, and not {}",
                              printable(one.encoding, 40)));

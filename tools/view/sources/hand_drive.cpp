@@ -53,7 +53,7 @@ twist_t HandDrive::take(ClientId client, std::string_view json, Instant now) {
   if (!clock_ || now - clock_at_ > kClockPatience) {
     throw UsageError("there is nothing to drive: no SIM/CLOCK was heard for a second");
   }
-  if (is_held(now) && *driver_ != client) throw UsageError("somebody else is driving");
+  if (is_held(now) && *driver_ != client) throw UsageError("another client is driving");
   driver_ = client;
   driven_at_ = now;
   zeros_ = kZeros;
