@@ -31,6 +31,7 @@ if [ "${1:-}" = tests ]; then
         clang lld libclang-rt-14-dev                # the sanitizers' build, by a second compiler
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         python3-pandas                              # what readers of runs make of them
+        python3-prometheus-client                   # what reads metrics
         procps util-linux                           # process tests
         zsh groff-base                              # completion, manual pages
         dpkg-dev lintian systemd                    # packages and services

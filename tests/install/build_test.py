@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 VEHICLE = ["tether-vehicle", "tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-link", "tether-localiser"]
@@ -86,6 +87,14 @@ def each_program_runs(folder, work):
         node.send_signal(signal.SIGTERM)
         code = node.wait(30)
         check("waiting for SIM/CLOCK" in log.read_text() and code == 0, f"{name}: exit code {code}: {log.read_text()}")
+
+
+def metrics_are_served(folder, work):
+    server = subprocess.Popen([folder / "tether-vehicle", "metrics", "--port", "0"], cwd=work, stdout=subprocess.PIPE, text=True)
+    with urllib.request.urlopen(server.stdout.readline().strip(), timeout=10) as answer:
+        served = answer.read().decode()
+    server.terminate()
+    check("tether_build_info{" in served and server.wait(10) == 0, served)
 
 
 class Installed:
@@ -168,12 +177,13 @@ def vehicle(build, tree, work):
                env=os.environ | {"PKG_CONFIG_PATH": str(hidden)})
     built(tree)
     simulator = [str(path.relative_to(tree)) for path in tree.rglob("*.a") if re.search(
-        r"sim_(plant|node)|tools_(view|experiment|runs|loop)|margin", path.name)]
+        r"sim_(plant|node)|tools_(view_(?!web|session|protocol)|experiment|runs|loop)|margin", path.name)]
     check(not simulator, f"built for a vehicle: {simulator}")
     prefix, away = work / "prefix", work / "away"
     away.mkdir()
     run("cmake", "--install", tree, "--prefix", prefix)
     each_program_runs(prefix / "bin", away)
+    metrics_are_served(prefix / "bin", away)
     links_little(prefix / "bin", packed(tree, PACKAGES["vehicle"])["tether-vehicle"])
 
 
