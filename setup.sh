@@ -34,7 +34,7 @@ if [ "${1:-}" = tests ]; then
         python3-prometheus-client                   # what reads metrics
         procps util-linux                           # process tests
         zsh groff-base                              # completion, manual pages
-        dpkg-dev lintian systemd                    # packages and services
+        dpkg-dev lintian systemd udev               # packages and services
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot, the page of tether view
