@@ -58,6 +58,7 @@ const std::vector<CommandExamples>& all_examples() {  // NOLINT(readability-func
       {"log mcap",
        {"tether log mcap out/paper/run.lcmlog", "tether log mcap out/paper/run.lcmlog --ros2"}},
       {"log page", {"tether log page out/paper/run.lcmlog --from 10 --to 40 --out part.html"}},
+      {"can import", {"tether can import drive.eds --node 1 --node 2 > mine.toml"}},
       {"can",
        {"tether can probe --interface can0 --node 1 --node 2", "tether can status",
         "tether can arm"}},
