@@ -5,6 +5,7 @@ nodes themselves say on LCM. Usage: metrics_test.py BIN_DIR"""
 
 import http.client
 import pathlib
+import re
 import socket
 import sys
 import time
@@ -14,10 +15,11 @@ from prometheus_client.parser import text_string_to_metric_families
 
 sys.path.insert(1, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 from can_drivetrain import Drivetrain, patient_file
-from live_support import COUNTERS, GROUP, PAPER, PORT, TYPES, LcmType, Network, check, main, wait_until
+from live_support import COUNTERS, GROUP, PAPER, PORT, SOURCE, TYPES, LcmType, Network, check, main, wait_until
 from prometheus_text import parse
 
 FAR_PORT = 7668
+PAGE = (SOURCE / "docs/howto/deployment.md").read_text()
 TOKEN = "0123456789abcdef-token"
 TYPES["LINK/REPORT"] = LcmType("peer_report")
 
@@ -56,6 +58,10 @@ class Samples:
 
     def names(self):
         return {name for name, _ in self._samples}
+
+    def kinds(self):
+        """Names with the names of their labels."""
+        return {(name, frozenset(dict(labels))) for name, labels in self._samples}
 
     def get(self, name, **labels):
         """None if it is absent."""
@@ -140,10 +146,16 @@ def a_scrape_says_what_the_nodes_say(test):
         check(-0.1 < low <= 0.0 <= high < 0.1, f"one clock, and it is between {low} and {high} s ahead of itself")
         received = samples.get("tether_link_path_datagrams_received_total", peer="control", path="wifi")
         check(0 < received <= network.last("LINK/REPORT").path_received[0], received)
-        heard = samples.get("tether_channel_messages_total", channel="CAN/STATE")
+        served = exporter.scrape().get("tether_channel_messages_total", channel="CAN/STATE")
+        heard = len(network.messages("CAN/STATE"))
         time.sleep(1.0)
-        more = exporter.scrape().get("tether_channel_messages_total", channel="CAN/STATE") - heard
-        check(20 < more < 100, f"{more} CAN/STATE in a second or more")
+        served = exporter.scrape().get("tether_channel_messages_total", channel="CAN/STATE") - served
+        heard = len(network.messages("CAN/STATE")) - heard
+        check(heard > 30 and abs(served - heard) < 10, f"{served} CAN/STATE were served, {heard} heard")
+
+        shown = {(name, frozenset(re.findall(r'(\w+)="', labels))) for name, labels in re.findall(r"(?m)^    (tether_\w+)\{(.*)\}", PAGE)}
+        check(len(shown) >= 8, f"of deployment.md: {shown}")
+        wait_until(10, lambda: shown <= exporter.scrape().kinds(), "what deployment.md shows is served, with those labels")
 
         since = time.time()
         far.kill()
