@@ -58,6 +58,7 @@ def built(tree, *targets):
 
 def packed(tree, names):
     made = tree / "packages"
+    shutil.rmtree(made, ignore_errors=True)
     run("cpack", "-G", "DEB", "--config", tree / "CPackConfig.cmake", "-B", made)
     packages = sorted(made.glob("*.deb"))
     check([package.name.split("_")[0] for package in packages] == names, packages)
@@ -188,14 +189,26 @@ def vehicle(build, tree, work):
 
 
 def packaging(build, tree, _):
-    configured(build, tree, "-DTETHER_TESTS=OFF")
+    refused = subprocess.run(["cmake", "-S", SOURCE, "-B", tree, "-G", "Ninja", "-DTETHER_MAINTAINER=A. Smith"], text=True,
+                             capture_output=True)
+    said = " ".join(refused.stderr.split())  # CMake breaks lines
+    check(refused.returncode != 0 and 'must be "Name <mail address>"' in said, said)
+    maintainer = "A. Smith <smith@example.com>"
+    configured(build, tree, "-DTETHER_TESTS=OFF", f"-DTETHER_MAINTAINER={maintainer}")
     # As after ./demo.sh, which builds no Python module: in one line, what is missing and what builds it.
     said = run("cpack", "-G", "DEB", "--config", tree / "CPackConfig.cmake", "-B", tree / "none", expect=(1,))
     wanted = rf"(?m)^cpack: not built: .*tether-vehicle, .*_core\.\S+\.so\. Run: cmake --build {tree} --target packaged$"
     check(re.search(wanted, said), said)
     built(tree, "packaged")
     check(not (tree / "tests").exists() and not (tree / "bench").exists(), "no tests and no benchmarks")
-    packed(tree, PACKAGES["packaging"])
+    first = packed(tree, PACKAGES["packaging"])
+    bytes_of = {}
+    for name, package in first.items():
+        check(run("dpkg-deb", "--field", package, "Maintainer").strip() == maintainer, package)
+        bytes_of[name] = package.read_bytes()
+    time.sleep(2)  # no time stamp has a finer resolution
+    for name, package in packed(tree, PACKAGES["packaging"]).items():
+        check(package.read_bytes() == bytes_of[name], f"{name}: packed again, other bytes")
 
 
 def main():
