@@ -31,9 +31,10 @@ if [ "${1:-}" = tests ]; then
         clang lld libclang-rt-14-dev                # the sanitizers' build, by a second compiler
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
         python3-pandas                              # what readers of runs make of them
+        python3-prometheus-client                   # what reads metrics
         procps util-linux                           # process tests
         zsh groff-base                              # completion, manual pages
-        dpkg-dev lintian systemd                    # packages and services
+        dpkg-dev lintian systemd udev               # packages and services
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot, the page of tether view

@@ -1,6 +1,11 @@
 # Debian packages, one for each component of TetherInstall.cmake:
 #   cpack -G DEB --config build/release/CPackConfig.cmake -B build/packages
-set(CPACK_PACKAGE_CONTACT "The Tether authors <maintainers@tether.invalid>")
+# Whoever builds packages for others answers for them: their name stands in the packages.
+set(TETHER_MAINTAINER "The Tether authors <maintainers@tether.invalid>" CACHE STRING "Maintainer of the Debian packages: Name <mail address>")
+if(NOT TETHER_MAINTAINER MATCHES "^[^<>,\n]*[^<>,\n ] <[^<>@, ]+@[^<>@, ]+>$")
+  message(FATAL_ERROR "TETHER_MAINTAINER = \"${TETHER_MAINTAINER}\" is not allowed: must be \"Name <mail address>\"")
+endif()
+set(CPACK_PACKAGE_CONTACT "${TETHER_MAINTAINER}")
 set(CPACK_PACKAGE_HOMEPAGE_URL "")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)

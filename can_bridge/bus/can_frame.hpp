@@ -24,14 +24,15 @@ struct CanFrame {
   bool operator==(const CanFrame&) const = default;
 };
 
-/// Which identifiers a receiver wants: 11-bit data frames whose id agrees with `id` in the bits of
-/// `mask`. Extended and remote frames never pass.
+/// Which identifiers a receiver wants: data frames of 11 bits, or of 29 if `extended`, whose id
+/// agrees with `id` in the bits of `mask`. Remote frames never pass.
 struct CanFilter {
   std::uint32_t id = 0;
   std::uint32_t mask = 0x7FF;
+  bool extended = false;
 
   bool passes(const CanFrame& f) const {
-    return !f.extended && !f.remote && (f.id & mask) == (id & mask);
+    return f.extended == extended && !f.remote && (f.id & mask) == (id & mask);
   }
 };
 

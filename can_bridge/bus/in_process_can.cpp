@@ -5,6 +5,18 @@
 #include <utility>
 
 namespace tether {
+namespace {
+
+/// What the bus compares, most significant bit first: 11 bits, then of a longer identifier a
+/// recessive bit (IDE) and the other 18.
+std::uint32_t arbitration(const CanFrame& frame) {
+  constexpr int kMore = 18;
+  if (!frame.extended) return frame.id << (kMore + 1);
+  const std::uint32_t more = frame.id & ((1U << kMore) - 1);
+  return (frame.id >> kMore) << (kMore + 1) | 1U << kMore | more;
+}
+
+}  // namespace
 
 InProcessCan::InProcessCan(EventLoop& loop, double bit_rate_bps)
     : loop_(loop), bit_rate_bps_(bit_rate_bps) {
@@ -16,8 +28,8 @@ InProcessCan::Port& InProcessCan::add_port() {
   return *ports_.back();
 }
 
-Duration InProcessCan::frame_time(std::uint8_t size) const {
-  return from_seconds((55.0 + 10.0 * size) / bit_rate_bps_);
+Duration InProcessCan::frame_time(std::uint8_t size, bool extended) const {
+  return from_seconds(((extended ? 80.0 : 55.0) + 10.0 * size) / bit_rate_bps_);
 }
 
 double InProcessCan::load(Instant since) const {
@@ -30,7 +42,8 @@ void InProcessCan::start_next() {
   Port* winner = nullptr;
   for (const auto& port : ports_) {
     if (!port->connected() || port->waiting_.empty()) continue;
-    if (winner == nullptr || port->waiting_.front().id < winner->waiting_.front().id) {
+    if (winner == nullptr ||
+        arbitration(port->waiting_.front()) < arbitration(winner->waiting_.front())) {
       winner = port.get();
     }
   }
@@ -38,7 +51,7 @@ void InProcessCan::start_next() {
   busy_ = true;
   const CanFrame frame = winner->waiting_.front();
   winner->waiting_.pop_front();
-  const Duration time = frame_time(frame.remote ? std::uint8_t{0} : frame.size);
+  const Duration time = frame_time(frame.remote ? std::uint8_t{0} : frame.size, frame.extended);
   busy_time_ += time;
   loop_.at(loop_.now() + time, Priority::delivery,
            [this, frame, winner](Instant) { finish(frame, winner); });

@@ -16,8 +16,8 @@ namespace tether {
 ///
 /// A data frame of n bytes counts as 55 + 10·n bits: its fields and the worst case of stuff bits
 /// (Davis, Burns, Bril, Lukkien, "Controller Area Network (CAN) schedulability analysis: Refuted,
-/// revisited and revised", Real-Time Systems 35, 2007, equation 3: 11-bit identifiers).
-/// Every frame reaches all other ports at the end of its last bit.
+/// revisited and revised", Real-Time Systems 35, 2007, equation 3: 11-bit identifiers); with 29
+/// bits, 80 + 10·n (equation 4). Every frame reaches all other ports at the end of its last bit.
 class InProcessCan {
  public:
   /// What waits at one port; further frames are dropped, as with a short txqueuelen.
@@ -64,7 +64,7 @@ class InProcessCan {
   void on_any_frame(CanPort::FrameHandler handler) { tap_ = std::move(handler); }
 
   /// Time on the bus of a frame with `size` data bytes.
-  Duration frame_time(std::uint8_t size) const;
+  Duration frame_time(std::uint8_t size, bool extended = false) const;
 
   /// Share of the time since `since` that the bus was busy, 0…1.
   double load(Instant since) const;

@@ -149,9 +149,10 @@ void SocketCanPort::on_frame(std::vector<CanFilter> filters, FrameHandler handle
 void SocketCanPort::apply_filters() const {
   std::vector<can_filter> wanted;
   for (const CanFilter& f : filters_) {
-    // With the flags in the mask, neither extended nor remote frames pass.
-    wanted.push_back({.can_id = f.id & CAN_SFF_MASK,
-                      .can_mask = (f.mask & CAN_SFF_MASK) | CAN_EFF_FLAG | CAN_RTR_FLAG});
+    // With the flags in the mask, no frames of the other length pass, nor remote ones.
+    const canid_t bits = f.extended ? CAN_EFF_MASK : CAN_SFF_MASK;
+    wanted.push_back({.can_id = (f.id & bits) | (f.extended ? CAN_EFF_FLAG : 0),
+                      .can_mask = (f.mask & bits) | CAN_EFF_FLAG | CAN_RTR_FLAG});
   }
   check_system_call("setting CAN filters",
                     setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, wanted.data(),

@@ -65,7 +65,7 @@ std::vector<CanFilter> all_filters(const DriveProfile& profile, const SafetyInpu
   std::vector<CanFilter> filters = profile.filters();
   for (const CanFilter& wanted : inputs.filters()) {
     for (const CanFilter& own : profile.filters()) {
-      if (((wanted.id ^ own.id) & own.mask) != 0) continue;
+      if (own.extended || ((wanted.id ^ own.id) & own.mask) != 0) continue;
       throw UsageError(fmt::format(
           "safety_input.id = 0x{:03X} is a frame of the drivetrain itself: give it another one",
           wanted.id));

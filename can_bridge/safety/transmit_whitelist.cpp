@@ -23,10 +23,11 @@ std::uint32_t value(const CanFrame& frame) {
 }  // namespace
 
 bool TransmitWhitelist::pass(CanFrame& frame, bool may_move) {
-  const auto found =
-      std::find_if(rules_.frames.begin(), rules_.frames.end(),
-                   [&frame](const TransmitRules::Frame& f) { return f.id == frame.id; });
-  if (found == rules_.frames.end() || frame.extended || frame.remote || frame.size > 8) {
+  const auto found = std::find_if(rules_.frames.begin(), rules_.frames.end(),
+                                  [&frame](const TransmitRules::Frame& f) {
+                                    return f.id == frame.id && f.extended == frame.extended;
+                                  });
+  if (found == rules_.frames.end() || frame.remote || frame.size > 8) {
     ++counters_.denied;
     return false;
   }
@@ -49,7 +50,8 @@ bool TransmitWhitelist::initiates_sdo_download(const CanFrame& frame) const {
   const auto& ids = rules_.sdo_ids;
   // CiA 301, 7.2.4.3: client command specifier 1, or 6 for a block.
   const int command = frame.data[0] >> 5;
-  return std::find(ids.begin(), ids.end(), frame.id) != ids.end() && (command == 1 || command == 6);
+  return !frame.extended && std::find(ids.begin(), ids.end(), frame.id) != ids.end() &&
+         (command == 1 || command == 6);
 }
 
 bool TransmitWhitelist::writes_setpoint_by_sdo(const CanFrame& frame) const {

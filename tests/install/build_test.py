@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 VEHICLE = ["tether-vehicle", "tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-link", "tether-localiser"]
@@ -57,6 +58,7 @@ def built(tree, *targets):
 
 def packed(tree, names):
     made = tree / "packages"
+    shutil.rmtree(made, ignore_errors=True)
     run("cpack", "-G", "DEB", "--config", tree / "CPackConfig.cmake", "-B", made)
     packages = sorted(made.glob("*.deb"))
     check([package.name.split("_")[0] for package in packages] == names, packages)
@@ -86,6 +88,14 @@ def each_program_runs(folder, work):
         node.send_signal(signal.SIGTERM)
         code = node.wait(30)
         check("waiting for SIM/CLOCK" in log.read_text() and code == 0, f"{name}: exit code {code}: {log.read_text()}")
+
+
+def metrics_are_served(folder, work):
+    server = subprocess.Popen([folder / "tether-vehicle", "metrics", "--port", "0"], cwd=work, stdout=subprocess.PIPE, text=True)
+    with urllib.request.urlopen(server.stdout.readline().strip(), timeout=10) as answer:
+        served = answer.read().decode()
+    server.terminate()
+    check("tether_build_info{" in served and server.wait(10) == 0, served)
 
 
 class Installed:
@@ -168,24 +178,37 @@ def vehicle(build, tree, work):
                env=os.environ | {"PKG_CONFIG_PATH": str(hidden)})
     built(tree)
     simulator = [str(path.relative_to(tree)) for path in tree.rglob("*.a") if re.search(
-        r"sim_(plant|node)|tools_(view|experiment|runs|loop)|margin", path.name)]
+        r"sim_(plant|node)|tools_(view_(?!web|session|protocol)|experiment|runs|loop)|margin", path.name)]
     check(not simulator, f"built for a vehicle: {simulator}")
     prefix, away = work / "prefix", work / "away"
     away.mkdir()
     run("cmake", "--install", tree, "--prefix", prefix)
     each_program_runs(prefix / "bin", away)
+    metrics_are_served(prefix / "bin", away)
     links_little(prefix / "bin", packed(tree, PACKAGES["vehicle"])["tether-vehicle"])
 
 
 def packaging(build, tree, _):
-    configured(build, tree, "-DTETHER_TESTS=OFF")
+    refused = subprocess.run(["cmake", "-S", SOURCE, "-B", tree, "-G", "Ninja", "-DTETHER_MAINTAINER=A. Smith"], text=True,
+                             capture_output=True)
+    said = " ".join(refused.stderr.split())  # CMake breaks lines
+    check(refused.returncode != 0 and 'must be "Name <mail address>"' in said, said)
+    maintainer = "A. Smith <smith@example.com>"
+    configured(build, tree, "-DTETHER_TESTS=OFF", f"-DTETHER_MAINTAINER={maintainer}")
     # As after ./demo.sh, which builds no Python module: in one line, what is missing and what builds it.
     said = run("cpack", "-G", "DEB", "--config", tree / "CPackConfig.cmake", "-B", tree / "none", expect=(1,))
     wanted = rf"(?m)^cpack: not built: .*tether-vehicle, .*_core\.\S+\.so\. Run: cmake --build {tree} --target packaged$"
     check(re.search(wanted, said), said)
     built(tree, "packaged")
     check(not (tree / "tests").exists() and not (tree / "bench").exists(), "no tests and no benchmarks")
-    packed(tree, PACKAGES["packaging"])
+    first = packed(tree, PACKAGES["packaging"])
+    bytes_of = {}
+    for name, package in first.items():
+        check(run("dpkg-deb", "--field", package, "Maintainer").strip() == maintainer, package)
+        bytes_of[name] = package.read_bytes()
+    time.sleep(2)  # no time stamp has a finer resolution
+    for name, package in packed(tree, PACKAGES["packaging"]).items():
+        check(package.read_bytes() == bytes_of[name], f"{name}: packed again, other bytes")
 
 
 def main():

@@ -10,6 +10,7 @@ import { between, radioOf, snr_db } from "../../tools/view/page/model/radio.js";
 import { boxWith, oneLap, sceneOf } from "../../tools/view/page/model/scene.js";
 import { Series, Trail } from "../../tools/view/page/model/series.js";
 import { ChannelStatistics, jitter } from "../../tools/view/page/model/statistics.js";
+import { peerOf } from "../../tools/view/page/numbers.js";
 import { isWanted, splitTopic, topicsOf } from "../../tools/view/page/model/topics.js";
 
 const near = (actual, expected, tolerance = 1e-9) =>
@@ -393,4 +394,53 @@ test("topics are told apart by side and vehicle; what is drawn for Foxglove is n
   assert.deepEqual(topicsOf([]), { request: undefined, twist: undefined });
   assert.equal(isWanted({ schemaName: "foxglove.SceneUpdate" }), false);
   assert.equal(isWanted({ schemaName: "tether.pose_t" }), true);
+});
+
+const peer = (more = {}) => ({
+  utime: 1.8e15,
+  peer: "AGV1",
+  up: true,
+  age_s: 0.1,
+  offset_known: true,
+  offset_min_ms: -1.25,
+  offset_max_ms: 0.5,
+  clocks_apart: false,
+  path: ["wifi", "5g"],
+  path_alive: [true, true],
+  ...more,
+});
+
+test("a peer is shown with the paths it is heard by and the offset of its clock", () => {
+  assert.deepEqual(peerOf(peer(), 0.5), {
+    level: "good",
+    text: "up by wifi, 5g · clock -1.3 to 0.5 ms ahead of ours",
+  });
+  assert.deepEqual(peerOf(peer({ offset_known: false }), 0), { level: "good", text: "up by wifi, 5g · clock unknown" });
+});
+
+test("a peer whose clock is apart, or of which a path is silent, is warned of", () => {
+  const apart = peerOf(peer({ clocks_apart: true, offset_min_ms: 60, offset_max_ms: 62 }), 0);
+  assert.equal(apart.level, "warn");
+  assert.match(apart.text, /CLOCKS APART: clock 60.0 to 62.0 ms/);
+  const single = peerOf(peer({ path_alive: [true, false] }), 0);
+  assert.equal(single.level, "warn");
+  assert.match(single.text, /up by wifi, not by 5g/);
+});
+
+test("a peer that is gone is said to be, since when, and a link that is gone as well", () => {
+  assert.deepEqual(peerOf(peer({ up: false, age_s: 1.5 }), 0.7), { level: "bad", text: "DOWN for 2.2 s" });
+  assert.deepEqual(peerOf(peer({ up: false, age_s: -1 }), 0.7), { level: "bad", text: "DOWN, never heard" });
+  assert.deepEqual(peerOf(peer(), 4), { level: "warn", text: "no report for 4 s" });
+});
+
+test("a report of the link is of no vehicle, and neither sets the run's time nor is news of it", () => {
+  const model = new Model();
+  hear(model, "LINK/REPORT", peer(), 1);
+  hear(model, "AGV/POSE", pose(3), 2);
+  assert.deepEqual([...model.vehicles.keys()].length, 1);
+  near(model.clock.run_s, 3);
+  hear(model, "LINK/REPORT", peer({ peer: "AGV2" }), 9);
+  assert.equal(model.heard_s, 2);
+  assert.deepEqual([...model.peers.keys()], ["AGV1", "AGV2"]);
+  assert.equal(model.peers.get("AGV2").heard_s, 9);
 });

@@ -104,6 +104,20 @@ test("how sure a localiser is stands beside how right it is, and who drives in a
     assert.match(await text(page, "legend"), /localiser's place, 95 %/);
   }));
 
+test("peers of the link are listed, and clocks that are apart are warned of", () =>
+  onPage(run("--set", "run.duration_s=1000"), async (page) => {
+    await until("a vehicle", () => page.evaluate(() => globalThis.tether.model.shown?.truth));
+    assert.equal(await page.$eval("#link", (panel) => panel.hidden), true);
+    await page.evaluate(() => {
+      const report = { utime: 1.8e15, peer: "<b>AGV1", up: true, age_s: 0.1, offset_known: true, offset_min_ms: 61,
+        offset_max_ms: 64, clocks_apart: true, path: ["wifi"], path_alive: [true] };
+      globalThis.tether.model.hear({ topic: "LINK/REPORT", schema: "", bytes: 1, time_s: 0, fields: report }, 0);
+    });
+    await until("the peer", async () => /AGV1/.test(await text(page, "peers")));
+    assert.equal(await text(page, "peers"), "<b>AGV1 up by wifi · CLOCKS APART: clock 61.0 to 64.0 ms ahead of ours");
+    assert.equal(await page.$eval("#peers p", (line) => line.dataset.level), "warn");
+  }));
+
 test("a log's time can be set, and nothing says otherwise", () =>
   onPage(["view", log], async (page) => {
     await until("the bar", () => page.$eval("#playback", (bar) => !bar.hidden));

@@ -5,6 +5,7 @@ driven, stopped, killed, released and driven again. Usage: deployed_test.py BIN_
 
 import re
 import time
+import urllib.request
 
 from booted import Booted
 from can_drivetrain import STANDING_MPS, changed_file, patient_file
@@ -22,7 +23,12 @@ def commands_of_the_page(first):
     block = re.search(rf"(?m)^    {re.escape(first)}.*(?:\n    .*)*", PAGE)
     check(block, f"deployment.md has no {first!r}")
     as_tether = "setpriv --reuid=tether --regid=tether --clear-groups env "
-    return [line.strip().replace("sudo -u tether ", as_tether).replace("sudo ", "") for line in block[0].splitlines()]
+    return [line.strip().removeprefix("$ ").replace("sudo -u tether ", as_tether).replace("sudo ", "") for line in block[0].splitlines()]
+
+
+def served_metrics():
+    with urllib.request.urlopen("http://127.0.0.1:9765/metrics", timeout=5) as answer:
+        return answer.read().decode()
 
 
 class Deployed(Independent):
@@ -38,7 +44,8 @@ class Deployed(Independent):
             file = self.system.root / "etc/tether" / name
             file.write_text(text)
             file.chmod(0o644)
-        self.follow("sudo install -D -m 644 /usr/share/tether/systemd/tether.env", 1)  # vcan0 is there
+        (self.system.root / "etc/systemd/network").mkdir()  # Debian's systemd has it
+        self.follow("sudo install -D -m 644 /usr/share/tether/systemd/tether.env", 3)  # vcan0 is there, without udev
 
     def follow(self, first, lines=None):
         """Does what the page says there."""
@@ -77,9 +84,11 @@ class Deployed(Independent):
 
 def real_drives_from_the_first_start_on(test):
     with Deployed(test) as agv:
+        agv.follow("$ sudo systemctl enable --now tether-metrics", 1)  # starting it makes a guest late
         agv.follow("sudo systemctl stop tether-can-bridge")
         check(any("did not exist" in m.reason for m in agv.network.messages("CAN/STATE")), "it began with the e-stop pressed")
         agv.wait_state("disarmed", 20)
+        wait_until(20, lambda: 'tether_drivetrain_state{vehicle="AGV",state_name="disarmed"} 1\n' in served_metrics(), "metrics")
         driving = agv.begin_driving()
         test.say("commissioned, started, released, armed, driving")
 
@@ -88,6 +97,7 @@ def real_drives_from_the_first_start_on(test):
         agv.check_stopped(asked)
         agv.wait_state("estop", 5, asked, "release it")
         driving.wait(10)
+        check('tether_drivetrain_state{vehicle="AGV",state_name="estop"} 1\n' in served_metrics(), "metrics of the e-stop")
         killed = agv.kill_bridge()
         agv.wait_state("estop", 20, killed, "latched when the bridge ended")
         refused = agv.system.run("tether-vehicle", "can", "arm", check_it=False)

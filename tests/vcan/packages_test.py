@@ -4,6 +4,7 @@ taken back to the version before, with settings and keys as they were. Usage: pa
 
 import subprocess
 import time
+import urllib.request
 
 from booted import Booted
 from live_support import check, main, wait_until
@@ -11,7 +12,8 @@ from live_support import check, main, wait_until
 LINK = "tether-link.service"
 HOST = "tether-host.service"
 LOGGER = "tether-logger.service"
-UNITS = [f"tether-{name}.service" for name in ("link", "can-bridge", "localiser", "autonomy", "logger")]
+METRICS = "tether-metrics.service"
+UNITS = [f"tether-{name}.service" for name in ("link", "can-bridge", "localiser", "autonomy", "logger", "metrics")]
 
 
 class Vehicle(Booted):
@@ -89,7 +91,7 @@ def installed_updated_and_taken_back(test):
     on_board = [f"tether-{name}.service" for name in ("localiser", "autonomy")]
     system.configure(TETHER_SCENARIO="/usr/share/tether/scenarios/factory.toml",
                      TETHER_RECORD='"--keep-free-mb 10 --file-mb 0.001 --files 3"')
-    system.ctl("start", *on_board, LOGGER)
+    system.ctl("start", *on_board, LOGGER, METRICS)
     time.sleep(2)
     number = system.run("cat", "/run/tether/host.env").removeprefix("TETHER_START_UTIME=")
     check(abs(int(number) * 1e-6 - time.time()) < 60, f"the run's number is of this start: {number}")
@@ -97,11 +99,15 @@ def installed_updated_and_taken_back(test):
     check(number in commands, commands)
     wait_until(15, lambda: system.logs()[0] > "floor-00000001.lcmlog", "the oldest log is deleted")
     check(len(system.logs()) == 3, f"the newest three are kept: {system.logs()}")
-    for unit in (*on_board, LOGGER):
+    with urllib.request.urlopen("http://127.0.0.1:9765/metrics", timeout=5) as answer:
+        served = answer.read().decode()
+    check('tether_node_events_total{vehicle="AGV",node="localiser",' in served, served)
+    check(system.show(METRICS, "StatusText") == "serving http://127.0.0.1:9765/metrics", system.show(METRICS, "StatusText"))
+    for unit in (*on_board, LOGGER, METRICS):
         state = (system.show(unit, "ActiveState"), system.show(unit, "NRestarts"), system.show(unit, "StatusText").split()[0])
-        check(state == ("active", "0", "running" if unit != LOGGER else state[2]), f"{unit}: {state}\n{system.said()}")
-    system.ctl("stop", *on_board, LOGGER)
-    test.say("localiser, on-board driver and logger run")
+        check(state == ("active", "0", "running" if unit in on_board else state[2]), f"{unit}: {state}\n{system.said()}")
+    system.ctl("stop", *on_board, LOGGER, METRICS)
+    test.say("localiser, on-board driver, logger and metrics run")
 
     system.ctl("disable", HOST)
 

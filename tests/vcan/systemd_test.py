@@ -11,7 +11,8 @@ import tempfile
 import time
 
 from booted import HARDENING, UNITS, Booted
-from can_drivetrain import SCENARIO, Drivetrain, changed_file, patient_file
+from can_drivetrain import SCENARIO, TWO_NODES, Drivetrain, changed_file, patient_file
+from can_support import create_vcan, ip
 from live_support import check, main, wait_until
 
 BRIDGE = "tether-can-bridge.service"
@@ -132,6 +133,42 @@ def the_others_run_too(d, test):
     test.say(f"controller, logger ({recorded} bytes) and page run; a stopped controller is started anew")
 
 
+def the_bridge_follows_its_adapter(test):
+    """With bind-can0.conf as shipped, and udev as it is: an interface can0 that comes, goes and comes again."""
+    system = Booted(test, test.bin)
+    scenario = system.root / "etc/tether/vehicle.toml"
+    text = SCENARIO.read_text().replace('interface = "vcan0"', 'interface = "can0"')
+    check('interface = "can0"' in text, "the scenario names its interface")
+    scenario.write_text(text.replace("../drivetrains/two_node_cia402.toml", "drives.toml"))
+    shutil.copy(TWO_NODES, scenario.with_name("drives.toml"))
+    system.configure(TETHER_SCENARIO="/etc/tether/vehicle.toml", LCM_DEFAULT_URL=test.network.url)
+    drop_in = system.units / f"{BRIDGE}.d/bind-can0.conf"
+    drop_in.parent.mkdir()
+    shutil.copy(UNITS / "bind-can0.conf", drop_in)
+    system.start(test)
+    system.ctl("start", "systemd-udevd")
+    system.ctl("enable", BRIDGE)
+
+    def waits_for(state, seconds, why):
+        wait_until(seconds, lambda: system.show(BRIDGE, "ActiveState") == state, f"{state}: {why}")
+
+    system.ctl("start", "--no-block", BRIDGE)
+    time.sleep(2)
+    waits_for("inactive", 1, "there is no can0")
+    for plugged in (1, 2):
+        create_vcan("can0")
+        since = time.time()
+        waits_for("active", 20, f"can0 was plugged in, {plugged}")
+        heard = wait_until(5, lambda since=since: test.network.last("CAN/STATE", since), "the bridge's state")
+        check(heard.state_name != "armed" and heard.bus == "up", heard)
+        came = time.time() - since
+        since = time.time()
+        ip("del can0")
+        waits_for("inactive", 30, f"can0 was pulled out, {plugged}")
+        check(system.show(BRIDGE, "Result") == "success", system.show(BRIDGE, "Result"))
+        test.say(f"can0 came: up after {came:.1f} s; it went: ended after {time.time() - since:.1f} s")
+
+
 def outer_pid(d):
     """Of the bridge, as this namespace numbers it."""
     found = subprocess.run(["pgrep", "--exact", "tether-can-brid"], capture_output=True, text=True, check=True).stdout
@@ -150,13 +187,21 @@ def units_are_hardened(test):
         shutil.copytree(UNITS, folder, ignore=lambda _, names: [name for name in names if not name.endswith(".service")])
         (folder / HARDENING).parent.mkdir()
         shutil.copy(UNITS / "hardening.conf", folder / HARDENING)
-        for unit in sorted(UNITS.glob("*.service")):
-            said = subprocess.run(["systemd-analyze", "security", "--offline=true", f"--root={root}", unit.name],
+
+        def exposure_of(unit):
+            said = subprocess.run(["systemd-analyze", "security", "--offline=true", f"--root={root}", unit],
                                   capture_output=True, text=True, check=False).stdout
-            exposed[unit.stem] = float(re.search(r"exposure level for \S+: ([\d.]+)", said)[1])
+            return float(re.search(r"exposure level for \S+: ([\d.]+)", said)[1])
+
+        for unit in sorted(UNITS.glob("*.service")):
+            exposed[unit.stem] = exposure_of(unit.name)
+        without = folder / f"{BRIDGE}.d/without.conf"
+        without.parent.mkdir()
+        without.write_text("[Service]\nAmbientCapabilities=\nCapabilityBoundingSet=\nPrivateUsers=yes\n")
+        check(exposure_of(BRIDGE) <= 1.2, "the capability and what it needs are all that is left")
     test.say(f"exposure: {exposed}")
     for name, exposure in exposed.items():
         check(exposure <= MOST_EXPOSED.get(name, 1.5), f"{name}: {exposure}")
 
 
-main(units_are_hardened, bridge_as_a_service)
+main(units_are_hardened, the_bridge_follows_its_adapter, bridge_as_a_service)

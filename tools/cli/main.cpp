@@ -75,6 +75,7 @@ int main(int argc, char** argv) {
   add_spy_command(app, action);
   add_echo_command(app, action);
   add_record_command(app, action);
+  add_metrics_command(app, action);
   add_lcm_route_command(app, action);
   add_log_command(app, action);
   add_can_command(app, action);

@@ -12,18 +12,6 @@
 namespace tether {
 namespace {
 
-void check_token(const std::string& token) {
-  constexpr std::size_t kShortest = 16, kLongest = 128;
-  constexpr auto kAllowed = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
-  if (token.size() >= kShortest && token.size() <= kLongest &&
-      token.find_first_not_of(kAllowed) == std::string::npos) {
-    return;
-  }
-  throw UsageError(fmt::format(
-      "--token: has to be {} to {} letters, digits, '.', '_' or '-', and hard to guess: such as {}",
-      kShortest, kLongest, random_token()));
-}
-
 void check_origin(const std::string& origin) {
   if (is_origin(origin)) return;
   throw UsageError(fmt::format(

@@ -95,6 +95,54 @@ TEST(InProcessCan, FiltersPassOnlyElevenBitDataFrames) {
   EXPECT_EQ(heard, (std::vector<std::uint32_t>{0x181, 0x701}));
 }
 
+CanFrame long_frame(std::uint32_t id, std::span<const std::uint8_t> bytes = {}) {
+  CanFrame frame = CanFrame::make(id, bytes);
+  frame.extended = true;
+  return frame;
+}
+
+TEST(InProcessCan, AFilterForLongIdentifiersPassesThoseAlone) {
+  Bus bus;
+  std::vector<std::uint32_t> heard;
+  bus.listener.on_frame({{0x0CEF1000, 0x1FFFFF00, true}},
+                        [&heard](const CanFrame& f) { heard.push_back(f.id); });
+  CanFrame remote = long_frame(0x0CEF1002);
+  remote.remote = true;
+  for (const CanFrame& f : {long_frame(0x0CEF1001), long_frame(0x0CEF1101), remote,
+                            CanFrame::make(0x000, {}), long_frame(0x0CEF10FF)}) {
+    bus.a.send(f);
+    bus.run(std::chrono::milliseconds{1});
+  }
+  EXPECT_EQ(heard, (std::vector<std::uint32_t>{0x0CEF1001, 0x0CEF10FF}));
+}
+
+TEST(InProcessCan, OfFramesThatBeginAlikeTheShortIdentifierGoesFirst) {
+  Bus bus;
+  std::vector<std::uint32_t> order;
+  bus.can.on_any_frame([&order](const CanFrame& f) { order.push_back(f.id); });
+  bus.listener.on_frame({}, [](const CanFrame&) {});
+  constexpr std::uint32_t kLong = 0x123U << 18;  // its first 11 bits are 0x123
+  bus.a.send(CanFrame::make(0x7FF, {}));         // has the bus already
+  bus.a.send(long_frame(kLong));
+  bus.b.send(CanFrame::make(0x123, {}));
+  bus.run(std::chrono::milliseconds{2});
+  EXPECT_EQ(order, (std::vector<std::uint32_t>{0x7FF, 0x123, kLong}));
+  order.clear();
+  bus.a.send(CanFrame::make(0x7FF, {}));
+  bus.a.send(CanFrame::make(0x124, {}));
+  bus.b.send(long_frame(kLong | 5));
+  bus.listener.send(long_frame(kLong | 3));
+  bus.run(std::chrono::milliseconds{2});
+  EXPECT_EQ(order, (std::vector<std::uint32_t>{0x7FF, kLong | 3, kLong | 5, 0x124}));
+}
+
+TEST(InProcessCan, ALongIdentifierTakes25BitsMore) {
+  Bus bus;
+  bus.a.send(long_frame(0x1FFFFFFF, std::array<std::uint8_t, 1>{}));
+  bus.run(microseconds{1800});  // 80 + 10 bits of 2 us
+  EXPECT_NEAR(bus.can.load(kStart), 0.1, 1e-9);
+}
+
 TEST(InProcessCan, WhatDoesNotFitTheShortQueueIsDroppedAndCounted) {
   Bus bus;
   bus.a.set_state(CanState::stalled);

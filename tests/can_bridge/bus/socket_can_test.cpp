@@ -81,6 +81,22 @@ TEST_F(VirtualBus, PassesElevenBitDataFramesThatMatchAndNothingElse) {
   EXPECT_EQ(node.port.state(), CanState::up);
 }
 
+TEST_F(VirtualBus, PassesLongIdentifiersThatAFilterAsksFor) {
+  Node node("vcan7", {{0x0CEF1000, 0x1FFFFF00, true}, {0x201, 0x7FF}});
+  Peer peer("vcan7");
+  peer.send(0x0CEF1101 | CAN_EFF_FLAG, {1});
+  peer.send(0x0CEF1001 | CAN_EFF_FLAG | CAN_RTR_FLAG);
+  peer.send(0x201 | CAN_EFF_FLAG, {2});
+  peer.send(0x000, {3});
+  peer.send(0x0CEF1001 | CAN_EFF_FLAG, {4});
+  peer.send(0x201, {5});
+  ASSERT_TRUE(node.until([&] { return node.frames.size() >= 2; }));
+  node.run(50ms);
+  CanFrame extended = frame_with(0x0CEF1001, 4);
+  extended.extended = true;
+  EXPECT_THAT(node.frames, ElementsAre(extended, frame_with(0x201, 5)));
+}
+
 /// Without CAP_NET_ADMIN, in a thread of its own: what the port warns of.
 std::string warning_of_the_powerless(const std::string& interface) {
   std::string warning;

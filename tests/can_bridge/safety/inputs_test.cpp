@@ -219,6 +219,26 @@ TEST(TransmitWhitelist, FramesThatNoBridgeSendsAreDeniedEvenWhileMoving) {
   EXPECT_EQ(whitelist.counters().denied, 10);
 }
 
+/// As a profile whose drives have 29-bit identifiers would make it.
+TEST(TransmitWhitelist, LongIdentifiersPassWhereTheRulesNameThemAndOnlyAsSuch) {
+  constexpr std::uint32_t kCommand = 0x0CEF1001, kAsSdo = 0x601;
+  TransmitRules rules;
+  rules.frames = {{kCommand, 0x03, true}, {kAsSdo, 0, true}};
+  rules.sdo_ids = {kAsSdo};
+  rules.setpoints = {{0x60FF, 0, 4, true}};
+  TransmitWhitelist whitelist{rules};
+  CanFrame frame = CanFrame::make(kCommand, {7, 8, 9});
+  EXPECT_FALSE(whitelist.pass(frame, true)) << "not as an identifier of 11 bits";
+  frame.extended = true;
+  EXPECT_TRUE(whitelist.pass(frame, true));
+  EXPECT_EQ(frame.data[0], 7);
+  EXPECT_TRUE(whitelist.pass(frame, false));
+  EXPECT_EQ(frame.data, (std::array<std::uint8_t, 8>{0, 0, 9}));
+  CanFrame no_sdo = CanFrame::make(kAsSdo, {0x23, 0xFF, 0x60, 0x00, 1, 0, 0, 0});
+  no_sdo.extended = true;
+  EXPECT_TRUE(whitelist.pass(no_sdo, true)) << "SDO has 11 bits";
+}
+
 TEST(TransmitWhitelist, FindsBothSetpointsInOneFrameOfADualAxisNode) {
   Cia402Config config;
   config.axes[0].target_velocity = {0x60FF, 1, 2, true};

@@ -1,7 +1,7 @@
 // A CiA 402 drive, profile velocity, on CANopen by npm's `canopen`, whose author never saw Tether. Frames
 // are lines on stdin and stdout, "ID HEX"; reports are lines of JSON (relay.py, independent_drive).
 //
-// usage: node drive.mjs NODE
+// usage: node drive.mjs NODE [DATA_SHEET]     with a second word it writes its EDS there, and ends
 import canopen from 'canopen';
 import readline from 'node:readline';
 
@@ -137,6 +137,10 @@ function move(dt) {
 // --- the device
 
 addObjects();
+if (process.argv[3]) {
+  eds.save(process.argv[3]);
+  process.exit();
+}
 const device = new Device({ id: node, eds });
 device.on('message', ({ id, data }) => put(id, Buffer.from(data)));
 device.nmt.on('timeout', masterLost);

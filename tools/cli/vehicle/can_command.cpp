@@ -1,5 +1,8 @@
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdint>
+#include <cstdio>
 #include <map>
 #include <memory>
 #include <string>
@@ -8,10 +11,14 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/base/input_file.hpp"
 #include "common/lcm/lcm_url.hpp"
+#include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
 #include "tools/can/commission.hpp"
 #include "tools/can/drive.hpp"
+#include "tools/can/drive_import.hpp"
+#include "tools/can/eds.hpp"
 #include "tools/can/operator.hpp"
 #include "tools/can/probe.hpp"
 #include "tools/cli/vehicle/vehicle_commands.hpp"
@@ -27,6 +34,8 @@ struct CanCommandOptions {
   CanDriveOptions drive;
   CanProbeOptions probe;
   CanCommissionOptions commission;
+  std::string eds_file;
+  std::vector<std::int64_t> import_nodes;
 };
 using SharedOptions = std::shared_ptr<CanCommandOptions>;
 
@@ -171,6 +180,30 @@ void add_commission(CLI::App& can, const SharedOptions& options, Action& action)
   });
 }
 
+int can_import(const CanCommandOptions& options) {
+  const std::string& file = options.eds_file;
+  const EdsFile eds = read_eds(read_input(file, "the data sheet", kMostTomlBytes), file);
+  const DriveSkeleton skeleton = drive_skeleton(eds, file, options.import_nodes);
+  fmt::print("{}", skeleton.text);
+  for (const std::string& what : skeleton.missing) fmt::print(stderr, "missing: {}\n", what);
+  return kExitOk;
+}
+
+void add_import(CLI::App& can, const SharedOptions& options, Action& action) {
+  CLI::App* const command = can.add_subcommand(
+      "import",
+      "Print a drivetrain file (profile cia402) from a drive's EDS or DCF, and what it cannot say");
+  command->add_option("file", options->eds_file, "EDS or DCF file, as CiA 306 describes it")
+      ->required();
+  command
+      ->add_option("--node", options->import_nodes,
+                   "CANopen node ids, left and right; one for a device with two axes [a DCF's own "
+                   "and the next; else 1 and 2]")
+      ->check(CLI::Range(1, 126))
+      ->expected(1, 2);
+  command->callback([options, &action] { action = [options] { return can_import(*options); }; });
+}
+
 }  // namespace
 
 void add_can_command(CLI::App& tether, Action& action) {
@@ -194,6 +227,7 @@ void add_can_command(CLI::App& tether, Action& action) {
   add_operator_command(*can, options, "status", "State, wheels and odometry, once")
       ->callback([options, &action] { action = [options] { return can_status(options->op); }; });
   add_probe(*can, options, action);
+  add_import(*can, options, action);
   add_commission(*can, options, action);
   can->footer(
       "`tether can SCENARIO` is the drivetrain of a run in simulated time: tether-can --help");

@@ -12,6 +12,7 @@ void add_can_command(CLI::App& tether, Action& action);
 void add_doctor_command(CLI::App& tether, Action& action);
 void add_echo_command(CLI::App& tether, Action& action);
 void add_lcm_route_command(CLI::App& tether, Action& action);
+void add_metrics_command(CLI::App& tether, Action& action);
 void add_record_command(CLI::App& tether, Action& action);
 
 }  // namespace tether

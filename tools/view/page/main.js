@@ -9,7 +9,7 @@ import { Lanes } from "./drawing/lanes.js";
 import { FactoryMap } from "./drawing/map.js";
 import { LEGEND } from "./drawing/marks.js";
 import { Model } from "./model/model.js";
-import { showDriver, showDrivetrain, showFacts, showLocalisation, showNumbers } from "./numbers.js";
+import { showDriver, showDrivetrain, showFacts, showLocalisation, showNumbers, showPeers } from "./numbers.js";
 import { ErrorPicture } from "./drawing/onboard.js";
 import { PlaybackBar } from "./playback.js";
 import { Plots } from "./drawing/plots.js";
@@ -197,6 +197,7 @@ function slowly() {
   const now_s = model.now_s(clock_s());
   showNumbers(model, now_s, map.scene.lostBeyond_m, model.silence_s(clock_s()));
   showDrivetrain(find("can"), model.shown?.drivetrain);
+  showPeers(find("link"), model, clock_s());
   showDriver(find("driver"), model.shown?.autonomy);
   if (model.shown) showLocalisation(find("localisation"), model.shown.fixes);
   if (!find("localisation").hidden) errors.draw(model.shown.fixes.all);

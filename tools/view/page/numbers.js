@@ -123,6 +123,37 @@ export function showLocalisation(panel, { newest, all }) {
   put("l-share", all.length ? (100 * within) / all.length : NaN, 0);
 }
 
+/** Without a report for this long, tether-link itself is gone: it reports once a second. */
+const LINK_SILENT_S = 3;
+
+/** How a peer of tether-link stands, `since_s` after its report: {level, text}. */
+export function peerOf(report, since_s) {
+  if (since_s > LINK_SILENT_S) return { level: "warn", text: `no report for ${since_s.toFixed(0)} s` };
+  if (!report.up) {
+    const text = report.age_s < 0 ? "DOWN, never heard" : `DOWN for ${(report.age_s + since_s).toFixed(1)} s`;
+    return { level: "bad", text };
+  }
+  const alive = report.path.filter((_, i) => report.path_alive[i]);
+  const dead = report.path.filter((_, i) => !report.path_alive[i]);
+  const paths = `up by ${alive.join(", ")}${dead.length ? `, not by ${dead.join(", ")}` : ""}`;
+  if (!report.offset_known) return { level: dead.length ? "warn" : "good", text: `${paths} · clock unknown` };
+  const clock = `clock ${fixed(report.offset_min_ms, 1)} to ${fixed(report.offset_max_ms, 1)} ms ahead of ours`;
+  if (report.clocks_apart) return { level: "warn", text: `${paths} · CLOCKS APART: ${clock}` };
+  return { level: dead.length ? "warn" : "good", text: `${paths} · ${clock}` };
+}
+
+export function showPeers(panel, model, heard_s) {
+  panel.hidden = model.peers.size === 0;
+  const lines = [...model.peers].map(([name, peer]) => {
+    const { level, text } = peerOf(peer.report, model.isLive ? heard_s - peer.heard_s : 0);
+    const line = document.createElement("p");
+    line.dataset.level = level;
+    line.append(Object.assign(document.createElement("strong"), { textContent: name }), ` ${text}`);
+    return line;
+  });
+  panel.querySelector("#peers").replaceChildren(...lines);
+}
+
 export function showDrivetrain(panel, state) {
   panel.hidden = !state;
   if (!state) return;

@@ -7,6 +7,7 @@
 #include <array>
 #include <cctype>
 
+#include "common/base/errors.hpp"
 #include "common/base/system_error.hpp"
 #include "common/base/text.hpp"
 
@@ -114,7 +115,19 @@ std::string why_refused(const AccessRules& rules, const AccessRequest& request) 
       holds(request.cookie, ';', token_cookie(rules.port), rules.token)) {
     return "";
   }
-  return "the token is missing or wrong: open the address that tether view has printed";
+  return "the token is missing or wrong: open the address that was printed at the start";
+}
+
+void check_token(const std::string& token) {
+  constexpr std::size_t kShortest = 16, kLongest = 128;
+  constexpr auto kAllowed = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+  if (token.size() >= kShortest && token.size() <= kLongest &&
+      token.find_first_not_of(kAllowed) == std::string::npos) {
+    return;
+  }
+  throw UsageError(fmt::format(
+      "--token: has to be {} to {} letters, digits, '.', '_' or '-', and hard to guess: such as {}",
+      kShortest, kLongest, random_token()));
 }
 
 std::string random_token() {

@@ -48,6 +48,9 @@ std::string_view path_of_target(std::string_view target);
 /// Whether an address to listen on is of this machine alone: 127.x.x.x or ::1.
 bool is_loopback(std::string_view address);
 
+/// Throws UsageError for a token, as given by --token, that is easy to guess or needs quoting.
+void check_token(const std::string& token);
+
 /// 128 random bits from the system, in hexadecimal digits.
 std::string random_token();
 

@@ -34,6 +34,7 @@ std::string media_type(const std::filesystem::path& name) {
 }
 
 PageFolder::PageFolder(const std::filesystem::path& folder) {
+  if (folder.empty()) return;
   std::error_code error;
   std::filesystem::recursive_directory_iterator it(folder, error), end;
   for (; !error && it != end; it.increment(error)) {

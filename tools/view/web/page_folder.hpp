@@ -20,7 +20,7 @@ class PageFolder {
   static constexpr std::uintmax_t kMostFileBytes = std::uintmax_t{16} << 20;
 
   /// Takes regular files of known kinds; neither links nor what begins with a dot. Throws
-  /// UsageError if there is no index.html.
+  /// UsageError if there is no index.html. An empty path: no files.
   explicit PageFolder(const std::filesystem::path& folder);
 
   /// The file as it is now, "/" is index.html; none if there is no such file.

@@ -59,6 +59,7 @@ export class Model {
     for (const channel of this.channels.values()) channel.clear();
     this.series.clear();
     this.reports = new Map(); // of a vehicle's links, by its key: {links, states}
+    this.peers = new Map(); // of tether-link, by name: {report, heard_s}
     this.clock = null; // {run_s, heard_s, source}
     this.rate = 1; // seconds of the run per second
     this.heard_s = NaN; // when the last message came
@@ -74,8 +75,13 @@ export class Model {
     const part = splitTopic(topic);
     // by a view, of a relay that may not be there
     const isAsked = part?.base === "NET" && part.name.endsWith("SET");
-    if (!isAsked) this.heard_s = heard_s;
-    if (part && !isAsked) this.hearPart(part, fields, time_s, heard_s);
+    if (part?.base === "LINK") {
+      // It is no news of a vehicle, and its time is not the run's.
+      if (part.name === "REPORT") this.peers.set(fields.peer, { report: fields, heard_s });
+    } else if (!isAsked) {
+      this.heard_s = heard_s;
+      if (part) this.hearPart(part, fields, time_s, heard_s);
+    }
     let channel = this.channels.get(topic);
     if (!channel) this.channels.set(topic, (channel = new ChannelStatistics(topic, message.schema)));
     channel.add(time_s, message.bytes, fields);

@@ -31,7 +31,7 @@ export function isControlSide(part) {
 }
 
 /** Sides that are no vehicle. */
-const NOBODY = new Set(["CTRL", "NET", "SIM", "CAN", "TIME", "RUN"]);
+const NOBODY = new Set(["CTRL", "NET", "SIM", "CAN", "TIME", "RUN", "LINK"]);
 
 export function isVehicleSide(part) {
   return !NOBODY.has(part.base);
