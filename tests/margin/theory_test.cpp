@@ -5,6 +5,7 @@
 #include <cmath>
 #include <unsupported/Eigen/KroneckerProduct>
 
+#include "margin/theory/almost_sure.hpp"
 #include "margin/theory/critical.hpp"
 #include "margin/theory/delay_margin.hpp"
 #include "margin/theory/linear_trial.hpp"
@@ -88,6 +89,34 @@ TEST(StationaryMomentsTest, AScalarHasItsClosedForm) {
       both_links(ChainLink::independent(0.5), ChainLink::independent(1.0)), {step});
   ASSERT_TRUE(moments);
   EXPECT_NEAR(moments->front()(0, 0), 0.04 / (1.0 - 0.81), 1e-7);
+}
+
+/// By hand: ln λ = p ln a + (1 − p) ln b. 90 000 draws have a standard deviation of |ln(a/b)| √(p
+/// (1 − p)/90 000) = 0.0027; allowed are four.
+TEST(AlmostSureTest, AScalarGrowsByTheGeometricMeanAndItsSquareByThatOfSquares) {
+  LoopStep step;
+  step.a = {Eigen::MatrixXd::Constant(1, 1, 0.5), Eigen::MatrixXd::Constant(1, 1, 3.0)};
+  const LossChain chain = both_links(ChainLink::independent(0.7), ChainLink::independent(1.0));
+  const double log_growth = 0.7 * std::log(0.5) + 0.3 * std::log(3.0);
+  EXPECT_NEAR(std::log(almost_sure_growth(chain, {step})), log_growth, 0.011);
+  EXPECT_LT(log_growth, 0.0);
+  EXPECT_GT(mean_square_radius(chain, {step}), 1.0);  // vanishes, and has no mean square
+}
+
+/// Rotations in between change which direction grows: a product whose growth is no eigenvalue's.
+/// Without losses it is the spectral radius.
+TEST(AlmostSureTest, WithoutLossesIsTheSpectralRadius) {
+  const LoopStep step = part_of(straight(2.0, 0.1, 0.03), LoopPart::across);
+  EXPECT_NEAR(almost_sure_growth(independent(1.0), {step}),
+              step.a[LossChain::kReceived].eigenvalues().cwiseAbs().maxCoeff(), 1e-3);
+}
+
+TEST(AlmostSureTest, IsNoStrongerThanTheMeanSquare) {
+  const LoopStep steering = part_of(straight(2.87, 0.05), LoopPart::across);
+  for (const double prr : {0.2, 0.4, 0.5, 0.6, 0.8}) {
+    const double almost = almost_sure_growth(independent(prr), {steering});
+    EXPECT_LE(almost * almost, mean_square_radius(independent(prr), {steering}) + 1e-3) << prr;
+  }
 }
 
 TEST(StationaryMomentsTest, AnUnstableLoopHasNone) {
