@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 #include "common/base/random.hpp"
@@ -12,8 +11,8 @@ namespace tether {
 /// A sequence of losses drawn from a chain, one number each. The chain outlives it.
 class LossWalk {
  public:
-  LossWalk(const LossChain& chain, RandomEngine random)
-      : random_(std::move(random)), from_(chain.states) {
+  LossWalk(const LossChain& chain, const RandomEngine& random)
+      : random_(random), from_(chain.states) {
     for (const auto& jump : chain.jumps) from_[jump.from].push_back(&jump);
     double luck = uniform_01(random_);
     while (state_ + 1 < chain.states && (luck -= chain.stationary[state_]) >= 0.0) ++state_;
