@@ -37,24 +37,47 @@ std::vector<Cell> cells(double low, double high, int count) {
   return all;
 }
 
+/// The twists change by this much, when so much of the silence is over.
+struct Jump {
+  double at_s;
+  Twist by;
+};
+
+std::vector<Jump> jumps_of(const TubePlan& plan) {
+  std::vector<Jump> all;
+  for (std::size_t i = 1; i < plan.twists.size(); ++i) {
+    const Twist &from = plan.twists[i - 1], &to = plan.twists[i];
+    all.push_back({(static_cast<double>(i) - static_cast<double>(plan.before)) * plan.step_s,
+                   {to.v_mps - from.v_mps, to.omega_radps - from.omega_radps}});
+  }
+  return all;
+}
+
+/// What a low-pass has yet to do of a jump by 1 that came `ago_s` ago.
+double yet_to_do_s(double ago_s, double lag_s) {
+  if (ago_s < 0.0) return lag_s - ago_s;
+  return lag_s > 0.0 ? lag_s * std::exp(-ago_s / lag_s) : 0.0;
+}
+
+/// How much of it has not come out yet.
+double share_left(double ago_s, double lag_s) {
+  if (ago_s <= 0.0) return 1.0;
+  return lag_s > 0.0 ? std::exp(-ago_s / lag_s) : 0.0;
+}
+
 /// The twist that a drive with a clock and a lag is at, in the middle of each fine step.
-std::vector<Twist> followed(const TubePlan& plan, double clock_s, double lag_s) {
+std::vector<Twist> followed(const TubePlan& plan, const std::vector<Jump>& jumps, double clock_s,
+                            double lag_s) {
   const double dt_s = plan.step_s / kFiner;
-  const auto last = static_cast<std::ptrdiff_t>(plan.twists.size()) - 1;
-  const auto at = [&](double t_s) {
-    const auto i = static_cast<std::ptrdiff_t>(std::floor(t_s / plan.step_s));
-    return plan.twists[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i, 0, last))];
-  };
   const double keep = lag_s > 0.0 ? std::exp(-dt_s / lag_s) : 0.0;
   Twist is = plan.twists.front();
-  // What a clock that is ahead has executed already when the silence begins.
-  for (double t_s = 0.5 * dt_s; t_s < clock_s; t_s += dt_s) {
-    is = {at(t_s).v_mps + keep * (is.v_mps - at(t_s).v_mps),
-          at(t_s).omega_radps + keep * (is.omega_radps - at(t_s).omega_radps)};
+  for (const Jump& jump : jumps) {
+    const double done = 1.0 - share_left(clock_s - jump.at_s, lag_s);
+    is = {is.v_mps + done * jump.by.v_mps, is.omega_radps + done * jump.by.omega_radps};
   }
   std::vector<Twist> all;
-  for (std::size_t k = 0; k < plan.twists.size() * kFiner; ++k) {
-    const Twist to = at((static_cast<double>(k) + 0.5) * dt_s + clock_s);
+  for (std::size_t k = 0; k < plan.steps() * kFiner; ++k) {
+    const Twist& to = plan.at((static_cast<double>(k) + 0.5) * dt_s + clock_s);
     is = {to.v_mps + keep * (is.v_mps - to.v_mps),
           to.omega_radps + keep * (is.omega_radps - to.omega_radps)};
     all.push_back(is);
@@ -62,8 +85,40 @@ std::vector<Twist> followed(const TubePlan& plan, double clock_s, double lag_s) 
   return all;
 }
 
+/// How far way and heading can be from those of a cell's centre up to the end of each of the plan's
+/// steps, by shifts in time, lags and what was left: m and rad, as a twist in force for a second.
+std::vector<Twist> shifts(const TubePlan& plan, const std::vector<Jump>& jumps,
+                          const TubeBounds& bounds, const Cell& clock, const Cell& lag) {
+  const double slow_s = lag.centre + lag.half, fast_s = std::max(0.0, lag.centre - lag.half);
+  const double fine_s = plan.step_s / kFiner;  // for switching within one
+  Twist sum{bounds.left_mps * (slow_s + bounds.slewing_s),
+            bounds.left_radps * (slow_s + bounds.slewing_s)};
+  std::vector<Twist> all;
+  auto next = jumps.begin();
+  for (std::size_t i = 1; i <= plan.steps(); ++i) {
+    const double reached_s = static_cast<double>(i) * plan.step_s + bounds.clock_s + fine_s;
+    for (; next != jumps.end() && next->at_s < reached_s; ++next) {
+      const double ago_s = clock.centre - next->at_s;
+      // Earlier plans sampled the path at other times, each change at most a step from here.
+      const bool past = next->at_s <= 0.0;
+      const double late_s =
+          past ? std::max(clock.centre, ago_s - plan.step_s) - clock.half : ago_s - clock.half;
+      const double early_s = ago_s + clock.half + (past ? plan.step_s : 0.0);
+      const double middle_s = yet_to_do_s(ago_s, lag.centre);
+      const double off_s = std::max(yet_to_do_s(late_s, slow_s) - middle_s,
+                                    middle_s - yet_to_do_s(early_s, fast_s)) +
+                           bounds.slewing_s * share_left(late_s - bounds.slewing_s, slow_s) +
+                           fine_s * share_left(late_s - fine_s, slow_s);
+      sum.v_mps += off_s * std::abs(next->by.v_mps);
+      sum.omega_radps += off_s * std::abs(next->by.omega_radps);
+    }
+    all.push_back(sum);
+  }
+  return all;
+}
+
 struct CellOfBox {
-  Cell radius, track, clock, lag;
+  Cell radius, track;
 };
 
 /// What is reached from one cell, as it is integrated.
@@ -72,8 +127,6 @@ class Reach {
   Reach(const TubePlan& plan, const TubeBounds& bounds, const CellOfBox& cell,
         const std::vector<Twist>& followed)
       : b_(bounds), cell_(cell), followed_(followed), dt_s_(plan.step_s / kFiner) {
-    // With a fine step, for switching within one.
-    slack_s_ = cell.clock.half + cell.lag.half + bounds.slewing_s + dt_s_;
     larger_ = 1.0 + cell.radius.centre;
     wider_ = 1.0 + cell.track.centre;
     for (int i = 0; i < kDirections; ++i) {
@@ -82,8 +135,8 @@ class Reach {
     }
   }
 
-  /// `variation`: of the plan's twists up to the end of this fine step and the shifts beyond it.
-  void step(std::size_t k, const Twist& variation) {
+  /// `shift`: shifts() up to the end of this fine step.
+  void step(std::size_t k, const Twist& shift) {
     const Twist& w = followed_[k];
     const double v = larger_ * w.v_mps, omega = larger_ * wider_ * w.omega_radps;
     const Vector2d moved = arc(yaw_rad_, v, omega, dt_s_);
@@ -92,7 +145,7 @@ class Reach {
     const double turned_rad = std::abs(swept_rad_) + 0.5 * std::abs(w.omega_radps) * dt_s_;
     // Headings: linear parts, those of shifts, and of second order.
     const double of_radius = cell_.radius.half * wider_, of_track = cell_.track.half * larger_;
-    const double shifted_rad = slack_s_ * variation.omega_radps * most_larger * most_wider;
+    const double shifted_rad = shift.omega_radps * most_larger * most_wider;
     const double second_rad = cell_.radius.half * cell_.track.half * turned_rad;
     const double time_s = (static_cast<double>(k) + 1.0) * dt_s_;
     const double heading_rad = b_.start_rad + (of_radius + of_track) * turned_rad + shifted_rad +
@@ -100,7 +153,7 @@ class Reach {
     const double nu = cell_.radius.half * std::abs(w.v_mps) + b_.speed_mps;
     ball_m_ += speed_m * (shifted_rad + second_rad + 0.5 * heading_rad * heading_rad) +
                nu * dt_s_ * heading_rad;
-    shifted_m_ = slack_s_ * variation.v_mps * most_larger * (1.0 + heading_rad);
+    shifted_m_ = shift.v_mps * most_larger * (1.0 + heading_rad);
     const double middle_rad = swept_rad_ + 0.5 * w.omega_radps * dt_s_;
     by_radius_ += cell_.radius.half / larger_ * moved + of_radius * middle_rad * turned(moved);
     by_track_ += of_track * middle_rad * turned(moved);
@@ -155,7 +208,7 @@ class Reach {
   const TubeBounds& b_;
   const CellOfBox& cell_;
   const std::vector<Twist>& followed_;
-  double dt_s_, slack_s_, larger_, wider_;
+  double dt_s_, larger_, wider_;
   std::array<Vector2d, kDirections> directions_;
   std::array<double, kDirections> along_m_{};
   Vector2d place_ = Vector2d::Zero(), by_radius_ = Vector2d::Zero(), by_track_ = Vector2d::Zero();
@@ -165,28 +218,19 @@ class Reach {
   std::vector<Vector2d> places_;
 };
 
-/// Total variation of the twists that can be in force up to the end of each of the plan's steps,
-/// with a clock that is ahead by `clock_s`.
-std::vector<Twist> variations(const TubePlan& plan, double clock_s) {
-  std::vector<Twist> all;
-  const auto ahead = static_cast<std::size_t>(std::ceil(clock_s / plan.step_s)) + 1;
-  std::vector<Twist> sums{{0.0, 0.0}};
-  for (std::size_t i = 1; i < plan.twists.size(); ++i) {
-    sums.push_back({sums.back().v_mps + std::abs(plan.twists[i].v_mps - plan.twists[i - 1].v_mps),
-                    sums.back().omega_radps +
-                        std::abs(plan.twists[i].omega_radps - plan.twists[i - 1].omega_radps)});
-  }
-  for (std::size_t i = 0; i < plan.twists.size(); ++i) {
-    all.push_back(sums[std::min(i + ahead, sums.size() - 1)]);
-  }
-  return all;
-}
-
 }  // namespace
+
+const Twist& TubePlan::at(double t_s) const {
+  const auto i =
+      static_cast<std::ptrdiff_t>(std::floor(t_s / step_s)) + static_cast<std::ptrdiff_t>(before);
+  const auto last = static_cast<std::ptrdiff_t>(twists.size()) - 1;
+  return twists[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i, 0, last))];
+}
 
 std::vector<Pose2> planned(const TubePlan& plan) {
   std::vector<Pose2> poses{Pose2{}};
-  for (const Twist& u : plan.twists) {
+  for (std::size_t i = plan.before; i < plan.before + plan.steps(); ++i) {
+    const Twist& u = plan.twists[i];
     poses.push_back(along_arc(poses.back(), u.v_mps * plan.step_s, u.omega_radps * plan.step_s));
   }
   return poses;
@@ -195,17 +239,18 @@ std::vector<Pose2> planned(const TubePlan& plan) {
 std::vector<double> reach_tube(const TubePlan& plan, const TubeBounds& bounds) {
   constexpr int kShares = 3, kTimes = 7;
   const std::vector<Pose2> to = planned(plan);
-  const std::vector<Twist> variation = variations(plan, bounds.clock_s);
+  const std::vector<Jump> jumps = jumps_of(plan);
   std::vector<double> tube(to.size(), bounds.start_m);
   for (const Cell& clock : cells(-bounds.clock_s, bounds.clock_s, kTimes)) {
     for (const Cell& lag : cells(0.0, bounds.lag_s, kTimes)) {
-      const std::vector<Twist> twists = followed(plan, clock.centre, lag.centre);
+      const std::vector<Twist> twists = followed(plan, jumps, clock.centre, lag.centre);
+      const std::vector<Twist> shift = shifts(plan, jumps, bounds, clock, lag);
       for (const Cell& radius : cells(-bounds.radius, bounds.radius, kShares)) {
         for (const Cell& track : cells(-bounds.track, bounds.track, kShares)) {
-          const CellOfBox cell{radius, track, clock, lag};
+          const CellOfBox cell{radius, track};
           Reach reach(plan, bounds, cell, twists);
           for (std::size_t k = 0; k < twists.size(); ++k) {
-            reach.step(k, variation[k / kFiner]);
+            reach.step(k, shift[k / kFiner]);
             if ((k + 1) % kFiner != 0) continue;
             const std::size_t i = (k + 1) / kFiner;
             tube[i] = std::max(tube[i], reach.farthest_m({to[i].x_m, to[i].y_m}));

@@ -55,17 +55,38 @@ void need_disturbance(const Scenario& scenario, const std::string& asked) {
                   asked));
 }
 
+/// A clock that is ahead comes to the end of a plan before its silence does.
+double longest_s(const Scenario& scenario) {
+  return scenario.get<ControllerSettings>().horizon_s - scenario.get<TubeSettings>().bounds.clock_s;
+}
+
+/// How long it takes wheels at most to have followed: a queue, into which each change of the twist
+/// brings what a rim has to change by, and which the rim's acceleration empties.
+double slewing_s(const TubePlan& plan, const VehicleSettings& v, double left_mps) {
+  const double done_mps = v.max_wheel_acceleration_mps2 * plan.step_s;
+  double waiting_mps = 0.0, most_mps = left_mps;
+  for (std::size_t i = 1; i < plan.twists.size(); ++i) {
+    const Twist &a = plan.twists[i - 1], &b = plan.twists[i];
+    if (i == plan.before) waiting_mps += left_mps;
+    waiting_mps = std::max(0.0, waiting_mps - done_mps) + std::abs(b.v_mps - a.v_mps) +
+                  0.5 * v.track_m * std::abs(b.omega_radps - a.omega_radps);
+    most_mps = std::max(most_mps, waiting_mps);
+  }
+  return most_mps / v.max_wheel_acceleration_mps2;
+}
+
+constexpr double kLongestSlewing_s = 2.0;
+
 void check(const Scenario& scenario, const std::string& file) {
   const auto& tube = scenario.get<TubeSettings>();
   if (tube.silence_s <= 0.0) return;
   need_plans(scenario, file);
   need_disturbance(scenario, file);
-  const double horizon_s = scenario.get<ControllerSettings>().horizon_s;
-  if (tube.silence_s > horizon_s) {
-    throw UsageError(
-        fmt::format("{}: tube.silence_s = {} must be at most controller.horizon_s = {}: where a "
-                    "plan ends, the tube does",
-                    file, tube.silence_s, horizon_s));
+  if (tube.silence_s > longest_s(scenario)) {
+    throw UsageError(fmt::format(
+        "{}: tube.silence_s = {} must be at most controller.horizon_s = {} less "
+        "tube.clock_s = {}: where a plan ends, the tube does",
+        file, tube.silence_s, scenario.get<ControllerSettings>().horizon_s, tube.bounds.clock_s));
   }
   const auto& v = scenario.get<VehicleSettings>();
   const auto within = [&](const char* key, double is, const char* bound, double most) {
@@ -104,6 +125,11 @@ ScenarioSection tube_section() {
            "maximum distance from the plan when silence begins");
   t.number("start_rad", TETHER_MEMBER(bounds.start_rad), {0.0, 1.0, false},
            "maximum heading error when silence begins");
+  t.number("left_mps", TETHER_MEMBER(bounds.left_mps), {0.0, 10.0, false},
+           "greatest difference between the speeds that earlier plans commanded and the path's, "
+           "which wheels that lag still have when silence begins");
+  t.number("left_radps", TETHER_MEMBER(bounds.left_radps), {0.0, 10.0, false},
+           "greatest difference between the yaw rates, likewise");
   ScenarioSection section{.defaults = Tube{}, .keys = t.take()};
   for (const ScenarioKey& key : section.keys) {
     if (key.name != "tube.silence_s") section.switched.push_back({key.name, {"tube.silence_s"}});
@@ -122,11 +148,21 @@ double PathTube::after_m(double silence_s) const {
       deviation_m.begin() + static_cast<std::ptrdiff_t>(std::min(i, deviation_m.size() - 1)) + 1);
 }
 
-TubePlan plan_along(const ReferencePath& path, double from_s, double silence_s, double step_s) {
-  TubePlan plan{.twists = {}, .step_s = step_s};
-  const auto steps = static_cast<std::size_t>(std::max(1.0, std::ceil(silence_s / step_s - 1e-9)));
-  for (std::size_t i = 0; i < steps; ++i) {
-    const PathPoint p = path.at(from_s + (static_cast<double>(i) + 0.5) * step_s);
+TubePlan plan_along(const Scenario& scenario, const ReferencePath& path, double from_s,
+                    double silence_s) {
+  constexpr double kLags = 16.0;  // after which e⁻¹⁶ is left
+  const TubeBounds& bounds = scenario.get<TubeSettings>().bounds;
+  TubePlan plan;
+  plan.step_s = to_seconds(scenario.get<ControllerSettings>().plan_step());
+  const auto steps = [&](double s) {
+    return static_cast<std::size_t>(std::max(1.0, std::ceil(s / plan.step_s - 1e-9)));
+  };
+  plan.before = steps(kLags * bounds.lag_s + kLongestSlewing_s + bounds.clock_s);
+  plan.after = steps(bounds.clock_s);
+  const std::size_t all = plan.before + steps(silence_s) + plan.after;
+  for (std::size_t i = 0; i < all; ++i) {
+    const double at = static_cast<double>(i) - static_cast<double>(plan.before) + 0.5;
+    const PathPoint p = path.at(std::max(0.0, from_s + at * plan.step_s));
     plan.twists.push_back({p.v_mps, p.omega_radps});
   }
   return plan;
@@ -137,14 +173,18 @@ TubeBounds tube_bounds(const Scenario& scenario, const TubePlan& plan) {
   TubeBounds bounds = scenario.get<TubeSettings>().bounds;
   const double larger = (1.0 + bounds.radius) * (1.0 + bounds.track);
   need_speed(plan, v, larger);
-  double step_mps = 0.0;
-  for (std::size_t i = 1; i < plan.twists.size(); ++i) {
-    const Twist &a = plan.twists[i - 1], &b = plan.twists[i];
-    step_mps = std::max(step_mps, std::abs(b.v_mps - a.v_mps) +
-                                      0.5 * v.track_m * std::abs(b.omega_radps - a.omega_radps));
+  const double slewing =
+      larger * slewing_s(plan, v, bounds.left_mps + 0.5 * v.track_m * bounds.left_radps);
+  if (slewing > kLongestSlewing_s) {
+    throw UsageError(
+        fmt::format("tube: vehicle.max_wheel_acceleration_mps2 = {} must be larger: the wheels are "
+                    "up to {:.3f} s behind the path, and the tube holds for {:g} s at most",
+                    v.max_wheel_acceleration_mps2, slewing, kLongestSlewing_s));
   }
-  bounds.slewing_s = larger * step_mps / v.max_wheel_acceleration_mps2 +
-                     2.0 * to_seconds(step_of(scenario.get<WorldSettings>()));
+  const double step_s = to_seconds(step_of(scenario.get<WorldSettings>()));
+  bounds.slewing_s = slewing + 2.0 * step_s;
+  // Drives reckon their low-pass by backward Euler, which is slower by half a step.
+  if (bounds.lag_s > 0.0) bounds.lag_s += step_s;
   return bounds;
 }
 
@@ -160,10 +200,10 @@ PathTube path_tube(const Scenario& scenario, double silence_s) {
   const auto& run = scenario.get<RunSettings>();
   PathTube tube;
   tube.step_s = to_seconds(scenario.get<ControllerSettings>().plan_step());
-  constexpr double kEvery_s = 1.0;
+  constexpr double kEvery_s = 0.1;  // budgets come out as with every 0.05 s; with 1 s, 13 % longer
   for (double from_s = std::min(run.settled_from_s, run.duration_s); from_s <= run.duration_s;
        from_s += kEvery_s) {
-    const TubePlan plan = plan_along(*path, from_s, silence_s, tube.step_s);
+    const TubePlan plan = plan_along(scenario, *path, from_s, silence_s);
     const std::vector<double> one = reach_tube(plan, tube_bounds(scenario, plan));
     tube.deviation_m.resize(one.size());
     for (std::size_t i = 0; i < one.size(); ++i) {
@@ -174,12 +214,12 @@ PathTube path_tube(const Scenario& scenario, double silence_s) {
 }
 
 LongestSilence longest_silence(const Scenario& scenario, double budget_m) {
-  const double longest_s = std::min(16.0, scenario.get<ControllerSettings>().horizon_s);
-  double looked_s = std::min(0.5, longest_s);
+  const double most_s = std::min(16.0, longest_s(scenario));
+  double looked_s = std::min(0.5, most_s);
   PathTube tube = path_tube(scenario, looked_s);
   const auto is_within = [&](double m) { return m <= budget_m; };
-  while (std::ranges::all_of(tube.deviation_m, is_within) && looked_s < longest_s) {
-    tube = path_tube(scenario, looked_s = std::min(longest_s, looked_s * 2.0));
+  while (std::ranges::all_of(tube.deviation_m, is_within) && looked_s < most_s) {
+    tube = path_tube(scenario, looked_s = std::min(most_s, looked_s * 2.0));
   }
   const auto beyond = std::ranges::find_if_not(tube.deviation_m, is_within);
   const auto steps = static_cast<double>(beyond - tube.deviation_m.begin());

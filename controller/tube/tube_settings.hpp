@@ -28,7 +28,7 @@ struct PathTube {
   double after_m(double silence_s) const;
 };
 
-/// Silences up to `silence_s`, which begin every second. Throws UsageError unless actuator.policy
+/// Silences up to `silence_s`, which begin every 0.1 s. Throws UsageError unless actuator.policy
 /// is "horizon", and if the wheels cannot turn as fast as the path asks.
 PathTube path_tube(const Scenario& scenario, double silence_s);
 
@@ -45,8 +45,10 @@ LongestSilence longest_silence(const Scenario& scenario, double budget_m);
 /// After tube.silence_s; nullopt with 0.
 std::optional<double> tube_m(const Scenario& scenario);
 
-/// The plan of a silence that begins at `from_s`.
-TubePlan plan_along(const ReferencePath& path, double from_s, double silence_s, double step_s);
+/// The plan of a silence that begins at `from_s`, and the path's twists before, until lagging
+/// wheels have forgotten them. Before the path begins, the vehicle is on its first twist.
+TubePlan plan_along(const Scenario& scenario, const ReferencePath& path, double from_s,
+                    double silence_s);
 /// The bounds of [tube], with what the wheels' acceleration and the step of the plant do. Throws
 /// UsageError if the wheels cannot turn as fast as the plan asks.
 TubeBounds tube_bounds(const Scenario& scenario, const TubePlan& plan);

@@ -28,12 +28,6 @@ bool is_bursty(const ChainLink& link) {
          link.prr[1] == 0.0 && link.transition[0][1] > 0.0 && link.transition[1][0] > 0.0;
 }
 
-bool is_white(const SensorSettings& s) {
-  return s.noise_correlation_s == 0.0 && s.bias_x_m == 0.0 && s.bias_y_m == 0.0 &&
-         s.bias_yaw_rad == 0.0 && s.position_drift_mpsqrts == 0.0 && s.yaw_drift_radpsqrts == 0.0 &&
-         s.jumps_per_min == 0.0;
-}
-
 }  // namespace
 
 double longest_delay_s(double period_s) {

@@ -60,6 +60,12 @@ bool has_linear_plans(const ControllerSettings& controller) {
   return controller.law == "predictive" || controller.law == "predictive_consistent";
 }
 
+bool is_white(const SensorSettings& s) {
+  return s.noise_correlation_s == 0.0 && s.bias_x_m == 0.0 && s.bias_y_m == 0.0 &&
+         s.bias_yaw_rad == 0.0 && s.position_drift_mpsqrts == 0.0 && s.yaw_drift_radpsqrts == 0.0 &&
+         s.jumps_per_min == 0.0;
+}
+
 double only_delay_s(const LinkConfig& link) {
   const auto delay_ms = kind_of(link).only_delay_ms;
   return delay_ms == nullptr ? 0.0 : 1e-3 * delay_ms(link).value_or(0.0);
@@ -144,7 +150,9 @@ std::optional<double> StraightLoop::rms_m(const LossChain& chain) const {
   }
   const auto moments = stationary_moments(chain, {step(timing)});
   if (!moments) return std::nullopt;
-  return std::sqrt(square_distance(moments->front(), v_mps * timing.pose_delay_s - behind_m));
+  // Without noise, rounding may leave a little below 0.
+  const double m2 = square_distance(moments->front(), v_mps * timing.pose_delay_s - behind_m);
+  return std::sqrt(std::max(0.0, m2));
 }
 
 }  // namespace tether

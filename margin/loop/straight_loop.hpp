@@ -13,6 +13,7 @@
 namespace tether {
 
 struct LinkConfig;
+struct SensorSettings;
 
 /// Why the theory does not hold for a scenario, each reason with the key that says so; empty if it
 /// does. It holds for laws that answer each pose and remember nothing (`tracking`; `pid` without I
@@ -26,6 +27,9 @@ bool has_linear_plans(const ControllerSettings& controller);
 void refuse_margin_obstacles(const Scenario& scenario);
 /// The same of the channel alone, whatever the law.
 void refuse_channel_obstacles(const Scenario& scenario);
+
+/// Whether the sensor's errors are white noise, and nothing else.
+bool is_white(const SensorSettings& sensor);
 
 /// The delay that a link has in all states, s; 0 if it has no such.
 double only_delay_s(const LinkConfig& link);

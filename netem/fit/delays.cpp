@@ -171,4 +171,10 @@ DelayFit fit_delays(const DelayLog& log, double lowest_s) {
   return fit;
 }
 
+std::vector<double> delay_scores(const DelayLog& log) {
+  std::vector<double> sorted = known_delays(log);
+  std::ranges::sort(sorted);
+  return known_delays(scores_of(log, sorted));
+}
+
 }  // namespace tether

@@ -58,4 +58,7 @@ struct DelayFit {
 /// `lowest_s`: the lower end of a law is not sought below.
 DelayFit fit_delays(const DelayLog& log, double lowest_s = 0.0);
 
+/// Normal scores of the ranks of all delays that are known, in the order of sending.
+std::vector<double> delay_scores(const DelayLog& log);
+
 }  // namespace tether

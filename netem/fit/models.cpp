@@ -285,9 +285,12 @@ ChannelFit fit_channel(const FateLog& log, RandomEngine random) {
   const FateBits observed = bits_of(log);
   fit.goodness = test_choice(log, observed, fit, random);
   const bool in_time = fit.choice == ChannelFit::Choice::markov;
-  fit.stationarity =
-      test_stationarity(observed, in_time ? sampled(fit.markov->model, fit.interval_s)
-                                          : fit.candidates[fit.best].model);
+  // Equal delays have no ranks.
+  const bool has_delays = !fit.delays.candidates.empty();
+  fit.stationarity = test_stationarity(
+      observed,
+      in_time ? sampled(fit.markov->model, fit.interval_s) : fit.candidates[fit.best].model,
+      has_delays ? delay_scores(delays_of(log)) : std::vector<double>{});
   return fit;
 }
 

@@ -143,6 +143,24 @@ std::string commented(const std::string& lines) {
 
 }  // namespace
 
+namespace {
+
+/// "the loss changes over this log (2.1, 4.0, 6.3, 8.9 % in its quarters; p = 1e-05)".
+std::string change_in_words(const Stationarity& s, const char* changes) {
+  const Stationarity::Test& test = s.strongest();
+  std::string detail;
+  if (test.period_packets > 0.0) {
+    detail = fmt::format("with a period of {:.4g} packets; ", test.period_packets);
+  } else if (test.what == "the loss") {
+    std::vector<std::string> shares;
+    for (const double loss : s.loss) shares.push_back(fmt::format("{:.1f}", 100.0 * loss));
+    detail = fmt::format("{} % in its quarters; ", fmt::join(shares, ", "));
+  }
+  return fmt::format("{} {} over this log ({}p = {:.2g})", test.what, changes, detail, s.p_value());
+}
+
+}  // namespace
+
 std::string fit_verdict(const ChannelFit& fit) {
   if (!fit.enough) {
     return fmt::format(
@@ -155,14 +173,14 @@ std::string fit_verdict(const ChannelFit& fit) {
                                ? "a two-state Markov process in time"
                                : "Gilbert-Elliott";
   if (!fit.stationarity.holds()) {
-    std::vector<std::string> shares;
-    for (const double loss : fit.stationarity.loss) {
-      shares.push_back(fmt::format("{:.1f}", 100.0 * loss));
-    }
     return fmt::format(
-        "the loss changes over this log ({} % in its quarters; p = {:.2g}), which no model here "
-        "does; use the log as a trace instead, or fit parts of it",
-        fmt::join(shares, ", "), fit.stationarity.p_value);
+        "{}, which no model here does; use the log as a trace instead, or fit parts of it",
+        change_in_words(fit.stationarity, "changes"));
+  }
+  if (fit.goodness.fits() && !fit.stationarity.beyond_doubt()) {
+    const bool sure = fit.stationarity.p_value() < Stationarity::kFalseAlarm;
+    return fmt::format("{}, but {}", name,
+                       change_in_words(fit.stationarity, sure ? "changes" : "may change"));
   }
   if (fit.goodness.fits()) return fmt::format("{}: nothing in this log speaks against it", name);
   std::vector<std::string> reasons;
@@ -206,9 +224,12 @@ std::string describe_fit(const ChannelFit& fit) {
     }
   }
   if (fit.enough) {
-    const Stationarity& s = fit.stationarity;
-    text +=
-        fmt::format("Same loss all the time: F = {:.2f}, 1 expected, p = {:.3g}\n", s.f, s.p_value);
+    for (const Stationarity::Test& test : fit.stationarity.tests) {
+      const std::string period =
+          test.period_packets > 0.0 ? fmt::format(" period of {:.4g} packets,", test.period_packets)
+                                    : " same all the time,";
+      text += fmt::format("  {}:{} p = {:.3g}\n", test.what, period, test.p_value);
+    }
   }
   text += describe_delays(fit);
   return text + fmt::format("\nVerdict: {}\n", fit_verdict(fit));

@@ -12,6 +12,7 @@
 #include "controller/laws/pid_law.hpp"
 #include "controller/laws/tracking_feedback.hpp"
 #include "margin/loop/loop_margins.hpp"
+#include "margin/loop/survival.hpp"
 #include "margin/theory/sampled_loop.hpp"
 #include "tests/support/source_dir.hpp"
 
@@ -178,6 +179,62 @@ TEST(LoopMarginsTest, MoreNoiseIsMoreErrorInProportion) {
   ASSERT_TRUE(one.rms_m && two.rms_m);
   EXPECT_GT(*one.rms_m, 0.001);
   EXPECT_NEAR(*two.rms_m, 2.0 * *one.rms_m, 1e-6);
+}
+
+/// The vehicle is behind its aim by what rounding leaves of 0, and no noise: the mean square's own
+/// rounding may be below 0.
+TEST(LoopMarginsTest, ErrorsOfALoopWithoutAnyAreNoughtAndNotUndefined) {
+  const LoopMargins m = loop_margins(
+      paper({"controller.law=pid", "controller.v.p=1.2", "controller.omega.p=2", "controller.v.d=0",
+             "controller.omega.d=0", "controller.tau_s=0.8333333333333334", "path.kind=line",
+             "path.speed_mps=1", "sensor.rate_hz=5", "channel.prr=0.9"}));
+  ASSERT_TRUE(m.rms_m);
+  EXPECT_GE(*m.rms_m, 0.0);
+  EXPECT_LT(*m.rms_m, 1e-6);
+}
+
+std::vector<std::string> noisy(double prr) {
+  return {"sensor.position_noise_m=0.02",
+          "sensor.yaw_noise_rad=0.01",
+          "path.kind=line",
+          "path.length_m=500",
+          "path.speed_mps=2.87",
+          "path.max_acceleration_mps2=3",
+          "world.half_extent_m=600",
+          "vehicle.plant=kinematic",
+          "channel.prr=" + std::to_string(prr)};
+}
+
+TEST(FirstExcursionTest, ComesWithinMinutesWhereTheMeanSquareIsStable) {
+  const Scenario scenario = paper(noisy(0.57));
+  EXPECT_LT(loop_margins(scenario).radius, 1.0);
+  const auto first = first_excursion(scenario);
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->excursions, 200u);
+  EXPECT_LT(first->mean_s.value, 1200.0);
+}
+
+TEST(FirstExcursionTest, ComesLaterWithFewerLossesAndNotAtAllWithFew) {
+  const auto few = first_excursion(paper(noisy(0.55))), fewer = first_excursion(paper(noisy(0.6))),
+             none = first_excursion(paper(noisy(0.9)));
+  ASSERT_TRUE(few && fewer && none);
+  EXPECT_LT(few->mean_s.high, fewer->mean_s.low);
+  EXPECT_EQ(none->excursions, 0u);
+  EXPECT_GT(none->mean_s.low, 3600.0);
+}
+
+TEST(FirstExcursionTest, IsNotReckonedWithoutWhiteNoiseAndForPlans) {
+  auto drifts = noisy(0.9);
+  drifts.emplace_back("sensor.yaw_drift_radpsqrts=0.01");
+  EXPECT_FALSE(first_excursion(paper(drifts)));
+  EXPECT_FALSE(first_excursion(paper({"controller.law=predictive", "actuator.policy=horizon"})));
+}
+
+TEST(AlmostSurePrrTest, IsBelowThatOfTheMeanSquare) {
+  const Scenario scenario = paper(noisy(0.57));
+  const Critical almost = almost_sure_prr(scenario);
+  ASSERT_EQ(almost.kind, Critical::Kind::found);
+  EXPECT_LT(almost.value, loop_margins(scenario).prr_each_way.value);
 }
 
 TEST(LoopMarginsTest, OfPlansAreStableAtAnyReceptionAndHaveNoDelay) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <unsupported/Eigen/KroneckerProduct>
 
+#include "margin/theory/almost_sure.hpp"
 #include "margin/theory/critical.hpp"
 #include "margin/theory/delay_margin.hpp"
 #include "margin/theory/linear_trial.hpp"
@@ -88,6 +89,80 @@ TEST(StationaryMomentsTest, AScalarHasItsClosedForm) {
       both_links(ChainLink::independent(0.5), ChainLink::independent(1.0)), {step});
   ASSERT_TRUE(moments);
   EXPECT_NEAR(moments->front()(0, 0), 0.04 / (1.0 - 0.81), 1e-7);
+}
+
+/// By hand: ln λ = p ln a + (1 − p) ln b. 90 000 draws have a standard deviation of |ln(a/b)| √(p
+/// (1 − p)/90 000) = 0.0027; allowed are four.
+TEST(AlmostSureTest, AScalarGrowsByTheGeometricMeanAndItsSquareByThatOfSquares) {
+  LoopStep step;
+  step.a = {Eigen::MatrixXd::Constant(1, 1, 0.5), Eigen::MatrixXd::Constant(1, 1, 3.0)};
+  const LossChain chain = both_links(ChainLink::independent(0.7), ChainLink::independent(1.0));
+  const double log_growth = 0.7 * std::log(0.5) + 0.3 * std::log(3.0);
+  EXPECT_NEAR(std::log(almost_sure_growth(chain, {step})), log_growth, 0.011);
+  EXPECT_LT(log_growth, 0.0);
+  EXPECT_GT(mean_square_radius(chain, {step}), 1.0);  // vanishes, and has no mean square
+}
+
+/// Rotations in between change which direction grows: a product whose growth is no eigenvalue's.
+/// Without losses it is the spectral radius.
+TEST(AlmostSureTest, WithoutLossesIsTheSpectralRadius) {
+  const LoopStep step = part_of(straight(2.0, 0.1, 0.03), LoopPart::across);
+  EXPECT_NEAR(almost_sure_growth(independent(1.0), {step}),
+              step.a[LossChain::kReceived].eigenvalues().cwiseAbs().maxCoeff(), 1e-3);
+}
+
+TEST(AlmostSureTest, IsNoStrongerThanTheMeanSquare) {
+  const LoopStep steering = part_of(straight(2.87, 0.05), LoopPart::across);
+  for (const double prr : {0.2, 0.4, 0.5, 0.6, 0.8}) {
+    const double almost = almost_sure_growth(independent(prr), {steering});
+    EXPECT_LE(almost * almost, mean_square_radius(independent(prr), {steering}) + 1e-3) << prr;
+  }
+}
+
+/// ẋ = u + v with noise of intensity 1, sampled every second; u = −k x (JitterTime's first example:
+/// Cervin, Pazzaglia, Barzegaran, Mahfouzi, 2019), right after a sample. Lost: u = 0, or held.
+LoopStep integrator(bool holds) {
+  const double k = (3.0 + std::sqrt(3.0)) / (2.0 + std::sqrt(3.0));
+  Eigen::MatrixXd received(3, 3), lost(3, 3);
+  received << 1, 1, 0, -k, -k, 0, 0, 0, 1;
+  lost << 1, 1, 0, 0, holds ? 1 : 0, 0, 0, 0, 1;
+  const Eigen::Vector3d answered(1, -k, 0), unheard(1, 0, 0);
+  LoopStep step;
+  step.a = {received, lost};
+  step.noise = {answered * answered.transpose(), unheard * unheard.transpose()};
+  step.is_along = {false, false, false};
+  return step;
+}
+
+LossChain downlink_alone(double prr) {
+  return both_links(ChainLink::independent(1.0), ChainLink::independent(prr));
+}
+
+// As JitterTime.jl prints them.
+TEST(StationaryMomentsTest, OfASampledIntegratorAreJitterTimes) {
+  const auto moments = stationary_moments(downlink_alone(1.0), {integrator(false)});
+  ASSERT_TRUE(moments);
+  EXPECT_NEAR(moments->front()(0, 0), 1.077350269189626, 1e-8);
+  EXPECT_NEAR(moments->front()(0, 1), -1.366025403784438, 1e-8);
+  EXPECT_NEAR(moments->front()(1, 1), 1.732050807568876, 1e-8);
+}
+
+// By hand: P_xx = 1/(p (1 − (1 − k)²)), growth p (1 − k)² + 1 − p.
+TEST(StationaryMomentsTest, OfASampledIntegratorThatRestsWhenCommandsAreLostHaveTheirClosedForm) {
+  const auto moments = stationary_moments(downlink_alone(0.5), {integrator(false)});
+  ASSERT_TRUE(moments);
+  EXPECT_NEAR(moments->front()(0, 0), 2.0 * 1.077350269189626, 1e-7);
+  const LoopStep rests = part_of(integrator(false), LoopPart::all);
+  const double k = (3.0 + std::sqrt(3.0)) / (2.0 + std::sqrt(3.0));
+  EXPECT_NEAR(mean_square_radius(downlink_alone(0.7), {rests}), 0.7 * (1 - k) * (1 - k) + 0.3,
+              1e-7);
+}
+
+// Holding a lost command's predecessor is worse than resting: unstable at 0.7.
+TEST(MeanSquareTest, ASampledIntegratorThatHoldsItsCommandIsUnstableAtAReceptionOf70Percent) {
+  const LoopStep holds = part_of(integrator(true), LoopPart::all);
+  EXPECT_NEAR(mean_square_radius(downlink_alone(0.9), {holds}), 0.6424, 5e-5);
+  EXPECT_NEAR(mean_square_radius(downlink_alone(0.7), {holds}), 1.1700, 5e-5);
 }
 
 TEST(StationaryMomentsTest, AnUnstableLoopHasNone) {

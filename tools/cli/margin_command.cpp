@@ -14,6 +14,7 @@
 #include "common/program/cli.hpp"
 #include "controller/tube/tube_settings.hpp"
 #include "margin/loop/loop_margins.hpp"
+#include "margin/loop/survival.hpp"
 #include "tools/base/json.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/base/scenario_options.hpp"
@@ -66,6 +67,50 @@ nlohmann::ordered_json in_json(const Critical& critical) {
   return json;
 }
 
+/// What the mean square does not say: whether, and how soon, a vehicle leaves its path.
+struct SurvivalMargins {
+  Critical prr_each_way;
+  std::optional<FirstExcursion> first;
+};
+
+std::string time_in_words(double s) {
+  if (s < 600.0) return fmt::format("{:.0f} s", s);
+  return s < 7200.0 ? fmt::format("{:.0f} min", s / 60.0) : fmt::format("{:.1f} h", s / 3600.0);
+}
+
+std::string survival_in_words(const SurvivalMargins& survival) {
+  std::string text =
+      fmt::format("almost surely   critical PRR {}\n",
+                  in_words(survival.prr_each_way, 1.0, " each way: below it errors surely grow"));
+  if (!survival.first) return text;
+  const FirstExcursion& first = *survival.first;
+  text += fmt::format("first excursion beyond {:g} m: ", first.beyond_m);
+  if (first.excursions == 0) {
+    text += fmt::format("none in {}, so {} on average at least", time_in_words(first.driven_s),
+                        time_in_words(first.mean_s.low));
+  } else {
+    text += fmt::format("after {} on average, 95 % {} to {}", time_in_words(first.mean_s.value),
+                        time_in_words(first.mean_s.low), time_in_words(first.mean_s.high));
+  }
+  return text +
+         "\ndesign to       the first excursion: a finite mean square allows errors that are large "
+         "and rare\n";
+}
+
+void add_survival(nlohmann::ordered_json& json, const SurvivalMargins& survival) {
+  json["critical_prr_each_way_almost_surely"] = in_json(survival.prr_each_way);
+  json["first_excursion"] = nullptr;
+  if (!survival.first) return;
+  const FirstExcursion& first = *survival.first;
+  nlohmann::ordered_json& entry = json["first_excursion"];
+  entry = {{"beyond_m", first.beyond_m}, {"excursions", first.excursions},
+           {"driven_s", first.driven_s}, {"mean_s", nullptr},
+           {"low_s", first.mean_s.low},  {"high_s", nullptr}};
+  if (first.excursions == 0) return;
+  entry["mean_s"] = first.mean_s.value;
+  entry["high_s"] = first.mean_s.high;
+}
+
 std::string margins_in_words(const LoopMargins& m) {
   std::string text = fmt::format(
       "path speed      {:.3f} m/s at most, which is looked at; {:.3f} at least\n"
@@ -93,7 +138,7 @@ std::string margins_in_words(const LoopMargins& m) {
   return text;
 }
 
-std::string margins_in_json(const LoopMargins& m) {
+std::string margins_in_json(const LoopMargins& m, const SurvivalMargins& survival) {
   nlohmann::ordered_json json;
   json["v_mps"] = m.v_mps;
   json["least_mps"] = m.least_mps;
@@ -113,6 +158,7 @@ std::string margins_in_json(const LoopMargins& m) {
   }
   json["rms_m"] = nullptr;
   if (m.rms_m) json["rms_m"] = *m.rms_m;
+  add_survival(json, survival);
   return json_text(json, 2) + "\n";
 }
 
@@ -257,8 +303,10 @@ int tell_margins(const MarginOptions& options) {
     check_map(scenario);
   }
   const LoopMargins margins = loop_margins(scenario);
+  const SurvivalMargins survival{almost_sure_prr(scenario), first_excursion(scenario)};
   TextOutput out;
-  out.write(options.json ? margins_in_json(margins) : margins_in_words(margins));
+  out.write(options.json ? margins_in_json(margins, survival)
+                         : margins_in_words(margins) + survival_in_words(survival));
   out.close();
   if (!options.figure.empty()) draw(options);
   return kExitOk;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/scenario/scenario.hpp"
+#include "margin/loop/survival.hpp"
 
 namespace tether {
 
@@ -17,5 +18,10 @@ struct SettledError {
 
 /// `seeds` ≥ 2, from 1 on; `jobs` threads. Throws std::runtime_error if a run fails.
 SettledError settled_error(const Scenario& scenario, std::size_t seeds, std::size_t jobs);
+
+/// When runs with seeds from 1 on are farther than run.lost_beyond_m from the path for the first
+/// time. Throws std::runtime_error if one fails.
+FirstExcursion first_excursion_of_runs(const Scenario& scenario, std::size_t seeds,
+                                       std::size_t jobs);
 
 }  // namespace tether

@@ -10,11 +10,13 @@
 
 #include "common/vehicle/vehicle_settings.hpp"
 #include "margin/loop/loop_margins.hpp"
+#include "margin/loop/survival.hpp"
 #include "margin/theory/linear_trial.hpp"
 #include "netem/statistics/estimate.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 #include "tools/margin/loop_population.hpp"
 #include "tools/margin/parallel.hpp"
+#include "tools/margin/settled_error.hpp"
 
 namespace tether {
 namespace {
@@ -149,6 +151,31 @@ class Verifier {
     return row;
   }
 
+  bool has_noise() const { return loop_.noise.position_m > 0.0 || loop_.noise.yaw_rad > 0.0; }
+
+  VerifiedCritical excursion() const {
+    VerifiedCritical row;
+    row.quantity = VerifiedCritical::Quantity::excursion;
+    const auto first = first_excursion(scenario_);
+    if (!first) return without(row, "with plans, or noise that is not white, it is not reckoned");
+    if (first->excursions == 0) {
+      return without(row, fmt::format("none in {:.0f} s", first->driven_s));
+    }
+    row.predicted = first->mean_s.value;
+    row.linear = SimulatedCritical{first->mean_s.value, first->mean_s.low, first->mean_s.high};
+    row.why = why_not_full_;
+    if (!row.why.empty()) return row;
+    const FirstExcursion whole =
+        first_excursion_of_runs(scenario_, trial_.seeds * trial_.runs_a_seed, trial_.jobs);
+    if (whole.excursions == 0) {
+      // Their absence has a lower bound, which the prediction may contradict.
+      if (first->mean_s.high < whole.mean_s.low) return row;
+      return without(row, fmt::format("no whole loop in {:.0f} s", whole.driven_s));
+    }
+    row.full = SimulatedCritical{whole.mean_s.value, whole.mean_s.low, whole.mean_s.high};
+    return row;
+  }
+
  private:
   static VerifiedCritical without(VerifiedCritical row, const std::string& why) {
     row.why = why;
@@ -199,6 +226,10 @@ double VerifiedCritical::off(const std::optional<SimulatedCritical>& simulated) 
 
 bool VerifiedCritical::holds() const {
   if (!predicted) return !why.empty();
+  if (quantity == Quantity::excursion) {
+    if (!full) return !why.empty();
+    return full->low <= linear->high && linear->low <= full->high;
+  }
   if (!(std::abs(off(linear)) <= kLinearBar)) return false;
   return std::abs(off(full)) <= kFullBar || !why.empty();
 }
@@ -207,6 +238,7 @@ std::vector<VerifiedCritical> verify_margins(const Scenario& scenario,
                                              const VerificationTrial& trial) {
   refuse_margin_obstacles(scenario);
   const Verifier verifier(scenario, trial);
+  if (verifier.has_noise()) return {verifier.excursion()};
   return {verifier.prr(), verifier.delay()};
 }
 

@@ -55,6 +55,26 @@ TEST(VerificationTest, TrackingWithLossesInBurstsHasItsCriticalPrrAndDelay) {
   expect_within_bars("tracking, 1.5 m/s", "10", "four states");
 }
 
+/// 80 runs of 320 s, with a mean of some 140 s.
+TEST(VerificationTest, WithNoiseWholeRunsLeaveThePathAsSoonAsIsPredicted) {
+  const Experiment experiment = load_experiment(in_source("/experiments/margins.toml"));
+  for (const Arm& arm : experiment.arms) {
+    const auto& s = arm.settings;
+    if (s[0].plain() != "tracking, 2.87 m/s, noise" || s[1].plain() != "20" ||
+        s[2].plain() != "independent") {
+      continue;
+    }
+    const auto rows = verify_margins(arm.scenario, small());
+    ASSERT_EQ(rows.size(), 1u);
+    ASSERT_TRUE(rows[0].predicted && rows[0].full) << rows[0].why;
+    EXPECT_TRUE(rows[0].holds()) << rows[0].linear->low << " to " << rows[0].linear->high << ", "
+                                 << rows[0].full->low << " to " << rows[0].full->high;
+    EXPECT_LT(rows[0].full->high, 2.0 * rows[0].full->low);
+    return;
+  }
+  FAIL() << "no such arm";
+}
+
 TEST(VerificationTest, OnTheEightThereIsAReasonInsteadOfANumber) {
   const Scenario eight = load_scenario(in_source("/scenarios/paper.toml"),
                                        {"controller.law=tracking", "sensor.rate_hz=20"});

@@ -26,6 +26,7 @@ struct FitOptions {
   std::string link = "downlink";
   std::string out;
   std::uint64_t seed = 1;
+  bool strict = false;
 };
 
 std::string as_comment(const std::string& text) {
@@ -47,7 +48,8 @@ int fit(const FitOptions& options) {
   out.write(as_comment(text) + "\n" +
             fit_to_toml(result, options.link, printable(input.description)));
   out.close();
-  return result.fits() ? kExitOk : kExitFailed;
+  const bool steady = !options.strict || result.stationarity.beyond_doubt();
+  return result.fits() && steady ? kExitOk : kExitFailed;
 }
 
 void add_fit(CLI::App& netem, Action& action) {
@@ -55,7 +57,8 @@ void add_fit(CLI::App& netem, Action& action) {
   CLI::App* const command = netem.add_subcommand(
       "fit",
       "The channel model that a packet log fits best, with its accuracy, as a piece of a scenario "
-      "file. Exit code 1 if no model of the kind fits, or if the loss changes over the log.");
+      "file. Exit code 1 if no model of the kind fits, or if losses or delays change over the "
+      "log.");
   command
       ->add_option("file", options->file,
                    "LCM event log, pcap capture of LCM messages, or CSV (seq,time_s of the packets "
@@ -69,6 +72,9 @@ void add_fit(CLI::App& netem, Action& action) {
       ->add_option("--link", options->link,
                    "section of the scenario: uplink or downlink [downlink]")
       ->check(CLI::IsMember({"uplink", "downlink"}));
+  command->add_flag("--strict", options->strict,
+                    "exit with 1 also where losses or delays may change (p < 0.05, all tests "
+                    "together)");
   command->add_option("--seed", options->seed, "of the simulations for the goodness of fit [1]");
   command->add_option("--out", options->out, "file to write [standard output]");
   command->callback([options, &action] { action = [options] { return fit(*options); }; });
