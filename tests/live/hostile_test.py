@@ -109,17 +109,17 @@ class Attack:
         in the arithmetic behind."""
         for bad in NOT_FINITE:
             for field in ("x_m", "y_m", "yaw_rad"):
-                pose = POSE.encode(run=self.run(), utime=self.now_us(), seq=10**6, **{field: bad})
+                pose = POSE.encode(run=self.run(), utime=self.now_us(), seq=10**3, **{field: bad})
                 self.message("non-finite pose", "CTRL/POSE", pose)
             for field in ("v_mps", "omega_radps"):
-                command = TWIST.encode(run=self.run(), utime=self.now_us(), seq=10**6, **{field: bad})
+                command = TWIST.encode(run=self.run(), utime=self.now_us(), seq=10**3, **{field: bad})
                 self.message("non-finite command", "AGV/CMD_VEL", command)
         for huge in HUGE:
             for other in HUGE:
                 stamp = self.now_us() + AHEAD_US
-                command = TWIST.encode(run=self.run(), utime=stamp, seq=10**6, v_mps=huge, omega_radps=other)
+                command = TWIST.encode(run=self.run(), utime=stamp, seq=10**3, v_mps=huge, omega_radps=other)
                 self.message("huge command", "AGV/CMD_VEL", command)
-                pose = POSE.encode(run=self.run(), utime=stamp, seq=10**6, x_m=huge, y_m=other, yaw_rad=huge)
+                pose = POSE.encode(run=self.run(), utime=stamp, seq=10**3, x_m=huge, y_m=other, yaw_rad=huge)
                 self.message("huge pose", "CTRL/POSE", pose)
                 time.sleep(0.005)
 
@@ -218,6 +218,7 @@ def nodes_live_on(test):
             "before_start": 3,
             "duplicated": 5,
             "invalid_seq": 2,
+            "jumped": 1,
             "restarts": 1,
         }
         said = {name: counters[f"{stream}.{name}"] for name in least}
