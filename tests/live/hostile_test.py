@@ -1,6 +1,7 @@
 #!/usr/bin/env -S python3 -B
-"""Hostile and broken traffic on the LCM port during a live run: no node dies, the vehicle's state
-stays finite, what was wrong is counted by name, and the loop goes on.
+"""Hostile and broken traffic on the LCM port during a live run, of a sender that says on RUN/PRESENCE
+that it is the node whose channel it uses, because nodes refuse others: no node dies, the vehicle's
+state stays finite, what was wrong is counted by name, and the loop goes on.
 
 Two fragments whose offset overflows end any program that receives by LCM's library, and no node.
 Usage: hostile_test.py BIN_DIR"""
@@ -18,6 +19,7 @@ from live_support import (
     FRAGMENT_MAGIC,
     PAPER,
     POSE,
+    PRESENCE,
     SHORT_MAGIC,
     TWIST,
     TYPES,
@@ -39,6 +41,7 @@ class Attack:
         self.random = random.Random(seed)
         self.sent = {}
         self._newest_us = 0
+        self._claimed = None
 
     def count(self, what, number=1):
         self.sent[what] = self.sent.get(what, 0) + number
@@ -48,7 +51,18 @@ class Attack:
         self.count(what)
         time.sleep(0.002)  # a flood would be lost in buffers: the controller's holds one pose
 
+    def claim(self, channel):
+        """The place of the node that owns this channel."""
+        netem = channel.startswith("NET/") or channel in ("CTRL/POSE", "AGV/CMD_VEL", "AGV/PLAN", "AGV/PRELOAD")
+        owner = "netem" if netem else "controller" if channel.startswith("CTRL/") else "sim"
+        if owner == self._claimed:
+            return
+        self._claimed = owner
+        presence = PRESENCE.encode(run=self.run(), program=f"tether-{owner}", vehicle="AGV", host="elsewhere", pid=1)
+        self.network.send("RUN/PRESENCE", presence)
+
     def message(self, what, channel, payload):
+        self.claim(channel)
         header = struct.pack(">II", SHORT_MAGIC, self.random.getrandbits(32))
         self.raw(what, header + channel.encode() + b"\0" + payload)
 
@@ -74,6 +88,7 @@ class Attack:
 
     def truncated(self):
         header = struct.pack(">II", SHORT_MAGIC, 7)
+        self.claim("CTRL/POSE")
         for channel, lcm_type in (("CTRL/POSE", POSE), ("AGV/CMD_VEL", TWIST)):
             whole = header + channel.encode() + b"\0" + lcm_type.encode(utime=self.now_us())
             for length in range(len(whole)):
@@ -155,6 +170,7 @@ class Attack:
 
             return react
 
+        self.claim("CTRL/POSE")
         for channel in ("CTRL/POSE", "AGV/CMD_VEL"):
             self.network.on_message(channel, echo(channel))
         time.sleep(seconds)

@@ -1,6 +1,7 @@
 #include "tools/processes/live_session.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -9,6 +10,7 @@
 #include <set>
 #include <stdexcept>
 #include <system_error>
+
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/base/share.hpp"
@@ -60,6 +62,16 @@ std::vector<std::string> programs(const Scenario& scenario) {
   if (!members_with(has_localiser, members).empty()) names.emplace_back("tether-localiser");
   names.emplace_back("tether-sim");
   return names;
+}
+
+/// The nodes of these programs, as options name them: --expect=sim,netem,controller.
+std::string expected_nodes(const Scenario& scenario) {
+  std::set<std::string> nodes;
+  for (const std::string& program : programs(scenario)) {
+    const std::string node = program.substr(std::string("tether-").size());
+    nodes.insert(node.starts_with("can-") ? "can" : node);
+  }
+  return fmt::format("--expect={}", fmt::join(nodes, ","));
 }
 
 /// All on which one program alone sends, in a run of one vehicle.
@@ -195,7 +207,8 @@ void LiveSession::add_child(const Options& options, const std::string& name) {
                                    "--lcm-url=" + options.lcm_url,
                                    fmt::format("--start-utime={}", loop_.run_id()),
                                    fmt::format("--start-boot={}", loop_.start_boot_ns()),
-                                   fmt::format("--speed={}", options.speed)};
+                                   fmt::format("--speed={}", options.speed),
+                                   expected_nodes(scenario_)};
   for (const std::string& text : options.overrides) command.push_back("--set=" + text);
 
   children_.push_back(std::make_unique<Child>());
@@ -296,8 +309,8 @@ std::vector<std::string> LiveSession::mute_controllers() const {
 std::vector<std::string> LiveSession::findings() const {
   std::vector<std::string> all = watch_.findings();
   for (std::string& mute : mute_controllers()) all.push_back(std::move(mute));
-  if (std::string refused = observer_.refused_commands(); !refused.empty()) {
-    all.push_back(std::move(refused));
+  for (std::string finding : {observer_.refused_commands(), observer_.jumps()}) {
+    if (!finding.empty()) all.push_back(std::move(finding));
   }
   if (!folder_) return all;
   CounterList network;

@@ -61,19 +61,33 @@ void RunWatch::judge_senders(Instant now, Instant since) {
 
 void RunWatch::end(Instant now) { judge_senders(now, now); }
 
-void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t sender) {
+void RunWatch::name(std::uint64_t sender) {
   if (named_.size() < kMostNamed) named_.insert(sender);
   unnamed_.erase(sender);
-  if (presence.run != run_) return heard_of_other_run(now, presence);
+}
+
+void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t sender) {
+  if (presence.run != run_) {
+    name(sender);
+    return heard_of_other_run(now, presence);
+  }
   const bool here = presence.host == host_;
   const auto own = own_.find(presence.program);
   if (here && own != own_.end() && own->second.pid == presence.pid) {
+    const auto port = static_cast<std::uint16_t>(sender);
+    if (own->second.port == 0) own->second.port = port;
+    if (own->second.port != port) {
+      return find(now, fmt::format("{} says that it is {}, which sends from another port",
+                                   sender_name(sender), describe(presence)));
+    }
     own->second.heard = now;
-    return;
+    return name(sender);
   }
   const std::pair former(presence.program, presence.pid);
-  if (here && std::find(former_.begin(), former_.end(), former) != former_.end()) return;
-  if (own == own_.end()) return;
+  if (here && std::find(former_.begin(), former_.end(), former) != former_.end())
+    return name(sender);
+  if (own == own_.end()) return;  // what it sends on the run's channels makes it an unknown sender
+  name(sender);
   strangers_ = true;
   find(now, "a second " + describe(presence));
 }

@@ -24,6 +24,7 @@ namespace tether {
 ///   One that starts has until kPatience after its start, or after t = 0. After kPatience of
 ///   silence it is to be ended: hangs().
 ///
+/// - Two senders that both say that they are one process.
 /// - An unknown sender: one that sends on a channel of the run's programs, be it once, and is not
 ///   heard on RUN/PRESENCE within kSilence.
 ///
@@ -64,13 +65,15 @@ class RunWatch {
  private:
   struct Own {
     std::int64_t pid = -1;
-    Instant heard{};  ///< or the end of its time to start, less kSilence
+    std::uint16_t port = 0;  ///< of its presence; its address may change with an interface
+    Instant heard{};         ///< or the end of its time to start, less kSilence
     bool reported = false;
   };
   void heard_of_other_run(Instant now, const presence_t& presence);
   Duration silence(const Own& own, Instant now) const;
   void find(Instant now, const std::string& what);
   void judge_senders(Instant now, Instant since);
+  void name(std::uint64_t sender);
 
   std::int64_t run_;
   std::string host_;
