@@ -26,6 +26,7 @@
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
+#include "common/program/loop_report.hpp"
 #include "common/program/presence.hpp"
 #include "common/program/run_senders.hpp"
 #include "common/program/service_manager.hpp"
@@ -190,11 +191,13 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   std::vector<Bus*> networks{&bus};
   if (other) networks.push_back(&other->bus());
   std::optional<Presence> presence;
+  std::optional<LoopReport> report;
   if (!options.stands_alone) {
     presence.emplace(loop, networks, program.name, scenario.get<VehicleSettings>().name);
     presence->answer();  // before all else that this program says
     network.answer_by(*presence);
     if (other) other->answer_by(*presence);
+    report.emplace(loop, networks, program.name);
   }
   const auto node = program.make({scenario, loop, bus, control_bus});
   say(Severity::info,
@@ -208,6 +211,7 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
     return End::clock_jumped;
   }
   node->finish();
+  if (report) report->publish_now();
   if (loop.slips() > 0) {
     say(Severity::warning,
         fmt::format("{}: {} deadline slips, worst lateness {:.1f} ms", program.name, loop.slips(),

@@ -151,6 +151,25 @@ def a_jump_of_numbers_makes_the_run_invalid(test):
     check(any("jumped further" in why for why in summary["invalid_because"]), run.out())
 
 
+def an_overloaded_run_is_invalid_and_a_short_pause_is_not(test):
+    """By stopping the relay, each time for less than a presence may be late."""
+    for pauses, pause_s, code in ((1, 0.03, 0), (4, 0.3, 1)):
+        run = live(test, "--duration=3", "--json")
+        wait_for_loop(test.network, since=time.time())
+        relay = run.children()["tether-netem"]
+        for _ in range(pauses):
+            os.kill(relay, signal.SIGSTOP)
+            time.sleep(pause_s)
+            os.kill(relay, signal.SIGCONT)
+            time.sleep(0.1)
+        got = run.wait(15)
+        why = json.loads(run.out())["invalid_because"]
+        test.say(f"{pauses} pauses of {pause_s} s: {why}")
+        check(got == code, f"exit code {got} after {pauses} pauses of {pause_s} s: {why}")
+        late = [line for line in why if "the machine was too slow" in line and "tether-netem alone" in line]
+        check(len(late) == code, f"{why}")
+
+
 def a_run_that_refuses_all_commands_is_invalid(test):
     """Those of a controller that names another run."""
     run = live(test, "--duration=3", "--set=controller.external=true")
@@ -205,6 +224,7 @@ main(
     one_datagram_makes_the_run_invalid,
     nodes_do_not_act_on_datagrams_of_an_unknown_program,
     a_jump_of_numbers_makes_the_run_invalid,
+    an_overloaded_run_is_invalid_and_a_short_pause_is_not,
     a_run_that_refuses_all_commands_is_invalid,
     a_stopped_node_is_told_ended_and_started_again,
     ends_soon_though_a_node_hangs,

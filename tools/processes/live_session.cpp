@@ -4,13 +4,14 @@
 #include <fmt/ranges.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <set>
 #include <stdexcept>
 #include <system_error>
-
+#include <tether/counters_t.hpp>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/base/share.hpp"
@@ -21,6 +22,7 @@
 #include "common/lcm/open_bus.hpp"
 #include "common/onboard/onboard_settings.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/loop_report.hpp"
 #include "common/program/node_main.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -168,6 +170,11 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     if (decode(message.bytes, presence)) return on_presence(presence, message.sender);
     ++undecodable_;
   });
+  subscribe<counters_t>(bus_, kLoopChannel, kDeepQueue, undecodable_, [this](const counters_t& m) {
+    const auto found = std::find(m.name.begin(), m.name.end(), kLatenessCounter);
+    if (found == m.name.end()) return;
+    watch_.late(m.node, m.value[static_cast<std::size_t>(found - m.name.begin())]);
+  });
   for (const std::string& channel : channels_of_programs(scenario)) {
     bus_.subscribe(channel, kDeepQueue, [this](const Message& message) {
       watch_.sent(loop_.now(), std::string(message.channel), message.sender);
@@ -309,7 +316,8 @@ std::vector<std::string> LiveSession::mute_controllers() const {
 std::vector<std::string> LiveSession::findings() const {
   std::vector<std::string> all = watch_.findings();
   for (std::string& mute : mute_controllers()) all.push_back(std::move(mute));
-  for (std::string finding : {observer_.refused_commands(), observer_.jumps()}) {
+  for (std::string finding :
+       {observer_.refused_commands(), observer_.jumps(), watch_.lateness(end_ - kStart)}) {
     if (!finding.empty()) all.push_back(std::move(finding));
   }
   if (!folder_) return all;

@@ -59,6 +59,32 @@ void RunWatch::judge_senders(Instant now, Instant since) {
   }
 }
 
+void RunWatch::late(const std::string& program, std::int64_t us_s) {
+  if (!late_.contains(program) && late_.size() >= kMaxFindings) return;
+  Late& late = late_[program];
+  if (us_s < late.newest_us_s) late.before_us_s += late.newest_us_s;
+  late.newest_us_s = us_s;
+}
+
+std::string RunWatch::lateness(Duration run) const {
+  double sum_ms = 0.0, worst_ms = 0.0;
+  std::string worst;
+  for (const auto& [program, late] : late_) {
+    const auto us_s = static_cast<double>(late.before_us_s) + static_cast<double>(late.newest_us_s);
+    const double mean_ms = us_s * 1e-3 / std::max(to_seconds(run), 1e-3);
+    sum_ms += mean_ms;
+    if (mean_ms <= worst_ms) continue;
+    worst_ms = mean_ms;
+    worst = program;
+  }
+  if (sum_ms <= to_milliseconds(kMostLateness)) return "";
+  return fmt::format(
+      "the machine was too slow: late programs made messages {:.1f} ms older on "
+      "average, {} alone {:.1f} ms; at most {} ms are allowed. Use --speed below 1 or "
+      "end other work",
+      sum_ms, printable(worst), worst_ms, to_milliseconds(kMostLateness));
+}
+
 void RunWatch::end(Instant now) { judge_senders(now, now); }
 
 void RunWatch::name(std::uint64_t sender) {

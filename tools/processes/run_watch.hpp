@@ -28,11 +28,17 @@ namespace tether {
 /// - An unknown sender: one that sends on a channel of the run's programs, be it once, and is not
 ///   heard on RUN/PRESENCE within kSilence.
 ///
+/// - Late loops: what all programs together have added to the mean age of a message, if it had come
+///   by way of all of them, is more than kMostLateness.
+///
 /// While the watch itself was suspended (two updates more than kSilence apart), nobody was silent.
 class RunWatch {
  public:
   static constexpr Duration kSilence = std::chrono::milliseconds{1500};
   static constexpr Duration kPatience = std::chrono::seconds{5};
+
+  /// In real time the world moves in steps of this, so that no age is known better.
+  static constexpr Duration kMostLateness = std::chrono::milliseconds{5};
 
   RunWatch(std::int64_t run, std::string host, double rate)
       : run_(run), host_(std::move(host)), rate_(rate) {}
@@ -49,6 +55,11 @@ class RunWatch {
   void sent(Instant now, const std::string& channel, std::uint64_t sender);
   /// The run is over: who has not said by now what it is was no program of it.
   void end(Instant now);
+  /// A program's lateness so far, integrated over the time (RealTimeLoop::lateness_s2()), in µs·s.
+  /// It begins at 0 again where a program was restarted.
+  void late(const std::string& program, std::int64_t us_s);
+  /// The finding on late loops of a run that has taken this time; "" if they were not late.
+  std::string lateness(Duration run) const;
   /// What several programs send (SoleSender), in words. Told unless known strangers explain it.
   void several_senders(Instant now, const std::string& line);
   /// Regularly, several times a second.
@@ -85,6 +96,10 @@ class RunWatch {
     std::string channel;
     Instant since;
   };
+  struct Late {
+    std::int64_t before_us_s = 0, newest_us_s = 0;
+  };
+  std::map<std::string, Late> late_;
   std::map<std::uint64_t, Unnamed> unnamed_;  ///< senders that have no presence yet
   std::set<std::uint64_t> named_;
   bool strangers_ = false;

@@ -206,6 +206,26 @@ TEST_F(RunWatchTest, TwoPortsOfOneProcessAreAFindingAndAnotherAddressIsNone) {
                           "sends from another port"));
 }
 
+TEST_F(RunWatchTest, LateLoopsAreAFindingBeyondFiveMillisecondsInSum) {
+  const Duration run = std::chrono::seconds{10};
+  EXPECT_EQ(watch.lateness(run), "");
+  watch.late("tether-sim", 20'000);  // 2 ms for 10 s
+  watch.late("tether-netem", 30'000);
+  EXPECT_EQ(watch.lateness(run), "");
+  watch.late("tether-netem", 30'100);
+  EXPECT_THAT(
+      watch.lateness(run),
+      ::testing::HasSubstr("5.0 ms older on average, tether-netem alone 3.0 ms; at most 5"));
+}
+
+TEST_F(RunWatchTest, TheLatenessOfAProgramThatWasRestartedAddsUp) {
+  const Duration run = std::chrono::seconds{10};
+  watch.late("tether-sim", 40'000);
+  watch.late("tether-sim", 100);  // restarted
+  watch.late("tether-sim", 20'000);
+  EXPECT_THAT(watch.lateness(run), ::testing::HasSubstr("6.0 ms older"));
+}
+
 TEST_F(RunWatchTest, AnUnknownSenderOfTheLastMomentIsFoundAtTheEnd) {
   watch.sent(now, "AGV/CMD_VEL", kFirst);
   pass(kPeriod);
