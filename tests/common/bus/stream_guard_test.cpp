@@ -199,6 +199,16 @@ TEST_F(StreamGuardTest, TwoMessagesInARowBeyondAJumpAreARestartedPublisher) {
                                      Pair("pose.restarts", 1)));
 }
 
+TEST_F(StreamGuardTest, ASecondJumpIsNoRestartUnlessItFollowsTheFirstInNumberAndTime) {
+  EXPECT_TRUE(accept(1s, 7));
+  EXPECT_FALSE(accept(2s, 1'000'000));
+  EXPECT_FALSE(accept(2s + 1ms, 1'000'000));
+  EXPECT_FALSE(accept(2s + 1ms, 1'000'001));
+  EXPECT_FALSE(accept(2s + 2ms, 9'000'000));
+  EXPECT_TRUE(accept(3s, 8));
+  EXPECT_THAT(counted(), ElementsAre(Pair("pose.accepted", 2), Pair("pose.jumped", 4)));
+}
+
 TEST_F(StreamGuardTest, StrayJumpsBetweenMessagesOfTheStreamAreNeverARestart) {
   for (int i = 0; i < 100; ++i) {
     EXPECT_TRUE(accept(1s + i * 20ms, i));
