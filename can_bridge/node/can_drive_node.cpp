@@ -78,7 +78,7 @@ CanDriveNode::CanDriveNode(const DriveSettings& settings, const DrivetrainConfig
       wheel_models_{WheelModel(WheelModel::of(settings.get<VehicleSettings>())),
                     WheelModel(WheelModel::of(settings.get<VehicleSettings>()))},
       wheel_guard_({.earliest = first_instant(settings)}),
-      fault_guard_({.earliest = first_instant(settings)}),
+      fault_guard_({.earliest = first_instant(settings), .counts_up = false}),
       last_tick_(std::max(loop.now(), first_instant(settings))),
       counters_(loop, bus, "drive", channels_.drive_counters,
                 from_seconds(settings.get<RunSettings>().report_period_s),

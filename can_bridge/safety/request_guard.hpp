@@ -13,8 +13,8 @@ enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, 
 
 /// Lets an operator's requests through, each once and only while fresh: stamped no more than a
 /// second ago and not more than kMaxAhead in the future (so much may the clocks of two well-kept
-/// hosts differ), and with a new number, as StreamGuard demands. So an ARM that was recorded,
-/// delayed or repeated arms nothing.
+/// hosts differ), and with a new number, as StreamGuard demands; several programs number them, each
+/// in its own way. So an ARM that was recorded, delayed or repeated arms nothing.
 ///
 /// ESTOP and DISARM are exceptions: they act whatever their stamp and number. A late one still
 /// means that somebody wanted the vehicle to stand. ALIVE is a stream of its own, because another
@@ -26,7 +26,7 @@ class RequestGuard {
 
   /// Stamps before `earliest` are of another run.
   explicit RequestGuard(Instant earliest)
-      : guard_({kMaxAhead, earliest}), alive_guard_({kMaxAhead, earliest}) {}
+      : guard_({kMaxAhead, earliest, false}), alive_guard_({kMaxAhead, earliest, false}) {}
 
   /// What to do now, if anything. `request` is the message's number.
   std::optional<DriveRequest> accept(Instant now, Instant stamp, std::int64_t seq,

@@ -29,6 +29,8 @@ struct Message {
 class Bus {
  public:
   using Handler = std::function<void(const Message&)>;
+  /// Whether a message that somebody subscribes to is handed on.
+  using Filter = std::function<bool(const Message&)>;
 
   virtual ~Bus() = default;
 

@@ -24,7 +24,8 @@ void CounterReporter::publish_now() {
   CounterList network;
   bus_.list_counters(network);
   for (const auto& [name, count] : network) {
-    if (name == "datagrams_dropped" && count > 0) counters.emplace_back("network." + name, count);
+    const bool is_told = name == "datagrams_dropped" || name == "refused";
+    if (is_told && count > 0) counters.emplace_back("network." + name, count);
   }
 
   counters_t message{};

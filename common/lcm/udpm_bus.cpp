@@ -27,8 +27,8 @@ std::uint64_t one_number(const sockaddr_in& address) {
 
 }  // namespace
 
-UdpmBus::UdpmBus(const std::string& url, EventLoop& loop)
-    : loop_(loop), url_(checked_lcm_url(url)) {
+UdpmBus::UdpmBus(const std::string& url, EventLoop& loop, Filter filter)
+    : loop_(loop), filter_(std::move(filter)), url_(checked_lcm_url(url)) {
   if (!reachable_over_loopback(url_)) reachable_lcm_url(url_);  // throws
   assert(!multicast_group(url_).empty());
   sending_fd_ = open_udpm_sender(url_);
@@ -126,8 +126,15 @@ void UdpmBus::hear(std::uint64_t sender, std::int64_t arrival_utime,
   std::optional<Message> message = assembler_.take(sender, datagram);
   if (!message || message->channel == kSelfTest) return;
   message->received_utime = arrival_utime;
+  bool passed = !filter_;
   for (const Subscription& s : subscriptions_) {
-    if (!s.channel || s.channel->matches(message->channel)) s.handler(*message);
+    if (s.channel && !s.channel->matches(message->channel)) continue;
+    passed = passed || filter_(*message);
+    if (!passed) {
+      ++refused_;
+      return;
+    }
+    s.handler(*message);
   }
 }
 
@@ -139,6 +146,7 @@ void UdpmBus::list_counters(CounterList& out) const {
   out.emplace_back("incomplete", c.incomplete);
   out.emplace_back("malformed", c.malformed + truncated_);
   out.emplace_back("publish_failures", publish_failures_);
+  out.emplace_back("refused", refused_);
 }
 
 }  // namespace tether

@@ -31,8 +31,9 @@ namespace tether {
 class UdpmBus final : public Bus {
  public:
   /// `url` is udpm. Throws as reachable_lcm_url() does, but not with ttl=0 and a loopback
-  /// interface; and if the system has no socket left. `loop` must outlive the bus.
-  UdpmBus(const std::string& url, EventLoop& loop);
+  /// interface; and if the system has no socket left. `loop` must outlive the bus. `filter`: asked
+  /// once for each message that a subscription matches.
+  UdpmBus(const std::string& url, EventLoop& loop, Filter filter = {});
   ~UdpmBus() override;
 
   void publish(std::string_view channel, std::span<const std::uint8_t> bytes) override;
@@ -42,7 +43,7 @@ class UdpmBus final : public Bus {
   /// As it is used, buffer size included.
   const std::string& url() const { return url_; }
   /// Datagrams dropped by the kernel, malformed ones, own ones and those of other hosts, incomplete
-  /// messages, publish failures.
+  /// messages, messages that the filter refused, publish failures.
   void list_counters(CounterList& out) const override;
 
  private:
@@ -60,6 +61,7 @@ class UdpmBus final : public Bus {
             std::span<const std::uint8_t> datagram);
 
   EventLoop& loop_;
+  Filter filter_;
   std::string url_;
   int sending_fd_ = -1;
   int receiving_fd_ = -1;
@@ -74,6 +76,7 @@ class UdpmBus final : public Bus {
   std::int64_t own_ = 0;
   std::int64_t of_other_hosts_ = 0;
   std::int64_t truncated_ = 0;
+  std::int64_t refused_ = 0;
   std::int64_t publish_failures_ = 0;
 };
 

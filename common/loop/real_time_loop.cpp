@@ -170,9 +170,18 @@ void RealTimeLoop::run_due_timers(Instant end) {
     if (const Duration period = timers_.next_period(); period > Duration{0}) {
       lateness_max_ = std::max(lateness_max_, t - due);
       if (t - due > period) ++slips_;
+      note_lateness(due, t);
     }
     timers_.run_next();
   }
+}
+
+void RealTimeLoop::note_lateness(Instant due, Instant now) {
+  if (due < kStart) return;
+  const double from_s = to_seconds(std::max(due, late_until_) - due);
+  const double to_s = to_seconds(now - due);
+  if (to_s > from_s) lateness_s2_ += 0.5 * (to_s * to_s - from_s * from_s);
+  late_until_ = now;
 }
 
 void RealTimeLoop::wait(Instant until) {

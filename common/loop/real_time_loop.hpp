@@ -46,6 +46,10 @@ class RealTimeLoop final : public EventLoop {
   /// Largest lateness of any periodic task so far.
   Duration lateness_max() const { return lateness_max_; }
 
+  /// How late the periodic tasks of t >= 0 have been, integrated over the time: at each instant,
+  /// how long ago the earliest task was due that has not begun; s². A pause of D adds D²/2.
+  double lateness_s2() const { return lateness_s2_; }
+
   /// t = 0 on this host's CLOCK_BOOTTIME.
   std::int64_t start_boot_ns() const { return start_boot_ns_; }
 
@@ -71,6 +75,7 @@ class RealTimeLoop final : public EventLoop {
     Task task;
   };
   void run_due_timers(Instant end);
+  void note_lateness(Instant due, Instant now);
   void wait(Instant until);
   void arm(Instant until);
   void on_timer();
@@ -100,6 +105,8 @@ class RealTimeLoop final : public EventLoop {
   bool stopped_ = false;
   std::uint64_t slips_ = 0;
   Duration lateness_max_{0};
+  double lateness_s2_ = 0.0;
+  Instant late_until_{};  ///< to where lateness_s2_ is integrated
 };
 
 }  // namespace tether

@@ -6,14 +6,19 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <set>
 #include <tether/clock_t.hpp>
+#include <tether/presence_t.hpp>
 #include <utility>
 #include <vector>
 
 #include "common/base/errors.hpp"
 #include "common/base/say.hpp"
+#include "common/base/text.hpp"
 #include "common/bus/channel_names.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/bus/sole_sender.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/open_bus.hpp"
 #include "common/lcm/udpm_bus.hpp"
@@ -21,7 +26,9 @@
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/cli_range.hpp"
+#include "common/program/loop_report.hpp"
 #include "common/program/presence.hpp"
+#include "common/program/run_senders.hpp"
 #include "common/program/service_manager.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -38,6 +45,7 @@ struct Options {
   std::optional<std::int64_t> start_boot_ns;
   double speed = 1.0;
   std::optional<std::int64_t> lockstep_session;
+  std::vector<std::string> expected_nodes;
   bool stands_alone = false;
   bool locks_memory = false;
 };
@@ -92,6 +100,64 @@ class ClockFollower {
   int disagreements_ = 0;
 };
 
+/// Channels on which operators and testers send, besides the node that owns them in simulated time.
+ChannelOwners live_owners(const std::vector<Scenario>& members) {
+  ChannelOwners owners = channel_owners(members);
+  for (const Scenario& member : members) {
+    const ChannelNames c(member.get<VehicleSettings>().name);
+    for (const std::string& open : {c.net_set, c.can_request, c.can_inject}) owners.erase(open);
+  }
+  return owners;
+}
+
+/// A network on which a run's messages are taken from the programs that own their channels.
+class RunNetwork {
+ public:
+  RunNetwork(const NodeProgram& program, const Options& options, const Scenario& scenario,
+             const std::string& url, EventLoop& loop)
+      : name_(program.name),
+        senders_({live_owners(fleet_members(scenario)), scenario.get<VehicleSettings>().name,
+                  options.expected_nodes},
+                 loop),
+        bus_(open_bus(url, loop, [this](const Message& message) { return takes(message); })) {
+    if (!options.stands_alone) subscribe_to_presences();
+  }
+  Bus& bus() { return *bus_; }
+  void answer_by(Presence& presence) { presence_ = &presence; }
+
+ private:
+  static constexpr std::size_t kMostWarnings = 8;
+
+  void subscribe_to_presences() {
+    bus_->subscribe(kPresenceChannel, kDeepQueue, [this](const Message& message) {
+      presence_t presence{};
+      const bool is_new =
+          decode(message.bytes, presence) && senders_.heard(presence, message.sender);
+      if (is_new && presence_ != nullptr) presence_->answer();
+    });
+  }
+  bool takes(const Message& message) {
+    if (senders_.takes(message)) return true;
+    const std::optional<std::string> owner = senders_.owner_heard(message);
+    if (!owner || warned_.size() >= kMostWarnings || !warned_.insert(message.sender).second) {
+      return false;
+    }
+    say(Severity::warning,
+        fmt::format(
+            "{}: {} of {} is refused: {} sends it in this run. A program in that place must "
+            "say so on {}",
+            name_, message.channel, sender_name(message.sender), printable(*owner),
+            kPresenceChannel));
+    return false;
+  }
+
+  std::string name_;
+  RunSenders senders_;
+  std::unique_ptr<Bus> bus_;
+  Presence* presence_ = nullptr;
+  std::set<std::uint64_t> warned_;
+};
+
 enum class End { signal, clock_jumped };
 
 /// Lets the loop go on until the node has ended in good order.
@@ -105,13 +171,13 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
   RealTimeLoop loop(options.start_utime_us.value_or(RealTimeLoop::wall_utime_us()), options.speed,
                     options.start_boot_ns);
   const std::string url = checked_lcm_url(options.lcm_url);
-  const auto vehicle_bus = open_bus(url, loop);
-  Bus& bus = *vehicle_bus;
-  std::unique_ptr<Bus> other;
+  RunNetwork network(program, options, scenario, url, loop);
+  Bus& bus = network.bus();
+  std::optional<RunNetwork> other;
   if (!options.control_lcm_url.empty() && checked_lcm_url(options.control_lcm_url) != url) {
-    other = open_bus(options.control_lcm_url, loop);
+    other.emplace(program, options, scenario, options.control_lcm_url, loop);
   }
-  Bus& control_bus = other ? *other : bus;
+  Bus& control_bus = other ? other->bus() : bus;
 
   ServiceManager manager(loop);
   std::optional<ClockFollower> clock;
@@ -122,13 +188,18 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
     if (!clock->wait(program.name)) return End::signal;
   }
 
-  const auto node = program.make({scenario, loop, bus, control_bus});
   std::vector<Bus*> networks{&bus};
-  if (other) networks.push_back(other.get());
+  if (other) networks.push_back(&other->bus());
   std::optional<Presence> presence;
+  std::optional<LoopReport> report;
   if (!options.stands_alone) {
     presence.emplace(loop, networks, program.name, scenario.get<VehicleSettings>().name);
+    presence->answer();  // before all else that this program says
+    network.answer_by(*presence);
+    if (other) other->answer_by(*presence);
+    report.emplace(loop, networks, program.name);
   }
+  const auto node = program.make({scenario, loop, bus, control_bus});
   say(Severity::info,
       fmt::format("{}: running, t = {:.3f} s, on {}", program.name, to_seconds(loop.now()), url));
   manager.ready("running on " + url);
@@ -140,6 +211,7 @@ End run_once(const NodeProgram& program, const Options& options, const Scenario&
     return End::clock_jumped;
   }
   node->finish();
+  if (report) report->publish_now();
   if (loop.slips() > 0) {
     say(Severity::warning,
         fmt::format("{}: {} deadline slips, worst lateness {:.1f} ms", program.name, loop.slips(),
@@ -209,6 +281,13 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
          "the same time on this host's CLOCK_BOOTTIME, nanoseconds: counts where given, for "
          "it never steps (`tether live` starts its nodes so)")
       ->needs(app.get_option("--start-utime"));
+  app.add_option("--expect", options.expected_nodes,
+                 "nodes that certainly take part (sim, netem, controller, can, autonomy, "
+                 "localiser): what is theirs to send is taken from nobody else, from the first "
+                 "message on (`tether live` starts its nodes so)")
+      ->check(CLI::IsMember({"sim", "netem", "controller", "can", "autonomy", "localiser"}))
+      ->delimiter(',')
+      ->allow_extra_args(false);
   app.add_option("--speed", options.speed,
                  "run seconds per wall second; below 1 is slow motion, the same for all nodes")
       ->check(number_between(0.01, 1.0))

@@ -17,7 +17,6 @@ std::string host_name() {
 Presence::Presence(EventLoop& loop, std::vector<Bus*> buses, const std::string& program,
                    const std::string& vehicle)
     : loop_(loop), buses_(std::move(buses)) {
-  message_.run = loop.run_id();
   message_.program = program;
   message_.vehicle = vehicle;
   message_.host = host_name();
@@ -26,8 +25,15 @@ Presence::Presence(EventLoop& loop, std::vector<Bus*> buses, const std::string& 
   loop.every(loop.now(), period, Priority::observer, [this](Instant) { publish_now(); });
 }
 
+void Presence::answer() {
+  const Duration gap = from_seconds(to_seconds(kLeastGap) * loop_.rate());
+  if (!published_ || loop_.now() - *published_ >= gap) publish_now();
+}
+
 void Presence::publish_now() {
-  message_.utime = to_utime(loop_.now());
+  published_ = loop_.now();
+  message_.utime = to_utime(*published_);
+  message_.run = loop_.run_id();
   for (Bus* bus : buses_) publish(*bus, kPresenceChannel, message_);
   ++message_.seq;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <tether/presence_t.hpp>
 #include <vector>
@@ -13,8 +14,8 @@ inline constexpr const char* kPresenceChannel = "RUN/PRESENCE";
 /// On the wall clock, whatever the run's rate.
 inline constexpr Duration kPresencePeriod = std::chrono::milliseconds{250};
 
-/// Says on RUN/PRESENCE that this program takes part in a live run, at once and then every
-/// kPresencePeriod while the loop is alive. Others learn from it who shares their network, and that
+/// Says on RUN/PRESENCE that this program takes part in a live run, every kPresencePeriod while the
+/// loop is alive. Others learn from it who shares their network, and that
 /// a program hangs. `loop` and the buses must outlive it.
 class Presence {
  public:
@@ -23,12 +24,18 @@ class Presence {
   Presence(const Presence&) = delete;
   Presence& operator=(const Presence&) = delete;
 
+  /// Says it now, before other messages, or to a program that has just begun; not within kLeastGap
+  /// of the last time.
+  void answer();
+
  private:
+  static constexpr Duration kLeastGap = std::chrono::milliseconds{20};
   void publish_now();
 
   EventLoop& loop_;
   std::vector<Bus*> buses_;
   presence_t message_{};
+  std::optional<Instant> published_;
 };
 
 /// This host's name, as presences have it.

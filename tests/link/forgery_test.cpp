@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdlib>
+#include <set>
 #include <string>
 
 #include "tests/link/two_hosts.hpp"
@@ -30,7 +32,7 @@ class Attacker {
 
   TwoHosts::Datagram next() {
     TwoHosts::Datagram d = recorded_[below(recorded_.size())];
-    switch (below(8)) {
+    switch (below(9)) {
       case 0:
         break;  // replayed
       case 1:
@@ -51,7 +53,15 @@ class Attacker {
       case 5:
         d.bytes.resize(below(d.bytes.size() + 50), static_cast<std::uint8_t>(random_()));
         break;
-      case 6:  // another counter, near
+      case 6: {  // spliced: the end of another
+        const Bytes& other = recorded_[below(recorded_.size())].bytes;
+        const std::size_t cut = below(std::min(d.bytes.size(), other.size()));
+        d.bytes.resize(cut);
+        d.bytes.insert(d.bytes.end(), other.begin() + static_cast<std::ptrdiff_t>(cut),
+                       other.end());
+        break;
+      }
+      case 7:  // another counter, near
         if (d.bytes.size() > 14) d.bytes[13] ^= static_cast<std::uint8_t>(1 + below(255));
         [[fallthrough]];
       default:
@@ -110,6 +120,36 @@ TEST(Forgery, NothingForgedReplayedReflectedOrChangedIsTaken) {
   net.send(0, "CMD", {3});
   net.run(milliseconds{10});
   EXPECT_EQ(net.hosts[1].heard.size(), heard[1] + 1) << "the session lives on";
+}
+
+TEST(Forgery, AManInTheMiddleOfLiveTrafficAndOfRestartsChangesAndRepeatsNoMessage) {
+  TwoHosts net(testing::two_paths());
+  net.keep = true;
+  net.connect();
+  Attacker attacker(net.seen, 11);
+  constexpr std::uint32_t kEachRound = 25, kRoundsToRestart = 800;
+  const auto rounds = static_cast<std::uint32_t>(forgeries() / 10 / kEachRound);
+  for (std::uint32_t round = 0; round < rounds; ++round) {
+    net.send(0, "CMD", testing::numbered(round));
+    net.send(1, "POSE", testing::numbered(~round));
+    net.run(milliseconds{1});
+    for (std::uint32_t i = 0; i < kEachRound; ++i) {
+      const TwoHosts::Datagram d = attacker.next();
+      net.inject(1 - d.from, d.path, d.bytes, testing::host_address(d.from, d.path));
+    }
+    if (round % kRoundsToRestart == kRoundsToRestart - 1) net.restart(round / kRoundsToRestart % 2);
+  }
+  net.run(milliseconds{100});
+  for (const std::size_t host : {0U, 1U}) {
+    std::set<std::uint32_t> numbers;
+    for (const TwoHosts::Heard& heard : net.hosts[host].heard) {
+      ASSERT_EQ(heard.bytes.size(), 4U);
+      const auto number = Reader(heard.bytes).number<std::uint32_t>();
+      ASSERT_LT(host == 0 ? ~number : number, rounds) << "was never sent";
+      ASSERT_TRUE(numbers.insert(number).second) << "came twice";
+    }
+    EXPECT_GE(numbers.size(), rounds / 2) << "and it goes on";
+  }
 }
 
 TEST(Forgery, AfterARestartARecordedHandshakeLeadsNowhere) {

@@ -8,7 +8,7 @@ import re
 import signal
 import time
 
-from live_support import PAPER, POSE, TWIST, Failure, alive, check, main, wait_for_loop, wait_until
+from live_support import PAPER, POSE, PRESENCE, TWIST, Failure, alive, check, main, wait_for_loop, wait_until
 
 FAST = ("--set=sensor.rate_hz=20",)
 NOTICED_S = 1.5  # within a second; half a second for a busy machine
@@ -95,8 +95,10 @@ def a_stranger_that_sends_commands_is_named(test):
     summary = json.loads(run.out())
     check(summary["valid"] is False, f"valid: {summary['valid']}")
     check(re.search(pattern, summary["invalid_because"][0]), f"{summary['invalid_because']}")
-    refused = summary["counters"]["netem.senders.refused"]
-    check(refused > 0, "the relay took sides")
+    refused = summary["counters"]["netem.network.refused"]
+    check(refused == 20, f"the relay refused {refused} of 20")
+    offered, passed_on = (summary["counters"][f"netem.downlink.{kind}"] for kind in ("offered", "delivered"))
+    check(offered == passed_on > 10, f"its controller's commands: {offered} came, {passed_on} were passed on")
 
 
 def one_datagram_makes_the_run_invalid(test):
@@ -109,6 +111,63 @@ def one_datagram_makes_the_run_invalid(test):
         test.network.send(channel, kind.encode(utime=0, seq=7, run=run_of(run)))
         check_verdict(run, 1, "INVALID ")
         check(re.search(rf"an unknown program sent on {channel}: ", run.out()), run.out())
+
+
+def nodes_do_not_act_on_datagrams_of_an_unknown_program(test):
+    """Poses and commands with the run's number, from before the first ones on."""
+    run = live(test, "--duration=3", "--json")
+    wait_until(5, lambda: "tether-sim" in run.children(), "its nodes")
+    number = run_of(run)
+    sent = 0
+    while run.running() and not test.network.last("SIM/TRUTH"):
+        test.network.send("CTRL/POSE", POSE.encode(utime=0, seq=1 << 60, run=number, x_m=9, y_m=9))
+        test.network.send("AGV/CMD_VEL", TWIST.encode(utime=0, seq=1 << 60, run=number, v_mps=1))
+        sent += 1
+        time.sleep(0.02)
+    check(run.wait(15) == 1, run.err())
+    summary = json.loads(run.out())
+    check(any("an unknown program" in why for why in summary["invalid_because"]), run.out())
+    counters = summary["counters"]
+    for node, stream in (("controller", "controller.pose"), ("sim", "sim.command")):
+        refused = counters.get(f"{node}.network.refused", 0)
+        check(refused > 0, f"{node} refused nothing of {sent}")
+        acted = {k: counters.get(f"{stream}.{k}", 0) for k in ("missed", "restarts", "jumped")}
+        check(acted["missed"] < 100 and acted["restarts"] == acted["jumped"] == 0, f"{stream}: {acted}")
+        test.say(f"{node} refused {refused} of {2 * sent} datagrams; {acted}")
+
+
+def a_jump_of_numbers_makes_the_run_invalid(test):
+    """Of a program that says that it is the relay."""
+    run = live(test, "--duration=3", "--json")
+    wait_for_loop(test.network)
+    number = run_of(run)
+    presence = PRESENCE.encode(run=number, program="tether-netem", vehicle="AGV", host="elsewhere", pid=1)
+    test.network.send("RUN/PRESENCE", presence)
+    utime = test.network.last("SIM/TRUTH").utime + 200_000
+    test.network.send("CTRL/POSE", POSE.encode(utime=utime, seq=1 << 60, run=number))
+    check(run.wait(15) == 1, run.err())
+    summary = json.loads(run.out())
+    check(summary["counters"]["controller.pose.missed"] < 100, "acted upon")
+    check(any("jumped further" in why for why in summary["invalid_because"]), run.out())
+
+
+def an_overloaded_run_is_invalid_and_a_short_pause_is_not(test):
+    """By stopping the relay, each time for less than a presence may be late."""
+    for pauses, pause_s, code in ((1, 0.03, 0), (4, 0.3, 1)):
+        run = live(test, "--duration=3", "--json")
+        wait_for_loop(test.network, since=time.time())
+        relay = run.children()["tether-netem"]
+        for _ in range(pauses):
+            os.kill(relay, signal.SIGSTOP)
+            time.sleep(pause_s)
+            os.kill(relay, signal.SIGCONT)
+            time.sleep(0.1)
+        got = run.wait(15)
+        why = json.loads(run.out())["invalid_because"]
+        test.say(f"{pauses} pauses of {pause_s} s: {why}")
+        check(got == code, f"exit code {got} after {pauses} pauses of {pause_s} s: {why}")
+        late = [line for line in why if "the machine was too slow" in line and "tether-netem alone" in line]
+        check(len(late) == code, f"{why}")
 
 
 def a_run_that_refuses_all_commands_is_invalid(test):
@@ -163,6 +222,9 @@ main(
     a_second_of_each_program_is_named,
     a_stranger_that_sends_commands_is_named,
     one_datagram_makes_the_run_invalid,
+    nodes_do_not_act_on_datagrams_of_an_unknown_program,
+    a_jump_of_numbers_makes_the_run_invalid,
+    an_overloaded_run_is_invalid_and_a_short_pause_is_not,
     a_run_that_refuses_all_commands_is_invalid,
     a_stopped_node_is_told_ended_and_started_again,
     ends_soon_though_a_node_hangs,

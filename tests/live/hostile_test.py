@@ -1,6 +1,7 @@
 #!/usr/bin/env -S python3 -B
-"""Hostile and broken traffic on the LCM port during a live run: no node dies, the vehicle's state
-stays finite, what was wrong is counted by name, and the loop goes on.
+"""Hostile and broken traffic on the LCM port during a live run, of a sender that says on RUN/PRESENCE
+that it is the node whose channel it uses, because nodes refuse others: no node dies, the vehicle's
+state stays finite, what was wrong is counted by name, and the loop goes on.
 
 Two fragments whose offset overflows end any program that receives by LCM's library, and no node.
 Usage: hostile_test.py BIN_DIR"""
@@ -18,6 +19,7 @@ from live_support import (
     FRAGMENT_MAGIC,
     PAPER,
     POSE,
+    PRESENCE,
     SHORT_MAGIC,
     TWIST,
     TYPES,
@@ -39,6 +41,7 @@ class Attack:
         self.random = random.Random(seed)
         self.sent = {}
         self._newest_us = 0
+        self._claimed = None
 
     def count(self, what, number=1):
         self.sent[what] = self.sent.get(what, 0) + number
@@ -48,7 +51,18 @@ class Attack:
         self.count(what)
         time.sleep(0.002)  # a flood would be lost in buffers: the controller's holds one pose
 
+    def claim(self, channel):
+        """The place of the node that owns this channel."""
+        netem = channel.startswith("NET/") or channel in ("CTRL/POSE", "AGV/CMD_VEL", "AGV/PLAN", "AGV/PRELOAD")
+        owner = "netem" if netem else "controller" if channel.startswith("CTRL/") else "sim"
+        if owner == self._claimed:
+            return
+        self._claimed = owner
+        presence = PRESENCE.encode(run=self.run(), program=f"tether-{owner}", vehicle="AGV", host="elsewhere", pid=1)
+        self.network.send("RUN/PRESENCE", presence)
+
     def message(self, what, channel, payload):
+        self.claim(channel)
         header = struct.pack(">II", SHORT_MAGIC, self.random.getrandbits(32))
         self.raw(what, header + channel.encode() + b"\0" + payload)
 
@@ -74,6 +88,7 @@ class Attack:
 
     def truncated(self):
         header = struct.pack(">II", SHORT_MAGIC, 7)
+        self.claim("CTRL/POSE")
         for channel, lcm_type in (("CTRL/POSE", POSE), ("AGV/CMD_VEL", TWIST)):
             whole = header + channel.encode() + b"\0" + lcm_type.encode(utime=self.now_us())
             for length in range(len(whole)):
@@ -109,17 +124,17 @@ class Attack:
         in the arithmetic behind."""
         for bad in NOT_FINITE:
             for field in ("x_m", "y_m", "yaw_rad"):
-                pose = POSE.encode(run=self.run(), utime=self.now_us(), seq=10**6, **{field: bad})
+                pose = POSE.encode(run=self.run(), utime=self.now_us(), seq=10**3, **{field: bad})
                 self.message("non-finite pose", "CTRL/POSE", pose)
             for field in ("v_mps", "omega_radps"):
-                command = TWIST.encode(run=self.run(), utime=self.now_us(), seq=10**6, **{field: bad})
+                command = TWIST.encode(run=self.run(), utime=self.now_us(), seq=10**3, **{field: bad})
                 self.message("non-finite command", "AGV/CMD_VEL", command)
         for huge in HUGE:
             for other in HUGE:
                 stamp = self.now_us() + AHEAD_US
-                command = TWIST.encode(run=self.run(), utime=stamp, seq=10**6, v_mps=huge, omega_radps=other)
+                command = TWIST.encode(run=self.run(), utime=stamp, seq=10**3, v_mps=huge, omega_radps=other)
                 self.message("huge command", "AGV/CMD_VEL", command)
-                pose = POSE.encode(run=self.run(), utime=stamp, seq=10**6, x_m=huge, y_m=other, yaw_rad=huge)
+                pose = POSE.encode(run=self.run(), utime=stamp, seq=10**3, x_m=huge, y_m=other, yaw_rad=huge)
                 self.message("huge pose", "CTRL/POSE", pose)
                 time.sleep(0.005)
 
@@ -155,6 +170,7 @@ class Attack:
 
             return react
 
+        self.claim("CTRL/POSE")
         for channel in ("CTRL/POSE", "AGV/CMD_VEL"):
             self.network.on_message(channel, echo(channel))
         time.sleep(seconds)
@@ -218,6 +234,7 @@ def nodes_live_on(test):
             "before_start": 3,
             "duplicated": 5,
             "invalid_seq": 2,
+            "jumped": 1,
             "restarts": 1,
         }
         said = {name: counters[f"{stream}.{name}"] for name in least}

@@ -144,6 +144,7 @@ GROUND_TRUTH = LcmType("ground_truth")
 LINK_REPORT = LcmType("link_report")
 PLAN = LcmType("plan")
 POSE = LcmType("pose")
+PRESENCE = LcmType("presence")
 TWIST = LcmType("twist")
 TYPES = {
     "AGV/POSE": POSE,

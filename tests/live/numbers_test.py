@@ -13,6 +13,25 @@ from live_support import PAPER, SOURCE, check, main
 VALUES = ("0", "-1", "1e308", "-1e308", "1e-308", "nan", "inf", "9223372036854775807", "1e400", "")
 SECONDS = 60
 NUMBER = re.compile(r"(?<![\w.\"'-])-?\d+\.?\d*(?:e-?\d+)?(?![\w.\"'])")
+LINK = """key = "own.key"
+mtu = 1400
+second_path = "deferred"
+second_after_ms = 20.0
+rekey_s = 3600.0
+report_period_s = 1.0
+clock_warning_ms = 50.0
+clock_limit_ms = 200.0
+[[path]]
+name = "wifi"
+bind = "127.0.0.1:7700"
+[[path]]
+name = "cell"
+bind = "127.0.0.1:7701"
+[[peer]]
+name = "vehicle"
+public_key = "KEY"
+addresses = ["127.0.0.1:7702", ""]
+"""
 SHORT = ("--set", "vehicle.plant=kinematic", "--set", "run.duration_s=0.2")
 PING = "[1700000000.5] 64 bytes from h: icmp_seq=1 ttl=64 time=12.5 ms\n[1700000001.5] 64 bytes from h: icmp_seq=3 ttl=64 time=13 ms\n5 packets transmitted\n"
 
@@ -23,7 +42,7 @@ def rows(head, *lines, times=30):
     return "\n".join([head, *(line.format(i) for i, line in enumerate(lines)), *more]) + "\n"
 
 
-def files():
+def files(bin_dir, public_key):
     """name: (content, lines in which numbers are tried, command with FILE, exit codes but for 2)."""
     run = ("tether", "run", PAPER, *SHORT, "--out", "out")
     return {
@@ -40,6 +59,7 @@ def files():
                       (*run, "--set", "map.file=FILE", "--set", "path.kind=line", "--set", "path.length_m=1"), (0,)),
         "scenario.toml": ("[run]\nduration_s = 0.2\nseed = 1\n[vehicle]\nplant = \"kinematic\"\n[sensor]\nrate_hz = 20.0\n"
                           "latency_ms = 5.0\n[channel.uplink]\nprr = 0.5\n", range(10), ("tether", "run", "FILE", "--out", "out"), (0,)),
+        "link.toml": (LINK.replace("KEY", public_key), range(30), ("/usr/bin/timeout", "-s", "INT", "-k", "5", "0.6", bin_dir / "tether-link", "run", "FILE"), (0, 124)),
         "experiment.toml": (f'scenario = "{PAPER}"\nseeds = 3\n[set]\nvehicle.plant = "kinematic"\nrun.duration_s = 0.2\n[grid]\n'
                             'channel.prr = [0.5, 1.0]\n', range(10),
                             ("tether", "sweep", "FILE", "--dry-run"), (0,)),
@@ -65,7 +85,11 @@ def variants(text, lines):
 
 
 def every_number_is_refused_or_right(test):
-    for name, (text, lines, command, codes) in files().items():
+    public_keys = []
+    for key in ("own.key", "peer.key"):
+        made = test.run("tether-link", "keygen", test.work / key)
+        public_keys.append(made.out().strip())
+    for name, (text, lines, command, codes) in files(test.bin, public_keys[1]).items():
         file = test.work / name
         shutil.copy(SOURCE / "scenarios" / "maps" / "room.pgm", test.work)
         words = [str(word).replace("FILE", str(file)) for word in (test.bin / command[0], *command[1:])]

@@ -6,7 +6,7 @@ Usage: plan_test.py BIN_DIR"""
 import math
 import time
 
-from live_support import PAPER, PLAN, POSE, check, main, wait_until
+from live_support import PAPER, PLAN, POSE, PRESENCE, check, main, wait_until
 
 SESSION = 2**40 + 7
 STEP_US = 50_000
@@ -62,6 +62,8 @@ def follows_plans_and_stops_without_them(test):
     time.sleep(0.3)  # what is under way arrives
     before = counters(test)
     check(before["plan.accepted"] > 10, f"few plans were accepted: {before}")
+    place = {"run": pose.run, "program": "tether-netem", "vehicle": "AGV"}
+    test.network.send("RUN/PRESENCE", PRESENCE.encode(**place))  # only the relay may send to the vehicle
     planner.send("AGV/PLAN", ANY, v=math.nan)
     planner.send("AGV/PLAN", ANY, step_us=-1)
     planner.send("AGV/PLAN", ANY, count=4001)

@@ -134,6 +134,7 @@ void ExternalRun::run() {
     const std::string why = manager_->error();
     if (was_killed || manager_->disturbed()) throw NoResult(why);
     if (!why.empty()) throw std::runtime_error(why);
+    if (const std::string error = hosts_.error(); !error.empty()) throw std::runtime_error(error);
     throw NoResult(
         fmt::format("ended by signal {} at t = {:.3f} s", io_.signal(), to_seconds(loop_.now())));
   }

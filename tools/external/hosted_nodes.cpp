@@ -75,6 +75,13 @@ void HostedNodes::join() {
   }
 }
 
+std::string HostedNodes::error() const {
+  for (const Program& p : programs_) {
+    if (!p.member->error().empty()) return p.member->error();
+  }
+  return "";
+}
+
 void HostedNodes::publish(const Port* from, std::string_view channel,
                           std::span<const std::uint8_t> bytes) {
   io_.at(io_.now(), Priority::delivery,

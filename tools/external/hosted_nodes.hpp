@@ -34,6 +34,8 @@ class HostedNodes {
   Bus& bus() { return coordinator_; }
   /// Makes the nodes, which join at once; after the coordinator has subscribed.
   void join();
+  /// Why a node has ended the run; empty if none has.
+  std::string error() const;
 
  private:
   /// What one of them has of the network: all but its own messages.

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "common/base/pattern.hpp"
+#include "common/fleet/channel_owners.hpp"
 #include "common/lockstep/bus.hpp"
 #include "common/loop/event_key.hpp"
-#include "tools/lockstep/channel_owners.hpp"
 
 namespace tether {
 

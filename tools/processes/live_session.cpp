@@ -1,14 +1,17 @@
 #include "tools/processes/live_session.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <set>
 #include <stdexcept>
 #include <system_error>
+#include <tether/counters_t.hpp>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/base/share.hpp"
@@ -19,6 +22,7 @@
 #include "common/lcm/open_bus.hpp"
 #include "common/onboard/onboard_settings.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/loop_report.hpp"
 #include "common/program/node_main.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
@@ -60,6 +64,16 @@ std::vector<std::string> programs(const Scenario& scenario) {
   if (!members_with(has_localiser, members).empty()) names.emplace_back("tether-localiser");
   names.emplace_back("tether-sim");
   return names;
+}
+
+/// The nodes of these programs, as options name them: --expect=sim,netem,controller.
+std::string expected_nodes(const Scenario& scenario) {
+  std::set<std::string> nodes;
+  for (const std::string& program : programs(scenario)) {
+    const std::string node = program.substr(std::string("tether-").size());
+    nodes.insert(node.starts_with("can-") ? "can" : node);
+  }
+  return fmt::format("--expect={}", fmt::join(nodes, ","));
 }
 
 /// All on which one program alone sends, in a run of one vehicle.
@@ -156,6 +170,11 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     if (decode(message.bytes, presence)) return on_presence(presence, message.sender);
     ++undecodable_;
   });
+  subscribe<counters_t>(bus_, kLoopChannel, kDeepQueue, undecodable_, [this](const counters_t& m) {
+    const auto found = std::find(m.name.begin(), m.name.end(), kLatenessCounter);
+    if (found == m.name.end()) return;
+    watch_.late(m.node, m.value[static_cast<std::size_t>(found - m.name.begin())]);
+  });
   for (const std::string& channel : channels_of_programs(scenario)) {
     bus_.subscribe(channel, kDeepQueue, [this](const Message& message) {
       watch_.sent(loop_.now(), std::string(message.channel), message.sender);
@@ -195,7 +214,8 @@ void LiveSession::add_child(const Options& options, const std::string& name) {
                                    "--lcm-url=" + options.lcm_url,
                                    fmt::format("--start-utime={}", loop_.run_id()),
                                    fmt::format("--start-boot={}", loop_.start_boot_ns()),
-                                   fmt::format("--speed={}", options.speed)};
+                                   fmt::format("--speed={}", options.speed),
+                                   expected_nodes(scenario_)};
   for (const std::string& text : options.overrides) command.push_back("--set=" + text);
 
   children_.push_back(std::make_unique<Child>());
@@ -296,8 +316,9 @@ std::vector<std::string> LiveSession::mute_controllers() const {
 std::vector<std::string> LiveSession::findings() const {
   std::vector<std::string> all = watch_.findings();
   for (std::string& mute : mute_controllers()) all.push_back(std::move(mute));
-  if (std::string refused = observer_.refused_commands(); !refused.empty()) {
-    all.push_back(std::move(refused));
+  for (std::string finding :
+       {observer_.refused_commands(), observer_.jumps(), watch_.lateness(end_ - kStart)}) {
+    if (!finding.empty()) all.push_back(std::move(finding));
   }
   if (!folder_) return all;
   CounterList network;

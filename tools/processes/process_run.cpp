@@ -12,6 +12,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/share.hpp"
+#include "common/fleet/fleet.hpp"
 #include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/scenario/run_settings.hpp"

@@ -59,21 +59,61 @@ void RunWatch::judge_senders(Instant now, Instant since) {
   }
 }
 
+void RunWatch::late(const std::string& program, std::int64_t us_s) {
+  if (!late_.contains(program) && late_.size() >= kMaxFindings) return;
+  Late& late = late_[program];
+  if (us_s < late.newest_us_s) late.before_us_s += late.newest_us_s;
+  late.newest_us_s = us_s;
+}
+
+std::string RunWatch::lateness(Duration run) const {
+  double sum_ms = 0.0, worst_ms = 0.0;
+  std::string worst;
+  for (const auto& [program, late] : late_) {
+    const auto us_s = static_cast<double>(late.before_us_s) + static_cast<double>(late.newest_us_s);
+    const double mean_ms = us_s * 1e-3 / std::max(to_seconds(run), 1e-3);
+    sum_ms += mean_ms;
+    if (mean_ms <= worst_ms) continue;
+    worst_ms = mean_ms;
+    worst = program;
+  }
+  if (sum_ms <= to_milliseconds(kMostLateness)) return "";
+  return fmt::format(
+      "the machine was too slow: late programs made messages {:.1f} ms older on "
+      "average, {} alone {:.1f} ms; at most {} ms are allowed. Use --speed below 1 or "
+      "end other work",
+      sum_ms, printable(worst), worst_ms, to_milliseconds(kMostLateness));
+}
+
 void RunWatch::end(Instant now) { judge_senders(now, now); }
 
-void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t sender) {
+void RunWatch::name(std::uint64_t sender) {
   if (named_.size() < kMostNamed) named_.insert(sender);
   unnamed_.erase(sender);
-  if (presence.run != run_) return heard_of_other_run(now, presence);
+}
+
+void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t sender) {
+  if (presence.run != run_) {
+    name(sender);
+    return heard_of_other_run(now, presence);
+  }
   const bool here = presence.host == host_;
   const auto own = own_.find(presence.program);
   if (here && own != own_.end() && own->second.pid == presence.pid) {
+    const auto port = static_cast<std::uint16_t>(sender);
+    if (own->second.port == 0) own->second.port = port;
+    if (own->second.port != port) {
+      return find(now, fmt::format("{} says that it is {}, which sends from another port",
+                                   sender_name(sender), describe(presence)));
+    }
     own->second.heard = now;
-    return;
+    return name(sender);
   }
   const std::pair former(presence.program, presence.pid);
-  if (here && std::find(former_.begin(), former_.end(), former) != former_.end()) return;
-  if (own == own_.end()) return;
+  if (here && std::find(former_.begin(), former_.end(), former) != former_.end())
+    return name(sender);
+  if (own == own_.end()) return;  // what it sends on the run's channels makes it an unknown sender
+  name(sender);
   strangers_ = true;
   find(now, "a second " + describe(presence));
 }

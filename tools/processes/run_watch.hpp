@@ -24,14 +24,21 @@ namespace tether {
 ///   One that starts has until kPatience after its start, or after t = 0. After kPatience of
 ///   silence it is to be ended: hangs().
 ///
+/// - Two senders that both say that they are one process.
 /// - An unknown sender: one that sends on a channel of the run's programs, be it once, and is not
 ///   heard on RUN/PRESENCE within kSilence.
+///
+/// - Late loops: what all programs together have added to the mean age of a message, if it had come
+///   by way of all of them, is more than kMostLateness.
 ///
 /// While the watch itself was suspended (two updates more than kSilence apart), nobody was silent.
 class RunWatch {
  public:
   static constexpr Duration kSilence = std::chrono::milliseconds{1500};
   static constexpr Duration kPatience = std::chrono::seconds{5};
+
+  /// In real time the world moves in steps of this, so that no age is known better.
+  static constexpr Duration kMostLateness = std::chrono::milliseconds{5};
 
   RunWatch(std::int64_t run, std::string host, double rate)
       : run_(run), host_(std::move(host)), rate_(rate) {}
@@ -48,6 +55,11 @@ class RunWatch {
   void sent(Instant now, const std::string& channel, std::uint64_t sender);
   /// The run is over: who has not said by now what it is was no program of it.
   void end(Instant now);
+  /// A program's lateness so far, integrated over the time (RealTimeLoop::lateness_s2()), in µs·s.
+  /// It begins at 0 again where a program was restarted.
+  void late(const std::string& program, std::int64_t us_s);
+  /// The finding on late loops of a run that has taken this time; "" if they were not late.
+  std::string lateness(Duration run) const;
   /// What several programs send (SoleSender), in words. Told unless known strangers explain it.
   void several_senders(Instant now, const std::string& line);
   /// Regularly, several times a second.
@@ -64,13 +76,15 @@ class RunWatch {
  private:
   struct Own {
     std::int64_t pid = -1;
-    Instant heard{};  ///< or the end of its time to start, less kSilence
+    std::uint16_t port = 0;  ///< of its presence; its address may change with an interface
+    Instant heard{};         ///< or the end of its time to start, less kSilence
     bool reported = false;
   };
   void heard_of_other_run(Instant now, const presence_t& presence);
   Duration silence(const Own& own, Instant now) const;
   void find(Instant now, const std::string& what);
   void judge_senders(Instant now, Instant since);
+  void name(std::uint64_t sender);
 
   std::int64_t run_;
   std::string host_;
@@ -82,6 +96,10 @@ class RunWatch {
     std::string channel;
     Instant since;
   };
+  struct Late {
+    std::int64_t before_us_s = 0, newest_us_s = 0;
+  };
+  std::map<std::string, Late> late_;
   std::map<std::uint64_t, Unnamed> unnamed_;  ///< senders that have no presence yet
   std::set<std::uint64_t> named_;
   bool strangers_ = false;

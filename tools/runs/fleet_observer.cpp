@@ -55,8 +55,8 @@ void FleetObserver::check_commands() const {
                       names_[i], count, what, counter));
     }
   }
-  if (const std::string refused = refused_commands(); !refused.empty()) {
-    throw std::runtime_error(refused);
+  for (const std::string& what : {refused_commands(), jumps()}) {
+    if (!what.empty()) throw std::runtime_error(what);
   }
 }
 
@@ -80,6 +80,17 @@ std::string FleetObserver::refused_commands() const {
                        reasons);
   }
   return "";
+}
+
+std::string FleetObserver::jumps() const {
+  std::string found;
+  for (std::size_t i = 0; i < vehicles_.size(); ++i) {
+    for (const auto& [name, count] : vehicles_[i]->counters()) {
+      if (!name.ends_with(".jumped") || count == 0) continue;
+      found += fmt::format("{}{}: {} {}", found.empty() ? "" : ", ", names_[i], name, count);
+    }
+  }
+  return found.empty() ? "" : "numbers of messages jumped further than losses explain: " + found;
 }
 
 void FleetObserver::check_finite() const {

@@ -37,6 +37,9 @@ class FleetObserver {
   /// Names a vehicle that refused all commands and plans that reached it, as those of another run
   /// or from the future, and why; "" if there is none.
   std::string refused_commands() const;
+  /// Names the streams whose numbers jumped further than losses explain (StreamGuard); "" if there
+  /// is none.
+  std::string jumps() const;
 
  private:
   std::vector<std::unique_ptr<const RunObserver>> observers_;

@@ -160,6 +160,7 @@ TEST_F(StreamGuardTest, AStampFromTheFutureBecomesAcceptableWithTime) {
 }
 
 TEST_F(StreamGuardTest, ExtremesOfTheWireDoNotOverflow) {
+  guard = StreamGuard({.counts_up = false});
   EXPECT_FALSE(guard.accept(now, from_utime(INT64_MAX), INT64_MAX));
   EXPECT_FALSE(guard.accept(now, from_utime(INT64_MIN), 0));
   EXPECT_TRUE(accept(0s, 0));
@@ -169,6 +170,57 @@ TEST_F(StreamGuardTest, ExtremesOfTheWireDoNotOverflow) {
   EXPECT_TRUE(accept(3s, INT64_MAX));
   EXPECT_EQ(guard.counters().missed, INT64_MAX);
   EXPECT_EQ(guard.counters().restarts, 1);
+}
+
+TEST_F(StreamGuardTest, RefusesAJumpThatNoLossExplainsAndGoesOnBelowIt) {
+  EXPECT_TRUE(accept(1s, 7));
+  for (const std::int64_t far : {std::int64_t{11'008}, std::int64_t{1} << 60, INT64_MAX}) {
+    EXPECT_FALSE(accept(2s, far));
+  }
+  EXPECT_TRUE(accept(2s, 8));
+  EXPECT_THAT(counted(), ElementsAre(Pair("pose.accepted", 2), Pair("pose.jumped", 3)));
+}
+
+TEST_F(StreamGuardTest, AcceptsTheLargestGapThatTheFastestPublisherMayLeave) {
+  EXPECT_TRUE(accept(1s, 0));
+  EXPECT_TRUE(accept(1s, 1000));
+  EXPECT_TRUE(accept(2s, 12'000));
+  EXPECT_FALSE(accept(2s, 13'001));
+  EXPECT_EQ(guard.counters().missed, 999 + 10'999);
+}
+
+TEST_F(StreamGuardTest, TwoMessagesInARowBeyondAJumpAreARestartedPublisher) {
+  EXPECT_TRUE(accept(1s, 7));
+  EXPECT_FALSE(accept(2s, 1'000'000));
+  EXPECT_FALSE(accept(2s, 1'000'000));  // the same again is no second one
+  EXPECT_TRUE(accept(2s + 50ms, 1'000'001));
+  EXPECT_TRUE(accept(3s, 1'000'002));
+  EXPECT_THAT(counted(), ElementsAre(Pair("pose.accepted", 3), Pair("pose.jumped", 2),
+                                     Pair("pose.restarts", 1)));
+}
+
+TEST_F(StreamGuardTest, ASecondJumpIsNoRestartUnlessItFollowsTheFirstInNumberAndTime) {
+  EXPECT_TRUE(accept(1s, 7));
+  EXPECT_FALSE(accept(2s, 1'000'000));
+  EXPECT_FALSE(accept(2s + 1ms, 1'000'000));
+  EXPECT_FALSE(accept(2s + 1ms, 1'000'001));
+  EXPECT_FALSE(accept(2s + 2ms, 9'000'000));
+  EXPECT_TRUE(accept(3s, 8));
+  EXPECT_THAT(counted(), ElementsAre(Pair("pose.accepted", 2), Pair("pose.jumped", 4)));
+}
+
+TEST_F(StreamGuardTest, StrayJumpsBetweenMessagesOfTheStreamAreNeverARestart) {
+  for (int i = 0; i < 100; ++i) {
+    EXPECT_TRUE(accept(1s + i * 20ms, i));
+    EXPECT_FALSE(accept(1s + i * 20ms + 1ms, 1'000'000 + i));
+  }
+  EXPECT_THAT(counted(), ElementsAre(Pair("pose.accepted", 100), Pair("pose.jumped", 100)));
+}
+
+TEST_F(StreamGuardTest, TheFirstMessageAfterALongSilenceMayBeFarAhead) {
+  now += 1h;
+  EXPECT_TRUE(accept(1s, 0));
+  EXPECT_TRUE(accept(3601s, 36'000'000));
 }
 
 TEST_F(StreamGuardTest, ListsEveryCounterUnderItsPrefix) {

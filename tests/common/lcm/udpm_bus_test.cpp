@@ -50,6 +50,23 @@ struct UdpmBusTest : ::testing::Test {
   Bytes last;
 };
 
+TEST_F(UdpmBusTest, AsksItsFilterOnceForEachMessageThatSomebodySubscribesTo) {
+  std::vector<std::string> asked, taken;
+  UdpmBus filtering(kUrl, loop, [&asked](const Message& m) {
+    asked.emplace_back(m.channel);
+    EXPECT_NE(m.sender, 0U);
+    return m.channel != "AGV/CMD_VEL";
+  });
+  for (const char* pattern : {"AGV/.*", "AGV/(POSE|CMD_VEL)"}) {
+    filtering.subscribe(pattern, 1, [&taken](const Message& m) { taken.emplace_back(m.channel); });
+  }
+  for (const char* channel : {"OTHER", "AGV/CMD_VEL", "AGV/POSE"}) lcm.publish(channel, Bytes{1});
+  run_until([&] { return taken.size() >= 2; });
+  EXPECT_THAT(asked, ElementsAre("AGV/CMD_VEL", "AGV/POSE"));
+  EXPECT_THAT(taken, ElementsAre("AGV/POSE", "AGV/POSE"));
+  EXPECT_EQ(counter(filtering, "refused"), 1);
+}
+
 TEST_F(UdpmBusTest, HearsLcmInOrder) {
   listen(ours, heard);
   std::vector<std::string> sent;

@@ -101,6 +101,26 @@ TEST_F(RealTimeLoopTest, EveryMissedPeriodIsDeliveredAndLatenessCountsAsSlips) {
   EXPECT_GE(loop.lateness_max(), 55ms);
 }
 
+TEST_F(RealTimeLoopTest, LatenessOfAPauseIsHalfItsSquareHoweverManyTasksItDelays) {
+  for (const int tasks : {1, 5}) {
+    RealTimeLoop fresh(RealTimeLoop::wall_utime_us() - 1'000'000);
+    for (int i = 0; i < tasks; ++i) fresh.every(fresh.now(), 10ms, Priority::node, [](Instant) {});
+    fresh.at(fresh.now() + 105ms, Priority::node,
+             [](Instant) { std::this_thread::sleep_for(205ms); });
+    fresh.run_until(fresh.now() + 500ms);
+    EXPECT_GE(fresh.lateness_s2(), 0.5 * 0.2 * 0.2 * 0.95) << tasks;
+    EXPECT_LE(fresh.lateness_s2(), 0.5 * 0.3 * 0.3) << tasks;  // of a busy machine
+  }
+}
+
+TEST_F(RealTimeLoopTest, LatenessBeforeTheRunsStartDoesNotCount) {
+  RealTimeLoop fresh(RealTimeLoop::wall_utime_us() + 3'600'000'000);
+  fresh.every(fresh.now(), 10ms, Priority::node, [](Instant) {});
+  fresh.at(fresh.now() + 15ms, Priority::node, [](Instant) { std::this_thread::sleep_for(100ms); });
+  fresh.run_until(fresh.now() + 200ms);
+  EXPECT_EQ(fresh.lateness_s2(), 0.0);
+}
+
 TEST_F(RealTimeLoopTest, ASingleTaskThatIsLateIsNoSlip) {
   std::vector<Instant> instants;
   loop.at(loop.now() - 1s, Priority::node, [&](Instant t) { instants.push_back(t); });

@@ -183,6 +183,49 @@ TEST_F(RunWatchTest, OneDatagramOfAnUnknownSenderIsAFinding) {
               ::testing::StartsWith("t = 1.5 s: an unknown program sent on CTRL/POSE: "));
 }
 
+TEST_F(RunWatchTest, APresenceByTheNameOfAnotherProgramDoesNotMakeASenderKnown) {
+  watch.started(now, "tether-sim", 1);
+  watch.heard(now, presence("tether-sim", 1), kFirst);
+  watch.heard(now, presence("my-tool", 2), kSecond);
+  watch.sent(now, "AGV/CMD_VEL", kSecond);
+  watch.end(now);
+  ASSERT_EQ(watch.findings().size(), 1U);
+  EXPECT_THAT(watch.findings()[0], ::testing::HasSubstr("an unknown program sent on AGV/CMD_VEL"));
+}
+
+TEST_F(RunWatchTest, TwoPortsOfOneProcessAreAFindingAndAnotherAddressIsNone) {
+  watch.started(now, "tether-sim", 1);
+  watch.heard(now, presence("tether-sim", 1), kFirst);
+  watch.heard(now, presence("tether-sim", 1), kFirst + (1U << 20U));
+  EXPECT_THAT(watch.findings(), IsEmpty());
+  watch.heard(now, presence("tether-sim", 1), kSecond);
+  ASSERT_EQ(watch.findings().size(), 1U);
+  EXPECT_THAT(
+      watch.findings()[0],
+      ::testing::EndsWith("says that it is tether-sim of AGV, process 1 on host here, which "
+                          "sends from another port"));
+}
+
+TEST_F(RunWatchTest, LateLoopsAreAFindingBeyondFiveMillisecondsInSum) {
+  const Duration run = std::chrono::seconds{10};
+  EXPECT_EQ(watch.lateness(run), "");
+  watch.late("tether-sim", 20'000);  // 2 ms for 10 s
+  watch.late("tether-netem", 30'000);
+  EXPECT_EQ(watch.lateness(run), "");
+  watch.late("tether-netem", 30'100);
+  EXPECT_THAT(
+      watch.lateness(run),
+      ::testing::HasSubstr("5.0 ms older on average, tether-netem alone 3.0 ms; at most 5"));
+}
+
+TEST_F(RunWatchTest, TheLatenessOfAProgramThatWasRestartedAddsUp) {
+  const Duration run = std::chrono::seconds{10};
+  watch.late("tether-sim", 40'000);
+  watch.late("tether-sim", 100);  // restarted
+  watch.late("tether-sim", 20'000);
+  EXPECT_THAT(watch.lateness(run), ::testing::HasSubstr("6.0 ms older"));
+}
+
 TEST_F(RunWatchTest, AnUnknownSenderOfTheLastMomentIsFoundAtTheEnd) {
   watch.sent(now, "AGV/CMD_VEL", kFirst);
   pass(kPeriod);

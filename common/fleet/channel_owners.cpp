@@ -1,4 +1,4 @@
-#include "tools/lockstep/channel_owners.hpp"
+#include "common/fleet/channel_owners.hpp"
 
 #include "common/bus/channel_names.hpp"
 #include "common/onboard/onboard_settings.hpp"
