@@ -128,9 +128,8 @@ void Axes::require_deceleration(double radps2) {
 }
 
 void Axes::bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets) {
-  // While the bridge was held up, nothing is known of how the wheels braked: as if not at all.
-  const Duration since = now - bounded_at_.value_or(now);
-  const double dt_s = since > kDrivesLag ? 0.0 : to_seconds(since);
+  // While the bridge was held up it did not brake.
+  const double dt_s = to_seconds(std::min<Duration>(now - bounded_at_.value_or(now), kDrivesLag));
   bounded_at_ = now;
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     double& possible_radps = possible_radps_[i];

@@ -67,7 +67,6 @@ void Nodes::begin_inquiry(bool commanding) {
   for (Node& node : nodes_) {
     node.heard = node.state && node.state != NmtState::boot_up;
     node.running = commanding && node.operational();
-    node.recalled.reset();
     node.inquiry.begin();
   }
 }

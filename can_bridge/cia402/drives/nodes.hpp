@@ -35,11 +35,10 @@ struct Node {
   std::optional<canopen::NmtState> state;  ///< of the newest heartbeat
   Instant heartbeat_stamp{};
   // Before it is reset:
-  bool heard = false;    ///< in any NMT state, and not booted since
-  bool running = false;  ///< operational
-  bool lost = false;     ///< the bridge commanded it, and does not know that it has stopped
-  std::optional<Instant> recalled;  ///< from an NMT "stopped" of which nothing told
-  bool pdos_doubtful = false;       ///< another sender has written its PDO parameters
+  bool heard = false;          ///< in any NMT state, and not booted since
+  bool running = false;        ///< operational
+  bool lost = false;           ///< the bridge commanded it, and does not know that it has stopped
+  bool pdos_doubtful = false;  ///< another sender has written its PDO parameters
   // While it is to stop (StopAssurance):
   bool by_sdo = false;       ///< it gets its controlword by SDO
   bool unconfirmed = false;  ///< it has not told in time that it stops

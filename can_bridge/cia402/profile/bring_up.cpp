@@ -23,11 +23,6 @@ Duration listening_time(const Cia402Config& config) {
   return std::chrono::milliseconds(config.drive_heartbeat_ms) * 3 / 2;
 }
 
-/// Until a drive that is there has answered: a request that it did not understand is repeated.
-Duration answer_time(const Cia402Config& config) {
-  return std::chrono::milliseconds(2 * config.sdo_timeout_ms);
-}
-
 }  // namespace
 
 void BringUp::begin() {
@@ -88,10 +83,8 @@ void BringUp::listen(Instant now) {
 void BringUp::recall_stopped(Instant now, std::vector<CanFrame>& nmt) {
   if (recalled_ && now - *recalled_ < Drives::kRecall) return;
   recalled_ = now;
-  for (Node& node : d_.nodes) {
-    const bool silent = node.inquiry.verdict() == Verdict::silent && !node.heard;
-    if (node.state != canopen::NmtState::stopped && !silent) continue;
-    if (silent && !node.recalled) node.recalled = now;
+  for (const Node& node : d_.nodes) {
+    if (node.state != canopen::NmtState::stopped) continue;
     nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::pre_operational, node.id));
   }
 }
@@ -139,8 +132,6 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
       break;
   }
   if (!node.heard) {
-    // Perhaps it was in NMT "stopped", and nothing told so: it is asked once more before.
-    if (!node.recalled || now - *node.recalled < answer_time(d_.config)) return false;
     return can_have_stopped(node) && (!node.lost || d_.stage.elapsed(now) >= kBlindBraking);
   }
   // It runs, so that its silence says nothing of its wheel: only its feedback does.

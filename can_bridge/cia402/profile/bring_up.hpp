@@ -24,8 +24,7 @@ class BringUp {
  private:
   void note_lost_nodes(Instant now);
   void listen(Instant now);
-  /// A drive in NMT "stopped" answers no SDO: to pre-operational, so that it can be asked. So is
-  /// one that says nothing at all: without a heartbeat it does not tell that it is there.
+  /// A drive in NMT "stopped" answers no SDO: to pre-operational, so that it can be asked.
   void recall_stopped(Instant now, std::vector<CanFrame>& nmt);
   void secure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
   /// The last look at the counters before the reset sets them anew.

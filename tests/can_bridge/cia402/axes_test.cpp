@@ -71,21 +71,6 @@ TEST(Axes, NoWheelStandsSoonerThanItsRampCanStopItWhateverBothWitnessesSay) {
   }
 }
 
-TEST(Axes, WheelsAreNotTakenToHaveBrakedWhileTheBridgeWasHeldUp) {
-  Axes axes(two_nodes(), 0.1, 0.5);
-  Instant now = stand(axes);
-  axes.bound_speeds(now, {600, 0});
-  now += milliseconds(500);  // twice what the ramp and its beginning take
-  axes.bound_speeds(now, kStill);
-  for (int ms = 20; ms <= 280; ms += 20) {
-    now += milliseconds(20);
-    axes.bound_speeds(now, kStill);
-    axes.on_feedback(feedback(1, 0x0017, 0), now);
-    axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
-    EXPECT_EQ(axes.stop_controlword(0, now) == canopen::kControlDisableVoltage, ms >= 240) << ms;
-  }
-}
-
 TEST(Axes, AnImpossibleReportDelaysStandstillByTheRampFromAPossibleSpeedOnly) {
   // 3000 rpm/s: from 10 rev/s in 0.2 s; from the 2 147 483 647 rpm of one forged frame in days.
   Axes axes(two_nodes(), 0.1, 0.5);
