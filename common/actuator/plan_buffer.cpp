@@ -169,6 +169,7 @@ void PlanBuffer::list(CounterList& out) const {
     order.from_future += c.from_future;
     order.invalid_seq += c.invalid_seq;
     order.before_start += c.before_start;
+    order.jumped += c.jumped;
     if (__builtin_add_overflow(order.missed, c.missed, &order.missed)) order.missed = INT64_MAX;
   }
   const std::pair<const char*, std::int64_t> all[] = {
@@ -196,6 +197,7 @@ void PlanBuffer::list(CounterList& out) const {
       {"missed", order.missed},
       {"sessions", sessions_}};
   for (const auto& [name, value] : all) out.emplace_back(std::string("plan.") + name, value);
+  if (order.jumped > 0) out.emplace_back("plan.jumped", order.jumped);
 }
 
 }  // namespace tether

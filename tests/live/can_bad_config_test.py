@@ -114,7 +114,7 @@ def slow_motion_of_real_drives(test):
 
 def too_loose_for_real_drives(test):
     cases = {
-        "can.max_blind_s=11": ["can.max_blind_s = 11", "at most 10", "nobody sees it"],
+        "can.max_blind_s=11": ["can.max_blind_s = 11", "at most 10", "without a fresh pose"],
         "can.max_blind_m=11": ["can.max_blind_m = 11", "at most 10"],
         "can.stale_ms=1001": ["can.stale_ms = 1001", "at most 1000", "an old command is followed"],
         "can.max_stale_m=2.1": ["can.max_stale_m = 2.1", "at most 2"],
