@@ -89,7 +89,7 @@ class Booted:
         self.init = test.start("/usr/bin/unshare", "--kill-child", "--pid", "--fork", "--mount", "chroot", self.root, "/bin/sh", "-c", boot,
                                env={"container": "uml", "PATH": "/usr/bin:/usr/sbin"})
         self.pid = wait_until(20, self._first_process, "systemd's process")
-        wait_until(20, lambda: self.ctl("is-system-running", check_it=False) in ("running", "degraded"), "systemd is up")
+        wait_until(90, lambda: self.ctl("is-system-running", check_it=False) in ("running", "degraded"), "systemd is up")
 
     def _first_process(self):
         found = subprocess.run(["pgrep", "--newest", "--exact", "systemd"], capture_output=True, text=True, check=False).stdout.split()
