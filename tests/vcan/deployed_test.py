@@ -62,12 +62,14 @@ class Deployed(Independent):
         """As the guide's first metre; the program that commands it."""
         program = self.test.start(*self.system.inside("tether-vehicle", "can", "drive", "--v-mps", SPEED_MPS, "--for-s", 60))
         wait_until(10, lambda: "waiting for" in program.out(), "zero is commanded")
+        wait_until(10, lambda: "ready to be armed" in self.state().reason, "the drives are compared with the record")
         self.can("arm")
         self._wait(10, lambda: min(self.rims_mps()[-1][1:]) > 0.95 * SPEED_MPS, "it drives")
         return program
 
     def release(self):
         self.can("release")
+        time.sleep(1)  # as the page: standstill is confirmed
         self.can("reset")
         self.wait_state("disarmed", 20)
 
