@@ -7,8 +7,8 @@
 namespace tether {
 namespace {
 
-/// What the bus compares, most significant bit first: 11 bits, then of a longer identifier a
-/// recessive bit (IDE) and the other 18.
+/// Bits that arbitration compares, most significant first: 11 bits of the identifier; then, if it
+/// is extended, a recessive bit (IDE) and the other 18.
 std::uint32_t arbitration(const CanFrame& frame) {
   constexpr int kMore = 18;
   if (!frame.extended) return frame.id << (kMore + 1);

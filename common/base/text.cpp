@@ -48,6 +48,15 @@ std::string shown(std::string_view text, std::size_t most_bytes, bool keep_chara
 
 }  // namespace
 
+std::string in_quotes(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + '"';
+}
+
 std::string printable(std::string_view text, std::size_t most_bytes) {
   return shown(text, most_bytes, false);
 }

@@ -41,6 +41,10 @@ inline constexpr std::size_t kLongestValueShown = 100;
 inline constexpr std::size_t kLongestNameShown = 200;
 inline constexpr std::size_t kLongestMessage = 10'000;
 
+/// `text` between double quotes, with a backslash before each quote and backslash in it: a string
+/// of TOML, or a label's value in Prometheus' text format, if it is printable().
+std::string in_quotes(std::string_view text);
+
 /// A whole message of ours, whatever it quotes: as printable(), but keeps line breaks and
 /// characters in UTF-8 that do nothing to a terminal.
 std::string printable_message(std::string_view text, std::size_t most_bytes = kLongestMessage);

@@ -29,7 +29,7 @@ struct Message {
 class Bus {
  public:
   using Handler = std::function<void(const Message&)>;
-  /// Whether a message that somebody subscribes to is handed on.
+  /// Returns whether a message with a subscription is delivered.
   using Filter = std::function<bool(const Message&)>;
 
   virtual ~Bus() = default;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 namespace tether {
 
@@ -93,7 +94,20 @@ struct ChannelNames {
   std::string net_settings;  ///< the relay's answers
   std::string truth;
   std::string sim_counters;
-  std::string clock = "SIM/CLOCK";  ///< of all vehicles
+  static constexpr const char* kClock = "SIM/CLOCK";
+  std::string clock = kClock;  ///< of all vehicles
 };
+
+/// The vehicle whose channel this is: "AGV7" for "CAN7/STATE" and "AGV7/COUNTERS".
+inline std::string vehicle_of_channel(std::string_view channel) {
+  const std::string_view side = channel.substr(0, channel.find('/'));
+  for (const std::string_view of_vehicle : {"CAN", "CTRL", "SIM", "NET"}) {
+    if (!side.starts_with(of_vehicle)) continue;
+    const std::string_view rest = side.substr(of_vehicle.size());
+    if (rest.starts_with('-')) return std::string(rest.substr(1));
+    return "AGV" + std::string(rest);
+  }
+  return std::string(side);
+}
 
 }  // namespace tether

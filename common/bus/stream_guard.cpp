@@ -49,7 +49,7 @@ bool StreamGuard::accept(Instant now, Instant stamp, std::int64_t seq) {
     if (seq <= last_->seq || jump_to_) {
       ++counters_.restarts;
     } else if (__builtin_add_overflow(counters_.missed, seq - last_->seq - 1, &counters_.missed)) {
-      counters_.missed = INT64_MAX;  // of numbers that only ascend
+      counters_.missed = INT64_MAX;  // where numbers need not count up by 1
     }
   }
   last_ = place;

@@ -20,8 +20,8 @@ namespace tether {
 /// - `time_backwards`: numbered later but stamped earlier than the newest accepted one;
 /// - `jumped`: numbered so much later than the newest accepted one that no loss explains it,
 /// because
-///   no publisher sends kFastest_hz. The next message may go on from there: two in a row are a
-///   publisher that restarted with other numbers (as in RFC 3550, appendix A.1).
+///   no publisher sends at kFastest_hz. If the next message goes on from there, the publisher has
+///   restarted with other numbers (as in RFC 3550, appendix A.1).
 /// The same or a lower number with a later stamp is a publisher that started anew: accepted, and
 /// counted in `restarts`. `missed` counts the numbers skipped so far (lost or still on the way).
 class StreamGuard {

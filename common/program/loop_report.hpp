@@ -14,10 +14,10 @@ inline constexpr const char* kLoopChannel = "RUN/LOOP";
 inline constexpr const char* kLatenessCounter = "loop.lateness_us_s";
 
 /// Says on RUN/LOOP (counters_t, node: the program's name) how late a program's loop has been so
-/// far since t = 0: `loop.slips`, and RealTimeLoop::lateness_s2() in µs·s. What a program sends
-/// while its loop is late is older by as much, so this number divided by the time of the run is
-/// what the program has added to the mean age of its messages. `loop` and the buses must outlive
-/// it.
+/// far since t = 0: `loop.slips`, and RealTimeLoop::lateness_s2() in µs·s. A message
+/// that a program sends while its loop is late is older by as much, so this number divided by the
+/// duration of the run is the program's share of the mean age of its messages. `loop` and the buses
+/// must outlive it.
 class LoopReport {
  public:
   LoopReport(RealTimeLoop& loop, std::vector<Bus*> buses, std::string program);

@@ -282,8 +282,8 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
          "it never steps (`tether live` starts its nodes so)")
       ->needs(app.get_option("--start-utime"));
   app.add_option("--expect", options.expected_nodes,
-                 "nodes that certainly take part (sim, netem, controller, can, autonomy, "
-                 "localiser): what is theirs to send is taken from nobody else, from the first "
+                 "nodes that take part in the run (sim, netem, controller, can, autonomy, "
+                 "localiser): their channels are accepted from their programs only, from the first "
                  "message on (`tether live` starts its nodes so)")
       ->check(CLI::IsMember({"sim", "netem", "controller", "can", "autonomy", "localiser"}))
       ->delimiter(',')

@@ -24,8 +24,8 @@ class Presence {
   Presence(const Presence&) = delete;
   Presence& operator=(const Presence&) = delete;
 
-  /// Says it now, before other messages, or to a program that has just begun; not within kLeastGap
-  /// of the last time.
+  /// Publishes a presence now, before other messages or for a program that has just started, unless
+  /// one was published within kLeastGap.
   void answer();
 
  private:

@@ -6,14 +6,13 @@
 #include "common/bus/channel_names.hpp"
 
 namespace tether {
-namespace {
 
-bool is_program_of(const std::string& program, const std::string& node) {
-  const std::string name = "tether-" + node;
-  return program == name || program.starts_with(name + "-");
+std::string node_of_program(std::string_view program) {
+  constexpr std::string_view kPrefix = "tether-";
+  if (!program.starts_with(kPrefix)) return "";
+  program.remove_prefix(kPrefix.size());
+  return std::string(program.substr(0, program.find('-')));
 }
-
-}  // namespace
 
 RunSenders::RunSenders(Config config, const EventLoop& loop)
     : config_(std::move(config)), loop_(loop) {}
@@ -21,7 +20,8 @@ RunSenders::RunSenders(Config config, const EventLoop& loop)
 bool RunSenders::heard(const presence_t& presence, std::uint64_t sender) {
   if (sender == 0 || presence.vehicle != config_.vehicle) return false;
   const Instant now = loop_.now();
-  const Sender heard{sender, presence.program, presence.run, now};
+  const Sender heard{sender, presence.program, node_of_program(presence.program), presence.run,
+                     now};
   const auto known = std::find_if(senders_.begin(), senders_.end(),
                                   [sender](const Sender& s) { return s.name == sender; });
   if (known != senders_.end()) {
@@ -39,11 +39,11 @@ bool RunSenders::heard(const presence_t& presence, std::uint64_t sender) {
 }
 
 RunSenders::Owners RunSenders::owners_of(const Message& message, const std::string& node) const {
-  const bool any_run = message.channel == ChannelNames("AGV").clock;
+  const bool any_run = message.channel == ChannelNames::kClock;
   const double forgotten_s = to_seconds(kForgotten) * loop_.rate();
   Owners owners;
   for (const Sender& s : senders_) {
-    if (!is_program_of(s.program, node) || (s.run != loop_.run_id() && !any_run)) continue;
+    if (s.node != node || (s.run != loop_.run_id() && !any_run)) continue;
     if (s.name == message.sender) owners.has_sender = true;
     if (to_seconds(loop_.now() - s.heard) < forgotten_s) owners.newest = &s;
   }

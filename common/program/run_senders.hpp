@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <tether/presence_t.hpp>
 #include <vector>
 
@@ -13,9 +14,12 @@
 
 namespace tether {
 
+/// The node that a program is: "can" for "tether-can-bridge"; "" for a program of another name.
+std::string node_of_program(std::string_view program);
+
 /// Whether a message of a live run comes from the program that owns its channel. A program names
-/// its address and port by sending RUN/PRESENCE from there; "tether-netem" is the node "netem",
-/// "tether-can-bridge" and "tether-can-drive" are "can".
+/// its address and port by sending RUN/PRESENCE from there, and its node by its name
+/// (node_of_program()).
 ///
 /// - A channel's owners are those that have said so in this run, with this vehicle.
 /// - Before any owner was heard, and kForgotten after the last presence of all of them, messages
@@ -53,12 +57,13 @@ class RunSenders {
  private:
   struct Sender {
     std::uint64_t name;
-    std::string program;
+    std::string program, node;
     std::int64_t run;
     Instant heard;
   };
 
-  /// Of those of a node in this run: whether this sender is one, and who was heard of late.
+  /// The senders that are a node of this run: whether a message's sender is among them, and one
+  /// that was heard within kForgotten.
   struct Owners {
     bool has_sender = false;
     const Sender* newest = nullptr;

@@ -1,3 +1,5 @@
+#include "common/base/text.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,11 +22,7 @@ std::string text_of(double value) {
 std::string text_of(std::int64_t value) { return fmt::format("{}", value); }
 std::string text_of(bool value) { return value ? "true" : "false"; }
 
-std::string text_of(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) out += c == '"' || c == '\\' ? std::string{'\\', c} : std::string{c};
-  return out + "\"";
-}
+std::string text_of(const std::string& text) { return in_quotes(text); }
 
 template <class Entry>
 std::string text_of(const std::vector<Entry>& list) {

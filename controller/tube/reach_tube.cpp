@@ -37,7 +37,7 @@ std::vector<Cell> cells(double low, double high, int count) {
   return all;
 }
 
-/// The twists change by this much, when so much of the silence is over.
+/// A change of the twist, `at_s` after the silence began.
 struct Jump {
   double at_s;
   Twist by;
@@ -53,13 +53,13 @@ std::vector<Jump> jumps_of(const TubePlan& plan) {
   return all;
 }
 
-/// What a low-pass has yet to do of a jump by 1 that came `ago_s` ago.
+/// Integral of the difference that a low-pass still has from a unit jump `ago_s` ago.
 double yet_to_do_s(double ago_s, double lag_s) {
   if (ago_s < 0.0) return lag_s - ago_s;
   return lag_s > 0.0 ? lag_s * std::exp(-ago_s / lag_s) : 0.0;
 }
 
-/// How much of it has not come out yet.
+/// Share of that jump that the low-pass has not followed yet.
 double share_left(double ago_s, double lag_s) {
   if (ago_s <= 0.0) return 1.0;
   return lag_s > 0.0 ? std::exp(-ago_s / lag_s) : 0.0;

@@ -17,7 +17,8 @@ struct TubeBounds {
   double yaw_radps = 0.0;  ///< of the yaw rate
   double start_m = 0.0;    ///< of where it is when silence begins, in any direction
   double start_rad = 0.0;  ///< of where it heads then
-  /// What earlier plans commanded beside TubePlan's twists, which lagging wheels still have.
+  /// Largest difference between the twists of earlier plans and TubePlan's, which lagging wheels
+  /// still have.
   double left_mps = 0.0, left_radps = 0.0;
   double slewing_s = 0.0;  ///< until the wheels have followed a step of the plan, and the actuator
 };
@@ -48,12 +49,13 @@ std::vector<Pose2> planned(const TubePlan& plan);
 /// are carried along (A. Girard: Reachability of uncertain linear systems using zonotopes. HSCC
 /// 2005), and of higher order, which is bounded: with a heading off by ε and a speed by ν,
 ///   |(v + ν) e^{i(θ+ε)} − v e^{iθ} − (ν + i v ε) e^{iθ}| ≤ v ε²/2 + |ν ε|.
-/// Shifts in time and lags enter jump by jump. What a low-pass with time constant τ has yet to do
-/// of a jump by J that came s ago is J ∫_0^∞ e^{−(t+s)/τ} dt = J τ e^{−s/τ}; of one that comes in
-/// −s, J (τ − s). This rises with τ and falls with s, so that within a cell it is off by no more
-/// than at the cell's two corners; jumps before the silence are what the wheels' initial state
-/// differs by. Wheels that take time to follow: a queue of work, in which nothing waits longer than
-/// `slewing_s`. The support of the zonotope is taken in 24 directions, and divided by cos(π/24).
+/// Shifts in time and lags enter jump by jump. After a jump by J that came s ago, a low-pass
+/// with time constant τ still has to cover J ∫_0^∞ e^{−(t+s)/τ} dt = J τ e^{−s/τ}; before one that
+/// comes in −s, J (τ − s). This rises with τ and falls with s, so that within a cell it is off by
+/// no more than at the cell's two corners; jumps before the silence are what the wheels' initial
+/// state differs by. Wheels that take time to follow: a queue of work, in which nothing waits
+/// longer than `slewing_s`. The support of the zonotope is taken in 24 directions, and divided by
+/// cos(π/24).
 std::vector<double> reach_tube(const TubePlan& plan, const TubeBounds& bounds);
 
 }  // namespace tether

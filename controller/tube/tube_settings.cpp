@@ -125,11 +125,13 @@ ScenarioSection tube_section() {
            "maximum distance from the plan when silence begins");
   t.number("start_rad", TETHER_MEMBER(bounds.start_rad), {0.0, 1.0, false},
            "maximum heading error when silence begins");
-  t.number("left_mps", TETHER_MEMBER(bounds.left_mps), {0.0, 10.0, false},
-           "greatest difference between the speeds that earlier plans commanded and the path's, "
-           "which wheels that lag still have when silence begins");
-  t.number("left_radps", TETHER_MEMBER(bounds.left_radps), {0.0, 10.0, false},
-           "greatest difference between the yaw rates, likewise");
+  t.number(
+      "left_mps", TETHER_MEMBER(bounds.left_mps), {0.0, 10.0, false},
+      "largest difference between speeds of earlier plans and the path's, which lagging wheels "
+      "still have when silence begins");
+  t.number(
+      "left_radps", TETHER_MEMBER(bounds.left_radps), {0.0, 10.0, false},
+      "largest difference between yaw rates of earlier plans and the path's, as tube.left_mps");
   ScenarioSection section{.defaults = Tube{}, .keys = t.take()};
   for (const ScenarioKey& key : section.keys) {
     if (key.name != "tube.silence_s") section.switched.push_back({key.name, {"tube.silence_s"}});

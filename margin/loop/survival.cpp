@@ -28,7 +28,7 @@ class Straight : public ReferencePath {
   double v_mps_;
 };
 
-/// What the scenario's law answers to a pose.
+/// The scenario's law: a twist for each pose.
 class Answer {
  public:
   explicit Answer(const Scenario& scenario, double v_mps)

@@ -141,10 +141,6 @@ std::string commented(const std::string& lines) {
   return text;
 }
 
-}  // namespace
-
-namespace {
-
 /// "the loss changes over this log (2.1, 4.0, 6.3, 8.9 % in its quarters; p = 1e-05)".
 std::string change_in_words(const Stationarity& s, const char* changes) {
   const Stationarity::Test& test = s.strongest();

@@ -14,13 +14,14 @@ using std::numbers::pi;
 using Spectrum = std::function<double(double)>;
 
 const std::string kLoss = "the loss";
-// Less is not told apart: the integral's own error, and of several drifts the first one is named.
+// Smaller p-values are not told apart, because the integral is not more exact. Of several
+// drifts the first one is named.
 constexpr double kLeastP = 1e-6;
-// Of what S says; less is of regular losses, whose remainder is rounding, and no measure of others.
+// Share of S. Regular losses leave less, which is rounding and cannot be compared with.
 constexpr double kLeastPower = 0.2;
 constexpr int kLow = 8;  // beyond, 1/j² leaves nothing
 
-/// Of a state that is forgotten by a factor of λ a packet, with a variance of 1.
+/// Spectral density of an AR(1) process with correlation λ from packet to packet and variance 1.
 double red(double lambda, double omega) {
   return (1.0 - lambda * lambda) / (1.0 - 2.0 * lambda * std::cos(omega) + lambda * lambda);
 }
@@ -74,7 +75,7 @@ Stationarity::Test drift_of(const std::string& what, const std::vector<double>& 
   return {what, positive_probability(weights), 0.0};
 }
 
-/// Of a period that comes kFewest times or more, and is no shorter than kShortest packets.
+/// Tests for a period that occurs kFewest times or more and is kShortest packets or longer.
 Stationarity::Test period_of(const std::string& what, const std::vector<double>& x,
                              const Spectrum& spectrum) {
   constexpr std::size_t kFewest = 4, kMost = 500, kBeside = 16, kShortest = 20;

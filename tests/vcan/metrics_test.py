@@ -132,8 +132,8 @@ def a_scrape_says_what_the_nodes_say(test):
         for labels, value in samples.all("tether_node_events_total").items():
             labels = dict(labels)
             nodes.setdefault(labels["node"], {})[labels["event"]] = value
-        loops = {name for name in nodes if name.startswith("tether-")}  # RUN/LOOP, by program
-        check(nodes.keys() - loops == {"can_bridge", "controller", "drive"}, nodes.keys())
+        programs = {"tether-can-bridge", "tether-can-drive", "tether-controller"}  # on RUN/LOOP
+        check(nodes.keys() == {"can_bridge", "controller", "drive"} | programs, nodes.keys())
         bridge = nodes["can_bridge"]
         check(set(before) - {"loop.slips"} == set(bridge), f"{set(before) ^ set(bridge)}")
         outside = {name: (before[name], value, after[name]) for name, value in bridge.items() if not before[name] <= value <= after[name]}

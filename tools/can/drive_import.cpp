@@ -50,16 +50,6 @@ constexpr std::array<Written, 5> kWritten{{
      "the ramp of the quick stop must be set somewhere: see the manual"},
 }};
 
-/// In quotes, whatever it contains.
-std::string toml_text(const std::string& text) {
-  std::string quoted;
-  for (const char c : printable(text, kLongestNameShown)) {
-    if (c == '\\' || c == '"') quoted += '\\';
-    quoted += c;
-  }
-  return '"' + quoted + '"';
-}
-
 class Writer {
  public:
   Writer(const EdsFile& eds, const std::vector<std::int64_t>& nodes)
@@ -82,7 +72,8 @@ class Writer {
         "name = {}\nprofile = \"cia402\"\n\n[bridge]\nnode = 0x7F\nheartbeat_ms = 60\nsync = "
         "true\n\n"
         "[drives]\nheartbeat_ms = 100\nheartbeat_timeout_ms = 300\nfeedback_timeout_ms = 100\n",
-        printable(file, kLongestNameShown), toml_text(eds_.vendor + " " + eds_.product));
+        printable(file, kLongestNameShown),
+        in_quotes(printable(eds_.vendor + " " + eds_.product, kLongestNameShown)));
     check_mode();
     axis("left", nodes_[0], 0);
     axis("right", nodes_[1], two_axes_ ? kSecondAxis : 0);

@@ -104,14 +104,19 @@ namespace {
 
 template <class T>
 std::optional<T> field(const MessageContent& message, std::string_view name) {
-  for (std::size_t i = 0; i < message.values.size(); ++i) {
-    if (message.type->field_names[i] != name) continue;
-    if (const auto* value = std::get_if<T>(&message.values[i])) return *value;
-  }
-  return std::nullopt;
+  const FieldValue* const found = message.find(name);
+  const auto* const value = found == nullptr ? nullptr : std::get_if<T>(found);
+  return value == nullptr ? std::nullopt : std::optional(*value);
 }
 
 }  // namespace
+
+const FieldValue* MessageContent::find(std::string_view field_name) const {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (type->field_names[i] == field_name) return &values[i];
+  }
+  return nullptr;
+}
 
 std::optional<std::int64_t> MessageContent::integer(std::string_view field_name) const {
   return field<std::int64_t>(*this, field_name);

@@ -39,6 +39,8 @@ struct MessageContent {
   std::vector<FieldValue> values;           ///< empty if unknown or undecodable
 
   bool decoded() const { return !values.empty(); }
+  /// The field of that name; null if not decoded, or without one.
+  const FieldValue* find(std::string_view field_name) const;
   /// The integer field of that name, if decoded and it has one.
   std::optional<std::int64_t> integer(std::string_view field_name) const;
   /// The double of that name, likewise.

@@ -11,19 +11,14 @@
 #include <vector>
 
 #include "common/base/text.hpp"
+#include "common/bus/channel_names.hpp"
 #include "common/version.hpp"
 
 namespace tether {
 namespace {
 
-/// A label's value: printable ASCII, and quoted as the format wants it.
 std::string label(std::string_view name, std::string_view value) {
-  std::string quoted;
-  for (const char c : printable(value, kLongestNameShown)) {
-    if (c == '\\' || c == '"') quoted += '\\';
-    quoted += c;
-  }
-  return fmt::format("{}=\"{}\"", name, quoted);
+  return fmt::format("{}={}", name, in_quotes(printable(value, kLongestNameShown)));
 }
 
 std::string number_text(double value) {
@@ -135,35 +130,16 @@ constexpr auto kRows = std::to_array<Row>({
 });
 // clang-format on
 
-/// The vehicle whose channel it is: "AGV7" of "CAN7/STATE" and "AGV7/COUNTERS" (ChannelNames).
-std::string vehicle_of(std::string_view channel) {
-  const std::string_view side = channel.substr(0, channel.find('/'));
-  for (const std::string_view of_vehicle : {"CAN", "CTRL", "SIM", "NET"}) {
-    if (!side.starts_with(of_vehicle)) continue;
-    const std::string_view rest = side.substr(of_vehicle.size());
-    if (rest.starts_with('-')) return std::string(rest.substr(1));
-    return "AGV" + std::string(rest);
-  }
-  return std::string(side);
-}
-
-const FieldValue* field(const MessageContent& message, std::string_view name) {
-  const auto& names = message.type->field_names;
-  const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end()) return nullptr;
-  return &message.values[static_cast<std::size_t>(found - names.begin())];
-}
-
 template <class Field>
 const Field& field_of(const MessageContent& message, std::string_view name) {
-  return std::get<Field>(*field(message, name));
+  return std::get<Field>(*message.find(name));
 }
 
 /// What tells its reports from those of others of its type; nothing if it is no report.
 std::optional<std::string> labels_of(std::string_view channel, const MessageContent& message) {
   const std::string& type = message.type->name;
   if (type == kPeer) return label("peer", field_of<std::string>(message, "peer"));
-  const std::string vehicle = label("vehicle", vehicle_of(channel));
+  const std::string vehicle = label("vehicle", vehicle_of_channel(channel));
   if (type == kBridge || type == kController) return vehicle;
   if (type == kRelay) {
     return vehicle + "," + label("link", field_of<std::string>(message, "link"));
@@ -196,14 +172,14 @@ bool is_array(const FieldValue& value) {
 
 bool is_known(const Row& row, const MessageContent& message, std::size_t i) {
   if (row.known_by == nullptr) return true;
-  const FieldValue& value = *field(message, row.known_by);
+  const FieldValue& value = *message.find(row.known_by);
   if (const auto* truth = std::get_if<bool>(&value)) return *truth;
   return as_double(*number_in(value, i)) >= 0.0;
 }
 
 void add_number(const Row& row, const MessageContent& message, std::size_t i,
                 const std::string& labels, double since_report_s, Family& family) {
-  const auto number = *number_in(*field(message, row.field), i);
+  const auto number = *number_in(*message.find(row.field), i);
   if (!is_known(row, message, i)) return;
   if (row.kind == Kind::age) {
     if (as_double(number) >= 0.0) family.add(labels, as_double(number) + since_report_s);
@@ -216,7 +192,7 @@ void add_number(const Row& row, const MessageContent& message, std::size_t i,
 
 void add_row(const Row& row, const MessageContent& message, const std::string& labels,
              double since_report_s, Family& family) {
-  const FieldValue& value = *field(message, row.field);
+  const FieldValue& value = *message.find(row.field);
   if (row.kind == Kind::text) {
     family.add(labels + "," + label(row.field, std::get<std::string>(value)), std::int64_t{1});
   } else if (!is_array(value)) {

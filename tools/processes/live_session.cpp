@@ -24,6 +24,7 @@
 #include "common/program/cli.hpp"
 #include "common/program/loop_report.hpp"
 #include "common/program/node_main.hpp"
+#include "common/program/run_senders.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
@@ -69,10 +70,7 @@ std::vector<std::string> programs(const Scenario& scenario) {
 /// The nodes of these programs, as options name them: --expect=sim,netem,controller.
 std::string expected_nodes(const Scenario& scenario) {
   std::set<std::string> nodes;
-  for (const std::string& program : programs(scenario)) {
-    const std::string node = program.substr(std::string("tether-").size());
-    nodes.insert(node.starts_with("can-") ? "can" : node);
-  }
+  for (const std::string& program : programs(scenario)) nodes.insert(node_of_program(program));
   return fmt::format("--expect={}", fmt::join(nodes, ","));
 }
 

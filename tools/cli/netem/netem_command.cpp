@@ -57,7 +57,7 @@ void add_fit(CLI::App& netem, Action& action) {
   CLI::App* const command = netem.add_subcommand(
       "fit",
       "The channel model that a packet log fits best, with its accuracy, as a piece of a scenario "
-      "file. Exit code 1 if no model of the kind fits, or if losses or delays change over the "
+      "file. Exit code 1 if no model of the kind fits, or if the loss changes over the "
       "log.");
   command
       ->add_option("file", options->file,
