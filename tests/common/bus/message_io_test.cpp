@@ -1,5 +1,6 @@
 #include "common/bus/message_io.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -56,13 +57,6 @@ struct Filler {
   }
 };
 
-template <class LcmType>
-LcmType sample() {
-  LcmType message{};
-  visit_fields(message, Filler{});
-  return message;
-}
-
 /// Where the lengths of strings and the counts of arrays stand in an encoded message.
 struct LengthOffsets {
   std::size_t at = 8;  // behind the fingerprint; in the end the message's size
@@ -108,94 +102,121 @@ void put_int32(Bytes& bytes, std::size_t offset, std::int32_t value) {
 constexpr std::int32_t kImpossibleLengths[] = {
     0, -1, -2, -4, -8, -100, 1 << 20, 1 << 30, INT32_MAX - 1, INT32_MAX, INT32_MIN, INT32_MIN + 1};
 
-template <class LcmType>
-struct MessageIo : testing::Test {};
-
-template <class... LcmTypes>
-using WithEveryKind = testing::Types<every_kind_t, LcmTypes...>;
-using AllTypes = AllMessages<WithEveryKind>;
-TYPED_TEST_SUITE(MessageIo, AllTypes);
-
-TYPED_TEST(MessageIo, AMessageSurvivesEncodingAndDecoding) {
-  const Bytes bytes = encode(sample<TypeParam>());
-  TypeParam message{};
-  ASSERT_TRUE(decode(bytes, message));
-  EXPECT_EQ(encode(message), bytes);
-}
-
-TYPED_TEST(MessageIo, EveryTruncationIsRefused) {
-  const Bytes bytes = encode(sample<TypeParam>());
-  for (std::size_t size = 0; size < bytes.size(); ++size) {
-    // A copy of its own, so that AddressSanitizer sees every byte read beyond it.
-    const Bytes truncated(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
-    TypeParam message{};
-    EXPECT_FALSE(decode(truncated, message)) << size << " bytes";
-  }
-}
-
-TYPED_TEST(MessageIo, AByteTooManyIsRefused) {
-  Bytes bytes = encode(sample<TypeParam>());
-  bytes.push_back(0);
-  TypeParam message{};
-  EXPECT_FALSE(decode(bytes, message));
-}
-
-TYPED_TEST(MessageIo, RandomBytesAreRefused) {
-  std::mt19937 random(1);
-  for (int i = 0; i < 2000; ++i) {
-    Bytes bytes(random() % 300);
-    for (auto& b : bytes) b = static_cast<std::uint8_t>(random());
-    TypeParam message{};
-    EXPECT_FALSE(decode(bytes, message));
-  }
-}
-
-TYPED_TEST(MessageIo, ADamagedMessageOfTheRightTypeIsDecodedWholeOrRefused) {
-  const Bytes bytes = encode(sample<TypeParam>());
-  std::mt19937 random(2);
-  for (int i = 0; i < 5000; ++i) {
-    Bytes damaged = bytes;
-    for (std::size_t n = random() % 8 + 1; n > 0; --n) {
-      damaged[8 + random() % (damaged.size() - 8)] = static_cast<std::uint8_t>(random());
-    }
-    TypeParam message{};
-    if (decode(damaged, message)) {
-      EXPECT_EQ(message.getEncodedSize(), static_cast<int>(damaged.size()));
-    }
-  }
-}
-
-template <class... LcmTypes>
-struct Offer {
-  static int accepted_by(const Bytes& bytes) {
-    return (0 + ... + [&](auto message) { return decode(bytes, message) ? 1 : 0; }(LcmTypes{}));
-  }
+/// What came out of decoding: the message encoded again, and the elements of its arrays.
+struct Decoded {
+  bool accepted;
+  Bytes again;
+  std::size_t elements;
 };
 
-TYPED_TEST(MessageIo, AnotherTypeIsRefused) {
-  EXPECT_EQ(AllMessages<Offer>::accepted_by(encode(sample<TypeParam>())),
-            (std::is_same_v<TypeParam, every_kind_t> ? 0 : 1));
+/// A message of each kind that exists, behind functions that know its type.
+struct MessageKind {
+  Bytes bytes;  // of a message with different values in all fields
+  bool has_lengths;
+  LengthOffsets lengths;
+  Decoded (*decode)(const Bytes&);
+  bool (*lengths_fit)(const Bytes&);
+};
+
+template <class LcmType>
+MessageKind kind() {
+  LcmType message{};
+  visit_fields(message, Filler{});
+  MessageKind kind{encode(message), !std::is_trivially_copyable_v<LcmType>, {}, nullptr, nullptr};
+  visit_fields(message, kind.lengths);
+  kind.decode = [](const Bytes& bytes) {
+    LcmType received{};
+    const bool accepted = decode(bytes, received);
+    Capacity taken;
+    visit_fields(received, taken);
+    return Decoded{accepted, accepted ? encode(received) : Bytes{}, taken.elements};
+  };
+  kind.lengths_fit = [](const Bytes& bytes) { return lengths_fit<LcmType>(bytes); };
+  return kind;
 }
 
-TYPED_TEST(MessageIo, EveryImpossibleLengthIsRefusedBeforeMemoryIsTaken) {
-  auto whole = sample<TypeParam>();
-  LengthOffsets lengths;
-  visit_fields(whole, lengths);
-  const Bytes bytes = encode(whole);
-  ASSERT_EQ(lengths.at, bytes.size());
-  EXPECT_EQ(lengths.found.empty(), std::is_trivially_copyable_v<TypeParam>);
-  for (const std::size_t offset : lengths.found) {
-    for (const std::int32_t length : kImpossibleLengths) {
-      Bytes hostile = bytes;
-      put_int32(hostile, offset, length);
-      TypeParam message{};
-      EXPECT_FALSE(decode(hostile, message)) << length << " at " << offset;
-      Capacity taken;
-      visit_fields(message, taken);
-      EXPECT_LT(taken.elements, 100U) << length << " at " << offset;
-      const bool is_an_empty_array = length == 0 && lengths.counts.contains(offset);
-      if (is_an_empty_array) continue;  // the length fits; what follows is left over
-      EXPECT_FALSE(lengths_fit<TypeParam>(hostile)) << length << " at " << offset;
+template <class... LcmTypes>
+struct Messages {
+  static std::map<std::string, MessageKind> all() {
+    return {{every_kind_t::getTypeName(), kind<every_kind_t>()},
+            {LcmTypes::getTypeName(), kind<LcmTypes>()}...};
+  }
+};
+const std::map<std::string, MessageKind> kMessages = AllMessages<Messages>::all();
+
+TEST(MessageIo, AMessageSurvivesEncodingAndDecoding) {
+  for (const auto& [name, kind] : kMessages)
+    EXPECT_EQ(kind.decode(kind.bytes).again, kind.bytes) << name;
+}
+
+TEST(MessageIo, EveryTruncationIsRefused) {
+  for (const auto& [name, kind] : kMessages) {
+    for (std::size_t size = 0; size < kind.bytes.size(); ++size) {
+      // A copy of its own, so that AddressSanitizer sees every byte read beyond it.
+      const Bytes truncated(kind.bytes.begin(),
+                            kind.bytes.begin() + static_cast<std::ptrdiff_t>(size));
+      EXPECT_FALSE(kind.decode(truncated).accepted) << name << ", " << size << " bytes";
+    }
+  }
+}
+
+TEST(MessageIo, AByteTooManyIsRefused) {
+  for (const auto& [name, kind] : kMessages) {
+    Bytes bytes = kind.bytes;
+    bytes.push_back(0);
+    EXPECT_FALSE(kind.decode(bytes).accepted) << name;
+  }
+}
+
+TEST(MessageIo, RandomBytesAreRefused) {
+  std::mt19937 random(1);
+  for (const auto& [name, kind] : kMessages) {
+    for (int i = 0; i < 2000; ++i) {
+      Bytes bytes(random() % 300);
+      for (auto& b : bytes) b = static_cast<std::uint8_t>(random());
+      EXPECT_FALSE(kind.decode(bytes).accepted) << name;
+    }
+  }
+}
+
+TEST(MessageIo, ADamagedMessageOfTheRightTypeIsDecodedWholeOrRefused) {
+  std::mt19937 random(2);
+  for (const auto& [name, kind] : kMessages) {
+    for (int i = 0; i < 5000; ++i) {
+      Bytes damaged = kind.bytes;
+      for (std::size_t n = random() % 8 + 1; n > 0; --n) {
+        damaged[8 + random() % (damaged.size() - 8)] = static_cast<std::uint8_t>(random());
+      }
+      const Decoded decoded = kind.decode(damaged);
+      EXPECT_TRUE(!decoded.accepted || decoded.again.size() == damaged.size()) << name;
+    }
+  }
+}
+
+TEST(MessageIo, AnotherTypeIsRefused) {
+  for (const auto& [sent, message] : kMessages) {
+    for (const auto& [name, kind] : kMessages) {
+      EXPECT_EQ(kind.decode(message.bytes).accepted, name == sent) << sent << " as " << name;
+    }
+  }
+}
+
+TEST(MessageIo, EveryImpossibleLengthIsRefusedBeforeMemoryIsTaken) {
+  for (const auto& [name, kind] : kMessages) {
+    ASSERT_EQ(kind.lengths.at, kind.bytes.size()) << name;
+    EXPECT_EQ(kind.lengths.found.empty(), !kind.has_lengths) << name;
+    for (const std::size_t offset : kind.lengths.found) {
+      for (const std::int32_t length : kImpossibleLengths) {
+        const std::string what = fmt::format("{}, {} at {}", name, length, offset);
+        Bytes hostile = kind.bytes;
+        put_int32(hostile, offset, length);
+        const Decoded decoded = kind.decode(hostile);
+        EXPECT_FALSE(decoded.accepted) << what;
+        EXPECT_LT(decoded.elements, 100U) << what;
+        const bool is_an_empty_array = length == 0 && kind.lengths.counts.contains(offset);
+        if (is_an_empty_array) continue;  // the length fits; what follows is left over
+        EXPECT_FALSE(kind.lengths_fit(hostile)) << what;
+      }
     }
   }
 }
