@@ -57,6 +57,8 @@ class StandstillInquiry {
             std::vector<CanFrame>& out);
 
   Verdict verdict() const { return verdict_; }
+  /// The present request was sent again, or the newest round ended for want of an answer.
+  bool unanswered() const { return verdict_ == Verdict::silent || sdo_.tries() > 1; }
   /// The fastest wheel of the newest answers.
   const std::optional<Wheel>& fastest() const { return fastest_; }
   /// The position of this axis by the newest answers, in the drive's counts; nullopt unless the
