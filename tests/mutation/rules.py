@@ -251,6 +251,8 @@ RULES = [
     ("forgotten: a replaced file", "EstopFile::verify", "false", "st_ino"),
     ("forgotten: a changed file", "EstopFile::verify", "false", "read_record"),
     ("forgotten: trusted again", "EstopFile::remember", "false", "^lost_$"),
+    ("forgotten: a clean end that another program wrote", "EstopFile::remember", "drop", r"^revoke\(\)$"),
+    ("forgotten: one that it wrote before the end", "EstopFile::end", "false", "^lost_$"),
     ("forgotten: ends cleanly though latched", "EstopFile::end", "operand", "kLatched"),
     ("forgotten: opens what is no file", "open_regular", "false", "S_ISREG"),
 
