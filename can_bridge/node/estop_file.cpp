@@ -137,8 +137,25 @@ std::string EstopFile::verify() const {
   return "";
 }
 
+void EstopFile::revoke() const {
+  struct stat status {};
+  if (::lstat(path_.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return;
+  const int fd = ::open(path_.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+  if (fd < 0) return;
+  const Descriptor named(fd);
+  if (read_record(fd) == kLatched) return;
+  // Trouble is told already, so that a failure adds nothing.
+  if (::pwrite(fd, kLatched.data(), kLatched.size(), 0) > 0) ::fdatasync(fd);
+}
+
 void EstopFile::remember(bool latched, Instant now) {
-  if (lost_) return;
+  if (lost_) {
+    if (now >= retry_at_) {
+      retry_at_ = now + kRetry;
+      revoke();
+    }
+    return;
+  }
   const std::string& wanted = latched ? kLatched : kInUse;
   if (wanted != record_) {
     if (now < retry_at_) return;
@@ -149,6 +166,10 @@ void EstopFile::remember(bool latched, Instant now) {
   }
   const std::string trouble = verify();
   lost_ = !trouble.empty();
+  if (lost_) {
+    retry_at_ = now + kRetry;
+    revoke();
+  }
   tell(lost_ ? trouble + ": find out why, then restart the bridge" : "");
 }
 
@@ -162,6 +183,7 @@ void EstopFile::tell(std::string trouble) {
 }
 
 void EstopFile::end() {
+  if (lost_) return revoke();
   if (!trouble_.empty() || record_ == kLatched) return;
   if (const std::string failure = write(kEnded); !failure.empty()) {
     tell("cannot be written: " + failure);

@@ -37,8 +37,9 @@ class EstopFile {
   void remember(bool latched, Instant now);
 
   /// Why the e-stop would not be remembered; "" if it would. A file that was deleted, replaced or
-  /// changed is never trusted again; a failed write is repeated. Each new reason is also said on
-  /// stderr.
+  /// changed is never trusted again, and gets the record "latched", once a second if need be: what
+  /// another program wrote there proves no clean end of this bridge. A failed write is repeated.
+  /// Each new reason is also said on stderr.
   const std::string& trouble() const { return trouble_; }
 
   /// The bridge ends in good order: power off, wheels at standstill. Writes "ended", unless the
@@ -50,6 +51,8 @@ class EstopFile {
 
   std::string write(const std::string& record);
   std::string verify() const;
+  /// Leaves "latched" in the file that the path names now, if there is one.
+  void revoke() const;
   void tell(std::string trouble);
 
   std::filesystem::path path_;

@@ -206,8 +206,8 @@ def check_not_armed(agv):
 
 
 def check_drives_not_started(record):
-    """Not a word to the drives but reset and SDO."""
-    check(all(f.data[0] == 0x81 for f in record.frames(NMT)), "refused drives were started")
+    """No setpoint, and no NMT command but "reset node" and "enter pre-operational"."""
+    check(all(f.data[0] in (0x80, 0x81) for f in record.frames(NMT)), "refused drives were started")
     check(not record.frames(*map(rpdo1, NODES)), "setpoints for refused drives")
 
 

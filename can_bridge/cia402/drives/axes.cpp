@@ -84,7 +84,7 @@ void Axes::begin(Instant now) {
     was_in_doubt_[i] = in_doubt(i, now);
     axes_[i].begin();
   }
-  possible_radps_ = {};
+  possible_radps_ = targets_radps_ = {};
   rolled_out_ = {true, true};
   by_setpoint_ = {stops_by_setpoint_, stops_by_setpoint_};
   misfits_.clear();
@@ -135,11 +135,13 @@ void Axes::bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets)
     double& possible_radps = possible_radps_[i];
     const double slower_radps =
         std::isinf(ramps_radps2_[i]) ? 0.0 : possible_radps - ramps_radps2_[i] * dt_s;
-    const double target_radps =
+    // A bridge that was held up has sent no stop meanwhile: the wheel followed what came before.
+    const double followed_radps = targets_radps_[i];
+    targets_radps_[i] =
         static_cast<double>(std::abs(targets[i])) / std::abs(axes_[i].target_units(1.0));
     const double reported_radps = std::abs(axes_[i].reported_radps(now).value_or(0.0));
-    possible_radps = std::max(
-        {0.0, slower_radps, target_radps, std::min(reported_radps, fastest_report_radps_)});
+    possible_radps = std::max({0.0, slower_radps, followed_radps, targets_radps_[i],
+                               std::min(reported_radps, fastest_report_radps_)});
     if (possible_radps >= standstill_radps_) rolls_until_[i] = now + kDrivesLag;
     rolled_out_[i] = now >= rolls_until_[i];
   }

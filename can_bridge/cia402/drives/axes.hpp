@@ -85,10 +85,11 @@ class Axes {
   bool believes_standstill(Instant now) const { return now >= standstill_from_; }
   /// Standstill that both witnesses show after the newest controlword, and that is believed.
   bool confirmed_standing(std::size_t i, Instant now) const;
-  /// Once per cycle, with the targets in force: bounds how fast each wheel can still be, if both
-  /// witnesses failed together. From target or feedback on, whichever is faster, it brakes no
-  /// harder than the drive's own quick stop ramp, or than stops have to. Reports count up to the
-  /// speed of limit_reports(), or one garbled or forged frame would deny standstill for minutes.
+  /// Once per cycle, with the targets that are sent now: bounds how fast each wheel can still be,
+  /// if both witnesses failed together. Until now the previous targets were in force. From target
+  /// or feedback on, whichever is faster, it brakes no harder than the drive's own quick stop ramp,
+  /// or than stops have to. Reports count up to the speed of limit_reports(), or one garbled or
+  /// forged frame would deny standstill for minutes.
   void require_deceleration(double radps2);
   void limit_reports(double radps) { fastest_report_radps_ = radps; }
   void bound_speeds(Instant now, const std::array<std::int64_t, 2>& targets);
@@ -129,6 +130,7 @@ class Axes {
   std::array<double, 2> ramps_radps2_;  // of the quick stop; infinity: not known
   double fastest_report_radps_;
   std::array<double, 2> possible_radps_{};  // each wheel is no faster than this
+  std::array<double, 2> targets_radps_{};   // in force since the newest bound, magnitudes
   std::array<Instant, 2> rolls_until_{Instant::min(), Instant::min()};  // by that bound
   std::array<bool, 2> rolled_out_{true, true};
   std::optional<Instant> bounded_at_;

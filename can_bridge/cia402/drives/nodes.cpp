@@ -24,6 +24,15 @@ Node::Node(const Cia402Config& config, std::uint8_t number)
       stopper(config, number,
               std::min<Duration>(kImpatience, std::chrono::milliseconds(config.sdo_timeout_ms))) {}
 
+void Node::begin_inquiry() {
+  inquiry.begin();
+  recalled.reset();
+}
+
+bool Node::may_be_stopped() const {
+  return state == NmtState::stopped || (!heard && inquiry.unanswered());
+}
+
 void Node::on_foreign_nmt(const CanFrame& frame) {
   if (frame.size != 2 || (frame.data[1] != 0 && frame.data[1] != id)) return;
   const auto command = static_cast<canopen::NmtCommand>(frame.data[0]);
@@ -67,7 +76,7 @@ void Nodes::begin_inquiry(bool commanding) {
   for (Node& node : nodes_) {
     node.heard = node.state && node.state != NmtState::boot_up;
     node.running = commanding && node.operational();
-    node.inquiry.begin();
+    node.begin_inquiry();
   }
 }
 

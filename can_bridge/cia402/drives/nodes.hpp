@@ -23,6 +23,11 @@ struct Node {
   bool operational() const { return state == canopen::NmtState::operational; }
   /// Another's NMT command to this node: it is not known to be operational any more.
   void on_foreign_nmt(const CanFrame& frame);
+  /// Asks from the beginning whether its wheels stand, before it is reset.
+  void begin_inquiry();
+  /// Nothing is heard of it, and it has left a request unanswered: it may be in NMT "stopped",
+  /// where SDO is dead, and without a heartbeat it does not tell so.
+  bool may_be_stopped() const;
   /// Nothing but its boot-up message was heard of it.
   bool booted() const { return state == canopen::NmtState::boot_up; }
 
@@ -35,10 +40,12 @@ struct Node {
   std::optional<canopen::NmtState> state;  ///< of the newest heartbeat
   Instant heartbeat_stamp{};
   // Before it is reset:
-  bool heard = false;          ///< in any NMT state, and not booted since
-  bool running = false;        ///< operational
-  bool lost = false;           ///< the bridge commanded it, and does not know that it has stopped
-  bool pdos_doubtful = false;  ///< another sender has written its PDO parameters
+  bool heard = false;    ///< in any NMT state, and not booted since
+  bool running = false;  ///< operational
+  bool lost = false;     ///< the bridge commanded it, and does not know that it has stopped
+  std::optional<Instant> recalled;         ///< first NMT "pre-operational" since begin_inquiry()
+  std::optional<Instant> newest_recalled;  ///< the newest one
+  bool pdos_doubtful = false;              ///< another sender has written its PDO parameters
   // While it is to stop (StopAssurance):
   bool by_sdo = false;       ///< it gets its controlword by SDO
   bool unconfirmed = false;  ///< it has not told in time that it stops

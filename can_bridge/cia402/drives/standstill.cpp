@@ -55,7 +55,7 @@ void StandstillInquiry::begin(bool stop_first) {
   stop_first_ = stop_first;
   for (Reading& reading : readings_) reading = blank(reading.axis);
   question_ = 0;
-  configured_ = false;
+  configured_ = repeated_ = false;
   verdict_ = Verdict::unknown;
   fastest_.reset();
   standing_since_.reset();
@@ -67,7 +67,14 @@ void StandstillInquiry::tick(Instant now, const std::array<std::uint16_t, 2>& st
   if (const auto result = sdo_.take_result()) on_result(*result, now);
   if (!sdo_.busy()) ask(stop_words);
   sdo_.tick(now, out);
+  if (sdo_.tries() > 1) on_repeat();
   if (const auto result = sdo_.take_result()) on_result(*result, now);
+}
+
+void StandstillInquiry::on_repeat() {
+  repeated_ = true;
+  standing_since_.reset();
+  if (verdict_ == Verdict::standing) verdict_ = Verdict::unknown;
 }
 
 void StandstillInquiry::ask(const std::array<std::uint16_t, 2>& stop_words) {
@@ -117,6 +124,7 @@ void StandstillInquiry::on_result(const SdoResult& result, Instant now) {
   if (!is_last) return;
   question_ = 0;
   judge(now);
+  repeated_ = false;
 }
 
 void StandstillInquiry::note(const Question& question, const SdoResult& result, Instant now) {
@@ -182,7 +190,7 @@ void StandstillInquiry::judge(Instant now) {
   for (const Reading& reading : readings_) {
     const Motion motion = reading.witness.motion(now);
     power_off = power_off && reading.power_off;
-    const bool told = reading.speed_radps && reading.position;
+    const bool told = reading.speed_radps && reading.position && !repeated_;
     standing = standing && told && motion == Motion::standing;
     turning = turning || motion == Motion::turning;
     complete = complete && told;

@@ -21,7 +21,8 @@ namespace tether::cia402 {
 ///
 /// Read of each axis: statusword, actual velocity and position. Wheels stand when all of them do by
 /// both witnesses (WheelMotion); with a power stage that is on, for half a second, because they
-/// might be starting. An object whose reading the node aborts is a witness that says nothing.
+/// might be starting. An object whose reading the node aborts is a witness that says nothing. So is
+/// a round in which a request had to be repeated: meanwhile its first answers have grown old.
 ///
 /// Read besides, unless wheels have to stop first: the node's watchdog, which start-up has set. A
 /// drive that has rebooted has lost what start-up set (CiA 301, 7.2.8.2.2: power-on values), unless
@@ -36,7 +37,7 @@ class StandstillInquiry {
     silent,       ///< no answer in all tries; it is asked on
     turning,      ///< as the newest answers say
     standing,     ///< as the newest answers say
-    unconfirmed,  ///< it answers, and a witness is missing; none says that it turns
+    unconfirmed,  ///< it answers, and a witness is missing or old; none says that it turns
   };
   struct Wheel {
     std::size_t axis = 0;  ///< 0 left, 1 right
@@ -57,6 +58,8 @@ class StandstillInquiry {
             std::vector<CanFrame>& out);
 
   Verdict verdict() const { return verdict_; }
+  /// The present request was sent again, or the newest round ended for want of an answer.
+  bool unanswered() const { return verdict_ == Verdict::silent || sdo_.tries() > 1; }
   /// The fastest wheel of the newest answers.
   const std::optional<Wheel>& fastest() const { return fastest_; }
   /// The position of this axis by the newest answers, in the drive's counts; nullopt unless the
@@ -94,6 +97,7 @@ class StandstillInquiry {
   void on_velocity(Reading& reading, const SdoResult& result, Instant now);
   void on_position(Reading& reading, const SdoResult& result, Instant now);
   void judge(Instant now);
+  void on_repeat();
   bool has_to_write(const Reading& reading, std::uint16_t stop_word) const;
 
   Cia402Config config_;
@@ -104,6 +108,7 @@ class StandstillInquiry {
   std::vector<Question> questions_;  // of a round
   std::size_t question_ = 0;         // number of the next
   std::int64_t watchdog_ = 0;        // what start-up set
+  bool repeated_ = false;            // a request of this round
   bool configured_ = false;          // the drive still has it, as the newest answers say
   Verdict verdict_ = Verdict::unknown;
   std::optional<Wheel> fastest_;

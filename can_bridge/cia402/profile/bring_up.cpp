@@ -37,7 +37,7 @@ void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame
   if (begun_) note_lost_nodes(now);
   begun_ = false;
   if (ticked_ && now - *ticked_ >= kSuspended) {
-    for (Node& node : d_.nodes) node.inquiry.begin();
+    for (Node& node : d_.nodes) node.begin_inquiry();
   }
   ticked_ = now;
   switch (d_.stage.stage()) {
@@ -48,7 +48,7 @@ void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame
       secure(now, nmt, service);
       break;
     case Stage::configuring:
-      configure(now, service);
+      configure(now, nmt, service);
       break;
     case Stage::beating:
       if (d_.heartbeat.beats() >= 2) start_nodes(now, nmt);
@@ -80,17 +80,20 @@ void BringUp::listen(Instant now) {
   d_.commanding = d_.nodes.any_running();
 }
 
-void BringUp::recall_stopped(Instant now, std::vector<CanFrame>& nmt) {
-  if (recalled_ && now - *recalled_ < Drives::kRecall) return;
-  recalled_ = now;
-  for (const Node& node : d_.nodes) {
-    if (node.state != canopen::NmtState::stopped) continue;
-    nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::pre_operational, node.id));
-  }
+void BringUp::recall(Node& node, Instant now, std::vector<CanFrame>& nmt) {
+  if (!node.may_be_stopped()) return;
+  if (node.newest_recalled && now - *node.newest_recalled < Drives::kRecall) return;
+  if (!node.recalled) node.recalled = now;
+  node.newest_recalled = now;
+  nmt.push_back(canopen::nmt_frame(canopen::NmtCommand::pre_operational, node.id));
+}
+
+bool BringUp::has_been_recalled(const Node& node, Instant now) const {
+  return node.recalled &&
+         now - *node.recalled >= std::chrono::milliseconds(d_.config.sdo_timeout_ms);
 }
 
 void BringUp::secure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service) {
-  recall_stopped(now, nmt);
   d_.commanding = d_.commanding || d_.nodes.any_running();
   bool all_safe = d_.stage.elapsed(now) >= listening_time(d_.config);
   bool all_known = true;
@@ -98,6 +101,7 @@ void BringUp::secure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFra
   for (Node& node : d_.nodes) {
     node.inquiry.tick(now, d_.axes.sdo_stop_words(), service);
     d_.axes.on_news(node.inquiry.take_news(), now);
+    recall(node, now, nmt);
     all_safe = all_safe && may_be_reset(node, now);
     all_known = all_known && node.inquiry.verdict() != Verdict::unknown;
   }
@@ -132,7 +136,8 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
       break;
   }
   if (!node.heard) {
-    return can_have_stopped(node) && (!node.lost || d_.stage.elapsed(now) >= kBlindBraking);
+    return has_been_recalled(node, now) && can_have_stopped(node) &&
+           (!node.lost || d_.stage.elapsed(now) >= kBlindBraking);
   }
   // It runs, so that its silence says nothing of its wheel: only its feedback does.
   for (std::size_t i = 0; i < d_.axes.size(); ++i) {
@@ -185,8 +190,8 @@ void BringUp::begin_configuration(Instant now) {
   d_.stage.enter(Stage::configuring);
 }
 
-void BringUp::configure(Instant now, std::vector<CanFrame>& service) {
-  for (Node& node : d_.nodes) start_up(node, now, service);
+void BringUp::configure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service) {
+  for (Node& node : d_.nodes) start_up(node, now, nmt, service);
   if (std::string refusals = d_.nodes.refusals(); !refusals.empty()) {
     d_.refuse(std::move(refusals));
   } else if (d_.nodes.started_up()) {
@@ -195,15 +200,17 @@ void BringUp::configure(Instant now, std::vector<CanFrame>& service) {
   }
 }
 
-void BringUp::start_up(Node& node, Instant now, std::vector<CanFrame>& service) {
+void BringUp::start_up(Node& node, Instant now, std::vector<CanFrame>& nmt,
+                       std::vector<CanFrame>& service) {
   const bool again = node.startup.wants_reset_again();
   if (again) {
     node.inquiry.tick(now, d_.axes.sdo_stop_words(), service);
     d_.axes.on_news(node.inquiry.take_news(), now);
+    recall(node, now, nmt);
   }
   node.startup.tick(now, service, !again || may_be_reset(node, now));
   // Its wheel may have begun to turn since it was asked before the first reset.
-  if (!again && node.startup.wants_reset_again()) node.inquiry.begin();
+  if (!again && node.startup.wants_reset_again()) node.begin_inquiry();
 }
 
 void BringUp::start_nodes(Instant now, std::vector<CanFrame>& nmt) {

@@ -24,8 +24,10 @@ class BringUp {
  private:
   void note_lost_nodes(Instant now);
   void listen(Instant now);
-  /// A drive in NMT "stopped" answers no SDO: to pre-operational, so that it can be asked.
-  void recall_stopped(Instant now, std::vector<CanFrame>& nmt);
+  /// A drive that may be in NMT "stopped" goes to pre-operational, so that it can be asked.
+  void recall(Node& node, Instant now, std::vector<CanFrame>& nmt);
+  /// Its silence is not that of NMT "stopped".
+  bool has_been_recalled(const Node& node, Instant now) const;
   void secure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
   /// The last look at the counters before the reset sets them anew.
   void take_up_positions(Instant now);
@@ -34,8 +36,9 @@ class BringUp {
   bool can_have_stopped(const Node& node) const;
   std::string turning_text(Instant now) const;
   void begin_configuration(Instant now);
-  void configure(Instant now, std::vector<CanFrame>& service);
-  void start_up(Node& node, Instant now, std::vector<CanFrame>& service);
+  void configure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
+  void start_up(Node& node, Instant now, std::vector<CanFrame>& nmt,
+                std::vector<CanFrame>& service);
   void start_nodes(Instant now, std::vector<CanFrame>& nmt);
   void activate(Instant now, std::vector<CanFrame>& nmt);
   void settle(Instant now);
@@ -45,7 +48,6 @@ class BringUp {
   bool begun_ = false;  // and not yet ticked
   std::optional<Instant> ticked_;
   Instant nmt_start_at_{};
-  std::optional<Instant> recalled_;  // the newest NMT command to stopped drives
 };
 
 }  // namespace tether::cia402

@@ -155,7 +155,7 @@ void Cia402Profile::on_boot_up(Node& node) {
     if (axis.node() == node.id) axis.reanchor();
   }
   // Without power, but its wheel may roll: it is asked again.
-  if (drives_.stage.stage() <= Stage::securing) node.inquiry.begin();
+  if (drives_.stage.stage() <= Stage::securing) node.begin_inquiry();
   if (drives_.stage.stage() == Stage::configuring) {
     node.startup.on_boot_up();
   } else if (drives_.stage.stage() > Stage::configuring) {

@@ -396,5 +396,98 @@ TEST(StopAssurance, ARunningDriveThatIsNotOperationalIsStoppedBySdoBeforeItIsRes
   }
 }
 
+/// A new bridge, with a left drive that coasts in NMT "stopped" and sends no heartbeat.
+struct Unheard : Bench {
+  explicit Unheard(const Cia402Config& config = two_nodes()) : Bench(config) {
+    Driving before(config);
+    drives = before.drives;
+    FakeDrive& drive = left();
+    drive.nmt = NmtState::stopped;
+    drive.beat = false;
+    drive.resets = 0;
+    drive.fastest_reset = 0;
+    drive.axes[0].ramp = 1;  // brakes hardly
+    profile.start(now);
+  }
+  long recalls(std::uint8_t node) const {
+    return count(CanFrame::make(canopen::kNmt, {0x80, node}));
+  }
+};
+
+TEST(StopAssurance, ADriveThatTurnsInNmtStoppedWithoutAHeartbeatIsRecalledAndNotReset) {
+  Unheard bench;
+  // After its first request, which has no answer in 500 ms.
+  ASSERT_TRUE(bench.run_until([&] { return bench.left().nmt == NmtState::pre_operational; },
+                              milliseconds(700)));
+  bench.run(milliseconds(500));
+  EXPECT_EQ(bench.left().resets, 0);
+  EXPECT_THAT(bench.left_axis().speed, ::testing::Gt(0));
+  EXPECT_EQ(bench.recalls(1), 1) << "it has answered";
+  EXPECT_EQ(bench.recalls(2), 0) << "it was heard";
+  bench.left().beat = true;
+  ASSERT_TRUE(bench.run_until([&] { return bench.left().resets > 0; }, milliseconds(10000)));
+  EXPECT_EQ(bench.left().fastest_reset, 0);
+}
+
+TEST(StopAssurance, SilenceCountsOnlyAfterARequestThatFollowsTheRecall) {
+  Cia402Config config = two_nodes();
+  config.sdo_retries = 0;
+  Unheard bench(config);
+  ASSERT_TRUE(bench.run_until([&] { return bench.left().nmt == NmtState::pre_operational; },
+                              milliseconds(700)));
+  bench.run(milliseconds(1000));
+  EXPECT_EQ(bench.left().resets, 0);
+  bench.left().beat = true;
+  ASSERT_TRUE(bench.run_until([&] { return bench.left().resets > 0; }, milliseconds(10000)));
+  EXPECT_EQ(bench.left().fastest_reset, 0);
+}
+
+TEST(StopAssurance, TheRecallOfADriveThatIsAbsentTakesNoTimeOfItsOwn) {
+  Bench bench;
+  bench.left().silent = true;
+  bench.profile.start(bench.now);
+  const CanFrame recall = CanFrame::make(canopen::kNmt, {0x80, 1});
+  // It is listened for 150 ms, then asked three times.
+  bench.run(milliseconds(600));
+  EXPECT_EQ(bench.count(recall), 0);
+  ASSERT_TRUE(bench.run_until([&] { return bench.left().resets > 0; }, milliseconds(1100)));
+  // Each 100 ms, for a frame may be lost.
+  EXPECT_THAT(bench.count(recall), ::testing::AllOf(::testing::Ge(9), ::testing::Le(11)));
+}
+
+TEST(StopAssurance, ARunningDriveThatAnswersNoSdoIsNotTakenOutOfOperation) {
+  Driving before;
+  Bench bench;
+  bench.drives = before.drives;
+  bench.left().unanswered = FakeDrive::Key{0x6041, 0};
+  bench.profile.start(bench.now);
+  bench.run(milliseconds(3000));
+  EXPECT_EQ(bench.left().nmt, NmtState::operational);
+  EXPECT_EQ(bench.count(CanFrame::make(canopen::kNmt, {0x80, 1})), 0);
+}
+
+TEST(StopAssurance, ADriveThatDidNotBootIsRecalledBeforeItIsResetAgain) {
+  for (const int retries : {0, 2}) {
+    Cia402Config config = two_nodes();
+    config.sdo_retries = retries;
+    Unheard bench(config);
+    FakeDrive& left = bench.left();
+    left.axes[0].ramp = 1000;
+    left.boots = false;
+    ASSERT_TRUE(bench.run_until([&] { return left.resets == 1; }, milliseconds(5000)));
+    EXPECT_EQ(left.fastest_reset, 0);
+    left.nmt = NmtState::stopped;  // by another, who is not heard
+    left.axes[0].speed = 100;
+    left.axes[0].ramp = 0;
+    ASSERT_TRUE(
+        bench.run_until([&] { return left.nmt == NmtState::pre_operational; }, milliseconds(5000)));
+    bench.run(milliseconds(5000));
+    EXPECT_EQ(left.resets, 1) << retries;
+    left.axes[0].ramp = 10;
+    ASSERT_TRUE(bench.run_until([&] { return left.resets == 2; }, milliseconds(5000)));
+    EXPECT_EQ(left.fastest_reset, 0);
+  }
+}
+
 }  // namespace
 }  // namespace tether

@@ -56,7 +56,8 @@ TEST(Axes, ASpeedOfZeroAloneSwitchesNoPowerOff) {
 }
 
 TEST(Axes, NoWheelStandsSoonerThanItsRampCanStopItWhateverBothWitnessesSay) {
-  // 0x6085 = 3000 rpm/s: from 600 rpm in 0.2 s, and 60 ms in which the drive has not begun.
+  // 0x6085 = 3000 rpm/s: from 600 rpm in 0.2 s, and 60 ms in which the drive has not begun. The
+  // stop is sent after 20 ms.
   Axes axes(two_nodes(), 0.1, 0.5);
   std::vector<CanFrame> out;
   Instant now = stand(axes);
@@ -67,7 +68,35 @@ TEST(Axes, NoWheelStandsSoonerThanItsRampCanStopItWhateverBothWitnessesSay) {
     axes.bound_speeds(now, kStill);
     axes.on_feedback(feedback(1, 0x0017, 0), now);
     axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
-    EXPECT_EQ(axes.stop_controlword(0, now) == canopen::kControlDisableVoltage, ms >= 240) << ms;
+    EXPECT_EQ(axes.stop_controlword(0, now) == canopen::kControlDisableVoltage, ms >= 260) << ms;
+  }
+}
+
+TEST(Axes, WheelsFollowedTheirTargetsWhileTheBridgeWasHeldUp) {
+  Axes axes(two_nodes(), 0.1, 0.5);
+  std::vector<CanFrame> out;
+  Instant now = stand(axes);
+  axes.bound_speeds(now, {100, 0});
+  axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
+  now += milliseconds(500);  // 100 rpm are braked in 34 ms
+  for (int ms = 0; ms <= 200; ms += 20, now += milliseconds(20)) {
+    axes.bound_speeds(now, kStill);
+    axes.on_feedback(feedback(1, 0x0017, 0), now);
+    axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
+    EXPECT_EQ(axes.stop_controlword(0, now) == canopen::kControlDisableVoltage, ms >= 80) << ms;
+  }
+}
+
+TEST(Axes, WheelsRollOutInSlowCyclesToo) {
+  // Of each 100 ms, 60 ms count: 600 rpm are braked in 200 ms, by the fourth cycle after the stop.
+  Axes axes(two_nodes(), 0.1, 0.5);
+  Instant now = stand(axes);
+  axes.bound_speeds(now, {600, 0});
+  EXPECT_FALSE(axes.can_have_stopped(1));
+  for (int cycle = 1; cycle <= 8; ++cycle) {
+    now += milliseconds(100);
+    axes.bound_speeds(now, kStill);
+    EXPECT_EQ(axes.can_have_stopped(1), cycle >= 5) << cycle;
   }
 }
 

@@ -268,5 +268,69 @@ TEST(Cia402Standstill, ADriveThatHasJustBootedIsAskedAgain) {
   EXPECT_TRUE(bench.run_until([&] { return bench.reset(); }, milliseconds(300)));
 }
 
+/// One drive's inquiry, by itself.
+struct Inquiry {
+  static constexpr std::array<std::uint16_t, 2> kStop{2, 2};
+
+  Bench bench;
+  cia402::StandstillInquiry inquiry{bench.config, 1, milliseconds(500)};
+  bool cable = true;
+  std::size_t asked = 0;
+
+  Inquiry() {
+    bench.left().nmt = NmtState::pre_operational;
+    inquiry.begin();
+  }
+  void cycle() {
+    std::vector<CanFrame> out, answers;
+    inquiry.tick(bench.now, kStop, out);
+    asked += out.size();
+    if (cable) {
+      for (const CanFrame& frame : out) bench.left().on_frame(frame, answers);
+    }
+    for (const CanFrame& frame : answers) inquiry.on_sdo(frame);
+    bench.now += Bench::kCycle;
+  }
+  void run(milliseconds time) {
+    for (milliseconds t{0}; t < time; t += Bench::kCycle) cycle();
+  }
+};
+
+TEST(Cia402Standstill, ARoundWithARepeatedRequestConfirmsNothing) {
+  using Verdict = cia402::StandstillInquiry::Verdict;
+  Inquiry node;
+  // Without its cable after the speed of its first round was read; its wheel is pushed then.
+  for (std::size_t before = 1; before <= 5; ++before) {
+    node.inquiry.begin();
+    node.cable = true;
+    node.bench.left_axis().speed = 0;
+    node.run(milliseconds(400));
+    ASSERT_EQ(node.inquiry.verdict(), Verdict::standing);
+    for (const std::size_t end = node.asked + before; node.asked < end;) node.cycle();
+    node.cable = false;
+    node.run(milliseconds(300));
+    EXPECT_EQ(node.inquiry.verdict(), Verdict::standing) << "it may only be slow";
+    node.bench.left_axis().speed = 100;
+    node.run(milliseconds(220));
+    node.cable = true;
+    for (int cycles = 0; cycles < 6; ++cycles) {
+      node.cycle();
+      EXPECT_NE(node.inquiry.verdict(), Verdict::standing) << before << ", " << cycles;
+    }
+  }
+}
+
+TEST(Cia402Standstill, TheRoundAfterOneWithARepeatedRequestCounts) {
+  using Verdict = cia402::StandstillInquiry::Verdict;
+  Inquiry node;
+  node.cable = false;
+  node.run(milliseconds(480));
+  node.cable = true;
+  node.run(milliseconds(140));
+  EXPECT_EQ(node.inquiry.verdict(), Verdict::unconfirmed);
+  node.run(milliseconds(200));
+  EXPECT_EQ(node.inquiry.verdict(), Verdict::standing);
+}
+
 }  // namespace
 }  // namespace tether

@@ -90,17 +90,19 @@ TEST(StopObjects, TheRampIsTheOneThatTheOptionCodeNames) {
 
 TEST(StopObjects, AreKnownOfBothAxes) {
   using cia402::StopPart;
-  for (const std::uint16_t index : {0x6085, 0x605A, 0x605E, 0x6885, 0x685A}) {
+  for (const std::uint16_t index :
+       {0x6085, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6885, 0x685A}) {
     EXPECT_EQ(cia402::stop_part(index), StopPart::quick_stop) << index;
   }
   for (const std::uint16_t index :
-       {0x6007, 0x1016, 0x6084, 0x607E, 0x608F, 0x6091, 0x6092, 0x6884}) {
+       {0x6007, 0x1016, 0x6084, 0x607E, 0x608F, 0x6090, 0x6091, 0x6092, 0x6096, 0x6884}) {
     EXPECT_EQ(cia402::stop_part(index), StopPart::other) << index;
   }
   for (const std::uint16_t index : {0x1400, 0x1603, 0x1800, 0x1A00}) {
     EXPECT_EQ(cia402::stop_part(index), StopPart::pdo) << index;
   }
-  for (const std::uint16_t index : {0x1000, 0x1018, 0x2000, 0x60FF, 0x6041}) {
+  for (const std::uint16_t index :
+       {0x1000, 0x1018, 0x2000, 0x6059, 0x605F, 0x6093, 0x60FF, 0x6041}) {
     EXPECT_EQ(cia402::stop_part(index), StopPart::none) << index;
   }
 }

@@ -167,6 +167,43 @@ TEST_F(EstopFileTest, AFileThatAnotherProgramWritesIsNotTrusted) {
   EXPECT_THAT(file.trouble(), HasSubstr("was changed by another program"));
 }
 
+TEST_F(EstopFileTest, ACleanEndThatAnotherProgramWroteIsNoneOfThisBridge) {
+  run_once();
+  const std::string ended = test::contents(path);
+  for (const bool replaced : {false, true}) {
+    EstopFile file(path);
+    file.remember(false, after_ms(0));
+    if (replaced) fs::remove(path);
+    folder.file("state/estop.AGV.can0", ended);
+    file.remember(false, after_ms(20));
+    // It is killed. Another bridge ends in good order.
+    EstopFile other(path);
+    EXPECT_EQ(other.why(), "it was latched when the bridge ended");
+    other.remember(false, after_ms(20));
+    other.end();
+    file.remember(false, after_ms(1000));
+    EXPECT_EQ(test::contents(path), ended) << "no more than once a second";
+    file.remember(false, after_ms(1020));
+    EXPECT_TRUE(EstopFile(path).latched()) << replaced;
+    folder.file("state/estop.AGV.can0", ended);
+    file.end();
+    EXPECT_TRUE(EstopFile(path).latched()) << replaced;
+    run_once();
+  }
+}
+
+TEST_F(EstopFileTest, WhatTakesThePlaceOfTheFileIsNotOpenedUnlessItIsOne) {
+  EstopFile file(path);
+  fs::remove(path);
+  ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+  file.remember(true, after_ms(20));
+  fs::remove(path);
+  const fs::path elsewhere = folder.file("elsewhere", "kept");
+  fs::create_symlink(elsewhere, path);
+  file.remember(true, after_ms(1020));
+  EXPECT_EQ(test::contents(elsewhere), "kept");
+}
+
 TEST_F(EstopFileTest, AnythingButAnIntactRecordStartsLatched) {
   run_once();
   const std::string ended = test::contents(path);
