@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import socket
 import time
 
 from live_support import PAPER, POSE, PRESENCE, TWIST, Failure, alive, check, main, wait_for_loop, wait_until
@@ -136,6 +137,29 @@ def nodes_do_not_act_on_datagrams_of_an_unknown_program(test):
         test.say(f"{node} refused {refused} of {2 * sent} datagrams; {acted}")
 
 
+def a_forged_presence_makes_the_run_invalid(test):
+    """From another port than the relay's: by another host's name, by the relay's own host and process, before the relay's
+    first presence and after it, and by a program whose name begins like the relay's."""
+    host = socket.gethostname()
+    second = r"a second tether-netem of AGV, process \d+ on host"
+    for early, program, says_host, what in (
+        (False, "tether-netem", "elsewhere", second),
+        (False, "tether-netem", host, r"which sends from another port"),
+        (True, "tether-netem", host, rf"which sends from another port|{second}"),
+        (False, "tether-netem-2", "elsewhere", r"an unknown program sent on CTRL/POSE"),
+    ):
+        run = live(test, "--duration=2")
+        wait_until(5, lambda: "tether-netem" in run.children(), "its relay")
+        if not early:
+            wait_for_loop(test.network, since=time.time())
+        number, pid = run_of(run), run.children()["tether-netem"]
+        presence = PRESENCE.encode(run=number, program=program, vehicle="AGV", host=says_host, pid=pid)
+        test.network.send("RUN/PRESENCE", presence)
+        test.network.send("CTRL/POSE", POSE.encode(utime=0, seq=7, run=number, x_m=9))
+        check_verdict(run, 1, "INVALID ")
+        check(re.search(what, run.out()), f"{program} on {says_host}, early: {early}: {run.out()}")
+
+
 def a_jump_of_numbers_makes_the_run_invalid(test):
     """Of a program that says that it is the relay."""
     run = live(test, "--duration=3", "--json")
@@ -223,6 +247,7 @@ main(
     a_stranger_that_sends_commands_is_named,
     one_datagram_makes_the_run_invalid,
     nodes_do_not_act_on_datagrams_of_an_unknown_program,
+    a_forged_presence_makes_the_run_invalid,
     a_jump_of_numbers_makes_the_run_invalid,
     an_overloaded_run_is_invalid_and_a_short_pause_is_not,
     a_run_that_refuses_all_commands_is_invalid,

@@ -229,8 +229,17 @@ void LiveSession::add_child(const Options& options, const std::string& name) {
 }
 
 void LiveSession::on_presence(const presence_t& presence, std::uint64_t sender) {
-  if (!starting_) return watch_.heard(loop_.now(), presence, sender);
+  if (!starting_) {
+    return watch_.heard(loop_.now(), presence, sender, is_of_this_host(sender));
+  }
   if (company_.empty() || presence.program == kName) company_ = describe(presence);
+}
+
+bool LiveSession::is_of_this_host(std::uint64_t sender) {
+  if (sender == 0) return true;
+  if (!own_addresses_) own_addresses_.emplace();
+  own_addresses_->refresh();
+  return own_addresses_->contains(in_addr{static_cast<in_addr_t>(sender >> 16)});
 }
 
 void LiveSession::expect_no_company() {

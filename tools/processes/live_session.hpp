@@ -8,6 +8,7 @@
 
 #include "common/bus/bus.hpp"
 #include "common/bus/sole_sender.hpp"
+#include "common/lcm/own_addresses.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/presence.hpp"
 #include "common/scenario/scenario.hpp"
@@ -68,6 +69,7 @@ class LiveSession {
   };
   void expect_no_company();
   void on_presence(const presence_t& presence, std::uint64_t sender);
+  bool is_of_this_host(std::uint64_t sender);
   void watch_run();
   void start(Child& child);
   void add_child(const Options& options, const std::string& name);
@@ -95,6 +97,7 @@ class LiveSession {
   std::string vehicle_;
   std::optional<Presence> presence_;  ///< once the network is known to be its own
   RunWatch watch_;
+  std::optional<OwnAddresses> own_addresses_;  ///< once the network tells who sends presences
   SoleSender senders_;
   FleetObserver observer_;
   ArmOperator operator_;

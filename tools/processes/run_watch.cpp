@@ -31,7 +31,7 @@ void RunWatch::started(Instant now, const std::string& program, std::int64_t pid
 void RunWatch::ended(const std::string& program) {
   const auto own = own_.find(program);
   if (own == own_.end()) return;
-  former_.emplace_back(program, own->second.pid);  // its last messages may still come
+  former_.push_back({program, own->second.pid, own->second.port});  // its last messages may come
   own_.erase(own);
 }
 
@@ -92,15 +92,16 @@ void RunWatch::name(std::uint64_t sender) {
   unnamed_.erase(sender);
 }
 
-void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t sender) {
+void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t sender,
+                     bool from_this_host) {
   if (presence.run != run_) {
     name(sender);
     return heard_of_other_run(now, presence);
   }
-  const bool here = presence.host == host_;
+  const bool here = presence.host == host_ && from_this_host;
+  const auto port = static_cast<std::uint16_t>(sender);
   const auto own = own_.find(presence.program);
   if (here && own != own_.end() && own->second.pid == presence.pid) {
-    const auto port = static_cast<std::uint16_t>(sender);
     if (own->second.port == 0) own->second.port = port;
     if (own->second.port != port) {
       return find(now, fmt::format("{} says that it is {}, which sends from another port",
@@ -109,9 +110,10 @@ void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t send
     own->second.heard = now;
     return name(sender);
   }
-  const std::pair former(presence.program, presence.pid);
-  if (here && std::find(former_.begin(), former_.end(), former) != former_.end())
-    return name(sender);
+  const bool ended = std::any_of(former_.begin(), former_.end(), [&](const Former& f) {
+    return f.program == presence.program && f.pid == presence.pid && f.port == port;
+  });
+  if (here && ended) return name(sender);
   if (own == own_.end()) return;  // what it sends on the run's channels makes it an unknown sender
   name(sender);
   strangers_ = true;

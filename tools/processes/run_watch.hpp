@@ -49,8 +49,10 @@ class RunWatch {
   void ended(const std::string& program);
   /// It hangs, and is being ended.
   void given_up(Instant now, const std::string& program);
-  /// A message on RUN/PRESENCE, and who sent it (Message::sender; 0: not known).
-  void heard(Instant now, const presence_t& presence, std::uint64_t sender = 0);
+  /// A message on RUN/PRESENCE, who sent it (Message::sender; 0: not known), and whether that is an
+  /// address of this host. The name of a host proves nothing.
+  void heard(Instant now, const presence_t& presence, std::uint64_t sender = 0,
+             bool from_this_host = true);
   /// A message on a channel on which only programs with a presence send.
   void sent(Instant now, const std::string& channel, std::uint64_t sender);
   /// The run is over: who has not said by now what it is was no program of it.
@@ -90,7 +92,12 @@ class RunWatch {
   std::string host_;
   double rate_;
   std::map<std::string, Own> own_;
-  std::vector<std::pair<std::string, std::int64_t>> former_;  ///< processes that this run ended
+  struct Former {
+    std::string program;
+    std::int64_t pid;
+    std::uint16_t port;  ///< as in Own
+  };
+  std::vector<Former> former_;  ///< processes of this run that have ended
   std::vector<std::int64_t> other_runs_;
   struct Unnamed {
     std::string channel;

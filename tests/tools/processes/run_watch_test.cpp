@@ -206,6 +206,26 @@ TEST_F(RunWatchTest, TwoPortsOfOneProcessAreAFindingAndAnotherAddressIsNone) {
                           "sends from another port"));
 }
 
+TEST_F(RunWatchTest, AProgramOfAnotherHostIsASecondOneWhateverItSaysAndWhateverItsPort) {
+  watch.started(now, "tether-sim", 1);
+  watch.heard(now, presence("tether-sim", 1), kFirst);
+  watch.heard(now, presence("tether-sim", 1), kFirst + (1U << 20U), false);
+  EXPECT_THAT(watch.findings(),
+              ElementsAre("t = 0.0 s: a second tether-sim of AGV, process 1 on host here"));
+}
+
+TEST_F(RunWatchTest, TheNameOfAProcessThatHasEndedIsNoPlaceForAnotherSender) {
+  watch.started(now, "tether-sim", 1);
+  watch.heard(now, presence("tether-sim", 1), kFirst);
+  watch.started(now, "tether-sim", 2);
+  watch.heard(now, presence("tether-sim", 1), kFirst);  // late
+  watch.heard(now, presence("tether-sim", 2), kFirst + 1);
+  EXPECT_THAT(watch.findings(), IsEmpty());
+  watch.heard(now, presence("tether-sim", 1), kSecond);
+  EXPECT_THAT(watch.findings(),
+              ElementsAre("t = 0.0 s: a second tether-sim of AGV, process 1 on host here"));
+}
+
 TEST_F(RunWatchTest, LateLoopsAreAFindingBeyondFiveMillisecondsInSum) {
   const Duration run = std::chrono::seconds{10};
   EXPECT_EQ(watch.lateness(run), "");
