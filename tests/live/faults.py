@@ -1,8 +1,8 @@
 #!/usr/bin/env -S python3 -B
 """Injects faults by campaigns, each with its seeds, and sums up how many there were and how many led to a wrong result:
 forged, spliced, reflected, replayed and changed datagrams of a link, and its restarts; an external controller that lies in
-lockstep; nodes that are killed. As many as the tests inject, more than 10^6 in all, in two minutes; with `--long` ten times
-as many, in half an hour.
+lockstep; nodes that are killed; datagrams of lockstep that are lost, doubled and late. More than 10^6 in all, in four
+minutes; with `--long` ten times as many, for which 45 minutes are an estimate.
 Usage: faults.py BUILD_DIR [--long]"""
 
 import os
@@ -18,12 +18,14 @@ NETWORK = HERE.parent / "support" / "in_own_network.sh"
 def campaigns(build, long):
     """name: (command, environment, faults, or the pattern of their number in the output)"""
     forgeries = 10_000_000 if long else 1_000_000
-    lies, kills = (10, 300) if long else (1, 25)
+    lies, kills, lossy_runs = (10, 300, 480) if long else (1, 25, 48)
     link = build / "tests" / "link_forgery_test"
     return {
         "datagrams of a link": ((link,), {"TETHER_FORGERIES": str(forgeries)}, forgeries),
         "lies in lockstep": ((NETWORK, HERE / "lying_controller_test.py", build / "bin", lies), {}, r"^(\d+) lies of"),
         "kills in lockstep": ((NETWORK, HERE / "kill_campaign_test.py", build / "bin", kills), {}, r"^(\d+) kills:"),
+        "datagrams of lockstep": (
+            (NETWORK, HERE / "lossy_lockstep_test.py", build / "bin", lossy_runs), {}, r"^(\d+) faults in"),
     }
 
 
