@@ -177,6 +177,12 @@ void check(const Scenario& scenario, const std::string& file) {
         fmt::format("{}: vehicle.name = \"{}\" is not allowed: channels {}... have another meaning",
                     file, vehicle.name, taken));
   }
+  if (vehicle.name.starts_with("AGV-")) {
+    throw UsageError(fmt::format(
+        "{}: vehicle.name = \"{}\" is not allowed: its channels CTRL{}/... would be those of a "
+        "vehicle \"{}\"",
+        file, vehicle.name, vehicle.name.substr(3), vehicle.name.substr(4)));
+  }
   const double inside =
       half_extent_m - std::hypot(vehicle.chassis_length_m, vehicle.chassis_width_m);
   if (inside < 0.0) {

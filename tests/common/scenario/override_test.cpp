@@ -94,8 +94,18 @@ TEST(ScenarioOverride, IsRefusedWithItsOwnTextAndWhatIsAllowed) {
   EXPECT_THAT(override_refusal({"run.duration_s=inf"}),
               HasSubstr("must be a number in [0.001, 1000000]"));
   EXPECT_THAT(override_refusal({"actuator.policy=levitate"}), HasSubstr("\"hold\" or \"zero\""));
-  EXPECT_THAT(override_refusal({"vehicle.name=CTRL"}),
-              HasSubstr("channels CTRL... have another meaning"));
+}
+
+// Channels and metrics would be another vehicle's.
+TEST(ScenarioOverride, RefusesNamesOfVehiclesThatWouldShareChannels) {
+  for (const std::string side : {"CTRL", "NET", "SIM", "CAN"}) {
+    for (const std::string& name : {side, side + "7", side + "-7", side + "X"}) {
+      EXPECT_THAT(override_refusal({"vehicle.name=" + name}),
+                  HasSubstr("channels " + side + "... have another meaning"));
+    }
+  }
+  EXPECT_THAT(override_refusal({"vehicle.name=AGV-7"}),
+              HasSubstr("channels CTRL-7/... would be those of a vehicle \"7\""));
 }
 
 TEST(ScenarioOverride, MustHaveAKeyAndOneReadableValue) {

@@ -8,6 +8,8 @@
 #include <tether/drivetrain_state_t.hpp>
 #include <tether/peer_report_t.hpp>
 
+#include "common/bus/channel_names.hpp"
+
 namespace tether {
 namespace {
 
@@ -133,6 +135,24 @@ TEST_F(MetricsTest, TellsVehiclesAndNodesApart) {
                     HasSubstr("tether_node_events_total{vehicle=\"AGV\",node=\"can_bridge\","
                               "event=\"pose.stale\"} 2\n"),
                     HasSubstr("tether_loop_slips_total{vehicle=\"AGV\",node=\"autonomy\"} 3\n")));
+}
+
+TEST_F(MetricsTest, EachChannelOfAVehicleIsLabelledByItsName) {
+  for (const std::string name :
+       {"AGV", "AGV7", "AGVX", "AGV7-b", "forklift", "7", "C", "N-1", "can"}) {
+    metrics_ = NetworkMetrics();
+    const ChannelNames c(name);
+    hear(c.can_counters, counters("can_bridge", "x", 1));
+    hear(c.control_counters, counters("controller", "x", 1));
+    hear(c.net_counters, counters("netem", "x", 1));
+    hear(c.sim_counters, counters("sim", "x", 1));
+    hear(c.autonomy_counters, counters("autonomy", "x", 1));
+    hear(c.localiser_counters, counters("localiser", "x", 1));
+    for (const char* node : {"can_bridge", "controller", "netem", "sim", "autonomy", "localiser"}) {
+      EXPECT_THAT(text(), HasSubstr("tether_node_events_total{vehicle=\"" + name + "\",node=\"" +
+                                    node + "\""));
+    }
+  }
 }
 
 TEST_F(MetricsTest, CountsWhatItMissesByNumbers) {
