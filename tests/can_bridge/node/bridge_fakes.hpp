@@ -65,9 +65,10 @@ struct FakeProfile final : DriveProfile {
   std::vector<StopKind> stops;
   std::vector<Instant> distrusted_until;
   int fault_resets = 0;
+  std::vector<CanFilter> own{CanFilter{0x181}};
 
   FakeProfile() { now.standstill = now.feedback_fresh = true; }
-  std::vector<CanFilter> filters() const override { return {CanFilter{0x181}}; }
+  std::vector<CanFilter> filters() const override { return own; }
   void start(Instant t) override { starts.push_back(t); }
   void on_frame(const CanFrame& frame, Instant) override { heard.push_back(frame); }
   void tick(Instant t, std::vector<CanFrame>& out) override {

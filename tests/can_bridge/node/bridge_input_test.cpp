@@ -23,7 +23,8 @@ using test::VirtualWorld;
 struct BridgeInputs : ::testing::Test {
   VirtualWorld world;
   FakePort port;
-  FakeProfile* profile = nullptr;  // the node's
+  FakeProfile* profile = nullptr;                // the node's
+  std::vector<CanFilter> own{CanFilter{0x181}};  // of the drivetrain
   std::unique_ptr<CanBridgeNode> node;
   std::vector<Seen<drivetrain_state_t>> states;
 
@@ -35,6 +36,7 @@ struct BridgeInputs : ::testing::Test {
     std::get<Cia402Config>(config).safety_inputs = {input};
     world.collect("CAN/STATE", states);
     auto owned = std::make_unique<FakeProfile>();
+    owned->own = own;
     profile = owned.get();
     node = std::make_unique<CanBridgeNode>(scenario, config, world.loop, world.bus, port,
                                            std::move(owned));
@@ -71,6 +73,13 @@ TEST_F(BridgeInputs, AreTheSupervisorsReportsToAVehicleThatDrivesItself) {
 
 TEST_F(BridgeInputs, AFrameOfTheDrivetrainItselfIsRefused) {
   EXPECT_THROW(start(0x181), UsageError);
+}
+
+TEST_F(BridgeInputs, AFrameOf29BitsIsAnotherThanTheInputsOf11) {
+  own = {{.id = 0x1234'53A0, .mask = 0x7FF, .extended = true}};
+  start(0x3A0);
+  port.frame_handler(CanFrame::make(0x3A0, {0xFF}));
+  EXPECT_EQ(reason_at(40), "ready to be armed");
 }
 
 }  // namespace
