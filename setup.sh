@@ -33,6 +33,7 @@ if [ "${1:-}" = tests ]; then
         python3-pandas                              # what readers of runs make of them
         python3-prometheus-client                   # what reads metrics
         procps util-linux                           # process tests
+        rsync                                       # the upload of logs
         zsh groff-base                              # completion, manual pages
         dpkg-dev lintian systemd udev               # packages and services
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
