@@ -12,10 +12,10 @@ namespace {
 
 constexpr Duration kCycle = std::chrono::milliseconds{20};
 
-/// Commissioning, or the guard of an armed bridge, at its plug.
+/// Commissioning, or the guard of an armed bridge, at its plug, for so many steps at most.
 template <class Master>
-void run(CanWorld& world, InProcessCan::Port& port, Script& script, Master&& tick) {
-  for (int i = 0; i < 60 && !script.ended(); ++i) {
+void run(CanWorld& world, InProcessCan::Port& port, Script& script, int steps, Master&& tick) {
+  for (int i = 0; i < steps && !script.ended(); ++i) {
     if (script.choice(3) == 0) {
       for (int cycles = script.byte(); cycles > 0; --cycles) {
         std::vector<CanFrame> out;
@@ -56,7 +56,7 @@ void try_input(std::span<const std::uint8_t> input) {
   port.on_frame(commission.filters(), [&](const CanFrame& frame) {
     guard ? guard->on_frame(frame) : commission.on_frame(frame, world.loop.now());
   });
-  run(world, port, script, [&](std::vector<CanFrame>& out) {
+  run(world, port, script, 60, [&](std::vector<CanFrame>& out) {
     commission.tick(world.loop.now(), out);
     for (CanFrame frame : out) {
       TransmitWhitelist whitelist(rules);
@@ -72,7 +72,7 @@ void try_input(std::span<const std::uint8_t> input) {
   }
 
   guard = std::make_unique<CommissionGuard>(*config, vehicle.wheel_radius_m, record, "");
-  run(world, port, script, [&](std::vector<CanFrame>& out) {
+  run(world, port, script, 10, [&](std::vector<CanFrame>& out) {
     guard->tick(world.loop.now(), DrivePhase::standby, out);
     must(commission.done() || !guard->refusal().empty(), "nothing is armed that was not tried");
   });
