@@ -1,8 +1,8 @@
 #!/usr/bin/env -S python3 -B
 """Injects faults by campaigns, each with its seeds, and sums up how many there were and how many led to a wrong result:
 forged, spliced, reflected, replayed and changed datagrams of a link, and its restarts; an external controller that lies in
-lockstep; nodes that are killed; datagrams of lockstep that are lost, doubled and late. More than 10^6 in all, in four
-minutes; with `--long` ten times as many, for which 45 minutes are an estimate.
+lockstep; nodes that are killed; datagrams of lockstep that are lost, doubled and late. More than 10^6 in all; with
+`--long` ten times as many.
 Usage: faults.py BUILD_DIR [--long]"""
 
 import os

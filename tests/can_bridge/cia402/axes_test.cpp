@@ -55,6 +55,14 @@ TEST(Axes, ASpeedOfZeroAloneSwitchesNoPowerOff) {
   }
 }
 
+/// One cycle of a stop in which both witnesses of the left wheel report standstill.
+bool switches_power_off_when_both_witnesses_stand(Axes& axes, Instant now) {
+  axes.bound_speeds(now, kStill);
+  axes.on_feedback(feedback(1, 0x0017, 0), now);
+  axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
+  return axes.stop_controlword(0, now) == canopen::kControlDisableVoltage;
+}
+
 TEST(Axes, NoWheelStandsSoonerThanItsRampCanStopItWhateverBothWitnessesSay) {
   // 0x6085 = 3000 rpm/s: from 600 rpm in 0.2 s, and 60 ms in which the drive has not begun. The
   // stop is sent after 20 ms.
@@ -65,10 +73,7 @@ TEST(Axes, NoWheelStandsSoonerThanItsRampCanStopItWhateverBothWitnessesSay) {
   axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
   for (int ms = 20; ms <= 280; ms += 20) {
     now += milliseconds(20);
-    axes.bound_speeds(now, kStill);
-    axes.on_feedback(feedback(1, 0x0017, 0), now);
-    axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
-    EXPECT_EQ(axes.stop_controlword(0, now) == canopen::kControlDisableVoltage, ms >= 260) << ms;
+    EXPECT_EQ(switches_power_off_when_both_witnesses_stand(axes, now), ms >= 260) << ms;
   }
 }
 
@@ -80,15 +85,12 @@ TEST(Axes, WheelsFollowedTheirTargetsWhileTheBridgeWasHeldUp) {
   axes.send({canopen::kControlQuickStop, canopen::kControlQuickStop}, kStill, out);
   now += milliseconds(500);  // 100 rpm are braked in 34 ms
   for (int ms = 0; ms <= 200; ms += 20, now += milliseconds(20)) {
-    axes.bound_speeds(now, kStill);
-    axes.on_feedback(feedback(1, 0x0017, 0), now);
-    axes.on_feedback(CanFrame::make(0x281, {7, 0, 0, 0, 0, 0, 3}), now);
-    EXPECT_EQ(axes.stop_controlword(0, now) == canopen::kControlDisableVoltage, ms >= 80) << ms;
+    EXPECT_EQ(switches_power_off_when_both_witnesses_stand(axes, now), ms >= 80) << ms;
   }
 }
 
 TEST(Axes, WheelsRollOutInSlowCyclesToo) {
-  // Of each 100 ms, 60 ms count: 600 rpm are braked in 200 ms, by the fourth cycle after the stop.
+  // 60 of each 100 ms count: 600 rpm are braked in 200 ms, by the fourth cycle after the stop.
   Axes axes(two_nodes(), 0.1, 0.5);
   Instant now = stand(axes);
   axes.bound_speeds(now, {600, 0});

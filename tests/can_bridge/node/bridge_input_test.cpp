@@ -24,7 +24,7 @@ struct BridgeInputs : ::testing::Test {
   VirtualWorld world;
   FakePort port;
   FakeProfile* profile = nullptr;                // the node's
-  std::vector<CanFilter> own{CanFilter{0x181}};  // of the drivetrain
+  std::vector<CanFilter> own{CanFilter{0x181}};  // the drivetrain's
   std::unique_ptr<CanBridgeNode> node;
   std::vector<Seen<drivetrain_state_t>> states;
 

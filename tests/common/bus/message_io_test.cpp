@@ -102,7 +102,7 @@ void put_int32(Bytes& bytes, std::size_t offset, std::int32_t value) {
 constexpr std::int32_t kImpossibleLengths[] = {
     0, -1, -2, -4, -8, -100, 1 << 20, 1 << 30, INT32_MAX - 1, INT32_MAX, INT32_MIN, INT32_MIN + 1};
 
-/// What came out of decoding: the message encoded again, and the elements of its arrays.
+/// Result of decoding: the message encoded again, and the number of elements in its arrays.
 struct Decoded {
   bool accepted;
   Bytes again;
@@ -111,7 +111,7 @@ struct Decoded {
 
 /// A message of each kind that exists, behind functions that know its type.
 struct MessageKind {
-  Bytes bytes;  // of a message with different values in all fields
+  Bytes bytes;  // a message with different values in all fields, encoded
   bool has_lengths;
   LengthOffsets lengths;
   Decoded (*decode)(const Bytes&);
