@@ -30,6 +30,7 @@ class NodeStartup {
   /// `may_reset_again`: its wheel is known to stand, so that a reset that had no answer may be
   /// repeated.
   void tick(Instant now, std::vector<CanFrame>& out, bool may_reset_again = true);
+  bool has_reset() const { return resets_ > 0; }
   bool wants_reset_again() const { return state_ == State::reset && resets_ > 0; }
 
   bool done() const { return state_ == State::done; }

@@ -1,6 +1,14 @@
 #include "can_bridge/safety/request_guard.hpp"
 
+#include <utility>
+
 namespace tether {
+
+void RequestGuard::start(Instant now) {
+  if (std::exchange(started_, true)) return;
+  guard_.start(now);
+  alive_guard_.start(now);
+}
 
 std::optional<DriveRequest> RequestGuard::accept(Instant now, Instant stamp, std::int64_t seq,
                                                  std::int32_t request) {

@@ -14,7 +14,8 @@ enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, 
 /// Lets an operator's requests through, each once and only while fresh: stamped no more than a
 /// second ago and not more than kMaxAhead in the future (so much may the clocks of two well-kept
 /// hosts differ), and with a new number, as StreamGuard demands; several programs number them, each
-/// in its own way. So an ARM that was recorded, delayed or repeated arms nothing.
+/// in its own way. So an ARM that was recorded, delayed or repeated arms nothing. A bridge that has
+/// restarted does not know which numbers are new: what was stamped before its start is refused.
 ///
 /// ESTOP and DISARM are exceptions: they act whatever their stamp and number. A late one still
 /// means that somebody wanted the vehicle to stand. ALIVE is a stream of its own, because another
@@ -28,6 +29,9 @@ class RequestGuard {
   explicit RequestGuard(Instant earliest)
       : guard_({kMaxAhead, earliest, false}), alive_guard_({kMaxAhead, earliest, false}) {}
 
+  /// The bridge lives from `now` on. Before the first request; later calls do nothing.
+  void start(Instant now);
+
   /// What to do now, if anything. `request` is the message's number.
   std::optional<DriveRequest> accept(Instant now, Instant stamp, std::int64_t seq,
                                      std::int32_t request);
@@ -36,6 +40,7 @@ class RequestGuard {
   void list(CounterList& out) const;
 
  private:
+  bool started_ = false;
   StreamGuard guard_;
   StreamGuard alive_guard_;
   std::int64_t stale_ = 0;

@@ -66,6 +66,7 @@ void SafetyCore::on_plan(Instant now, PlanSource source, Plan plan) {
 }
 
 void SafetyCore::on_request(Instant now, Instant stamp, std::int64_t seq, std::int32_t request) {
+  request_guard_.start(now);
   const auto accepted = request_guard_.accept(now, stamp, seq, request);
   if (accepted == DriveRequest::alive) {
     held_ = std::min(now, stamp);
@@ -88,6 +89,7 @@ void SafetyCore::list(CounterList& out) const {
 Decision SafetyCore::cycle(Instant now, const DrivetrainSnapshot& drives, CanState bus,
                            double driven_m) {
   action_ = Decision::Action::none;
+  request_guard_.start(now);
   budget_.update(now, driven_m, commands_.seen());
   watch_own_loop(now);
   watch_bus(bus);

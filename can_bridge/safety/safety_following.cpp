@@ -157,7 +157,8 @@ void SafetyCore::watch_standstill(Instant now, const DrivetrainSnapshot& drives)
   const bool stands = drives.feedback_fresh ? drives.standstill : !drives.in_doubt;
   if (stands && believed) {
     standstill_due_.reset();
-    unconfirmed_ = unconfirmed_ && latched();
+    const bool until_reset = latched() || drives.phase == DrivePhase::refused;
+    unconfirmed_ = unconfirmed_ && until_reset;
   } else if (standstill_due_ && now >= *standstill_due_ && !unconfirmed_) {
     unconfirmed_ = stop_overdue_ = true;
     latch_fault("no confirmed standstill 5 s after the stop began");

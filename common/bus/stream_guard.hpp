@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 
@@ -51,6 +52,9 @@ class StreamGuard {
 
   StreamGuard() = default;
   explicit StreamGuard(const Config& config) : config_(config) {}
+
+  /// The receiver has started at `now`: what was stamped before is of another run, too.
+  void start(Instant now) { config_.earliest = std::max(config_.earliest, now); }
 
   /// Whether a message stamped `stamp` and numbered `seq`, arriving at `now`, may be used.
   bool accept(Instant now, Instant stamp, std::int64_t seq);

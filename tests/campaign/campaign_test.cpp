@@ -86,7 +86,8 @@ TEST(FaultCampaign, TheSeedsThatOnceBrokeARuleBreakNone) {
   const auto setup = load_setup();
   for (const std::uint64_t seed :
        {200942U, 203504U, 205111U, 208213U, 221629U, 222974U, 223933U, 230143U, 282556U, 308297U,
-        318805U, 345917U, 351009U, 1000781U, 1016389U}) {
+        318805U, 345917U, 351009U, 1000781U, 1002912U, 1016389U, 1099469U, 1148729U, 1156914U,
+        1160925U, 1161709U, 1194893U, 1213547U, 1242003U, 1244163U, 1253728U, 1328095U, 1347030U}) {
     for (const Trial& trial : {draw_trial(seed), with_vehicle(draw_trial(seed))}) {
       for (const Finding& f : check(seed, run_trial(setup, trial, false))) {
         ADD_FAILURE() << seed << ": " << f.rule << " at " << to_seconds(f.when) << ": " << f.what;
@@ -107,10 +108,12 @@ TEST(FaultCampaign, AWheelWithoutWitnessMayBeCutAndOneThatIsOnlyFrozenMayNot) {
 }
 
 TEST(FaultCampaign, AFaultOfADriveThatJustRebootsShowsAsMissingFeedback) {
-  for (const bool reboots : {true, false}) {
+  for (const int after_ms : {0, 20, 30}) {
+    const bool reboots = after_ms <= 20;  // before its next report
     Record r = drive();
     r.faults = {{FaultKind::drive_fault, at_ms(2000), at_ms(2000), 0.0, 1}};
-    if (reboots) r.faults.push_back({FaultKind::drive_reboot, at_ms(2000), at_ms(2000), 0.0, 1});
+    const Instant reboot = at_ms(2000 + after_ms);
+    r.faults.push_back({FaultKind::drive_reboot, reboot, reboot, 0.0, 1});
     set_states(r, 2120, 3000, State::STOPPING);
     EXPECT_EQ(fault_unnoticed(r).has_value(), !reboots);
   }
@@ -124,6 +127,37 @@ TEST(FaultCampaign, AForeignNmtStartBeginsADrivesDeadlineAgain) {
     r.faults.push_back({FaultKind::nmt, at_ms(ms), at_ms(ms), 0.0, 2});
   }
   EXPECT_FALSE(wheel_turns_without_setpoints(r).has_value());
+}
+
+TEST(FaultCampaign, ADriveThatRefusesItsStopBySdoHasUntilItsWatchdogActs) {
+  for (const bool refuses : {true, false}) {
+    Record r = drive();
+    r.heard[1].resize(60);  // setpoints until 1.2 s
+    set_states(r, 1200, 3000, State::FAULT);
+    for (WheelSample& w : r.wheels) {
+      if (w.when > at_ms(1900)) w.rim_mps = {};
+    }
+    r.limits.deceleration_mps2 = r.limits.yaw_deceleration_radps2 = 10.0;
+    r.faults = {{FaultKind::nmt, at_ms(1190), at_ms(1190), 0.0, 2}};
+    if (refuses) r.faults.push_back({FaultKind::sdo_abort, at_ms(1000), at_ms(2000), 0.0, 2});
+    EXPECT_EQ(wheel_turns_without_setpoints(r).has_value(), !refuses);
+    EXPECT_EQ(wheels_turn_unarmed(r).has_value(), !refuses);
+  }
+}
+
+TEST(FaultCampaign, AWheelThatWasPushedMayBeCutWithAFailedEncoderAsLongAsItRolls) {
+  for (const bool paused : {false, true}) {
+    Record r = drive();
+    for (WheelSample& w : r.wheels) w.when = w.when + std::chrono::seconds(10);
+    for (int ms = 0; ms <= 10'000; ms += 10) {
+      r.wheels.insert(r.wheels.begin() + ms / 10, {at_ms(ms), {1.0, 0.0}, {false, true}});
+    }
+    if (paused) r.wheels[900].rim_mps = {};
+    r.faults = {{FaultKind::pushed, at_ms(100), at_ms(500), 0.0, 1},
+                {FaultKind::wheel_slip, at_ms(9500), at_ms(9800), 0.0, 1}};
+    r.cuts = {{at_ms(9600), 0, 1.0, true}};
+    EXPECT_EQ(power_cut_while_turning(r).has_value(), paused);
+  }
 }
 
 TEST(FaultCampaign, AnOrdinaryDriveBreaksNoRule) { EXPECT_EQ(broken(drive()), ""); }

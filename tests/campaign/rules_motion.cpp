@@ -70,6 +70,39 @@ void permit_silence(const Record& record, Permission& permission) {
   }
 }
 
+/// How long a stranger's NMT command keeps a wheel from the bridge's setpoints and stops.
+/// A drive that a stranger took out of "operational" takes no setpoint, and NMT "start" begins its
+/// deadline of setpoints again. If it refuses the stop by SDO, too, heartbeats are withheld (0.2 s)
+/// until its watchdog acts (0x1016 = 250 ms); a bridge that restarts listens, and asks as long.
+Interval nmt_reach(const Record& record, const Fault& nmt, std::size_t wheel) {
+  constexpr Duration kConfirms = std::chrono::milliseconds{200};
+  constexpr Duration kHeartbeat = std::chrono::milliseconds{250};
+  Interval reach{nmt.when, nmt.when + kDriveDeadline};
+  const bool refuses = std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
+    return f.kind == FaultKind::sdo_abort && f.node == static_cast<int>(wheel) + 1 &&
+           f.when <= nmt.when + kConfirms && f.until >= nmt.when;
+  });
+  if (!refuses) return reach;
+  // One cycle until the bridge notices, one until it withholds, one of the drive.
+  reach.until = nmt.when + kConfirms + kHeartbeat + 3 * record.limits.cycle;
+  constexpr Duration kListens = std::chrono::milliseconds{180};
+  for (const Fault& f : record.faults) {
+    const bool begins = f.kind == FaultKind::bridge_restarted && f.until >= nmt.when;
+    if (begins && f.when <= reach.until) {
+      reach.until = f.until + kListens + kConfirms + kHeartbeat + 3 * record.limits.cycle;
+    }
+  }
+  return reach;
+}
+
+void permit_nmt(const Record& record, std::size_t wheel, Permission& permission) {
+  for (const Fault& fault : record.faults) {
+    if (fault.kind != FaultKind::nmt) continue;
+    const Interval reach = nmt_reach(record, fault, wheel);
+    permission.add(reach.from, reach.until);
+  }
+}
+
 Twist twist_of(const WheelSample& w, const Limits& limits) {
   return {(w.rim_mps[0] + w.rim_mps[1]) / 2.0, (w.rim_mps[1] - w.rim_mps[0]) / limits.track_m};
 }
@@ -170,6 +203,7 @@ std::optional<Violation> wheels_turn_unarmed(const Record& record) {
   permit_strangers(record, permission);
   permit_silence(record, permission);
   permit_physics(record, permission);
+  for (const std::size_t wheel : {0, 1}) permit_nmt(record, wheel, permission);
   return turns_outside(record, permission, reaction(record.limits));
 }
 
@@ -191,10 +225,7 @@ std::optional<Violation> wheel_turns_without_setpoints(const Record& record) {
     Permission permission;
     for (const Instant t : record.heard[i]) permission.add(t, t + kDriveDeadline);
     permit_strangers(record, permission);
-    // NMT "start" begins the deadline of a drive again.
-    for (const Fault& fault : record.faults) {
-      if (fault.kind == FaultKind::nmt) permission.add(fault.when, fault.when + kDriveDeadline);
-    }
+    permit_nmt(record, i, permission);
     permit_physics(record, permission);
     // Of this wheel alone: the other one may have setpoints.
     Record one;

@@ -202,14 +202,15 @@ std::optional<Violation> estop_left(const Record& record) {
 
 namespace {
 
-/// Whether the drive that has this fault cannot tell: it is silent, or its firmware does not run.
+/// Whether the drive that has this fault cannot tell: it is silent, or its firmware does not run,
+/// or it reboots before its next report.
 bool is_silent(const Record& record, const Fault& fault) {
   constexpr Duration kBoots = std::chrono::milliseconds{300};
   if (fault.kind != FaultKind::drive_fault) return false;
   return std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
     const bool silent = f.kind == FaultKind::drive_silent && fault.when <= f.until;
     const bool boots = f.kind == FaultKind::drive_reboot && fault.when <= f.when + kBoots;
-    return (silent || boots) && f.node == fault.node && f.when <= fault.when;
+    return (silent || boots) && f.node == fault.node && f.when <= fault.when + record.limits.cycle;
   });
 }
 

@@ -24,17 +24,30 @@ constexpr Duration kForeignReach = std::chrono::milliseconds{100};
 /// From a fault of an encoder on, until the bridge can know of none that it was told.
 constexpr Duration kRecovers = std::chrono::milliseconds{300};
 
-/// Whether something moved the wheels against setpoints and ramps, or took their power, within the
-/// last seconds: only witnesses can know of that.
-bool is_moved_unasked(const Record& record, Instant when) {
-  constexpr Duration kRollsOut = std::chrono::seconds{5};
+/// Since when this wheel has turned without a pause; `when` if it stands then.
+Instant turning_since(const Record& record, std::size_t wheel, Instant when) {
+  constexpr double kStands_mps = 0.02;
+  Instant since = when;
+  auto w = std::upper_bound(record.wheels.begin(), record.wheels.end(), when,
+                            [](Instant t, const WheelSample& s) { return t < s.when; });
+  while (w != record.wheels.begin() && std::abs((--w)->rim_mps[wheel]) > kStands_mps) {
+    since = w->when;
+  }
+  return since;
+}
+
+/// Whether something moved this wheel against setpoints and ramps, or took its power, within the
+/// last seconds or since it began to turn: only witnesses can know of that.
+bool is_moved_unasked(const Record& record, std::size_t wheel, Instant when) {
+  const Duration rolls_out =
+      std::max<Duration>(std::chrono::seconds{5}, when - turning_since(record, wheel, when));
   return std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
     constexpr FaultKind kMoves[] = {FaultKind::pushed,        FaultKind::weak_brake,
                                     FaultKind::drive_reboot,  FaultKind::bridge_restarted,
                                     FaultKind::nmt,           FaultKind::sdo_write,
                                     FaultKind::foreign_master};
     const bool moves = std::find(std::begin(kMoves), std::end(kMoves), f.kind) != std::end(kMoves);
-    return moves && f.when <= when && when <= f.until + kRollsOut;
+    return moves && f.when <= when && when <= f.until + rolls_out;
   });
 }
 
@@ -44,7 +57,7 @@ bool is_blind(const Record& record, std::size_t wheel, Instant when) {
   return std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
     const bool lies = f.kind == FaultKind::encoder_freeze || f.kind == FaultKind::wheel_slip;
     const bool unknown =
-        f.kind == FaultKind::drive_silent || (lies && is_moved_unasked(record, when));
+        f.kind == FaultKind::drive_silent || (lies && is_moved_unasked(record, wheel, when));
     return unknown && f.node == static_cast<int>(wheel) + 1 && f.when <= when &&
            f.until + kRecovers >= when;
   });

@@ -8,7 +8,8 @@ import signal
 import subprocess
 import time
 
-from can_drivetrain import STANDING_MPS
+from can_drivetrain import NMT, STANDING_MPS
+from can_support import CanBus
 from independent_drivetrain import RIM_PER_REVOLUTION_M, Independent
 from live_support import check, main
 
@@ -38,8 +39,9 @@ WHILE_BRAKING = {
 
 
 class Agv(Independent):
-    def __init__(self, test, hold, *right):
-        super().__init__(test, *HOLDS[hold], "--right", *HOLDS[hold], *right)
+    def __init__(self, test, hold, *right, both=()):
+        both = (*HOLDS[hold], *both)
+        super().__init__(test, *both, "--right", *both, *right)
 
     def way_m(self, since, until):
         """Of the right wheel, as it truly turned."""
@@ -167,6 +169,29 @@ def a_standstill_that_is_not_confirmed_is_a_state_of_its_own(test):
         agv.end()
 
 
+def resets_bring_no_heartbeat_to_drives_that_refuse_their_stop(test):
+    """Another sender takes them out of operational, and they refuse SDO while they turn: what stops
+    them is their master's heartbeat that stays away, however often an operator resets."""
+    for hold in HOLDS:
+        with Agv(test, hold, both=["--sdo-only-at-rest"]) as agv, CanBus() as bus:
+            agv.drive_off()
+            agv.at_speed()
+            asked = time.time()
+            bus.send(NMT, b"\x80\x00")
+            agv.wait_state("fault", since=asked, reason="heartbeat and setpoints are withheld")
+            for _ in range(20):
+                agv.request("reset")
+                time.sleep(0.02)
+            stood = agv.stand(asked)
+            test.say(f"measured: refuses its stop, {hold}: stands after {stood - asked:.2f} s")
+            # Noticed, not confirmed, the drive's watchdog, its quick stop; and 0.3 s.
+            limit_s = 0.02 + 0.2 + 0.25 + SPEED_MPS / 4.0 + 0.3
+            check(stood - asked < limit_s, f"stood after {stood - asked:.2f} s, not {limit_s:.2f} s")
+            agv.wait_state("disarmed", 15, since=stood)
+            agv.check_disarmed_only_at_rest(asked)
+            agv.end()
+
+
 def a_bridge_that_ends_unconfirmed_exits_with_1(test):
     """Both drives fall silent for good at speed."""
     with Agv(test, "coasts") as agv:
@@ -191,5 +216,6 @@ main(
     what_does_not_brake_is_named_and_stopped,
     a_speed_that_is_valid_only_while_enabled_is_no_standstill,
     a_standstill_that_is_not_confirmed_is_a_state_of_its_own,
+    resets_bring_no_heartbeat_to_drives_that_refuse_their_stop,
     a_bridge_that_ends_unconfirmed_exits_with_1,
 )

@@ -107,6 +107,10 @@ std::string Nodes::refusals() const {
   return all;
 }
 
+bool Nodes::any_reset() const {
+  return std::ranges::any_of(nodes_, [](const Node& node) { return node.startup.has_reset(); });
+}
+
 bool Nodes::started_up() const {
   return std::ranges::all_of(nodes_, [](const Node& node) { return node.startup.done(); });
 }

@@ -65,6 +65,8 @@ class Nodes {
 
   bool any_heard() const;
   bool any_running() const;
+  /// Whether one got NMT "reset node" since begin_startup().
+  bool any_reset() const;
   bool all_operational() const;
   /// Whether node `id` did not show its mode of operation in its start-up.
   bool show_mode_late(std::uint8_t id) const;

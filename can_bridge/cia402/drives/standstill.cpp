@@ -1,5 +1,6 @@
 #include "can_bridge/cia402/drives/standstill.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace tether::cia402 {
@@ -56,6 +57,8 @@ void StandstillInquiry::begin(bool stop_first) {
   for (Reading& reading : readings_) reading = blank(reading.axis);
   question_ = 0;
   configured_ = repeated_ = false;
+  told_.reset();
+  told_after_ = Duration{0};
   verdict_ = Verdict::unknown;
   fastest_.reset();
   standing_since_.reset();
@@ -69,12 +72,23 @@ void StandstillInquiry::tick(Instant now, const std::array<std::uint16_t, 2>& st
   sdo_.tick(now, out);
   if (sdo_.tries() > 1) on_repeat();
   if (const auto result = sdo_.take_result()) on_result(*result, now);
+  lapse(now);
+}
+
+void StandstillInquiry::lapse(Instant now) {
+  if (verdict_ != Verdict::standing || !told_ || now - *told_ <= told_after_) return;
+  verdict_ = Verdict::unknown;
 }
 
 void StandstillInquiry::on_repeat() {
   repeated_ = true;
   standing_since_.reset();
-  if (verdict_ == Verdict::standing) verdict_ = Verdict::unknown;
+}
+
+bool StandstillInquiry::obeys() const {
+  return verdict_ != Verdict::silent && std::ranges::all_of(readings_, [](const Reading& reading) {
+           return obeys_quick_stop(reading.state);
+         });
 }
 
 void StandstillInquiry::ask(const std::array<std::uint16_t, 2>& stop_words) {
@@ -166,6 +180,10 @@ void StandstillInquiry::on_statusword(Reading& reading, const SdoResult& result)
 }
 
 void StandstillInquiry::on_velocity(Reading& reading, const SdoResult& result, Instant now) {
+  if (reading.axis == readings_.front().axis) {
+    told_after_ = told_ ? now - *told_ : Duration{0};
+    told_ = now;
+  }
   reading.speed_radps.reset();
   if (result.outcome != SdoResult::Outcome::done) return;
   const AxisConfig& axis = config_.axes[reading.axis];

@@ -22,7 +22,9 @@ namespace tether::cia402 {
 /// Read of each axis: statusword, actual velocity and position. Wheels stand when all of them do by
 /// both witnesses (WheelMotion); with a power stage that is on, for half a second, because they
 /// might be starting. An object whose reading the node aborts is a witness that says nothing. So is
-/// a round in which a request had to be repeated: meanwhile its first answers have grown old.
+/// a round in which a request had to be repeated: meanwhile its first answers have grown old. And
+/// standstill is believed no longer than the next round should take: when the newest speed is older
+/// than the one before it was, nothing is known until there is another.
 ///
 /// Read besides, unless wheels have to stop first: the node's watchdog, which start-up has set. A
 /// drive that has rebooted has lost what start-up set (CiA 301, 7.2.8.2.2: power-on values), unless
@@ -58,6 +60,8 @@ class StandstillInquiry {
             std::vector<CanFrame>& out);
 
   Verdict verdict() const { return verdict_; }
+  /// By the newest answers, each axis brakes or has its power off.
+  bool obeys() const;
   /// The present request was sent again, or the newest round ended for want of an answer.
   bool unanswered() const { return verdict_ == Verdict::silent || sdo_.tries() > 1; }
   /// The fastest wheel of the newest answers.
@@ -98,6 +102,7 @@ class StandstillInquiry {
   void on_position(Reading& reading, const SdoResult& result, Instant now);
   void judge(Instant now);
   void on_repeat();
+  void lapse(Instant now);
   bool has_to_write(const Reading& reading, std::uint16_t stop_word) const;
 
   Cia402Config config_;
@@ -109,6 +114,8 @@ class StandstillInquiry {
   std::size_t question_ = 0;         // number of the next
   std::int64_t watchdog_ = 0;        // what start-up set
   bool repeated_ = false;            // a request of this round
+  std::optional<Instant> told_;      // when the first axis' speed came last
+  Duration told_after_{0};           // and how long after the one before
   bool configured_ = false;          // the drive still has it, as the newest answers say
   Verdict verdict_ = Verdict::unknown;
   std::optional<Wheel> fastest_;

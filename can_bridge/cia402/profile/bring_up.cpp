@@ -38,6 +38,9 @@ void BringUp::tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame
   begun_ = false;
   if (ticked_ && now - *ticked_ >= kSuspended) {
     for (Node& node : d_.nodes) node.begin_inquiry();
+    if (d_.stage.stage() == Stage::configuring && !d_.nodes.any_reset()) {
+      d_.stage.enter(Stage::securing);
+    }
   }
   ticked_ = now;
   switch (d_.stage.stage()) {

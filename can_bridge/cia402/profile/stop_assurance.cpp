@@ -46,11 +46,15 @@ void StopAssurance::end(Instant now) {
   const Stage stage = d_.stage.stage();
   const bool asking = stage == Stage::listening || stage == Stage::securing;
   for (Node& node : d_.nodes) {
-    const Verdict verdict = node.inquiry.verdict();
     node.by_sdo = false;
-    // A drive that was lost stays without heartbeat while it says nothing.
-    node.unconfirmed = asking && node.lost && !node.booted() && !in_reach_of_pdos(node, now) &&
-                       (verdict == Verdict::unknown || verdict == Verdict::silent);
+    // A drive that was lost, or runs and has not obeyed in time, stays without heartbeat until it
+    // says that it obeys or stands.
+    const bool overdue =
+        stage == Stage::securing && node.heard && d_.stage.elapsed(now) >= confirmation_time();
+    const bool confirmed =
+        node.inquiry.verdict() == Verdict::standing || node.inquiry.obeys() || node.booted();
+    node.unconfirmed =
+        asking && (node.lost || overdue) && !confirmed && !in_reach_of_pdos(node, now);
   }
 }
 

@@ -22,8 +22,9 @@ namespace tether::cia402 {
 ///
 /// A stop is confirmed by a statusword from after it (QuickStopActive, power off, or a fault), or
 /// by a wheel that stands. If it is not after confirmation_time(), the bridge's heartbeat, SYNC and
-/// that node's setpoints are withheld until it is, also by a reset_fault() until the node answers
-/// or is reset, so that the drive's own watchdog stops it. One
+/// that node's setpoints are withheld until it is, so that the drive's own watchdog stops it. That
+/// goes on after a reset_fault(), and begins in a bridge that has just started and hears a running
+/// drive, until the drive obeys, stands or is reset; answers that refuse do not count. One
 /// that has no heartbeat consumer, but a vendor's watchdog, gets no SDO either for as long as this
 /// takes and 100 ms.
 class StopAssurance {

@@ -19,14 +19,9 @@ using ::testing::Not;
 const CanFrame kSdoQuickStop = CanFrame::make(0x601, {0x2B, 0x40, 0x60, 0, 0x02, 0, 0, 0});
 const CanFrame kSdoPowerOff = CanFrame::make(0x601, {0x2B, 0x40, 0x60, 0, 0, 0, 0, 0});
 
-/// Driving at 1 m/s, with drives that go on as they were told when they are not operational.
-struct Driving : Bench {
-  explicit Driving(const Cia402Config& config = two_nodes()) : Bench(config) {
-    for (FakeDrive& d : drives) d.runs_on = true;
-    drive({1.0, 0.0}, milliseconds(600));
-    EXPECT_GT(left_axis().speed, 50);
-    log.clear();
-  }
+/// Drives that go on as they were told when they are not operational.
+struct Watched : Bench {
+  using Bench::Bench;
   /// Another's NMT command, to all.
   void nmt(std::uint8_t command) {
     const CanFrame frame = CanFrame::make(canopen::kNmt, {command, 0});
@@ -55,6 +50,61 @@ struct Driving : Bench {
  private:
   milliseconds silence_{0};
 };
+
+/// Such drives at 1 m/s.
+struct Driving : Watched {
+  explicit Driving(const Cia402Config& config = two_nodes()) : Watched(config) {
+    for (FakeDrive& d : drives) d.runs_on = true;
+    drive({1.0, 0.0}, milliseconds(600));
+    EXPECT_GT(left_axis().speed, 50);
+    log.clear();
+  }
+};
+
+/// It refuses every SDO request that matters.
+void refuse_stops(FakeDrive& d) {
+  for (const std::uint16_t object : {0x6040, 0x6041, 0x606C, 0x6064}) {
+    d.aborts[{object, 0}] = 0x08000022;
+  }
+}
+
+/// Pre-operational by another's command, and neither takes its stop.
+void take_from_bridge(Driving& bench) {
+  for (FakeDrive& d : bench.drives) refuse_stops(d);
+  bench.nmt(0x80);
+}
+
+TEST(StopAssurance, AResetGivesNoHeartbeatToADriveThatRefusesItsStop) {
+  for (const int ms : {220, 260, 400}) {
+    Driving bench;
+    take_from_bridge(bench);
+    bench.run_with_watchdogs(milliseconds(ms));
+    bench.profile.reset_fault();
+    bench.run_with_watchdogs(milliseconds(1200));
+    EXPECT_TRUE(bench.stands()) << ms;
+    EXPECT_THAT(bench.reason(), HasSubstr("heartbeat and setpoints are withheld")) << ms;
+  }
+}
+
+TEST(StopAssurance, AfterAResetADriveThatObeysIsNoLongerOneOfThoseWithoutHeartbeat) {
+  Driving bench;
+  refuse_stops(bench.right());
+  bench.nmt(0x80);
+  bench.run(milliseconds(220));
+  bench.profile.reset_fault();
+  bench.run(milliseconds(600));
+  EXPECT_THAT(bench.reason(), HasSubstr("; right drive (node 2): stop not confirmed"));
+}
+
+TEST(StopAssurance, ABridgeThatHasJustStartedGivesNoHeartbeatToADriveThatRefusesItsStop) {
+  Driving before;
+  take_from_bridge(before);
+  Watched bench;
+  bench.drives = before.drives;
+  bench.profile.start(bench.now);
+  bench.run_with_watchdogs(milliseconds(1500));
+  EXPECT_TRUE(bench.stands());
+}
 
 TEST(StopAssurance, ANmtCommandOfAnotherIsAnsweredByAQuickStopBySdoInTheNextCycle) {
   Driving bench;

@@ -309,7 +309,7 @@ TEST(Cia402Standstill, ARoundWithARepeatedRequestConfirmsNothing) {
     for (const std::size_t end = node.asked + before; node.asked < end;) node.cycle();
     node.cable = false;
     node.run(milliseconds(300));
-    EXPECT_EQ(node.inquiry.verdict(), Verdict::standing) << "it may only be slow";
+    EXPECT_EQ(node.inquiry.verdict(), Verdict::unknown) << "it may only be slow";
     node.bench.left_axis().speed = 100;
     node.run(milliseconds(220));
     node.cable = true;
@@ -318,6 +318,22 @@ TEST(Cia402Standstill, ARoundWithARepeatedRequestConfirmsNothing) {
       EXPECT_NE(node.inquiry.verdict(), Verdict::standing) << before << ", " << cycles;
     }
   }
+}
+
+TEST(Cia402Standstill, StandstillIsBelievedNoLongerThanTheNextSpeedShouldTake) {
+  using Verdict = cia402::StandstillInquiry::Verdict;
+  Inquiry node;
+  node.run(milliseconds(400));
+  for (int cycles = 0; cycles < 100; ++cycles, node.cycle()) {
+    ASSERT_EQ(node.inquiry.verdict(), Verdict::standing) << "every round takes as long";
+  }
+  node.cable = false;
+  // A round has four questions of a cycle each.
+  node.run(5 * Bench::kCycle);
+  EXPECT_EQ(node.inquiry.verdict(), Verdict::unknown);
+  node.cable = true;
+  node.run(milliseconds(1000));
+  EXPECT_EQ(node.inquiry.verdict(), Verdict::standing);
 }
 
 TEST(Cia402Standstill, TheRoundAfterOneWithARepeatedRequestCounts) {

@@ -46,6 +46,19 @@ TEST_F(Arming, TakesARequestAndAZeroCommand) {
   EXPECT_EQ(last.reason, "");
 }
 
+TEST_F(Arming, IsRefusedByARequestFromBeforeTheBridgeStarted) {
+  for (const bool before : {true, false}) {
+    struct : SafetyRig {
+      void TestBody() override {}
+    } rig;
+    const Instant start = rig.now;
+    rig.now += kCycle;
+    rig.command(0.0);
+    rig.core.on_request(rig.now, before ? start - kTick : start, 0, 1);
+    EXPECT_EQ(rig.cycle().state == BridgeState::arming, !before);
+  }
+}
+
 TEST_F(Arming, IsRefusedWithoutAnyCommand) { expect_refused("no command yet"); }
 
 TEST_F(Arming, IsRefusedWhileTheCommandIsNotZero) {
@@ -98,7 +111,7 @@ TEST_F(Arming, TheSameRequestArrivingTwiceActsOnce) {
 }
 
 TEST_F(Arming, ARequestIsFreshForASecondAndNotLonger) {
-  command(0.0);
+  keep_commanding(60, 0.0);
   core.on_request(now, now - seconds{1} - kTick, 0, 1);
   EXPECT_EQ(cycle().state, BridgeState::disarmed);
   core.on_request(now, now - seconds{1}, 1, 1);

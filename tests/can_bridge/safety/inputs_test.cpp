@@ -102,6 +102,19 @@ TEST(RequestGuard, RejectsWhatIsTooOldOrOfTheFuture) {
   EXPECT_TRUE(guard.accept(kNow, kNow, 0, 1)) << "what was rejected left no trace";
 }
 
+TEST(RequestGuard, RefusesWhatWasStampedBeforeTheBridgeStarted) {
+  RequestGuard guard{kStart};
+  guard.start(kNow);
+  guard.start(kNow + seconds{1});  // it starts once
+  const Instant later = kNow + milliseconds{200};
+  EXPECT_FALSE(guard.accept(later, kNow - nanoseconds{1}, 0, 4));
+  EXPECT_FALSE(guard.accept(later, kNow - nanoseconds{1}, 1, 6));
+  EXPECT_EQ(counters(guard).at("request.before_start"), 1) << "an ALIVE is not counted";
+  EXPECT_EQ(guard.accept(later, kNow - seconds{5}, 2, 3), DriveRequest::estop);
+  EXPECT_EQ(guard.accept(later, kNow - seconds{5}, 3, 2), DriveRequest::disarm);
+  EXPECT_EQ(guard.accept(later, kNow, 0, 5), DriveRequest::reset);
+}
+
 TEST(RequestGuard, AnEStopActsWhateverItsStamp) {
   RequestGuard guard{kStart};
   EXPECT_TRUE(guard.accept(kNow, kNow, 7, 1));

@@ -335,6 +335,11 @@ TEST_F(Fault, AStandstillThatIsNotConfirmedInTimeIsAStateOfItsOwnUntilResetAndTw
   EXPECT_EQ(cycle_after(kCycle).state, BridgeState::unconfirmed) << "and still latched";
   expect_reason("right drive: answers no SDO");
   drives.feedback_fresh = drives.standstill = true;
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::unconfirmed) << "until RESET";
+  request(DriveRequest::reset);
+  drives.phase = DrivePhase::starting;
+  EXPECT_EQ(cycle_after(kCycle).state, BridgeState::starting);
+  drives.phase = DrivePhase::refused;
   EXPECT_EQ(cycle_after(kCycle).state, BridgeState::refused);
 }
 

@@ -159,6 +159,8 @@ TEST_F(HoldToRun, AnOldAliveCountsFromItsStampAndARepeatedOneNotAtAll) {
 }
 
 TEST_F(HoldToRun, AnAliveOfAnotherClockDoesNotMakeAnArmLookOld) {
+  cycle();
+  now += milliseconds{20};
   hold();
   command(0.0);
   core.on_request(now, now - milliseconds{20}, request_seq++,

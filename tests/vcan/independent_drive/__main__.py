@@ -77,6 +77,8 @@ def add_deviations(p):
     p.add_argument("--wheel-gain", type=float, default=1.0, help="the wheel turns as told times this")
     p.add_argument("--no-braking", action="store_true", help="a quick stop is acknowledged only")
     p.add_argument("--ignore", type=place, nargs="*", default=[], help="objects that act as if 0")
+    p.add_argument("--sdo-only-at-rest", action="store_true",
+                   help="outside operational: each SDO request is aborted while the wheel turns")
     p.add_argument("--pad", action="store_true", help="each TPDO has 8 bytes")
     p.add_argument("--blink-mode-s", type=float, help="so often 0x6061 is 0 for 30 ms")
     p.add_argument("--second-boot-s", type=float, help="after the first boot-up message, without reset")

@@ -177,9 +177,14 @@ class Device:
     def _answer(self, now):
         """One request after the other, each with its time."""
         while self._requests and self._requests[0][0] <= now:
-            answer = self._sdo.answer(self._requests.popleft()[1])
+            request = self._requests.popleft()[1]
+            answer = self._sdo.refuse(request) if self._refuses() else self._sdo.answer(request)
             if answer:
                 self._send(0x580 + self.node, answer)
+
+    def _refuses(self):
+        turns = abs(self.application.wheel_rps) > 0.01
+        return self._options.sdo_only_at_rest and self.nmt != OPERATIONAL and turns
 
     # --- time
 

@@ -104,6 +104,10 @@ class SdoServer:
     def reset(self):
         self._upload = None
 
+    def refuse(self, request):
+        """The response that the device's state does not allow it."""
+        return b"\x80" + bytes(request[1:4]) + DEVICE_STATE.to_bytes(4, "little")
+
     def answer(self, request):
         """The 8 bytes of the response; None if the request asks for none."""
         if len(request) != 8:
