@@ -21,7 +21,7 @@ class MotionTrack {
   /// In the odometry's own frame: between two messages on an arc, at most kReach beyond the newest;
   /// none for times that it does not know of.
   std::optional<Pose2> at(Instant when) const;
-  /// What the wheels did last, if that is no older than kReach.
+  /// Latest motion of the wheels, if it is no older than kReach.
   std::optional<Twist> twist(Instant now) const;
   /// A pose measured at `stamp`, moved on to `now`.
   std::optional<Pose2> moved_on(const Pose2& pose, Instant stamp, Instant now) const;

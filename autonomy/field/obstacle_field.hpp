@@ -13,7 +13,7 @@
 
 namespace tether {
 
-/// What stands in the vehicle's way, from the newest scan and odometry alone: no map, no network.
+/// Obstacles in the vehicle's way, from the newest scan and odometry alone: no map, no network.
 /// Whatever returns light counts, whether it is in a map or not; what is beside the swept outline
 /// (the vehicle's, wider by side_margin on each side) does not. Pure.
 ///
@@ -49,7 +49,7 @@ class ObstacleField {
   /// Whether the outline with its side margins is free at these poses, relative to the vehicle.
   bool is_way_free(const std::vector<Pose2>& poses) const;
 
-  /// What the scan shows, in the vehicle's present frame; its own outline left out.
+  /// The points of the scan, in the vehicle's present frame; its own outline left out.
   const std::vector<Position>& points() const { return points_; }
   const Outline& outline() const { return outline_; }
   const StoppingField& stopping() const { return stopping_; }

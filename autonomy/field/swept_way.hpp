@@ -18,7 +18,7 @@ struct Outline {
   bool contains(const Position& p) const {
     return p.x_m > rear_m && p.x_m < front_m && p.y_m > -half_width_m && p.y_m < half_width_m;
   }
-  /// Of the corner that is farthest from the axle's midpoint.
+  /// Distance of the axle's midpoint to the farthest corner.
   double reach_m() const;
   Outline wider_by(double side_m) const { return {rear_m, front_m, half_width_m + side_m}; }
   Outline longer_by(double ahead_m) const { return {rear_m, front_m + ahead_m, half_width_m}; }

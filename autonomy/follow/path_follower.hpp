@@ -50,7 +50,7 @@ class PathFollower {
   double speed_mps(double path_s) const { return path_->at(path_s).v_mps; }
 
  private:
-  std::shared_ptr<const ReferencePath> path_;  ///< of the axle's midpoint
+  std::shared_ptr<const ReferencePath> path_;  ///< path of the axle's midpoint
   std::unique_ptr<Law> law_;
   double clock_s_ = 0.0;
   double way_m_ = 0.0;

@@ -145,10 +145,10 @@ void AutonomyNode::report(Instant now) {
   m.path_s_m = driver_.follower().way_m();
   m.late_s = driver_.late_s(now);
   if (last_.pose) {
-    const auto strangers =
-        sighted_.strangers(driver_.field().points(), pose, autonomy_state_t::MAX_COUNT);
-    m.count = static_cast<std::int32_t>(strangers.size());
-    for (const Position& p : strangers) {
+    const auto unmapped =
+        sighted_.unmapped(driver_.field().points(), pose, autonomy_state_t::MAX_COUNT);
+    m.count = static_cast<std::int32_t>(unmapped.size());
+    for (const Position& p : unmapped) {
       m.obstacle_x_m.push_back(static_cast<float>(p.x_m));
       m.obstacle_y_m.push_back(static_cast<float>(p.y_m));
     }

@@ -22,7 +22,7 @@
 
 namespace tether {
 
-/// What the node takes of a scenario.
+/// The scenario sections that the node uses.
 using AutonomyNodeSettings = OnboardSettings;
 
 /// On the vehicle: AGV/SCAN, AGV/ODOMETRY, AGV/POSE, AGV/LOCALISATION and, of a remote driver,

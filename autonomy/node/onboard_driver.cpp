@@ -60,7 +60,7 @@ void OnboardDriver::on_command(Instant now, Instant stamp, std::int64_t seq, con
 
 void OnboardDriver::on_plan(Instant now, PlanSource source, Plan plan) {
   supervisor_.hear(now, plan.stamp, plan.seq, plan.is_stop(), plan.pose, [&] {
-    // Of the driver before nothing is left, should this plan begin later.
+    // Discards the previous driver's commands, in case this plan begins later.
     if (supervisor_.state() != DriveState::remote) remote_.on_command(now, {});
     return remote_.on_plan(now, source, std::move(plan));
   });

@@ -19,7 +19,7 @@
 
 namespace tether {
 
-/// What driving takes of a scenario.
+/// The scenario sections that driving uses.
 using OnboardSettings = Sections<RunSettings, VehicleSettings, PathSettings, ControllerSettings,
                                  ActuatorSettings, AutonomySettings, WorldSettings, Surroundings>;
 
@@ -27,10 +27,10 @@ using OnboardSettings = Sections<RunSettings, VehicleSettings, PathSettings, Con
 /// together, and the setpoint that comes of it. Pure: what arrives and the vehicle's clock in,
 /// setpoints out (autonomy/node translates).
 ///
-/// In each step it moves pose and scan on to now, asks the law, sees how far the way is clear along
-/// the arc of the setpoint and along that of whoever drives, lets the Supervisor decide who that
-/// is, and moves the setpoint towards what he wants: no faster than the stopping field fits,
-/// remotely no faster than remote_speed_mps, to rest if nobody drives.
+/// In each step it moves pose and scan on to now, asks the law, and measures how far the way is
+/// clear along the arcs of the setpoint and of the driver's command. The Supervisor decides who
+/// drives. The setpoint moves towards the driver's command: no faster than the stopping field fits,
+/// remotely no faster than remote_speed_mps, to zero without a driver.
 class OnboardDriver {
  public:
   /// Slower than this it does not creep on towards an obstacle: the way is blocked.
@@ -62,7 +62,7 @@ class OnboardDriver {
 
   explicit OnboardDriver(const OnboardSettings& settings);
 
-  // What arrives, with its stamp by the vehicle's clock, in order; `now` by the same clock.
+  // Inputs, with its stamp by the vehicle's clock, in order; `now` by the same clock.
   void on_scan(const Scan& scan);
   void on_odometry(Instant stamp, const Pose2& pose, const Twist& twist);
   void on_pose(Instant stamp, const Pose2& pose);
@@ -106,7 +106,7 @@ class OnboardDriver {
     Instant stamp;
     Pose2 pose;
   };
-  std::deque<Measured> poses_;  ///< of the last kCompared
+  std::deque<Measured> poses_;  ///< measurements of the last kCompared
   Instant apart_ =
       kStart - std::chrono::hours{24};  ///< when poses last moved otherwise than wheels
   struct Outlook {

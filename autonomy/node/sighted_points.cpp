@@ -28,7 +28,7 @@ bool SightedPoints::is_mapped(const Position& p) const {
   });
 }
 
-std::vector<Position> SightedPoints::strangers(const std::vector<Position>& points,
+std::vector<Position> SightedPoints::unmapped(const std::vector<Position>& points,
                                                const Pose2& vehicle, std::size_t most) const {
   std::vector<Position> near;
   for (const Position& p : points) {
@@ -37,19 +37,19 @@ std::vector<Position> SightedPoints::strangers(const std::vector<Position>& poin
   std::stable_sort(near.begin(), near.end(), [](const Position& a, const Position& b) {
     return a.x_m * a.x_m + a.y_m * a.y_m < b.x_m * b.x_m + b.y_m * b.y_m;
   });
-  std::vector<Position> strangers;
+  std::vector<Position> unmapped;
   std::set<std::pair<std::int64_t, std::int64_t>> taken;
   for (const Position& p : near) {
-    if (strangers.size() >= most) break;
+    if (unmapped.size() >= most) break;
     const Position world = from_frame(vehicle, p);
     const auto cell =
         std::pair{std::llround(world.x_m / kApart_m), std::llround(world.y_m / kApart_m)};
     if (!taken.contains(cell) && !is_mapped(world)) {
       taken.insert(cell);
-      strangers.push_back(world);
+      unmapped.push_back(world);
     }
   }
-  return strangers;
+  return unmapped;
 }
 
 }  // namespace tether

@@ -8,20 +8,20 @@
 
 namespace tether {
 
-/// What is to be said of the obstacles that a scan shows: those points around the vehicle that are
+/// Unmapped obstacles of a scan: the points around the vehicle that are
 /// not in the map, thinned out. Pure.
 class SightedPoints {
  public:
   static constexpr double kRange_m = 8.0;   ///< from the axle's midpoint
-  static constexpr double kMapped_m = 0.2;  ///< what is nearer to a mapped shape belongs to it
+  static constexpr double kMapped_m = 0.2;  ///< points nearer to a mapped shape belong to it
   static constexpr double kApart_m = 0.1;   ///< one point for each cell of this size
 
   /// `mapped`: all that the map has.
   explicit SightedPoints(const std::vector<Shape>& mapped);
 
   /// `points` in the vehicle's frame; the answer in the world's, at most `most`, the nearest first.
-  std::vector<Position> strangers(const std::vector<Position>& points, const Pose2& vehicle,
-                                  std::size_t most) const;
+  std::vector<Position> unmapped(const std::vector<Position>& points, const Pose2& vehicle,
+                                 std::size_t most) const;
 
  private:
   struct Known {

@@ -14,7 +14,7 @@ using Autonomy = AutonomySettings;
 
 constexpr Range kTime{0.01, 1000.0, false};
 
-/// What setpoints may ask for, wheels have to be able to do: else the vehicle stops behind its
+/// The wheels must be able to follow the setpoints: else the vehicle stops behind its
 /// stopping field's end.
 void check_brakes(const Scenario& scenario, const std::string& file) {
   const auto& autonomy = scenario.get<Autonomy>();

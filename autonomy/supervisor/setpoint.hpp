@@ -5,7 +5,7 @@
 
 namespace tether {
 
-/// The setpoint that the drives get: it never jumps, whoever drives. Pure.
+/// The setpoint that the drives get: it never jumps, also when the driver changes. Pure.
 ///
 /// From one step to the next v changes by at most a·dt and ω by at most α·dt. Where it has to
 /// become slower than it is, v and ω shrink by one factor, so that the vehicle stays on the arc

@@ -27,10 +27,10 @@ const char* to_string(DriveState state);
 /// Whose twist the vehicle takes; there is one at a time, or none.
 enum class Driver { none, law, remote };
 
-/// What became of a remote driver's command.
+/// Result of a remote driver's command.
 enum class RemoteFate {
   accepted,
-  unasked,         ///< nobody asked for a remote driver
+  unasked,         ///< the vehicle did not ask for a remote driver
   several,         ///< several programs send commands
   other_handover,  ///< names no report of the present handover
   from_future,     ///< names a report that the vehicle has not made yet
@@ -47,7 +47,7 @@ inline constexpr std::size_t kRemoteFates = 9;
 /// - the vehicle asks (REMOTE_REQUESTED) or is driven remotely (REMOTE);
 /// - it *names the handover*: its pose_utime is that of a report (autonomy_state_t), in which the
 ///   vehicle said REMOTE_REQUESTED or REMOTE, of the present request. Both times are the vehicle's
-///   own: the command was made by somebody who had heard this request, whatever was lost, sent
+///   own: the command's sender had received this request, whatever was lost, sent
 ///   twice, delayed or reordered on the way, and whatever clock its sender has;
 /// - the report that it names is not older than remote_max_age_s: the driver knows the present;
 /// - it is newer than all before (StreamGuard), and one program alone sends;
@@ -55,11 +55,11 @@ inline constexpr std::size_t kRemoteFates = 9;
 /// - the vehicle will do what it says: a plan that is over or makes no sense is not a word.
 ///
 /// Between two drivers the vehicle stands. A driver who says nothing for remote_timeout_s is no
-/// driver: the vehicle comes to rest; after wait_s of that it asks anew, and commands that name the
-/// request before no longer count.
+/// driver: the vehicle comes to rest; after wait_s of that it asks again, and commands that name
+/// the request before no longer count.
 class Supervisor {
  public:
-  /// What the vehicle knows at a step.
+  /// The vehicle's knowledge at a step.
   struct Sight {
     bool localised = false;
     std::string unfit;     ///< why it must not drive: it does not see, wheels do not follow; "" …

@@ -112,9 +112,9 @@ KeyPair read_key_file(const std::string& file) {
   return pair;
 }
 
-void check_nobody_else_writes(const std::string& file) {
+void check_only_owner_writes(const std::string& file) {
   struct stat about {};
-  if (stat(file.c_str(), &about) != 0) return;  // whoever reads it says why
+  if (stat(file.c_str(), &about) != 0) return;  // reading it reports the reason
   if (about.st_uid != 0 && about.st_uid != geteuid()) {
     throw UsageError(
         fmt::format("\"{}\" is another user's, who can write whom this host trusts: chown root {}",

@@ -17,10 +17,10 @@ namespace tether::link {
 void write_key_file(const std::string& file, const KeyPair& pair);
 
 /// Throws UsageError that names file and remedy: if it cannot be read, if anybody but its owner may
-/// read or write it, if it belongs to somebody else (but root), and if it holds no pair of keys.
+/// read or write it, if it belongs to another user (except root), and if it holds no pair of keys.
 KeyPair read_key_file(const std::string& file);
 
 /// Throws UsageError if others than its owner may write a file that says whom to trust.
-void check_nobody_else_writes(const std::string& file);
+void check_only_owner_writes(const std::string& file);
 
 }  // namespace tether::link

@@ -48,7 +48,7 @@ std::string required_text(const TomlReader& reader, const std::string& key,
   return text;
 }
 
-/// What `make` makes of a key's value; its UsageError gets file and line.
+/// Result of `make` for a key's value; its UsageError gets file and line.
 template <class Make>
 auto made(const TomlReader& reader, const std::string& key, const Make& make) {
   try {
@@ -247,7 +247,7 @@ LinkConfig parse_link_config(const std::string& text, const std::string& file) {
 
 LinkConfig load_link_config(const std::string& file) {
   const std::string text = read_input(file, "the link's configuration", kMostTomlBytes);
-  check_nobody_else_writes(file);
+  check_only_owner_writes(file);
   return parse_link_config(text, file);
 }
 

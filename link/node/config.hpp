@@ -10,7 +10,7 @@
 
 namespace tether::link {
 
-/// Of each IP packet of the network's `mtu`.
+/// Bytes of the headers in each IP packet of the network's `mtu`.
 inline constexpr std::size_t kIpAndUdpBytes = 28;
 
 /// One way into the network.
@@ -25,17 +25,17 @@ struct PeerConfig {
   PeerSetup setup;
 };
 
-/// What a file for tether-link says:
+/// Configuration of tether-link, read from a file:
 ///
 ///     key = "control.key"       # ours; beside this file, unless it begins with /
 ///     lcm_url = "udpm://239.255.76.67:7667?ttl=0"
 ///     mtu = 1400                # bytes of an IP packet that all paths carry, 576 to 65535
 ///     second_path = "always"    # each message by both paths at once; or "deferred": by the second
-///     second_after_ms = 20      #   if the first is not acknowledged after so long, 1 to 1000
+///     second_after_ms = 20      #   if the first is not acknowledged within this time, 1 to 1000
 ///     rekey_s = 3600            # 10 to 86400
 ///     report_period_s = 1       # 0.1 to 60
 ///     clock_warning_ms = 50     # difference of the clocks that is warned of, 1 to 60000
-///     clock_limit_ms = 200      # and from which on `timed` messages are not taken, likewise
+///     clock_limit_ms = 200      # and from which on `timed` messages are not taken, 1 to 60000
 ///
 ///     [[path]]                  # one or two, in the same order on both hosts
 ///     name = "wifi"

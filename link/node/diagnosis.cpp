@@ -13,7 +13,7 @@
 namespace tether::link {
 namespace {
 
-/// Clocks that drift or are measured anew are no news.
+/// Clocks that drift or are measured again are no news.
 constexpr double kClockNews_s = 5.0;
 /// Share of a bound that clocks must come back to.
 constexpr double kBack = 0.8;
@@ -65,7 +65,7 @@ std::string Diagnosis::how_up(const Sight& sight) {
 
 std::string Diagnosis::why_down(const Sight& sight) {
   const Refusals& now = sight.refused;
-  // Of what authenticated.
+  // Authenticated traffic.
   if (now.clock > then_.clock) {
     return fmt::format("{}; or an old handshake is replayed", clocks_apart(sight.clock_ahead_s));
   }
@@ -82,7 +82,7 @@ std::string Diagnosis::why_down(const Sight& sight) {
         "another version runs there: install the same Tether on both hosts"},
        {now.address - then_.address,
         "it sends from elsewhere than its `addresses` here say: correct them"},
-       {now.stranger - then_.stranger,
+       {now.unknown_key - then_.unknown_key,
         "its key is another now: compare its `tether-link show` with public_key here"}}};
   const auto most = std::max_element(
       hints.begin(), hints.end(), [](const Hint& a, const Hint& b) { return a.count < b.count; });

@@ -10,11 +10,11 @@
 
 namespace tether::link {
 
-/// What is to be said of a peer now and then, in lines without a byte of what strangers send: that
-/// it is there, by which paths, or why perhaps not and what to do.
+/// Status of a peer in lines for the log: whether it is connected, by which paths, or the probable
+/// reason why not and the remedy. The lines contain no byte from an unauthenticated sender.
 class Diagnosis {
  public:
-  /// Before it says that nobody came. That a peer has gone is said at once.
+  /// Time before a missing peer is reported. A lost peer is reported at once.
   static constexpr Duration kPatience = std::chrono::seconds{5};
 
   explicit Diagnosis(std::string peer) : peer_(std::move(peer)) {}
@@ -27,7 +27,7 @@ class Diagnosis {
     bool crossed = false;  ///< its PROBEs come by the other path
     Refusals refused;
     double clock_ahead_s = 0.0;   ///< of the newest HELLO that was refused for it
-    double clock_offset_s = 0.0;  ///< as the session has measured it: by so much at least
+    double clock_offset_s = 0.0;  ///< lower bound, as the session has measured it
     double clock_warning_s = 0.05;
     double clock_limit_s = 0.2;  ///< from there on, messages for a time are refused
   };

@@ -16,7 +16,7 @@ namespace {
 constexpr Duration kTick = std::chrono::milliseconds{10};
 constexpr Duration kRenew = std::chrono::seconds{1};
 constexpr Duration kLook = std::chrono::milliseconds{100};
-/// After so long without any datagram a peer is said to be down, within a second of the last one.
+/// Time without any datagram after which a peer is reported down, within a second.
 constexpr double kSilence_s = 0.85;
 constexpr Duration kTooLongMemory = std::chrono::seconds{5};
 constexpr Duration kFates = std::chrono::seconds{1};
@@ -204,7 +204,7 @@ void LinkNode::tell_fates_of(std::size_t peer, std::size_t path) {
       m.sent_ns.push_back(fates[i].sent_ns);
       m.transit_ns.push_back(fates[i].transit_ns.value_or(0));
       m.lost.push_back(fates[i].transit_ns ? 0 : 1);
-      m.anew.push_back(fates[i].anew ? 1 : 0);
+      m.anew.push_back(fates[i].after_gap ? 1 : 0);
     }
     m.count = static_cast<std::int32_t>(m.sent_ns.size());
     publish(bus_, kFatesChannel, m);

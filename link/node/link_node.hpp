@@ -27,7 +27,7 @@ class LinkNode final : public Node {
  public:
   using Say = std::function<void(Severity severity, const std::string& line)>;
 
-  /// `bus` must not hear itself. `say`: a line for whoever runs it. Throws as PathSocket and
+  /// `bus` must not hear itself. `say`: prints a line for the operator. Throws as PathSocket and
   /// Endpoint do.
   LinkNode(LinkConfig config, const KeyPair& own, EventLoop& loop, Bus& bus,
            const RandomKey& random, Say say);

@@ -112,7 +112,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   record_command->add_option("--out", recorded.settings.folder, "folder, which must exist [.]");
   record_command->add_option("--peer", recorded.settings.peer, "only of this peer [all]");
-  record_command->add_option("--seconds", recorded.seconds, "end after so long [at Ctrl-C]")
+  record_command->add_option("--seconds", recorded.seconds, "Recording time, s [until Ctrl-C]")
       ->check(CLI::Range(0.1, 1e7));
   record_command->add_flag("--same-clock", recorded.settings.same_clock,
                            "the peer's clock is set to ours (PTP, or one host): delays are as "

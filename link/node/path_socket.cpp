@@ -69,7 +69,7 @@ bool PathSocket::open() {
   set(SOL_SOCKET, SO_RCVBUF, kBufferBytes);
   set(SOL_SOCKET, SO_SNDBUF, kBufferBytes);
   if (!set(SOL_SOCKET, SO_TIMESTAMPNS, 1)) return fail("no times of arrival");
-  // Not DO, which believes whoever sends an ICMP packet: long PROBEs find out (PeerLink).
+  // Not DO, which believes any sender of ICMP packets: long PROBEs measure the size (PeerLink).
   if (!set(IPPROTO_IP, IP_MTU_DISCOVER, IP_PMTUDISC_PROBE)) return fail("no path MTU");
   if (!interface.empty() && setsockopt(fd_, SOL_SOCKET, SO_BINDTODEVICE, interface.c_str(),
                                        static_cast<socklen_t>(interface.size())) != 0) {

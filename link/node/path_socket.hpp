@@ -17,8 +17,8 @@ std::int64_t wall_ns();
 ///
 /// An interface may go and come: a modem that is unplugged, a radio that is started late. Until it,
 /// or the address to bind to, is there, the socket is closed and nothing is sent. A socket is bound
-/// to the interface that there was, not to one of its name that comes later, and so is to be opened
-/// anew.
+/// to the interface that there was, not to one of its name that comes later, and must therefore be
+/// reopened.
 class PathSocket {
  public:
   /// Throws std::runtime_error that names path, address and remedy for what no time will mend.

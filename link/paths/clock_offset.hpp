@@ -23,7 +23,7 @@ constexpr double nearest_to_zero_s(const IntervalNs& interval) {
 }
 
 /// By how much a peer's clock is ahead of ours: an interval that holds the truth whatever the
-/// delays are, as long as none is negative and the clocks run alike to kDrift.
+/// delays are, as long as none is negative and the clock rates differ by at most kDrift.
 ///
 /// A datagram sent at T1 and heard at T2 took T2 − T1 − offset ≥ 0, and one back, sent at T3 and
 /// heard at T4, T4 − T3 + offset ≥ 0 (RFC 5905 has the four times). So

@@ -7,7 +7,7 @@ namespace tether::link {
 
 namespace {
 
-/// No session lives so long; sums of counters stay in range.
+/// No session lives this long; sums of counters stay in range.
 constexpr std::uint64_t kMostCounter = std::uint64_t{1} << 62;
 
 }  // namespace
@@ -22,7 +22,7 @@ void PathFates::begin(std::uint64_t generation, std::uint64_t counter) {
     path.sent = 0;
     path.marks.clear();
     path.last_sent_ns = 0;
-    path.anew = true;
+    path.after_gap = true;
   }
 }
 
@@ -122,7 +122,7 @@ void PathFates::settle(std::size_t path, std::uint64_t end, std::optional<std::u
   std::uint64_t received = 0;
   std::vector<std::uint64_t> lost = missing(path, end, received);
   const std::uint64_t total = sent.value_or(own.sent + received + lost.size()) - own.sent;
-  // More are missing than were sent: what nobody brought may have been another path's PROBE, next
+  // More are missing than were sent: a missing one may have been another path's PROBE, next
   // to ours, or its ACK.
   std::uint64_t excess = total < received + lost.size() ? received + lost.size() - total : 0;
   for (const int certainty : {0, 1, 2}) {
@@ -164,15 +164,15 @@ void PathFates::settle(std::size_t path, std::uint64_t end, std::optional<std::u
   own.sent += total;
   own.last_sent_ns = end_ns;
   if (deferred_ || total > received + lost.size()) {  // or it has sent what we cannot tell
-    own.anew = true;
+    own.after_gap = true;
     return;
   }
   for (const Fate& fate : fates) add(own, fate);
 }
 
 void PathFates::add(Path& path, Fate fate) {
-  fate.anew = std::exchange(path.anew, false);
-  if (fate.anew) path.run = 0;
+  fate.after_gap = std::exchange(path.after_gap, false);
+  if (fate.after_gap) path.run = 0;
   if (!fate.transit_ns) {
     ++path.run;
   } else if (path.run > 0) {
@@ -181,9 +181,9 @@ void PathFates::add(Path& path, Fate fate) {
     path.bursts.longest = std::max(path.bursts.longest, path.run);
     path.run = 0;
   }
-  if (path.fates.size() >= kMostFates) {  // nobody takes them
+  if (path.fates.size() >= kMostFates) {  // take() is not called
     path.fates.clear();
-    fate.anew = true;
+    fate.after_gap = true;
   }
   path.fates.push_back(fate);
 }

@@ -11,12 +11,12 @@
 
 namespace tether::link {
 
-/// What became of one of the peer's datagrams on a path.
+/// Fate of one of the peer's datagrams on a path.
 struct Fate {
   std::int64_t sent_ns = 0;  ///< by the peer's clock; of one that no path brought, interpolated
   /// Arrival by our clock minus sending by the peer's: delay − offset. nullopt: lost.
   std::optional<std::int64_t> transit_ns;
-  bool anew = false;  ///< what was sent between the fate before and this one is not known
+  bool after_gap = false;  ///< the number of datagrams sent since the previous fate is unknown
 };
 
 /// Runs of lost datagrams that have ended, since the start.
@@ -42,7 +42,7 @@ class PathFates {
   static constexpr Duration kPatience = std::chrono::seconds{1};
   /// Counters that are not settled yet. Of more than that, nothing is known.
   static constexpr std::size_t kMostOpen = std::size_t{1} << 18;
-  /// Of a path, until take().
+  /// Maximum number of fates of a path until take().
   static constexpr std::size_t kMostFates = std::size_t{1} << 18;
 
   explicit PathFates(std::size_t paths) : count_(paths) {}
@@ -57,7 +57,7 @@ class PathFates {
   /// In this session the peer defers copies.
   void on_deferred(std::uint64_t generation);
 
-  /// Those known since the last call.
+  /// The fates that have become known since the last call.
   std::vector<Fate> take(std::size_t path);
   const LossBursts& bursts(std::size_t path) const { return paths_[path].bursts; }
 
@@ -82,7 +82,7 @@ class PathFates {
     Instant heard;           // the latest PROBE
     bool ever_heard = false;
     bool uncounted = false;  // how many were sent before is not known: the next PROBE says it
-    bool anew = true;
+    bool after_gap = true;
     std::int64_t run = 0;  // lost at the end of what is settled
     std::vector<Fate> fates;
     LossBursts bursts;
@@ -93,7 +93,7 @@ class PathFates {
   void begin(std::uint64_t generation, std::uint64_t counter);
   Entry* entry(std::uint64_t counter);
   void settle_marks(std::size_t path, Instant now);
-  /// Of a path that is not heard any more, while others are, which say what has been sent.
+  /// Settles the fates of a path that has become silent, from what other paths report as sent.
   void settle_silent(std::size_t path, Instant now);
   void settle(std::size_t path, std::uint64_t end, std::optional<std::uint64_t> sent);
   /// No path brought it, nor is it known to be of one alone.
@@ -106,7 +106,7 @@ class PathFates {
   std::size_t count_;
   std::uint64_t generation_ = 0;
   bool deferred_ = false;
-  std::uint64_t base_ = 0;  // of entries_
+  std::uint64_t base_ = 0;  // number of the first of entries_
   std::deque<Entry> entries_;
   std::array<Path, kMostPaths> paths_;
 };

@@ -9,7 +9,7 @@
 
 namespace tether::link {
 
-/// What is known of the way from a peer by one path.
+/// Measured quality of the direction from a peer by one path.
 struct PathReport {
   bool alive = false;
   std::int64_t sent = 0;       ///< datagrams of ours, since the start
@@ -31,7 +31,7 @@ struct PathReport {
 class PathStatistics {
  public:
   static constexpr Duration kRecent = std::chrono::seconds{5};
-  /// Without an authentic datagram for so long, a path counts as down: four probes in a row.
+  /// A path without an authentic datagram for this long counts as down: four probes in a row.
   static constexpr Duration kDead = std::chrono::seconds{1};
   static constexpr int kShortInARow = 40;
 

@@ -20,11 +20,12 @@ namespace tether::link {
 std::size_t cut(std::string_view channel, ByteView bytes, std::size_t datagram_bytes,
                 const std::function<void(const Piece&)>& take);
 
-inline constexpr std::size_t kSmallestDatagram = 548;  // what IPv4 always carries (576 − 28)
+inline constexpr std::size_t kSmallestDatagram =
+    548;  // every IPv4 host must accept this (576 − 28)
 
 /// Which of two messages was sealed later, across sessions.
 struct MessageNumber {
-  std::uint64_t generation = 0;  ///< of the session
+  std::uint64_t generation = 0;  ///< counts sessions
   std::uint64_t counter = 0;     ///< of the message's first piece
   bool operator<(const MessageNumber& other) const {
     return std::tie(generation, counter) < std::tie(other.generation, other.counter);

@@ -60,7 +60,7 @@ Endpoint::Peer* Endpoint::sender(std::size_t number, std::size_t path, const Add
 Endpoint::Peer* Endpoint::named_by(std::uint64_t key_id, std::size_t path, const Address& from) {
   const auto found = std::find_if(peers_.begin(), peers_.end(),
                                   [key_id](const Peer& p) { return p.key_id == key_id; });
-  return sender(static_cast<std::size_t>(found - peers_.begin()), path, from, refused_.stranger);
+  return sender(static_cast<std::size_t>(found - peers_.begin()), path, from, refused_.unknown_key);
 }
 
 void Endpoint::take(std::size_t path, const Address& from, ByteView datagram, Moment m) {

@@ -91,7 +91,7 @@ class Endpoint {
   Output out_;
   Refusals refused_;
   std::deque<Peer> peers_;
-  std::size_t path_ = 0;  // of the datagram that is being taken
+  std::size_t path_ = 0;  // path of the datagram in progress
   Address from_;
 };
 

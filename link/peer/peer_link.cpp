@@ -9,7 +9,7 @@ namespace {
 
 /// Reports on the host itself neither leave nor come.
 constexpr std::string_view kOwnChannels = "LINK/";
-/// Without a datagram for so long, the peer may have forgotten the session.
+/// Without a datagram for this long, the peer may have forgotten the session.
 constexpr Duration kSilence = std::chrono::seconds{3};
 constexpr std::size_t kMostCopies = 4096;
 constexpr std::size_t kMostLatestChannels = 1000;

@@ -19,12 +19,12 @@
 
 namespace tether::link {
 
-/// What all peers of a host share.
+/// Settings that all peers of a host share.
 struct LinkSettings {
   std::size_t paths = 1;              ///< up to kMostPaths
   std::size_t datagram_bytes = 1372;  ///< at most, UDP's payload; at least kSmallestDatagram
   /// When the second path gets its copy of a message: at once; or only if the peer has not
-  /// acknowledged the first after so long.
+  /// acknowledged the first within this time.
   std::optional<Duration> second_after;
   Duration probe_period = std::chrono::milliseconds{250};
   /// Difference of the clocks from which on messages for a time are not taken.
@@ -32,15 +32,16 @@ struct LinkSettings {
   RekeySettings rekey;
 };
 
-/// What one peer may do.
+/// Permissions of one peer.
 struct PeerRules {
   SendRules send;           ///< what goes to it
   ChannelList receive;      ///< what is taken from it, under the names that it sends; not LINK/…
   ChannelList timed;        ///< of these, the ones for a time: not while the clocks differ
-  ChannelList latest_only;  ///< of these, by the names on the way, the new drops the old
+  ChannelList latest_only;  ///< of these channels, by the names on the way, a new message replaces
+                            ///< the old one
 };
 
-/// What a PeerLink acts upon.
+/// Interface to everything that a PeerLink acts upon.
 struct PeerOutput {
   /// False: it is not known where the peer is on this path.
   std::function<bool(std::size_t path, ByteView datagram)> send;
@@ -61,11 +62,11 @@ struct PeerCounters {
   std::int64_t copies_saved = 0;   ///< deferred copies that were acknowledged or superseded in time
 };
 
-/// What a sealed datagram says of where its sender is on a path.
+/// The sender's counters on a path, in a sealed datagram.
 struct Whereabouts {
   bool authentic = false;         ///< the peer sealed it, be it a copy of one that came before
   bool newest = false;            ///< a PROBE of that path, and the newest
-  std::int64_t echo_wall_ns = 0;  ///< of that PROBE: the time of our PROBE that it answers
+  std::int64_t echo_wall_ns = 0;  ///< time of our PROBE that the peer's PROBE answers
 };
 
 /// One peer: messages in, datagrams out, and back. Pure: time and randomness are arguments.
@@ -107,7 +108,7 @@ class PeerLink {
   /// Since the newest authentic datagram; −1 s before the first.
   double age_s(Instant now) const { return newest_ ? to_seconds(now - *newest_) : -1.0; }
   PathReport report(std::size_t path, Instant now) { return paths_[path].report(now); }
-  /// Of the peer's datagrams by that path, those known since the last call.
+  /// Fates of the peer's datagrams on that path that have become known since the last call.
   std::vector<Fate> take_fates(std::size_t path) { return fates_.take(path); }
   const LossBursts& bursts(std::size_t path) const { return fates_.bursts(path); }
   std::optional<IntervalNs> offset(Instant now) const { return offset_.at(now); }
@@ -117,7 +118,7 @@ class PeerLink {
   const Sessions& sessions() const { return sessions_; }
 
  private:
-  /// What waits for its acknowledgement.
+  /// A message that waits for its acknowledgement.
   struct Copy {
     Instant due;
     std::uint32_t session;
@@ -159,7 +160,8 @@ class PeerLink {
   PathFates fates_;
   ClockOffset offset_;
   Reassembly reassembly_;
-  std::map<std::string, MessageNumber, std::less<>> newest_of_;  // of latest-only channels
+  std::map<std::string, MessageNumber, std::less<>>
+      newest_of_;  // newest message of each latest-only channel
   std::deque<Copy> copies_;
   std::optional<std::uint32_t> to_acknowledge_;  // session
   std::size_t acknowledge_by_ = 0;

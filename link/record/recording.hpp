@@ -44,7 +44,7 @@ class Recording {
     std::string name;
     std::ofstream out;
     std::int64_t last_ns = 0;             // time_s of the last row
-    std::optional<std::int64_t> sent_ns;  // of the same, by the peer's clock
+    std::optional<std::int64_t> sent_ns;  // time of sending, by the peer's clock
     std::int64_t rows = 0, lost = 0;
     std::int64_t run = 0, bursts = 0, in_bursts = 0, longest = 0;
     std::int64_t gaps = 0;  // stretches of which nothing is known
@@ -52,7 +52,7 @@ class Recording {
     std::int64_t without_delay = 0;
     double delay_sum_ms = 0.0, delay_most_ms = 0.0;
     double error_ms = 0.0;       // the largest
-    bool clocks_differ = false;  // though they are said to be the same
+    bool clocks_differ = false;  // although declared the same
   };
 
   File& file_of(const path_fates_t& message);

@@ -43,7 +43,7 @@ bool equal(ByteView a, ByteView b) {
 
 ByteView without_mac(ByteView datagram) { return datagram.first(datagram.size() - kMacBytes); }
 
-/// What both sides compute.
+/// Keys that both sides compute.
 struct Derived {
   Key to_responder{};
   Key to_initiator{};
@@ -73,7 +73,7 @@ Identity::Identity(const KeyPair& own, const Key& peer) : own_(own), peer_(peer)
   if (!multiply(shared_, own.secret_key, peer) || own.public_key == peer) {
     throw UsageError(
         fmt::format("the public key {} cannot be a peer's: {}", key_text(peer),
-                    own.public_key == peer ? "it is this host's own" : "it is none of X25519"));
+                    own.public_key == peer ? "it is this host's own" : "it is not an X25519 key"));
   }
   own_hello_key_ = hash_of(shared_, {view("hello"), own_.public_key, peer_});
   peer_hello_key_ = hash_of(shared_, {view("hello"), peer_, own_.public_key});

@@ -12,15 +12,14 @@ namespace tether::link {
 // datagrams: Noise's pattern KK (noiseprotocol.org, revision 34), with libsodium's X25519 and
 // BLAKE2b. With static keys a, b and ephemeral keys x, y of initiator and responder:
 //
-//   ss = DH(a, b)   authenticates HELLO and ANSWER, cheaply: no Diffie-Hellman is computed for a
-//                   stranger
-//   es = DH(x, b), se = DH(a, y), ee = DH(x, y)
-//   master = BLAKE2b(ss, es, se, ee, HELLO, ANSWER without MAC)
+//   ss = DH(a, b)   authenticates HELLO and ANSWER, cheaply: no Diffie-Hellman is computed for an
+//   unknown key es = DH(x, b), se = DH(a, y), ee = DH(x, y) master = BLAKE2b(ss, es, se, ee, HELLO,
+//   ANSWER without MAC)
 //
 // What that gives:
 // - The session's keys need an ephemeral key of each side: a static key that is stolen later opens
 //   no recording (forward secrecy).
-// - Whoever stole a host's static key can pass for that host, but cannot pass for others towards
+// - A thief of a host's static key can pass for that host, but cannot pass for others towards
 // it:
 //   es and se need the other one's static key, or an ephemeral one of its making. (He can make a
 //   HELLO that it answers; the session's first sealed datagram is then missing.)
@@ -45,7 +44,7 @@ class Identity {
   KeyPair own_;
   Key peer_;
   Key shared_{};         // ss
-  Key own_hello_key_{};  // of HELLOs that we make
+  Key own_hello_key_{};  // key of the HELLOs that this host makes
   Key peer_hello_key_{};
   Key own_answer_key_{};
   Key peer_answer_key_{};

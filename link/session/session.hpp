@@ -10,7 +10,7 @@
 
 namespace tether::link {
 
-/// What became of a sealed datagram.
+/// Result of opening a sealed datagram.
 enum class Opened : std::uint8_t {
   fresh,      ///< authentic, and the first of its counter
   duplicate,  ///< authentic, and known from another path
@@ -40,7 +40,7 @@ class Session {
   /// Whether the peer sealed it, be it known or not. Changes nothing.
   bool is_authentic(const SealedHeader& header, ByteView datagram) const;
 
-  /// Of those opened, on all paths.
+  /// Replay window of the opened datagrams, on all paths.
   const ReplayWindow& window() const { return window_; }
   std::uint32_t own_number() const { return keys_.own_session; }
   /// When the peer's first datagram in it came, among the sessions with it: 1, 2 …; 0 before that.
@@ -49,7 +49,7 @@ class Session {
   bool initiated() const { return initiated_; }
   Instant begin() const { return begin_; }
 
-  /// What the two ends count on a path in this session, and said of it last.
+  /// Counters of both ends on a path in this session, and those last sent.
   struct PathCount {
     std::uint64_t sent = 0;
     std::uint64_t received = 0;  ///< authentic ones, each counter once

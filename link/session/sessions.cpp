@@ -133,19 +133,19 @@ void Sessions::install(std::unique_ptr<Session> session, Instant now) {
 
 bool Sessions::wants_new_keys(Instant now) const {
   if (!current_ || disagree_) return true;
-  // The other side only if whoever began the session does not.
+  // The other side only if the initiator of the session does not.
   const Duration age = now - current_->begin();
   return age >= (current_->initiated() ? rekey_.after : rekey_.after + rekey_.after / 8) ||
          current_->next_counter() >= rekey_.datagrams;
 }
 
-std::optional<ByteView> Sessions::due_hello(Moment m, bool anew) {
+std::optional<ByteView> Sessions::due_hello(Moment m, bool wanted) {
   if (previous_ && (m.now >= previous_end_ || m.now - previous_->begin() > 2 * rekey_.after)) {
     previous_.reset();
   }
   if (answered_ && m.now - answered_->begin() > kAnsweredLife) answered_.reset();
   if (current_ && m.now - current_->begin() > 2 * rekey_.after) current_.reset();
-  if (!anew && !wants_new_keys(m.now)) {
+  if (!wanted && !wants_new_keys(m.now)) {
     next_hello_.reset();
     started_.reset();
     wait_ = kFirstWait;

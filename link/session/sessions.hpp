@@ -18,7 +18,7 @@ struct Moment {
   std::int64_t wall_ns = 0;
 };
 
-/// 32 bytes that nobody can guess, others each time: libsodium's randombytes in programs.
+/// 32 unpredictable bytes, different in each call: libsodium's randombytes in programs.
 using RandomKey = std::function<Key()>;
 
 /// When sessions end.
@@ -68,13 +68,13 @@ class Sessions {
 
   /// To seal with; nullptr: there is none.
   Session* current() { return current_.get(); }
-  /// Ends what is too old. `anew`: a session is wanted, whatever there is. The HELLO to send by all
-  /// paths, if it is time for one.
-  std::optional<ByteView> due_hello(Moment m, bool anew);
+  /// Ends what is too old. `wanted`: begins a session even if one is valid. The HELLO to send by
+  /// all paths, if it is time for one.
+  std::optional<ByteView> due_hello(Moment m, bool wanted);
 
   /// Completed handshakes.
   std::int64_t count() const { return count_; }
-  /// What the peer's clock was ahead of ours in the last HELLO that was refused for that.
+  /// Lead of the peer's clock over this host's in the last HELLO that was refused for that.
   std::int64_t clock_ahead_ns() const { return clock_ahead_ns_; }
 
  private:

@@ -11,13 +11,13 @@
 
 namespace tether::link {
 
-// What tether-link sends over UDP. Numbers have their most significant byte first; times are
+// Datagrams of tether-link over UDP. Numbers have their most significant byte first; times are
 // nanoseconds since 1970 on the sender's wall clock. All datagrams begin with
 //
 //   0  1  version, kVersion          in clear, and covered by what authenticates the datagram
 //   1  1  kind
 //
-// HELLO, from whoever wants a session; 86 bytes:
+// HELLO, from the initiator of a session; 86 bytes:
 //   2  8  key id of the sender: the first bytes of BLAKE2b of its public key
 //  10  4  session: the number under which the sender wants to hear
 //  14  8  time
@@ -74,9 +74,9 @@ inline constexpr std::size_t kPieceHeaderBytes = 14;
 inline constexpr std::size_t kProbeBytes = 34;
 /// No message needs more pieces.
 inline constexpr std::size_t kMostPieces = 2048;
-/// Of an LCM message that is carried.
+/// Maximum size of a carried LCM message.
 inline constexpr std::size_t kMostMessageBytes = std::size_t{1} << 20;
-/// As LCM has it.
+/// Maximum length of a channel name, as in LCM.
 inline constexpr std::size_t kMostChannelBytes = 63;
 /// Paths to a peer.
 inline constexpr std::size_t kMostPaths = 2;
@@ -124,7 +124,7 @@ struct Piece {
   bool wants_ack = false;
   std::uint16_t number = 0;
   std::uint16_t count = 0;
-  std::string_view channel;  ///< of piece 0
+  std::string_view channel;  ///< set in piece 0
   ByteView bytes;
 };
 struct Ack {
@@ -138,7 +138,7 @@ struct Text {
 
 /// Replaces what is in `out`.
 void write_text(Bytes& out, const Text& text);
-/// What it refers to is in `bytes`. nullopt: malformed, which an honest peer never sends.
+/// The views of the result refer to `bytes`. nullopt: malformed, which an honest peer never sends.
 std::optional<Text> read_text(ByteView bytes);
 
 }  // namespace tether::link

@@ -128,9 +128,9 @@ TEST(PathFates, HaveTheTimesOfSendingAndTheDelays) {
   net.run(seconds{2});
   const std::vector<Fate> fates = net.link(1).take_fates(0);
   ASSERT_GT(fates.size(), 3000U);
-  EXPECT_TRUE(fates[0].anew);
+  EXPECT_TRUE(fates[0].after_gap);
   for (std::size_t i = 1; i < fates.size(); ++i) {
-    EXPECT_FALSE(fates[i].anew);
+    EXPECT_FALSE(fates[i].after_gap);
     EXPECT_GE(fates[i].sent_ns, fates[i - 1].sent_ns);
     ASSERT_TRUE(fates[i].transit_ns);
     EXPECT_GE(*fates[i].transit_ns, -3'000'000) << "2 to 7 ms, less the 5 by which we are behind";
@@ -145,9 +145,9 @@ TEST(PathFates, NewKeysLeaveGapsThatAreNamed) {
   send_numbers(w.net, 25'000);
   w.net.run(seconds{2});
   const std::vector<Fate> fates = w.fates(0);
-  const auto anew = std::count_if(fates.begin(), fates.end(), [](const Fate& f) { return f.anew; });
-  EXPECT_GE(anew, 3);
-  EXPECT_LE(anew, w.net.link(1).sessions().count());
+  const auto gaps = std::count_if(fates.begin(), fates.end(), [](const Fate& f) { return f.after_gap; });
+  EXPECT_GE(gaps, 3);
+  EXPECT_LE(gaps, w.net.link(1).sessions().count());
   EXPECT_EQ(lost_of(losses(fates)), 0) << "what is not known is not lost";
 }
 

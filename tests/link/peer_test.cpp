@@ -299,7 +299,7 @@ TEST(PeerLink, StrangersGetNoAnswer) {
   net.run(seconds{5});
   EXPECT_EQ(net.link(1).sessions().count(), 0);
   EXPECT_GE(net.refused(1).forged, 1);
-  EXPECT_GE(net.refused(0).stranger, 1);
+  EXPECT_GE(net.refused(0).unknown_key, 1);
   for (const auto& datagram : net.seen) EXPECT_TRUE(read_hello(datagram.bytes));
 }
 
