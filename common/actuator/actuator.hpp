@@ -15,7 +15,7 @@
 
 namespace tether {
 
-/// What the vehicle does with the commands that reach it (docs/reference/actuator.md).
+/// The vehicle's reaction to commands (docs/reference/actuator.md).
 /// - `hold` (the paper): the last command stays in force until the next one.
 /// - `zero`: a command stays in force for timeout_s after its arrival, then the twist is zero.
 /// - `ramp`: the same, but then the twist ramps to zero (ramp_to_stop).
@@ -38,7 +38,7 @@ class Actuator {
   /// Whether it was accepted.
   bool on_plan(Instant now, PlanSource source, Plan plan);
 
-  /// The vehicle stops at `now`, whatever it was told: PlanBuffer::stop().
+  /// The vehicle stops at `now`, regardless of its commands: PlanBuffer::stop().
   void end_plans(Instant now) { plans_.stop(now); }
 
   /// For a vehicle that a wrong plan could hurt: see PlanBuffer.
@@ -55,7 +55,7 @@ class Actuator {
   /// or `now` where it changes all the time.
   Instant unchanged_until(Instant now) const;
 
-  /// What poses say of the plan in force: PlanBuffer::newest(), none after a twist.
+  /// Plan in force, as poses report it: PlanBuffer::newest(), none after a twist.
   PlanName plan() const { return plans_.newest(); }
 
   /// For those who watch whether commands are fresh: how long ago the plan in force ended, 0 if it
@@ -73,7 +73,7 @@ class Actuator {
   Twist command_;
   Instant arrival_ = kStart;
   Duration timeout_;
-  const ActuatorPolicy* policy_;  // of actuator_policies()
+  const ActuatorPolicy* policy_;  // an element of actuator_policies()
   bool any_command_ = false;
   StopLimits limits_;
   PlanBuffer plans_;

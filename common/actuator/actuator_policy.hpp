@@ -21,7 +21,7 @@ struct ActuatorPolicy {
   /// command, for it stays in force.
   Twist (*after_timeout)(const Twist& command, Duration since, const ActuatorSettings&,
                          const StopLimits&) = nullptr;
-  std::vector<ScenarioKey> own_keys = {};  ///< of ActuatorSettings::own; among `keys`, too
+  std::vector<ScenarioKey> own_keys = {};  ///< keys of ActuatorSettings::own; also among `keys`
 };
 
 /// All policies, in the order in which messages name them.

@@ -34,7 +34,7 @@ std::string policies_with(std::string_view key) {
   return policies_that([key](const ActuatorPolicy& policy) { return uses(policy, key); });
 }
 
-/// Of the ways to stop, only the chosen one's keys say something.
+/// True for keys that belong to a stopping policy other than the chosen one.
 bool left_out(const Scenario& scenario, const ScenarioKey& key) {
   if (!key.name.starts_with(kPrefix)) return false;
   const std::string_view part = std::string_view(key.name).substr(kPrefix.size());

@@ -16,7 +16,7 @@ struct ActuatorSettings {
   // policy = ramp, horizon: of the stop; the wheels' acceleration limit holds, too.
   double deceleration_mps2 = 1.5;
   double yaw_deceleration_radps2 = 3.0;
-  OwnSettings own;  ///< of policies that have keys which no other policy has
+  OwnSettings own;  ///< settings of policies with keys that no other policy has
 };
 
 ScenarioSection actuator_section();

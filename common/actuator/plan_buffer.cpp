@@ -95,10 +95,10 @@ bool PlanBuffer::is_consistent(Instant now, const Plan& plan) const {
   if (plan.based_on == Plan::kBasedOnAny) return true;
   const Instant takes_over = std::max(plan.start, now);
   const auto fits = [&plan, takes_over](const Entry* entry) {
-    const bool stranger = entry == nullptr || entry->plan.name.session != plan.name.session;
+    const bool other_session = entry == nullptr || entry->plan.name.session != plan.name.session;
     return plan.based_on == Plan::kBasedOnNone
-               ? stranger
-               : !stranger && is_base_of(plan, entry->plan, takes_over);
+               ? other_session
+               : !other_session && is_base_of(plan, entry->plan, takes_over);
   };
   return fits(last_until(takes_over, true)) || fits(last_until(takes_over, false));
 }

@@ -13,14 +13,14 @@
 
 namespace tether {
 
-/// What became of a plan that reached the vehicle.
+/// Fate of a plan that reached the vehicle.
 enum class PlanFate {
   accepted,
   unusable,  ///< a twist that is not finite or absurd (is_usable), none at all, a name below 0,
              ///< or based on a range that runs backwards or has no ids
   bad_step,  ///< time stands still or runs backwards: step ≤ 0
   too_long,  ///< more than kMaxTwists, or longer than kMaxHorizon
-  other_session,  ///< of a superseded session, or based on a plan of a session that is not followed
+  other_session,  ///< its session is superseded, or its base plan's session is not followed
   out_of_order,   ///< refused by StreamGuard, which counts why
   repeated,       ///< accepted before, and still followed or waiting
   too_early,      ///< starts later than the source may plan ahead
@@ -109,8 +109,8 @@ class PlanBuffer {
   /// The accepted plan that takes over last; none before the first.
   PlanName newest() const;
 
-  /// Where plans need poses: when somebody last knew where the vehicle is. It is the earliest of
-  /// pose, stamp and arrival of the newest plan from the network with a pose that was accepted;
+  /// Where plans need poses: when a controller last knew where the vehicle is. It is the earliest
+  /// of pose, stamp and arrival of the newest plan from the network with a pose that was accepted;
   /// none before the first and after stop().
   std::optional<Instant> seen() const { return seen_; }
 
@@ -143,8 +143,8 @@ class PlanBuffer {
   std::array<StreamGuard, 2> guards_;  // by PlanSource: each numbers its own packets
   std::deque<Entry> schedule_;         // by time of taking over
   Instant stopped_ = Instant::min();
-  Duration max_ahead_;               // of stamps
-  std::optional<Duration> max_age_;  // of stamp and pose; none: poses are not needed
+  Duration max_ahead_;               // limit of a stamp's lead
+  std::optional<Duration> max_age_;  // age of stamp and pose; none: poses are not needed
   std::optional<Instant> seen_;
   Instant newest_pose_ = Instant::min();
   bool session_held_ = false;

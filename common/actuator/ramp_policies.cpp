@@ -17,7 +17,7 @@ ActuatorPolicy ramping(const std::string& name) {
 
 ActuatorPolicy ramp_policy() { return ramping("ramp"); }
 
-/// Of plans the ramp is the end (PlanBuffer), and a twist counts as by `ramp`.
+/// Plans end with the ramp (PlanBuffer); twists are treated as by `ramp`.
 ActuatorPolicy horizon_policy() {
   ActuatorPolicy policy = ramping("horizon");
   policy.takes_plans = true;

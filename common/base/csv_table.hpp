@@ -53,7 +53,7 @@ class CsvTable {
   std::vector<std::string_view> row_;  // into line_
 };
 
-/// `text` as a finite number, all of it; NaN if it is none.
+/// `text` as a finite number, all of it; otherwise NaN.
 double finite_number(std::string_view text);
 
 }  // namespace tether

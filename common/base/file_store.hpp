@@ -11,7 +11,7 @@
 
 namespace tether {
 
-/// What was read from files, for those who ask for the same file again while it is unchanged: the
+/// Cache of file contents, valid while the file is unchanged: the
 /// runs of a sweep, and a relay whose loop must not wait for a file. Keeps the latest few. Any
 /// thread may ask.
 template <class Content>
@@ -58,7 +58,7 @@ class FileStore {
   };
 
   static State state_of(const std::string& file) {
-    std::error_code none;  // what is not there has no time, and loading it says so
+    std::error_code none;  // a missing file has no time, and loading it reports that
     return {std::filesystem::weakly_canonical(file, none),
             std::filesystem::last_write_time(file, none), std::filesystem::file_size(file, none)};
   }

@@ -21,9 +21,9 @@ namespace {
   throw UsageError(fmt::format("cannot read {} \"{}\": {}", what, file, reason));
 }
 
-/// What lies there, or in the same folder of what comes with the programs, under a name that is
-/// written much like this one, as a question; "" if nothing does.
-std::string much_alike(const std::string& file) {
+/// The file with the most similar name there, or in the same folder of the installed files, as a
+/// question; "" if nothing does.
+std::string similar_name(const std::string& file) {
   namespace fs = std::filesystem;
   const fs::path path(file);
   std::vector<std::string> names;
@@ -50,7 +50,7 @@ void check_input(const std::string& file, const std::string& what, std::uintmax_
   struct stat status {};
   if (stat(file.c_str(), &status) != 0) {
     const std::string reason = system_reason();
-    refuse(file, what, reason + much_alike(file));
+    refuse(file, what, reason + similar_name(file));
   }
   if (S_ISDIR(status.st_mode)) refuse(file, what, "it is a directory");
   if (!S_ISREG(status.st_mode)) refuse(file, what, "it is not a regular file");

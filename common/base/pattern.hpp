@@ -20,7 +20,7 @@ class Pattern {
 
   bool matches(std::string_view text) const;
 
-  /// What the groups, from the first on, hold; empty: that group took no part. nullopt: no match.
+  /// Contents of the groups, from the first on; empty: that group took no part. nullopt: no match.
   std::optional<std::vector<std::string>> groups(std::string_view text) const;
 
   /// `replacement` with its $1 … $99 (groups; those that took no part are empty), $& (all) and $$

@@ -11,7 +11,7 @@
 namespace tether {
 namespace {
 
-/// As systemd.exec(5) says to find out: somebody may have sent stderr elsewhere since.
+/// Checks as systemd.exec(5) says: stderr may have been redirected since.
 bool stderr_is_the_journal() {
   const char* const stream = std::getenv("JOURNAL_STREAM");
   struct stat now {};

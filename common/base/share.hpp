@@ -13,7 +13,7 @@ std::filesystem::path executable_folder();
 /// absolute name is left as it is.
 std::filesystem::path shared_path(const std::filesystem::path& name);
 
-/// That. Throws std::runtime_error that names the file if it is not there.
+/// Path of a shared file. Throws std::runtime_error that names the file if it is not there.
 std::filesystem::path shared_file(const std::string& name);
 
 /// The input file that a user means by `file`: the file of this name; where there is none and the

@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// What stands before and behind the one arrow of a text (-> or →), trimmed; nullopt if there is
+/// Texts before and after the single arrow of a text (-> or →), trimmed; nullopt if there is
 /// none. Throws UsageError for two.
 std::optional<std::pair<std::string, std::string>> split_at_arrow(const std::string& text);
 
@@ -21,7 +21,7 @@ constexpr std::string_view trimmed(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(kBlanks) - begin + 1);
 }
 
-/// `text`, all of it, as a number in decimal digits; nothing if it is none, or one out of range.
+/// `text`, all of it, as a number in decimal digits; nothing if it is not a number or out of range.
 /// "nan" and "inf" are doubles.
 template <class Number>
 std::optional<Number> to_number(std::string_view text) {

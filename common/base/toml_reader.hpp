@@ -50,7 +50,7 @@ class TomlReader {
   /// Refuses the table if it has no such key.
   const toml::node& require(const std::string& key, const std::string& allowed) const;
 
-  /// Of the table's beginning.
+  /// Line of the table's beginning.
   std::uint32_t line() const { return table_.source().begin.line; }
   const std::string& file() const { return file_; }
 

@@ -95,7 +95,7 @@ struct ChannelNames {
   std::string truth;
   std::string sim_counters;
   static constexpr const char* kClock = "SIM/CLOCK";
-  std::string clock = kClock;  ///< of all vehicles
+  std::string clock = kClock;  ///< channel of all vehicles
 };
 
 /// The vehicle whose channel this is: "AGV7" for "CAN7/STATE" and "AGV7/COUNTERS".

@@ -19,7 +19,7 @@ class CounterReporter {
   CounterReporter(EventLoop& loop, Bus& bus, std::string node, std::string channel, Duration period,
                   std::function<void(CounterList&)> list);
 
-  /// Publishes now, besides the period: for a node's end.
+  /// Publishes now, in addition to the period: for a node's end.
   void publish_now();
 
  private:

@@ -45,11 +45,11 @@ class InProcessBus final : public Bus {
 
   EventLoop& loop_;
   std::vector<std::unique_ptr<Subscription>> subscriptions_;
-  std::map<std::string, Receivers, std::less<>> named_;  // those to a channel's very name
+  std::map<std::string, Receivers, std::less<>> named_;  // receivers of exactly one channel
   Receivers patterns_;                                   // the others
   /// By the name's hash, the one last looked for: spares most of the way through channels_.
   std::array<const Channel*, 4096> recent_{};
-  // Those seen, by name.
+  // Channels seen so far, by name.
   std::unordered_map<std::string, std::unique_ptr<Channel>, Hash, std::equal_to<>> channels_;
 };
 

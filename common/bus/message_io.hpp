@@ -53,7 +53,7 @@ void subscribe(Bus& bus, const std::string& channel, int queue_capacity, std::in
                 });
 }
 
-/// What a subscriber did not take.
+/// A message that a subscriber did not accept.
 struct Rejected {
   std::int64_t undecodable = 0;
   std::int64_t other_run = 0;

@@ -14,7 +14,7 @@
 namespace tether {
 
 /// Tells whether one program sends a stream or several do at the same time, by who sent each of its
-/// messages (Message::sender). One that falls silent when another begins was started anew. Those
+/// messages (Message::sender). One that falls silent when another begins has restarted. Senders
 /// whose times overlap by kOverlap or more are several, for kMemory after the last message of
 /// either; so it takes one more message of each than a restart would have. Pure; `now` must not go
 /// backwards. Messages of which the network does not tell who sent them (0) do not count.
@@ -22,12 +22,12 @@ class SenderWatch {
  public:
   static constexpr Duration kOverlap = std::chrono::milliseconds{100};
   static constexpr Duration kMemory = std::chrono::seconds{2};
-  /// Of more senders than this, those heard last are remembered.
+  /// Maximum number of senders that are remembered: those heard last.
   static constexpr std::size_t kSenders = 8;
 
   void heard(Instant now, std::uint64_t sender);
 
-  /// Those that send at the same time, in the order in which they began; empty if one does, or
+  /// Senders that send at the same time, in the order in which they began; empty if one does, or
   /// none.
   std::vector<std::uint64_t> several(Instant now) const;
 

@@ -10,7 +10,7 @@ bool StreamGuard::may_follow(const Place& place, const Place& before) const {
 
 /// Sets jump_to_, which stays only for the message that goes on from there.
 bool StreamGuard::is_jump(const Place& place) {
-  if (may_follow(place, *last_)) {  // as each lower number may
+  if (may_follow(place, *last_)) {  // every lower number may follow, too
     jump_to_.reset();
     return false;
   }

@@ -23,7 +23,7 @@ namespace tether {
 /// because
 ///   no publisher sends at kFastest_hz. If the next message goes on from there, the publisher has
 ///   restarted with other numbers (as in RFC 3550, appendix A.1).
-/// The same or a lower number with a later stamp is a publisher that started anew: accepted, and
+/// The same or a lower number with a later stamp is a publisher that restarted: accepted, and
 /// counted in `restarts`. `missed` counts the numbers skipped so far (lost or still on the way).
 class StreamGuard {
  public:
@@ -76,7 +76,7 @@ class StreamGuard {
   Config config_;
   Counters counters_;
   std::optional<Place> last_;     ///< accepted
-  std::optional<Place> jump_to_;  ///< of the newest message, if it was refused as a jump
+  std::optional<Place> jump_to_;  ///< place of the newest message, if it was refused as a jump
 };
 
 }  // namespace tether

@@ -27,7 +27,7 @@ struct FleetSettings {
   int columns = 0;          ///< vehicles in a row; 0: all are
   Ticks ticks = Ticks::spread;
 
-  /// What [fleet.vehicle.NUMBERS] says, by the text NUMBERS (vehicle_numbers()) and by key.
+  /// Values of [fleet.vehicle.NUMBERS], by the text NUMBERS (vehicle_numbers()) and by key.
   std::map<std::string, ScenarioValues> own;
 
   bool is_one() const { return count == 1; }
@@ -41,7 +41,7 @@ struct FleetSettings {
   };
   std::vector<Variant> variants;
 
-  // Of one of its vehicles: not keys.
+  // For one of the fleet's vehicles: not keys.
   int number = 1;           ///< from 1 on
   double tick_phase = 0.0;  ///< share of a period by which its ticks are later, in [0, 1)
 
@@ -61,7 +61,7 @@ inline constexpr int kMostVehicles = 1000;
 /// vehicle more changes no other's. A vehicle whose own path is open begins at its start, whatever
 /// fleet.phases says. Random streams here: "<vehicle>/ticks", and "fleet/phases".
 std::vector<Scenario> fleet_members(const Scenario& scenario);
-/// Those of `members` that have something, such as has_localiser().
+/// The `members` for which `has` is true, such as has_localiser().
 std::vector<Scenario> members_with(bool (*has)(const Scenario&),
                                    const std::vector<Scenario>& members);
 

@@ -71,7 +71,7 @@ void check_members(const std::vector<Scenario>& members, const std::string& file
   }
 }
 
-/// Of each of the vehicles, too.
+/// Checks also each of the vehicles.
 void check(const Scenario& scenario, const std::string& file) {
   const Fleet& fleet = scenario.get<Fleet>();
   if (fleet.is_one()) return;

@@ -49,7 +49,7 @@ std::string why_shared(const std::string& key) {
       key);
 }
 
-/// As the scenario's own, but kept beside it.
+/// A key like the scenario's own, but stored beside it.
 ScenarioKey own_key(const ScenarioKey& key, const std::string& table) {
   ScenarioKey own = key;
   own.name = std::string(kPrefix) + table + "." + key.name;
@@ -118,8 +118,8 @@ ScenarioValues together(const FleetSettings& fleet, const std::vector<std::strin
   return values;
 }
 
-/// What a resolved scenario says otherwise than that of the others, and what of `given` is empty
-/// there, for which it has no words.
+/// Values in which a resolved scenario differs from that of the others, and empty values of
+/// `given`, which a resolved scenario cannot express.
 ScenarioValues difference(const Scenario& one, const ScenarioValues& given,
                           const ScenarioValues& said) {
   ScenarioValues values;
@@ -214,17 +214,17 @@ void make_variants(Scenario& scenario, const ScenarioWith& with, const std::stri
   auto& fleet = scenario.get<FleetSettings>();
   if (fleet.own.empty() || fleet.count > kMostVehicles) return;
   const auto tables = tables_of_vehicles(fleet, file);
-  std::map<std::vector<std::string>, std::vector<int>> alike;
+  std::map<std::vector<std::string>, std::vector<int>> numbers_of;
   for (int number = 1; number <= fleet.count; ++number) {
     const auto& its = tables[static_cast<std::size_t>(number - 1)];
-    if (!its.empty()) alike[its].push_back(number);
+    if (!its.empty()) numbers_of[its].push_back(number);
   }
   const FleetSettings given = fleet;
   fleet.own.clear();
   const FleetSettings bare = fleet;
   const auto common = scenario.schema().values_of(scenario);
   const ScenarioValues said(common.begin(), common.end());
-  for (const auto& [its, numbers] : alike) {
+  for (const auto& [its, numbers] : numbers_of) {
     const ScenarioValues values = together(given, its, numbers.front(), file);
     const std::string name = numbers_text(numbers);
     auto one =

@@ -22,7 +22,7 @@ std::string reachable_lcm_url(const std::string& url);
 /// A real LCM network, driven by an event loop. Handlers run in the loop's thread; an exception
 /// from one is carried past LCM's C frames and rethrown to the loop.
 ///
-/// A bus that nobody subscribes to does not receive.
+/// A bus without subscribers does not receive.
 ///
 /// Two crafted fragments can crash any program that receives by LCM's library over udpm (LCM pull
 /// request 628): open_bus() takes it for tcpq only.

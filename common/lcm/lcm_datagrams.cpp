@@ -12,7 +12,7 @@ constexpr std::uint32_t kShortMagic = 0x4c433032;     // "LC02"
 constexpr std::uint32_t kFragmentMagic = 0x4c433033;  // "LC03"
 constexpr std::size_t kShortHeader = 8, kFragmentHeader = 20;
 constexpr std::size_t kMaxShort = 65499;     // channel, its NUL and bytes
-constexpr std::size_t kMaxFragment = 65487;  // likewise, of a fragment
+constexpr std::size_t kMaxFragment = 65487;  // the same, of a fragment
 constexpr std::size_t kMaxFragments = 65535;
 
 std::uint32_t read(std::span<const std::uint8_t> from, std::size_t at, std::size_t size) {

@@ -72,7 +72,7 @@ class LcmAssembler {
   std::list<Key> ages_;  // oldest first
   std::size_t pending_bytes_ = 0;
   std::string channel_;              // of the message last completed from fragments
-  std::vector<std::uint8_t> bytes_;  // likewise
+  std::vector<std::uint8_t> bytes_;  // the same
   Counters counters_;
 };
 

@@ -21,7 +21,7 @@ std::string multicast_group(const std::string& url);
 /// The port of a checked URL.
 std::uint16_t lcm_port(const std::string& url);
 
-/// The same URL with the next port, for whoever needs a network of his own.
+/// The same URL with the next port, for a run that needs its own network.
 std::string with_next_port(const std::string& url);
 
 /// "ttl" (0 if absent) or "recv_buf_size" of a checked udpm URL.

@@ -68,7 +68,7 @@ sockaddr_in udpm_address(const std::string& url) {
 
 int open_udpm_receiver(const std::string& url) {
   const int fd = udp_socket();
-  // As LCM does, so that any number of programs hear the same port.
+  // The same as in LCM, so that any number of programs hear the same port.
   set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1, "sharing the port");
   set_option(fd, SOL_SOCKET, SO_REUSEPORT, 1, "sharing the port");
   set_option(fd, SOL_SOCKET, SO_RCVBUF, static_cast<int>(lcm_option(url, "recv_buf_size")),

@@ -18,16 +18,16 @@
 
 namespace tether {
 
-/// A real LCM network over UDP multicast by sockets of our own: several times cheaper a message
-/// than by way of LCM's receiving thread, indifferent to fragments that crash LCM, and it never
-/// hears what it has published itself, which it knows by the sender's port and that the address is
-/// this host's. Other LCM programs cannot tell it from LCM.
+/// A real LCM network over UDP multicast by sockets of our own: it is several times cheaper per
+/// message than LCM's receiving thread, and indifferent to fragments that crash LCM. It never
+/// receives its own messages, which it recognises by the sender's port and that the address is this
+/// host's. Other LCM programs cannot tell it from LCM.
 ///
 /// With ttl=0 the network is this host's alone: datagrams of other hosts are counted and ignored,
 /// and buses hear each other whatever happens to the route by which the group is reached.
 ///
 /// Handlers run in the loop's thread. What waits, waits in the kernel's buffer (the URL's
-/// recv_buf_size), whose drops are counted. A bus that nobody subscribes to does not receive.
+/// recv_buf_size), whose drops are counted. A bus without subscribers does not receive.
 class UdpmBus final : public Bus {
  public:
   /// `url` is udpm. Throws as reachable_lcm_url() does, but not with ttl=0 and a loopback
@@ -40,7 +40,7 @@ class UdpmBus final : public Bus {
   /// Whatever `queue_capacity`.
   void subscribe(const std::string& channel_regex, int queue_capacity, Handler handler) override;
   bool hears_itself() const override { return false; }
-  /// As it is used, buffer size included.
+  /// The URL in use, including the buffer size.
   const std::string& url() const { return url_; }
   /// Datagrams dropped by the kernel, malformed ones, own ones and those of other hosts, incomplete
   /// messages, messages that the filter refused, publish failures.

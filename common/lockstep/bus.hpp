@@ -33,7 +33,7 @@ class ChannelFilter {
 
  private:
   std::vector<Pattern> patterns_;
-  std::map<std::string, bool, std::less<>> known_;  // of channels seen so far
+  std::map<std::string, bool, std::less<>> known_;  // channels seen so far
 };
 
 /// A node's bus in lockstep: what it publishes is noted for the coordinator and goes out with the
@@ -56,8 +56,8 @@ class LockstepBus final : public Bus {
   bool wants(std::string_view channel) { return wanted_.matches(channel); }
 
   /// Tells what all nodes subscribe to. Publishing a message that one of them receives limits how
-  /// far the node may go on; a message that nobody receives does not. Until this is called, every
-  /// message counts as received by somebody.
+  /// far the node may go on; a message without receivers does not. Until this is called, every
+  /// message counts as received.
   void set_heard(const std::vector<std::string>& expressions);
 
   /// Calls the node's handlers.
@@ -66,7 +66,7 @@ class LockstepBus final : public Bus {
   /// Sends what was published since the last call.
   void flush();
 
-  /// What was published since the last call, at most kKept messages.
+  /// Publications since the last call, at most kKept messages.
   std::vector<Publication> take_published(const DigestKey& key);
 
   /// Bytes that were published lately; null if they are no longer kept.
@@ -94,7 +94,7 @@ class LockstepBus final : public Bus {
   std::vector<Publication> published_;
   std::size_t published_bytes_ = 0;
   std::deque<Kept> kept_;
-  std::size_t unsent_ = 0;  // of them, the newest
+  std::size_t unsent_ = 0;  // number of the newest publications that are not yet sent
 };
 
 }  // namespace tether

@@ -20,7 +20,7 @@ class LockstepLoop final : public SimulatedLoop {
   /// The next event.
   EventKey next() const;
 
-  /// What is scheduled from now on belongs to this grant.
+  /// Assigns all events scheduled from now on to this grant.
   void begin(std::int64_t grant);
   /// Adds an event whose place in the order is given: the delivery of a message.
   void add(Instant when, std::uint64_t order, Task task);
@@ -40,7 +40,7 @@ class LockstepLoop final : public SimulatedLoop {
  private:
   std::int32_t rank_;
   EventKey bound_;
-  std::uint64_t first_ = 0;  // of this grant's insertions
+  std::uint64_t first_ = 0;  // first of this grant's insertions
 };
 
 }  // namespace tether

@@ -32,11 +32,11 @@ class LockstepMember {
     Duration resend_after = std::chrono::milliseconds{40};
     /// … and missed for good after this.
     Duration patience = std::chrono::seconds{5};
-    /// A coordinator that has been silent for so long is gone.
+    /// A coordinator that has been silent for this long is gone.
     Duration coordinator_patience = std::chrono::seconds{30};
   };
 
-  /// `io` and `wire` must outlive the member. Throws UsageError for a name that is none of
+  /// `io` and `wire` must outlive the member. Throws UsageError for a name that is not in
   /// lockstep_nodes().
   LockstepMember(Config config, EventLoop& io, Bus& wire);
   LockstepMember(const LockstepMember&) = delete;
@@ -80,15 +80,15 @@ class LockstepMember {
   LockstepLoop loop_;
   LockstepBus bus_;
   MessageInbox inbox_;
-  DigestKey run_key_{}, own_key_{};  ///< of the welcome
+  DigestKey run_key_{}, own_key_{};  ///< from the welcome
   Node* node_ = nullptr;
   State state_ = State::joining;
   std::string error_;
   Instant last_join_ = Instant::min();
   Instant last_heard_{};
-  bool heard_of_coordinator_ = false;  ///< of the session, or of any where any will do
+  bool heard_of_coordinator_ = false;  ///< the session's coordinator, or any where any is accepted
 
-  std::optional<time_grant_t> grant_;  // that is being carried out
+  std::optional<time_grant_t> grant_;  // the grant in progress
   std::vector<MessageInbox::Bytes> messages_;
   std::vector<bool> has_;
   Instant granted_at_{};
@@ -104,7 +104,7 @@ class LockstepMember {
 /// order.
 const std::vector<std::string>& lockstep_nodes();
 
-/// What to do against lost messages, for people.
+/// Advice against lost messages, for people.
 std::string advice_on_lost_messages();
 
 }  // namespace tether

@@ -30,8 +30,8 @@ std::optional<DigestKey> key_of_hex(const std::string& hex);
 /// All zeros for anything else, which no message's digest is.
 MessageDigest digest_of_hex(std::int64_t size, const std::string& hash);
 
-/// What a protocol message carries in `mac`: the digest of the rest but for `seq`, which differs
-/// between copies of one message.
+/// Value of the field `mac` of a protocol message: the digest of the rest but for `seq`, which
+/// differs between copies of one message.
 template <class LcmType>
 std::string mac_of(LcmType message, const DigestKey& key) {
   message.seq = 0;

@@ -16,7 +16,7 @@
 namespace tether {
 
 /// Keeps messages that have come until they are asked for. A message is found by its channel and
-/// digest. One that nobody asks for (a second copy, or another program's) only takes room until
+/// digest. One that is never asked for (a second copy, or another program's) only takes room until
 /// newer ones need it.
 class MessageInbox {
  public:

@@ -35,7 +35,7 @@ std::int64_t read_clock_ns(clockid_t id) {
   return t.tv_sec * kNanosecondsPerSecond + t.tv_nsec;
 }
 
-/// What to add to the wall clock to get CLOCK_BOOTTIME. The two cannot be read at once: the best
+/// Offset from the wall clock to CLOCK_BOOTTIME. The two cannot be read at once: the best
 /// of a few tries is one that was not interrupted.
 std::int64_t wall_to_boot_ns() {
   std::int64_t best_gap_ns = INT64_MAX, best_ns = 0;

@@ -17,15 +17,15 @@ namespace tether {
 /// counts. SIGINT and SIGTERM end run() cleanly (they are blocked for the process from
 /// construction on).
 ///
-/// The run's clock is anchored once, at construction: to the wall clock, so that nodes of several
-/// hosts that get the same `start_utime_us` agree on t = 0, or to the host's boot clock, so that a
-/// node that is restarted in the middle of a run joins at the right time, whatever has become of
-/// the wall clock since.
+/// The run's clock is anchored once, at construction. With the wall clock as anchor, nodes of
+/// several hosts that get the same `start_utime_us` agree on t = 0. The alternative is the host's
+/// boot clock, with which a node that is restarted in the middle of a run joins at the right time,
+/// whatever has become of the wall clock since.
 class RealTimeLoop final : public EventLoop {
  public:
   /// `start_utime_us`: the wall-clock time (µs since 1970) of the run's t = 0.
   /// `speed`: run seconds per wall second, > 0. Below 1 is slow motion, for machines that cannot
-  /// keep up; every deadline stretches with it, for all nodes of a run alike.
+  /// keep up; every deadline stretches with it, in all nodes of a run.
   /// `start_boot_ns`: the same time on this host's CLOCK_BOOTTIME, as another node's
   /// start_boot_ns() says; `start_utime_us` then only tells runs apart.
   explicit RealTimeLoop(std::int64_t start_utime_us, double speed = 1.0,
@@ -82,7 +82,7 @@ class RealTimeLoop final : public EventLoop {
   std::int64_t wall_ns(Duration run_time) const;
   void read_signal();
 
-  /// What aside() runs.
+  /// A task that aside() runs.
   struct Aside {
     int done_fd;  // becomes readable
     std::jthread thread;
@@ -94,7 +94,7 @@ class RealTimeLoop final : public EventLoop {
   std::int64_t run_id_;
   double speed_;
   static constexpr std::int64_t kNotArmed = -1;
-  std::int64_t armed_ns_ = kNotArmed;  // what the timer is set to; 0: never
+  std::int64_t armed_ns_ = kNotArmed;  // present setting of the timer; 0: never
   bool asleep_ = false;                // it was set to a time that had not come
   std::int64_t wake_lead_ns_ = 0;      // the timer is set earlier by this
   std::int64_t start_boot_ns_ = 0;

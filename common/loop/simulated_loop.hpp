@@ -5,7 +5,7 @@
 
 namespace tether {
 
-/// What loops in simulated time share: a queue of tasks, and a time that only the loop's owner
+/// Base of loops in simulated time: a queue of tasks, and a time that only the loop's owner
 /// moves. No signals and file descriptors reach it.
 class SimulatedLoop : public EventLoop {
  public:

@@ -71,7 +71,7 @@ class TimerQueue {
   std::uint32_t allocate(Slot slot);
 
   std::vector<Entry> heap_;
-  /// Of the instant that is being run, those that came in order: most messages, which so are spared
+  /// Events of the present instant that were added in order: most messages, which so are spared
   /// the way through the heap. The first due_taken_ are taken; empty once all are.
   std::vector<Entry> due_;
   std::size_t due_taken_ = 0;

@@ -12,13 +12,14 @@ struct LocaliserSettings {
   enum class Place { none, vehicle, edge };
   Place place = Place::none;
   bool knows_start = true;     ///< the start pose; false: it has to find out
-  double resolution_m = 0.05;  ///< of its map
+  double resolution_m = 0.05;  ///< resolution of its map
   double scan_height_m =
-      0.2;  ///< of the scanner above the floor: what is not there it does not see
-  double range_noise_m = 0.02;      ///< of a beam, standard deviation
-  double odometry_noise_m = 0.005;  ///< of a wheel's way after 1 m, standard deviation; grows as √
-  double max_distance_m = 0.5;      ///< beams that end farther from the map say nothing
-  static constexpr int kLeastBeams = 20;  ///< of a scan, or it says nothing
+      0.2;  ///< height of the scanner above the floor; it sees only objects at this height
+  double range_noise_m = 0.02;  ///< of a beam, standard deviation
+  double odometry_noise_m =
+      0.005;                    ///< standard deviation of a wheel's travel after 1 m; grows as √
+  double max_distance_m = 0.5;  ///< beams that end farther from the map say nothing
+  static constexpr int kLeastBeams = 20;  ///< minimum number of beams of a usable scan
   int max_beams = 1000;                   ///< of a scan that are matched, evenly chosen
   int particles = 20000;                  ///< new ones each scan, while it searches
   double scan_patience_ms = 30.0;         ///< place = edge: for missing parts after a scan's end
@@ -32,14 +33,15 @@ struct AutonomySettings {
   double rate_hz = 50.0;           ///< of setpoints
   double deceleration_mps2 = 1.0;  ///< a of the stopping field v²/2a + v·reaction + margin
   double reaction_s = 0.2;
-  double yaw_acceleration_radps2 = 2.0;  ///< of setpoints; v's is deceleration_mps2 both ways
+  double yaw_acceleration_radps2 = 2.0;  ///< limit of setpoints; v's is deceleration_mps2 both ways
   double margin_m = 0.3;                 ///< in front of the vehicle
   double side_margin_m = 0.15;           ///< beside it
   double wait_s = 3.0;            ///< in the protective stop, before a remote driver is asked for
   double clear_for_s = 1.0;       ///< before it goes on by itself
   double pose_timeout_s = 0.5;    ///< without a pose: localisation is lost
   double remote_timeout_s = 0.5;  ///< without a command of the remote driver: it stands
-  double remote_max_age_s = 1.0;  ///< of the report that a remote driver's command names
+  double remote_max_age_s =
+      1.0;  ///< maximum age of the report that a remote driver's command names
   double remote_speed_mps = 0.5;  ///< at most, while it is driven remotely
 };
 

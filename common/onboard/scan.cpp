@@ -8,7 +8,7 @@
 namespace tether {
 namespace {
 
-/// What scan_t and scan_part_t both have.
+/// Common fields of scan_t and scan_part_t.
 template <class Message>
 void say_how(const Scan& scan, std::int64_t run, Message& message) {
   message.utime = to_utime(scan.stamp);

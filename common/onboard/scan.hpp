@@ -14,9 +14,9 @@ namespace tether {
 
 /// One turn of a laser scanner, or what arrived of it: a scan_t.
 struct Scan {
-  Instant stamp;  ///< of the first beam
+  Instant stamp;  ///< time of the first beam
   std::int64_t seq = 0;
-  Pose2 mount;  ///< of the scanner in the vehicle's frame (axle's midpoint)
+  Pose2 mount;  ///< pose of the scanner in the vehicle's frame (axle's midpoint)
   double angle_min_rad = 0.0;
   double angle_increment_rad = 0.0;
   double time_increment_s = 0.0;

@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// What a path asks of the vehicle from one step to the next.
+/// Demand of a path on the vehicle from one step to the next.
 struct PathDemand {
   PathPoint point;
   double acceleration_mps2 = 0.0;

@@ -14,13 +14,13 @@ namespace tether {
 /// returns its row, and a line in kinds.cpp.
 struct PathKind {
   std::string name;
-  std::vector<std::string> keys;  ///< of [path], without "path.": all others are refused
+  std::vector<std::string> keys;  ///< keys of [path], without "path."; all others are refused
   /// Makes the kind's curve, which then gets a speed profile. Throws UsageError. Null for a kind
   /// that has `timed`.
   std::unique_ptr<const PathCurve> (*curve)(const PathSettings&) = nullptr;
   /// Makes the path of a kind that has a timing of its own. Null for a kind that has `curve`.
   std::shared_ptr<const ReferencePath> (*timed)(const PathSettings&) = nullptr;
-  std::vector<ScenarioKey> own_keys = {};  ///< of PathSettings::own; among `keys`, too
+  std::vector<ScenarioKey> own_keys = {};  ///< keys of PathSettings::own; also among `keys`
 };
 
 /// All kinds, in the order in which messages name them.

@@ -2,7 +2,7 @@
 
 namespace tether {
 
-/// What a planned path asks of the vehicle at most. It is slower than speed_mps where another limit
+/// Maximum demand of a planned path on the vehicle. It is slower than speed_mps where another limit
 /// says so.
 struct PathLimits {
   double speed_mps = 1.5;  ///< cruise

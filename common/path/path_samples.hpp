@@ -19,7 +19,7 @@ class PathSamples {
   PathSamples(std::shared_ptr<const ReferencePath> path, Duration step)
       : path_(std::move(path)), step_(step) {}
 
-  /// Those at `start`, `start` + step, …: `count` of them, until the next call. What was before
+  /// Points at `start`, `start` + step, …: `count` of them, until the next call. What was before
   /// `start` is forgotten.
   std::span<const PathPoint> from(Instant start, std::size_t count) {
     const Duration later = start - first_;

@@ -91,13 +91,13 @@ std::string why_no_effect(const Scenario& scenario, const std::string& key) {
   return fmt::format("path.kind is \"{}\"", kind.name);
 }
 
-/// What `make` makes of the path; what is wrong with it is said with the scenario's name.
+/// Result of `make` for the path; what is wrong with it is said with the scenario's name.
 template <class Make>
 auto with_name(const Path& settings, const std::string& file, const Make& make) {
   try {
     return make();
   } catch (const UsageError& error) {
-    // What is wrong with a file of waypoints is said with its name.
+    // Errors in a file of waypoints already name the file.
     const bool has_name =
         !settings.csv.empty() && std::string_view(error.what()).starts_with(settings.csv);
     throw UsageError(has_name ? error.what() : fmt::format("{}: {}", file, error.what()));

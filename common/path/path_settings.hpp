@@ -16,7 +16,7 @@ namespace tether {
 
 /// [path]. Which keys a kind uses is said in its row of common/path/kinds.cpp.
 struct PathSettings {
-  /// Of the vehicle, what is to follow the path.
+  /// Point of the vehicle that follows the path.
   enum class Point { axle, chassis };
   std::string kind = "figure_eight";  ///< the name of one of path_kinds()
   /// The axle's midpoint, or the chassis' centre (controlled_point.hpp).
@@ -34,7 +34,7 @@ struct PathSettings {
   double offset_x_m = 0.0;       ///< the whole path lies so far off
   double offset_y_m = 0.0;
   bool is_moved() const { return phase != 0.0 || offset_x_m != 0.0 || offset_y_m != 0.0; }
-  OwnSettings own;  ///< of kinds that have keys which no other kind has
+  OwnSettings own;  ///< settings of kinds with keys that no other kind has
 };
 
 /// Where a vehicle stands whose controlled point is where its path begins; that of the figure

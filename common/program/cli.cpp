@@ -18,7 +18,7 @@ namespace tether {
 
 namespace {
 
-/// What CLI11 found, as other errors are told; and which --help to read.
+/// CLI11's error in the format of other errors, with the --help to read.
 std::string in_our_words(const CLI::App* app, const CLI::Error& error) {
   std::string whole = app->get_name();
   for (const auto* sub = app; !sub->get_subcommands().empty();) {

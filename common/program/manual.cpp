@@ -73,7 +73,7 @@ std::string usage(const CLI::App& app, const std::string& path) {
   return out;
 }
 
-/// What `--help` ends with: paragraphs, in which man(7) keeps the lines that begin with a space.
+/// Last lines of `--help`: paragraphs, in which man(7) keeps the lines that begin with a space.
 std::string footer_of(const CLI::App& app) {
   const std::string footer = app.get_footer();
   std::string out;
@@ -85,7 +85,7 @@ std::string footer_of(const CLI::App& app) {
   return out;
 }
 
-/// Of each command that does something: itself, and its subcommands.
+/// Visits each command that does something: itself, and its subcommands.
 void for_each_command(const CLI::App& app, const std::string& path, const auto& visit) {
   visit(app, path);
   for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {

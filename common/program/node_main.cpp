@@ -100,7 +100,8 @@ class ClockFollower {
   int disagreements_ = 0;
 };
 
-/// Channels on which operators and testers send, besides the node that owns them in simulated time.
+/// Channels on which operators and testers also send, in addition to the node that owns them in
+/// simulated time.
 ChannelOwners live_owners(const std::vector<Scenario>& members) {
   ChannelOwners owners = channel_owners(members);
   for (const Scenario& member : members) {

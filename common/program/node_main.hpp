@@ -16,7 +16,7 @@ class App;
 
 namespace tether {
 
-/// What a node's program hands to its node.
+/// Arguments of a node, from its program.
 struct NodeContext {
   const Scenario& scenario;
   EventLoop& loop;
@@ -47,14 +47,15 @@ struct NodeProgram {
   std::vector<std::string> examples;  ///< last lines of --help
   bool joins_two_networks = false;    ///< has --control-lcm-url
   bool owns_clock = false;  ///< without --start-utime: starts the run's clock instead of following
-  std::string lockstep_name{};  ///< of lockstep_nodes(); has --lockstep if not empty
+  std::string lockstep_name{};  ///< a name in lockstep_nodes(); has --lockstep if not empty; has
+                                ///< --lockstep if not empty
   std::function<std::unique_ptr<Node>(const NodeContext&)> make;
   OwnOptions own{};
 };
 
 /// The main() of every node: options, scenario, real-time loop, LCM, orderly end on SIGINT and
 /// SIGTERM. Without --start-utime the node waits for SIM/CLOCK and takes the run's time from it
-/// (and starts over if that clock jumps, as when a simulator is started anew or a log is played
+/// (and starts over if that clock jumps, as when a simulator is restarted or a log is played
 /// again); the simulator itself starts a run at once. A node that has to wind down does so before
 /// the program ends or starts over, whatever further signals come.
 ///

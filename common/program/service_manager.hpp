@@ -8,14 +8,14 @@ namespace tether {
 
 /// How a program stands with the service manager that started it (systemd: sd_notify(3)); of one
 /// that was started otherwise, nothing happens. A unit with Type=notify is up when the program can
-/// work, not when it has begun; one with WatchdogSec= is ended and started anew when the loop that
+/// work, not when it has begun; one with WatchdogSec= is ended and restarted when the loop that
 /// steers no longer turns, for it is this loop that answers, twice in each watchdog's time.
 class ServiceManager {
  public:
   /// From here on the watchdog is answered. `loop` must outlive this.
   explicit ServiceManager(EventLoop& loop);
 
-  /// What it is doing, for `systemctl status`, before it is ready.
+  /// Current activity, for `systemctl status`, before it is ready.
   void status(const std::string& text);
   void ready(const std::string& text);
   void stopping();

@@ -40,8 +40,8 @@ bool is_text(const std::string& text) {
   return !text.empty() && std::none_of(text.begin(), text.end(), bad);
 }
 
-/// What a number's key allows. Of a time or a rate from 0 on, 0 means something else than a tiny
-/// one, which would round to 0, or whose inverse would be endless.
+/// Allowed range of a numeric key. Of a time or a rate from 0 on, 0 means something else than a
+/// tiny one, which would round to 0, or whose inverse would be endless.
 struct Allowed {
   Range range;
   bool or_zero = false;

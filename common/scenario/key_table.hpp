@@ -133,7 +133,7 @@ class KeyTable {
   void rows(const std::string& name, Member member, Range range, const std::string& meaning) {
     keys_.push_back(rows_key(prefix_ + name, field<NumberRows>(member), range, meaning));
   }
-  /// Of any integer type.
+  /// Reference to a member of any integer type.
   template <class Member>
   void whole_number(const std::string& name, Member member, std::int64_t low,
                     const std::string& meaning) {

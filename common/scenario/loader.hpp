@@ -29,8 +29,8 @@ class ScenarioLoader {
   void apply_table(const toml::table& table, const std::string& prefix, const std::string& file);
 
   /// `text` is "KEY=VALUE"; a key may stand for several (ScenarioSchema::keys_meant_by) and makes
-  /// the named table that it is in. `prefix`: of all keys, which whoever gave this left out
-  /// ("channel."), and so does what is said of unknown ones.
+  /// the named table that it is in. `prefix`: start of all keys that the caller left out
+  /// ("channel."), also left out in errors about unknown keys.
   void apply_override(const std::string& text, const std::string& place,
                       std::string_view prefix = "");
 
@@ -67,7 +67,7 @@ class ScenarioLoader {
   std::map<std::string, std::vector<ScenarioKey>> named_keys_;  // by "channel.links.NAME"
 };
 
-/// What a scenario file says over the defaults; its level is ended. Throws UsageError.
+/// Values of a scenario file over the defaults; its level is ended. Throws UsageError.
 ScenarioLoader start_from_file(const std::string& file);
 
 }  // namespace tether

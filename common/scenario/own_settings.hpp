@@ -6,7 +6,7 @@
 namespace tether {
 
 /// Settings of things that are chosen by name, such as control laws. Each choice has a struct of
-/// its own, which only its own files know. A struct is at its defaults until somebody writes to it.
+/// its own, which only its own files know. A struct has its defaults until it is written.
 class OwnSettings {
  public:
   template <class Settings>

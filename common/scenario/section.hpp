@@ -25,7 +25,7 @@ using TextList = std::vector<std::string>;
 using ScenarioValue =
     std::variant<bool, std::int64_t, double, std::string, NumberList, NumberRows, TextList>;
 
-/// As TOML has it: the shortest text that reads as the same value.
+/// The value in TOML's syntax: the shortest text that reads as the same value.
 std::string to_toml(const ScenarioValue& value);
 
 /// One key of the scenario file: the single place that knows its name, type, range and meaning.
@@ -42,7 +42,7 @@ struct ScenarioKey {
   std::function<std::string&(Scenario&)> file = {};
 };
 
-/// What was given at one level of settings: in the file, or by the overrides.
+/// Values given at one level of settings: in the file, or by the overrides.
 struct ScenarioLevel {
   std::string source;            ///< for messages
   std::filesystem::path folder;  ///< by now, names of files given here begin with it
@@ -136,7 +136,7 @@ class ScenarioSchema {
  public:
   explicit ScenarioSchema(std::vector<ScenarioSection> sections);
 
-  /// Of all sections; made once.
+  /// Schema of all sections; made once.
   static std::shared_ptr<const ScenarioSchema> all();
 
   const std::vector<ScenarioSection>& sections() const { return sections_; }

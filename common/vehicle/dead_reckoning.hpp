@@ -18,7 +18,7 @@ struct PoseCovariance {
   void add(double x, double y, double yaw, double variance);
 };
 
-/// What both rims rolled between two readings of their encoders, and how uncertain that is.
+/// Travel of both rims between two readings of their encoders, with its uncertainty.
 struct RolledWays {
   double left_m = 0.0;
   double right_m = 0.0;
@@ -32,14 +32,14 @@ struct DeadReckoning {
   /// can_bridge/safety/odometry.hpp.
   static constexpr double kVariancePerMetre = 1e-5;
 
-  Pose2 pose;  ///< of the axle's midpoint
+  Pose2 pose;  ///< pose of the axle's midpoint
   PoseCovariance covariance;
   double distance_m = 0.0;  ///< path length, never falling
 
   struct Step {
     double arc_m = 0.0;
     double turn_rad = 0.0;
-    double direction_rad = 0.0;  ///< of the chord, in the world
+    double direction_rad = 0.0;  ///< direction of the chord, in the world
   };
   /// Both wheels turned at a constant ratio, so that the axle's midpoint ran along an arc: of
   /// length d = (d_l + d_r)/2 and angle a = (d_r − d_l)/track, with the chord d·sin(a/2)/(a/2) in

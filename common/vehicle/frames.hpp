@@ -6,7 +6,7 @@
 
 namespace tether {
 
-/// What is at `there` in the frame of `frame`, in the frame that `frame` is in.
+/// Converts `there` from the frame `frame` to the parent frame of `frame`.
 inline Pose2 compose(const Pose2& frame, const Pose2& there) {
   const double c = std::cos(frame.yaw_rad), s = std::sin(frame.yaw_rad);
   return {frame.x_m + c * there.x_m - s * there.y_m, frame.y_m + s * there.x_m + c * there.y_m,

@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// What the vehicle weighs, and how much of it its drive wheels carry.
+/// Weight of the vehicle, and the share on its drive wheels.
 ///
 /// Axes: x forward and y left of the axle's midpoint, z up from the floor. The vehicle stands on
 /// two tyres at (0, ±track/2) and a caster at (L, 0), L = caster_x_m − axle_x_m. The caster is
@@ -25,7 +25,7 @@ struct VehicleWeight {
   double left_height_kgm2 = 0.0;   ///< Σ m y z
 };
 
-/// Of all bodies and the payload, as the ODE plant has them.
+/// Weight of all bodies and the payload, as in the ODE plant.
 inline VehicleWeight vehicle_weight(const VehicleConfig& v) {
   VehicleWeight w;
   const auto add = [&w](double kg, double x_m, double y_m, double z_m) {
@@ -61,7 +61,7 @@ struct GripDemand {
   double acceleration_mps2 = 0.0;
 };
 
-/// What the floor must do at the tyres for a demand.
+/// Forces of the floor on the tyres for a demand.
 struct TyreLoads {
   double across_N = 0.0;                  ///< both tyres together, to the left
   std::array<double, 2> along_N = {};     ///< left, right; positive pushes the vehicle forward

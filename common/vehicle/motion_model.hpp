@@ -7,8 +7,8 @@
 
 namespace tether {
 
-/// How a drive differs from what it is told, as far as that is known (controller/estimation). As
-/// it is, it does what it is told.
+/// Known errors of a drive in following its commands (controller/estimation). The default is a
+/// drive without errors.
 struct DriveModel {
   double rim_scale = 1.0;   ///< rims are faster than commanded by this factor: larger wheels
   double turn_scale = 1.0;  ///< and differ from each other by this factor more: a narrower track
@@ -20,7 +20,7 @@ struct DriveModel {
   bool operator==(const DriveModel&) const = default;
 };
 
-/// What a vehicle does with a commanded twist, as far as controllers predict it: two rolling
+/// Controllers' model of a vehicle's response to a commanded twist: two rolling
 /// wheels, each of which moves to its commanded rim speed at a limited acceleration. No masses, no
 /// slip, no walls. With a DriveModel the rim speeds aimed at are
 ///   rim_scale · (v ∓ turn_scale · ω · track/2), behind a low-pass L' = (target − L)/lag.
@@ -34,7 +34,7 @@ class MotionModel {
   struct State {
     Pose2 pose;
     WheelSpeeds rim;
-    WheelSpeeds lagging{};  ///< what the rims aim at
+    WheelSpeeds lagging{};  ///< present target of the rims
   };
   /// With a lag, or in steps of a filter, no step is longer.
   static constexpr double kShort_s = 0.01;

@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// What a load leaves of the acceleration, and what a motion asks of the motors. A motor's torque
+/// Acceleration available under load, and motor torque needed for a motion. A motor's torque
 /// limit M does not know of the load; the acceleration follows from it.
 
 /// Straight ahead, with both motors at their limit and a force R against the motion (drag, slope):

@@ -8,7 +8,7 @@
 
 namespace tether {
 
-/// What the wheels say at `stamp`, as all publishers of odometry send it.
+/// Odometry message at `stamp`, in the form that all publishers use.
 inline odometry_t odometry_message(Instant stamp, std::int64_t seq, const DeadReckoning& wheels,
                                    const Twist& twist) {
   odometry_t message{};

@@ -15,13 +15,13 @@ struct VehicleConfig {
   double chassis_width_m = 1.0;
   double chassis_height_m = 0.5;
   double chassis_mass_kg = 1.14395;
-  double chassis_z_m = 0.0;  ///< of the chassis centre, above the axle
+  double chassis_z_m = 0.0;  ///< height of the chassis centre, above the axle
   double wheel_radius_m = 0.4;
   double wheel_width_m = 0.2;
   double wheel_mass_kg = 1.0;
   double track_m = 1.2;     ///< between wheel centres
   double axle_x_m = -0.5;   ///< of the axle, relative to the chassis centre
-  double caster_x_m = 0.8;  ///< of the caster ball, relative to the chassis centre
+  double caster_x_m = 0.8;  ///< position of the caster ball, relative to the chassis centre
   double caster_radius_m = 0.2;
   double caster_mass_kg = 0.2688;  ///< puts the centre of mass at x = −0.23 m, the paper's C
   // A load: a point, relative to the chassis centre; not there if it weighs nothing.
@@ -29,12 +29,13 @@ struct VehicleConfig {
   double payload_x_m = 0.0;
   double payload_y_m = 0.0;
   double payload_z_m = 0.0;
-  /// Of each wheel's speed servo. One and a half times what the whole vehicle needs for 3 m/s², and
-  /// little more than makes the wheels slip. So wheels that are jammed at a wall do not spin up.
+  /// Limits of each wheel's speed servo. One and a half times what the whole vehicle needs for 3
+  /// m/s², and little more than makes the wheels slip. So wheels that are jammed at a wall do not
+  /// spin up.
   double max_wheel_torque_Nm = 4.0;
   /// Slew rate of each servo's rim-speed target. The chassis would lift its nose at 5.4 m/s².
   double max_wheel_acceleration_mps2 = 3.0;
-  // Of each wheel, at its rim, against its motion; nobody knows of it.
+  // Unmodelled friction at each wheel's rim, against its motion.
   double left_drag_N = 0.0;
   double right_drag_N = 0.0;
   double max_wheel_speed_mps = 10.0;  ///< rim speed; both wheels are scaled together

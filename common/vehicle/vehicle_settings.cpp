@@ -148,8 +148,8 @@ void check_step(const Scenario& scenario, const std::string& file) {
   constexpr Duration kMicrosecond = std::chrono::microseconds{1};
   if (step % kMicrosecond != Duration{0} || kBatch % step != Duration{0}) {
     throw UsageError(
-        fmt::format("{}: world.step_ms = {}: the step must be whole microseconds and go into 10 ms "
-                    "without rest: 0.1, 0.125, 0.2, 0.25, 0.5, 1, 2, 2.5, 5 or 10",
+        fmt::format("{}: world.step_ms = {}: the step must be whole microseconds and divide 10 ms: "
+                    "0.1, 0.125, 0.2, 0.25, 0.5, 1, 2, 2.5, 5 or 10",
                     file, step_ms));
   }
   if (step > from_seconds(1.0 / scenario.get<RunSettings>().truth_rate_hz)) {

@@ -18,7 +18,7 @@ struct WorldSettings {
   /// Coulomb coefficient of body and wheels on walls. A wheel that rubs a rough wall climbs it.
   double wall_friction = 0.2;
   double gravity_mps2 = 9.81;
-  double step_ms = 1.0;  ///< of the physics
+  double step_ms = 1.0;  ///< step of the physics
   // By how much the floor rises along x and y, m/m. Positions stay in the floor's frame.
   double slope_x = 0.0;
   double slope_y = 0.0;
@@ -35,9 +35,9 @@ struct VehicleSettings : VehicleConfig {
   enum class Plant { ode, kinematic };
   enum class Drivetrain { direct, can };
   Plant plant = Plant::ode;
-  /// As the key's value is written.
+  /// The key's value, as written in files.
   const char* plant_name() const { return plant == Plant::kinematic ? "kinematic" : "ode"; }
-  /// What turns commands into wheel speeds: the simulator itself, or drives on a CAN bus.
+  /// Converter of commands to wheel speeds: the simulator itself, or drives on a CAN bus.
   Drivetrain drivetrain = Drivetrain::direct;
   /// can.coupling_ms: between messages of emulated drives and simulated wheels.
   double coupling_ms = 5.0;

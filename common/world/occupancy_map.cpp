@@ -180,7 +180,7 @@ std::vector<Shape> occupied_shapes(const OccupancyMap& map) {
 
 double largest_resolution_m(const OccupancyMap& map, const std::vector<Shape>& shapes,
                             double half_extent_m) {
-  double share = std::numeric_limits<double>::infinity();  // of the present one
+  double share = std::numeric_limits<double>::infinity();  // share of the present cell
   const auto keep_within = [&](double from_m, double to_m) {
     const double way_m = to_m - from_m;
     if (way_m == 0.0) return;

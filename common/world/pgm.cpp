@@ -94,16 +94,15 @@ class PgmReader {
     for (std::size_t i = 0; i < count; ++i) {
       const unsigned value = each == 1 ? byte(i) : byte(2 * i) * 256U + byte(2 * i + 1);
       if (value > pgm.white) {
-        refuse(
-            fmt::format("is not readable: a pixel has {}, and {} is said to be the largest value",
-                        value, pgm.white));
+        refuse(fmt::format("is not readable: a pixel has {}, but the header's maximum is {}", value,
+                           pgm.white));
       }
       pgm.pixels.push_back(static_cast<std::uint16_t>(value));
     }
     rest_.remove_prefix(each * count);
   }
 
-  /// Of an image with another size than is said, half would be read as a wrong one.
+  /// Refuses data after the image: with a wrong size in the header, a wrong image would be read.
   void check_end(const Pgm& pgm) {
     skip_blanks();
     if (rest_.empty()) return;

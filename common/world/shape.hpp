@@ -18,7 +18,7 @@ struct Shape {
   double width_m = 1.0;    ///< rectangle: along its y axis
   double radius_m = 0.5;   ///< circle
   double height_m = 2.0;   ///< of its top above the floor
-  double clearance_m = 0;  ///< of its lower side above the floor: 0 but for shelves
+  double clearance_m = 0;  ///< height of its lower side above the floor; 0 except for shelves
   /// Share of a scanner's light that comes back, diffusely, at normal incidence; 0 … 1.
   double reflectivity = 0.5;
   // Its motion, world frame; 0: it stands.

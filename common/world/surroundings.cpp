@@ -56,7 +56,7 @@ void add_cells(const Surroundings& surroundings, std::vector<Shape>& out) {
   out.insert(out.end(), cells.begin(), cells.end());
 }
 
-/// Of the obstacles that are wanted and stand, and the map's cells.
+/// Shapes of the standing obstacles for which `Wanted` is true, and of the map's cells.
 template <class Wanted>
 std::vector<Shape> shapes_of(const Surroundings& surroundings, Wanted wanted) {
   std::vector<Shape> shapes;

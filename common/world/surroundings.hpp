@@ -34,12 +34,12 @@ struct Obstacle {
   bool moves() const { return !to.empty(); }
 };
 
-/// What stands in the hall beside its four walls: [[world.obstacle]], and the occupancy map of
+/// Objects in the hall, without its four walls: [[world.obstacle]], and the occupancy map of
 /// [map].
 struct Surroundings {
   std::string map_file;  ///< map.file: of an occupancy map, YAML; "": none
   std::vector<Obstacle> obstacles;
-  /// Of a fleet's vehicle: the others are no faster; 0: there are none. Not a key.
+  /// For a fleet's vehicle: the others are no faster; 0: there are none. Not a key.
   double vehicles_mps = 0.0;
 
   bool any() const { return !map_file.empty() || !obstacles.empty() || vehicles_mps > 0.0; }
@@ -60,16 +60,16 @@ inline constexpr double kRackPost_m = 0.1;
 /// All that stands still: the four walls, obstacles, and the map's occupied cells. Throws
 /// UsageError for what is wrong with the map's files.
 std::vector<Shape> standing_shapes(const HallSettings& settings);
-/// Those of them that are in the map which localisers and planners have.
+/// Shapes in the map that localisers and planners have.
 std::vector<Shape> mapped_shapes(const HallSettings& settings);
 /// All of them but the four walls.
 std::vector<Shape> obstacle_shapes(const Surroundings& surroundings);
-/// What of these vehicles can touch: racks are whole boxes.
+/// Shapes that vehicles can touch: racks are whole boxes.
 std::vector<Shape> solid_shapes(const Surroundings& surroundings);
 
-/// What moves by itself: people, trolleys. Where each is depends on time, seed and its own place in
-/// the scenario only, not on when it was asked before: random stream "world/obstacle/<n>", n = 1
-/// for the first [[world.obstacle]]. Each begins with a pause.
+/// Obstacles that move by themselves: people, trolleys. Where each is depends on time, seed and its
+/// own place in the scenario only, not on when it was asked before: random stream
+/// "world/obstacle/<n>", n = 1 for the first [[world.obstacle]]. Each begins with a pause.
 class MovingObstacles {
  public:
   MovingObstacles(const Surroundings& surroundings, std::uint64_t seed);

@@ -76,7 +76,7 @@ void check_within_hall(const NamedShape& named, double half_extent_m, const std:
       file, named.name, named.shape.pose.x_m, named.shape.pose.y_m, reach, half_extent_m, or_else));
 }
 
-/// What in the map's own file may be wrong if it does not fit into the hall.
+/// Possible error in the map's own file if it does not fit into the hall.
 std::string wrong_in(const OccupancyMap& map, const std::vector<Shape>& cells,
                      const std::string& map_file, double half_extent_m) {
   constexpr double kSteps = 1e4, kRounding = 1e-6;

@@ -26,7 +26,7 @@ namespace tether {
 ///
 /// The way begins where the vehicle stands and ends on the path behind the first stretch that
 /// something blocks, where there is room to take the vehicle back. What stands there: the map, and
-/// all that the vehicle reported since it asked. It is planned anew when something new is in the
+/// all that the vehicle reported since it asked. It is planned again when something new is in the
 /// way, when the vehicle is kOff_m beside it or makes no headway for kStuck, at most every
 /// kPatience. Without a way it stands; kTries times in vain, and it forgets what is not reported
 /// any more. What has been searched in vain is not searched again until something of it is another.
@@ -45,7 +45,7 @@ class DetourDriver {
   /// Another request: all that was known is of the past.
   void begin();
 
-  /// What the vehicle reports.
+  /// Takes the vehicle's report.
   void see(Instant now, const std::vector<Position>& obstacles, double path_s_m);
 
   /// The twist for a vehicle at `pose`; zero where it knows no way.
@@ -53,7 +53,7 @@ class DetourDriver {
 
   /// Empty if there is none.
   const WayFollower& way() const { return way_; }
-  /// Of its ways: those of the path, and those of the vehicle where they are less.
+  /// Limits of its ways: those of the path, and those of the vehicle where they are less.
   const PathLimits& limits() const { return limits_; }
   /// Appends "detour.plans", "detour.none" (there was no way) and "detour.most_expansions".
   void list(CounterList& out) const;

@@ -20,7 +20,7 @@ constexpr double kMove_m = 0.3;
 constexpr double kTurn_m = 0.25;
 constexpr double kCell_m = 0.15;
 constexpr double kGoal_m = 0.2;
-/// What is nearer than this makes a way longer, up to three times.
+/// Obstacles nearer than this increase a way's cost, up to three times.
 constexpr double kNear_m = 0.7;
 /// The field of a turn on the spot reaches this much farther than the turn.
 constexpr double kBeyondTurn_rad = 0.26;

@@ -45,7 +45,7 @@ class DetourPlanner {
   Room room(const FloorMap& floor, const Pose2& pose) const;
 
   const Config& config() const { return config_; }
-  int expansions() const { return expansions_; }  ///< of the last plan
+  int expansions() const { return expansions_; }  ///< expansions of the last plan
 
  private:
   struct Node {

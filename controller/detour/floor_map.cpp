@@ -61,7 +61,7 @@ std::vector<Position> rim(double rear_m, double front_m, double half_width_m) {
   for (int i = 0; i <= along; ++i) {
     const double x = rear_m + length_m * i / along;
     points.push_back({x, half_width_m});
-    points.push_back({x, 0.0});  // what stands within
+    points.push_back({x, 0.0});  // points inside the radius
     points.push_back({x, -half_width_m});
   }
   for (int i = 1; i < across; ++i) {

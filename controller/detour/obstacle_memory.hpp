@@ -10,7 +10,7 @@
 
 namespace tether {
 
-/// What a vehicle reported of obstacles since it asked for help: what it does not see any more,
+/// Obstacles that a vehicle reported since it asked for help: what it does not see any more,
 /// while it goes around, still stands there. Cells of 0.1 m. Pure.
 class ObstacleMemory {
  public:

@@ -7,7 +7,7 @@ namespace tether {
 namespace {
 
 constexpr double kStep_s = 0.05;
-/// A path that rests for so long has ended.
+/// A path that rests for this long has ended.
 constexpr double kRest_s = 30.0;
 
 }  // namespace

@@ -14,7 +14,7 @@ namespace tether {
 namespace {
 
 constexpr double kSame_m = 1e-6;
-constexpr std::size_t kThin = 8;  // of moves in halves
+constexpr std::size_t kThin = 8;  // one of this many half moves is kept at first
 constexpr double kSample_m = 0.05;
 
 /// With a pose in the middle of each arc.
@@ -35,7 +35,7 @@ std::vector<Pose2> in_halves(const std::vector<Pose2>& poses) {
   return more;
 }
 
-/// Of poses from each of which the vehicle drives to the next.
+/// Smooths a sequence of poses from each of which the vehicle drives to the next.
 class Smoother {
  public:
   Smoother(std::span<const Pose2> poses, const RoomAt& room_at, double enough_m)
@@ -75,7 +75,7 @@ class Smoother {
            room.ahead_m >= enough_.ahead_m - kLessRoom_m;
   }
 
-  /// Those in the middle of where it is not good; where all are kept, beside that.
+  /// Keeps points in the middle of bad stretches; where all are kept, beside that.
   void keep_more(const WaypointCurve& curve, std::set<std::size_t>& kept) const {
     const std::vector<std::size_t> index(kept.begin(), kept.end());
     const auto samples = static_cast<int>(std::ceil(curve.length_m() / kSample_m));

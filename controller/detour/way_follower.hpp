@@ -17,7 +17,7 @@ class WayFollower {
   static constexpr double kAhead_m = 0.75;
   static constexpr double kTurnGain = 1.0;  ///< 1/s
   static constexpr double kTurned_rad = 0.06;
-  static constexpr double kReached_m = 0.1;  ///< of a curve's end
+  static constexpr double kReached_m = 0.1;  ///< distance to a curve's end
   static constexpr double kCreep_mps = 0.1;  ///< where the profile rests, and the vehicle must not
   static constexpr double kApart_m = 0.3;    ///< of poses of the way
   static constexpr double kTurnApart_rad = 0.25;
@@ -50,11 +50,11 @@ class WayFollower {
   double profile_mps() const;
 
   std::vector<WayLeg> legs_;
-  std::vector<std::vector<Place>> places_;  ///< of each leg; none of a turn
+  std::vector<std::vector<Place>> places_;  ///< places of each leg; none for a turn; none of a turn
   double fastest_turn_radps_ = 0.0, creep_mps_ = 0.0;
   std::size_t leg_ = 0;
   std::size_t place_ = 0;    ///< of the leg: the nearest to the vehicle
-  double turned_rad_ = 0.0;  ///< of the leg
+  double turned_rad_ = 0.0;  ///< progress of the leg
   std::size_t leg_then_ = 0;
   double way_then_ = 0.0;
 };

@@ -21,7 +21,7 @@ Eigen::Map<const Square> square(const PoseFilter::Covariance& a) {
   return Eigen::Map<const Square>(a.data());
 }
 
-/// What is known of a parameter before the first pose, and how far it wanders: standard deviations,
+/// Prior of a parameter before the first pose, and its random walk: standard deviations,
 /// at first and after 1 s.
 struct Prior {
   int index;
@@ -45,11 +45,11 @@ void for_adapted(const Adaptation& adapt, Function use) {
 
 double squared(double x) { return x * x; }
 
-// Of rim speeds by encoders.
+// Noise of rim speeds from encoders.
 constexpr double kReadNoise_mps = 0.02;
-// Of what commands lead to. Encoders are better; but that they read 1 m/s more for a moment,
-// because the first plan came on board sooner than is thought, must not be taken for another lag.
-// Tried from 0.02 to 0.3 in closed loops (docs/explanation/estimation.md).
+// Noise of the response to commands. Encoders are better; but that they read 1 m/s more for a
+// moment, because the first plan came on board sooner than is thought, must not be taken for
+// another lag. Tried from 0.02 to 0.3 in closed loops (docs/explanation/estimation.md).
 constexpr double kLagNoise_mps = 0.3;
 
 /// p := f p fᵀ. The only products of this size, because compiling one takes seconds.
@@ -95,7 +95,7 @@ PoseFilter::PoseFilter(const PoseFilterSettings& settings, const Adaptation& ada
   auto p = square(covariance_);
   p(kX, kX) = p(kY, kY) = squared(settings_.start_m);
   p(kYaw, kYaw) = squared(settings_.start_rad);
-  if (adapt_.any()) {  // what is not adapted is considered
+  if (adapt_.any()) {  // parameters that are not adapted are considered
     for (const Prior& prior : {kRadiusPrior, kTrackPrior, kLagPrior}) {
       p(prior.index, prior.index) = squared(prior.at_first);
     }
@@ -130,7 +130,7 @@ void PoseFilter::step(const Twist& command, double dt_s) {
   widen_by(dt_s);
 }
 
-/// What the pose drifts and parameters wander.
+/// Adds the drift of the pose and the random walk of the parameters.
 void PoseFilter::widen_by(double dt_s) {
   auto p = square(covariance_);
   p(kX, kX) += squared(settings_.position_drift_mpsqrts) * dt_s;
@@ -280,7 +280,7 @@ PoseFilter::Verdict PoseFilter::update(const Pose2& measured) {
   return Verdict::accepted;
 }
 
-/// What is not adapted is not corrected.
+/// Zeroes the gain of parameters that are not adapted.
 template <class Gain>
 void PoseFilter::keep_considered(Gain& gain) const {
   if (!adapt_.radius) gain.row(kScale).setZero();

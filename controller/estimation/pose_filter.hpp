@@ -15,18 +15,18 @@ namespace tether {
 struct PoseFilterSettings {
   double position_noise_m = 0.02;        ///< of a pose, each axis, white
   double yaw_noise_rad = 0.01;           ///< of a pose, white
-  double position_drift_mpsqrts = 2e-3;  ///< of the motion: random walk of each axis, after 1 s
-  double yaw_drift_radpsqrts = 1e-3;     ///< likewise of the yaw
+  double position_drift_mpsqrts = 2e-3;  ///< random walk of each axis of the motion, after 1 s
+  double yaw_drift_radpsqrts = 1e-3;     ///< random walk of the yaw, after 1 s
   double start_m = 0.02;                 ///< of the start, each axis
   double start_rad = 0.01;
-  double lag_ms = 0.0;  ///< of the drive; with adapt.lag: what it is taken for at first
+  double lag_ms = 0.0;  ///< lag of the drive; with adapt.lag: its first estimate
   /// Of the wheels' radius and of the track, relative. Not set: 0.03 if anything is adapted, else
   /// 0.
   std::optional<double> radius_error = std::nullopt;
   std::optional<double> track_error = std::nullopt;
 };
 
-/// What the wheels rolled between two readings of their encoders, as the drive takes them to be:
+/// Travel of the wheels between two readings of their encoders, for the nominal wheels:
 /// dead reckoning, in the frame of the pose at its beginning.
 struct Rolled {
   double x_m = 0.0;
@@ -46,16 +46,16 @@ struct LagReading {
 /// Which numbers of DriveModel are estimated with the pose. Those that are not stay as given.
 struct Adaptation {
   bool radius = false;  ///< rim_scale, in ± PoseFilter::kMostScale of 1
-  bool track = false;   ///< turn_scale, likewise
+  bool track = false;   ///< adapts turn_scale
   bool lag = false;     ///< lag_s, in [0, PoseFilter::kMostLag_s]
   bool bias = false;    ///< v_bias_mps and omega_bias_radps
 
   bool any() const { return radius || track || lag || bias; }
 };
 
-/// Where a vehicle is, from what it was told and from poses that are noisy, late, lost or wrong: an
-/// extended Kalman filter (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking
-/// and Navigation. Wiley, 2001, section 10.3).
+/// Estimates where a vehicle is from its commands and from poses that are noisy, late, lost or
+/// wrong: an extended Kalman filter (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to
+/// Tracking and Navigation. Wiley, 2001, section 10.3).
 ///
 /// The state is x, y, yaw; both rim speeds and what they aim at behind the lag; and the numbers of
 /// DriveModel, as parameters that walk at random (section 11.9). It moves by MotionModel through
@@ -76,8 +76,8 @@ struct Adaptation {
 /// and stays there), or kMostGated in a row that do not, the filter is reset: to that pose, with
 /// the covariance of one pose; parameters stay.
 ///
-/// Pure: no clock and no randomness. Poses come in the order of their stamps; whoever calls says by
-/// advance() what was in force between them.
+/// Pure: no clock and no randomness. Poses come in the order of their stamps; the caller reports by
+/// advance() the command in force between them.
 class PoseFilter {
  public:
   static constexpr std::size_t kStates = 12;
@@ -107,7 +107,7 @@ class PoseFilter {
   /// what is known of wheels and track, with a variance of DeadReckoning::kVariancePerMetre for
   /// each wheel, errors of radius and track, and the drift, for slip.
   void roll(const Rolled& rolled, double dt_s);
-  /// What the wheels said in comparison to the commands: tells the lag, if it is adapted. A reading
+  /// Comparison of the wheels' motion with the commands: tells the lag, if it is adapted. A reading
   /// beyond kWheelGate is not used.
   void update_lag(const LagReading& reading);
   /// The position is known less well, by this standard deviation more of each axis.
@@ -121,8 +121,8 @@ class PoseFilter {
   /// Standing still, and told so.
   bool stands() const;
 
-  /// Of x, y, yaw, left rim, right rim, left aim, right aim, rim_scale, turn_scale, lag_s,
-  /// v_bias_mps, omega_bias_radps.
+  /// Covariance of x, y, yaw, left rim, right rim, left aim, right aim, rim_scale, turn_scale,
+  /// lag_s, v_bias_mps, omega_bias_radps.
   const Covariance& covariance() const { return covariance_; }
   Vector values() const;
   double standard_deviation(std::size_t i) const;

@@ -11,7 +11,7 @@
 
 namespace tether {
 
-/// What the wheels' encoders said (AGV/ODOMETRY), kept until a pose says what was in force then:
+/// Readings of the wheels' encoders (AGV/ODOMETRY), kept until a pose of that time arrives:
 /// odometry is mostly sent more often than poses, and may overtake them.
 ///
 /// Messages have the dead reckoning since the start. So what was rolled between any two of them is
@@ -27,9 +27,9 @@ class WheelReadings {
     readings_.back().reckoning.pose = start;
   }
 
-  /// Stamps ascend. If the vehicle began to reckon anew, what was before is forgotten.
+  /// Stamps ascend. If the vehicle restarted its odometry, earlier readings are discarded.
   void add(Instant stamp, const DeadReckoning& reckoning, const Twist& twist);
-  /// What was before the last reading up to `until` will not be used again.
+  /// Discards the readings before the last one up to `until`.
   void forget(Instant until);
   /// The stamp of the newest reading, if it is after `from` and another one was up to `from`.
   std::optional<Instant> newest_after(Instant from) const;
@@ -103,7 +103,7 @@ class WheelReadings {
   }
   /// The last reading up to `when`; 0 if there is none.
   std::size_t index_at(Instant when) const;
-  /// Of times between reading `i` and the next.
+  /// Travel in a part of the time between reading `i` and the next.
   Rolled between(std::size_t i, Instant from, Instant end) const;
   Reading at(std::size_t i, Instant when) const;
   /// How far the vehicle may be from the cubic: standard deviation.

@@ -10,7 +10,7 @@ namespace tether {
 
 /// The paper's law with the look-ahead that suits the network, as the paper suggests. At each pose,
 /// τ is taken from the table, by the PRR and the delay that are estimated from the poses so far.
-/// Nobody tells the controller the losses of the downlink, so it is taken to be like the uplink.
+/// The controller has no report on downlink losses, so it assumes those of the uplink.
 class AdaptivePidLaw final : public PidLaw {
  public:
   /// `factor`: times the table's look-aheads, which were found for other gains or another rate.

@@ -20,7 +20,7 @@ namespace {
 using Controller = ControllerSettings;
 
 constexpr Range kGain{1e-3, 1e3, false};
-constexpr double kMostSteps = 4000.0;  // of a plan_t
+constexpr double kMostSteps = 4000.0;  // maximum for a plan_t
 
 void add_law_and_timing(KeyTable<Controller>& t) {
   std::vector<std::string> laws;
@@ -214,7 +214,7 @@ void check_driver(const Scenario& scenario, const std::string& file) {
       by_itself
           ? fmt::format("{}: controller.law = \"{}\" never takes over a vehicle that drives by "
                         "itself (autonomy.enabled = true): controller.law must be {}, or "
-                        "controller.external = true with a driver of yours",
+                        "controller.external = true with an external driver",
                         file, controller.law, laws_that_drive(true))
           : fmt::format("{}: controller.law = \"{}\" drives only when a vehicle asks for it, and "
                         "autonomy.enabled is false: it would never move; autonomy.enabled must be "
@@ -222,7 +222,7 @@ void check_driver(const Scenario& scenario, const std::string& file) {
                         file, controller.law, laws_that_drive(false)));
 }
 
-/// What a command may name; a warm one is told of no single run but by the scenario's file.
+/// Placeholders of a command; a warm program learns about each run only from the scenario's file.
 void check_command(const Controller& controller, const std::string& file) {
   std::vector<std::string> names{"url", "scenario", "folder"};
   if (!controller.warm) names.insert(names.end(), {"seed", "arm"});

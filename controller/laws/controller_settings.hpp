@@ -51,7 +51,7 @@ struct ControllerSettings {
   enum class Send { always, changed };
   Send send = Send::always;
   double send_delta_mps = 0.05;    ///< by how much a speed is off what was sent
-  double send_delta_radps = 0.05;  ///< likewise a yaw rate
+  double send_delta_radps = 0.05;  ///< the same for the yaw rate
   double send_max_age_s = 0.4;     ///< the longest time between two
   bool wrap_heading = true;        ///< law = pid: the heading error is within (−π, π]
   PidGains v{0.495, 0.0, 0.15, 8.0};
@@ -69,27 +69,27 @@ struct ControllerSettings {
     return static_cast<std::size_t>(std::max(1.0, std::round(horizon_s / to_seconds(plan_step()))));
   }
   bool preload = false;   ///< the first plan is on board before departure
-  bool external = false;  ///< somebody else's program is the controller, …
+  bool external = false;  ///< an external program is the controller, …
   /// … started by this; with {url}, {scenario}, {seed} and {arm} (external_command.hpp)
   std::string command;
   bool warm = false;         ///< it serves one run after another
-  double patience_s = 10.0;  ///< that it may take for one answer
+  double patience_s = 10.0;  ///< maximum time for one answer
   bool is_external() const { return external || !command.empty(); }
   ModelSettings model;
-  /// What a law takes for the vehicle's pose: the newest one as it came, or the filter's.
+  /// Source of the law's pose estimate: the newest one as it came, or the filter's.
   enum class Estimator { none, ekf };
   Estimator estimator = Estimator::none;
   PoseFilterSettings ekf;  ///< estimator = ekf, as is what follows
   Adaptation adapt;
   bool adapt_clock = false;        ///< the vehicle's clock is estimated (ClockEstimate)
-  double sensor_latency_ms = 0.0;  ///< of a pose's age at its arrival, what the sensor took
+  double sensor_latency_ms = 0.0;  ///< the sensor's part of a pose's age at its arrival
   OwnSettings own;                 ///< of laws that have keys which no other law has
 };
 
 ScenarioSection controller_section();
 
 /// Throws UsageError unless controller.command, if there is one, has {url}: for runs on a network
-/// whose URL nobody knows before.
+/// whose URL is not known before.
 void check_command_has_url(const ControllerSettings& controller, const std::string& file);
 
 /// The limits of the controller's output.

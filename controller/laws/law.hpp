@@ -36,7 +36,7 @@ struct SeenPose {
   std::optional<Twist> rolling = std::nullopt;
 };
 
-/// What the vehicle's wheels say, as the controller got it (odometry_t): where it is by dead
+/// The vehicle's odometry, as the controller received it (odometry_t): where it is by dead
 /// reckoning from its nominal start pose, which is not where sensors say that it is.
 struct SeenOdometry {
   DeadReckoning reckoning;
@@ -46,7 +46,7 @@ struct SeenOdometry {
   std::int64_t seq = 0;
 };
 
-/// What a vehicle that drives by itself says of that, as the controller got it (autonomy_state_t).
+/// State of a vehicle that drives by itself, as the controller received it (autonomy_state_t).
 struct SeenAutonomy {
   bool asks = false;    ///< for a remote driver, or has one: REMOTE_REQUESTED or REMOTE
   bool driven = false;  ///< REMOTE: it follows what this controller commands
@@ -57,7 +57,7 @@ struct SeenAutonomy {
   Instant arrival{};  ///< here
 };
 
-/// What a law decides: the twist to follow from now on, or a plan. Of a plan's fields, the node
+/// Decision of a law: the twist to follow from now on, or a plan. Of a plan's fields, the node
 /// fills in stamp, seq and name.session. Ids ascend by 1 from 0.
 using LawOutput = std::variant<Twist, Plan>;
 
@@ -88,8 +88,8 @@ class Law {
   /// on_pose() had last; only laws that plan ahead are asked without one, and before t = 0.
   virtual LawOutput decide(Instant now, const SeenPose* newest) = 0;
 
-  /// What is sent at `now` in place of a decision: before t = 0, after a pose time-out, or instead
-  /// of an unusable decision. All that the law integrates starts afresh.
+  /// Output that is sent at `now` in place of a decision: before t = 0, after a pose time-out, or
+  /// instead of an unusable decision. All that the law integrates starts afresh.
   virtual LawOutput stop(Instant) {
     reset();
     return Twist{};
@@ -113,15 +113,16 @@ class Law {
 using LawSettings = Sections<ControllerSettings, VehicleSettings, ActuatorSettings, PathSettings,
                              AutonomySettings, WorldSettings, Surroundings>;
 
-/// What laws are made of.
+/// Construction arguments of laws.
 struct LawContext {
   LawSettings settings;
-  /// Of the point that is `ahead_m` ahead of the axle's midpoint.
+  /// Path of the point that is `ahead_m` ahead of the axle's midpoint.
   std::shared_ptr<const ReferencePath> path;
   double ahead_m = 0.0;
 };
 
-/// What a law is made of that heeds LawContext::ahead_m, or one that is derived for the axle alone.
+/// Context for a law that uses LawContext::ahead_m (`steers_any_point`), or that is derived only
+/// for the axle.
 LawContext law_context(const LawSettings& settings, bool steers_any_point);
 
 /// One of the values of controller.law. A new one is a file with a function <name>_law() that
@@ -142,9 +143,9 @@ struct LawKind {
   std::vector<std::string> keys;
   /// Throws UsageError for what is wrong with its files.
   std::unique_ptr<Law> (*make)(const LawContext&);
-  /// What several keys together must fulfil. Throws UsageError that begins with `file`.
+  /// Checks conditions on several keys together. Throws UsageError that begins with `file`.
   void (*check)(const ControllerSettings&, const std::string& file) = nullptr;
-  std::vector<ScenarioKey> own_keys = {};  ///< of ControllerSettings::own; among `keys`, too
+  std::vector<ScenarioKey> own_keys = {};  ///< keys of ControllerSettings::own; also among `keys`
 };
 
 /// All laws, in the order in which messages name them.

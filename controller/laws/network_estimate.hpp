@@ -15,7 +15,7 @@ class ReceptionEstimate {
  public:
   explicit ReceptionEstimate(std::int64_t window) : window_(window) {}
 
-  /// Numbers ascend; a lower one is a stream that started anew, and all is forgotten.
+  /// Numbers ascend; a lower one is a stream that restarted, and resets the estimate.
   void add(std::int64_t seq);
   double ratio() const;
 

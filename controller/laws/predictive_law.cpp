@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kMostSent = 4000;  // plans remembered
 /// The vehicle may still follow a plan, stopping, that ended up to this long before a pose.
 constexpr Duration kRunOut = std::chrono::seconds{10};
-/// A plan that is on the path for so long has settled.
+/// A plan that is on the path for this long has settled.
 constexpr Duration kSettling = std::chrono::seconds{2};
 
 /// A vehicle as MotionModel has it, to be moved as a PoseFilter is.
@@ -174,7 +174,7 @@ LawOutput PredictiveLaw::stop(Instant now) {
 
 Instant PredictiveLaw::start_of_next(Instant now) const {
   const Instant start = std::max(now + way_down(), kStart);
-  return std::chrono::ceil<std::chrono::microseconds>(start);  // as it is sent
+  return std::chrono::ceil<std::chrono::microseconds>(start);  // rounded like the message field
 }
 
 /// The vehicle at `until`, and the plan that it is assumed to follow then.
@@ -307,8 +307,8 @@ Plan PredictiveLaw::empty_plan(Instant start) {
   return plan;
 }
 
-/// What the planner makes of the roll-out on a drive without errors, whose commands are what it
-/// does; empty without a planner.
+/// The planner's result for the roll-out on a drive without errors, which follows its commands
+/// exactly; empty without a planner.
 std::vector<Twist> PredictiveLaw::optimised(const MotionModel::State& state,
                                             std::span<const PathPoint> path, double start_s) {
   if (!planner_) return {};

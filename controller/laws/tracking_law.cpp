@@ -83,7 +83,7 @@ MotionModel::State CompensatedTrackingLaw::predict(const SeenPose& seen, Instant
     }
   };
   Twist in_force;
-  double share = 1.0;  // of commands that arrive
+  double share = 1.0;  // share of commands that arrive
   const auto go_to = [&](Instant end, auto& next) {
     for (; next != sent_.end() && next->when + delay < end; ++next) {
       move(next->when + delay, in_force);

@@ -11,7 +11,7 @@ using Eigen::Map;
 using Eigen::VectorXd;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-constexpr double kTolerance = 1e-9;  // of the cost, relative
+constexpr double kTolerance = 1e-9;  // tolerance of the cost, relative
 constexpr int kMostEvaluations = 500;
 
 double cost(const std::vector<double>& x, std::vector<double>& slope, void* data) {
@@ -36,7 +36,7 @@ std::optional<std::vector<double>> solve(const BoxQp& qp, std::vector<double> st
   double least = 0.0;
   try {
     search.optimize(start, least);
-  } catch (const nlopt::roundoff_limited&) {  // as good as numbers allow
+  } catch (const nlopt::roundoff_limited&) {  // the result is as good as rounding allows
   } catch (const std::runtime_error&) {
     return std::nullopt;
   }

@@ -54,11 +54,11 @@ double square(double x) { return x * x; }
 
 }  // namespace
 
-/// What a sequence of rim speeds leads to.
+/// Trajectory that results from a sequence of rim speeds.
 struct MpcPlanner::Trajectory {
   std::vector<Pose2> poses;         ///< at the begin, and at the end of each step
   std::vector<Pose2> errors;        ///< to the path, at the end of each step; yaw wrapped
-  std::vector<WheelSpeeds> excess;  ///< of each change over the path's own
+  std::vector<WheelSpeeds> excess;  ///< excess of each change over the path's own
   double cost = 0.0;
 
   double weight(std::size_t k, double terminal) const {

@@ -18,7 +18,7 @@ struct MpcSettings {
   double rim_s2 = 0.01;     ///< the same of a change of 1 m/s of a rim, other than the path's
   double terminal = 10.0;   ///< the last step's errors weigh as much as those of so many
   double within_m = 1.0;    ///< farther off the path, the roll-out is taken as it is
-  double iterations = 2.0;  ///< of linearisation
+  double iterations = 2.0;  ///< number of linearisations
 
   bool operator==(const MpcSettings&) const = default;
 };
@@ -36,7 +36,7 @@ struct MpcSettings {
 /// robots F. Kühne, W. F. Lages, J. M. Gomes da Silva: Model predictive control of a mobile robot
 /// using linearization, 2004 — both quoted from memory). A solution that is not better than what it
 /// began with, by the cost above on the model itself, is dropped: the result is never worse than
-/// the guess. Limits of speed are those of whoever follows the wishes: MotionModel::reachable.
+/// the guess. Speed limits are those of the model that follows the result: MotionModel::reachable.
 class MpcPlanner {
  public:
   MpcPlanner(const MpcSettings& settings, std::shared_ptr<const ReferencePath> path);

@@ -13,7 +13,7 @@ bool stands(const LawOutput& decision) {
   return twist.v_mps == 0.0 && twist.omega_radps == 0.0;
 }
 
-/// Of `plan` from `t` on for `during`, which is at most one of its steps.
+/// Mean twist of `plan` from `t` on for `during`, which is at most one of its steps.
 Twist mean(const Plan& plan, Instant t, Duration during) {
   const Twist &first = plan.at(t), &then = plan.at(t + during);
   const Duration into = (t - plan.start) % plan.step;

@@ -18,7 +18,7 @@ namespace tether {
 /// and also if
 /// - it is the stop of a pose time-out;
 /// - otherwise two that were sent would be further apart than controller.send_max_age_s; with
-///   trigger = "event", where nobody knows when the next decision will be, the first one that is
+///   trigger = "event", where the time of the next decision is not known, the first one that is
 ///   so late;
 /// - a pose from after the beginning of the last plan sent names another plan: it was lost, or
 ///   refused. Nothing tells of a twist that was lost but the age limit.

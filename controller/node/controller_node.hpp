@@ -25,7 +25,7 @@
 
 namespace tether {
 
-/// What the controller takes of a scenario.
+/// The scenario sections that the controller uses.
 using ControllerNodeSettings =
     Sections<RunSettings, VehicleSettings, PathSettings, ControllerSettings, ActuatorSettings,
              AutonomySettings, LocaliserSettings, WorldSettings, Surroundings, FleetSettings>;
@@ -65,9 +65,9 @@ class ControllerNode final : public Node {
                  std::optional<std::int64_t> session = std::nullopt,
                  std::unique_ptr<Law> law = nullptr);
 
-  /// From now on, where the law would be asked for a decision, `ask` is called instead. Whoever it
-  /// is then calls decide_by_law(), not later than the next event of the loop: the run is the same
-  /// as if nobody had been asked.
+  /// From now on, where the law would be asked for a decision, `ask` is called instead. The callee
+  /// then calls decide_by_law(), not later than the next event of the loop: the run is the same as
+  /// if `ask` did not exist.
   void ask_before_deciding(std::function<void()> ask) { ask_ = std::move(ask); }
   /// `sends`: whether the decision goes out, if it does by the scenario. It is reported anyway.
   void decide_by_law(bool sends = true);

@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int kDirections = 12;  // of half a circle, and their opposites
+constexpr int kDirections = 12;  // number on half a circle; their opposites are used, too
 constexpr int kFiner = 5;        // steps of integration in one of the plan
 
 Vector2d turned(const Vector2d& v) { return {-v.y(), v.x()}; }
@@ -121,7 +121,7 @@ struct CellOfBox {
   Cell radius, track;
 };
 
-/// What is reached from one cell, as it is integrated.
+/// Set reachable from one cell, during its integration.
 class Reach {
  public:
   Reach(const TubePlan& plan, const TubeBounds& bounds, const CellOfBox& cell,
@@ -191,8 +191,8 @@ class Reach {
                         : Vector2d(std::cos(yaw_rad_), std::sin(yaw_rad_));
   }
 
-  /// Of a yaw rate of 1 rad/s, whose sign may change: what turns at s moves all that comes after.
-  /// Between two places the way bulges by no more than |v ω| Δ²/8.
+  /// Support function for a yaw rate of 1 rad/s whose sign may change: what turns at s moves all
+  /// that comes after. Between two places the way bulges by no more than |v ω| Δ²/8.
   double yaw_support(const Vector2d& u) const {
     const double step_s = kFiner * dt_s_;
     const double now = turned(place_).dot(u), bulge_m = 0.125 * lateral_mps2_ * step_s * step_s;

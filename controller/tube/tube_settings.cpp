@@ -40,7 +40,7 @@ void need_speed(const TubePlan& plan, const VehicleSettings& v, double larger) {
                   v.max_wheel_speed_mps, asked_mps * larger));
 }
 
-/// What the floor does is in a tube as a disturbance alone.
+/// The floor enters a tube only as a disturbance.
 void need_disturbance(const Scenario& scenario, const std::string& asked) {
   const auto& v = scenario.get<VehicleSettings>();
   const auto& world = scenario.get<WorldSettings>();

@@ -110,7 +110,7 @@ TEST(AgvLoop, TheStepChangesTheRunByMillimetres) {
 TEST(AgvLoop, AStepThatDoesNotFitIsRefused) {
   for (const char* step : {"0.3", "3", "4", "7"}) {
     EXPECT_THAT(refusal("paper", {std::string("world.step_ms=") + step}),
-                HasSubstr("the step must be whole microseconds and go into 10 ms without rest"));
+                HasSubstr("the step must be whole microseconds and divide 10 ms"));
   }
   EXPECT_THAT(refusal("paper", {"world.step_ms=20"}), HasSubstr("a number in [0.05, 10]"));
   EXPECT_THAT(refusal("paper", {"world.step_ms=10", "sensor.rate_hz=200"}),

@@ -18,7 +18,7 @@ class PathCurve {
  public:
   virtual ~PathCurve() = default;
 
-  virtual double length_m() const = 0;  ///< of one lap if closed; positive
+  virtual double length_m() const = 0;  ///< length of one lap if closed; positive; positive
   virtual bool is_closed() const = 0;
   /// `s_m` in [0, length_m()]; beyond, the nearer end.
   virtual CurvePoint at(double s_m) const = 0;

@@ -55,7 +55,7 @@ WaypointCurve::WaypointCurve(const Waypoints& waypoints)
   knots_.push_back({s_m, u.back(), u.size() - 2});
 }
 
-/// Of the point along the curve, for each unit of the parameter.
+/// Speed of the point along the curve per unit of the parameter.
 double WaypointCurve::speed(std::size_t segment, double u) const {
   return std::hypot(x_.at(segment, u).first, y_.at(segment, u).first);
 }

@@ -23,7 +23,7 @@ class WaypointCurve final : public PathCurve {
   CurvePoint at(double s_m) const override;
   /// Between waypoints the square is linear in the arc length: an even acceleration.
   double wanted_speed_mps(double s_m) const override;
-  /// That of the last waypoint up to `s_m`.
+  /// Source of the last waypoint up to `s_m`.
   std::string source(double s_m) const override;
 
   /// Where each waypoint is.
@@ -32,7 +32,7 @@ class WaypointCurve final : public PathCurve {
  private:
   struct Knot {
     double s_m = 0.0, u = 0.0;
-    std::size_t segment = 0;  ///< of the spline, from here on
+    std::size_t segment = 0;  ///< segment of the spline, from here on
   };
   double speed(std::size_t segment, double u) const;
   double arc_m(std::size_t segment, double from_u, double to_u) const;

@@ -26,9 +26,9 @@ struct Waypoints {
   bool is_closed() const;
 };
 
-/// Throws UsageError "name:line: …" for what is not such a file, for fewer than 2 points (4 if
-/// closed), more than 100 000, neighbours less than 1 mm apart and for turns of more than 135° from
-/// one chord to the next, which no wheels follow.
+/// Throws UsageError "name:line: …" for other files, for fewer than 2 points (4 if closed), more
+/// than 100 000, and for neighbours less than 1 mm apart. Turns of more than 135° from one chord to
+/// the next are refused, too, because no wheels can follow them.
 Waypoints read_waypoints(std::istream& in, const std::string& name);
 
 /// The same from a file.

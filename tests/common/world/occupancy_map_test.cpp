@@ -163,7 +163,7 @@ TEST_F(MapTest, SaysWhatIsWrongWithItsImage) {
       {"P5 3 2 255 abcde", "is cut off: it has fewer than the 6 pixels that it announces"},
       {"P5 3 2 256 abcdefghijk", "is cut off"},
       {"P5 50000 50000 255 a", "is cut off: it has fewer than the 2500000000 pixels"},
-      {"P5 1 1 100 z", "a pixel has 122, and 100 is said to be the largest value"},
+      {"P5 1 1 100 z", "a pixel has 122, but the header's maximum is 100"},
       {"P2 3 2 255 1 2 3 4 5", "is cut off"},
       {"P2 3 2 255 1 2 3 4 5 256", "a pixel = \"256\" must be a whole number in [0, 255]"},
       {"P2 3 2 255 1 2 3 4 5 6 7", "is larger than the 3 x 2 pixels that it announces"},
