@@ -13,9 +13,9 @@ struct LocaliserSettings {
   Place place = Place::none;
   bool knows_start = true;     ///< the start pose; false: it has to find out
   double resolution_m = 0.05;  ///< resolution of its map
-  double scan_height_m =
-      0.2;  ///< height of the scanner above the floor; it sees only objects at this height
-  double range_noise_m = 0.02;  ///< of a beam, standard deviation
+  /// Height of the scanner above the floor; it sees only objects at this height.
+  double scan_height_m = 0.2;
+  double range_noise_m = 0.02;  ///< standard deviation of a beam
   double odometry_noise_m =
       0.005;                    ///< standard deviation of a wheel's travel after 1 m; grows as √
   double max_distance_m = 0.5;  ///< beams that end farther from the map say nothing
@@ -40,8 +40,8 @@ struct AutonomySettings {
   double clear_for_s = 1.0;       ///< before it goes on by itself
   double pose_timeout_s = 0.5;    ///< without a pose: localisation is lost
   double remote_timeout_s = 0.5;  ///< without a command of the remote driver: it stands
-  double remote_max_age_s =
-      1.0;  ///< maximum age of the report that a remote driver's command names
+  /// Maximum age of the report that a remote driver's command names.
+  double remote_max_age_s = 1.0;
   double remote_speed_mps = 0.5;  ///< at most, while it is driven remotely
 };
 

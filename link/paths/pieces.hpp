@@ -20,8 +20,8 @@ namespace tether::link {
 std::size_t cut(std::string_view channel, ByteView bytes, std::size_t datagram_bytes,
                 const std::function<void(const Piece&)>& take);
 
-inline constexpr std::size_t kSmallestDatagram =
-    548;  // every IPv4 host must accept this (576 − 28)
+// Every IPv4 host must accept this (576 − 28).
+inline constexpr std::size_t kSmallestDatagram = 548;
 
 /// Which of two messages was sealed later, across sessions.
 struct MessageNumber {

@@ -160,8 +160,8 @@ class PeerLink {
   PathFates fates_;
   ClockOffset offset_;
   Reassembly reassembly_;
-  std::map<std::string, MessageNumber, std::less<>>
-      newest_of_;  // newest message of each latest-only channel
+  // Newest message of each latest-only channel.
+  std::map<std::string, MessageNumber, std::less<>> newest_of_;
   std::deque<Copy> copies_;
   std::optional<std::uint32_t> to_acknowledge_;  // session
   std::size_t acknowledge_by_ = 0;

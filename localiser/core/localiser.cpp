@@ -36,7 +36,7 @@ void Localiser::on_odometry(const OdometryReading& reading) {
   if (tracker_) tracker_->widen(kForgotten_m, kForgotten_rad);
 }
 
-/// Where they are said to be; without odometry they stand.
+/// Where the configuration puts them; without odometry they stand.
 OdometryTrack::Point Localiser::wheels_at(Instant when) const {
   return odometry_.at(when).value_or(OdometryTrack::Point{});
 }

@@ -25,7 +25,7 @@ struct Localisation {
   Pose2 pose;
   PoseCovariance covariance;
   Weakness weak;               ///< of the last scan alone
-  std::int64_t scan_seq = -1;  ///< of the last scan that was used
+  std::int64_t scan_seq = -1;  ///< number of the last scan that was used
   int beams = 0;               ///< of the last scan that were used
   int outside = 0;             ///< that hit what is not in the map
   double residual_m = 0.0;
@@ -38,7 +38,7 @@ struct Localisation {
 /// than kLeastShare: of all, or, if at least kLeastSeen of all fit, of those that fit or went
 /// through what the map shows, for the others may have met something new. Then odometry goes on
 /// alone. After kMostMisses of them in a row, or when the position is known less well than kLost_m,
-/// it is lost and searches: so a vehicle that somebody has carried elsewhere is noticed. Scans of
+/// it is lost and searches: so a vehicle that was carried elsewhere is noticed. Scans of
 /// fewer than kLeastBeams beams are not used and no misses. It tracks again from where the search
 /// is sure. kStrays matches in a row that odometry contradicts, but which nearly all beams fit, are
 /// taken at their word.
@@ -55,7 +55,7 @@ class Localiser {
   static constexpr int kStrays = 3;
   static constexpr double kStrayShare = 0.8;
   static constexpr int kLeastBeams = LocaliserSettings::kLeastBeams;
-  /// What is known less well by a scan alone is degenerate.
+  /// Standard deviation above which a direction is degenerate for a scan alone.
   static constexpr double kWeak_m = 0.1;
   static constexpr double kWeak_rad = 0.03;
 

@@ -9,17 +9,17 @@
 namespace tether {
 namespace {
 
-// What a vehicle may have accelerated since the last reading.
+// Assumed acceleration of a vehicle since the last reading.
 constexpr double kAcceleration_mps2 = 1.0;
 constexpr double kAcceleration_radps2 = 1.0;
 
-// Of what all information is more than, 1/m², 1/(m rad) and 1/rad²: keeps sums from being singular.
+// Lower bound of all information, 1/m², 1/(m rad) and 1/rad²: keeps sums from being singular.
 constexpr double kNothing = 1e-6;
 
-/// What a motion of some covariance during a scan makes of its match (pose_tracker.hpp).
+/// Effect of a motion of some covariance during a scan on its match (pose_tracker.hpp).
 struct Bend {
   Eigen::Matrix3d noise;   ///< covariance of what it does to Λ z
-  Eigen::Matrix3d before;  ///< of the motion up to the scan's middle with that
+  Eigen::Matrix3d before;  ///< covariance of the motion up to the scan's middle with that
   Eigen::Matrix3d after;   ///< of the motion from there on with that
 };
 

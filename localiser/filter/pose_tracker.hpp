@@ -29,14 +29,15 @@ namespace tether {
 /// normalised innovation squared is beyond kGate, which happens to one of 1000 if all is as
 /// assumed, is not used.
 ///
-/// Pure. Whoever calls says by move() what the wheels did in between.
+/// Pure. The caller reports by move() the wheels' motion in between.
 class PoseTracker {
  public:
   static constexpr double kGate = 16.266;  ///< 0.999 quantile of χ², 3 degrees of freedom
 
   struct Settings {
     double track_m = 1.0;
-    double wheel_noise_m = 0.01;  ///< of a wheel's way after 1 m, standard deviation; it grows as √
+    /// Standard deviation of a wheel's travel after 1 m; it grows as √.
+    double wheel_noise_m = 0.01;
   };
 
   PoseTracker(const Settings& settings, const Pose2& pose, const PoseCovariance& covariance)

@@ -8,10 +8,10 @@
 namespace tether {
 namespace {
 
-/// Of beams between two places of the scanner that are computed; in between it moves straight.
+/// Number of beams between two computed places of the scanner; in between it moves straight.
 constexpr std::size_t kSpan = 32;
 
-/// Of the scanner at a beam's time, in the vehicle's frame when it was at `then` by odometry.
+/// Pose of the scanner at a beam's time, in the vehicle's frame when it was at `then` by odometry.
 Pose2 scanner_at(const Scan& scan, const OdometryTrack& odometry, const Pose2& then,
                  std::size_t beam) {
   if (odometry.empty()) return scan.mount;

@@ -11,8 +11,8 @@
 namespace tether {
 namespace {
 
-/// Of the yaw, from elsewhere (odometry): 0.2 rad. Else a position beside a circle's centre would
-/// be unknown wherever the yaw is.
+/// Information on the yaw from another source (odometry): 0.2 rad. Else a position beside a
+/// circle's centre would be unknown wherever the yaw is.
 constexpr double kOtherwise = 25.0;
 
 double sigma_of(double information) {
@@ -20,7 +20,7 @@ double sigma_of(double information) {
   return 1.0 / std::sqrt(std::max(information, kLeast));
 }
 
-/// What is left of `of` if the rest has to be found out by the same measurement.
+/// Information `of` that remains if the same measurement also estimates the rest.
 double left_of(double of, double coupling, double rest) {
   return rest > 0.0 ? of - coupling * coupling / rest : of;
 }

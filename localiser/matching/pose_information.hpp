@@ -4,8 +4,8 @@
 
 namespace tether {
 
-/// What a measurement says of a pose: the inverse of a covariance, in 1/m², 1/(m rad) and 1/rad².
-/// It may be singular: then the measurement says nothing of some direction.
+/// Information of a measurement on a pose: the inverse of a covariance, in 1/m², 1/(m rad) and
+/// 1/rad². It may be singular: then the measurement says nothing of some direction.
 using PoseInformation = PoseCovariance;
 
 /// The direction in which information says least of the position, whatever the yaw is, and what it

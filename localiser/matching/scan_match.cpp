@@ -34,13 +34,13 @@ struct Sums {
   std::array<PoseInformation, Match::kSlices> by_time{};  ///< if that is the purpose
   Eigen::Vector3d slope = Eigen::Vector3d::Zero();
   double weights = 0.0;          ///< Tukey's
-  double weighed_squares = 0.0;  ///< of distances over standard deviations
+  double weighed_squares = 0.0;  ///< sum of squared distances over standard deviations
   double squares_m2 = 0.0;
   int used = 0;
 };
 
-/// What the weights are for: the next step, or what is known then, where beams that fit count
-/// alike.
+/// Purpose of the weights: the next step, or what is known then, where all beams that fit have the
+/// same weight.
 enum class Purpose { step, information };
 
 /// With `wider_m` more standard deviation than the noise.

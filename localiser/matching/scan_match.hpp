@@ -11,12 +11,12 @@
 namespace tether {
 
 struct MatchSettings {
-  double range_noise_m = 0.02;  ///< of a beam along itself, standard deviation, white
+  double range_noise_m = 0.02;  ///< standard deviation of a beam along itself, white
   double map_noise_m = 0.001;   ///< of the outlines in the map, across them
   double max_distance_m = 0.5;  ///< beams that end farther from the map say nothing, even at first
 };
 
-/// What a scan says of the pose.
+/// Result of matching a scan: the pose.
 struct Match {
   Pose2 pose;
   PoseInformation information;

@@ -14,7 +14,7 @@ inline Eigen::Matrix3d matrix_of(const PoseCovariance& p) {
   return m;
 }
 
-/// Of the upper triangle.
+/// Covariance from the upper triangle.
 inline PoseCovariance covariance_from(const Eigen::Matrix3d& m) {
   return {m(0, 0), m(0, 1), m(0, 2), m(1, 1), m(1, 2), m(2, 2)};
 }

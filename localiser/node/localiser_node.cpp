@@ -14,7 +14,7 @@ namespace {
 
 using Place = LocaliserSettings::Place;
 
-/// What a scanner at this height sees of the map.
+/// Shapes of the map that a scanner at this height sees.
 std::vector<Shape> seen_shapes(const LocaliserNodeSettings& settings) {
   const double height_m = settings.get<LocaliserSettings>().scan_height_m;
   std::vector<Shape> shapes = mapped_shapes(settings);

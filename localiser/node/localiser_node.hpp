@@ -21,7 +21,7 @@
 
 namespace tether {
 
-/// What the localiser takes of a scenario.
+/// The scenario sections that the localiser uses.
 using LocaliserNodeSettings =
     Sections<RunSettings, WorldSettings, VehicleSettings, Surroundings, LocaliserSettings>;
 
@@ -62,14 +62,14 @@ class LocaliserNode final : public Node {
   SoleSender senders_;
   Localiser localiser_;
   ScanAssembly assembly_;
-  StreamGuard scan_guard_;  ///< of scans, or of their parts
+  StreamGuard scan_guard_;  ///< guards scans, or their parts
   StreamGuard odometry_guard_;
   Rejected rejected_scans_;
   std::int64_t unusable_scans_ = 0;
   std::int64_t backward_scans_ = 0;
   std::int64_t undecodable_odometry_ = 0;
   std::int64_t unusable_odometry_ = 0;
-  std::optional<Instant> last_end_;  ///< of scans
+  std::optional<Instant> last_end_;  ///< end of the last scan
   std::int64_t poses_ = 0;
   std::int64_t localisations_ = 0;
   CounterReporter counters_;

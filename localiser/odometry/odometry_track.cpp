@@ -8,7 +8,8 @@ namespace {
 
 Pose2 along_arc(const Pose2& from, const Twist& twist, double seconds) {
   const double turn_rad = twist.omega_radps * seconds, way_m = twist.v_mps * seconds;
-  const double direction_rad = from.yaw_rad + 0.5 * turn_rad;  // of the chord, nearly as long
+  // Direction of the chord, nearly as long.
+  const double direction_rad = from.yaw_rad + 0.5 * turn_rad;
   return {from.x_m + way_m * std::cos(direction_rad), from.y_m + way_m * std::sin(direction_rad),
           wrap_angle(from.yaw_rad + turn_rad)};
 }

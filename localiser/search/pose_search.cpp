@@ -11,7 +11,7 @@
 namespace tether {
 namespace {
 
-// Of new particles.
+// Spacing of new particles.
 constexpr double kSpacing_m = 0.5;
 constexpr int kYaws = 72;
 constexpr double kYawStep_rad = 2.0 * std::numbers::pi / kYaws;
@@ -21,26 +21,26 @@ constexpr std::size_t kFirstBeams = 10;  ///< say whether it is worth while to a
 constexpr float kHopeful = 0.75F;
 constexpr std::size_t kStride = 17;  ///< through the beams, so that the first look all around
 constexpr double kCoarseCell_m = 0.2;
-constexpr double kCoarseSigma_m = 0.35;  ///< as far as a place may be off
+constexpr double kCoarseSigma_m = 0.35;  ///< error that a place may have
 constexpr float kFree_m = 0.3F;          ///< to the next outline
-// Of those that climb.
+// Maximum number of candidates that climb.
 constexpr std::size_t kClimbing = 6;
 constexpr std::size_t kClimbingBeams = 100;
 constexpr double kReach_m = 1.5;
 constexpr double kKeptReach_m = 0.3;
-// Of those kept.
+// Maximum number of candidates that are kept.
 constexpr std::size_t kKept = 12;
 constexpr double kSame_m = 0.3;
 constexpr double kSame_rad = 0.1;
 constexpr double kMemory_scans = 30.0;
-// Of the one that is found.
+// Sweeps for the found candidate.
 /// So often all places are looked at: what climbs from near the right one does not always arrive.
 constexpr std::size_t kSweeps = 2;
 constexpr int kLeastScans = 5;
 constexpr double kLeastFit = 0.55;
 /// Than any other place, after kLeastScans; less after more of them, down to kJustBetter. A mean of
-/// 30 scans of 100 beams' weights, each of which has about 0.13, is a tenth of that; but what the
-/// map does not have stands in each scan alike.
+/// 30 scans of 100 beams' weights, each of which has about 0.13, is a tenth of that; but objects
+/// that the map lacks appear in every scan.
 constexpr double kClearlyBetter = 0.08;
 constexpr double kJustBetter = 0.05;
 constexpr int kLeastBeams = 30;

@@ -27,11 +27,11 @@ namespace tether {
 ///
 /// The vehicle is found when all places were looked at twice, one particle fits well for some
 /// scans, and none elsewhere fits nearly as well. In a hall that looks the same from two places it
-/// is never found: whoever drives has to move it.
+/// is never found: its driver has to move it.
 class PoseSearch {
  public:
   struct Settings {
-    int draws = 20000;  ///< of new particles each scan
+    int draws = 20000;  ///< number of new particles per scan
     MatchSettings match;
     Position
         inside;  ///< a place that the vehicle can reach, and from it all others where it may be

@@ -21,7 +21,7 @@ ChannelSettings with_links_of(const ChannelSettings& channel, ChannelSettings ot
   return other;
 }
 
-/// Those of the channel's keys that are set, and were given or have another value than in `before`.
+/// Keys of the channel that are set, and were given or have another value than in `before`.
 std::vector<ChannelSetting> differences(const ChannelSettings& channel,
                                         const ChannelSettings& before,
                                         const std::set<std::string>& given = {}) {

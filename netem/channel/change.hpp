@@ -12,7 +12,7 @@ namespace tether {
 /// One setting of the channel, its key without "channel.": "downlink.prr", "0.45".
 struct ChannelSetting {
   std::string key;
-  std::string value;  ///< as TOML has it
+  std::string value;  ///< in TOML's syntax
 
   bool operator==(const ChannelSetting&) const = default;
 };
@@ -26,7 +26,7 @@ inline constexpr std::size_t kLongestSettingKey = 128;
 /// Other settings for a channel that is in use, all at once.
 struct ChannelChange {
   ChannelSettings channel;
-  std::vector<ChannelSetting> settings;  ///< what was given or became another, as it is now
+  std::vector<ChannelSetting> settings;  ///< given or changed settings, with their present values
 };
 
 /// The channel with other settings. `settings` are "KEY=VALUE" with keys as --set

@@ -6,8 +6,8 @@
 
 namespace tether {
 
-/// What makes a key of a link useless, such as `channel.uplink.model is "fixed"`; empty if the key
-/// has an effect. `prefix` is "channel.uplink." and so on, `part` what follows it.
+/// Reason why a key of a link has no effect, such as `channel.uplink.model is "fixed"`; empty if
+/// the key has an effect. `prefix` is "channel.uplink." and so on, `part` what follows it.
 std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
                           const std::string& part);
 

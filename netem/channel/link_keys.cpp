@@ -8,7 +8,7 @@
 namespace tether {
 namespace {
 
-/// Of the models that use one of the link's own keys.
+/// Names of the models that use one of the link's own keys.
 std::string names_of_models(bool ChannelModelKind::*uses) {
   std::string names;
   for (const ChannelModelKind& kind : channel_model_kinds()) {

@@ -25,7 +25,7 @@ ScenarioField<LinkConfig> in_channel(LinkConfig Channel::*link) {
           [link](Scenario& s) -> LinkConfig& { return s.get<Channel>().*link; }};
 }
 
-/// Of [channel.links]. A link that the scenario does not have is a default one.
+/// Field of [channel.links]. A link that the scenario does not have is a default one.
 ScenarioField<LinkConfig> by_name(const std::string& name) {
   return {[name](const Scenario& s) -> const LinkConfig& {
             static const LinkConfig kDefault;

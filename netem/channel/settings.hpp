@@ -46,7 +46,7 @@ struct ChannelSettings {
 
 ScenarioSection channel_section();
 
-/// What the network's nodes take of a scenario.
+/// The scenario sections that the network's nodes use.
 using NetemSettings = Sections<RunSettings, VehicleSettings, ChannelSettings>;
 
 }  // namespace tether

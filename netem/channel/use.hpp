@@ -10,17 +10,18 @@ namespace tether {
 /// Which links of a channel a relay uses: what its settings may be about.
 struct ChannelUse {
   std::vector<std::string> links;  ///< "uplink", "downlink", names of [channel.links]
-  bool by_rules = false;           ///< of any LCM traffic: nobody knows where a vehicle is
+  bool by_rules = false;           ///< for any LCM traffic: the vehicle's position is not known
 
   /// Refuses a setting, "KEY=VALUE" with or without "channel." before the key, of links that the
   /// relay does not use. One that means both ways ("prr=0.5") needs one of them. Throws UsageError,
   /// which names the links in use.
   void check(const std::string& setting) const;
 
-  /// Refuses a model that needs to know where the vehicle is if nobody does. Throws UsageError.
+  /// Refuses a model that needs the vehicle's position if the position is not known. Throws
+  /// UsageError.
   void check_models(const ChannelSettings& channel) const;
 
-  /// Those of the settings that are about links in use.
+  /// Settings of links in use.
   std::vector<ChannelSetting> select(std::vector<ChannelSetting> settings) const;
 
  private:
@@ -37,7 +38,7 @@ inline const ChannelUse kVehicleLinks{{"uplink", "downlink"}};
 /// Why a link cannot be used by rules: its model needs to know where the vehicle is; "" if it can.
 std::string why_not_by_rules(const std::string& name, const LinkConfig& link);
 
-/// What a link's keys begin with: "channel.uplink." or "channel.links.sat.".
+/// Prefix of a link's keys: "channel.uplink." or "channel.links.sat.".
 std::string link_key(const std::string& name);
 
 /// The settings of a link by its name.

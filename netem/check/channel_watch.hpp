@@ -21,7 +21,7 @@ struct ChannelReport {
   Direction downlink;
 };
 
-/// What is sent through the two links.
+/// Traffic through the two links.
 struct ChannelTraffic {
   LinkTraffic uplink;
   LinkTraffic downlink;
@@ -47,7 +47,7 @@ class ChannelWatch {
   LinkMonitor downlink_;
 };
 
-/// What `try_channel` offers, and how it went on.
+/// Traffic that `try_channel` offers, and its progress.
 struct ChannelTrial {
   std::int64_t packets = 1'000'000;                       ///< to each link
   std::function<void(std::int64_t offered)> on_progress;  ///< now and then; may be empty

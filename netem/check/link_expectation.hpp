@@ -9,8 +9,8 @@
 
 namespace tether {
 
-/// What a link's configuration says that statistics of its packets will show, and what it leaves
-/// open, with the reason in a few words.
+/// Expected statistics of a link's packets by its configuration, and those that the configuration
+/// leaves open, with a short reason.
 ///
 /// - Losses are the model's and `loss`: independent loss composes with that of every state. Packets
 ///   that find no room, or come during an outage, are not among them.

@@ -35,14 +35,14 @@ class LinkMonitor {
   std::vector<ChannelCheck> checks(Instant end, const ChannelCheckOptions& options = {}) const;
 
  private:
-  /// As measured: with intervals by the packets' own correlation, and no verdict.
+  /// The open checks, as measured: with intervals by the packets' own correlation, and no verdict.
   std::vector<ChannelCheck> open_checks(double confidence) const;
   void leave_open(std::vector<ChannelCheck>& checks, double confidence) const;
 
   LinkExpectation expected_;
   LossRecord loss_;
   DelayStatistics delays_;
-  std::optional<SojournStatistics> sojourns_;  // of channels with two or more states
+  std::optional<SojournStatistics> sojourns_;  // only for channels with two or more states
   std::int64_t packets_ = 0;
   std::int64_t in_outages_ = 0;
   std::int64_t overflowed_ = 0;

@@ -9,7 +9,7 @@ namespace tether {
 /// A packet that arrived.
 struct Reception {
   std::int64_t seq = 0;
-  double time_s = 0.0;  ///< of arrival, by any clock
+  double time_s = 0.0;  ///< time of arrival, by any clock
   /// From sending to arrival; NaN if unknown.
   double delay_s = std::numeric_limits<double>::quiet_NaN();
 };
@@ -21,9 +21,9 @@ struct LoggedPacket {
   double delay_s = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// What a channel did to a stream of packets, in the order of sending.
+/// Fates of a stream of packets on a channel, in the order of sending.
 struct FateLog {
-  /// Stretches of consecutive packets; a new one begins where the sender started anew.
+  /// Stretches of consecutive packets; a new one begins where the sender restarted.
   std::vector<std::vector<LoggedPacket>> segments;
   /// The sender is periodic: the times are replaced by multiples of its period.
   bool periodic = false;

@@ -17,7 +17,7 @@ namespace {
 using Fast = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
 
 constexpr std::size_t kMostValues = 20'000;
-constexpr double kLeastShape = 2.02;  // of a Pareto law: below 2 there is no variance
+constexpr double kLeastShape = 2.02;  // shape of a Pareto law: below 2 there is no variance
 
 double phi(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
 

@@ -8,11 +8,11 @@ namespace tether {
 /// A law of delays as maximum likelihood finds it, for DelayFit.
 struct FittedLaw {
   std::string name;
-  double lower_end = 0.0;  ///< what mean is counted from; of normal and uniform 0
+  double lower_end = 0.0;  ///< origin of the mean; 0 for normal and uniform
   double mean = 0.0, sd = 0.0, shape = 3.0;
   /// Standard errors of lower end, mean, standard deviation and shape, of independent values; NaN:
-  /// not determined, or the parameter is none of the law's. Of the lower end 0: it is at a limit of
-  /// where it is sought.
+  /// not determined, or the law does not have this parameter. For the lower end, 0 means: it is at
+  /// a limit of where it is sought.
   double errors[4] = {};
   int free_parameters = 0;
   double log_likelihood = 0.0;  ///< for one value on average

@@ -46,7 +46,7 @@ struct Correlation {
   double pairs = 0.0;
 };
 
-/// Of scores that many packets apart, both of which arrived.
+/// Correlation of scores `lag` packets apart, where both packets arrived.
 Correlation correlation_at(const DelayLog& scores, std::size_t lag) {
   double products = 0.0, squares = 0.0, pairs = 0.0;
   for (const auto& segment : scores) {

@@ -12,7 +12,7 @@ namespace tether {
 /// packet that was lost or of which the delay is not known.
 using DelayLog = std::vector<std::vector<double>>;
 
-/// What delays follow: a constant and a law of [channel.….jitter] (netem/stages/delay_law.hpp),
+/// Law that delays follow: a constant and a law of [channel.….jitter] (netem/stages/delay_law.hpp),
 /// with the correlation of successive packets' normal scores.
 ///
 /// - Correlation: that of the normal scores of ranks, over neighbours that both arrived; 0 unless
@@ -31,12 +31,12 @@ struct DelayFit {
 
   struct Candidate {
     std::string law;
-    double constant_s = 0.0;  ///< what the law is added to
+    double constant_s = 0.0;  ///< constant part, to which the law is added
     double mean_s = 0.0, sd_s = 0.0, shape = 3.0;
     double bic = 0.0;
     double distance = 0.0;  ///< Kolmogorov's
     double p_value = 1.0;
-    std::vector<FitParameter> parameters;  ///< of the scenario: in ms
+    std::vector<FitParameter> parameters;  ///< parameters of the scenario, in ms
   };
 
   std::int64_t delays = 0;
@@ -46,7 +46,8 @@ struct DelayFit {
   std::size_t best = 0;
   std::vector<double> table_s;  ///< if none fits
   double correlation = 0.0, correlation_error = 0.0;
-  /// Of scores kFar packets apart, observed and by the correlation; error of the former.
+  /// Correlation of scores kFar packets apart, observed and by the correlation; error of the
+  /// former.
   static constexpr int kFar = 10;
   double far = 0.0, far_expected = 0.0, far_error = 0.0;
 

@@ -70,7 +70,7 @@ class TimeStep {
       : pi_bad(m.mean_bad_s / (m.mean_good_s + m.mean_bad_s)),
         rate_per_s_(1.0 / m.mean_good_s + 1.0 / m.mean_bad_s) {}
 
-  /// P[the state is drawn anew within interval_s], up to the sign of correlation.
+  /// P[the state is drawn again within interval_s], up to the sign of correlation.
   double renewed(double interval_s) {
     if (interval_s != last_s_) {
       last_s_ = interval_s;

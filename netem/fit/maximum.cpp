@@ -64,7 +64,7 @@ MatrixXd observed_covariance(const Objective& f, const VectorXd& x) {
   }
   if (!information.allFinite()) return {};
   const Eigen::LLT<MatrixXd> cholesky(information);
-  constexpr double kFlat = 1e-3;  // of the factor, whose diagonal has roots
+  constexpr double kFlat = 1e-3;  // tolerance for the factor, whose diagonal has roots
   if (cholesky.info() != Eigen::Success) return {};
   if (!(cholesky.matrixLLT().diagonal().minCoeff() > kFlat)) return {};
   return cholesky.solve(MatrixXd::Identity(n, n));

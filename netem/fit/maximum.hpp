@@ -7,7 +7,7 @@
 
 namespace tether {
 
-/// What a fit cannot say.
+/// A value that a fit cannot determine.
 inline constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 /// A share for any number: what is between 0 and 1 is searched for without bounds.

@@ -37,10 +37,10 @@ struct MarkovFit : ModelFit {
   /// Mean delay of the packets received in each state, weighted with the probability of that state
   /// given all losses; NaN where the log has no delays.
   double delay_good_s = 0.0, delay_bad_s = 0.0;
-  DelayFit delays;  ///< of what is left when these, with the same weights, are taken off
+  DelayFit delays;  ///< fit of the remainder after these are subtracted, with the same weights
 };
 
-/// What a log says about its channel.
+/// Fit of a channel to its log.
 struct ChannelFit {
   enum class Choice { independent, gilbert_elliott, markov };
 
@@ -48,20 +48,20 @@ struct ChannelFit {
   std::int64_t lost = 0;
   double interval_s = 0.0;
   bool periodic = false;
-  DelayFit delays;  ///< of received packets
+  DelayFit delays;  ///< delays of received packets
   /// Enough losses and receptions (kFewestEvents each) to tell models apart; else only independent
   /// loss is fitted, and goodness is not tested.
   bool enough = false;
   /// Independent; then p and r (1−h = 1, 1−k = 0: Gilbert's simplest); with 1−h; with 1−k; with
   /// both.
   std::vector<PacketFit> candidates;
-  std::size_t best = 0;  ///< of candidates, by BIC
+  std::size_t best = 0;  ///< index of the best candidate, by BIC
   /// In time, with as many free parameters as the best candidate; none if that is independent, or
   /// if it has no positive correlation, which a process in time always has.
   std::optional<MarkovFit> markov;
   /// For periodic packets the two are the same; otherwise the more likely one of best and markov.
   Choice choice = Choice::independent;
-  GoodnessOfFit goodness;  ///< of the chosen model
+  GoodnessOfFit goodness;  ///< fit of the chosen model
   Stationarity stationarity;
 
   bool fits() const { return goodness.fits() && stationarity.holds(); }

@@ -73,7 +73,8 @@ class RunDivider {
   }
 
   ReceptionRuns finish() {
-    // The last arrival's pause nobody can confirm: one shorter than the run itself is believed.
+    // No later arrival can confirm the last arrival's pause: one shorter than the run itself is
+    // believed.
     if (candidates_.size() == 1 && after_pause_ &&
         candidates_[0].time_s - last_s_ <= last_s_ - run_.front().time_s) {
       accept(candidates_[0]);
@@ -149,9 +150,9 @@ class RunDivider {
     const auto begin = run_.end() - static_cast<std::ptrdiff_t>(repeated_);
     const double duration_s = kFaster * (r.time_s - begin->time_s);
     if (steps_between(*begin, r) * interval_s_ > duration_s) return;
-    std::vector<Reception> anew(begin, run_.end());
+    std::vector<Reception> new_run(begin, run_.end());
     run_.erase(begin, run_.end());
-    begin_run(std::move(anew));
+    begin_run(std::move(new_run));
   }
 
   void begin_run(std::vector<Reception> arrivals) {
@@ -185,7 +186,7 @@ class RunDivider {
   double last_s_ = 0.0;             // its latest arrival
   bool is_known_ = false;           // the latest arrival's number had arrived
   std::size_t repeated_ = 0;        // late arrivals in a row, counting up, and
-  std::size_t repeated_known_ = 0;  // those whose number had arrived
+  std::size_t repeated_known_ = 0;  // repeated packets whose number had arrived
   std::vector<Reception> candidates_;
   bool after_pause_ = false;  // the candidates go on with the run, but for their times
 };

@@ -23,8 +23,8 @@ struct ReceptionRuns {
 /// - goes on with the run if it is ahead by at most 1 + (3·elapsed + J)/h numbers. If it comes more
 ///   than J later than its number says, the sender made a pause; the next arrival must confirm it;
 /// - is late, or a copy, if it is behind, and the run was past its number for at most J. But 16 in
-///   a row that count up from 0 anew, as fast as the sender, half of them already known, are no
-///   copies: the sender began anew;
+///   a row that count up from 0 again, as fast as the sender, half of them already known, are no
+///   copies: the sender restarted;
 /// - begins a new run if two more arrivals go on from it, before any goes on with the old run;
 /// - is implausible otherwise: its number or its time is damaged.
 ///

@@ -79,7 +79,7 @@ std::string jitter_lines(const DelayFit& fit) {
   return text;
 }
 
-/// What stays when the jitter is taken off delays of that mean.
+/// Constant part of delays of that mean, without the jitter.
 double constant_part(const DelayFit& fit, double mean_s) {
   if (fit.law() == "none") return mean_s;
   const double shift_s = fit.law() == "table" ? 0.0 : fit.candidates[fit.best].constant_s;
@@ -96,7 +96,7 @@ std::string markov_lines(const MarkovFit& m) {
          line("markov.mean_bad_s", m.model.mean_bad_s, &p[3]) + jitter_lines(m.delays);
 }
 
-/// Of a model that has one delay for all its states.
+/// Lines on the delay of a model that has one delay for all its states.
 std::string delay_lines(const DelayFit& fit) {
   const double constant_s = fit.law() == "none" ? fit.mean_s : constant_part(fit, 0.0);
   return delay_line("delay_ms", constant_s) + jitter_lines(fit);

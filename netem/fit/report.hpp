@@ -6,7 +6,7 @@
 
 namespace tether {
 
-/// In a sentence: what the channel is, or that it is none of the models, and by what that shows.
+/// In a sentence: the fitted model, or that no model fits, and the evidence.
 std::string fit_verdict(const ChannelFit& fit);
 
 /// For people: the log, every model with its parameters, standard errors, 95 % intervals, AIC and

@@ -7,7 +7,7 @@ namespace tether {
 namespace {
 
 struct Clusters {
-  double count = 0.0, packets = 0.0, losses = 0.0;  // of the bad state
+  double count = 0.0, packets = 0.0, losses = 0.0;  // sums over the bad state
   double good_packets = 0.0, good_losses = 0.0;
 };
 

@@ -12,7 +12,7 @@ namespace tether {
 
 /// Whether losses and delays stay the same all through a log.
 ///
-/// Of a series x_t with n values, Y_j = √(2/n) Σ_t x_t cos(π j (t + ½)/n), j ≥ 1, is nearly
+/// Let x_t be a series with n values. Y_j = √(2/n) Σ_t x_t cos(π j (t + ½)/n), j ≥ 1, are nearly
 /// independent, with mean 0 and variance S(π j/n), S the spectral density of x if it is stationary
 /// (Müller, Econometrica 76(5), 2008). What drifts, steps or bulges has its energy in the lowest of
 /// them. Σ Y_j²/(S j²) is the mean square of the CUSUM, with the variance that S gives it (Nyblom,
@@ -25,8 +25,8 @@ namespace tether {
 /// neighbours' products (correlation). S is the fitted model's, so that bursts are no drift: with
 /// C = π_G π_B (e_B − e_G)² and λ = 1 − p − r of losses, S(ω) = P(1−P) − C + C (1−λ²)/(1 − 2λ cos ω
 /// + λ²). A model may explain by it what has come and gone often enough: 1/(p + r) counts as
-/// n/kFewestTimes packets at most. Slower states cannot be told from a drift by this log, and are
-/// called one.
+/// n/kFewestTimes packets at most. Slower states cannot be distinguished from a drift by this log,
+/// and are called one.
 struct Stationarity {
   static constexpr int kHigh = 40;
   static constexpr double kFewestTimes = 20.0;
@@ -36,7 +36,7 @@ struct Stationarity {
   struct Test {
     std::string what;  ///< "the loss", "the delays' spread"
     double p_value = 1.0;
-    double period_packets = 0.0;  ///< of tests for a period
+    double period_packets = 0.0;  ///< period found by the tests
   };
   std::vector<Test> tests;
   std::array<double, 4> loss{};  ///< shares lost in the first to the last quarter of the packets
@@ -45,9 +45,9 @@ struct Stationarity {
   double p_value() const;
   /// The test with the smallest p-value; there is one.
   const Test& strongest() const;
-  /// Of the losses alone: delays follow the machine that recorded them, too.
+  /// Verdict on the losses alone: delays follow the machine that recorded them, too.
   bool holds() const;
-  /// Of losses and delays.
+  /// Verdict on losses and delays.
   bool beyond_doubt() const { return p_value() >= kDoubt; }
 };
 

@@ -4,15 +4,16 @@
 
 namespace tether {
 
-/// What a link does to the packets that it is offered under one condition of the channel.
+/// Treatment of the packets of a link under one condition of the channel.
 struct LinkCondition {
-  double prr = 1.0;   ///< probability that the packet gets through, 0..1
-  Duration delay{0};  ///< of those that do, before the link's delay law adds to it; never negative
+  double prr = 1.0;  ///< probability that the packet gets through, 0..1
+  Duration delay{
+      0};  ///< delay of received packets, before the link's delay law adds to it; never negative
 
   bool operator==(const LinkCondition&) const = default;
 };
 
-/// What decides the conditions of a link: a constant, a Markov chain, a trace, a map.
+/// Process that decides the conditions of a link: a constant, a Markov chain, a trace, a map.
 ///
 /// Two kinds share this interface:
 /// - Processes in *time* (fixed, markov, chain, trace, map) implement advance(): what they say at
@@ -39,8 +40,8 @@ class ChannelProcess {
   /// Moves on to `now`. Processes per packet do nothing.
   virtual void advance(Instant now) = 0;
 
-  /// What the packet that is offered at `now` meets. Called exactly once for each packet of a link,
-  /// in order, whatever becomes of the packet (also when an outage has already taken it).
+  /// Condition for the packet that is offered at `now`. Called exactly once for each packet of a
+  /// link, in order, whatever becomes of the packet (also when an outage has already taken it).
   virtual LinkCondition on_packet(Instant now) {
     advance(now);
     return condition();

@@ -17,8 +17,8 @@ namespace tether {
 /// pass (netem/stages/kinds.hpp has their order), and the queue of packets under way.
 ///
 /// Pure: time and randomness are arguments. Common random numbers: every stage has its own stream
-/// and draws a fixed number of times per packet offered, so that the fate of the n-th packet
-/// depends on seed, link, n and time, not on the other stages, nor on who sends or listens.
+/// and draws a fixed number of times per packet offered. So the fate of the n-th packet depends on
+/// seed, link, n and time, not on the other stages, nor on who sends or listens.
 class Link {
  public:
   /// offered + duplicated = outage_dropped + lost + overflowed + delivered + in_flight, always.
@@ -30,7 +30,7 @@ class Link {
     std::int64_t overflowed = 0;  ///< no room in the link or before the bottleneck
     std::int64_t delivered = 0;
     std::int64_t delivered_bytes = 0;
-    // Of those that were not lost:
+    // Packets that were not lost:
     std::int64_t corrupted = 0;
     std::int64_t reordered = 0;
   };
@@ -61,7 +61,7 @@ class Link {
   /// Hands over every packet due by `now`, in order of departure, then of arrival.
   void pop_ready(Instant now, const std::function<void(const Packet&)>& deliver);
 
-  /// Is told each packet's fate from now on, at the end of push().
+  /// Receives each packet's fate from now on, at the end of push().
   void set_observer(Observer observer) { observer_ = std::move(observer); }
 
   const Counters& counters() const { return counters_; }

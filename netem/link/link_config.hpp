@@ -20,7 +20,7 @@ struct LinkConfig {
   std::string model = "fixed";  ///< the name of one of channel_model_kinds()
   /// The one state of the model fixed; of others with one delay in all states: that delay.
   ChannelStateConfig fixed;
-  OwnSettings own;  ///< of models and stages: own.get<MarkovConfig>()
+  OwnSettings own;  ///< settings of models and stages: own.get<MarkovConfig>()
 
   bool operator==(const LinkConfig&) const = default;
 };

@@ -15,10 +15,11 @@ inline constexpr Range kDelayRange_ms{0.0, 1e6, false};
 
 /// A link's settings in a scenario, for keys.
 struct LinkField {
-  std::string prefix;  ///< of its keys: "channel.uplink."
+  std::string prefix;  ///< prefix of its keys: "channel.uplink."
   ScenarioField<LinkConfig> link;
 
-  /// Of a model's or a stage's own settings: "channel.uplink.<table>.", "channel.uplink." for "".
+  /// Key of a model's or a stage's own settings: "channel.uplink.<table>.", "channel.uplink." for
+  /// "".
   template <class Settings>
   KeyTable<Settings> keys_of(const std::string& table) const {
     return {

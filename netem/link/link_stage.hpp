@@ -17,7 +17,7 @@ namespace tether {
 /// A random stream of one link for one purpose, such as "loss".
 using LinkStreams = std::function<RandomEngine(std::string_view purpose)>;
 
-/// What became of a packet when it was offered, for statistics.
+/// Fate of a packet at the time it was offered, for statistics.
 struct PacketFate {
   enum class Outcome { under_way, outage, lost, overflowed };
 
@@ -34,7 +34,7 @@ struct PacketFate {
 /// A packet that is offered to a link, with what the stages so far have made of it.
 struct OfferedPacket {
   Packet& packet;
-  LinkCondition condition;  ///< of the channel
+  LinkCondition condition;  ///< condition of the channel
   PacketFate fate;
   bool copied = false;  ///< a copy goes the same way
 
@@ -85,7 +85,7 @@ class LinkStage {
 
 using StagePtr = std::unique_ptr<LinkStage>;
 
-/// Those that are on, in the order in which packets pass them.
+/// Enabled stages, in the order in which packets pass them.
 using LinkStages = std::vector<StagePtr>;
 
 }  // namespace tether

@@ -32,7 +32,7 @@ class PacketQueue {
     return heap_.empty() ? Instant::max() : heap_.front().departure;
   }
 
-  /// Of the last to leave; Instant::min() if empty. Looks at every packet.
+  /// Departure of the last packet to leave; Instant::min() if empty. Looks at every packet.
   Instant last_departure() const;
 
   /// Takes out the first, into `ready`, if it is due by `now`; else returns false.

@@ -31,8 +31,8 @@ static_assert(std::size(kTcParts) == static_cast<std::size_t>(TcPart::schedule) 
 
 /// An export under way, to which stages and model append.
 struct TcDraft : TcExport {
-  double state_delay_ms = 0.0;  ///< of the model
-  double loss = 0.0;            ///< besides the model's
+  double state_delay_ms = 0.0;  ///< delay of the model
+  double loss = 0.0;            ///< in addition to the model's
   bool delays_vary = false;
 
   /// Whether the command has this option already.
@@ -41,14 +41,14 @@ struct TcDraft : TcExport {
   }
 };
 
-/// As tc reads numbers: "12.5%", "0.25ms".
+/// Number in tc's syntax: "12.5%", "0.25ms".
 std::string tc_percent(double probability);
 std::string tc_time(double milliseconds);
 
 /// ` loss random 3%`, for independent losses; "" if there are none.
 std::string tc_random_loss(double loss);
 
-/// Of a packet that passes two losses.
+/// Loss of a packet that passes two losses.
 double loss_of_either(double loss, double other);
 
 /// Bytes of an Ethernet frame with a short LCM message (one fragment, over UDP and IPv4) that are

@@ -19,7 +19,7 @@ namespace tether {
 /// random (poisson), or in equal periods from a random phase on; and those of medium.others.
 class BackgroundTraffic {
  public:
-  /// Of all their packets, whose fate nobody asks for.
+  /// Statistics of all their packets, whose fates have no receiver.
   static constexpr std::uint64_t kId = std::numeric_limits<std::uint64_t>::max();
 
   BackgroundTraffic(const MediumSettings& settings, std::uint64_t seed);
@@ -29,7 +29,7 @@ class BackgroundTraffic {
   const MediumSettings::Background& of(std::size_t station) const {
     return stations_[station].kind;
   }
-  /// Of its random streams.
+  /// Name of its random streams.
   const std::string& name(std::size_t station) const { return stations_[station].name; }
 
   Instant next_arrival() const;

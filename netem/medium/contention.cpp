@@ -158,7 +158,7 @@ void Contention::put_on_air() {
   for (const std::size_t i : in_air_) frames_.push_back(front(contenders_[i]));
 }
 
-/// Of a frame that collides.
+/// Error probability of a frame that collides.
 double Contention::errors_among(std::size_t which) const {
   return capture_ ? capture_(frames_, which) : 1.0;
 }

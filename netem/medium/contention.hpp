@@ -17,7 +17,7 @@ namespace tether {
 
 /// How stations share the air: IEEE 802.11-2016, 10.3 (DCF) and 10.22.2 (EDCA).
 struct ContentionRules {
-  /// What happens to a station's backoff counter in a slot in which somebody else transmits.
+  /// Rule for a station's backoff counter in a slot in which another station transmits.
   enum class Countdown {
     idle_slots,      ///< DCF, 10.3.4.3: nothing; it counts whole idle slots only
     slot_boundaries  ///< EDCA, 10.22.2.4, and Bianchi's model: that slot counts, too
@@ -32,10 +32,10 @@ struct AccessParameters {
   int cw_min = 15;    ///< counters are drawn from 0 … cw, which doubles (2·cw + 1) up to …
   int cw_max = 1023;  ///< … this with each failure
   int aifsn = 2;      ///< slots after SIFS before it counts or transmits; DCF: 2
-  std::int64_t attempts = 7;  ///< of a frame, then it is dropped; 0: no limit
+  std::int64_t attempts = 7;  ///< maximum attempts of a frame, then it is dropped; 0: no limit
 };
 
-/// What becomes of a frame at the end of its last attempt.
+/// Result of a frame at the end of its last attempt.
 struct FrameEnd {
   std::uint64_t id = 0;
   bool delivered = false;
@@ -60,7 +60,8 @@ class Contention {
   using Ended = std::function<void(const FrameEnd&)>;
   /// Changes what a frame takes of the medium, and how noise treats it, to how that is now.
   using Renew = std::function<void(Frame&)>;
-  /// Of one of several frames that are in the air at once: its error ratio; 1: it is lost.
+  /// Error probability of one of several frames that are in the air at once: its error ratio; 1: it
+  /// is lost.
   using Capture = std::function<double(std::span<const Frame> frames, std::size_t which)>;
 
   Contention(const ContentionRules& rules, std::uint64_t seed, Ended ended);
@@ -90,7 +91,7 @@ class Contention {
   /// From now on the contender always has a frame like this one; its id is not reported.
   void saturate(Instant now, std::size_t contender, const Frame& frame);
 
-  /// When the next transmission begins; Instant::max() if nobody has a frame.
+  /// When the next transmission begins; Instant::max() if no station has a frame.
   Instant next_event() const;
   /// All transmissions that begin by `now`.
   void advance(Instant now);
@@ -106,7 +107,7 @@ class Contention {
     std::int64_t dropped = 0;    ///< after all attempts
     std::int64_t expired = 0;    ///< lifetime over before the first attempt
     std::int64_t overflowed = 0;
-    Duration busy{};  ///< of the medium, in all
+    Duration busy{};  ///< busy time of the medium, in all
   };
   const Counters& counters() const { return counters_; }
   /// Frames of one contender that were delivered.
@@ -119,7 +120,7 @@ class Contention {
     int station;
     AccessParameters access;
     int cw;
-    int attempts = 0;  ///< of the frame in front
+    int attempts = 0;  ///< attempts of the frame in front
     std::int64_t delivered = 0;
     FrameQueue queue;
     std::optional<Frame> endless;
@@ -154,9 +155,9 @@ class Contention {
   std::vector<std::int32_t> aifsn_;
   std::vector<char> untouched_;  ///< at zero without a draw: may go at once, draws if it cannot
   std::int32_t first_;           ///< the least of goes_at_
-  // Of the present transmission.
+  // State of the present transmission.
   std::vector<std::size_t> sending_;
-  std::vector<std::size_t> in_air_;  ///< of those
+  std::vector<std::size_t> in_air_;  ///< present frames of those stations
   std::vector<Frame> frames_;        ///< of these, if one may be captured
   Instant idle_since_ = kStart;      ///< or busy until then
   Counters counters_;

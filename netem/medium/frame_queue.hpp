@@ -10,18 +10,18 @@
 
 namespace tether {
 
-/// What one frame takes of the medium.
+/// Airtime of one frame.
 struct Frame {
   std::uint64_t id = 0;
   Duration air{};            ///< of its data: received at the end of it
   Duration exchange{};       ///< until the medium is idle again, with its acknowledgement
-  Duration wasted{};         ///< the same if nobody can read it
+  Duration wasted{};         ///< the same if no receiver can decode it
   bool acknowledged = true;  ///< false: broadcast, sent once
-  double error_ratio = 0.0;  ///< of attempts without a collision, lost to noise
+  double error_ratio = 0.0;  ///< share of attempts without a collision that are lost to noise
 
   // Where the radio decides about each attempt.
   static constexpr int kAnybody = -1;
-  int station = kAnybody;  ///< that sends it, or is sent it by the access point
+  int station = kAnybody;  ///< station that sends it, or receives it from the access point
   bool down = false;       ///< that
   int bytes = 0;           ///< with all headers
   double rate_Mbps = 0.0;

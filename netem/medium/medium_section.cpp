@@ -161,7 +161,7 @@ void check(const Scenario& scenario, const std::string& file) {
   }
 }
 
-/// What is known of cells; others than given keys.
+/// Parameters of known cells; others than given keys.
 struct Preset {
   const char* name;
   double request_period_ms, offset_ms, error_ratio;
@@ -171,7 +171,7 @@ struct Preset {
 // grants in each TDD period without being asked.
 constexpr std::array<Preset, 2> kPresets{{{"srsran", 20.0, 2.5, 0.005}, {"oai", 2.5, 2.25, 0.0}}};
 
-/// What was given beats the preset.
+/// Given keys take precedence over the preset.
 void complete(Scenario& scenario, const std::set<std::string>& given, const std::string&) {
   auto& medium = scenario.get<Medium>();
   for (const Preset& preset : kPresets) {

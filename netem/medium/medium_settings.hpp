@@ -18,7 +18,7 @@ namespace tether {
 struct MediumSettings {
   enum class Model {
     none,      ///< every link has air of its own
-    dcf,       ///< Wi-Fi, all stations alike (contention.hpp)
+    dcf,       ///< Wi-Fi, all stations with the same parameters (contention.hpp)
     edca,      ///< Wi-Fi with access categories
     scheduled  ///< a cell that grants its uplink (cell/scheduled_cell.hpp)
   };
@@ -28,7 +28,7 @@ struct MediumSettings {
   // Wi-Fi.
   bool he = false;                  ///< 802.11ax, HE SU, instead of OFDM of 802.11a/g
   double rate_Mbps = 54.0;          ///< of data; with a cell that of all users together
-  double control_rate_Mbps = 24.0;  ///< of acknowledgements
+  double control_rate_Mbps = 24.0;  ///< rate of acknowledgements
   std::string category = "VO";      ///< edca: of poses, commands and plans: BK, BE, VI, VO
   bool eifs = true;                 ///< after a collision stations wait as for an acknowledgement
   std::int64_t attempts = 7;        ///< of a frame (of a transmission in a cell)
@@ -38,7 +38,7 @@ struct MediumSettings {
   RadioSettings radio = {};
 
   // A cell.
-  std::string preset = "none";  ///< what sets those of its keys that are not given
+  std::string preset = "none";  ///< sets those of its keys that are not given
   double request_period_ms = 20.0;
   double offset_ms = 2.5;
   double slot_ms = 0.5;
@@ -64,36 +64,36 @@ struct MediumSettings {
   /// Other vehicles like the scenario's, as far as the radio goes: each sends `up` and is sent
   /// `down`, in equal periods, each from a random phase on.
   std::int64_t others = 0;
-  std::int64_t vehicles = 1;  ///< those of the fleet; no key: it follows from fleet.count
+  std::int64_t vehicles = 1;  ///< vehicles of the fleet; no key: it follows from fleet.count
   struct Stream {
     double rate_hz = 0.0;
-    std::int64_t bytes = 0;  ///< of a packet's UDP payload
+    std::int64_t bytes = 0;  ///< size of a packet's UDP payload
     double most_hz = 0.0;    ///< with send = "changed", where rate_hz is the least; else 0
     double highest_hz() const { return rate_hz > most_hz ? rate_hz : most_hz; }
   };
   // No keys: they follow from the scenario's other sections.
   Stream up = {}, down = {};         ///< poses; commands or plans
   bool poses_go_up = true;           ///< of the fleet's vehicles; false: they are made at the edge
-  std::vector<Stream> more_up = {};  ///< of theirs: odometry, parts of scans, localisation
+  std::vector<Stream> more_up = {};  ///< further streams: odometry, parts of scans, localisation
 };
 
 ScenarioSection medium_section();
 
-/// Of the UDP payload in which LCM sends a message: magic, number, the channel's name with its end,
-/// data.
+/// Size of the UDP payload in which LCM sends a message: magic, number, the channel's name with its
+/// end, data.
 inline std::int64_t datagram_bytes(std::string_view channel, std::int64_t message_bytes) {
   constexpr std::int64_t kLcmHeader = 8;
   return kLcmHeader + std::ssize(channel) + 1 + message_bytes;
 }
 
-/// What the packets of all vehicles and of the background ask for, collisions and repeats not
-/// counted; saturated stations, which are always asking, apart. All 0 without a medium.
+/// Load of the packets of all vehicles and of the background, without collisions and repeats;
+/// saturated stations, which are always asking, apart. All 0 without a medium.
 struct OfferedLoad {
   /// Shares of the medium's time; of a cell, whose ways have a carrier each, that of the busier
   /// way. Beyond 1 it cannot carry them. `most`: if all is sent of what need not be (send =
   /// "changed"): an upper bound.
   double least = 0.0, most = 0.0;
-  std::int64_t saturated = 0;  ///< stations; those and nobody else share what is left
+  std::int64_t saturated = 0;  ///< stations; only these share the remaining time
   /// Frames that the access point is to send a second, at most; and as many as it can, where each
   /// saturated station sends one for each of its: all have the same category. Else nullopt.
   double down_hz = 0.0;

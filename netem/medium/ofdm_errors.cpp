@@ -10,7 +10,7 @@ namespace {
 
 /// Errors of a punctured code: weights of distances first, first + step, …
 struct Code {
-  int k;  ///< of its rate k/n
+  int k;  ///< numerator of its rate k/n
   int first, step;
   std::span<const double> weights;
 };
@@ -35,7 +35,7 @@ constexpr Scheme kSchemes[] = {{kBpsk, kCodes[0]},  {kBpsk, kCodes[2]},  {kQpsk,
                                {kQpsk, kCodes[2]},  {kQam16, kCodes[0]}, {kQam16, kCodes[2]},
                                {kQam64, kCodes[1]}, {kQam64, kCodes[2]}};
 
-/// Of a decoded bit, at most 1.
+/// Error probability of a decoded bit, at most 1.
 double decoded_error(const Code& code, double coded_error) {
   const double d = std::sqrt(4.0 * coded_error * (1.0 - coded_error));
   const double step = std::pow(d, code.step);

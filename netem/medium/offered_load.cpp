@@ -59,19 +59,19 @@ Ways asked(const MediumSettings& settings, Rate rate_of) {
 /// Stations of one category that always have something to send succeed equally often (Bianchi).
 void share_out(const MediumSettings& settings, const Ways& most, OfferedLoad& load) {
   double round_s = 0.0;
-  bool alike = true;
+  bool equal = true;
   for (const Background& b : settings.background) {
     if (b.kind != Background::Kind::saturated) continue;
     load.saturated += b.stations;
     round_s +=
         static_cast<double>(b.stations) * airtime_s(settings, std::min(b.bytes, kMostInAFrame));
-    alike &= settings.model == MediumSettings::Model::dcf || b.category == settings.category;
+    equal &= settings.model == MediumSettings::Model::dcf || b.category == settings.category;
   }
   const Stream& down = settings.down;
   const auto frames = static_cast<double>(fragment_bytes(static_cast<int>(down.bytes)).size());
   load.down_hz =
       static_cast<double>(settings.vehicles + settings.others) * down.highest_hz() * frames;
-  if (load.saturated == 0 || !alike || load.down_hz <= 0.0) return;
+  if (load.saturated == 0 || !equal || load.down_hz <= 0.0) return;
   round_s += airtime_s(settings, down.bytes) / frames;
   load.most_down_hz = std::max(0.0, 1.0 - most.up) / round_s;
 }

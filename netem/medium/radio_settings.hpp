@@ -12,7 +12,7 @@ namespace tether {
 struct RadioSettings {
   enum class Model {
     none,   ///< as if noise were nothing but medium.error_ratio
-    fixed,  ///< all alike
+    fixed,  ///< the same for all
     hall    ///< as where the vehicle is says (indoor_factory.hpp)
   };
   Model model = Model::none;
@@ -21,19 +21,20 @@ struct RadioSettings {
   bool adapt_rate = false;           ///< medium.rate_Mbps is the highest, else the only one
   double highest_error_ratio = 0.1;  ///< adapt_rate: the best rate that loses no more frames
 
-  /// Of frames that collide on their way up: the least ratio of signal to noise and to the others
-  /// at which one is received. Not set: none is.
+  /// Capture threshold for uplink frames that collide: the least ratio of signal to noise and to
+  /// the others at which one is received. Not set: none is.
   std::optional<double> capture_sinr_db;
 
   // A hall.
   std::vector<std::vector<double>> access_points;  ///< [[x_m, y_m], …] in the world's frame
   IndoorFactory::Clutter clutter = IndoorFactory::Clutter::sparse_high;
   double carrier_GHz = 5.5;
-  double power_dBm = 20.0;       ///< of all senders, with their antennas
-  double noise_figure_db = 7.0;  ///< of all receivers, with all that they are worse than ideal
+  double power_dBm = 20.0;  ///< power of all senders, with their antennas
+  /// Noise figure of all receivers, including all implementation losses.
+  double noise_figure_db = 7.0;
   // With several access points.
-  double roaming_hysteresis_db = 6.0;  ///< that much better another has to be
-  double roaming_break_ms = 50.0;      ///< nothing passes for so long after a change
+  double roaming_hysteresis_db = 6.0;  ///< lead that another access point needs
+  double roaming_break_ms = 50.0;      ///< interruption after a change
   bool roaming_waits = true;           ///< roaming_queue = "wait": what is to pass meanwhile
 
   // Instead of what is typical of the clutter.

@@ -10,14 +10,14 @@
 
 namespace tether {
 
-/// What a vehicle that changes its access point does with its frames: for some time none passes in
+/// Handling of the frames of a vehicle that changes its access point: for some time none passes in
 /// either direction. Pure: time goes forward only.
 class Roaming {
  public:
   struct Rules {
     Duration away{};
     bool waits = true;   ///< frames wait for the end; else they are lost
-    QueueLimits limits;  ///< of those that wait: of each vehicle and way
+    QueueLimits limits;  ///< limits of waiting packets, per vehicle and direction
   };
   using Frames = std::vector<FrameQueue::Waiting>;
 
@@ -32,14 +32,14 @@ class Roaming {
   /// False if a frame of a vehicle that is away is lost.
   bool hold(Instant since, std::size_t vehicle, const Frame& frame);
 
-  /// When the next of those that are away is back; Instant::max() if nobody is away.
+  /// Time when the next roaming vehicle is back; Instant::max() if no vehicle is away.
   Instant next_return() const;
   struct Return {
     Instant at;
     std::size_t vehicle;
     Frames frames, expired;
   };
-  /// The first to be back by `now`, which is not away any more; nullopt: nobody.
+  /// First vehicle to be back by `now`, which is then not away any more; nullopt: none.
   std::optional<Return> come_back(Instant now);
 
   struct Counters {

@@ -17,7 +17,7 @@ namespace tether {
 /// From a vehicle to the access point or base station, or to it.
 enum class Way { up, down };
 
-/// What became of a packet.
+/// Fate of a packet.
 struct PacketFateOnAir {
   std::uint64_t id = 0;
   bool delivered = false;
@@ -58,7 +58,7 @@ class SharedMedium {
   /// "medium.delivered", .lost, .overflowed …
   void list(CounterList& out) const;
 
-  /// What a packet under way is worth to its receiver, by its id; the sender knows.
+  /// Value of a packet under way for its receiver, by its id; the sender knows.
   using Value = std::function<double(std::uint64_t id)>;
 
   /// nullptr for none. The random streams are derived from `seed`. `value`: asked for with serve =
@@ -87,7 +87,8 @@ class SharedMedium {
   std::int64_t sent_ = 0, delivered_ = 0, lost_ = 0, too_long_ = 0;
 };
 
-/// Of one packet on Ethernet and Wi-Fi, with UDP and IP headers: the sizes of its fragments.
+/// Sizes of one packet's fragments on Ethernet and Wi-Fi, with UDP and IP headers: the sizes of its
+/// fragments.
 std::vector<int> fragment_bytes(int udp_payload_bytes);
 
 }  // namespace tether

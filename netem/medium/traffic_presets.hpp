@@ -40,7 +40,7 @@ inline constexpr std::array<TrafficPreset, 7> kTrafficPresets{{
      "of an operation panel: 250 kbit/s, 40 to 250 bytes", true},
 }};
 
-/// nullptr if there is none of that name.
+/// nullptr if no element has that name.
 inline const TrafficPreset* traffic_preset(const std::string& name) {
   for (const TrafficPreset& preset : kTrafficPresets) {
     if (name == preset.name) return &preset;

@@ -9,7 +9,7 @@ constexpr int kServiceAndTailBits = 22;
 
 Duration symbols(int bytes, double rate_Mbps, Duration symbol) {
   const double bits_a_symbol = rate_Mbps * to_seconds(symbol) * 1e6;
-  // What divides without rest must not be rounded up to one more.
+  // An exact multiple must not be rounded up to one more.
   constexpr double kRounding = 1e-9;
   const double count = std::ceil((kServiceAndTailBits + 8 * bytes) / bits_a_symbol - kRounding);
   return static_cast<std::int64_t>(count) * symbol;

@@ -12,18 +12,18 @@ struct WifiPhy {
     he_su  ///< 36 µs and 8 µs a long training field, then symbols of 13.6 µs (guard 0.8 µs)
   };
   Format format = Format::ofdm;
-  /// Of a data frame's payload bits: 6 … 54 with OFDM; with HE bits a symbol / 13.6 µs, 86.0 for
-  /// MCS 7 at 20 MHz with one stream.
+  /// Rate of a data frame's payload bits: 6 … 54 with OFDM; with HE bits a symbol / 13.6 µs, 86.0
+  /// for MCS 7 at 20 MHz with one stream.
   double data_rate_Mbps = 54.0;
-  double control_rate_Mbps = 24.0;  ///< of acknowledgements, which are always OFDM
+  double control_rate_Mbps = 24.0;  ///< rate of acknowledgements, which are always OFDM
   Duration sifs = std::chrono::microseconds{16};
 };
 
 inline constexpr int kAckBytes = 14;
-/// Of an IP packet in a frame: LLC and SNAP, header of QoS data, FCS.
+/// Overhead of an IP packet in a frame: LLC and SNAP, header of QoS data, FCS.
 inline constexpr int kWifiOverheadBytes = 8 + 26 + 4;
 
-/// Of a PPDU with `bytes` of MAC frame (PSDU), service and tail bits added.
+/// Airtime of a PPDU with `bytes` of MAC frame (PSDU), service and tail bits added.
 Duration ofdm_airtime(int bytes, double rate_Mbps);
 Duration he_su_airtime(int bytes, double rate_Mbps);
 Duration data_airtime(const WifiPhy& phy, int bytes);

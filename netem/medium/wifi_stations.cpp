@@ -35,8 +35,8 @@ ContentionRules rules_of(const MediumSettings& settings) {
                                                                     : Countdown::slot_boundaries};
 }
 
-/// Of acknowledgements: the highest mandatory rate that is neither above that of the data nor above
-/// the one that is set (802.11-2016, 10.7.6.5.2).
+/// Rate of acknowledgements: the highest mandatory rate that is neither above that of the data nor
+/// above the one that is set (802.11-2016, 10.7.6.5.2).
 double control_rate_mbps(double set_Mbps, double data_Mbps) {
   for (const double rate_Mbps : {24.0, 12.0}) {
     if (rate_Mbps <= std::min(set_Mbps, data_Mbps)) return rate_Mbps;
@@ -188,8 +188,9 @@ double WifiStations::errors_at(const Frame& f, double sinr_db) const {
   return 1.0 - (1.0 - settings_.error_ratio) * kept;
 }
 
-/// Capture at the frame's access point. One that sends hears nobody, and how it is heard by those
-/// who are sent something from afar nobody knows; nor of those whose SNR is not known.
+/// Capture at the frame's access point. An access point that sends hears no other frame. Capture at
+/// vehicles is not modelled, because their mutual SNR is not known; nor is capture of frames whose
+/// SNR is not known.
 double WifiStations::errors_among(std::span<const Frame> frames, std::size_t which) const {
   const bool is_known = std::all_of(frames.begin(), frames.end(), [](const Frame& f) {
     return !f.down && f.station != Frame::kAnybody;
@@ -207,7 +208,7 @@ double WifiStations::errors_among(std::span<const Frame> frames, std::size_t whi
   return sinr_db > *settings_.radio.capture_sinr_db ? errors_at(frames[which], sinr_db) : 1.0;
 }
 
-/// Of what a vehicle sends, or is sent by the access point that it talks to.
+/// Contender for a vehicle's frames up, or for those to it from its access point.
 std::size_t WifiStations::contender_of(std::size_t vehicle, bool down) const {
   const Vehicle& v = vehicles_[vehicle];
   if (!down) return v.contender;

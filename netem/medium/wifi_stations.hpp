@@ -34,7 +34,7 @@ class WifiStations {
   bool push(Instant now, std::size_t vehicle, bool down, std::uint64_t id, int bytes);
 
   bool wants_position() const { return links_.wants_position(); }
-  /// What began before `now` did so where the vehicle was before.
+  /// Moves the vehicle. Frames that began before `now` keep the previous position.
   void on_position(std::size_t vehicle, double x_m, double y_m, Instant now);
 
   Instant next_event() const;
@@ -61,7 +61,7 @@ class WifiStations {
   void arrive(Instant now);
 
   struct Vehicle {
-    std::size_t contender;  ///< of what goes up
+    std::size_t contender;  ///< contender of the uplink
     int station;            ///< of links_
     RandomEngine noise;     ///< of what it sends and is sent; queued frames refer to it
   };
@@ -74,7 +74,7 @@ class WifiStations {
   std::vector<Queues> access_points_;
   BackgroundTraffic background_;
   std::vector<std::size_t> background_contenders_;
-  std::vector<int> background_stations_;  ///< of links_
+  std::vector<int> background_stations_;  ///< indices in links_
   RadioLinks links_;
   std::deque<Vehicle> vehicles_;
   Roaming roaming_;

@@ -44,7 +44,7 @@ GilbertElliott gilbert_from_burst(double prr, double mean_burst);
 /// max(1, (1−PRR)/PRR).
 double shortest_mean_burst(double prr);
 
-/// What packets show of it.
+/// Expected statistics of packets.
 ChannelExpectation expect_gilbert_elliott(const GilbertElliott& model,
                                           DelayCdf good_delay = constant_delay(0.0),
                                           DelayCdf bad_delay = constant_delay(0.0));

@@ -21,18 +21,20 @@
 
 namespace tether {
 
-inline constexpr double kProbabilityRounding = 1e-9;  ///< of probabilities written in decimal
+/// Rounding of probabilities written in decimal.
+inline constexpr double kProbabilityRounding = 1e-9;
 
 using ProcessPtr = std::shared_ptr<ChannelProcess>;
 
-/// What a link's process is made from.
+/// Construction arguments of a link's process.
 struct ProcessNeeds {
   const LinkConfig& link;
-  std::string prefix;      ///< of its keys, for messages
-  LinkStreams streams;     ///< the link's own
-  std::uint64_t seed;      ///< for streams that are not the link's own
-  ProcessPtr shared = {};  ///< of the other direction, whose state this one must have; null: none
-  // Of a link that is in use:
+  std::string prefix;   ///< of its keys, for messages
+  LinkStreams streams;  ///< the link's own
+  std::uint64_t seed;   ///< for streams that are not the link's own
+  /// Process of the other direction, whose state this one must have; null: none.
+  ProcessPtr shared = {};
+  // Only for a link that is in use:
   const LinkConfig* before = nullptr;  ///< its settings until now
   ProcessPtr present = {};             ///< its process until now
   std::int64_t offered = 0;            ///< packets so far
@@ -56,7 +58,7 @@ struct ProcessNeeds {
     if (shared) return std::dynamic_pointer_cast<Process>(shared);
     return keep ? present_as<Process>() : nullptr;
   }
-  /// A clock that has been made anew, as if it had been in use from the start.
+  /// A clock that was made again, as if it had been in use from the start.
   template <class Clock>
   std::shared_ptr<Clock> moved_on(Clock clock) const {
     if (before != nullptr) clock.advance(now);
@@ -84,7 +86,7 @@ struct ExpectedPackets {
 
 /// One of the values of channel.<link>.model. A new one is a file with a function <name>_model()
 /// that returns its row, and a line in kinds.cpp. Its settings are a struct with operator== in
-/// LinkConfig::own, at link.own.get<Settings>(), which nobody else needs to know.
+/// LinkConfig::own, at link.own.get<Settings>(), and known only to its own file.
 struct ChannelModelKind {
   enum class Moves { never, in_time, per_packet };
 
@@ -92,19 +94,19 @@ struct ChannelModelKind {
   bool uses_prr = false;  ///< the link's own key prr
   bool uses_delay_ms = false;
   bool needs_position = false;   ///< the vehicle's
-  bool begins_in_first = false;  ///< of its states, whether it ever returns to it or not
+  bool begins_in_first = false;  ///< the first of its states, whether it ever returns to it or not
 
   /// Its own keys: field.keys_of<Settings>(name).
   std::vector<ScenarioKey> (*keys)(const LinkField& field) = nullptr;
   /// At the end of each level, whichever model the link has: turns keys that stand for others into
   /// these. Throws UsageError.
   void (*resolve)(const std::string& prefix, LinkConfig&, const ScenarioLevel&) = nullptr;
-  /// What several keys together must fulfil. Throws UsageError: link.refuse().
+  /// Checks conditions on several keys together. Throws UsageError: link.refuse().
   void (*check)(const LoadedLink& link) = nullptr;
   /// Why one of its own keys, `part` = "<name>.…", does nothing; "" if it has an effect.
   std::string (*why_no_effect)(const std::string& prefix, const LinkConfig&,
                                const std::string& part) = nullptr;
-  /// What channel.shared_state needs of two links that have it: "the same …"; "" if all is well.
+  /// Checks the conditions of channel.shared_state on two links: "the same …"; "" if all is well.
   std::string (*not_shared)(const LinkConfig& uplink, const LinkConfig& downlink) = nullptr;
   Moves (*moves)(const LinkConfig&) = nullptr;  ///< must be given
   /// In a few words, for figures; null: its name.
@@ -113,12 +115,12 @@ struct ChannelModelKind {
   /// Throws UsageError for what is wrong with its files and matrices.
   ProcessPtr (*make)(const ProcessNeeds&) = nullptr;  ///< must be given
 
-  /// What `tether netem check` expects. Throws UsageError if packets that come at this interval
-  /// always meet the same phase of it. Null for models of which nobody knows, with the reason.
+  /// Expectation of `tether netem check`. Throws UsageError if packets that come at this interval
+  /// always meet the same phase of it. Null for models without an expectation, with the reason.
   ChannelExpectation (*expect)(const LinkConfig&, const ExpectedPackets&) = nullptr;
   std::string why_open = {};
 
-  /// tc: the delay in all states; nullopt if it differs. Null: nobody knows.
+  /// tc: the delay in all states; nullopt if it differs. Null: unknown.
   std::optional<double> (*only_delay_ms)(const LinkConfig&) = nullptr;
   /// tc: appends ` loss …`, with TcDraft::loss composed, and notes what has no equivalent.
   void (*export_loss)(const LinkConfig&, const TcSender&, TcDraft&) = nullptr;  ///< must be given

@@ -68,7 +68,7 @@ std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
 ProcessPtr make(const ProcessNeeds& needs) {
   if (needs.shared) return needs.shared;
   if (needs.same<MapConfig>()) return needs.present;
-  // What stands in the way does so for every link: the streams are not the link's.
+  // Obstacles shadow every link: the streams are not the link's.
   ProcessPtr made =
       make_map_process(needs.link.own.get<MapConfig>(), needs.prefix + "map.",
                        [seed = needs.seed](std::string_view place) {

@@ -22,7 +22,7 @@ struct MapConfig {
   std::vector<std::vector<double>> access_points;
   double snr_1m_db = 60.0;          ///< access points: SNR at 1 m, where they do not give their own
   double path_loss_exponent = 3.0;  ///< access points
-  double handover_s = 0.0;          ///< access points: nothing gets through for so long at a change
+  double handover_s = 0.0;          ///< access points: interruption at a change
   double shadowing_sd_db = 0.0;     ///< log-normal shadowing: standard deviation; 0 = none
   double shadowing_distance_m = 10.0;  ///< at which its correlation has fallen to 1/e
 

@@ -71,7 +71,7 @@ void export_loss(const LinkConfig& link, const TcSender& sender, TcDraft& out) {
   const auto [p, r] = markov_step(c.mean_good_s, c.mean_bad_s, sender.interval_s);
   out.notes.push_back(fmt::format(
       "model = \"markov\" has no equivalent: netem's states step with packets, not with time; as "
-      "long as packets come every {:g} ms, \"{}\" loses them alike",
+      "long as packets come every {:g} ms, \"{}\" has the same loss",
       sender.interval_s * 1e3,
       tc_gemodel({p, r, 1.0 - c.bad.prr, 1.0 - c.good.prr}, out.loss).substr(1)));
 }

@@ -29,7 +29,7 @@ struct TwoStateStep {
 /// π_B = T_B/(T_G + T_B), a = 1 − exp(−Δ(1/T_G + 1/T_B)), p = π_B·a, r = (1 − π_B)·a.
 TwoStateStep markov_step(double mean_good_s, double mean_bad_s, double interval_s);
 
-/// What packets every `interval_s` show of it.
+/// Expected statistics of packets every `interval_s`.
 ChannelExpectation expect_markov(double mean_good_s, double mean_bad_s, double interval_s,
                                  ExpectedState good, ExpectedState bad);
 

@@ -70,7 +70,7 @@ class ChainProcess final : public ChannelProcess {
 /// packet. Begins in a state drawn from the stationary distribution.
 class PacketChainProcess final : public ChannelProcess {
  public:
-  /// As ChainClock::from_probabilities().
+  /// Like ChainClock::from_probabilities().
   PacketChainProcess(const Matrix& probabilities, std::vector<LinkCondition> conditions,
                      const std::string& key, RandomEngine random);
   /// Goes on in the state and with the stream of `before`, which has as many states.

@@ -53,7 +53,7 @@ class TraceProcess final : public ChannelProcess {
   std::shared_ptr<const Trace> trace_;
   TraceConfig::Interpolation interpolation_;
   bool loop_;
-  Duration round_{0};  // of a loop
+  Duration round_{0};  // length of a loop
   Duration start_;     // since the first row, at t = 0
   Instant now_ = Instant::min();
   Instant until_ = Instant::max();

@@ -12,8 +12,8 @@ struct IndoorFactory {
 
   Clutter clutter = Clutter::sparse_high;
   double carrier_GHz = 5.5;
-  double station_height_m = 8.0;  ///< of the base station or access point
-  double vehicle_height_m = 1.5;  ///< of the vehicle's antenna
+  double station_height_m = 8.0;  ///< height of the base station or access point
+  double vehicle_height_m = 1.5;  ///< height of the vehicle's antenna
   double clutter_height_m = 2.0;
   double clutter_size_m = 10.0;  ///< d_clutter
   double clutter_density = 0.2;  ///< r: share of the floor, 0 < r < 1

@@ -62,7 +62,7 @@ std::string lower_case(std::string text) {
 
 struct Header {
   std::map<std::string, double> values;
-  double first_number = 0.0;  // of the grid
+  double first_number = 0.0;  // first coordinate of the grid
 };
 
 Header read_header(Words& words) {

@@ -34,7 +34,7 @@ class PositionMap {
   std::size_t columns_ = 0, rows_ = 0;
   double x_m_ = 0.0, y_m_ = 0.0;  // centre of the lower left cell
   double cell_size_m_ = 1.0;
-  std::vector<double> values_;  // as in the file: from above
+  std::vector<double> values_;  // rows as in the file: from above
 };
 
 /// A function given by points [[x, y], …] with ascending x: linear between them, constant beyond.

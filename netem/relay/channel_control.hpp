@@ -22,7 +22,7 @@ class ChannelControl {
   /// With the channel's settings as they are now.
   const NetemSettings& in_force() const { return in_force_; }
 
-  /// Of the links in use, those that differ from the defaults.
+  /// Settings of the links in use that differ from the defaults.
   std::vector<ChannelSetting> settings() const;
 
   /// Gives the links these settings ("downlink.prr=0.45": netem/channel/change.hpp)
@@ -33,7 +33,7 @@ class ChannelControl {
   std::vector<ChannelSetting> change(const std::vector<std::string>& settings, Instant now,
                                      const std::vector<Link*>& links);
 
-  /// What change() would take long for, reading files, as work for a thread of its own: they are
+  /// Slow part of change(), which reads files, as work for a thread of its own: they are
   /// kept then. None if no file is needed, or if change() refuses the settings anyway.
   std::function<void()> reading(const std::vector<std::string>& settings) const;
 

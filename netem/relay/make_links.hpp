@@ -22,7 +22,7 @@ LinkPair make_links(const NetemSettings& settings);
 /// The same with models that have been made already.
 LinkPair make_links(const NetemSettings& settings, const ChannelModels& models);
 
-/// Those of a scenario's links that are named, in this order; `names` are "uplink", "downlink" and
+/// Makes the named links of a scenario, in this order; `names` are "uplink", "downlink" and
 /// those in its channel.links, each at most once, and `models` made for them. The latter have
 /// the random streams "<vehicle>/links/<name>/<purpose>". Throws as make_links() does.
 std::vector<Link> make_links(const NetemSettings& settings, const ChannelModels& models,

@@ -25,7 +25,7 @@
 
 namespace tether {
 
-/// What the vehicle's relay takes of a scenario.
+/// The scenario sections that the vehicle's relay uses.
 using VehicleNetemSettings = Sections<RunSettings, VehicleSettings, ChannelSettings, MediumSettings,
                                       LocaliserSettings, FleetSettings>;
 
@@ -36,7 +36,7 @@ using VehicleNetemSettings = Sections<RunSettings, VehicleSettings, ChannelSetti
 /// What is handed over before departure, CTRL/PRELOAD → AGV/PRELOAD, passes by the links. Reports
 /// on NET/UPLINK and NET/DOWNLINK every run.report_period_s and at each change of a channel's state
 /// or settings. While several programs send on one of these channels at the same time it relays
-/// none of their messages ("senders.refused"): which of them counts, nobody could say. Takes other
+/// none of their messages ("senders.refused"): which of them counts cannot be decided. Takes other
 /// settings from NET/SET, from either side, and answers on NET/SETTINGS; publishes those of
 /// channel.change there itself, at their times. Only for models that need the vehicle's position,
 /// of a link or of the medium, does it decode AGV/POSE, before the uplink takes it (SIM/TRUTH where
@@ -98,7 +98,7 @@ class NetemNode final : public Node {
   std::list<RunningMedium::Deliver> ways_;  ///< behind the medium
   RunningLink uplink_;
   RunningLink downlink_;
-  std::list<CompanionLink> beside_;  ///< of the uplink
+  std::list<CompanionLink> beside_;  ///< companions of the uplink
   LiveSettings settings_;
 };
 

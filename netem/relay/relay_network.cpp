@@ -7,7 +7,7 @@
 namespace tether {
 namespace {
 
-/// Whoever floods the network with names fills no memory.
+/// A flood of names must not fill the memory.
 constexpr std::size_t kKnownChannels = 10'000;
 
 bool can_be_a_channel(const std::string& name) {

@@ -59,7 +59,7 @@ class RelayNode final : public Node {
   std::deque<RelayNetwork> networks_;                   // the first is the relay's own
   std::map<std::string, std::size_t> link_numbers_;
   std::deque<RunningLink> links_;
-  std::optional<LiveSettings> settings_;  // as soon as there are links
+  std::optional<LiveSettings> settings_;  // set as soon as there are links
   CounterReporter counters_;
 };
 

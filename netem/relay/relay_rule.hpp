@@ -11,7 +11,7 @@
 
 namespace tether {
 
-/// What tether-netem does with messages that are none of Tether's own, one `--rule`:
+/// Rule of tether-netem for messages of other programs, one `--rule`:
 ///
 ///     [SRC_URL:]REGEX → [DST_URL:]RENAME via LINK        (or ->)
 ///
@@ -23,7 +23,7 @@ namespace tether {
 /// A part that begins with "udpm://" is a URL up to its second colon, the one before the port being
 /// the first; everything behind it is the pattern, colons too. The arrow stands there once.
 struct RelayRule {
-  std::string source_url;  ///< as checked_lcm_url() gives it, here and below
+  std::string source_url;  ///< a URL in the form of checked_lcm_url(), here and below
   std::string pattern;
   std::string destination_url;
   std::string rename;  ///< "$&": the same name
@@ -46,7 +46,7 @@ std::string to_text(const RelayRule& rule);
 /// "239.255.76.67:7667": what tells LCM networks apart.
 std::string network_address(const std::string& url);
 
-/// What a rule makes of channel names.
+/// Mapping of channel names by a rule.
 class ChannelMap {
  public:
   explicit ChannelMap(const RelayRule& rule);

@@ -27,7 +27,7 @@ class RunningLink {
   /// Offers a packet to the link now.
   void take(Packet packet) { scheduled_.take(std::move(packet)); }
 
-  /// The link has got other settings: watches its channel's state anew, and reports now.
+  /// The link has got other settings: restarts watching its channel's state, and reports now.
   void changed();
 
   /// Makes and hands over a report now.

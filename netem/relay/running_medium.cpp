@@ -66,7 +66,7 @@ double RunningMedium::value_of(const Packet& packet) const {
                                : divergence_m(packet.bytes, known->second.bytes);
 }
 
-/// What else is under way to the same receiver is worth something else now.
+/// Updates the value of other packets under way to the same receiver.
 void RunningMedium::know(const Packet& delivered) {
   known_[delivered.channel] = delivered;
   for (auto& [id, other] : under_way_) {

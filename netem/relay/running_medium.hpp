@@ -14,9 +14,9 @@
 namespace tether {
 
 /// The shared medium on a loop: carries vehicles' packets over the air, and hands on those that
-/// arrive when they do. With medium.serve = "most_valuable" it tells the medium how far what is
-/// sent is from what was delivered before (divergence.hpp), as a sender knows who is told what
-/// arrived. With medium.model = none it hands on all at once. Stays where it is: tasks on the loop
+/// arrive when they do. With medium.serve = "most_valuable" it tells the medium how far a new
+/// message is from those delivered before (divergence.hpp), like a sender that is notified of each
+/// arrival. With medium.model = none it hands on all at once. Stays where it is: tasks on the loop
 /// refer to it.
 class RunningMedium {
  public:
@@ -31,7 +31,7 @@ class RunningMedium {
   /// `deliver` must outlive the packet's way.
   void send(std::size_t vehicle, Way way, Packet packet, const Deliver& deliver);
 
-  /// Whether the medium wants to be told where the vehicle is, which it is before the network.
+  /// Whether the medium needs the vehicle's position, which it receives before the network.
   bool wants_position() const { return medium_ && medium_->wants_position(); }
   void on_position(std::size_t vehicle, double x_m, double y_m);
 

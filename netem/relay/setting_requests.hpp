@@ -26,7 +26,7 @@ class SettingRequests {
   /// Throws with the reason, having changed nothing, if it refuses.
   using Apply = std::function<std::vector<ChannelSetting>(const std::vector<std::string>&)>;
 
-  /// What has to be done in a thread of its own before `Apply`, because it takes long; may be none.
+  /// Slow work in a thread of its own before `Apply`; may be none.
   using Prepare = std::function<std::function<void()>(const std::vector<std::string>&)>;
 
   /// Listens and answers on all `buses`; one that is named twice in a row counts once.

@@ -9,7 +9,7 @@ namespace tether {
 namespace {
 
 struct CorruptSettings {
-  double probability = 0.0;  ///< that a packet is damaged
+  double probability = 0.0;  ///< probability that a packet is damaged
   std::int64_t bits = 1;     ///< flipped in a damaged packet, all different
 
   bool operator==(const CorruptSettings&) const = default;

@@ -20,7 +20,7 @@ namespace {
 
 using Form = JitterLaw::Form;
 
-// long double inside Boost.Math would cost five times as much for digits that nobody sees.
+// long double inside Boost.Math would cost five times as much for digits that are not used.
 using Fast = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
 
 constexpr std::size_t kMaxTable = 1'000'000;

@@ -8,7 +8,7 @@
 
 namespace tether {
 
-/// What 52-bit uniform numbers give: Φ(−8.3) < 2^−53.
+/// Largest score from 52-bit uniform numbers: Φ(−8.3) < 2^−53.
 inline constexpr double kMaxScore = 8.3;
 
 /// A law of delays, as the function that turns a normal score z (a standard normal deviate) into a

@@ -3,7 +3,7 @@
 namespace tether {
 
 struct DuplicateSettings {
-  double probability = 0.0;  ///< that a packet is sent twice
+  double probability = 0.0;  ///< probability that a packet is sent twice
 
   bool operator==(const DuplicateSettings&) const = default;
 };

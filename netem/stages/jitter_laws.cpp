@@ -13,7 +13,7 @@
 namespace tether {
 namespace {
 
-// long double inside Boost.Math would cost five times as much for digits that nobody sees.
+// long double inside Boost.Math would cost five times as much for digits that are not used.
 using Fast = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
 
 constexpr std::size_t kScoreSteps = 16384;
@@ -116,7 +116,7 @@ std::string refuse_table(const JitterSettings& jitter) {
 // standard deviation 0.820 (uncut 1.1547). Paretonormal: 0.25 Z + 0.75 of that; −0.0253, 0.834
 // (uncut 1.05177).
 constexpr double kParetoSd = 1.1547005383792515;       // 2/√3
-constexpr double kParetonormalSd = 1.051771923566881;  // of 0.25 Z + (Y − 1.5)
+constexpr double kParetonormalSd = 1.051771923566881;  // standard deviation of 0.25 Z + (Y − 1.5)
 
 TcJitter tc_uniform(const JitterSettings& jitter) {
   return {.jitter_ms = std::numbers::sqrt3 * jitter.sd_ms};

@@ -35,7 +35,7 @@ struct JitterLaw {
   enum class Form { constant, normal, scores, quantiles };
 
   std::string name;
-  std::vector<std::string> keys;  ///< of [jitter], those that it uses besides law itself
+  std::vector<std::string> keys;  ///< keys of [jitter] that it uses in addition to `law`
   Form form = Form::constant;
   /// scores: x(z) (netem/stages/delay_law.hpp) at equal steps of z over ±kMaxScore, for sd_s > 0;
   /// seconds.

@@ -14,16 +14,16 @@
 
 namespace tether {
 
-/// What a stage of a link is made from.
+/// Construction arguments of a stage of a link.
 struct StageNeeds {
   const LinkConfig& link;
-  std::string prefix;  ///< of its keys, for messages
+  std::string prefix;  ///< prefix of its keys, for messages
   LinkStreams streams;
-  // Of a link that is in use:
+  // Only for a link that is in use:
   const LinkConfig* before = nullptr;       ///< its settings until now
   const LinkStages* present = nullptr;      ///< its stages until now
   std::int64_t offered = 0;                 ///< packets so far
-  Instant last_departure = Instant::min();  ///< of those under way
+  Instant last_departure = Instant::min();  ///< last departure of the packets under way
 
   template <class Settings>
   const Settings& settings() const {
@@ -59,16 +59,16 @@ struct StageNeeds {
   }
 };
 
-/// What is sent through a link.
+/// Traffic through a link.
 struct LinkTraffic {
   double interval_s = 1.0;    ///< between packets; the shortest one if they come irregularly
-  double packet_bytes = 0.0;  ///< of each
+  double packet_bytes = 0.0;  ///< size of each packet
   bool periodic = true;       ///< never two packets within less than interval_s
   /// Empty, or why packets meet some states of the channel more often than time would have it.
   std::string selected_because = {};
 };
 
-/// What the stages make of what statistics of the model's packets would show. A delay is
+/// Effect of the stages on the expected statistics of the model's packets. A delay is
 /// service_s + max(0, the model's + jitter), or in a share of packets service_s alone.
 struct StageEffects {
   double loss = 0.0;  ///< independent of all else
@@ -82,7 +82,7 @@ struct StageEffects {
 
 /// One of a link's stages. A new one is a file with a function <name>_stage() that returns its row,
 /// and a line in kinds.cpp. Its settings are a struct with operator== in LinkConfig::own, at
-/// link.own.get<Settings>(), which nobody else needs to know.
+/// link.own.get<Settings>(), and known only to its own file.
 struct LinkStageKind {
   std::string name = {};
   bool (*on)(const LinkConfig&) = nullptr;  ///< null: always
@@ -97,10 +97,10 @@ struct LinkStageKind {
   /// where it is off, other keys in the switch's table do nothing: "<prefix><switch key> is 0".
   std::string (*why_no_effect)(const std::string& prefix, const LinkConfig&,
                                const std::string& part) = nullptr;
-  /// What several keys together must fulfil. Throws UsageError: link.refuse().
+  /// Checks conditions on several keys together. Throws UsageError: link.refuse().
   void (*check)(const LoadedLink& link) = nullptr;
 
-  /// What `tether netem check` expects. Null: nothing that it checks. Called in the order of the
+  /// Expectation of `tether netem check`. Null: nothing that it checks. Called in the order of the
   /// stages, whether the stage is on or not.
   void (*expect)(const LinkConfig&, const LinkTraffic&, StageEffects&) = nullptr;
 
@@ -124,7 +124,7 @@ struct LinkStageKind {
 ///  11. slots: waits for the next release.
 const std::vector<LinkStageKind>& link_stage_kinds();
 
-/// Those that are on. Reads files. Throws UsageError.
+/// Makes the enabled stages. Reads files. Throws UsageError.
 ///
 /// Of a link in use, from packet number `offered` on:
 /// - What a stage's stream has in store for the n-th packet stays what it is, whichever stages are
@@ -135,11 +135,11 @@ const std::vector<LinkStageKind>& link_stage_kinds();
 ///   packet overtakes those that are under way, whatever they were offered under.
 LinkStages make_stages(const StageNeeds& needs);
 
-/// Of a new link.
+/// Stages of a new link.
 LinkStages make_stages(const LinkConfig& link, const std::string& prefix,
                        const LinkStreams& streams);
 
-/// Of a link in use that had the settings `before`.
+/// Stages of a link in use that had the settings `before`.
 LinkStages renewed_stages(const Link& link, const LinkConfig& before, const LinkConfig& after,
                           const std::string& prefix, const LinkStreams& streams);
 

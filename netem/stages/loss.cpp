@@ -5,7 +5,7 @@ namespace tether {
 namespace {
 
 struct LossSettings {
-  double probability = 0.0;  ///< of packets that the channel let through
+  double probability = 0.0;  ///< probability of losing a packet that the channel let through
 
   bool operator==(const LossSettings&) const = default;
 };

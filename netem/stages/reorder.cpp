@@ -9,7 +9,7 @@ namespace tether {
 namespace {
 
 struct ReorderSettings {
-  double probability = 0.0;  ///< that a packet skips its delay and so overtakes
+  double probability = 0.0;  ///< probability that a packet skips its delay and so overtakes
   std::int64_t gap = 1;      ///< at most one packet in so many
 
   bool operator==(const ReorderSettings&) const = default;

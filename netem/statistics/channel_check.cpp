@@ -75,7 +75,7 @@ class Checker {
         loss_.lag1_correlation(confidence_, spread), o_.precision);
   }
 
-  /// Of the slack that packets at the record's ends may cause.
+  /// Scale of the slack that packets at the record's ends may cause.
   static double configured_scale(double configured) {
     return 4.0 * std::max(1.0, std::abs(configured));
   }
@@ -109,7 +109,7 @@ class Checker {
           judge(configured_s, achieved, kSlack_s, std::max(kSlack_s, o_.precision * scale_s));
       if (achieved.effective_samples < o_.least_samples) verdict = Verdict::too_short;
       if (expected_.delay_is_constant() && delays_.count() > 0) {
-        // As with the PRR: right as long as no packet's is different.
+        // Same reasoning as for the PRR: right as long as no packet's is different.
         const bool same = delays_.shortest_s() >= configured_s - kSlack_s &&
                           delays_.longest_s() <= configured_s + kSlack_s;
         verdict = same ? Verdict::ok : Verdict::outside;

@@ -31,7 +31,7 @@ struct ChannelCheck {
 };
 
 struct ChannelCheckOptions {
-  /// Of the intervals that are shown.
+  /// Confidence of the intervals that are shown.
   double shown_confidence = 0.95;
   /// Probability that a right channel gets any "outside" at all in a report. Shared equally among
   /// its quantities (Bonferroni), so that each interval's level is 1 −

@@ -149,7 +149,7 @@ ChannelExpectation ChannelExpectation::stepped(const Matrix& probabilities, doub
   MatrixXd step = dense(probabilities);
   const VectorXd sums = step.rowwise().sum();
   step.array().colwise() /= sums.array();
-  constexpr double kRounding = 1e-9;  // of an interval that is a whole number of steps
+  constexpr double kRounding = 1e-9;  // rounding of an interval that is a whole number of steps
   const double steps = interval_s / step_s;
   const double whole = std::floor(steps + kRounding);
   const double more = std::max(0.0, steps - whole);

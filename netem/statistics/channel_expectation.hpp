@@ -15,14 +15,14 @@ using DelayCdf = std::function<double(double delay_s)>;
 /// Always the same delay.
 DelayCdf constant_delay(double delay_s);
 
-/// What a channel does in one of its states.
+/// Behaviour of a channel in one of its states.
 struct ExpectedState {
   std::string name;
   double prr = 1.0;
   DelayCdf delay = constant_delay(0.0);
 };
 
-/// What a channel model says that statistics of its packets will show. Every model that is a Markov
+/// Expected statistics of the packets of a channel model. Every model that is a Markov
 /// chain when looked at packet by packet, with a loss probability and a delay law for each state:
 /// independent losses, Gilbert–Elliott, the four-state model, chains, and Markov processes in time
 /// under a periodic sender.
@@ -33,7 +33,7 @@ struct ExpectedState {
 /// (sch_netem.c: gemodel before, loss state after) changes none of them.
 class ChannelExpectation {
  public:
-  /// Of mean sojourn times.
+  /// Unit of mean sojourn times.
   enum class Unit { packets, seconds };
 
   /// One state, no memory.
@@ -93,8 +93,8 @@ class ChannelExpectation {
   double delay_quantile(double q) const;
   /// Every received packet has the same delay, to 2 ns.
   bool delay_is_constant() const;
-  /// Of the share of received packets whose delay is at most delay_quantile(q), at least 1, for
-  /// DelayStatistics::quantile().
+  /// Variance inflation of the share of received packets whose delay is at most delay_quantile(q),
+  /// at least 1, for DelayStatistics::quantile().
   double delay_vif(double q) const;
 
  private:

@@ -41,8 +41,8 @@ class DelayStatistics {
   /// The quantile q, 0 < q < 1, in seconds.
   Estimate quantile(double q, double confidence, double vif) const;
 
-  /// Of kQuantiles[index], as the delays themselves show it; at least 1. 1 below kPilot delays,
-  /// and if the delays are constant.
+  /// Variance inflation of kQuantiles[index], estimated from the delays themselves; at least 1. 1
+  /// below kPilot delays, and if the delays are constant.
   double estimated_vif(std::size_t index) const;
   /// Whether there are enough delays, against their correlation time, to estimate it.
   bool vif_is_reliable(std::size_t index) const;

@@ -12,7 +12,8 @@ constexpr double kRounding = 1e-9;
 
 bool is_left_to_chance(double share) { return share > kRounding && share < 1.0 - kRounding; }
 
-/// Of successive fates, by the probability `a` of one of them and `k` that it follows itself.
+/// Correlation of successive fates, by the probability `a` of one of them and `k` that it follows
+/// itself.
 double correlation_of(double k, double a) {
   a = std::min(a, 1.0 - 1e-12);
   return (k - a) / (1.0 - a);
@@ -108,7 +109,7 @@ Estimate LossRecord::mean_burst(double confidence, const LossSpread& spread) con
 
 Estimate LossRecord::lag1_correlation(double confidence, const LossSpread& spread) const {
   if (lost_ == 0 || lost_ == packets_) return {};
-  // Of the rarer fate: how often it occurs, and how often it is followed by itself.
+  // Counts the rarer fate: how often it occurs, and how often it is followed by itself.
   const bool of_losses = 2 * lost_ <= packets_;
   const std::int64_t count = of_losses ? lost_ : packets_ - lost_;
   const std::int64_t received_runs =
@@ -145,7 +146,8 @@ LossSpread LossRecord::estimated_spread() const {
   const auto n = static_cast<double>(packets_);
   spread = loss_spread(static_cast<double>(lost_) / n, static_cast<double>(lost_ - bursts_) / n,
                        var_p, cov, var_p2);
-  // Losses that avoid each other spread less than independent ones, but so do few alike batches.
+  // Losses that avoid each other spread less than independent ones, but so do few batches that are
+  // equal.
   spread.vif = std::max(1.0, spread.vif);
   spread.burst_vif = std::max(1.0, spread.burst_vif);
   spread.lag1_vif = std::max(1.0, spread.lag1_vif);

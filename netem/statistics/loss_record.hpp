@@ -15,9 +15,11 @@ namespace tether {
 /// ratio of an estimate's variance to what it would be were the samples independent. They come from
 /// a model (ChannelExpectation), or from the packets themselves (LossRecord::estimated_spread).
 struct LossSpread {
-  double vif = 1.0;        ///< of the share of lost packets
-  double burst_vif = 1.0;  ///< of the share of lost packets that the next one follows into loss
-  double lag1_vif = 1.0;   ///< of the share of the rarer fate's packets that the same fate follows
+  double vif = 1.0;  ///< VIF of the share of lost packets
+  /// VIF of the share of lost packets whose next packet is lost, too.
+  double burst_vif = 1.0;
+  /// VIF of the share of the rarer fate's packets that the same fate follows.
+  double lag1_vif = 1.0;
   /// Correlation of the estimates of that share and of the rarer fate's probability; -1..1.
   double lag1_with_share = 0.0;
   /// Degrees of freedom of these variances: infinite if known, else intervals use Student's t.
@@ -38,7 +40,7 @@ struct LossSpread {
 /// leaves nothing to chance; its factor is 1.
 LossSpread loss_spread(double p, double p2, double var_p, double cov, double var_p2);
 
-/// What a sequence of packets suffered: packet reception ratio, loss bursts and their lengths, and
+/// Losses in a sequence of packets: packet reception ratio, loss bursts and their lengths, and
 /// the correlation of successive fates. O(1) per packet, bounded memory.
 class LossRecord {
  public:

@@ -70,7 +70,7 @@ void LidarModel::aim(const Scan& scan, const PoseTrack& track) {
   }
 }
 
-/// That comes back along a ray; 0 if it meets nothing.
+/// Light that comes back along a ray; 0 if it meets nothing.
 double LidarModel::light(const RayFan& fan, std::size_t ray) const {
   if (fan.shape[ray] == RayFan::kNoShape) return 0.0;
   const RayHit hit = caster_.hit(fan, ray);

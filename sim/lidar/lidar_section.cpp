@@ -50,7 +50,7 @@ std::vector<ScenarioKey> lidar_keys() {
   return t.take();
 }
 
-/// What was given beats the preset.
+/// Given keys take precedence over the preset.
 void complete(Scenario& scenario, const std::set<std::string>& given, const std::string&) {
   Scenario preset = scenario;
   preset.get<Lidar>() = lidar_preset(scenario.get<Lidar>().model);

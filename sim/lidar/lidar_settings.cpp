@@ -14,7 +14,7 @@ namespace {
 constexpr double kDegree_rad = std::numbers::pi / 180.0;
 constexpr double kEdge_m = 1e-3;  ///< a scanner at the vehicle's very edge looks along it
 
-/// What docs/reference/lidar.md calls assumed was in no source.
+/// Values that docs/reference/lidar.md calls assumed have no source.
 LidarSettings sick_nanoscan3() {
   LidarSettings s;
   s.model = "sick_nanoscan3";

@@ -27,7 +27,7 @@ constexpr double kDirectionError_rad = 1.2e-5;
 /// A shape is small if its radius is less than this share of its distance: asin(x) < 1.01 x.
 constexpr double kSmall = 0.2;
 
-/// What is narrower than twice this has nothing within it: a wall, a cell of a map.
+/// Shapes narrower than twice this contain nothing: a wall, a cell of a map.
 constexpr double kLarge_m = 0.2;
 
 }  // namespace

@@ -10,8 +10,9 @@ namespace tether {
 
 /// How a ray meets a surface.
 struct RayHit {
-  double cos_incidence = 1.0;  ///< of the angle between the ray and the surface's normal, 0 … 1
-  double reflectivity = 0.0;   ///< of the shape
+  /// Cosine of the angle between the ray and the surface's normal, 0 … 1.
+  double cos_incidence = 1.0;
+  double reflectivity = 0.0;  ///< reflectivity of the shape
 };
 
 /// Casts fans of rays in the plane at a height, against the outlines of the shapes that this height
@@ -34,7 +35,7 @@ class RayCaster {
   /// Sets range_m and shape of each ray to those of the first surface within `max_m`.
   void cast(RayFan& fan, double max_m) const;
 
-  /// Of a ray of a fan that was cast and met a shape.
+  /// Hit of a ray of a fan that was cast and met a shape.
   RayHit hit(const RayFan& fan, std::size_t ray) const;
 
  private:

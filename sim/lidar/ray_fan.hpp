@@ -29,7 +29,7 @@ class RayFan {
   std::vector<double> dx, dy;    ///< unit vector along it
   std::vector<double> angle_rad;
   std::vector<double> time_s;
-  // What RayCaster found.
+  // Results of RayCaster.
   std::vector<double> range_m;      ///< of the first surface; kNothing: none
   std::vector<std::int64_t> shape;  ///< which that is of, for RayCaster::hit(), or kNoShape
 

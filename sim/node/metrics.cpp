@@ -52,7 +52,7 @@ void Metrics::follow_excursion(double dt_s, double error_m) {
   const double limit_m = settings_.lost_beyond_m;
   const bool is_beyond = error_m > limit_m;
   if (is_beyond || away_from_s_) {
-    const double left_share =  // of this step, after the error passed the limit
+    const double left_share =  // share of this step after the error passed the limit
         error_m != last_error_m_ ? (error_m - limit_m) / (error_m - last_error_m_) : 0.0;
     const double passed_s = now_s_ - dt_s * std::clamp(left_share, 0.0, 1.0);
     if (is_beyond && !away_from_s_) away_from_s_ = passed_s;

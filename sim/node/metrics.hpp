@@ -4,15 +4,15 @@
 
 namespace tether {
 
-/// A run's result in numbers, pure: it is told the distance to the reference at some times, and
-/// takes it as linear in between.
+/// A run's result in numbers, pure: it receives the distance to the reference at some times, and
+/// interpolates linearly.
 ///
 /// ε is the paper's metric: the time-mean of the distance to the reference,
-/// ε = 1/(t1 − t0) ∫ ‖p*(t) − p(t)‖ dt, by the trapezoidal rule over the times at
-/// which it is told the error. The other numbers are definitions of this project.
+/// ε = 1/(t1 − t0) ∫ ‖p*(t) − p(t)‖ dt, by the trapezoidal rule over the times at which it receives
+/// the error. The other numbers are definitions of this project.
 class Metrics {
  public:
-  /// Of [run], which has the same defaults and says why.
+  /// Settings of [run], which has the same defaults and their reasons.
   struct Settings {
     double settled_from_s = 10.0;
     double lost_beyond_m = 5.0;

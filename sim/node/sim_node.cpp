@@ -41,7 +41,7 @@ Metrics::Settings metrics_of(const RunSettings& run) {
   return {run.settled_from_s, run.lost_beyond_m, run.lost_for_s};
 }
 
-/// Of a vehicle that decides itself, its drives take nothing but fresh twists.
+/// Actuator settings; the drives of a vehicle that decides itself accept only fresh twists.
 ActuatorSettings actuator_of(const SimSettings& settings) {
   ActuatorSettings actuator = settings.get<ActuatorSettings>();
   if (settings.get<AutonomySettings>().enabled) {
@@ -97,7 +97,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic
                 }) {
   metrics_.start(error_m(), to_seconds(world_time_));
   if (traffic != nullptr) join(*traffic, settings.get<VehicleSettings>());
-  // In virtual time, whoever looks moves the world.
+  // In virtual time, looking at the world moves it.
   if (loop.rate() > 0.0) {
     loop.every(kStart + kRealTimeBatch, kRealTimeBatch, Priority::physics,
                [this](Instant now) { advance(now); });
@@ -116,7 +116,7 @@ SimNode::SimNode(const SimSettings& settings, EventLoop& loop, Bus& bus, Traffic
     subscribe_to_commands(settings.get<AutonomySettings>().enabled);
   }
   start_sensors(settings);
-  may_be_alike_ = !drives_ && !drive_errors_.lags() && !scanning_ && !odometry_;
+  may_be_equal_ = !drives_ && !drive_errors_.lags() && !scanning_ && !odometry_;
   const Duration lead = from_seconds(settings.get<RunSettings>().lead_s);
   if (settings.get<FleetSettings>().number == 1) {
     loop.every(first_tick(lead, kClockPeriod), kClockPeriod, Priority::observer,
@@ -220,11 +220,11 @@ void SimNode::make_steps(Instant until) {
   }
 }
 
-/// One, or as many at once as are alike; returns how many.
+/// Takes one step, or several equal ones at once; returns how many.
 std::int64_t SimNode::take_steps(Instant last) {
   const Instant from = next_step_ - step_;
   vehicle_->set_wheel_targets(wheel_targets(from));
-  const Plant::Steps steps = vehicle_->take(may_be_alike_ ? steps_alike(from, last) : 1, from);
+  const Plant::Steps steps = vehicle_->take(may_be_equal_ ? equal_steps(from, last) : 1, from);
   world_time_ = from + step_ * steps.taken;
   if (scanning_) scanning_->record(world_time_, vehicle_->state().pose);
   if (odometry_ && (world_time_ - kStart) % kEncoderPeriod == Duration{0}) read_encoders();
@@ -232,8 +232,8 @@ std::int64_t SimNode::take_steps(Instant last) {
   return steps.taken;
 }
 
-/// Those that end by `last`, begin before something changes, and after which nobody looks.
-std::int64_t SimNode::steps_alike(Instant from, Instant last) const {
+/// Counts the steps that end by `last`, begin before something changes, and are not observed.
+std::int64_t SimNode::equal_steps(Instant from, Instant last) const {
   const auto begun_within = [this](Duration time) { return (time + step_ - Duration{1}) / step_; };
   Instant change = std::min(last, actuator_.unchanged_until(from));
   if (!arrived_.empty()) change = std::min(change, arrived_.front().arrival);

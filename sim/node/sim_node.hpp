@@ -38,7 +38,7 @@
 
 namespace tether {
 
-/// What the vehicle side takes of a scenario.
+/// The scenario sections that the vehicle side uses.
 using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, SensorSettings,
                              PathSettings, ActuatorSettings, Surroundings, LidarSettings,
                              LocaliserSettings, AutonomySettings, FleetSettings>;
@@ -61,9 +61,9 @@ using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, Sensor
 /// With vehicle.drivetrain = can, the CAN bridge takes the commands and the wheels follow emulated
 /// drives (WheelCoupling); the bridge tells which plan is followed (PlanWatch).
 ///
-/// The world moves in batches of steps, and before anything looks at it, so that nobody sees a
-/// difference. The metrics look at every tenth step; steps between that are alike are taken at once
-/// (Plant::take).
+/// The world moves in batches of steps, and before anything looks at it, so that there is no
+/// observable difference. The metrics look at every tenth step; equal steps in between are taken at
+/// once (Plant::take).
 ///
 /// During the lead (run.lead_s before t = 0) poses and the clock flow and the vehicle stands. From
 /// run.duration_s on there are no poses, and truth and metrics are final. The world stands still
@@ -99,7 +99,7 @@ class SimNode final : public Node {
   void advance(Instant until);
   void make_steps(Instant until);
   std::int64_t take_steps(Instant last);
-  std::int64_t steps_alike(Instant from, Instant last) const;
+  std::int64_t equal_steps(Instant from, Instant last) const;
   void measure(const Plant::Steps& steps);
   WheelSpeeds wheel_targets(Instant from);
   void sample_pose(Instant now);
@@ -116,22 +116,22 @@ class SimNode final : public Node {
 
   EventLoop& loop_;
   Bus& bus_;
-  // What each step needs is together: of a fleet, many take turns in the caches.
+  // Members that each step needs are adjacent: of a fleet, many take turns in the caches.
   Duration step_;      ///< of the physics
   Instant end_;        ///< of truth and metrics
-  Instant world_end_;  ///< of motion
+  Instant world_end_;  ///< end of motion
   Instant next_step_;
   Instant world_time_ = kStart;     ///< of the vehicle's state
   Duration unmeasured_{0};          ///< since the last addition to the metrics
-  Duration unmeasured_contact_{0};  ///< of it, at a wall
+  Duration unmeasured_contact_{0};  ///< duration of it, at a wall
   Duration metrics_step_;
-  bool may_be_alike_ = false;  ///< steps: nobody looks at each, and targets stay
+  bool may_be_equal_ = false;  ///< steps are not observed one by one, and targets stay
   std::unique_ptr<Plant> vehicle_;
   std::unique_ptr<WheelCoupling> drives_;    ///< with drives on CAN, instead of the actuator
   std::unique_ptr<Scanning> scanning_;       ///< with a laser scanner
   std::unique_ptr<WheelOdometry> odometry_;  ///< if it is sent
   std::shared_ptr<const ReferencePath> path_;
-  double point_ahead_m_;  ///< of the axle, what is to follow the path
+  double point_ahead_m_;  ///< offset from the axle of the point that follows the path
   struct ArrivedPlan {
     PlanSource source;
     Plan plan;
@@ -153,7 +153,7 @@ class SimNode final : public Node {
   PoseSensor sensor_;
   std::unique_ptr<PoseSending> pose_sending_;  ///< null: all poses are sent
   std::int64_t odometry_seq_ = 0;
-  Traffic* traffic_ = nullptr;  ///< of a fleet
+  Traffic* traffic_ = nullptr;  ///< other vehicles of a fleet
   std::size_t number_in_traffic_ = 0;
   StreamGuard guard_;
   Instant last_truth_ = kStart;

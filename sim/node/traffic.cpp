@@ -22,7 +22,7 @@ Position middle(const VehicleConfig& vehicle, const VehicleState& state) {
 
 double speed_mps(const Plant& plant) { return std::abs(plant.state().twist.v_mps); }
 
-/// As a step begins.
+/// State at the beginning of a step.
 struct Motion {
   Footprint outline;
   double vx_mps, vy_mps;
@@ -129,7 +129,7 @@ void Traffic::look() {
   const std::size_t count = vehicles_.size();
   for (std::size_t i = 0; i < count; ++i) move(i, now);
   const Instant last_step = std::max(kStart, kStart + (now - kStart) / step_ * step_);
-  std::vector<std::size_t> first(count);  // of those that are together, the first
+  std::vector<std::size_t> first(count);  // first vehicle of each group
   std::iota(first.begin(), first.end(), std::size_t{0});
   const auto root = [&first](std::size_t i) {
     while (first[i] != i) i = first[i];
@@ -153,7 +153,7 @@ void Traffic::look() {
   for (std::size_t i = 0; i < count; ++i) vehicles_[i].cluster = vehicles_[root(i)].cluster;
 }
 
-/// Those that may touch within the next kHorizon, in ascending order, the lower number first.
+/// Pairs that may touch within the next kHorizon, in ascending order, the lower number first.
 std::vector<std::pair<std::size_t, std::size_t>> Traffic::near_pairs() const {
   struct Place {
     Position at;

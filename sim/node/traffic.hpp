@@ -70,7 +70,7 @@ class Traffic {
   Duration step_;
   Instant looked_until_;  ///< who may touch whom is known until here
   std::vector<Vehicle> vehicles_;
-  std::vector<Instant> times_;  ///< of the vehicles that move together: their last step's end
+  std::vector<Instant> times_;  ///< end of the last step of the vehicles that move together
   std::set<std::pair<std::size_t, std::size_t>> touching_;
 };
 

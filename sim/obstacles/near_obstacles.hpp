@@ -32,7 +32,7 @@ class NearObstacles {
   bool any_moves() const { return moving_.any() || !vehicles_.empty(); }
   double fastest_mps() const { return fastest_mps_; }
 
-  /// Those near the vehicle with its axle's midpoint at `axle`, where they are at `t_s`. Valid
+  /// Obstacles near the vehicle with its axle's midpoint at `axle`, at their places at `t_s`. Valid
   /// until the next call.
   std::span<const Shape> near(const Pose2& axle, double t_s) {
     if (vehicles_.empty() && is_still_clear(axle, t_s)) return {};
@@ -58,7 +58,7 @@ class NearObstacles {
 
   std::size_t cells_a_side_ = 1;
   double cell_m_ = 0.0;
-  std::vector<std::vector<std::uint32_t>> cells_;  ///< of standing_
+  std::vector<std::vector<std::uint32_t>> cells_;  ///< indices in standing_
 
   std::vector<Shape> near_;
   // When it was last looked for, and how far from all margins the vehicle was.

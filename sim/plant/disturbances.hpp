@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// What acts on a wheel beside its servo and the floor.
+/// Load on a wheel in addition to its servo and the floor.
 struct WheelLoad {
   double up_N = 0.0;       ///< at the wheel's centre
   double forward_N = 0.0;  ///< at the wheel's centre, as it rolls
@@ -36,7 +36,7 @@ class Bumps {
  public:
   Bumps(const WorldSettings& world, double mass_kg, RandomEngine random);
 
-  /// What acts in a step of `dt_s` that begins with this rim speed.
+  /// Load in a step of `dt_s` that begins with this rim speed.
   WheelLoad step(double rim_mps, double dt_s);
 
  private:
@@ -46,7 +46,7 @@ class Bumps {
   double mass_kg_;
   RandomEngine random_;
   double way_m_ = 0.0;
-  double start_m_ = 0.0;  ///< of the bump that is, or of the next
+  double start_m_ = 0.0;  ///< start of the present or next bump
 };
 
 /// All that acts on the wheels: bumps, and drag that their encoders and the controller know nothing

@@ -21,10 +21,10 @@ class DriveErrors {
         larger_(1.0 + vehicle.radius_error),
         lag_s_(vehicle.actuator_lag_ms * 1e-3) {}
 
-  /// Whether what wheels are told goes on changing after the twist has.
+  /// Whether the wheels' setpoints go on changing after the twist has changed.
   bool lags() const { return lag_s_ > 0.0; }
 
-  /// What the wheels are told for a step of `dt_s` in which `twist` is in force.
+  /// Setpoints of the wheels for a step of `dt_s` in which `twist` is in force.
   WheelSpeeds step(const Twist& twist, double dt_s) {
     WheelSpeeds rim = to_wheel_speeds(twist, believed_track_m_);
     rim = {rim.left_mps * larger_, rim.right_mps * larger_};

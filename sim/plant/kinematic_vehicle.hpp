@@ -57,7 +57,7 @@ class KinematicVehicle final : public Plant {
   std::span<const Shape> near_obstacles(double t_s);
   void move_at_walls(const PlanarMotion& wish, std::span<const Shape> near);
 
-  // What each step needs is together: of a fleet, many take turns in the caches.
+  // Members that each step needs are adjacent: of a fleet, many take turns in the caches.
   double max_change_mps_;
   double wheel_radius_m_, track_m_, max_wheel_speed_mps_;
   WheelSpeeds commands_;
@@ -68,7 +68,7 @@ class KinematicVehicle final : public Plant {
   /// Steps in which both rims change evenly, reckoned from where they began.
   struct Phase {
     std::int64_t steps = 0, taken = 0;
-    WheelSpeeds change;  ///< of the rims, a step
+    WheelSpeeds change;  ///< change of the rims' speeds per step
     WheelSpeeds rims;
     Pose2 pose;
     double left_wheel_angle_rad, right_wheel_angle_rad;

@@ -7,11 +7,11 @@
 namespace tether {
 namespace {
 
-constexpr int kMostPoints = 4;  ///< of two geoms
+constexpr int kMostPoints = 4;  ///< contact points of two geoms
 /// A contact that is steeper has no horizontal direction to speak of.
 constexpr double kLevel = 0.1;
 
-/// What moves pushes as fast as it comes, and drags along by friction.
+/// Moving shapes push at their own speed, and drag along by friction.
 void add_motion(dContact& contact, const Shape& shape) {
   const dReal* n = contact.geom.normal;
   const double level = std::hypot(n[0], n[1]);

@@ -56,7 +56,7 @@ class OdeVehicle final : public Plant {
   Pose2 pose() const;
 
   VehicleConfig config_;
-  double max_change_mps_;  ///< of a servo's target, in a step
+  double max_change_mps_;  ///< limit of a servo's target, in a step
   std::unique_ptr<World> world_;
   std::optional<NearObstacles> obstacles_;  ///< if there are any
   Disturbances disturbances_;

@@ -101,7 +101,7 @@ void OdeWorld::expect_obstacles(const VehicleConfig& vehicle, double fastest_mps
   obstacles_ = std::make_unique<OdeObstacles>(
       vehicle, bodies_[kChassis], box_in_chassis_m_,
       std::array<dBodyID, 2>{bodies_[kLeft], bodies_[kRight]}, walls_[0].friction);
-  // What is pushed out goes no slower than what pushes.
+  // A pushed body goes no slower than the pushing one.
   dWorldSetContactMaxCorrectingVel(world_, kMaxCorrectingSpeed_mps + fastest_mps);
 }
 

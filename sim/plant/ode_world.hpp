@@ -60,13 +60,13 @@ class OdeWorld {
   /// The obstacles that may be touched in the next step, where they are. They are looked at then.
   void set_near(std::span<const Shape> near) { near_ = near; }
 
-  /// What acts on the wheels in each step from now on, beside servos and floor.
+  /// Sets the loads on the wheels in each step from now on, beside servos and floor.
   void set_wheel_loads(const WheelLoads& loads);
 
   /// Rim speeds relative to the chassis, forward positive: what an encoder sees.
   WheelSpeeds rim_speeds() const;
 
-  /// What the motor of a wheel, kLeft or kRight, did in the last step, forward positive.
+  /// Torque of the motor of a wheel, kLeft or kRight, in the last step, forward positive.
   double motor_torque(Body side) const;
 
   dBodyID chassis() const { return bodies_[kChassis]; }
@@ -146,11 +146,12 @@ class OdeWorld {
   double half_extent_m_;
   double reach_m_ = 0.0;  ///< no part of the vehicle is farther from the chassis body's origin
   Plane floor_;
-  Plane slippery_floor_;  ///< what the caster feels
+  Plane slippery_floor_;  ///< surface parameters for the caster
   std::array<Plane, 4> walls_;
   std::array<double, 3> axle_in_chassis_m_{};
   std::array<double, 3> caster_in_chassis_m_{};
-  std::array<std::array<double, 3>, 8> corners_m_{};  ///< of the box; i and i + 4: one upright edge
+  /// Corners of the box; i and i + 4: one upright edge.
+  std::array<std::array<double, 3>, 8> corners_m_{};
 
   std::array<double, 3> box_in_chassis_m_{};
 

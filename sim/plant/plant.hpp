@@ -22,7 +22,7 @@ struct VehicleState {
   double left_wheel_angle_rad = 0.0;   ///< since the start, unbounded, forward positive
   double right_wheel_angle_rad = 0.0;  ///< since the start, unbounded, forward positive
   double left_torque_Nm = 0.0;         ///< of the motor in the last step, forward positive
-  double right_torque_Nm = 0.0;        ///< likewise; both 0 for plants without forces
+  double right_torque_Nm = 0.0;        ///< of the right motor; both 0 for plants without forces
   double height_m = 0.0;               ///< of the axle's midpoint above the floor
   double roll_rad = 0.0;               ///< positive: leans to the right
   double pitch_rad = 0.0;              ///< positive: nose down
@@ -52,7 +52,7 @@ class Plant {
 
   struct Steps {
     std::int64_t taken = 0;
-    std::int64_t in_contact = 0;  ///< of them, with wall_contact() after them
+    std::int64_t in_contact = 0;  ///< steps with wall_contact() after them
   };
   /// Takes steps from `from` on, while the wheel targets stay: 1 to `most` of them. However steps
   /// are divided among calls of this, the states are the same to the bit.
@@ -83,7 +83,7 @@ class Plant {
 /// For the plants' own checks: throws std::invalid_argument, "vehicle or world: " and `what`,
 /// unless `good`. Write conditions so that NaN fails them.
 void require_plant(bool good, const char* what);
-/// What all plants require of where they start and how they step.
+/// Checks the start pose and time step, as all plants require.
 void check_start_and_step(const VehicleConfig& vehicle, const WorldSettings& world, double step_s);
 
 /// The plant that `vehicle.plant` names. `step` is the fixed physics step; world.step_ms.

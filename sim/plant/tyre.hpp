@@ -27,11 +27,11 @@ namespace tether {
 /// rest, the tyre is a spring of k N/ℓ, which holds without creeping. A loss of rubber, τ du/dt
 /// added to u, damps what this spring and the vehicle's mass would do.
 ///
-/// **Step.** Backward Euler, whose only unknown is the velocity after the step: u' =
-/// (u + h V')/(1 + |V_r|h/ℓ). With the secant stiffness K = F(|w|/ℓ)/|w| at the stretch w expected
-/// from the velocity before the step, the force is linear in V', so the solver of the bodies gets a
-/// row "V' = bias − softness · F" (a constraint with softness), and the step is stable however
-/// stiff the tyre or light the wheel.
+/// **Step.** Backward Euler. Its only unknown is the velocity after the step: u' =
+/// (u + h V')/(1 + |V_r|h/ℓ). The secant stiffness is K = F(|w|/ℓ)/|w| at the stretch w expected
+/// from the velocity before the step. With it the force is linear in V', so the solver of the
+/// bodies gets a row "V' = bias − softness · F" (a constraint with softness), and the step is
+/// stable however stiff the tyre or light the wheel.
 class BrushTyre {
  public:
   struct Config {
@@ -49,7 +49,7 @@ class BrushTyre {
 
   explicit BrushTyre(const Config& config) : config_(config) {}
 
-  /// What the solver needs for a step. `slip_mps` is the contact point's velocity before it,
+  /// Input of the solver for a step. `slip_mps` is the contact point's velocity before it,
   /// `rolling_mps` the rim speed, `pressing_N` the normal force.
   Row prepare(const Vector& slip_mps, double rolling_mps, double pressing_N, double step_s);
   /// The force on the tyre that came out.

@@ -15,7 +15,7 @@ constexpr double kPrecision_mps = 1e-10;
 constexpr int kMaxSweeps = 200;
 // Nearer than this is contact.
 constexpr double kTouching_m = 1e-6;
-// What cannot be got out of in so many pushes keeps its overlap.
+// Maximum number of pushes; an overlap that remains after them stays.
 constexpr int kMostPushes = 8;
 
 }  // namespace
@@ -149,7 +149,7 @@ bool WalledFootprint::push_out(Pose2& pose, std::span<const Shape> near, bool mo
   return touches;
 }
 
-/// Of the outline, from the axle's midpoint, along the world's axes.
+/// Extent of the outline, from the axle's midpoint, along the world's axes.
 WalledFootprint::Extent WalledFootprint::extent(double yaw_rad) const {
   const double c = std::cos(yaw_rad), s = std::sin(yaw_rad);
   Extent all{reach_m_, -reach_m_, reach_m_, -reach_m_};

@@ -68,8 +68,8 @@ class WalledFootprint {
   /// One point of the outline and one wall or obstacle.
   struct Contact {
     Direction outward, along;
-    double limit_mps = 0.0;  ///< of the speed outward
-    double along_mps = 0.0;  ///< of what it rubs on
+    double limit_mps = 0.0;  ///< limit of the speed outward
+    double along_mps = 0.0;  ///< speed of the surface that it rubs on
   };
   struct Extent {
     double low_x_m, high_x_m, low_y_m, high_y_m;
@@ -83,7 +83,7 @@ class WalledFootprint {
   bool push_out(Pose2& pose, std::span<const Shape> near, bool moving) const;
 
   double half_extent_m_;
-  double reach_m_ = 0.0;  ///< of the outline, from the axle's midpoint
+  double reach_m_ = 0.0;  ///< reach of the outline, from the axle's midpoint
   VehicleConfig vehicle_;
   double friction_;
   double turn_weight_m2_;  ///< (track/2)²

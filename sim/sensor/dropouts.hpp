@@ -34,7 +34,7 @@ class Dropouts {
   double per_s_;
   double mean_s_;
   RandomEngine random_;
-  double start_s_ = 0.0;  ///< of the dropout that is, or of the next
+  double start_s_ = 0.0;  ///< start of the present or next dropout
   double end_s_ = 0.0;
 };
 

@@ -9,9 +9,10 @@ namespace tether {
 /// [sensor]: what turns truth into poses, and what the wheels' encoders say.
 struct SensorSettings {
   double rate_hz = 20.0;
-  double position_noise_m = 0.0;     ///< standard deviation, each axis
-  double yaw_noise_rad = 0.0;        ///< standard deviation
-  double noise_correlation_s = 0.0;  ///< of both noises; 0: white (gauss_markov.hpp)
+  double position_noise_m = 0.0;  ///< standard deviation, each axis
+  double yaw_noise_rad = 0.0;     ///< standard deviation
+  /// Correlation time of both noises; 0: white (gauss_markov.hpp).
+  double noise_correlation_s = 0.0;
   // Always the same: of a map that is not where the world's origin is.
   double bias_x_m = 0.0;
   double bias_y_m = 0.0;
@@ -31,7 +32,7 @@ struct SensorSettings {
   enum class Send { always, changed };
   Send send = Send::always;
   double send_delta_m = 0.1;       ///< by how much a pose is off the last one sent
-  double send_delta_rad = 0.1;     ///< likewise its yaw
+  double send_delta_rad = 0.1;     ///< the same for the yaw
   double send_max_age_s = 0.4;     ///< the longest time between two
   double odometry_rate_hz = 0.0;   ///< 0: none (wheel_odometry.hpp)
   std::int64_t encoder_ticks = 0;  ///< a wheel's turn; 0: its angle is read exactly

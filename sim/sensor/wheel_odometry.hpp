@@ -51,7 +51,7 @@ class WheelOdometry {
                           way_m * std::max(way_m, tick_rad_ * radius_m_) * tick_yaw_variance());
   }
 
-  /// As of the last update.
+  /// State as of the last update.
   DeadReckoning state() const {
     DeadReckoning state = state_;
     if (tick_rad_ == 0.0) return state;

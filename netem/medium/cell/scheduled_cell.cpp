@@ -53,7 +53,7 @@ bool ScheduledCell::push(Instant now, std::size_t user, std::uint64_t id, int by
     lose_part_of(u, message);
     return false;
   }
-  // What waits for a grant already, or is being sent, asks for this one, too.
+  // Packets that wait for a grant already, or are being sent, request this one, too.
   const Instant granted = asked               ? std::max(now, *asked)
                           : u.packets.empty() ? next_request(u, now) + rules_.offset
                                               : std::max(now, u.packets.back().granted);
@@ -90,7 +90,7 @@ std::optional<Instant> ScheduledCell::replace(User& user, const Message& by) {
   return granted;
 }
 
-/// What is left of a message is no news any more.
+/// Drops the rest of a message, which is useless without the lost part.
 void ScheduledCell::lose_part_of(User& user, const Message& message) const {
   for (Packet& packet : user.packets) packet.is_news &= message_of(packet) != message;
 }
@@ -106,7 +106,7 @@ double ScheduledCell::urgency_of(std::size_t user, Instant now) const {
                             : std::numeric_limits<double>::infinity();
 }
 
-/// Of those that may send at `now`.
+/// Chooses a user of those that may send at `now`.
 std::size_t ScheduledCell::choose(Instant now) const {
   std::size_t best = users_.size();
   double most = 0.0;

@@ -47,7 +47,7 @@ struct ScheduledRules {
   std::uint64_t ids_of_a_message = 1;
 };
 
-/// What a user's messages are.
+/// Traffic of a user.
 struct CellUser {
   /// A message replaces those of the user that wait and of which nothing was sent yet. They end as
   /// not delivered, in push(); it gets the grant that they had asked for.
@@ -79,10 +79,10 @@ struct PacketEnd {
 class ScheduledCell {
  public:
   using Ended = std::function<void(const PacketEnd&)>;
-  /// Of a user whose oldest packet came at `since`, at `now`: the largest goes first.
+  /// Urgency at `now` of a user whose oldest packet came at `since`: the largest goes first.
   using Urgency = std::function<double(std::size_t user, Instant since, Instant now)>;
 
-  /// What a packet is worth now, by its id; for most_valuable.
+  /// Present value of a packet, by its id; for most_valuable.
   using Value = std::function<double(std::uint64_t id)>;
 
   ScheduledCell(const ScheduledRules& rules, std::uint64_t seed, Ended ended);

@@ -5,7 +5,7 @@
 
 namespace tether {
 
-/// What who has a message does not know yet without a newer one of its channel: value of
+/// Information that a receiver of a message lacks without a newer one of its channel: value of
 /// information as a way [m].
 /// - pose_t: the way between the points 1 m ahead of both. A pose says nothing of speed, so until
 ///   the next one its receiver is taken to hold it.

@@ -1,6 +1,6 @@
 #include "tools/view/one_file/gzip.hpp"
 
-#define ZLIB_CONST  // what is read stays as it is
+#makes zlib's input pointers const
 #include <zlib.h>
 
 #include <algorithm>

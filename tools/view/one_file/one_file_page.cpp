@@ -33,7 +33,7 @@ std::string data_url(const std::string& path, const std::string& bytes) {
   return "data:" + type + ";base64," + base64(bytes);
 }
 
-/// Of the module and all that it imports, in the order in which they are found.
+/// Import map of the module and all that it imports, in the order in which they are found.
 std::string import_map(const ReadPageFile& read, const std::string& path) {
   std::vector<std::string> paths{path};
   nlohmann::ordered_json imports = nlohmann::ordered_json::object();
@@ -48,7 +48,7 @@ std::string import_map(const ReadPageFile& read, const std::string& path) {
   return json_text(nlohmann::ordered_json{{"imports", std::move(imports)}});
 }
 
-/// What stands after what has been found.
+/// Inserts `text` after `place`, which must exist.
 void insert_after(std::string& html, std::string_view place, std::string_view text) {
   const std::size_t found = html.find(place);
   if (found == std::string::npos) throw UsageError(fmt::format("index.html has no {}", place));

@@ -12,7 +12,7 @@ namespace tether {
 /// A file of the page by its path, such as "model/topics.js"; none if there is no such file.
 using ReadPageFile = std::function<std::optional<std::string>(const std::string& path)>;
 
-/// Those of a folder, which has to outlive this.
+/// Reads the files of a folder, which must outlive this.
 ReadPageFile files_of(const PageFolder& folder);
 
 /// The page as one HTML file that needs no server, with a recording (recording.hpp, packed by gzip
@@ -22,7 +22,7 @@ ReadPageFile files_of(const PageFolder& folder);
 /// all. Throws UsageError if a file is missing.
 std::string one_file_page(const ReadPageFile& read, std::string_view recording_base64);
 
-/// A module of the page, at `path`, whose imports are by bare names; `imported` is told their
+/// A module of the page, at `path`, whose imports are by bare names; `imported` receives their
 /// paths.
 std::string with_bare_imports(const std::string& module, const std::string& path,
                               const std::function<void(const std::string&)>& imported);

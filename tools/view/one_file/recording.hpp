@@ -16,7 +16,7 @@ namespace tether {
 /// then one line for each message, in order of time: "<microseconds> <channel> <JSON>". The JSON is
 /// what the server sends, `about` what it says in /api/run.json.
 struct Recording {
-  /// What a browser unpacks into memory.
+  /// Maximum size, which a browser unpacks into memory.
   static constexpr std::size_t kMostBytes = std::size_t{256} << 20;
 
   std::string text;
@@ -30,7 +30,7 @@ struct RecordedSpan {
   double to_s = std::numeric_limits<double>::infinity();
 };
 
-/// What the log holds of that part. Throws UsageError if that is nothing, or more than
+/// Recording of that part of the log. Throws UsageError if that is nothing, or more than
 /// `most_bytes`.
 Recording record(ViewedLog& log, const RecordedSpan& span,
                  std::size_t most_bytes = Recording::kMostBytes);

@@ -15,7 +15,7 @@ export class Controls {
     this.waiting = new Map(); // name -> value, not sent yet
     this.both = true;
     this.shape = "";
-    this.hasRelay = false; // without one there is nobody to set a network
+    this.hasRelay = false; // only a relay can set a network
     this.told = new Map(); // name -> what the server says that it is
     this.parameters = new Map();
   }

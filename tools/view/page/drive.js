@@ -1,5 +1,5 @@
-// Driving by hand: keys or a pad, each with a dead man. Nothing is sent unless he is held; when he lets
-// go, or the page loses the keyboard, zero twists are sent for a moment, then nothing.
+// Manual driving: keys or a pad, each with a dead-man control. Nothing is sent unless it is held; when it is released,
+// or the page loses the keyboard, zero twists are sent for a moment, then nothing.
 
 import { fixed } from "./numbers.js";
 

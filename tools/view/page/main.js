@@ -189,7 +189,7 @@ choice.addEventListener("change", () => {
   showFacts(find("facts"), model);
 });
 
-/** Before the server has said what it shows nobody knows. */
+/** Unknown before the server has reported what it shows. */
 const hasRelay = () => model.about !== null && model.hasRelay;
 
 /** What need not be as quick as the picture. */

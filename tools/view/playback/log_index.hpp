@@ -16,7 +16,7 @@ class LogIndex {
  public:
   struct Entry {
     Instant time;
-    std::uint64_t offset_bytes = 0;  ///< of the message's bytes
+    std::uint64_t offset_bytes = 0;  ///< offset of the message's bytes
     std::uint32_t size_bytes = 0;
     std::uint32_t channel = 0;
   };
@@ -32,13 +32,13 @@ class LogIndex {
   /// How many entries are not later than this.
   std::size_t count_until(Instant time) const;
 
-  /// Of the entries from `begin` up to `end`, without that, the last of each channel, in order.
+  /// Last entry of each channel among those from `begin` up to, but not including, `end`, in order.
   std::vector<std::size_t> latest(std::size_t begin, std::size_t end) const;
 
  private:
   std::vector<Entry> entries_;
   std::vector<std::string> channels_;
-  std::vector<std::vector<std::uint32_t>> places_;  ///< of each channel's entries, in order
+  std::vector<std::vector<std::uint32_t>> places_;  ///< entries of each channel, in order
 };
 
 }  // namespace tether

@@ -24,7 +24,7 @@ class LogPlayer {
   void set_speed(Instant now, double speed) { playback_.set_speed(now, speed); }
   void seek(Instant now, Instant position);
 
-  /// Those that have become due since the last call, in order.
+  /// Entries that have become due since the last call, in order.
   std::vector<std::size_t> due(Instant now);
 
  private:

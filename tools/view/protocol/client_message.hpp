@@ -12,7 +12,7 @@
 
 namespace tether {
 
-// What a client of Foxglove's WebSocket protocol says. Clients may be anybody: whatever the bytes
+// Messages of a client of Foxglove's WebSocket protocol. Clients may be anybody: whatever the bytes
 // are, the result is one of these, and nothing throws.
 
 struct ClientSubscribe {
@@ -56,7 +56,7 @@ struct ClientData {
   std::uint32_t channel = 0;
   std::string_view payload;
 };
-/// What makes no sense, and why.
+/// A malformed message, and the reason.
 struct ClientNonsense {
   std::string reason;
 };

@@ -7,7 +7,7 @@
 
 namespace tether {
 
-/// What a parameter's value may be; JSON's whole numbers are numbers.
+/// Types of a parameter's value; JSON's whole numbers are numbers.
 using ParameterValue =
     std::variant<bool, double, std::string, std::vector<double>, std::vector<std::string>>;
 

@@ -12,18 +12,18 @@
 
 namespace tether {
 
-// What a server of Foxglove's WebSocket protocol says (foxglove/ws-protocol, docs/spec.md): text
+// Messages of a server of Foxglove's WebSocket protocol (foxglove/ws-protocol, docs/spec.md): text
 // messages, each one JSON object, and what binary ones begin with. Text that is not UTF-8 has
 // U+FFFD where it is wrong; NaN and infinities, which JSON does not know, are null.
 
 inline constexpr char kFoxgloveProtocol[] = "foxglove.websocket.v1";
-/// What Foxglove's own SDK calls it; the messages here are the same.
+/// Its name in Foxglove's own SDK; the messages here are the same.
 inline constexpr char kFoxgloveSdkProtocol[] = "foxglove.sdk.v1";
 
 struct ServerInfo {
   std::string name;
   std::vector<std::string> capabilities;
-  /// Of what clients publish.
+  /// Encodings that clients may publish.
   std::vector<std::string> encodings;
   std::vector<std::pair<std::string, std::string>> metadata;
   /// Another one each time that a server starts.
@@ -48,8 +48,8 @@ std::string status_message(StatusLevel level, std::string_view text);
 std::string parameter_values_message(std::span<const Parameter> parameters,
                                      const std::optional<std::string>& request);
 
-/// What precedes a message's bytes on the wire: opcode 1, u32 subscription, u64 nanoseconds, in
-/// little endian.
+/// Size of the header before a message's bytes on the wire: opcode 1, u32 subscription, u64
+/// nanoseconds, in little endian.
 inline constexpr std::size_t kDataHeaderBytes = 13;
 std::array<std::uint8_t, kDataHeaderBytes> data_header(std::uint32_t subscription,
                                                        std::uint64_t time_ns);

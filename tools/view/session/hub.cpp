@@ -59,7 +59,7 @@ void Hub::remove_channel(std::map<std::string, Channel, std::less<>>::iterator f
   tell_all(unadvertise_message({&id, 1}));
 }
 
-/// The channel for a message; null if it is none that can be shown.
+/// The channel for a message; null if it cannot be shown.
 Hub::Channel* Hub::channel_of(std::string_view topic, std::span<const std::uint8_t> bytes) {
   std::uint64_t fingerprint = 0;
   for (const std::uint8_t byte : bytes.first(std::min<std::size_t>(8, bytes.size()))) {
@@ -133,7 +133,7 @@ bool Hub::is_derived(std::uint32_t id) const {
                      [&topic](const auto& description) { return description.topic == topic; });
 }
 
-/// From the newest message of each channel, for somebody who begins to listen.
+/// From the newest message of each channel, for a client that begins to listen.
 void Hub::derive_all() {
   for (const auto& [topic, channel] : channels_) {
     if (!channel.is_for_derived || channel.last.empty()) continue;
@@ -152,7 +152,7 @@ void Hub::publish(const DerivedChannels::Description& description, std::uint64_t
                   std::string json) {
   auto found = channels_.find(description.topic);
   if (found != channels_.end() && found->second.fingerprint != 0) {
-    remove_channel(found);  // whoever has an LCM channel of this name
+    remove_channel(found);  // any LCM channel of this name
     found = channels_.end();
   }
   Channel& channel =

@@ -23,7 +23,7 @@ namespace tether {
 
 using ClientId = std::uint64_t;
 
-/// What a client wants to be done by the program that the server shows.
+/// Request of a client to the program that the server shows.
 struct ViewRequest {
   struct Publish {
     std::string topic;
@@ -35,16 +35,16 @@ struct ViewRequest {
   std::variant<std::vector<Parameter>, Publish> what;
 };
 
-/// What became of one.
+/// Result of a request.
 struct ViewAnswer {
   ClientId client = 0;
   std::optional<std::string> request;
-  std::vector<std::string> parameters;  ///< whose values the client is to be told
+  std::vector<std::string> parameters;  ///< whose values are to be sent to the client
   std::string error;                    ///< why nothing was done; empty if it was
 };
 
-/// What all clients see: which channels there are, the newest message of each, parameters. It
-/// passes on to each client what it has subscribed to, and its requests to the program.
+/// State that all clients share: which channels there are, the newest message of each, parameters.
+/// It passes on to each client what it has subscribed to, and its requests to the program.
 ///
 /// Pure: no sockets, clocks or threads. Messages come as LCM bytes and are decoded once, if anybody
 /// wants them; a client that subscribes is sent the newest at once.
@@ -73,7 +73,7 @@ class Hub {
   /// A channel of this topic whose messages are JSON already, and its next message.
   void publish(const DerivedChannels::Description& channel, std::uint64_t time_ns,
                std::string json);
-  /// New ones are added; whoever has subscribed to one hears of its change.
+  /// New ones are added; clients that have subscribed to one receive its change.
   void update(const std::vector<Parameter>& parameters);
   void answer(const ViewAnswer& answer);
   void say(StatusLevel level, std::string_view text);
@@ -88,7 +88,7 @@ class Hub {
     bool is_for_derived = false;   ///< derived channels are made of it
     std::vector<std::pair<ClientId, std::uint32_t>> subscribers;  ///< and their subscriptions
     std::vector<std::uint8_t> last;
-    SharedText last_json;  ///< of `last`, if anybody wanted it
+    SharedText last_json;  ///< JSON of `last`, if a client needed it
     std::uint64_t last_ns = 0;
   };
   struct Handle;
@@ -122,7 +122,7 @@ class Hub {
   ClientId last_client_ = 0;
   std::uint32_t next_channel_ = 1;
   std::int64_t heard_ = 0, undecodable_ = 0, too_many_channels_ = 0, nonsense_ = 0;
-  std::int64_t dropped_by_gone_ = 0;  ///< what clients that are gone did not read
+  std::int64_t dropped_by_gone_ = 0;  ///< messages that were not read by clients that are gone
 };
 
 }  // namespace tether

@@ -1,4 +1,4 @@
-// What clients say to the hub.
+// Messages of clients to the hub.
 
 #include <fmt/format.h>
 

@@ -26,14 +26,14 @@ struct Outgoing {
   bool is_text = false;
   std::vector<std::uint8_t> header;  ///< goes first; not of text
   SharedText payload;                ///< may be null: all is in the header
-  /// Of data: those of one series replace each other, the newer the older. Of messages of a
+  /// Series of data: the newer message of a series replaces the older. Of messages of a
   /// channel, its subscription.
   std::uint64_t series = 0;
 
   std::size_t size_bytes() const { return header.size() + (payload ? payload->size() : 0); }
 };
 
-/// What the server knows of one client: what it wants to hear, and what waits to be sent to it.
+/// State of one client in the server: what it wants to hear, and what waits to be sent to it.
 /// The queue is bounded, so that a client that does not read costs no more than that: of data, the
 /// oldest are dropped and counted, but the newest of each series only if there is nothing else, so
 /// that what is sent rarely arrives; text (which channels there are, values of parameters) never is
@@ -78,7 +78,7 @@ class Session {
 
   Limits limits_;
   std::deque<Waiting> texts_, data_;
-  std::unordered_map<std::uint64_t, std::size_t> waiting_;  ///< of data, by series
+  std::unordered_map<std::uint64_t, std::size_t> waiting_;  ///< index of waiting data, by series
   std::size_t text_bytes_ = 0, data_bytes_ = 0;
   std::uint64_t pushed_ = 0;
   std::int64_t dropped_ = 0;

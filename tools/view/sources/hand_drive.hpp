@@ -12,7 +12,7 @@
 
 namespace tether {
 
-/// Driving by hand: a page's twists are sent as the controller's, stamped as a controller would,
+/// Manual driving: a page's twists are sent as the controller's, stamped as a controller would,
 /// and so meet the network as a controller's do. One client drives at a time. Its page repeats each
 /// twist as long as its dead man is held; when it falls silent, whatever the reason, zero twists
 /// follow for a second, since the vehicle's actuator.policy may be to hold the last.
@@ -20,13 +20,13 @@ class HandDrive {
  public:
   /// A twist that is not repeated ends after this.
   static constexpr Duration kHold = std::chrono::milliseconds{250};
-  static constexpr Duration kPeriod = std::chrono::milliseconds{50};  ///< of tick()
+  static constexpr Duration kPeriod = std::chrono::milliseconds{50};  ///< period of tick()
   static constexpr double kFastest_mps = 10.0, kFastest_radps = 5.0;
 
   void hear(const clock_t& clock, Instant now);
   void hear(const pose_t& pose);
 
-  /// Of {"v_mps": 1, "omega_radps": 0}. Throws UsageError that says why there is none.
+  /// Converts {"v_mps": 1, "omega_radps": 0}. Throws UsageError that says why there is none.
   twist_t take(ClientId client, std::string_view json, Instant now);
   /// A zero twist if one is due.
   std::optional<twist_t> tick(Instant now);

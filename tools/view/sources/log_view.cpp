@@ -14,7 +14,7 @@
 namespace tether {
 namespace {
 
-/// Positions are told so often.
+/// Interval between reported positions.
 constexpr Duration kTellPeriod = std::chrono::milliseconds{100};
 /// Later ones are of the wall clock.
 constexpr Instant kYear2000{std::chrono::seconds{946'684'800}};
@@ -42,7 +42,7 @@ ViewedLog::ViewedLog(const std::string& file)
         fmt::format("{} holds no message{}", file, notes_.empty() ? "" : ": " + notes_.front()));
   }
   if (index_->entries().front().time > kYear2000) zero_ = index_->entries().front().time;
-  constexpr double kLongest_s = 4e9;  // what from_seconds() takes
+  constexpr double kLongest_s = 4e9;  // largest argument of from_seconds()
   if (start_s() < -kLongest_s || end_s() > kLongest_s) {
     throw UsageError(fmt::format("{}: its time stamps are more than 127 years apart", file));
   }

@@ -22,7 +22,7 @@ class ViewedLog {
   const std::string& file() const { return file_; }
   const LogIndex& index() const { return *index_; }
   const std::optional<Scenario>& scenario() const { return scenario_; }
-  /// What is missing, for people: where the log is damaged, that it breaks off.
+  /// Notes on missing parts, for people: where the log is damaged, that it breaks off.
   const std::vector<std::string>& notes() const { return notes_; }
 
   /// Times are shown from here on: t = 0 of a run's log, the first event of one that has the wall

@@ -21,7 +21,7 @@ namespace {
 
 const std::string kChannel = "channel.";
 
-/// Of text that a relay sent; none if it is no TOML, as when it was cut off.
+/// Value of text that a relay sent; none if it is no TOML, as when it was cut off.
 std::optional<ScenarioValue> value_of_text(const std::string& text) {
   if (text.find('\n') != std::string::npos) return std::nullopt;
   try {
@@ -42,7 +42,7 @@ struct ToParameter {
   ParameterValue operator()(const TextList& x) const { return x; }
 };
 
-/// What key_table.cpp says of each kind of key.
+/// Description of each kind of key in key_table.cpp.
 ParameterDescription described(const ScenarioKey& key) {
   ParameterDescription d;
   d.name = std::string(NetworkParameters::kPrefix) + key.name.substr(kChannel.size());

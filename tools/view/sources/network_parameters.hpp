@@ -12,14 +12,14 @@
 
 namespace tether {
 
-/// What may be done with a parameter, for a page that shows it as a slider, a switch or a list.
+/// Editable properties of a parameter, for a page that shows it as a slider, a switch or a list.
 struct ParameterDescription {
   std::string name;
   /// "number", "whole number", "switch", "choice", "list" (of numbers), "rows" (lists of numbers,
   /// as text), "text"; of what is only to be looked at, "texts".
   std::string kind;
   std::optional<double> low, high;   ///< of numbers; none: any
-  std::vector<std::string> choices;  ///< of a choice
+  std::vector<std::string> choices;  ///< choices, if it is a choice
   std::string allowed;               ///< in words
   std::string meaning;               ///< with unit
   bool can_be_set = true;
@@ -35,7 +35,7 @@ class NetworkParameters {
   /// A parameter with the names of those that have an effect, as the others are; read-only.
   static constexpr std::string_view kInEffect = "network.in_effect";
 
-  /// Those of `channel`.
+  /// Parameters of `channel`.
   explicit NetworkParameters(const ChannelSettings& channel = {});
 
   /// `settings`: what the relay has answered; what of it is not understood is left as it was. All:
@@ -48,8 +48,8 @@ class NetworkParameters {
 
   static bool owns(std::string_view name) { return name.starts_with(kPrefix); }
 
-  /// As NET/SET wants them, "KEY=VALUE". Throws UsageError that names the parameter if its value is
-  /// none for it, or must not be set.
+  /// Settings in the form of NET/SET, "KEY=VALUE". Throws UsageError that names the parameter if
+  /// its value is none for it, or must not be set.
   std::vector<std::string> settings(const std::vector<Parameter>& parameters) const;
   static constexpr std::size_t kMostAtOnce = 1000;
 

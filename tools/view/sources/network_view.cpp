@@ -117,7 +117,7 @@ void NetworkView::on_answer(const std::string& vehicle, const channel_setting_re
   pending_.erase(found);
 }
 
-/// Of a setting that all have answered; "" if it is in force.
+/// Outcome of a setting that all have answered; "" if it is in force.
 std::string NetworkView::outcome(const Pending& pending) const {
   if (pending.refused.empty()) return "";
   const auto& [first, why] = *pending.refused.begin();
@@ -189,7 +189,7 @@ void NetworkView::operate(const ViewRequest& request, const ViewRequest::Publish
     message.request = parse_operator_request(what.json);
     message.utime = bridge_utime_;  // the bridge's clock and run, whatever they are
     message.run = bridge_run_;
-    message.seq = RealTimeLoop::wall_utime_us();  // as `tether can` counts: it has to ascend
+    message.seq = RealTimeLoop::wall_utime_us();  // must ascend, as in `tether can`
     send(what.topic, message);
   } catch (const UsageError& error) {
     server_.answer({request.client, std::nullopt, {}, error.what()});

@@ -19,9 +19,9 @@
 namespace tether {
 
 /// Shows all that is on a bus, and carries clients' requests to it: settings to the relay by
-/// NET/SET, whose answer is what the clients are told; what is asked of drives, to the bridge. Of a
-/// fleet, settings go to the links of all vehicles; the first one's are those that are told.
-/// What a client causes is on the bus, and so in a recording.
+/// NET/SET, whose answer is sent to the clients; requests to drives go to the bridge. In a fleet,
+/// settings go to the links of all vehicles; the clients receive those of the first one. What a
+/// client causes is on the bus, and so in a recording.
 ///
 /// In real time or in virtual time; requests are only looked at when on_requests() is called.
 class NetworkView {

@@ -8,7 +8,7 @@
 
 namespace tether {
 
-/// What a page asks of a drivetrain: {"request": "ARM"}, by the constant's name in drive_request_t
+/// Request of a page to a drivetrain: {"request": "ARM"}, by the constant's name in drive_request_t
 /// or its number. Throws UsageError that says what is wrong.
 std::int32_t parse_operator_request(std::string_view json);
 

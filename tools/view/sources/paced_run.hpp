@@ -10,8 +10,8 @@
 namespace tether {
 
 /// A run in virtual time that is computed as it is looked at: at the pace that clients ask for, and
-/// no faster. Each thing that they ask of the network is done between two events, so that a run in
-/// which nobody asks anything is the same as without being looked at.
+/// no faster. Each thing that they ask of the network is done between two events, so that a run
+/// without requests is the same as without a viewer.
 class PacedRun {
  public:
   /// Computes all up to an instant of the run.

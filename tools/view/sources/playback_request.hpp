@@ -7,10 +7,10 @@
 
 namespace tether {
 
-// What clients ask of a playback. All throw UsageError that names the parameter and what is
+// Requests of clients to a playback. All throw UsageError that names the parameter and what is
 // allowed.
 
-/// Of a request to set some; others are refused.
+/// Parameters of a request to set some; others are refused.
 const std::vector<Parameter>& parameters_of(const ViewRequest& request);
 
 bool switch_of(const Parameter& parameter);

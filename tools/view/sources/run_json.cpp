@@ -50,7 +50,7 @@ Json shape_json(const VehicleConfig& vehicle) {
           {"chassis_width_m", vehicle.chassis_width_m}};
 }
 
-/// As lines, for those who want to draw them: each once, whoever drives along it; laps are the same
+/// The paths as lines for drawing: each once, however many vehicles follow it; laps are the same
 /// wherever they begin.
 class PathLines {
  public:
@@ -91,7 +91,7 @@ class PathLines {
   std::vector<Scenario> lines_;
 };
 
-/// What each vehicle of a fleet has of its own.
+/// Properties of each vehicle of a fleet.
 void put_vehicles(Json& all, const RunDescription& run) {
   PathLines paths;
   Json vehicles = Json::array();

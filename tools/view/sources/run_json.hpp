@@ -10,7 +10,7 @@
 
 namespace tether {
 
-/// What /api/run.json says of what is shown.
+/// Content of /api/run.json about the shown run.
 struct RunDescription {
   std::string kind;    ///< "live", "log" or "run"
   std::string source;  ///< the LCM URL, the log's or the scenario's file
@@ -20,10 +20,10 @@ struct RunDescription {
   SceneSetting scene = {};
   std::vector<ParameterDescription> parameters = {};
   std::vector<std::string> publishable = {};
-  std::vector<Scenario> members = {};  ///< of a fleet; empty for a vehicle that is alone
+  std::vector<Scenario> members = {};  ///< members of a fleet; empty for a single vehicle
 
-  /// What follows of its scenario, which has to outlive this; of a fleet, the scene and `vehicle`
-  /// are the first one's.
+  /// Takes the values that follow from its scenario, which must outlive this; of a fleet, the scene
+  /// and `vehicle` are the first one's.
   void take(const Scenario& of_the_run);
   /// The scenario of the first vehicle; there must be one.
   const Scenario& first() const { return members.empty() ? *scenario : members.front(); }
@@ -32,7 +32,8 @@ struct RunDescription {
 };
 std::string run_json(const RunDescription& run);
 
-/// Of playback.position_s and its like, `can_jump`: as in a log, not in a run that is computed.
+/// Descriptions of playback.position_s and similar parameters, `can_jump`: as in a log, not in a
+/// run that is computed.
 std::vector<ParameterDescription> playback_descriptions(double start_s, double end_s,
                                                         bool can_jump);
 

@@ -44,7 +44,7 @@ class SceneChannels final : public DerivedChannels {
   }
 
  private:
-  static constexpr std::array kPose{"x_m", "y_m", "yaw_rad"};  // of pose_of()
+  static constexpr std::array kPose{"x_m", "y_m", "yaw_rad"};  // fields of pose_of()
 
   std::vector<Description> channels_;
   SceneView view_;

@@ -13,7 +13,7 @@
 
 namespace tether {
 
-/// What has become of a page that takes its time.
+/// State of a page that takes long to make.
 struct MadePage {
   enum class State : std::uint8_t { waiting, in_work, ready, failed };
   State state = State::waiting;
@@ -22,7 +22,7 @@ struct MadePage {
   std::string error = {};                        ///< when it has failed
 };
 
-/// Pages that are made when somebody asks for them: one after the other, in a thread of its own, in
+/// Pages that are made on request: one after the other, in a thread of its own, in
 /// the order in which they were asked for. The newest are kept. All functions may be called from
 /// any thread, and none waits for the work.
 class MadePages {

@@ -89,7 +89,7 @@ std::optional<WebAnswer> ReportSite::file(std::string_view path) const {
   }
 }
 
-/// As it is now: it may have been made anew.
+/// Its present content: it may have been written again.
 WebAnswer ReportSite::report() const {
   try {
     std::string html = read_input(report_.string(), "the report", kMostReportBytes);

@@ -12,9 +12,9 @@
 
 namespace tether {
 
-/// What `tether view FOLDER` serves: the report of a folder of sweeps, and each of its runs.
+/// Site of `tether view FOLDER`: the report of a folder of sweeps, and each of its runs.
 ///
-///     GET  /                          report.html, which is told that points can be opened
+///     GET  /                          report.html, with a mark that points can be opened
 ///     GET  /NAME.csv, .gp, .pdf, .png, .svg, .tex    a file beside it, to which it links
 ///     GET  /runs/[SWEEP/]ARM/SEED     the run as one page; while there is none, one that waits
 ///     POST the same                   {"state": "waiting", "in work", "ready" or "failed",

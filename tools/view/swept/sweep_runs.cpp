@@ -26,7 +26,7 @@ namespace fs = std::filesystem;
 /// Between two machines, of the last digits.
 bool is_same(double a, double b) { return std::abs(a - b) <= 1e-9 * std::max(1.0, std::abs(b)); }
 
-/// Of "/runs/4/17": "/runs/4" and 17; nothing if there is no number.
+/// Parses "/runs/4/17": "/runs/4" and 17; nothing if there is no number.
 template <class Number>
 std::optional<std::pair<std::string_view, Number>> split_number(std::string_view path) {
   const std::size_t slash = path.rfind('/');

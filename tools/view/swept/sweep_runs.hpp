@@ -27,7 +27,7 @@ class SweepRuns {
   bool has(std::string_view path) const { return find(path).has_value(); }
 
   /// Computes the run, which is there, again, and writes its log and its scenario.toml into a
-  /// folder; returns the log. `progress` is told the share that is done, 0 to 1, at each second of
+  /// folder; returns the log. `progress` receives the completed share, 0 to 1, at each second of
   /// the run; what it throws ends the run. Throws std::runtime_error, with both versions of Tether,
   /// if it cannot be made or its ε is not that of the sweep. Const, and so for any thread.
   std::filesystem::path make_again(std::string_view path, const std::filesystem::path& into,

@@ -52,7 +52,7 @@ bool is_loopback_host(std::string_view host, std::uint16_t port) {
       return true;
     }
   }
-  // 127.0.0.2 and so on, if the server was told to listen there.
+  // 127.0.0.2 and so on, if the server listens there.
   const std::size_t colon = host.find(':');
   return is_loopback(host.substr(0, colon)) &&
          host.substr(std::min(colon, host.size())) == wanted_port;

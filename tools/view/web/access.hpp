@@ -21,7 +21,7 @@ struct AccessRules {
   std::vector<std::string> origins;  ///< "https://app.foxglove.dev"
 };
 
-/// What of a request decides; empty is missing.
+/// Parts of a request that decide on access; empty is missing.
 struct AccessRequest {
   std::string_view target;  ///< "/api/run.json?token=…"
   std::string_view host;
@@ -42,7 +42,7 @@ std::string token_cookie(std::uint16_t port);
 /// Whether the token is in the address itself.
 bool has_token_in_target(const AccessRules& rules, std::string_view target);
 
-/// Of "/a/b?c=d": "/a/b".
+/// Path of "/a/b?c=d": "/a/b".
 std::string_view path_of_target(std::string_view target);
 
 /// Whether an address to listen on is of this machine alone: 127.x.x.x or ::1.

@@ -41,7 +41,7 @@ class WaitingRoom {
   std::list<std::shared_ptr<WaitingConnection>> waiting_;
 };
 
-/// What connections share; all of it belongs to the server's thread.
+/// Services that connections share; all of it belongs to the server's thread.
 struct ViewServices {
   Hub& hub;
   AccessRules access;
@@ -51,7 +51,7 @@ struct ViewServices {
   std::function<std::string()> status_json;
   std::size_t most_connections = 0;
 
-  std::size_t connections = 0;  ///< of clients that may pass
+  std::size_t connections = 0;  ///< clients that have access
   WaitingRoom waiting = {};
   std::int64_t refused = 0;
   /// Sends what waits for each client.

@@ -17,7 +17,7 @@ namespace tether {
 /// messages go to the system with one call. Without this, each message costs such a call, and 20
 /// clients with thousands of messages a second a whole core.
 ///
-/// Being a copy, no write waits; whoever writes has to look at backlog_bytes() first. What the
+/// Being a copy, no write waits; the writer must check backlog_bytes() first. What the
 /// WebSocket itself answers (pongs) is bounded: beyond kMostBytes writing fails.
 class GatheringStream {
  public:
@@ -41,7 +41,7 @@ class GatheringStream {
   /// Hands over what was written.
   void flush() { state_->flush(); }
 
-  // What Beast asks of a stream.
+  // Interface that Beast requires of a stream.
   template <class Buffers>
   std::size_t read_some(const Buffers& buffers, Error& error) {
     return state_->socket.read_some(buffers, error);

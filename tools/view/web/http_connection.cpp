@@ -191,7 +191,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   beast::flat_buffer received_{std::size_t{2} * kMostHeaderBytes};
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<Response> response_;
-  std::string policy_;  ///< of a site; empty: policy_of_page()
+  std::string policy_;  ///< policy of a site; empty: policy_of_page()
 };
 
 }  // namespace

@@ -12,7 +12,7 @@
 
 namespace tether {
 
-/// What the program has to say to the server's thread; filled by the one and emptied by the other,
+/// Messages of the program to the server's thread; filled by the one and emptied by the other,
 /// neither of which waits for more than a copy. Bounded: what does not fit is dropped and counted.
 class ViewInbox {
  public:
@@ -36,7 +36,7 @@ class ViewInbox {
 
   struct Batch {
     std::vector<Item> items;
-    std::vector<std::uint8_t> bytes;  ///< of what was heard
+    std::vector<std::uint8_t> bytes;  ///< bytes of the received message
   };
   static constexpr std::size_t kMostBytes = std::size_t{16} << 20;
   static constexpr std::size_t kMostItems = 200'000;

@@ -30,7 +30,7 @@ class PageFolder {
   std::map<std::string, std::filesystem::path, std::less<>> files_;  ///< by "/name"
 };
 
-/// Of a file's name; empty if it is of no kind that a page consists of.
+/// Media type by a file's name; empty if it is of no kind that a page consists of.
 std::string media_type(const std::filesystem::path& name);
 
 }  // namespace tether

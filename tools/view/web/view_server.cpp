@@ -26,7 +26,7 @@ namespace asio = boost::asio;
 using tcp = asio::ip::tcp;
 using Error = boost::system::error_code;
 
-/// What is heard in this time goes out together.
+/// Messages received within this time are sent together.
 constexpr auto kGather = std::chrono::milliseconds{10};
 constexpr auto kAcceptAgain = std::chrono::milliseconds{100};
 constexpr int kPortsToTry = 100;

@@ -17,7 +17,7 @@ namespace tether {
 /// dead or hostile, delays the program that it shows. docs/reference/view-protocol.md says what it
 /// serves.
 ///
-/// What is said to it is copied and taken over by its thread within 10 ms; all of its functions may
+/// Arguments are copied, and taken over by its thread within 10 ms; all of its functions may
 /// be called from any thread, and none waits for a client.
 class ViewServer {
  public:
@@ -31,12 +31,12 @@ class ViewServer {
     std::vector<std::string> publishable;
     bool has_time = false;  ///< tell_time() will be called
     std::string run_json;   ///< what /api/run.json says
-    /// What is served instead, if it is given: no page, no /api and no WebSocket then.
+    /// Site that is served instead, if it is set: no page, no /api and no WebSocket then.
     WebSite site = nullptr;
   };
   static constexpr std::size_t kMostClients = 100;
 
-  /// Listens from here on. Throws UsageError for an address that is none; std::runtime_error if the
+  /// Listens from here on. Throws UsageError for an invalid address; std::runtime_error if the
   /// port is taken, naming the next one that is free.
   explicit ViewServer(const Options& options, std::unique_ptr<DerivedChannels> derived = nullptr);
   /// Says good-bye to all clients and ends.

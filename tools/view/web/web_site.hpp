@@ -6,7 +6,7 @@
 
 namespace tether {
 
-/// What a request of HTTP gets.
+/// Answer to an HTTP request.
 struct WebAnswer {
   unsigned status = 200;
   std::string body = {};

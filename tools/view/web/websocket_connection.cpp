@@ -16,9 +16,9 @@ using Error = boost::system::error_code;
 
 /// The longest message that a client may send.
 constexpr std::size_t kMostMessageBytes = std::size_t{64} << 10;
-/// What is handed to the system before it has taken what it had.
+/// Maximum number of bytes handed to the system ahead.
 constexpr std::size_t kMostBacklogBytes = std::size_t{256} << 10;
-/// A client of which nothing is heard for so long, pongs included, is gone.
+/// A client that has been silent for this long, pongs included, is gone.
 constexpr auto kPingPatience = std::chrono::seconds{30};
 
 /// One client's WebSocket: carries messages between it and the hub. Lives as long as it is read.

@@ -6,7 +6,7 @@ export class Camera {
     this.changed = changed;
     this.centre = [0, 0];
     this.scale = 20; // pixels per metre
-    this.isFree = false; // somebody has moved it: it does not fit itself any more
+    this.isFree = false; // the user has moved it: it does not fit itself any more
     this.pointers = new Map();
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("pointerdown", (event) => this.down(event));

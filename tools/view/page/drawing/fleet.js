@@ -1,5 +1,5 @@
-// Many vehicles: one picture of a vehicle, stamped for each, and all trails as one line. Drawing each
-// anew, as for a few, is too slow for a hundred.
+// Many vehicles: one picture of a vehicle, stamped for each, and all trails as one line. Drawing each of them again,
+// as for a few, is too slow for a hundred.
 
 import { drawBody } from "./marks.js";
 import { colour } from "./theme.js";

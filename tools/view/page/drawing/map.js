@@ -21,7 +21,7 @@ export class FactoryMap {
     this.scene = sceneOf(null);
     this.generation = -1;
     this.seen = null; // box of what stands still and of the places where vehicles have been
-    this.seenIn = -1; // since the model began anew so often
+    this.seenIn = -1; // value of model.generation when last seen
     this.following = false;
     this.onScene = () => {};
     this.fleet = new Fleet();
@@ -48,7 +48,7 @@ export class FactoryMap {
     this.seen = boxWith(boxWith(this.seen, { x_m: x1, y_m: y1 }, 0), { x_m: x2, y_m: y2 }, 0);
   }
 
-  /** All vehicles stay on the map until somebody moves it. */
+  /** All vehicles stay on the map until the user moves it. */
   see(vehicles) {
     const { length_m, centre_m } = this.scene.vehicle;
     const before = this.seen;

@@ -12,7 +12,7 @@ function atPose(c, camera, pose, draw) {
   c.restore();
 }
 
-/** Vehicles are drawn at least so long, so that they are seen from afar. */
+/** Vehicles are drawn at least this long, so that they are seen from afar. */
 function enlarged(camera, body) {
   return Math.max(1, 26 / (body.length_m * camera.scale));
 }

@@ -1,4 +1,4 @@
-// What a vehicle's laser scanner sees, where its localiser takes it to be, and what moves by itself.
+// Draws a vehicle's scan, its localiser's estimate, and moving obstacles.
 
 import { LOCALISATION, ellipse95, placeAt } from "../model/onboard.js";
 import { Surface } from "./canvas.js";

@@ -1,4 +1,4 @@
-// Light or dark: what the system prefers, until somebody chooses. Canvases read the colours here.
+// Light or dark: what the system prefers, until the user chooses. Canvases read the colours here.
 
 const listeners = [];
 const colours = new Map();

@@ -14,7 +14,7 @@ function seconds(view, offset) {
   return view.getUint32(offset + 4, true) * (TWO_TO_32 / 1e9) + view.getUint32(offset, true) / 1e9;
 }
 
-/** What a binary message says; null if it makes no sense or is none that the page knows. */
+/** Content of a binary message; null if it is malformed or of an unknown kind. */
 export function parseBinary(buffer) {
   const view = new DataView(buffer);
   if (view.byteLength >= 13 && view.getUint8(0) === MESSAGE_DATA) {

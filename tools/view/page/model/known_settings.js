@@ -1,4 +1,4 @@
-// What is known of settings by their names: units, and ranges that are useful for a hand on a slider.
+// Known properties of settings, by their names: units, and ranges that are useful for a hand on a slider.
 // What is allowed, and the words of menus, the server says (/api/run.json).
 
 /** The first row whose pattern fits the name. `main`: shown without unfolding. */

@@ -1,5 +1,4 @@
-// What the page knows, from the messages that it was sent. No DOM, no clock: whoever calls says what
-// time it is.
+// State of the page, from the messages that it received. No DOM, no clock: the caller passes the time.
 
 import { Series } from "./series.js";
 import { ChannelStatistics } from "./statistics.js";
@@ -49,7 +48,7 @@ export class Model {
     this.main = ""; // key of the run's own vehicle
     this.selected = null; // key of the vehicle that is looked at
     this.series = new Series(PLOTTED, PLOTTED_S);
-    this.generation = 0; // counts up when everything begins anew
+    this.generation = 0; // counts restarts of the model
     this.isCut = false; // the connection is gone
     this.restart();
   }
@@ -173,7 +172,7 @@ export class Model {
     this.about = about;
     const main = vehicleKey(about.vehicle ?? "");
     if (main !== this.main) {
-      // what was heard before is of a vehicle by the wrong name
+      // earlier messages belong to a vehicle by the wrong name
       this.main = main;
       this.vehicles.clear();
       this.selected = this.isFleet ? main : null;

@@ -1,4 +1,4 @@
-// What a vehicle with a laser scanner knows: where its beams ended, how sure it is of its place, who drives.
+// State of a vehicle with a laser scanner: where its beams ended, how sure it is of its place, who drives.
 // No DOM. Angles are radians, times seconds of the run.
 
 const KEPT = 128;
@@ -108,7 +108,7 @@ export class Fixes {
     if (this.newest && said.utime <= this.newest.utime) return;
     this.newest = said;
     this.waiting.push(said);
-    if (this.waiting.length > 20) this.waiting.shift(); // nobody says the truth
+    if (this.waiting.length > 20) this.waiting.shift(); // no truth arrives
     this.settle(truth);
   }
 

@@ -1,4 +1,4 @@
-// What became of each packet on one direction of the relay. A packet is offered on one channel
+// Fate of each packet on one direction of the relay. A packet is offered on one channel
 // (AGV/POSE) and comes out on another (CTRL/POSE) with the same number.
 
 export const FLYING = "flying";
@@ -6,7 +6,7 @@ export const ARRIVED = "arrived";
 export const LATE = "late"; // behind one that was sent after it: of no use any more
 export const LOST = "lost";
 
-/** A packet that has not come so long after a later one, or after it was sent, will not come. */
+/** A packet that has not arrived this long after a later one, or after it was sent, counts as lost. */
 const OVERTAKEN_S = 0.3;
 const KEPT = 4000;
 
@@ -57,7 +57,7 @@ export class Lane {
     this.longest_s = Math.max(way_s, this.longest_s * 0.98);
   }
 
-  /** Decides which of those under way are lost; where nobody has ever received one, nobody listens. */
+  /** Decides which of those under way are lost; without any reception so far, there is no receiver. */
   settle(now_s, isRelayed = false) {
     if (!isRelayed && this.newest === -Infinity) return;
     const patience_s = Math.max(OVERTAKEN_S, 2 * this.longest_s);

@@ -1,5 +1,5 @@
 // Which messages of a recording are to be shown when, as log_player.hpp has it in the server. No DOM, no
-// clock: whoever calls says what time it is.
+// clock: the caller passes the time.
 
 export const SLOWEST = 0.1;
 export const FASTEST = 100;

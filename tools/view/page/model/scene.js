@@ -1,4 +1,4 @@
-// What stands still: walls, obstacles, the planned path, the vehicle's shape; from what the server says
+// Static parts of the scene: walls, obstacles, the planned path, the vehicle's shape; from what the server says
 // of the run (/api/run.json). Whatever it does not say is left out.
 
 /**

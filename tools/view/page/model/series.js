@@ -21,7 +21,7 @@ export class Series {
   /** What is not given, or is not a number, is a gap. */
   add(time_s, values) {
     if (time_s > this.last_s + GAP_S && this.time_s.length) {
-      // nobody saw what was in between
+      // the time in between was not observed
       this.time_s.push(time_s - GAP_S);
       for (const name of this.names) this.columns[name].push(null);
     }

@@ -16,7 +16,7 @@ function split(topic) {
   const slash = topic.indexOf("/");
   if (slash <= 0) return null;
   const side = topic.slice(0, slash);
-  const [, base, vehicle] = /^(AGV|CTRL|CAN|SIM|NET)(.*)$/.exec(side) ?? [null, side, NOBODY.has(side) ? "" : side];
+  const [, base, vehicle] = /^(AGV|CTRL|CAN|SIM|NET)(.*)$/.exec(side) ?? [null, side, NO_VEHICLE.has(side) ? "" : side];
   return { side, base, name: topic.slice(slash + 1), vehicle: vehicle.replace(/^-/, "") };
 }
 
@@ -31,10 +31,10 @@ export function isControlSide(part) {
 }
 
 /** Sides that are no vehicle. */
-const NOBODY = new Set(["CTRL", "NET", "SIM", "CAN", "TIME", "RUN", "LINK"]);
+const NO_VEHICLE = new Set(["CTRL", "NET", "SIM", "CAN", "TIME", "RUN", "LINK"]);
 
 export function isVehicleSide(part) {
-  return !NOBODY.has(part.base);
+  return !NO_VEHICLE.has(part.base);
 }
 
 /** What the page subscribes to: what LCM carries, not what the server draws from it for others. */

@@ -1,4 +1,4 @@
-// What is known of one vehicle, from the messages about it: the truth, what its controller believes,
+// State of one vehicle, from the messages about it: the truth, what its controller believes,
 // and the packets between them. Times are seconds of the run.
 
 import { SentCommands, followPlan, predictByPlans } from "./belief.js";
@@ -47,7 +47,7 @@ export class Vehicle {
 
   hearTruth(truth, heard_s) {
     if (this.truth && truth.utime - this.truth.utime > GAP_US) {
-      // a log was wound on: nobody saw the way
+      // a jump in a log: the path in between was not observed
       this.trail.clear();
       this.reference.clear();
       this.truths.clear();
@@ -67,7 +67,7 @@ export class Vehicle {
     this.placeScan();
   }
 
-  /** From where it really was at each beam, once that is known; without truth, from where it is said to be. */
+  /** From where it really was at each beam, once that is known; without truth, from its reported pose. */
   placeScan() {
     if (!this.scan || (this.truth && this.truths.newest_s < endOfScan_s(this.scan) - 1e-3)) return;
     const said = this.fixes.newest ?? this.pose;
