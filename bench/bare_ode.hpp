@@ -11,7 +11,7 @@
 
 namespace tether::bench {
 
-/// What the servos are told in a run, step by step.
+/// Setpoints of the servos in a run, step by step.
 inline std::vector<WheelSpeeds> record_servo_targets(const Scenario& scenario) {
   std::vector<WheelSpeeds> targets;
   ClosedLoop loop(scenario);

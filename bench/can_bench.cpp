@@ -27,7 +27,7 @@
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 
-// What the CAN drivetrain costs in one process and virtual time: a whole run against the same run
+// Cost of the CAN drivetrain in one process and virtual time: a whole run against the same run
 // without CAN, and its parts by themselves.
 
 namespace tether {

@@ -180,8 +180,8 @@ struct Load {
   double drives_percent = 0.0;
 };
 
-/// Of 10 s of driving, in percent of one CPU; from CPU time, so that another load on the machine
-/// hardly counts. Throws if the vehicle did not drive all the time.
+/// Load during 10 s of driving, in percent of one CPU; from CPU time, so that another load on the
+/// machine hardly counts. Throws if the vehicle did not drive all the time.
 Load load_while_driving(const Scenario& scenario) {
   const std::int64_t start_utime_us =
       RealTimeLoop::wall_utime_us() +

@@ -65,7 +65,7 @@ LiveDrivetrain& drivetrain(std::int64_t cycle_ms) {
   return *running;
 }
 
-/// As many samples as wanted, or as there is time for.
+/// Takes the wanted number of samples, or as many as the time allows.
 template <class Measure>
 void latency(benchmark::State& state, int wanted, const Measure& measure) {
   LiveDrivetrain& live = drivetrain(state.range(0));
@@ -159,7 +159,7 @@ void bare_echo(benchmark::State& state) {
       ->Iterations(1)                         \
       ->UseManualTime()                       \
       ->Unit(benchmark::kMillisecond)
-// In this order: the processes are started anew for another cycle.
+// In this order: the processes are restarted for another cycle.
 TETHER_LIVE_BENCH(command_in_frame_out, kUsual_ms);
 TETHER_LIVE_BENCH(frame_in_report_out, kUsual_ms);
 TETHER_LIVE_BENCH(bus_traffic, kUsual_ms);

@@ -34,7 +34,7 @@ void one_packet(benchmark::State& state, const std::vector<std::string>& keys) {
   state.counters["in_flight"] = static_cast<double>(link.in_flight());
 }
 
-/// What the above costs without a link: making and freeing a packet.
+/// Cost of the above without a link: making and freeing a packet.
 void caller_alone(benchmark::State& state) {
   const std::vector<std::uint8_t> bytes(kBytes);
   for (auto _ : state) {
@@ -44,8 +44,8 @@ void caller_alone(benchmark::State& state) {
 }
 BENCHMARK(caller_alone);
 
-/// What a position of the vehicle costs a link of model map, for a vehicle that moves and for one
-/// that stands. This is once a pose, not once a packet.
+/// Cost of a vehicle's position for a link of model map, for a vehicle that moves and for one that
+/// stands. This is once a pose, not once a packet.
 void position(benchmark::State& state, double step_m) {
   LinkPair links =
       make_links(parse_scenario("", "bench",
@@ -61,7 +61,7 @@ void position(benchmark::State& state, double step_m) {
 BENCHMARK_CAPTURE(position, map_moving, 0.01);
 BENCHMARK_CAPTURE(position, map_standing, 0.0);
 
-/// What watching a link costs: fates as the link told them, told to a monitor.
+/// Cost of watching a link: fates as the link told them, told to a monitor.
 void monitor(benchmark::State& state, const std::vector<std::string>& keys) {
   const Scenario scenario = parse_scenario("", "bench", keys);
   LinkPair links = make_links(scenario);

@@ -64,7 +64,7 @@ void whole_run(benchmark::State& state, const std::vector<std::string>& override
   compare_with_bare_ode(state, paper(overrides));
 }
 
-/// What a vehicle of a fleet of 100 costs, over one that is alone: side by side, 20 poses a second.
+/// Cost of a vehicle of a fleet of 100, relative to a single one: side by side, 20 poses a second.
 void fleet_of_100(benchmark::State& state, const std::string& plant) {
   const std::vector<std::string> common{"vehicle.plant=" + plant, "sensor.rate_hz=20",
                                         "world.half_extent_m=500", "run.duration_s=20"};

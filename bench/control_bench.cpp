@@ -15,7 +15,7 @@
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
-// What a decision of each law costs, and what it puts on the air.
+// Cost of a decision of each law, and its traffic.
 
 namespace tether {
 namespace {

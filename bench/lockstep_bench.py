@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What a run in lockstep costs: its wall time against its floor, one round trip over LCM for each
+"""Cost of a run in lockstep: its wall time against its floor, one round trip over LCM for each
 grant, as measured in the same run between other grants. Usage: lockstep_bench.py BIN_DIR
 
 one_process_s: the same run without processes, that is, the nodes' own work; over_work_and_floor:

@@ -38,7 +38,7 @@ std::string big_endian(std::uint64_t value, int size) {
   return bytes;
 }
 
-/// What `tether run` would record.
+/// The log that `tether run` would record.
 std::string record(const Scenario& scenario) {
   std::string log;
   ClosedLoop loop(scenario);
@@ -69,7 +69,7 @@ void decode_all(const std::string& log) {
   while (reader.next(event)) benchmark::DoNotOptimize(inspect_message(event.data).values.data());
 }
 
-/// As `tether log mcap` does, with its survey.
+/// Converts like `tether log mcap`, with its survey.
 std::size_t convert(const std::string& log, const McapExport& how) {
   std::istringstream first(log), second(log);
   EventLogReader surveyed(first), exported(second);

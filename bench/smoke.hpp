@@ -10,10 +10,10 @@ namespace tether::bench {
 /// then of a few rounds and say little.
 inline bool is_smoke() { return std::getenv("TETHER_BENCH_SMOKE") != nullptr; }
 
-/// That many, or a few.
+/// The full number of rounds, or a few.
 inline int rounds(int full) { return is_smoke() ? std::min(full, 3) : full; }
 
-/// That long, or for a moment.
+/// The full time, or a moment.
 inline std::chrono::seconds window(std::chrono::seconds full) {
   return is_smoke() ? std::min(full, std::chrono::seconds{1}) : full;
 }

@@ -6,7 +6,7 @@ target_compile_options(tether_options INTERFACE -Wall -Wextra -Wpedantic
   $<$<BOOL:${TETHER_WERROR}>:-Werror>
   # GCC collects garbage from 128 MB on, which takes a tenth of its time.
   $<$<CXX_COMPILER_ID:GNU>:--param=ggc-min-heapsize=600000>)
-# The Python module is made of the same libraries. What nobody outside sees costs no more than before; the
+# The Python module is made of the same libraries. Symbols without outside users cost no more than before; the
 # vehicle's build has the same objects.
 if(NOT TETHER_SANITIZE)
   target_compile_options(tether_options INTERFACE -fPIC -fvisibility=hidden)

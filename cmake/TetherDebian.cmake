@@ -1,6 +1,6 @@
 # Debian packages, one for each component of TetherInstall.cmake:
 #   cpack -G DEB --config build/release/CPackConfig.cmake -B build/packages
-# Whoever builds packages for others answers for them: their name stands in the packages.
+# The builder of packages for others is responsible for them, and is named in the packages.
 set(TETHER_MAINTAINER "The Tether authors <maintainers@tether.invalid>" CACHE STRING "Maintainer of the Debian packages: Name <mail address>")
 if(NOT TETHER_MAINTAINER MATCHES "^[^<>,\n]*[^<>,\n ] <[^<>@, ]+@[^<>@, ]+>$")
   message(FATAL_ERROR "TETHER_MAINTAINER = \"${TETHER_MAINTAINER}\" is not allowed: must be \"Name <mail address>\"")
@@ -88,7 +88,7 @@ if(NOT TETHER_VEHICLE_ONLY)
       DEPENDS "tether-vehicle (= ${PROJECT_VERSION}), python3-numpy, python3 (>= ${this}), python3 (<< ${Python3_VERSION_MAJOR}.${after})")
   endif()
 endif()
-# What cpack checks before it begins (TetherPackageVersion.cmake): files of the build folder, by component.
+# Checks of cpack before it begins (TetherPackageVersion.cmake): files of the build folder, by component.
 set(CPACK_TETHER_BUILD_DIR ${CMAKE_BINARY_DIR})
 list(TRANSFORM TETHER_VEHICLE_PROGRAMS PREPEND bin/ OUTPUT_VARIABLE CPACK_TETHER_VEHICLE_FILES)
 list(TRANSFORM TETHER_LAB_PROGRAMS PREPEND bin/ OUTPUT_VARIABLE CPACK_TETHER_LAB_FILES)

@@ -1,4 +1,4 @@
-# What `cmake --install` puts where, and which Debian packages `cpack -G DEB` makes of it:
+# Places of the files of `cmake --install`, and the Debian packages that `cpack -G DEB` makes of them:
 #
 #   tether-vehicle  what a vehicle's computer runs, with scenarios and drivetrains to begin from
 #   tether          all else: simulator, relay, controller, sweeps, figures, the page

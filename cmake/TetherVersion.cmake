@@ -1,5 +1,5 @@
 # Target `tether_version`: version.hpp, whose kVersion is the release and, in a git checkout, the commit.
-# Its source is written anew at each build, but only touched when it changes; who includes the header is
+# Its source is written at each build, but only touched when it changes; who includes the header is
 # not compiled again.
 set(version_source ${CMAKE_BINARY_DIR}/generated/common/version.cpp)
 add_custom_target(tether_version_source

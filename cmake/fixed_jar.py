@@ -10,7 +10,7 @@ def main(path):
         entries = {name: jar.read(name) for name in jar.namelist()}
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as jar:
         for name in sorted(entries, key=lambda name: (not name.startswith("META-INF/"), name)):
-            entry = zipfile.ZipInfo(name)  # of 1980
+            entry = zipfile.ZipInfo(name)  # a date of 1980
             entry.compress_type = zipfile.ZIP_DEFLATED
             jar.writestr(entry, entries[name])
 

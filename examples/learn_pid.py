@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Learns a PID's gains, and its look-ahead by the share of poses that arrive, by the cross-entropy method;
-then compares it with laws that were made and tuned by hand, on seeds that it has not seen.
+then compares it with laws that were designed and tuned manually, on seeds that it has not seen.
 
     examples/learn_pid.py [GENERATIONS [UNSEEN_SEEDS]]   # from the source tree; numpy and tether_env, two threads
 
@@ -19,7 +19,7 @@ import tether_env
 
 SOURCE = pathlib.Path(__file__).resolve().parents[1]
 PAPER = SOURCE / "scenarios" / "paper.toml"
-# That of experiments/control_benchmark.toml, with 20 poses a second.
+# Same scenario as in experiments/control_benchmark.toml, with 20 poses a second.
 BASE = {
     "vehicle.plant": "kinematic", "vehicle.start_error_m": 0.1, "vehicle.start_error_rad": 0.05,
     "sensor.position_noise_m": 0.02, "sensor.yaw_noise_rad": 0.01, "sensor.rate_hz": 20,

@@ -146,7 +146,7 @@ class LawClient {
     return bytes;
   }
 
-  /// Of a grant or an answer: of all but its seq, which differs between copies, and the mac.
+  /// Digest of a grant or an answer: of all but its seq, which differs between copies, and the mac.
   template <class T>
   std::string mac_of(T message) const {
     message.seq = 0;
@@ -310,7 +310,7 @@ class LawClient {
   std::int64_t commands_ = 0;  // so far
   std::int64_t seq_ = 0;
   std::int64_t session_ = 0;
-  Bytes run_key_, node_key_;  ///< of digests; of this node's grants and answers
+  Bytes run_key_, node_key_;  ///< key of digests; key of this node's grants and answers
   std::deque<Bytes> inbox_;
   std::map<std::int64_t, Bytes> sent_;  // by number, to send again
   bool granted_ = false;                // grant_ is being carried out …

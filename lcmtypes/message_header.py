@@ -47,7 +47,7 @@ def visit(file, line):
     kind, name, dimensions = FIELD.fullmatch(line).groups()
     declaration = rf"^[^/]*\b{kind.split('.')[-1]}\b[^/]*\b{name}\b"
     if kind not in TYPES:
-        refuse(file, declaration, f"the type of {name} is none of {', '.join(sorted(TYPES))}")
+        refuse(file, declaration, f"the type of {name} is not one of {', '.join(sorted(TYPES))}")
     count = DIMENSION.fullmatch(dimensions)
     if dimensions and not count:
         refuse(file, declaration, f"{name} has more than one dimension")

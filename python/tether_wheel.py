@@ -1,4 +1,4 @@
-"""What pip asks to build the package (PEP 517; 660 for `pip install -e`), of the standard library alone: any pip
+"""Build backend of the package for pip (PEP 517; 660 for `pip install -e`), of the standard library alone: any pip
 installs it without a network. The messages' descriptions come along from lcmtypes/."""
 
 import base64

@@ -28,7 +28,7 @@ namespace {
 using Place = LocaliserSettings::Place;
 using Stream = MediumSettings::Stream;
 
-/// Poses, whoever makes them.
+/// Poses, from any source.
 Stream poses(const Scenario& scenario, const ChannelNames& channels) {
   const auto& sensor = scenario.get<SensorSettings>();
   const std::int64_t bytes = datagram_bytes(channels.control_pose, pose_t{}.getEncodedSize());

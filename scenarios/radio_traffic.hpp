@@ -17,7 +17,7 @@ bool sends_changes(const Settings& sender) {
 /// autonomy's reports.
 void take_traffic(Scenario& scenario);
 
-/// What medium.keep = "newest" and serve = "most_valuable" need. Throws UsageError.
+/// Checks the needs of medium.keep = "newest" and serve = "most_valuable". Throws UsageError.
 void check_keeping(const Scenario& scenario, const std::string& file);
 
 }  // namespace tether

@@ -41,7 +41,7 @@ double pose_delay_s(const Scenario& scenario) {
   return 1e-3 * (scenario.get<SensorSettings>().latency_ms + channel_ms.value_or(0.0));
 }
 
-/// What both senders need so that one who waits for a message does not take it for lost.
+/// Checks both senders, so that a receiver does not take a message for lost that was not sent.
 void check_sending(const Scenario& scenario, const std::string& file) {
   const auto& sensor = scenario.get<SensorSettings>();
   const auto& controller = scenario.get<ControllerSettings>();
@@ -175,7 +175,7 @@ void check_view_ahead(const Scenario& scenario, const std::string& file, double 
   }
 }
 
-/// What autonomy needs of other rooms' sections.
+/// Checks autonomy's needs on other rooms' sections.
 void check_autonomy(const Scenario& scenario, const std::string& file) {
   const auto& autonomy = scenario.get<AutonomySettings>();
   if (!autonomy.enabled) return;
@@ -262,7 +262,7 @@ void check_inputs(const Scenario& scenario, const std::string& file) {
   }
 }
 
-/// It knows its scanner, unless it is told otherwise.
+/// It knows its scanner, unless its noise is given.
 void take_from_scanner(Scenario& scenario, const std::set<std::string>& given,
                        const std::string& /*file*/) {
   auto& localiser = scenario.get<LocaliserSettings>();

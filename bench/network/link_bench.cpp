@@ -33,7 +33,7 @@
 #include "tools/base/process.hpp"
 #include "tools/processes/node_process.hpp"
 
-// What tether-link costs: sealing and opening; and two processes between two LCM networks over
+// Cost of tether-link: sealing and opening; and two processes between two LCM networks over
 // loopback, beside two bare UDP forwarders in the same run.
 // Needs a multicast route: tests/support/in_own_network.sh. It reports, and fails only if nothing
 // is measured.
@@ -240,7 +240,7 @@ double rate(LiveLink& link, Way way, std::size_t bytes, double& lost) {
   for (std::uint32_t before = 0; link.loop().now() < end; before = next) {
     fill();
     link.run_for(std::min<Duration>(milliseconds{200}, end - link.loop().now()));
-    if (next == before) {  // what is under way is lost
+    if (next == before) {  // packets under way are lost
       lost += sent - next;
       next = sent;
     }

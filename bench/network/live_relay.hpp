@@ -42,9 +42,9 @@ class LiveRelay {
 
   /// Sends a message of `bytes`, at least 4.
   void send(Way way, std::uint32_t number, std::size_t bytes);
-  /// Is told of each message that has gone that way from now on; null for nobody.
+  /// Receives each message that has gone that way from now on; null: no receiver.
   void on_heard(Way way, Heard heard) { line(way).heard = std::move(heard); }
-  /// Likewise of messages to the relay. Listening there starts with the first call: it costs as
+  /// The same for messages to the relay. Listening there starts with the first call: it costs as
   /// much as listening on the far network.
   void on_near(Heard heard);
 

@@ -33,7 +33,7 @@ using bench::Way;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-/// As many messages under way at most: 64 of 300 kB would overflow the sockets.
+/// Maximum number of messages under way: 64 of 300 kB would overflow the sockets.
 std::uint32_t window(std::size_t bytes) { return bytes > 10'000 ? 4 : 64; }
 
 /// Messages per second from publishing to handling, with no more than a window under way.
@@ -69,7 +69,7 @@ class Throughput {
   std::uint32_t heard() const { return heard_; }
 
  private:
-  /// What has not been heard is lost.
+  /// Counts missing messages as lost.
   void skip() {
     lost_ += sent_ - next_;
     next_ = sent_;

@@ -7,7 +7,7 @@
 #include "localiser/core/localiser.hpp"
 #include "tests/localiser/hall.hpp"
 
-// What a scan of 541 beams costs the localiser: tracking, against the floor of only reading the
+// Cost of a scan of 541 beams for the localiser: tracking, against the floor of only reading the
 // distance field at the same beams' ends as often; and searching.
 
 namespace tether {
@@ -65,7 +65,7 @@ void match_one(benchmark::State& state) {
 BENCHMARK(match_one)->Unit(benchmark::kMicrosecond);
 
 void floor_of_reading_the_field(benchmark::State& state) {
-  constexpr int kPasses = 8;  // of match_one
+  constexpr int kPasses = 8;  // passes of match_one
   std::size_t i = 0;
   for (auto _ : state) {
     const auto x_m = static_cast<float>(way().places[i].x_m);

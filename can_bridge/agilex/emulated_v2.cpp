@@ -63,7 +63,7 @@ void EmulatedAgilexV2::on_frame(const CanFrame& frame, Instant now,
     const bool standby = frame.data[0] == static_cast<std::uint8_t>(Mode::standby);
     if (can && state_.condition == Condition::normal && state_.mode != Mode::can) {
       state_.mode = Mode::can;
-      command_ = {};  // what came before the change does not count
+      command_ = {};  // commands before the change do not count
     } else if (standby) {
       state_.mode = Mode::standby;
     }

@@ -323,7 +323,7 @@ void AgilexV2Profile::tick_stopping(Instant now, std::vector<CanFrame>& out) {
 }
 
 bool AgilexV2Profile::bring_to_standby(Instant now, bool brake_first, std::vector<CanFrame>& out) {
-  // A chassis in remote control is driven by somebody else.
+  // A chassis in remote control is driven by its remote control.
   if (state_stamp_ && state_.mode != Mode::can) return true;
   out.push_back(agilex::encode(agilex::kMotionCommand, agilex::Motion{}));
   const bool stands = standstill(now) && now >= standstill_from_;

@@ -102,7 +102,7 @@ class AgilexV2Profile final : public DriveProfile {
   agilex::Odometry odometry_;             // raw, as last received
   std::array<std::int64_t, 2> way_mm_{};  // unwrapped, since construction
   std::array<WheelMotion, 2> wheels_motion_;
-  double counted_speed_mps_ = 0.0;  // of the faster wheel, at the newest odometer
+  double counted_speed_mps_ = 0.0;  // speed of the faster wheel, at the newest odometer
   double uncounted_m_ = 0.0;        // of either wheel
 
   Counters counters_;

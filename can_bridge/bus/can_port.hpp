@@ -9,12 +9,12 @@
 
 namespace tether {
 
-/// What is known of the bus at a port. Everything but `up` and `error_passive` means that frames do
+/// State of the bus at a port. Everything but `up` and `error_passive` means that frames do
 /// not get through.
 enum class CanState {
   up,
   error_passive,  ///< the controller has counted many errors: wiring, termination, bit rate
-  stalled,        ///< the interface takes no more frames, or nobody acknowledges them
+  stalled,        ///< the interface takes no more frames, or no node acknowledges them
   bus_off,        ///< the controller has switched itself off the bus
   down,           ///< the interface exists and is not up
   absent,         ///< there is no such interface (unplugged, deleted)

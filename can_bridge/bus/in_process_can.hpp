@@ -20,7 +20,7 @@ namespace tether {
 /// bits, 80 + 10·n (equation 4). Every frame reaches all other ports at the end of its last bit.
 class InProcessCan {
  public:
-  /// What waits at one port; further frames are dropped, as with a short txqueuelen.
+  /// Length of the queue at one port; further frames are dropped, as with a short txqueuelen.
   static constexpr std::size_t kQueueFrames = 10;
 
   class Port final : public CanPort {

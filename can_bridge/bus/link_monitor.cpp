@@ -55,7 +55,7 @@ struct LinkRequest {
 static_assert(offsetof(LinkRequest, info) == NLMSG_HDRLEN);
 static_assert(offsetof(LinkRequest, attributes) == NLMSG_HDRLEN + sizeof(ifinfomsg));
 
-/// What recv() left in a buffer; rtnetlink's messages and attributes are aligned to 4 bytes.
+/// Answer that recv() left in a buffer; rtnetlink's messages and attributes are aligned to 4 bytes.
 struct Answer {
   alignas(nlmsghdr) std::array<char, 32768> bytes;
   ssize_t size = -1;

@@ -7,7 +7,7 @@ namespace tether {
 
 /// A network interface as the kernel's rtnetlink describes it (man 7 rtnetlink).
 struct CanLink {
-  /// What a CAN controller says of itself (linux/can/netlink.h, IFLA_CAN_STATE).
+  /// State that a CAN controller reports (linux/can/netlink.h, IFLA_CAN_STATE).
   enum class Controller {
     none,  ///< the interface has no controller: vcan, vxcan
     active,
@@ -38,7 +38,7 @@ class CanLinkMonitor {
   /// Readable when a link of this machine may have changed: then call drain().
   int fd() const { return events_fd_; }
 
-  /// What has happened to an interface; it may be over already.
+  /// Changes of an interface; it may be over already.
   struct Changes {
     bool deleted = false;
     bool was_down = false;

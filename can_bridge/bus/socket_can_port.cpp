@@ -336,7 +336,7 @@ bool SocketCanPort::restart(std::string& why) {
   }
   if (error == 0) {
     ++counters_.restarts;
-    int outdated = 0;  // that the interface was down
+    int outdated = 0;  // events of an earlier down state
     socklen_t size = sizeof outdated;
     getsockopt(fd_, SOL_SOCKET, SO_ERROR, &outdated, &size);
     forget_failures();
@@ -347,7 +347,7 @@ bool SocketCanPort::restart(std::string& why) {
         interface_, std::strerror(error),
         error == EPERM ? ", or give this program CAP_NET_ADMIN" : "");
   }
-  follow_link(monitor_.drain(link_.index).deleted);  // that it was down is no news
+  follow_link(monitor_.drain(link_.index).deleted);  // the earlier down state is known
   return error == 0;
 }
 

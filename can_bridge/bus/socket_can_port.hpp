@@ -49,7 +49,7 @@ class SocketCanPort final : public CanPort {
   void on_state(StateHandler handler) override { state_handler_ = std::move(handler); }
   CanState state() const override { return state_; }
 
-  /// Needs CAP_NET_ADMIN. Not for an interface that is absent, or that somebody else took down.
+  /// Needs CAP_NET_ADMIN. Not for an interface that is absent, or that another program took down.
   /// Takes as long as the adapter does: with a dead serial or USB adapter seconds. That one may
   /// then stay down, with empty queues, until it answers at a later restart().
   bool restart(std::string& why) override;
@@ -96,7 +96,7 @@ class SocketCanPort final : public CanPort {
   StateHandler state_handler_;
 
   int fd_ = -1;
-  CanLink link_;  // as last heard; meaningful while fd_ is open
+  CanLink link_;  // last known state; meaningful while fd_ is open
   CanState state_ = CanState::up;
   // Without a controller to ask, what error frames said since the interface was last down.
   CanLink::Controller suspicion_ = CanLink::Controller::active;
@@ -104,7 +104,7 @@ class SocketCanPort final : public CanPort {
   bool stalled_ = false;
   Instant send_fails_since_{};
   bool half_restarted_ = false;      // restart() took the interface down, and could not take it up
-  std::uint32_t overflow_seen_ = 0;  // of this socket
+  std::uint32_t overflow_seen_ = 0;  // overflows of this socket
   Counters counters_;
 };
 

@@ -10,7 +10,7 @@
 
 namespace tether {
 
-/// What became of an SDO transfer.
+/// Result of an SDO transfer.
 struct SdoResult {
   enum class Outcome {
     done,
@@ -19,7 +19,7 @@ struct SdoResult {
     segmented,  ///< the drive wants to send more than the 4 bytes of an expedited transfer
   };
   Outcome outcome = Outcome::done;
-  std::int64_t value = 0;  ///< of a read that is `done`
+  std::int64_t value = 0;  ///< value of a read that is `done`
   std::uint32_t abort_code = 0;
 };
 

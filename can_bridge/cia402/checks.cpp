@@ -85,7 +85,7 @@ class Checker {
     }
   }
 
-  /// Axes on one node must be told apart by what they are sent and by what they report.
+  /// Axes on one node must be distinguishable by their commands and by their reports.
   void check_shared_objects() const {
     const AxisConfig& left = c_.axes[0];
     const AxisConfig& right = c_.axes[1];

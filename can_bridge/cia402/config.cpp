@@ -158,7 +158,7 @@ class Reader {
         r.require("node", "a whole number from 1 to 126 (CANopen node id), or several in [ ]");
     const auto nodes = r.integers("node", 1, 126, "CANopen node id");
     const auto& [left, right] = config_.axes;
-    // Two axes that are the same objects of a drive are the mistake then, and are told of later.
+    // Two axes that are the same objects of a drive are the mistake then, and are reported later.
     if (left.node == right.node && left.target_velocity == right.target_velocity) return nodes;
     for (const std::int64_t node : nodes) {
       if (node == left.node || node == right.node) continue;

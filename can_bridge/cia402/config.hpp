@@ -63,8 +63,9 @@ struct WatchdogConfig {
   Kind kind = Kind::heartbeat_consumer;
   ObjectRef object{0x1016, 1, 4, false};
   std::uint16_t timeout_ms = 250;
-  /// What the drive does when it misses the bridge: start-up writes `reaction_value` to this object
-  /// and reads it back, and a drive that refuses is not armed. nullopt: the drive has no choice.
+  /// Reaction of the drive when it misses the bridge: start-up writes `reaction_value` to this
+  /// object and reads it back, and a drive that refuses is not armed. nullopt: the drive has no
+  /// choice.
   std::optional<ObjectRef> reaction{};
   std::int64_t reaction_value = 0;
 };
@@ -96,7 +97,7 @@ struct Cia402Config : DrivetrainCommon {
   std::uint8_t master_node = 0x7F;         ///< node id of the bridge's own heartbeat
   std::uint16_t heartbeat_ms = 60;         ///< of the bridge; rounded up to control cycles
   bool sync = true;                        ///< send SYNC every control cycle
-  std::uint16_t drive_heartbeat_ms = 100;  ///< of the drives (0x1017)
+  std::uint16_t drive_heartbeat_ms = 100;  ///< period of the drives' heartbeat (0x1017)
   std::uint16_t drive_heartbeat_timeout_ms = 300;
   std::uint16_t sdo_timeout_ms = 500;
   int sdo_retries = 2;
@@ -109,7 +110,7 @@ struct Cia402Config : DrivetrainCommon {
   std::vector<SetupWrite> setup;   ///< in this order
   std::vector<WatchdogConfig> watchdogs;
   std::vector<PdoConfig> pdos;
-  /// Of the emulated drives: a brake holds wheels whose power stage is off; else they coast.
+  /// For the emulated drives: a brake holds wheels whose power stage is off; else they coast.
   bool emulated_brake = true;
   double emulated_coasting_radps2 = 1.0;  ///< how such wheels slow down
 
@@ -127,7 +128,7 @@ struct Cia402Config : DrivetrainCommon {
   /// Refuses quick stop ramps below `mps2` (can.max_deceleration_mps2) at the wheel's rim. Throws
   /// UsageError.
   void check_deceleration(double mps2, double wheel_radius_m) const;
-  /// What `watchdog.object` is set to.
+  /// Value of `watchdog.object`.
   std::int64_t value_of(const WatchdogConfig& watchdog) const;
   /// Whether a TPDO carries the mode of operation that `axis` displays.
   bool tells_mode(const AxisConfig& axis) const;

@@ -12,7 +12,7 @@ namespace tether::cia402 {
 struct Sender {
   enum class Kind {
     other,  ///< nothing to do with this drivetrain
-    // Only the bridge may send these. Whoever else sends one is an intruder.
+    // Only the bridge may send these. Another sender of one is an intruder.
     nmt,
     sync,
     master_heartbeat,
@@ -25,10 +25,10 @@ struct Sender {
     feedback,  ///< a TPDO of the configuration
   };
   Kind kind = Kind::other;
-  std::uint8_t node = 0;  ///< of the drive, where one is meant
+  std::uint8_t node = 0;  ///< node of the drive, where one is meant
 };
 
-/// What `id` means to a drivetrain.
+/// Meaning of `id` to a drivetrain.
 Sender sender_of(std::uint32_t id, const Cia402Config& config, const PdoMap& pdos);
 
 /// All identifiers whose sender is not `other`.

@@ -14,7 +14,7 @@ namespace tether::cia402 {
 /// steps one by one, each confirmed. Ends done() or with a refusal().
 ///
 /// A node without boot-up message within boot_timeout_ms is reset once more, and then has twice as
-/// long: a slow one may begin anew with each reset. The same time passes from its boot-up message
+/// long: a slow one may restart with each reset. The same time passes from its boot-up message
 /// to its first SDO answer, at most. One that reboots during its configuration starts it again, up
 /// to 3 times in all.
 class NodeStartup {
@@ -36,7 +36,8 @@ class NodeStartup {
   bool done() const { return state_ == State::done; }
   /// Why the node cannot be used, and what to do about it; "" if nothing is known against it.
   const std::string& refusal() const { return refusal_; }
-  /// What is waited for: "left drive (node 1): step 3 of 40: 0x1017:0 (heartbeat producer)".
+  /// Next event that it waits for: "left drive (node 1): step 3 of 40: 0x1017:0 (heartbeat
+  /// producer)".
   std::string progress() const;
   /// Whether the drive did not show its mode of operation yet: it has to when it is enabled.
   bool shows_mode_late() const { return shows_mode_late_; }
@@ -74,7 +75,7 @@ class NodeStartup {
   int boots_ = 0;
   std::size_t step_ = 0;
   bool reading_ = false;                  // the step's write, if any, is confirmed
-  std::optional<Instant> reading_until_;  // of `eventually_equal`
+  std::optional<Instant> reading_until_;  // deadline of `eventually_equal`
   SdoStep kept_;                          // the newest Check::keep, and in `expected` what it read
   bool shows_mode_late_ = false;
   int watchdogs_set_ = 0;

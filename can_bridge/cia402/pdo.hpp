@@ -10,7 +10,7 @@
 
 namespace tether::cia402 {
 
-/// What an object in a PDO means to an axis.
+/// Meaning of an object in a PDO to an axis.
 enum class Signal {
   controlword,
   target_velocity,
@@ -22,7 +22,7 @@ enum class Signal {
   error_code,
 };
 
-/// What the bridge tells an axis, in the drive's units.
+/// Command of the bridge to an axis, in the drive's units.
 struct Setpoint {
   std::uint16_t controlword = 0;
   std::int64_t target_velocity = 0;

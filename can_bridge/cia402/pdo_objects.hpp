@@ -29,7 +29,7 @@ class PdoObjects {
   std::uint16_t mapping_;
 };
 
-/// What entry() says of an object.
+/// Result of entry() for an object.
 inline std::int64_t mapping_entry(const ObjectRef& object) {
   return std::int64_t{object.index} << 16 | object.sub << 8 | std::int64_t{object.bytes} * 8;
 }

@@ -33,7 +33,7 @@ class ReadBack {
 
   /// All were read and are as expected.
   bool done() const { return deviation_.empty() && next_ == steps_.size(); }
-  /// What is wrong: another value, an abort, or no answer; "" if nothing is known to be.
+  /// The deviation: another value, an abort, or no answer; "" if nothing is known to be.
   const std::string& deviation() const { return deviation_; }
 
  private:

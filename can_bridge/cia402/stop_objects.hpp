@@ -10,7 +10,7 @@ namespace tether::cia402 {
 
 // Objects that a drive's stop depends on (IEC 61800-7-201).
 
-/// What the file writes to the quick stop option code (0x605A) of axis `i`; nullopt: nothing.
+/// Value that the file writes to the quick stop option code (0x605A) of axis `i`; nullopt: nothing.
 std::optional<std::int64_t> quick_stop_option(const Cia402Config& config, std::size_t i);
 
 /// The ramp of the quick stop of axis `i` as the file sets it, wheel rad/s²: 0x6085, or 0x6084 with
@@ -24,7 +24,7 @@ enum class StopPart {
   other,       ///< profile deceleration, polarity, gear, watchdogs: a quick stop does not need it
   pdo,         ///< PDO parameters: stops by SDO do not need it
 };
-/// Of this index, whatever the drivetrain file says of it. Axes at +0x800 included.
+/// Stop part of this index, independent of the drivetrain file. Axes at +0x800 included.
 StopPart stop_part(std::uint16_t index);
 
 }  // namespace tether::cia402

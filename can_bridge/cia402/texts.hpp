@@ -11,7 +11,7 @@ namespace tether::cia402 {
 /// "left drive (node 1)", "right drive (node 2)".
 std::string axis_name(const Cia402Config& config, std::size_t axis);
 
-/// As axis_name() where the node has one axis, else "drive (node 1)".
+/// Same as axis_name() where the node has one axis, else "drive (node 1)".
 std::string node_name(const Cia402Config& config, std::uint8_t node);
 
 /// "TPDO1".

@@ -20,7 +20,7 @@ namespace tether {
 
 /// Tries what stops a vehicle, instead of reading that it is configured: drives both wheels slowly,
 /// to and fro, and measures what each drive does (Trial). A drive that acknowledges a watchdog and
-/// ignores it drives on here, at a speed that hurts nobody, and is found out.
+/// ignores it drives on here, at a harmless speed, and is detected.
 ///
 /// Each trial starts the drives up with the bridge's own profile, drives at `speed_mps` for
 /// kSteady, and acts. While something is withheld, all other frames go on as they were, and the
@@ -69,7 +69,7 @@ class Commission {
   bool done() const { return step_ == Step::done; }
   /// Whether a non-zero setpoint may leave.
   bool may_move() const;
-  /// What is going on, for people: "right drive …", "heartbeat withheld: driving".
+  /// Present activity, for people: "right drive …", "heartbeat withheld: driving".
   std::string progress() const;
   /// Why it could not be finished; "" if it was.
   const std::string& failure() const { return failure_; }
@@ -133,7 +133,7 @@ class Commission {
   std::optional<ObjectReader> reader_;
   std::vector<PositionPoll> polls_;
   std::array<bool, 2> reports_{};   ///< TPDOs go on while something is withheld
-  std::vector<CanFrame> going_on_;  ///< what is sent while something is withheld
+  std::vector<CanFrame> going_on_;  ///< frames that are sent while others are withheld
   // driving: from half of the time on; acting: from the beginning
   struct Mark {
     Instant stamp{};

@@ -7,7 +7,7 @@
 #include "can_bridge/cia402/texts.hpp"
 #include "can_bridge/commission/commission.hpp"
 
-// What the trials of a Commission have shown, and whether it is as it must be.
+// Results of the trials of a Commission, and their verdict.
 
 namespace tether {
 namespace {

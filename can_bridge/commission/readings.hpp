@@ -49,7 +49,7 @@ class ObjectReader {
   struct Node {
     std::uint8_t id = 0;
     std::vector<RecordedObject> objects;
-    std::vector<SdoUpload::Result> results;  // of the first objects
+    std::vector<SdoUpload::Result> results;  // results of the first objects
     std::optional<SdoUpload> pending;
   };
   std::vector<Node> nodes_;

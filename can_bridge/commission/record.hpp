@@ -7,7 +7,7 @@
 
 namespace tether {
 
-/// What `tether can commission` found out about the drives of one vehicle, for the bridge to
+/// Results of `tether can commission` for the drives of one vehicle, for the bridge to
 /// compare before it arms real drives (CommissionGuard), and for people to read.
 struct CommissionRecord {
   /// A named fact: {"left.sign", "1"}.
@@ -17,12 +17,12 @@ struct CommissionRecord {
 
     bool operator==(const Item&) const = default;
   };
-  /// What one trial showed of one drive.
+  /// Result of one trial with one drive.
   struct Result {
     std::string drive;    ///< "left drive (node 1)"
     std::string trial;    ///< trial_name()
     std::string found;    ///< "stands after 0.31 s and 0.020 m"
-    std::string problem;  ///< what is wrong, and what to do; "" if it is as it must be
+    std::string problem;  ///< fault and remedy; "" if the result is as required
   };
 
   std::string vehicle;
@@ -44,7 +44,7 @@ std::string to_toml(const CommissionRecord& record);
 /// Throws UsageError that names `file`, line and key for anything that is not a whole record.
 CommissionRecord parse_record(const std::string& toml, const std::string& file);
 
-/// What of the drivetrain's file and of the vehicle decides what the drives are told to do.
+/// Parts of the drivetrain's file and of the vehicle that determine the commands to the drives.
 std::vector<CommissionRecord::Item> commissioned_settings(const Cia402Config& config,
                                                           double wheel_radius_m);
 

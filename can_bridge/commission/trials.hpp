@@ -4,7 +4,7 @@
 
 namespace tether {
 
-/// What `tether can commission` tries with each drive, one after the other, each from standstill.
+/// Trials of `tether can commission` with each drive, one after the other, each from standstill.
 enum class Trial {
   feedback,    ///< velocity against position against setpoint
   quick_stop,  ///< deceleration

@@ -163,7 +163,7 @@ void check(const Scenario& scenario, const std::string& file) {
                     file, can.max_deceleration_mps2, can.max_yaw_deceleration_radps2,
                     can.max_acceleration_mps2, can.max_yaw_acceleration_radps2));
   }
-  // What BlindBudget reckons until the brakes act; with less the vehicle never moves.
+  // Time that BlindBudget assumes until the brakes act; with less the vehicle never moves.
   const double reaction_s = 0.1 + 4e-3 * can.cycle_ms;
   if (can.max_blind_s <= reaction_s) {
     throw UsageError(fmt::format(

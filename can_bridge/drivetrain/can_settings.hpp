@@ -33,7 +33,7 @@ struct CanSettings {
   /// Who presses "arm": once = the run itself, as soon as the drivetrain is ready; never = an
   /// operator (`tether can arm`).
   Arm arm = Arm::once;
-  /// Hold-to-run: an operator has to say so often that he holds; 0: nobody has to.
+  /// Hold-to-run: longest time between the operator's signals that he holds; 0: not required.
   double operator_timeout_ms = 0.0;
   std::string estop_file;  ///< remembers a latched e-stop; "": see docs/reference/drivetrain.md
   /// What `tether can commission` wrote, for arming to compare; "": the same.
@@ -42,8 +42,8 @@ struct CanSettings {
   double stale_ms = 200.0;   ///< a command older than this: ramp to zero
   double disarm_ms = 500.0;  ///< a command older than this: quick stop and disarm
   double max_stale_m = 0.5;  ///< or older than the vehicle takes for this way: ramp to zero
-  double max_blind_s = 1.0;  ///< plans drive on for so long ...
-  double max_blind_m = 1.0;  ///< ... and so far while nobody sees the vehicle
+  double max_blind_s = 1.0;  ///< plans drive on for at most this time ...
+  double max_blind_m = 1.0;  ///< ... and distance without a fresh pose
   double max_speed_mps = 3.0;
   double max_reverse_mps = 3.0;
   double max_yaw_rate_radps = 2.0;
@@ -62,7 +62,7 @@ struct CanSettings {
 
 ScenarioSection can_section();
 
-/// What the bridge limits commands to; none without drives on CAN.
+/// Limits of the bridge on commands; none without drives on CAN.
 std::vector<PathLimit> can_path_limits(const Scenario& scenario);
 
 }  // namespace tether

@@ -8,8 +8,8 @@
 
 namespace tether {
 
-/// What every drivetrain's description has, whatever its profile. Each profile's own description
-/// derives from it (cia402/config.hpp, agilex/config.hpp).
+/// Common part of every drivetrain's description, whatever its profile. Each profile's own
+/// description derives from it (cia402/config.hpp, agilex/config.hpp).
 struct DrivetrainCommon {
   std::string name;                         ///< for people
   std::uint16_t feedback_timeout_ms = 100;  ///< age of a wheel's feedback that stops the vehicle

@@ -29,7 +29,7 @@ enum class StopKind {
   disable,  ///< power stages off now; only when standing still
 };
 
-/// What is known of one wheel. SI units at the wheel's rim, forward positive, whatever the drive's
+/// Feedback of one wheel. SI units at the wheel's rim, forward positive, whatever the drive's
 /// own units and mounting are.
 struct WheelFeedback {
   bool valid = false;  ///< something was received since the last start
@@ -45,10 +45,10 @@ struct WheelFeedback {
   /// The faster of reported speed and counted positions, as far as they are fresh; else
   /// speed_radps.
   double fastest_radps = 0;
-  std::int64_t position_counts = 0;  ///< as angle_rad, in the drive's counts, unwrapped, signed
+  std::int64_t position_counts = 0;  ///< like angle_rad, in the drive's counts, unwrapped, signed
   std::string state;                 ///< "OperationEnabled", "Fault" … as the profile names it
   std::uint32_t statusword = 0;
-  std::uint32_t error_code = 0;  ///< of the drive; 0 none
+  std::uint32_t error_code = 0;  ///< error code of the drive; 0 none
 };
 
 struct DrivetrainSnapshot {
@@ -87,7 +87,7 @@ class DriveProfile {
     std::int64_t heartbeat_withheld = 0;  ///< times, so that a drive's watchdog stops it
     std::int64_t brake_escalations = 0;   ///< steps taken because a wheel did not brake
     std::int64_t warnings = 0;            ///< messages of the drives that stop nothing
-    /// Feedback beyond what the drives send by themselves: somebody else's.
+    /// Feedback in excess of the drives' own: another sender's.
     std::int64_t surplus_feedback = 0;
   };
 

@@ -42,7 +42,7 @@ struct SafetyInputConfig {
     speed_limit,      ///< no rim is to move faster than speed_limit_mps
     estop_status,     ///< as a pressed ESTOP: latched
   };
-  /// What protective_stop does without restart_after_s. Then the vehicle is disarmed.
+  /// Reaction of protective_stop without restart_after_s. Then the vehicle is disarmed.
   enum class Reaction { quick_stop, ramp };
 
   using Gpio = GpioInputWiring;

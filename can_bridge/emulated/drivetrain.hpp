@@ -31,7 +31,7 @@ struct DriveFault {
   double value = 0.0;
 };
 
-/// What the emulated drives see of the wheels that they turn.
+/// State of the wheels that the emulated drives turn.
 struct WheelStates {
   std::array<double, 2> angle_rad{};  ///< left, right; unbounded, forward positive
   std::array<double, 2> speed_radps{};

@@ -31,7 +31,7 @@ namespace tether {
 ///   drive has no 0x6007), and of 0x1029:1 on the NMT state (0 pre-operational, also without the
 ///   object; 1 none; 2 stopped; only if it is operational). The next heartbeat ends it.
 /// - vendor watchdog in milliseconds, 0 = off: when operational, from the first SDO or RPDO on, and
-///   none came for so long: EMCY 0x8130 and fault.
+///   none came within this time: EMCY 0x8130 and fault.
 /// - RPDO deadline 0x1400:5: EMCY 0x8250 and fault.
 /// - an RPDO shorter than its mapping: ignored, with EMCY 0x8210 for the first one after a good
 ///   one.

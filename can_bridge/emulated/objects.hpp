@@ -50,9 +50,9 @@ struct DriveObjects {
   std::vector<Handle> watchdogs;                     ///< vendor's, in milliseconds
 };
 
-/// What the device with id `node` has: CiA 301's objects of every device (0x1000, 1001, 1005, 1008,
-/// 1014, 1017, 1018, 1200, four RPDOs and four TPDOs), all that `config` mentions for this node,
-/// and these companions of each axis: 0x6502, 607F, 6083, 6084, 6085, at the index offset and
+/// Objects of the device with id `node`: CiA 301's objects of every device (0x1000, 1001, 1005,
+/// 1008, 1014, 1017, 1018, 1200, four RPDOs and four TPDOs), all that `config` mentions for this
+/// node, and these companions of each axis: 0x6502, 607F, 6083, 6084, 6085, at the index offset and
 /// subindex that its target velocity has (axis 2 of one node: +0x800, or subindex 2). Nothing else:
 /// 0x1016, 1029, 6007, 605A and 605E are there only if `config` mentions them, as in real drives.
 /// An axis without a 0x6007 of its own obeys the device's.

@@ -54,7 +54,7 @@ class EmulatedPdos {
   /// After parameters were written: takes over what the dictionary says now.
   void reload();
 
-  /// NMT: entering operational. Timers and counts start anew.
+  /// NMT: entering operational. Timers and counts restart.
   void start(Instant now);
 
   Received on_frame(const CanFrame& frame, Instant now);
@@ -63,7 +63,7 @@ class EmulatedPdos {
   void tick(Instant now, std::vector<CanFrame>& out);
 
   /// Whether an RPDO's deadline (0x1400:5, ms) passed since the last call. Its clock starts with
-  /// the first frame, and a missed deadline is told once until the next frame.
+  /// the first frame, and a missed deadline is reported once until the next frame.
   bool deadline_missed(Instant now);
 
  private:
@@ -72,7 +72,7 @@ class EmulatedPdos {
     bool transmit = false;
     Handle cob_id{}, type{}, event_timer{}, inhibit = ObjectDictionary::kNone, count{};
     std::array<Handle, 8> map{};
-    // What they mean
+    // Decoded content
     bool valid = false;
     std::uint32_t id = 0;
     std::uint8_t transmission = 255;

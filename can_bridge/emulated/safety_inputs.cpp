@@ -28,7 +28,7 @@ void EmulatedSafetyInputs::set(std::int64_t number, Act act) {
   for (std::size_t i = 0; i < acts_.size(); ++i) {
     if (number == 0 || static_cast<std::int64_t>(i) + 1 == number) acts_[i] = act;
   }
-  // A change is told at once.
+  // A change is sent at once.
   for (Sender& sender : senders_) sender.next.reset();
 }
 

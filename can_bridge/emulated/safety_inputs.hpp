@@ -15,7 +15,7 @@ namespace tether {
 /// no clock. Inputs on GPIO lines are not emulated.
 class EmulatedSafetyInputs {
  public:
-  /// What an input does.
+  /// Action of an input.
   enum class Act {
     clear = -1,
     demand = 0,
@@ -32,7 +32,7 @@ class EmulatedSafetyInputs {
   void tick(Instant now, std::vector<CanFrame>& out);
 
  private:
-  struct Sender {  // of one frame, for all inputs in it
+  struct Sender {  // sender of one frame, for all inputs in it
     std::uint32_t id = 0;
     Duration period{};
     std::optional<Instant> next{};

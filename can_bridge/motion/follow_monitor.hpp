@@ -53,7 +53,7 @@ class FollowMonitor {
 
   double wheel_radius_m_;
   RimSampler sampler_;
-  std::array<std::array<Sums, kTests.size()>, 2> sums_;  ///< of each wheel, by each test
+  std::array<std::array<Sums, kTests.size()>, 2> sums_;  ///< sums of each wheel, by each test
 };
 
 }  // namespace tether

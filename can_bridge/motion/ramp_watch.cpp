@@ -6,7 +6,7 @@
 namespace tether {
 
 bool RampWatch::brakes(Instant now, const Twist& setpoint, const Twist& measured) {
-  // What encoders, the floor and wheels that do not brake alike make of it.
+  // Tolerance for encoders, the floor and wheels that brake differently.
   constexpr double kStands_mps = 0.05, kStands_radps = 0.2;
   const Twist u{std::abs(measured.v_mps), std::abs(measured.omega_radps)};
   if (!since_) {

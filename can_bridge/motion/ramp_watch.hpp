@@ -17,7 +17,7 @@ class RampWatch {
  public:
   static constexpr Duration kGrace = std::chrono::milliseconds{150};
 
-  /// As configured, > 0.
+  /// Both decelerations as configured, > 0.
   RampWatch(double deceleration_mps2, double yaw_deceleration_radps2)
       : deceleration_mps2_(deceleration_mps2), yaw_deceleration_radps2_(yaw_deceleration_radps2) {}
 

@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// The ways of one wheel's rim in one cycle, m, and what it was told, m/s.
+/// The ways of one wheel's rim in one cycle, m, and its setpoint, m/s.
 struct RimWays {
   double dt_s = 0.0;
   double told_mps = 0.0;

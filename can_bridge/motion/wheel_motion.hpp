@@ -8,7 +8,7 @@
 
 namespace tether {
 
-/// What is known of a wheel's motion. What is missing or old is `unknown`, never zero.
+/// Knowledge of a wheel's motion. What is missing or old is `unknown`, never zero.
 enum class Motion { unknown, standing, turning };
 
 /// Judges one wheel by two witnesses: the speed that its drive reports, and its position counter.

@@ -98,7 +98,7 @@ std::string WitnessMonitor::diagnosis(const Ways& ways) {
   const double longer_m = std::max(std::abs(ways.reported), std::abs(ways.counted));
   if (std::abs(ways.reported - ways.counted) <= kAllowedShare * longer_m) {
     return fmt::format(
-        "speed (0x606C) and position (0x6064) agree on {:.2f} times what it was told: "
+        "speed (0x606C) and position (0x6064) agree on {:.2f} times its setpoint: "
         "target_velocity_per_rps, or the scales of both, are wrong",
         position);
   }

@@ -333,7 +333,7 @@ void CanBridgeNode::list_counters(CounterList& out) const {
   const DriveProfile::Counters drive = profile_->counters();
   out.emplace_back("drive.rejected_frames", drive.rejected_frames);
   out.emplace_back("drive.intruder_frames", drive.intruder_frames);
-  // What only some drives can have, and few ever do.
+  // Lists counters that only some drives have, unless they are zero.
   const auto list_if_any = [&out](const char* name, std::int64_t count) {
     if (count > 0) out.emplace_back(name, count);
   };

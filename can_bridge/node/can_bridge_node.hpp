@@ -33,7 +33,7 @@
 
 namespace tether {
 
-/// What the bridge and the emulated drives take of a scenario.
+/// The scenario sections that the bridge and the emulated drives use.
 using BridgeSettings =
     Sections<RunSettings, VehicleSettings, ActuatorSettings, CanSettings, AutonomySettings>;
 
@@ -71,7 +71,7 @@ class CanBridgeNode final : public Node {
   void use_estop_file(EstopFile file);
   /// The e-stop is pressed from the start, and `why`. Before the first cycle.
   void restore_estop(std::string why) { safety_.restore_estop(std::move(why)); }
-  /// As of the last cycle.
+  /// State in the last cycle.
   bool estop_latched() const { return estop_latched_; }
   /// From now on it decides whether these drives may be armed. Before the first cycle.
   void use_commission_guard(CommissionGuard guard) { guard_ = std::move(guard); }

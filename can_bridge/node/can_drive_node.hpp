@@ -22,7 +22,7 @@
 
 namespace tether {
 
-/// What emulated drives take of a scenario.
+/// The scenario sections that emulated drives use.
 using DriveSettings = Sections<RunSettings, VehicleSettings, CanSettings>;
 
 /// Emulated drives on a CAN bus, and their wheels.
@@ -40,7 +40,7 @@ using DriveSettings = Sections<RunSettings, VehicleSettings, CanSettings>;
 /// Wheels, standalone: a WheelModel each, shown on SIM/WHEELS every can.coupling_ms.
 ///
 /// Safety inputs on CAN are emulated, too, and are clear; but not with can.emulate_drives = false,
-/// for nobody must speak for a real scanner.
+/// because no program may speak for a real scanner.
 ///
 /// Faults come from the scenario (can.inject…, once at can.inject_at_s) and from CAN/INJECT; a
 /// request of unknown kind, with an unusable value or for a node that is not there is counted and
@@ -81,7 +81,7 @@ class CanDriveNode final : public Node {
   CanPort& port_;
   ChannelNames channels_;
   bool standalone_;
-  std::vector<std::uint8_t> nodes_;  // ids a fault may be for, besides 0
+  std::vector<std::uint8_t> nodes_;  // ids a fault may be for, in addition to 0
   std::unique_ptr<EmulatedDrivetrain> drives_;
   EmulatedSafetyInputs inputs_;
   std::array<WheelModel, 2> wheel_models_;

@@ -59,7 +59,7 @@ const char* kind_of(mode_t mode) {
       path.string(), why));
 }
 
-/// What is found; "" if the file cannot be read or is longer than a record.
+/// Content of the file; "" if the file cannot be read or is longer than a record.
 std::string read_record(int fd) {
   std::array<char, kRecordBytes + 1> bytes{};
   const ssize_t size = ::pread(fd, bytes.data(), bytes.size(), 0);
@@ -144,7 +144,7 @@ void EstopFile::revoke() const {
   if (fd < 0) return;
   const Descriptor named(fd);
   if (read_record(fd) == kLatched) return;
-  // Trouble is told already, so that a failure adds nothing.
+  // Trouble is reported already, so that a failure adds nothing.
   if (::pwrite(fd, kLatched.data(), kLatched.size(), 0) > 0) ::fdatasync(fd);
 }
 

@@ -25,7 +25,7 @@ struct ProbeItem {
     cob_id,
     mapping,
   };
-  /// What its absence means.
+  /// Meaning of its absence.
   enum class Need {
     quiet,     ///< nothing: the row is left out
     info,      ///< worth knowing
@@ -37,15 +37,16 @@ struct ProbeItem {
   std::string name;
   Kind kind = Kind::number;
   Need need = Need::info;
-  std::optional<std::int64_t> wanted;  ///< what the file writes, or expects
+  std::optional<std::int64_t> wanted;  ///< value that the file writes, or expects
   bool must_equal = false;             ///< else another value is no fault: start-up writes it
 };
 
-/// What to ask `node`: identity, errors, mode and watchdogs of any CiA 402 drive, and with `config`
-/// each object that its file mentions for this node. Each object once.
+/// Objects to read from `node`: identity, errors, mode and watchdogs of any CiA 402 drive, and with
+/// `config` each object that its file mentions for this node. Each object once.
 std::vector<ProbeItem> probe_items(std::uint8_t node, const Cia402Config* config);
 
-/// What tells who a node is: device type (which every CANopen device has), vendor, product code.
+/// Objects that identify a node: device type (which every CANopen device has), vendor, product
+/// code.
 std::vector<ProbeItem> scan_items();
 
 /// A value as people read it: "0x00020192 (CiA 402 drive)".

@@ -122,7 +122,7 @@ void Probe::on_frame(const CanFrame& frame, Instant /*now*/) {
     if (node.id != id) continue;
     if (beat) {
       const auto state = static_cast<canopen::NmtState>(frame.data[0] & 0x7F);
-      if (!node.nmt && state == canopen::NmtState::boot_up) {  // nobody was there to be asked
+      if (!node.nmt && state == canopen::NmtState::boot_up) {  // no node was there to answer
         node.pending.reset();
         node.results.clear();
       }

@@ -14,7 +14,7 @@
 
 namespace tether {
 
-/// What was found out about one object.
+/// Result for one object.
 struct ProbeRow {
   enum class Verdict { plain, fits, note, problem };
   std::string object;  ///< "0x6041:00"
@@ -44,7 +44,7 @@ class Probe {
 
   /// `config` may be null.
   Probe(const std::vector<std::uint8_t>& nodes, const Cia402Config* config, Instant now);
-  /// Of all nodes 1…127: who is there? Takes 0.9 s at a tick each 2 ms, besides listening.
+  /// Asks all nodes 1…127 for their presence. Takes 0.9 s at a tick each 2 ms, plus listening.
   static Probe scan(Instant now);
 
   static std::vector<CanFilter> filters();
@@ -64,7 +64,7 @@ class Probe {
   struct Node {
     std::uint8_t id = 0;
     std::vector<ProbeItem> items;
-    std::vector<SdoUpload::Result> results;  // of the first items
+    std::vector<SdoUpload::Result> results;  // results of the first items
     std::optional<SdoUpload> pending;
     std::optional<canopen::NmtState> nmt;
     bool answered = false;
@@ -77,7 +77,7 @@ class Probe {
   bool judges_ = false;  // there is a file to compare with
   std::size_t tries_for_life_ = 3;
   std::vector<Node> nodes_;
-  std::size_t turn_ = 0;  // of the node that may send first
+  std::size_t turn_ = 0;  // index of the node that may send first
   std::set<int> heard_;
 };
 

@@ -21,7 +21,7 @@ namespace tether {
 /// offers what ProfileConfig demands. A new profile is one more type here.
 using DrivetrainConfig = std::variant<Cia402Config, AgilexV2Config>;
 
-/// What the row of a profile has to offer. A row that lacks something does not compile. Two
+/// Requirements on the row of a profile. A row that lacks something does not compile. Two
 /// functions are asked for where they are called, so that the bridge links without emulation and
 /// the emulation without profiles; they may be declared beside the row, or elsewhere and included
 /// there:
@@ -30,13 +30,13 @@ using DrivetrainConfig = std::variant<Cia402Config, AgilexV2Config>;
 template <class Config>
 concept ProfileConfig = std::derived_from<Config, DrivetrainCommon> &&
     requires(const Config& config, const DrivetrainFile& file) {
-  // As files write it: profile = "cia402".
+  // Name in files: profile = "cia402".
   { Config::kProfile } -> std::convertible_to<std::string>;
   // The names of its sections; those of other profiles are refused.
   { *std::begin(Config::kSections) } -> std::convertible_to<std::string>;
   // Reads and checks those.
   { Config::read(file) } -> std::same_as<Config>;
-  // What the bridge may send, by the description alone.
+  // Frames that the bridge may send, by the description alone.
   { config.transmit_rules() } -> std::same_as<TransmitRules>;
   // Throws UsageError if the control cycle is too slow for the drives' time-outs.
   { config.check_cycle(20.0) } -> std::same_as<void>;

@@ -8,12 +8,13 @@
 
 namespace tether {
 
-/// How long and how far a vehicle may drive on plans while nobody sees it. A plan drives on by
-/// itself, so without a bound a dead network or a dead controller is noticed only at its horizon.
+/// Bounds time and distance that a vehicle may drive on plans without a fresh pose. A plan drives
+/// on by itself, so without a bound a dead network or a dead controller is noticed only at its
+/// horizon.
 ///
-/// Both counts begin when somebody last knew where the vehicle was (CommandWatch::seen): time by
-/// the clock, distance by odometry. What is left of them bounds the speed, so that the vehicle can
-/// always stop within the budget:
+/// Both counts begin when a controller last knew where the vehicle was (CommandWatch::seen): time
+/// by the clock, distance by odometry. What is left of them bounds the speed, so that the vehicle
+/// can always stop within the budget:
 /// - v ≤ a·(t − r) and ω ≤ α·(t − r), with the time t that is left,
 /// - v ≤ a·(√(r² + 2·d/a) − r), with the distance d that is left: r·v + v²/(2a) = d,
 /// a and α being the decelerations, r = reaction the time until they act. Twists are scaled as a
@@ -30,7 +31,7 @@ class BlindBudget {
   explicit BlindBudget(const Config& config) : config_(config) {}
 
   /// Once per cycle, in order: `driven_m` by odometry so far, never falling, and when the vehicle
-  /// was last seen; none: nobody ever saw it, and the budget is used up.
+  /// was last seen; none: it was never seen, and the budget is used up.
   void update(Instant now, double driven_m, std::optional<Instant> seen);
 
   /// Since it was last seen, at the last update(); Duration::max() if it never was.

@@ -30,12 +30,12 @@ namespace tether {
 ///
 /// A plan says what to do at each time, so where one is in force the age is the time since its
 /// horizon ended, and zero until then, whenever it was decided. A first plan that waits for its
-/// start is as fresh, and says zero. But nobody may drive on for longer than max_blind after the
+/// start is as fresh, and says zero. But no plan may drive on for longer than max_blind after the
 /// vehicle was last seen (PlanBuffer::seen): from then on any plan ages. So does a twist that was
 /// decided from a pose as old as that ("command.blind"); one without a pose is its sender's affair.
 ///
 /// Five restarts of the twists' numbering within kSendersWindow are two senders that take turns;
-/// one that is started anew now and then is one.
+/// one that restarts now and then is one.
 class CommandWatch {
  public:
   static constexpr Duration kSendersWindow = std::chrono::seconds{5};
@@ -77,8 +77,8 @@ class CommandWatch {
   /// The age of the newest accepted command, or of the plan in force; none before the first.
   std::optional<Duration> age(Instant now) const;
   /// Where a plan counts: now − min(stamp, arrival) of the newest that was accepted from the
-  /// network, which tells whether somebody still plans; Duration::max() if only preloads came,
-  /// which do not tell.
+  /// network, which shows whether a controller still plans; Duration::max() if only preloads came,
+  /// which do not show it.
   std::optional<Duration> plan_silence(Instant now) const;
   /// The twist in force; zero before the first.
   Twist twist(Instant now) const { return actuator_.in_force(now); }
@@ -107,7 +107,7 @@ class CommandWatch {
   Duration max_blind_;
   std::int64_t non_finite_ = 0;
   std::int64_t blind_ = 0;
-  std::deque<Instant> restarts_;  ///< of the last kSendersWindow
+  std::deque<Instant> restarts_;  ///< restarts within the last kSendersWindow
   bool two_senders_ = false;
 };
 

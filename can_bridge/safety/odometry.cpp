@@ -58,7 +58,7 @@ void Odometry::update(const std::array<WheelFeedback, 2>& wheels) {
 double Odometry::most_m(const WheelFeedback& wheel, const Anchor& anchor) const {
   // The limit is twice the vehicle's wheel speed, and 50 ms more, because the stamps are of two
   // messages that may wait in different queues. That is more than any wheel turns, and less than
-  // the jump of a count that started anew.
+  // the jump of a count that restarted.
   constexpr double kMargin = 2.0, kStampError_s = 0.05;
   const double elapsed_s = std::max(0.0, to_seconds(wheel.stamp - anchor.stamp));
   return kMargin * max_speed_mps_ * (elapsed_s + kStampError_s);

@@ -36,7 +36,7 @@ class Odometry {
  public:
   /// From the vehicle's start pose on.
   struct State : DeadReckoning {
-    Twist twist;  ///< of the newest valid wheel speeds; zero before and while invalid
+    Twist twist;  ///< twist by the newest valid wheel speeds; zero before and while invalid
   };
 
   static constexpr double kVariancePerMetre = DeadReckoning::kVariancePerMetre;  ///< k², m²/m

@@ -18,8 +18,8 @@ enum class DriveRequest : std::int32_t { arm = 1, disarm, estop, estop_release, 
 /// restarted does not know which numbers are new: what was stamped before its start is refused.
 ///
 /// ESTOP and DISARM are exceptions: they act whatever their stamp and number. A late one still
-/// means that somebody wanted the vehicle to stand. ALIVE is a stream of its own, because another
-/// program than the one that arms sends it.
+/// means that an operator wanted the vehicle to stand. ALIVE is a stream of its own, because
+/// another program than the one that arms sends it.
 class RequestGuard {
  public:
   static constexpr Duration kFresh = std::chrono::seconds{1};
@@ -32,7 +32,7 @@ class RequestGuard {
   /// The bridge lives from `now` on. Before the first request; later calls do nothing.
   void start(Instant now);
 
-  /// What to do now, if anything. `request` is the message's number.
+  /// The request to carry out now, if any. `request` is the message's number.
   std::optional<DriveRequest> accept(Instant now, Instant stamp, std::int64_t seq,
                                      std::int32_t request);
 

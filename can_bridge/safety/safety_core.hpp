@@ -35,7 +35,7 @@ enum class BridgeState : std::int32_t {
 /// "starting", "refused" …
 const char* to_string(BridgeState state);
 
-/// What the bridge shall do in one control cycle.
+/// Outputs of the bridge in one control cycle.
 struct Decision {
   enum class Action { none, enable, quick_stop, disable, reset_fault, restart_bus };
 
@@ -64,17 +64,17 @@ struct Decision {
 ///   At speed v an age of max_stale_m/v is stale, if that comes earlier. Of age `disarm` or older →
 ///   quick stop and disarm: only ARM with a zero command goes on from there.
 /// - Plans drive no farther than BlindBudget lets them: each needs a pose, and the vehicle can stop
-///   within max_blind and max_blind_m from when somebody last knew where it was. From max_blind on
-///   plans age. For the decelerations to act, kStopJerkDelay and four cycles are reckoned: two of
-///   the limiter, two of drives and feedback.
+///   within max_blind and max_blind_m from when a controller last knew where it was. From max_blind
+///   on plans age. For the decelerations to act, kStopJerkDelay and four cycles are reckoned: two
+///   of the limiter, two of drives and feedback.
 /// - The session of plans changes only while disarmed. Until then plans of other sessions are
-///   refused. A stop is obeyed whoever sends it: a plan of another session that says to stand still
-///   disarms ("plan.stop_of_other_session"), and one of the own session needs no pose. A twist that
-///   moves does not take over from a plan ("command.against_plan"), one that says to stand still
-///   does.
+///   refused. A stop is obeyed from every sender: a plan of another session that says to stand
+///   still disarms ("plan.stop_of_other_session"), and one of the own session needs no pose. A
+///   twist that moves does not take over from a plan ("command.against_plan"), one that says to
+///   stand still does.
 /// - Two senders of twists or plans at the same time → FAULT: as the network tells (on_senders), or
 ///   behind a relay as numbers tell (CommandWatch).
-/// - With operator_timeout: no ALIVE for so long → as DISARM, and no arming.
+/// - With operator_timeout: no ALIVE for this long → as DISARM, and no arming.
 /// - Whatever ends an armed state, and RESET, ends all plans for good: those stamped before are
 ///   refused ("plan.before_stop"). Arming by a plan needs one that is younger than kPlanSilence and
 ///   not over, now and when the drives are on. Preloads are for departures: refused unless the
@@ -110,7 +110,8 @@ struct Decision {
 ///   be clear before RESET. While an e-stop would not be remembered (no_release), ESTOP_RELEASE and
 ///   ARM are refused, and the reason says so in every state. no_arming refuses ARM alone.
 /// - A stop after which no two witnesses of each wheel say within kStopTimeout that it stands →
-///   FAULT, told as UNCONFIRMED, until RESET and two witnesses. A latched e-stop is told as ESTOP.
+///   FAULT, reported as UNCONFIRMED, until RESET and two witnesses. A latched e-stop is reported as
+///   ESTOP.
 /// - leave(): quick stop, standstill, power off; no arming any more. Drives of which that is not
 ///   known (DrivetrainSnapshot::in_doubt) count as turning.
 ///
@@ -129,7 +130,7 @@ class SafetyCore {
     TwistLimits limits;
     Instant earliest = kStart;  ///< stamps before this are of another run
     double wheel_radius_m = 0.4;
-    ActuatorSettings actuator;  ///< what commands and plans say
+    ActuatorSettings actuator;  ///< treatment of commands and plans
     VehicleConfig vehicle;      ///< for its stops
   };
 
@@ -159,12 +160,13 @@ class SafetyCore {
   /// Several programs command the vehicle: "AGV/CMD_VEL: 10.0.0.2:40112 and …" (SoleSender); "" if
   /// not. Holds until the next call.
   void on_senders(std::string several) { several_senders_ = std::move(several); }
-  /// What the vehicle's safety inputs demand, from the next cycle on. Before the first: nothing.
+  /// Sets the demands of the vehicle's safety inputs, from the next cycle on. Before the first:
+  /// nothing.
   void on_safety_inputs(SafetyDemands demands) { demands_ = std::move(demands); }
   /// The bus's state has changed. Remembers trouble that is over before the next cycle.
   void on_bus_state(CanState bus);
   /// The e-stop is pressed from the start, and `why`: it was latched when the bridge ended last, or
-  /// nobody knows. Before the first cycle.
+  /// this is not known. Before the first cycle.
   void restore_estop(std::string why);
   /// The answer to Action::restart_bus.
   void on_bus_restarted(bool done, const std::string& why);

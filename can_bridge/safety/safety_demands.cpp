@@ -6,7 +6,7 @@
 #include "can_bridge/safety/safety_core.hpp"
 #include "common/vehicle/diff_drive.hpp"
 
-// What the vehicle's safety inputs demand of the safety core.
+// Demands of the vehicle's safety inputs on the safety core.
 
 namespace tether {
 namespace {

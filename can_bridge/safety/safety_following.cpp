@@ -130,7 +130,7 @@ void SafetyCore::finish_stop(Instant now, const DrivetrainSnapshot& drives) {
         return;
       }
       // The stop began in this cycle, and the drives show standby because they have not yet acted
-      // on the request to enable them. They are told to stop, or they would still switch on.
+      // on the request to enable them. They get a stop, or they would still switch on.
       action_ = Decision::Action::quick_stop;
       break;
     case DrivePhase::enabling:

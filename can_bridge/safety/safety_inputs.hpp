@@ -12,7 +12,7 @@
 
 namespace tether {
 
-/// What the vehicle's safety inputs demand now, all together.
+/// Present demands of the vehicle's safety inputs, all together.
 struct SafetyDemands {
   std::string stop;         ///< why the vehicle has to stand; "" if it need not
   bool ramp = false;        ///< stop: by the ramp, not by a quick stop

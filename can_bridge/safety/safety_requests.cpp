@@ -4,7 +4,7 @@
 
 #include "can_bridge/safety/safety_core.hpp"
 
-// What operators may ask of the safety core: arming, stopping, resetting.
+// Requests of operators to the safety core: arming, stopping, resetting.
 
 namespace tether {
 

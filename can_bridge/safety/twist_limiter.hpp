@@ -8,7 +8,7 @@
 
 namespace tether {
 
-/// What the vehicle may do. All > 0; a deceleration is never below its acceleration (asserted:
+/// Limits of the vehicle. All > 0; a deceleration is never below its acceleration (asserted:
 /// the scenario loader refuses such files).
 struct TwistLimits {
   double max_speed_mps = 3.0;

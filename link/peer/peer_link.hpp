@@ -37,7 +37,7 @@ struct PeerRules {
   SendRules send;           ///< what goes to it
   ChannelList receive;      ///< what is taken from it, under the names that it sends; not LINK/…
   ChannelList timed;        ///< of these, the ones for a time: not while the clocks differ
-  ChannelList latest_only;  ///< of these channels, by the names on the way, a new message replaces
+  ChannelList latest_only;  ///< on these channels, by the names on the way, a new message replaces
                             ///< the old one
 };
 

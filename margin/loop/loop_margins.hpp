@@ -14,7 +14,7 @@ struct LoopMargins {
   double v_mps = 0.0;      ///< that speed
   double least_mps = 0.0;  ///< the least one
   double period_s = 0.0;
-  double delay_s = 0.0;  ///< of sensor and both links
+  double delay_s = 0.0;  ///< delay of sensor and both links
   double prr = 1.0;      ///< of a pose and its answer together
   double radius = 0.0;   ///< growth of the mean square per period; stable below 1
   double radius_across = 0.0, radius_along = 0.0;
@@ -24,7 +24,7 @@ struct LoopMargins {
   struct Delays {
     Critical total_s;               ///< at this channel's losses
     double margin_s = 0.0;          ///< without sampling and losses
-    double varying_margin_s = 0.0;  ///< likewise, of delays that vary; the hold is one of them
+    double varying_margin_s = 0.0;  ///< the same for delays that vary; the hold is one of them
   };
   std::optional<Delays> delays;  ///< none with plans
   /// √E[d²] on the straight at that speed, by the sensor's white noise and the poses' delay;

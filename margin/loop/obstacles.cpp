@@ -124,7 +124,7 @@ void check_steps(const std::string& prefix, const LinkConfig& link, double perio
       prefix, step_s, period_s));
 }
 
-/// What does not fit among those under way is lost, and most of all after a delay.
+/// Packets beyond the queue's room are lost, mostly after a delay.
 void check_room(const std::string& prefix, const LinkConfig& link, double period_s,
                 Reasons& reasons) {
   constexpr std::int64_t kPacketBytes = 1000;  // a pose or command is shorter

@@ -53,10 +53,10 @@ struct StraightLoop {
   double v_mps = 0.0, least_mps = 0.0;
   ChainLink uplink, downlink;
   bool shared = false;       ///< channel.shared_state
-  double plan_step_s = 0.0;  ///< of laws that plan; else 0
+  double plan_step_s = 0.0;  ///< step of laws that plan; else 0
   bool plans() const { return plan_step_s > 0.0; }
 
-  /// Of a law that plans.
+  /// Period of a law that plans.
   PlannedPeriod planned_period() const;
   /// Plans have no delay, and their own period.
   LoopStep step(const LoopTiming& with) const;

@@ -22,8 +22,8 @@ std::size_t draw(const std::vector<double>& probabilities, RandomEngine& random)
 }
 
 /// Each as often as its weight says, to less than one (systematic resampling).
-std::vector<Loop> drawn_anew(const std::vector<Loop>& loops, const std::vector<double>& weights,
-                             double sum, RandomEngine& random) {
+std::vector<Loop> resampled(const std::vector<Loop>& loops, const std::vector<double>& weights,
+                            double sum, RandomEngine& random) {
   std::vector<Loop> result;
   result.reserve(loops.size());
   const double each = sum / static_cast<double>(loops.size());
@@ -71,7 +71,7 @@ double simulated_radius(const LossChain& chain, const std::vector<LoopStep>& ste
     }
     if (!(sum > 0.0)) return 0.0;
     if (k >= settling) log_growth += std::log(sum / static_cast<double>(trial.loops));
-    loops = drawn_anew(loops, weights, sum, random);
+    loops = resampled(loops, weights, sum, random);
   }
   return std::exp(log_growth / static_cast<double>(trial.periods - settling));
 }

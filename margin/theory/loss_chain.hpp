@@ -16,8 +16,8 @@ struct ChainLink {
 
   /// Independent losses.
   static ChainLink independent(double prr) { return {{{1.0}}, {prr}}; }
-  /// Of bursts: losses in the second state only (Gilbert, Bell System Tech. J. 39, 1960). `prr` in
-  /// (0, 1), `mean_burst` in packets, at least max(1, (1 − prr)/prr).
+  /// Link with bursts: losses in the second state only (Gilbert, Bell System Tech. J. 39, 1960).
+  /// `prr` in (0, 1), `mean_burst` in packets, at least max(1, (1 − prr)/prr).
   static ChainLink bursts(double prr, double mean_burst);
 };
 
@@ -27,12 +27,12 @@ struct LossChain {
   enum Mode : std::size_t { kReceived, kLost };
   struct Jump {
     std::size_t from, to;
-    double probability;  ///< of this jump, given `from`: those of a state sum to 1
+    double probability;  ///< probability of this jump, given `from`: those of a state sum to 1
     std::size_t mode;
   };
   std::size_t states = 1;
   std::vector<Jump> jumps;         ///< none with probability 0
-  std::vector<double> stationary;  ///< of the states
+  std::vector<double> stationary;  ///< stationary probabilities of the states
 
   /// Share of the periods in which a command arrives.
   double prr() const;
@@ -41,9 +41,9 @@ struct LossChain {
   std::optional<int> silence_periods(double share) const;
 };
 
-/// Of a command that is sent for each pose that arrives. A downlink that steps by packets steps
-/// only then: it is offered nothing when the pose is lost. States are pairs. Throws UsageError if
-/// the chain has no unique stationary distribution.
+/// Chain of a command that is sent for each pose that arrives. A downlink that steps by packets
+/// steps only then: it is offered nothing when the pose is lost. States are pairs. Throws
+/// UsageError if the chain has no unique stationary distribution.
 LossChain both_links(const ChainLink& uplink, const ChainLink& downlink);
 
 /// The same where both links are in one state, which moves once a period.

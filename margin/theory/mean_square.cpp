@@ -6,7 +6,7 @@
 namespace tether {
 namespace {
 
-using Moments = std::vector<Eigen::MatrixXd>;  // of each state of the chain
+using Moments = std::vector<Eigen::MatrixXd>;  // moments of each state of the chain
 using Modes = std::vector<const Eigen::MatrixXd*>;
 
 constexpr double kSettled = 1e-10;

@@ -36,7 +36,8 @@ MatrixXd reference_rows(const PathMotion& path, Eigen::Index n) {
 
 /// From a pose to the next, of a loop of plans.
 struct PlannedMotion {
-  Eigen::Matrix3d open = Eigen::Matrix3d::Identity();    ///< how e − ê moves: nobody steers it
+  /// Dynamics of e − ê, which is not controlled.
+  Eigen::Matrix3d open = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d closed = Eigen::Matrix3d::Identity();  ///< how ê moves: as the law has it
 
   explicit PlannedMotion(const PlannedPeriod& period) {
@@ -49,7 +50,7 @@ struct PlannedMotion {
   }
 };
 
-constexpr double kRounding = 1e-9;  // of a delay in periods
+constexpr double kRounding = 1e-9;  // rounding of a delay in periods
 
 }  // namespace
 

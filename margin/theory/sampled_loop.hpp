@@ -18,7 +18,7 @@ struct PathMotion {
 /// ∂(v, ω)/∂(x_e, y_e, θ_e) of a law, at no error.
 using LawJacobian = Eigen::Matrix<double, 2, 3>;
 
-/// That of the tracking law (controller/laws/tracking_feedback.hpp) at path speed v:
+/// Jacobian of the tracking law (controller/laws/tracking_feedback.hpp) at path speed v:
 /// δv = K_x x_e, δω = v (K_y y_e + K_θ θ_e). Its bounds on catching up, its atan2 and its limits
 /// are of second order, or beyond.
 LawJacobian tracking_jacobian(double k_x, double k_y, double k_theta, double v_mps);
@@ -36,7 +36,7 @@ struct PoseNoise {
   double yaw_rad = 0.0;
 };
 
-/// What happens in the period from a pose to the next.
+/// Events in the period from a pose to the next.
 struct LoopPeriod {
   PathMotion decided;  ///< where the law aims when it answers the pose
   PathMotion early;    ///< of the aim until a command takes effect
@@ -68,8 +68,8 @@ struct PlannedPeriod {
 /// measures. Plans are longer than silences. State: x_e, y_e, θ_e, the three of ê, 1.
 LoopStep planned_step(const PlannedPeriod& period, const PoseNoise& noise);
 
-/// What part of the state is looked at. On a straight path `across` (y_e, θ_e, ω) and `along` (x_e,
-/// v) do not depend on each other (LoopStep::is_along); `all` leaves out the 1, for
+/// Part of the state under consideration. On a straight path `across` (y_e, θ_e, ω) and `along`
+/// (x_e, v) do not depend on each other (LoopStep::is_along); `all` leaves out the 1, for
 /// mean_square_radius().
 enum class LoopPart { all, across, along };
 LoopStep part_of(const LoopStep& step, LoopPart part);

@@ -61,8 +61,8 @@ class InUse {
   bool& flag_;
 };
 
-/// What a step does with a loop that is over; its reward is 0.
-enum class AfterEnd : std::uint8_t { refuses, begins_anew, rests };
+/// Reaction of a step to a loop that is over; its reward is 0.
+enum class AfterEnd : std::uint8_t { refuses, restarts, rests };
 
 /// n loops of one scenario, each with a seed and settings of its own.
 class Batch {
@@ -119,7 +119,7 @@ class Batch {
       for (std::size_t i = 0; i < loops_.size(); ++i) {
         Loop& loop = loops_[i];
         if (loop.ended) {
-          if (after_end == AfterEnd::begins_anew) begin(loop, next_seed_++, "");
+          if (after_end == AfterEnd::restarts) begin(loop, next_seed_++, "");
           rewards[i] = 0.0;
         } else {
           loop.episode->step({all + i * width, width});
@@ -148,7 +148,7 @@ class Batch {
   struct Loop {
     Scenario scenario;
     std::unique_ptr<Episode> episode;
-    bool ended = false;  ///< and its end was told
+    bool ended = false;  ///< its end was reported
   };
 
   /// `own`: over those of the environment.
@@ -269,7 +269,7 @@ PYBIND11_MODULE(_core, m) {
   py::register_exception<ResetNeeded>(m, "ResetNeeded", PyExc_RuntimeError);
   py::enum_<AfterEnd>(m, "AfterEnd")
       .value("refuses", AfterEnd::refuses)
-      .value("begins_anew", AfterEnd::begins_anew)
+      .value("restarts", AfterEnd::restarts)
       .value("rests", AfterEnd::rests);
   py::class_<Batch>(m, "Batch")
       .def(py::init<std::string, Settings, const std::string&, std::vector<double>, std::size_t>())

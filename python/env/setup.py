@@ -31,7 +31,7 @@ class Built(build_py):
         built = BUILD / "python" / "tether_env"
         core = built / f"_core{sysconfig.get_config_var('EXT_SUFFIX')}"
         if not core.exists():
-            sys.exit(f"{BUILD} is for another Python: there is no {core.name}. Configure it anew with: "
+            sys.exit(f"{BUILD} is for another Python: there is no {core.name}. Configure it again with: "
                      f"cmake --preset release -DPython3_EXECUTABLE={sys.executable}")
         shutil.copy(core, pathlib.Path(self.build_lib) / "tether_env")
 

@@ -63,7 +63,7 @@ class Controller:
             return [(self._command_channel, _TWIST.encode(**head, v_mps=v_mps, omega_radps=omega_radps))]
         start, step = round(1e6 * decision.start_s), round(1e6 * decision.step_s)
         plan = {"start_utime": start, "step_us": step, "count": len(decision.v_mps)}
-        plan |= {"settled_utime": start + step * (len(decision.v_mps) + 1)}  # that is never
+        plan |= {"settled_utime": start + step * (len(decision.v_mps) + 1)}  # a time that is never reached
         plan |= {"based_on": _PLAN.constants["ANY"], "based_on_last": _PLAN.constants["ANY"]}
         plan |= {"session": self._session, "id": self._sent, "v_mps": decision.v_mps}
         return [(self._plan_channel, _PLAN.encode(**head, **plan, omega_radps=decision.omega_radps))]

@@ -1,4 +1,4 @@
-"""What a law may return, checked before anything is sent: what the vehicle would take no notice of is an error."""
+"""Decisions that a law may return, checked before anything is sent: what the vehicle would take no notice of is an error."""
 
 import dataclasses
 import reprlib
@@ -6,8 +6,8 @@ import reprlib
 from .messages import message_type
 
 _MOST = message_type("plan_t").constants["MAX_COUNT"]
-_LONGEST_S = 600.0  # of a plan, from its first twist's start to its last one's end
-_BELOW = 1e9  # of any number
+_LONGEST_S = 600.0  # longest plan, from its first twist's start to its last one's end
+_BELOW = 1e9  # bound of any number
 _WANTED = "a pair (v_mps, omega_radps) of finite numbers, a tether.Plan or None is wanted"
 
 
@@ -62,7 +62,7 @@ def _checked_plan(plan, name):
     return Plan(start_s, step_s, v_mps, omega_radps)
 
 
-_NOT = (TypeError, ValueError, OverflowError)  # what the three below say of what is none
+_NOT = (TypeError, ValueError, OverflowError)  # raised by the three below for other values
 
 
 def _number(value):

@@ -32,12 +32,12 @@ def _keyed_hash(data, key):
 
 
 def _mac(kind, message, key):
-    """Of a grant or an answer: of all but its seq, which differs between copies, and the mac."""
+    """Digest of a grant or an answer: of all but its seq, which differs between copies, and the mac."""
     return _keyed_hash(kind.encode(**message | {"seq": 0, "mac": ""}), key)
 
 
 def _where(failure):
-    """The last line of the law that it came from; nothing if it is none's."""
+    """The last line of the law that it came from; nothing if it is not in the law."""
     lines = traceback.extract_tb(failure.__traceback__)
     of_laws = [f" ({at.filename}:{at.lineno})" for at in lines if pathlib.Path(at.filename).parent != _HERE]
     return of_laws[-1] if of_laws else ""
@@ -58,16 +58,16 @@ class Lockstep:
         if controller.period_ns:
             heapq.heappush(self._events, (0, _NODE | _RANK << 24, None))
         self._inbox = collections.deque(maxlen=_KEPT)  # (channel, bytes) that no grant has named yet
-        self._grant = None  # that waits for its messages: [grant, bytes or None of each]
+        self._grant = None  # the grant that waits for its messages: [grant, bytes or None of each]
         self._granted_at = self._asked_at = self._joined_at = 0.0
-        self.heard_at = None  # of the coordinator
+        self.heard_at = None  # time of the coordinator's last message
         self._answer = (0, b"")  # to which grant
         self._numbers = collections.Counter()
         self._sent = collections.OrderedDict()  # (channel, number): bytes
         self.over = False
         self.superseded = False  # another run is on this network
-        self._heard = None  # what somebody takes
-        self._run_key = self._key = b""  # of digests; of this node's grants and answers
+        self._heard = None  # channels that have a receiver
+        self._run_key = self._key = b""  # key of digests; key of this node's grants and answers
 
     def _say(self, on, kind, /, **fields):
         data = kind.encode(seq=self._seq, **fields)
@@ -184,7 +184,7 @@ class Lockstep:
 
     def _run(self, grant, published):
         bound = (grant.until_ns, grant.until_order, grant.until_rank)
-        index = 0  # of what is published and scheduled under this grant
+        index = 0  # index of publications and tasks under this grant
         while self._events and (*self._events[0][:2], _RANK) < bound:
             ns, _, data = heapq.heappop(self._events)
             if data is None:
@@ -202,7 +202,7 @@ class Lockstep:
                 if any(expression.fullmatch(channel) for expression in self._heard):
                     bound = min(bound, (ns, _DELIVERY | grant.id << 24 | index, -1))
                 index += 1
-            if data is None:  # as TimerQueue does: after what the tick led to
+            if data is None:  # same order as in TimerQueue: after the tick's consequences
                 order = _NODE | grant.id << 24 | index
                 heapq.heappush(self._events, (ns + self._controller.period_ns, order, None))
                 index += 1

@@ -75,7 +75,7 @@ class Path:
 
 
 def in_toml(value):
-    """As --set takes it."""
+    """Value in the form that --set takes."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):

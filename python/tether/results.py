@@ -1,4 +1,4 @@
-"""What runs and sweeps leave behind: logs, folders of runs, databases of sweeps.
+"""Output of runs and sweeps: logs, folders of runs, databases of sweeps.
 
 A Table is a dict of columns; .rows() are its rows as dicts, .numpy() and .pandas() what these
 libraries make of it, where they are installed.
@@ -37,8 +37,8 @@ class Table(dict):
 class Logged(typing.NamedTuple):
     t_s: float  # when it was recorded: seconds of the run, or since 1970 in a log of lcm-logger
     channel: str
-    type: str  # "pose_t"; "" if it is none of Tether's
-    message: object  # its fields; None if it is none of Tether's
+    type: str  # "pose_t"; "" if it is not one of Tether's
+    message: object  # its fields; None if it is not one of Tether's
 
 
 _SYNC = struct.pack(">I", 0xEDA1DA01)  # before each message of a log

@@ -25,7 +25,7 @@ _TICK_S = 0.05
 
 
 class RunFailed(Exception):
-    """What `tether run` said."""
+    """Output of `tether run`."""
 
 
 class RunClock:

@@ -6,7 +6,7 @@
 
 namespace tether {
 
-/// As write_file(), for what is too long to be kept in memory: bytes go to a file beside it, which
+/// Same as write_file(), for content too long for memory: bytes go to a file beside it, which
 /// takes its place when all is written. Until close(), what was there stays.
 class ReplacingOutput {
  public:

@@ -5,8 +5,8 @@
 
 namespace tether {
 
-/// A UDP port of this host that nobody used, and that nobody who asks the system for a free one
-/// gets until this is gone. Who asks for it by its number, as LCM networks do, shares it.
+/// A UDP port of this host that was free, and that the system does not hand out as free until this
+/// is gone. Programs that bind it by its number, as LCM networks do, share it.
 class ReservedPort {
  public:
   /// Throws std::system_error if there is none.

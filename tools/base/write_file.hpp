@@ -6,7 +6,7 @@
 
 namespace tether {
 
-/// What write_file() adds to the name of a file that is not complete yet.
+/// Suffix that write_file() adds to the name of a file that is not complete yet.
 inline constexpr std::string_view kUnfinished = ".unfinished";
 
 /// Replaces what was in the file once all is written: it stays as it was otherwise. Throws

@@ -121,7 +121,7 @@ class DriveSession {
     }
     if (drive_->phase() == TwistDrive::Phase::done) return loop_.stop();
     twist_t message{};
-    // Follows the bridge's clock: the bridge may have been started anew, with another clock.
+    // Follows the bridge's clock: the bridge may have restarted, with another clock.
     message.utime = to_utime(loop_.now() + *clock_);
     message.seq = seq_++;
     message.run = run_;

@@ -34,7 +34,7 @@ struct Written {
   ObjectRef object;
   const char* value;  ///< "": the vehicle's, which no data sheet knows
   const char* meaning;
-  const char* without;  ///< what to do if the drive does not have it; "": nothing
+  const char* without;  ///< remedy if the drive does not have it; "": none
 };
 constexpr std::array<Written, 5> kWritten{{
     {{0x605A, 0, 2, true},

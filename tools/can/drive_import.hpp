@@ -16,7 +16,7 @@ struct DriveSkeleton {
   std::vector<std::string> missing;
 };
 
-/// `nodes`: CANopen node ids of the left and the right drive, alike for one drive with two axes;
+/// `nodes`: CANopen node ids of the left and the right drive, equal for one drive with two axes;
 /// empty: of a DCF its own and the next, else 1 and 2. A device whose objects are there a second
 /// time at +0x800 has two axes.
 DriveSkeleton drive_skeleton(const EdsFile& eds, const std::string& file,

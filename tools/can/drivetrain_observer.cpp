@@ -48,7 +48,7 @@ void DrivetrainObserver::on_state(const drivetrain_state_t& m) {
   }
   ever_armed_ = ever_armed_ || armed;
   state_ = m;
-  // For terminals and JSON, whoever sent it.
+  // For terminals and JSON, from any sender.
   state_.state_name = printable_message(m.state_name, kLongestNameShown);
   state_.reason = printable_message(m.reason);
 }

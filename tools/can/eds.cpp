@@ -146,7 +146,7 @@ class Reader {
     }
     EdsFile::Object object = object_of(section, static_cast<std::uint16_t>(*index), *sub);
     const std::int64_t copies = rest.empty() ? number(section, "compactsubobj").value_or(0) : 0;
-    if (copies > 0) {  // all alike, without sections of their own
+    if (copies > 0) {  // all the same, without sections of their own
       if (copies > kMostSubindex) {
         refuse(section.values.at("compactsubobj").line, "CompactSubObj must be at most 0xFE");
       }

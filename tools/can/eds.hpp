@@ -10,7 +10,7 @@
 
 namespace tether {
 
-/// What an electronic data sheet (EDS) or a device configuration file (DCF) says of a CANopen
+/// Content of an electronic data sheet (EDS) or a device configuration file (DCF) of a CANopen
 /// device, as far as a drivetrain file depends on it. Their form is CiA 306-1's.
 struct EdsFile {
   struct Object {

@@ -63,7 +63,7 @@ class Ear {
     return enough_();
   }
 
-  /// Listens for so long; false if a signal ends it.
+  /// Listens for this long; false if a signal ends it.
   bool listen(Duration time) {
     enough_ = nullptr;
     loop_.run_until(loop_.now() + time);

@@ -8,7 +8,7 @@
 
 namespace tether {
 
-/// What became of an operator's request, as far as the bridge's state shows.
+/// Outcome of an operator's request, as far as the bridge's state shows.
 enum class RequestOutcome {
   pending,  ///< wait for a later state
   reached,  ///< the drivetrain is where the request wanted it

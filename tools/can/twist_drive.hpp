@@ -10,17 +10,17 @@
 
 namespace tether {
 
-/// What `tether can drive` commands: zero until somebody arms the drivetrain, then one twist for a
+/// Command of `tether can drive`: zero until the drivetrain is armed, then one twist for a
 /// time, then zero until the vehicle stands.
 ///
 /// It gives up, and commands zero for kLastZeros, when
 /// - the drivetrain is not armed within kArmPatience, or leaves ARMED later;
 /// - CAN/STATE is silent for kSilence;
 /// - the bridge's setpoint comes to rest at another twist: the wanted one is beyond its limits;
-/// - somebody else sends commands, too, or interrupt() is called.
+/// - another program sends commands, too, or interrupt() is called.
 class TwistDrive {
  public:
-  static constexpr Duration kPeriod = std::chrono::milliseconds{50};  ///< of step()
+  static constexpr Duration kPeriod = std::chrono::milliseconds{50};  ///< period of step()
   static constexpr Duration kFirstZeros = std::chrono::milliseconds{300};
   static constexpr Duration kArmPatience = std::chrono::minutes{5};
   static constexpr Duration kSilence = std::chrono::milliseconds{500};
@@ -38,7 +38,7 @@ class TwistDrive {
   void on_foreign_command(Instant now);
   void interrupt(Instant now);
 
-  /// What to command now.
+  /// Present command.
   Twist step(Instant now);
 
   Phase phase() const { return phase_; }

@@ -51,7 +51,7 @@ LogSurvey survey_of(const std::string& file) {
   return survey;
 }
 
-/// What is to be seen beside the messages: of the scenario that is named, else of the one that
+/// Scene shown in addition to the messages: of the scenario that is named, else of the one that
 /// `tether run --out` and `tether live --out` put beside the log.
 SceneSetting setting_of(const McapOptions& options) {
   if (!options.scenario.empty()) return scene_setting(load_scenario(options.scenario, {}));

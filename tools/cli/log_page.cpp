@@ -29,7 +29,7 @@ struct PageOptions {
   RecordedSpan span;
 };
 
-/// What is still sent by mail and opened at once.
+/// Largest page that can still be mailed and opens quickly.
 constexpr std::size_t kMostPageBytes = 30'000'000;
 
 int log_page(PageOptions options) {

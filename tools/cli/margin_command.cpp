@@ -67,7 +67,7 @@ nlohmann::ordered_json in_json(const Critical& critical) {
   return json;
 }
 
-/// What the mean square does not say: whether, and how soon, a vehicle leaves its path.
+/// Quantities that the mean square does not show: whether, and how soon, a vehicle leaves its path.
 struct SurvivalMargins {
   Critical prr_each_way;
   std::optional<FirstExcursion> first;

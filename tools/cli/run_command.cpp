@@ -171,20 +171,21 @@ void report(const RunOptions& options, const Scenario& scenario, const FleetObse
 
 Scenario checked_scenario(const RunOptions& options) {
   if (options.step && fcntl(STDIN_FILENO, F_GETFD) < 0) {
-    throw UsageError("run: --step is told what to do on the standard input, which is closed");
+    throw UsageError("run: --step reads commands from the standard input, which is closed");
   }
   if (options.scenario.file.empty()) throw UsageError("run: name a scenario file (see --help)");
   Scenario scenario = options.scenario.load();
   const bool external = scenario.get<ControllerSettings>().is_external();
   if (!options.lcm_url.empty() && !options.processes && !external) {
-    throw UsageError("run: --lcm-url needs --processes or a controller of yours");
+    throw UsageError("run: --lcm-url needs --processes or an external controller");
   }
   if (options.lcm_url.empty()) {
     check_command_has_url(scenario.get<ControllerSettings>(), options.scenario.file);
   }
   if (options.view && external) {
     throw UsageError(
-        "run: --view shows no run with a controller of yours; --out, and tether view RUN.lcmlog "
+        "run: --view cannot show a run with an external controller; use --out, then tether view "
+        "RUN.lcmlog "
         "do");
   }
   if (const std::string warning = overload_warning(scenario.get<MediumSettings>());
@@ -195,7 +196,7 @@ Scenario checked_scenario(const RunOptions& options) {
 }
 
 /// How a run is made: all in this process, each node in one of its own, or all but the controller,
-/// which is somebody's program.
+/// which is an external program.
 struct Way {
   std::optional<ClosedLoop> one;
   std::optional<ProcessRun> many;
@@ -258,7 +259,7 @@ int run(const RunOptions& options) {
     } else {
       way.run(end);
     }
-  } catch (const std::exception& error) {  // what it has written until then stays
+  } catch (const std::exception& error) {  // rows written so far stay
     if (folder) folder->write_incomplete(observer, error.what());
     throw;
   }
@@ -290,7 +291,7 @@ void add_run_command(CLI::App& tether, Action& action) {
                         "each node a process of its own, over LCM in lockstep: the same result");
   command->add_option(
       "--lcm-url", options->lcm_url,
-      "LCM network of --processes and of a controller of yours [a free port of this "
+      "LCM network of --processes and of an external controller [a free port of this "
       "host's]");
   command
       ->add_option("--patience", options->patience_s,

@@ -211,7 +211,8 @@ void add_sweep_command(CLI::App& tether, Action& action) {
   auto stratified = std::make_shared<bool>(false);
   exporting
       ->add_flag("--stratified", *stratified,
-                 "likewise: mean of epsilon, with the known chance that no command ever arrives")
+                 "mean of epsilon by the same method, with the known probability that no command "
+                 "ever arrives")
       ->excludes(of_means);
   exporting->callback([folder, out, means, stratified, &action] {
     const Rows rows = *stratified ? Rows::stratified : *means ? Rows::means : Rows::runs;

@@ -31,7 +31,7 @@ struct TuneCommandOptions {
   bool quick = false;
 };
 
-/// What a law's result depends on: not --jobs and --out, nor which others are tuned.
+/// Inputs of a law's result: not --jobs and --out, nor which others are tuned.
 std::string command_of(const TuneCommandOptions& options) {
   std::string command = "tether tune " + options.file;
   for (const std::string& text : options.overrides) command += " --set " + text;

@@ -21,7 +21,7 @@ struct ViewOptions {
 
   /// The same, for another `tether view`.
   std::vector<std::string> arguments() const;
-  /// For a server of what `run` describes. Throws UsageError for a token that is none.
+  /// For a server of what `run` describes. Throws UsageError for an invalid token.
   ViewServer::Options server(const RunDescription& run) const;
 };
 

@@ -13,7 +13,7 @@ namespace {
 
 using Verdict = DoctorFinding::Verdict;
 
-/// What the project asks of a receive buffer, and what lockstep with large messages needs.
+/// Minimum receive buffer, and the size for lockstep with large messages.
 constexpr std::int64_t kLeastBuffer_bytes = 2'097'152, kGoodBuffer_bytes = 8'388'608;
 /// Plans break at a clock 0.2 s off; a tenth of it is left to the clock.
 constexpr double kClockError_ms = 20.0;

@@ -21,7 +21,7 @@ struct DoctorFinding {
   std::string to_do;  ///< a command, or words; empty if good
 };
 
-/// What is to be said of a machine, always in the same order. Pure.
+/// Findings on a machine, always in the same order. Pure.
 std::vector<DoctorFinding> findings_of(const Machine& machine);
 
 /// Whether a machine of that latency keeps control cycles of `cycle_ms`. Pure.

@@ -158,7 +158,7 @@ void look_at_processors(Machine& machine) {
   }
 }
 
-/// What a program says of its version; empty if nothing.
+/// Version that a program reports; empty if nothing.
 std::string version_of(const fs::path& program) {
   const std::string name = program.filename();
   const std::unique_ptr<FILE, int (*)(FILE*)> said(

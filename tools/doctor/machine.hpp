@@ -8,9 +8,9 @@
 
 namespace tether {
 
-/// What matters to Tether of a machine, as it is now. Texts are the system's own words.
+/// Present state of a machine, as far as it matters to Tether. Texts are the system's own words.
 struct Machine {
-  std::string version;  ///< of this program, with its commit
+  std::string version;  ///< version of this program, with its commit
   /// Programs of Tether beside this one that say another, and what they say.
   std::map<std::string, std::string> other_versions;
   std::string kernel;  ///< "6.1.0-18-amd64"
@@ -20,15 +20,14 @@ struct Machine {
   std::string multicast_by;  ///< address by which datagrams to the group leave; empty: no route
   std::string multicast_trouble;    ///< why there is no route
   std::string multicast_interface;  ///< by which they leave; empty: not known
-  bool multicast_by_radio = false;  ///< that interface is a radio's
+  bool multicast_by_radio = false;  ///< multicast goes by a radio
   std::string port_trouble;         ///< why the port cannot be listened to; empty: it can
   /// How long a message took to come back on the network; none: it did not within kPatience.
   std::optional<double> echo_ms;
 
   std::optional<std::int64_t> rmem_max_bytes;  ///< none: not told
   bool clock_synchronised = false;
-  double clock_error_max_ms =
-      0.0;  ///< as the kernel believes; it means nothing if not synchronised
+  double clock_error_max_ms = 0.0;  ///< the kernel's estimate; it means nothing if not synchronised
 
   struct Can {
     bool is_can = false;  ///< not another kind of interface
@@ -37,7 +36,7 @@ struct Machine {
   std::map<std::string, Can> can;  ///< by name: those that there are, and the one asked about
   std::string can_asked;           ///< empty: none
 
-  struct Peer {  ///< of tether-link's LINK/REPORT
+  struct Peer {  ///< a peer of tether-link's LINK/REPORT
     bool up = false;
     bool clocks_apart = false;
     double offset_min_ms = 0.0, offset_max_ms = 0.0;
@@ -47,14 +46,15 @@ struct Machine {
 
   bool may_be_realtime = false;  ///< SCHED_FIFO is granted
   bool may_lock_memory = false;
-  /// Of processors with frequency scaling; a name and how many have it.
+  /// Governors of processors with frequency scaling; a name and how many have it.
   std::map<std::string, int> governors;
 
-  std::vector<std::string> missing_programs;  ///< of those that parts of Tether start
+  /// Missing ones of the programs that parts of Tether start.
+  std::vector<std::string> missing_programs;
 };
 
 /// Looks. Takes up to a third of a second if nothing comes back on the network, and with `link` as
-/// long as a report of the link may take. Throws UsageError for an LCM URL that is none.
+/// long as a report of the link may take. Throws UsageError for an invalid LCM URL.
 Machine examine(const std::string& lcm_url, const std::string& can_interface, bool link);
 
 }  // namespace tether

@@ -70,7 +70,7 @@ ExternalProgram::ExternalProgram(const std::string& command, OnLine on_line)
   if (pid_ == 0) become(command.c_str(), parent, start_fd, pipe_fds[1]);
   close(pipe_fds[1]);
   pipe_fd_ = pipe_fds[0];
-  if (pid_ > 0) setpgid(pid_, pid_);  // here too: whoever comes first
+  if (pid_ > 0) setpgid(pid_, pid_);  // here too, because either may be first
   if (pid_ > 0) guard_ = fork();
   if (guard_ == 0) guard(pid_, parent);
   if (guard_ < 0) {
@@ -118,7 +118,7 @@ bool ExternalProgram::has_ended() {
   siginfo_t info{};
   waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT);
   if (info.si_pid != pid_) return false;
-  kill(-pid_, SIGKILL);  // what it has left behind; until it is waited for, the number is its own
+  kill(-pid_, SIGKILL);  // its remaining children; until it is waited for, the number is its own
   waitpid(pid_, &status_, 0);
   return ended_ = true;
 }

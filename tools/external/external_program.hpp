@@ -10,7 +10,7 @@
 
 namespace tether {
 
-/// Somebody's command as a child process: by /bin/sh in the current folder, with nothing on its
+/// An external command as a child process: by /bin/sh in the current folder, with nothing on its
 /// standard input, in a process group of its own, which is killed with this, and when the thread
 /// that started it ends.
 class ExternalProgram {

@@ -21,7 +21,7 @@ namespace {
 constexpr char kGuest[] = "controller";
 /// For an interpreter to start.
 constexpr Duration kLeastJoinPatience = std::chrono::seconds{20};
-/// For somebody to start a controller by hand.
+/// Time for the user to start a controller manually.
 constexpr Duration kPatienceForPeople = std::chrono::minutes{5};
 constexpr std::chrono::seconds kEndPatience{2};
 

@@ -21,9 +21,9 @@
 
 namespace tether {
 
-/// Somebody's controller for runs one after another, on an LCM network of its own: the command of
+/// An external controller for runs one after another, on an LCM network of its own: the command of
 /// controller.command, started for each run, or with controller.warm for the first and again after
-/// a run that failed; without a command, whoever joins.
+/// a run that failed; without a command, any controller that joins.
 class ExternalController {
  public:
   /// `lcm_url`: empty for a free port of this host's. `tell`: what a command writes.
@@ -47,7 +47,7 @@ class ExternalController {
   ExternalProgram::OnLine tell_;
   std::optional<TemporaryFolder> folder_;
   bool warm_ = false;
-  std::string command_;  ///< of the program
+  std::string command_;  ///< command of the program
   std::unique_ptr<ExternalProgram> program_;
 };
 
@@ -61,7 +61,7 @@ class NoResult : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// A run in virtual time whose controller is somebody else's program, in lockstep over LCM, and all
+/// A run in virtual time whose controller is an external program, in lockstep over LCM, and all
 /// else in this thread: the same messages in the same order as ProcessRun has them.
 class ExternalRun {
  public:

@@ -21,7 +21,7 @@ std::vector<std::string> lockstep_nodes_of(const Scenario& scenario);
 /// Coordinator and nodes of a run in lockstep in one thread, but for one node, the guest, which is
 /// on a network. What they say to each other never leaves the process; what the guest subscribes
 /// to, or is addressed to it, goes out. Of what comes in, only what may be the guest's reaches
-/// them: strangers on the network cannot join as another node or grant time.
+/// them: unknown senders on the network cannot join as another node or grant time.
 class HostedNodes {
  public:
   /// `io` and `wire` must outlive it. `nodes`: all, the guest among them.
@@ -38,7 +38,7 @@ class HostedNodes {
   std::string error() const;
 
  private:
-  /// What one of them has of the network: all but its own messages.
+  /// Access of one of them to the network: all but its own messages.
   class Port final : public Bus {
    public:
     explicit Port(HostedNodes& hosts) : hosts_(hosts) {}

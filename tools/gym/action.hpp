@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// What an action of an episode is.
+/// Kind of an episode's action.
 enum class ActionKind : std::uint8_t {
   twist,  ///< [v_mps, omega_radps]: in the place of a law that sends twists
   plan,   ///< controller.horizon_s / controller.plan_step_ms twists: in the place of one that plans

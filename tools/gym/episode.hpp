@@ -22,7 +22,7 @@
 
 namespace tether {
 
-/// What an episode is made of, beside its scenario.
+/// Settings of an episode, in addition to its scenario.
 struct EpisodeSettings {
   ActionKind action = ActionKind::twist;
   /// Look-ahead times: the path's point then is observed, in the vehicle's frame [s].
@@ -46,8 +46,8 @@ struct EpisodeSettings {
 std::vector<NumberSpace> observation_space(const EpisodeSettings& settings);
 
 /// One run of a scenario's closed loop whose decisions are asked for outside: the very loop of
-/// `tether run`, which stops where its law would decide, and goes on at the same instant with what
-/// it is told. So the same decisions give the same run, bit for bit.
+/// `tether run`, which stops where its law would decide, and goes on at the same instant with the
+/// caller's decision. So the same decisions give the same run, bit for bit.
 ///
 /// Decisions are due at each pose or tick, as controller.trigger says, from t = 0 on and once there
 /// is a pose; with plans also before. What ControllerNode does without its law, it does without
@@ -90,7 +90,7 @@ class Episode {
   std::int64_t undecodable_ = 0;
   bool due_ = false;
   bool over_ = false;
-  double rewarded_ = 0.0;  ///< of the error integral
+  double rewarded_ = 0.0;  ///< rewarded part of the error integral
   double reward_ = 0.0;
 };
 

@@ -67,7 +67,7 @@ class GrantSchedule {
   struct Node {
     std::string name;
     std::vector<Pattern> subscriptions;
-    EventKey next;  // of its own events
+    EventKey next;  // the next of its own events
     std::deque<Delivery> waiting;
     std::map<std::string, std::int64_t> numbers;
     EventKey granted_from{Instant::min(), 0, 0};

@@ -36,7 +36,7 @@ class StepConsole {
   TimeManager& manager_;
   int fd_;
   std::string input_;              // an unfinished line
-  std::deque<std::string> lines_;  // that wait
+  std::deque<std::string> lines_;  // waiting lines
   bool at_end_ = false;            // of the input
   int steps_left_ = 0;
 };

@@ -282,7 +282,7 @@ std::map<std::string, std::size_t> TimeManager::unaccounted() const {
 
 /// The next grant, if none is out and the run is not held.
 void TimeManager::go_on() {
-  // Nodes keep only so many messages for repetition, so nobody goes on while too many are
+  // Nodes keep only so many messages for repetition, so no node goes on while too many are
   // unrecorded.
   constexpr std::size_t kMostUnrecorded = 256;
   if (outstanding_ || state_ == State::joining || state_ == State::failed) return;

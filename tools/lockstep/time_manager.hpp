@@ -22,9 +22,10 @@
 
 namespace tether {
 
-/// The coordinator of a run in lockstep (docs/reference/time.md): waits for the nodes, grants them
-/// time one after another, records what they publish in the order in which one process would have,
-/// and ends the run with an error that names the culprit if one does not do what it owes.
+/// The coordinator of a run in lockstep (docs/reference/time.md): waits for the nodes, and grants
+/// them time one after another. It records their messages in the order in which one process would
+/// have published them, and ends the run with an error that names the culprit if one does not do
+/// what it owes.
 ///
 /// Everything happens in calls of `io`, whose time is wall time; it is stopped at the end.
 class TimeManager {
@@ -39,13 +40,13 @@ class TimeManager {
     Duration patience = std::chrono::seconds{10};
     /// A grant is repeated after this, then less and less often.
     Duration repeat_after = std::chrono::milliseconds{100};
-    /// What the coordinator has not heard is asked for again after this.
+    /// Time after which the coordinator asks again for a missing message.
     Duration resend_after = std::chrono::milliseconds{40};
     /// A round trip is measured after so many grants; 0: never.
     std::int64_t probe_every = 20;
   };
 
-  /// What went on, for reports.
+  /// Counters for reports.
   struct Counters {
     std::int64_t grants = 0;            ///< probes not counted
     std::int64_t repeated = 0;          ///< grants that were sent again
@@ -54,7 +55,7 @@ class TimeManager {
     std::int64_t asked_again = 0;       ///< messages asked for again by nodes
     std::int64_t foreign = 0;           ///< protocol messages of other sessions, or undecodable
     std::int64_t forged = 0;            ///< answers without their node's key
-    std::vector<Duration> round_trips;  ///< of the probes
+    std::vector<Duration> round_trips;  ///< round trips of the probes
     /// From the first grant to the end, without the probes and the time for which the run was held.
     Duration wall_time{0};
   };
@@ -77,7 +78,7 @@ class TimeManager {
   void on_node_gone(const std::string& node, const std::string& how);
   /// Ends the run with this error.
   void fail(const std::string& what);
-  /// Tells whoever is there already that a run begins.
+  /// Notifies the programs that are already there that a run begins.
   void announce() { sign_of_life(); }
   /// Tells the nodes that it is over.
   void dismiss();
@@ -95,13 +96,14 @@ class TimeManager {
   /// Where the run has come to.
   Instant now() const { return now_; }
   bool started() const { return state_ != State::joining; }
-  /// What the last grant of a held run was and led to, for people.
+  /// The last grant of a held run and its consequences, for people.
   const std::string& story() const { return story_; }
   /// The next event of all.
   Instant next() const { return schedule_.now(); }
   const Counters& counters() const { return counters_; }
-  /// Messages on the network that no node has named as its own, by channel: copies, or somebody
-  /// else's messages. They had no effect. Without channels on which something was asked for again.
+  /// Messages on the network that no node has named as its own, by channel: copies, or another
+  /// program's messages. They had no effect. Without channels on which something was asked for
+  /// again.
   std::map<std::string, std::size_t> unaccounted() const;
   /// Nodes that have not joined.
   std::vector<std::string> missing() const;
@@ -119,7 +121,7 @@ class TimeManager {
     Instant sent_at;
     Instant next_repeat;
     Duration repeat_period;
-    std::string missed{};  ///< what its node asked for last, …
+    std::string missed{};  ///< the message that its node asked for last, …
     Instant missed_at{};   ///< … and when
   };
 
@@ -127,7 +129,7 @@ class TimeManager {
   void on_join(const time_join_t& join);
   void start();
   void welcome(std::size_t node);
-  void sign_of_life();  ///< a welcome to nobody
+  void sign_of_life();  ///< a welcome without a receiver
   void on_request(const time_request_t& request);
   bool was_answered(std::int64_t grant, std::size_t node) const;
   void on_late_answer(const time_request_t& request);

@@ -1,4 +1,4 @@
-// What the coordinator does when something does not come: repeats, asks again, gives up.
+// Reactions of the coordinator to missing messages: repeats, asks again, gives up.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

@@ -12,9 +12,10 @@
 
 namespace tether {
 
-/// What one has to know of a log before its first message can be converted.
+/// Facts on a log that are needed before its first message can be converted.
 struct LogSurvey {
-  /// Of more channels, the rest is left out of an export: anybody on the network can invent them.
+  /// Maximum number of channels; an export leaves out the rest: anybody on the network can invent
+  /// them.
   static constexpr std::size_t kMostChannels = 1000;
 
   std::int64_t events = 0;
@@ -25,7 +26,7 @@ struct LogSurvey {
 /// Reads to the end.
 LogSurvey survey_log(EventLogReader& log);
 
-/// What an export did not take, by channel and reason, and what it had to skip.
+/// Messages that an export left out, by channel and reason, and skipped bytes.
 class LeftOut {
  public:
   void add(std::string_view channel, const std::string& reason);
@@ -37,7 +38,7 @@ class LeftOut {
  private:
   std::map<std::pair<std::string, std::string>, std::int64_t> counts_;
   std::int64_t count_ = 0;
-  std::int64_t beyond_ = 0;  // of further channels
+  std::int64_t beyond_ = 0;  // number of further channels
 };
 
 /// Why a message cannot be converted at all; empty if it can.

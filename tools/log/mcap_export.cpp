@@ -56,7 +56,7 @@ class Channels {
     return true;
   }
 
-  // What they are encoded as, set once.
+  // Encodings, set once.
   std::string_view schema_encoding = "jsonschema", message_encoding = "json";
   McapWriter::Texts metadata;
 

@@ -15,14 +15,14 @@ namespace tether {
 /// How an LCM event log becomes MCAP.
 struct McapExport {
   bool ros2 = false;     ///< a ROS 2 bag; else JSON for Foxglove
-  SceneSetting setting;  ///< what the log's scenario says of what there is to be seen
+  SceneSetting setting;  ///< the scene according to the log's scenario
   std::string library;   ///< who wrote it, for the file's header
 };
 
 struct McapExportReport {
   std::int64_t events = 0;     ///< of the log
-  std::int64_t converted = 0;  ///< of them
-  std::uint64_t messages = 0;  ///< of the MCAP file: more, with those for viewers
+  std::int64_t converted = 0;  ///< number of converted ones
+  std::uint64_t messages = 0;  ///< messages in the MCAP file: more, with those for viewers
   std::uint64_t bytes = 0;     ///< of the MCAP file
   std::int64_t shift_us = 0;   ///< added to all times, for MCAP has none below 0
   LeftOut left_out;

@@ -46,7 +46,7 @@ class ClosedLoop {
   void run_until(Instant end) { loop_.run_until(end); }
   void finish();
 
-  /// Of the i-th vehicle.
+  /// Simulator of the i-th vehicle.
   SimNode& sim(std::size_t i = 0);
   const SimNode& sim(std::size_t i = 0) const;
   const NetemNode& netem(std::size_t i = 0) const;
@@ -63,7 +63,7 @@ class ClosedLoop {
   std::unique_ptr<SimFleet> sim_;
   std::unique_ptr<NodeGroup<NetemNode>> netem_;
   std::unique_ptr<NodeGroup<ControllerNode>> controllers_;
-  std::unique_ptr<CanLoop> can_;  ///< of a vehicle that is alone
+  std::unique_ptr<CanLoop> can_;  ///< only for a single vehicle
   std::unique_ptr<NodeGroup<LocaliserNode>> localisers_;
   std::unique_ptr<NodeGroup<AutonomyNode>> autonomies_;
 };

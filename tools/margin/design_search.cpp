@@ -19,7 +19,7 @@ class Search {
   explicit Search(const DesignQuestion& question) : q_(question), base_(load({})) {}
 
   DesignAnswer rate() {
-    margin_loop({});  // what is refused at the scenario's own rate is refused
+    margin_loop({});  // throws if the loop at the scenario's own rate is refused
     for (const double hz :
          {1.0, 2.0, 4.0, 5.0, 8.0, 10.0, 12.5, 16.0, 20.0, 25.0, 40.0, 50.0, 100.0}) {
       const std::vector<std::string> set{fmt::format("sensor.rate_hz={}", hz)};

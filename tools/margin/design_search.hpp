@@ -8,13 +8,13 @@
 
 namespace tether {
 
-/// What tether margin --find looks for.
+/// Search of tether margin --find.
 struct DesignQuestion {
   std::string file;
   std::vector<std::string> overrides;
   std::string what;        ///< rate, tau, horizon, gains
-  double target_m = 0.05;  ///< of the mean distance after the start
-  std::size_t seeds = 20;  ///< of the check
+  double target_m = 0.05;  ///< target of the mean distance after the start
+  std::size_t seeds = 20;  ///< seeds of the check
   std::size_t jobs = 1;
 };
 

@@ -70,13 +70,13 @@ Scenario quiet(const Scenario& given) {
   return scenario;
 }
 
-/// What all loops of a population share.
+/// State that all loops of a population share.
 struct Common {
   Scenario scenario;      ///< without losses
   NetemSettings network;  ///< with them
   PathPoint start;
   double v_mps, period_s, crossover_radps, turn_m;
-  double from_s;  ///< of the first stage, between two poses
+  double from_s;  ///< start of the first stage, between two poses
 
   Common(const Scenario& given, double more_loss, std::size_t stages)
       : scenario(quiet(given)),
@@ -90,7 +90,7 @@ struct Common {
     v_mps = loop.v_mps;
     period_s = loop.timing.period_s;
     crossover_radps = loop.steering.crossover_radps();
-    turn_m = v_mps / crossover_radps;  // of a radian, as it swings
+    turn_m = v_mps / crossover_radps;  // turn of a radian, as it swings
     const double speed_s = full_speed_s(*make_path(given.get<PathSettings>()), v_mps);
     const double settling =
         periods_until(kSmallAlong_m, loop.radius(loop.chain(), LoopPart::along));

@@ -17,7 +17,7 @@ struct StabilityMap {
   struct Point {
     double prr, delay_s, error_m;  ///< settled_error()
   };
-  std::vector<Edge> edges;  ///< of ascending delays, as far as PRR 1 is stable
+  std::vector<Edge> edges;  ///< edges of ascending delays, as far as PRR 1 is stable
   double longest_s = 0.0;   ///< of the delays looked at
   double limit_m = 0.0;     ///< runs with a smaller error count as stable
   std::size_t seeds = 0;    ///< of each point
@@ -29,7 +29,7 @@ struct StabilityMap {
 StabilityMap stability_map(const Scenario& scenario, double limit_m, std::size_t seeds,
                            std::size_t jobs);
 
-/// What stability_map() refuses: before anything is computed for it.
+/// Throws for scenarios that stability_map() refuses: before anything is computed for it.
 void check_map(const Scenario& scenario);
 /// Throws UsageError unless it is *.png or *.svg.
 void check_map_file(const std::filesystem::path& file);

@@ -38,7 +38,7 @@ struct VerificationTrial {
   std::size_t seeds = 10;  ///< from 1 on, at least 2
   std::size_t linear_loops = 500, linear_periods = 600;
   std::size_t full_loops = 150, full_periods = 100;
-  std::size_t runs_a_seed = 20;  ///< of the whole loop, with noise
+  std::size_t runs_a_seed = 20;  ///< runs of the whole loop, with noise
   std::size_t jobs = 1;          ///< threads; the result does not depend on it
 };
 

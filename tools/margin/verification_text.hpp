@@ -24,7 +24,7 @@ class VerificationTable {
                    const std::vector<std::string>& cells) const;
 
   std::vector<std::string> keys_;
-  std::vector<std::size_t> widths_;  ///< of the settings' columns
+  std::vector<std::size_t> widths_;  ///< widths of the settings' columns
 };
 
 nlohmann::ordered_json verification_json(const Arm& arm, const VerifiedCritical& row);

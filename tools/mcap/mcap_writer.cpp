@@ -229,7 +229,8 @@ void McapWriter::write_summary() {
     summary.u64(offsets_start);
     summary.u32(0);
   });
-  // Of the summary up to here, with the length of the footer's record, without the CRC itself.
+  // The CRC covers the summary up to here, with the length of the footer's record, without the CRC
+  // itself.
   const std::size_t crc_at = summary.bytes.size() - 4;
   const std::uint32_t crc = crc32(std::string_view(summary.bytes).substr(0, crc_at));
   summary.bytes.resize(crc_at);

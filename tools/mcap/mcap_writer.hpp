@@ -39,7 +39,7 @@ class McapWriter {
   };
 
   struct Message {
-    std::uint16_t channel = 0;  ///< of add_channel()
+    std::uint16_t channel = 0;  ///< id from add_channel()
     std::uint32_t sequence = 0;
     std::uint64_t log_time_ns = 0;
     std::uint64_t publish_time_ns = 0;
@@ -90,14 +90,14 @@ class McapWriter {
   Sink sink_;
   ChunkCompressor compressor_;
   std::uint64_t offset_ = 0;     // in the file
-  boost::crc_32_type file_crc_;  // of all up to there
+  boost::crc_32_type file_crc_;  // CRC of the file so far
   McapBytes scratch_;            // a record on its way
 
   McapBytes chunk_;  // uncompressed
   Span chunk_span_;
   std::map<std::uint16_t, std::vector<Place>> chunk_places_;  // by channel
 
-  // What the summary repeats: whole records, and how many of each.
+  // Records that the summary repeats: whole records, and how many of each.
   McapBytes schemas_, channels_, chunk_indexes_, metadata_indexes_;
   std::uint16_t schema_count_ = 0, channel_count_ = 0;
   std::uint32_t chunk_count_ = 0, metadata_count_ = 0;

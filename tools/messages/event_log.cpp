@@ -69,7 +69,7 @@ EventLogReader::Verdict EventLogReader::judge() {
 
 bool EventLogReader::next(LoggedEvent& event) {
   std::optional<std::uint64_t> damage_begin;
-  bool breaks_off = false;  // what the damage began with
+  bool breaks_off = false;  // beginning of the damage
   while (available(1) > 0) {
     const Verdict verdict = judge();
     if (verdict == Verdict::record) {

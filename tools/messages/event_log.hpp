@@ -47,7 +47,7 @@ class EventLogReader {
   /// The next usable record; false at the end. Throws std::runtime_error if reading fails.
   bool next(LoggedEvent& event);
 
-  /// What next() skipped so far, in the order of the file.
+  /// Damage that next() has skipped so far, in the order of the file.
   const std::vector<LogDamage>& damage() const { return damage_; }
 
   /// Bytes gone through so far: the file's size once next() has returned false.
@@ -66,7 +66,7 @@ class EventLogReader {
   std::vector<std::uint8_t> buffer_;  // the file from base_ on, as far as it has been read
   std::uint64_t base_ = 0;
   std::size_t position_ = 0;      // in buffer_
-  std::size_t record_bytes_ = 0;  // of the record that judge() found
+  std::size_t record_bytes_ = 0;  // size of the record that judge() found
   std::vector<LogDamage> damage_;
 };
 

@@ -15,7 +15,7 @@ namespace tether {
 // be without losing a bit. NaN and infinities, which JSON does not know, are null. Text that is not
 // UTF-8 has U+FFFD where it is wrong.
 
-/// Of a message that was decoded (message.decoded()).
+/// JSON of a message that was decoded (message.decoded()).
 std::string message_json(const MessageContent& message);
 
 /// The same, to the end of `out`.

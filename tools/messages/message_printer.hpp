@@ -27,10 +27,10 @@ struct MessageType {
 /// All types of lcmtypes/.
 const std::vector<MessageType>& message_types();
 
-/// Null if it is none of the project's.
+/// Null if it is not one of the project's.
 const MessageType* find_message_type(std::int64_t fingerprint);
 
-/// What can be said about a message from its bytes alone. Never throws: messages come from the
+/// Content of a message, from its bytes alone. Never throws: messages come from the
 /// network and from damaged files.
 struct MessageContent {
   std::size_t size_bytes = 0;
@@ -43,7 +43,7 @@ struct MessageContent {
   const FieldValue* find(std::string_view field_name) const;
   /// The integer field of that name, if decoded and it has one.
   std::optional<std::int64_t> integer(std::string_view field_name) const;
-  /// The double of that name, likewise.
+  /// The double of that name, in the same way.
   std::optional<double> real(std::string_view field_name) const;
 };
 

@@ -16,7 +16,7 @@ struct ConstantNote {
   std::string meaning;
 };
 
-/// What the .lcm file says of a field.
+/// Note on a field in the .lcm file.
 struct FieldNote {
   std::string meaning;                  ///< its comment; may be empty
   std::string unit;                     ///< of its name's ending: "m/s"; empty if it has none
@@ -33,7 +33,7 @@ std::string unit_of(std::string_view field_name);
 /// "tether.pose_t".
 std::string schema_name(const MessageType& type);
 
-/// What a JSON Schema describes is what message_json() writes. Each property has "type" and
+/// JSON Schema of the output of message_json(). Each property has "type" and
 /// "description", which ends with its unit in brackets, and "unit" (a keyword of ours, as schemas
 /// may have; readers ignore those that they do not know). Encoding "jsonschema" in MCAP and in
 /// Foxglove's WebSocket protocol. One line of text; the same text for the same type, always.

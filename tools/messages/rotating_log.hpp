@@ -21,7 +21,7 @@ class RotatingLog {
     std::string name = "floor";
     std::uint64_t file_bytes = 1'000'000'000;  ///< a new file from there on
     std::uint64_t files = 20;  ///< kept, the one that is written included; at least 2
-    std::uint64_t keep_free_bytes = 1'000'000'000;  ///< of the file system
+    std::uint64_t keep_free_bytes = 1'000'000'000;  ///< minimum free space on the file system
     /// Free bytes of the file system, of which root's reserve is no part.
     std::function<std::uint64_t(const std::filesystem::path&)> free_bytes = free_bytes_of;
   };
@@ -53,7 +53,7 @@ class RotatingLog {
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> out_{nullptr, std::fclose};
   std::filesystem::path file_;
   std::uint64_t number_ = 0;
-  std::uint64_t bytes_ = 0;  ///< of this file
+  std::uint64_t bytes_ = 0;  ///< size of this file
   std::int64_t written_ = 0;
   std::int64_t lost_ = 0;
 };

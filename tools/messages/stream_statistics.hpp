@@ -22,7 +22,7 @@ struct MessageStamp {
 /// A number that was skipped is missed until it arrives after all; then it is reordered instead.
 /// One that comes again is duplicated. A number that leads back but is stamped later, or more than
 /// 5 s earlier, than the highest one, or that leads ahead by more than a million, is taken for a
-/// publisher that started anew: counted as a restart, and counting goes on from there. A negative
+/// publisher that restarted: counted as a restart, and counting goes on from there. A negative
 /// number is invalid and otherwise ignored.
 class SequenceCounter {
  public:
@@ -112,9 +112,9 @@ class ChannelTable {
 
  private:
   struct Channel {
-    std::string type;  // of the newest message
+    std::string type;  // type of the newest message
     std::int64_t type_changes = 0;
-    std::int64_t undecodable = 0;  // of a known type, and yet not decodable
+    std::int64_t undecodable = 0;  // messages of a known type that are not decodable
     StreamStatistics statistics;
   };
   std::string notes() const;

@@ -135,7 +135,7 @@ const Field& field_of(const MessageContent& message, std::string_view name) {
   return std::get<Field>(*message.find(name));
 }
 
-/// What tells its reports from those of others of its type; nothing if it is no report.
+/// Labels that distinguish its reports from others of its type; nothing if it is no report.
 std::optional<std::string> labels_of(std::string_view channel, const MessageContent& message) {
   const std::string& type = message.type->name;
   if (type == kPeer) return label("peer", field_of<std::string>(message, "peer"));

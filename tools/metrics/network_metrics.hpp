@@ -13,7 +13,7 @@
 
 namespace tether {
 
-/// What the messages of an LCM network say about the programs on it, in Prometheus' text format
+/// Metrics of the programs on an LCM network, from its messages, in Prometheus' text format
 /// (version 0.0.4).
 ///
 /// A value that was never reported is absent. A reported value stays, and the age of its report is
@@ -23,7 +23,7 @@ class NetworkMetrics {
  public:
   /// Anybody on the network can invent channels: messages of further ones are only counted.
   static constexpr std::size_t kMaxChannels = 1000;
-  /// Likewise peers, nodes and vehicles.
+  /// The same limit for peers, nodes and vehicles.
   static constexpr std::size_t kMaxReports = 1000;
   static constexpr const char* kMediaType = "text/plain; version=0.0.4; charset=utf-8";
 

@@ -23,7 +23,7 @@ namespace {
 
 constexpr double kLongest_s = 1e9, kMostDelay_ms = 1e12;
 
-/// Of a row; `first_s`: of the first one.
+/// Time of a row; `first_s`: of the first one.
 double time_of(const CsvTable& table, std::optional<double>& first_s) {
   const double time_s = table.number("time_s");
   if (!first_s) first_s = time_s;
@@ -65,7 +65,7 @@ std::vector<std::string> notes_on(const FateLog& log) {
   std::vector<std::string> notes;
   if (log.segments.size() > 1) {
     notes.push_back(
-        fmt::format("the sender began anew {}; what was lost in between is not known",
+        fmt::format("the sender restarted {}; losses in between are not known",
                     counted(static_cast<std::int64_t>(log.segments.size()) - 1, "time", "times")));
   }
   if (log.implausible > 0) {

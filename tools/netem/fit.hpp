@@ -18,7 +18,7 @@ struct FitSelection {
 struct FitInput {
   FateLog log;
   std::string description;         ///< "my.pcap, LCM messages from 10.0.0.2:41234"
-  std::vector<std::string> notes;  ///< what else the reader should know, one line each
+  std::vector<std::string> notes;  ///< further notes for the reader, one line each
 };
 
 /// Reads the sequence numbers and times of the packets that arrived, and so which were lost, from:

@@ -76,7 +76,7 @@ class PcapReader {
   bool nanoseconds_ = false;
 };
 
-/// The IPv4 packet of a captured frame; empty if it is none.
+/// The IPv4 packet of a captured frame; empty if it is not IPv4.
 Bytes ip_packet(Bytes frame, std::uint32_t link_type) {
   constexpr std::uint32_t kIpv4 = 0x0800, kVlan = 0x8100, kServiceVlan = 0x88a8;
   const auto after = [&](std::size_t header, std::size_t type_at) {

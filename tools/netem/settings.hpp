@@ -5,9 +5,9 @@
 
 namespace tether {
 
-// Each asks the relay that is running on an LCM network, waits for its answer for at most 3 s,
-// prints to standard output and returns the exit code. std::runtime_error says that there is no
-// relay, UsageError what is wrong with a setting that is not "KEY=VALUE".
+// Each sends a request to the relay that is running on an LCM network, and waits for its answer for
+// at most 3 s. It prints to standard output and returns the exit code. std::runtime_error says that
+// there is no relay, UsageError what is wrong with a setting that is not "KEY=VALUE".
 
 /// Asks for other settings of the channel, all at once. Returns 0 if they are in force, 1 if they
 /// were refused.

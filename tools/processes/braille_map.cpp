@@ -16,7 +16,7 @@ constexpr std::array<std::array<std::uint8_t, kDotsAcross>, kDotsDown> kBits{
 /// East first, then to the left.
 constexpr std::array<const char*, 8> kArrows{"→", "↗", "↑", "↖", "←", "↙", "↓", "↘"};
 
-/// Of a cell, in a map of so many rows and twice as many columns.
+/// Index of a cell in a map of `rows` rows and twice as many columns.
 std::size_t place(int rows, int row, int column) {
   return 2 * static_cast<std::size_t>(rows) * static_cast<std::size_t>(row) +
          static_cast<std::size_t>(column);

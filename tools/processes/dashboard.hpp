@@ -15,14 +15,14 @@ class Dashboard {
  public:
   static constexpr int kColumns = 79, kRows = 17;
 
-  /// What an observer of the run does not know.
+  /// Values that an observer of the run does not have.
   struct Moment {
     double t_s = 0.0;
     RecentLink::Seen uplink, downlink;  ///< in the last seconds
     std::vector<std::string> fleet;     ///< fleet_now()
     std::vector<Position> others;       ///< where the fleet's other vehicles are
     std::string drives;                 ///< state of the drives on CAN; empty: there are none
-    std::vector<std::string> findings;  ///< what makes the run invalid
+    std::vector<std::string> findings;  ///< reasons why the run is invalid
     std::vector<std::string> silent;    ///< what is silent, and for how long
   };
 
@@ -45,7 +45,7 @@ class Dashboard {
 
   std::string name_;
   double duration_s_;
-  double half_extent_m_;  ///< of the map
+  double half_extent_m_;  ///< half extent of the map
   std::vector<Position> path_;
 };
 

@@ -36,12 +36,12 @@ namespace tether {
 namespace {
 
 constexpr char kName[] = "tether live";
-/// Before any node is started: whoever is on the network is heard twice in this time.
+/// Wait before any node is started, in which every program on the network is heard twice.
 constexpr Duration kListening = 2 * kPresencePeriod;
 /// Time for that, and for all nodes to start, before the run's lead and so before t = 0.
 constexpr std::int64_t kLeadTime_us = 2'000'000;
 constexpr Duration kWatchPeriod = std::chrono::milliseconds{250};
-/// A node that hangs when it is told to end gets no longer.
+/// Time in which a node has to end after SIGTERM.
 constexpr Duration kEndingPatience = std::chrono::seconds{1};
 constexpr Duration kStatusPeriod = std::chrono::milliseconds{500};
 constexpr Duration kRestartDelay = std::chrono::milliseconds{300};
@@ -125,7 +125,7 @@ std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
   return {all.begin(), all.end()};
 }
 
-/// Those on which no external controller, which has no presence, may send.
+/// Channels on which an external controller, which has no presence, may not send.
 std::vector<std::string> channels_of_programs(const Scenario& scenario) {
   std::vector<std::string> channels = channels_of_one_sender(scenario);
   for (const Scenario& member : fleet_members(scenario)) {
@@ -304,7 +304,7 @@ void LiveSession::run() {
                                   url_));
 }
 
-/// Controllers of somebody's have no presence to be judged by, but what they send.
+/// External controllers have no presence; they are judged by their messages.
 std::vector<std::string> LiveSession::mute_controllers() const {
   std::vector<std::string> all;
   const std::vector<Scenario> members = fleet_members(scenario_);

@@ -27,8 +27,8 @@ namespace tether {
 /// processes on one LCM network, arms the drives, watches the processes and their messages, and
 /// ends them in order. A node that dies is started again and joins the run at the right time (the
 /// run says how often that happened); so does one that hangs, after it was ended. A node that
-/// refuses to start, or fails before it has run for the first time, ends the run; so does
-/// somebody's controller (controller.command), whenever it ends.
+/// refuses to start, or fails before it has run for the first time, ends the run; so does an
+/// external controller (controller.command), whenever it ends.
 ///
 /// The network has to be its own: a run that finds another there does not start, and whatever else
 /// makes it another run than it says (RunWatch, SoleSender) is said at once and in findings().
@@ -55,7 +55,7 @@ class LiveSession {
   /// Run time when it ended.
   Instant end() const { return end_; }
   int restarts() const { return restarts_; }
-  /// What makes the run invalid, in words; empty if it is what it says.
+  /// Reasons why the run is invalid, in words; empty if it is what it says.
   std::vector<std::string> findings() const;
   bool interrupted() const { return loop_.signal() != 0; }
   const std::optional<OutputFolder>& folder() const { return folder_; }

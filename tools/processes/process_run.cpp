@@ -24,14 +24,14 @@
 namespace tether {
 namespace {
 
-/// So long after the start it says for whom it waits, and again after each of the other.
+/// Time after the start of the first message on what it waits for, and the interval of later ones.
 constexpr Duration kFirstWord = std::chrono::seconds{3};
 constexpr Duration kNextWord = std::chrono::seconds{20};
 constexpr Duration kEndPatience = std::chrono::seconds{2};
-/// For somebody to start a controller by hand.
+/// Time for the user to start a controller manually.
 constexpr Duration kPatienceForPeople = std::chrono::minutes{5};
 
-/// Whether somebody has stopped the process (SIGSTOP, a debugger): state T or t of proc(5).
+/// Whether the process was stopped (SIGSTOP, a debugger): state T or t of proc(5).
 bool is_stopped(pid_t pid) {
   std::ifstream in(fmt::format("/proc/{}/stat", pid));
   std::string stat;

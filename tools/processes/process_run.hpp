@@ -46,7 +46,7 @@ class ProcessRun {
   Instant now() const { return loop_.now(); }
   const TimeManager::Counters& counters() const { return manager_->counters(); }
   LockstepCost cost() const;
-  /// Of TimeManager.
+  /// Result of TimeManager.
   std::map<std::string, std::size_t> unaccounted() const { return manager_->unaccounted(); }
 
  private:

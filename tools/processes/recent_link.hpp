@@ -7,7 +7,8 @@
 
 namespace tether {
 
-/// What a direction of the relay did in the last seconds: its reports count since its start. Pure.
+/// Statistics of a direction of the relay over the last seconds: its reports count since its start.
+/// Pure.
 class RecentLink {
  public:
   static constexpr double kWindow_s = 10.0;  ///< a few messages, where one is sent a second
@@ -18,8 +19,8 @@ class RecentLink {
     double per_s = 0.0;                                          ///< messages heard
   };
 
-  /// The newest report at `t_s`, which rises, and how many messages have been heard so far. A relay
-  /// that starts anew begins anew.
+  /// The newest report at `t_s`, which rises, and how many messages have been heard so far. A
+  /// restarted relay resets them.
   void add(double t_s, const link_report_t& report, std::int64_t heard);
   Seen seen() const;
 

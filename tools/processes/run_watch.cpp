@@ -10,7 +10,7 @@
 namespace tether {
 namespace {
 
-/// So many different findings are told; more would tell nothing new.
+/// Maximum number of reported findings; more would add nothing.
 constexpr std::size_t kMaxFindings = 20;
 /// More senders than a run has.
 constexpr std::size_t kMostNamed = 10'000;
@@ -114,14 +114,14 @@ void RunWatch::heard(Instant now, const presence_t& presence, std::uint64_t send
     return f.program == presence.program && f.pid == presence.pid && f.port == port;
   });
   if (here && ended) return name(sender);
-  if (own == own_.end()) return;  // what it sends on the run's channels makes it an unknown sender
+  if (own == own_.end()) return;  // its messages on the run's channels make it an unknown sender
   name(sender);
-  strangers_ = true;
+  has_unknown_senders_ = true;
   find(now, "a second " + describe(presence));
 }
 
 void RunWatch::heard_of_other_run(Instant now, const presence_t& presence) {
-  strangers_ = true;
+  has_unknown_senders_ = true;
   const auto known = std::find(other_runs_.begin(), other_runs_.end(), presence.run);
   if (known != other_runs_.end() || other_runs_.size() >= kMaxFindings) return;
   other_runs_.push_back(presence.run);
@@ -129,7 +129,7 @@ void RunWatch::heard_of_other_run(Instant now, const presence_t& presence) {
 }
 
 void RunWatch::several_senders(Instant now, const std::string& line) {
-  if (!strangers_) find(now, line);
+  if (!has_unknown_senders_) find(now, line);
 }
 
 void RunWatch::update(Instant now) {

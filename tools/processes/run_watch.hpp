@@ -17,8 +17,9 @@ namespace tether {
 /// them alive. Pure; `now` is the run's time and must not go backwards, and all limits are on the
 /// wall clock: `rate` says how many seconds of the run one of its seconds is.
 ///
-/// - Another run: a presence of another run; its first is told.
-/// - A stranger: a program of this run and vehicle, of which one is there already (other host or
+/// - Another run: a presence of another run; its first is reported.
+/// - An unknown sender: a program of this run and vehicle, of which one is there already (other
+/// host or
 ///   process) and which this run has not started.
 /// - Hung: an own program that is not heard for kSilence: stopped, in an endless loop, or cut off.
 ///   One that starts has until kPatience after its start, or after t = 0. After kPatience of
@@ -31,7 +32,8 @@ namespace tether {
 /// - Late loops: what all programs together have added to the mean age of a message, if it had come
 ///   by way of all of them, is more than kMostLateness.
 ///
-/// While the watch itself was suspended (two updates more than kSilence apart), nobody was silent.
+/// While the watch itself was suspended (two updates more than kSilence apart), no program counts
+/// as silent.
 class RunWatch {
  public:
   static constexpr Duration kSilence = std::chrono::milliseconds{1500};
@@ -62,14 +64,15 @@ class RunWatch {
   void late(const std::string& program, std::int64_t us_s);
   /// The finding on late loops of a run that has taken this time; "" if they were not late.
   std::string lateness(Duration run) const;
-  /// What several programs send (SoleSender), in words. Told unless known strangers explain it.
+  /// Reports channels on which several programs send (SoleSender). Omitted if known unknown senders
+  /// explain it.
   void several_senders(Instant now, const std::string& line);
   /// Regularly, several times a second.
   void update(Instant now);
 
   /// Own programs that hang now, and for how long (wall clock).
   std::vector<std::pair<std::string, Duration>> hung(Instant now) const;
-  /// Whether this program has hung for so long.
+  /// Whether this program has hung for longer than this.
   bool hangs(const std::string& program, Instant now, Duration for_so_long) const;
 
   /// All that makes the run invalid, in order; each once, with the time at which it was noticed.
@@ -78,7 +81,7 @@ class RunWatch {
  private:
   struct Own {
     std::int64_t pid = -1;
-    std::uint16_t port = 0;  ///< of its presence; its address may change with an interface
+    std::uint16_t port = 0;  ///< port of its presence; its address may change with an interface
     Instant heard{};         ///< or the end of its time to start, less kSilence
     bool reported = false;
   };
@@ -95,7 +98,7 @@ class RunWatch {
   struct Former {
     std::string program;
     std::int64_t pid;
-    std::uint16_t port;  ///< as in Own
+    std::uint16_t port;  ///< the same as in Own
   };
   std::vector<Former> former_;  ///< processes of this run that have ended
   std::vector<std::int64_t> other_runs_;
@@ -109,7 +112,7 @@ class RunWatch {
   std::map<std::string, Late> late_;
   std::map<std::uint64_t, Unnamed> unnamed_;  ///< senders that have no presence yet
   std::set<std::uint64_t> named_;
-  bool strangers_ = false;
+  bool has_unknown_senders_ = false;
   std::vector<std::string> known_;  ///< found, without their times
   std::vector<std::string> findings_;
   std::optional<Instant> updated_;

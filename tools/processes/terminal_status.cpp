@@ -17,7 +17,7 @@ winsize size_of_terminal() {
   return size;
 }
 
-/// What fits into a row, up to a blank: half a number is a wrong one.
+/// Longest beginning that fits into a row, up to a blank: half a number is a wrong one.
 std::string cut_to_terminal(const std::string& line) {
   const std::size_t columns = size_of_terminal().ws_col;
   const bool has_escapes = line.find('\033') != std::string::npos;  // from who asked has_room()

@@ -6,8 +6,8 @@
 
 namespace tether {
 
-/// What stands at the end of a terminal (standard error) while a program runs, and changes in
-/// place; lines that are said meanwhile stay above it. Without a terminal only these are written.
+/// Status lines at the end of a terminal (standard error) that change in place while a program
+/// runs; lines that are said meanwhile stay above it. Without a terminal only these are written.
 class TerminalStatus {
  public:
   /// `wanted`: false for lines only, whatever standard error is.
@@ -25,7 +25,7 @@ class TerminalStatus {
   /// Takes the status away.
   void clear();
 
-  /// What a terminal is sent to write `lines` over a status of `before` lines. Pure.
+  /// Text that makes a terminal write `lines` over a status of `before` lines. Pure.
   static std::string rewritten(std::size_t before, const std::vector<std::string>& lines);
 
  private:

@@ -18,7 +18,7 @@ struct RosMessage {
   std::string cdr;
 };
 
-/// What Tether's messages are in ROS 2:
+/// Conversion of Tether's messages to ROS 2:
 ///
 /// | channel                   | topic             | type                            |
 /// |---------------------------|-------------------|---------------------------------|
@@ -29,11 +29,11 @@ struct RosMessage {
 /// | …/ODOMETRY (odometry_t)   | /odom …           | nav_msgs/msg/Odometry, in "odom"|
 /// | …/SCAN (scan_t)           | /scan …           | sensor_msgs/msg/LaserScan       |
 ///
-/// Topics are the channels' names in lower case ("/ctrl/cmd_vel"); but AGV/CMD_VEL, what reaches
-/// the vehicle, is /cmd_vel, AGV/SCAN is /scan, in "laser", which each scan puts into "base_link"
-/// by /tf, and the odometry nearest to the wheels (CAN/ODOMETRY, else
-/// AGV/ODOMETRY) is /odom. /tf (tf2_msgs/msg/TFMessage) has "base_link" in "map", from the best
-/// source that the log has: SIM/TRUTH, else that odometry (in "odom"), else AGV/POSE, else
+/// Topics are the channels' names in lower case ("/ctrl/cmd_vel"); with three exceptions.
+/// AGV/CMD_VEL, the command that reaches the vehicle, is /cmd_vel. AGV/SCAN is /scan, in "laser",
+/// which each scan places in "base_link" by /tf. The odometry nearest to the wheels (CAN/ODOMETRY,
+/// else AGV/ODOMETRY) is /odom. /tf (tf2_msgs/msg/TFMessage) has "base_link" in "map", from the
+/// best source that the log has: SIM/TRUTH, else that odometry (in "odom"), else AGV/POSE, else
 /// CTRL/POSE. "odom" is where "map" is: dead reckoning begins at the start pose, and drifts. /plan
 /// (nav_msgs/msg/Path) is the scenario's path. Stamps are the messages' utime, which is the time of
 /// /clock. Other types have no counterpart in ROS 2's common interfaces.

@@ -20,7 +20,7 @@ struct RosHeader {
   std::string_view frame_id;
 };
 
-/// Of a pose in the plane: x², xy, x·yaw, y², y·yaw, yaw².
+/// Covariance of a pose in the plane: x², xy, x·yaw, y², y·yaw, yaw².
 using PlanarCovariance = std::array<double, 6>;
 
 struct RosTransform {

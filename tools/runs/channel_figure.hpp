@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// What is drawn of a link.
+/// Drawn curves of a link.
 struct ChannelFigure {
   std::string title;        ///< of losses: "downlink, gilbert_elliott"
   std::string delay_title;  ///< "downlink, gamma delays"

@@ -76,7 +76,8 @@ nlohmann::ordered_json to_json(const ChannelReport::Direction& link) {
 
 std::string to_text(const ChannelReport::Direction& link) {
   if (link.packets == 0) return "";
-  std::vector<std::pair<std::string, std::string>> groups;  // what is said of which quantities
+  // Text, and the quantities that it applies to.
+  std::vector<std::pair<std::string, std::string>> groups;
   const auto list_of = [&groups](const std::string& what) -> std::string& {
     for (auto& [name, list] : groups) {
       if (name == what) return list;

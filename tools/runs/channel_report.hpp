@@ -12,7 +12,7 @@ namespace tether {
 /// What is unknown or unbounded is null.
 nlohmann::ordered_json to_json(const ChannelReport::Direction& link);
 
-/// For a run's summary: one line that says which quantities are as configured, which cannot be told
+/// For a run's summary: one line that says which quantities are as configured, which are undecided
 /// and which are not comparable; and a row for each that is outside.
 std::string to_text(const ChannelReport::Direction& link);
 

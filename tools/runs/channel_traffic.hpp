@@ -10,7 +10,7 @@ LinkTraffic pose_traffic(const Scenario& scenario);
 /// Commands or plans of a scenario's controller, with trigger = event one for each pose; `in_loop`:
 /// only for those that the uplink brings, when it brings them.
 LinkTraffic command_traffic(const Scenario& scenario, bool in_loop);
-/// What goes through both links.
+/// Traffic through both links.
 ChannelTraffic channel_traffic(const Scenario& scenario, bool in_loop);
 
 }  // namespace tether

@@ -24,15 +24,15 @@ class FleetObserver {
   const RunObserver& first() const { return *vehicles_.front(); }
   bool is_one() const { return vehicles_.size() == 1; }
 
-  /// Those of all vehicles; what has one name, together. What a program counts as a whole, once.
+  /// Counters of all vehicles; what has one name, together. What a program counts as a whole, once.
   std::map<std::string, std::int64_t> counters() const;
 
   /// Throws if a result is not a number: then it is invalid and has no summary.
   void check_finite() const;
 
-  /// Throws if a vehicle got what is no command to it: numbers that are not finite, bytes that
-  /// nobody can read, plans without a policy that follows them. For runs in which nobody but
-  /// their controller can have sent that. And if a vehicle refused all that it got.
+  /// Throws if a vehicle got what is no command to it: numbers that are not finite, malformed
+  /// bytes, plans without a policy that follows them. For runs in which only their controller can
+  /// have sent that. And if a vehicle refused all that it got.
   void check_commands() const;
   /// Names a vehicle that refused all commands and plans that reached it, as those of another run
   /// or from the future, and why; "" if there is none.

@@ -10,7 +10,7 @@
 
 namespace tether {
 
-/// What a run tells; of a fleet, what it did as a whole, and each vehicle by its name; in words,
+/// Result of a run; of a fleet, what it did as a whole, and each vehicle by its name; in words,
 /// the worst few.
 std::string to_json(const Scenario& scenario, const FleetObserver& fleet,
                     const RunSummary& summary);

@@ -20,7 +20,7 @@ double collisions(const RunObserver& run) {
   return 0.5 * static_cast<double>(run.counter("sim.collisions"));
 }
 
-/// Of Wi-Fi, or of a cell's uplink. One vehicle of a fleet counts it for all.
+/// Busy share of Wi-Fi, or of a cell's uplink. One vehicle of a fleet counts it for all.
 double medium_busy(const RunObserver& run, Instant end) {
   const std::int64_t busy_us =
       run.counter("netem.medium.busy_us") + run.counter("netem.medium.up.busy_us");

@@ -12,7 +12,7 @@ namespace tether {
 
 class RunObserver;
 
-/// What is known of each run: in sweeps a column of their tables, one of the values of `metric`
+/// Metric of each run: in sweeps a column of their tables, one of the values of `metric`
 /// and, but for the links' and `lost`, a number of the run's summary. A new one is a row in
 /// metric.cpp; if it takes more than a line, its `of` has a file of its own.
 struct Metric {
@@ -22,14 +22,14 @@ struct Metric {
   std::string name;   ///< an SQL column, with the unit
   std::string label;  ///< in figures and tables
   InSummary in_summary = InSummary::last;
-  /// Of a run that began at t = 0 and was over at `end`. Of newest reports: runs of sweeps have
-  /// few.
+  /// Value for a run that began at t = 0 and was over at `end`. Of newest reports: runs of sweeps
+  /// have few.
   double (*of)(const RunObserver& run, Instant end) = nullptr;
   /// A distance to the reference: tables give it of the vehicles that were not lost.
   bool is_error = false;
   /// 0 or 1 for each run: the mean's interval is that of a share.
   bool is_share = false;
-  /// What it is of a fleet, of what it is of its vehicles.
+  /// Value for a fleet from the values of its vehicles.
   enum class OverFleet { mean, largest, sum } over_fleet = OverFleet::mean;
 };
 
@@ -40,7 +40,7 @@ double value_of(const Metric& metric, const std::vector<const RunObserver*>& veh
 const std::vector<Metric>& metrics();
 std::vector<std::string> metric_names();
 
-/// The place of a metric in metrics(); nullopt if there is none of that name.
+/// The place of a metric in metrics(); nullopt if the name is unknown.
 std::optional<std::size_t> metric_number(std::string_view name);
 
 }  // namespace tether

@@ -16,7 +16,8 @@ class MetricExpression {
   MetricExpression(MetricExpression&&) noexcept;
   ~MetricExpression();
 
-  /// Of a run; `metrics` are in the order of metrics(). NaN where a metric of the expression is.
+  /// Value for a run; `metrics` are in the order of metrics(). NaN where a metric of the expression
+  /// is.
   double of(const std::vector<double>& metrics) const;
 
   /// It has an error in it (Metric::is_error).

@@ -130,8 +130,8 @@ void EventLogWriter::write(const Message& message) {
   if (std::fflush(log_->getFilePtr()) != 0) fail();
 }
 
-/// Says at once why, and takes no more: what comes after a gap could not be told from what is
-/// whole.
+/// Says at once why, and takes no more: after a gap, later data could not be distinguished from
+/// complete data.
 void EventLogWriter::fail() {
   failure_ = fmt::format("cannot write \"{}\": {}", file_.string(),
                          std::generic_category().message(errno));

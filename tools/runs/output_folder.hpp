@@ -31,7 +31,7 @@ class EventLogWriter {
   EventLogWriter& operator=(const EventLogWriter&) = delete;
 
   /// Closes the file; throws with the system's reason if not everything reached the disk. A failed
-  /// write is told on standard error within half a second of the run's time, and ends the
+  /// write is reported on standard error within half a second of the run's time, and ends the
   /// recording.
   void close();
 
@@ -66,8 +66,8 @@ class OutputFolder {
   /// folder is complete.
   void write(const Scenario& scenario, const FleetObserver& run, const std::string& summary_json);
 
-  /// Of a run that broke off: trajectory.csv and run.lcmlog as far as they go, and incomplete.txt,
-  /// which says why. There is no summary.json then.
+  /// Output of a run that broke off: trajectory.csv and run.lcmlog as far as they go, and
+  /// incomplete.txt, which says why. There is no summary.json then.
   void write_incomplete(const FleetObserver& run, const std::string& why);
 
  private:

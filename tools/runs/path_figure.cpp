@@ -50,7 +50,7 @@ std::string object(std::size_t number, const Shape& shape, const char* style) {
                      style);
 }
 
-/// What stands, and the ways of what moves.
+/// Standing obstacles, and the paths of moving ones.
 std::string obstacles(const Scenario& scenario) {
   const auto& surroundings = scenario.get<Surroundings>();
   std::string text;

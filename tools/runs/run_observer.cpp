@@ -114,7 +114,7 @@ void RunObserver::on_truth(const ground_truth_t& m) {
 void RunObserver::on_pose(Instant stamp) {
   ++poses_received_;
   const Instant now = loop_.now();
-  if (now < kStart) return;  // of the lead
+  if (now < kStart) return;  // still in the lead time
   age_integral_s2_ = age_integral_s2(now);
   last_pose_arrival_ = now;
   newest_pose_stamp_ = std::clamp(stamp, newest_pose_stamp_, std::max(now, newest_pose_stamp_));

@@ -21,11 +21,11 @@ namespace tether {
 /// One row of trajectory.csv.
 struct TrajectoryRow {
   double t_s, x_m, y_m, yaw_rad, x_ref_m, y_ref_m, error_m;
-  int uplink_state, downlink_state;  ///< as last reported: 0 good, 1 bad
+  int uplink_state, downlink_state;  ///< last reported state: 0 good, 1 bad
 };
 
 /// Watches a run on the bus, the same way in virtual and in real time, and keeps what its summary
-/// and figures need. A simulator that starts anew starts the trajectory anew.
+/// and figures need. A restarted simulator restarts the trajectory.
 class RunObserver {
  public:
   RunObserver(const Scenario& scenario, EventLoop& loop, Bus& bus);
@@ -48,7 +48,7 @@ class RunObserver {
 
   const std::vector<TrajectoryRow>& trajectory() const { return trajectory_; }
 
-  /// What the CAN bridge reported; nullopt with a direct drivetrain.
+  /// Reports of the CAN bridge; nullopt with a direct drivetrain.
   const std::optional<DrivetrainObserver>& drivetrain() const { return drivetrain_; }
 
   /// The newest report of a vehicle that drives by itself; nullopt with autonomy.enabled = false.

@@ -21,7 +21,7 @@ struct LockstepCost {
   double wall_time_s = 0.0;  ///< from the first grant to the last answer, while it was not held
 };
 
-/// What a run tells its user, on the terminal, as JSON and in summary.json.
+/// Result of a run for its user, on the terminal, as JSON and in summary.json.
 struct RunSummary {
   double wall_time_s = 0.0;
   double sim_time_s = 0.0;
@@ -29,9 +29,9 @@ struct RunSummary {
   int node_restarts = 0;  ///< live runs: how often a node died and was started again
   /// Live runs: what makes it another run than it says, in words; empty if nothing does.
   std::optional<std::vector<std::string>> findings = {};
-  std::optional<ChannelReport> channel = {};  ///< of runs in one process
+  std::optional<ChannelReport> channel = {};  ///< only for runs in one process
   std::optional<double> tube_m = {};          ///< of plans: tube_m()
-  std::optional<LockstepCost> lockstep = {};  ///< of runs in lockstep
+  std::optional<LockstepCost> lockstep = {};  ///< only for runs in lockstep
 };
 
 /// Share of the offered packets that were not lost; NaN before the first.
@@ -46,12 +46,12 @@ std::string to_json(const Scenario& scenario, const RunObserver& run, const RunS
 // Parts of both that a fleet's have, too.
 void add_common(nlohmann::ordered_json& json, const Scenario& scenario, const RunSummary& summary);
 std::string verdict_text(const std::vector<std::string>& findings);
-/// What became of packets on a shared medium; "" without one.
+/// Fates of packets on a shared medium; "" without one.
 std::string medium_text(const std::map<std::string, std::int64_t>& counters, double sim_time_s);
 /// How much was sent where only what changes is; "" where all is.
 std::string sending_text(const std::map<std::string, std::int64_t>& counters);
 std::string time_text(const Scenario& scenario, const RunSummary& summary);
-/// Of what must not happen in a healthy run.
+/// Counters that must be zero in a healthy run.
 std::string trouble_text(const std::map<std::string, std::int64_t>& counters);
 
 /// A few lines for people.

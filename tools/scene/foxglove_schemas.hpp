@@ -20,7 +20,7 @@ struct FoxgloveSchema {
   std::string json_schema;  ///< one line of text
 };
 
-/// Those above.
+/// The schemas above.
 const std::vector<FoxgloveSchema>& foxglove_schemas();
 
 }  // namespace tether

@@ -10,9 +10,9 @@
 
 namespace tether {
 
-/// What of a scan_t viewers need.
+/// Parts of a scan_t that viewers need.
 struct LaserScan {
-  Pose2 mount;  ///< of the scanner, relative to the vehicle's axle's midpoint
+  Pose2 mount;  ///< pose of the scanner, relative to the vehicle's axle's midpoint
   double angle_min_rad = 0.0, angle_increment_rad = 0.0, time_increment_s = 0.0;
   double range_min_m = 0.0, range_max_m = 0.0;
   std::vector<float> range_m;  ///< 0: nothing came back
@@ -23,7 +23,7 @@ struct LaserScan {
   }
 };
 
-/// Of a scan_t; nothing if it is none, or not all of its numbers are finite.
+/// Converts a scan_t; nothing if it is not one, or not all of its numbers are finite.
 std::optional<LaserScan> laser_scan_of(const MessageContent& message);
 
 /// A foxglove.LaserScan of a vehicle whose axle's midpoint is `frame`. Beams of which nothing came

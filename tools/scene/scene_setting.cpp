@@ -12,7 +12,7 @@
 namespace tether {
 namespace {
 
-/// As the simulator moves them, within 50 ms of each start and each stop.
+/// Moving shapes as in the simulator, within 50 ms of each start and each stop.
 std::vector<MovingShape> moving_shapes(const Scenario& scenario, double duration_s) {
   constexpr double kStep_s = 0.05;
   MovingObstacles obstacles(scenario.get<Surroundings>(), scenario.get<RunSettings>().seed);

@@ -28,7 +28,7 @@ struct MovingShape {
   Pose2 at(double t_s) const;
 };
 
-/// What a scenario says of what there is to be seen. Messages say only where the vehicle is.
+/// Visible objects of a scenario. Messages say only where the vehicle is.
 struct SceneSetting {
   double half_extent_m = 0.0;            ///< walls at ± this; 0: not known
   std::vector<Shape> obstacles = {};     ///< what stands within the walls

@@ -19,7 +19,7 @@ nlohmann::ordered_json moving_entity(const MovingShape& moving, const std::strin
 
 /// The vehicle, or an arrow where its shape is not known, fixed to a frame at its axle's midpoint
 /// on the floor. Channels of the simulator (SIM/…) are the truth and get a solid body with wheels,
-/// all others, what somebody believes or measured, one to see through: orange for controllers
+/// all others, beliefs or measurements, a transparent one: orange for controllers
 /// (CTRL…), green for drives (CAN…), grey for the rest.
 nlohmann::ordered_json vehicle_entity(const SceneSetting& setting, const std::string& frame,
                                       std::int64_t time_ns);

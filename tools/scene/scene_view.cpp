@@ -16,7 +16,7 @@ namespace tether {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
-/// What moves by itself is shown so often.
+/// Period at which moving obstacles are shown.
 constexpr std::int64_t kMovingPeriod_us = 100'000;
 /// Messages may say any time.
 constexpr std::int64_t kLatest_us = INT64_MAX / 4;
@@ -110,7 +110,7 @@ void SceneView::add_moving(std::int64_t utime, std::int64_t time_ns,
   }
 }
 
-/// As seen from where the vehicle really is, if that is known; else from where it is said to be.
+/// Adds a scan as seen from the vehicle's true pose, if that is known; else from its reported pose.
 void SceneView::add_scan(std::string_view channel, const LaserScan& scan, std::int64_t time_ns,
                          std::vector<ViewMessage>& out) {
   if (scans_.empty()) scans_ = channel;

@@ -61,7 +61,7 @@ class SceneView {
   SceneSetting setting_;
   std::set<std::string, std::less<>> frames_;
   std::string scans_;          ///< the channel that VIEW/SCAN is made of
-  std::int64_t moved_us_ = 0;  ///< of what was shown last of those that move
+  std::int64_t moved_us_ = 0;  ///< time at which moving obstacles were shown last
 };
 
 /// The frame of the one of SceneSetting::moving that has this number.

@@ -54,7 +54,7 @@ Axes::Axes(const Cia402Config& config, double wheel_radius_m, double track_m)
       pdos_(config),
       axes_{axis_of(config, 0), axis_of(config, 1)},
       tells_mode_{config.tells_mode(config.axes[0]), config.tells_mode(config.axes[1])} {
-  constexpr int kSlowest = 240;  // of the synchronous transmission types
+  constexpr int kSlowest = 240;  // largest of the synchronous transmission types
   for (const PdoConfig& pdo : config.pdos) {
     if (!pdo.transmit || pdo.transmission > kSlowest || !config.sync) continue;
     senders_.emplace(canopen::pdo_id(true, pdo.number, pdo.node), SenderCount(pdo.transmission));

@@ -38,7 +38,7 @@ class Axes {
 
   /// A TPDO of the configuration. False: it has another length.
   bool on_feedback(const CanFrame& frame, Instant now);
-  /// What was read by SDO counts as if a TPDO had told it.
+  /// Values read by SDO count like those of a TPDO.
   /// Positions are witnesses of motion, but are not counted: the drive may have rebooted.
   void on_news(const StandstillInquiry::News& news, Instant now);
 
@@ -98,10 +98,10 @@ class Axes {
   void stop_by_setpoint(std::size_t i) { by_setpoint_[i] = true; }
   void stop_by_quick_stop(std::size_t i) { by_setpoint_[i] = false; }
   bool stops_by_setpoint(std::size_t i) const { return by_setpoint_[i]; }
-  /// What brakes axis `i`: "quick stop"; or by setpoint, as long as the axis takes one, "enable
-  /// operation" with a target of zero.
+  /// Controlword that brakes axis `i`: "quick stop"; or by setpoint, as long as the axis takes one,
+  /// "enable operation" with a target of zero.
   std::uint16_t braking_controlword(std::size_t i) const;
-  /// As braking_controlword(), until the axis stands or its power stage is off; from then on
+  /// Like braking_controlword(), until the axis stands or its power stage is off; from then on
   /// "disable voltage".
   std::uint16_t stop_controlword(std::size_t i, Instant now);
 
@@ -127,7 +127,7 @@ class Axes {
   bool stops_by_setpoint_;  // by configuration
   std::array<bool, 2> by_setpoint_;
   double standstill_radps_;
-  std::array<double, 2> ramps_radps2_;  // of the quick stop; infinity: not known
+  std::array<double, 2> ramps_radps2_;  // ramps of the quick stop; infinity: not known
   double fastest_report_radps_;
   std::array<double, 2> possible_radps_{};  // each wheel is no faster than this
   std::array<double, 2> targets_radps_{};   // in force since the newest bound, magnitudes
@@ -139,7 +139,7 @@ class Axes {
   std::uint16_t feedback_timeout_ms_;
   PdoMap pdos_;
   std::array<Axis, 2> axes_;                      // left, right
-  std::map<std::uint32_t, SenderCount> senders_;  // of the synchronous TPDOs, by identifier
+  std::map<std::uint32_t, SenderCount> senders_;  // senders of the synchronous TPDOs, by identifier
   std::map<std::uint32_t, int> misfits_;      // by identifier: a wrong length of its newest TPDO
   std::array<bool, 2> tells_mode_;            // by a TPDO
   std::array<bool, 2> released_{};            // braked; the power stage may go off

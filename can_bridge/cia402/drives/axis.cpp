@@ -88,7 +88,7 @@ void Axis::on_position(std::int64_t raw, Instant now) {
     const double speed_radps = std::max(std::abs(counted_speed_radps_), std::abs(speed_radps_));
     const double travelled_rad = static_cast<double>(std::abs(travelled)) * kTurn_rad /
                                  config_.counts_per_revolution.value();
-    // A drive that sets its counter anew without a boot-up message jumps by more than the wheel can
+    // A drive that resets its counter without a boot-up message jumps by more than the wheel can
     // have turned: one revolution more than twice what its speed says.
     const bool possible = travelled_rad <= kTurn_rad + 2.0 * speed_radps * silence_s;
     if (anchored_ && possible) {
@@ -96,7 +96,7 @@ void Axis::on_position(std::int64_t raw, Instant now) {
     } else {
       motion_.forget_position();
       uncounted_rad_ += (speed_radps + standstill_radps_) * std::min(silence_s, kRollOut_s);
-      // Or somebody did push the vehicle.
+      // Or the vehicle was pushed.
       if (anchored_) {
         uncounted_rad_ += std::min(travelled_rad, kFastestWheel_rps * kTurn_rad * silence_s);
       }

@@ -82,7 +82,7 @@ class Axis {
   bool confirmed_standing(Instant now) const;
   bool standing(Instant now) const { return motion(now) == Motion::standing; }
   bool turning(Instant now) const { return motion(now) == Motion::turning; }
-  /// What both witnesses say of the wheel, speed and position.
+  /// Verdict of both witnesses of the wheel, speed and position.
   Motion motion(Instant now) const { return motion_.judge(now); }
   /// The newest speed, if it is fresh; and the faster of both witnesses, if one is.
   std::optional<double> reported_radps(Instant now) const { return motion_.reported_radps(now); }

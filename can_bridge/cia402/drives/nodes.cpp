@@ -10,7 +10,7 @@ using canopen::NmtState;
 
 namespace {
 
-/// So long an answer to a drive's stop by SDO is waited for, before it is sent again.
+/// Time to wait for an answer to a drive's stop by SDO before it is sent again.
 constexpr Duration kImpatience = std::chrono::milliseconds(50);
 
 }  // namespace

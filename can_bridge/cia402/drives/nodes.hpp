@@ -37,7 +37,7 @@ struct Node {
   ReadBack read_back;                      ///< before it is enabled
   StandstillInquiry inquiry;               ///< before it is reset
   StandstillInquiry stopper;               ///< impatient: while it is stopped by SDO
-  std::optional<canopen::NmtState> state;  ///< of the newest heartbeat
+  std::optional<canopen::NmtState> state;  ///< state in the newest heartbeat
   Instant heartbeat_stamp{};
   // Before it is reset:
   bool heard = false;    ///< in any NMT state, and not booted since
@@ -79,7 +79,7 @@ class Nodes {
   /// Forgets the nodes' states until their next heartbeats.
   void forget_states();
 
-  /// What the start-up of all of them is waiting for, and why it failed ("" where it has not).
+  /// Next event that the start-up of all nodes waits for, and why it failed ("" where it has not).
   std::string progress() const;
   std::string refusals() const;
   bool started_up() const;

@@ -6,9 +6,9 @@
 
 namespace tether::cia402 {
 
-/// Notices that two sources send the same synchronous TPDO: two drives with one node id, or
-/// somebody who forges feedback. A drive sends such a TPDO once at each n-th SYNC (CiA 301,
-/// 7.2.2.3, transmission types 1…240), so frames are counted against SYNCs.
+/// Notices that two sources send the same synchronous TPDO: two drives with one node id, or forged
+/// feedback. A drive sends such a TPDO once at each n-th SYNC (CiA 301, 7.2.2.3, transmission types
+/// 1…240), so frames are counted against SYNCs.
 ///
 /// Each n-th SYNC permits one frame. A permit is kept until its frame comes, so that frames which
 /// arrive late, after the next SYNCs, are none too many; but at most kBacklog are kept, so that
@@ -34,7 +34,7 @@ class SenderCount {
   /// The TPDO has come. False: it is one too many.
   bool on_frame();
   bool two_sources() const;
-  /// Begins anew.
+  /// Restarts.
   void reset() { *this = SenderCount(every_); }
 
  private:

@@ -29,7 +29,7 @@ enum class Stage {
   refused,
 };
 
-/// The stage as the bridge is told of it.
+/// The stage as reported to the bridge.
 DrivePhase phase_of(Stage stage);
 
 /// The present stage, for how long, and why.

@@ -99,7 +99,7 @@ void StandstillInquiry::ask(const std::array<std::uint16_t, 2>& stop_words) {
   sdo_.write(question.object, stop_words[readings_[question.reading].axis]);
 }
 
-// What may not be due stands before what always is, or behind the end of the round: see
+// Optional questions stand before those that are always due, or at the end of the round: see
 // on_result().
 bool StandstillInquiry::is_due(const Question& question,
                                const std::array<std::uint16_t, 2>& stop_words) const {

@@ -26,7 +26,7 @@ namespace tether::cia402 {
 /// standstill is believed no longer than the next round should take: when the newest speed is older
 /// than the one before it was, nothing is known until there is another.
 ///
-/// Read besides, unless wheels have to stop first: the node's watchdog, which start-up has set. A
+/// Also read, unless wheels have to stop first: the node's watchdog, which start-up has set. A
 /// drive that has rebooted has lost what start-up set (CiA 301, 7.2.8.2.2: power-on values), unless
 /// it was stored in the drive; position() then returns nothing.
 ///
@@ -69,7 +69,7 @@ class StandstillInquiry {
   /// The position of this axis by the newest answers, in the drive's counts; nullopt unless the
   /// drive has not rebooted since start-up configured it.
   std::optional<std::int64_t> position(std::size_t axis) const;
-  /// What was read since the last call.
+  /// Values read since the last call.
   News take_news() { return std::exchange(news_, {}); }
   /// How many controlwords were written, repetitions not counted.
   std::int64_t writes() const { return writes_; }
@@ -110,7 +110,7 @@ class StandstillInquiry {
   Duration round_;  // the longest that all answers of a round may take
   bool stop_first_ = false;
   std::vector<Reading> readings_;    // of this round, or of the last one where not yet asked
-  std::vector<Question> questions_;  // of a round
+  std::vector<Question> questions_;  // questions of a round
   std::size_t question_ = 0;         // number of the next
   std::int64_t watchdog_ = 0;        // what start-up set
   bool repeated_ = false;            // a request of this round

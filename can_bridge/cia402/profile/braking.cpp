@@ -38,7 +38,7 @@ std::optional<Fault> Braking::watch(std::size_t i, Instant now) {
     w = {};
     return std::nullopt;
   }
-  // What tells nothing cannot be judged: StopAssurance sees to drives that are not heard.
+  // Missing feedback cannot be judged: StopAssurance sees to drives that are not heard.
   if (!speed_radps) return std::nullopt;
   if (!w.since) {
     const bool by_setpoint = d_.axes.stops_by_setpoint(i);

@@ -47,7 +47,7 @@ class Braking {
  private:
   enum class Step { quick_stop, setpoint, withheld };
   struct Watch {
-    std::optional<Instant> since;  // of the step
+    std::optional<Instant> since;  // beginning of the step
     Duration grace{};
     double from_radps = 0.0;
     Step step = Step::quick_stop;

@@ -18,7 +18,7 @@ class BringUp {
   /// In the stages from `listening` to `settling`. NMT commands go to `nmt`, SDO requests to
   /// `service`.
   void tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
-  /// What the present stage is waiting for.
+  /// Next event that the present stage waits for.
   std::string waiting_for(Instant now) const;
 
  private:
@@ -29,7 +29,7 @@ class BringUp {
   /// Its silence is not that of NMT "stopped".
   bool has_been_recalled(const Node& node, Instant now) const;
   void secure(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
-  /// The last look at the counters before the reset sets them anew.
+  /// The last look at the counters before the reset clears them.
   void take_up_positions(Instant now);
   bool may_be_reset(const Node& node, Instant now) const;
   /// By its watchdog or ramp, since it was last heard.

@@ -21,7 +21,7 @@ using cia402::Stage;
 
 namespace {
 
-/// As long as a stop may take (SafetyCore::kStopTimeout).
+/// Longest duration of a stop (SafetyCore::kStopTimeout).
 constexpr Duration kBrakingWithoutFeedback = std::chrono::seconds(5);
 
 std::string rebooted_text(const Node& node) {
@@ -243,7 +243,7 @@ void Cia402Profile::set_command(const Twist& twist) {
 
 void Cia402Profile::enable() {
   if (drives_.stage.stage() != Stage::standby) return;
-  drives_.axes.distrust_standstill(Instant::min());  // of an earlier stop
+  drives_.axes.distrust_standstill(Instant::min());  // distrusts the standstill of an earlier stop
   enabling_.begin();
 }
 

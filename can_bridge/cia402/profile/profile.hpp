@@ -49,15 +49,16 @@ struct VehicleConfig;
 /// heartbeat as due, SDO requests. Setpoints and SYNC are sent only once the drives are configured,
 /// or while running ones are braked. Outside of `enabled` all target velocities are zero.
 ///
-/// `faulted`: each axis that still can gets a quick stop and, once its fresh feedback says that it
-/// stands, "disable voltage". Causes: Fault in a statusword, emergency messages other than "no
-/// error" and the configuration's warnings, a boot-up message, a missing heartbeat or one that does
-/// not say "operational", feedback too old while enabling or enabled, OperationEnabled left or
-/// power stage on unasked, another mode of operation, another sender of what only the bridge may
-/// send, two sources of one synchronous TPDO (cia402::SenderCount; then no standstill is believed
-/// until 5 s after the last, or enable()). Then reset_fault() clears faults with a rising edge of
-/// controlword bit 7, or starts up again where the drive's configuration may be lost. Drives that a
-/// stop does not reach by PDO: cia402::StopAssurance. Wheels that do not brake: cia402::Braking.
+/// `faulted` commands stops. Each axis that still can gets a quick stop and, once its fresh
+/// feedback says that it stands, "disable voltage". Causes in messages: Fault in a statusword,
+/// emergency messages other than "no error" and the configuration's warnings, a boot-up message, a
+/// missing heartbeat or one that does not say "operational". Causes in behaviour: feedback too old
+/// while enabling or enabled, OperationEnabled left or power stage on unasked, another mode of
+/// operation, another sender of what only the bridge may send, two sources of one synchronous TPDO
+/// (cia402::SenderCount; then no standstill is believed until 5 s after the last, or enable()).
+/// Then reset_fault() clears faults with a rising edge of controlword bit 7, or starts up again
+/// where the drive's configuration may be lost. Drives that a stop does not reach by PDO:
+/// cia402::StopAssurance. Wheels that do not brake: cia402::Braking.
 ///
 /// Others may read objects by SDO at any time. A write to what start-up configures, to what a stop
 /// depends on (cia402::stop_part()), or to what commands an axis is a fault from the configuration

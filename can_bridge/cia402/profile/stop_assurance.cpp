@@ -11,7 +11,7 @@ using std::chrono::milliseconds;
 
 /// How long an operational drive may take to confirm a stop, before it gets it by SDO, too.
 constexpr Duration kPatience = milliseconds(100);
-/// What a vendor's watchdog gets on top of its own time.
+/// Margin for a vendor's watchdog on top of its own time.
 constexpr Duration kWatchdogMargin = milliseconds(100);
 
 }  // namespace

@@ -14,11 +14,11 @@ namespace tether::cia402 {
 /// Sees to it that a stop reaches drives that do not take it by PDO: ones that are not operational
 /// (CiA 301, 7.3.2.2: then there are no PDOs), or do not do what their RPDOs say.
 ///
-/// From the first tick of a stop until the drives say that their power is off and their wheels
-/// stand, each node that is not known to be operational, whose TPDOs stay away, or that has not
-/// confirmed its stop after 100 ms gets the same controlword by SDO, again and again, and is asked
-/// for statusword and speed. A node that says that it is in NMT "stopped", where SDO is dead, too,
-/// is commanded to pre-operational every 100 ms.
+/// It acts from the first tick of a stop until the drives report that their power is off and their
+/// wheels stand. A node that is not known to be operational, whose TPDOs stay away, or that has not
+/// confirmed its stop after 100 ms repeatedly gets the same controlword by SDO, and is asked for
+/// statusword and speed. A node that says that it is in NMT "stopped", where SDO is dead, too, is
+/// commanded to pre-operational every 100 ms.
 ///
 /// A stop is confirmed by a statusword from after it (QuickStopActive, power off, or a fault), or
 /// by a wheel that stands. If it is not after confirmation_time(), the bridge's heartbeat, SYNC and

@@ -32,7 +32,7 @@ std::optional<Fault> Stopping::tick(Instant now) {
   if (d_.stage.elapsed(now) < d_.step_timeout()) return std::nullopt;
   const Axis& axis = d_.axes[d_.axes[0].confirmed_off() ? 1 : 0];
   return Fault{fmt::format(
-      "{}: is still in {} {} ms after it was told to switch its power stage off: switch off its "
+      "{}: is still in {} {} ms after the command to switch its power stage off: switch off its "
       "supply",
       axis.name(), canopen::to_string(axis.state()), d_.config.step_timeout_ms)};
 }

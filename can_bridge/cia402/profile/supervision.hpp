@@ -6,7 +6,7 @@
 #include "can_bridge/cia402/drives/drives.hpp"
 #include "can_bridge/cia402/profile/fault_latch.hpp"
 
-/// What is wrong with drives that are supervised; nullopt: nothing.
+/// Faults of supervised drives; nullopt: nothing.
 namespace tether::cia402 {
 
 /// In every tick: drives without heartbeat; while enabling or enabled, feedback that is too old. A

@@ -53,7 +53,7 @@ def _seed(seed):
 
 
 class _Loops:
-    """What both forms share."""
+    """Common base of both forms."""
 
     def _make(self, scenario, settings, action, preview_s, count):
         self._core = _core.Batch(os.fspath(scenario), _overrides(settings or {}), action, list(map(float, preview_s)), count)
@@ -167,7 +167,7 @@ class VectorEnv(_Loops, _VectorEnv):
         self.single_observation_space, self.single_action_space = self._box, self._action_box
         self.observation_space = batch_space(self._box, self.num_envs)
         self.action_space = batch_space(self._action_box, self.num_envs)
-        self._after_end = _core.AfterEnd.begins_anew if autoreset else _core.AfterEnd.rests
+        self._after_end = _core.AfterEnd.restarts if autoreset else _core.AfterEnd.rests
         if not autoreset:
             self.metadata = self.metadata | {"autoreset_mode": _DISABLED}
         self._terminated = np.zeros(self.num_envs, bool)

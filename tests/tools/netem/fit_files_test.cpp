@@ -75,7 +75,7 @@ std::string numbered(const std::function<int(int)>& number) {
 TEST(ReadFitCsv, SaysWhatIsLeftOut) {
   EXPECT_EQ(csv(numbered([](int i) { return i % 400; })).notes,
             std::vector<std::string>{
-                "the sender began anew 2 times; what was lost in between is not known"});
+                "the sender restarted 2 times; losses in between are not known"});
   EXPECT_EQ(csv(numbered([](int i) { return i == 500 ? 50'000 : i; })).notes,
             std::vector<std::string>{"1 arrival left out: sequence number or time does not fit the "
                                      "others (damaged?)"});

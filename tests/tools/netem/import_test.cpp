@@ -218,7 +218,7 @@ TEST(ImportPing, RefusesANumberThatIsFarBeyondWhatWasSent) {
   EXPECT_THAT(refusal([] {
                 ping("64 bytes: icmp_seq=1 time=1 ms\n64 bytes: icmp_seq=9000000 time=1 ms\n");
               }),
-              HasSubstr("p.txt: numbers from 1 to 9000000, of which 2 are told of; at most"));
+              HasSubstr("p.txt: numbers from 1 to 9000000, of which the file has 2; at most"));
 }
 
 TEST(ImportPing, RefusesNumbersAndTimesThatNoPingHas) {

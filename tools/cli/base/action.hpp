@@ -4,7 +4,7 @@
 
 namespace tether {
 
-/// What the chosen subcommand does, returning the exit code; main() calls it after parsing.
+/// Function of the chosen subcommand, which returns the exit code; main() calls it after parsing.
 using Action = std::function<int()>;
 
 }  // namespace tether

@@ -52,7 +52,7 @@ void add_doctor_command(CLI::App& tether, Action& action) {
                         "also measure how late the loop that steers wakes up while all processors "
                         "and the disk are busy; not "
                         "while a vehicle drives");
-  command->add_option("--seconds", options->seconds, "for so long")
+  command->add_option("--seconds", options->seconds, "Duration of the measurement, s")
       ->check(number_between(1.0, 3600.0))
       ->needs(realtime)
       ->capture_default_str();

@@ -39,7 +39,7 @@ int record(const RecordOptions& options) {
                    .file_bytes = megabytes(options.file_mb),
                    .files = options.files,
                    .keep_free_bytes = megabytes(options.keep_free_mb)});
-  std::int64_t lost = 0;  // as of the last second
+  std::int64_t lost = 0;  // state of the last second
   bus->subscribe(options.channel_regex, kDeepQueue,
                  [&log](const Message& m) { log.write(m.channel, m.bytes, m.received_utime); });
   ServiceManager manager(loop);

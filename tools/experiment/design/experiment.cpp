@@ -32,7 +32,7 @@ namespace {
 constexpr std::size_t kSmallestBatch = kLeastSeeds;
 constexpr std::int64_t kDefaultBatch = 20;
 
-/// Nobody starts a controller for each run by hand.
+/// Refuses external controllers that would have to be started manually for each run.
 void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
   for (const Arm& arm : arms) {
     const auto& controller = arm.scenario.get<ControllerSettings>();
@@ -70,7 +70,8 @@ void check_no_seed(const std::string& key, const std::string& place) {
   throw UsageError(fmt::format("{}: run.seed is every run's own: use seeds", place));
 }
 
-/// What the grid varies cannot be set besides. [set] may set what a named axis' points may change.
+/// Keys of the grid cannot also be set in [set]. [set] may set what a named axis' points may
+/// change.
 void check_free(const std::string& key, const std::string& place, const std::vector<Axis>& axes,
                 bool by_the_file) {
   check_no_seed(key, place);
@@ -92,7 +93,7 @@ void check_free(const std::string& key, const std::string& place, const std::vec
 
 std::string key_of(const std::string& text) { return text.substr(0, text.find('=')); }
 
-/// What arms are made from.
+/// Source of the arms.
 struct ArmSource {
   std::string scenario_file, file;
   std::vector<std::string> overrides;

@@ -22,7 +22,7 @@ struct KeyValue {
 
 /// One point of the grid.
 struct Arm {
-  std::vector<KeyValue> settings;  ///< of the grid's keys and names, in the file's order
+  std::vector<KeyValue> settings;  ///< settings of the grid's keys and names, in the file's order
   Scenario scenario;               ///< run.seed is each run's own
 
   /// "channel.prr = 0.45, controller.tau_s = 2"; "all runs" without a grid.
@@ -57,11 +57,11 @@ struct FigureChoice {
   std::string note;       ///< comparison: below, after the number of seeds
 };
 
-/// A table that `tether report` makes of a sweep, besides that of all arms.
+/// A table that `tether report` makes of a sweep, in addition to that of all arms.
 struct TableChoice {
   enum class Kind : std::uint8_t {
     means,  ///< mean, interval and n, a row for each combination of the keys that are no columns
-    ratio,  ///< of the means of two arms on the same seeds, a row for each other combination
+    ratio,  ///< ratio of the means of two arms on the same seeds, a row for each other combination
     limit,  ///< where along a key the mean passes a limit
   };
   Kind kind = Kind::means;
@@ -77,9 +77,10 @@ struct TableChoice {
 /// An experiment file (docs/howto/experiments.md): which runs a sweep has.
 struct Experiment {
   std::string name;
-  std::vector<std::string> keys;     ///< of the grid
-  std::vector<Arm> arms;             ///< part by part; the last axis varies fastest; never empty
-  std::vector<std::uint64_t> seeds;  ///< of every arm; with `precision`, the first that are needed
+  std::vector<std::string> keys;  ///< keys of the grid
+  std::vector<Arm> arms;          ///< part by part; the last axis varies fastest; never empty
+  /// Seeds of every arm; with `precision`, the first that are needed.
+  std::vector<std::uint64_t> seeds;
   std::optional<Precision> precision;
   /// The n-th runs of all arms have one seed, and so the same packet fates. If not, every run of
   /// the sweep has a seed of its own.
@@ -88,9 +89,9 @@ struct Experiment {
   double trajectory_period_s = 0.0;
   std::optional<FigureChoice> figure;
   std::vector<TableChoice> tables;
-  std::vector<std::string> overrides;  ///< of the scenario, besides the file's own
+  std::vector<std::string> overrides;  ///< overrides of the scenario, in addition to the file's own
 
-  /// Of an arm's n-th run; and back: nullopt if the arm has no such seed.
+  /// Seed of an arm's n-th run; and back: nullopt if the arm has no such seed.
   std::uint64_t seed(std::size_t arm, std::size_t n) const;
   std::optional<std::size_t> number(std::size_t arm, std::uint64_t seed) const;
 

@@ -9,7 +9,7 @@
 
 namespace tether {
 
-// What an experiment file wants to see: [figure] and each [[table]]. `keys` are the grid's. All
+// Figure that an experiment file chooses: [figure] and each [[table]]. `keys` are the grid's. All
 // throw UsageError that names file, line, key and what is allowed.
 
 std::optional<FigureChoice> read_figure(const Section& file, const std::string& name,
@@ -20,7 +20,7 @@ std::vector<TableChoice> read_tables(const Section& file, const std::string& nam
 /// Refuses figures and tables that cannot be made from the runs, before they are made.
 void check_choices(const Experiment& experiment, const std::string& file);
 
-/// As text for a store, and back; "none": no figure.
+/// Conversion to text for a store, and back; "none": no figure.
 std::string to_text(const std::optional<FigureChoice>& figure);
 std::optional<FigureChoice> figure_of(const std::string& text);
 std::string to_text(const std::vector<TableChoice>& tables);

@@ -17,7 +17,7 @@ struct TunedLaw {
   std::vector<KeyValue> settings;       ///< the law, its rates and what else goes with it
   std::vector<KeyValue> gains;          ///< what was tuned
   std::string version;                  ///< that tuned it
-  std::vector<std::string> conditions;  ///< that it was tuned for
+  std::vector<std::string> conditions;  ///< conditions that it was tuned for
   std::vector<std::uint64_t> seeds;     ///< trained on: no experiment may evaluate with them
   std::size_t evaluations = 0;          ///< of each search
   std::vector<double> found;            ///< the objective that each search found; the least counts
@@ -43,7 +43,7 @@ struct Gains {
 
 /// Throws UsageError that names file, line and what is allowed.
 Gains read_gains(const std::string& file);
-/// As a file, which reads as the same.
+/// Content of a file, which reads as the same gains.
 std::string to_toml(const Gains& gains);
 
 /// `tuned = "NAME"` stands for the law's settings and gains, any other setting for itself. Throws

@@ -122,7 +122,7 @@ Axis make_axis(const std::vector<PlacedNode>& keys, const std::string& place) {
   return axis;
 }
 
-/// What a named axis' point sets.
+/// Settings of a named axis' point.
 GridPoint named_point(const std::string& axis, const PlacedNode& given, const std::string& file,
                       const Expand& expand) {
   const toml::table* table = given.node->as_table();

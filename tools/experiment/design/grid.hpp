@@ -19,7 +19,7 @@ struct PlacedSetting {
 /// One point of an axis, or of several.
 struct GridPoint {
   std::vector<KeyValue> settings;      ///< what it goes by: keys and values, or name and label
-  std::vector<PlacedSetting> applied;  ///< what it sets in the scenario
+  std::vector<PlacedSetting> applied;  ///< settings that it applies to the scenario
 };
 
 /// Keys that vary together, and their values; or a name and its labels.
@@ -29,7 +29,7 @@ struct Axis {
   std::string place;              ///< "file.toml:12"
 };
 
-/// What a setting of [set] or of a named axis' point stands for: itself, or several.
+/// Expansion of a setting of [set] or of a named axis' point: itself, or several.
 using Expand = std::function<std::vector<PlacedSetting>(const PlacedSetting&)>;
 
 /// The axes of [grid], each key one, of [[zip]], each table one, and of [axis.NAME], each name one,
@@ -41,7 +41,7 @@ std::vector<Axis> read_axes(const toml::table& experiment, const std::string& fi
 /// A [[part]] of an experiment: the common settings and axes, and its own after them; an axis takes
 /// the place of a common one of the same keys.
 struct Part {
-  std::vector<PlacedSetting> settings;  ///< of [set] and [part.set]
+  std::vector<PlacedSetting> settings;  ///< settings of [set] and [part.set]
   std::vector<Axis> axes;
 };
 

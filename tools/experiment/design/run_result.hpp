@@ -10,7 +10,7 @@ namespace tether {
 /// A vehicle's state at one time.
 struct TrajectoryPoint {
   float t_s, x_m, y_m, x_ref_m, y_ref_m, error_m;
-  float uplink_state, downlink_state;  ///< as last reported: 0 good, 1 bad
+  float uplink_state, downlink_state;  ///< last reported state: 0 good, 1 bad
 
   bool operator==(const TrajectoryPoint&) const = default;
 };

@@ -22,7 +22,7 @@ class Section {
   bool boolean(const std::string& key, bool otherwise) const;
   /// The name of one of metrics(); epsilon_m if there is none.
   std::string metric(const std::string& key) const;
-  /// That, or an expression over them (metric_expression.hpp).
+  /// The metric of a key, or an expression over metrics (metric_expression.hpp).
   std::string metric_expression(const std::string& key) const;
   /// A table within it; null if there is none.
   const toml::table* table(const std::string& key) const;

@@ -46,7 +46,7 @@ constexpr char kCurveCommands[] = R"gnuplot(
   eval command
 )gnuplot";
 
-// What the axes must hold, and how far runs may spread around their point.
+// Range of the axes, and spread of runs around their point.
 struct Extent {
   LeastMost x, y;
   double least_positive = std::numeric_limits<double>::infinity();
@@ -92,7 +92,8 @@ Extent extent_of(const CurveFigure& figure) {
   return e;
 }
 
-/// As where nothing is random: side by side their dots would look like an error bar.
+/// True if the results do not vary, as without randomness: side by side their dots would look like
+/// an error bar.
 bool all_equal(const PlottedPoint& p) {
   LeastMost runs;
   for (const double run : p.runs) runs.add(run);
@@ -108,7 +109,7 @@ std::string csv_of(const CurveFigure& figure, double jitter) {
   };
   std::string csv = "series,kind,x,x_drawn,value,low,high,n,lost,name";
   csv += has_names ? ",x_name\n" : "\n";
-  const double apart = has_names ? 1.0 : 0.0;  // of the series' means
+  const double apart = has_names ? 1.0 : 0.0;  // distance between the series' means
   const auto count = static_cast<double>(figure.series.size());
   for (std::size_t s = 0; s < figure.series.size(); ++s) {
     const std::string name = csv_cell(figure.series[s].name);

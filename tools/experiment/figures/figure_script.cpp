@@ -11,7 +11,7 @@
 namespace tether {
 namespace {
 
-// Of a wide font of 7 pt.
+// Sizes for a wide font of 7 pt.
 constexpr double kCharacter_cm = 0.13, kLine_cm = 0.31, kLegendRow_cm = 0.35, kTitle_cm = 0.5;
 constexpr double kSample_cm = 0.55, kSpace_cm = 0.12, kBetween_cm = 0.35;
 
@@ -70,7 +70,7 @@ double row_cm(const std::vector<LegendEntry>& row) {
   return width;
 }
 
-// As many entries a row as there is room for.
+// Rows of the legend, each with as many entries as fit.
 std::vector<std::vector<LegendEntry>> legend_rows(const std::vector<LegendEntry>& entries,
                                                   double width_cm) {
   std::vector<std::vector<LegendEntry>> rows;

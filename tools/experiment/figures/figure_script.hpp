@@ -11,12 +11,12 @@
 
 namespace tether {
 
-/// Of series, in turn: Okabe and Ito's, which the colour-blind can tell apart.
+/// Colours of the series, in turn: Okabe and Ito's, which the colour-blind can tell apart.
 inline constexpr std::array kSeriesColours{"0072b2", "d55e00", "009e73", "cc79a7",
                                            "e69f00", "56b4e9", "000000"};
 
-/// What the figures' scripts share. A script is: variables, kPrologue, the figure's own commands
-/// within kEachFormat and kEndFormat, which are run once a format.
+/// Common parts of the figures' scripts. A script is: variables, kPrologue, the figure's own
+/// commands within kEachFormat and kEndFormat, which are run once a format.
 
 /// A literal for gnuplot, in single quotes: nothing in it is expanded.
 std::string gnuplot_text(const std::string& text);
@@ -43,7 +43,7 @@ struct LeastMost {
   bool empty() const { return low > high; }
 };
 
-/// What a legend shows in front of a name, with gnuplot's properties of it.
+/// Symbol of a legend in front of a name, with its gnuplot properties.
 struct LegendEntry {
   enum class Sample { line, point, linespoint, area };
   Sample sample = Sample::line;
@@ -51,7 +51,7 @@ struct LegendEntry {
   std::string name;
 };
 
-/// What is drawn around the axes without gnuplot's own means: title, legend (gnuplot's breaks a
+/// Frame around the axes, drawn without gnuplot's own means: title, legend (gnuplot's breaks a
 /// column too early), caption. The lines below are the note, then plant and scenario.
 class FigureFrame {
  public:
@@ -75,7 +75,7 @@ class FigureFrame {
 
   FigureText text_;
   std::vector<std::string> lines_;              ///< below
-  std::vector<std::vector<LegendEntry>> rows_;  ///< of the legend
+  std::vector<std::vector<LegendEntry>> rows_;  ///< rows of the legend
   bool above_;
 };
 

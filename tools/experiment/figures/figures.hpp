@@ -22,7 +22,7 @@ namespace tether {
 // that are not finite are left out of drawings, and the figure says how many runs failed. All need
 // at least one point; else std::invalid_argument.
 
-/// What a figure says besides its data. Texts are taken literally.
+/// Texts of a figure. They are taken literally.
 struct FigureText {
   std::string title;       ///< above; papers have a caption of their own instead
   std::string plant;       ///< small, below; none if empty
@@ -56,7 +56,7 @@ struct PlottedPoint {
   double x = 0.0;
   std::vector<double> runs;  ///< NaN: failed
   double mean = 0.0;
-  Interval interval;  ///< of the mean; NaN: none, as with one run
+  Interval interval;  ///< interval of the mean; NaN: none, as with one run
   /// How many of the vehicles were lost: if any, the mean is that of two humps, and its point has a
   /// cross.
   std::size_t lost = 0;
@@ -80,9 +80,9 @@ struct CurveSeries {
 struct CurveFigure {
   FigureText text;
   std::string x_label;             ///< with unit: "δ [ms]"
-  std::vector<std::string> names;  ///< what x = 1, 2 … stand for; none: x is a number
+  std::vector<std::string> names;  ///< names for x = 1, 2 …; none: x is a number
   std::string y_label = "ε [m]";
-  double confidence = kConfidence;  ///< of the intervals, for the legend
+  double confidence = kConfidence;  ///< confidence of the intervals, for the legend
   bool log_y = false;               ///< else from 0; values that are not positive are left out
   std::vector<CurveSeries> series;  ///< up to 7
 };
@@ -125,7 +125,7 @@ struct HeatCell {
   double x = 0.0;
   double y = 0.0;
   double mean = 0.0;  ///< NaN: no run succeeded; grey
-  Interval interval;  ///< of the mean: in the data; the widest is named below the figure
+  Interval interval;  ///< interval of the mean: in the data; the widest is named below the figure
   std::size_t n = 0;
   std::size_t failed = 0;  ///< runs that are not in the mean
   Mark mark = Mark::none;  ///< tied: the data cannot separate it from the best of its column
@@ -143,7 +143,7 @@ struct HeatmapFigure {
 void draw_heatmap(const std::filesystem::path& folder, const std::string& stem,
                   const HeatmapFigure& figure);
 
-/// What begins at one point of the path, as a mean over the seeds.
+/// Risk from one point of the path on, as a mean over the seeds.
 struct RiskPoint {
   double time_s = 0.0;  ///< since the path's start
   double x_m = 0.0;

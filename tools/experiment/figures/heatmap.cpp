@@ -10,7 +10,7 @@
 namespace tether {
 namespace {
 
-constexpr double kHeatmapCharacter_cm = 0.16;  // of 7 pt
+constexpr double kHeatmapCharacter_cm = 0.16;  // width of a character at 7 pt
 constexpr double kAround_cm = 3.15;            // beside the cells: labels and colour bar
 
 constexpr char kHeatmapCommands[] = R"gnuplot(

@@ -8,7 +8,7 @@
 
 namespace tether {
 
-/// What the report's page draws with the mouse over it, as JSON: the series of the sweep's [figure]
+/// Data of the report page's interactive chart, as JSON: the series of the sweep's [figure]
 /// (of a heat map: one for each y) with mean, interval, n and lost vehicles of each point, its
 /// combination's number, and its runs as pairs of seed and value. Empty for figures that show no
 /// means, or without runs. `data`: the figure's metric; `folder`: the report's. report.js reads it.

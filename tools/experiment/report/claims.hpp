@@ -11,7 +11,7 @@
 
 namespace tether {
 
-/// What the paper says and what came out here.
+/// A claim of the paper, and the result here.
 struct Claim {
   enum class Verdict : std::uint8_t { reproduced, not_reproduced, undecided };
 

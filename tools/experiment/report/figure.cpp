@@ -52,7 +52,7 @@ std::vector<CurveSeries> series_of(const SweepData& data, const FigureChoice& ch
   return all;
 }
 
-/// What the figure's y axis is called, and its colours.
+/// Label of the figure's y axis, or of its colours.
 std::string value_label(const FigureChoice& choice, const char* before) {
   return choice.y_label.empty() ? before + label_of_metric(choice.metric) : choice.y_label;
 }
@@ -243,7 +243,7 @@ double x_of(const SweepData& data, const FigureChoice& choice, std::size_t arm) 
 
 namespace {
 
-/// What a key's values are, and their unit: "sensor rate", "Hz".
+/// Quantity of a key's values, and their unit: "sensor rate", "Hz".
 std::pair<std::string, std::string> quantity_of(const std::string& key) {
   if (key.starts_with("channel.") && key.ends_with("prr")) return {"PRR", ""};
   if (key == "delay_ms" || (key.starts_with("channel.") && key.ends_with("delay_ms"))) {

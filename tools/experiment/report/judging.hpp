@@ -8,7 +8,7 @@
 
 namespace tether {
 
-// What judge_claims() is made of: what the figures' claims share, and each figure's claims.
+// Parts of judge_claims(): what the figures' claims share, and each figure's claims.
 
 inline constexpr char kPrrKey[] = "channel.prr";
 inline constexpr char kDelayKey[] = "channel.delay_ms";
@@ -16,7 +16,7 @@ inline constexpr char kTauKey[] = "controller.tau_s";
 
 /// Whether the mean lies within [low, high]; undecided if its interval also allows the contrary.
 Claim::Verdict judge_mean(const Summary& summary, double low, double high);
-/// Of a claim of two parts.
+/// Verdict of a claim of two parts.
 Claim::Verdict worst(Claim::Verdict a, Claim::Verdict b);
 /// Why a mean's verdict is so.
 std::string reason_of(Claim::Verdict verdict);

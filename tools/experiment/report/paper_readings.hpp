@@ -22,7 +22,7 @@ inline constexpr Band kWorstRun{30.0, kReadOfF2_m};
 inline constexpr double kReadOfF3_m = 0.1;
 inline constexpr Band kUnimpaired{1.8, kReadOfF3_m};
 inline constexpr Band kAtLongestDelay{2.1, kReadOfF3_m};
-/// What F3 rises by from no delay to 500 ms.
+/// Rise of F3 from no delay to 500 ms.
 inline constexpr Band kRiseWithDelay{0.3, kReadOfF3_m};
 
 /// Not a number of the paper: F2 is nearly down again at PRR 0.85.

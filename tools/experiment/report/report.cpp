@@ -29,7 +29,7 @@ bool has_losses(const SweepData::ArmData& arm) { return arm.survival.lost.count 
 constexpr std::array kLossHeads{"lost [95 %]", "mean of the others [95 %]",
                                 "back after [s] [95 %]"};
 
-/// Of which vehicles were lost, how the others did, and how long all that left took to be back.
+/// Cells: share of lost vehicles, errors of the others, and times until vehicles returned.
 std::array<std::string, kLossHeads.size()> loss_cells(const SweepData::ArmData& arm) {
   if (arm.survival.lost.n == 0) return {"-", "-", "-"};
   std::string back = mean_text(arm.returns.times);

@@ -20,17 +20,17 @@ struct ReportSection {
   std::size_t runs = 0, planned = 0, failed = 0;
   bool is_complete = false;
   bool is_common = true;  ///< the arms share seeds: without, nothing is compared
-  std::string overrides;  ///< of the experiment file: "--set" of the command; empty: none
+  std::string overrides;  ///< overrides of the experiment file: "--set" of the command; empty: none
   std::string figure;     ///< stem of its files in the report's folder; empty: none
   std::string chart;      ///< chart_json(); empty: none
   /// A head and a row an arm: mean with interval, sd, median, quantiles, n; and the difference to
   /// the first arm on the same seeds.
   std::vector<std::vector<std::string>> table;
   std::vector<SweepTable> tables;        ///< those that the experiment asks for
-  std::vector<std::string> table_files;  ///< of each, in the report's folder
+  std::vector<std::string> table_files;  ///< file of each table, in the report's folder
 };
 
-/// What a report says.
+/// Content of a report.
 struct Report {
   std::string title;
   std::vector<ReportSection> sections;

@@ -31,7 +31,7 @@ bool is_bad(const TrajectoryPoint& row) {
 /// after.
 constexpr std::size_t kBeforeTurns = 3, kRest = 4, kParts = 5;
 
-/// What one run adds to the mean of each part.
+/// Contribution of one run to the mean of each part.
 struct Sums {
   std::array<double, kParts> sum{}, count{};
 

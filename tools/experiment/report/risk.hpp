@@ -11,8 +11,8 @@
 
 namespace tether {
 
-/// What the risk at a place of the path means: what a bad channel there costs. The paper does not
-/// define it.
+/// Definition of the risk at a place of the path: what a bad channel there costs. The paper does
+/// not define it.
 enum class RiskDefinition : std::uint8_t {
   whole_run,  ///< ε of the whole run. The only one with the paper's shape: it is 13 m at the start,
               ///< where the error itself must be 0

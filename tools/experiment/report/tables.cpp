@@ -79,7 +79,7 @@ std::string cell_of(double value, const Interval& interval) {
                      digits_of(interval.high));
 }
 
-/// Of survivors where there is no one mean.
+/// Text of a cell; the mean of survivors where there is no single mean.
 std::string cell_of(const SweepData::ArmData& arm) {
   const Summary& s = arm.has_two_humps ? arm.survival.survivors : arm.summary;
   const std::string mean = cell_of(s.mean, s.mean_interval);
@@ -99,7 +99,7 @@ std::string humps_note(const SweepData& data, const std::vector<std::size_t>& ar
   return has_two_humps ? fmt::format("{} of {} vehicles were lost", lost, n) : "";
 }
 
-/// Of tables whose means are of all runs.
+/// Warning for tables whose means are of all runs.
 std::string means_warning(const SweepData& data, const std::vector<std::size_t>& arms) {
   const std::string humps = humps_note(data, arms);
   return humps.empty() ? "" : fmt::format("; {}, which the means include", humps);
@@ -189,8 +189,8 @@ std::string text_of(const Passing& passing, const SweepData& data, const std::st
                      data.text(*passing.below, key), data.text(*passing.above, key));
 }
 
-/// Of two arms: of the vehicles that are lost in neither where a mean of all has two humps, so that
-/// it says how far off lost ones ended.
+/// Ratio of two arms: of the vehicles that are lost in neither where a mean of all has two humps,
+/// so that it says how far off lost ones ended.
 MeanRatio ratio_of(const SweepData::ArmData& over, const SweepData::ArmData& under) {
   const bool has_two_humps = over.has_two_humps || under.has_two_humps;
   return has_two_humps ? mean_ratio(over.survivors, under.survivors, kConfidence, kBootstrapSeed)

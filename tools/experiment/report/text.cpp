@@ -61,7 +61,7 @@ std::string contents(const std::filesystem::path& file) {
   return text.str();
 }
 
-/// As part of an address.
+/// Text as part of an address.
 std::string percent_encoded(const std::string& text) {
   std::string url;
   for (const char c : text) {

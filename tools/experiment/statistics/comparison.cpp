@@ -110,7 +110,7 @@ class Pair {
   bool constant_ = false;
 };
 
-// What |t| of each pair stays below, all at once with the confidence.
+// Bounds of |t| for all pairs simultaneously, at the confidence.
 std::vector<double> critical_deviations(const std::vector<Pair>& pairs, std::size_t n,
                                         double confidence, std::uint64_t seed) {
   RandomEngine random = random_stream(seed, "bootstrap/best");
@@ -251,7 +251,7 @@ BestArm ties_of_best(const std::vector<std::vector<SeededValue>>& arms, double c
   if (runs.empty() || common.columns.front().empty()) return result;
 
   result.n = common.columns.front().size();
-  std::size_t best = 0;  // of those that take part
+  std::size_t best = 0;  // index of the best participating arm
   for (std::size_t i = 0; i < taking_part.size(); ++i) {
     result.means[taking_part[i]] = mean_by_seed(common.columns[i]);
     if (result.means[taking_part[i]] < result.means[taking_part[best]]) best = i;

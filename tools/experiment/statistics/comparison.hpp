@@ -10,7 +10,7 @@
 namespace tether {
 
 /// The result of one run. Runs of several arms (settings) with one seed get the same random numbers
-/// where they draw alike, and are compared with each other.
+/// where they make the same draws, and are compared with each other.
 struct SeededValue {
   std::uint64_t seed = 0;
   double value = 0.0;
@@ -21,7 +21,7 @@ struct SeededValue {
 /// are all the same.
 inline constexpr std::size_t kLeastPairs = 6;
 
-/// Of first − second, over the seeds that both have.
+/// Statistics of first − second, over the seeds that both have.
 struct PairedDifference {
   Summary difference;
   std::size_t left_out = 0;  ///< seeds that only one has, or where a value is not finite
@@ -34,12 +34,12 @@ PairedDifference paired_difference(const std::vector<SeededValue>& first,
                                    const std::vector<SeededValue>& second, double confidence,
                                    std::uint64_t seed);
 
-/// Of mean(first)/mean(second), over the seeds that both have.
+/// Statistics of mean(first)/mean(second), over the seeds that both have.
 struct MeanRatio {
   double ratio = std::numeric_limits<double>::quiet_NaN();
   Interval interval;  ///< BCa, seeds resampled in pairs; none for fewer than two
   Summary first, second;
-  std::size_t left_out = 0;  ///< as above
+  std::size_t left_out = 0;  ///< the same as above
 };
 MeanRatio mean_ratio(const std::vector<SeededValue>& first, const std::vector<SeededValue>& second,
                      double confidence, std::uint64_t seed);
@@ -60,8 +60,8 @@ struct BestArm {
 /// arms take no part (never tied, mean NaN).
 ///
 /// Method: the paired differences of all pairs of arms, not only of those with the best, have
-/// simultaneous intervals by the bootstrap of seeds: each pair's |t|, studentised by its sample, is
-/// replaced by its rank among the resamples of that pair, the largest rank over the pairs gives one
+/// simultaneous intervals by the bootstrap of seeds. Each pair's |t|, studentised by its sample, is
+/// replaced by its rank among the resamples of that pair. The largest rank over the pairs gives one
 /// level for all, and each pair's own quantile at that level its interval (balanced simultaneous
 /// sets: Beran, JASA 83(403), 1988; the maximum over all pairs as in Romano and Wolf, Econometrica
 /// 73(4), 2005). Ranks keep a pair that one rare lost run makes uncertain from widening the

@@ -9,7 +9,7 @@
 
 namespace tether {
 
-/// What a choice costs, and what is left to be wished: less is better of both.
+/// Two costs of a choice: less is better of both.
 struct Tradeoff {
   double x = 0.0;
   double y = 0.0;

@@ -80,7 +80,8 @@ Interval order_interval(const std::vector<double>& ascending, double confidence)
   const double tail = 0.5 * (1.0 - confidence);
   const std::size_t n = ascending.size();
   const math::binomial below(static_cast<double>(n), 0.5);
-  // As many values as can be cut off at either end: P[at most cut − 1 below the median] <= tail.
+  // Number of values that can be cut off at either end: P[at most cut − 1 below the median] <=
+  // tail.
   std::size_t cut = 0;
   while (2 * cut < n && math::cdf(below, static_cast<double>(cut)) <= tail) ++cut;
   if (cut == 0) return {};

@@ -37,7 +37,7 @@ struct Summary {
   double q75 = std::numeric_limits<double>::quiet_NaN();
   double q95 = std::numeric_limits<double>::quiet_NaN();
   Interval mean_interval;    ///< of mean_interval()
-  Interval median_interval;  ///< of median_interval()
+  Interval median_interval;  ///< the result of median_interval()
 };
 
 /// Returns the mean of at least one value, summed in their order.
@@ -69,12 +69,12 @@ double quantile(const std::vector<double>& ascending, double p);
 /// The mean is the wrong question where few vehicles are lost: of 30 runs with 3.7 % lost, 32 % of
 /// the data sets show none, and the interval covers 67.1 %. There, see survival.hpp.
 ///
-/// Stopping by this interval: when seeds are added batch by batch until half_width() is small
-/// enough, the rule prefers to stop where the spread came out too small by chance, and the last
-/// interval holds the true mean less often (Chow and Robbins, Annals of Mathematical Statistics 36,
-/// 1965: the loss vanishes only as the wanted half width goes to 0). Hence it is to be looked at
-/// only after whole batches, and at kLeastSeeds at the earliest. Batches of 10 up to n = 200 until
-/// ±20 % of the mean, measured as above: 90.3 % of log-normal, 83.9 % of 80/20; until ±30 %: 86.8 %
+/// Stopping by this interval: seeds are added batch by batch until half_width() is small enough.
+/// The rule stops more often where the spread came out too small by chance, so the last interval
+/// holds the true mean less often (Chow and Robbins, Annals of Mathematical Statistics 36, 1965:
+/// the loss vanishes only as the wanted half width goes to 0). Hence it is to be looked at only
+/// after whole batches, and at kLeastSeeds at the earliest. Batches of 10 up to n = 200 until ±20 %
+/// of the mean, measured as above: 90.3 % of log-normal, 83.9 % of 80/20; until ±30 %: 86.8 %
 /// and 84.8 %. What did not happen by the first look cannot widen it: if a share p of runs is lost,
 /// n seeds show none of them with a probability of (1 − p)^n, 11 % for 80/20 and n = 10. With the
 /// first look at n = 20, ±20 % for 80/20 is covered by 93.8 %: where a rare failure matters, look

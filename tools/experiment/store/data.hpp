@@ -36,7 +36,8 @@ class SweepData {
   const std::vector<ArmData>& arms() const { return arms_; }
   const std::string& metric() const { return metric_; }
 
-  /// The value of a grid's key in an arm, as a number; NaN if it is none, or no key of the grid.
+  /// The value of a grid's key in an arm, as a number; NaN if it is not a number, or not a key of
+  /// the grid.
   double number(std::size_t arm, const std::string& key) const;
   /// The same as it was written; empty if it is no key of the grid.
   std::string text(std::size_t arm, const std::string& key) const;

@@ -24,7 +24,7 @@ int flags_of(Database::Mode mode) {
   return SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
 }
 
-/// A file that nobody changes: read without the lock files that a read-only folder has no room for.
+/// A file that does not change, read without lock files because the folder is read-only.
 std::string immutable_uri(const std::filesystem::path& file) {
   std::string uri = "file:";
   for (const char c : std::filesystem::absolute(file).string()) {

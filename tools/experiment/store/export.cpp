@@ -60,7 +60,8 @@ void check_goes_with(const RunStore& first, const RunStore& store, std::set<std:
   }
 }
 
-/// One is open at a time besides the first: there may be more shards than a process may have files.
+/// One is open at a time in addition to the first: there may be more shards than a process may have
+/// files.
 void check_one_sweep(const RunStore& first, const std::vector<fs::path>& shards) {
   std::set<std::size_t> seen;
   for (const fs::path& shard : shards) check_goes_with(first, RunStore::open(shard), seen);
@@ -86,12 +87,12 @@ void copy_runs(const RunStore& from, RunStore& to) {
   flush();
 }
 
-/// Of a resolved scenario.
+/// Plant of a resolved scenario.
 std::string plant_of(const std::string& scenario) {
   return toml::parse(scenario)["vehicle"]["plant"].value_or(std::string("?"));
 }
 
-/// Of the share of ones among zeros and ones, exact as in reports; NaN: the run failed.
+/// Interval of the share of ones among zeros and ones, exact as in reports; NaN: the run failed.
 Interval share_interval(const std::vector<double>& values) {
   std::size_t count = 0, n = 0;
   for (const double value : values) {

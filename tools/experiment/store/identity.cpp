@@ -39,7 +39,7 @@ std::string hash_of_file(const std::string& file) {
   return fmt::format("{:016x}", fnv1a(read_input(file, "the scenario's file", kMostTableBytes)));
 }
 
-/// The words of a command that are files: a script of somebody's.
+/// The words of a command that are files, such as a user's script.
 std::set<std::string> files_in(const std::string& command) {
   std::set<std::string> files;
   std::string word;

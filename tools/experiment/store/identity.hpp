@@ -19,7 +19,7 @@ struct Shard {
   bool operator==(const Shard&) const = default;
 };
 
-/// What makes a sweep the one it is, besides its arms, as "key" → text: name, version of the
+/// Identity of a sweep, in addition to its arms, as "key" → text: name, version of the
 /// program, plant, seeds, precision, …, and the contents of files that its scenarios name.
 using Identity = std::map<std::string, std::string>;
 

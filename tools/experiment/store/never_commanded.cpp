@@ -27,7 +27,7 @@ std::optional<double> plain_prr(const toml::node_view<const toml::node>& link) {
   return link["prr"].value<double>();
 }
 
-/// What by_command() gathers of an arm.
+/// Data of an arm, gathered by by_command().
 struct Gathered {
   std::vector<double> all, never, commanded;  // ε
   std::optional<double> poses;

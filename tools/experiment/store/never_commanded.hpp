@@ -25,11 +25,11 @@ std::optional<double> never_commanded_probability(const std::string& scenario, s
 struct CommandedRuns {
   std::size_t runs = 0;               ///< that did not fail
   std::size_t never = 0;              ///< of these, without a command
-  std::optional<double> probability;  ///< of `never`; nullopt: not known
+  std::optional<double> probability;  ///< probability of `never`; nullopt: not known
   /// ε by these two kinds of runs; NaN where the probability is not known or a kind has no run.
   StratifiedMean epsilon_m;
 };
-/// Of all arms, in their order.
+/// Runs of all arms, in their order.
 std::vector<CommandedRuns> by_command(const RunStore& store);
 
 /// One row an arm as CSV, through `write`: columns arm, the grid's keys, runs, never,

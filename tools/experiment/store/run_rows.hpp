@@ -19,7 +19,8 @@ std::string missing_metrics(const MetricColumns& has_metric);
 /// ", epsilon_m, rmse_m, NULL…": all metrics, for SELECT.
 std::string selected_metrics(const MetricColumns& has_metric);
 
-/// Of a row's fields, in the table's order: each with its length, so that none runs into the next.
+/// Checksum of a row's fields, in the table's order: each with its length, so that none runs into
+/// the next.
 class RowSum {
  public:
   RowSum& add(std::string_view text);
@@ -32,7 +33,7 @@ class RowSum {
   std::string bytes_;
 };
 
-/// Of a run's row without its trajectory.
+/// Checksum of a run's row without its trajectory.
 std::int64_t sum_of(const StoredRun& run, const MetricColumns& has_metric);
 
 }  // namespace tether

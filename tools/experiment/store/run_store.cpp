@@ -105,7 +105,7 @@ std::vector<TrajectoryPoint> points_of(std::span<const std::uint8_t> bytes) {
   return points;
 }
 
-/// Of SELECT arm, seed, failure, metrics…, points.
+/// Run from a row of SELECT arm, seed, failure, metrics…, points.
 StoredRun stored_run(const Statement& row) {
   StoredRun run{
       static_cast<std::size_t>(row.whole(0)), static_cast<std::uint64_t>(row.whole(1)), {}};
@@ -210,7 +210,7 @@ RunStore RunStore::open(const std::filesystem::path& file) {
   return store;
 }
 
-/// What all readers rely on.
+/// Checks the conditions that all readers rely on.
 void RunStore::check_contents() const {
   try {
     if (!is_identifier(name())) throw std::runtime_error("a bad name");
@@ -307,7 +307,7 @@ std::optional<FailedRun> RunStore::first_failure() const {
 }
 
 void RunStore::flush() {
-  // Without a log: who only reads would make its files anew, and may not remove them.
+  // Without a log: a reader would create its files again, and may not remove them.
   database_->execute("PRAGMA busy_timeout = 1000");
   Statement alone(*database_, "PRAGMA journal_mode = DELETE");
   if (alone.step() && alone.text(0) == "delete") return;

@@ -72,7 +72,7 @@ class RunStore {
   void set_complete() { write_meta({{"complete", "true"}}); }
   bool is_complete() const { return meta("complete") == "true"; }
 
-  // What the sweep was made from.
+  // Origin of the sweep.
   std::string name() const { return meta("name"); }
   std::string version() const { return meta("version"); }
   std::string plant() const { return meta("plant"); }

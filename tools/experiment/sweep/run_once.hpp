@@ -8,7 +8,7 @@
 
 namespace tether {
 
-/// What `run` returns; or what it throws as a failure, to be repeated if it is this machine's: a
+/// Result of `run`; or what it throws as a failure, to be repeated if it is this machine's: a
 /// NoResult, memory, or a system call that failed.
 RunResult result_of(const std::function<RunResult()>& run);
 

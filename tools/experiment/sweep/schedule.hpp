@@ -35,7 +35,7 @@ class SweepSchedule {
   SweepSchedule(const Experiment& experiment, const Shard& shard, HalfWidth half_width);
 
   /// A run that is there already, before the first next(); `result`: of the precision's metric,
-  /// nullopt if the run failed. Throws UsageError if it is none of this schedule's.
+  /// nullopt if the run failed. Throws UsageError if it is not one of this schedule's.
   void restore(const SweepTask& task, std::optional<double> result);
 
   /// A run to make now. Nullopt: none until one under way has ended, or none at all (is_done()).

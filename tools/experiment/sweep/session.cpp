@@ -74,7 +74,7 @@ SweepOutcome sweep_into(const fs::path& folder, const Experiment& experiment, co
   try {
     store.flush();
   } catch (const std::runtime_error&) {
-    // Somebody reads it now: all is there, in three files.
+    // A reader has it open: it is complete, in three files.
   }
   SweepOutcome outcome{database,        store.size(),        store.failures(), "",
                        end.is_complete, store.wall_time_s(), store.plant()};

@@ -48,7 +48,7 @@ class Workers {
     }
     more_tasks_.notify_one();
   }
-  /// Tasks that nobody has begun.
+  /// Tasks that no worker has begun.
   std::size_t waiting() {
     const std::lock_guard lock(mutex_);
     return tasks_.size();
@@ -57,7 +57,7 @@ class Workers {
     const std::lock_guard lock(mutex_);
     return std::exchange(tasks_, {}).size();
   }
-  /// What has ended; waits for something, but not beyond `until`.
+  /// Runs that have ended; waits for something, but not beyond `until`.
   std::vector<StoredRun> take(Clock::time_point until) {
     std::unique_lock lock(mutex_);
     more_results_.wait_until(lock, until, [this] { return !results_.empty(); });
@@ -157,7 +157,7 @@ class Session {
     if (!metric_ || !run.result.failure.empty()) return std::nullopt;
     return run.result.metrics[*metric_];
   }
-  /// A few tasks ahead, so that nobody waits for this thread.
+  /// A few tasks ahead, so that no worker waits for this thread.
   void fill() {
     for (std::size_t waiting = workers_.waiting(); waiting < 2 * options_.jobs; ++waiting) {
       const auto task = schedule_.next();

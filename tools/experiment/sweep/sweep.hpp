@@ -14,7 +14,7 @@ namespace tether {
 struct SweepProgress {
   std::size_t ended = 0;   ///< runs that are in the store, earlier sessions' included
   std::size_t known = 0;   ///< runs needed, as far as is known now
-  std::size_t failed = 0;  ///< of the ended ones
+  std::size_t failed = 0;  ///< failed ones among the ended
   std::size_t made = 0;    ///< by this session
   double elapsed_s = 0.0;  ///< wall time of this session
 };
@@ -24,11 +24,11 @@ struct SweepOptions {
   SweepSchedule::HalfWidth half_width;
   /// Called by the caller's thread, a few times a second and at the end.
   std::function<void(const SweepProgress&)> show;
-  /// What a run is; run_once().
+  /// Function that makes a run; run_once().
   std::function<RunResult(const Scenario&, double trajectory_period_s, std::size_t arm)> run;
 };
 
-/// What a sweep did not get.
+/// Missing parts of a sweep.
 struct SweepEnd {
   bool is_complete = false;        ///< the store has all runs
   std::vector<StoredRun> missing;  ///< runs that were to be repeated after their second try, too

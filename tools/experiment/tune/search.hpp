@@ -34,10 +34,10 @@ std::vector<std::size_t> round_sizes(const SearchBudget& budget);
 /// The least objective; the first one of equals.
 std::size_t best_of(const std::vector<SearchedPoint>& searched);
 
-/// A bounded search without derivatives and without random numbers. The first round is what is
-/// given and a low-discrepancy design over the whole box, each later one such a design over a box
-/// around the best point so far, whose sides are kShrink of those of the last round, cut off at the
-/// whole box. The design is Sobol's sequence (Boost.Random's, with Joe and Kuo's direction
+/// A bounded search without derivatives and without random numbers. The first round is the given
+/// points and a low-discrepancy design over the whole box. Each later one is such a design over a
+/// box around the best point so far, whose sides are kShrink of those of the last round, cut off at
+/// the whole box. The design is Sobol's sequence (Boost.Random's, with Joe and Kuo's direction
 /// numbers), which goes on from round to round: the search's n-th point has number skipped + n, but
 /// for those that are given, which are in the place of the first ones.
 ///
@@ -53,7 +53,7 @@ std::vector<SearchPoint> next_points(const SearchBudget& budget,
                                      const std::vector<SearchPoint>& given,
                                      const std::vector<SearchedPoint>& searched);
 
-/// Of the side of the last round's box.
+/// Shrink factor for the sides of the last round's box.
 inline constexpr double kShrink = 0.65;
 
 }  // namespace tether

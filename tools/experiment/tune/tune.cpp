@@ -62,7 +62,8 @@ std::vector<double> values_at(const TuningLaw& law, std::size_t n, std::size_t n
   return values;
 }
 
-/// Of one sweep: each candidate of each search, an arm for each condition, in this order.
+/// Experiment of one sweep: each candidate of each search, an arm for each condition, in this
+/// order.
 Experiment experiment_of(const Tuning& tuning, const TuningLaw& law, std::size_t round,
                          const std::vector<Search>& searches, const Round& points) {
   Experiment experiment;

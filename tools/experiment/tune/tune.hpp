@@ -11,7 +11,7 @@
 
 namespace tether {
 
-/// What a law's runs with one set of values are worth: `metrics` of each condition's runs, NaN of
+/// Objective of a law's runs with one set of values: `metrics` of each condition's runs, NaN of
 /// a run that failed, which counts as the worst. Returns the means by condition and of them the
 /// objective.
 struct Worth {

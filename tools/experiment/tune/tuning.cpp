@@ -30,11 +30,12 @@ namespace fs = std::filesystem;
 constexpr double kLargest = 1e300;
 constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
 
-/// Of each law that has none of its own.
+/// Default effort of each law without its own.
 struct Effort {
   SearchBudget budget;
   std::size_t searches = 1;
-  bool starts_at_centre = false;  ///< of the bounds, and not with what the scenario has
+  /// Starts at the centre of the bounds, not at the scenario's values.
+  bool starts_at_centre = false;
   bool is_quick = false;
 };
 
@@ -132,7 +133,7 @@ std::vector<std::size_t> conditions_of(const PlacedNode& law, const toml::node* 
                                law.key, fmt::join(allowed, "\", \"")));
 }
 
-/// What a law's table has besides scenario keys.
+/// Keys of a law's table that are not scenario keys.
 const std::set<std::string> kOfTheLaw{"bounds", "conditions", "evaluations", "first_seeds"};
 
 /// A law's own effort, where it has one, in place of the tuning's.
@@ -181,7 +182,7 @@ std::optional<ScenarioKey> find_key(const Scenario& scenario, const TunedKey& ke
   return std::nullopt;
 }
 
-/// What a key has in a scenario.
+/// Value of a key in a scenario.
 double value_in(const Scenario& scenario, const TunedKey& key) {
   const auto found = find_key(scenario, key);
   const auto value = found ? found->get(scenario) : std::nullopt;

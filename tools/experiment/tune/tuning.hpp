@@ -17,7 +17,7 @@ struct TunedKey {
   std::string key;
   double from = 0.0, to = 0.0;
   bool is_log = false;        ///< the search's steps are factors; then `from` is positive
-  std::vector<double> known;  ///< of sets of values that were good before: the key's in each
+  std::vector<double> known;  ///< the key's value in each set of values that was good before
   std::string place;          ///< "tune.toml:12"
 
   /// Values from where the search is, rounded to three significant digits, and back.
@@ -25,7 +25,7 @@ struct TunedKey {
   double coordinate_of(double value) const;
 };
 
-/// What a law is tuned for.
+/// Condition that a law is tuned for.
 struct TuningCondition {
   std::string name;
   std::vector<PlacedSetting> settings;
@@ -57,7 +57,7 @@ struct Tuning {
   std::vector<TuningCondition> conditions;
   std::vector<TuningLaw> laws;
 
-  /// What is minimised, for people.
+  /// Minimised quantity, for people.
   std::string objective() const;
   /// The scenario of a law under one of the conditions, with these values of its keys.
   Scenario scenario_of(const TuningLaw& law, std::size_t condition,

@@ -22,7 +22,7 @@ double median_step_s(const std::vector<Imported::Row>& rows) {
   return *middle;
 }
 
-/// What a trace cannot hold.
+/// Refuses values that a trace cannot hold.
 void check_bounds(const Imported& imported, const std::string& name) {
   if (imported.rows.empty()) return;
   const double span_s = imported.rows.back().time_s - imported.rows.front().time_s;

@@ -7,7 +7,7 @@
 
 namespace tether {
 
-/// What somebody's tool has measured, on its way to a trace (netem/playback/trace.hpp).
+/// Measurements of an external tool, on their way to a trace (netem/playback/trace.hpp).
 struct Imported {
   struct Row {
     double time_s = 0.0;               ///< since the first row, strictly increasing
@@ -17,7 +17,7 @@ struct Imported {
   std::vector<Row> rows;  ///< one or more
   bool of_fates = false;  ///< each row is a packet: prr is 0 or 1
   bool has_delays = false;
-  std::vector<std::string> notes;  ///< what was made of it, one line each
+  std::vector<std::string> notes;  ///< notes on the conversion, one line each
 };
 
 /// Which columns of a CSV file mean what: "NAME:UNIT", or "NAME" if its end says the unit, as
@@ -38,18 +38,19 @@ struct ImportColumns {
 /// instant the last counts. Throws UsageError with file, line and column.
 Imported import_csv(std::istream& in, const std::string& name, const ImportColumns& columns);
 
-/// What ping of iputils, macOS or busybox writes, best with -D (times) and -O (none needed): a
-/// number that is missing was lost. Windows' (in English) has a line for each packet. Delays are
-/// half the round trips. Without times, packets are `interval_s` apart.
+/// Imports the output of ping of iputils, macOS or busybox writes, best with -D (times) and -O
+/// (none needed): a number that is missing was lost. Windows' (in English) has a line for each
+/// packet. Delays are half the round trips. Without times, packets are `interval_s` apart.
 Imported import_ping(std::istream& in, const std::string& name, double interval_s);
 
-/// What iperf3 writes: of UDP the receiver's report, in text or JSON (-J; of the client with
+/// Imports the output of iperf3: of UDP the receiver's report, in text or JSON (-J; of the client
+/// with
 /// --get-server-output): a row for each interval, with its share of packets that arrived, of all
 /// streams together; of TCP the sender's in JSON: half the round trip times. The summary and what
 /// is omitted (-O) do not count. Throws UsageError for a file without such a report, or with two.
 Imported import_iperf3(const std::string& text, const std::string& name);
 
-/// What becomes of times without rows.
+/// Rule for times without rows.
 struct GapRule {
   enum class Meaning { hold, lost, refuse };
   Meaning meaning = Meaning::hold;  ///< hold: the row before them holds

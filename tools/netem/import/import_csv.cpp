@@ -23,7 +23,7 @@ const std::vector<std::string> kLosses{"lost", "share", "percent", "prr", "prr_p
 
 struct Kind {
   std::string what;                ///< as the option is called
-  std::vector<std::string> stems;  ///< of the names of such columns
+  std::vector<std::string> stems;  ///< beginnings of the names of such columns
   std::vector<std::string> units;
 };
 
@@ -43,8 +43,8 @@ struct Column {
   std::string stem;
 };
 
-/// "RTT (ms)" is "rtt" and "ms"; "delay_ms" likewise; "delay, one way (ms)" is "delay_one_way" and
-/// "ms"; what has no unit at its end has "".
+/// "RTT (ms)" is "rtt" and "ms"; so is "delay_ms"; "delay, one way (ms)" is "delay_one_way" and
+/// "ms"; a name without a unit at its end has "".
 std::pair<std::string, std::string> stem_and_unit(const std::string& name,
                                                   const std::vector<std::string>& units) {
   std::string words;

@@ -29,13 +29,13 @@ void add_row(Rows& rows, Imported::Row row) {
   rows.push_back(row);
 }
 
-/// What comes late, after it was counted as lost, iperf3 takes back from an interval's losses,
-/// which may then be below 0.
+/// iperf3 subtracts packets that arrive after they counted as lost from an interval's losses, which
+/// may then be below 0.
 void add_udp(Rows& rows, double start_s, double packets, double lost) {
   if (packets > 0.0) add_row(rows, {start_s, std::nullopt, std::min(1.0, 1.0 - lost / packets)});
 }
 
-/// What one side wrote of one test, in text. Senders' intervals, and TCP's, have no losses.
+/// Text report of one side of a test. Senders' intervals, and TCP's, have no losses.
 class Report {
  public:
   explicit Report(int first_line) : first_line_(first_line) {}
@@ -125,7 +125,7 @@ Rows intervals(const Json& report) {
     for (const Json& stream : interval.at("streams")) {
       if (!stream.contains("rtt") || stream.at("rtt").get<double>() <= 0.0) continue;
       add_row(rows, {start_s, 0.5e-3 * stream.at("rtt").get<double>(), 1.0});
-      break;  // of several streams the first
+      break;  // only the first of several streams
     }
   }
   return rows;
@@ -141,7 +141,8 @@ Rows from_json(const std::string& text, const std::string& name) {
     Rows rows;
     if (report.contains("server_output_json")) rows = intervals(report.at("server_output_json"));
     if (rows.empty()) rows = intervals(report);
-    if (rows.empty() && report.contains("server_output_text")) {  // of a server without --json
+    if (rows.empty() &&
+        report.contains("server_output_text")) {  // only from a server without --json
       return from_text(report.at("server_output_text").get<std::string>(),
                        name + ": server_output_text");
     }

@@ -13,8 +13,9 @@
 namespace tether {
 namespace {
 
-constexpr std::int64_t kNumbers = 65536;  // of an echo request; then they begin again
-// Those that no line tells of are lost: so many, and so many for each line.
+// Sequence numbers of echo requests; then they begin again.
+constexpr std::int64_t kNumbers = 65536;
+// Limits on lost packets, which have no line: in all, and for each line.
 constexpr std::int64_t kMostPackets = 20'000'000, kMostSilent = 100'000, kMostSilentEach = 100;
 constexpr double kMostTime_ms = 1e9, kMostStamp_s = 1e11;
 constexpr double kBelow1_ms = 0.5;    // what Windows' "time<1ms" counts as
@@ -65,7 +66,7 @@ class Echoes {
     }
   }
 
-  /// Of those sent, also before the first and after the last that the file tells of.
+  /// First number sent, also if it is before the first in the file.
   std::int64_t first() const {
     const std::int64_t told = all_.begin()->first;
     return transmitted_ ? std::min<std::int64_t>(1, told) : told;
@@ -87,7 +88,7 @@ class Echoes {
 
   /// Windows' ping numbers nothing, but writes a line for each: "Reply from 192.0.2.7: bytes=32
   /// time=12ms TTL=57" (or time<1ms), "Request timed out.", "Reply from 192.0.2.1: Destination host
-  /// unreachable." False: the line is none of its.
+  /// unreachable." False: not such a line.
   bool add_windows(std::string_view line) {
     const bool is_below = line.find(" time<1ms") != std::string_view::npos;
     const bool is_reply = line.starts_with("Reply from ");
@@ -166,7 +167,7 @@ Imported import_ping(std::istream& in, const std::string& name, double interval_
   const std::int64_t most = std::min(kMostPackets, kMostSilent + kMostSilentEach * told);
   if (last - first >= most) {
     throw UsageError(
-        fmt::format("{}: numbers from {} to {}, of which {} are told of; at most {} "
+        fmt::format("{}: numbers from {} to {}, of which the file has {}; at most {} "
                     "packets are taken of so few",
                     name, first, last, told, most));
   }
