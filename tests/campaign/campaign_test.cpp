@@ -11,7 +11,7 @@
 #include "tests/campaign/rules.hpp"
 
 // The campaign itself: it gives the same on any number of threads, and its rules see what breaks
-// them. Records here are made by hand.
+// them. Records here are written manually.
 
 namespace tether::campaign {
 namespace {
@@ -233,8 +233,9 @@ INSTANTIATE_TEST_SUITE_P(
                r.requests.push_back({at_ms(2995), Request::ESTOP, true}),
                    set_states(r, 3000, 3020, State::ARMED);
              }},
-        Case{"armed by nobody", [](Record& r) { r.requests[0].acts = false; }},
-        Case{"armed by nobody", [](Record& r) { set_states(r, 980, 1000, State::DISARMED); }},
+        Case{"armed without a request", [](Record& r) { r.requests[0].acts = false; }},
+        Case{"armed without a request",
+             [](Record& r) { set_states(r, 980, 1000, State::DISARMED); }},
         Case{"armed without zero",
              [](Record& r) {
                for (CommandSample& c : r.commands) c.moves_from = c.when;

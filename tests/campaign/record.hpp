@@ -30,7 +30,7 @@ struct WheelSample {
 struct CutSample {
   Instant when;
   std::size_t wheel = 0;
-  double rim_mps = 0.0;  ///< as it truly turned
+  double rim_mps = 0.0;  ///< true speed
   bool reset = false;    ///< NMT reset; else "disable voltage" or "shutdown" of a powered axis
 };
 
@@ -84,7 +84,7 @@ struct Interval {
   Instant until;
 };
 
-/// The campaign's limits, as the bridge was told them.
+/// The campaign's limits, as configured in the bridge.
 struct Limits {
   Duration cycle{};
   Duration stale{};
@@ -100,7 +100,7 @@ struct Limits {
   double yaw_deceleration_radps2 = 0.0;
 };
 
-/// What happened in a run, for rules to be checked on.
+/// Record of a run, on which rules are checked.
 struct Record {
   Limits limits;
   std::vector<StateSample> states;
@@ -110,10 +110,10 @@ struct Record {
   std::vector<SetpointSample> setpoints;
   std::vector<CutSample> cuts;
   std::array<std::vector<Instant>, 2> heard;  ///< setpoints on the bus, of each drive
-  std::vector<Instant> foreign;               ///< a stranger commands the drives
-  std::vector<Interval> stalls;               ///< of the bridge
-  std::vector<Instant> restarts;              ///< a new bridge lives from here on
-  std::vector<Fault> faults;                  ///< as applied, with their ends
+  std::vector<Instant> foreign;   ///< times at which an unknown sender commands the drives
+  std::vector<Interval> stalls;   ///< of the bridge
+  std::vector<Instant> restarts;  ///< a new bridge lives from here on
+  std::vector<Fault> faults;      ///< as applied, with their ends
   Instant quiet;
   Instant end;
 

@@ -16,7 +16,7 @@ const std::vector<Rule>& rules() {
       {"setpoint forbidden", setpoint_forbidden},
       {"frame forbidden", frame_forbidden},
       {"stop not obeyed", stop_not_obeyed},
-      {"armed by nobody", armed_by_nobody},
+      {"armed without a request", armed_without_request},
       {"armed without zero", armed_without_zero},
       {"armed on old commands", armed_on_old_commands},
       {"fault left", fault_left},

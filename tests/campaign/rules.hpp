@@ -15,8 +15,8 @@ struct Violation {
   std::string what;
 };
 
-/// What must hold in every run, whatever goes wrong. Rules see only what was published, what was on
-/// the bus, how the wheels truly turned and what was sent: nothing of the bridge's insides.
+/// Rule that must hold in every run, whatever goes wrong. Rules see only what was published, what
+/// was on the bus, how the wheels truly turned and what was sent: nothing of the bridge's insides.
 struct Rule {
   const char* name;
   std::optional<Violation> (*broken)(const Record&);
@@ -27,7 +27,7 @@ const std::vector<Rule>& rules();
 
 /// Outside ARMED the wheels come to rest within the braking time and way, and stay so.
 std::optional<Violation> wheels_turn_unarmed(const Record& record);
-/// The same from can.stale_ms after the newest command that somebody may have meant.
+/// The same from can.stale_ms after the newest command that may have been genuine.
 std::optional<Violation> wheels_turn_on_old_commands(const Record& record);
 /// The same for each wheel from kDriveDeadline after its drive's last setpoint.
 std::optional<Violation> wheel_turns_without_setpoints(const Record& record);
@@ -58,7 +58,7 @@ std::optional<Violation> frame_forbidden(const Record& record);
 std::optional<Violation> stop_not_obeyed(const Record& record);
 /// ARMING begins only by an ARM that is fresh and new, never from FAULT, ESTOP or REFUSED; ARMED
 /// only after ARMING.
-std::optional<Violation> armed_by_nobody(const Record& record);
+std::optional<Violation> armed_without_request(const Record& record);
 /// ARMED begins only with a command that is fresh and says zero.
 std::optional<Violation> armed_without_zero(const Record& record);
 /// Commands older than can.disarm_ms end ARMED.

@@ -20,7 +20,7 @@ constexpr double kQuickStop_mps2 = 4.0;
 constexpr Duration kDriveDeadline = std::chrono::milliseconds{120};
 /// How long the wheels lag behind the drives' ramps: servo, ticks, reports.
 constexpr Duration kServoLag = std::chrono::milliseconds{50};
-/// What a stranger's frame may do before the bridge's next frames are in force.
+/// Effect that an unknown sender's frame may have before the bridge's next frames are in force.
 constexpr Duration kForeignReach = std::chrono::milliseconds{60};
 
 /// Jerk limits delay a ramp by 0.1 s and two cycles at most (TwistLimiter::stop); one cycle until
@@ -54,8 +54,8 @@ class Permission {
   std::vector<Interval> intervals_;
 };
 
-/// A stranger's frames move drives for a while, whatever the bridge does.
-void permit_strangers(const Record& record, Permission& permission) {
+/// An unknown sender's frames move drives for a while, whatever the bridge does.
+void permit_unknown_senders(const Record& record, Permission& permission) {
   for (const Instant t : record.foreign) permission.add(t, t + kForeignReach);
 }
 
@@ -70,10 +70,11 @@ void permit_silence(const Record& record, Permission& permission) {
   }
 }
 
-/// How long a stranger's NMT command keeps a wheel from the bridge's setpoints and stops.
-/// A drive that a stranger took out of "operational" takes no setpoint, and NMT "start" begins its
-/// deadline of setpoints again. If it refuses the stop by SDO, too, heartbeats are withheld (0.2 s)
-/// until its watchdog acts (0x1016 = 250 ms); a bridge that restarts listens, and asks as long.
+/// How long an unknown sender's NMT command keeps a wheel from the bridge's setpoints and stops.
+/// A drive that an unknown sender took out of "operational" takes no setpoint, and NMT "start"
+/// begins its deadline of setpoints again. If it refuses the stop by SDO, too, heartbeats are
+/// withheld (0.2 s) until its watchdog acts (0x1016 = 250 ms); a bridge that restarts listens, and
+/// asks as long.
 Interval nmt_reach(const Record& record, const Fault& nmt, std::size_t wheel) {
   constexpr Duration kConfirms = std::chrono::milliseconds{200};
   constexpr Duration kHeartbeat = std::chrono::milliseconds{250};
@@ -200,7 +201,7 @@ std::optional<Violation> wheels_turn_unarmed(const Record& record) {
     if (record.states[i].state != drivetrain_state_t::ARMED) continue;
     permission.add(record.states[i].when, record.states[i + 1].when);
   }
-  permit_strangers(record, permission);
+  permit_unknown_senders(record, permission);
   permit_silence(record, permission);
   permit_physics(record, permission);
   for (const std::size_t wheel : {0, 1}) permit_nmt(record, wheel, permission);
@@ -214,7 +215,7 @@ std::optional<Violation> wheels_turn_on_old_commands(const Record& record) {
     fresh.add(c);
     permission.add(c.when, fresh.as_of(record.limits.max_blind) + record.limits.stale);
   }
-  permit_strangers(record, permission);
+  permit_unknown_senders(record, permission);
   permit_silence(record, permission);
   permit_physics(record, permission);
   return turns_outside(record, permission, reaction(record.limits));
@@ -224,10 +225,10 @@ std::optional<Violation> wheel_turns_without_setpoints(const Record& record) {
   for (std::size_t i = 0; i < 2; ++i) {
     Permission permission;
     for (const Instant t : record.heard[i]) permission.add(t, t + kDriveDeadline);
-    permit_strangers(record, permission);
+    permit_unknown_senders(record, permission);
     permit_nmt(record, i, permission);
     permit_physics(record, permission);
-    // Of this wheel alone: the other one may have setpoints.
+    // Record of this wheel alone: the other one may have setpoints.
     Record one;
     one.limits = record.limits;
     one.wheels = record.wheels;

@@ -88,7 +88,7 @@ std::optional<Violation> stop_not_obeyed(const Record& record) {
   return std::nullopt;
 }
 
-std::optional<Violation> armed_by_nobody(const Record& record) {
+std::optional<Violation> armed_without_request(const Record& record) {
   std::int32_t last = State::STARTING;
   for (std::size_t i = 0; i < record.states.size(); ++i) {
     const StateSample& s = record.states[i];
@@ -181,7 +181,7 @@ std::optional<Violation> estop_left(const Record& record) {
   auto request = record.requests.begin();
   for (std::size_t i = 0; i < record.states.size(); ++i) {
     const StateSample& s = record.states[i];
-    // What the old bridge got after its last cycle, it had no time to remember.
+    // The old bridge had no time to store requests that it received after its last cycle.
     if (is_first(record, i)) {
       while (request != record.requests.end() && request->when < record.restarts.front()) ++request;
       if (estop.latched) estop.pressed = true;
@@ -190,7 +190,7 @@ std::optional<Violation> estop_left(const Record& record) {
       estop.on_request(*request);
     }
     if (!estop.latched || s.state == State::ESTOP || s.state == State::STOPPING) continue;
-    // What comes at the very time of this cycle may have come before it.
+    // A request at the very time of this cycle may have come before it.
     for (auto r = request; r != record.requests.end() && r->when == s.when; ++r) {
       estop.on_request(*r);
       if (!estop.latched) break;

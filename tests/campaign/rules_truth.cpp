@@ -7,7 +7,7 @@
 
 #include "tests/campaign/rules.hpp"
 
-// What the bridge believes of the wheels, against how they truly turn.
+// The bridge's knowledge of the wheels, against their true motion.
 
 namespace tether::campaign {
 namespace {
@@ -19,9 +19,9 @@ using State = drivetrain_state_t;
 constexpr double kTurns_mps = 0.05;
 /// A load pushes at up to 2 m/s²; the bridge knows of standstill up to three cycles before.
 constexpr double kPushed_mps = kTurns_mps + 2.0 * 0.06;
-/// A stranger may switch a drive on after it said that it is off.
+/// An unknown sender may switch a drive on after it said that it is off.
 constexpr Duration kForeignReach = std::chrono::milliseconds{100};
-/// From a fault of an encoder on, until the bridge can know of none that it was told.
+/// From a fault of an encoder on, until the bridge can have discarded its reports.
 constexpr Duration kRecovers = std::chrono::milliseconds{300};
 
 /// Since when this wheel has turned without a pause; `when` if it stands then.

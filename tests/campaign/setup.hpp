@@ -6,7 +6,7 @@
 
 namespace tether::campaign {
 
-/// What all trials share; read once.
+/// State that all trials share; read once.
 struct Setup {
   BridgeSettings settings;
   DrivetrainConfig drivetrain;
@@ -17,7 +17,7 @@ Setup load_setup();
 /// The drives of a trial, that coast and brake as it says.
 DrivetrainConfig drivetrain_of(const Setup& setup, const Trial& trial);
 
-/// What the bridge of a trial is told, and what of that rules ask for.
+/// Settings of a trial's bridge, and those that rules use.
 BridgeSettings settings_of(const Setup& setup, const Trial& trial);
 Limits limits_of(const BridgeSettings& settings);
 

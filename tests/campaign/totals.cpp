@@ -11,7 +11,7 @@
 namespace tether::campaign {
 namespace {
 
-/// What a stop's reason is about: the first of these that it contains.
+/// Cause in a stop's reason: the first of these that it contains.
 std::string cause_of(const std::string& reason) {
   constexpr std::pair<const char*, const char*> kCauses[] = {
       {"e-stop", "e-stop"},
@@ -23,7 +23,7 @@ std::string cause_of(const std::string& reason) {
       {"two senders", "two senders"},
       {"running already", "bridge killed"},
       {"OperationEnabled to", "drive left operation"},
-      {"another sender uses", "stranger on the bus"},
+      {"another sender uses", "unknown sender on the bus"},
       {"bridge itself stood still", "bridge suspended"},
       {"bus-off", "bus-off"},
       {"stalled", "bus stalled"},

@@ -18,7 +18,7 @@ struct Finding {
   std::string what;
 };
 
-/// What many runs came to. Sums, so their order is of no account.
+/// Totals of many runs. Sums, so their order is of no account.
 struct Totals {
   std::int64_t runs = 0;
   std::int64_t armed_runs = 0;
@@ -28,7 +28,8 @@ struct Totals {
   std::map<std::string, std::int64_t> faults;
   std::map<std::string, std::int64_t> stops;
   std::vector<Finding> findings;
-  /// Of all states and wheel speeds: the same runs give the same, whatever else is the same.
+  /// Fingerprint of all states and wheel speeds: the same runs give the same, whatever else is the
+  /// same.
   std::uint64_t fingerprint = 0;
 
   /// With the rules that it breaks.

@@ -13,7 +13,7 @@
 
 namespace tether::campaign {
 
-/// What controllers and operators know of the vehicle.
+/// Knowledge of controllers and operators about the vehicle.
 struct Heard {
   std::int32_t state = 0;
   Instant since;  ///< it is in this state
@@ -48,7 +48,7 @@ class Network {
   std::vector<Sent> sent_;
 };
 
-/// What is wrong with a message that a stranger sends.
+/// Fault of a message from an unknown sender.
 struct Forgery {
   bool session = false;
   bool nan = false;

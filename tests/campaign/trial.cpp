@@ -14,7 +14,7 @@ double between(RandomEngine& random, double low, double high) {
 
 Fault draw_fault(RandomEngine& random, const Trial& trial) {
   Fault fault;
-  // Those of the vehicle have a stream of their own: with_vehicle().
+  // The vehicle's random numbers have a stream of their own: with_vehicle().
   const auto rows = static_cast<double>(FaultKind::pushed);
   fault.kind = static_cast<FaultKind>(uniform_01(random) * rows);
   const FaultRow& row = row_of(fault.kind);
@@ -111,7 +111,7 @@ Trial with_vehicle(Trial t) {
     fault.kind = uniform_01(random) < 0.5 ? FaultKind::pushed : FaultKind::weak_brake;
     t.faults.push_back(fault);
   }
-  // What pushes ends before the campaign's quiet, and the vehicle rolls out after it.
+  // Pushing ends before the campaign's quiet, and the vehicle rolls out after it.
   if (!t.brake) t.end = t.quiet + std::chrono::seconds{4} + from_seconds(3.0 / t.coast_mps2);
   return t;
 }

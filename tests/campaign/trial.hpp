@@ -8,11 +8,11 @@
 
 namespace tether::campaign {
 
-/// What goes wrong in a trial. A row of kFaultKinds each.
+/// Kinds of faults in a trial. A row of kFaultKinds each.
 enum class FaultKind : std::uint8_t {
   loss,        ///< of the controllers' messages
   delay,       ///< of them, on top
-  duplicates,  ///< of them
+  duplicates,  ///< duplicated messages
   replay,      ///< messages of earlier in the run once more
   forged_session,
   forged_nan,
@@ -23,7 +23,7 @@ enum class FaultKind : std::uint8_t {
   controller_restarted,
   second_sender,
   frozen_pose,  ///< uplink dead: commands go on from an old pose
-  arm,          ///< requests that nobody expects …
+  arm,          ///< unexpected requests …
   disarm,
   estop,
   release,
@@ -32,8 +32,8 @@ enum class FaultKind : std::uint8_t {
   late_request,
   bridge_stalls,     ///< its process is suspended
   bridge_restarted,  ///< killed; a new one comes, once a run
-  nmt,               ///< NMT commands of a stranger
-  sdo_write,         ///< of a stranger
+  nmt,               ///< NMT commands of an unknown sender
+  sdo_write,         ///< by an unknown sender
   emcy,              ///< in a drive's name
   foreign_master,
   drive_fault,
@@ -77,10 +77,10 @@ struct Trial {
   bool any = false;  ///< plans are based on any, not on what the vehicle follows; twists on no pose
   bool stubborn = false;   ///< the controller commands motion whether or not the vehicle is armed
   bool eager = false;      ///< it does so while the drives are being switched on
-  double period_s = 0.05;  ///< of the controller
+  double period_s = 0.05;  ///< period of the controller
   double delay_s = 0.02;   ///< of its messages, up to 10 ms more
   double pose_age_s = 0.05;
-  double horizon_s = 2.0;  ///< of plans
+  double horizon_s = 2.0;  ///< horizon of plans
   double max_speed_mps = 1.0;
   double max_yaw_rate_radps = 1.0;
   double deceleration_mps2 = 1.5;
@@ -89,7 +89,7 @@ struct Trial {
   double max_blind_m = 1.0;
   bool brake = true;        ///< holds wheels without power; else they coast …
   double coast_mps2 = 1.0;  ///< … at this deceleration
-  double patience_s = 0.3;  ///< of the operator: between requests, and half of it before
+  double patience_s = 0.3;  ///< patience of the operator: between requests, and half of it before
   std::vector<Fault> faults;
   Instant quiet;
   Instant end;

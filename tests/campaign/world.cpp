@@ -19,8 +19,8 @@
 #include "common/bus/message_io.hpp"
 #include "common/loop/virtual_loop.hpp"
 #include "tests/campaign/process.hpp"
-#include "tests/campaign/stranger.hpp"
 #include "tests/campaign/traffic.hpp"
+#include "tests/campaign/unknown_sender.hpp"
 #include "tests/campaign/witness.hpp"
 
 namespace tether::campaign {
@@ -66,7 +66,7 @@ class World {
         controller_(trial, "controller", loop_, network_, heard_),
         second_(trial, "second", loop_, network_, heard_),
         operator_(trial, loop_, bus_, heard_),
-        stranger_(trial, loop_, can_.add_port(), record_.foreign) {
+        unknown_sender_(trial, loop_, can_.add_port(), record_.foreign) {
     next_bridge_.process.set_alive(false);
     record_.limits = limits_of(settings_);
     record_.quiet = trial.quiet;
@@ -131,7 +131,7 @@ class World {
   Controller controller_;
   Controller second_;
   Operator operator_;
-  Stranger stranger_;
+  UnknownSender unknown_sender_;
   std::int64_t injections_ = 0;
   std::int64_t undecodable_ = 0;
 };
@@ -251,7 +251,7 @@ void World::begin(const Fault& fault) {
   begin_message_fault(fault);
   begin_request(fault);
   begin_vehicle_fault(fault);
-  stranger_.begin(fault);
+  unknown_sender_.begin(fault);
 }
 
 void World::begin_message_fault(const Fault& fault) {
@@ -392,7 +392,7 @@ void World::end(const Fault& fault) {
   }
 }
 
-/// What ends one injected fault of a drive ends its others, too.
+/// The end of one injected fault of a drive ends its others, too.
 void World::cut_short(const Fault& fault) {
   for (Fault& other : record_.faults) {
     const bool injected =

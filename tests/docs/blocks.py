@@ -1,4 +1,4 @@
-"""What documents say to type, and what they say comes out.
+"""Commands in documents, and their printed output.
 
 A block of commands is an indented or fenced one that begins with a command. With "$ " before its commands, all
 other lines are what they print; without, all lines are commands. In what is printed "[...]" stands for any lines
@@ -41,7 +41,7 @@ class Block:
     mark: str  # "" for none
     commands: list
     file_text: str = ""  # with marks "file" and "python": what is in it
-    name: str = ""  # of the file that it is, or of the one that ends with it
+    name: str = ""  # name of the file that it is, or of the one that ends with it
 
 
 def lines_of_blocks(text):
@@ -124,7 +124,7 @@ def blocks_of(file):
 
 
 def pattern_of(printed, any_digits):
-    """What the printed lines stand for, as a regular expression for words with one blank between them."""
+    """The printed lines as a regular expression for words with one blank between them."""
     words = " ".join(printed).split()
     parts = []
     for word in words:
@@ -136,7 +136,7 @@ def pattern_of(printed, any_digits):
             part = re.sub(r"(?:\\-)?\d+(?:\\\.\d+)?(?:e(?:\\-)?\d+)?", r"-?[\\d.]+(?:e-?\\d+)?", part)
         parts.append(part + " ")
     pattern = "".join(parts)
-    # What a machine takes is its own, everywhere.
+    # Run times differ between machines.
     return re.sub(r"simulated in \S+ s \S+ x", r"simulated in \\S+ s \\S+ x", pattern)
 
 

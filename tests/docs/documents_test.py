@@ -21,7 +21,7 @@ import reference
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TIMEOUT_S = {False: 120, True: 7200}
-# What a checkout has.
+# Folders of a checkout.
 OF_THE_CHECKOUT = ["bench", "docs", "drivetrains", "examples", "experiments", "python", "scenarios", "tests", "tools"]
 
 
@@ -70,7 +70,7 @@ class Shell:
 
 
 def check_block(shell, block):
-    """What is wrong when a block's commands are run, a text each."""
+    """Failures of a block's commands, a text each."""
     for command in block.commands:
         where = f"{block.file.relative_to(ROOT)}:{block.line}: {command.text}"
         try:
@@ -79,13 +79,13 @@ def check_block(shell, block):
             yield f"{where}\n  does not end; a mark is missing?"
             return
         if command.printed and not blocks.agrees(block, command, said):
-            yield f"{where}\n  prints:\n{said}  but is said to print:\n" + "\n".join(command.printed)
+            yield f"{where}\n  prints:\n{said}  but the page has:\n" + "\n".join(command.printed)
         elif code != 0 and not re.search("error|refused", "".join(command.printed or [])):
             yield f"{where}\n  exit code {code}:\n{said}"
 
 
 def check_python(shell, blocks_of_python, bin_dir):
-    """What is wrong when a page's Python is run, a text each. What needs tether_env is left out where that is not
+    """Failures of a page's Python, a text each. What needs tether_env is left out where that is not
     built."""
     file = blocks_of_python[0].file
     for block in blocks_of_python:
@@ -137,7 +137,7 @@ def anchors(file):
 
 
 def broken_links(file):
-    """What a document's links and pictures lead to, and is not there."""
+    """Targets of a document's links and pictures that do not exist."""
     text = file.read_text()
     for link in re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'(?:src|href)="([^"]+)"', text):
         if re.match(r"[a-z]+:", link):
@@ -160,7 +160,7 @@ def wrong_inline(file, bin_dir):
 
 
 def wrong_demo(bin_dir):
-    """What README says that demo.sh prints at its end, and it does not."""
+    """Lines that README shows at the end of demo.sh, and demo.sh does not print."""
     demo = (ROOT / "demo.sh").read_text()
     told = re.search(r"(?m)^    Try next:\n((?:      .*\n)+)", (ROOT / "README.md").read_text())
     for line in told[1].splitlines():

@@ -1,4 +1,4 @@
-"""What the programs say of themselves: commands, options and keys, to check command lines against without running
+"""Descriptions by the programs themselves: commands, options and keys, to check command lines against without running
 them."""
 
 import functools
@@ -68,7 +68,7 @@ def simple_commands(line):
 
 
 def wrong_with_words(bin_dir, root, words):
-    """What is wrong with one program's words; None if nothing is."""
+    """Errors in one program's texts; None if nothing is."""
     if not words:
         return None
     name = words[0]
@@ -108,7 +108,7 @@ def wrong_with_words(bin_dir, root, words):
 
 
 def wrong_with(bin_dir, root, line):
-    """What is wrong with a line of shell; None if nothing is, as far as can be told without running it."""
+    """Error in a line of shell; None if there is none that shows without running it."""
     for words in simple_commands(line):
         wrong = wrong_with_words(bin_dir, root, words)
         if wrong:

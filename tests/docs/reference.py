@@ -102,7 +102,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bin_dir", type=pathlib.Path, help="folder of the programs: build/release/bin")
     way = parser.add_mutually_exclusive_group()
-    way.add_argument("--write", action="store_true", help="write the pages anew")
+    way.add_argument("--write", action="store_true", help="write the pages")
     way.add_argument("--check", action="store_true", help="say which are out of date (the default); exit code 1 if any is")
     given = parser.parse_args()
     bin_dir = given.bin_dir.resolve()

@@ -16,7 +16,7 @@ import tether
 
 
 def told_by_line(text):
-    """What is said to come out, by the line."""
+    """Expected output, by the line."""
     told = {}
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:
@@ -48,10 +48,10 @@ def main():
         for statement in ast.parse(block.file_text).body:
             said, words = comes_out(statement, names), told.pop(statement.end_lineno, None)
             if words is not None and said != words:
-                print(f"line {block.line + statement.end_lineno - 1}: {words} is told, {said} comes out")
+                print(f"line {block.line + statement.end_lineno - 1}: the page has {words}, but {said} comes out")
                 wrong = 1
         for line in told:
-            print(f"line {block.line + line - 1}: {told[line]} is told of no statement's end")
+            print(f"line {block.line + line - 1}: {told[line]} stands at no statement's end")
             wrong = 1
     return wrong
 

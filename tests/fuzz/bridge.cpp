@@ -71,14 +71,15 @@ void step(Script& script, CanWorld& world, InProcessCan::Port& port) {
     case 7:
       return port.set_state(static_cast<CanState>(script.choice(6)));
     default:
-      world.stranger.send(next_frame(script));
+      world.unknown_sender.send(next_frame(script));
   }
 }
 
 }  // namespace
 
 /// A script of CAN frames and messages to the bridge, with the emulated drives on its bus or
-/// without. Nothing is told to move before the first ARM, nor, by twists, long after the last one.
+/// without. Nothing gets a command to move before the first ARM, nor, by twists, long after the
+/// last one.
 void try_input(std::span<const std::uint8_t> input) {
   static const Scenario twists = scenario_of(false), plans = scenario_of(true);
   Script script(input);
@@ -101,13 +102,13 @@ void try_input(std::span<const std::uint8_t> input) {
                              [&](const auto& m) { armed |= m.request == drive_request_t::ARM; });
   for (int i = 0; i < 60 && !script.ended(); ++i) {
     step(script, world, port);
-    must(armed || !watched.moves, "nothing is told to move before the first ARM");
+    must(armed || !watched.moves, "no command to move before the first ARM");
   }
   if (!watched.moves || takes_plans) return;
   world.pass_time(std::chrono::seconds{6});
   watched.moves = false;
   world.pass_time(std::chrono::seconds{1});
-  must(!watched.moves, "nothing is told to move long after the last twist");
+  must(!watched.moves, "no command to move long after the last twist");
 }
 
 }  // namespace tether::fuzzing

@@ -38,7 +38,7 @@ inline CanFrame next_frame(Script& script) {
 /// A bus in virtual time, whose participants a script meddles with.
 struct CanWorld : VirtualWorld {
   InProcessCan can{loop, 500e3};
-  InProcessCan::Port& stranger{can.add_port()};
+  InProcessCan::Port& unknown_sender{can.add_port()};
   const std::vector<std::string> words{"run", "agv", ""};
 
   /// Messages have the time, this run and numbers that count up, or whatever the script says.

@@ -24,7 +24,7 @@ void run(CanWorld& world, InProcessCan::Port& port, Script& script, int steps, M
         world.pass_time(kCycle);
       }
     } else {
-      world.stranger.send(next_frame(script));
+      world.unknown_sender.send(next_frame(script));
     }
   }
 }

@@ -30,7 +30,7 @@ void try_input(std::span<const std::uint8_t> input) {
         world.say<wheel_states_t>(script, "SIM/WHEELS");
         break;
       default:
-        world.stranger.send(next_frame(script));
+        world.unknown_sender.send(next_frame(script));
     }
   }
   world.pass_time(std::chrono::milliseconds{200});

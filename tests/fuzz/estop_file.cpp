@@ -40,7 +40,7 @@ void try_input(std::span<const std::uint8_t> input) {
   EstopFile file(kPath);
   write(text);
   file.remember(true, kStart);
-  must(!file.trouble().empty() || file.latched(), "a changed file is told");
+  must(!file.trouble().empty() || file.latched(), "a changed file is reported");
   file.end();
   must(EstopFile(kPath).latched(), "a latch outlives what was written by another");
   std::filesystem::remove(kPath);

@@ -13,7 +13,7 @@
 
 namespace tether::fuzzing {
 
-/// What a fuzz target does with one input: each target defines it. Sanitizers, must() and
+/// Runs a fuzz target with one input: each target defines it. Sanitizers, must() and
 /// exceptions end the fuzzer with a report and the input.
 void try_input(std::span<const std::uint8_t> input);
 

@@ -23,7 +23,7 @@ void try_input(std::span<const std::uint8_t> input) {
   for (const LogDamage& damage : reader.damage()) accounted += damage.size_bytes;
   must(accounted == input.size(), "each byte is of a record or of damage");
 
-  // What becomes MCAP accounts for each event.
+  // The export to MCAP accounts for each event.
   for (const bool ros2 : {false, true}) {
     std::istringstream first(text_of(input)), second(text_of(input));
     EventLogReader surveyed(first), exported(second);

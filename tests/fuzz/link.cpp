@@ -15,8 +15,9 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kMost_ms{250};
 
-/// Datagrams of somebody without a key, at any time of two hosts' life: whole, and made of theirs.
-void play_stranger(Script& script, TwoHosts& net) {
+/// Datagrams of a sender without a key, at any time of two hosts' life: whole, and made from the
+/// hosts' own.
+void play_unknown_sender(Script& script, TwoHosts& net) {
   switch (script.choice(6)) {
     case 0:
       net.run(std::min(milliseconds{script.byte()}, kMost_ms));
@@ -44,14 +45,14 @@ void play_stranger(Script& script, TwoHosts& net) {
 }
 
 /// Nothing is delivered that was not sent, and nothing twice; and the two still hear each other.
-void try_stranger(Script& script) {
+void try_unknown_sender(Script& script) {
   TwoHosts net(link::testing::two_paths());
   net.tick = milliseconds{10};
   net.keep = true;
   for (int i = 0; i < 100 && !script.ended(); ++i) {
-    play_stranger(script, net);
+    play_unknown_sender(script, net);
     for (const auto& heard : net.hosts[1].heard) {
-      must(heard.channel == "CMD" || heard.channel == "LATEST", "nobody else's messages");
+      must(heard.channel == "CMD" || heard.channel == "LATEST", "no other messages");
     }
     if (net.seen.size() > 5000) net.seen.clear();
   }
@@ -107,7 +108,7 @@ void try_peer(Script& script) {
 void try_input(std::span<const std::uint8_t> input) {
   Script script(input);
   if (script.choice(2) == 0) {
-    try_stranger(script);
+    try_unknown_sender(script);
   } else {
     try_peer(script);
   }

@@ -120,7 +120,7 @@ void try_coordinator(Script& script) {
 
 }  // namespace
 
-/// A script of what somebody says to a node in lockstep, or to the coordinator.
+/// A script of messages to a node in lockstep, or to the coordinator.
 void try_input(std::span<const std::uint8_t> input) {
   Script script(input);
   if (script.byte() % 2 == 0) {

@@ -20,7 +20,7 @@ Bytes encoded(const LcmType& message) {
   return bytes;
 }
 
-/// What can be decoded can be encoded, and is the same then.
+/// A decoded message can be encoded, and is then the same.
 template <class LcmType>
 void try_type(std::span<const std::uint8_t> body) {
   Bytes bytes = encoded(LcmType{});

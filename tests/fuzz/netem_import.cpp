@@ -8,7 +8,7 @@
 namespace tether::fuzzing {
 namespace {
 
-/// What is imported is a trace, with and without its gaps.
+/// Checks that the import is a trace, with and without its gaps.
 void must_be_a_trace(Imported imported) {
   must(!imported.rows.empty(), "there is a row");
   for (const Imported::Row& row : imported.rows) {
@@ -25,7 +25,7 @@ void must_be_a_trace(Imported imported) {
 
 }  // namespace
 
-/// What others' tools have measured: tables, and what ping and iperf3 write.
+/// Measurements of other tools: tables, and what ping and iperf3 write.
 void try_input(std::span<const std::uint8_t> input) {
   const std::string text = text_of(input);
   takes([&] { format_of_measurement(text); });

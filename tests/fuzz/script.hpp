@@ -28,7 +28,7 @@ class Script {
   std::uint8_t byte() { return number<std::uint8_t>(); }
   /// Below `count`.
   std::size_t choice(std::size_t count) { return byte() % count; }
-  /// As many as there are, at most.
+  /// Takes at most the remaining bytes.
   std::span<const std::uint8_t> take(std::size_t size) {
     const auto taken = rest_.first(std::min(size, rest_.size()));
     rest_ = rest_.subspan(taken.size());

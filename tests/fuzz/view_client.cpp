@@ -29,7 +29,7 @@ std::vector<std::uint8_t> pose() {
   return bytes;
 }
 
-/// What a client asks for may be refused, but only so.
+/// A client's request may be refused, but only by UsageError.
 void carry_out(const ViewRequest& request, const NetworkParameters& network) {
   if (const auto* publish = std::get_if<ViewRequest::Publish>(&request.what)) {
     must(publish->topic == "CAN/REQUEST", "a client publishes only where it may");

@@ -9,7 +9,7 @@
 
 namespace tether::fuzzing {
 
-/// What is read as waypoints is a path, finite everywhere, or is refused when it is planned.
+/// Waypoints that are read give a path, finite everywhere, or are refused when it is planned.
 void try_input(std::span<const std::uint8_t> input) {
   std::istringstream in(text_of(input));
   takes([&] {

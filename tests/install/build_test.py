@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""build_test.py vehicle|packaging BUILD: a documented build besides BUILD's is configured, built, installed and packed.
+"""build_test.py vehicle|packaging BUILD: a documented build other than BUILD's is configured, built, installed and packed.
 
     vehicle    -DTETHER_VEHICLE_ONLY=ON, where the simulator's libraries are hidden; each program runs
     packaging  -DTETHER_TESTS=OFF; before it is built, cpack names what is missing
@@ -131,7 +131,7 @@ class Installed:
 
 
 def installed_with(package):
-    """What apt would add to a bare Debian for this package: all that it depends on, beyond what minbase has."""
+    """Packages that apt would add to a bare Debian for this package: all that it depends on, beyond what minbase has."""
     debian = Installed()
     depends = run("dpkg-deb", "--field", package, "Depends").strip()
     names = [debian.first_of(part) for part in depends.split(",")]
@@ -195,7 +195,7 @@ def packaging(build, tree, _):
     check(refused.returncode != 0 and 'must be "Name <mail address>"' in said, said)
     maintainer = "A. Smith <smith@example.com>"
     configured(build, tree, "-DTETHER_TESTS=OFF", f"-DTETHER_MAINTAINER={maintainer}")
-    # As after ./demo.sh, which builds no Python module: in one line, what is missing and what builds it.
+    # Same as after ./demo.sh, which builds no Python module: in one line, what is missing and what builds it.
     said = run("cpack", "-G", "DEB", "--config", tree / "CPackConfig.cmake", "-B", tree / "none", expect=(1,))
     wanted = rf"(?m)^cpack: not built: .*tether-vehicle, .*_core\.\S+\.so\. Run: cmake --build {tree} --target packaged$"
     check(re.search(wanted, said), said)

@@ -38,7 +38,7 @@ def says_what_to_do_where_there_is_none(test):
     test.say(said.splitlines()[0])
 
 
-def names_a_port_that_somebody_keeps_for_himself(test):
+def names_a_port_that_another_program_holds_exclusively(test):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as selfish:
         selfish.bind(("", 0))
         port = selfish.getsockname()[1]
@@ -64,7 +64,7 @@ def measures_latency_under_load(test):
 main(
     hears_itself_where_there_is_a_route,
     says_what_to_do_where_there_is_none,
-    names_a_port_that_somebody_keeps_for_himself,
+    names_a_port_that_another_program_holds_exclusively,
     knows_a_can_interface_from_others,
     measures_latency_under_load,
 )

@@ -93,7 +93,7 @@ def the_vehicles_part_needs_no_simulator():
 
 
 def debian_takes_the_packages():
-    """What it makes stays, for can_packages_test and can_deployed_test; and so does the vehicle's part as of a later version."""
+    """Its output stays, for can_packages_test and can_deployed_test; and so does the vehicle's part as of a later version."""
     made = BUILD / "packages"
     shutil.rmtree(made, ignore_errors=True)
     cpack = ("cpack", "-G", "DEB", "--config", BUILD / "CPackConfig.cmake")

@@ -12,7 +12,7 @@ import tempfile
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 PAGE = (SOURCE / "docs/howto/deployment.md").read_text()
-# What rsync calls: -l USER HOST COMMAND...
+# Remote shell for rsync: -l USER HOST COMMAND...
 REMOTE_SHELL = """#!/bin/sh
 [ "$1 $2 $3" = "-l logs 192.0.2.2" ] || { echo "called with $*" >&2; exit 1; }
 shift 3

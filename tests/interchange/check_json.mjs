@@ -68,7 +68,7 @@ const views = ["VIEW/SCENE", "VIEW/FRAMES", "VIEW/REFERENCE", ...(tables.has("AG
 for (const view of views) check(seen.get(view) > 0, view);
 check(channels.length === tables.size + views.length, `${channels.length} channels`);
 
-// What viewers draw is where the truth is.
+// Viewers draw at the true pose.
 const truth = tables.get("SIM_TRUTH").values();
 for (const { topic, data } of messages) {
   if (topic !== "VIEW/FRAMES") continue;

@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What `tether log mcap` and `tether log csv` make of a run's log, read by others: @mcap/core validates
+"""Exports of `tether log mcap` and `tether log csv` from a run's log, read by other programs: @mcap/core validates
 every checksum, ajv the JSON by our and by Foxglove's schemas, @foxglove/rosmsg2-serialization decodes
 the ROS 2 bag. And what they say of bad input.
 

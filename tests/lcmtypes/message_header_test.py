@@ -42,10 +42,10 @@ class MessageHeader(unittest.TestCase):
                                   'visit("a", message.a);', 'visit("c", message.c);'])
 
     def test_a_message_inside_a_message_is_refused(self):
-        self.assert_field_refused("pose_t pose;", "the type of pose is none of boolean, byte, ")
+        self.assert_field_refused("pose_t pose;", "the type of pose is not one of boolean, byte, ")
 
     def test_an_int8_is_refused(self):
-        self.assert_field_refused("int8_t small;", "the type of small is none of boolean, byte, ")
+        self.assert_field_refused("int8_t small;", "the type of small is not one of boolean, byte, ")
 
     def test_two_dimensions_are_refused(self):
         self.assert_field_refused("double matrix[3][n];", "matrix has more than one dimension")

@@ -12,7 +12,7 @@ std::string text_of(const std::optional<Diagnosis::Line>& line) {
   return line ? line->text : "nothing";
 }
 
-/// What is said 5 s after a peer was seen last, when `count` has gone up since.
+/// Diagnosis 5 s after a peer was seen last, when `count` has gone up since.
 std::string said_after(std::int64_t Refusals::*count, double clock_ahead_s = 0.0) {
   Diagnosis diagnosis("vehicle7");
   Diagnosis::Sight sight;
@@ -36,7 +36,7 @@ TEST(Diagnosis, SaysWhyAPeerIsDownAndWhatToDo) {
   EXPECT_THAT(said_after(&Refusals::address),
               HasSubstr("perhaps it sends from elsewhere than its `addresses`"));
   EXPECT_THAT(said_after(&Refusals::forged), HasSubstr("tether-link show"));
-  EXPECT_THAT(said_after(&Refusals::stranger), HasSubstr("its key is another now"));
+  EXPECT_THAT(said_after(&Refusals::unknown_key), HasSubstr("its key is another now"));
   EXPECT_THAT(said_after(nullptr), HasSubstr("nothing arrives"));
 }
 

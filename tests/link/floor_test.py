@@ -35,7 +35,7 @@ def works(text):
 
 
 class Floor:
-    """What is between the hosts: .kind says what. Addresses are where the hosts bind, and where each
+    """Network between the hosts: .kind says what. Addresses are where the hosts bind, and where each
     finds the other."""
 
     NETEM = f"netem limit 100000 delay {NORMAL_MS[0]}ms {NORMAL_MS[1]}ms distribution normal " + (
@@ -177,13 +177,13 @@ def measured_fitted_simulated_the_floor_is_the_same(test):
         value_ms = simulated[f"delay p{level}"]
         below = sum(delay <= value_ms for delay in delays_ms) / len(delays_ms)
         test.say(f"simulated p{level} {value_ms:.3f} ms: {100 * below:.2f} % of those recorded")
-        # What a law may be off that Kolmogorov's test lets pass at 1e-3.
+        # Largest error of a law that passes Kolmogorov's test at 1e-3.
         near(below, level / 100, 1.95 / math.sqrt(effective), f"delay p{level}")
     replay(test, rows, rate_hz)
 
 
 def simulate(test, scenario, rate_hz):
-    """What a million packets of the downlink meet."""
+    """Fates of a million packets of the downlink."""
     rate = ("--set", "controller.trigger=timer", "--set", f"controller.rate_hz={rate_hz}")
     done = test.run("tether", "netem", "check", scenario, "--json", *rate, seconds=60)
     return {c["quantity"]: c["achieved"] for c in json.loads(done.out())["downlink"]["check"]}

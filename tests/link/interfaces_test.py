@@ -104,7 +104,7 @@ def a_path_lives_when_its_interface_comes_late_goes_and_comes_back(test):
     said = floor.program["near"].err()
     check(said.count(closed) == 2 and said.count('path "wifi" on 10.77.0.1:7700') == 2, said)
 
-    # What a network drops without a word: the far end takes less than the near one may send.
+    # Sizes that a network drops silently: the far end takes less than the near one may send.
     floor.far.shell("ip link set wlan7 mtu 900")
     for side in ("near", "far"):
         floor.wait_said(side, "wifi does not carry packets of 1400 bytes: set a smaller mtu, on both hosts", 20)

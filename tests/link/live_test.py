@@ -30,7 +30,7 @@ TYPES["LINK/REPORT"] = LcmType("peer_report")
 
 
 class Path:
-    """What is between the hosts on one path: a forwarder with an address of its own on each side. It
+    """Network between the hosts on one path: a forwarder with an address of its own on each side. It
     records, and can be pulled."""
 
     def __init__(self, near, far):
@@ -189,17 +189,17 @@ def with_deferred_copies_neither(test):
     check(report.duplicates < 600, "most copies were not needed")
 
 
-def what_strangers_send_is_counted_and_goes_nowhere(test):
+def datagrams_of_unknown_senders_are_counted_and_go_nowhere(test):
     link = Link(test)
     for number in range(50):
         link.command(number)
         time.sleep(0.005)
     wait_until(5, lambda: len(link.numbers()) == 50, "50 commands")
     before = link.fresh_report(link.far)
-    stranger = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    unknown = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     recorded = list(link.paths[0].recorded)
     for datagram, _ in recorded:  # from another address
-        stranger.sendto(datagram, ("127.0.0.1", 7710))
+        unknown.sendto(datagram, ("127.0.0.1", 7710))
     for datagram, towards in recorded:  # from the true one: replayed, reflected, changed
         link.paths[0].send(datagram, "far")
         # Another counter, which has not been seen.
@@ -218,12 +218,12 @@ def what_strangers_send_is_counted_and_goes_nowhere(test):
     after = link.fresh_report(link.far)
     check(after.sessions == before.sessions, "nor makes a session")
     check("\n".join(link.far_program.err().splitlines()).count("\n") < 8, link.far_program.err())
-    # What the far host may not send: all of its LCM is offered, one channel is taken.
+    # Channels that the far host may not send: all of its LCM is offered, one channel is taken.
     link.far.send("CTRL/POSE", b"x" * 20)
     link.far.send("SIM/TRUTH", b"x" * 20)
     wait_until(5, lambda: link.fresh_report(link.near).not_allowed >= 1, "a channel not allowed")
     check(link.fresh_report(link.near).delivered >= 1, "the allowed one")
-    stranger.close()
+    unknown.close()
     link.end()
 
 
@@ -246,6 +246,6 @@ main(
     no_message_is_missed_when_either_path_is_pulled,
     both_paths_down_are_said_within_a_second,
     with_deferred_copies_neither,
-    what_strangers_send_is_counted_and_goes_nowhere,
+    datagrams_of_unknown_senders_are_counted_and_go_nowhere,
     bad_keys_are_refused_in_one_line,
 )

@@ -68,7 +68,8 @@ struct Gilbert {
     return bad;
   }
   double share_bad() const { return bad_ms / (good_ms + bad_ms); }
-  /// Of the mean of n samples, one each millisecond: autocorrelation ρ^k with ρ = exp(−1/g − 1/b).
+  /// Variance inflation of the mean of n samples, one each millisecond: autocorrelation ρ^k with ρ
+  /// = exp(−1/g − 1/b).
   double variance_inflation() const {
     const double rho = std::exp(-1.0 / good_ms - 1.0 / bad_ms);
     return (1.0 + rho) / (1.0 - rho);

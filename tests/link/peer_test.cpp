@@ -294,7 +294,7 @@ TEST(PeerLink, RefusesAHelloOfAnotherTime) {
 TEST(PeerLink, StrangersGetNoAnswer) {
   TwoHosts net;
   net.peer_key[0] = key_pair_of(testing::key_number(77)).public_key;
-  net.restart(0);  // it calls somebody else, under a key that host 1 knows; host 1 calls it
+  net.restart(0);  // it calls another host, under a key that host 1 knows; host 1 calls it
   net.keep = true;
   net.run(seconds{5});
   EXPECT_EQ(net.link(1).sessions().count(), 0);
@@ -382,7 +382,7 @@ TEST(PeerLink, ALearnedAddressMovesOnceTheOldOneIsSilentAndTheNewOneAnswers) {
   net.restart(1);
   net.connect();
   net.run(seconds{2});
-  net.port[0] = 9900;  // as a NAT that has forgotten
+  net.port[0] = 9900;  // like a NAT that has forgotten
   const auto heard_after = [&](Duration time) {
     net.run(time);
     const std::size_t before = net.hosts[0].heard.size();

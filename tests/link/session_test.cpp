@@ -113,7 +113,7 @@ TEST(Handshake, AStolenKeyOfTheResponderDoesNotPassForTheInitiator) {
   const KeyPair thief_x = key_pair_of(key_number(9));
   const Bytes forged = Handshake::hello(p.at_b, thief_x, 0x300, 5);
   EXPECT_FALSE(Handshake::is_authentic(p.at_b, forged)) << "directions have keys of their own";
-  // Even with a HELLO that authenticates, whoever has x and b, but not a, must guess se.
+  // Even with a HELLO that authenticates, a sender that has x and b, but not a, must guess se.
   const auto answered = Handshake::answer(p.at_b, p.hello, p.y, 0x200, 6);
   const KeyPair guess{p.a.public_key, key_number(10)};
   const Identity thief(guess, p.b.public_key);

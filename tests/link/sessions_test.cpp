@@ -12,7 +12,7 @@ using std::chrono::seconds;
 using testing::key_number;
 using testing::TwoHosts;
 
-/// What two hosts have of each other, without a network.
+/// Sessions of two hosts with each other, without a network.
 struct Ends {
   KeyPair a = key_pair_of(key_number(1)), b = key_pair_of(key_number(2));
   Identity at_a{a, b.public_key}, at_b{b, a.public_key};
@@ -123,7 +123,7 @@ TEST(PeerLink, ReplayedDatagramsDoNotMakeAPathLookAlive) {
 TEST(PeerLink, WhatTheLinkReportsStaysOnItsHost) {
   TwoHosts net;
   net.connect();
-  net.send(0, "LINK/REPORT", {1});  // for which host 0 has a rule
+  net.send(0, "LINK/REPORT", {1});  // host 0 has a rule for it
   net.run(milliseconds{10});
   EXPECT_TRUE(net.hosts[1].heard.empty());
   EXPECT_EQ(net.link(0).counters().sent, 0);

@@ -11,8 +11,8 @@ using std::chrono::milliseconds;
 
 using testing::TwoHosts;
 
-/// Three messages a second, some of several datagrams, for so long; the heard ones are counted and
-/// forgotten.
+/// Three messages a second, some of several datagrams, for this long; the received ones are counted
+/// and forgotten.
 std::int64_t live(TwoHosts& net, Duration time) {
   std::int64_t heard = 0;
   const Bytes command(100, 1), big(4000, 2);
@@ -29,7 +29,7 @@ std::int64_t live(TwoHosts& net, Duration time) {
   return heard;
 }
 
-// What a session, an outage or a message leaves behind grows with their number, not with time:
+// Leftovers of a session, an outage or a message would grow with their number, not with time:
 // three sessions and three outages an hour are a day's in eight hours.
 TEST(Soak, TwentySessionsOfLossAndOutagesLeaveNothingBehind) {
   for (const bool deferred : {false, true}) {
@@ -51,7 +51,7 @@ TEST(Soak, TwentySessionsOfLossAndOutagesLeaveNothingBehind) {
     const std::size_t after = mallinfo2().uordblks;
     EXPECT_LT(after, before + 30'000) << "bytes in use";
     EXPECT_GE(net.link(0).sessions().count(), 20);
-    // Of three messages a second, all but those of the outages and of twice lost datagrams: a BIG
+    // Three messages per second, without those of the outages and of twice lost datagrams: a BIG
     // one has three, and the product of the losses is 0.5 %.
     EXPECT_GT(static_cast<double>(heard), 0.98 * 3 * 7 * 3600);
     EXPECT_EQ(net.refused(0).forged + net.refused(1).forged, 0);

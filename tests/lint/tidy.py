@@ -40,7 +40,7 @@ PLACE = re.compile(r"(/[^:\s'\"()]+):\d+:\d+")
 
 
 def options(build):
-    """What product and benchmark sources are compiled with, all together. A batch (tether_batches) has the
+    """Compile options of product and benchmark sources, all together. A batch (tether_batches) has the
     options of its sources, so that few sources have a command of their own."""
     ours = re.compile(f"({re.escape(str(build))}|{re.escape(str(ROOT))})/({'|'.join(FOLDERS)})/")
     found = {}
@@ -64,7 +64,7 @@ def run(command):
 
 
 def messages(output):
-    """What clang-tidy prints, message by message: each with its notes, as a list of lines."""
+    """Output of clang-tidy, message by message: each with its notes, as a list of lines."""
     found = []
     for line in output.splitlines():
         match = MESSAGE.match(line)
@@ -111,7 +111,7 @@ def check(folder, sources, flags, includes):
     """Checks the sources as one file. Returns what judge() returns and, to be stored, pairs of clean sources
     and the headers that they were checked with."""
     together = Path(folder) / "together.cpp"
-    together.write_text("".join(  # of programs, each main() has a name of its own
+    together.write_text("".join(  # each program's main() gets a name of its own
         f'#define main main_{i}\n#include "{source}"\n#undef main\n' for i, source in enumerate(sources)))
     result = run([*TIDY, together, "--", *flags, "-ferror-limit=0"])
     listed = run(["clang++", "-M", *flags, together])

@@ -7,7 +7,7 @@ import tempfile
 import time
 from pathlib import Path
 
-FORMAT = "1"  # of what is stored: another one, another cache
+FORMAT = "1"  # format of the stored data: another one, another cache
 KEPT_S = 30 * 24 * 3600.0
 INCLUDE = re.compile(r"^[ \t]*#[ \t]*(?:include|include_next|import)\b[ \t]*(.*)$", re.MULTILINE)
 NAME = re.compile(r'"([^"\n]+)"|<([^>\n]+)>')

@@ -40,7 +40,7 @@ def check_pace(test, channel, start_s):
 
 
 def check_slips(test, live, counters):
-    """What a node says at its end about its slips is what the summary says."""
+    """A node's report on its slips at its end agrees with the summary."""
     for node in ("sim", "netem", "controller"):
         counted = counters[f"{node}.loop.slips"]
         said = re.search(rf"^tether-{node}: (\d+) deadline slips, worst", live.err(), re.MULTILINE)

@@ -45,7 +45,7 @@ prr = 0.9
 
 
 def states(network, channel):
-    """As they follow each other."""
+    """States in their order, without repeats."""
     found = []
     for m in network.messages(channel):
         if not found or found[-1] != m.state:
@@ -61,13 +61,13 @@ MOST_SLIPS = {True: 0.01, False: 0.2}
 
 
 def late_share(heard, answered, period_s):
-    """Of the messages `heard`; `answered`: message -> when, or None."""
+    """Share of the messages `heard` without an answer within `period_s`; `answered`: message -> when, or None."""
     late = [m for m in heard if (when := answered(m)) is None or when - m.arrival > period_s]
     return len(late) / len(heard)
 
 
 def shares_of_slips(network, counters, seconds):
-    """Of steps, commands, setpoints and reports, by the node's own clock; of scans without a place and
+    """Shares of late steps, commands, setpoints and reports, by the node's own clock; of scans without a place and
     poses that were not passed on within a scan's period, as they were heard here."""
     of_localiser = network.counters("AGV/LOCALISER_COUNTERS")["loop.slips"]
     counters = counters | {"localiser.loop.slips": of_localiser}
@@ -82,7 +82,7 @@ def shares_of_slips(network, counters, seconds):
         return places[at].arrival if at < len(places) else None
 
     passed_on = {m.seq: m.arrival for m in network.messages("CTRL/POSE")}
-    # What was sent at the very end is answered by nobody.
+    # Messages sent at the very end get no answer.
     shares["localising"] = late_share(network.messages("AGV/SCAN")[:-5], placed, scan_s)
     shares["passing on"] = late_share(
         network.messages("AGV/POSE")[:-5], lambda m: passed_on.get(m.seq), scan_s)
@@ -157,7 +157,7 @@ def at_the_edge_it_is_localised_through_the_network(test):
 
 
 def lcm_spy_has_their_types(test):
-    """What `tether spy` starts lcm-spy with."""
+    """Types in the archive with which `tether spy` starts lcm-spy."""
     names = zipfile.ZipFile(test.bin / "../share/tether/java/tether-lcmtypes.jar").namelist()
     for name in ("autonomy_state_t", "twist_t", "scan_t"):
         check(f"tether/{name}.class" in names, f"no {name} in {names}")

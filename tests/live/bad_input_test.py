@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What a user gets wrong is refused before anything runs, with a message that names the culprit
+"""Wrong input from a user is refused before anything runs, with a message that names the culprit
 and what to do. Usage: bad_input_test.py BIN_DIR"""
 
 import os
@@ -154,7 +154,7 @@ def tether_finds_the_programs_beside_it(test):
     test.say(text)
     refused(test, 2, ["run.lcmlog", "is a log"], test.bin / "tether", "echo", "run.lcmlog")
     refused(test, 2, ["tether: error: ", "--sedes", "; see tether run --help"], test.bin / "tether", "run", "--sedes=3")
-    # What both know: this program's commands, and where the node's help is.
+    # Commands that both programs have: this program's commands, and where the node's help is.
     for command, sub, node in (("can", "estop", "tether-can --help"), ("netem", "fit", "tether-netem --help")):
         said = test.run(test.bin / "tether", command, "--help", seconds=5).out()
         check(sub in said and node in said, f"tether {command} --help: {said}")

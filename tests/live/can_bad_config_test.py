@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What a user may get wrong in drivetrain files and settings is refused before anything runs, with a
+"""Wrong drivetrain files and settings are refused before anything runs, with a
 message that names the culprit. Usage: can_bad_config_test.py BIN_DIR"""
 
 from live_support import SOURCE, check, main
@@ -23,7 +23,7 @@ def refused(test, code, texts, *command):
 def bad_drivetrains(test):
     """Exit code 2; the message names file, line and key."""
     good = TWO_NODES.read_text()
-    cases = [  # what is replaced, by what, the line's text, what the message says
+    cases = [  # replaced text, new text, the line's text, the message
         ("node = 0x7F ", "node = 300 ", "node = 300", ["bridge.node = 300", "1 to 127"]),
         ("sign = -1", "sign = 2", "sign = 2", ["right.sign = 2", "1 or -1"]),
         ("sign = 1 ", "sing = 1 ", "sing = 1", ['unknown key "left.sing"', "sign"]),

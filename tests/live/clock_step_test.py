@@ -1,6 +1,6 @@
 #!/usr/bin/env -S python3 -B
 """The wall clock is set while a live run lasts: nodes that are started again since then join at the
-right time. The clock is the kernel's in User-Mode Linux, whose clock nobody else has; else one that
+right time. The clock is the kernel's in User-Mode Linux, whose clock no other program uses; else one that
 is preloaded. Usage: clock_step_test.py BIN_DIR"""
 
 import os

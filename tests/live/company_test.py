@@ -31,7 +31,7 @@ def check_verdict(program, code, first_line):
     check(program.out().startswith(first_line), f"not '{first_line}': {program.out()}")
 
 
-def a_second_run_is_refused_and_harms_nobody(test):
+def a_second_run_is_refused_and_harms_no_node(test):
     first = live(test, "--duration=5")
     wait_for_loop(test.network)
     second = live(test)
@@ -79,7 +79,7 @@ def a_second_of_each_program_is_named(test):
         second.wait(2)
 
 
-def a_stranger_that_sends_commands_is_named(test):
+def an_unknown_sender_of_commands_is_named(test):
     run = live(test, "--json")
     wait_for_loop(test.network)
     utime = test.network.last("AGV/CMD_VEL").utime
@@ -161,7 +161,7 @@ def a_forged_presence_makes_the_run_invalid(test):
 
 
 def a_jump_of_numbers_makes_the_run_invalid(test):
-    """Of a program that says that it is the relay."""
+    """Numbers that jump, of a program that claims to be the relay."""
     run = live(test, "--duration=3", "--json")
     wait_for_loop(test.network)
     number = run_of(run)
@@ -195,7 +195,7 @@ def an_overloaded_run_is_invalid_and_a_short_pause_is_not(test):
 
 
 def a_run_that_refuses_all_commands_is_invalid(test):
-    """Those of a controller that names another run."""
+    """Refused commands of a controller that names another run."""
     run = live(test, "--duration=3", "--set=controller.external=true")
     wait_for = time.monotonic() + 4
     while time.monotonic() < wait_for and run.process.poll() is None:
@@ -215,7 +215,7 @@ def a_stopped_node_is_told_ended_and_started_again(test):
     ended = noticed(run, r"tether-controller hangs: ending it", 7, began)
     wait_until(3, lambda: run.children().get("tether-controller", victim) != victim, "a new one")
     wait_for_loop(test.network, since=time.time())
-    test.say(f"a stopped controller was told after {took:.2f} s and ended after {ended:.2f} s")
+    test.say(f"a stopped controller was reported after {took:.2f} s and ended after {ended:.2f} s")
     run.kill(signal.SIGINT)
     check_verdict(run, 1, "INVALID ")
     check("tether-controller does not answer" in run.out(), run.out())
@@ -241,10 +241,10 @@ def ends_soon_though_a_node_hangs(test):
 
 
 main(
-    a_second_run_is_refused_and_harms_nobody,
+    a_second_run_is_refused_and_harms_no_node,
     two_that_start_at_once_are_both_invalid,
     a_second_of_each_program_is_named,
-    a_stranger_that_sends_commands_is_named,
+    an_unknown_sender_of_commands_is_named,
     one_datagram_makes_the_run_invalid,
     nodes_do_not_act_on_datagrams_of_an_unknown_program,
     a_forged_presence_makes_the_run_invalid,

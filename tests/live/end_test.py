@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""`tether live` ends cleanly, whoever ends it, and says how the run is going while it lasts.
+"""`tether live` ends cleanly, for every way to end it, and says how the run is going while it lasts.
 Usage: end_test.py BIN_DIR"""
 
 import fcntl
@@ -89,7 +89,7 @@ def lasts_as_long_as_told(test):
     for link, counter in (("uplink", "controller.pose"), ("downlink", "sim.command")):
         accepted = summary["counters"][counter + ".accepted"]
         delivered = summary[link]["delivered"]
-        # The last one may be on its way when the nodes are told to end.
+        # The last one may be on its way when the nodes get SIGTERM.
         check(0 <= delivered - accepted <= 1, f"{link}: {delivered} delivered, {accepted} accepted")
     test.say(f"--duration 3: {summary['sim_time_s']} s simulated, {poses} poses")
 

@@ -120,7 +120,7 @@ class Attack:
         self.message("invented counters", "NET/COUNTERS", payload + struct.pack(">q", 7))
 
     def numbers(self):
-        """Well-formed messages, newer than the real ones, of numbers that are none or that overflow
+        """Well-formed messages, newer than the real ones, of values that are not numbers or that overflow
         in the arithmetic behind."""
         for bad in NOT_FINITE:
             for field in ("x_m", "y_m", "yaw_rad"):

@@ -320,7 +320,7 @@ def alive(pid):
 
 
 class Test:
-    """What a test works with: the programs, a folder, one or more networks."""
+    """Context of a test: the programs, a folder, one or more networks."""
 
     def __init__(self, bin_dir, work):
         self.bin = bin_dir
@@ -376,7 +376,7 @@ while True:
         self._program = Program(work, ["sleep", "inf"] if in_guest else [sys.executable, "-ISc", self.CODE])
 
     def longest_pause_s(self):
-        """Of those too long; 0 if there was none."""
+        """Longest of the pauses that were too long; 0 if there was none."""
         return max(map(float, self._program.out().split()), default=0.0)
 
     def close(self):

@@ -149,8 +149,8 @@ def waiting_says_for_whom_and_ends_with_the_coordinator(test):
     began = time.monotonic()
     strays = [test.start(*controller) for controller in (EXAMPLE, (cpp(test), "--lockstep"))]
     time.sleep(1.0)
-    nobody = {"seq": 0, "session": 7, "instance": 0, "node": "", "rank": 0, "run_key": "", "node_key": "", "count": 0, "subscription": []}
-    test.network.send("TIME/WELCOME", LcmType("time_welcome").encode(utime=0, **nobody))
+    to_no_node = {"seq": 0, "session": 7, "instance": 0, "node": "", "rank": 0, "run_key": "", "node_key": "", "count": 0, "subscription": []}
+    test.network.send("TIME/WELCOME", LcmType("time_welcome").encode(utime=0, **to_no_node))
     for stray in strays:
         stray.wait(40)
         check("silent for 30 s" in stray.err(), f"the controller: {stray.err()}")

@@ -104,7 +104,7 @@ def names_the_node_that_is_silent(test):
     check_ended(test, run, nodes, out, 4, *words)
 
 
-def names_the_node_that_is_stopped_whoever_waits_for_it(test):
+def names_the_node_that_is_stopped_for_any_waiting_node(test):
     # Its last messages may not have left when it stops: others then wait for those, not for it.
     for _ in range(3):
         for program, node in (("tether-sim", "sim"), ("tether-controller", "controller")):
@@ -180,7 +180,7 @@ def obeys_the_terminal(test):
     check(any(decision in line for line in seen), f"{seen}")
     ask("u 2.5")
     check(2.5 < stands()[0] < 2.6, "does not stop at 2.5 s")
-    time.sleep(0.5)  # what is under way is written
+    time.sleep(0.5)  # messages under way are written
     size = (out / "run.lcmlog").stat().st_size
     time.sleep(0.5)
     check((out / "run.lcmlog").stat().st_size == size, "does not stand still")
@@ -215,7 +215,7 @@ main(
     mends_what_the_kernel_drops,
     names_the_node_that_was_killed,
     names_the_node_that_is_silent,
-    names_the_node_that_is_stopped_whoever_waits_for_it,
+    names_the_node_that_is_stopped_for_any_waiting_node,
     names_the_node_that_joins_twice,
     ends_on_a_signal_and_keeps_what_there_is,
     leaves_nothing_behind_when_killed,

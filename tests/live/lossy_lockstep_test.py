@@ -19,7 +19,7 @@ SCENARIOS = {
     "drives on CAN": (SOURCE / "scenarios" / "hil_vcan.toml", "--set=run.duration_s=0.5"),
     "localised by scans": (SOURCE / "scenarios" / "factory.toml", "--set=run.duration_s=0.5"),
 }
-RATES = (0.002, 0.01, 0.04, 0.6)  # of each fault; by the last, hardly a run comes to its end
+RATES = (0.002, 0.01, 0.04, 0.6)  # rates of each fault; with the last, hardly a run completes
 FILES = ("run.lcmlog", "trajectory.csv")
 PATIENCE_S = 4
 SHORT = 12

@@ -12,9 +12,9 @@ from live_support import PAPER, SOURCE, check, main
 os.environ["PYTHONPATH"] = str(SOURCE / "python")
 FAST = ("--set", "sensor.rate_hz=20", "--set", "channel.prr=0.9", "--set", "channel.delay_ms=20")
 FAST += ("--set", "run.duration_s=1.5", "--set", "vehicle.plant=kinematic")
-LAST_GRANT = 12  # of those that a command answers; an honest run has more
+LAST_GRANT = 12  # last grant that a command answers; an honest run has more
 
-# What the controller says at the chosen grant. `a`: its answer, as a dict; `self`: the node; `rows`: what it published.
+# The controller's message at the chosen grant. `a`: its answer, as a dict; `self`: the node; `rows`: what it published.
 LIES = """
 answers another grant: a["grant"] += 1
 answers a grant of long ago: a["grant"] = 16
@@ -132,7 +132,7 @@ tether.main(lambda t, pose, path: (0.5, 0.1))
 
 
 def run(test, name, at, lie):
-    """(exit code, log, what it says, whether the lie was told)"""
+    """(exit code, log, output, whether the lie was sent)"""
     script, out, told = (test.work / f"{name}{end}" for end in (".py", "", ".told"))
     script.write_text(LIAR)
     starter = test.work / f"{name}.sh"

@@ -20,13 +20,13 @@ def started(test, *options):
 
 
 def netem(test, *arguments):
-    """What `tether netem` says and its exit code."""
+    """Output of `tether netem` and its exit code."""
     program = test.run("tether", "netem", *arguments, seconds=8)
     return program.process.returncode, program.out(), program.err()
 
 
 def poses_of_a_second(test):
-    time.sleep(0.2)  # what was on its way has arrived
+    time.sleep(0.2)  # messages under way have arrived
     return test.network.rate("CTRL/POSE", 1.0)
 
 
@@ -95,7 +95,7 @@ def is_told_off_locally(test):
     took = time.monotonic() - started_s
     check(code == 1 and errors.count("\n") == 1, f"{code} {errors}")
     check("is tether-netem running there?" in errors, errors)
-    check(took < 5, f"took {took:.1f} s to find nobody")
+    check(took < 5, f"took {took:.1f} s to find no relay")
     test.say(f"after {took:.1f} s: {errors.strip()}")
 
 

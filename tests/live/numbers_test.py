@@ -70,7 +70,7 @@ def files(bin_dir, public_key):
 
 
 def variants(text, lines):
-    """What is tried: (what, content)."""
+    """Variants to try: (what, content)."""
     all_lines = text.splitlines()
     for number in lines:
         if number >= len(all_lines) or all_lines[number].lstrip().startswith(("#", "[", "PGM")) and "icmp" not in all_lines[number]:

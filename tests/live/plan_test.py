@@ -59,7 +59,7 @@ def follows_plans_and_stops_without_them(test):
     check(math.isclose(test.network.last("SIM/TRUTH").v_mps, 0.5, abs_tol=0.02), "speed")
 
     planner.on = False
-    time.sleep(0.3)  # what is under way arrives
+    time.sleep(0.3)  # messages under way arrive
     before = counters(test)
     check(before["plan.accepted"] > 10, f"few plans were accepted: {before}")
     place = {"run": pose.run, "program": "tether-netem", "vehicle": "AGV"}

@@ -95,7 +95,7 @@ def kill_node(test, nodes, name):
     """Returns the last command that the vehicle got, and its speed then."""
     nodes[name].kill()
     nodes[name].wait(2)
-    time.sleep(0.05)  # what is under way arrives
+    time.sleep(0.05)  # messages under way arrive
     last = test.network.last("AGV/CMD_VEL")
     for other in NODES:
         check(other == name or nodes[other].running(), f"{other} died with {name}")

@@ -20,7 +20,7 @@ class People {
                           width_m * (uniform_01(random) - 0.5), 6.28 * uniform_01(random)});
     }
   }
-  /// Nobody walks into the vehicle.
+  /// No person walks into the vehicle.
   void add_to(std::vector<Shape>& shapes, double t_s, const Pose2& vehicle) const {
     for (const Pose2& centre : centres_) {
       const double angle_rad = centre.yaw_rad + 0.7 * t_s;  // 1 m/s
@@ -61,11 +61,11 @@ class Drive {
     return compose(truth_[i], {share * between_them.x_m, share * between_them.y_m,
                                share * between_them.yaw_rad});
   }
-  /// Somebody carries it elsewhere; wheels do not notice.
+  /// Carries the vehicle elsewhere, without a motion of its wheels.
   void carry_to(const Pose2& pose) { truth_.back() = pose; }
   void stand() { stands_ = true; }
 
-  /// What the wheels said from a time on, to another.
+  /// Readings of the wheels from one time to another.
   std::vector<OdometryReading> readings(Instant from, Instant to) const {
     std::vector<OdometryReading> some;
     for (const OdometryReading& reading : readings_) {

@@ -97,7 +97,7 @@ struct HallScanner {
     return scan;
   }
 
-  /// Of a vehicle that is at `pose_at` each beam's time.
+  /// Scan of a vehicle that is at `pose_at` each beam's time.
   Scan measure(const std::vector<Shape>& shapes, Instant start, std::int64_t seq,
                const std::function<Pose2(Instant)>& pose_at, RandomEngine& random) const {
     Scan scan = empty_scan(start, seq);
@@ -118,7 +118,7 @@ struct HallScanner {
         shapes, kStart, 0, [&](Instant) { return pose; }, random);
   }
 
-  /// What such a scan can say at most (censi.hpp).
+  /// Upper bound of such a scan's information (censi.hpp).
   PoseInformation bound(const std::vector<Shape>& shapes, const Pose2& pose) const {
     const Scan scan = empty_scan(kStart, 0);
     const Pose2 from = compose(pose, mount);

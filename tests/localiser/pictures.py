@@ -111,7 +111,7 @@ def number(row, name):
 
 
 def ellipse(row, sigmas, grow=1.0, about=None):
-    """Of a localisation's covariance, around it or around `about`."""
+    """Ellipse of a localisation's covariance, around it or around `about`."""
     xx, xy, yy = (number(row, f"cov_{n}_m2") for n in ("x_x", "x_y", "y_y"))
     middle, half = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
     direction = 0.5 * math.atan2(2 * xy, xx - yy)
@@ -183,7 +183,7 @@ def errors(rows):
 
 
 def errors_and_ellipses(rows, out):
-    """Of one scan in 30: the error, and the ellipse that 95 % of errors should be within."""
+    """Samples of one scan in 30: the error, and the ellipse that 95 % of errors should be within."""
     some = list(errors(rows))[10::30]
     blocks = {"errors": [[error] for _, error in some],
               "ellipses": [ellipse(found, math.sqrt(5.991), 1e3, (0.0, 0.0)) for found, _ in some]}

@@ -8,7 +8,7 @@
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
-// What the paper reports, on scenarios/paper.toml as it is shipped.
+// Results of the paper, on scenarios/paper.toml as it is shipped.
 
 namespace tether {
 namespace {
@@ -80,7 +80,7 @@ TEST(PaperBaseline, MeanEpsilonAtPrr03IsOnThePlateau) {
 }
 
 TEST(PaperBaseline, MeanEpsilonAtPrr085IsBelowTwoPointSixMetres) {
-  // Of the first 12 seeds none loses its vehicle for good.
+  // No vehicle of the first 12 seeds is lost for good.
   EXPECT_LT(epsilon_over_seeds("0.85", 12).mean_m, 2.6);
 }
 

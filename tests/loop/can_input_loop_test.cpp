@@ -48,7 +48,7 @@ struct Vehicle {
     subscribe<LcmType>(loop->bus(), channel, kDeepQueue, undecodable,
                        [&newest](const LcmType& m) { newest = m; });
   }
-  /// What the emulated input does from then on.
+  /// Action of the emulated input from then on.
   void act_at(double s, std::int32_t kind, double value = 0.0) {
     loop->loop().at(at_s(s), Priority::node, [this, s, kind, value](Instant) {
       drive_fault_t m{};

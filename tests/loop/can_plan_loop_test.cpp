@@ -50,7 +50,7 @@ Scenario floor_plan(const std::vector<std::string>& overrides) {
   return planned_hil(all);
 }
 
-/// What the planner does, and until when.
+/// Actions of the planner, and their end.
 struct Plans {
   int twists = 60;                  ///< of 50 ms
   Instant silent = Instant::max();  ///< sends no more

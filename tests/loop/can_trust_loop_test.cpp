@@ -14,7 +14,7 @@
 #include "tools/loop/can_loop.hpp"
 #include "tools/loop/closed_loop.hpp"
 
-// What the bridge believes of what it hears on CAN, in the whole loop: counters after a gap in the
+// Trust of the bridge in CAN frames, in the whole loop: counters after a gap in the
 // feedback, and feedback of two sources.
 
 namespace tether {
@@ -23,7 +23,7 @@ namespace {
 using test::at_s;
 using ::testing::HasSubstr;
 
-/// A run in which somebody may meddle with the bus.
+/// A run with a possible intruder on the bus.
 struct Meddled {
   explicit Meddled(std::vector<std::string> overrides = {})
       : loop(load_scenario(in_source("/scenarios/hil_vcan.toml"), [&] {

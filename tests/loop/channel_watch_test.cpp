@@ -18,7 +18,7 @@
 #include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
 
-// What a run reports of its links, in the whole loop, in virtual time.
+// Reports of a run on its links, in the whole loop, in virtual time.
 
 namespace tether {
 namespace {

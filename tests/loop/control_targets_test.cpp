@@ -7,7 +7,7 @@
 #include "tests/support/source_dir.hpp"
 #include "tools/loop/closed_loop.hpp"
 
-// What the project promises of control over a bad network: experiments/control_targets.toml has the
+// Targets of the project for control over a bad network: experiments/control_targets.toml has the
 // whole table. Vehicle in ODE, the paper's path, 4 m/s² of the wheels.
 
 namespace tether {

@@ -1,4 +1,4 @@
-// What disturbs the vehicle and its sensors, in the whole loop: nobody but the simulator knows.
+// Disturbances of the vehicle and its sensors, in the whole loop: only the simulator knows them.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -128,7 +128,7 @@ TEST(Odometry, ReachesTheControllerAndChangesNothingForLawsThatDoNotUseIt) {
                         [&](const odometry_t&) { ++arrived; });
   loop.run();
   EXPECT_EQ(loop.sim().metrics().epsilon_m(), disturbed_epsilon_m(loaded(lossy)));
-  // Of 1001, some of the last under way: 600 get through, with a deviation of √(1000 · 0.24)
+  // 1001 in all, some of the last under way: 600 get through, with a deviation of √(1000 · 0.24)
   // = 15.5.
   EXPECT_NEAR(static_cast<double>(arrived), 600.0, 4.0 * 15.5);
 }

@@ -124,11 +124,11 @@ TEST(FleetDiffer, TheOthersDriveAsTheyWouldHadItNotDiffered) {
 }
 
 TEST(FleetDiffer, WhatSaysTheSameAsTheScenarioChangesNoByteOfTheRunOrItsFiles) {
-  const Scenario alike = differing_fleet({});
+  const Scenario equal = differing_fleet({});
   const Scenario said =
       differing_fleet({"fleet.vehicle.2.sensor.rate_hz=10", "fleet.vehicle.1-3.path.phase=0"});
-  EXPECT_EQ(to_toml(said), to_toml(alike));
-  EXPECT_TRUE(record_of(said) == record_of(alike));
+  EXPECT_EQ(to_toml(said), to_toml(equal));
+  EXPECT_TRUE(record_of(said) == record_of(equal));
 }
 
 TEST(FleetDiffer, WhatARunWritesReproducesIt) {

@@ -18,8 +18,8 @@ namespace tether {
 namespace {
 
 /// One run of the pallet in the aisle, as AGV/AUTONOMY, AGV/DRIVE and AGV/CMD_VEL show it. In each,
-/// whatever the network does: nothing is touched, setpoints do not jump, they do not grow while
-/// nobody may drive or the remote driver is silent, and by remote they stay below its speed.
+/// whatever the network does: nothing is touched, setpoints do not jump, they do not grow while no
+/// driver may drive or the remote driver is silent, and by remote they stay below its speed.
 class Journey {
  public:
   Journey(std::vector<std::string> overrides, int seed) {
@@ -89,7 +89,7 @@ class Journey {
 
 constexpr int kSeeds = 6;
 
-/// Of seeds 101 to 106, ascending by seed, at a PRR and a delay each way; each run once.
+/// Journeys of seeds 101 to 106, ascending by seed, at a PRR and a delay each way; each run once.
 const std::vector<Journey>& journeys(const std::string& prr, const std::string& delay_ms = "0") {
   static std::map<std::string, std::vector<Journey>> cells;
   std::vector<Journey>& all = cells[prr + " " + delay_ms];
@@ -120,7 +120,7 @@ int later(const std::vector<Journey>& a, const std::vector<Journey>& b) {
   return later;
 }
 
-// What docs/explanation/autonomy.md concludes from experiments/handover.toml, on other seeds. If
+// Conclusions of docs/explanation/autonomy.md from experiments/handover.toml, on other seeds. If
 // all of six do something, the share of those who do is above 0.54 (0.54^6 = 2.5 %); if none does,
 // below 0.46. All of six pairs are later by chance in one of 64.
 

@@ -176,7 +176,7 @@ TEST(LocaliserLoop, AScannerThatSeesNothingOfTheMapOrTooLittleIsRefused) {
   EXPECT_THAT(refusal("lidar.beams=19"), ::testing::HasSubstr("lidar.beams = 19, at least 20"));
 }
 
-/// Aisles that look alike, and people that the map does not have.
+/// Aisles that look the same, and people that the map does not have.
 TEST(LocaliserLoop, InTheFactoryAVehicleThatKnowsNothingIsFoundWhereItIsOrNotAtAll) {
   for (const char* y_m : {"3", "9", "15"}) {
     SCOPED_TRACE(y_m);

@@ -28,7 +28,7 @@
 
 namespace tether::test {
 
-/// What a line between a program and the network does to what the program sends.
+/// Faults of a line between a program and the network, in the direction to the network.
 struct LineFaults {
   double lost = 0.0, doubled = 0.0, delayed = 0.0;  ///< shares
   std::function<bool(const Message&)> swallow = [](const Message&) { return false; };
@@ -101,7 +101,7 @@ class LockstepRig {
  public:
   static constexpr std::int64_t kSession = 77;
 
-  /// With controller.external, nobody is the controller.
+  /// With controller.external, there is no controller.
   explicit LockstepRig(const Scenario& scenario, const LineFaults& faults = {},
                        Duration patience = std::chrono::seconds{10})
       : scenario_(scenario) {
@@ -153,7 +153,7 @@ class LockstepRig {
   }
 
   BadLine& line(std::size_t node) { return programs_[node]->line; }
-  BadLine& stranger() { return stranger_; }
+  BadLine& unknown_sender() { return unknown_sender_; }
   BadLine& manager_line() { return manager_line_; }
   const LockstepMember& member(std::size_t node) const { return *programs_[node]->member; }
 
@@ -189,7 +189,7 @@ class LockstepRig {
   Scenario scenario_;
   Instant pause_at_ = Instant::max();
   BadLine manager_line_{network, wall, 99};
-  BadLine stranger_{network, wall, 98};
+  BadLine unknown_sender_{network, wall, 98};
   std::vector<std::unique_ptr<Program>> programs_;
 };
 

@@ -126,7 +126,7 @@ TEST(LockstepFaults, AStrangerThatJoinsIsNamed) {
     time_join_t join{};
     join.session = LockstepRig::kSession;
     join.node = "camera";
-    publish(rig.stranger(), kTimeJoin, join);
+    publish(rig.unknown_sender(), kTimeJoin, join);
   });
   EXPECT_EQ(fault.error, "a node \"camera\" joined late; this run has sim, netem, controller");
 }
@@ -135,7 +135,7 @@ TEST(LockstepFaults, AStrangerThatJoinsIsNamed) {
 class Listener {
  public:
   explicit Listener(LockstepRig& rig) : rig_(rig) {
-    rig.stranger().subscribe(kTimeWelcome, kDeepQueue, [this](const Message& m) {
+    rig.unknown_sender().subscribe(kTimeWelcome, kDeepQueue, [this](const Message& m) {
       time_welcome_t welcome{};
       if (decode(m.bytes, welcome) && !welcome.node.empty()) keys_[welcome.node] = welcome.node_key;
     });
@@ -148,16 +148,16 @@ class Listener {
   /// Calls `forge` at the first grant to `node` after this, and publishes what it makes of it.
   template <class Forge>
   void at_next_grant(const std::string& node, const std::string& channel, Forge forge) {
-    rig_.stranger().subscribe(kTimeGrant, kDeepQueue,
-                              [=, this, done = false](const Message& m) mutable {
-                                time_grant_t grant{};
-                                if (done || !decode(m.bytes, grant) || grant.node != node ||
-                                    grant.kind != time_grant_t::RUN) {
-                                  return;
-                                }
-                                done = true;
-                                publish(rig_.stranger(), channel, forge(grant));
-                              });
+    rig_.unknown_sender().subscribe(kTimeGrant, kDeepQueue,
+                                    [=, this, done = false](const Message& m) mutable {
+                                      time_grant_t grant{};
+                                      if (done || !decode(m.bytes, grant) || grant.node != node ||
+                                          grant.kind != time_grant_t::RUN) {
+                                        return;
+                                      }
+                                      done = true;
+                                      publish(rig_.unknown_sender(), channel, forge(grant));
+                                    });
   }
 
  private:
@@ -177,12 +177,12 @@ time_request_t request(std::int64_t grant) {
 TEST(LockstepFaults, AnAnswerToTheWrongGrantIsAnError) {
   LockstepRig rig(scenario());
   const Listener listener(rig);
-  const Fault fault =
-      after(rig, [&] { publish(rig.stranger(), kTimeRequest, listener.with_key(request(9999))); });
+  const Fault fault = after(
+      rig, [&] { publish(rig.unknown_sender(), kTimeRequest, listener.with_key(request(9999))); });
   EXPECT_THAT(fault.error, HasSubstr("controller answered grant 9999, but"));
 }
 
-/// What an unknown sender does with and without the keys that it can hear.
+/// Attempts of an unknown sender with and without the keys that it can hear.
 template <class Forge>
 void expect_no_wrong_result(const std::string& channel, const Forge& forge,
                             const std::string& error) {
@@ -257,7 +257,7 @@ TEST(LockstepFaults, AGrantForgedInPlaceOfTheCoordinatorsEndsTheRun) {
     }
     done = true;
     grant.until_ns += 1;
-    publish(rig.stranger(), kTimeGrant, listener.with_key(grant));
+    publish(rig.unknown_sender(), kTimeGrant, listener.with_key(grant));
     return true;
   };
   rig.run();
@@ -271,8 +271,8 @@ TEST(LockstepFaults, AnAnswerOfAnotherRunIsCountedAndLeft) {
   rig.run_to(kStart + from_seconds(1));
   time_request_t other = request(9999);
   other.session = 5;
-  publish(rig.stranger(), kTimeRequest, other);
-  rig.stranger().publish(kTimeRequest, std::vector<std::uint8_t>{1, 2, 3});
+  publish(rig.unknown_sender(), kTimeRequest, other);
+  rig.unknown_sender().publish(kTimeRequest, std::vector<std::uint8_t>{1, 2, 3});
   rig.run();
   EXPECT_TRUE(rig.manager->done());
   EXPECT_EQ(rig.manager->counters().foreign, 2);
@@ -307,15 +307,15 @@ TEST(LockstepFaults, ANodeThatNeverLetsTimeGoOnIsNamed) {
   join.session = LockstepRig::kSession;
   join.instance = 1;
   join.node = "controller";
-  rig.stranger().subscribe(kTimeGrant, kDeepQueue, [&](const Message& m) {
+  rig.unknown_sender().subscribe(kTimeGrant, kDeepQueue, [&](const Message& m) {
     time_grant_t grant{};
     if (!decode(m.bytes, grant) || grant.node != "controller") return;
     time_request_t answer = request(grant.id);  // its next event is at 0, now and ever
     answer.next_order = (std::int64_t{2} << 56) + (grant.id << 24);
     answer.grant_mac = grant.mac;
-    publish(rig.stranger(), kTimeRequest, listener.with_key(answer));
+    publish(rig.unknown_sender(), kTimeRequest, listener.with_key(answer));
   });
-  publish(rig.stranger(), kTimeJoin, join);
+  publish(rig.unknown_sender(), kTimeJoin, join);
   rig.run(60.0);
   EXPECT_EQ(rig.manager->error(),
             "time does not go on from t = 0.000000 s: after 100000 grants controller still has an "
@@ -335,8 +335,8 @@ TEST(LockstepFaults, AnotherMessageInPlaceOfTheRightOneIsNotTakenAndEndsTheRun) 
   const Scenario s = scenario({"channel.prr=1"});
   LockstepRig rig(s);
   rig.run_to(kStart + from_seconds(1));
-  rig.stranger().publish("CTRL/POSE", std::vector<std::uint8_t>(72, 7));
-  rig.stranger().publish("MY/NOTES", std::vector<std::uint8_t>(48, 7));
+  rig.unknown_sender().publish("CTRL/POSE", std::vector<std::uint8_t>(72, 7));
+  rig.unknown_sender().publish("MY/NOTES", std::vector<std::uint8_t>(48, 7));
   rig.run();
   EXPECT_EQ(rig.manager->error(),
             "1 message on CTRL/POSE (the first of 72 bytes) is no node's: another program takes "
@@ -347,7 +347,7 @@ TEST(LockstepFaults, AnotherMessageInPlaceOfTheRightOneIsNotTakenAndEndsTheRun) 
 TEST(LockstepFaults, AMessageOnAChannelThatNoNodeReceivesIsLeft) {
   LockstepRig rig(scenario());
   rig.run_to(kStart + from_seconds(1));
-  rig.stranger().publish("MY/NOTES", std::vector<std::uint8_t>(48, 7));
+  rig.unknown_sender().publish("MY/NOTES", std::vector<std::uint8_t>(48, 7));
   rig.run();
   EXPECT_TRUE(rig.manager->done()) << rig.manager->error();
   EXPECT_EQ(rig.manager->unaccounted().at("MY/NOTES"), 1U);
@@ -368,7 +368,8 @@ void expect_to_end_in_silence(LockstepRig& rig, double still_there_s) {
   rig.wall.run_until(silent + from_seconds(still_there_s));
   for (std::size_t node = 0; node < 3; ++node) EXPECT_EQ(rig.member(node).error(), "") << node;
   for (std::size_t node = 0; node < 3; ++node) {
-    rig.wall.run_until(silent + from_seconds(30.2));  // whoever ends stops the loop that all share
+    rig.wall.run_until(silent +
+                       from_seconds(30.2));  // a node that ends stops the loop that all share
   }
   for (std::size_t node = 0; node < 3; ++node) {
     EXPECT_EQ(rig.member(node).error(), "the coordinator has been silent for 30 s") << node;

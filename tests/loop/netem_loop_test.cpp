@@ -21,7 +21,7 @@ namespace {
 
 using test::counter;
 
-/// What came out of a link: the message's number and its way's length in ns.
+/// Output of a link: the message's number and its way's length in ns.
 using Arrivals = std::vector<std::pair<std::int64_t, std::int64_t>>;
 
 struct LoopRun {

@@ -15,7 +15,7 @@
 namespace tether {
 namespace {
 
-/// Of all channels' names and messages, one after the other, of the first 10 s.
+/// Digest of all channels' names and messages, one after the other, of the first 10 s.
 std::pair<std::size_t, std::uint32_t> digest_of_run(const std::string& scenario) {
   ClosedLoop loop(load_scenario(in_source("/scenarios/") + scenario, {"run.duration_s=10"}));
   std::vector<std::uint8_t> all;

@@ -44,8 +44,8 @@ TEST(SendingChangesInALoop, OfPlansLeavesTheVehicleOnItsPath) {
   EXPECT_LT(5 * few.down.offered, all.down.offered);
 }
 
-// What is not sent is not lost: the network is offered what was sent, and the receiver misses what
-// the network lost of that.
+// Messages that are not sent are not lost: the network is offered what was sent, and the receiver
+// misses what the network lost of that.
 TEST(SendingChangesInALoop, CountsNothingAsLostThatWasNotSent) {
   const Driven run = drive({"sensor.send=changed", "controller.send=changed", "channel.prr=0.7",
                             "controller.trigger=timer", "sensor.send_max_age_s=0.2"});

@@ -10,7 +10,7 @@
 #include "tools/loop/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 
-// What the theory says of the linear loop, against the loop that ships: controller, relay,
+// The theory of the linear loop, against the loop that ships: controller, relay,
 // kinematic plant with its limits, noise and losses drawn at random.
 
 namespace tether {

@@ -80,7 +80,7 @@ TEST(MeanSquareTest, TwoEqualStepsInTurnGrowAsOne) {
   EXPECT_NEAR(mean_square_radius(chain, {step, step}), mean_square_radius(chain, {step}), 1e-6);
 }
 
-/// By hand: x⁺ = 0.9 x + noise on reception, else x⁺ = x.
+/// Analytically: x⁺ = 0.9 x + noise on reception, else x⁺ = x.
 TEST(StationaryMomentsTest, AScalarHasItsClosedForm) {
   LoopStep step;
   step.a = {matrix(0.9, 0, 0, 1), matrix(1, 0, 0, 1)};
@@ -91,8 +91,8 @@ TEST(StationaryMomentsTest, AScalarHasItsClosedForm) {
   EXPECT_NEAR(moments->front()(0, 0), 0.04 / (1.0 - 0.81), 1e-7);
 }
 
-/// By hand: ln λ = p ln a + (1 − p) ln b. 90 000 draws have a standard deviation of |ln(a/b)| √(p
-/// (1 − p)/90 000) = 0.0027; allowed are four.
+/// Analytically: ln λ = p ln a + (1 − p) ln b. 90 000 draws have a standard deviation of |ln(a/b)|
+/// √(p (1 − p)/90 000) = 0.0027; allowed are four.
 TEST(AlmostSureTest, AScalarGrowsByTheGeometricMeanAndItsSquareByThatOfSquares) {
   LoopStep step;
   step.a = {Eigen::MatrixXd::Constant(1, 1, 0.5), Eigen::MatrixXd::Constant(1, 1, 3.0)};
@@ -138,7 +138,7 @@ LossChain downlink_alone(double prr) {
   return both_links(ChainLink::independent(1.0), ChainLink::independent(prr));
 }
 
-// As JitterTime.jl prints them.
+// Values as printed by JitterTime.jl.
 TEST(StationaryMomentsTest, OfASampledIntegratorAreJitterTimes) {
   const auto moments = stationary_moments(downlink_alone(1.0), {integrator(false)});
   ASSERT_TRUE(moments);
@@ -147,7 +147,7 @@ TEST(StationaryMomentsTest, OfASampledIntegratorAreJitterTimes) {
   EXPECT_NEAR(moments->front()(1, 1), 1.732050807568876, 1e-8);
 }
 
-// By hand: P_xx = 1/(p (1 − (1 − k)²)), growth p (1 − k)² + 1 − p.
+// Analytically: P_xx = 1/(p (1 − (1 − k)²)), growth p (1 − k)² + 1 − p.
 TEST(StationaryMomentsTest, OfASampledIntegratorThatRestsWhenCommandsAreLostHaveTheirClosedForm) {
   const auto moments = stationary_moments(downlink_alone(0.5), {integrator(false)});
   ASSERT_TRUE(moments);

@@ -38,7 +38,7 @@ from rules import CAN_RULES, RULES, SPECIAL  # noqa: E402
 from sources import CAN_SOURCES, SOURCES, STRICT  # noqa: E402
 from syntax import Mutated  # noqa: E402
 
-FIRST_LIMIT_S = 4  # of computing, for what took milliseconds
+FIRST_LIMIT_S = 4  # processor time for programs that took milliseconds
 WAITING = 15  # times as long a test may take in all, if it waits or the machine is busy
 
 
@@ -99,7 +99,7 @@ class Source:
         self.name, self.programs = name, programs
         self.first = 1
         self.unasked = frozenset()  # mutants that are not run: compiled, they would cost most of the time
-        self.without = frozenset()  # those that do not compile
+        self.without = frozenset()  # mutants that do not compile
 
     def mutate(self):
         mutated = Mutated((ROOT / self.name).read_text(), self.first, self.unasked | self.without, SPECIAL)
@@ -161,7 +161,7 @@ class Mutation:
     # --- which
 
     def choose(self):
-        """Those to run, and what is wrong with the rules."""
+        """Chooses the mutants to run; returns the faults of the rules."""
         everything = [m for s in self.sources for m in s.mutants]
         self.rules, problems = {}, []
         for name, function, operator, text in CAN_RULES if self.options.can else RULES:
@@ -234,7 +234,7 @@ class Mutation:
         return self.folder / "runtime.o"
 
     def link(self, program, objects):
-        """As the build does, but with these objects, whose symbols win over those of the libraries."""
+        """Links like the build, but with these objects, whose symbols win over those of the libraries."""
         commands = subprocess.run(["ninja", "-C", self.build, "-t", "commands", "-s", f"tests/{program}"],
                                   capture_output=True, text=True, check=True).stdout
         steps = commands.strip().splitlines()[-1].split(" && ")
@@ -278,7 +278,7 @@ class Mutation:
         return None
 
     def kill_where_can_is(self, chosen, program):
-        """As kill(), all in one boot of a kernel with CAN, and without any mutant first."""
+        """Like kill(), all in one boot of a kernel with CAN, and without any mutant first."""
         numbers = ["", *(str(m.number) for m in chosen)]
         results = self.folder / "results"
         results.mkdir()
@@ -295,7 +295,7 @@ class Mutation:
         environment = os.environ | environment | {"TMPDIR": str(self.folder)}
         if tests:
             environment["GTEST_FILTER"] = ":".join(tests)
-        # What hangs computes without end: on a busy machine, too, it is noticed by the processor's time.
+        # A hanging program computes without end: on a busy machine, too, it is noticed by the processor's time.
         command = ["prlimit", f"--cpu={math.ceil(limit_s)}:unlimited", self.binaries[program], "--gtest_fail_fast",
                    "--gtest_brief=0"]
         try:

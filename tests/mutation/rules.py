@@ -8,7 +8,7 @@ def _obstacle(name, condition, operator="false"):
     return (f"arming: {name}", "obstacle_to_arming", operator, f"^{condition}$")
 
 
-# What no operator makes: (rule, function, what is replaced, by what).
+# Mutants that no operator makes: (rule, function, what is replaced, by what).
 SPECIAL = [
     ("freshness: rejected commands refresh", "CommandWatch::offer", r"^\+\+non_finite_$",
      "++non_finite_, as_of_ = now"),
@@ -84,7 +84,7 @@ RULES = [
     ("plans: made from no pose", "PlanBuffer::judge_pose", "false", r"!plan\.pose"),
     ("plans: made from an older pose", "PlanBuffer::judge_pose", "false", "newest_pose_"),
     ("plans: of another session while armed", "PlanBuffer::may_take_over", "false", "session_held_"),
-    ("plans: last however long nobody sees the vehicle", "CommandWatch::age", "choice", "to \\*plan_age$"),
+    ("plans: last however long the vehicle is not seen", "CommandWatch::age", "choice", "to \\*plan_age$"),
     ("plans: drive as fast as they like unseen", "follow_within_budget", "false", "planned"),
     ("plans: a stop of another session", "SafetyCore::on_plan", "false", "is_stop"),
     ("commands: made from an old pose", "CommandWatch::offer", "false", "max_blind_"),
@@ -226,7 +226,7 @@ RULES = [
     ("limits: jerk", "AxisRamp::AxisRamp", "arithmetic", r"^limits\.jerk \* cycle_s to /"),
     ("limits: jerk delays a stop", "axis_limits", "choice", "to jerk$"),
 
-    # What may leave
+    # Frames that may leave
     ("output: setpoints while not moving", "SafetyCore::cycle", "true", "motion_ == Motion::following"),
     ("whitelist: lets setpoints pass", "TransmitWhitelist::pass", "true", "^may_move$"),
     ("whitelist: setpoints by SDO", "TransmitWhitelist::pass", "false", "writes_setpoint_by_sdo"),
@@ -348,7 +348,7 @@ RULES = [
     ("remote: what is not followed refreshes", "Supervisor::hear", "drop", "not_followed"),
     ("remote: drives on in silence", "Supervisor::driver", "operand", "remote_is_fresh"),
     ("remote: two drive", "Supervisor::driver", "operand", "several_"),
-    ("remote: nobody's twist", "OnboardDriver::wanted_by", "true", "Driver::remote"),
+    ("remote: a twist without a driver", "OnboardDriver::wanted_by", "true", "Driver::remote"),
     ("remote: as fast as he likes", "OnboardDriver::step", "false", "^out.driver == Driver::remote$"),
     ("remote: plans of the driver before", "OnboardDriver::on_plan", "drop", r"^remote_\.on_command"),
     ("remote: senders are not told", "OnboardDriver::step", "drop", "several_senders"),
@@ -408,15 +408,15 @@ RULES = [
     ("link: the old after the new", "PeerLink::deliver", "false", "whole.number < known"),
     ("link: a key that others read", "read_secret", "false", "077"),
     ("link: a key that is damaged", "read_key_file", "false", "pair.public_key"),
-    ("link: peers that others choose", "check_nobody_else_writes", "false", "022"),
-    ("link: a file of somebody else's", "check_nobody_else_writes", "false", "geteuid"),
+    ("link: peers that others choose", "check_only_owner_writes", "false", "022"),
+    ("link: a file of another user", "check_only_owner_writes", "false", "geteuid"),
     ("link: another path's PROBEs are lost", "PathFates::missing", "false", "e.only >= 0"),
     ("link: more is lost than was sent", "PathFates::settle", "drop", "^--excess$"),
     ("link: what is late is lost", "PathFates::settle_marks", "operand", "kPatience"),
     ("link: a path that defers is believed", "PathFates::settle", "operand", "^deferred_$"),
 ]
 
-# Of sources that need a kernel with CAN. Each takes some seconds there.
+# Rules of sources that need a kernel with CAN. Each takes some seconds there.
 CAN_RULES = [
     ("socket: sends at bus-off", "SocketCanPort::send", "operand", "^state_ != CanState::bus_off$"),
     ("socket: sends into a stall", "SocketCanPort::send", "operand", "^writable"),
@@ -428,5 +428,5 @@ CAN_RULES = [
     ("socket: lost frames go uncounted", "set_options", "drop", "SO_RXQ_OVFL"),
     ("socket: bus-off is not a state", "set_state", "false", "Controller::bus_off"),
     ("socket: down is not a state", "set_state", "false", "^!link_.up"),
-    ("socket: nobody learns why a restart failed", "restart", "drop", "restarting"),
+    ("socket: no report why a restart failed", "restart", "drop", "restarting"),
 ]

@@ -34,7 +34,7 @@ CAN_SOURCES = [
     ("can_bridge/bus/socket_can_port.cpp", ["socket_can_test"]),
 ]
 
-# Of these files, with these operators, no mutant may live that survivors.toml does not name.
+# In these files, with these operators, no mutant may live that survivors.toml does not name.
 STRICT = [
     ("can_bridge/agilex/v2_profile", ["true", "false", "drop", "operand"]),
     ("can_bridge/bus/in_process_can", ["true", "false", "drop", "operand"]),

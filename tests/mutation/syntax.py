@@ -3,7 +3,7 @@ that a number chooses from at run time.
 
 This reads the project's own style as clang-format writes it (binary operators have spaces around
 them), which is a small part of C++; what it does not know stays as it is. An alternative that does
-not compile is left out by whoever compiles (see Mutated.without).
+not compile is left out by the compiler's caller (see Mutated.without).
 
 Operators; each mutant is one of them at one place:
   true, false    a condition, or what a function of type bool returns, is that
@@ -37,7 +37,7 @@ NOTHING = {"{}", '""', "std::nullopt", "nullptr", "0", "0.0", "false"}
 class Mutant:
     function: str
     operator: str
-    text: str  # what it changes, without line breaks
+    text: str  # changed text, without line breaks
     line: int
     file: str = ""
     number: int = 0
@@ -293,7 +293,7 @@ class Mutated:
         return f"({dropped} ? (void)0 : (void)({text}))" if dropped else text
 
     def _value(self, lo, hi):
-        """Of an assignment or initialisation: as a condition if it clearly is of type bool."""
+        """Parts of an assignment or initialisation: as a condition if it clearly is of type bool."""
         level = [k for k in self._top_level(lo, hi)]
         if any(self._is(k, "?", "=") for k in level) or "[" in [self.tokens[k].text for k in level]:
             return self._expression(lo, hi)

@@ -330,7 +330,7 @@ test("the e-stop button stops the drives, and a release and a reset let them be 
     },
   ));
 
-test("a browser that is too old is told so", async () => {
+test("a browser that is too old gets a message", async () => {
   const server = await serve(tether, ...run());
   const page = await browser.newPage();
   await page.evaluateOnNewDocument(() => delete globalThis.ResizeObserver);
@@ -347,7 +347,7 @@ test("the vehicle is driven by keys only while the dead man is held", () =>
   onPage(run(), async (page) => {
     await until("what the server offers", () => page.evaluate(() => globalThis.tether.model.about !== null));
     await page.evaluate(() => {
-      // as on a server that lets the page drive
+      // same as on a server that lets the page drive
       globalThis.tether.sent = [];
       globalThis.tether.connection.publish = (topic, schema, fields) => globalThis.tether.sent.push(fields);
       document.getElementById("drive").hidden = false;
@@ -373,7 +373,7 @@ test("the vehicle is driven by keys only while the dead man is held", () =>
     assert.deepEqual(await sent(), [], "then nothing is sent");
   }));
 
-// What a picture takes is a figure for docs/howto/view.md. A busy machine plays and draws less: what comes is compared
+// The time of a picture is a figure for docs/howto/view.md. A busy machine plays and draws less: what comes is compared
 // with what the server has played, and pictures are counted per second of the log.
 test("100 vehicles at 50 Hz: all messages come, and pictures are drawn", () =>
   onPage(log("fleet.lcmlog"), async (page) => {

@@ -154,7 +154,7 @@ test("it waits longer with each attempt to connect again, at most 5 s", () => {
   assert.deepEqual([0, 1, 2, 10].map(retryDelay_ms), [250, 500, 1000, 5000]);
 });
 
-test("a lost connection is told and tried again", async () => {
+test("a lost connection is reported and tried again", async () => {
   const states = [];
   const { connection, socket } = connected({ onState: (state) => states.push(state) });
   socket.close();

@@ -1,6 +1,6 @@
 #!/usr/bin/env -S python3 -B
-"""Driving by hand through `tether view`, in a live run without a controller: the vehicle moves, stops when
-whoever drives falls silent, and nobody drives where a controller does. Usage: drive_test.py BIN_DIR"""
+"""Manual driving through `tether view`, in a live run without a controller: the vehicle moves, stops when
+the page falls silent, and does not drive where a controller does. Usage: drive_test.py BIN_DIR"""
 
 import json
 import pathlib
@@ -62,7 +62,7 @@ def drives_and_stops_when_the_hand_falls_silent(test):
     check(summary["valid"], f"the run is valid: {summary.get('invalid_because')}")
 
 
-def nobody_drives_beside_a_controller(test):
+def does_not_drive_beside_a_controller(test):
     live, address = a_run(test)
     status, _, body = http(address, "/api/run.json")
     check(status == 200 and json.loads(body)["publishable"] == ["CAN/REQUEST"], "only CAN/REQUEST can be published")
@@ -74,4 +74,4 @@ def nobody_drives_beside_a_controller(test):
     check(live.wait(10) == 0, live.err())
 
 
-main(drives_and_stops_when_the_hand_falls_silent, nobody_drives_beside_a_controller)
+main(drives_and_stops_when_the_hand_falls_silent, does_not_drive_beside_a_controller)

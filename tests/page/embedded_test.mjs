@@ -80,7 +80,7 @@ test("a recording is unpacked, its times counted from its zero", async () => {
   assert.equal(recording.header.about.kind, "log");
 });
 
-test("the page's connection plays, is scrubbed, and is told what cannot be set", async (t) => {
+test("the page's connection plays, is scrubbed, and receives errors for what cannot be set", async (t) => {
   const recording = parseRecording(new TextEncoder().encode(TEXT));
   const heard = [];
   const parameters = new Map();

@@ -1,4 +1,4 @@
-// What the page makes of a fleet, as the server describes it. No browser.
+// The page with a fleet, as the server describes it. No browser.
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Model } from "../../tools/view/page/model/model.js";
@@ -30,7 +30,7 @@ const fleetOf = () => ({
   ],
 });
 
-test("of a fleet the first is looked at, whoever is heard first", () => {
+test("the first vehicle of a fleet is shown, regardless of who is heard first", () => {
   const model = new Model();
   model.hearAbout(fleetOf());
   hear(model, "SIM2/TRUTH", { utime: 0, x_m: 0, y_m: 0 });

@@ -1,4 +1,4 @@
-// What the page makes of messages: packets, belief, statistics, scene, settings. No browser.
+// The page's model of messages: packets, belief, statistics, scene, settings. No browser.
 import assert from "node:assert/strict";
 import test from "node:test";
 import { arc, followPlan } from "../../tools/view/page/model/belief.js";
@@ -89,7 +89,7 @@ test("an arrival may be heard before its sending", () => {
   assert.deepEqual(fates(lane), [ARRIVED]);
 });
 
-test("where nobody has ever received anything, nothing counts as lost unless a relay is there", () => {
+test("without any reception, nothing counts as lost unless a relay is there", () => {
   const lane = new Lane();
   lane.sent(1, 0);
   lane.settle(10);
@@ -134,7 +134,7 @@ test("between poses the controller's belief follows the commands that were sent"
   near(model.shown.predicted(2).x_m, 1 + 3);
 });
 
-test("a log that is wound back begins anew", () => {
+test("a log that is wound back restarts the model", () => {
   const model = new Model();
   for (let t = 0; t < 20; ++t) hear(model, "SIM/TRUTH", truth(t * 1e6, { x_m: t }));
   const { generation } = model;
@@ -144,7 +144,7 @@ test("a log that is wound back begins anew", () => {
   near(model.now_s(0), 3);
 });
 
-test("another run on the clock begins anew", () => {
+test("another run on the clock restarts the model", () => {
   const model = new Model();
   hear(model, "SIM/CLOCK", { utime: 5e6, seq: 1, run: 1, rate: 1 });
   const { generation } = model;
@@ -384,7 +384,7 @@ test("no key drives without the dead man", () => {
   assert.deepEqual(twistOfPad(0.05, 3, 1), { v_mps: 1, omega_radps: -0 });
 });
 
-test("topics are told apart by side and vehicle; what is drawn for Foxglove is not wanted", () => {
+test("topics are grouped by side and vehicle; what is drawn for Foxglove is not wanted", () => {
   assert.deepEqual(splitTopic("CTRL12/POSE"), { side: "CTRL12", name: "POSE", vehicle: "12", base: "CTRL" });
   assert.equal(splitTopic("LCM_SELF_TEST"), null);
   assert.deepEqual(topicsOf(["CAN7/REQUEST", "CTRL7/CMD_VEL"]), {
@@ -427,7 +427,7 @@ test("a peer whose clock is apart, or of which a path is silent, is warned of", 
   assert.match(single.text, /up by wifi, not by 5g/);
 });
 
-test("a peer that is gone is said to be, since when, and a link that is gone as well", () => {
+test("a lost peer is reported with its time, and a lost link as well", () => {
   assert.deepEqual(peerOf(peer({ up: false, age_s: 1.5 }), 0.7), { level: "bad", text: "DOWN for 2.2 s" });
   assert.deepEqual(peerOf(peer({ up: false, age_s: -1 }), 0.7), { level: "bad", text: "DOWN, never heard" });
   assert.deepEqual(peerOf(peer(), 4), { level: "warn", text: "no report for 4 s" });

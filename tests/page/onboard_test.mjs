@@ -1,4 +1,4 @@
-// What the page makes of scans, localisations and the autonomy state. No browser.
+// The page's model of scans, localisations and the autonomy state. No browser.
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Fixes, PoseHistory, driverOf, ellipse95, isWithin95, placeAt, pointsOfScan } from "../../tools/view/page/model/onboard.js";
@@ -26,7 +26,7 @@ test("beams end where they point, those that saw nothing nowhere", () => {
 test("each beam is seen from where the vehicle was when it was measured", () => {
   const points = pointsOfScan(SCAN, (t_s) => ({ x_m: t_s, y_m: 0, yaw_rad: 0 }));
   [1 + 2.5, 0, 1.2 - 0.5, 0].forEach((expected, i) => near(points[i], expected));
-  assert.deepEqual(pointsOfScan(SCAN, () => null), [], "a place that nobody knows is none");
+  assert.deepEqual(pointsOfScan(SCAN, () => null), [], "an unknown place gives no points");
 });
 
 test("between two poses the vehicle was between them, also where its yaw wraps", () => {
@@ -54,7 +54,7 @@ test("a scan is placed by the truth of its time, which comes later", () => {
   [0.5 + 2.5, 0, 1.5 - 0.5, 0].forEach((expected, i) => near(model.shown.points[i], expected));
 });
 
-test("without a truth a scan is placed where the vehicle is said to be", () => {
+test("without a truth a scan is placed at the vehicle's reported pose", () => {
   const model = new Model();
   hear(model, "AGV/POSE", { utime: 1e6, seq: 0, x_m: 3, y_m: 0, yaw_rad: 0 });
   hear(model, "AGV/SCAN", SCAN, 1.2);

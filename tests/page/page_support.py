@@ -1,4 +1,4 @@
-"""What tests and pictures of the page need: Node.js, npm's packages by the lock file, Chromium."""
+"""Common parts of tests and pictures of the page: Node.js, npm's packages by the lock file, Chromium."""
 
 import pathlib
 import sys
@@ -11,7 +11,7 @@ from npm_packages import fail, need  # noqa: E402, F401: for who uses this
 
 
 def install(npm):
-    """What Chromium and the scripts beside this file need, into the folder `npm`."""
+    """Installs the needs of Chromium and of the scripts beside this file into the folder `npm`."""
     need(("chromium", "chromium"))
     npm_packages.install(HERE, npm)
 

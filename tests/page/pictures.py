@@ -1,6 +1,6 @@
 #!/usr/bin/env -S python3 -B
 """Makes the documentation's pictures of the page of `tether view`: screenshots, and the animation of two
-laws on the same bad network. Needs ImageMagick besides what the page's tests need. Takes three minutes.
+laws on the same bad network. Needs ImageMagick in addition to the programs of the page's tests. Takes three minutes.
 
 Usage: pictures.py BIN_DIR NPM_DIR OUT_DIR
 """
@@ -13,7 +13,7 @@ import tempfile
 from page_support import SOURCE, fail, install, need
 
 BIN, NPM, OUT = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
-SCENARIO = "scenarios/paper.toml"  # as a reader writes it: it is in the pictures
+SCENARIO = "scenarios/paper.toml"  # same text as a reader's: it is in the pictures
 LOSSY = ["channel.prr=0.45"]
 LAWS = {
     "pid": [],

@@ -194,7 +194,7 @@ for (const scheme of ["light", "dark"]) {
           const ticks = Chart.getChart(document.querySelector("canvas")).options.scales.x.ticks.color;
           return [of(backgroundColor), of(color), of(ticks)];
         });
-      const [paper, ink, ticks] = await until("the chart is drawn anew", async () => {
+      const [paper, ink, ticks] = await until("the chart is drawn again", async () => {
         const all = await brightness();
         return Math.abs(all[1] - all[2]) < 1 ? all : null;
       });

@@ -1,5 +1,5 @@
-// node states_test.mjs TETHER SCENARIO LCM_URL LOG HALL: what the page says when there is nothing new, a run has ended, or
-// nobody relays. In a network of its own: on it there is what the tests start.
+// node states_test.mjs TETHER SCENARIO LCM_URL LOG HALL: what the page says when there is nothing new, a run has
+// ended, or no relay runs. In a network of its own: on it there is what the tests start.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import path from "node:path";
@@ -18,7 +18,7 @@ const run = (...more) => ["run", scenario, "--set", "vehicle.plant=kinematic", .
 const text = (page, id) => page.$eval(`#${id}`, (element) => element.value ?? element.textContent);
 const verdict = (page) => text(page, "verdict-text");
 
-/** A vehicle on the network, and nobody else; killed when `act` is done. */
+/** A vehicle alone on the network; killed when `act` is done. */
 async function withVehicle(act) {
   const sim = spawn(path.join(path.dirname(tether), "tether-sim"), [scenario, "--lcm-url", url], { stdio: "ignore" });
   try {
@@ -124,7 +124,7 @@ test("a log's time can be set, and nothing says otherwise", () =>
     assert.deepEqual(await page.$eval("#scrub", (bar) => [bar.disabled, bar.title]), [false, ""]);
   }));
 
-test("a run that has ended is said to have, with its ε, and no news are none to wait for", () =>
+test("the end of a run is shown with its ε, and silence is then expected", () =>
   onPage(
     run("--set", "run.duration_s=20", "--speed", "0.1"),
     async (page) => {

@@ -87,7 +87,7 @@ class Runs(WithAFolder):
 
 
 class Vectors(unittest.TestCase):
-    def test_are_as_many_single_loops_and_begin_anew_after_their_ends(self):
+    def test_are_as_many_single_loops_and_restart_after_their_ends(self):
         short = BAD | {"run.duration_s": 2}
         each = [{"channel.prr": 1.0}, {"channel.prr": 0.5}, {"run.duration_s": 3}]
         many = tether_env.VectorEnv(3, PAPER, short, action="tau")

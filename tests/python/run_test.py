@@ -69,7 +69,7 @@ class Runs(WithAFolder):
 
 
     def test_leave_nothing_whatever_the_law_raises(self):
-        path = tether.Path(PAPER)  # of somebody else: stays
+        path = tether.Path(PAPER)  # another program's: stays
         self.addCleanup(path.close)
         before = children()
         folder = unittest.mock.patch.object(tempfile, "tempdir", str(self.work))
@@ -117,7 +117,7 @@ def children():
 
 
 class Programs(WithAFolder):
-    """Of laws, by tether.main."""
+    """Programs of laws, by tether.main."""
 
     def program(self, *words, returns="1.0, 0.0", before=()):
         (self.work / "mine.py").write_text(

@@ -6,7 +6,7 @@
 
 namespace tether {
 
-/// What the user reads when `read` is refused; "accepted" if it is not.
+/// Error text when `read` is refused; "accepted" if it is not.
 template <class Read>
 std::string refusal_of(Read read) {
   try {

@@ -40,7 +40,7 @@ inline std::vector<std::string> rows_defined_in(const std::string& folder,
   return names;
 }
 
-/// Of a table of rows that functions in the folder's sources return: none was forgotten, each has a
+/// Table of rows that functions in the folder's sources return: none was forgotten, each has a
 /// name, that of its function, and no two have the same.
 template <class Row>
 void expect_has_all_rows(const std::vector<Row>& table, const std::string& folder,

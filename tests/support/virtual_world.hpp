@@ -73,7 +73,7 @@ inline twist_t twist(Instant stamp, std::int64_t seq, double v_mps, double omega
   return m;
 }
 
-/// The value of a counter in a list; −1 if there is none of that name.
+/// The value of a counter in a list; −1 if the name is unknown.
 template <class CountersMessage>
 std::int64_t counter(const CountersMessage& m, const std::string& name) {
   for (std::size_t i = 0; i < m.name.size(); ++i) {

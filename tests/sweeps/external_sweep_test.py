@@ -1,6 +1,6 @@
 #!/usr/bin/env -S python3 -B
-"""Sweeps whose controller is a program of somebody's: the same results with any number of threads, cold
-or warm, and with strangers on the network; what fails, hangs or lies is ended and named.
+"""Sweeps whose controller is an external program: the same results with any number of threads, cold
+or warm, and with unknown senders on the network; what fails, hangs or lies is ended and named.
 Usage: external_sweep_test.py BIN_DIR"""
 
 import os
@@ -49,7 +49,7 @@ def law(t, pose, path):
     heading_error = math.remainder(math.atan2(dy, dx) - pose.yaw_rad, 2 * math.pi)
     return 0.495 * abs(complex(dx, dy)), 0.2925 * heading_error
 """
-# As docs/howto/python.md has it.
+# Same code as in docs/howto/python.md.
 SMOOTH = """
 class Smooth:
     def __init__(self):
@@ -62,7 +62,7 @@ class Smooth:
 
 tether.main(Smooth)
 """
-# What goes wrong at 4 s, by seed.
+# Failures at 4 s, by seed.
 FAILING = LAW + """
 SCENARIO = sys.argv[sys.argv.index("--scenario") + 1]
 
@@ -213,7 +213,7 @@ class Sweeps(unittest.TestCase):
         self.failures("warm", WARM)
 
     def test_have_no_result_of_a_law_that_is_killed(self):
-        """As memory that runs out kills it: it is tried again, at once and by the next sweep."""
+        """Killed like by the out-of-memory killer: it is tried again, at once and by the next sweep."""
         for name, settings in (("cold", COLD), ("warm", WARM)):
             (self.work / "lives").unlink(missing_ok=True)
             self.write_law(KILLED)
@@ -285,7 +285,7 @@ class Sweeps(unittest.TestCase):
         self.tether("sweep", "in here/beside.toml", "--out", "beside")
         self.assertEqual(tether.read_sweep(self.work / "beside")["failure"].count(None), 3)
 
-    def test_take_no_notice_of_strangers_but_on_the_runs_channels(self):
+    def test_ignore_unknown_senders_except_on_the_runs_channels(self):
         quiet = self.sweep("quiet", settings=WARM)
         self.write_law(LAW + "\npathlib.Path('url').write_text(sys.argv[2])\ntether.main(law)\n")
         over = threading.Event()
@@ -310,26 +310,26 @@ class Sweeps(unittest.TestCase):
             if network:
                 network.close()
 
-        stranger = threading.Thread(target=disturb)
-        stranger.start()
+        sender = threading.Thread(target=disturb)
+        sender.start()
         try:
             disturbed = self.sweep("disturbed", "--jobs=1", settings=WARM)
         finally:
             over.set()
-            stranger.join()
+            sender.join()
         self.assertGreater(len(sent), 10)
         self.assertEqual(disturbed, quiet)
 
         over.clear()
         (self.work / "url").unlink()
-        stranger = threading.Thread(target=disturb, args=(("CTRL/CMD_VEL", "CTRL/POSE"),))
-        stranger.start()
+        sender = threading.Thread(target=disturb, args=(("CTRL/CMD_VEL", "CTRL/POSE"),))
+        sender.start()
         try:
             file = self.experiment("forged", settings=WARM, seeds=1)
             said = self.tether("sweep", file, "--out", "forged", "--jobs=1", code=1)
         finally:
             over.set()
-            stranger.join()
+            sender.join()
         self.assertRegex(said, r"no result: .*messages? on CTRL/(CMD_VEL|POSE) .* no node's: another program takes part")
         self.assertEqual(tether.read_sweep(self.work / "forged")["seed"], [])
 

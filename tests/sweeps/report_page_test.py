@@ -43,7 +43,7 @@ HOSTILE = (
     "<!--<script>", "</script><script>document.title='taken'</script>", "]]>\"'&<b>", "</title><h1>",
     "<img src=x onerror=document.title='taken'>",
 )
-BLUE, RED = "#0072B2", "#D40000"  # of a curve, and of the box around the best τ
+BLUE, RED = "#0072B2", "#D40000"  # colours of a curve, and of the box around the best τ
 
 
 def check(condition, what):

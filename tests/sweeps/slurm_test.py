@@ -110,7 +110,7 @@ PartitionName=all Nodes={host} Default=YES State=UP
         )
 
     def start_munge(self):
-        """As its own user, who must own the key and all folders above."""
+        """Starts munge as its own user, who must own the key and all folders above."""
         key = self.folder / "munge.key"
         key.write_bytes(secrets.token_bytes(1024))
         user = pwd.getpwnam("munge")
@@ -142,7 +142,7 @@ PartitionName=all Nodes={host} Default=YES State=UP
 
 
 def states(job):
-    """Of the tasks of an array, by task number."""
+    """States of the tasks of an array, by task number."""
     lines = run("squeue", "-h", "-r", "-t", "all", "-j", job, "-o", "%K %T").stdout.split("\n")
     return dict(line.split() for line in lines if line)
 

@@ -108,7 +108,7 @@ def loses_nothing_however_often_it_is_killed(bench):
     print(f"  killed {kills} times")
 
 
-def is_one_file_at_its_end_whoever_reads_it(bench):
+def is_one_file_at_its_end_for_every_reader(bench):
     """After all kills, too; also while it is there already, and in spite of a reader that was there."""
     def files(out):
         return sorted(file.name for file in out.glob("runs.sqlite*"))
@@ -285,7 +285,7 @@ def main():
         bench = Bench(sys.argv[1], folder)
         for part in (
             loses_nothing_however_often_it_is_killed,
-            is_one_file_at_its_end_whoever_reads_it,
+            is_one_file_at_its_end_for_every_reader,
             stops_on_ctrl_c_and_goes_on,
             two_sweeps_into_one_database_are_refused,
             shards_merge_to_the_same_bytes,

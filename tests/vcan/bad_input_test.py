@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What others send on the bus to the bridge and the drives that is broken, forged or random.
+"""Broken, forged and random frames of other senders to the bridge and the drives.
 Usage: bad_input_test.py BIN_DIR"""
 
 import subprocess
@@ -56,7 +56,7 @@ FOREIGN = {
     # CAN_ERR_PROT and CAN_ERR_BUSERROR, CAN_ERR_ACK; no state of the controller
     "bus errors": ("20000088#0000000000000000", "20000020#0000000000000000"),
 }
-# Frames of the drives, by identifier, that are none by length or content.
+# Frames of the drives, by identifier, that are invalid by length or content.
 GARBLED = {
     "feedback": ("181#", "181#27", "181#2706000000", "281#00", "182#2706", "282#0011223344556677"),
     "heartbeats": ("701#", "701#0505", "702#55"),

@@ -15,11 +15,11 @@ sys.path.insert(1, str(pathlib.Path(__file__).resolve().parents[1] / "live"))
 from live_support import SOURCE, check, wait_until
 
 UNITS = SOURCE / "systemd"
-# What a unit is given besides its own file: here as in /usr/lib/systemd/system.
+# Additions to a unit's own file: here as in /usr/lib/systemd/system.
 HARDENING = "tether-.service.d/hardening.conf"
 
 READ_ONLY = "mount --bind --read-only /usr usr"
-# What is written to it stays in the guest's memory. dpkg knows what this machine has.
+# Writes to it stay in the guest's memory. dpkg knows what this machine has.
 FOR_PACKAGES = """
     mkdir -p var/lib/dpkg/info var/lib/dpkg/updates var/lib/dpkg/triggers written worked
     cp /var/lib/dpkg/status var/lib/dpkg

@@ -76,13 +76,13 @@ DRIVE_STATES = (  # mask, value, of the statusword (CiA 402)
 
 
 def drive_state(frame):
-    """Of a TPDO1."""
+    """State of the drive in a TPDO1."""
     word = integer(frame.data, 0, 2, signed=False)
     return next(name for mask, value, name in DRIVE_STATES if word & mask == value)
 
 
 def rim_speeds(m):
-    """Of a SIM/WHEELS message: left, right, in m/s."""
+    """Rim speeds in a SIM/WHEELS message: left, right, in m/s."""
     return (m.left_speed_radps * WHEEL_RADIUS_M, m.right_speed_radps * WHEEL_RADIUS_M)
 
 
@@ -149,7 +149,7 @@ class Drivetrain:
     """The programs are started one by one; commands are sent from hold() on."""
 
     PERIOD_S = 0.04
-    settings = ()  # of the scenario, such as "can.max_speed_mps=2"
+    settings = ()  # settings of the scenario, such as "can.max_speed_mps=2"
 
     def __init__(self, test, drivetrain=TWO_NODES):
         self.test = test
@@ -293,7 +293,7 @@ class Drivetrain:
         return self.network.last("CAN/STATE")
 
     def counters(self, channel="CAN/COUNTERS"):
-        """As of now: they come once a second."""
+        """Present counters: they come once a second."""
         since = time.time()
         wait_until(3, lambda: self.network.last(channel, since), channel)
         return self.network.counters(channel)

@@ -165,7 +165,7 @@ class Candump:
         self._program = test.start(
             "/usr/bin/candump", "-L", "-r", str(1 << 20), everything, stdout=self._file
         )
-        # Until it listens: frames that nobody else takes for anything.
+        # Until it listens: frames that have no meaning to others.
         with CanBus(interface) as bus:
 
             def listening():
@@ -206,7 +206,7 @@ class SerialAdapter:
 
     def __init__(self, name="can0"):
         self.name = name
-        self.frames = []  # what reached the bus: (wall-clock time, "t2012AABB")
+        self.frames = []  # frames that reached the bus: (wall-clock time, "t2012AABB")
         self.on_frame = lambda text: None
         self._stalled = False
         self._closed = False
@@ -246,7 +246,7 @@ class SerialAdapter:
         os.close(self._master)
 
     def report(self, state, errors):
-        """What its controller says of itself: "a"ctive, error-"p"assive or "b"us-off."""
+        """Reports the state of the controller: "a"ctive, error-"p"assive or "b"us-off."""
         self._say(f"s{state}{errors:03}{errors:03}")
 
     def bus_off(self):

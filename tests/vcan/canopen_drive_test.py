@@ -45,7 +45,7 @@ def is_read_by_the_probe(test):
         check("fits, as far as reading can tell" in probe.out(), probe.out())
 
 
-# What no data sheet knows of this vehicle (two_node_cia402.toml has the same drives).
+# Values that no data sheet has for this vehicle (two_node_cia402.toml has the same drives).
 FILLED_IN = {
     "left.sign": "sign = 1", "right.sign": "sign = -1",
     "target_velocity_per_rps": "target_velocity_per_rps = 12000",

@@ -14,7 +14,7 @@ IGNORES = ("--ignore", "0x1016", "0x6007", "0x1400:5")
 
 
 class Commissioned(Independent):
-    """Drives, a record of theirs, and a bridge that requires it."""
+    """Drives, their record, and a bridge that requires it."""
 
     def __init__(self, test, *switches, drivetrain=TWO_NODES):
         super().__init__(test, *switches, drivetrain=drivetrain)

@@ -59,7 +59,7 @@ class Deployed(Independent):
         return self.system.run("tether-vehicle", "can", *words)
 
     def begin_driving(self):
-        """As the guide's first metre; the program that commands it."""
+        """Begins the guide's first metre; returns the program that commands it."""
         program = self.test.start(*self.system.inside("tether-vehicle", "can", "drive", "--v-mps", SPEED_MPS, "--for-s", 60))
         wait_until(10, lambda: "waiting for" in program.out(), "zero is commanded")
         wait_until(10, lambda: "ready to be armed" in self.state().reason, "the drives are compared with the record")
@@ -69,7 +69,7 @@ class Deployed(Independent):
 
     def release(self):
         self.can("release")
-        time.sleep(1)  # as the page: standstill is confirmed
+        time.sleep(1)  # same as on the page: standstill is confirmed
         self.can("reset")
         self.wait_state("disarmed", 20)
 
@@ -106,7 +106,7 @@ def real_drives_from_the_first_start_on(test):
         check("estop" in refused and agv.state().state_name == "estop", refused)
         moved = [rims for rims in agv.rims_mps(killed) if max(map(abs, rims[1:])) > STANDING_MPS]
         check(not moved, f"wheels turned: {moved[:1]}")
-        test.say("stopped, killed, started anew, still latched")
+        test.say("stopped, killed, restarted, still latched")
 
         agv.release()
         agv.begin_driving()

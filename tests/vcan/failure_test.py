@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What happens on the bus and to the wheels when the bridge or a drive fails at 1 m/s, and that
+"""Events on the bus and at the wheels when the bridge or a drive fails at 1 m/s, and that
 nothing moves again by itself. Prints how long each took.
 Usage: failure_test.py BIN_DIR"""
 
@@ -119,7 +119,7 @@ def bridge_suspended(test):
         record.stop()
     drives_stop_by_themselves(record, last_of_bridge(record, stopped + 0.05), resumed)
     no_motion(record, resumed, armed)
-    # The drives were set up anew, for they had lost their master.
+    # The drives were set up again, because they had lost their master.
     for node in NODES:
         starts = [f for f in record.frames(NMT, since=reset) if bytes(f.data) == bytes([1, node])]
         check(starts, f"node {node} was not started again")
@@ -280,7 +280,7 @@ def a_drive_reboots(test):
         orders = [f.data[0] for f in record.frames(NMT, since=reset) if f.data[1] == node]
         check(orders == [0x81, 0x01], f"node {node}: NMT {orders}")
         requests = [bytes(f.data) for f in record.frames(0x600 + node, since=reset)]
-        check(CONSUMER in requests and len(requests) > 50, f"node {node}: not configured anew")
+        check(CONSUMER in requests and len(requests) > 50, f"node {node}: not configured again")
         # Statusword, speed, position and quick stop until it says that it is off, and stands.
         asked = {bytes(f.data[:4]) for f in record.frames(0x600 + node, since=injected, until=reset)}
         check(asked <= STOPPING, f"node {node}: SDO before the reset: {asked}")

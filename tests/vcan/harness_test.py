@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What the tests on a real CAN bus stand on works: LCM between processes, the bus as python-can,
+"""The foundations of the tests on a real CAN bus work: LCM between processes, the bus as python-can,
 candump and Wireshark see it, and a CAN controller with its error states.
 Usage: harness_test.py BIN_DIR"""
 

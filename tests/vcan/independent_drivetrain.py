@@ -71,7 +71,7 @@ class Independent(Drivetrain):
         wanted = wheel_speeds(v_mps, omega_radps)
 
         def reached():
-            last = self.rims_mps()[-4:]  # of many: it is armed
+            last = self.rims_mps()[-4:]  # the last of many: it is armed
             return all(abs(s - w) < 0.01 for _, *both in last for s, w in zip(both, wanted))
 
         self._wait(8, reached, f"wheels at {wanted} m/s")

@@ -33,7 +33,7 @@ def drives_without_what_the_file_calls_optional(test):
     with Independent(test, "--without", "0x1008", "0x1029", "0x605E", "0x1400:5") as agv:
         agv.start_up()
         agv.drive_and_stop()
-        # Nobody misses setpoints; the heartbeat's reaction (0x6007 = 3) is a quick stop.
+        # No drive misses setpoints; the heartbeat's reaction (0x6007 = 3) is a quick stop.
         agv.check_stop_without_bridge(["quick stop active", "switch on disabled"])
 
 

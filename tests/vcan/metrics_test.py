@@ -38,7 +38,7 @@ class Exporter:
         return answer.status, answer.getheader("Content-Type"), answer.read().decode()
 
     def scrape(self):
-        """All samples, read by both parsers alike."""
+        """All samples, on which both parsers agree."""
         status, kind, text = self.get()
         check(status == 200 and kind == "text/plain; version=0.0.4; charset=utf-8", (status, kind))
         samples, kinds = parse(text)

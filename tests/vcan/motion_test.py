@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What the bridge says to its drives while they move, decoded by python-can: both wheels' setpoints
+"""Frames of the bridge to its drives while they move, decoded by python-can: both wheels' setpoints
 for a twist, the rates of all that is sent in turn, and the end of commands.
 Usage: motion_test.py BIN_DIR"""
 
@@ -28,7 +28,7 @@ from live_support import check, main, median
 
 CYCLE_S = 0.02
 LIMIT_MPS2 = 3.0  # acceleration and deceleration of the scenario
-QUICK_STOP_MPS2 = 4.0  # of the drives
+QUICK_STOP_MPS2 = 4.0  # deceleration of the drives
 SLACK_S = 0.1
 
 

@@ -84,9 +84,9 @@ def installed_updated_and_taken_back(test):
     for name in ("STOP", "KILL"):
         before = int(system.show(LINK, "NRestarts"))
         system.run("kill", f"-{name}", system.show(LINK, "MainPID"))
-        wait_until(12, lambda before=before: int(system.show(LINK, "NRestarts")) > before, f"started anew after SIG{name}")
+        wait_until(12, lambda before=before: int(system.show(LINK, "NRestarts")) > before, f"restarted after SIG{name}")
         system.wait_link()
-    test.say("started anew after SIGSTOP (watchdog) and SIGKILL")
+    test.say("restarted after SIGSTOP (watchdog) and SIGKILL")
 
     on_board = [f"tether-{name}.service" for name in ("localiser", "autonomy")]
     system.configure(TETHER_SCENARIO="/usr/share/tether/scenarios/factory.toml",
@@ -128,7 +128,7 @@ def installed_updated_and_taken_back(test):
     check(system.show(LINK, "ActiveState") == "inactive", "a removed link does not go on")
     check(not list((system.root / "etc/systemd/system").glob("*/tether-link.service")), "nor is it enabled")
     check(system.run("ip", "route", "show", "239.255.76.67") == "", "nor does its route stay")
-    check((system.root / "etc/tether/link.key").exists(), "keys are nobody's but the user's")
+    check((system.root / "etc/tether/link.key").exists(), "keys belong to the user")
     check(not (system.root / "usr/bin/tether-link").exists(), "removed")
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""What drives said on the bus, recorded once in a good run and once with a fault, and played back by
+"""Frames of drives, recorded once in a good run and once with a fault, and played back by
 canplayer to a fresh bridge when the drives are gone, leads to the same published states and reasons
 in the same order. Usage: replay_test.py BIN_DIR
 
@@ -19,7 +19,7 @@ CYCLE_S = 0.1
 LEAD_S = 14.0  # start-up takes 56 SDO transfers, arming 26, one a cycle
 SPEED_MPS = 0.5
 
-# What the drives send: emergencies, TPDO1 and 2, SDO answers, heartbeats.
+# Identifiers that the drives send: emergencies, TPDO1 and 2, SDO answers, heartbeats.
 FROM_DRIVES = [base + node for base in (0x080, 0x180, 0x280, 0x580, 0x700) for node in NODES]
 
 FAULT_AT_S = 1.03
@@ -86,7 +86,7 @@ class Recorded(Drivetrain):
 
 
 def record(test, name, script):
-    """What was published, and the drives' frames as candump's lines with their times in the run."""
+    """Published messages, and the drives' frames as candump's lines with their times in the run."""
     with Recorded(test) as d:
         d.start_drives()
         candump = Record(test, name)

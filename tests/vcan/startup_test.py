@@ -23,7 +23,7 @@ from can_drivetrain import (
 from can_support import CanBus, integer, tshark
 from live_support import check, main
 
-# What a drive's configuration consists of: (object, value) is written, object alone is read.
+# Configuration of a drive: (object, value) is written, object alone is read.
 SETUP = """
     1000:0
     1016:1=7F00FA 1016:1
@@ -49,7 +49,7 @@ def setup_of(node):
 
 
 def verification_of(node):
-    """What is read again before it is armed: all but device type, mode, and identifiers as they were
+    """Objects that are read again before arming: all but device type, mode, and identifiers as they were
     before they were written."""
     setup = setup_of(node)
     return [

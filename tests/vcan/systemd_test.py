@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""The CAN bridge as a service of a booted system: up when it can work, started anew however it ends, never
+"""The CAN bridge as a service of a booted system: up when it can work, restarted however it ends, never
 armed by itself, stopped with the wheels at rest. Usage: systemd_test.py BIN_DIR"""
 
 import pathlib
@@ -81,7 +81,7 @@ def bridge_as_a_service(test):
         d.arm()
         test.say("up, as user tether with CAP_NET_ADMIN alone; armed")
 
-        # However it ends, the wheels come to rest, it starts anew, and never arms by itself.
+        # However it ends, the wheels come to rest, it restarts, and never arms by itself.
         for name, seconds in (("KILL", 10), ("SEGV", 10), ("STOP", 12), ("KILL", 10)):
             d.drive(SPEED_MPS)
             before, when = d.restarts(), d.kill(name)
@@ -130,7 +130,7 @@ def the_others_run_too(d, test):
     d.system.ctl("stop", *others)
     recorded = sum(file.stat().st_size for file in (d.system.root / "var/lib/tether").glob("floor-*.lcmlog"))
     check(recorded > 10_000, f"{recorded} bytes recorded")
-    test.say(f"controller, logger ({recorded} bytes) and page run; a stopped controller is started anew")
+    test.say(f"controller, logger ({recorded} bytes) and page run; a stopped controller is restarted")
 
 
 def the_bridge_follows_its_adapter(test):
@@ -170,7 +170,7 @@ def the_bridge_follows_its_adapter(test):
 
 
 def outer_pid(d):
-    """Of the bridge, as this namespace numbers it."""
+    """Process id of the bridge in this namespace."""
     found = subprocess.run(["pgrep", "--exact", "tether-can-brid"], capture_output=True, text=True, check=True).stdout
     return int(found.split()[0])
 

@@ -143,7 +143,7 @@ def faults(test):
 
 
 def drive(test):
-    """One twist for a time, by nobody but this command; zero before ARM and after all that happens."""
+    """One twist for a time, by this command alone; zero before ARM and after all that happens."""
     with Operator(test) as d:
         d.settings += ("can.max_speed_mps=0.5",)
 
@@ -216,7 +216,7 @@ def drive(test):
         d.tether("drive", "--v-mps", 0.1, code=1, err=["another program sends AGV/CMD_VEL: end it first"])
 
 
-def nobody_is_there(test):
+def no_bridge_is_there(test):
     with Operator(test) as d:
         d.tether("status", code=1, err=["no CAN/STATE on udpm://", "is tether-can-bridge running"])
         d.tether("drive", "--v-mps", 0.1, code=1, err=["no CAN/STATE on udpm://"])
@@ -313,7 +313,7 @@ def probe(test):
         test.say(f"probe: {len(asked)} requests, all SDO uploads")
         d.tether("probe", "--interface", "vcan9", "--node", 1, code=1, err=["no CAN interface vcan9", "ip link add"])
         d.tether("probe", "--interface", "vcan0", "--drivetrain", "nowhere.toml", code=2, err=['"nowhere.toml"'])
-        # What the bridge refuses: a ramp that is a typing error, a quick stop that no one configured.
+        # Requests that the bridge refuses: a ramp that is a typing error, a quick stop that no one configured.
         weak = changed_file(test, "weak.toml", TWO_NODES, ('"0x6085:00 u32"\nvalue = 19200', '"0x6085:00 u32"\nvalue = 192'))
         d.tether("probe", "--interface", "vcan0", "--drivetrain", weak, code=2,
                  err=["the left axis stops with 0.04 m/s2, less than can.max_deceleration_mps2"])
@@ -349,7 +349,7 @@ main(
     faults,
     hold_to_run,
     a_latched_estop_outlives_the_bridge,
-    nobody_is_there,
+    no_bridge_is_there,
     probe,
     probe_of_a_configured_drivetrain,
 )

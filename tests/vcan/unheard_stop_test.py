@@ -1,5 +1,5 @@
 #!/usr/bin/env -S python3 -B
-"""Somebody else's frame on the bus while the vehicle drives at 1 m/s: NMT "enter pre-operational",
+"""An unknown sender's frame on the bus while the vehicle drives at 1 m/s: NMT "enter pre-operational",
 which makes drives deaf to PDOs, or an SDO write to what the bridge has configured. The vehicle
 stops, and the bridge does not end as if it had before it has. Prints how long each took.
 Usage: unheard_stop_test.py BIN_DIR"""
@@ -96,7 +96,7 @@ def drives_that_take_no_sdo_lose_the_heartbeat_and_stop_by_themselves(test):
         check(counters["drive.heartbeat_withheld"] == 1, f"{counters}")
         agv.bridge.kill(signal.SIGTERM)
         code = agv.bridge.wait(8)
-        check(code == 1, f"exit code {code}: nobody knows that the drives are off")
+        check(code == 1, f"exit code {code}: it is not known that the drives are off")
         check("not confirmed" in agv.bridge.err(), agv.bridge.err())
         record.stop()
     late = sent + CYCLE_S + CONFIRMATION_S + SLACK_S

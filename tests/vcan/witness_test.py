@@ -1,6 +1,6 @@
 #!/usr/bin/env -S python3 -B
 """Witnesses that deviate while the vehicle drives, brakes that do not act, and standstill of which
-nobody can be sure, with drives that coast without power and with drives that hold their wheels
+it cannot be sure, with drives that coast without power and with drives that hold their wheels
 (independent_drive). What is measured is how the wheels truly turn.
 Usage: witness_test.py BIN_DIR"""
 
@@ -44,7 +44,7 @@ class Agv(Independent):
         super().__init__(test, *both, "--right", *both, *right)
 
     def way_m(self, since, until):
-        """Of the right wheel, as it truly turned."""
+        """True travel of the right wheel, m."""
         turns = [line["turns"][1] for line in self.reports("turns", since) if line["t"] <= until]
         return abs(turns[-1] - turns[0]) * RIM_PER_REVOLUTION_M if turns else 0.0
 
@@ -63,7 +63,7 @@ class Agv(Independent):
         return self._wait(seconds, last, "wheels stand")
 
     def drive_off(self):
-        """When it was told to."""
+        """Starts up, arms and drives; returns the time of the setpoint."""
         self.start_up()
         self.arm()
         self.hold(SPEED_MPS)

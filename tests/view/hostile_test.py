@@ -18,7 +18,7 @@ from live_support import PAPER, POSE, check, main, wait_for_loop, wait_until
 VEHICLES, RATE_HZ, CLIENTS = 100, 50, 20
 HOSTILE = 1000  # sockets
 PRESSED_S = 0.1  # from a press to its effect, and from connecting to being in
-MOST_MB = 120  # of the server, with a client that reads nothing
+MOST_MB = 120  # memory limit of the server, with a client that reads nothing
 SANITIZERS_ARE_LARGER = 10  # and slower: AddressSanitizer keeps what is freed
 
 
@@ -100,7 +100,7 @@ def cut_off_for_text(address):
             client.raw.sendall(ask)
     except (ConnectionError, TimeoutError):
         return
-    check(False, "200000 answers that nobody reads wait for a client")
+    check(False, "200000 unread answers wait for a client")
 
 
 def too_many(address):
@@ -130,7 +130,7 @@ def memory_mb(pid):
 
 
 def cpu_s(pid):
-    """Of all its threads; by nanoseconds, for ticks would miss who always sleeps at them."""
+    """Processor time of all its threads; by nanoseconds, for ticks would miss who always sleeps at them."""
     tasks = pathlib.Path(f"/proc/{pid}/task").iterdir()
     return sum(int((task / "schedstat").read_text().split()[0]) for task in tasks) * 1e-9
 
@@ -186,7 +186,7 @@ def hostile_sockets(address, stop, said):
         raw.close()
 
 
-def hostile_sockets_keep_nobody_out(test):
+def hostile_sockets_keep_no_client_out(test):
     """A client that may pass gets in, and what it presses has its effect, beside 1000 that only connect."""
     live = test.start("tether", "live", PAPER, "--set=sensor.rate_hz=20", "--duration=600", "--view", "--port=0")
     wait_for_loop(test.network)
@@ -270,7 +270,7 @@ def a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing(test):
     fleet = threading.Thread(target=a_fleet, args=(test.network, stop), daemon=True)
     fleet.start()
     try:
-        nobody, _ = cost(view.pid, 3, [])
+        no_client, _ = cost(view.pid, 3, [])
         dead = Client(address, buffer_bytes=4096)
         dead.wait(10, lambda: sum(t.startswith("AGV") for t in dead.channels) == VEHICLES, "all vehicles")
         dead.subscribe(*(t for t in dead.channels if "/POSE" in t))  # and reads no more
@@ -279,7 +279,7 @@ def a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing(test):
         many, heard = cost(view.pid, 5, clients)
         counters = status(address)
         test.say(
-            f"CPU of a core: nobody looks {nobody:.1%}, one {one:.1%}, {CLIENTS} {many:.1%}; each of these hears "
+            f"CPU of a core: no client {no_client:.1%}, one {one:.1%}, {CLIENTS} {many:.1%}; each of these hears "
             f"{heard:.0f}/s; {memory_mb(view.pid):.0f} MB; {counters}"
         )
         wait_until(20, lambda: status(address)["messages.dropped_for_slow_clients"] > 0, "drops for the dead one")
@@ -289,4 +289,4 @@ def a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing(test):
         fleet.join()
 
 
-main(hostile_clients_harm_neither_the_run_nor_each_other, hostile_sockets_keep_nobody_out, a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing)
+main(hostile_clients_harm_neither_the_run_nor_each_other, hostile_sockets_keep_no_client_out, a_fleet_is_seen_by_many_and_a_dead_one_costs_nothing)

@@ -50,7 +50,7 @@ def a_live_run_is_seen_and_its_network_set(test):
     client.set("network.uplink.prr", 2.0)
     client.wait(2, lambda: client.status, "the refusal")
     check("must be a number in [0, 1]" in client.status[0]["message"], client.status)
-    check(client.parameters["network.uplink.prr"] == 1.0, "the client is told what is in force")
+    check(client.parameters["network.uplink.prr"] == 1.0, "the client receives the setting in force")
 
     live.kill(signal.SIGINT)
     check(live.wait(10) == 0, f"exit code {live.process.returncode}: {live.err()}")
@@ -135,7 +135,7 @@ def a_computed_run_is_paced_and_the_same(test):
     check(time.monotonic() - started > 1.5, "it was not paced")
     check(run.process.returncode == 0, run.err())
     logs = [(test.work / name / "run.lcmlog").read_bytes() for name in "ab"]
-    check(logs[0] == logs[1], "the log differs from that of a run that nobody looked at")
+    check(logs[0] == logs[1], "the log differs from that of a run without a viewer")
 
 
 def a_fleet_is_seen_and_the_links_of_all_are_set(test):
@@ -183,7 +183,7 @@ def a_computed_run_ends_orderly_when_it_is_told_to(test):
         check(re.search(r"ended by signal 2 at t = \d+\.\d+ s$", run.err().strip()), run.err())
         check(run.out() == "", f"a summary of a part: {run.out()}")
         check("ended by signal 2 at t = " in (out / "incomplete.txt").read_text(), "it does not say why")
-        check(not (out / "summary.json").exists(), "it is said to be whole")
+        check(not (out / "summary.json").exists(), "it is reported as complete")
         said = test.run("tether", "log", "info", out / "run.lcmlog", seconds=30).out()
         check("in the middle" not in said and "damage" not in said, said)
 

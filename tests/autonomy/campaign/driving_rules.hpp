@@ -14,7 +14,7 @@ namespace tether::test {
 /// - Each setpoint is of one driver, and while it is not zero that driver may drive: the law only
 ///   in AUTONOMOUS, not before t = 0; a remote driver only in REMOTE, within remote_timeout of a
 ///   command of his that names a report of the present request.
-/// - Nobody drives: the pace falls at the brakes' rate, or is zero.
+/// - No driver: the pace falls at the brakes' rate, or is zero.
 /// - v and ω change by no more than the limits from one setpoint to the next.
 /// - Between two drivers the setpoint was zero.
 /// - Driven remotely it is no faster than remote_speed.
@@ -27,7 +27,7 @@ class DrivingRules {
   void check(Instant now, const OnboardDriver::Output& out, Instant last_fit);
   /// How far the vehicle moved until the next one.
   void moved(double way_m);
-  /// What another rule than these found.
+  /// Reports the finding of another rule.
   void broken(const std::string& what);
 
   /// The first rule that was broken; "" if none was.

@@ -4,12 +4,12 @@
 
 namespace tether::test {
 
-/// What may be wrong with a driver, for trials that have to notice it.
+/// Faults of a driver, for trials that must detect them.
 enum class Fault {
   none,
   starts_early,       ///< the law drives before t = 0
   jumps,              ///< a setpoint is farther from the one before than limits allow
-  rolls_on,           ///< it goes on when nobody drives
+  rolls_on,           ///< it goes on without a driver
   two_drivers,        ///< law and remote driver take turns while it moves
   law_unasked,        ///< the law drives in a protective stop
   remote_unasked,     ///< a remote driver drives before he has taken over
@@ -30,7 +30,7 @@ class FaultyDriver {
   Fault fault() const { return fault_; }
   /// `out` of a step.
   void spoil(Instant now, OnboardDriver::Output& out);
-  /// What the wheels are told of `setpoint`.
+  /// Setpoint of the wheels for `setpoint`.
   Twist wheels(Instant now, const OnboardDriver::Output& out);
 
  private:

@@ -70,13 +70,13 @@ TEST(HandoverCampaign, NoRuleIsBrokenInSeededRuns) {
 struct Guilty {
   Fault fault;
   const char* name;
-  const char* rule;  ///< what is said of it
+  const char* rule;  ///< rule that reports it
 
   friend void PrintTo(const Guilty& guilty, std::ostream* out) { *out << guilty.name; }
 };
 class AFaultyDriver : public ::testing::TestWithParam<Guilty> {};
 
-/// What is found in the first runs in which anything is.
+/// The finding in the first runs that have one.
 TEST_P(AFaultyDriver, IsFoundByTheRuleThatItBreaks) {
   constexpr std::uint64_t kMost = 30;
   TrialTotals totals;

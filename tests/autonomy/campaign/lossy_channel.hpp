@@ -16,7 +16,7 @@ namespace tether::test {
 
 struct Network {
   double loss = 0.0;
-  double mean_burst = 1.0;  ///< of losses, packets; 1: one by one
+  double mean_burst = 1.0;  ///< mean length of losses, packets; 1: one by one
   double delay_s = 0.0;
   double jitter_s = 0.0;  ///< mean of what is added to the delay, exponential
 };

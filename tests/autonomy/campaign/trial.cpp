@@ -172,9 +172,9 @@ class Trial {
     }
   }
 
-  /// An honest driver stands still until he is told that he drives; a careless one drives as soon
-  /// as he hears the request, and goes on after it; the third one names the newest report of the
-  /// request before.
+  /// An honest driver stands still until he is notified that he drives; a careless one drives as
+  /// soon as he hears the request, and goes on after it; the third one names the newest report of
+  /// the request before.
   void remote_side() {
     for (const Report& report : reports_.arrived(now_)) {
       if (newest_ && report.stamp <= newest_->stamp) continue;

@@ -7,7 +7,7 @@
 
 namespace tether::test {
 
-/// What became of one seeded run, for looking at whether the runs were worth it.
+/// Results of one seeded run, to judge how much the runs cover.
 struct TrialTotals {
   std::int64_t runs = 0;
   std::int64_t protective_stops = 0;
@@ -19,7 +19,7 @@ struct TrialTotals {
   std::int64_t silences = 0;  ///< a remote driver was not heard any more
   std::int64_t obstacles = 0;
   std::int64_t localisation_losses = 0;
-  double nearest_m = 1e9;  ///< of all that stood in view in time
+  double nearest_m = 1e9;  ///< distance of all objects that stood in view in time
 
   void add(const TrialTotals& other);
 };

@@ -285,7 +285,7 @@ TEST(AgilexProfile, SilenceOfTheChassisIsAFaultAfterTheFeedbackTimeout) {
   EXPECT_EQ(newest(b.tick(), 0x111), kZero);
   EXPECT_EQ(b.phase(), DrivePhase::faulted);
   EXPECT_FALSE(b.snapshot().feedback_fresh);
-  EXPECT_FALSE(b.snapshot().standstill) << "nobody knows";
+  EXPECT_FALSE(b.snapshot().standstill) << "not known";
   EXPECT_THAT(b.reason(), HasSubstr("no 0x211, 0x221, 0x311 for 100 ms"));
 }
 

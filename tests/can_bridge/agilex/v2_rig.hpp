@@ -64,12 +64,12 @@ class Chassis {
   Instant now_;
 };
 
-/// The profile, ticked every 20 ms, with the chassis played by hand.
+/// The profile, ticked every 20 ms, with the chassis' frames sent by the test.
 class Bridge {
  public:
   Bridge() : profile(agilex_chassis(), kRadius_m, kTrack_m) { profile.start(now_); }
 
-  /// What the chassis reports in each of the following cycles.
+  /// Reports of the chassis in each of the following cycles.
   agilex::SystemState state;
   agilex::Motion motion;
   agilex::Odometry odometry;
@@ -105,7 +105,7 @@ class Bridge {
   Instant now() const { return now_; }
   DrivePhase phase() const { return snapshot().phase; }
   std::string reason() const { return snapshot().reason; }
-  /// As of the last tick.
+  /// Snapshot of the last tick.
   DrivetrainSnapshot snapshot() const { return profile.snapshot(now_ - ms(20)); }
 
   AgilexV2Profile profile;

@@ -4,7 +4,7 @@
 
 #include "tests/can_bridge/agilex/v2_rig.hpp"
 
-// What the profile believes of a chassis that says half of what it should, or does not obey.
+// The profile with a chassis that reports only in part, or does not obey.
 
 namespace tether {
 namespace {

@@ -101,7 +101,7 @@ class SerialAdapter {
                     request.ifr_name, getpid()));
     sh(fmt::format("ip link set {} name {}", request.ifr_name, name));
     sh(fmt::format("ip link set {} type can bitrate 500000", name));
-    reader_ = std::thread([this] { read_lines(); });  // it answers only if somebody listens
+    reader_ = std::thread([this] { read_lines(); });  // it answers only if there is a listener
     const std::string up = fmt::format("ip link set {} up", name);
     if (std::system(up.c_str()) != 0) ADD_FAILURE() << up;
   }
@@ -115,7 +115,7 @@ class SerialAdapter {
   SerialAdapter(const SerialAdapter&) = delete;
   SerialAdapter& operator=(const SerialAdapter&) = delete;
 
-  /// What the adapter says of its controller: 'a'ctive, 'p'assive or 'b'us-off.
+  /// Report of the adapter on its controller: 'a'ctive, 'p'assive or 'b'us-off.
   void report(char state, int errors) {
     say(fmt::format("s{}{:03}{:03}\r", state, errors, errors));
   }

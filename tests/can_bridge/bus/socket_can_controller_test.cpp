@@ -134,7 +134,7 @@ TEST_F(Controller, SendsNoFrameFromBeforeTheStallAfterTheRestart) {
   ASSERT_TRUE(
       node.until([&] { return node.port.state() == CanState::up || node.port.restart(why); }));
   node.run(200ms);
-  const auto before = adapter_.take();  // what the adapter itself had taken already
+  const auto before = adapter_.take();  // frames that the adapter itself had taken already
   ASSERT_THAT(before, Not(IsEmpty()));
   EXPECT_THAT(before, testing::Each(testing::StartsWith("t3004")));
   const auto thrown_away = filled.accepted - 1 - std::stoul(before.back().substr(5), nullptr, 16);

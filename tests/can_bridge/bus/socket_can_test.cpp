@@ -160,7 +160,7 @@ TEST_F(VirtualBus, SurvivesDownAndUpOnTheSameSocket) {
   ASSERT_TRUE(node.until_state(CanState::down));
   EXPECT_FALSE(node.port.send(frame_with(0x201, 1)));
   std::string why;
-  EXPECT_FALSE(node.port.restart(why)) << "somebody took it down on purpose";
+  EXPECT_FALSE(node.port.restart(why)) << "it was taken down on purpose";
   EXPECT_THAT(why, HasSubstr("ip link set vcan7 up"));
   sh("ip link set vcan7 up");
   ASSERT_TRUE(node.until_state(CanState::up));
@@ -179,7 +179,7 @@ TEST_F(VirtualBus, ReportsThatItWasDownForAMoment) {
   Peer peer("vcan7");
   peer.send(CAN_ERR_BUSOFF | CAN_ERR_FLAG, std::vector<std::uint8_t>(8));
   ASSERT_TRUE(node.until_state(CanState::bus_off));
-  sh("ip link set vcan7 down && ip link set vcan7 up");  // nobody looks meanwhile
+  sh("ip link set vcan7 down && ip link set vcan7 up");  // the port does not look meanwhile
   ASSERT_TRUE(node.until_state(CanState::up));
   EXPECT_TRUE(node.port.send(frame_with(0x201, 1)));
   sh("ip link set vcan7 down && ip link set vcan7 up");

@@ -81,7 +81,7 @@ TEST_F(SdoClientTest, RepliesToSomethingElseChangeNothing) {
   EXPECT_FALSE(client.on_frame(reply({0x60, 0x17, 0x11, 0, 0, 0, 0, 0})));  // index
   EXPECT_FALSE(client.on_frame(reply({0x60, 0x17, 0x10, 1, 0, 0, 0, 0})));  // subindex
   EXPECT_FALSE(client.on_frame(reply({0x80, 0x18, 0x10, 0, 0, 0, 2, 6})));  // abort of another
-  EXPECT_FALSE(client.on_frame(reply({0x4B, 0x17, 0x10, 0, 0, 0, 0, 0})));  // of a read
+  EXPECT_FALSE(client.on_frame(reply({0x4B, 0x17, 0x10, 0, 0, 0, 0, 0})));  // answer to a read
   EXPECT_FALSE(client.on_frame(reply({0x60, 0x17, 0x10, 0, 0, 0, 0})));     // 7 bytes
   EXPECT_FALSE(client.take_result());
   EXPECT_TRUE(client.busy());

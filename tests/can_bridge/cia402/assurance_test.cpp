@@ -19,7 +19,7 @@ using ::testing::Not;
 const CanFrame kSdoQuickStop = CanFrame::make(0x601, {0x2B, 0x40, 0x60, 0, 0x02, 0, 0, 0});
 const CanFrame kSdoPowerOff = CanFrame::make(0x601, {0x2B, 0x40, 0x60, 0, 0, 0, 0, 0});
 
-/// Drives that go on as they were told when they are not operational.
+/// Drives that keep their last setpoint when they are not operational.
 struct Watched : Bench {
   using Bench::Bench;
   /// Another's NMT command, to all.
@@ -113,7 +113,7 @@ TEST(StopAssurance, ANmtCommandOfAnotherIsAnsweredByAQuickStopBySdoInTheNextCycl
   EXPECT_THAT(bench.sent, ::testing::Contains(kSdoQuickStop));
   EXPECT_EQ(bench.reason(), "another sender uses 0x000: only one master may command");
   EXPECT_TRUE(bench.run_until([&] { return bench.stands(); }, milliseconds(300)));
-  EXPECT_TRUE(bench.snapshot().in_doubt) << "nobody has told";
+  EXPECT_TRUE(bench.snapshot().in_doubt) << "no report yet";
   EXPECT_TRUE(bench.run_until([&] { return bench.off(); }, milliseconds(400)));
   bench.run(milliseconds(200));
   EXPECT_FALSE(bench.snapshot().in_doubt);

@@ -137,7 +137,7 @@ TEST_F(AxisTest, AcrossARebootNoCountIsBelievedAndTheWheelMayHaveRolledOut) {
   speed(60, 0);
   position(1000, 0);
   axis.reanchor();
-  position(1500, 2000);  // as if it had gone on
+  position(1500, 2000);  // position as if it had gone on
   EXPECT_EQ(counts(), 0);
   // 2 s at one turn a second, and at the speed that still counts as standing.
   EXPECT_NEAR(axis.feedback().uncounted_rad, 2.0 * (kTurn_rad + 0.05), 1e-9);

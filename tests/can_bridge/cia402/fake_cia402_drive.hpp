@@ -62,7 +62,7 @@ class FakeDrive {
   bool shows_mode_late = false;  // 0x6061 is 0 unless enabled
   std::optional<std::int64_t> enabled_mode;    // 0x6061 while enabled
   std::optional<std::int64_t> speed_reads;     // 0x606C, whatever the wheel does
-  std::optional<std::int64_t> position_reads;  // 0x6064, likewise
+  std::optional<std::int64_t> position_reads;  // 0x6064, in the same way
 
   std::vector<Axis> axes;
   canopen::NmtState nmt = canopen::NmtState::operational;
@@ -104,7 +104,7 @@ class FakeDrive {
     }
   }
 
-  /// A control cycle in which no SYNC came: it goes on as it was told before, or brakes.
+  /// A control cycle in which no SYNC came: it keeps its last setpoint, or brakes.
   void cycle_alone() {
     for (Axis& axis : axes) {
       nmt == canopen::NmtState::operational || runs_on ? run(axis) : brake(axis);

@@ -2,7 +2,7 @@
 
 #include "tests/can_bridge/cia402/bench.hpp"
 
-// What wheels turn while nothing is heard of their drives.
+// Motion of wheels while nothing is heard of their drives.
 namespace tether {
 namespace {
 

@@ -3,7 +3,7 @@
 
 #include "tests/can_bridge/cia402/bench.hpp"
 
-// What real drives do that the standard does not say, or leaves to them.
+// Behaviour of real drives that the standard does not define, or leaves to them.
 namespace tether {
 namespace {
 
@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 // ---------------------------------------------------------------------------- slow ones
 
 /// Until `phase`; the right drive takes 3 s from each NMT reset to its boot-up message, so that a
-/// reset in between makes it begin anew.
+/// reset in between restarts it.
 bool reach_with_slow_boot(Bench& bench, DrivePhase phase) {
   bench.right().boots = false;
   int resets = 0;
@@ -90,7 +90,7 @@ TEST(Cia402Habits, AnAnswerThatIsAskedForAgainIsSaidToBeWaitedFor) {
 
 // ---------------------------------------------------------------------------- identifiers
 
-/// What was written to subindex 1 of the PDO parameters `index` of node 1.
+/// Values written to subindex 1 of the PDO parameters `index` of node 1.
 std::vector<std::int64_t> identifiers(const Bench& bench, std::uint16_t index) {
   std::vector<std::int64_t> written;
   for (const CanFrame& f : bench.log) {

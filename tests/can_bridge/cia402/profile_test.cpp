@@ -48,7 +48,7 @@ TEST(Cia402Profile, DrivesThatAreRunningAtTheStartAreBrakedBeforeTheyAreReset) {
   Bench first;
   first.drive({1.0, 0.0});
   ASSERT_GT(first.left_axis().speed, 50);
-  // The bridge's program is started anew; the drives go on.
+  // The bridge's program is restarted; the drives go on.
   Bench bench;
   bench.drives = first.drives;
   bench.profile.start(bench.now);
@@ -122,7 +122,7 @@ TEST(Cia402Profile, StandbyWaitsUntilTheWheelsStand) {
   Bench bench;
   bench.profile.start(bench.now);
   ASSERT_TRUE(bench.run_until([&] { return bench.newest(0x201) != nullptr; }));
-  bench.left_axis().ramp = 0;  // pushed by hand: turns on
+  bench.left_axis().ramp = 0;  // pushed: turns on
   bench.left_axis().speed = 20;
   bench.run(milliseconds(3000));
   EXPECT_EQ(bench.phase(), DrivePhase::starting);

@@ -13,7 +13,7 @@ using test::Bench;
 using test::milliseconds;
 using ::testing::HasSubstr;
 
-/// A bridge that is started anew while `before`'s drives do what they do.
+/// A bridge that is restarted while `before`'s drives go on.
 struct Restarted : Bench {
   explicit Restarted(const Bench& before) : Bench(before.config) {
     drives = before.drives;

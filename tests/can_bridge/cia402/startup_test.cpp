@@ -12,7 +12,7 @@ using test::Bench;
 using test::milliseconds;
 using test::two_nodes;
 
-/// What a frame of start-up says: "81" of NMT, or the SDO's bytes as far as they are used.
+/// Text of a frame of start-up: "81" of NMT, or the SDO's bytes as far as they are used.
 std::string text(const CanFrame& f) {
   std::string s = fmt::format("{:03X}#", f.id);
   for (const std::uint8_t b : f.bytes()) s += fmt::format("{:02X}", b);

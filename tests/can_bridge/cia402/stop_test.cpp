@@ -202,7 +202,7 @@ TEST(Cia402Profile, APowerStageThatDoesNotGoOffFaults) {
   for (int i = 0; i < 20; ++i) left_stays_on();
   EXPECT_EQ(bench.phase(), DrivePhase::faulted);
   EXPECT_EQ(bench.reason(),
-            "left drive (node 1): is still in SwitchedOn 1000 ms after it was told to switch its "
+            "left drive (node 1): is still in SwitchedOn 1000 ms after the command to switch its "
             "power stage off: switch off its supply");
 }
 
@@ -267,7 +267,7 @@ TEST(Cia402Profile, ExtendedRemoteAndUnrelatedFramesAreIgnored) {
   bench.deliver(f);
   bench.deliver(CanFrame::make(0x203, {0x00}));  // another node's RPDO
   bench.deliver(CanFrame::make(0x703, {0x00}));
-  bench.deliver(CanFrame::make(0x381, {0x00}));  // a TPDO that nobody mapped
+  bench.deliver(CanFrame::make(0x381, {0x00}));  // a TPDO that is not mapped
   bench.cycle();
   EXPECT_EQ(bench.phase(), DrivePhase::enabled);
   EXPECT_EQ(bench.profile.counters().rejected_frames, 0);

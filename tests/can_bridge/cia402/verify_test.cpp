@@ -5,8 +5,8 @@
 
 #include "tests/can_bridge/cia402/bench.hpp"
 
-// What start-up has configured is read back before drives are enabled, and nobody else may write
-// it.
+// The configuration of start-up is read back before drives are enabled, and no other sender may
+// write it.
 namespace tether {
 namespace {
 
@@ -161,7 +161,7 @@ TEST_P(VitalWrite, OfAnotherStopsTheVehicleAndResetConfiguresTheDrivesAnew) {
 INSTANTIATE_TEST_SUITE_P(Cia402Intruder, VitalWrite,
                          ::testing::Values(0x1016, 0x1017, 0x1029, 0x1400, 0x1603, 0x1800, 0x1A01,
                                            0x6007, 0x605A, 0x6085, 0x6040, 0x6060, 0x60FF,
-                                           // What no file configures, but stops depend on:
+                                           // Objects that no file configures, but stops depend on:
                                            0x605E, 0x6084, 0x607E, 0x608F, 0x6091, 0x6092));
 
 TEST(Cia402Intruder, AVitalWriteIsAFaultWhateverTheLengthOfItsFrame) {

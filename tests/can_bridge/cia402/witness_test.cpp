@@ -70,7 +70,7 @@ TEST(TwoWitnesses, WheelsThatCoastWithoutPowerAreNotKnownToStand) {
   SpeedReadsZero bench;
   for (FakeDrive& d : bench.drives) {
     d.axes[0].ramp = 1;
-    d.axes[0].state = DriveState::switch_on_disabled;  // as after its own quick stop
+    d.axes[0].state = DriveState::switch_on_disabled;  // state after its own quick stop
   }
   bench.run(milliseconds(300));
   ASSERT_NE(bench.left_axis().speed, 0);
@@ -204,7 +204,7 @@ TEST(TwoWitnesses, ADriveThatWasSeenToCoastAndFallsSilentIsNotReset) {
   Bench bench;
   bench.drive({1.0, 0.0});
   std::vector<CanFrame> boot;
-  bench.left().reboot(boot);  // as by another's NMT reset: it coasts
+  bench.left().reboot(boot);  // reset by another's NMT command: it coasts
   bench.left_axis().speed = 100;
   bench.left_axis().ramp = 0;
   for (const CanFrame& f : boot) bench.deliver(f);

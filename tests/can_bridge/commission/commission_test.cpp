@@ -29,7 +29,7 @@ struct Commissioning : ::testing::Test {
   std::optional<Commission> commission;
   std::vector<CanFrame> last;     ///< what left in the newest cycle that sent setpoints
   bool echoes = false;            ///< the drives get setpoints, SYNC and heartbeat whatever is sent
-  bool takes_quick_stops = true;  ///< else a drive that is told to stop quickly drives on
+  bool takes_quick_stops = true;  ///< else a drive that gets a quick stop drives on
   double follows = 0.05;  ///< share of the way to its target that a wheel's speed goes in 1 ms
   double fastest_mps = 0.0;
   double fastest_at_reset_mps = 0.0;
@@ -217,7 +217,8 @@ TEST_F(Commissioning, AFrozenEncoderEndsItAndNothingElseIsTried) {
 }
 
 TEST_F(Commissioning, AWrongScaleIsNamedByTheSourceThatDiffers) {
-  config.axes[1].actual_velocity_per_rps.num *= 2;  // of the bridge; the drives have the file's
+  // Only the bridge's config; the drives have the file's.
+  config.axes[1].actual_velocity_per_rps.num *= 2;
   begin();
   run_to_the_end();
   EXPECT_THAT(problem(1, Trial::feedback),

@@ -10,7 +10,7 @@
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
 
-// What a drivetrain file has to say about the drives' own stop.
+// Settings of a drivetrain file for the drives' own stop.
 
 namespace tether {
 namespace {

@@ -83,7 +83,7 @@ TEST(Pushed, ALoadThatFrictionHoldsTurnsNothing) {
   EXPECT_EQ(vehicle.speed_mps(), 0.0);
 }
 
-/// What becomes of 1 m/s at each reaction, with drives that hold and drives that coast: the table
+/// Stop from 1 m/s at each reaction, with drives that hold and drives that coast: the table
 /// in docs/reference/drivetrain.md.
 struct Reaction {
   const char* what;

@@ -93,7 +93,7 @@ class Vehicle {
 
   DrivePhase phase() const { return bridge_->snapshot(now_).phase; }
   std::string reason() const { return bridge_->snapshot(now_).reason; }
-  /// Of the faster wheel.
+  /// Speed of the faster wheel.
   double speed_mps() const { return std::max(std::abs(rim_mps(0)), std::abs(rim_mps(1))); }
   double rim_mps(std::size_t i) const {
     return wheels_.speed_radps.at(i) * VehicleConfig{}.wheel_radius_m;

@@ -60,7 +60,7 @@ TEST(RampWatch, EachRampIsJudgedFromItsOwnBeginning) {
 }
 
 struct Ramp : SafetyRig {
-  /// The wheels go on at 1 m/s, whatever they are told.
+  /// The wheels go on at 1 m/s, whatever their setpoint.
   void wheels_run_on() {
     drive(1.0);
     for (WheelFeedback& wheel : drives.wheels) wheel.fastest_radps = 1.0 / 0.4;

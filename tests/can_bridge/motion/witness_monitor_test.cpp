@@ -20,9 +20,9 @@ constexpr double kTrack_m = 1.2, kRadius_m = 0.4;
 struct Drive {
   double speed = 1.0;
   double position = 1.0;
-  double lag_s = 0.0;  // of the reported speed
+  double lag_s = 0.0;  // lag of the reported speed
   bool proven = true;
-  double turns = 1.0;  // of what it is told
+  double turns = 1.0;  // ratio to the setpoint
 
   std::string reason{};
   double noticed_m = -1.0;  // true way until then

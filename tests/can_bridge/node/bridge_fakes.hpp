@@ -52,7 +52,7 @@ struct FakePort final : CanPort {
 };
 
 /// Drives that obey within a cycle; each tick sends a heartbeat and an RPDO whose target is the
-/// speed in mm/s, or `forced_mmps` whatever it was told.
+/// speed in mm/s, or `forced_mmps` regardless of its setpoint.
 struct FakeProfile final : DriveProfile {
   DrivetrainSnapshot now;
   std::vector<CanFrame> heard;

@@ -59,7 +59,7 @@ TEST_F(LateCanBridgeTest, ACycleThatIsHeldUpWhileItSendsSendsNoMoreAfterItsPerio
     port.sent.clear();
     port.on_send = [&] { loop.time = start + from_seconds(held_up_ms * 1e-3); };
     loop.task(start);
-    // Of a heartbeat and a setpoint; the first was on its way in time.
+    // A heartbeat and a setpoint; the first was on its way in time.
     EXPECT_EQ(port.sent.size(), held_up_ms < 20.0 ? 2U : 1U) << held_up_ms;
   }
 }

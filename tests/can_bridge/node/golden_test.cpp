@@ -25,7 +25,7 @@
 // times, must make it say the same again, frame by frame. Where that is meant to change:
 //   TETHER_GOLDEN_RECORD=tests/can_bridge/node/two_node_cia402.log
 //   build/release/tests/can_golden_test
-// records it anew, with the emulated drives; look at the difference before it becomes the truth.
+// records it again, with the emulated drives; look at the difference before it becomes the truth.
 
 namespace tether {
 namespace {
@@ -47,7 +47,8 @@ struct Logged {
 };
 using Log = std::vector<Logged>;
 
-/// As candump writes them: NMT, SYNC, setpoints, SDO requests and the bridge's heartbeat are its.
+/// Frames in candump's format: NMT, SYNC, setpoints, SDO requests and the bridge's heartbeat are
+/// its.
 bool is_of_bridge(const CanFrame& frame) {
   const std::uint32_t function = frame.id & ~0x7FU;
   return frame.id == 0x000 || frame.id == 0x080 || frame.id == 0x77F || function == 0x200 ||

@@ -300,7 +300,7 @@ TEST(ProbeText, HintsDependOnWhatWasHeard) {
 }
 
 TEST(ProbeText, AScanIsATableOfWhoIsThere) {
-  ProbedNode drive, master, nobody;
+  ProbedNode drive, master, absent;
   drive.node = 5;
   drive.answered = true;
   drive.rows = {{"0x1000:00", "device type", "0x00020192 (CiA 402 drive)", "", Verdict::plain},
@@ -308,14 +308,14 @@ TEST(ProbeText, AScanIsATableOfWhoIsThere) {
                 {"0x1018:02", "product code", "-", "no such object", Verdict::plain}};
   master.node = 127;
   master.nmt = canopen::NmtState::operational;
-  nobody.node = 6;
-  EXPECT_EQ(format_scan({drive, nobody, master}, {127}),
+  absent.node = 6;
+  EXPECT_EQ(format_scan({drive, absent, master}, {127}),
             "node  device type                 vendor      product code\n"
             "   5  0x00020192 (CiA 402 drive)  0x00000123  -             no heartbeat\n"
             " 127  does not answer             -           -             heartbeat: operational; a "
             "master?\n"
             "1 of 127 node ids answers\n");
-  EXPECT_THAT(format_scan({nobody}, {}),
+  EXPECT_THAT(format_scan({absent}, {}),
               ::testing::AllOf(HasSubstr("no node of 1 to 127 answers"), HasSubstr("120 Ohm")));
 }
 

@@ -8,7 +8,7 @@ namespace tether::test {
 namespace {
 
 struct SecondTime : SafetyRig {
-  /// Wheels that turn as they are told.
+  /// Wheels that follow their setpoints.
   void drive_with_wheels(double v_mps, int cycles) {
     for (int i = 0; i < cycles; ++i) {
       now += kCycle;
@@ -87,7 +87,7 @@ TEST_F(SecondTime, AWheelThatDidNotFollowBeforeIsJudgedAnew) {
   ASSERT_FALSE(last.may_move);
   for (int i = 0; i < 100; ++i) cycle_after(kCycle);
   ASSERT_EQ(last.state, BridgeState::fault) << last.reason;
-  for (WheelFeedback& w : drives.wheels) w.angle_rad += 100.0;  // pushed by hand
+  for (WheelFeedback& w : drives.wheels) w.angle_rad += 100.0;  // pushed
   request(DriveRequest::reset);
   ASSERT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
   arm();
@@ -147,11 +147,11 @@ TEST_F(LyingFeedback, IsNotBelievedByAResetEitherAlsoWhenADriveFaultsMeanwhile) 
   drives.in_doubt = true;
   cycle_after(kCycle);
   for (now += kCycle; now < stopped + kDistrust; now += kCycle) {
-    drives.in_doubt = !drives.in_doubt;  // what drives say of their power does not matter yet
+    drives.in_doubt = !drives.in_doubt;  // reports of drives on their power do not matter yet
     request(DriveRequest::reset);
     ASSERT_NE(cycle().action, Action::reset_fault) << to_seconds(now - stopped);
     expect_reason("so its standstill is not believed for another");
-    EXPECT_EQ(last.distrust_until, stopped + kDistrust) << "the profile is told, too";
+    EXPECT_EQ(last.distrust_until, stopped + kDistrust) << "the profile is notified, too";
   }
   now = stopped + kDistrust;
   drives.in_doubt = true;

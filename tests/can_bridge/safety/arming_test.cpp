@@ -2,7 +2,7 @@
 
 #include "tests/can_bridge/safety/rig.hpp"
 
-// What arming takes, and what refuses it.
+// Conditions for arming, and reasons for its refusal.
 
 namespace tether::test {
 namespace {

@@ -3,7 +3,7 @@
 #include "tests/can_bridge/safety/rig.hpp"
 #include "tests/common/actuator/plan_rig.hpp"
 
-// Driving on plans while nobody sees the vehicle: bounded in time and in distance, from the pose
+// Driving on plans without a fresh pose: bounded in time and in distance, from the pose
 // that the newest plan was made from, and always with room to stop.
 
 namespace tether {
@@ -238,9 +238,9 @@ TEST_F(Blind, APreloadAloneDoesNotArm) {
 
 TEST_F(Blind, WhileArmedAStrangersPlanIsRefusedAndDoesNotLockOut) {
   drive_plan({1.0, 0.0});
-  Plan stranger = long_plan({2.5, 0.0});
-  stranger.name.session = 999;
-  offer(stranger);
+  Plan of_other_session = long_plan({2.5, 0.0});
+  of_other_session.name.session = 999;
+  offer(of_other_session);
   EXPECT_EQ(core.plan().session, 7);
   EXPECT_EQ(count("plan.other_session"), 1);
   offer(long_plan({}));

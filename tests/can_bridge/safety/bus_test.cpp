@@ -2,7 +2,7 @@
 
 #include "tests/can_bridge/safety/rig.hpp"
 
-// What befalls the bus and the bridge itself: failures, gaps, the end.
+// Faults of the bus and of the bridge itself: failures, gaps, the end.
 
 namespace tether::test {
 namespace {
@@ -295,7 +295,7 @@ TEST_F(Leaving, WaitsLongerForVehiclesThatTakeLongerToStopButNotForever) {
 
 TEST_F(Leaving, TellsOfWheelsThatStillTurnAndOfPowerThatIsStillOn) {
   drive(1.0);
-  EXPECT_EQ(core.left_behind(), "") << "nobody leaves";
+  EXPECT_EQ(core.left_behind(), "") << "the bridge does not leave";
   core.leave(now);
   drives.wheels[1].speed_radps = -3.0;
   cycle_after(kCycle);

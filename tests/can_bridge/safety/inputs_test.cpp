@@ -10,7 +10,7 @@
 #include "can_bridge/safety/request_guard.hpp"
 #include "can_bridge/safety/transmit_whitelist.hpp"
 
-// What comes in (commands, requests) and what may go out (frames).
+// Inputs (commands, requests) and permitted outputs (frames).
 
 namespace tether {
 namespace {
@@ -214,7 +214,7 @@ TEST(TransmitWhitelist, BySdoAControlwordOnlyStops) {
   CanFrame reading = CanFrame::make(0x601, {0x40, 0x40, 0x60, 0x00, 0x0F, 0, 0, 0});
   EXPECT_TRUE(whitelist.pass(reading, false));
   CanFrame segmented = CanFrame::make(0x601, {0x21, 0x40, 0x60, 0x00, 0x02, 0, 0, 0});
-  EXPECT_FALSE(whitelist.pass(segmented, false)) << "two bytes, of which nobody knows the value";
+  EXPECT_FALSE(whitelist.pass(segmented, false)) << "two bytes of an unknown value";
 }
 
 TEST(TransmitWhitelist, FramesThatNoBridgeSendsAreDeniedEvenWhileMoving) {
@@ -232,7 +232,7 @@ TEST(TransmitWhitelist, FramesThatNoBridgeSendsAreDeniedEvenWhileMoving) {
   EXPECT_EQ(whitelist.counters().denied, 10);
 }
 
-/// As a profile whose drives have 29-bit identifiers would make it.
+/// Rules of a profile whose drives have 29-bit identifiers.
 TEST(TransmitWhitelist, LongIdentifiersPassWhereTheRulesNameThemAndOnlyAsSuch) {
   constexpr std::uint32_t kCommand = 0x0CEF1001, kAsSdo = 0x601;
   TransmitRules rules;

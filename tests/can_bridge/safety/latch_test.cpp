@@ -237,7 +237,7 @@ TEST_F(Fault, AnArmTogetherWithTheResetDoesNotArm) {
   fail("fault");
   cycle();
   drives_obey = false;
-  drives.phase = DrivePhase::standby;  // as a profile that is quickly done
+  drives.phase = DrivePhase::standby;  // like a profile that is ready quickly
   now += kCycle;
   command(0.0);
   request(DriveRequest::reset);

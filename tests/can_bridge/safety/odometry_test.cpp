@@ -221,7 +221,7 @@ TEST_F(OdometryTest, ItsCovarianceIsThatOfManyRunsWithWheelsThatErr) {
   // √(2/4000) = 2.2 %, so that 10 % are four and a half.
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
-  const auto way = [](int i) {  // of one step: 0.1 m, to the left, then to the right
+  const auto way = [](int i) {  // travel of one step: 0.1 m, to the left, then to the right
     const double bend_m = i < 30 ? 0.02 : -0.02;
     return std::array{0.1 - bend_m, 0.1 + bend_m};
   };

@@ -184,7 +184,7 @@ TEST_F(SafetyPlan, ATwistThatStandsTakesOverAndAgesAsTwistsDo) {
   EXPECT_EQ(cycle().action, Action::quick_stop);
 }
 
-/// What all causes of a stop have in common: the plan from before drives no more, and does not arm.
+/// Common result of all causes of a stop: the plan from before drives no more, and does not arm.
 void expect_that_the_plan_is_over(SafetyPlan& rig) {
   Plan old = plan(rig.now, 1000, Plan::kBasedOnAny, Twist{}, 300);
   old.stamp = rig.now - Duration{1};

@@ -30,7 +30,7 @@ struct SafetyRig : ::testing::Test {
   SafetyCore core{config()};
   Decision last;
   bool drives_obey = true;
-  double driven_m = 0.0;  ///< as setpoints say
+  double driven_m = 0.0;  ///< by the setpoints
   std::int64_t command_seq = 0;
   std::int64_t request_seq = 0;
 

@@ -2,7 +2,7 @@
 
 #include "tests/can_bridge/safety/rig.hpp"
 
-// What safety inputs demand, and what the safety core does about it.
+// Demands of safety inputs, and the safety core's reactions.
 
 namespace tether::test {
 namespace {

@@ -11,7 +11,7 @@
 #include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
-// What is refused for what it is, what is executed when, and what poses report.
+// Refused plans, times of execution, and reports in poses.
 
 namespace tether {
 namespace {
@@ -248,7 +248,7 @@ TEST_F(PlanBufferTest, CountsWhatItReceivedOnceEach) {
   offer(at_s(1), plan(at_s(0.9), 0));               // overtaken
   offer(at_s(1), plan(at_s(0.95), 2));              // the clock went back
   offer(at_s(1), plan(at_s(2) + kBufferTick, 3));   // stamped ahead
-  offer(at_s(1), plan(at_s(-5) - kBufferTick, 3));  // of another run
+  offer(at_s(1), plan(at_s(-5) - kBufferTick, 3));  // a plan of another run
   Plan negative = plan(at_s(1.5), 4);
   negative.seq = -1;
   offer(at_s(1.5), negative);

@@ -10,7 +10,7 @@
 #include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
-// What a plan may be based on, whose plans are taken, and that no loss ever shuts a controller out.
+// Permitted base plans, accepted senders, and that no loss ever excludes a controller.
 
 namespace tether {
 namespace {
@@ -234,7 +234,7 @@ struct Controller {
 };
 
 // Poses and plans are lost and late at random, the horizon runs out again and again, controllers
-// start anew. As soon as the network is good, the next round trip brings a plan.
+// restart. As soon as the network is good, the next round trip brings a plan.
 TEST(PlanRecovery, AConsistentControllerAlwaysComesBack) {
   std::mt19937 random(5);
   for (int trial = 0; trial < 300; ++trial) {

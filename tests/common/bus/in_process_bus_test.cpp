@@ -112,7 +112,7 @@ TEST_F(InProcessBusTest, HoldsAnyNumberOfMessagesWhateverTheCapacity) {
 }
 
 TEST_F(InProcessBusTest, ALaterSubscriptionHearsAChannelThatWasUsedBefore) {
-  publish("X", "to nobody");
+  publish("X", "to no subscriber");
   listen("a", "X");
   publish("X", "to a");
   deliver();

@@ -221,7 +221,8 @@ TEST(MessageIo, EveryImpossibleLengthIsRefusedBeforeMemoryIsTaken) {
   }
 }
 
-// By hand: fingerprint 8, utime 8, seq 8, length of "sim" at 24, count at 32, of the first name 36.
+// Manual count: fingerprint 8, utime 8, seq 8, length of "sim" at 24, count at 32, of the first
+// name 36.
 TEST(MessageIoLengths, ImpossibleLengthsOfCountersAreRefused) {
   counters_t sent{};
   sent.node = "sim";

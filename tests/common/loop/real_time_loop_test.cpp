@@ -109,7 +109,7 @@ TEST_F(RealTimeLoopTest, LatenessOfAPauseIsHalfItsSquareHoweverManyTasksItDelays
              [](Instant) { std::this_thread::sleep_for(205ms); });
     fresh.run_until(fresh.now() + 500ms);
     EXPECT_GE(fresh.lateness_s2(), 0.5 * 0.2 * 0.2 * 0.95) << tasks;
-    EXPECT_LE(fresh.lateness_s2(), 0.5 * 0.3 * 0.3) << tasks;  // of a busy machine
+    EXPECT_LE(fresh.lateness_s2(), 0.5 * 0.3 * 0.3) << tasks;  // limit for a busy machine
   }
 }
 

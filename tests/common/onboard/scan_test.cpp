@@ -236,10 +236,10 @@ TEST_F(Assembled, PartsThatOverlapFillWhatIsMissing) {
 
 TEST_F(Assembled, APublisherThatStartedAnewIsHeard) {
   for (const auto& part : parts) assembly.add(part);
-  const auto anew = three_parts(scan_of(10, at_ms(300), 0));
-  assembly.add(anew[0]);
-  assembly.add(anew[1]);
-  EXPECT_EQ(assembly.add(anew[2]).value().seq, 0);
+  const auto restarted = three_parts(scan_of(10, at_ms(300), 0));
+  assembly.add(restarted[0]);
+  assembly.add(restarted[1]);
+  EXPECT_EQ(assembly.add(restarted[2]).value().seq, 0);
 }
 
 TEST_F(Assembled, WhatIsNoPartOfTheScanIsCountedAndLeftOut) {

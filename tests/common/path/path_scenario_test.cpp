@@ -48,7 +48,7 @@ TEST(PathKeys, AKeyOfAnotherKindIsRefused) {
               HasSubstr("path.radius_m has no effect: path.kind is \"figure_eight\""));
   EXPECT_THAT(path_refusal({"path.kind=line", "path.csv=a.csv"}),
               HasSubstr("path.csv has no effect"));
-  // What the file says of the path that it has may stay.
+  // Keys in the file for its own path may stay.
   EXPECT_EQ(path_refusal({"path.kind=circle"}, "[path]\namplitude_m = 10.0"), "accepted");
 }
 

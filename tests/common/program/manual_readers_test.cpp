@@ -8,7 +8,7 @@
 #include "tests/support/folder.hpp"
 #include "tests/support/source_dir.hpp"
 
-// What reads our manual pages and completions: groff and zsh, which only `setup.sh tests` installs.
+// Readers of our manual pages and completions: groff and zsh, which only `setup.sh tests` installs.
 namespace tether {
 namespace {
 

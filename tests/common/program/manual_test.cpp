@@ -17,7 +17,7 @@ using test::written;
 using ::testing::HasSubstr;
 using Program = test::SteeringProgram;
 
-/// What bash offers after these words, the last of which is incomplete.
+/// Completions of bash after these words, the last of which is incomplete.
 std::string completions(const std::string& words) {
   const Program program;
   const test::Folder folder;

@@ -33,7 +33,7 @@ struct SteeringProgram {
   }
 };
 
-/// What a shell command prints, errors too; it ends within seconds.
+/// Output of a shell command, errors too; it ends within seconds.
 inline std::string output_of(const std::string& command) {
   std::string all;
   FILE* const pipe = popen((command + " 2>&1").c_str(), "r");

@@ -17,7 +17,7 @@
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
 
-// What --set does, and what scenario files do as files.
+// Behaviour of --set, and of scenario files as files.
 
 namespace tether {
 namespace {
@@ -131,7 +131,7 @@ TEST(Scenario, AKeyInTheFileThatTheChannelModelIgnoresIsRefused) {
       AllOf(StartsWith("test.toml: channel.uplink.markov."), HasSubstr("has no effect")));
   EXPECT_THAT(override_refusal({}, "[channel.uplink]\nmodel = \"markov\"\nprr = 0.1"),
               AllOf(StartsWith("test.toml: channel.uplink.prr"), HasSubstr("has no effect")));
-  // What the file set before an override chose another model is no mistake.
+  // Keys that the file set before an override chose another model are no mistake.
   EXPECT_EQ(override_refusal({"channel.uplink.model=markov"}, "[channel.uplink]\nprr = 0.1"),
             "accepted");
 }
@@ -156,7 +156,7 @@ TEST(ScenarioKeys, ValuesThatWouldOverflowTimeOrPhysicsAreRefused) {
   }
 }
 
-// Of these 0 means never, off or at once.
+// For these keys 0 means never, off or at once.
 TEST(ScenarioKeys, ATimeOrARateThatRoundsToZeroIsRefused) {
   for (const char* key :
        {"controller.pose_timeout_s", "can.operator_timeout_ms", "sensor.odometry_rate_hz",

@@ -37,7 +37,7 @@ Scenario parse(const std::string& toml, const std::vector<std::string>& override
   return parse_scenario(toml, "test.toml", overrides);
 }
 
-/// What the user reads when `toml` with `overrides` is refused.
+/// Error text when `toml` with `overrides` is refused.
 std::string refusal(const std::string& toml, const std::vector<std::string>& overrides = {}) {
   return refusal_of([&] { parse(toml, overrides); });
 }
@@ -158,7 +158,7 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
       continue;
     }
     if (key.name.starts_with("medium.radio.") || key.name.starts_with("fleet."))
-      continue;  // likewise
+      continue;  // the same
     // Only those of the chosen policy, law and drivetrain are written.
     if (ScenarioSchema::all()->left_out(wanted, key) &&
         (key.name.starts_with("actuator.") || key.name.starts_with("controller.") ||

@@ -59,7 +59,7 @@ TEST(Grip, CirclesHoldLessThanThePyramid) {
     EXPECT_LT(lateral_grip_mps2(v, 0.6, kGravity, omega),
               lateral_grip_mps2({}, 0.6, kGravity, omega));
   }
-  // What they hold is at the limit of both.
+  // The held load is at the limit of both.
   const double grip = lateral_grip_mps2(v, 0.6, kGravity, 1.0);
   const TyreLoads t = tyre_loads(v, kGravity, {grip, 1.0, 0.0});
   double holds_N = 0.0;

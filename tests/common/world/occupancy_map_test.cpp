@@ -26,7 +26,8 @@ const std::string kYaml =
     "image: hall.pgm\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
     "free_thresh: 0.25\n";
 // Occupied: the upper left cell, and the right one of the lower row; 128 is unknown.
-const std::string kImage = "P2\n# drawn by hand\n3 2 # columns, rows\n255\n0 255 128\n254 255 10\n";
+const std::string kImage =
+    "P2\n# drawn manually\n3 2 # columns, rows\n255\n0 255 128\n254 255 10\n";
 
 class MapTest : public ::testing::Test {
  protected:

@@ -14,7 +14,7 @@
 namespace tether {
 namespace {
 
-/// Those of a slow remote driver, and less grip than he has.
+/// Limits of a slow remote driver, and less grip than he has.
 const PathLimits kLimits{.speed_mps = 0.5,
                          .max_acceleration_mps2 = 0.4,
                          .max_deceleration_mps2 = 0.3,

@@ -36,7 +36,7 @@ double mean_length_m(const PoseFilter& filter) {
 struct Network {
   int poses_per_s;  ///< divides 20
   double prr;
-  int delay_steps;  ///< of 50 ms, of poses and plans together
+  int delay_steps;  ///< delay in units of 50 ms, of poses and plans together
 };
 
 /// The mean over a lap of 62 s and 4 rows of random losses, plans at 10 Hz.
@@ -55,7 +55,7 @@ double bound_m(const PoseFilterSettings& settings, const Network& network) {
       if (i % 2 == 0 && uniform(random) < network.prr) followed = known;
       const Twist command{2.0 + 0.8 * std::cos(0.01 * i), 0.35 * std::sin(0.005 * i)};
       if (i % kLookEach == 0) {
-        PoseFilter late = followed;  // what it follows now was known delay_steps ago
+        PoseFilter late = followed;  // present target, known delay_steps ago
         for (int k = 0; k < network.delay_steps; ++k) late.advance(command, 0.05);
         sum_m += mean_length_m(late) * kLookEach / (kRuns * kSteps);
       }
@@ -85,7 +85,7 @@ TEST(EstimationBound, GrowsWithLossDelayAndNoise) {
   EXPECT_LT(fast_exact, fast);
   EXPECT_LT(bound_m(realistic, {1, 1.0, 3}), slow);
   EXPECT_LT(bound_m(realistic, {20, 0.45, 0}), fast);
-  // What loops reach (docs/explanation/estimation.md) lies above.
+  // Errors of loops (docs/explanation/estimation.md) are above.
   EXPECT_LT(slow, 0.2);
   EXPECT_LT(fast, 0.1);
 }

@@ -18,7 +18,7 @@ constexpr Adaptation kNothing{};
 constexpr Adaptation kAll{.radius = true, .track = true, .lag = true, .bias = true};
 constexpr double kStep_s = 0.05;
 
-/// What a figure eight asks for, more or less.
+/// Approximate command of a figure eight.
 Twist command_at(double t_s) {
   return {2.0 + 0.8 * std::cos(0.2 * t_s), 0.35 * std::sin(0.1 * t_s)};
 }

@@ -32,7 +32,7 @@ constexpr auto by_commands = [](Instant from, Instant until, auto& vehicle) {
 };
 
 /// A vehicle whose drive differs from what it believes, its encoders, and a filter that hears them.
-/// Behind the last reading the filter is told the commands.
+/// Behind the last reading the filter receives the commands.
 struct OdometryRig {
   MotionModel model;
   MotionModel::State truth;
@@ -75,7 +75,7 @@ struct OdometryRig {
       }
     }
   }
-  /// What the drive takes rim speeds to be: v by its radius, ω by its track, too.
+  /// Rim speeds as the drive believes them: v by its radius, ω by its track, too.
   WheelSpeeds believed(const WheelSpeeds& rim) const {
     const Twist real = to_twist(rim, kTrack_m);
     const DriveModel& d = model.drive();
@@ -168,7 +168,7 @@ Consistency consistency(const PoseFilterSettings& settings, const Adaptation& ad
   return c;
 }
 
-// Of 12 times, 2 may lie outside: with independent ones more do so in 2 of 100 sets of seeds.
+// 2 of 12 times may lie outside: with independent ones more do so in 2 of 100 sets of seeds.
 
 TEST(WheelReadings, TheFilterThatHearsThemIsAsGoodAsItSays) {
   const Consistency c = consistency(kNoisy, {}, 0.0);

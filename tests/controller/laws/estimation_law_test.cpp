@@ -86,7 +86,7 @@ struct Mean {
   double error_m = 0.0, radius = 0.0, track = 0.0;
 };
 
-/// Of laps with kSeeds seeds, on a drive with larger wheels and a wider track by this share.
+/// Mean over laps with kSeeds seeds, on a drive with larger wheels and a wider track by this share.
 Mean mean_of_laps(const Scenario& s, double wrong) {
   const DriveModel drive{.rim_scale = 1.0 + wrong, .turn_scale = 1.0 - wrong};
   Mean mean;
@@ -127,7 +127,7 @@ struct Found {
   }
 };
 
-/// Of one lap the radius is off by less than 0.5 % and the track by less than 0.8 % (standard
+/// After one lap the radius is off by less than 0.5 % and the track by less than 0.8 % (standard
 /// deviations), so the mean of 30 laps varies by 4 standard errors of 0.37 and 0.58 % at most. That
 /// has room for the bias that is left, of 0.14 and 0.34 %.
 TEST(EstimationInLaws, WheelsAndTrackAreFoundWithinALapAtAPrrOf045) {
@@ -174,7 +174,7 @@ TEST(EstimationInLaws, TwistLawsGetThePoseOfTheFilter) {
   }
 }
 
-/// A drive of which all is known does what it is told.
+/// A completely known drive follows its commands.
 TEST(EstimationInLaws, TheInverseOfADriveMakesItDoWhatIsMeant) {
   const DriveModel drive{.rim_scale = 1.05,
                          .turn_scale = 0.9,

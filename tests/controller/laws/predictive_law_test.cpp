@@ -158,7 +158,7 @@ TEST(PredictiveLaw, ThePlainFormSuffersWhereTheConsistentOneDoesNot) {
   const auto lost_at_first = [](int n) { return n < 20; };
   PlanRig plain(with_law("predictive"));
   PlanRig consistent(with_law("predictive_consistent"));
-  // Poses are lost, too: nobody tells that the vehicle still stands.
+  // Poses are lost, too: no pose shows that the vehicle still stands.
   const double p = plain.run(
       milliseconds{100}, [](int n) { return n > 0 && n < 8; }, lost_at_first);
   const double c = consistent.run(

@@ -33,7 +33,7 @@ TEST(TrackingFeedback, ForSmallErrorsItIsKanayamasLaw) {
   ControllerSettings config;
   config.tracking = {.k_x = 2.0, .k_y = 0.7, .k_theta = 1.5, .max_lateral_mps2 = 3.0};
   const TrackingFeedback feedback(config, 3.0);
-  const double e = 1e-4;  // what is left is of second order
+  const double e = 1e-4;  // the rest is of second order
   const Twist ahead = feedback.command({}, reference(e, 0.0, 0.0, 2.0, 0.1));
   EXPECT_NEAR(ahead.v_mps, 2.0 + 2.0 * e, 1e-7);
   EXPECT_NEAR(ahead.omega_radps, 0.1, 1e-7);

@@ -72,7 +72,7 @@ TEST(ReachTubeTest, OfLaggingWheelsOnAPathThatSlowsDownHasWhatTheyHaveNotFollowe
   EXPECT_LT(bound_m, 1.5 * kSlower_mps2 * kLag_s * 6 * kStep_s);
 }
 
-/// What a vehicle within the bounds does, each as a share of its bound from −1 to 1.
+/// Errors of a vehicle within the bounds, each as a share of its bound from −1 to 1.
 struct Luck {
   enum Of : std::size_t { radius, track, lag, clock, start, side, heading, left, turn_left, phase };
   static constexpr std::size_t kConstant = 10;
@@ -251,7 +251,7 @@ class Silences {
   std::vector<Start> starts_;
 };
 
-/// Of a shipped scenario with a law that plans.
+/// A shipped scenario with a law that plans.
 Scenario with_tube(const std::string& file, const std::vector<std::string>& bounds) {
   std::vector<std::string> set{"controller.law=predictive_consistent",
                                "controller.external=false",

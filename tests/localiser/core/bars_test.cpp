@@ -1,4 +1,4 @@
-// What the localiser has to reach, over many seeded runs in a hall with people.
+// Required results of the localiser, over many seeded runs in a hall with people.
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
@@ -50,7 +50,7 @@ LocalisedDrive drive_of(std::uint64_t seed, int people, int beams) {
   return {map(), field(), settings, start, scanner, people, seed};
 }
 
-/// What `run` says of each seed from 0 on, in threads.
+/// Results of `run` for each seed from 0 on, in threads.
 template <class Run>
 auto of_runs(std::size_t runs, Run run) {
   std::vector<decltype(run(0))> results(runs);
@@ -122,7 +122,7 @@ TEST(LocaliserBars, OfKidnappedVehiclesAtLeast95PercentAreFoundIn5Seconds) {
     while (drive.time_s() < 1.0) drive.next();
     RandomEngine random = random_stream(seed, "kidnapped");
     drive.drive().carry_to(any_free_pose(map(), 28.0, 18.0, 0.8, random));
-    if (seed % 2 == 0) drive.drive().stand();  // as one without poses would
+    if (seed % 2 == 0) drive.drive().stand();  // like a vehicle without poses
     const double kidnapped_s = drive.time_s();
     while (drive.time_s() < kidnapped_s + 5.0) {
       const Localisation found = drive.next();

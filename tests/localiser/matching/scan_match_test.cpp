@@ -166,7 +166,7 @@ TEST(ScanMatch, InTheMiddleOfACircleKnowsAllButTheYaw) {
   EXPECT_LT(weak.sigma_m, 0.02);
   EXPECT_NEAR(match.pose.x_m, 0.0, 0.01);
   EXPECT_NEAR(match.pose.y_m, 0.0, 0.01);
-  EXPECT_NEAR(match.pose.yaw_rad, 1.03, 0.03);  // as guessed
+  EXPECT_NEAR(match.pose.yaw_rad, 1.03, 0.03);  // the guess
 }
 
 TEST(ScanMatch, BeamsThatWentThroughTheMapAreThoseThatGoOnBehindAWall) {

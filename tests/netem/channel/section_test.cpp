@@ -26,7 +26,7 @@ Scenario parse(const std::string& toml, const std::vector<std::string>& override
   return parse_scenario(toml, "test.toml", overrides);
 }
 
-/// What the user reads when `toml` with `overrides` is refused.
+/// Error text when `toml` with `overrides` is refused.
 std::string section_refusal(const std::string& toml,
                             const std::vector<std::string>& overrides = {}) {
   return refusal_of([&] { parse(toml, overrides); });

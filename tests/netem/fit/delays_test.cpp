@@ -114,7 +114,7 @@ TEST(FitDelays, ParametersAreWithinTheirIntervals) {
   const Truth truth{"gamma", 8.0, 6.0, 3.0};
   const double values[] = {20.0, 8.0, 6.0};
   int covers[3] = {};
-  constexpr int kLogs = 40;  // of half the length: an interval covers in logs of any
+  constexpr int kLogs = 40;  // logs of half the length: an interval covers in logs of any
   for (std::uint64_t seed = 1; seed <= kLogs; ++seed) {
     const DelayFit fit = fit_delays(delays_of(settings_of(truth), 0.0, seed, kPackets / 2));
     ASSERT_EQ(fit.law(), "gamma");

@@ -84,7 +84,8 @@ TEST(Posterior, IsTheShareOfPathsThatAreBadThere) {
   const GilbertElliott g = sampled(m, 0.05);
   const std::vector<double> posterior = bad_state_posterior(log_of(fates), m);
   ASSERT_EQ(posterior.size(), fates.size());
-  // Of the first packet, by conditioning on its state: start there instead of at random.
+  // Probability for the first packet, by conditioning on its state: start there instead of at
+  // random.
   const double pi_bad = g.p / (g.p + g.r);
   const auto given = [&](bool bad) {  // P[fates | first state], by its two continuations
     double p[2] = {bad ? 0.0 : 1.0, bad ? 1.0 : 0.0};
@@ -208,7 +209,8 @@ TEST(FitChannel, FindsTheDelayOfEachState) {
   }
   const ChannelFit fit = fit_channel(fates_from_packets(packets), RandomEngine(1));
   ASSERT_TRUE(fit.markov.has_value());
-  // States are told apart by losses only, so a received packet at an edge may go to the wrong one.
+  // States are distinguished by losses only, so a received packet at an edge may go to the wrong
+  // one.
   EXPECT_NEAR(fit.markov->delay_good_s, 0.01, 0.005);
   EXPECT_NEAR(fit.markov->delay_bad_s, 0.2, 0.03);
 }

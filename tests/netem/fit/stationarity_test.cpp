@@ -229,7 +229,7 @@ TEST(Stationarity, DelaysThatChangeAreNamedAndLeaveTheLossesTheirModel) {
   EXPECT_THAT(fit_verdict(fit), HasSubstr("but the delays' level changes over this log"));
 }
 
-// By hand: two squares are exponential, P[Z1² + Z2² > x (Z3² + Z4²)] = 1/(1 + x).
+// Analytically: two squares are exponential, P[Z1² + Z2² > x (Z3² + Z4²)] = 1/(1 + x).
 TEST(PositiveProbability, IsThatOfTheFLaw) {
   for (const double x : {0.5, 1.0, 9.0, 999.0}) {
     EXPECT_NEAR(positive_probability({1.0, 1.0, -x, -x}), 1.0 / (1.0 + x), 1e-7) << x;

@@ -21,7 +21,7 @@ namespace tether::test {
 namespace {
 
 constexpr std::size_t kLanes = 3;
-constexpr std::size_t kPackets = 50'000;  // of each lane
+constexpr std::size_t kPackets = 50'000;  // packets of each lane
 constexpr double kDelay_ms = 20.0;
 constexpr double kUniform_ms = 5.0;  // the law's half width
 constexpr double kNormal_ms = 4.0;   // its standard deviation: tc's table ends at −4 of them

@@ -22,7 +22,7 @@ inline std::string tc(const std::string& arguments) {
   return text;
 }
 
-/// What the kernel counted at a queueing discipline, packets.
+/// Counters of the kernel at a queueing discipline, packets.
 struct QdiscCounts {
   std::int64_t sent = 0;
   std::int64_t dropped = 0;
@@ -64,7 +64,7 @@ class LoQdiscs {
   bool any_ = false;
 };
 
-/// Of `offered` packets all that did not arrive were dropped by the queueing discipline.
+/// Checks that all `offered` packets that did not arrive were dropped by the queueing discipline.
 inline void expect_all_accounted_for(const QdiscCounts& counts, std::int64_t offered,
                                      std::int64_t received) {
   ASSERT_EQ(counts.sent, received) << "packets were lost elsewhere than in tc's queue";

@@ -10,8 +10,8 @@ namespace tether::test {
 
 // The kernel's random numbers cannot be seeded before Linux 6.6, so that each run is another one.
 // A right channel fails in one of a million runs: each of 14 comparisons (loss ratio, bursts and
-// gaps of four loss models, two laws of delay) has a 14th of that. What is deliberately wrong by
-// 20 % must be told apart at that level, too.
+// gaps of four loss models, two laws of delay) has a 14th of that. A deliberate error of 20 % must
+// be detected at that level, too.
 inline constexpr double kFamilyLevel = 1e-6;
 inline constexpr int kComparisons = 14;
 inline constexpr double kLevel = kFamilyLevel / kComparisons;

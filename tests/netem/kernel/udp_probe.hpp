@@ -15,7 +15,7 @@ struct Pause {
   std::int64_t end_ns = 0;
 };
 
-/// What the kernel did to packets 0, 1, … All times by its wall clock, in ns since 1970.
+/// Fates of packets 0, 1, … in the kernel. All times by its wall clock, in ns since 1970.
 struct KernelRun {
   std::vector<std::int64_t> sent_ns;      ///< send_paced(): just before it was handed over
   std::vector<std::int64_t> received_ns;  ///< when it came out of the interface's queue; 0: never
@@ -39,7 +39,7 @@ class UdpProbe {
   UdpProbe(const UdpProbe&) = delete;
   UdpProbe& operator=(const UdpProbe&) = delete;
 
-  /// As fast as it goes, with socket priority 0. Packets with priority 1 must get through at once:
+  /// Sends at full speed, with socket priority 0. Packets with priority 1 must get through at once:
   /// one follows every few packets and says that the kernel is done with these, so that none of its
   /// queues but that of the interface can ever overflow.
   KernelRun send_burst(std::size_t packets);

@@ -6,7 +6,7 @@
 
 namespace tether {
 
-/// What a loss model that takes one step per packet does in the long run, computed from its
+/// Long-run statistics of a loss model that takes one step per packet, computed from its
 /// parameters: the yardstick for what a run achieved.
 ///
 /// For a chain with step matrix M, stationary distribution π and loss probability e_i of a packet

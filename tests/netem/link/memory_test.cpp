@@ -36,7 +36,7 @@ TEST(Link, DropsAndCountsWhatIsTooManyBytesUnderWay) {
   expect_balance(link);
 }
 
-/// What this process has from malloc; 0 where sanitizers stand in for it.
+/// Bytes that this process has from malloc; 0 where sanitizers stand in for it.
 std::size_t allocated_bytes() {
   const auto info = mallinfo2();
   return info.uordblks + info.hblkhd;

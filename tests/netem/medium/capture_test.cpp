@@ -14,7 +14,7 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
-// Two saturated stations, of which the first is received whoever else sends: it succeeds with every
+// Two saturated stations, of which the first is always received: it succeeds with every
 // attempt, and both have of the medium what their Markov chain says. 2e5 transmissions; a share has
 // a standard error below that of as many independent draws, 0.0011; four of them.
 TEST(Capture, LeavesTheStrongerOfTwoStationsUnaffectedByCollisions) {
@@ -57,7 +57,7 @@ MediumSettings crowd() {
   return settings;
 }
 
-/// Of 2000 packets of a vehicle.
+/// Lost packets of 2000 of a vehicle.
 int lost(const MediumSettings& settings, Way way) {
   int lost = 0;
   const auto medium = SharedMedium::make(

@@ -147,7 +147,7 @@ TEST(Roaming, TakesWhatIsQueuedAlong) {
   EXPECT_GT(before, 0);
 }
 
-/// 20 s in which four vehicles roam at random under load. Whoever asks how often.
+/// 20 s in which four vehicles roam at random under load. The number of calls must not matter.
 std::vector<Instant> restless(bool waits, int step_ms) {
   MediumSettings settings = two_access_points(waits, 30.0);
   settings.queue = 10;

@@ -185,7 +185,7 @@ TEST_P(TwoCategories, ShareTheMediumAsTheirMarkovChainSays) {
       EXPECT_LT(error, 1e-3);
     }
   }
-  // The rules are told apart: they differ by more than eight of those errors.
+  // The test separates the rules: they differ by more than eight of those errors.
   EXPECT_GT(std::abs(exact[0][2] - exact[1][2]), 8e-3);
 }
 
@@ -266,7 +266,7 @@ TEST(SaturatedMedium, OfAccessCategoriesIsThatOfAnotherSimulator) {
       for (const std::size_t i : members[k]) frames += medium.delivered(i);
       const double found_Mbps =
           static_cast<double>(frames) * 1472 * 8 / to_seconds(medium.next_event()) / 1e6;
-      // Of those who starve, the published value has two digits and 0.13 Mbit/s are few frames.
+      // The published value of starving stations has two digits and 0.13 Mbit/s are few frames.
       const double bar = setting[k].throughput_Mbps < 1.0 ? 0.2 : 0.03;
       EXPECT_NEAR(found_Mbps, setting[k].throughput_Mbps, bar * setting[k].throughput_Mbps);
     }

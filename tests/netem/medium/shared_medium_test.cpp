@@ -95,7 +95,7 @@ TEST_P(EachMedium, HasAnEndForEveryPacketUnderOverload) {
   EXPECT_LT(lost, 5000);
 }
 
-// Whoever listens decides when advance() is called; that must not matter.
+// The listener decides when advance() is called; that must not matter.
 TEST_P(EachMedium, DoesTheSameHoweverOftenItIsAsked) {
   MediumSettings busy = settings();
   busy.background = {{.kind = MediumSettings::Background::Kind::periodic,
@@ -206,7 +206,7 @@ TEST(SharedMedium, KnowsTheLoadThatPacketsAre) {
 }
 
 // One more that sends where the others are silent. They begin at the same instant, collide, and
-// draw. What slots begin with moves them both alike.
+// draw. The beginning of the slots shifts both equally.
 TEST_P(EachMedium, GivesAVehicleMoreNoPartInTheLuckOfTheOthers) {
   const auto fates = [](const MediumSettings& settings, bool has_more) {
     RadioRig rig(settings);

@@ -36,7 +36,7 @@ TEST(TrafficPresets, SetWhatTheirRowHas) {
   }
 }
 
-// What the table of aperiodic services gives as bit rates.
+// Bit rates of the table of aperiodic services.
 TEST(TrafficPresets, OfBitRatesHaveThese) {
   const auto Mbps = [](const char* name) {
     const TrafficPreset* preset = traffic_preset(name);

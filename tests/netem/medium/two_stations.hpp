@@ -43,7 +43,7 @@ class TwoStationsChain {
 
  private:
   static constexpr int kDraws = -1;
-  /// Of one station: failed attempts of its frame, and slots that are left to count.
+  /// State of one station: failed attempts of its frame, and slots that are left to count.
   struct State {
     int stage, left;
   };

@@ -10,7 +10,8 @@ namespace {
 
 using Clutter = IndoorFactory::Clutter;
 
-// By hand: 31.84 + 21.5 lg 20 + 19 lg 3.5 and 33.63 + 21.9 lg 20 + 20 lg 3.5; heights are equal.
+// Manual calculation: 31.84 + 21.5 lg 20 + 19 lg 3.5 and 33.63 + 21.9 lg 20 + 20 lg 3.5; heights
+// are equal.
 TEST(IndoorFactory, LosesWhatTheTableSays) {
   IndoorFactory hall = IndoorFactory::of(Clutter::dense_high, 3.5);
   hall.station_height_m = hall.vehicle_height_m;
@@ -50,7 +51,7 @@ bool sees(const IndoorFactory& hall, double distance_m, RandomEngine& random) {
   }
 }
 
-// What stands on the vehicle apart, a line over squares that stand at random with the density r is
+// Apart from objects on the vehicle, a line over squares that stand at random with the density r is
 // clear with exp(-d/k), and k is the table's: 4000 halls, four standard errors.
 TEST(IndoorFactory, SeesAsFarAsBetweenRandomSquares) {
   for (const Clutter clutter :

@@ -122,7 +122,7 @@ TEST(Shadowing, HasTheVarianceAndGudmundsonsCorrelation) {
       products[i] += here * s.at(3.0 + 0.6 * distances[i], -4.0 + 0.8 * distances[i]);
     }
   }
-  // Of normal pairs with correlation ρ the product has variance σ⁴(1 + ρ²). 5 standard errors.
+  // The product of normal pairs with correlation ρ has variance σ⁴(1 + ρ²). 5 standard errors.
   EXPECT_NEAR(sum / kRealisations, 0.0, 5.0 * kSd / std::sqrt(kRealisations));
   for (std::size_t i = 0; i < distances.size(); ++i) {
     const double rho = std::exp(-distances[i] / kDistance);

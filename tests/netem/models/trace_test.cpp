@@ -173,7 +173,7 @@ TEST(TraceProcess, ALoopPlaysItsLastRowAsLongAsTheOneBefore) {
   EXPECT_EQ(p.next_transition(), at_ms(600));
   EXPECT_EQ(at(p, 500 * 1000 + 250), condition(0.5, 40));
   TraceProcess before(shared(kThreeRows), kStepLoop, "");
-  EXPECT_EQ(at(before, -100), condition(0.0, 0));  // as if it had been running already
+  EXPECT_EQ(at(before, -100), condition(0.0, 0));  // same as if it had been running already
   EXPECT_EQ(before.next_transition(), kStart);
 }
 

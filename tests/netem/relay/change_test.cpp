@@ -147,7 +147,7 @@ TEST(Change, OfProbabilitiesPerPacketGoesOnInTheStateAndWithTheStream) {
   const Settings gilbert{"uplink.model=gilbert_elliott", "uplink.gilbert_elliott.p=0.02",
                          "uplink.gilbert_elliott.r=0.02"};
   const auto plain = uplink_fates(gilbert);
-  // What happens at a step is up to the chain's next draw: only the losses in the states differ.
+  // The chain's next draw decides on a step: only the losses in the states differ.
   const auto lossless =
       uplink_fates(gilbert, {{kChange, {"uplink.gilbert_elliott.one_minus_h=0"}}});
   EXPECT_EQ(states(lossless), states(plain));

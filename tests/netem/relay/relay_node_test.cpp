@@ -203,7 +203,7 @@ TEST(RelayNode, ReportsEveryLinkAndDoesNotRelayItsReports) {
   EXPECT_EQ(undecodable, 0);
 }
 
-/// What a relay answers to settings, asked for one second after the other from 1 s on.
+/// Answers of a relay to settings, requested one second after the other from 1 s on.
 std::vector<channel_setting_result_t> answers(Relay& relay,
                                               const std::vector<std::vector<std::string>>& asked) {
   std::vector<channel_setting_result_t> heard;

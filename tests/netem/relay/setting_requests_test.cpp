@@ -11,7 +11,7 @@ using test::at_s;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-/// What is done aside is done a second later.
+/// A loop whose aside() tasks are done a second later.
 class SlowAside final : public EventLoop {
  public:
   explicit SlowAside(VirtualLoop& loop) : loop_(loop) {}

@@ -7,7 +7,7 @@
 #include "tests/netem/stages/stage_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
-// What each stage of a link does to packets. Tolerances of samples: 5 standard deviations.
+// Effect of each stage of a link on packets. Tolerances of samples: 5 standard deviations.
 
 namespace tether {
 namespace {

@@ -54,7 +54,7 @@ TEST_F(OdometryTest, KnowsNothingOfLargerWheels) {
   scenario.get<VehicleSettings>().radius_error = 0.02;
   drive(1.0, 0.0);
   EXPECT_NEAR(truth().x_m / newest().x_m, 1.02, 1e-9);
-  EXPECT_NEAR(newest().v_mps, 1.0, 1e-12) << "it goes as fast as it was told, it believes";
+  EXPECT_NEAR(newest().v_mps, 1.0, 1e-12) << "it believes that it goes as fast as commanded";
 }
 
 TEST_F(OdometryTest, KnowsNothingOfANarrowerTrack) {

@@ -52,7 +52,7 @@ TEST_F(ScanningTest, PublishesEachTurnWhenItsLastBeamIsMeasured) {
     EXPECT_EQ(scan->range_m.size(), 541U);
   }
   EXPECT_TRUE(parts.empty());
-  EXPECT_EQ(poses.size(), 21U) << "nobody else makes poses";
+  EXPECT_EQ(poses.size(), 21U) << "no other source of poses";
 }
 
 TEST_F(ScanningTest, SeesTheHallFromWhereTheVehicleIsByThen) {

@@ -14,7 +14,7 @@
 #include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 
-// What nobody told the vehicle: vehicle.radius_error, .track_error, .actuator_lag_ms,
+// Errors unknown to the vehicle: vehicle.radius_error, .track_error, .actuator_lag_ms,
 // .clock_offset_ms and .payload_….
 
 namespace tether {

@@ -47,7 +47,7 @@ TEST(Slope, TyresHoldTheVehicleWhereTheyGrip) {
 
 TEST(Drag, ThatTheServoCanOvercomeChangesNothing) {
   VehicleSettings vehicle;
-  vehicle.left_drag_N = 3.0;  // of the 10 N that 4 N m make at a rim of 0.4 m
+  vehicle.left_drag_N = 3.0;  // part of the 10 N that 4 N m make at a rim of 0.4 m
   const VehicleState s = driven(vehicle, {}, 1.0, 4.0);
   EXPECT_NEAR(s.rim_speeds.left_mps, 1.0, 1e-3);
   EXPECT_NEAR(s.pose.yaw_rad, 0.0, 0.01);

@@ -225,7 +225,7 @@ TEST(KinematicVehicle, NoseOnItDoesNotFreeItselfWhileBothWheelsPushForward) {
   vehicle.set_wheel_targets(wheels(2.0, 0.0));
   run(vehicle, 2.0);
   for (int second = 0; second < 60; ++second) {
-    // As far as 2 m/s leave the inner wheel 0.8 m/s forward.
+    // At 2 m/s this leaves the inner wheel 0.8 m/s forward.
     const double omega_radps = second % 2 == 0 ? 2.0 : -2.0;
     vehicle.set_wheel_targets(wheels(2.0 + second % 7, omega_radps));
     run(vehicle, 1.0);

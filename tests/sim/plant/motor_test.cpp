@@ -1,4 +1,4 @@
-// What the motors' torque leaves of a loaded vehicle's acceleration, against closed forms.
+// A loaded vehicle's acceleration with limited motor torque, against closed forms.
 
 #include <gtest/gtest.h>
 

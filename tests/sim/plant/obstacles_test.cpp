@@ -43,7 +43,7 @@ Surroundings hall(std::vector<Obstacle> obstacles) {
   return {.map_file = "", .obstacles = std::move(obstacles)};
 }
 
-/// Of which it is said below how far it may come into an obstacle.
+/// A driven vehicle; how far it may come into an obstacle is stated below.
 class Driven {
  public:
   Driven(PlantKind kind, const Surroundings& surroundings, const Pose2& start = {},
@@ -164,7 +164,8 @@ TEST_P(BothPlants, StaysOutOfObstaclesWhateverItIsTold) {
 }
 
 TEST_P(BothPlants, AWallOfObstaclesIsAsTheHallsWall) {
-  // As ends at the same place: wall obstacles may hold the box's corners, not the upright edges.
+  // The same run ends at the same place: wall obstacles may hold the box's corners, not the upright
+  // edges.
   const Pose2 start{10.0, 0.0, 0.5};
   Driven at_wall(GetParam(), {}, start);
   Driven at_obstacle(GetParam(),

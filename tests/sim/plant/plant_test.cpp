@@ -26,7 +26,7 @@ using test::kStep_s;
 using test::run;
 using test::wheels;
 
-/// What a steady command does in 60 s once the servos have reached it; the acceleration phase is
+/// Effect of a steady command in 60 s once the servos have reached it; the acceleration phase is
 /// left out by starting to measure 5 s after the command.
 struct Steady {
   double distance_m = 0.0;  ///< length of the axle midpoint's path

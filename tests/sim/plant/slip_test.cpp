@@ -58,7 +58,7 @@ WorldSettings floor_of(double friction) {
   return world;
 }
 
-/// Wheels that turn as they are told, at once.
+/// Wheels that follow their setpoints at once.
 VehicleConfig unlimited(VehicleConfig v) {
   v.max_wheel_torque_Nm = 1e5;
   v.max_wheel_acceleration_mps2 = 1e5;

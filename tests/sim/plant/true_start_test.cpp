@@ -40,7 +40,7 @@ TEST(TrueStart, IsProportionalToTheDeviationOfOneSeed) {
 
 TEST(TrueStart, HasTheDeviationOfANormalCutOffAtThreeSigma) {
   constexpr int kSeeds = 20000;
-  // Of a normal cut off at ±a: σ²(1 − 2 a φ(a) / (2 Φ(a) − 1)), with a = 3.
+  // Variance of a normal cut off at ±a: σ²(1 − 2 a φ(a) / (2 Φ(a) − 1)), with a = 3.
   const double variance =
       1.0 - 6.0 * std::exp(-4.5) / std::sqrt(2.0 * std::numbers::pi) / 0.99730020393674;
   double sums[3] = {}, squares[3] = {}, largest = 0.0;

@@ -68,7 +68,7 @@ TEST(PoseSending, SendsATurnToo) {
   for (std::size_t i = 1; i < times.size(); ++i) EXPECT_NEAR(times[i] - times[i - 1], 0.45, 1e-9);
 }
 
-// What the receiver holds is never farther off than the delta at a sampling instant, however the
+// The receiver's value is never farther off than the delta at a sampling instant, however the
 // vehicle moves.
 TEST(PoseSending, LeavesTheReceiverOffByNoMoreThanTheDelta) {
   const auto pose = [](double t_s) {

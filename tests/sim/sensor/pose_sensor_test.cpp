@@ -175,7 +175,7 @@ TEST(Dropouts, TakeTheShareOfTheirDuration) {
     if (now && !before) ++begun;
     before = now;
   }
-  // Of an alternating renewal process with exponential times u and d, the share over T has the
+  // The share over T of an alternating renewal process with exponential times u and d has the
   // variance 2 u² d² / ((u + d)³ T).
   const double cycle_s = kUp_s + kDown_s;
   const double deviation =

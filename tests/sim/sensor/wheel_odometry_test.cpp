@@ -34,7 +34,7 @@ TEST(WheelOdometry, WithoutTicksIsExact) {
   EXPECT_NEAR(odometry.state().pose.x_m, 3.7 * vehicle.wheel_radius_m, 1e-9);
 }
 
-/// What ticks alone make wrong, over what they add to the covariance.
+/// Error from ticks alone, relative to their part of the covariance.
 struct Normalised {
   double yaw = 0.0, across = 0.0;
 };
@@ -78,7 +78,8 @@ TEST(WheelOdometry, KnowsHowUncertainTicksMakeIt) {
   // The difference of two even errors is triangular, whose square has 1.18 times its mean as
   // standard deviation.
   EXPECT_NEAR(yaw, 1.0, 4.0 * 1.18 / std::sqrt(kRuns));
-  // Errors of neighbouring readings within a tick are less alike than one tick of way supposes.
+  // Errors of neighbouring readings within a tick are less correlated than one tick of travel
+  // supposes.
   EXPECT_GT(across, 0.4);
   EXPECT_LT(across, 1.2);
 }

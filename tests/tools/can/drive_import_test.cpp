@@ -46,7 +46,7 @@ std::string pdos(int count) {
 }
 
 std::string device() {
-  return "; made by hand\r\n[FileInfo]\r\nEDSVersion=4.0\r\n\r\n[DeviceInfo]\r\nVendorName=Ex "
+  return "; made manually\r\n[FileInfo]\r\nEDSVersion=4.0\r\n\r\n[DeviceInfo]\r\nVendorName=Ex "
          "\"am\" ple\r\nProductName=Servo\r\n"
          "[Comments]\r\nLines=1\r\nLine1=anything [goes] = here\r\n" +
          variable("1016sub1", 7) + variable("6007", 3);

@@ -48,7 +48,7 @@ TEST(RequestOutcome, DisarmWaitsForTheEndOfTheRamp) {
 TEST(RequestOutcome, EstopIsReachedWhenLatchedAtStandstill) {
   EXPECT_EQ(judge(Request::ESTOP, State::STOPPING, kReactionTime * 10), pending);
   EXPECT_EQ(judge(Request::ESTOP, State::ESTOP, kSoon), reached);
-  EXPECT_EQ(judge(Request::ESTOP, State::ARMED, kReactionTime), refused) << "nobody listens";
+  EXPECT_EQ(judge(Request::ESTOP, State::ARMED, kReactionTime), refused) << "no listener";
 }
 
 TEST(RequestOutcome, ReleaseIsReachedWhenTheReasonIsNoMoreThatItIsPressed) {

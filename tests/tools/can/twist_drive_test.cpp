@@ -30,7 +30,7 @@ struct Drive {
     }
     return drive.step(now);
   }
-  /// As the bridge does: its setpoint is the command.
+  /// Follows like the bridge: its setpoint is the command.
   Twist step_and_follow() {
     const Twist twist = step();
     state.v_mps = odometry.v_mps = twist.v_mps;

@@ -275,7 +275,7 @@ TEST(ProjectExperiments, BurstsHaveThePrrAndTheLengthOfTheirLabels) {
     for (const Arm& arm : of_the_project(name).arms) {
       if (arm.scenario.get<ChannelSettings>().uplink.model != "chain") continue;
       ++chains;
-      double prr = 0.45, burst = 0.0;  // of control_breaking, which has no PRR
+      double prr = 0.45, burst = 0.0;  // arms of control_breaking, which has no PRR
       for (const KeyValue& setting : arm.settings) {
         const std::string value = setting.plain();
         if (setting.key == "PRR") prr = std::stod(value);

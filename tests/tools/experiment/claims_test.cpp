@@ -180,7 +180,7 @@ TEST_F(Claims, AboutBothSidesOfTheBestLookAheadWantEachStepToRise) {
     return find(judge_claims(results), "at PRR 1 ");
   };
   EXPECT_EQ(judge(4.0).verdict, Verdict::reproduced);
-  EXPECT_EQ(judge(2.8).verdict, Verdict::undecided);  // as at 3 s
+  EXPECT_EQ(judge(2.8).verdict, Verdict::undecided);  // same as at 3 s
   EXPECT_EQ(judge(2.3).verdict, Verdict::not_reproduced);
   EXPECT_EQ(judge(2.3).reason, "it does not rise on both sides");
 }

@@ -107,7 +107,7 @@ TEST(TiesOfBestTest, OneRareCatastropheWidensNoOtherInterval) {
   RandomEngine random = random_stream(8, "ties");
   std::vector<Arm> arms = normal_arms(3, 50, 3.0, random);
   const std::vector<bool> before = ties_of_best(arms, 0.95, 1).tied;
-  // As good as the best, run by run, but lost once.
+  // An arm as good as the best, run by run, but lost once.
   arms.push_back(arms.front());
   for (SeededValue& run : arms.back()) run.value += 0.001;
   arms.back()[7].value += 20.0;

@@ -13,11 +13,11 @@
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
 
-// What docs/explanation/benchmark.md concludes from the benchmark and the robustness experiment, by
+// Conclusions of docs/explanation/benchmark.md from the benchmark and the robustness experiment, by
 // the shipped files' arms with their tuned gains, on the kinematic plant and the first 12 seeds;
 // and what docs/explanation/localisation.md does of where to localise, on the first 4.
 //
-// No number of theirs is repeated here; a conclusion holds if chance does not explain it:
+// Their numbers are not repeated here; a conclusion holds if chance does not explain it:
 //  - better, worse, a factor: the 95 % interval of the ratio of means over pairs of runs (BCa, the
 //    same seeds) lies on its side. So the tolerance is the spread over the seeds.
 //  - "loses most": the exact 95 % interval of the share of lost vehicles lies above one half, which
@@ -41,7 +41,7 @@ class Cells {
   explicit Cells(const std::string& name, std::size_t seeds = kSeeds)
       : experiment_(load_experiment(in_source("/experiments/") + name + ".toml")), seeds_(seeds) {}
 
-  /// Of the one arm that is at all of `where`.
+  /// Runs of the one arm that is at all of `where`.
   const Runs& at(const std::vector<std::pair<std::string, std::string>>& where) {
     Selection selection;
     for (const auto& [key, value] : where) selection.push_back({key, {value}});

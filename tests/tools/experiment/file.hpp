@@ -37,7 +37,7 @@ class ExperimentFile : public ::testing::Test {
   std::string file_ = (folder_ / "e.toml").string();
 };
 
-/// Of the arms.
+/// Texts of the arms.
 inline std::vector<std::string> texts(const Experiment& experiment) {
   std::vector<std::string> texts;
   for (const Arm& arm : experiment.arms) texts.push_back(arm.text());

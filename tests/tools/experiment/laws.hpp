@@ -28,7 +28,7 @@ struct EightyTwenty {
   }
 };
 
-/// What PRR 0.85 does to the paper's vehicle: 3.7 % are lost at about 22 m, the others are well.
+/// Effect of PRR 0.85 on the paper's vehicle: 3.7 % are lost at about 22 m, the others are well.
 struct RarelyLost {
   static constexpr double kLost = 0.037, kSurvivors_m = 1.9;
 

@@ -6,7 +6,7 @@
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
 
-// What docs/explanation/medium.md concludes from experiments/medium_stations.toml, by its arms
+// Conclusions of docs/explanation/medium.md from experiments/medium_stations.toml, by its arms
 // where all eight of its seeds agree, on the first two of them and for half as long.
 
 namespace tether {
@@ -16,9 +16,9 @@ class MediumConclusions : public ::testing::Test {
  protected:
   struct Run {
     double settled_epsilon_m;
-    double poses;  ///< that came up
+    double poses;  ///< share that came up
   };
-  /// Of each seed.
+  /// Runs of each seed.
   static std::vector<Run> runs(const std::string& law, const std::string& vehicles) {
     const Experiment experiment = load_experiment(in_source("/experiments/medium_stations.toml"));
     const Selection selection{{"law", {law}}, {"vehicles", {vehicles}}};

@@ -172,7 +172,7 @@ TEST_F(Store, AnotherFigureIsNoOtherExperiment) {
 }
 
 TEST_F(Store, RefusesWhatIsNoDatabase) {
-  std::ofstream(file_) << "This is a text that somebody wants to keep.";
+  std::ofstream(file_) << "This is a text that its owner wants to keep.";
   EXPECT_THAT([&] { begin(); }, ThrowsMessage<UsageError>(HasSubstr("not a database")));
   EXPECT_THAT([&] { RunStore::open(file_); },
               ThrowsMessage<UsageError>(HasSubstr("not a database")));

@@ -95,7 +95,7 @@ TEST(MedianIntervalTest, IsBetweenTheOrderStatisticsOfTheBinomialLaw) {
 
 // All 5^5 resamples of these five have been enumerated: z₀ = 0.0968, a = 0.0874, and the interval's
 // ends are their quantiles at 0.1643 and 0.9520 (80 %). With 2000 resamples these wander by three
-// standard deviations of the quantile's level, ±0.025 and ±0.014, besides those of z₀.
+// standard deviations of the quantile's level, ±0.025 and ±0.014, in addition to those of z₀.
 TEST(MeanIntervalTest, MatchesTheEnumeratedBootstrapOfFiveValues) {
   const Interval interval = mean_interval({1.0, 2.0, 3.0, 5.0, 13.0}, 0.8, 1);
   EXPECT_NEAR(interval.low, 2.8, 0.21);

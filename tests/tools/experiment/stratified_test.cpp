@@ -79,9 +79,9 @@ TEST(StratifiedMeanTest, IsUnbiasedWithLessVarianceAndItsIntervalHoldsTheMean) {
     sum += both.stratified.mean;
     held += contains(both.stratified.interval, 17.5) ? 1 : 0;
   }
-  // By hand: the variance of a run is 16.7 + 6.25 (within, between); the first part remains:
-  // 0.25 · 33.3/30 = 0.28 of 0.38 m², a share of 0.73. Two such sums of 400 squares differ from
-  // their ratio by 4 % (one standard deviation, as they are correlated).
+  // Manual calculation: the variance of a run is 16.7 + 6.25 (within, between); the first part
+  // remains: 0.25 · 33.3/30 = 0.28 of 0.38 m², a share of 0.73. Two such sums of 400 squares differ
+  // from their ratio by 4 % (one standard deviation, as they are correlated).
   EXPECT_NEAR(stratified / plain, 0.73, 0.13);
   // Four standard errors, sqrt(0.28/400) each.
   EXPECT_NEAR(sum / kSets, 17.5, 4.0 * 0.0265);

@@ -16,7 +16,7 @@ using test::RarelyLost;
 using test::sample;
 using test::share_sd;
 
-// (1 − high)^30 = 2.5 %, by hand.
+// (1 − high)^30 = 2.5 %, calculated manually.
 TEST(LostShare, OfNoneReachesUpToWhatWouldShowNoneOneTimeInForty) {
   const Share none = share_of(0, 30, 0.95);
   EXPECT_EQ(none.value, 0.0);
@@ -31,7 +31,7 @@ TEST(LostShare, OfAllIsTheMirrorImageOfNone) {
   EXPECT_NEAR(all.interval.low, std::pow(0.025, 1.0 / 30.0), 1e-12);
 }
 
-// P[X >= 2] at the low end and P[X <= 2] at the high end are 2.5 %, summed by hand.
+// P[X >= 2] at the low end and P[X <= 2] at the high end are 2.5 %, summed manually.
 TEST(LostShare, LeavesTheSameProbabilityAtBothEnds) {
   const Interval i = share_of(2, 10, 0.95).interval;
   const auto at_most = [](int most, double p) {

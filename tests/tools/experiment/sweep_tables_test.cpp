@@ -11,7 +11,7 @@
 #include "tools/experiment/report/tables.hpp"
 #include "tools/experiment/store/export.hpp"
 
-// Tables and means of sweeps whose results are written by hand.
+// Tables and means of sweeps whose results are written by the test.
 
 namespace tether {
 namespace {
@@ -57,7 +57,7 @@ class SweepTables : public ::testing::Test {
   static TableChoice choice(TableChoice::Kind kind) {
     TableChoice choice;
     choice.kind = kind;
-    choice.title = "By hand";
+    choice.title = "Manual";
     choice.metric = "epsilon_m";
     return choice;
   }
@@ -75,7 +75,7 @@ TEST_F(SweepTables, MeansGoAcrossByTheirColumns) {
       {by_prr});
   const auto tables = tables_of(RunStore::open(store.file()));  // the choice is stored, too
   ASSERT_EQ(tables.size(), 1U);
-  EXPECT_EQ(tables[0].title, "By hand");
+  EXPECT_EQ(tables[0].title, "Manual");
   EXPECT_THAT(tables[0].rows, ElementsAre(ElementsAre("law", "PRR 1", "PRR 0.5"),
                                           ElementsAre("a", "2 [2, 2]", "3 [3, 3]"),
                                           ElementsAre("b", "0.25 [0.25, 0.25]", "")));
@@ -215,10 +215,10 @@ TEST_F(SweepTables, AreInTheReportAndBesideItAsData) {
   store_of({{"a|b", "1", {2, 2}}, {"a|b", "0.5", {3, 3}}, {"c", "1", {4, 4}}}, {by_prr});
   write_report(own_.path, RiskDefinition::whole_run);
   EXPECT_THAT(test::contents(own_.path / "report.md"),
-              HasSubstr("### By hand\n\n| law | PRR 1 | PRR 0.5 |\n|-|-|-|\n"
+              HasSubstr("### Manual\n\n| law | PRR 1 | PRR 0.5 |\n|-|-|-|\n"
                         "| a\\|b | 2 [2, 2] | 3 [3, 3] |\n| c | 4 [4, 4] |  |\n\nε [m]: mean"));
   EXPECT_THAT(test::contents(own_.path / "report.html"),
-              AllOf(HasSubstr("<h3>By hand</h3>"), HasSubstr("<td class=\"number\">3 [3, 3]")));
+              AllOf(HasSubstr("<h3>Manual</h3>"), HasSubstr("<td class=\"number\">3 [3, 3]")));
   EXPECT_THAT(test::contents(own_.path / "by_hand_table1.csv"),
               AllOf(HasSubstr("law,PRR,mean,low,high,n,failed,"), HasSubstr("\na|b,1,2,2,2,2,0,"),
                     HasSubstr("\na|b,0.5,3,3,3,2,0,"), HasSubstr("\nc,1,4,4,4,2,0,")));

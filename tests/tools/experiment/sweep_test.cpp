@@ -24,7 +24,7 @@
 namespace tether {
 namespace {
 
-/// As small as a run can be.
+/// Smallest possible run.
 Scenario short_scenario(double prr) {
   Scenario scenario;
   scenario.get<RunSettings>().duration_s = 3.0;

@@ -26,7 +26,7 @@ bool all_children_end_within(std::chrono::seconds time) {
 }
 
 TEST(ExternalProgram, LeavesNothingBehindWhenItsOwnerIsKilledAtAnyMoment) {
-  prctl(PR_SET_CHILD_SUBREAPER, 1);  // what an owner leaves behind becomes our child
+  prctl(PR_SET_CHILD_SUBREAPER, 1);  // orphans become our children
   for (int i = 0; i < 300; ++i) {
     const pid_t owner = fork();
     if (owner == 0) {

@@ -47,7 +47,7 @@ TEST(FindRateTest, TheAnswerIsTheFirstWhoseRunsMeetTheTarget) {
   const SettledError& found = answer.tried.back().simulated;
   EXPECT_LE(found.mean_m + found.half_width_m, 0.1);
   EXPECT_EQ(answer.tried.back().set, Settings{"sensor.rate_hz=16"});
-  // Of these 60 runs, 8 chose it.
+  // 8 of these 60 runs chose it.
   const SettledError again =
       settled_error(load_scenario(kPaper, set + answer.tried.back().set), 60, 2);
   EXPECT_LE(again.mean_m + again.half_width_m, 0.1);

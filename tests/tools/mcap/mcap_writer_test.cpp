@@ -74,7 +74,7 @@ std::vector<Record> records_of(std::string_view bytes, std::size_t from = 0) {
   return records;
 }
 
-/// Of a whole file, without the magic at both ends.
+/// Records of a whole file, without the magic at both ends.
 /// They refer to `file`.
 std::vector<Record> records_of_file(const std::string& file) {
   EXPECT_TRUE(file.starts_with(kMagic));

@@ -36,7 +36,7 @@ counters_t counters(const std::string& node, const std::string& name, std::int64
   return c;
 }
 
-/// Of one path, on which nothing is known but that datagrams were sent.
+/// Report of one path, on which only sent datagrams are known.
 peer_report_t report(const std::string& peer) {
   peer_report_t r{};
   r.peer = peer;

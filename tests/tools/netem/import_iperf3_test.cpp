@@ -1,4 +1,4 @@
-// Of what iperf3 writes, the receiver's intervals become the trace, whoever's report has them.
+// The receiver's intervals of iperf3 become the trace, from either side's report.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -33,7 +33,7 @@ TEST(ImportIperf3, ReadsTheReceiversLossesInTextAndJson) {
   }
 }
 
-/// What `iperf3 -c … -u` writes itself: nothing of what arrived, but in its summary.
+/// Output of `iperf3 -c … -u` itself: nothing of what arrived, but in its summary.
 constexpr char kClient[] =
     "Connecting to host 127.0.0.1, port 6201\n"
     "[  5] local 127.0.0.1 port 45159 connected to 127.0.0.1 port 6201\n"
@@ -77,7 +77,7 @@ TEST(ImportIperf3, RefusesAReportOfAClientAlone) {
   };
   EXPECT_THAT(says(kClient), HasSubstr("i:4: an interval without losses; losses by interval"));
   EXPECT_THAT(says(kClient), HasSubstr("--get-server-output, or what iperf3 -s writes"));
-  const std::string old =  // of iperf 3.1, which does not say whose the summary is
+  const std::string old =  // output of iperf 3.1, which does not say whose the summary is
       "[  4]   0.00-1.00   sec   128 KBytes  1.05 Mbits/sec  16  \n- - - -\n"
       "[  4]   0.00-1.00   sec   128 KBytes  1.05 Mbits/sec  0.015 ms  0/16 (0%)  \n";
   EXPECT_THAT(says(old), HasSubstr("i:1: an interval without losses"));

@@ -1,4 +1,4 @@
-// What others' tools have measured becomes a trace that the channel takes, or is refused with its
+// Measurements of other tools become a trace that the channel takes, or are refused with their
 // line.
 #include "tools/netem/import/import.hpp"
 

@@ -20,7 +20,7 @@ inline std::string refusal(const std::function<void()>& act) {
   return "accepted";
 }
 
-/// As the channel reads it.
+/// The trace as the channel reads it.
 inline Trace trace_of(const Imported& imported) {
   std::istringstream in(to_trace_csv(imported, "test"));
   return read_trace(in, "t.csv");

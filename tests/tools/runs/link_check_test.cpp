@@ -178,7 +178,7 @@ LinkMonitor monitor_told(const Keys& keys) {
   return LinkMonitor(expect_link(link, pose_traffic(scenario)));
 }
 
-/// What a monitor says that was told `told`, of a link that is `real`.
+/// Verdict of a monitor that expects `told`, on a link that is `real`.
 std::map<std::string, Verdict> verdicts(const Keys& told, const Keys& real,
                                         std::int64_t packets = 100'000) {
   LinkMonitor monitor = monitor_told(told);
@@ -237,7 +237,7 @@ TEST(LinkCheck, FlagsALinkOfOtherDelays) {
   const auto wrong = verdicts(
       told, {"channel.jitter.law=gamma", "channel.jitter.mean_ms=30", "channel.jitter.sd_ms=21"});
   EXPECT_EQ(wrong.at("delay p99"), Verdict::outside);
-  // Of a constant delay, a single other packet is one too many.
+  // With a constant delay, a single other packet is one too many.
   EXPECT_EQ(verdicts({"channel.delay_ms=30"}, {"channel.delay_ms=30.00001"}, 1).at("delay p99"),
             Verdict::outside);
 }

@@ -13,7 +13,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// Of a run of which these are known; all others are 0.
+/// Value for a run with these metrics; all others are 0.
 double value_of(const std::string& expression,
                 const std::vector<std::pair<std::string, double>>& known) {
   std::vector<double> all(metrics().size());
@@ -47,7 +47,8 @@ TEST(MetricExpression, ComputesWithAllMetrics) {
   const MetricExpression loss("uplink_lost / uplink_sent");
   EXPECT_EQ(loss.label(), "uplink_lost / uplink_sent");
   EXPECT_FALSE(loss.is_error() || loss.is_share());
-  EXPECT_TRUE(MetricExpression("1000 * epsilon_m").is_error()) << "so lost vehicles are told apart";
+  EXPECT_TRUE(MetricExpression("1000 * epsilon_m").is_error())
+      << "so lost vehicles can be distinguished";
 }
 
 TEST(MetricExpression, IsUnknownWhereAMetricOfItIs) {

@@ -22,7 +22,7 @@ inline void run_into(const std::filesystem::path& path, const Scenario& scenario
   folder.write(scenario, observer, to_json(scenario, observer, {}));
 }
 
-/// What a run wrote, to compare.
+/// Files that a run wrote, to compare.
 struct Files {
   std::size_t log_hash, trajectory_hash;
   std::uintmax_t log_size;

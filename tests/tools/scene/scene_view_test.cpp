@@ -42,7 +42,7 @@ SceneSetting paper() {
   return scene_setting(load_scenario(in_source("/scenarios/paper.toml"), {}));
 }
 
-/// What of a message's fields the schema does not know or misses, by path.
+/// Fields of a message that the schema does not know or misses, by path.
 void compare(const json& schema, const json& value, const std::string& at,
              std::vector<std::string>& wrong) {
   if (schema.at("type") == "array") {
@@ -77,7 +77,7 @@ TEST(SceneSetting, OfALongRunKeepsThePathShort) {
   EXPECT_EQ(scene_setting(scenario).path.size(), kMostPathPoints);
 }
 
-/// A hall with one of each: a rack, a pillar, and somebody who walks.
+/// A hall with one of each: a rack, a pillar, and a person who walks.
 SceneSetting hall() {
   std::ifstream paper(in_source("/scenarios/paper.toml"));
   const std::string text{std::istreambuf_iterator<char>(paper), {}};
@@ -176,7 +176,7 @@ TEST(SceneView, AScanIsSeenFromTheTruthElseFromWhereTheVehicleIsSaidToBe) {
   SceneView view;
   std::vector<ViewMessage> made;
   view.on_message("AGV/SCAN", content_of(small_scan()), 0, made);
-  EXPECT_TRUE(made.empty()) << "nobody knows from where";
+  EXPECT_TRUE(made.empty()) << "the origin is not known";
   const auto frame_of_scan = [&] {
     made.clear();
     view.on_message("AGV/SCAN", content_of(small_scan()), 3'000'000'000, made);

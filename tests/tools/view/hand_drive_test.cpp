@@ -33,7 +33,7 @@ TEST(HandDrive, TwistIsStampedAsAControllersOfThisRun) {
   drive.hear(clock_of(2'000'000, 7, 0.5), at(100));
   drive.hear(pose_of(1'900'000));
   drive.hear(pose_of(1'800'000));     // late
-  drive.hear(pose_of(1'950'000, 8));  // of another run
+  drive.hear(pose_of(1'950'000, 8));  // pose of another run
   const twist_t twist = drive.take(1, kForward, at(140));
   EXPECT_EQ(twist.utime, 2'020'000);
   EXPECT_EQ(twist.run, 7);

@@ -210,7 +210,7 @@ TEST_F(ViewHub, SettingIsForTheProgramAndItsAnswerForTheClient) {
   const auto texts = sent();
   ASSERT_THAT(texts, SizeIs(2));
   EXPECT_THAT(texts[0], HasSubstr("too much"));
-  EXPECT_THAT(texts[1], HasSubstr(R"("value":1.0)"));  // as it is
+  EXPECT_THAT(texts[1], HasSubstr(R"("value":1.0)"));  // value as given
   EXPECT_THAT(texts[1], HasSubstr(R"("id":"r")"));
 }
 

@@ -147,7 +147,7 @@ TEST(RecordingOfALog, HasTheMessagesInOrderOfTimeAndSaysWhatIsLeftOut) {
   EXPECT_EQ(header["count"], 5);
   EXPECT_EQ(header["channels"][1]["topic"], "CTRL/POSE");
   EXPECT_EQ(header["channels"][1]["schemaName"], "tether.pose_t");
-  EXPECT_EQ(header["about"]["source"], "run.lcmlog") << "not the folder of whoever made it";
+  EXPECT_EQ(header["about"]["source"], "run.lcmlog") << "not the folder of its author";
   EXPECT_EQ(recording.left_out.count(), 1);
 }
 

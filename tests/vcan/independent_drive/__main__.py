@@ -37,7 +37,7 @@ def place(text):
 
 
 def read_options(arguments):
-    """Of one node."""
+    """Options of one node."""
     p = argparse.ArgumentParser()
     p.add_argument("--boot-s", type=float, default=0.2, help="from reset to the boot-up message")
     p.add_argument("--sdo-after-s", type=float, default=0.0, help="no SDO answer before, from then")
@@ -68,7 +68,7 @@ def add_mechanics(p):
 
 
 def add_deviations(p):
-    """What a faulty, miswired or wrongly described drive does. It is no fault to the drive itself."""
+    """Options for a faulty, miswired or wrongly described drive. It is no fault to the drive itself."""
     p.add_argument("--velocity", choices=("true", "zero", "enabled"), default="true",
                    help="0x606C: as it is, always 0, 0 unless enabled")
     p.add_argument("--velocity-scale", type=float, default=1.0, help="of 0x606C; negative: reversed")

@@ -26,7 +26,7 @@ SELF_TEST_S = 0.05
 MAGNETISING_S = 0.04  # from "switch on" to SwitchedOn, and from there to OperationEnabled
 GEAR = 20
 UNITS_PER_RPS = 600  # 0.1 rpm of the motor
-COUNTS = 4096  # of the encoder per revolution of the motor
+COUNTS = 4096  # counts of the encoder per revolution of the motor
 UNITS_PER_MPS = GEAR * UNITS_PER_RPS / (2 * math.pi * RADIUS_M)
 BLINK_S = 0.03
 
@@ -86,7 +86,7 @@ class Drive:
 
     @property
     def _speed(self):
-        """Of the motor, in 0.1 rpm."""
+        """Speed of the motor, in 0.1 rpm."""
         return self._wheel.rim_mps * UNITS_PER_MPS
 
     @property
@@ -261,7 +261,7 @@ class Drive:
 
     @property
     def wheel_rps(self):
-        return self._speed / UNITS_PER_RPS / GEAR  # as it is, whatever it shows
+        return self._speed / UNITS_PER_RPS / GEAR  # true speed, whatever it shows
 
     @property
     def wheel_turns(self):

@@ -97,7 +97,7 @@ class SdoServer:
 
     def __init__(self, dictionary):
         self._dictionary = dictionary
-        self._upload = None  # what is left of a segmented upload
+        self._upload = None  # rest of a segmented upload
         self._toggle = 0
         self._name = bytes(3)
 

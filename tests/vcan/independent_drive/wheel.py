@@ -1,11 +1,11 @@
-"""What a drive turns: a wheel that carries its share of a vehicle. Rim speeds in m/s and accelerations
+"""The load of a drive: a wheel that carries its share of a vehicle. Rim speeds in m/s and accelerations
 in m/s², positive in the drive's own positive direction."""
 
 import math
 
 RADIUS_M = 0.4
-LAG_S = 0.02  # of the wheel behind the speed controller's demand
-BRAKE_MPS2 = 8.0  # of a holding brake that closes while the wheel turns
+LAG_S = 0.02  # lag of the wheel behind the speed controller's demand
+BRAKE_MPS2 = 8.0  # deceleration by a holding brake that closes while the wheel turns
 
 
 class Wheel:

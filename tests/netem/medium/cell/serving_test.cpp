@@ -148,7 +148,7 @@ TEST(OldestFirst, ServesUnequalSourcesAsWorkedOutSlotBySlot) {
 }
 
 // Two always have news, the third every 40 slots, one after a request. In turn it waits for both,
-// by age for nobody: it is sent at once, and is new 41 slots after the one before.
+// by age for none: it is sent at once, and is new 41 slots after the one before.
 TEST(OldestFirst, LetsWhoIsSeldomHeardGoFirst) {
   const Periodic load{{1, 1, 40}, 4000, true};
   const auto oldest = serve(rules(Serve::oldest_first), load);
@@ -207,7 +207,7 @@ TEST(KeepNewest, ReplacesWhatWaitsAndTakesItsGrant) {
   EXPECT_EQ(ends.cell.counters().replaced, 1);
 }
 
-// Of four fragments one is sent a slot; a message that has begun goes on, others that wait are
+// One of four fragments is sent per slot; a message that has begun goes on, others that wait are
 // replaced as a whole.
 TEST(KeepNewest, LeavesAMessageWholeOfWhichAPartWasSent) {
   ScheduledRules fragments = rules(Serve::oldest_first);
@@ -250,7 +250,7 @@ TEST(OldestFirst, CountsAMessageWithItsLastFragment) {
   EXPECT_EQ(ends.of.at(130).at, then + 3 * kSlot);
 }
 
-// Of three fragments two fit into the queue. Both vehicles' messages are equally old, and the first
+// Two of three fragments fit into the queue. Both vehicles' messages are equally old, and the first
 // vehicle was served last; but nothing of it has arrived as a whole.
 TEST(OldestFirst, DoesNotCountABrokenMessage) {
   ScheduledRules small = rules(Serve::oldest_first);

@@ -1,4 +1,4 @@
-#include "tests/campaign/stranger.hpp"
+#include "tests/campaign/unknown_sender.hpp"
 
 #include "can_bridge/canopen/canopen.hpp"
 
@@ -15,14 +15,14 @@ std::uint8_t node_of(const Fault& fault) { return static_cast<std::uint8_t>(faul
 
 }  // namespace
 
-Stranger::Stranger(const Trial& trial, EventLoop& loop, CanPort& port,
-                   std::vector<Instant>& commanded)
+UnknownSender::UnknownSender(const Trial& trial, EventLoop& loop, CanPort& port,
+                             std::vector<Instant>& commanded)
     : loop_(loop),
       port_(port),
       commanded_(commanded),
       random_(random_stream(trial.seed, "stranger")) {}
 
-void Stranger::begin(const Fault& fault) {
+void UnknownSender::begin(const Fault& fault) {
   switch (fault.kind) {
     case FaultKind::nmt:
       return send_nmt(fault);
@@ -37,12 +37,12 @@ void Stranger::begin(const Fault& fault) {
   }
 }
 
-void Stranger::command(const CanFrame& frame) {
+void UnknownSender::command(const CanFrame& frame) {
   commanded_.push_back(loop_.now());
   port_.send(frame);
 }
 
-void Stranger::send_nmt(const Fault& fault) {
+void UnknownSender::send_nmt(const Fault& fault) {
   using Command = canopen::NmtCommand;
   constexpr Command kCommands[] = {Command::start, Command::stop, Command::pre_operational,
                                    Command::reset_node, Command::reset_communication};
@@ -51,7 +51,7 @@ void Stranger::send_nmt(const Fault& fault) {
   port_.send(canopen::nmt_frame(kCommands[which], all ? std::uint8_t{0} : node_of(fault)));
 }
 
-void Stranger::send_emcy(const Fault& fault) {
+void UnknownSender::send_emcy(const Fault& fault) {
   constexpr std::uint8_t kGeneric = 0x10;
   const auto high = static_cast<std::uint8_t>(255.0 * fault.share);
   CanFrame frame =
@@ -60,7 +60,7 @@ void Stranger::send_emcy(const Fault& fault) {
   port_.send(frame);
 }
 
-void Stranger::write_objects(const Fault& fault) {
+void UnknownSender::write_objects(const Fault& fault) {
   const ObjectRef control{0x6040, 0, 2, false}, target{0x60FF, 0, 4, true},
       mode{0x6060, 0, 1, true}, heartbeat{0x1017, 0, 2, false};
   const double which = uniform_01(random_);
@@ -81,7 +81,7 @@ void Stranger::write_objects(const Fault& fault) {
   }
 }
 
-void Stranger::be_master(const Fault& fault) {
+void UnknownSender::be_master(const Fault& fault) {
   const double which = uniform_01(random_);
   int step = 0;
   for (Instant t = fault.when; t <= fault.until; t += std::chrono::milliseconds{5}) {
@@ -94,7 +94,7 @@ void Stranger::be_master(const Fault& fault) {
   }
 }
 
-void Stranger::send_setpoint(const Fault& fault, int step) {
+void UnknownSender::send_setpoint(const Fault& fault, int step) {
   CanFrame frame = CanFrame::make(canopen::pdo_id(false, 1, node_of(fault)), {0, 0, 0, 0, 0, 0});
   const std::int64_t speed = static_cast<std::int64_t>(20000.0 * (fault.share - 0.5));
   canopen::write_integer(frame.data.data(), 2, kControlWords[step % 3]);

@@ -9,15 +9,16 @@
 
 namespace tether::campaign {
 
-/// Somebody else on the CAN bus, who commands the drives or speaks in their name.
+/// An unknown sender on the CAN bus that commands the drives or speaks in their name.
 ///
 /// Writes by SDO are to objects that move a drive (controlword, target velocity, mode) or silence
 /// it (heartbeat time), never to those that weaken its brakes or its watchdogs: no bridge can stop
-/// a vehicle whose brakes somebody has taken away.
-class Stranger {
+/// a vehicle without brakes.
+class UnknownSender {
  public:
   /// `commanded`: when it sent what may move or hold a drive.
-  Stranger(const Trial& trial, EventLoop& loop, CanPort& port, std::vector<Instant>& commanded);
+  UnknownSender(const Trial& trial, EventLoop& loop, CanPort& port,
+                std::vector<Instant>& commanded);
 
   void begin(const Fault& fault);
 
