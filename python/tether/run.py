@@ -25,7 +25,7 @@ _TICK_S = 0.05
 
 
 class RunFailed(Exception):
-    """Output of `tether run`."""
+    """Failure of `tether run`, with its output."""
 
 
 class RunClock:

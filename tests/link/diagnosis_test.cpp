@@ -62,7 +62,7 @@ TEST(Diagnosis, SaysThatPathsAreInAnotherOrderWhetherMessagesComeOrNot) {
               HasSubstr("down: its paths are in another order"));
 }
 
-TEST(Diagnosis, TakesWhatStrangersSendMostForAHintAlone) {
+TEST(Diagnosis, TakesTheMessagesOfUnknownSendersOnlyForAHint) {
   Diagnosis diagnosis("vehicle7");
   Diagnosis::Sight sight = sight_of({}, {"wifi"});
   diagnosis.look(kStart, sight);

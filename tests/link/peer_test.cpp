@@ -291,7 +291,7 @@ TEST(PeerLink, RefusesAHelloOfAnotherTime) {
   EXPECT_GE(net.link(0).sessions().count(), 1);
 }
 
-TEST(PeerLink, StrangersGetNoAnswer) {
+TEST(PeerLink, UnknownSendersGetNoAnswer) {
   TwoHosts net;
   net.peer_key[0] = key_pair_of(testing::key_number(77)).public_key;
   net.restart(0);  // it calls another host, under a key that host 1 knows; host 1 calls it

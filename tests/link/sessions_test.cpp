@@ -68,7 +68,7 @@ TEST(Sessions, TakeNoHelloOlderThanTheNewest) {
   EXPECT_TRUE(e.of_b.on_hello(e.hello(4), e.m));
 }
 
-TEST(Sessions, AnAnsweredOneThatNobodyConfirmsEnds) {
+TEST(Sessions, AnAnsweredOneWithoutConfirmationEnds) {
   Ends e;
   const auto answer = e.of_b.on_hello(e.hello(1), e.m);
   const std::uint32_t number = read_answer(*answer)->session;

@@ -41,6 +41,7 @@ INSTEAD = {
 PUBLIC = re.compile(r"[\"`]stranger[\"`]|\b\w+\.anew\b|boolean anew\[")
 
 WORD = re.compile("|".join(rf"(?P<w{i}>(?<![a-z])(?:{p})(?![a-z]))" for i, p in enumerate(INSTEAD)), re.IGNORECASE)
+IN_NAMES = re.compile(r"(?:Nobody|Somebody|Stranger|Anew|Whoever|Likewise|Alike|(?:Is|Are|Was)Told|SoLong|ByHand|SaidTo)(?![a-z])")
 OPENING = re.compile(r"(?:of|what|that|those|whoever|for which|as)\b", re.IGNORECASE)
 OPENS = "the subject: a noun, or a verb in the third person"
 MARKER = re.compile(r"(?:<{7}|>{7}|\|{7})(?: |$)|={7}$")
@@ -60,6 +61,8 @@ def words(lines):
         for match in WORD.finditer(line):
             if not PUBLIC.search(line):
                 yield number, match[0], list(INSTEAD.values())[int(match.lastgroup[1:])]
+        for match in IN_NAMES.finditer(line):
+            yield number, match[0], "the plain word of that meaning in the name"
 
 
 def markers(lines):

@@ -240,7 +240,7 @@ TEST(AutonomyLoop, LawsThatNeedTheNameOfThePlanInForceAreRefused) {
   EXPECT_EQ(with({}), "accepted");
 }
 
-TEST(AutonomyLoop, LawsThatNeverTakeOverAreRefusedAndTheRemoteDriverOfNobodyIs) {
+TEST(AutonomyLoop, LawsThatNeverTakeOverAreRefusedAndSoIsARemoteDriverWithoutAVehicle) {
   const auto with = [](const std::vector<std::string>& overrides) {
     return refusal_of([&] { parse_scenario(kLine, "test", overrides); });
   };

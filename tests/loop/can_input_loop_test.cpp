@@ -158,7 +158,7 @@ TEST(CanInput, TheContactOfTheEStopChainIsAnEStop) {
   EXPECT_THAT(v.state.reason, HasSubstr("released: reset to go on"));
 }
 
-TEST(CanInput, OneThatDemandsAStopFromTheBeginningLetsNobodyArm) {
+TEST(CanInput, OneThatDemandsAStopFromTheBeginningPreventsArming) {
   Vehicle v(kProtectiveStop, "can",
             {"can.inject=safety_input", "can.inject_node=1", "can.inject_at_s=-4"});
   v.run_to(5.0);

@@ -110,7 +110,7 @@ TEST(OutputFolder, RefusesAFolderWithForeignFilesAndLeavesThemAlone) {
   EXPECT_FALSE(fs::exists(folder.path / "scenario.toml"));
 }
 
-TEST(OutputFolder, RefusesAFolderWithAScenarioWrittenByHand) {
+TEST(OutputFolder, RefusesAFolderWithAUsersOwnScenario) {
   const Folder folder;
   std::ofstream(folder.path / "scenario.toml") << "[run]\nseed = 5  # mine\n";
   EXPECT_THROW(OutputFolder(folder.path, Scenario{}), UsageError);

@@ -56,7 +56,7 @@ TEST(Fleet, OfOneVehicleIsTheScenarioItself) {
   EXPECT_EQ(to_toml(scenario).find("fleet"), std::string::npos);
 }
 
-TEST(Fleet, AVehicleThatMeetsNobodyDrivesAsIfItWereAlone) {
+TEST(Fleet, AVehicleThatMeetsNoOtherDrivesAsIfItWereAlone) {
   auto overrides = apart(3);
   overrides.insert(overrides.end(), {"channel.prr=0.6", "channel.delay_ms=50", "sensor.rate_hz=20",
                                      "sensor.position_noise_m=0.02"});

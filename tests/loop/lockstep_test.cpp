@@ -120,7 +120,7 @@ TEST(LockstepFaults, ANodeThatJoinsTwiceOrLateIsNamed) {
   EXPECT_LT(fault.wall_s, 0.5);
 }
 
-TEST(LockstepFaults, AStrangerThatJoinsIsNamed) {
+TEST(LockstepFaults, AnUnknownSenderThatJoinsIsNamed) {
   LockstepRig rig(scenario());
   const Fault fault = after(rig, [&] {
     time_join_t join{};

@@ -95,7 +95,7 @@ TEST_F(OnboardDriverTest, PushesAgainstWhatItsScannerDoesNotSeeForLessThanAMetre
   EXPECT_LT(driver_.follower().clock_s(), clock_s + 1.2) << "the reference waits";
 }
 
-TEST_F(OnboardDriverTest, NobodyPushesRemotelyEither) {
+TEST_F(OnboardDriverTest, NoRemoteDriverPushesEither) {
   ask();
   const auto drive = [&](double v_mps) {
     driver_.on_command(now_, now_, seq_++, {v_mps, 0.0}, now_);
@@ -121,8 +121,7 @@ TEST_F(OnboardDriverTest, NobodyPushesRemotelyEither) {
   EXPECT_LT(slipped_m_, 1.5);
 }
 
-TEST_F(OnboardDriverTest,
-       WheelsThatRollTowardsAnObstacleAreAProtectiveStopThoughNobodyTellsThemTo) {
+TEST_F(OnboardDriverTest, WheelsThatRollTowardsAnObstacleWithoutACommandAreAProtectiveStop) {
   now_ = kStart - std::chrono::seconds{1};
   block(0.3);
   wheels_ = Twist{0.25, 0.0};

@@ -116,7 +116,7 @@ TEST_F(SupervisorTest, WithoutAScanItStops) {
   EXPECT_EQ(supervisor_.reason(), "no scan");
 }
 
-TEST_F(SupervisorTest, NobodyElseDrivesAVehicleThatDoesNotAsk) {
+TEST_F(SupervisorTest, NoRemoteDriverDrivesAVehicleThatDoesNotAsk) {
   pass(0.1, good());
   EXPECT_EQ(say(false, now_), RemoteFate::unasked);
   EXPECT_EQ(say(true, now_), RemoteFate::unasked);
@@ -145,7 +145,7 @@ TEST_F(SupervisorTest, CommandsOfBeforeTheRequestDoNotCount) {
   EXPECT_EQ(supervisor_.state(), DriveState::remote_requested);
 }
 
-TEST_F(SupervisorTest, AReportThatWasNotMadeYetIsNamedByNobodyHonest) {
+TEST_F(SupervisorTest, AReportThatWasNotMadeYetIsNamedByNoHonestDriver) {
   ask();
   EXPECT_EQ(say(true, now_ + std::chrono::milliseconds{1}), RemoteFate::from_future);
 }
@@ -198,7 +198,7 @@ TEST_F(SupervisorTest, ASilentDriverIsNoDriver) {
   EXPECT_EQ(supervisor_.driver(now_), Driver::remote);
 }
 
-TEST_F(SupervisorTest, AfterALongSilenceItAsksAnewAndOldWordsCountNoMore) {
+TEST_F(SupervisorTest, AfterALongSilenceItAsksAgainAndOldCommandsDoNotCount) {
   ask();
   say(true, now_);
   const Instant before = now_;

@@ -201,7 +201,7 @@ class Loop {
   bool hung = false;
 };
 
-TEST(AgilexLoop, DrivesWhatItIsToldAndFeedsItBack) {
+TEST(AgilexLoop, FollowsItsSetpointAndFeedsItBack) {
   Loop loop;
   loop.to_enabled();
   loop.profile.set_command({0.5, 0.3});
@@ -231,7 +231,7 @@ TEST(AgilexLoop, ABridgeThatHangsIsStoppedByTheChassis) {
   EXPECT_NEAR(loop.c.rim_mps(0), 0.0, 1e-9);
 }
 
-TEST(AgilexLoop, AFaultIsClearedByResetAndArmedAnew) {
+TEST(AgilexLoop, AFaultIsClearedByResetAndArmedAgain) {
   Loop loop;
   loop.to_enabled();
   loop.profile.set_command({0.5, 0.0});

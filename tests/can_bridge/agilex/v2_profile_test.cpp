@@ -304,7 +304,7 @@ TEST(AgilexProfile, ARunningChassisIsBrakedBeforeStandby) {
   EXPECT_EQ(b.phase(), DrivePhase::standby);
 }
 
-TEST(AgilexProfile, CanModeThatNobodyAskedForIsAFault) {
+TEST(AgilexProfile, CanModeThatWasNotRequestedIsAFault) {
   Bridge b;
   b.tick();
   b.state.mode = Mode::can;

@@ -167,7 +167,7 @@ TEST(AgilexTrust, SilenceAndJumpsCountOnTheWayToDrivingAndBack) {
   }
 }
 
-TEST(AgilexTrust, TheFirstOfTwoFaultsIsTold) {
+TEST(AgilexTrust, TheFirstOfTwoFaultsIsReported) {
   Bridge b;
   b.tick();
   b.odometry = {100000, 0};

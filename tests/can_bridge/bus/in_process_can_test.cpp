@@ -65,7 +65,7 @@ TEST(InProcessCan, TheTapHearsEveryFrameOnce) {
   EXPECT_EQ(tapped, (std::vector<std::uint32_t>{0x1, 0x2}));
 }
 
-TEST(InProcessCan, NobodyHearsHimself) {
+TEST(InProcessCan, NoPortHearsItself) {
   Bus bus;
   int own = 0;
   bus.a.on_frame({kEverything}, [&own](const CanFrame&) { ++own; });
@@ -116,7 +116,7 @@ TEST(InProcessCan, AFilterForLongIdentifiersPassesThoseAlone) {
   EXPECT_EQ(heard, (std::vector<std::uint32_t>{0x0CEF1001, 0x0CEF10FF}));
 }
 
-TEST(InProcessCan, OfFramesThatBeginAlikeTheShortIdentifierGoesFirst) {
+TEST(InProcessCan, OfFramesWithEqualBeginningsTheShortIdentifierGoesFirst) {
   Bus bus;
   std::vector<std::uint32_t> order;
   bus.can.on_any_frame([&order](const CanFrame& f) { order.push_back(f.id); });
@@ -189,7 +189,7 @@ TEST(InProcessCan, EachChangeOfStateIsReportedOnce) {
   EXPECT_EQ(why, "the interface is absent");
 }
 
-TEST(InProcessCan, WhoeverHasTheLowestIdentifierGoesFirst) {
+TEST(InProcessCan, TheLowestIdentifierGoesFirst) {
   Bus bus;
   bus.b.send(CanFrame::make(0x700, {}));
   bus.b.send(CanFrame::make(0x500, {}));

@@ -169,7 +169,7 @@ TEST(StopAssurance, OnlyTheNodeThatAnNmtCommandIsForIsStoppedBySdo) {
   }
 }
 
-TEST(StopAssurance, EachStopIsJudgedAnew) {
+TEST(StopAssurance, EachStopIsJudgedAgain) {
   Driving bench;
   for (int i = 0; i < 2; ++i) {
     bench.profile.stop(StopKind::quick);

@@ -96,7 +96,7 @@ TEST_F(AxisTest, AReAnchoredEncoderContinuesTheAngle) {
   EXPECT_EQ(counts(), 507);
 }
 
-TEST_F(AxisTest, ACounterSetAnewWithoutNoticeDoesNotMoveTheAngle) {
+TEST_F(AxisTest, ACounterResetWithoutNoticeDoesNotMoveTheAngle) {
   position(1'000'000, 0);
   speed(60, 0);
   position(1'000'082, 20);
@@ -123,7 +123,7 @@ TEST_F(AxisTest, TravelDuringAGapInWhichTheWheelBrakedIsNotLost) {
   EXPECT_EQ(axis.feedback().uncounted_rad, 0.0);
 }
 
-TEST_F(AxisTest, MoreThanTheWheelCanHaveTurnedInAGapIsACounterSetAnew) {
+TEST_F(AxisTest, MoreThanTheWheelCanHaveTurnedInAGapIsACounterReset) {
   speed(60, 0);
   position(0, 0);
   position(3LL * 4096, 1000);  // a turn, and twice that of one turn a second

@@ -17,7 +17,7 @@ struct Latch {
   Axes axes{two_nodes(), 0.1, 0.5};
 };
 
-TEST(FaultLatch, TheFirstFaultIsTold) {
+TEST(FaultLatch, TheFirstFaultIsReported) {
   Latch l;
   l.stage.enter(Stage::enabled);
   l.fault({"first"});
@@ -76,7 +76,7 @@ TEST(FaultLatch, AxesBrakeBeforeTheirPowerGoesOff) {
   EXPECT_FALSE(l.axes.released(1));
 }
 
-TEST(FaultLatch, AnErrorCodeThatComesLaterIsTold) {
+TEST(FaultLatch, AnErrorCodeThatComesLaterIsReported) {
   Latch l;
   l.stage.enter(Stage::enabled);
   l.fault(fault_of_axis(l.axes, 1));

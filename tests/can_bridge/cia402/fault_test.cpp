@@ -142,7 +142,7 @@ TEST(Cia402Fault, TheAngleDoesNotJumpAtTheFirstFeedbackAfterABoot) {
   EXPECT_EQ(bench.snapshot().wheels[0].position_counts, before);
 }
 
-TEST(Cia402Fault, TheFirstCauseIsTheOneThatIsTold) {
+TEST(Cia402Fault, TheFirstCauseIsTheOneThatIsReported) {
   Bench bench;
   bench.drive({1.0, 0.0});
   bench.deliver(emergency(2, 0x3210));

@@ -37,7 +37,7 @@ bool reach_with_slow_boot(Bench& bench, DrivePhase phase) {
   });
 }
 
-TEST(Cia402Habits, ADriveThatBootsAnewWithEachResetHasTwiceAsLongTheSecondTime) {
+TEST(Cia402Habits, ADriveThatRebootsWithEachResetHasTwiceAsLongTheSecondTime) {
   Bench bench;
   bench.profile.start(bench.now);
   EXPECT_TRUE(reach_with_slow_boot(bench, DrivePhase::standby)) << bench.reason();
@@ -77,7 +77,7 @@ TEST(Cia402Habits, AnswersMayTakeAQuarterOfASecond) {
   EXPECT_LE(bench.profile.counters().rejected_frames, 2);
 }
 
-TEST(Cia402Habits, AnAnswerThatIsAskedForAgainIsSaidToBeWaitedFor) {
+TEST(Cia402Habits, AnAnswerThatIsAskedForAgainIsNamedAsAwaited) {
   Bench bench;
   bench.left().unanswered = {{0x1017, 0}};
   bench.profile.start(bench.now);
@@ -190,7 +190,7 @@ TEST(Cia402Habits, ADriveThatShowedItsModeMustGoOnShowingIt) {
   EXPECT_THAT(bench.reason(), HasSubstr("right drive (node 2): mode of operation is 0, not 3"));
 }
 
-TEST(Cia402Habits, EachStartAsksAnewWhetherADriveIsSlowOrShowsItsModeLate) {
+TEST(Cia402Habits, EachStartAsksAgainWhetherADriveIsSlowOrShowsItsModeLate) {
   Bench bench;
   bench.right().shows_mode_late = true;
   bench.to_standby();
@@ -266,7 +266,7 @@ TEST(Cia402Habits, AModeThatCannotBeSetIsRefused) {
 
 // ---------------------------------------------------------------------------- messages
 
-TEST(Cia402Habits, AnEmergencyMessageThatTheFileCallsAWarningIsToldAndCountedOnly) {
+TEST(Cia402Habits, AnEmergencyMessageThatTheFileCallsAWarningIsReportedAndCountedOnly) {
   Cia402Config config = two_nodes();
   config.emcy_warnings = {0x8110, 0x4210};
   Bench bench(config);

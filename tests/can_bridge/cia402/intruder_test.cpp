@@ -120,7 +120,7 @@ TEST(Cia402Intruder, AToolThatReadsObjectsDoesNotCommand) {
   EXPECT_EQ(bench.profile.intruder(), "");
 }
 
-TEST(Cia402Intruder, AToolThatWritesObjectsIsToldOfUntilTheNextReset) {
+TEST(Cia402Intruder, AToolThatWritesObjectsIsReportedUntilTheNextReset) {
   Bench bench;
   bench.to_standby();
   bench.deliver(CanFrame::make(0x602, {0x2B, 0x00, 0x21, 0, 0x64, 0, 0, 0}));

@@ -25,7 +25,7 @@ TEST(SenderCount, OneSourceIsNoneTooManyWhateverItsFramesAreLateBy) {
   EXPECT_FALSE(count.two_sources());
 }
 
-TEST(SenderCount, ASecondSourceAtEachSyncIsToldOfInTheThirdPeriod) {
+TEST(SenderCount, ASecondSourceAtEachSyncIsReportedInTheThirdPeriod) {
   SenderCount count(1);
   surplus(count, {1, 1, 1, 2, 2});
   EXPECT_FALSE(count.two_sources());
@@ -70,7 +70,7 @@ TEST(SenderCount, ATpdoOfEveryThirdSyncIsCountedAgainstThose) {
   EXPECT_TRUE(count.two_sources());
 }
 
-TEST(SenderCount, BeginsAnewAfterAReset) {
+TEST(SenderCount, RestartsAfterAReset) {
   SenderCount count(1);
   surplus(count, {2, 2, 2});
   ASSERT_TRUE(count.two_sources());

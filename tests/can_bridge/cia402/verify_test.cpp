@@ -136,7 +136,7 @@ TEST(Cia402Verify, FeedbackThatStopsMeanwhileIsAFault) {
 
 struct VitalWrite : ::testing::TestWithParam<std::uint16_t> {};
 
-TEST_P(VitalWrite, OfAnotherStopsTheVehicleAndResetConfiguresTheDrivesAnew) {
+TEST_P(VitalWrite, OfAnotherStopsTheVehicleAndResetConfiguresTheDrivesAgain) {
   const std::uint16_t index = GetParam();
   for (const std::uint8_t command : {0x23, 0x2F, 0x21, 0xC2}) {  // expedited, segmented, block
     Bench bench;

@@ -77,7 +77,7 @@ TEST(CommissionRecordTest, DifferencesNameWhatIsOtherWhatIsNewAndWhatIsGone) {
             "b is 3, was 2; c is 4, was not there; a is not there, was 1");
 }
 
-TEST(CommissionRecordTest, EverySettingThatDecidesWhatDrivesAreToldIsCompared) {
+TEST(CommissionRecordTest, EverySettingThatDecidesOnCommandsToDrivesIsCompared) {
   const auto before = commissioned_settings(two_nodes(), 0.4);
   const auto difference = [&](auto change) {
     Cia402Config config = two_nodes();

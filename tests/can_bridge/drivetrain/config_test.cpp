@@ -227,7 +227,7 @@ const Bad kReading[] = {
      "test.toml:20: setup.node = [1, 2] is not allowed: must be of axes, and none has node 1: "
      "left.node = 6, right.node = 2; change it there or here (tether can probe --scan lists the "
      "nodes of a bus)"},
-    {"PdoOfAStranger", &Toml::tpdo1, "[1, 2]", "[1, 3]",
+    {"PdoOfAnUnknownSender", &Toml::tpdo1, "[1, 2]", "[1, 3]",
      "test.toml:36: pdo.node = [1, 3] is not allowed: must be of axes, and none has node 3: "
      "left.node = 1, right.node = 2; change it there or here (tether can probe --scan lists the "
      "nodes of a bus)"},
@@ -275,7 +275,7 @@ const Bad kMeaning[] = {
     {"LostSetpointsAsWarning", &Toml::drives, "feedback_timeout_ms = 100", "emcy_warnings = 0x8250",
      "test.toml:5: drives.emcy_warnings has 0x8250 (setpoints stopped coming): a drive that says "
      "so stops by itself, which is no warning"},
-    {"NobodySendsSync", &Toml::bridge, "heartbeat_ms = 60", "sync = false",
+    {"WithoutSync", &Toml::bridge, "heartbeat_ms = 60", "sync = false",
      "test.toml:30: RPDO1 of node 1 has transmission = 1, but bridge.sync = false: the bridge "
      "sends no "
      "SYNC (use 254 or 255)"},

@@ -92,7 +92,7 @@ TEST_F(Injection, AFaultWithoutCodeIs7500AndNode0MeansAll) {
   EXPECT_EQ(rig_.read(2, 0x603F, 0), 0x7500);
 }
 
-TEST_F(Injection, AnUnknownNodeIsNobody) {
+TEST_F(Injection, AnUnknownNodeIsNotAccepted) {
   inject(DriveFault::Kind::fault, 0, 3);
   rig_.run(2);
   EXPECT_TRUE(rig_.sent().empty());

@@ -307,7 +307,7 @@ TEST_F(Heartbeats, APreOperationalDriveTakesAQuickStopBySdo) {
 
 // ---------------------------------------------------------------------------- vendor watchdog
 
-TEST(VendorWatchdog, FaultsWhenNeitherSdoNorRpdoCameForSoLong) {
+TEST(VendorWatchdog, FaultsWhenNeitherSdoNorRpdoCameInTime) {
   Cia402Config config = two_node_drivetrain();
   config.watchdogs[0] = {
       .node = 1, .kind = WatchdogConfig::Kind::milliseconds, .object = {0x2000, 0, 2, false}};

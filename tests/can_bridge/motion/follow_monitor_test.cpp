@@ -115,7 +115,7 @@ TEST_F(FollowMonitorTest, FeedbackThatComesEveryFifthCycleOnlyPasses) {
   }
 }
 
-TEST_F(FollowMonitorTest, AfterInvalidFeedbackItStartsAnew) {
+TEST_F(FollowMonitorTest, AfterInvalidFeedbackItRestarts) {
   for (int i = 0; i < 4; ++i) ASSERT_TRUE(cycle({2.8, 0.0}, 0.0, 2.8));
   wheels[0].valid = false;
   ASSERT_TRUE(cycle({2.8, 0.0}, 0.0, 2.8));

@@ -81,7 +81,7 @@ TEST_F(Wheel, IsUnknownOnceEitherWitnessIsStale) {
   EXPECT_EQ(at(600), Motion::unknown) << "positions are missing";
 }
 
-TEST_F(Wheel, ComparesNoPositionsOverALongPauseOrAfterItsCounterWasSetAnew) {
+TEST_F(Wheel, ComparesNoPositionsOverALongPauseOrAfterItsCounterWasReset) {
   report(0, 200, 0.0, 0.0);
   report(800, 880, 0.0, 0.0);
   EXPECT_EQ(at(880), Motion::unknown);

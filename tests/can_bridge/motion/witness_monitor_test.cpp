@@ -162,7 +162,7 @@ TEST(WitnessMonitor, FeedbackThatIsNotValidStartsItAgain) {
   EXPECT_EQ(monitor.update(kStart + 2 * test::kCycle, {}, wheels), "");
 }
 
-TEST_F(SafetyRig, AWheelThatDoesNotFollowBecauseAWitnessIsWrongIsToldAsThat) {
+TEST_F(SafetyRig, AWheelThatDoesNotFollowBecauseAWitnessIsWrongIsReportedAsThat) {
   for (WheelFeedback& wheel : drives.wheels) wheel.valid = true;
   arm();
   double way_m = 0.0;

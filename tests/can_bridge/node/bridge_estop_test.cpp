@@ -69,7 +69,7 @@ TEST_F(BridgeEstop, ALatchIsRememberedInItsCycle) {
   EXPECT_THAT(test::contents(path), ::testing::StartsWith("tether e-stop record: latched"));
 }
 
-TEST_F(BridgeEstop, ADeletedFileIsToldWithinTwoCycles) {
+TEST_F(BridgeEstop, ADeletedFileIsReportedWithinTwoCycles) {
   start_remembering();
   release();
   fs::remove(path);

@@ -96,7 +96,7 @@ TEST_F(EstopFileTest, ALatchOutlivesACleanEndUntilItIsReset) {
   EXPECT_FALSE(EstopFile(path).latched());
 }
 
-TEST_F(EstopFileTest, ALatchThatCannotBeWrittenIsToldAtOnceAndLatchedAtTheNextStart) {
+TEST_F(EstopFileTest, ALatchThatCannotBeWrittenIsReportedAtOnceAndLatchedAtTheNextStart) {
   {
     EstopFile file(path);
     file.remember(false, after_ms(0));
@@ -123,7 +123,7 @@ TEST_F(EstopFileTest, AWriteThatFailedIsRepeatedOnceASecond) {
   EXPECT_EQ(EstopFile(path).why(), "it was latched when the bridge ended");
 }
 
-TEST_F(EstopFileTest, ADeletedFileIsToldAtOnceAndNotTrustedAgain) {
+TEST_F(EstopFileTest, ADeletedFileIsReportedAtOnceAndNotTrustedAgain) {
   {
     EstopFile file(path);
     file.remember(false, after_ms(0));

@@ -78,7 +78,7 @@ TEST_F(SecondTime, TheWheelsHaveTheirWholeTimeToStandStillAfterTheRampAgain) {
   for (int i = 0; i < 50; ++i) ASSERT_EQ(cycle_after(kCycle).action, Action::none) << i;
 }
 
-TEST_F(SecondTime, AWheelThatDidNotFollowBeforeIsJudgedAnew) {
+TEST_F(SecondTime, AWheelThatDidNotFollowBeforeIsJudgedAgain) {
   for (WheelFeedback& w : drives.wheels) w.valid = true;
   arm();
   drive_with_wheels(1.0, 200);

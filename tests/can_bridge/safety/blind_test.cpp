@@ -236,7 +236,7 @@ TEST_F(Blind, APreloadAloneDoesNotArm) {
   expect_reason("the only plan is a preload");
 }
 
-TEST_F(Blind, WhileArmedAStrangersPlanIsRefusedAndDoesNotLockOut) {
+TEST_F(Blind, WhileArmedAnUnknownSendersPlanIsRefusedAndDoesNotLockOut) {
   drive_plan({1.0, 0.0});
   Plan of_other_session = long_plan({2.5, 0.0});
   of_other_session.name.session = 999;

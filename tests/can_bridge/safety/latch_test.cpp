@@ -225,7 +225,7 @@ TEST_F(Fault, AResetInStandbyWaitsForFeedbackOfWheelsThatMayTurn) {
   EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
 }
 
-TEST_F(Fault, AResetWithoutFeedbackIsPossibleSoThatDrivesCanStartAnew) {
+TEST_F(Fault, AResetWithoutFeedbackIsPossibleSoThatDrivesCanRestart) {
   fail("right drive: no heartbeat");
   drives.standstill = drives.feedback_fresh = false;
   cycle_after(kCycle);
@@ -298,7 +298,7 @@ TEST_F(Fault, DrivesThatAreOnUnaskedAreStopped) {
   expect_reason("are on without ARM");
 }
 
-TEST_F(Fault, AQuickStopThatDoesNotEndIsToldAndNeverSwitchesOffMovingWheels) {
+TEST_F(Fault, AQuickStopThatDoesNotEndIsReportedAndNeverSwitchesOffMovingWheels) {
   drive(1.0);
   request(DriveRequest::estop);
   cycle_after(kCycle);

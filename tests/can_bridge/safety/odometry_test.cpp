@@ -139,7 +139,7 @@ TEST_F(OdometryTest, WhatTheDrivesCountedWhileFeedbackWasInvalidIsTakenUp) {
   EXPECT_EQ(odometry.gaps(), 1);
 }
 
-TEST_F(OdometryTest, WhatADriveThatRebootedDidNotCountMovesNothingAndIsTold) {
+TEST_F(OdometryTest, UncountedTravelOfARebootedDriveMovesNothingAndIsReported) {
   Odometry odometry(vehicle);
   odometry.update(wheels);
   roll(odometry, 0.1, 0.1, milliseconds{100});

@@ -122,7 +122,7 @@ TEST_F(SafetyPlan, APlanThatIsOverDoesNotArm) {
   expect_reason("the horizon of the plan in force is 200 ms past (limit 200 ms)");
 }
 
-TEST_F(SafetyPlan, TheRampAfterAPlanThatSaidToMoveIsNoCommandToStandStill) {
+TEST_F(SafetyPlan, TheRampAfterAPlanThatMovesIsNoCommandToStandStill) {
   offer({0.05, 0.0}, 1);
   cycle_until(now + milliseconds{200});
   request(DriveRequest::arm);

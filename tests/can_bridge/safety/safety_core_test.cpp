@@ -69,7 +69,7 @@ TEST_F(Following, RampsDownFromTheInstantTheCommandIsStale) {
   expect_reason("200 ms old: ramping to zero");
 }
 
-TEST_F(Following, AFreshCommandInTimeResumesWithoutArmingAnew) {
+TEST_F(Following, AFreshCommandInTimeResumesWithoutArmingAgain) {
   drive(1.0);
   cycle_after(kStale);
   cycle_after(kCycle);

@@ -188,7 +188,7 @@ TEST_F(EStopContact, ActsAsEStopAndLatchesUntilItIsReleasedAndReset) {
   EXPECT_EQ(cycle_after(kCycle).state, BridgeState::disarmed);
 }
 
-TEST_F(Demands, NoArmingIsToldAndRefusesToArm) {
+TEST_F(Demands, NoArmingIsReportedAndRefusesToArm) {
   demands.no_arming = "not commissioned";
   core.on_safety_inputs(demands);
   EXPECT_EQ(cycle().reason, "not commissioned");
@@ -205,7 +205,7 @@ struct EStopThatIsNotRemembered : Demands {
   EStopThatIsNotRemembered() { demands.no_release = "the e-stop is not remembered"; }
 };
 
-TEST_F(EStopThatIsNotRemembered, IsToldWhileTheVehicleDrivesOn) {
+TEST_F(EStopThatIsNotRemembered, IsReportedWhileTheVehicleDrivesOn) {
   drive(1.0);
   demand();
   keep_commanding(50, 1.0);

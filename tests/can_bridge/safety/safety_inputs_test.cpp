@@ -174,7 +174,7 @@ TEST_F(SafetyInputsTest, OneThatMayRestartIsClearAfterItsTimeAndNotATickBefore) 
   EXPECT_EQ(after(nanoseconds{1}, kClear).stop, "");
 }
 
-TEST_F(SafetyInputsTest, ADemandInBetweenBeginsThatTimeAnew) {
+TEST_F(SafetyInputsTest, ADemandInBetweenBeginsThatTimeAgain) {
   SafetyInputConfig config = on_can();
   config.restart_after_s = 2.0;
   use({config});

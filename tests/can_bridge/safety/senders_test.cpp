@@ -126,7 +126,7 @@ struct HoldToRun : test::SafetyRig {
   }
 };
 
-TEST_F(HoldToRun, NobodyHoldsNobodyArms) {
+TEST_F(HoldToRun, WithoutAHoldingOperatorThereIsNoArming) {
   command(0.0);
   request(DriveRequest::arm);
   EXPECT_EQ(cycle().state, BridgeState::disarmed);

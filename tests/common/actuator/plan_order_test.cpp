@@ -193,7 +193,7 @@ TEST_F(PlanOrderTest, PlansOfASupersededSessionAreRefused) {
   }
 }
 
-TEST_F(PlanOrderTest, StrangersDoNotMakeTheSessionsOwnPlansLookOld) {
+TEST_F(PlanOrderTest, UnknownSendersDoNotMakeTheSessionsOwnPlansLookOld) {
   ASSERT_EQ(offer_in(7, at_s(1), 0, kAnyRun), PlanFate::accepted);
   ASSERT_EQ(offer_in(8, at_s(1.1), 0, kAnyRun), PlanFate::accepted);
   Plan ahead = plan(at_s(2), 1'000'000);  // session 7, its clock half a second ahead
@@ -201,7 +201,7 @@ TEST_F(PlanOrderTest, StrangersDoNotMakeTheSessionsOwnPlansLookOld) {
   EXPECT_EQ(offer_in(8, at_s(1.6), 1, kAnyRun), PlanFate::accepted);
 }
 
-TEST_F(PlanOrderTest, ASessionOfOneDamagedPacketShutsNobodyOutForEver) {
+TEST_F(PlanOrderTest, ASessionOfOneDamagedPacketExcludesNoControllerForEver) {
   ASSERT_EQ(offer_in(7, at_s(1), 0, kAnyRun), PlanFate::accepted);
   ASSERT_EQ(offer_in(7 ^ 4096, at_s(1.5), 1, kAnyRun), PlanFate::accepted);
   const Instant back = at_s(1.5) + PlanBuffer::kSessionSilence;

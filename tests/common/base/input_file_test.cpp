@@ -56,7 +56,7 @@ TEST_F(InputFile, IsNoDeviceNoPipeAndNoDirectory) {
               HasSubstr("\"/nowhere\": No such file"));
 }
 
-TEST_F(InputFile, ThatIsMissingIsAskedForByANameThatIsWrittenAlike) {
+TEST_F(InputFile, ThatIsMissingIsAnsweredWithASimilarName) {
   const std::string is = file("");
   const std::string folder = is.substr(0, is.size() - 4);
   const auto refused = [&](const std::string& name) {

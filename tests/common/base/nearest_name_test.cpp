@@ -12,7 +12,7 @@ TEST(NearestName, CountsLettersPutInTakenOutAndReplaced) {
   EXPECT_EQ(edit_distance("kitten", "sitting"), 3U);
 }
 
-TEST(NearestName, IsTheFirstOfThoseThatAreWrittenMostAlike) {
+TEST(NearestName, IsTheFirstOfTheMostSimilarNames) {
   const std::vector<std::string> names{"arm", "disarm", "estop", "status"};
   EXPECT_EQ(nearest_name(names, "stauts"), "status");
   EXPECT_EQ(nearest_name(names, "disram"), "disarm");

@@ -34,7 +34,7 @@ TEST_F(SenderWatchTest, OneSenderIsOneForEver) {
   EXPECT_THAT(watch.several(now), IsEmpty());
 }
 
-TEST_F(SenderWatchTest, WhoFallsSilentWhenAnotherBeginsWasStartedAnew) {
+TEST_F(SenderWatchTest, ASenderThatFallsSilentWhenAnotherBeginsHasRestarted) {
   for (const std::uint64_t start : {kFirstSender, kSecondSender, kCarol, kFirstSender}) {
     for (int i = 0; i < 100; ++i) {
       hear(start);

@@ -50,7 +50,7 @@ struct UdpmBusTest : ::testing::Test {
   Bytes last;
 };
 
-TEST_F(UdpmBusTest, AsksItsFilterOnceForEachMessageThatSomebodySubscribesTo) {
+TEST_F(UdpmBusTest, AsksItsFilterOnceForEachMessageWithASubscriber) {
   std::vector<std::string> asked, taken;
   UdpmBus filtering(kUrl, loop, [&asked](const Message& m) {
     asked.emplace_back(m.channel);

@@ -234,7 +234,7 @@ TEST_F(Assembled, PartsThatOverlapFillWhatIsMissing) {
   EXPECT_EQ(whole.range_m[9], 0.5F);
 }
 
-TEST_F(Assembled, APublisherThatStartedAnewIsHeard) {
+TEST_F(Assembled, APublisherThatRestartedIsHeard) {
   for (const auto& part : parts) assembly.add(part);
   const auto restarted = three_parts(scan_of(10, at_ms(300), 0));
   assembly.add(restarted[0]);

@@ -116,7 +116,7 @@ TEST(RefusedNumbers, AreTheShortestThatReadTheSame) {
 
 // ---------------------------------------------------------------------------- send = "changed"
 
-TEST(SendingChanges, NeedsAnAgeLimitThatNobodyTakesForSilence) {
+TEST(SendingChanges, NeedsAnAgeLimitBelowTheReceiversTimeouts) {
   const std::vector<std::string> poses{"sensor.send=changed", "sensor.rate_hz=20"};
   const auto with = [&](std::vector<std::string> more) {
     more.insert(more.begin(), poses.begin(), poses.end());

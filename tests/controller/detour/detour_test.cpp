@@ -149,7 +149,7 @@ TEST(DetourDriver, StandsWhereThereIsNoWay) {
   EXPECT_EQ(drive.end.x_m, 0.0);
 }
 
-TEST(ObstacleMemory, RemembersWhatIsNotSeenAnyMoreUntilItIsToldToForget) {
+TEST(ObstacleMemory, RemembersObstaclesThatAreNotSeenAnyMoreUntilForgetIsCalled) {
   ObstacleMemory memory;
   memory.add(kStart, {{1.0, 1.0}});
   memory.add(kStart + std::chrono::seconds{5}, {{3.0, 1.0}, {3.01, 1.0}});

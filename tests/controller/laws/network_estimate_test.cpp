@@ -32,7 +32,7 @@ TEST(ReceptionEstimate, ALongGapLeavesWhatTheWindowHolds) {
   EXPECT_DOUBLE_EQ(estimate.ratio(), 0.6);
 }
 
-TEST(ReceptionEstimate, AStreamThatStartsAnewIsJudgedAnew) {
+TEST(ReceptionEstimate, AStreamThatRestartsIsJudgedAgain) {
   ReceptionEstimate estimate(100);
   estimate.add(5);
   estimate.add(50);

@@ -202,7 +202,7 @@ TEST(PredictiveLaw, AFirstPlanThatCameLateIsMendedBeforeThePoseThatShowsIt) {
   EXPECT_EQ(plan_of(rig.law->decide(at_ms(600), &seen)).based_on, Plan::kBasedOnNone);
 }
 
-TEST(PredictiveLaw, AVehicleThatFollowsAStrangerGetsAPlanThatMayTakeOver) {
+TEST(PredictiveLaw, AVehicleThatFollowsAnUnknownSenderGetsAPlanThatMayTakeOver) {
   LawRig rig(with_law("predictive_consistent"));
   SeenPose seen = rig.seen(at_s(10));
   seen.follows_other = true;

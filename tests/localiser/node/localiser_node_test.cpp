@@ -205,7 +205,7 @@ TEST(LocaliserNode, NeedsOdometryAndAScanner) {
               HasSubstr("localiser.resolution_m"));
 }
 
-TEST(LocaliserNode, KnowsItsScannerUnlessItIsToldOtherwise) {
+TEST(LocaliserNode, KnowsItsScannerUnlessItsNoiseIsGiven) {
   const Scenario known =
       scenario({"localiser.place=vehicle", "lidar.noise_m=0.03", "lidar.height_m=0.35"});
   EXPECT_EQ(known.get<LocaliserSettings>().range_noise_m, 0.03);

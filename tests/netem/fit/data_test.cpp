@@ -43,7 +43,7 @@ TEST(FatesFromReceptions, NumbersThatLeapAreNoChannel) {
   EXPECT_EQ(log.implausible, 3);
 }
 
-TEST(FatesFromReceptions, ASenderThatStartsAnewBeginsASegment) {
+TEST(FatesFromReceptions, ASenderThatRestartsBeginsASegment) {
   const FateLog log = fates_from_receptions({{5000, 0.0},
                                              {5001, 0.1},
                                              {5002, 0.2},

@@ -33,7 +33,7 @@ TEST(OfferedLoad, OfWhatIsSentWhenItChangesIsBetweenItsAgeLimitAndAllOfIt) {
   EXPECT_LT(commands.least, always.least);
 }
 
-TEST(OfferedLoad, IsToldWhereOnlyAllOfWhatMayBeSentIsTooMuch) {
+TEST(OfferedLoad, IsReportedWhereOnlyTheSumOfTheTrafficIsTooMuch) {
   const std::vector<std::string> few{
       "sensor.send=changed", "fleet.count=40",           "fleet.columns=32",  "fleet.offset_x_m=45",
       "fleet.offset_y_m=45", "world.half_extent_m=9999", "medium.rate_Mbps=1"};
@@ -68,7 +68,7 @@ TEST(OfferedLoad, HasTheScansThatGoToTheEdgeInsteadOfPoses) {
   EXPECT_EQ(medium_with(on_board).up.rate_hz, 15.0);
 }
 
-TEST(OfferedLoad, OfSaturatedStationsIsAllAndWhatTheAccessPointWinsIsTold) {
+TEST(OfferedLoad, OfSaturatedStationsIsAllAndTheAccessPointsShareIsReported) {
   EXPECT_THAT(overload_warning(medium_with({}, kSaturated)),
               HasSubstr("has 3 saturated stations, and no time left"));
   EXPECT_THAT(overload_warning(medium_with({}, kSaturated)), HasSubstr("and is asked for 20"));

@@ -72,7 +72,7 @@ TEST(Medium, DrawsABackoffForAFrameThatComesWhileItIsBusy) {
   for (const int n : drawn) EXPECT_NEAR(n, 25, 24);
 }
 
-TEST(Medium, LetsNobodyInterruptAFrame) {
+TEST(Medium, LetsNoStationInterruptAFrame) {
   Rig rig;
   const std::size_t a = rig.add(0, kBestEffort), b = rig.add(1, kVoice);
   rig.push(kStart + milliseconds{1}, a, 1, 1500);

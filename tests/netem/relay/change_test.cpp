@@ -260,7 +260,7 @@ TEST(Change, LeavesPacketsUnderWayAndCountersAlone) {
   EXPECT_EQ(link.delays().max(), at_ms(500) - at_ms(0));
 }
 
-TEST(Change, ToInOrderLetsNobodyOvertakeThoseUnderWay) {
+TEST(Change, ToInOrderLetsNoPacketOvertakeThoseUnderWay) {
   ChannelRig rig(channel({"uplink.delay_ms=500"}));
   rig.links.uplink.push(at_ms(0), {"X", {1}});
   rig.change({"uplink.delay_ms=10", "uplink.in_order=true"}, at_ms(100));

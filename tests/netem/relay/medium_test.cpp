@@ -48,7 +48,7 @@ Duration longest_delay(const RelayedPoses& relayed) {
 }
 
 // Up to a slot, data and acknowledgement of 150 bytes: below 0.2 ms.
-TEST(RelayOnAMedium, DelaysAPoseByItsFrameIfNobodyElseSends) {
+TEST(RelayOnAMedium, DelaysAPoseByItsFrameIfNoOtherStationSends) {
   const RelayedPoses alone = relayed_poses("medium.model = \"edca\"");
   EXPECT_EQ(alone.poses.size(), 600U);
   EXPECT_GT(longest_delay(alone), Duration{0});

@@ -252,7 +252,7 @@ TEST(KinematicVehicle, LeavesAWallBackwards) {
   EXPECT_FALSE(vehicle.state().wall_contact);
 }
 
-TEST(KinematicVehicle, StaysInsideTheWallsWhateverItIsTold) {
+TEST(KinematicVehicle, StaysInsideTheWallsWhateverTheCommand) {
   for (int degrees = 5; degrees < 360; degrees += 30) {
     KinematicVehicle vehicle(at(0.0, 0.0, degrees * std::numbers::pi / 180.0), {}, kStep);
     bool touched = false;

@@ -141,7 +141,7 @@ TEST_P(BothPlants, ItBacksOffAgain) {
   EXPECT_LT(vehicle.state().pose.x_m, 1.0);
 }
 
-TEST_P(BothPlants, StaysOutOfObstaclesWhateverItIsTold) {
+TEST_P(BothPlants, StaysOutOfObstaclesWhateverTheCommand) {
   RandomEngine random = random_stream(1, "drives");
   const auto draw = [&](double low, double high) {
     return low + (high - low) * uniform_01(random);

@@ -60,7 +60,7 @@ struct Drive {
   TwistDrive drive;
 };
 
-TEST(TwistDrive, CommandsZeroUntilSomebodyHasArmed) {
+TEST(TwistDrive, CommandsZeroUntilArmed) {
   Drive d({0.1, 0.0});
   for (int i = 0; i < 100; ++i) EXPECT_EQ(d.step_and_follow().v_mps, 0.0);
   d.arm();
@@ -117,7 +117,7 @@ TEST(TwistDrive, GivesUpWithTheReasonWhenTheDrivetrainStops) {
   EXPECT_EQ(d.drive.phase(), Phase::done);
 }
 
-TEST(TwistDrive, NeverGoesOnWhenItIsArmedAnew) {
+TEST(TwistDrive, NeverGoesOnWhenItIsArmedAgain) {
   Drive d({0.5, 0.0});
   d.arm();
   d.run(kStep * 5);
@@ -165,7 +165,7 @@ TEST(TwistDrive, ASlowRampIsNoLimit) {
   EXPECT_EQ(d.drive.failure(), "");
 }
 
-TEST(TwistDrive, GivesUpWhenNobodyArms) {
+TEST(TwistDrive, GivesUpWithoutArming) {
   Drive d({0.5, 0.0});
   d.run(TwistDrive::kArmPatience + TwistDrive::kLastZeros + 2 * kStep);
   EXPECT_EQ(d.drive.phase(), Phase::done);

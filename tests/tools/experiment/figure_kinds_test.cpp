@@ -66,7 +66,7 @@ class CurveFigureTest : public ::testing::Test {
   FigureText text_{"", "ode", "paper"};
 };
 
-TEST_F(CurveFigureTest, EqualRunsAreOneDotAndSaidToBeEqual) {
+TEST_F(CurveFigureTest, EqualRunsAreOneDotAndNamedAsEqual) {
   CurveFigure figure{.text = text_, .x_label = "δ [ms]", .names = {}, .series = {}};
   figure.series = {{"", {curve_point(0.0, {1.5, 1.5, 1.5}, 1), curve_point(100.0, {2, 2, 2}, 1)}}};
   draw_curve(folder_, "equal", figure);

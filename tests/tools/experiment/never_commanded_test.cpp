@@ -92,7 +92,7 @@ TEST_F(ByCommand, PosesThatAreNotAnsweredLeaveTheChanceUnknown) {
   EXPECT_TRUE(std::isnan(by_command(store).at(0).epsilon_m.mean));
 }
 
-TEST(NeverCommandedRuns, AreAsManyAsChanceGivesAndAllAlike) {
+TEST(NeverCommandedRuns, AreAsManyAsChanceGivesAndAllEqual) {
   constexpr std::uint64_t kSeeds = 100;
   std::size_t never = 0;
   double epsilon_m = 0.0;

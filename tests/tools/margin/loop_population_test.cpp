@@ -33,7 +33,7 @@ TEST(LoopPopulationTest, WithoutLossesOneLoopShrinksAsItsEigenvalueSays) {
   EXPECT_NEAR(growth.log_radius, predicted, 0.02 * std::abs(predicted));
 }
 
-TEST(LoopPopulationTest, TheSameSeedGrowsAlikeAndStaysSmallAndSteady) {
+TEST(LoopPopulationTest, TheSameSeedGrowsEquallyAndStaysSmallAndSteady) {
   const Scenario scenario =
       straight({"sensor.latency_ms=250", "channel.model=gilbert_elliott",
                 "channel.gilbert_elliott.prr=0.9", "channel.gilbert_elliott.mean_burst=3"});

@@ -49,7 +49,7 @@ TEST(RecentLink, WithAMessageASecondDoesNotFlicker) {
   }
 }
 
-TEST(RecentLink, BeginsAnewWithARelayThatDoes) {
+TEST(RecentLink, RestartsWithARelayThatRestarts) {
   RecentLink link;
   link.add(0.0, report(100, 100, 500.0), 100);
   link.add(1.0, report(0, 0, 0.0), 100);

@@ -104,7 +104,7 @@ TEST_F(RunWatchTest, OneThatHasEndedOrIsStartedAgainIsNotHung) {
   EXPECT_THAT(watch.findings(), IsEmpty());
 }
 
-TEST_F(RunWatchTest, NobodyWasSilentWhileTheWatchItselfWasSuspended) {
+TEST_F(RunWatchTest, NoProgramCountsAsSilentWhileTheWatchItselfWasSuspended) {
   watch.started(now, "tether-sim", 1);
   pass(kPeriod);
   hear("tether-sim", 1);
@@ -154,7 +154,7 @@ TEST_F(RunWatchTest, AnotherRunIsNamed) {
                           "9 on host here"));
 }
 
-TEST_F(RunWatchTest, SeveralSendersAreToldUnlessAKnownStrangerExplainsThem) {
+TEST_F(RunWatchTest, SeveralSendersAreReportedUnlessAReportedUnknownSenderExplainsThem) {
   watch.started(now, "tether-sim", 1);
   watch.several_senders(now, "several programs send at the same time on AGV/POSE: …");
   hear("tether-sim", 2);

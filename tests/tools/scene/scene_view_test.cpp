@@ -172,7 +172,7 @@ scan_t small_scan() {
   return scan;
 }
 
-TEST(SceneView, AScanIsSeenFromTheTruthElseFromWhereTheVehicleIsSaidToBe) {
+TEST(SceneView, AScanIsSeenFromTheTruthElseFromTheReportedPose) {
   SceneView view;
   std::vector<ViewMessage> made;
   view.on_message("AGV/SCAN", content_of(small_scan()), 0, made);

@@ -175,7 +175,7 @@ TEST_F(ViewHub, AClientThatLeavesTooMuchTextUnreadIsOverwhelmed) {
   EXPECT_TRUE(small.session(slow).is_overwhelmed());
 }
 
-TEST_F(ViewHub, ChangesOfParametersAreToldToWhoeverSubscribedOnce) {
+TEST_F(ViewHub, ChangesOfParametersAreSentOnceToEachSubscriber) {
   hub.update({{"a", 1.0}, {"b", true}});
   sent();
   hub.on_text(client, R"({"op":"subscribeParameterUpdates","parameterNames":["a"]})");
@@ -274,7 +274,7 @@ class Doubler final : public DerivedChannels {
   std::vector<Description> channels_{{"VIEW/DOUBLE", "double", "{}"}};
 };
 
-TEST_F(ViewHub, DerivedChannelsAreMadeForWhoeverListensFromTheNewestOfEachChannel) {
+TEST_F(ViewHub, DerivedChannelsAreMadeForANewListenerFromTheNewestOfEachChannel) {
   auto owned = std::make_unique<Doubler>();
   Doubler& doubler = *owned;
   Hub::Options options;

@@ -91,7 +91,7 @@ TEST(ViewProtocol, WhatAClientPublishesFollowsItsChannel) {
   EXPECT_EQ(message.payload, "{}");
 }
 
-TEST(ViewProtocol, NonsenseIsSaidToBeAndWhy) {
+TEST(ViewProtocol, NonsenseIsReportedWithTheReason) {
   EXPECT_THAT(why_nonsense("{"), HasSubstr("one JSON object"));
   EXPECT_THAT(why_nonsense("[]"), HasSubstr("one JSON object"));
   EXPECT_THAT(why_nonsense(R"({"op":"dance"})"), HasSubstr("\"dance\" is not known"));

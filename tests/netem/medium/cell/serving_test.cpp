@@ -158,7 +158,7 @@ TEST(OldestFirst, LetsWhoIsSeldomHeardGoFirst) {
 }
 
 // Two users push in each slot, and their queues grow without end; a vehicle pushes each 10 slots.
-TEST(OldestFirst, LetsNobodyStarveForTrafficWithoutAge) {
+TEST(OldestFirst, LetsNoUserStarveForTrafficWithoutAge) {
   for (const bool has_age : {false, true}) {
     ScheduledRules endless = rules(Serve::oldest_first);
     endless.queue = 10'000;
@@ -327,7 +327,7 @@ TEST(MostValuable, ServesWhoseReceiverKnowsLeastAndOfEqualsTheNextInTurn) {
   EXPECT_EQ(served({1.0, 1.0, 1.0}, 6), (std::vector<std::size_t>{1, 2, 0, 1, 2, 0}));
 }
 
-TEST(MostValuable, IsInTurnWhereNobodySaysWhatIsWorthWhat) {
+TEST(MostValuable, IsInTurnWithoutValues) {
   const Periodic load{std::vector<int>(5, 2), 200, true};
   EXPECT_EQ(serve(rules(Serve::most_valuable), load), serve(rules(Serve::round_robin), load));
 }
