@@ -51,12 +51,14 @@ ScenarioSection autonomy_section() {
             "the vehicle drives by itself, stops for obstacles and asks for a remote driver");
   t.number("rate_hz", &Autonomy::rate_hz, {5.0, 1000.0, false}, "setpoints per second");
   t.number("deceleration_mps2", &Autonomy::deceleration_mps2, {0.01, 100.0, false},
-           "a of the stopping field v^2/2a + v reaction + margin; setpoints change by no more");
+           "deceleration a of the stopping field v^2/2a + v reaction + margin, and limit of "
+           "setpoints' changes");
   t.number("yaw_acceleration_radps2", &Autonomy::yaw_acceleration_radps2, {0.01, 100.0, false},
            "yaw acceleration limit of setpoints");
   t.number("reaction_s", &Autonomy::reaction_s, {0.02, 10.0, false},
            "reaction time of the stopping field; older scans are ignored");
-  t.number("margin_m", &Autonomy::margin_m, {0.01, 10.0, false}, "left free ahead of the vehicle");
+  t.number("margin_m", &Autonomy::margin_m, {0.01, 10.0, false},
+           "margin of the stopping field ahead of the vehicle");
   t.number("side_margin_m", &Autonomy::side_margin_m, {0.0, 10.0, false},
            "margin of the stopping field to each side");
   t.number("wait_s", &Autonomy::wait_s, kTime,
@@ -68,9 +70,9 @@ ScenarioSection autonomy_section() {
   t.number("remote_timeout_s", &Autonomy::remote_timeout_s, kTime,
            "time without a command after which the remote driver counts as gone");
   t.number("remote_max_age_s", &Autonomy::remote_max_age_s, kTime,
-           "maximum age of what the remote driver saw");
+           "maximum age of the report that a remote driver's command names");
   t.number("remote_speed_mps", &Autonomy::remote_speed_mps, {0.01, 10.0, false},
-           "driven remotely it is no faster");
+           "speed limit while driven remotely");
   ScenarioSection section{.defaults = Autonomy{}, .keys = t.take()};
   for (const ScenarioKey& key : section.keys) {
     if (key.name != "autonomy.enabled") {

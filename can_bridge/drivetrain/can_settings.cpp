@@ -32,7 +32,7 @@ void add_bus(KeyTable<Can>& t) {
                         "wheels that emulated drives turn: the simulator's, or a simple model");
   KeyTable<VehicleSettings> of_vehicle("can.");
   of_vehicle.number("coupling_ms", &VehicleSettings::coupling_ms, {1.0, 50.0, false},
-                    "between messages of emulated drives and simulated wheels");
+                    "interval between messages of emulated drives and simulated wheels");
   t.append(of_vehicle.take());
   t.choice<Can::Arm>("arm", &Can::arm, {{"once", Can::Arm::once}, {"never", Can::Arm::never}},
                      "the run arms the drivetrain once, or leaves it to an operator");
@@ -50,9 +50,10 @@ void add_bus(KeyTable<Can>& t) {
 void add_deadlines_and_limits(KeyTable<Can>& t) {
   constexpr Range kDeadline{1.0, 10e3, false};
   t.number("cycle_ms", &Can::cycle_ms, {1.0, 100.0, false}, "control cycle: SYNC and setpoints");
-  t.number("stale_ms", &Can::stale_ms, kDeadline, "a command older than this: ramp to zero");
+  t.number("stale_ms", &Can::stale_ms, kDeadline,
+           "age of the newest command above which the vehicle ramps to zero");
   t.number("disarm_ms", &Can::disarm_ms, kDeadline,
-           "a command older than this: quick stop and disarm");
+           "age of the newest command above which the bridge makes a quick stop and disarms");
   t.number("max_stale_m", &Can::max_stale_m, kPositive,
            "distance that the vehicle covers during a command's age, above which it ramps to zero");
   t.number(
@@ -87,9 +88,9 @@ void add_injection(KeyTable<Can>& t) {
                          {"encoder_freeze", Can::Inject::encoder_freeze},
                          {"wheel_slip", Can::Inject::wheel_slip},
                          {"safety_input", Can::Inject::safety_input}},
-                        "a fault of the emulated drives");
+                        "fault of the emulated drives");
   t.whole_number("inject_node", &Can::inject_node, 0,
-                 "the drive's node id, or which safety input; 0 = all");
+                 "node id of the drive, or number of the safety input; 0 = all");
   t.number("inject_at_s", &Can::inject_at_s, {-1e3, 1e6, false},
            "time at which the fault is injected");
   t.number("inject_value", &Can::inject_value, {0.0, 65535.0, false},

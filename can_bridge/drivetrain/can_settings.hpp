@@ -38,9 +38,10 @@ struct CanSettings {
   std::string estop_file;  ///< remembers a latched e-stop; "": see docs/reference/drivetrain.md
   /// What `tether can commission` wrote, for arming to compare; "": the same.
   std::string commission_record;
-  double cycle_ms = 20.0;    ///< of the control loop: SYNC and setpoints
-  double stale_ms = 200.0;   ///< a command older than this: ramp to zero
-  double disarm_ms = 500.0;  ///< a command older than this: quick stop and disarm
+  double cycle_ms = 20.0;   ///< of the control loop: SYNC and setpoints
+  double stale_ms = 200.0;  ///< age of the newest command above which the vehicle ramps to zero
+  /// Age of the newest command above which the bridge makes a quick stop and disarms.
+  double disarm_ms = 500.0;
   double max_stale_m = 0.5;  ///< or older than the vehicle takes for this way: ramp to zero
   double max_blind_s = 1.0;  ///< plans drive on for at most this time ...
   double max_blind_m = 1.0;  ///< ... and distance without a fresh pose

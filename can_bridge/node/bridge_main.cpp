@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
   return node_main(
       argc, argv,
       {.name = "tether-can-bridge",
-       .description = "The vehicle's drivetrain on CAN: commands in, drives out",
+       .description = "CAN bridge: turns commands into setpoints of the vehicle's drives",
        .examples = {"tether-can-bridge my_agv.toml --start-utime $(date +%s%6N) --lock-memory"},
        .make = make_bridge});
 }

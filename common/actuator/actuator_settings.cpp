@@ -59,10 +59,11 @@ ScenarioSection actuator_section() {
   t.number("decay_s", &Settings::decay_s, kPositive,
            policies_with("decay_s") + ": time constant of the stop");
   t.number("deceleration_mps2", &Settings::deceleration_mps2, kPositive,
-           policies_with("deceleration_mps2") + ": of the stop after the timeout or the horizon");
-  t.number(
-      "yaw_deceleration_radps2", &Settings::yaw_deceleration_radps2, kPositive,
-      policies_with("yaw_deceleration_radps2") + ": of the stop after the timeout or the horizon");
+           policies_with("deceleration_mps2") +
+               ": deceleration of the stop after the timeout or the horizon");
+  t.number("yaw_deceleration_radps2", &Settings::yaw_deceleration_radps2, kPositive,
+           policies_with("yaw_deceleration_radps2") +
+               ": deceleration of the stop after the timeout or the horizon");
   for (const ActuatorPolicy& policy : actuator_policies()) t.append(policy.own_keys);
   return {.defaults = Settings{}, .keys = t.take(), .left_out = left_out};
 }

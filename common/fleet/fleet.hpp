@@ -24,7 +24,7 @@ struct FleetSettings {
   Phases phases = Phases::even;
   double offset_x_m = 0.0;  ///< from a path to that of the next vehicle in a row
   double offset_y_m = 0.0;  ///< from a row of paths to the next
-  int columns = 0;          ///< vehicles in a row; 0: all are
+  int columns = 0;          ///< vehicles per row; 0: all in one row
   Ticks ticks = Ticks::spread;
 
   /// Values of [fleet.vehicle.NUMBERS], by the text NUMBERS (vehicle_numbers()) and by key.

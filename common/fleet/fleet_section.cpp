@@ -19,17 +19,18 @@ constexpr Range kOffset_m{-1e3, 1e3, false};
 
 std::vector<ScenarioKey> keys() {
   KeyTable<Fleet> t("fleet.");
-  t.whole_number("count", &Fleet::count, 1,
-                 "vehicles like this one, at most 1000; from 2 on they are called AGV1, AGV2 ...");
+  t.whole_number(
+      "count", &Fleet::count, 1,
+      "number of vehicles like this one, at most 1000; from 2 on they are called AGV1, AGV2 ...");
   t.choice<Fleet::Phases>("phases", &Fleet::phases,
                           {{"none", Fleet::Phases::none},
                            {"even", Fleet::Phases::even},
                            {"random", Fleet::Phases::random}},
-                          "where on the lap of a closed path they begin");
+                          "phases of the vehicles on the lap of a closed path");
   t.number("offset_x_m", &Fleet::offset_x_m, kOffset_m,
            "offset between the paths of neighbouring vehicles in a row");
   t.number("offset_y_m", &Fleet::offset_y_m, kOffset_m, "offset between rows of paths");
-  t.whole_number("columns", &Fleet::columns, 0, "vehicles in a row; 0: all are");
+  t.whole_number("columns", &Fleet::columns, 0, "vehicles per row; 0: all in one row");
   t.choice<Fleet::Ticks>("ticks", &Fleet::ticks,
                          {{"together", Fleet::Ticks::together}, {"spread", Fleet::Ticks::spread}},
                          "phases of the vehicles' sensors and timers: all equal, or random");
@@ -112,8 +113,9 @@ ScenarioSection fleet_section() {
   section.stands_for = own_keys_meant_by;
   section.vary = make_variants;
   section.help =
-      "fleet.vehicle.NUMBERS.*\n    what vehicles of a fleet have otherwise: NUMBERS is 3, 3-5 or "
-      "1,4-6, and then\n    keys of vehicle, sensor, path, controller, actuator, channel.uplink, "
+      "fleet.vehicle.NUMBERS.*\n    different settings of some vehicles of a fleet: NUMBERS is 3, "
+      "3-5 or 1,4-6, followed by\n    keys of vehicle, sensor, path, controller, actuator, "
+      "channel.uplink, "
       "channel.downlink,\n    lidar, localiser and autonomy\n";
   section.check = check;
   return section;

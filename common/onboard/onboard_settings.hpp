@@ -16,12 +16,13 @@ struct LocaliserSettings {
   /// Height of the scanner above the floor; it sees only objects at this height.
   double scan_height_m = 0.2;
   double range_noise_m = 0.02;  ///< standard deviation of a beam
-  double odometry_noise_m =
-      0.005;                    ///< standard deviation of a wheel's travel after 1 m; grows as √
-  double max_distance_m = 0.5;  ///< beams that end farther from the map say nothing
+  /// Standard deviation of a wheel's travel after 1 m; grows as √.
+  double odometry_noise_m = 0.005;
+  /// Maximum distance from the map of a beam's end; others are ignored.
+  double max_distance_m = 0.5;
   static constexpr int kLeastBeams = 20;  ///< minimum number of beams of a usable scan
   int max_beams = 1000;                   ///< of a scan that are matched, evenly chosen
-  int particles = 20000;                  ///< new ones each scan, while it searches
+  int particles = 20000;                  ///< number of new particles per scan while it searches
   double scan_patience_ms = 30.0;         ///< place = edge: for missing parts after a scan's end
   double part_bytes = 1400.0;             ///< place = edge: of a part at most
 };

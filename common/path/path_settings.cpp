@@ -29,7 +29,7 @@ void add_shapes(KeyTable<Path>& t) {
   t.number("amplitude_m", TETHER_MEMBER(figure_eight.amplitude_m), {1e-3, 1e4, false},
            "half length of the figure eight");
   t.number("rate_radps", TETHER_MEMBER(figure_eight.rate_radps), {1e-6, 100.0, false},
-           "one eight takes 2*pi/this seconds");
+           "angular rate of the figure eight; one eight takes 2*pi/this seconds");
   t.number("rotation_rad", TETHER_MEMBER(figure_eight.rotation_rad), kAngle,
            "angle of the eight's long axis from +x");
   t.file("csv", &Path::csv,
@@ -49,17 +49,18 @@ void add_shapes(KeyTable<Path>& t) {
 
 void add_limits(KeyTable<Path>& t) {
   t.number("speed_mps", TETHER_MEMBER(limits.speed_mps), kLimit,
-           "cruise; less where another limit says so");
+           "cruising speed; lower where another limit applies");
   t.number("max_acceleration_mps2", TETHER_MEMBER(limits.max_acceleration_mps2), kLimit,
-           "along the path; it begins at rest");
+           "acceleration limit along the path, which begins at rest");
   t.number("max_deceleration_mps2", TETHER_MEMBER(limits.max_deceleration_mps2), kLimit,
-           "along the path; open ones end at rest");
+           "deceleration limit along the path; open paths end at rest");
   t.number("max_lateral_acceleration_mps2", TETHER_MEMBER(limits.max_lateral_acceleration_mps2),
-           kLimit, "square of the speed times curvature");
+           kLimit, "lateral acceleration limit: square of the speed times curvature");
   t.number("max_yaw_rate_radps", TETHER_MEMBER(limits.max_yaw_rate_radps), kLimit,
-           "speed times curvature");
-  t.number("max_yaw_acceleration_radps2", TETHER_MEMBER(limits.max_yaw_acceleration_radps2), kLimit,
-           "half of it for changes of the curvature, half for those of the speed");
+           "yaw rate limit: speed times curvature");
+  t.number(
+      "max_yaw_acceleration_radps2", TETHER_MEMBER(limits.max_yaw_acceleration_radps2), kLimit,
+      "yaw acceleration limit, half for changes of the curvature and half for those of the speed");
 }
 
 std::vector<ScenarioKey> keys() {

@@ -66,7 +66,7 @@ void add_about(CLI::App& app) {
   app.add_option_function<std::string>(
          "--completion",
          [&app, print](const std::string& shell) { print(completion_script(app, shell)); },
-         "Print what completes the command line in a shell")
+         "Print the completion script for a shell")
       ->check(CLI::IsMember({"bash", "zsh"}))
       ->trigger_on_parse();
 }

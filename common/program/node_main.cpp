@@ -277,15 +277,14 @@ int node_main(int argc, char** argv, const NodeProgram& program) {
                      ? "wall-clock time of t = 0, microseconds since 1970 [now]"
                      : "wall-clock time of t = 0, microseconds since 1970 [follow SIM/CLOCK]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{4'000'000'000'000'000}));
-  app.add_option(
-         "--start-boot", options.start_boot_ns,
-         "the same time on this host's CLOCK_BOOTTIME, nanoseconds: counts where given, for "
-         "it never steps (`tether live` starts its nodes so)")
+  app.add_option("--start-boot", options.start_boot_ns,
+                 "the same time on this host's CLOCK_BOOTTIME, nanoseconds; takes precedence, "
+                 "because it never steps (`tether live` starts its nodes so)")
       ->needs(app.get_option("--start-utime"));
   app.add_option("--expect", options.expected_nodes,
                  "nodes that take part in the run (sim, netem, controller, can, autonomy, "
-                 "localiser): their channels are accepted from their programs only, from the first "
-                 "message on (`tether live` starts its nodes so)")
+                 "localiser): from the first message on, their channels are accepted only from "
+                 "their programs (`tether live` starts its nodes so)")
       ->check(CLI::IsMember({"sim", "netem", "controller", "can", "autonomy", "localiser"}))
       ->delimiter(',')
       ->allow_extra_args(false);

@@ -14,11 +14,11 @@ ScenarioSection run_section() {
   t.number("truth_rate_hz", &Run::truth_rate_hz, kRate,
            "SIM/TRUTH messages and trajectory rows per second");
   t.number("report_period_s", &Run::report_period_s, {0.01, 1e6, false},
-           "between link reports, and between counter reports");
+           "interval between link reports, and between counter reports");
   t.number("settled_from_s", &Run::settled_from_s, kNotNegative,
            "settled_epsilon_m and settled_max_error_m count from this time on");
   t.number("lost_beyond_m", &Run::lost_beyond_m, kPositive,
-           "an error above this for lost_for_s without a break: the vehicle is lost");
+           "error above which, for lost_for_s without a break, the vehicle counts as lost");
   t.number("lost_for_s", &Run::lost_for_s, kNotNegative,
            "time that the error must stay above lost_beyond_m, without a break");
   return {.defaults = Run{}, .keys = t.take()};

@@ -45,12 +45,13 @@ void add_body(KeyTable<Vehicle>& t) {
 
 void add_tyres(KeyTable<Vehicle>& t) {
   t.boolean("anti_windup", &Vehicle::anti_windup,
-            "no wheel's target runs ahead of a wheel whose motor is at max_wheel_torque_Nm");
+            "stop all wheels' targets from running ahead of a wheel whose motor is at "
+            "max_wheel_torque_Nm");
   t.choice<Vehicle::Tyre>("tyre", &Vehicle::tyre,
                           {{"rigid", Vehicle::Tyre::rigid}, {"brush", Vehicle::Tyre::brush}},
                           "roll without slip up to the limit of friction, or slip as brushes do");
   t.number("tyre_stiffness", &Vehicle::tyre_stiffness, {1.0, 1000.0, false},
-           "tyre = brush: force over load by slip, before it slides");
+           "tyre = brush: force per load and slip, below sliding");
   t.number("tyre_relaxation_m", &Vehicle::tyre_relaxation_m, {1e-3, 1.0, false},
            "tyre = brush: rolled length in which the force builds up");
 }
@@ -79,7 +80,7 @@ void add_errors(KeyTable<Vehicle>& t) {
   t.number("payload_z_m", &Vehicle::payload_z_m, {-1.0, 10.0, false},
            "payload along z, relative to the chassis centre");
   t.number("radius_error", &Vehicle::radius_error, kShare,
-           "share by which the wheels are larger than the vehicle believes");
+           "relative error of the wheel radius: true over assumed, minus 1");
   t.number("track_error", &Vehicle::track_error, kShare,
            "share by which the vehicle believes in too wide a track");
   t.number("left_drag_N", &Vehicle::left_drag_N, kNotNegative,
@@ -89,7 +90,7 @@ void add_errors(KeyTable<Vehicle>& t) {
   t.number("actuator_lag_ms", &Vehicle::actuator_lag_ms, {0.0, 1e4, false},
            "unmodelled time constant of the rim speeds");
   t.number("clock_offset_ms", &Vehicle::clock_offset_ms, {-900.0, 900.0, false},
-           "the vehicle's clock is ahead of the controller's by this");
+           "lead of the vehicle's clock over the controller's");
 }
 
 bool is_one_of(std::string_view key, std::initializer_list<std::string_view> keys) {
@@ -219,8 +220,8 @@ ScenarioSection world_section() {
   t.number("gravity_mps2", &World::gravity_mps2, {0.1, 100.0, false}, "gravity");
   t.number("step_ms", &World::step_ms, {0.05, 10.0, false}, "physics time step; must divide 10 ms");
   constexpr Range kSlope{-0.5, 0.5, false};
-  t.number("slope_x", &World::slope_x, kSlope, "by how much the floor rises along x, m/m");
-  t.number("slope_y", &World::slope_y, kSlope, "by how much the floor rises along y, m/m");
+  t.number("slope_x", &World::slope_x, kSlope, "slope of the floor along x, m/m");
+  t.number("slope_y", &World::slope_y, kSlope, "slope of the floor along y, m/m");
   t.number("bump_spacing_m", &World::bump_spacing_m, kNotNegative,
            "mean distance between bumps along each wheel's track, at random places; 0 = no bumps");
   t.number("bump_height_m", &World::bump_height_m, {0.0, 1.0, false},

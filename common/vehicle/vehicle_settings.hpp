@@ -39,7 +39,7 @@ struct VehicleSettings : VehicleConfig {
   const char* plant_name() const { return plant == Plant::kinematic ? "kinematic" : "ode"; }
   /// Converter of commands to wheel speeds: the simulator itself, or drives on a CAN bus.
   Drivetrain drivetrain = Drivetrain::direct;
-  /// can.coupling_ms: between messages of emulated drives and simulated wheels.
+  /// can.coupling_ms: interval between messages of emulated drives and simulated wheels.
   double coupling_ms = 5.0;
   std::string name = "AGV";  ///< first part of its LCM channels
   // Standard deviations of where it really stands at t = 0 from start_x_m, … (each axis) and

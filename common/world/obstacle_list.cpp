@@ -283,10 +283,10 @@ std::string obstacle_help() {
   return fmt::format(
       "[[{}]] kind = \"box\", \"cylinder\", \"wall\" or \"rack\", x_m, y_m, yaw_deg or yaw_rad = "
       "0, reflectivity = {}, mapped = true\n"
-      "    what stands in the hall; mapped: in the map of localisers and planners. Sizes by "
+      "    obstacle in the hall; mapped: in the map of localisers and planners. Sizes by "
       "default:\n{}"
       "    to = [[x, y], ...], speed_mps = {}, speed_variation = {}, pause_s = {}: a box or "
-      "cylinder that goes there and back, again and again\n",
+      "cylinder that moves there and back repeatedly\n",
       kKey, o.reflectivity, defaults, o.speed_mps, o.speed_variation, o.pause_s);
 }
 

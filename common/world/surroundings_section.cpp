@@ -179,9 +179,9 @@ void check(const Scenario& scenario, const std::string& file) {
 
 ScenarioSection surroundings_section() {
   KeyTable<Surroundings> t("map.");
-  t.file(
-      "file", &Surroundings::map_file,
-      "an occupancy map, YAML and PGM as map_server has it: its occupied cells stand in the hall");
+  t.file("file", &Surroundings::map_file,
+         "occupancy map, YAML and PGM in the format of map_server; its occupied cells are "
+         "obstacles in the hall");
   ScenarioSection section{.defaults = Surroundings{}, .keys = t.take()};
   section.list = obstacle_list();
   section.help = obstacle_help();

@@ -39,7 +39,7 @@ void add_law_and_timing(KeyTable<Controller>& t) {
   t.choice<Controller::Trigger>(
       "trigger", &Controller::trigger,
       {{"event", Controller::Trigger::event}, {"timer", Controller::Trigger::timer}},
-      "a command per pose that arrives, or at a rate");
+      "event that triggers a command: each pose that arrives, or a timer");
   t.number("rate_hz", &Controller::rate_hz, kRate, "trigger = timer: commands per second");
   t.number(
       "pose_timeout_s", &Controller::pose_timeout_s, kNotNegative,
@@ -69,7 +69,7 @@ void add_planning(KeyTable<Controller>& t) {
   t.file("tau_table", &Controller::tau_table,
          "law = pid_adaptive: CSV of look-aheads by network, relative to the scenario file");
   t.number("tau_factor", &Controller::tau_factor, kPositive,
-           "law = pid_adaptive: times the table's look-aheads, which other gains or rates need");
+           "law = pid_adaptive: factor on the table's look-aheads, for other gains or rates");
   t.number("horizon_s", &Controller::horizon_s, {0.05, 200.0, false}, "length of a plan");
   t.number("plan_step_ms", &Controller::plan_step_ms, {5.0, 1000.0, false},
            "duration of each twist of a plan; a horizon has at most 4000");
@@ -85,11 +85,11 @@ std::vector<ScenarioKey> gains(KeyTable<PidGains> t, const std::string& unit) {
 }
 
 void add_feedback_and_model(KeyTable<Controller>& t) {
-  t.number("tracking.k_x", TETHER_MEMBER(tracking.k_x), kGain, "along the path, 1/s");
-  t.number("tracking.k_y", TETHER_MEMBER(tracking.k_y), kGain, "across the path, 1/m^2");
-  t.number("tracking.k_theta", TETHER_MEMBER(tracking.k_theta), kGain, "heading, 1/m");
+  t.number("tracking.k_x", TETHER_MEMBER(tracking.k_x), kGain, "gain along the path, 1/s");
+  t.number("tracking.k_y", TETHER_MEMBER(tracking.k_y), kGain, "gain across the path, 1/m^2");
+  t.number("tracking.k_theta", TETHER_MEMBER(tracking.k_theta), kGain, "gain of the heading, 1/m");
   t.number("tracking.max_lateral_mps2", TETHER_MEMBER(tracking.max_lateral_mps2),
-           {0.1, 100.0, false}, "speed times yaw rate while catching up with the path");
+           {0.1, 100.0, false}, "limit of speed times yaw rate while catching up with the path");
   t.optional_number("model.track_m", TETHER_MEMBER(model.track_m), kLength,
                     "track in predictions; not set: the vehicle's");
   t.optional_number("model.max_wheel_acceleration_mps2",

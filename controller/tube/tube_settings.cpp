@@ -108,7 +108,7 @@ ScenarioSection tube_section() {
   using Tube = TubeSettings;
   KeyTable<Tube> t("tube.");
   t.number("silence_s", &Tube::silence_s, {0.0, 60.0, false},
-           "guaranteed tube of plans: how long nothing is heard; 0 = none");
+           "guaranteed tube of plans: duration of the silence; 0 = no tube");
   t.number("radius", TETHER_MEMBER(bounds.radius), {0.0, 0.5, false},
            "greatest |vehicle.radius_error|");
   t.number("track", TETHER_MEMBER(bounds.track), {0.0, 0.5, false},
@@ -129,9 +129,9 @@ ScenarioSection tube_section() {
       "left_mps", TETHER_MEMBER(bounds.left_mps), {0.0, 10.0, false},
       "largest difference between speeds of earlier plans and the path's, which lagging wheels "
       "still have when silence begins");
-  t.number(
-      "left_radps", TETHER_MEMBER(bounds.left_radps), {0.0, 10.0, false},
-      "largest difference between yaw rates of earlier plans and the path's, as tube.left_mps");
+  t.number("left_radps", TETHER_MEMBER(bounds.left_radps), {0.0, 10.0, false},
+           "largest difference between yaw rates of earlier plans and the path's, in the same way "
+           "as tube.left_mps");
   ScenarioSection section{.defaults = Tube{}, .keys = t.take()};
   for (const ScenarioKey& key : section.keys) {
     if (key.name != "tube.silence_s") section.switched.push_back({key.name, {"tube.silence_s"}});

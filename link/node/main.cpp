@@ -97,26 +97,26 @@ int main(int argc, char** argv) {
     command->add_option("file", file, which)->required();
     return command;
   };
-  add("keygen", "Make a pair of keys, and print the public one: for the others' files",
+  add("keygen", "Make a pair of keys, and print the public one for the other hosts' files",
       "key file to write, of mode 0600; never overwrites");
   add("show", "Print the public key of a key file", "key file");
   add("run", "Carry channels until Ctrl-C", "configuration (TOML): docs/howto/link.md");
   RecordOptions recorded;
   CLI::App* const record_command = app.add_subcommand(
       "record",
-      "Write what became of the peers' datagrams, until Ctrl-C: PEER-PATH.csv for `tether netem "
+      "Record the fates of the peers' datagrams until Ctrl-C: PEER-PATH.csv for `tether netem "
       "fit` and the channel's trace model");
   record_command
       ->add_option("--lcm-url", recorded.lcm_url, "LCM network of this host's tether-link")
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
   record_command->add_option("--out", recorded.settings.folder, "folder, which must exist [.]");
-  record_command->add_option("--peer", recorded.settings.peer, "only of this peer [all]");
-  record_command->add_option("--seconds", recorded.seconds, "Recording time, s [until Ctrl-C]")
+  record_command->add_option("--peer", recorded.settings.peer, "record only this peer [all]");
+  record_command->add_option("--seconds", recorded.seconds, "recording time, s [until Ctrl-C]")
       ->check(CLI::Range(0.1, 1e7));
   record_command->add_flag("--same-clock", recorded.settings.same_clock,
-                           "the peer's clock is set to ours (PTP, or one host): delays are as "
-                           "stamped, instead of by the offset's interval");
+                           "the peer's clock is synchronised with this host's (PTP, or one host): "
+                           "delays are differences of stamps, not intervals");
   add_examples(*app.get_subcommand("keygen"), {"tether-link keygen control.key"});
   add_examples(*app.get_subcommand("show"), {"tether-link show control.key"});
   add_examples(*app.get_subcommand("run"), {"tether-link run control.toml"});

@@ -13,7 +13,8 @@ namespace tether {
 struct MatchSettings {
   double range_noise_m = 0.02;  ///< standard deviation of a beam along itself, white
   double map_noise_m = 0.001;   ///< of the outlines in the map, across them
-  double max_distance_m = 0.5;  ///< beams that end farther from the map say nothing, even at first
+  /// Maximum distance from the map of a beam's end; others are ignored, even at first.
+  double max_distance_m = 0.5;
 };
 
 /// Result of matching a scan: the pose.

@@ -34,10 +34,11 @@ void add_matching(KeyTable<Settings>& t) {
            "standard deviation of a wheel's travel after 1 m; it grows with the square root of the "
            "travel");
   t.number("max_distance_m", &Settings::max_distance_m, {0.05, 5.0, false},
-           "beams that end farther from the map say nothing");
+           "maximum distance from the map of a beam's end; others are ignored");
   t.whole_number("max_beams", &Settings::max_beams, Settings::kLeastBeams,
                  "maximum number of beams of a scan that are matched, evenly chosen");
-  t.whole_number("particles", &Settings::particles, 72, "new ones each scan, while it searches");
+  t.whole_number("particles", &Settings::particles, 72,
+                 "number of new particles per scan while it searches");
 }
 
 }  // namespace
@@ -49,13 +50,13 @@ ScenarioSection localiser_section() {
                   "source of poses: [sensor], a localiser on the vehicle, or one on the "
                   "controller's side, which receives scans through the network");
   t.boolean("knows_start", &Settings::knows_start,
-            "where the vehicle starts; false: it has to find out");
+            "the localiser knows the start pose; false: it searches for it");
   add_map(t);
   add_matching(t);
   t.number("scan_patience_ms", &Settings::scan_patience_ms, {0.0, 1e4, false},
-           "place = \"edge\": for missing parts, after a scan's end");
+           "place = \"edge\": time to wait for missing parts after a scan's end");
   t.number("part_bytes", &Settings::part_bytes, {300.0, 60000.0, false},
-           "place = \"edge\": of a part of a scan, at most");
+           "place = \"edge\": maximum size of a part of a scan");
   ScenarioSection section{.defaults = Settings{}, .keys = t.take()};
   for (const ScenarioKey& key : section.keys) {
     if (key.name != kPlace) section.switched.push_back({key.name, {kPlace}, std::string("none")});

@@ -174,7 +174,7 @@ ScenarioSection channel_section() {
   section.named = named_links();
   section.list = changes();
   section.help =
-      "channel.links.NAME.*\n    a link of that name, for rules of tether-netem; the keys of "
+      "channel.links.NAME.*\n    link of that name, for rules of tether-netem; same keys as "
       "channel.uplink\n"
       "[[channel.change]] at_s = SECONDS, set = [\"KEY=VALUE\", ...]\n"
       "    other settings of the channel from at_s on, all at once; KEY without \"channel.\"; "

@@ -189,45 +189,45 @@ void radio_keys(KeyTable<Medium>& t) {
            "data rate; of a cell: that of all users together");
   t.boolean("he", &Medium::he, "Wi-Fi: 802.11ax (HE SU) instead of OFDM");
   t.number("control_rate_Mbps", &Medium::control_rate_Mbps, {1.0, 54.0, false},
-           "Wi-Fi: of acknowledgements");
-  t.one_of("category", &Medium::category, kCategories, "edca: of all that vehicles send and get");
+           "Wi-Fi: data rate of acknowledgements");
+  t.one_of("category", &Medium::category, kCategories,
+           "edca: access category of all traffic of vehicles");
   t.boolean("eifs", &Medium::eifs,
-            "Wi-Fi: after a collision stations wait as for an acknowledgement");
+            "Wi-Fi: after a collision, stations wait as long as for an acknowledgement");
   t.whole_number("attempts", &Medium::attempts, 1,
                  "maximum number of attempts per frame; then it is lost");
-  t.whole_number("queue", &Medium::queue, 1, "frames that may wait at a station");
+  t.whole_number("queue", &Medium::queue, 1, "maximum number of frames that wait at a station");
   t.number("lifetime_ms", &Medium::lifetime_ms, kPositive,
-           "Wi-Fi: frames that have waited for longer are not sent");
+           "Wi-Fi: maximum waiting time of a frame, after which it is dropped");
   t.number("error_ratio", &Medium::error_ratio, kRatio, "share of attempts lost to noise");
 }
 
 void cell_keys(KeyTable<Medium>& t) {
   std::vector<std::string> presets{"none"};
   for (const Preset& preset : kPresets) presets.emplace_back(preset.name);
-  t.one_of("preset", &Medium::preset, presets,
-           "scheduled: request_period_ms, offset_ms and error_ratio like those of a base station");
+  t.one_of(
+      "preset", &Medium::preset, presets,
+      "scheduled: preset of request_period_ms, offset_ms and error_ratio, like a base station's");
   t.number("request_period_ms", &Medium::request_period_ms, {0.01, 1000.0, false},
-           "scheduled: between a vehicle's opportunities to ask for a grant");
+           "scheduled: interval between a vehicle's opportunities to request a grant");
   t.number("offset_ms", &Medium::offset_ms, {0.0, 1000.0, false},
-           "scheduled: from the request to the earliest transmission");
+           "scheduled: time from the request to the earliest transmission");
   t.number("slot_ms", &Medium::slot_ms, {0.01, 100.0, false},
-           "scheduled: transmissions take whole slots");
+           "scheduled: slot length; transmissions take whole slots");
   t.number("repeat_after_ms", &Medium::repeat_after_ms, {0.0, 1000.0, false},
-           "scheduled: from a transmission that failed to the next");
+           "scheduled: time from a failed transmission to the next attempt");
 }
 
 void serving_keys(KeyTable<Medium>& t) {
   using Serve = ScheduledRules::Serve;
-  t.choice<Serve>(
-      "serve", &Medium::serve,
-      {{"round_robin", Serve::round_robin},
-       {"oldest_first", Serve::oldest_first},
-       {"most_valuable", Serve::most_valuable}},
-      "scheduled: who is next, each in turn, of whom the newest that was delivered "
-      "is the oldest, or whose newest pose or plan is the farthest from what its receiver "
-      "has");
+  t.choice<Serve>("serve", &Medium::serve,
+                  {{"round_robin", Serve::round_robin},
+                   {"oldest_first", Serve::oldest_first},
+                   {"most_valuable", Serve::most_valuable}},
+                  "scheduled: vehicle served next: each in turn, the one with the oldest delivered "
+                  "message, or the one whose newest pose or plan is farthest from its receiver's");
   t.choice<bool>("keep", &Medium::keep_newest, {{"all", false}, {"newest", true}},
-                 "scheduled: of a vehicle's messages that wait, all, or the newest alone");
+                 "scheduled: waiting messages of a vehicle to keep: all, or only the newest");
 }
 
 std::vector<std::string> preset_names() {
@@ -274,8 +274,8 @@ ScenarioSection medium_section() {
                           "medium that all links share: none, Wi-Fi without and with access "
                           "categories, or a cell that grants its uplink");
   t.whole_number("others", &Medium::others, 0,
-                 "other vehicles that send poses and get commands as this one does, each at a "
-                 "phase of its own");
+                 "number of other vehicles that send poses and get commands like this one, each at "
+                 "its own phase");
   radio_keys(t);
   cell_keys(t);
   serving_keys(t);
@@ -285,7 +285,8 @@ ScenarioSection medium_section() {
   section.help =
       "[[medium.background]] kind = \"poisson\", stations = 1, bytes = 1400, rate_hz = 10, "
       "category = \"BE\", way = \"up\"\n    other stations of the medium, which send to the access "
-      "point; kind \"saturated\" always,\n    \"periodic\" in equal periods; way = \"down\": which "
+      "point; kind \"saturated\" sends always,\n    \"periodic\" in equal periods; way = \"down\": "
+      "which "
       "it sends to\n";
   section.help += presets_help();
   section.why_no_effect = why_no_effect;

@@ -27,33 +27,33 @@ void hall_keys(KeyTable<Radio>& t) {
   t.rows("access_points", &Radio::access_points, kPlaces,
          "hall: [[x_m, y_m], ...], in the world's frame, all on one channel");
   t.number("roaming_hysteresis_db", &Radio::roaming_hysteresis_db, {0.0, 60.0, false},
-           "hall: vehicles change to another access point that they hear so much better");
+           "hall: lead of another access point's signal at which vehicles change to it");
   t.number("roaming_break_ms", &Radio::roaming_break_ms, {0.0, 60'000.0, false},
            "hall: interruption after a change of the access point");
   t.choice<bool>("roaming_queue", &Radio::roaming_waits, {{"wait", true}, {"lost", false}},
-                 "hall: what becomes of frames that are to pass meanwhile");
-  t.choice<Clutter>("clutter", &Radio::clutter,
-                    {{"sparse_low", Clutter::sparse_low},
-                     {"dense_low", Clutter::dense_low},
-                     {"sparse_high", Clutter::sparse_high},
-                     {"dense_high", Clutter::dense_high}},
-                    "hall: what stands on its floor, and access points within or above it: TR "
-                    "38.901, InF-SL, DL, SH, DH");
-  t.number("carrier_GHz", &Radio::carrier_GHz, {0.5, 100.0, false}, "hall: frequency");
+                 "hall: handling of frames during that interruption");
+  t.choice<Clutter>(
+      "clutter", &Radio::clutter,
+      {{"sparse_low", Clutter::sparse_low},
+       {"dense_low", Clutter::dense_low},
+       {"sparse_high", Clutter::sparse_high},
+       {"dense_high", Clutter::dense_high}},
+      "hall: clutter density, and access points within or above it: TR 38.901, InF-SL, DL, SH, DH");
+  t.number("carrier_GHz", &Radio::carrier_GHz, {0.5, 100.0, false}, "hall: carrier frequency");
   t.number("power_dBm", &Radio::power_dBm, {-50.0, 60.0, false},
-           "hall: of all senders, with their antennas");
+           "hall: transmit power of all senders, with their antennas");
   t.number("noise_figure_db", &Radio::noise_figure_db, {0.0, 60.0, false},
-           "hall: of all receivers, and what else they are worse than ideal ones");
+           "hall: noise figure of all receivers, including their implementation losses");
   t.optional_number("clutter_density", &Radio::clutter_density, {0.0, 0.99, true},
-                    "hall: share of the floor; not set: 0.2 sparse, 0.6 dense");
+                    "hall: share of the floor that clutter covers; not set: 0.2 sparse, 0.6 dense");
   t.optional_number("clutter_size_m", &Radio::clutter_size_m, kLength,
-                    "hall: not set: 10 sparse, 2 dense");
+                    "hall: size of clutter; not set: 10 sparse, 2 dense");
   t.optional_number("clutter_height_m", &Radio::clutter_height_m, kLength,
-                    "hall: not set: 2 sparse, 6 dense");
+                    "hall: height of clutter; not set: 2 sparse, 6 dense");
   t.optional_number("station_height_m", &Radio::station_height_m, kLength,
-                    "hall: of access points; not set: 1.5 low, 8 high");
+                    "hall: height of access points; not set: 1.5 low, 8 high");
   t.optional_number("vehicle_height_m", &Radio::vehicle_height_m, kLength,
-                    "hall: of vehicles' antennas; not set: 1.5");
+                    "hall: height of vehicles' antennas; not set: 1.5");
 }
 
 [[noreturn]] void refuse(const std::string& file, const std::string& what) {
@@ -87,16 +87,17 @@ void radio_link_keys(KeyTable<Radio> t, KeyTable<MediumSettings>& medium) {
   t.choice<Radio::Model>(
       "model", &Radio::model,
       {{"none", Radio::Model::none}, {"fixed", Radio::Model::fixed}, {"hall", Radio::Model::hall}},
-      "Wi-Fi: what noise does to frames: medium.error_ratio alone, as at "
-      "snr_db, or as where the vehicle is");
+      "Wi-Fi: source of noise errors: medium.error_ratio alone, the ratio snr_db, or the vehicle's "
+      "position");
   t.number("snr_db", &Radio::snr_db, kSnrRange_db, "fixed: ratio of signal to noise");
-  t.boolean("adapt_rate", &Radio::adapt_rate,
-            "the best rate up to medium.rate_Mbps for each attempt, instead of always that");
+  t.boolean(
+      "adapt_rate", &Radio::adapt_rate,
+      "choose the best rate up to medium.rate_Mbps for each attempt, instead of a constant one");
   t.number("highest_error_ratio", &Radio::highest_error_ratio, {1e-6, 1.0, false},
-           "adapt_rate: a rate that loses more frames is not used");
+           "adapt_rate: maximum error ratio of a rate that is used");
   t.optional_number("capture_sinr_db", &Radio::capture_sinr_db, {0.0, 60.0, false},
-                    "of frames that collide on their way up, one above this ratio of signal to "
-                    "noise and others is received; not set: none is");
+                    "capture threshold: a colliding uplink frame above this ratio of signal to "
+                    "noise and interference is received; not set: no capture");
   hall_keys(t);
   medium.append(t.take());
 }

@@ -53,7 +53,7 @@ int main(int argc, char** argv) {
   return node_main(
       argc, argv,
       {.name = "tether-netem",
-       .description = "The network between vehicle and controller, or between any LCM "
+       .description = "Network emulator between vehicle and controller, or between any LCM "
                       "programs: loss and delay",
        .examples =
            {"tether-netem scenarios/paper.toml --set channel.prr=0.45   # follows SIM/CLOCK",

@@ -23,22 +23,22 @@ std::vector<ScenarioKey> lidar_keys() {
   std::vector<std::string> models{Lidar::kNone, Lidar::kCustom};
   for (const std::string& preset : lidar_presets()) models.push_back(preset);
   t.one_of("model", &Lidar::model, models,
-           "the laser scanner; a name of one that there is sets the keys below that are not given");
+           "laser scanner; a preset sets the keys below that are not given");
   t.number("rate_hz", &Lidar::rate_hz, kRate, "turns per second");
   t.whole_number("beams", &Lidar::beams, 1, "number of beams per revolution, at most 8192");
   t.number("fov_rad", &Lidar::fov_rad, {0.0, 2.0 * std::numbers::pi, true},
            "angle from the first beam to the last; the middle one points ahead");
-  t.number("range_min_m", &Lidar::range_min_m, {0.0, 1e3, false}, "nothing nearer is seen");
-  t.number("range_max_m", &Lidar::range_max_m, {1e-3, 1e3, false}, "nothing farther is seen");
+  t.number("range_min_m", &Lidar::range_min_m, {0.0, 1e3, false}, "minimum measured range");
+  t.number("range_max_m", &Lidar::range_max_m, {1e-3, 1e3, false}, "maximum measured range");
   t.number("range_10_m", &Lidar::range_10_m, {1e-3, 1e4, false},
-           "up to here, what reflects 10 % of the light is seen at normal incidence");
+           "maximum range of a surface that reflects 10 % of the light, at normal incidence");
   t.number("noise_m", &Lidar::noise_m, {0.0, 10.0, false}, "standard deviation of a range");
   t.number("noise_per_m", &Lidar::noise_per_m, {0.0, 1.0, false},
            "standard deviation that grows with the range, in addition");
   t.number("range_step_m", &Lidar::range_step_m, {0.0, 1.0, false},
-           "ranges are multiples of it; 0 = any");
+           "resolution of ranges; 0 = continuous");
   t.number("divergence_rad", &Lidar::divergence_rad, {0.0, 0.1, false},
-           "a beam's width at 1 m: at edges it sees two things");
+           "width of a beam at 1 m, which mixes two surfaces at edges");
   t.number("dropout_share", &Lidar::dropout_share, kRatio,
            "share of beams that return nothing, at random");
   t.optional_number("mount_x_m", &Lidar::mount_x_m, kMount,

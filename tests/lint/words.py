@@ -74,7 +74,7 @@ def markers(lines):
 def comment_blocks(lines, sign):
     """Yields (number of the first line, lines of text) of each block of comments."""
     alone = re.compile(rf"\s*{sign}(?: (.*)|$)")
-    trailing = re.compile(rf".*\S  {sign} (.*)")
+    trailing = re.compile(rf".*\S {{2,}}{sign} (.*)")
     block, first = [], 0
     for number, line in enumerate([*lines, ""], 1):
         if match := alone.match(line):

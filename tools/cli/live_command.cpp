@@ -72,7 +72,7 @@ void add_live_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<LiveOptions>();
   options->session.lcm_url = kDefaultLcmUrl;
   CLI::App* command = tether.add_subcommand(
-      "live", "The loop as processes in real time over LCM; Ctrl-C ends it cleanly");
+      "live", "Run the loop as processes in real time over LCM; Ctrl-C ends it cleanly");
   add_scenario(*command, options->scenario)->required();
   add_seed(*command, options->scenario);
   command->add_option("--lcm-url", options->session.lcm_url, "LCM network")
@@ -88,7 +88,7 @@ void add_live_command(CLI::App& tether, Action& action) {
                       "folder for the same results as `tether run` writes [none]");
   command->add_flag("--json", options->json, "print the summary as one JSON object");
   add_view_options(*command, options->viewing,
-                   command->add_flag("--view", options->view, "with a page to look at it"));
+                   command->add_flag("--view", options->view, "show the run in the browser"));
   command->callback([options, &action] { action = [options] { return live(*options); }; });
 }
 

@@ -127,13 +127,13 @@ void add_log_command(CLI::App& tether, Action& action) {
   CLI::App* const log = tether.add_subcommand("log", "Look into LCM event logs");
   log->require_subcommand(1);
 
-  CLI::App* const info =
-      log->add_subcommand("info", "What a log holds, per channel; also of a log that broke off");
+  CLI::App* const info = log->add_subcommand(
+      "info", "Print the content of a log per channel, also of a truncated log");
   info->add_option("file", options->file, "LCM event log")->required();
   info->callback([options, &action] { action = [options] { return log_info(*options); }; });
 
   CLI::App* const csv = log->add_subcommand(
-      "csv", "Channels as tables: t_s (the log's time stamp), then one column per field");
+      "csv", "Export channels as tables: t_s (the log's time stamp), then one column per field");
   csv->add_option("file", options->file, "LCM event log")->required();
   csv->add_option("channel", options->channel, "channel name, such as AGV/POSE [all of them]");
   csv->add_option("--out", options->out,

@@ -132,13 +132,15 @@ int log_csv_all(const std::string& file, const std::string& folder) {
 void add_log_mcap_command(CLI::App& log, Action& action) {
   auto options = std::make_shared<McapOptions>();
   CLI::App* const mcap = log.add_subcommand(
-      "mcap", "All channels as MCAP, with JSON for Foxglove or, with --ros2, as a ROS 2 bag");
+      "mcap",
+      "Export all channels as MCAP, with JSON for Foxglove or, with --ros2, as a ROS 2 bag");
   mcap->add_option("file", options->file, "LCM event log")->required();
   mcap->add_option("--out", options->out,
                    "file to write [the log's name with .mcap, or .ros2.mcap]");
-  mcap->add_flag("--ros2", options->ros2, "a ROS 2 bag: what ROS 2 has messages for, in CDR");
+  mcap->add_flag("--ros2", options->ros2,
+                 "write a ROS 2 bag: messages with a ROS 2 counterpart, in CDR");
   mcap->add_option("--scenario", options->scenario,
-                   "whose vehicle, walls and path are shown [scenario.toml beside the log]");
+                   "scenario for vehicle, walls and path [scenario.toml beside the log]");
   mcap->callback([options, &action] { action = [options] { return log_mcap(*options); }; });
 }
 

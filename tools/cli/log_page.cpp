@@ -70,11 +70,11 @@ void add_log_page_command(CLI::App& log, Action& action) {
   auto options = std::make_shared<PageOptions>();
   CLI::App* const page = log.add_subcommand(
       "page",
-      "The page of tether view with the log in it: one HTML file, for any browser, offline");
+      "Export the page of tether view with the log in it: one HTML file, for any browser, offline");
   page->add_option("file", options->file, "LCM event log")->required();
   page->add_option("--out", options->out, "file to write [the log's name with .html]");
-  page->add_option("--from", options->span.from_s, "first second that is in it [all]");
-  page->add_option("--to", options->span.to_s, "last second that is in it [all]");
+  page->add_option("--from", options->span.from_s, "first second to include [all]");
+  page->add_option("--to", options->span.to_s, "last second to include [all]");
   page->add_option("--page", options->page,
                    "folder with the page's files [share/tether/view beside bin]");
   page->callback([options, &action] { action = [options] { return log_page(*options); }; });

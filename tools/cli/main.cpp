@@ -85,7 +85,7 @@ int main(int argc, char** argv) {
   add_path_command(app, action);
   app.footer(
       "Also: tether sim, netem, controller, localiser, can-bridge and can-drive, the nodes of a "
-      "live run; and tether link, which carries channels between hosts.");
+      "live run; tether link carries channels between hosts.");
   add_command_examples(app);
   add_examples(app,
                {"tether run scenarios/paper.toml --out out/paper     # one run, and its picture",

@@ -316,35 +316,34 @@ int tell_margins(const MarginOptions& options) {
 
 void add_margin_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<MarginOptions>();
-  CLI::App* const command =
-      tether.add_subcommand("margin",
-                            "How much loss and delay a scenario's loop survives, computed: "
-                            "mean-square stability, critical "
-                            "PRR, burst and delay, and the error that noise leaves. Refuses "
-                            "scenarios for which the theory "
-                            "does not hold");
+  CLI::App* const command = tether.add_subcommand(
+      "margin",
+      "Compute how much loss and delay a scenario's loop survives: mean-square stability, critical "
+      "PRR, burst and delay, and the error that noise leaves. Refuses "
+      "scenarios for which the theory "
+      "does not hold");
   add_scenario(*command, options->scenario);
   command->add_option("--verify", options->verify,
-                      "an experiment: critical values of each of its arms, predicted, and of "
-                      "simulations, with 95 % intervals");
-  command->add_flag("--quick", options->quick,
-                    "--verify: no more runs than the file's quick_seeds");
-  auto* const figure = command->add_option(
-      "--figure", options->figure,
-      "draw where the loop is stable, by PRR and delay, and what runs have: *.png "
-      "or *.svg");
+                      "experiment file: for each arm, predicted and simulated critical values, "
+                      "with 95 % intervals");
+  command->add_flag("--quick", options->quick, "with --verify: at most the file's quick_seeds");
+  auto* const figure =
+      command->add_option("--figure", options->figure,
+                          "draw the stable region by PRR and delay, and results of runs: *.png "
+                          "or *.svg");
   auto* const find =
       command
-          ->add_option("--find", options->find,
-                       "what the scenario needs for --target under its channel; checked by runs")
+          ->add_option(
+              "--find", options->find,
+              "parameter to find for --target under the scenario's channel; checked by runs")
           ->check(CLI::IsMember({"rate", "tau", "horizon", "gains"}));
   command
       ->add_option("--target", options->target_m,
-                   "error in m: for --find [0.1]; runs of --figure with less count as stable [0.5]")
+                   "error, m: for --find [0.1]; runs of --figure below it count as stable [0.5]")
       ->check(CLI::Range(1e-6, 1e6));
   auto* const budget =
       command->add_option("--budget", options->budget,
-                          "the longest silence after which a vehicle that follows plans is surely "
+                          "compute the longest silence after which a vehicle that follows plans is "
                           "within this distance of its plan, by the bounds of [tube]: 0.1m");
   find->excludes(figure, budget);
   budget->excludes(figure);

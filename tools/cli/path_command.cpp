@@ -75,18 +75,18 @@ int tell_path(const PathOptions& options) {
 void add_path_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<PathOptions>();
   CLI::App* const command = tether.add_subcommand(
-      "path", "Where a scenario's path has the vehicle, how fast, and when: CSV, exact to the bit");
+      "path", "Print position and speed along a scenario's path over time: CSV, exact to the bit");
   add_scenario(*command, options->scenario)->required();
-  command->add_option("--vehicle", options->vehicle, "of a fleet: which, from 1")
+  command->add_option("--vehicle", options->vehicle, "number of the vehicle in a fleet, from 1")
       ->check(CLI::Range(1, kMostVehicles))
       ->capture_default_str();
   CLI::Option* const period =
-      command->add_option("--period", options->period_s, "seconds between two rows")
+      command->add_option("--period", options->period_s, "interval between rows, s")
           ->check(number_between(1e-4, 3600.0))
           ->capture_default_str();
   command
       ->add_flag("--ask", options->ask,
-                 "rows for the times on standard input, a line each, as they come")
+                 "print a row for each time (one per line) on standard input")
       ->excludes(period);
   command->callback([options, &action] { action = [options] { return tell_path(*options); }; });
 }

@@ -32,7 +32,7 @@ const std::map<std::string, RiskDefinition> kRisks{{"whole_run", RiskDefinition:
 void add_risk_option(CLI::App* command, std::string& risk) {
   command
       ->add_option("--risk", risk,
-                   "what risk maps show where the channel is bad: whole_run (ε of these runs), "
+                   "risk shown by risk maps where the channel is bad: whole_run (ε of these runs), "
                    "next_10_s or now (the error then) [whole_run]")
       ->check(CLI::IsMember(kRisks));
 }
@@ -122,8 +122,8 @@ int reproduce(ReproduceOptions options) {
 void add_report_command(CLI::App& tether, Action& action) {
   auto folder = std::make_shared<std::string>();
   auto risk = std::make_shared<std::string>("whole_run");
-  CLI::App* command =
-      tether.add_subcommand("report", "Figures, tables and report.html of a sweep, or of several");
+  CLI::App* command = tether.add_subcommand(
+      "report", "Write figures, tables and report.html of one or several sweeps");
   command->add_option("folder", *folder, "a sweep's folder, or one with sweeps' folders in it")
       ->required();
   add_risk_option(command, *risk);
@@ -134,7 +134,7 @@ void add_report_command(CLI::App& tether, Action& action) {
 void add_reproduce_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<ReproduceOptions>();
   CLI::App* command = tether.add_subcommand(
-      "reproduce", "The paper's five figures, and which of its claims hold here");
+      "reproduce", "Reproduce the paper's five figures, and check its claims");
   command->add_flag("--quick", options->quick,
                     "few seeds: 658 runs, not 3914; 1 min 30 s on two fast cores");
   command->add_option("--out", options->out,

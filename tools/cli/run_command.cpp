@@ -185,8 +185,7 @@ Scenario checked_scenario(const RunOptions& options) {
   if (options.view && external) {
     throw UsageError(
         "run: --view cannot show a run with an external controller; use --out, then tether view "
-        "RUN.lcmlog "
-        "do");
+        "RUN.lcmlog");
   }
   if (const std::string warning = overload_warning(scenario.get<MediumSettings>());
       !warning.empty()) {
@@ -279,7 +278,7 @@ int run(const RunOptions& options) {
 
 void add_run_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<RunOptions>();
-  CLI::App* command = tether.add_subcommand("run", "One run in virtual time: deterministic");
+  CLI::App* command = tether.add_subcommand("run", "Make one run in virtual time: deterministic");
   add_scenario(*command, options->scenario);
   add_seed(*command, options->scenario);
   command->add_option(
@@ -288,14 +287,14 @@ void add_run_command(CLI::App& tether, Action& action) {
       "path.svg [none]");
   CLI::Option* processes =
       command->add_flag("--processes", options->processes,
-                        "each node a process of its own, over LCM in lockstep: the same result");
+                        "run each node as its own process, over LCM in lockstep: the same result");
   command->add_option(
       "--lcm-url", options->lcm_url,
       "LCM network of --processes and of an external controller [a free port of this "
       "host's]");
   command
       ->add_option("--patience", options->patience_s,
-                   "how long a node of --processes may take for one answer, seconds")
+                   "maximum time of a node of --processes for one answer, s")
       ->check(number_between(0.1, 86'400.0))
       ->capture_default_str()
       ->needs(processes);
@@ -304,9 +303,9 @@ void add_run_command(CLI::App& tether, Action& action) {
                  "hold a run of --processes, and step it from the terminal")
       ->needs(processes);
   CLI::Option* const view =
-      command->add_flag("--view", options->view, "with a page to look at it, at a pace")
+      command->add_flag("--view", options->view, "show the run in the browser, paced by --speed")
           ->excludes(processes);
-  command->add_option("--speed", options->speed, "with --view: seconds of the run per second")
+  command->add_option("--speed", options->speed, "with --view: run seconds per wall second")
       ->check(number_between(Playback::kSlowest, Playback::kFastest))
       ->capture_default_str()
       ->needs(view);

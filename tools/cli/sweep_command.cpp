@@ -181,7 +181,7 @@ int print_scenario(const std::string& folder, std::size_t arm, std::uint64_t see
 void add_sweep_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<SweepCommandOptions>();
   CLI::App* command = tether.add_subcommand(
-      "sweep", "Many runs: a grid of scenarios times seeds; goes on where it was interrupted");
+      "sweep", "Make many runs, a grid of scenarios times seeds; resumes an interrupted sweep");
   command->add_option("experiment", options->experiment_file, "experiment file (TOML)");
   command
       ->add_option("--set", options->overrides,
@@ -191,18 +191,18 @@ void add_sweep_command(CLI::App& tether, Action& action) {
       ->check(CLI::Range(1, 1024));
   command->add_option("--out", options->out,
                       "folder of runs.sqlite [out/NAME; with --quick out/NAME-quick]");
-  command->add_flag("--quick", options->quick, "no more seeds than the file's quick_seeds");
+  command->add_flag("--quick", options->quick, "at most the file's quick_seeds");
   command->add_flag("--report", options->report,
-                    "then figure, tables and report.html into the same folder");
+                    "also write figure, tables and report.html into the same folder");
   command->add_option("--shard", options->shard, "make only part I of N of the runs: I/N");
   command->add_flag("--dry-run", options->dry_run,
-                    "say how many runs there are and how long they take");
+                    "print the number of runs and their estimated duration");
   command->callback([options, &action, command] {
     if (command->get_subcommands().empty()) action = [options] { return sweep(*options); };
   });
 
   auto folder = std::make_shared<std::string>(), out = std::make_shared<std::string>();
-  CLI::App* exporting = command->add_subcommand("export", "All runs of a sweep as CSV");
+  CLI::App* exporting = command->add_subcommand("export", "Print all runs of a sweep as CSV");
   exporting->add_option("folder", *folder, "a sweep's folder, or its database")->required();
   exporting->add_option("--out", *out, "file to write [standard output]");
   auto means = std::make_shared<bool>(false);
@@ -226,9 +226,9 @@ void add_sweep_command(CLI::App& tether, Action& action) {
   };
   auto one = std::make_shared<OneRun>();
   CLI::App* scenario = command->add_subcommand(
-      "scenario", "The scenario of one run of a sweep, for `tether run`: the same result again");
+      "scenario", "Print the scenario of one run of a sweep, which `tether run` repeats exactly");
   scenario->add_option("folder", one->folder, "a sweep's folder, or its database")->required();
-  scenario->add_option("arm", one->arm, "the combination's number, as `tether sweep export` has it")
+  scenario->add_option("arm", one->arm, "number of the combination, as in `tether sweep export`")
       ->required();
   scenario->add_option("seed", one->seed, "of the run")
       ->required()
@@ -242,7 +242,7 @@ void add_sweep_command(CLI::App& tether, Action& action) {
 void add_merge_command(CLI::App& tether, Action& action) {
   auto shards = std::make_shared<std::vector<std::string>>();
   auto out = std::make_shared<std::string>();
-  CLI::App* command = tether.add_subcommand("merge", "Put the shards of a sweep together");
+  CLI::App* command = tether.add_subcommand("merge", "Merge the shards of a sweep");
   command->add_option("shards", *shards, "shards' databases, or folders with shard-*.sqlite")
       ->required();
   command->add_option("--out", *out, "folder for runs.sqlite")->required();

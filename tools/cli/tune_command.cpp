@@ -76,7 +76,7 @@ int run_tune(const TuneCommandOptions& options) {
 void add_tune_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<TuneCommandOptions>();
   CLI::App* command = tether.add_subcommand(
-      "tune", "Tune the gains of laws, all with the same effort; goes on where it was interrupted");
+      "tune", "Tune the gains of laws, all with the same effort; resumes an interrupted tuning");
   command->add_option("tuning", options->file, "tuning file (TOML)");
   command
       ->add_option("--set", options->overrides,
@@ -85,13 +85,13 @@ void add_tune_command(CLI::App& tether, Action& action) {
   command->add_option("--law", options->laws, "tune this law only (repeatable) [all of the file]")
       ->allow_extra_args(false);
   command->add_option("--keep", options->keep,
-                      "with --law: a file of gains, of which the others are taken as they are");
+                      "with --law: file of gains, from which the other laws' gains are copied");
   command->add_option("--jobs", options->jobs, "runs at a time [one per core]")
       ->check(CLI::Range(1, 1024));
   command->add_option("--out", options->out,
                       "folder of gains.toml and all runs [out/NAME; with --quick out/NAME-quick]");
   command->add_flag("--quick", options->quick,
-                    "no more than the file's quick_seeds and quick_evaluations");
+                    "at most the file's quick_seeds and quick_evaluations");
   command->callback([options, &action] { action = [options] { return run_tune(*options); }; });
 }
 

@@ -125,8 +125,7 @@ int view(const ViewCommandOptions& options) {
 void add_view_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<ViewCommandOptions>();
   CLI::App* const command = tether.add_subcommand(
-      "view",
-      "A page in the browser, and Foxglove's protocol: a live network or a log; or a report");
+      "view", "Show a live network, a log or a report in the browser, or in Foxglove");
   command->add_option("log", options->log,
                       "LCM event log to play, or a folder with sweeps and their report.html "
                       "[the network of --lcm-url]");
@@ -134,7 +133,7 @@ void add_view_command(CLI::App& tether, Action& action) {
                                ->envname("LCM_DEFAULT_URL")
                                ->capture_default_str();
   command->add_option("--scenario", options->scenario.file,
-                      "of what runs on the network: its walls and its path are shown [none]");
+                      "scenario that runs on the network, for its walls and path [none]");
   command->add_option("--set", options->scenario.set, "KEY=VALUE of the scenario, as in tether run")
       ->allow_extra_args(false);
   add_view_options(*command, options->view, nullptr);

@@ -52,17 +52,16 @@ void add_view_options(CLI::App& command, ViewOptions& options, CLI::Option* need
   const std::vector<CLI::Option*> all{
       command
           .add_option("--address", options.address,
-                      "IP address that the view listens on; any but this host's own (127.0.0.1, "
-                      "::1) wants --token")
+                      "IP address that the view listens on; addresses other than this host's own "
+                      "(127.0.0.1, ::1) require --token")
           ->capture_default_str(),
-      command.add_option("--port", options.port, "port of the view; 0: any that is free")
+      command.add_option("--port", options.port, "port of the view; 0: any free port")
           ->check(CLI::Range(0, 65535))
           ->capture_default_str(),
-      command.add_option("--token", options.token,
-                         "what has to be known to be let in: 16 characters or more [none]"),
+      command.add_option("--token", options.token, "access token, 16 characters or more [none]"),
       command.add_option("--allow-origin", options.origins,
-                         "a page elsewhere that may talk to the view, such as "
-                         "https://app.foxglove.dev; again for more [none]"),
+                         "origin of an external page that may use the view, such as "
+                         "https://app.foxglove.dev (repeatable) [none]"),
       command.add_option("--page", options.page,
                          "folder with the page's files [share/tether/view beside bin]")};
   if (needs == nullptr) return;

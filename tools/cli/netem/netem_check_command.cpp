@@ -191,22 +191,22 @@ int export_tc_commands(const CheckOptions& options) {
 
 void add_netem_scenario_commands(CLI::App& netem, Action& action) {
   auto options = std::make_shared<CheckOptions>();
-  CLI::App* const check_command = netem.add_subcommand(
-      "check",
-      "Sends packets through a scenario's links, without vehicle and controller, and compares what "
-      "became of them with what is configured. Exit code 1 if anything is outside, or cannot be "
-      "told for want of packets.");
+  CLI::App* const check_command =
+      netem.add_subcommand("check",
+                           "Send packets through a scenario's links, without vehicle and "
+                           "controller, and compare their fates with the configuration. Exit code "
+                           "1 if anything is outside, or undecided for lack of packets.");
   add_scenario(*check_command, options->scenario)->required();
   add_seed(*check_command, options->scenario);
-  check_command->add_option("--packets", options->packets, "offered to each link [1000000]")
+  check_command->add_option("--packets", options->packets, "packets offered to each link [1000000]")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000'000}));
   check_command->add_flag("--json", options->json, "print one JSON object");
   check_command->callback([options, &action] { action = [options] { return check(*options); }; });
 
   CLI::App* const export_command = netem.add_subcommand(
       "export-tc",
-      "The tc commands that make the Linux kernel's netem impair packets as a scenario's links do, "
-      "and, as comments, what it cannot do and why");
+      "Print the tc commands that make the Linux kernel's netem impair packets like a scenario's "
+      "links, and, as comments, unsupported settings with the reason");
   add_scenario(*export_command, options->scenario)->required();
   export_command->add_option("--interface", options->interface, "network interface [eth0]")
       ->check([](const std::string& name) {

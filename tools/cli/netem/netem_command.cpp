@@ -56,8 +56,8 @@ void add_fit(CLI::App& netem, Action& action) {
   auto options = std::make_shared<FitOptions>();
   CLI::App* const command = netem.add_subcommand(
       "fit",
-      "The channel model that a packet log fits best, with its accuracy, as a piece of a scenario "
-      "file. Exit code 1 if no model of the kind fits, or if the loss changes over the "
+      "Fit channel models to a packet log, and print the best one with its accuracy as a part of a "
+      "scenario file. Exit code 1 if no model of the kind fits, or if the loss changes over the "
       "log.");
   command
       ->add_option("file", options->file,
@@ -73,9 +73,10 @@ void add_fit(CLI::App& netem, Action& action) {
                    "section of the scenario: uplink or downlink [downlink]")
       ->check(CLI::IsMember({"uplink", "downlink"}));
   command->add_flag("--strict", options->strict,
-                    "exit with 1 also where losses or delays may change (p < 0.05, all tests "
+                    "exit with 1 also if losses or delays may change (p < 0.05, all tests "
                     "together)");
-  command->add_option("--seed", options->seed, "of the simulations for the goodness of fit [1]");
+  command->add_option("--seed", options->seed,
+                      "seed of the simulations for the goodness of fit [1]");
   command->add_option("--out", options->out, "file to write [standard output]");
   command->callback([options, &action] { action = [options] { return fit(*options); }; });
 }
@@ -98,7 +99,7 @@ void add_set_and_show(CLI::App& netem, Action& action) {
   auto options = std::make_shared<SettingOptions>();
   CLI::App* const set = add_setting_command(
       netem, *options, "set",
-      "Give a running relay other settings of its channel, all at once. Exit code 1 if it refuses");
+      "Change settings of a running relay's channel, all at once. Exit code 1 if it refuses");
   set->add_option("settings", options->settings,
                   "KEY=VALUE as in tether run --set, without \"channel.\": downlink.prr=0.45; "
                   "prr=0.45 sets both links; files are the relay's")
@@ -107,7 +108,7 @@ void add_set_and_show(CLI::App& netem, Action& action) {
     action = [options] { return netem_set(options->lcm_url, options->settings); };
   });
   add_setting_command(netem, *options, "show",
-                      "Settings of a running relay's channel that differ from the defaults")
+                      "Print settings of a running relay's channel that differ from the defaults")
       ->callback(
           [options, &action] { action = [options] { return netem_show(options->lcm_url); }; });
 }

@@ -48,12 +48,12 @@ int import(const ImportOptions& options) {
 
 void add_netem_import_command(CLI::App& netem, Action& action) {
   auto options = std::make_shared<ImportOptions>();
-  CLI::App* const command = netem.add_subcommand(
-      "import",
-      "A trace (channel.model = \"trace\") of what was measured: a CSV file of any columns, or "
-      "what ping or iperf3 wrote");
+  CLI::App* const command =
+      netem.add_subcommand("import",
+                           "Convert measurements to a trace (channel.model = \"trace\"): a CSV "
+                           "file with any columns, or the output of ping or iperf3");
   command->add_option("file", options->file, "what was measured")->required();
-  command->add_option("--format", options->format, "csv, ping or iperf3 [by how the file begins]")
+  command->add_option("--format", options->format, "csv, ping or iperf3 [detected from the file]")
       ->check(CLI::IsMember({"csv", "ping", "iperf3"}));
   command->add_option(
       "--time", options->columns.time,
@@ -66,24 +66,24 @@ void add_netem_import_command(CLI::App& netem, Action& action) {
                       "CSV: column of the losses, NAME:UNIT: lost (0 or 1), share, percent, prr or "
                       "prr_percent [by its name]");
   command->add_flag("--round-trip", options->columns.round_trip,
-                    "CSV: delays are there and back: half of each [if called rtt or ping]");
+                    "CSV: delays are round-trip times, of which half is used [if the column is "
+                    "called rtt or ping]");
   command
       ->add_option("--interval", options->interval_s,
-                   "ping without -D: seconds from packet to packet")
+                   "ping without -D: interval between packets, s")
       ->check(number_between(1e-4, 3600.0))
       ->capture_default_str();
   command
-      ->add_option(
-          "--gaps", options->gaps.meaning,
-          "what a time without rows means: hold (the row before), lost (nothing passes) or "
-          "refuse [hold]")
+      ->add_option("--gaps", options->gaps.meaning,
+                   "meaning of a time without rows: hold (the row before), lost (nothing passes) "
+                   "or refuse [hold]")
       ->transform(CLI::CheckedTransformer(
           std::map<std::string, GapRule::Meaning>{{"hold", GapRule::Meaning::hold},
                                                   {"lost", GapRule::Meaning::lost},
                                                   {"refuse", GapRule::Meaning::refuse}}));
   command
       ->add_option("--gap", options->gaps.longer_than_s,
-                   "how long it is at least, seconds [10 times the usual]")
+                   "minimum length of such a time, s [10 times the usual interval]")
       ->check(number_between(1e-6, 1e6));
   command->add_option("--out", options->out, "file to write [standard output]");
   command->callback([options, &action] { action = [options] { return import(*options); }; });

@@ -71,13 +71,13 @@ void add_netem_plot_command(CLI::App& netem, Action& action) {
   auto options = std::make_shared<PlotOptions>();
   CLI::App* const command = netem.add_subcommand(
       "plot",
-      "Sends packets through one of a scenario's links, without vehicle and controller, and draws "
+      "Send packets through one of a scenario's links, without vehicle and controller, and draw "
       "their losses and the distribution of their delays");
   add_scenario(*command, options->scenario)->required();
   add_seed(*command, options->scenario);
   command->add_option("--link", options->link, "uplink or downlink [downlink]")
       ->check(CLI::IsMember({"uplink", "downlink"}));
-  command->add_option("--packets", options->packets, "offered to the link [100000]")
+  command->add_option("--packets", options->packets, "packets offered to the link [100000]")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{10'000'000}));
   command->add_option("--out", options->out, "folder for the figures, made if missing")->required();
   command->callback([options, &action] { action = [options] { return plot(*options); }; });

@@ -45,7 +45,8 @@ CLI::App* add_operator_command(CLI::App& can, const SharedOptions& options, cons
   command->add_option("--lcm-url", options->op.lcm_url, "LCM network")
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
-  command->add_option("--vehicle", options->op.vehicle, "whose channels")->capture_default_str();
+  command->add_option("--vehicle", options->op.vehicle, "name of the vehicle in the channels")
+      ->capture_default_str();
   return command;
 }
 
@@ -73,7 +74,7 @@ const std::map<std::string, std::int32_t>& fault_kinds() {
 
 void add_inject(CLI::App& can, const SharedOptions& options, Action& action) {
   CLI::App* const command =
-      add_operator_command(can, options, "inject", "Give the emulated drives a fault");
+      add_operator_command(can, options, "inject", "Inject a fault into the emulated drives");
   std::vector<std::string> names;
   for (const auto& [name, kind] : fault_kinds()) names.push_back(name);
   command
@@ -89,7 +90,7 @@ void add_inject(CLI::App& can, const SharedOptions& options, Action& action) {
       ->add_option("--value", options->value,
                    "fault: error code; silence: seconds, 0 for good; sdo_abort: object index, 0 "
                    "for all; wheel_slip: share, above 0, up to 1; safety_input: 0 demands, 1 is "
-                   "silent, 2 makes no sense; push: acceleration of wheels without power, rad/s^2; "
+                   "silent, 2 is malformed; push: acceleration of wheels without power, rad/s^2; "
                    "weak_brake: share of the brake ramps that acts, 0 to 1")
       ->capture_default_str();
   command->callback([options, &action] {
@@ -115,7 +116,7 @@ void add_drive(CLI::App& can, const SharedOptions& options, Action& action) {
   command->add_option("--omega-radps", options->drive.twist.omega_radps, "yaw rate, left positive")
       ->check(number_between(-10.0, 10.0))
       ->capture_default_str();
-  command->add_option("--for-s", options->drive.for_s, "how long, seconds")
+  command->add_option("--for-s", options->drive.for_s, "duration, s")
       ->check(number_between(0.1, 3600.0))
       ->capture_default_str();
   command->callback([options, &action] {
@@ -124,10 +125,10 @@ void add_drive(CLI::App& can, const SharedOptions& options, Action& action) {
 }
 
 void add_probe(CLI::App& can, const SharedOptions& options, Action& action) {
-  CLI::App* const command = can.add_subcommand(
-      "probe",
-      "Look at the drives on a bus: who are they, do they fit a drivetrain file? Only "
-      "reads (SDO uploads); not while the bridge starts up");
+  CLI::App* const command =
+      can.add_subcommand("probe",
+                         "Identify the drives on a bus, and compare them with a drivetrain file. "
+                         "Only reads (SDO uploads); not while the bridge starts up");
   command->add_option("--interface", options->probe.interface, "SocketCAN interface")
       ->capture_default_str();
   CLI::Option* const nodes =
@@ -190,9 +191,10 @@ int can_import(const CanCommandOptions& options) {
 }
 
 void add_import(CLI::App& can, const SharedOptions& options, Action& action) {
-  CLI::App* const command = can.add_subcommand(
-      "import",
-      "Print a drivetrain file (profile cia402) from a drive's EDS or DCF, and what it cannot say");
+  CLI::App* const command =
+      can.add_subcommand("import",
+                         "Print a drivetrain file (profile cia402) from a drive's EDS or DCF, and "
+                         "list the values that it does not contain");
   command->add_option("file", options->eds_file, "EDS or DCF file, as CiA 306 describes it")
       ->required();
   command
@@ -224,7 +226,7 @@ void add_can_command(CLI::App& tether, Action& action) {
       ->callback([options, &action] { action = [options] { return can_hold(options->op); }; });
   add_drive(*can, options, action);
   add_inject(*can, options, action);
-  add_operator_command(*can, options, "status", "State, wheels and odometry, once")
+  add_operator_command(*can, options, "status", "Print state, wheels and odometry once")
       ->callback([options, &action] { action = [options] { return can_status(options->op); }; });
   add_probe(*can, options, action);
   add_import(*can, options, action);

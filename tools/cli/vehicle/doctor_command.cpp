@@ -40,7 +40,7 @@ int doctor(const DoctorOptions& options) {
 void add_doctor_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<DoctorOptions>();
   CLI::App* const command = tether.add_subcommand(
-      "doctor", "Check this machine: network, buffers, clock, CAN, rights; and what to do");
+      "doctor", "Check this machine: network, buffers, clock, CAN, rights; print remedies");
   command->add_option("--lcm-url", options->lcm_url, "LCM network")
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
@@ -49,14 +49,13 @@ void add_doctor_command(CLI::App& tether, Action& action) {
                     "tether-link must run, its peers must be up, and their clocks agree");
   CLI::Option* const realtime =
       command->add_flag("--realtime", options->realtime,
-                        "also measure how late the loop that steers wakes up while all processors "
-                        "and the disk are busy; not "
-                        "while a vehicle drives");
-  command->add_option("--seconds", options->seconds, "Duration of the measurement, s")
+                        "also measure the wake-up latency of the control loop while all processors "
+                        "and the disk are busy; not while a vehicle drives");
+  command->add_option("--seconds", options->seconds, "duration of the measurement, s")
       ->check(number_between(1.0, 3600.0))
       ->needs(realtime)
       ->capture_default_str();
-  command->add_option("--cycle-ms", options->cycle_ms, "the bridge's cycle, can.cycle_ms")
+  command->add_option("--cycle-ms", options->cycle_ms, "cycle of the bridge, can.cycle_ms")
       ->check(number_between(1.0, 1000.0))
       ->needs(realtime)
       ->capture_default_str();

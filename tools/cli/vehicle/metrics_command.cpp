@@ -74,14 +74,13 @@ int serve_metrics(const MetricsOptions& options) {
 void add_metrics_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<MetricsOptions>();
   CLI::App* const command = tether.add_subcommand(
-      "metrics",
-      "Serve what LCM messages say about link, drives and nodes to Prometheus: GET /metrics");
+      "metrics", "Serve metrics of link, drives and nodes to Prometheus: GET /metrics");
   command
       ->add_option("--address", options->address,
-                   "IP address to listen on; any but this host's own (127.0.0.1, ::1) needs "
-                   "--token")
+                   "IP address to listen on; addresses other than this host's own (127.0.0.1, ::1) "
+                   "require --token")
       ->capture_default_str();
-  command->add_option("--port", options->port, "port to listen on; 0: any that is free")
+  command->add_option("--port", options->port, "port to listen on; 0: any free port")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
   command->add_option("--token", options->token,

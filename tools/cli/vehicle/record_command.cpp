@@ -71,8 +71,7 @@ int record(const RecordOptions& options) {
 void add_record_command(CLI::App& tether, Action& action) {
   auto options = std::make_shared<RecordOptions>();
   CLI::App* const command = tether.add_subcommand(
-      "record",
-      "Record LCM messages, the newest as far as there is room: files NAME-00000001.lcmlog …");
+      "record", "Record the newest LCM messages in a bounded set of files NAME-00000001.lcmlog …");
   command->add_option("folder", options->folder, "existing folder of the files")->required();
   command->add_option("--name", options->name, "first part of their names")
       ->check(CLI::Validator(
@@ -88,14 +87,13 @@ void add_record_command(CLI::App& tether, Action& action) {
   command->add_option("--file-mb", options->file_mb, "size at which the next file begins, MB")
       ->check(number_between(0.001, 1e6))
       ->capture_default_str();
-  command->add_option("--files", options->files, "most files kept: the oldest is deleted")
+  command->add_option("--files", options->files, "maximum number of files; the oldest is deleted")
       ->check(CLI::Range(2, 100000))
       ->capture_default_str();
   command
-      ->add_option(
-          "--keep-free-mb", options->keep_free_mb,
-          "space that stays free on the file system, MB: old files are deleted first, then "
-          "messages are lost, which is counted and said")
+      ->add_option("--keep-free-mb", options->keep_free_mb,
+                   "free space to keep on the file system, MB: old files are deleted first, then "
+                   "messages are dropped, counted and reported")
       ->check(number_between(0.0, 1e9))
       ->capture_default_str();
   command->add_option("--lcm-url", options->lcm_url, "LCM network")

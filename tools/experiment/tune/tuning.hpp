@@ -65,7 +65,7 @@ struct Tuning {
 };
 
 /// Reads the file and its scenario; `overrides` ("KEY=VALUE") apply on top of both. `quick`: with
-/// one search, no more than the file's quick_seeds and quick_evaluations. Throws UsageError that
+/// one search, at most the file's quick_seeds and quick_evaluations. Throws UsageError that
 /// names file, line, key and what is allowed, also if a bound is a value that the scenario must not
 /// have.
 Tuning load_tuning(const std::string& file, const std::vector<std::string>& overrides = {},

@@ -1,6 +1,6 @@
 #include "tools/view/one_file/gzip.hpp"
 
-#makes zlib's input pointers const
+#define ZLIB_CONST  // makes zlib's input pointers const
 #include <zlib.h>
 
 #include <algorithm>
