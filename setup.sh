@@ -30,8 +30,8 @@ if [ "${1:-}" = tests ]; then
         clang-format clang-tidy                     # lint
         clang lld libclang-rt-14-dev                # the sanitizers' build, by a second compiler
         xvfb xdotool imagemagick x11-utils tesseract-ocr tesseract-ocr-eng # lcm-spy's screenshot
-        python3-pandas                              # what readers of runs make of them
-        python3-prometheus-client                   # what reads metrics
+        python3-pandas                              # for readers of runs
+        python3-prometheus-client                   # for readers of metrics
         procps util-linux                           # process tests
         rsync                                       # the upload of logs
         zsh groff-base                              # completion, manual pages

@@ -34,7 +34,7 @@ enum class RemoteFate {
   several,         ///< several programs send commands
   other_handover,  ///< names no report of the present handover
   from_future,     ///< names a report that the vehicle has not made yet
-  old,             ///< what its sender saw is too old
+  old,             ///< the report that its sender saw is too old
   out_of_order,    ///< refused by StreamGuard
   not_from_rest,   ///< the first command of a driver has to be a stop
   not_followed,    ///< a plan that the actuator refuses: plan.… says why

@@ -103,7 +103,7 @@ class AgilexV2Profile final : public DriveProfile {
   std::array<std::int64_t, 2> way_mm_{};  // unwrapped, since construction
   std::array<WheelMotion, 2> wheels_motion_;
   double counted_speed_mps_ = 0.0;  // speed of the faster wheel, at the newest odometer
-  double uncounted_m_ = 0.0;        // of either wheel
+  double uncounted_m_ = 0.0;        // uncounted travel of either wheel
 
   Counters counters_;
   std::string intruder_;

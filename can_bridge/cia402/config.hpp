@@ -94,9 +94,10 @@ struct Cia402Config : DrivetrainCommon {
   static constexpr std::array kSections{"bridge", "drives",   "left", "right",
                                         "setup",  "watchdog", "pdo",  "emulation"};
 
-  std::uint8_t master_node = 0x7F;         ///< node id of the bridge's own heartbeat
-  std::uint16_t heartbeat_ms = 60;         ///< of the bridge; rounded up to control cycles
-  bool sync = true;                        ///< send SYNC every control cycle
+  std::uint8_t master_node = 0x7F;  ///< node id of the bridge's own heartbeat
+  std::uint16_t heartbeat_ms =
+      60;            ///< period of the bridge's heartbeat; rounded up to control cycles
+  bool sync = true;  ///< send SYNC every control cycle
   std::uint16_t drive_heartbeat_ms = 100;  ///< period of the drives' heartbeat (0x1017)
   std::uint16_t drive_heartbeat_timeout_ms = 300;
   std::uint16_t sdo_timeout_ms = 500;

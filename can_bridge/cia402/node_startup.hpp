@@ -69,7 +69,7 @@ class NodeStartup {
 
   SdoClient sdo_;
   State state_ = State::idle;
-  Instant deadline_{};                    // of the boot-up message
+  Instant deadline_{};                    // deadline of the boot-up message
   std::optional<Instant> answers_until_;  // deadline of the first SDO answer
   int resets_ = 0;
   int boots_ = 0;

@@ -16,10 +16,10 @@ inline constexpr std::int64_t kProfileVelocity = 3;
 struct SdoStep {
   enum class Check {
     none,              ///< nothing is read
-    equal,             ///< what is read must be `expected` in the bits of `mask`
+    equal,             ///< the read value must be `expected` in the bits of `mask`
     eventually_equal,  ///< the same, read again until step_timeout_ms is over
     drive_profile,     ///< must be a CiA 402 device type, or 0 (not told)
-    keep,              ///< what is read in the bits of `mask` stays set in later writes of it
+    keep,              ///< the read value, in the bits of `mask`, stays set in later writes
   };
   enum class Need {
     required,  ///< if it is aborted or reads another value, the drive cannot be used

@@ -30,7 +30,7 @@ struct CommissionRecord {
   std::string operator_name;
   std::string date;             ///< UTC, ISO 8601
   std::string wheels;           ///< "free" or "on the floor"
-  double speed_mps = 0.0;       ///< of the trials
+  double speed_mps = 0.0;       ///< speed of the trials
   std::vector<Item> settings;   ///< commissioned_settings()
   std::vector<Item> objects;    ///< ObjectReader::values()
   std::vector<Result> results;  ///< in the order of the trials

@@ -25,10 +25,10 @@ struct CanSettings {
     safety_input,
   };
 
-  std::string drivetrain_file;      ///< what is on the bus; relative to the scenario file
+  std::string drivetrain_file;      ///< drives on the bus; relative to the scenario file
   std::string interface = "vcan0";  ///< live runs: SocketCAN interface
   double bit_rate_bps = 500'000;    ///< virtual runs: of the bus; reports: for the bus load
-  Wheels wheels = Wheels::sim;      ///< what emulated drives turn
+  Wheels wheels = Wheels::sim;      ///< wheels that emulated drives turn
   bool emulate_drives = true;       ///< live runs start tether-can-drive
   /// Who presses "arm": once = the run itself, as soon as the drivetrain is ready; never = an
   /// operator (`tether can arm`).
@@ -36,9 +36,9 @@ struct CanSettings {
   /// Hold-to-run: longest time between the operator's signals that he holds; 0: not required.
   double operator_timeout_ms = 0.0;
   std::string estop_file;  ///< remembers a latched e-stop; "": see docs/reference/drivetrain.md
-  /// What `tether can commission` wrote, for arming to compare; "": the same.
+  /// File that `tether can commission` wrote, for arming to compare; "": the same.
   std::string commission_record;
-  double cycle_ms = 20.0;   ///< of the control loop: SYNC and setpoints
+  double cycle_ms = 20.0;   ///< period of the control loop: SYNC and setpoints
   double stale_ms = 200.0;  ///< age of the newest command above which the vehicle ramps to zero
   /// Age of the newest command above which the bridge makes a quick stop and disarms.
   double disarm_ms = 500.0;

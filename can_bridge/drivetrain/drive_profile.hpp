@@ -33,7 +33,7 @@ enum class StopKind {
 /// own units and mounting are.
 struct WheelFeedback {
   bool valid = false;  ///< something was received since the last start
-  Instant stamp{};     ///< of the newest position or speed
+  Instant stamp{};     ///< time of the newest position or speed
   /// Since the bridge's start; counted through the drive's wrap-around. After a silence it takes up
   /// what the drive counted meanwhile, unless the drive may have rebooted: then it goes on from
   /// where it was.

@@ -40,7 +40,7 @@ struct SafetyInputConfig {
   enum class Function {
     protective_stop,  ///< the vehicle stops
     speed_limit,      ///< no rim is to move faster than speed_limit_mps
-    estop_status,     ///< as a pressed ESTOP: latched
+    estop_status,     ///< like a pressed ESTOP: latched
   };
   /// Reaction of protective_stop without restart_after_s. Then the vehicle is disarmed.
   enum class Reaction { quick_stop, ramp };

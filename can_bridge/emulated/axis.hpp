@@ -42,7 +42,7 @@ class EmulatedAxis {
     double actual = 0.0;            ///< measured speed
     double friction = 1.0;          ///< slows down a wheel that coasts
     double push = 0.0;              ///< accelerates one; signed
-    double brake_share = 1.0;       ///< of the decelerations that acts
+    double brake_share = 1.0;       ///< acting share of the decelerations
   };
 
   /// Power-on or reset: NotReadyToSwitchOn, everything forgotten.

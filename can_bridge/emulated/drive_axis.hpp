@@ -15,7 +15,7 @@ struct EmulatedDriveAxis {
   EmulatedEncoder encoder;
   double coasting_radps2 = 1.0;  ///< deceleration of a wheel without power and brake
   double push_radps2 = 0.0;      ///< a load that accelerates it, forward positive
-  double brake_share = 1.0;      ///< of the drive's ramps towards zero that acts
+  double brake_share = 1.0;      ///< acting share of the drive's ramps towards zero
 
   /// Runs the axis for `dt` with what the objects say.
   void run(const ObjectDictionary& dictionary, Duration dt);

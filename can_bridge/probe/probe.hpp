@@ -27,7 +27,7 @@ struct ProbeRow {
 struct ProbedNode {
   std::uint8_t node = 0;
   bool answered = false;  ///< to any SDO request
-  /// Of its newest heartbeat; empty: none was heard.
+  /// State in its newest heartbeat; empty: none was heard.
   std::optional<canopen::NmtState> nmt;
   std::vector<ProbeRow> rows;
 

@@ -256,7 +256,7 @@ class SafetyCore {
   bool feedback_lies_ = false;                  ///< since the last ARM
   bool did_not_follow_ = false;                 ///< a wheel, since the last ARM
   std::optional<Instant> distrust_until_;       ///< since the last stop
-  std::optional<Instant> standstill_due_;       ///< of a stop, until standstill is confirmed
+  std::optional<Instant> standstill_due_;       ///< deadline of a stop for confirmed standstill
   bool unconfirmed_ = false;                    ///< it was not in time
   Decision::Action action_ = Decision::Action::none;
 
@@ -268,7 +268,7 @@ class SafetyCore {
   Cause fault_cause_ = Cause::bridge;
   std::string fault_reason_;
   std::string purge_failure_;  ///< why old setpoints may still wait in the bus; until RESET
-  std::string stop_reason_;    ///< of the last stop
+  std::string stop_reason_;    ///< reason of the last stop
   std::string notice_;         ///< why the last request was refused
 
   CanState worst_bus_ = CanState::up;   ///< since the last cycle

@@ -72,7 +72,7 @@ class SafetyInputs {
     Condition level = Condition::silent;   ///< newest
     Condition worst = Condition::clear;    ///< since the last cycle
     Condition before = Condition::silent;  ///< in the last cycle
-    std::string nonsense;                  ///< what makes none
+    std::string nonsense;                  ///< inputs with a malformed message
     std::optional<Instant> stamp{};        ///< CAN: of the newest frame
     Instant clear_since{};
     std::int64_t demands = 0;

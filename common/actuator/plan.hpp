@@ -28,7 +28,7 @@ struct Plan {
   static constexpr std::int64_t kBasedOnNone = -1;
   static constexpr std::int64_t kBasedOnAny = -2;
 
-  Instant stamp;                ///< of its message
+  Instant stamp;                ///< stamp of its message
   std::optional<Instant> pose;  ///< when the pose was measured that it was predicted from
   std::int64_t seq = 0;
   PlanName name;

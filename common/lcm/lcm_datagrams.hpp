@@ -71,7 +71,7 @@ class LcmAssembler {
   std::map<Key, Partial> pending_;
   std::list<Key> ages_;  // oldest first
   std::size_t pending_bytes_ = 0;
-  std::string channel_;              // of the message last completed from fragments
+  std::string channel_;              // channel of the message last completed from fragments
   std::vector<std::uint8_t> bytes_;  // the same
   Counters counters_;
 };

@@ -26,8 +26,8 @@ class LockstepMember {
   struct Config {
     std::int64_t session = 0;   ///< the run's number; 0: whichever run is on this network
     std::int64_t instance = 0;  ///< tells this start of the program from any other
-    std::string name;           ///< of lockstep_nodes()
-    Instant start{};            ///< of the run's time
+    std::string name;           ///< a name in lockstep_nodes()
+    Instant start{};            ///< start of the run's time
     /// A message that has not come within this time of its grant is asked for again, …
     Duration resend_after = std::chrono::milliseconds{40};
     /// … and missed for good after this.

@@ -21,17 +21,17 @@ struct LocaliserSettings {
   /// Maximum distance from the map of a beam's end; others are ignored.
   double max_distance_m = 0.5;
   static constexpr int kLeastBeams = 20;  ///< minimum number of beams of a usable scan
-  int max_beams = 1000;                   ///< of a scan that are matched, evenly chosen
-  int particles = 20000;                  ///< number of new particles per scan while it searches
-  double scan_patience_ms = 30.0;         ///< place = edge: for missing parts after a scan's end
-  double part_bytes = 1400.0;             ///< place = edge: of a part at most
+  int max_beams = 1000;            ///< maximum number of matched beams of a scan, evenly chosen
+  int particles = 20000;           ///< number of new particles per scan while it searches
+  double scan_patience_ms = 30.0;  ///< place = edge: for missing parts after a scan's end
+  double part_bytes = 1400.0;      ///< place = edge: of a part at most
 };
 
 /// [autonomy]: the vehicle drives by itself and asks for a remote driver when it cannot go on.
 /// Its keys are in autonomy/node/autonomy_section.cpp.
 struct AutonomySettings {
   bool enabled = false;
-  double rate_hz = 50.0;           ///< of setpoints
+  double rate_hz = 50.0;           ///< rate of setpoints
   double deceleration_mps2 = 1.0;  ///< a of the stopping field v²/2a + v·reaction + margin
   double reaction_s = 0.2;
   double yaw_acceleration_radps2 = 2.0;  ///< limit of setpoints; v's is deceleration_mps2 both ways

@@ -14,7 +14,7 @@ class FigureEight final : public ReferencePath {
     double rate_radps = 0.1;
     double rotation_rad = -0.78539816339744831;  ///< −π/4
     double phase = 0.0;                          ///< share of an eight at t = 0
-    double x_m = 0.0;                            ///< of its crossing
+    double x_m = 0.0;                            ///< position of its crossing
     double y_m = 0.0;
   };
 

@@ -21,7 +21,7 @@ std::size_t steps_of(const PathCurve& curve) {
 
 /// The limits at one step, whatever is before and after it.
 struct Cap {
-  double square = 0.0;        ///< of the speed, m²/s²
+  double square = 0.0;        ///< square of the speed, m²/s²
   double acceleration = 0.0;  ///< m/s²
   double deceleration = 0.0;  ///< m/s²
 };

@@ -51,7 +51,7 @@ class SpeedProfile {
 
   double length_m_;
   std::vector<Motion> first_;  ///< from rest; its s goes on rising in later laps
-  std::vector<Motion> lap_;    ///< of closed curves, from s = 0; flying
+  std::vector<Motion> lap_;    ///< lap of closed curves, from s = 0; flying
   double into_lap_s_ = 0.0;    ///< the flying lap's time at which first_ joins it
 };
 

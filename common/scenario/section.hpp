@@ -83,7 +83,7 @@ struct TableList {
 struct SwitchedKey {
   std::string key;                    ///< full name
   std::vector<std::string> switches;  ///< full names
-  ScenarioValue off = 0.0;            ///< what they are when they are off
+  ScenarioValue off = 0.0;            ///< value that switches them off
 };
 
 using ScenarioValues = std::map<std::string, ScenarioValue>;  ///< by full name

@@ -11,7 +11,7 @@ struct StopLimits {
   double deceleration_mps2 = 1.5;
   double yaw_deceleration_radps2 = 3.0;
   double max_wheel_acceleration_mps2 = 3.0;  ///< limit of each rim
-  double max_wheel_speed_mps = 10.0;         ///< of each rim
+  double max_wheel_speed_mps = 10.0;         ///< limit of each rim
   double track_m = 1.2;
 };
 

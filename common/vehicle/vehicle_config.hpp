@@ -20,7 +20,7 @@ struct VehicleConfig {
   double wheel_width_m = 0.2;
   double wheel_mass_kg = 1.0;
   double track_m = 1.2;     ///< between wheel centres
-  double axle_x_m = -0.5;   ///< of the axle, relative to the chassis centre
+  double axle_x_m = -0.5;   ///< position of the axle, relative to the chassis centre
   double caster_x_m = 0.8;  ///< position of the caster ball, relative to the chassis centre
   double caster_radius_m = 0.2;
   double caster_mass_kg = 0.2688;  ///< puts the centre of mass at x = −0.23 m, the paper's C

@@ -27,7 +27,7 @@ struct OccupancyMap {
   std::size_t rows = 0;
   double resolution_m = 0.05;
   Pose2 origin;
-  std::string image_file = {};      ///< as found from the YAML file's folder
+  std::string image_file = {};      ///< path, resolved from the YAML file's folder
   std::vector<bool> occupied = {};  ///< row after row, the one at the origin first
 
   bool at(std::size_t column, std::size_t row) const { return occupied[row * columns + column]; }

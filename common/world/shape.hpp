@@ -13,11 +13,11 @@ namespace tether {
 struct Shape {
   enum class Outline { rectangle, circle };
   Outline outline = Outline::rectangle;
-  Pose2 pose = {};         ///< of its centre, world frame
+  Pose2 pose = {};         ///< pose of its centre, world frame
   double length_m = 1.0;   ///< rectangle: along the pose's x axis
   double width_m = 1.0;    ///< rectangle: along its y axis
   double radius_m = 0.5;   ///< circle
-  double height_m = 2.0;   ///< of its top above the floor
+  double height_m = 2.0;   ///< height of its top above the floor
   double clearance_m = 0;  ///< height of its lower side above the floor; 0 except for shelves
   /// Share of a scanner's light that comes back, diffusely, at normal incidence; 0 … 1.
   double reflectivity = 0.5;

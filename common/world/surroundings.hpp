@@ -16,11 +16,11 @@ namespace tether {
 struct Obstacle {
   enum class Kind { box, cylinder, wall, rack };
   Kind kind = Kind::box;
-  Pose2 pose = {};         ///< of its centre, at t = 0
+  Pose2 pose = {};         ///< pose of its centre, at t = 0
   double length_m = 1.0;   ///< box, wall, rack
   double width_m = 1.0;    ///< box, rack; a wall's thickness
   double radius_m = 0.25;  ///< cylinder
-  double height_m = 2.0;   ///< of its top above the floor
+  double height_m = 2.0;   ///< height of its top above the floor
   double reflectivity = 0.5;
   bool mapped = true;  ///< in the map that localisers have; moving ones never are
 

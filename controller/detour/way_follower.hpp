@@ -19,7 +19,7 @@ class WayFollower {
   static constexpr double kTurned_rad = 0.06;
   static constexpr double kReached_m = 0.1;  ///< distance to a curve's end
   static constexpr double kCreep_mps = 0.1;  ///< where the profile rests, and the vehicle must not
-  static constexpr double kApart_m = 0.3;    ///< of poses of the way
+  static constexpr double kApart_m = 0.3;    ///< distance between poses of the way
   static constexpr double kTurnApart_rad = 0.25;
 
   WayFollower() = default;  ///< no way
@@ -33,7 +33,7 @@ class WayFollower {
   bool made_headway();
 
   double off_m(const Pose2& pose) const;  ///< from the nearest place of the way
-  std::vector<Pose2> ahead() const;       ///< what is left of the way, kApart_m apart
+  std::vector<Pose2> ahead() const;       ///< rest of the way, kApart_m apart
   const std::vector<WayLeg>& legs() const { return legs_; }
 
  private:
@@ -53,7 +53,7 @@ class WayFollower {
   std::vector<std::vector<Place>> places_;  ///< places of each leg; none for a turn; none of a turn
   double fastest_turn_radps_ = 0.0, creep_mps_ = 0.0;
   std::size_t leg_ = 0;
-  std::size_t place_ = 0;    ///< of the leg: the nearest to the vehicle
+  std::size_t place_ = 0;    ///< place on the leg that is nearest to the vehicle
   double turned_rad_ = 0.0;  ///< progress of the leg
   std::size_t leg_then_ = 0;
   double way_then_ = 0.0;

@@ -13,15 +13,15 @@ namespace tether {
 
 /// [controller.ekf]: what PoseFilter takes poses and vehicle for. Standard deviations.
 struct PoseFilterSettings {
-  double position_noise_m = 0.02;        ///< of a pose, each axis, white
-  double yaw_noise_rad = 0.01;           ///< of a pose, white
+  double position_noise_m = 0.02;        ///< noise of a pose, each axis, white
+  double yaw_noise_rad = 0.01;           ///< noise of a pose, white
   double position_drift_mpsqrts = 2e-3;  ///< random walk of each axis of the motion, after 1 s
   double yaw_drift_radpsqrts = 1e-3;     ///< random walk of the yaw, after 1 s
-  double start_m = 0.02;                 ///< of the start, each axis
+  double start_m = 0.02;                 ///< error of the start, each axis
   double start_rad = 0.01;
   double lag_ms = 0.0;  ///< lag of the drive; with adapt.lag: its first estimate
-  /// Of the wheels' radius and of the track, relative. Not set: 0.03 if anything is adapted, else
-  /// 0.
+  /// Relative errors of the wheels' radius and of the track. Not set: 0.03 if anything is adapted,
+  /// else 0.
   std::optional<double> radius_error = std::nullopt;
   std::optional<double> track_error = std::nullopt;
 };

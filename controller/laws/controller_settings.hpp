@@ -83,7 +83,7 @@ struct ControllerSettings {
   Adaptation adapt;
   bool adapt_clock = false;        ///< the vehicle's clock is estimated (ClockEstimate)
   double sensor_latency_ms = 0.0;  ///< the sensor's part of a pose's age at its arrival
-  OwnSettings own;                 ///< of laws that have keys which no other law has
+  OwnSettings own;                 ///< settings of laws with keys that no other law has
 };
 
 ScenarioSection controller_section();

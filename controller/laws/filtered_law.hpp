@@ -47,7 +47,7 @@ class FilteredLaw final : public Law {
   WheelReadings wheels_;
   DelayEstimate delay_;
   Duration sensor_latency_;
-  std::optional<Instant> at_;         ///< what the filter's estimate is of
+  std::optional<Instant> at_;         ///< time of the filter's estimate
   std::optional<SeenPose> estimate_;  ///< at the newest pose
   std::deque<SentTwist> sent_;        ///< the first is in force at at_
 };

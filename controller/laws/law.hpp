@@ -25,14 +25,14 @@ namespace tether {
 /// A pose as the controller got it.
 struct SeenPose {
   Pose2 pose;
-  Instant stamp{};    ///< of the measurement
+  Instant stamp{};    ///< time of the measurement
   Instant arrival{};  ///< here
   std::int64_t seq = 0;
   /// The id of the newest plan that the vehicle had accepted by `stamp`; it follows that plan from
   /// the plan's start on. nullopt: no plan of this controller.
   std::optional<std::int64_t> plan_id;
   bool follows_other = false;  ///< it follows a plan of another controller, or of another start
-  /// What the wheels did at `stamp`, where FilteredLaw knows it from odometry.
+  /// Motion of the wheels at `stamp`, where FilteredLaw knows it from odometry.
   std::optional<Twist> rolling = std::nullopt;
 };
 
@@ -41,7 +41,7 @@ struct SeenPose {
 struct SeenOdometry {
   DeadReckoning reckoning;
   Twist twist;        ///< by the wheels' speeds
-  Instant stamp{};    ///< of the encoders' reading
+  Instant stamp{};    ///< time of the encoders' reading
   Instant arrival{};  ///< here
   std::int64_t seq = 0;
 };

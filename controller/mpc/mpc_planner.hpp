@@ -13,7 +13,7 @@ namespace tether {
 
 /// [controller.mpc]
 struct MpcSettings {
-  double steps = 40.0;      ///< of a plan, that are optimised
+  double steps = 40.0;      ///< number of optimised steps per plan
   double heading_m2 = 0.5;  ///< a radian of heading weighs as much as the root of this in metres
   double rim_s2 = 0.01;     ///< the same of a change of 1 m/s of a rim, other than the path's
   double terminal = 10.0;   ///< the last step's errors weigh as much as those of so many

@@ -15,7 +15,7 @@ struct TubeBounds {
   double clock_s = 0.0;    ///< |clock offset|
   double speed_mps = 0.0;  ///< |disturbance| of the speed, at any time
   double yaw_radps = 0.0;  ///< error of the yaw rate
-  double start_m = 0.0;    ///< of where it is when silence begins, in any direction
+  double start_m = 0.0;    ///< error of the position when silence begins, in any direction
   double start_rad = 0.0;  ///< error of the heading at the start
   /// Largest difference between the twists of earlier plans and TubePlan's, which lagging wheels
   /// still have.

@@ -26,7 +26,7 @@ class Diagnosis {
     std::size_t mtu = 0;
     bool crossed = false;  ///< its PROBEs come by the other path
     Refusals refused;
-    double clock_ahead_s = 0.0;   ///< of the newest HELLO that was refused for it
+    double clock_ahead_s = 0.0;   ///< lead in the newest HELLO that was refused for it
     double clock_offset_s = 0.0;  ///< lower bound, as the session has measured it
     double clock_warning_s = 0.05;
     double clock_limit_s = 0.2;  ///< from there on, messages for a time are refused

@@ -76,7 +76,7 @@ class PathFates {
   };
   struct Path {
     std::uint64_t settled = 0;  // counters below
-    std::uint64_t sent = 0;     // of these, those that went by this path
+    std::uint64_t sent = 0;     // datagrams below `settled` that went by this path
     std::int64_t last_sent_ns = 0;
     std::deque<Mark> marks;  // PROBEs not settled yet
     Instant heard;           // the latest PROBE

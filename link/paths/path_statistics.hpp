@@ -14,8 +14,8 @@ struct PathReport {
   bool alive = false;
   std::int64_t sent = 0;       ///< datagrams of ours, since the start
   std::int64_t received = 0;   ///< authentic ones of the peer's, each once
-  std::int64_t first = 0;      ///< of these, those that no other path had brought before
-  std::int64_t lost = 0;       ///< of the peer's; by what it says to have sent
+  std::int64_t first = 0;      ///< received datagrams that no other path had brought before
+  std::int64_t lost = 0;       ///< lost datagrams of the peer, by its own count of sent ones
   double recent_loss = -1.0;   ///< share, over PathStatistics::kRecent; −1: nothing is known
   double age_s = -1.0;         ///< since the newest; −1 before the first
   double longest_gap_s = 0.0;  ///< between two, since the last report

@@ -26,7 +26,7 @@ inline constexpr std::size_t kSmallestDatagram = 548;
 /// Which of two messages was sealed later, across sessions.
 struct MessageNumber {
   std::uint64_t generation = 0;  ///< counts sessions
-  std::uint64_t counter = 0;     ///< of the message's first piece
+  std::uint64_t counter = 0;     ///< counter of the message's first piece
   bool operator<(const MessageNumber& other) const {
     return std::tie(generation, counter) < std::tie(other.generation, other.counter);
   }

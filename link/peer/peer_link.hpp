@@ -34,9 +34,9 @@ struct LinkSettings {
 
 /// Permissions of one peer.
 struct PeerRules {
-  SendRules send;           ///< what goes to it
-  ChannelList receive;      ///< what is taken from it, under the names that it sends; not LINK/…
-  ChannelList timed;        ///< of these, the ones for a time: not while the clocks differ
+  SendRules send;       ///< rules for messages to it
+  ChannelList receive;  ///< channels accepted from it, under the names that it sends; not LINK/…
+  ChannelList timed;    ///< the timed ones of these: not accepted while the clocks differ
   ChannelList latest_only;  ///< on these channels, by the names on the way, a new message replaces
                             ///< the old one
 };

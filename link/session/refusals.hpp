@@ -9,7 +9,7 @@ namespace tether::link {
 /// Datagrams that were not taken, by reason. Nothing else of them is kept or said anywhere.
 struct Refusals {
   std::int64_t malformed = 0;    ///< no datagram of this protocol
-  std::int64_t version = 0;      ///< of another version of it
+  std::int64_t version = 0;      ///< another version of this protocol
   std::int64_t unknown_key = 0;  ///< a HELLO of a key that the configuration does not name
   std::int64_t address = 0;      ///< not from where this peer is
   std::int64_t no_session = 0;   ///< names a session that does not exist (any more)

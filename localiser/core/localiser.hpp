@@ -24,10 +24,10 @@ struct Localisation {
   Instant stamp;
   Pose2 pose;
   PoseCovariance covariance;
-  Weakness weak;               ///< of the last scan alone
+  Weakness weak;               ///< weakness of the last scan alone
   std::int64_t scan_seq = -1;  ///< number of the last scan that was used
-  int beams = 0;               ///< of the last scan that were used
-  int outside = 0;             ///< that hit what is not in the map
+  int beams = 0;               ///< number of used beams of the last scan
+  int outside = 0;             ///< number of beams that hit objects outside the map
   double residual_m = 0.0;
 };
 

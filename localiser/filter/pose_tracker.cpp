@@ -20,7 +20,7 @@ constexpr double kNothing = 1e-6;
 struct Bend {
   Eigen::Matrix3d noise;   ///< covariance of what it does to Λ z
   Eigen::Matrix3d before;  ///< covariance of the motion up to the scan's middle with that
-  Eigen::Matrix3d after;   ///< of the motion from there on with that
+  Eigen::Matrix3d after;   ///< covariance of the motion from there on with that
 };
 
 Bend bend_of(const Match& match, const Eigen::Matrix3d& motion) {

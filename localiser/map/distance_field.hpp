@@ -66,7 +66,7 @@ class DistanceField {
   float left_m_ = 0.0F, bottom_m_ = 0.0F;
   float per_m_ = 1.0F;                          ///< cells
   float last_column_ = 0.0F, last_row_ = 0.0F;  ///< numbers of the last nodes
-  std::size_t columns_ = 0;                     ///< of nodes
+  std::size_t columns_ = 0;                     ///< number of nodes
   std::vector<Value> nodes_;
 };
 

@@ -9,9 +9,9 @@ namespace tether {
 
 /// A beam that hit something, in the vehicle's frame at one time: x forward, y left.
 struct Beam {
-  float x_m = 0.0F, y_m = 0.0F;          ///< of the end
+  float x_m = 0.0F, y_m = 0.0F;          ///< position of the end
   float along_x = 1.0F, along_y = 0.0F;  ///< its direction, of length 1
-  float share = 0.0F;                    ///< of the scan's time when it was measured
+  float share = 0.0F;                    ///< share of the scan's time at which it was measured
 };
 
 /// The beams of a scan that hit something within its range, at most `most` of its angles, evenly

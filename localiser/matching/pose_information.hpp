@@ -13,7 +13,7 @@ using PoseInformation = PoseCovariance;
 struct Weakness {
   static constexpr double kNothing = 1e3;
   double direction_rad = 0.0;  ///< world frame, in (−π/2, π/2]
-  double sigma_m = kNothing;   ///< of the position along it
+  double sigma_m = kNothing;   ///< standard deviation of the position along it
   double yaw_sigma_rad = kNothing;
 };
 Weakness weakness(const PoseInformation& information);

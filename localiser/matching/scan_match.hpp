@@ -12,7 +12,7 @@ namespace tether {
 
 struct MatchSettings {
   double range_noise_m = 0.02;  ///< standard deviation of a beam along itself, white
-  double map_noise_m = 0.001;   ///< of the outlines in the map, across them
+  double map_noise_m = 0.001;   ///< noise of the outlines in the map, across them
   /// Maximum distance from the map of a beam's end; others are ignored, even at first.
   double max_distance_m = 0.5;
 };

@@ -11,11 +11,11 @@ namespace tether {
 /// At the path's greatest speed between run.settled_from_s and the run's end, as if the path were
 /// straight there (margin/theory/sampled_loop.hpp). Limits of speed and acceleration are not in it.
 struct LoopMargins {
-  double v_mps = 0.0;      ///< that speed
+  double v_mps = 0.0;      ///< path speed
   double least_mps = 0.0;  ///< the least one
   double period_s = 0.0;
   double delay_s = 0.0;  ///< delay of sensor and both links
-  double prr = 1.0;      ///< of a pose and its answer together
+  double prr = 1.0;      ///< reception ratio of a pose and its answer together
   double radius = 0.0;   ///< growth of the mean square per period; stable below 1
   double radius_across = 0.0, radius_along = 0.0;
   Critical prr_each_way;               ///< both links fixed; the smallest that is stable

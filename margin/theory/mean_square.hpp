@@ -13,7 +13,7 @@ namespace tether {
 struct LoopStep {
   std::array<Eigen::MatrixXd, 2> a;      ///< by LossChain::Mode, n × n
   std::array<Eigen::MatrixXd, 2> noise;  ///< covariance of what the poses' noise adds, n × n
-  std::vector<bool> is_along;            ///< of each component, on a straight
+  std::vector<bool> is_along;            ///< per component, on a straight
 };
 
 /// Growth of the second moments per period of the Markov jump linear system z⁺ = A_mode z, whose

@@ -39,7 +39,7 @@ struct PoseNoise {
 /// Events in the period from a pose to the next.
 struct LoopPeriod {
   PathMotion decided;  ///< where the law aims when it answers the pose
-  PathMotion early;    ///< of the aim until a command takes effect
+  PathMotion early;    ///< motion of the aim until a command takes effect
   PathMotion late;     ///< from then on
   LawJacobian law;     ///< at `decided`
 };

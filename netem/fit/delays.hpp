@@ -52,7 +52,7 @@ struct DelayFit {
   double far = 0.0, far_expected = 0.0, far_error = 0.0;
 
   std::string law() const;  ///< "none" without candidates
-  /// What stays correlated for longer than jitter.correlation can say.
+  /// True if delays stay correlated for longer than jitter.correlation can express.
   bool lasts_longer() const { return far - far_expected > kSignificant * far_error; }
 };
 

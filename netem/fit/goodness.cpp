@@ -11,7 +11,7 @@ namespace {
 constexpr std::array<std::size_t, 15> kLags{1,  2,  3,   5,   8,   13,  21, 34,
                                             55, 89, 144, 233, 377, 610, 987};
 constexpr std::size_t kExact = 8;     // lengths up to here have a class each
-constexpr double kClassRatio = 1.3;   // of successive classes beyond
+constexpr double kClassRatio = 1.3;   // ratio of successive classes beyond
 constexpr std::size_t kClasses = 80;  // up to 8·1.3^72 > 10^9
 constexpr std::size_t kFeatures = 3;
 using Counts = std::vector<double>;

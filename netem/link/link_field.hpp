@@ -34,7 +34,7 @@ struct LinkField {
 /// A link's settings when all of them are known, for checks.
 struct LoadedLink {
   const LinkConfig& link;
-  std::string prefix;         ///< of its keys
+  std::string prefix;         ///< prefix of its keys
   const std::string& source;  ///< for messages
 
   template <class... Args>

@@ -8,7 +8,7 @@ namespace tether {
 
 /// Who sends what a link impairs.
 struct TcSender {
-  std::string interface;    ///< of the sender's computer, towards the network
+  std::string interface;    ///< interface of the sender's computer, towards the network
   std::string channel;      ///< LCM channel, whose name is in every packet
   double interval_s = 1.0;  ///< between packets
 };
@@ -16,7 +16,7 @@ struct TcSender {
 /// A link as tc-netem(8) of iproute2 6.1 and net/sched/sch_netem.c of Linux 6.18 do it.
 struct TcExport {
   std::string command;  ///< `tc qdisc add dev … root netem …`, with all that has an equivalent
-  /// What the command lacks or does otherwise, and why; one line each.
+  /// Missing or different parts of the command, with the reason; one line each.
   std::vector<std::string> notes;
 };
 

@@ -98,10 +98,10 @@ class Contention {
 
   struct Counters {
     std::int64_t transmissions = 0;  ///< busy times of the medium
-    std::int64_t collisions = 0;     ///< of them: several stations at once
+    std::int64_t collisions = 0;     ///< transmissions of several stations at once
     std::int64_t attempts = 0;       ///< frames in the air, of all stations
-    std::int64_t collided = 0;       ///< of them: in a collision
-    std::int64_t captured = 0;       ///< of these: received all the same
+    std::int64_t collided = 0;       ///< frames in a collision
+    std::int64_t captured = 0;       ///< collided frames that were received all the same
     std::int64_t delivered = 0;
     std::int64_t corrupted = 0;  ///< attempts lost to the radio, without a collision
     std::int64_t dropped = 0;    ///< after all attempts
@@ -158,7 +158,7 @@ class Contention {
   // State of the present transmission.
   std::vector<std::size_t> sending_;
   std::vector<std::size_t> in_air_;  ///< present frames of those stations
-  std::vector<Frame> frames_;        ///< of these, if one may be captured
+  std::vector<Frame> frames_;        ///< their frames, if one may be captured
   Instant idle_since_ = kStart;      ///< or busy until then
   Counters counters_;
 };

@@ -13,7 +13,7 @@ namespace tether {
 /// Airtime of one frame.
 struct Frame {
   std::uint64_t id = 0;
-  Duration air{};            ///< of its data: received at the end of it
+  Duration air{};            ///< airtime of its data: received at the end of it
   Duration exchange{};       ///< until the medium is idle again, with its acknowledgement
   Duration wasted{};         ///< the same if no receiver can decode it
   bool acknowledged = true;  ///< false: broadcast, sent once
@@ -22,14 +22,14 @@ struct Frame {
   // Where the radio decides about each attempt.
   static constexpr int kAnybody = -1;
   int station = kAnybody;  ///< station that sends it, or receives it from the access point
-  bool down = false;       ///< that
+  bool down = false;       ///< from the access point to the station
   int bytes = 0;           ///< with all headers
   double rate_Mbps = 0.0;
   RandomEngine* noise = nullptr;  ///< decides; nullptr: the contender's own random stream
 };
 
 struct QueueLimits {
-  std::size_t frames = 100;             ///< what comes to a full queue is refused
+  std::size_t frames = 100;             ///< limit, above which frames are refused
   Duration lifetime = Duration::max();  ///< frames that wait for longer are not sent any more
 };
 

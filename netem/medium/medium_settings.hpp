@@ -27,14 +27,14 @@ struct MediumSettings {
 
   // Wi-Fi.
   bool he = false;                  ///< 802.11ax, HE SU, instead of OFDM of 802.11a/g
-  double rate_Mbps = 54.0;          ///< of data; with a cell that of all users together
+  double rate_Mbps = 54.0;          ///< rate of data; in a cell that of all users together
   double control_rate_Mbps = 24.0;  ///< rate of acknowledgements
   std::string category = "VO";      ///< edca: of poses, commands and plans: BK, BE, VI, VO
   bool eifs = true;                 ///< after a collision stations wait as for an acknowledgement
-  std::int64_t attempts = 7;        ///< of a frame (of a transmission in a cell)
+  std::int64_t attempts = 7;        ///< maximum number for a frame (for a transmission in a cell)
   std::int64_t queue = 100;         ///< frames that wait at a station
   double lifetime_ms = 500.0;       ///< frames that have waited for longer are not sent
-  double error_ratio = 0.0;         ///< of attempts, lost to noise
+  double error_ratio = 0.0;         ///< share of attempts lost to noise
   RadioSettings radio = {};
 
   // A cell.
@@ -53,7 +53,7 @@ struct MediumSettings {
     Kind kind = Kind::poisson;
     std::int64_t stations = 1;
     double rate_hz = 10.0;        ///< packets a second of each; not of saturated ones
-    std::int64_t bytes = 1400;    ///< of a packet's UDP payload
+    std::int64_t bytes = 1400;    ///< size of a packet's UDP payload
     std::string category = "BE";  ///< edca
     bool down = false;            ///< way = "down": the access point sends it
     /// With [medium.radio]; not set: the radio's, in a hall no noise but error_ratio.
@@ -72,8 +72,8 @@ struct MediumSettings {
     double highest_hz() const { return rate_hz > most_hz ? rate_hz : most_hz; }
   };
   // No keys: they follow from the scenario's other sections.
-  Stream up = {}, down = {};         ///< poses; commands or plans
-  bool poses_go_up = true;           ///< of the fleet's vehicles; false: they are made at the edge
+  Stream up = {}, down = {};  ///< poses; commands or plans
+  bool poses_go_up = true;    ///< the fleet's vehicles send poses; false: they are made at the edge
   std::vector<Stream> more_up = {};  ///< further streams: odometry, parts of scans, localisation
 };
 

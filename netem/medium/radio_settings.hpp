@@ -11,9 +11,9 @@ namespace tether {
 /// [medium.radio]: how well stations of Wi-Fi hear each other.
 struct RadioSettings {
   enum class Model {
-    none,   ///< as if noise were nothing but medium.error_ratio
+    none,   ///< noise is only medium.error_ratio
     fixed,  ///< the same for all
-    hall    ///< as where the vehicle is says (indoor_factory.hpp)
+    hall    ///< noise by the vehicle's position (indoor_factory.hpp)
   };
   Model model = Model::none;
   double snr_db = 30.0;  ///< fixed

@@ -145,7 +145,7 @@ class CellMedium final : public SharedMedium {
   ScheduledCell up_, down_;
   bool keep_newest_;
   BackgroundTraffic background_;
-  std::vector<std::size_t> users_;                     ///< of the background: in up_ or down_
+  std::vector<std::size_t> users_;                     ///< users of the background: in up_ or down_
   std::vector<std::size_t> vehicles_, vehicles_down_;  ///< in up_ and in down_
 };
 

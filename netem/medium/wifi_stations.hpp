@@ -62,8 +62,8 @@ class WifiStations {
 
   struct Vehicle {
     std::size_t contender;  ///< contender of the uplink
-    int station;            ///< of links_
-    RandomEngine noise;     ///< of what it sends and is sent; queued frames refer to it
+    int station;            ///< index in links_
+    RandomEngine noise;     ///< noise of its frames both ways; queued frames refer to it
   };
   MediumSettings settings_;
   std::uint64_t seed_;

@@ -29,7 +29,7 @@ using ProcessPtr = std::shared_ptr<ChannelProcess>;
 /// Construction arguments of a link's process.
 struct ProcessNeeds {
   const LinkConfig& link;
-  std::string prefix;   ///< of its keys, for messages
+  std::string prefix;   ///< prefix of its keys, for messages
   LinkStreams streams;  ///< the link's own
   std::uint64_t seed;   ///< for streams that are not the link's own
   /// Process of the other direction, whose state this one must have; null: none.

@@ -39,7 +39,7 @@ class ChainClock {
   ChainClock(const Matrix& moves, double step_s, const std::string& key, RandomEngine random);
   void draw_sojourn(Instant from);
 
-  Matrix cumulative_;          // of the moves out of each state, without the diagonal
+  Matrix cumulative_;          // cumulative moves out of each state, without the diagonal
   std::vector<double> leave_;  // rate [1/s] or probability per step of leaving
   double step_s_;              // 0: continuous time
   RandomEngine random_;

@@ -94,7 +94,7 @@ class NetemNode final : public Node {
   CounterReporter counters_;
   std::shared_ptr<RunningMedium> medium_;
   std::size_t number_on_medium_;
-  bool is_first_;                           ///< of its fleet
+  bool is_first_;                           ///< first of its fleet
   std::list<RunningMedium::Deliver> ways_;  ///< behind the medium
   RunningLink uplink_;
   RunningLink downlink_;

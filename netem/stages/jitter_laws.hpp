@@ -13,7 +13,7 @@ struct JitterSettings {
   double shape = 3.0;            ///< pareto, paretonormal: tail index; as in tc's table
   std::vector<double> table_ms;  ///< table: quantiles at equally spaced probabilities 0 … 1
   std::string file;              ///< table: instead, a file of observed delays in ms, one a line
-  double correlation = 0.0;      ///< of the normal scores of successive packets
+  double correlation = 0.0;      ///< correlation of the normal scores of successive packets
 
   bool on() const { return law != "none"; }
   bool operator==(const JitterSettings&) const = default;

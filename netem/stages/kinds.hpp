@@ -86,7 +86,7 @@ struct StageEffects {
 struct LinkStageKind {
   std::string name = {};
   bool (*on)(const LinkConfig&) = nullptr;  ///< null: always
-  /// Of a stage that is on. Must be given. Throws UsageError.
+  /// Makes an enabled stage. Must be given. Throws UsageError.
   StagePtr (*make)(const StageNeeds&) = nullptr;
 
   /// field.keys_of<Settings>("<name>"), or ("") for the link's own keys, which have no dot.

@@ -2,7 +2,7 @@
 
     POSE = tether.message_type("pose_t")
     pose = POSE.decode(data)            # None for what is no pose_t
-    data = POSE.encode(utime=0, seq=0, run=0, x_m=1.0)   # what is left out is zero or empty
+    data = POSE.encode(utime=0, seq=0, run=0, x_m=1.0)   # omitted fields are zero or empty
 """
 
 import functools

@@ -18,7 +18,7 @@ struct LidarSettings {
 
   std::string model = kNone;                ///< "none", "custom" or the name of a preset
   double rate_hz = 15.0;                    ///< turns
-  int beams = 541;                          ///< of a turn
+  int beams = 541;                          ///< number per turn
   double fov_rad = 1.5 * std::numbers::pi;  ///< from the first beam to the last, middle ahead; a
                                             ///< whole turn: to the first again
   double range_min_m = 0.05;
@@ -29,7 +29,7 @@ struct LidarSettings {
   double noise_per_m = 0.0;
   double range_step_m = 0.001;  ///< ranges are multiples of it; 0: any
   double divergence_rad = 0.0;  ///< a beam's width at 1 m
-  double dropout_share = 0.0;   ///< of beams that return nothing at random
+  double dropout_share = 0.0;   ///< share of beams that return nothing at random
   // Where the scanner is: relative to the axle's midpoint, and above the floor.
   std::optional<double> mount_x_m;  ///< not given: at the chassis' front
   double mount_y_m = 0.0;

@@ -56,7 +56,7 @@ class RayCaster::View {
   const double* y_m_;
   double max_m_;
   std::size_t rays_;
-  Position centre_;        ///< of all origins, ...
+  Position centre_;        ///< centre of all origins, ....
   double spread_m_ = 0.0;  ///< ... none of which is farther from it
   double first_rad_;       ///< in [−π, π]
   double rays_per_rad_ = 1.0;

@@ -30,7 +30,7 @@ class RayFan {
   std::vector<double> angle_rad;
   std::vector<double> time_s;
   // Results of RayCaster.
-  std::vector<double> range_m;      ///< of the first surface; kNothing: none
+  std::vector<double> range_m;      ///< range of the first surface; kNothing: none
   std::vector<std::int64_t> shape;  ///< which that is of, for RayCaster::hit(), or kNoShape
 
   std::vector<double> seen_x_m, seen_y_m;  ///< where it begins, as who moves sees it

@@ -117,11 +117,11 @@ class SimNode final : public Node {
   EventLoop& loop_;
   Bus& bus_;
   // Members that each step needs are adjacent: of a fleet, many take turns in the caches.
-  Duration step_;      ///< of the physics
-  Instant end_;        ///< of truth and metrics
+  Duration step_;      ///< step of the physics
+  Instant end_;        ///< end of truth and metrics
   Instant world_end_;  ///< end of motion
   Instant next_step_;
-  Instant world_time_ = kStart;     ///< of the vehicle's state
+  Instant world_time_ = kStart;     ///< time of the vehicle's state
   Duration unmeasured_{0};          ///< since the last addition to the metrics
   Duration unmeasured_contact_{0};  ///< duration of it, at a wall
   Duration metrics_step_;

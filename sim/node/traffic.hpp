@@ -52,12 +52,12 @@ class Traffic {
     Plant* plant;
     /// With these it moves, itself among them; empty: alone.
     std::vector<std::size_t> cluster = {};
-    double reach_m;   ///< of its outline, from the axle's midpoint
+    double reach_m;   ///< reach of its outline, from the axle's midpoint
     double radius_m;  ///< the same from the chassis' centre
     double mass_kg;
     VehicleConfig config;
     std::vector<std::size_t> near = {};  ///< others that it may touch
-    std::vector<Shape> touchable = {};   ///< of others, in the step that begins
+    std::vector<Shape> touchable = {};   ///< shapes of others, in the step that begins
     std::int64_t collisions = 0;
   };
   void look();

@@ -53,7 +53,7 @@ class NearObstacles {
   MovingObstacles moving_;
   std::span<const Shape> vehicles_;
   double fastest_mps_;
-  double reach_m_;         ///< of the vehicle's outline, from its axle's midpoint
+  double reach_m_;         ///< reach of the vehicle's outline, from its axle's midpoint
   double margin_m_ = 0.0;  ///< nearer is near
 
   std::size_t cells_a_side_ = 1;

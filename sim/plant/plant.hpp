@@ -16,17 +16,17 @@ namespace tether {
 
 /// The truth about the vehicle after a step.
 struct VehicleState {
-  Pose2 pose;                          ///< of the axle's midpoint, world frame, yaw in (−π, π]
-  Twist twist;                         ///< at the axle's midpoint, along the vehicle's heading
-  WheelSpeeds rim_speeds;              ///< relative to the chassis: what encoders would measure
+  Pose2 pose;              ///< pose of the axle's midpoint, world frame, yaw in (−π, π]
+  Twist twist;             ///< at the axle's midpoint, along the vehicle's heading
+  WheelSpeeds rim_speeds;  ///< relative to the chassis: what encoders would measure
   double left_wheel_angle_rad = 0.0;   ///< since the start, unbounded, forward positive
   double right_wheel_angle_rad = 0.0;  ///< since the start, unbounded, forward positive
-  double left_torque_Nm = 0.0;         ///< of the motor in the last step, forward positive
-  double right_torque_Nm = 0.0;        ///< of the right motor; both 0 for plants without forces
-  double height_m = 0.0;               ///< of the axle's midpoint above the floor
-  double roll_rad = 0.0;               ///< positive: leans to the right
-  double pitch_rad = 0.0;              ///< positive: nose down
-  bool wall_contact = false;           ///< anything touched a wall or an obstacle in the last step
+  double left_torque_Nm = 0.0;         ///< torque of the motor in the last step, forward positive
+  double right_torque_Nm = 0.0;  ///< torque of the right motor; both 0 for plants without forces
+  double height_m = 0.0;         ///< height of the axle's midpoint above the floor
+  double roll_rad = 0.0;         ///< positive: leans to the right
+  double pitch_rad = 0.0;        ///< positive: nose down
+  bool wall_contact = false;     ///< anything touched a wall or an obstacle in the last step
 };
 
 /// A vehicle with two driven wheels in its walled square and between what stands and moves there,

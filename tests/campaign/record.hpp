@@ -111,9 +111,9 @@ struct Record {
   std::vector<CutSample> cuts;
   std::array<std::vector<Instant>, 2> heard;  ///< setpoints on the bus, of each drive
   std::vector<Instant> foreign;   ///< times at which an unknown sender commands the drives
-  std::vector<Interval> stalls;   ///< of the bridge
+  std::vector<Interval> stalls;   ///< pauses of the bridge
   std::vector<Instant> restarts;  ///< a new bridge lives from here on
-  std::vector<Fault> faults;      ///< as applied, with their ends
+  std::vector<Fault> faults;      ///< applied faults, with their ends
   Instant quiet;
   Instant end;
 

@@ -10,8 +10,8 @@ namespace tether::campaign {
 
 /// Kinds of faults in a trial. A row of kFaultKinds each.
 enum class FaultKind : std::uint8_t {
-  loss,        ///< of the controllers' messages
-  delay,       ///< of them, on top
+  loss,        ///< loss of the controllers' messages
+  delay,       ///< additional delay of messages
   duplicates,  ///< duplicated messages
   replay,      ///< messages of earlier in the run once more
   forged_session,
@@ -78,7 +78,7 @@ struct Trial {
   bool stubborn = false;   ///< the controller commands motion whether or not the vehicle is armed
   bool eager = false;      ///< it does so while the drives are being switched on
   double period_s = 0.05;  ///< period of the controller
-  double delay_s = 0.02;   ///< of its messages, up to 10 ms more
+  double delay_s = 0.02;   ///< delay of its messages, up to 10 ms more
   double pose_age_s = 0.05;
   double horizon_s = 2.0;  ///< horizon of plans
   double max_speed_mps = 1.0;

@@ -7,7 +7,7 @@ namespace tether::campaign {
 namespace {
 
 constexpr std::uint8_t kBridgeNode = 0x7F;  // drivetrains/two_node_cia402.toml
-/// What leads a drive that is off to full speed, one a step.
+/// Sequence that switches a drive on, one word per step.
 constexpr std::uint16_t kControlWords[] = {canopen::kControlShutdown, canopen::kControlSwitchOn,
                                            canopen::kControlEnableOperation};
 

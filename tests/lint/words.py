@@ -41,14 +41,17 @@ INSTEAD = {
 PUBLIC = re.compile(r"[\"`]stranger[\"`]|\b\w+\.anew\b|boolean anew\[")
 
 WORD = re.compile("|".join(rf"(?P<w{i}>(?<![a-z])(?:{p})(?![a-z]))" for i, p in enumerate(INSTEAD)), re.IGNORECASE)
+# A part of each of these words: most lines have none, and a search for these is many times faster than the patterns.
+PARTS = ("nobody", "somebody", "someone", "whoever", "stranger", "anew", "likewise", "alike", "besides", "so long", "s none",
+         "e none", " told", "said to", "without rest", "yours", "theirs", "its own making", "by hand")  # fmt: skip
 IN_NAMES = re.compile(r"(?:Nobody|Somebody|Stranger|Anew|Whoever|Likewise|Alike|(?:Is|Are|Was)Told|SoLong|ByHand|SaidTo)(?![a-z])")
 OPENING = re.compile(r"(?:of|what|that|those|whoever|for which|as)\b", re.IGNORECASE)
 OPENS = "the subject: a noun, or a verb in the third person"
+MARKERS = ("<" * 7, ">" * 7, "|" * 7, "=" * 7)
 MARKER = re.compile(r"(?:<{7}|>{7}|\|{7})(?: |$)|={7}$")
 COMMENT = {".hpp": r"///?<?", ".cpp": r"///?<?", ".js": r"//", ".mjs": r"//", ".lcm": r"//", ".py": r"#", ".sh": r"#",
            ".txt": r"#", ".cmake": r"#", ".toml": r"#", ".service": r"#", ".conf": r"#"}  # fmt: skip
 KEY_MEANING = re.compile(r"\| `[^`]+` \| (?:`[^`]*`)? ?\| [^|]* \| ([^|]*) \|")
-OPTION = re.compile(r"(?:add_(?:option|flag|subcommand)|->description|->option|help=)[^\n]*?\"(?=[A-Za-z ])([^\"]*)\"$")
 
 
 def tracked():
@@ -56,10 +59,14 @@ def tracked():
     return [name for name in listed.split("\0") if name]
 
 
-def words(lines):
+def words(text, lines):
+    lower = text.lower()
+    if not any(part in lower for part in PARTS) and not IN_NAMES.search(text):
+        return
     for number, line in enumerate(lines, 1):
-        for match in WORD.finditer(line):
-            if not PUBLIC.search(line):
+        lower = line.lower()
+        if any(part in lower for part in PARTS) and not PUBLIC.search(line):
+            for match in WORD.finditer(line):
                 yield number, match[0], list(INSTEAD.values())[int(match.lastgroup[1:])]
         for match in IN_NAMES.finditer(line):
             yield number, match[0], "the plain word of that meaning in the name"
@@ -67,25 +74,26 @@ def words(lines):
 
 def markers(lines):
     for number, line in enumerate(lines, 1):
-        if MARKER.match(line):
+        if line[:7] in MARKERS and MARKER.match(line):
             yield number, line[:7], "the result of the merge"
 
 
 def comment_blocks(lines, sign):
-    """Yields (number of the first line, lines of text) of each block of comments."""
-    alone = re.compile(rf"\s*{sign}(?: (.*)|$)")
-    trailing = re.compile(rf".*\S {{2,}}{sign} (.*)")
-    block, first = [], 0
+    """Yields (number of the first line, lines of text) of each block of comments.
+
+    A comment behind code goes on in the lines below it that have nothing else, at the same column."""
+    comment = re.compile(rf"(?P<code>\s*|.*\S {{2,}}){sign}(?: (?P<text>.*)|$)")
+    block, first, column = [], 0, 0
     for number, line in enumerate([*lines, ""], 1):
-        if match := alone.match(line):
-            first = first if block else number
-            block.append(match[1] or "")
+        match = comment.match(line) if sign[:1] in line else None
+        if match and block and not match["code"].strip() and len(match["code"]) == column:
+            block.append(match["text"] or "")
             continue
         if block:
             yield first, block
         block = []
-        if match := trailing.match(line):
-            block, first = [match[1]], number
+        if match:
+            block, first, column = [match["text"] or ""], number, len(match["code"])
 
 
 def docstrings(lines):
@@ -156,11 +164,11 @@ def sentences(suffix, lines):
 def findings(name):
     path = ROOT / name
     try:
-        lines = path.read_text().splitlines()
+        text = path.read_text()
     except (UnicodeDecodeError, IsADirectoryError, FileNotFoundError):
         return
-    suffix = path.suffix
-    yield from words(lines)
+    lines, suffix = text.splitlines(), path.suffix
+    yield from words(text, lines)
     yield from markers(lines)
     yield from openings(name, suffix, lines)
     if suffix == ".hpp" or (suffix == ".md" and name != "docs/reference/commands.md"):

@@ -85,7 +85,7 @@ TEST(CanInput, WhileItIsClearTheVehicleDrives) {
 
 struct Act {
   const char* name;
-  double value;         ///< of drive_fault_t::SAFETY_INPUT
+  double value;         ///< value of drive_fault_t::SAFETY_INPUT
   double noticed_in_s;  ///< a cycle and a frame; silence: its timeout more
 };
 struct EachAct : ::testing::TestWithParam<Act> {};

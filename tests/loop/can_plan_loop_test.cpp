@@ -52,7 +52,7 @@ Scenario floor_plan(const std::vector<std::string>& overrides) {
 
 /// Actions of the planner, and their end.
 struct Plans {
-  int twists = 60;                  ///< of 50 ms
+  int twists = 60;                  ///< number of twists of 50 ms
   Instant silent = Instant::max();  ///< sends no more
   Instant blind = Instant::max();   ///< sees no more, and extends its plans
   bool any = false;                 ///< based on any, so that none is refused as inconsistent

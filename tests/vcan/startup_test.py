@@ -265,7 +265,7 @@ class SdoDrive:
 
 
 CONSUMER = b"\x16\x10\x01"  # 1016:1
-# What the second drive does when its heartbeat consumer is written or read -> what the reason says.
+# Reaction of the second drive when its heartbeat consumer is written or read -> text of the reason.
 TROUBLES = {
     "is silent": (
         lambda answer, reads: None,

@@ -61,7 +61,7 @@ class TwistDrive {
   Twist twist_;
   Duration duration_;
   Phase phase_ = Phase::waiting;
-  Instant since_;    // of the phase
+  Instant since_;    // beginning of the phase
   Instant heard_;    // newest state
   Instant changed_;  // newest change of the setpoint
   std::optional<drivetrain_state_t> state_;

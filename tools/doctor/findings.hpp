@@ -17,7 +17,7 @@ struct DoctorFinding {
   };
   Verdict verdict;
   std::string about;  ///< one word
-  std::string what;   ///< as it is
+  std::string what;   ///< present state
   std::string to_do;  ///< a command, or words; empty if good
 };
 

@@ -16,7 +16,7 @@ struct Machine {
   std::string kernel;  ///< "6.1.0-18-amd64"
   bool realtime_kernel = false;
 
-  std::string lcm_url;       ///< as it was asked about
+  std::string lcm_url;       ///< the URL in question
   std::string multicast_by;  ///< address by which datagrams to the group leave; empty: no route
   std::string multicast_trouble;    ///< why there is no route
   std::string multicast_interface;  ///< by which they leave; empty: not known

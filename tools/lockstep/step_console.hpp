@@ -37,7 +37,7 @@ class StepConsole {
   int fd_;
   std::string input_;              // an unfinished line
   std::deque<std::string> lines_;  // waiting lines
-  bool at_end_ = false;            // of the input
+  bool at_end_ = false;            // end of the input
   int steps_left_ = 0;
 };
 

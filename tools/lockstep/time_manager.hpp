@@ -34,7 +34,7 @@ class TimeManager {
     std::int64_t session = 1;        ///< this run's number, > 0
     std::vector<std::string> nodes;  ///< by rank
     ChannelOwners owners{};          ///< who may publish what; none: anybody anything
-    Instant end{};                   ///< of the run's time
+    Instant end{};                   ///< end of the run's time
     /// How long the coordinator waits for the nodes to join, and for an answer to a grant.
     Duration join_patience = std::chrono::seconds{20};
     Duration patience = std::chrono::seconds{10};

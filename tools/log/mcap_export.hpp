@@ -20,10 +20,10 @@ struct McapExport {
 };
 
 struct McapExportReport {
-  std::int64_t events = 0;     ///< of the log
+  std::int64_t events = 0;     ///< events in the log
   std::int64_t converted = 0;  ///< number of converted ones
   std::uint64_t messages = 0;  ///< messages in the MCAP file: more, with those for viewers
-  std::uint64_t bytes = 0;     ///< of the MCAP file
+  std::uint64_t bytes = 0;     ///< size of the MCAP file
   std::int64_t shift_us = 0;   ///< added to all times, for MCAP has none below 0
   LeftOut left_out;
   std::vector<LogDamage> damage;

@@ -18,9 +18,9 @@ struct StabilityMap {
     double prr, delay_s, error_m;  ///< settled_error()
   };
   std::vector<Edge> edges;  ///< edges of ascending delays, as far as PRR 1 is stable
-  double longest_s = 0.0;   ///< of the delays looked at
+  double longest_s = 0.0;   ///< longest considered delay
   double limit_m = 0.0;     ///< runs with a smaller error count as stable
-  std::size_t seeds = 0;    ///< of each point
+  std::size_t seeds = 0;    ///< number per point
   std::vector<Point> points;
 };
 

@@ -23,7 +23,7 @@ namespace {
 
 constexpr double kLinearBar = 0.05, kFullBar = 0.15;
 constexpr double kSmall_m = 0.01;  // the law's terms of second order are below 1 % of the first's
-constexpr double kSteady = 0.01;   // of the speed, which gains are in proportion to
+constexpr double kSteady = 0.01;   // share of the speed, to which gains are in proportion
 constexpr std::size_t kPoints = 3;
 using Points = std::array<double, kPoints>;
 

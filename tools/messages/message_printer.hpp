@@ -16,10 +16,10 @@ using FieldValue = std::variant<std::int64_t, double, bool, std::string, std::ve
 
 /// One LCM type that tools can take apart.
 struct MessageType {
-  std::string name;                      ///< as lcm-spy shows it: "pose_t"
-  std::int64_t fingerprint = 0;          ///< what its messages begin with
+  std::string name;                      ///< name in lcm-spy: "pose_t"
+  std::int64_t fingerprint = 0;          ///< first bytes of its messages
   std::vector<std::string> field_names;  ///< in the order of the .lcm file
-  std::vector<FieldValue> empty;         ///< of an empty message: which kind each field is
+  std::vector<FieldValue> empty;         ///< fields of an empty message: the kind of each
   /// Values in the order of field_names; nothing if `bytes` are not exactly one such message.
   std::optional<std::vector<FieldValue>> (*decode)(std::span<const std::uint8_t> bytes) = nullptr;
 };

@@ -19,7 +19,7 @@ struct ConstantNote {
 /// Note on a field in the .lcm file.
 struct FieldNote {
   std::string meaning;                  ///< its comment; may be empty
-  std::string unit;                     ///< of its name's ending: "m/s"; empty if it has none
+  std::string unit;                     ///< unit by its name's ending: "m/s"; empty if it has none
   std::vector<ConstantNote> constants;  ///< if the comment says "one of the constants"
 };
 

@@ -23,7 +23,7 @@ class Dashboard {
     std::vector<Position> others;       ///< where the fleet's other vehicles are
     std::string drives;                 ///< state of the drives on CAN; empty: there are none
     std::vector<std::string> findings;  ///< reasons why the run is invalid
-    std::vector<std::string> silent;    ///< what is silent, and for how long
+    std::vector<std::string> silent;    ///< silent programs, and for how long
   };
 
   /// `scenario`: the first vehicle's.

@@ -41,7 +41,7 @@ class LiveSession {
     std::string out;          ///< folder for results; empty for none
     double speed = 1.0;       ///< run seconds per wall second
     bool show_status = true;  ///< if stderr is a terminal: a dashboard, or a line if it is small
-    /// Of a `tether view` beside the nodes; none: there is none.
+    /// Options of a `tether view` beside the nodes; none: there is none.
     std::optional<std::vector<std::string>> view;
   };
 
@@ -103,7 +103,7 @@ class LiveSession {
   ArmOperator operator_;
   std::optional<OutputFolder> folder_;
   std::vector<std::unique_ptr<Child>> children_;
-  ExternalController guest_;           ///< of controller.command, if there is one
+  ExternalController guest_;           ///< program of controller.command, if there is one
   std::unique_ptr<NodeProcess> view_;  ///< only looks: the run goes on without it
   int restarts_ = 0;
   std::string failure_;

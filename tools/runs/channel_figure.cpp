@@ -14,7 +14,7 @@ namespace {
 using Outcome = PacketFate::Outcome;
 
 constexpr std::size_t kRow = 100;  // packets
-constexpr int kSteps = 1000;       // of a distribution
+constexpr int kSteps = 1000;       // steps of a distribution
 
 bool received(const PacketFate& fate) { return fate.outcome == Outcome::under_way; }
 

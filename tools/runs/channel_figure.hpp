@@ -11,7 +11,7 @@ namespace tether {
 
 /// Drawn curves of a link.
 struct ChannelFigure {
-  std::string title;        ///< of losses: "downlink, gilbert_elliott"
+  std::string title;        ///< title of the losses: "downlink, gilbert_elliott"
   std::string delay_title;  ///< "downlink, gamma delays"
   double interval_s = 1.0;
   std::vector<PacketFate> fates;  ///< from sample_fates()

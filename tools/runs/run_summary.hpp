@@ -25,12 +25,12 @@ struct LockstepCost {
 struct RunSummary {
   double wall_time_s = 0.0;
   double sim_time_s = 0.0;
-  Instant end = kStart;   ///< of metrics
+  Instant end = kStart;   ///< end of metrics
   int node_restarts = 0;  ///< live runs: how often a node died and was started again
   /// Live runs: what makes it another run than it says, in words; empty if nothing does.
   std::optional<std::vector<std::string>> findings = {};
   std::optional<ChannelReport> channel = {};  ///< only for runs in one process
-  std::optional<double> tube_m = {};          ///< of plans: tube_m()
+  std::optional<double> tube_m = {};          ///< tube of plans: tube_m()
   std::optional<LockstepCost> lockstep = {};  ///< only for runs in lockstep
 };
 

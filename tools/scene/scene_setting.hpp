@@ -31,7 +31,7 @@ struct MovingShape {
 /// Visible objects of a scenario. Messages say only where the vehicle is.
 struct SceneSetting {
   double half_extent_m = 0.0;            ///< walls at ± this; 0: not known
-  std::vector<Shape> obstacles = {};     ///< what stands within the walls
+  std::vector<Shape> obstacles = {};     ///< obstacles within the walls
   std::optional<VehicleConfig> vehicle;  ///< its shape; none: not known
   std::vector<TimedPoint> path;          ///< in order of time
   std::vector<MovingShape> moving = {};  ///< up to the run's end

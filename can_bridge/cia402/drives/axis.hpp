@@ -105,7 +105,7 @@ class Axis {
   double standstill_radps_;
   WheelMotion motion_;
 
-  std::int64_t seen_raw_ = 0;     // of motion_, anchored or not
+  std::int64_t seen_raw_ = 0;     // newest raw value of motion_, anchored or not
   std::int64_t seen_counts_ = 0;  // the same, unwrapped
 
   std::optional<Instant> status_stamp_, speed_stamp_, position_stamp_;

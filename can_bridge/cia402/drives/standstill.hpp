@@ -37,8 +37,8 @@ class StandstillInquiry {
   enum class Verdict {
     unknown,      ///< not enough answers yet
     silent,       ///< no answer in all tries; it is asked on
-    turning,      ///< as the newest answers say
-    standing,     ///< as the newest answers say
+    turning,      ///< turning, by the newest answers
+    standing,     ///< standing, by the newest answers
     unconfirmed,  ///< it answers, and a witness is missing or old; none says that it turns
   };
   struct Wheel {
@@ -109,10 +109,10 @@ class StandstillInquiry {
   SdoClient sdo_;
   Duration round_;  // the longest that all answers of a round may take
   bool stop_first_ = false;
-  std::vector<Reading> readings_;    // of this round, or of the last one where not yet asked
+  std::vector<Reading> readings_;  // readings of this round, or of the last one where not yet asked
   std::vector<Question> questions_;  // questions of a round
   std::size_t question_ = 0;         // number of the next
-  std::int64_t watchdog_ = 0;        // what start-up set
+  std::int64_t watchdog_ = 0;        // value set by start-up
   bool repeated_ = false;            // a request of this round
   std::optional<Instant> told_;      // when the first axis' speed came last
   Duration told_after_{0};           // and how long after the one before

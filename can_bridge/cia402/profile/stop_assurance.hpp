@@ -60,7 +60,7 @@ class StopAssurance {
   bool starves(const Node& node, Instant now) const;
 
   Drives& d_;
-  std::optional<Instant> since_;           // of the stop
+  std::optional<Instant> since_;           // beginning of the stop
   std::optional<Instant> withheld_since_;  // by an unconfirmed stop
   std::optional<Instant> recalled_;        // the newest NMT command to "stopped" nodes
   std::array<bool, 2> obeyed_{};           // each axis, since the stop began

@@ -8,7 +8,7 @@ namespace tether {
 struct CurvePoint {
   double x_m = 0.0;
   double y_m = 0.0;
-  double yaw_rad = 0.0;        ///< of the tangent, (−π, π]
+  double yaw_rad = 0.0;        ///< direction of the tangent, (−π, π]
   double curvature_1pm = 0.0;  ///< d yaw/ds, positive to the left
 };
 

@@ -11,7 +11,7 @@ struct Waypoint {
   double x_m = 0.0;
   double y_m = 0.0;
   std::optional<double> v_mps;  ///< speed that is wanted there
-  int line = 0;                 ///< of the file
+  int line = 0;                 ///< line in the file
 };
 
 /// Points to pass through, in order.

@@ -22,11 +22,11 @@ struct ScheduledRules {
   /// From then on until its packet may be sent: grant, preparation, what the fixed network takes.
   Duration offset = std::chrono::microseconds{2500};
   Duration slot = std::chrono::microseconds{500};        ///< transmissions begin and end with slots
-  double rate_Mbps = 50.0;                               ///< of the cell; one user at a time
-  double error_ratio = 0.0;                              ///< of a transmission (BLER)
+  double rate_Mbps = 50.0;                               ///< rate of the cell; one user at a time
+  double error_ratio = 0.0;                              ///< error ratio of a transmission (BLER)
   Duration repeat_after = std::chrono::milliseconds{8};  ///< HARQ: from its end to the next
-  std::int64_t attempts = 4;                             ///< of a packet, then it is lost
-  std::size_t queue = 100;                               ///< packets of a user; others are refused
+  std::int64_t attempts = 4;  ///< maximum number for a packet, then it is lost
+  std::size_t queue = 100;    ///< packets of a user; others are refused
   /// Who is next, of those who have something that is granted.
   enum class Serve {
     round_robin,  ///< the one after the last served

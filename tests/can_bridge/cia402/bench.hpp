@@ -185,7 +185,7 @@ class Bench {
   std::vector<CanFrame> sent;  // in the newest cycle
   std::vector<CanFrame> log;   // all that the profile ever sent
   bool deaf = false;           // the profile hears nothing
-  milliseconds sdo_delay{0};   // of each SDO answer
+  milliseconds sdo_delay{0};   // delay of each SDO answer
 
  private:
   int cycles_ = 0;

@@ -27,7 +27,7 @@ struct Commissioning : ::testing::Test {
   EmulatedCia402 drives{config, kStart};
   WheelStates wheels;
   std::optional<Commission> commission;
-  std::vector<CanFrame> last;     ///< what left in the newest cycle that sent setpoints
+  std::vector<CanFrame> last;     ///< frames of the newest cycle that sent setpoints
   bool echoes = false;            ///< the drives get setpoints, SYNC and heartbeat whatever is sent
   bool takes_quick_stops = true;  ///< else a drive that gets a quick stop drives on
   double follows = 0.05;  ///< share of the way to its target that a wheel's speed goes in 1 ms

@@ -155,7 +155,7 @@ TEST(LcmAssembler, ContradictionsAndImpossibleFragmentsAreCountedAndLeft) {
       field(parts[1], 8, {0x7f, 0xff, 0xff, 0xff}),    // 2 GiB
       field(parts[1], 8, {3, 0, 0, 0}),                // 48 MiB in two fragments
       field(parts[1], 16, {0, 2}),                     // the third of two
-      field(parts[1], 18, {0, 0})};                    // of none
+      field(parts[1], 18, {0, 0})};                    // part of no message
   Ear ear;
   ear.hear(parts[0]);
   for (const Bytes& datagram : impossible) ear.hear(datagram);

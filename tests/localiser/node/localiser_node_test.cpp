@@ -145,7 +145,7 @@ TEST(LocaliserNode, CountsAndIgnoresWhatItCannotUse) {
   Bench bench({"localiser.place=vehicle"});
   bench.odometry();
   bench.scan_at(0, 0);
-  bench.scan_at(100, 1, 5);                                         // of another run
+  bench.scan_at(100, 1, 5);                                         // scan of another run
   bench.world.publish_bytes_at(at_ms(200), "AGV/SCAN", {1, 2, 3});  // no message
   scan_t empty = scan_message(bench.scan(250, 2), 0);
   empty.angle_increment_rad = -1.0;

@@ -20,7 +20,7 @@ namespace {
 constexpr std::size_t kBatch = 64;             // fits into a socket's usual buffer
 constexpr std::size_t kPacedBatch = 16;        // also after a pause, with 20 ms more under way
 constexpr std::uint32_t kMarker = UINT32_MAX;  // instead of a number
-constexpr std::size_t kMostLanes = 3;          // of socket priorities
+constexpr std::size_t kMostLanes = 3;          // number of socket priorities
 constexpr std::int64_t kShortestPause_ns = 500'000;
 
 std::int64_t to_ns(const timespec& t) { return t.tv_sec * 1'000'000'000LL + t.tv_nsec; }

@@ -110,7 +110,7 @@ double collisions_of_two(int window) {
   // uniform on 0 … window−1 where they are new, and the one that waits has d left, d > 0.
   const auto n = static_cast<std::size_t>(window);
   std::vector<double> left(n, 0.0);  // probability that the one that waits has this left
-  double both = 1.0;                 // that both have just drawn
+  double both = 1.0;                 // probability that both have just drawn
   const double each = 1.0 / window;
   for (int round = 0; round < 10'000; ++round) {
     std::vector<double> next(n, 0.0);

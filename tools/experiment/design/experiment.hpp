@@ -47,7 +47,7 @@ struct FigureChoice {
   Kind kind = Kind::curve;
   std::string x;        ///< curve, heatmap, comparison: the key along the x axis; pareto: a metric
   std::string y;        ///< heatmap: the key along the y axis; others: of the series
-  std::string metric;   ///< what is drawn: metric_expression.hpp
+  std::string metric;   ///< drawn quantity: metric_expression.hpp
   std::string y_label;  ///< instead of the metric's
   std::string title;
   Selection where;        ///< the arms that are drawn; all if empty

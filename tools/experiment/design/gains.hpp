@@ -15,11 +15,11 @@ namespace tether {
 struct TunedLaw {
   std::string name;
   std::vector<KeyValue> settings;       ///< the law, its rates and what else goes with it
-  std::vector<KeyValue> gains;          ///< what was tuned
-  std::string version;                  ///< that tuned it
+  std::vector<KeyValue> gains;          ///< tuned keys
+  std::string version;                  ///< version that tuned it
   std::vector<std::string> conditions;  ///< conditions that it was tuned for
   std::vector<std::uint64_t> seeds;     ///< trained on: no experiment may evaluate with them
-  std::size_t evaluations = 0;          ///< of each search
+  std::size_t evaluations = 0;          ///< number per search
   std::vector<double> found;            ///< the objective that each search found; the least counts
   /// The objective where the first search began, and with `gains`, on the training seeds.
   double before = 0.0, after = 0.0;
@@ -33,7 +33,7 @@ struct TunedLaw {
 /// which `tuned` takes a law's settings and gains.
 struct Gains {
   std::string file;
-  std::string command;         ///< that makes it, of one version or, law by law, of several
+  std::string command;         ///< command that makes it, of one version or, law by law, of several
   std::string objective;       ///< for people
   std::vector<TunedLaw> laws;  ///< in the order of the tuning file
 

@@ -18,7 +18,7 @@ struct PlacedSetting {
 
 /// One point of an axis, or of several.
 struct GridPoint {
-  std::vector<KeyValue> settings;      ///< what it goes by: keys and values, or name and label
+  std::vector<KeyValue> settings;      ///< its identity: keys and values, or name and label
   std::vector<PlacedSetting> applied;  ///< settings that it applies to the scenario
 };
 

@@ -16,7 +16,7 @@ struct Claim {
   enum class Verdict : std::uint8_t { reproduced, not_reproduced, undecided };
 
   std::string figure;  ///< "F2"
-  std::string paper;   ///< what the paper says, or what is deduced from it
+  std::string paper;   ///< claim of the paper, or a deduction from it
   std::string ours;    ///< numbers, with 95 % intervals and numbers of runs
   Verdict verdict = Verdict::undecided;
   std::string reason;  ///< why it is so; empty where `ours` says it all

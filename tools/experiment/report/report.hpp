@@ -26,7 +26,7 @@ struct ReportSection {
   /// A head and a row an arm: mean with interval, sd, median, quantiles, n; and the difference to
   /// the first arm on the same seeds.
   std::vector<std::vector<std::string>> table;
-  std::vector<SweepTable> tables;        ///< those that the experiment asks for
+  std::vector<SweepTable> tables;        ///< tables that the experiment requests
   std::vector<std::string> table_files;  ///< file of each table, in the report's folder
 };
 

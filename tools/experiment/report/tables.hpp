@@ -11,7 +11,7 @@ namespace tether {
 /// A table of [[table]], for people and as data.
 struct SweepTable {
   std::string title;
-  std::string note;                            ///< what its cells say
+  std::string note;                            ///< note on its cells
   std::vector<std::vector<std::string>> rows;  ///< the first is the head
   std::string csv;                             ///< one row a cell or comparison, with a head
 };

@@ -36,7 +36,7 @@ struct Summary {
   double q25 = std::numeric_limits<double>::quiet_NaN();
   double q75 = std::numeric_limits<double>::quiet_NaN();
   double q95 = std::numeric_limits<double>::quiet_NaN();
-  Interval mean_interval;    ///< of mean_interval()
+  Interval mean_interval;    ///< the result of mean_interval()
   Interval median_interval;  ///< the result of median_interval()
 };
 

@@ -45,7 +45,7 @@ Survival survival_of(const std::vector<double>& values, const std::vector<double
 
 /// The time to return. A run's is how long its longest excursion lasted of those that were over.
 struct Returns {
-  Summary times;             ///< of the runs that have one
+  Summary times;             ///< times of the runs that have one
   std::size_t not_back = 0;  ///< runs that ended while the vehicle was away: cut off, in no mean
 };
 /// `returns`: 0 if there was none; `away`: how long the vehicle had been away at the end.

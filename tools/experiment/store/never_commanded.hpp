@@ -23,8 +23,8 @@ std::optional<double> never_commanded_probability(const std::string& scenario, s
 /// end, all with the same ε, and where few packets arrive how many there are of them by chance
 /// makes most of the variance of the mean ε.
 struct CommandedRuns {
-  std::size_t runs = 0;               ///< that did not fail
-  std::size_t never = 0;              ///< of these, without a command
+  std::size_t runs = 0;               ///< number of runs that did not fail
+  std::size_t never = 0;              ///< runs without a command
   std::optional<double> probability;  ///< probability of `never`; nullopt: not known
   /// ε by these two kinds of runs; NaN where the probability is not known or a kind has no run.
   StratifiedMean epsilon_m;

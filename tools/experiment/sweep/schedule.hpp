@@ -54,7 +54,7 @@ class SweepSchedule {
   struct ArmState {
     bool is_open = false;         ///< needs runs, or may
     std::size_t wanted = 0;       ///< its first so many runs
-    std::size_t missing = 0;      ///< of them, still to end
+    std::size_t missing = 0;      ///< number of them that have not ended
     std::vector<State> runs;      ///< by number
     std::vector<double> results;  ///< by number, NaN where there is none; with precision only
   };

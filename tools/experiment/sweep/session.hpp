@@ -13,7 +13,7 @@ struct SweepOutcome {
   std::size_t runs = 0, failed = 0;  ///< in the database
   std::string first_failure;         ///< which and why, or ""
   bool is_complete = false;          ///< false: interrupted, or runs are missing
-  double wall_time_s = 0.0;          ///< of all its sessions
+  double wall_time_s = 0.0;          ///< sum over all its sessions
   std::string plant;
 };
 

@@ -40,7 +40,7 @@ struct TuningLaw {
   /// Sets of values that its first search begins with: the start, and what was known.
   std::vector<std::vector<double>> given;
   std::vector<std::uint64_t> seeds;  ///< all of the tuning's, or the first of them
-  SearchBudget budget;               ///< of each search
+  SearchBudget budget;               ///< budget of each search
   std::size_t searches = 1;          ///< from different places; the best of all counts
 };
 

@@ -22,7 +22,7 @@ const Units kTimes{{"ns", 1e-9}, {"us", 1e-6}, {"µs", 1e-6}, {"ms", 1e-3}, {"s"
 const std::vector<std::string> kLosses{"lost", "share", "percent", "prr", "prr_percent"};
 
 struct Kind {
-  std::string what;                ///< as the option is called
+  std::string what;                ///< name of the option
   std::vector<std::string> stems;  ///< beginnings of the names of such columns
   std::vector<std::string> units;
 };

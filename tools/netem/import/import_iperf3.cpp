@@ -72,7 +72,7 @@ class Report {
   int lossless_line() const {
     return lossless_line_;
   }  ///< the first interval without losses; 0: none
-  /// Of several streams their sum.
+  /// Rows of the stream, or the sum of several.
   const Rows& rows() const { return sums_.empty() ? streams_ : sums_; }
 
  private:

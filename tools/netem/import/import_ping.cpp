@@ -18,7 +18,7 @@ constexpr std::int64_t kNumbers = 65536;
 // Limits on lost packets, which have no line: in all, and for each line.
 constexpr std::int64_t kMostPackets = 20'000'000, kMostSilent = 100'000, kMostSilentEach = 100;
 constexpr double kMostTime_ms = 1e9, kMostStamp_s = 1e11;
-constexpr double kBelow1_ms = 0.5;    // what Windows' "time<1ms" counts as
+constexpr double kBelow1_ms = 0.5;    // value for Windows' "time<1ms"
 constexpr double kShortest_s = 1e-6;  // from one packet to the next
 
 /// The number behind `label`.

@@ -63,7 +63,8 @@ class Session {
   const Limits& limits() const { return limits_; }
 
   // Kept by the hub.
-  std::map<std::uint32_t, std::uint32_t> channels;    ///< of subscriptions, by the client's ids
+  /// Channels of subscriptions, by the client's ids.
+  std::map<std::uint32_t, std::uint32_t> channels;
   std::map<std::uint32_t, std::string> publications;  ///< topics, by the client's ids
   bool all_parameters = false;       ///< it wants to hear of each change of a parameter
   std::set<std::string> parameters;  ///< else of these

@@ -18,7 +18,7 @@ struct ParameterDescription {
   /// "number", "whole number", "switch", "choice", "list" (of numbers), "rows" (lists of numbers,
   /// as text), "text"; of what is only to be looked at, "texts".
   std::string kind;
-  std::optional<double> low, high;   ///< of numbers; none: any
+  std::optional<double> low, high;   ///< range of numbers; none: any
   std::vector<std::string> choices;  ///< choices, if it is a choice
   std::string allowed;               ///< in words
   std::string meaning;               ///< with unit

@@ -74,7 +74,7 @@ class NetworkView {
   Bus& bus_;
   ViewServer& server_;
   std::vector<std::string> vehicles_;
-  ChannelNames channels_;                                    ///< of the first
+  ChannelNames channels_;                                    ///< channels of the first
   std::map<std::string, std::string, std::less<>> answers_;  ///< NET/SETTINGS -> vehicle
   NetworkParameters parameters_;
   HandDrive drive_;

@@ -17,7 +17,7 @@ namespace tether {
 struct MadePage {
   enum class State : std::uint8_t { waiting, in_work, ready, failed };
   State state = State::waiting;
-  double share = 0.0;                            ///< of the work that is done, in work
+  double share = 0.0;                            ///< completed share of the work
   std::shared_ptr<const std::string> page = {};  ///< when it is ready
   std::string error = {};                        ///< when it has failed
 };

@@ -25,12 +25,12 @@ class ViewServer {
     std::string address = "127.0.0.1";  ///< to listen on; IPv4 or IPv6, in digits
     std::uint16_t port = 8765;          ///< 0: any that is free
     std::string token;                  ///< has to be given unless the address is loopback
-    std::vector<std::string> origins;   ///< of pages elsewhere that may talk to it
+    std::vector<std::string> origins;   ///< origins of external pages that have access
     std::filesystem::path page;         ///< folder of the page's files
-    std::string title;                  ///< what is shown
+    std::string title;                  ///< title of the shown source
     std::vector<std::string> publishable;
     bool has_time = false;  ///< tell_time() will be called
-    std::string run_json;   ///< what /api/run.json says
+    std::string run_json;   ///< content of /api/run.json
     /// Site that is served instead, if it is set: no page, no /api and no WebSocket then.
     WebSite site = nullptr;
   };
