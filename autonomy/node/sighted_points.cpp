@@ -29,7 +29,7 @@ bool SightedPoints::is_mapped(const Position& p) const {
 }
 
 std::vector<Position> SightedPoints::unmapped(const std::vector<Position>& points,
-                                               const Pose2& vehicle, std::size_t most) const {
+                                              const Pose2& vehicle, std::size_t most) const {
   std::vector<Position> near;
   for (const Position& p : points) {
     if (p.x_m * p.x_m + p.y_m * p.y_m < kRange_m * kRange_m) near.push_back(p);

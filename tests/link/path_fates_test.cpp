@@ -145,7 +145,8 @@ TEST(PathFates, NewKeysLeaveGapsThatAreNamed) {
   send_numbers(w.net, 25'000);
   w.net.run(seconds{2});
   const std::vector<Fate> fates = w.fates(0);
-  const auto gaps = std::count_if(fates.begin(), fates.end(), [](const Fate& f) { return f.after_gap; });
+  const auto gaps =
+      std::count_if(fates.begin(), fates.end(), [](const Fate& f) { return f.after_gap; });
   EXPECT_GE(gaps, 3);
   EXPECT_LE(gaps, w.net.link(1).sessions().count());
   EXPECT_EQ(lost_of(losses(fates)), 0) << "what is not known is not lost";

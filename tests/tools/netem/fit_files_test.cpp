@@ -73,9 +73,9 @@ std::string numbered(const std::function<int(int)>& number) {
 }
 
 TEST(ReadFitCsv, SaysWhatIsLeftOut) {
-  EXPECT_EQ(csv(numbered([](int i) { return i % 400; })).notes,
-            std::vector<std::string>{
-                "the sender restarted 2 times; losses in between are not known"});
+  EXPECT_EQ(
+      csv(numbered([](int i) { return i % 400; })).notes,
+      std::vector<std::string>{"the sender restarted 2 times; losses in between are not known"});
   EXPECT_EQ(csv(numbered([](int i) { return i == 500 ? 50'000 : i; })).notes,
             std::vector<std::string>{"1 arrival left out: sequence number or time does not fit the "
                                      "others (damaged?)"});
