@@ -60,6 +60,7 @@ void StandstillInquiry::begin(bool stop_first) {
   told_.reset();
   told_after_ = Duration{0};
   verdict_ = Verdict::unknown;
+  silent_since_.reset();
   fastest_.reset();
   standing_since_.reset();
   news_.clear();
@@ -126,11 +127,13 @@ bool StandstillInquiry::has_to_write(const Reading& reading, std::uint16_t stop_
 void StandstillInquiry::on_result(const SdoResult& result, Instant now) {
   if (result.outcome == SdoResult::Outcome::no_answer) {
     verdict_ = Verdict::silent;
+    silent_since_ = silent_since_.value_or(now);
     configured_ = false;
     standing_since_.reset();
     question_ = 0;
     return;
   }
+  if (std::exchange(silent_since_, {})) verdict_ = Verdict::unknown;
   note(questions_[question_], result, now);
   ++question_;
   const bool is_last = question_ == questions_.size() ||

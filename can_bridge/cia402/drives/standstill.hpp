@@ -60,6 +60,8 @@ class StandstillInquiry {
             std::vector<CanFrame>& out);
 
   Verdict verdict() const { return verdict_; }
+  /// Since when the verdict is `silent`; nullopt: it is not.
+  const std::optional<Instant>& silent_since() const { return silent_since_; }
   /// By the newest answers, each axis brakes or has its power off.
   bool obeys() const;
   /// The present request was sent again, or the newest round ended for want of an answer.
@@ -118,6 +120,7 @@ class StandstillInquiry {
   Duration told_after_{0};           // and how long after the one before
   bool configured_ = false;          // the drive still has it, as the newest answers say
   Verdict verdict_ = Verdict::unknown;
+  std::optional<Instant> silent_since_;
   std::optional<Wheel> fastest_;
   std::optional<Instant> standing_since_;
   News news_;

@@ -185,6 +185,25 @@ TEST(TwoWitnesses, ADriveThatIsHeardAgainIsNotResetByTheSilenceBefore) {
   EXPECT_EQ(bench.left().resets, 0);
 }
 
+TEST(TwoWitnesses, ADriveThatIsBackBeforeItsSilenceIsKnownIsNotResetWhileItTurns) {
+  // Without heartbeat, so that nothing but its answers shows that it is there.
+  for (int silent_ms = 200; silent_ms <= 4000; silent_ms += 20) {
+    Rolls bench;
+    bench.left().beat = false;
+    bench.left().silent = true;
+    bench.right_axis().speed = 0;
+    bench.profile.start(bench.now);
+    bench.run(milliseconds(silent_ms));
+    if (bench.left().resets > 0) return;  // absent
+    bench.left().silent = false;
+    bench.run(milliseconds(100));  // how old the last request may be
+    if (bench.left().resets > 0) continue;
+    bench.run(milliseconds(1000));
+    EXPECT_EQ(bench.left().resets, 0) << silent_ms;
+  }
+  FAIL() << "a drive that stays silent counts as absent at last";
+}
+
 TEST(TwoWitnesses, ABridgeThatWasSuspendedAsksAgainBeforeItResets) {
   for (int ms = 300;; ms += 20) {
     Rolls bench;
