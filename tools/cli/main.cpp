@@ -67,6 +67,7 @@ int main(int argc, char** argv) {
   add_run_command(app, action);
   add_sweep_command(app, action);
   add_tune_command(app, action);
+  add_predict_command(app, action);
   add_merge_command(app, action);
   add_report_command(app, action);
   add_reproduce_command(app, action);
