@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -10,6 +9,7 @@
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
 #include "tools/base/write_file.hpp"
+#include "tools/cli/base/table.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/experiment/predict/prediction.hpp"
 #include "tools/experiment/statistics/survival.hpp"
@@ -30,20 +30,6 @@ struct PredictOptions {
 };
 
 std::string name_of(const PredictedArm& arm) { return Arm{arm.settings, {}}.text(); }
-
-/// Columns as wide as their widest cell.
-void print_table(const std::vector<std::vector<std::string>>& rows) {
-  std::vector<std::size_t> widths(rows.front().size());
-  for (const auto& row : rows) {
-    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
-  }
-  for (const auto& row : rows) {
-    std::string line;
-    for (std::size_t i = 0; i < row.size(); ++i) line += fmt::format("{:<{}}  ", row[i], widths[i]);
-    line.erase(line.find_last_not_of(' ') + 1);
-    fmt::print("{}\n", line);
-  }
-}
 
 void print_source(const Prediction& p, const std::string& file) {
   fmt::print("{}: {} of {} {}, plant {}, {} seeds\ndigest {}\n\n", file, p.metric, p.name,

@@ -22,6 +22,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/tube/tube_settings.hpp"
+#include "margin/loop/loop_margins.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "netem/relay/netem_node.hpp"
@@ -158,10 +159,28 @@ void run_processes(ProcessRun& processes) {
   }
 }
 
+/// Why a lost vehicle was bound to be lost, where the theory of `tether margin` applies; ""
+/// elsewhere.
+std::string theory_text(const Scenario& scenario) {
+  if (!margin_obstacles(scenario).empty()) return "";
+  const LoopMargins margins = loop_margins(scenario);
+  if (margins.radius < 1.0) return "";
+  if (margins.prr_each_way.kind == Critical::Kind::never) {
+    return fmt::format(
+        "{:<9} unstable even without loss, at a command period of {:g} s and a delay of {:.3g} ms: "
+        "tether margin\n",
+        "theory", margins.period_s, margins.delay_s * 1e3);
+  }
+  return fmt::format("{:<9} unstable with the losses of this channel: tether margin\n", "theory");
+}
+
 void report(const RunOptions& options, const Scenario& scenario, const FleetObserver& observer,
             const RunSummary& summary, std::optional<OutputFolder>& folder) {
   const std::string json = to_json(scenario, observer, summary);
   fmt::print("{}", options.json ? json + "\n" : to_text(scenario, observer, summary));
+  if (!options.json && observer.is_one() && observer.first().truth().lost) {
+    fmt::print("{}", theory_text(scenario));
+  }
   if (!folder) return;
   folder->write(scenario, observer, json);  // a full disk ends it here
   if (!options.json) {
