@@ -3,8 +3,8 @@
 
     vehicle    -DTETHER_VEHICLE_ONLY=ON, where the simulator's libraries are hidden; each program runs
     packaging  -DTETHER_TESTS=OFF; before it is built, cpack names what is missing
-    clone      after packaging: a clone in another folder, with another umask and time zone, gives the same packages.
-               --compile: without ccache, which may have objects of the first build
+    clone      after packaging: by the commands of deployment.md, a clone in another folder, with another umask and
+               time zone, gives the same packages. --compile: without ccache, which may have objects of the first build
 
 The build tree is beside BUILD and has its options, so that ccache knows all objects that both have. It is emptied
 first, because an old one would hide what a new one lacks."""
@@ -13,6 +13,7 @@ import argparse
 import os
 import pathlib
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -22,6 +23,7 @@ import time
 import urllib.request
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
+PAGE = (SOURCE / "docs/howto/deployment.md").read_text()
 VEHICLE = ["tether-vehicle", "tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-link", "tether-localiser"]
 NODES = ["tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-localiser"]
 PACKAGES = {
@@ -44,24 +46,33 @@ def run(*command, expect=(0,), **options):
     return done.stdout + done.stderr
 
 
-def configured(build, tree, *definitions, source=SOURCE, **options):
-    """Configures a new build tree with the compiler, warnings and build type of BUILD."""
+def options_of(tree, *keys):
+    """Its compiler, warnings, build type and these, for another tree."""
+    cache = dict(re.findall(r"(?m)^(\w+):\w+=(.*)$", (tree / "CMakeCache.txt").read_text()))
+    keys = ("CMAKE_CXX_COMPILER", "CMAKE_BUILD_TYPE", "TETHER_WERROR", *keys)
+    return [f"-D{key}={cache[key]}" for key in keys if key in cache]
+
+
+def configured(build, tree, *definitions, **options):
+    """Configures a new build tree with BUILD's options."""
     shutil.rmtree(tree, ignore_errors=True)
-    cache = dict(re.findall(r"(?m)^(\w+):\w+=(.*)$", (build / "CMakeCache.txt").read_text()))
-    same = [f"-D{key}={cache[key]}" for key in ("CMAKE_CXX_COMPILER", "CMAKE_BUILD_TYPE", "TETHER_WERROR") if key in cache]
-    run("cmake", "-S", source, "-B", tree, "-G", "Ninja", *same, *definitions, **options)
+    run("cmake", "-S", SOURCE, "-B", tree, "-G", "Ninja", *options_of(build), *definitions, **options)
 
 
-def built(tree, *targets, **options):
+def built(tree, *targets):
     begin = time.monotonic()
-    run("nice", "-n", "12", "cmake", "--build", tree, *(["--target", *targets] if targets else []), **options)
+    run("nice", "-n", "12", "cmake", "--build", tree, *(["--target", *targets] if targets else []))
     print(f"built in {time.monotonic() - begin:.0f} s")
 
 
-def packed(tree, names, **options):
+def packed(tree, names):
     made = tree / "packages"
     shutil.rmtree(made, ignore_errors=True)
-    run("cpack", "-G", "DEB", "--config", tree / "CPackConfig.cmake", "-B", made, **options)
+    run("cpack", "-G", "DEB", "--config", tree / "CPackConfig.cmake", "-B", made)
+    return packages_in(made, names)
+
+
+def packages_in(made, names):
     packages = sorted(made.glob("*.deb"))
     check([package.name.split("_")[0] for package in packages] == names, packages)
     return {package.name.split("_")[0]: package for package in packages}
@@ -234,15 +245,21 @@ def listing(package, folder):
 
 def clone(build, compiles, work):
     first = build.parent / f"{build.name}-packaging"
-    cache = (first / "CMakeCache.txt").read_text()
-    maintainer = re.search(r"(?m)^TETHER_MAINTAINER:\w+=(.*)$", cache)[1]
-    source = work / "a_folder_that_is_named_otherwise" / "tether"
-    copy_of_the_source(source)
-    tree = source / "build/elsewhere"
-    other = {"env": os.environ | {"TZ": "Asia/Tokyo"} | ({"CCACHE_DISABLE": "1"} if compiles else {}), "umask": 0o077}
-    configured(build, tree, "-DTETHER_TESTS=OFF", f"-DTETHER_MAINTAINER={maintainer}", source=source, **other)
-    built(tree, "packaged", **other)
-    for name, package in packed(tree, PACKAGES["packaging"], **other).items():
+    folder = work / "a_folder_that_is_named_otherwise" / "tether"
+    copy_of_the_source(folder)
+    env = os.environ | {"TZ": "Asia/Tokyo", "HOME": str(work)} | ({"CCACHE_DISABLE": "1"} if compiles else {})
+    if shutil.which("ccache"):
+        env.setdefault("CCACHE_DIR", run("ccache", "--get-config", "cache_dir").strip())  # HOME is another
+    block = re.search(r"(?m)^    cmake --preset release -DTETHER_TESTS=OFF\n(?:    .*\n)+", PAGE)
+    check(block, "deployment.md says how packages are built")
+    for command in block[0].splitlines():
+        if "--preset release -D" in command:
+            command = shlex.join([*command.split(), *options_of(first, "TETHER_MAINTAINER")])
+        begin = time.monotonic()
+        run("nice", "-n", "12", "bash", "-c", command, cwd=folder, env=env, umask=0o077)
+        print(f"{time.monotonic() - begin:.0f} s: {command.split('#')[0].strip()}", flush=True)
+    check(re.match(r"\d+\.\d+\.\d+", run(work / "tether/bin/tether", "--version").split()[-1]), "installed")
+    for name, package in packages_in(folder / "build/packages", PACKAGES["packaging"]).items():
         (before,) = (first / "packages").glob(f"{name}_*.deb")
         check(package.name == before.name, f"{package.name}, but {before.name}")
         if package.read_bytes() != before.read_bytes():
