@@ -52,6 +52,7 @@ const std::vector<CommandExamples>& all_examples() {  // NOLINT(readability-func
        {"tether metrics",
         "tether metrics --address 0.0.0.0 --token 0123456789abcdef0123456789abcdef"}},
       {"lcm-route", {"tether lcm-route", "tether lcm-route --remove"}},
+      {"can-links", {"tether can-links --socket can-links"}},
       {"log",
        {"tether log info out/paper/run.lcmlog", "tether log csv out/paper/run.lcmlog CTRL/POSE"}},
       {"log info", {"tether log info out/paper/run.lcmlog"}},
