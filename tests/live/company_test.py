@@ -229,6 +229,19 @@ def one_command_beside_an_external_controller_makes_the_run_invalid(test):
         test.network.forget()
 
 
+def a_run_that_was_not_heard_whole_is_invalid(test):
+    """What tether live has not heard, it cannot judge: others may have sent it."""
+    run = live(test, "--duration=3")
+    wait_for_loop(test.network, since=time.time())
+    run.kill(signal.SIGSTOP)
+    for _ in range(200):
+        test.network.send("MY/NOTES", bytes(60_000))
+        time.sleep(0.001)
+    run.kill(signal.SIGCONT)
+    check_verdict(run, 1, "INVALID ")
+    check(re.search(r"this verdict lacks \d+ datagrams: the kernel's buffer was full", run.out()), run.out())
+
+
 def a_stopped_node_is_told_ended_and_started_again(test):
     run = live(test)
     wait_for_loop(test.network)
@@ -276,6 +289,7 @@ main(
     an_overloaded_run_is_invalid_and_a_short_pause_is_not,
     a_run_that_refuses_all_commands_is_invalid,
     one_command_beside_an_external_controller_makes_the_run_invalid,
+    a_run_that_was_not_heard_whole_is_invalid,
     a_stopped_node_is_told_ended_and_started_again,
     ends_soon_though_a_node_hangs,
 )

@@ -327,16 +327,19 @@ std::vector<std::string> LiveSession::findings() const {
        {observer_.refused_commands(), observer_.jumps(), watch_.lateness(end_ - kStart)}) {
     if (!finding.empty()) all.push_back(std::move(finding));
   }
-  if (!folder_) return all;
-  CounterList network;
-  recorder_->list_counters(network);
-  for (const auto& [name, count] : network) {
-    if (name != "datagrams_dropped" || count == 0) continue;
-    all.push_back(
-        fmt::format("the recording lacks {} datagrams: the kernel's buffer was full (`tether "
-                    "doctor` says how to enlarge it)",
-                    count));
-  }
+  const auto add_lost = [&all](const Bus& bus, const std::string& who) {
+    CounterList network;
+    bus.list_counters(network);
+    for (const auto& [name, count] : network) {
+      if (name != "datagrams_dropped" || count == 0) continue;
+      all.push_back(
+          fmt::format("{} lacks {} datagrams: the kernel's buffer was full (`tether doctor` says "
+                      "how to enlarge it)",
+                      who, count));
+    }
+  };
+  add_lost(*network_, "this verdict");
+  if (folder_) add_lost(*recorder_, "the recording");
   return all;
 }
 
