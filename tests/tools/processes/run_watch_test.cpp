@@ -262,8 +262,9 @@ TEST_F(RunWatchTest, ASecondSenderOnAnExternalControllersChannelIsFoundAtOnceAnd
   }
   EXPECT_THAT(watch.findings(), IsEmpty());
   for (int i = 0; i < 3; ++i) watch.sent_by_controller(now, "CTRL/CMD_VEL", kSecond);
-  EXPECT_THAT(watch.findings(), ElementsAre(::testing::HasSubstr(
-                                    " sent on CTRL/CMD_VEL, which belongs to one external")));
+  EXPECT_THAT(
+      watch.findings(),
+      ElementsAre(::testing::HasSubstr(" sent on CTRL/CMD_VEL, which belongs to one external")));
 }
 
 TEST_F(RunWatchTest, AFloodOfFindingsIsBounded) {
