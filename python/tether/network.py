@@ -43,21 +43,20 @@ class Network:
         # A network of this host alone is reached over the loopback interface where there is no route.
         self._local = int(settings.get("ttl", 0)) == 0
         interfaces = ("0.0.0.0", "127.0.0.1") if self._local else ("0.0.0.0",)
-        errors = [error for error in map(self._join, interfaces) if error]
-        if len(errors) == len(interfaces):
-            raise OSError(
-                errors[0].errno,
-                f"{errors[0].strerror}: no route to {self._address[0]}; tether doctor --lcm-url '{self.url}' says more",
-            )
+        troubles = [trouble for trouble in map(self._join, interfaces) if trouble]
+        if len(troubles) == len(interfaces):
+            number, what = troubles[0]
+            raise OSError(number, f"{what}: no route to {self._address[0]}; tether doctor --lcm-url '{self.url}' says more")
         self._in.setblocking(False)
 
     def _join(self, interface):
-        """None, or why the group cannot be joined there."""
+        """None, or why the group cannot be joined there: number and text, because an exception would keep its callers
+        alive."""
         member = socket.inet_aton(self._address[0]) + socket.inet_aton(interface)
         try:
             self._in.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
         except OSError as error:
-            return error
+            return error.errno, error.strerror
         return None
 
     def close(self):
