@@ -41,7 +41,7 @@ bool is_stopped(pid_t pid) {
 }
 
 std::string url_of(const std::string& wanted, std::optional<ReservedPort>& port) {
-  const std::string url = checked_lcm_url(wanted.empty() ? port.emplace().lcm_url() : wanted);
+  std::string url = checked_lcm_url(wanted.empty() ? port.emplace().lcm_url() : wanted);
   if (multicast_group(url).empty()) {
     throw UsageError(fmt::format("--lcm-url: a run in lockstep needs udpm://, not {}", url));
   }
