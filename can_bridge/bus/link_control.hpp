@@ -24,9 +24,6 @@ struct CanLink {
 /// `none` only asks whether changes are permitted.
 enum class LinkChange : std::uint8_t { none, down, up };
 
-/// Opens and binds a socket of rtnetlink; throws std::system_error.
-int open_rtnetlink(std::uint32_t groups, int flags);
-
 /// Queries and changes network interfaces by rtnetlink.
 ///
 /// All calls wait for other changes of links that are under way on this machine. A change waits for

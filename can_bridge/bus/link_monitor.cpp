@@ -3,15 +3,14 @@
 #include <net/if.h>
 // <net/if.h> comes first: the kernel's header then leaves out what both define.
 #include <linux/if.h>
-#include <linux/rtnetlink.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <utility>
 
 #include "can_bridge/bus/link_service.hpp"
+#include "common/base/rtnetlink.hpp"
 
 namespace tether {
 
@@ -24,14 +23,14 @@ CanLinkMonitor::~CanLinkMonitor() { close(events_fd_); }
 
 CanLinkMonitor::Changes CanLinkMonitor::drain(int index) const {
   Changes changes;
-  alignas(nlmsghdr) std::array<char, 32768> bytes;
+  RtnetlinkAnswer answer;
   for (;;) {
-    const ssize_t size = recv(events_fd_, bytes.data(), bytes.size(), 0);
+    const ssize_t size = recv(events_fd_, answer.bytes.data(), answer.bytes.size(), 0);
     // ENOBUFS: so many changes that some were lost. query() tells what came of them.
     if (size < 0 && (errno == EINTR || errno == ENOBUFS)) continue;
     if (size <= 0) return changes;
     auto left = static_cast<unsigned int>(size);
-    const auto* m = reinterpret_cast<const nlmsghdr*>(bytes.data());
+    const auto* m = reinterpret_cast<const nlmsghdr*>(answer.bytes.data());
     for (; NLMSG_OK(m, left); m = NLMSG_NEXT(m, left)) {
       if (m->nlmsg_len < NLMSG_LENGTH(sizeof(ifinfomsg))) continue;
       const auto* const info = static_cast<const ifinfomsg*>(NLMSG_DATA(m));

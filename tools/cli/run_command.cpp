@@ -142,18 +142,22 @@ class ViewedRun {
   std::optional<NetworkView> network_;
 };
 
-void run_processes(ProcessRun& processes) {
-  processes.run();
-  const TimeManager::Counters& c = processes.counters();
-  if (c.repeated + c.resends > 0) {
-    fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
-               c.resends, advice_on_lost_messages());
-  }
+/// Says what was lost on the run's network.
+void tell_of_losses(const TimeManager& manager) {
+  const TimeManager::Counters& c = manager.counters();
+  if (c.repeated + c.resends == 0) return;
+  fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
+             c.resends, advice_on_lost_messages());
+}
+
+/// Says what came on the run's network without effect.
+void tell_of_others(const TimeManager& manager) {
+  const TimeManager::Counters& c = manager.counters();
   if (c.forged > 0) {
     fmt::print(stderr, "tether: {} answers had not their node's key: they had no effect\n",
                c.forged);
   }
-  for (const auto& [channel, count] : processes.unaccounted()) {
+  for (const auto& [channel, count] : manager.unaccounted()) {
     fmt::print(stderr, "tether: {} messages on {} are in no node's answer: they had no effect\n",
                count, channel);
   }
@@ -243,8 +247,11 @@ struct Way {
       run_with_progress(*one, end);
     } else if (with_another) {
       with_another->run();
+      tell_of_others(with_another->manager());
     } else {
-      run_processes(*many);
+      many->run();
+      tell_of_losses(many->manager());
+      tell_of_others(many->manager());
     }
   }
 };

@@ -133,7 +133,7 @@ void StandstillInquiry::on_result(const SdoResult& result, Instant now) {
     question_ = 0;
     return;
   }
-  if (std::exchange(silent_since_, {})) verdict_ = Verdict::unknown;
+  silent_since_.reset();
   note(questions_[question_], result, now);
   ++question_;
   const bool is_last = question_ == questions_.size() ||

@@ -60,7 +60,7 @@ class StandstillInquiry {
             std::vector<CanFrame>& out);
 
   Verdict verdict() const { return verdict_; }
-  /// Since when the verdict is `silent`; nullopt: it is not.
+  /// Since when no request has been answered in all tries; nullopt: the newest one was.
   const std::optional<Instant>& silent_since() const { return silent_since_; }
   /// By the newest answers, each axis brakes or has its power off.
   bool obeys() const;

@@ -144,7 +144,7 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
   }
   if (!node.heard) {
     return has_been_recalled(node, now) && can_have_stopped(node) &&
-           now - *node.inquiry.silent_since() >= kAskedOnceMore &&
+           now - node.inquiry.silent_since().value_or(now) >= kAskedOnceMore &&
            (!node.lost || d_.stage.elapsed(now) >= kBlindBraking);
   }
   // It runs, so that its silence says nothing of its wheel: only its feedback does.

@@ -483,10 +483,12 @@ TEST(StopAssurance, SilenceCountsOnlyAfterARequestThatFollowsTheRecall) {
   Cia402Config config = two_nodes();
   config.sdo_retries = 0;
   Unheard bench(config);
+  bench.sdo_delay = milliseconds(300);  // of a drive that is slow after the recall
   ASSERT_TRUE(bench.run_until([&] { return bench.left().nmt == NmtState::pre_operational; },
                               milliseconds(700)));
   bench.run(milliseconds(1000));
   EXPECT_EQ(bench.left().resets, 0);
+  bench.sdo_delay = milliseconds(0);
   bench.left().beat = true;
   ASSERT_TRUE(bench.run_until([&] { return bench.left().resets > 0; }, milliseconds(10000)));
   EXPECT_EQ(bench.left().fastest_reset, 0);
