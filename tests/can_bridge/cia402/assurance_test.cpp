@@ -483,7 +483,8 @@ TEST(StopAssurance, SilenceCountsOnlyAfterARequestThatFollowsTheRecall) {
   Cia402Config config = two_nodes();
   config.sdo_retries = 0;
   Unheard bench(config);
-  bench.sdo_delay = milliseconds(300);  // of a drive that is slow after the recall
+  bench.sdo_delay = milliseconds(300);  // it is slow after the recall
+  bench.slow_node = 1;
   ASSERT_TRUE(bench.run_until([&] { return bench.left().nmt == NmtState::pre_operational; },
                               milliseconds(700)));
   bench.run(milliseconds(1000));
