@@ -58,7 +58,10 @@ std::vector<PlacedNode> named_tables(const Section& section, const std::string& 
 
 /// The number of a text or truth value among `choices`; nullopt if it is not one of them.
 std::optional<double> place_of(const std::string& text, const std::vector<std::string>& choices) {
-  const auto found = std::find(choices.begin(), choices.end(), text);
+  const auto is_it = [&text](const std::string& choice) {
+    return KeyValue{"", choice}.plain() == KeyValue{"", text}.plain();  // in either quotes
+  };
+  const auto found = std::find_if(choices.begin(), choices.end(), is_it);
   if (found == choices.end()) return std::nullopt;
   return static_cast<double>(found - choices.begin());
 }
@@ -71,8 +74,7 @@ TunedKey read_choices(const PlacedNode& given, const Section& section) {
     const toml::array* list = node == nullptr ? nullptr : node->as_array();
     return list != nullptr && !list->empty() &&
            std::all_of(list->begin(), list->end(), [&use](const toml::node& entry) {
-             return (entry.is_string() || entry.is_boolean()) &&
-                    use(to_toml(to_value(entry).value()));
+             return (entry.is_string() || entry.is_boolean()) && use(value_text(entry));
            });
   };
   const bool is_good = read("choices", [&key](const std::string& text) {

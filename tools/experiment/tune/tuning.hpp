@@ -51,7 +51,8 @@ struct TuningLaw {
   std::size_t searches = 1;          ///< for each aim, from different places; the best counts
 
   /// What a scenario is given with `values` of the keys (none: without them), on top of what is in
-  /// `before`. Where a key has choices, what has no effect with the one that is chosen is left out.
+  /// `before`. Where a key has choices, what a scenario refuses with the one that is chosen is left
+  /// out.
   struct Chosen {
     std::vector<PlacedSetting> settings, gains;
   };
