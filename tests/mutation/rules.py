@@ -186,6 +186,7 @@ RULES = [
     ("witnesses: silence before the recall can be answered", "BringUp::has_been_recalled", "true", "sdo_timeout_ms"),
     ("witnesses: absent since the last of old requests", "BringUp::may_be_reset", "operand", "kAskedOnceMore"),
     ("witnesses: an answer after silence", "StandstillInquiry::on_result", "drop", r"^silent_since_.reset"),
+    ("witnesses: an unanswered watchdog is silence", "StandstillInquiry::on_result", "false", "Asked::watchdog"),
     ("witnesses: a second reset without a recall", "BringUp::start_up", "drop", r"^recall\("),
     ("witnesses: a stop begins while the bridge is held up", "Axes::bound_speeds", "choice", r"to std::max\(\{0\.0, slower_radps, targets"),
     ("witnesses: silence of what coasted", "BringUp::can_have_stopped", "operand", "turned"),

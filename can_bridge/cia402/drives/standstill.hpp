@@ -111,6 +111,7 @@ class StandstillInquiry {
   SdoClient sdo_;
   Duration round_;  // the longest that all answers of a round may take
   bool stop_first_ = false;
+  bool asks_watchdog_ = true;  // not once that has had no answer, which says nothing of the wheels
   std::vector<Reading> readings_;    // of this round, or of the last one where not yet asked
   std::vector<Question> questions_;  // of a round
   std::size_t question_ = 0;         // number of the next

@@ -209,6 +209,20 @@ TEST(TwoWitnesses, ADriveThatIsBackBeforeItsSilenceIsKnownIsNotResetWhileItTurns
   }
 }
 
+TEST(TwoWitnesses, AWatchdogThatIsNotAnsweredSaysNothingOfTheWheel) {
+  for (const int speed : {0, 100}) {
+    Rolls bench;
+    bench.left().beat = false;
+    bench.left().unanswered = {0x1016, 1};
+    bench.left_axis().speed = speed;
+    bench.right_axis().speed = 0;
+    bench.profile.start(bench.now);
+    ASSERT_TRUE(bench.reach(DrivePhase::refused, milliseconds(8000)));
+    EXPECT_EQ(bench.left().resets > 0, speed == 0) << bench.reason();
+    EXPECT_THAT(bench.reason(), HasSubstr(speed == 0 ? "no answer" : "still turns"));
+  }
+}
+
 TEST(TwoWitnesses, ABridgeThatWasSuspendedAsksAgainBeforeItResets) {
   for (int ms = 300;; ms += 20) {
     Rolls bench;
