@@ -241,7 +241,7 @@ TEST(ImportPing, RefusesNumbersThatGoOnInAWayThatIsNotRead) {
       {"[1e300] 64 bytes: icmp_seq=1 time=1 ms\n", R"(p.txt:1: "1e300" behind "[")"},
   };
   for (const auto& [line, error] : lines) {
-    EXPECT_THAT(refusal([&] { ping(line); }), HasSubstr(error)) << line;
+    EXPECT_THAT(refusal([&text = line] { ping(text); }), HasSubstr(error)) << line;
   }
 }
 
