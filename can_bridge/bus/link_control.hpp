@@ -8,7 +8,7 @@ namespace tether {
 
 /// A network interface as the kernel's rtnetlink describes it (man 7 rtnetlink).
 struct CanLink {
-  /// What a CAN controller says of itself (linux/can/netlink.h, IFLA_CAN_STATE).
+  /// State that a CAN controller reports (linux/can/netlink.h, IFLA_CAN_STATE).
   enum class Controller {
     none,  ///< the interface has no controller: vcan, vxcan
     active,
@@ -42,7 +42,7 @@ class CanLinkControl {
   /// Whether the interface of that index exists and is one of CAN.
   bool is_can(int index) const;
 
-  /// 0, or the errno why not: EPERM without CAP_NET_ADMIN.
+  /// Returns 0, or the errno of the failure: EPERM without CAP_NET_ADMIN.
   int change(int index, LinkChange change) const;
 
  private:

@@ -14,7 +14,7 @@ inline constexpr char kCanLinkService[] = "/run/tether-can-links/socket";
 /// Takes CAN interfaces down and up for programs of this machine that lack CAP_NET_ADMIN, and does
 /// nothing else with that capability: other interfaces, and what is not a request, are refused.
 ///
-/// Whoever may write to the socket may ask, so its folder must be closed to other users. Requests
+/// Every user who may write to the socket may ask, so its folder must be closed to others. Requests
 /// are SOCK_SEQPACKET messages of one CanLinkRequest, one for each connection; the answer is an
 /// errno, as std::int32_t. Runs as long as `loop` does.
 class CanLinkService {

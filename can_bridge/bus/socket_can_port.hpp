@@ -52,9 +52,10 @@ class SocketCanPort final : public CanPort {
   void on_state(StateHandler handler) override { state_handler_ = std::move(handler); }
   CanState state() const override { return state_; }
 
-  /// Needs CAP_NET_ADMIN or a CanLinkService. Not for an interface that is absent, or that somebody
-  /// else took down. Takes as long as the adapter does: with a dead serial or USB adapter seconds.
-  /// That one may then stay down, with empty queues, until it answers at a later restart().
+  /// Needs CAP_NET_ADMIN or a CanLinkService. Not for an interface that is absent, or that another
+  /// program else took down. Takes as long as the adapter does: with a dead serial or USB adapter
+  /// seconds. That one may then stay down, with empty queues, until it answers at a later
+  /// restart().
   bool restart(std::string& why) override;
 
   /// Without CAP_NET_ADMIN and CanLinkService; "" for a virtual bus, which never stalls.

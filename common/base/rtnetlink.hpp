@@ -16,18 +16,19 @@ namespace tether {
 /// hears, `flags` those of socket(2). The caller closes it. Throws std::system_error.
 int open_rtnetlink(std::uint32_t groups, int flags);
 
-/// What recv(2) left in a buffer; messages and attributes are aligned to 4 bytes.
+/// Messages that recv(2) left in a buffer; they and their attributes are aligned to 4 bytes.
 struct RtnetlinkAnswer {
   alignas(nlmsghdr) std::array<char, 32768> bytes;
   ssize_t size = -1;
 
-  /// The first message, if it is of that type, else nullptr.
+  /// Returns the first message, or nullptr if it is of another type.
   const nlmsghdr* first(std::uint16_t type) const;
-  /// Error number of an acknowledgement, 0 if all is done; EPROTO if the answer is none.
+  /// Returns the error number of an acknowledgement: 0 if the request was carried out, EPROTO if
+  /// the answer is no acknowledgement.
   int error() const;
 };
 
-/// The attribute of that type in a list of attributes, nullptr if there is none.
+/// Returns the attribute of that type in a list, or nullptr if the list lacks it.
 const rtattr* find_attribute(const void* list, std::size_t size, unsigned short type);
 
 /// Sends a request and waits for the kernel's first answer. Throws std::system_error.

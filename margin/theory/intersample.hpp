@@ -4,9 +4,9 @@
 
 namespace tether {
 
-/// What happens to x, ẋ = A x + v, between two events, with white noise v of intensity R and the
-/// cost J = ∫ E[xᵀ Q x] dt. From second moments P = E[x xᵀ] at its beginning an interval of `h_s`
-/// leads to `phi` P `phi`ᵀ + `noise`, and costs tr(`cost` P) + `noise_cost`.
+/// The interval between two events of a process ẋ = A x + v, with white noise v of intensity R and
+/// the cost J = ∫ E[xᵀ Q x] dt. From second moments P = E[x xᵀ] at its beginning an interval of
+/// `h_s` leads to `phi` P `phi`ᵀ + `noise`, and costs tr(`cost` P) + `noise_cost`.
 struct EventInterval {
   Eigen::MatrixXd phi;      ///< e^{Ah}
   Eigen::MatrixXd noise;    ///< ∫ e^{As} R e^{Aᵀs} ds

@@ -97,7 +97,7 @@ TEST(JitterTimeOracle, ASamplerWithTwoVersions) {
   EXPECT_NEAR(loop.moments.p(0, 0), 3.215390309173475, 1e-12);
 }
 
-/// Of a loop in which nothing is lost.
+/// The loss chain of a loop without losses.
 LossChain no_losses() {
   return both_links(ChainLink::independent(1.0), ChainLink::independent(1.0));
 }

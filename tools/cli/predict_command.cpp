@@ -29,8 +29,6 @@ struct PredictOptions {
   std::string check;
 };
 
-std::string name_of(const PredictedArm& arm) { return Arm{arm.settings, {}}.text(); }
-
 void print_source(const Prediction& p, const std::string& file) {
   fmt::print("{}: {} of {} {}, plant {}, {} seeds\ndigest {}\n\n", file, p.metric, p.name,
              p.version, p.plant, p.seeds.size(), digest_of(p));
@@ -54,8 +52,8 @@ int write_prediction(const PredictOptions& options) {
   print_source(p, file);
   std::vector<std::vector<std::string>> rows{{"setting", "one new run", "lost"}};
   for (const PredictedArm& arm : p.arms) {
-    rows.push_back(
-        {name_of(arm), interval_of(arm), share_text(share_of(arm.lost, arm.runs, kConfidence))});
+    rows.push_back({settings_text(arm.settings), interval_of(arm),
+                    share_text(share_of(arm.lost, arm.runs, kConfidence))});
   }
   print_table(rows);
   return kExitOk;
@@ -77,7 +75,7 @@ int check(const PredictOptions& options) {
   for (const CheckedArm& arm : checked) {
     const bool holds = arm.within_holds && arm.lost_holds;
     holding += holds ? 1 : 0;
-    rows.push_back({name_of(*arm.predicted), interval_of(*arm.predicted),
+    rows.push_back({settings_text(arm.predicted->settings), interval_of(*arm.predicted),
                     fmt::format("{} of {} within", arm.within, arm.values),
                     fmt::format("{:.2g}", arm.p_within),
                     fmt::format("{}/{}", arm.predicted->lost, arm.predicted->runs),

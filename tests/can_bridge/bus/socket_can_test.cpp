@@ -118,7 +118,7 @@ void without_capability(const std::function<void()>& work) {
   }).join();
 }
 
-/// What a port without CAP_NET_ADMIN warns of.
+/// The warning of a port without CAP_NET_ADMIN.
 std::string warning_of_the_powerless(const std::string& interface, const std::string& service) {
   std::string warning;
   without_capability([&] {
@@ -148,7 +148,7 @@ class Service {
   }
   const std::string& path() const { return path_; }
 
-  /// What comes back for these bytes: nothing if it is not one errno.
+  /// The answer to these bytes; nullopt if it is not one errno.
   std::optional<std::int32_t> answer(std::string_view bytes) const {
     const int fd = connection();
     EXPECT_EQ(write(fd, bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));

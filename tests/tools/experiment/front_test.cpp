@@ -10,7 +10,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// Of 100 runs.
+/// The worth of 100 runs.
 Worth worth(std::size_t lost, double error) {
   Worth worth;
   worth.lost = lost;

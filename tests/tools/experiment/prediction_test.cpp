@@ -10,7 +10,7 @@
 #include "tests/tools/experiment/store.hpp"
 #include "tools/base/write_file.hpp"
 
-// What a sweep says of runs to come, and how a measurement is compared with it.
+// Predictions from a sweep, and their comparison with measurements.
 
 namespace tether {
 namespace {

@@ -48,7 +48,7 @@ struct Runs {
   std::vector<double> values;
 };
 
-/// Of each arm, in order.
+/// The runs of each arm, in order.
 std::vector<Runs> runs_of(const RunStore& store, const std::string& metric) {
   const SweepData values(store, metric), lost(store, "lost");
   std::vector<Runs> all(values.arms().size());
@@ -74,8 +74,6 @@ std::vector<std::uint64_t> seeds_of(const RunStore& store) {
   store.for_each([&](const StoredRun& run) { seeds.insert(run.seed); });
   return {seeds.begin(), seeds.end()};
 }
-
-std::string text_of(const std::vector<KeyValue>& settings) { return Arm{settings, {}}.text(); }
 
 bool same_value(const std::string& a, const std::string& b) {
   const auto x = to_number<double>(a), y = to_number<double>(b);
@@ -252,7 +250,7 @@ Prediction read_prediction(const std::string& file) {
     }
     for (const PredictedArm& arm : prediction.arms) {
       if (arm.lost + arm.values <= arm.runs && arm.beyond >= 1) continue;
-      throw UsageError(text_of(arm.settings) + ": numbers of runs contradict each other");
+      throw UsageError(settings_text(arm.settings) + ": numbers of runs contradict each other");
     }
     if (prediction.arms.empty()) throw UsageError("\"arms\" must not be empty");
     return prediction;
@@ -363,7 +361,8 @@ std::vector<CheckedArm> check_prediction(const Prediction& prediction,
       return same_settings(p.settings, arm.settings);
     });
     if (found == prediction.arms.end()) {
-      throw UsageError(fmt::format("{}: was measured, and not predicted", text_of(arm.settings)));
+      throw UsageError(
+          fmt::format("{}: was measured, and not predicted", settings_text(arm.settings)));
     }
     of[static_cast<std::size_t>(found - prediction.arms.begin())] = &arm;
   }

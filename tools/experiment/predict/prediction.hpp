@@ -11,8 +11,8 @@
 
 namespace tether {
 
-/// What simulated runs of one setting say of runs that do not exist yet: how many vehicles are
-/// lost, and within which interval the metric of a vehicle lies that is not lost.
+/// Prediction for new runs of one setting, from simulated ones: how many vehicles are lost, and the
+/// interval in which the metric of a vehicle lies that is not lost.
 ///
 /// The interval lies between two order statistics of n values: rank `beyond` from below and from
 /// above. A new value of the same distribution, whatever that is, lies within with probability
@@ -53,14 +53,14 @@ struct Prediction {
 Prediction predict(const RunStore& store, const std::string& metric, double tolerance = 0.0);
 
 /// The file's text, JSON with a member "digest": BLAKE2b-256 of all others, in hexadecimal digits.
-/// Whoever has written down the digest before a measurement can show later that nothing changed.
+/// A digest that was written down before a measurement shows later that nothing has changed.
 std::string to_json(const Prediction& prediction);
 std::string digest_of(const Prediction& prediction);
 /// Reads such a file. Throws UsageError that names file and member for anything else, and if the
 /// digest is not that of the contents.
 Prediction read_prediction(const std::string& file);
 
-/// What was measured with one setting.
+/// Measured runs of one setting.
 struct MeasuredArm {
   std::vector<KeyValue> settings;
   std::size_t runs = 0;
@@ -105,7 +105,7 @@ std::vector<CheckedArm> check_prediction(const Prediction& prediction,
 /// each side.
 double probability_of_so_few_within(std::size_t k, std::size_t m, std::size_t n,
                                     std::size_t beyond);
-/// Of the table {{a, n − a}, {b, m − b}}.
+/// Returns the two-sided p-value of the table {{a, n − a}, {b, m − b}}.
 double fisher_exact(std::size_t a, std::size_t n, std::size_t b, std::size_t m);
 /// Which hypotheses stay, in the order given: Holm's step-down procedure.
 std::vector<bool> not_rejected_by_holm(const std::vector<double>& p_values, double level);

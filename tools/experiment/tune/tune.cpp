@@ -39,7 +39,8 @@ using Round = std::vector<std::vector<SearchPoint>>;  // each search's points
 /// Whether a search begins with what the law gives: the first of each aim.
 bool begins_with_given(const TuningLaw& law, std::size_t n) { return n % law.searches == 0; }
 
-/// Of each aim in turn. The others begin where the sequence is after the points of those before.
+/// The searches of each aim in turn. Searches after the first begin where the sequence is after the
+/// points of those before.
 std::vector<Search> searches_of(const Tuning& tuning, const TuningLaw& law) {
   std::vector<SearchPoint> given;
   for (const std::vector<double>& values : law.given) {
