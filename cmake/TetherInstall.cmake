@@ -20,7 +20,7 @@ install(DIRECTORY scenarios drivetrains DESTINATION ${shared} COMPONENT vehicle
 
 # Units, for the packages: they start /usr/bin/….
 set(units lib/systemd/system)
-foreach(unit host link can-bridge localiser autonomy logger metrics)
+foreach(unit host link can-bridge can-links localiser autonomy logger metrics)
   install(FILES systemd/tether-${unit}.service DESTINATION ${units} COMPONENT vehicle)
 endforeach()
 install(FILES systemd/hardening.conf DESTINATION ${units}/tether-.service.d COMPONENT vehicle)

@@ -32,8 +32,8 @@ endif()
 if(NOT CPACK_PACKAGE_VERSION STREQUAL CPACK_TETHER_RELEASE)
   return()
 endif()
-execute_process(COMMAND git -C ${CPACK_TETHER_SOURCE_DIR} log -1 --format=%cd.%h --abbrev=12
-    --date=format-local:%Y%m%d%H%M%S
+execute_process(COMMAND ${CMAKE_COMMAND} -E env TZ=UTC git -C ${CPACK_TETHER_SOURCE_DIR} log -1 --format=%cd.%h
+    --abbrev=12 --date=format-local:%Y%m%d%H%M%S
   OUTPUT_VARIABLE commit OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
 if(commit)
   set(CPACK_PACKAGE_VERSION ${CPACK_TETHER_RELEASE}+${commit})

@@ -91,8 +91,9 @@ bool writable(int fd) {
 
 }  // namespace
 
-SocketCanPort::SocketCanPort(const std::string& interface, EventLoop& loop)
-    : interface_(checked_name(interface)), loop_(loop), monitor_(interface_) {
+SocketCanPort::SocketCanPort(const std::string& interface, EventLoop& loop,
+                             const std::string& link_service)
+    : interface_(checked_name(interface)), loop_(loop), monitor_(interface_, link_service) {
   close(open_can_socket());  // tells a kernel without CAN from a missing interface
   const std::optional<CanLink> link = monitor_.query();
   if (!link) throw missing(interface_);
@@ -329,9 +330,9 @@ bool SocketCanPort::restart(std::string& why) {
     why = fmt::format("{0} is down: as root: ip link set {0} up", interface_);
     return false;
   }
-  int error = half_restarted_ ? 0 : monitor_.set_up(link_.index, false);
+  int error = half_restarted_ ? 0 : monitor_.change(link_.index, LinkChange::down);
   if (error == 0) {
-    error = monitor_.set_up(link_.index, true);
+    error = monitor_.change(link_.index, LinkChange::up);
     half_restarted_ = error != 0;
   }
   if (error == 0) {
@@ -345,7 +346,7 @@ bool SocketCanPort::restart(std::string& why) {
         "restarting {0} failed ({1}): as root: ip link set {0} down && ip link set "
         "{0} up{2}",
         interface_, std::strerror(error),
-        error == EPERM ? ", or give this program CAP_NET_ADMIN" : "");
+        error == EPERM ? ", or start tether-can-links.service" : "");
   }
   follow_link(monitor_.drain(link_.index).deleted);  // the earlier down state is known
   return error == 0;
@@ -353,11 +354,11 @@ bool SocketCanPort::restart(std::string& why) {
 
 std::string SocketCanPort::warning() const {
   if (interface_.starts_with("vcan") || interface_.starts_with("vxcan")) return "";
-  if (fd_ < 0 || monitor_.may_change(link_.index)) return "";
+  if (fd_ < 0 || monitor_.change(link_.index, LinkChange::none) == 0) return "";
   return fmt::format(
       "cannot restart {0} after a stall: speeds that wait in its queue would still come out when "
-      "the bus recovers: give this program CAP_NET_ADMIN (as root: setcap cap_net_admin+ep "
-      "<path of tether-can-bridge>)",
+      "the bus recovers: start tether-can-links.service, or give this program CAP_NET_ADMIN (as "
+      "root: setcap cap_net_admin+ep <path of tether-can-bridge>)",
       interface_);
 }
 

@@ -6,6 +6,7 @@
 
 #include "can_bridge/bus/can_port.hpp"
 #include "can_bridge/bus/link_monitor.hpp"
+#include "can_bridge/bus/link_service.hpp"
 #include "common/loop/event_loop.hpp"
 
 struct can_frame;
@@ -41,7 +42,9 @@ class SocketCanPort final : public CanPort {
 
   /// The interface has to exist; it may be down. Throws UsageError for what cannot be an
   /// interface's name, std::runtime_error that says what to do if kernel or interface are missing.
-  SocketCanPort(const std::string& interface, EventLoop& loop);
+  /// `link_service`: the socket of the CanLinkService that restart() asks without CAP_NET_ADMIN.
+  SocketCanPort(const std::string& interface, EventLoop& loop,
+                const std::string& link_service = kCanLinkService);
   ~SocketCanPort() override;
 
   bool send(const CanFrame& frame) override;
@@ -49,12 +52,13 @@ class SocketCanPort final : public CanPort {
   void on_state(StateHandler handler) override { state_handler_ = std::move(handler); }
   CanState state() const override { return state_; }
 
-  /// Needs CAP_NET_ADMIN. Not for an interface that is absent, or that another program took down.
-  /// Takes as long as the adapter does: with a dead serial or USB adapter seconds. That one may
-  /// then stay down, with empty queues, until it answers at a later restart().
+  /// Needs CAP_NET_ADMIN or a CanLinkService. Not for an interface that is absent, or that another
+  /// program else took down. Takes as long as the adapter does: with a dead serial or USB adapter
+  /// seconds. That one may then stay down, with empty queues, until it answers at a later
+  /// restart().
   bool restart(std::string& why) override;
 
-  /// Without CAP_NET_ADMIN; "" for a virtual bus, which never stalls.
+  /// Without CAP_NET_ADMIN and CanLinkService; "" for a virtual bus, which never stalls.
   std::string warning() const override;
 
   /// Appends can.sent, can.received, can.send_dropped, can.rx_overflow (frames), can.malformed

@@ -1,8 +1,6 @@
 #include "common/lcm/own_addresses.hpp"
 
 #include <ifaddrs.h>
-#include <linux/netlink.h>
-#include <linux/rtnetlink.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -10,19 +8,12 @@
 #include <array>
 #include <cerrno>
 
-#include "common/base/system_error.hpp"
+#include "common/base/rtnetlink.hpp"
 
 namespace tether {
 
 OwnAddresses::OwnAddresses()
-    : fd_(check_system_call(
-          "asking for changes of this host's addresses",
-          socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, NETLINK_ROUTE))) {
-  sockaddr_nl groups{};
-  groups.nl_family = AF_NETLINK;
-  groups.nl_groups = RTMGRP_LINK | RTMGRP_IPV4_IFADDR | RTMGRP_IPV4_ROUTE;
-  check_system_call("asking for changes of this host's addresses",
-                    bind(fd_, reinterpret_cast<const sockaddr*>(&groups), sizeof groups));
+    : fd_(open_rtnetlink(RTMGRP_LINK | RTMGRP_IPV4_IFADDR | RTMGRP_IPV4_ROUTE, SOCK_NONBLOCK)) {
   read();
 }
 

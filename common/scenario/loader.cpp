@@ -226,12 +226,16 @@ std::string ScenarioLoader::why_switched_off(const std::string& key) const {
                      off->switches.size() > 1 ? "are" : "is", is_zero ? "0" : to_toml(off->off));
 }
 
+std::string ScenarioLoader::why_no_effect(const std::string& key) const {
+  const std::string why = scenario_.schema().why_no_effect(scenario_, key);
+  return why.empty() ? why_switched_off(key) : why;
+}
+
 /// Refuses keys that have no effect: with one forgotten line, a bad network would otherwise become
 /// a perfect one without notice.
 void ScenarioLoader::end_level(const std::string& source, const std::filesystem::path& folder) {
   const auto check = [&](const std::string& key) {
-    std::string why = scenario_.schema().why_no_effect(scenario_, key);
-    if (why.empty()) why = why_switched_off(key);
+    const std::string why = why_no_effect(key);
     if (!why.empty()) {
       throw UsageError(fmt::format("{}: {} has no effect: {}", source, key, why));
     }

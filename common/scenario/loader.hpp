@@ -39,6 +39,9 @@ class ScenarioLoader {
   /// are relative to `folder`.
   void end_level(const std::string& source, const std::filesystem::path& folder);
 
+  /// Why a key, by its full name, has no effect on what was applied so far; "" if it has one.
+  std::string why_no_effect(const std::string& key) const;
+
   /// Full names of the keys that were given at this level.
   const std::set<std::string>& given() const { return given_; }
 

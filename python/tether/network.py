@@ -1,5 +1,6 @@
 """LCM over UDP multicast (udpm://GROUP:PORT?ttl=N), by sockets of the standard library."""
 
+import errno
 import re
 import select
 import socket
@@ -39,16 +40,24 @@ class Network:
             socket.SOL_SOCKET, socket.SO_RCVBUF, int(settings.get("recv_buf_size", 1 << 21))
         )
         self._in.bind(("", self._address[1]))
-        group = self._address[0]
-        member = socket.inet_aton(group) + socket.inet_aton("0.0.0.0")
+        # A network of this host alone is reached over the loopback interface where there is no route.
+        self._local = int(settings.get("ttl", 0)) == 0
+        interfaces = ("0.0.0.0", "127.0.0.1") if self._local else ("0.0.0.0",)
+        troubles = [trouble for trouble in map(self._join, interfaces) if trouble]
+        if len(troubles) == len(interfaces):
+            number, what = troubles[0]
+            raise OSError(number, f"{what}: no route to {self._address[0]}; tether doctor --lcm-url '{self.url}' says more")
+        self._in.setblocking(False)
+
+    def _join(self, interface):
+        """None, or why the group cannot be joined there: number and text, because an exception would keep its callers
+        alive."""
+        member = socket.inet_aton(self._address[0]) + socket.inet_aton(interface)
         try:
             self._in.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
         except OSError as error:
-            raise OSError(
-                error.errno,
-                f"{error.strerror}: no route to {group}; tether doctor --lcm-url '{self.url}' says more",
-            ) from None
-        self._in.setblocking(False)
+            return error.errno, error.strerror
+        return None
 
     def close(self):
         self._in.close()
@@ -59,13 +68,24 @@ class Network:
         self._sent += 1
         name = channel.encode() + b"\0"
         if len(name) + len(data) <= _LARGEST:
-            self._out.sendto(_WHOLE + struct.pack(">I", number) + name + data, self._address)
+            self._send(_WHOLE + struct.pack(">I", number) + name + data)
             return
         first = _LARGEST - len(name)
         cuts = [0, *range(first, len(data), _LARGEST), len(data)]
         for i, (begin, end) in enumerate(zip(cuts, cuts[1:])):
             head = struct.pack(">IIIHH", number, len(data), begin, i, len(cuts) - 1)
-            self._out.sendto(_PART + head + (b"" if i else name) + data[begin:end], self._address)
+            self._send(_PART + head + (b"" if i else name) + data[begin:end])
+
+    def _send(self, datagram):
+        try:
+            self._out.sendto(datagram, self._address)
+        except OSError as error:
+            if not self._local or error.errno not in (errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN):
+                raise
+            self._out.setsockopt(
+                socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1")
+            )
+            self._out.sendto(datagram, self._address)
 
     def receive(self, seconds):
         """The next message as (channel, bytes); None if none comes in this time (None: for ever)."""

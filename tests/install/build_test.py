@@ -1,8 +1,10 @@
 #!/usr/bin/env -S python3 -B
-"""build_test.py vehicle|packaging BUILD: a documented build other than BUILD's is configured, built, installed and packed.
+"""build_test.py vehicle|packaging|clone BUILD: a documented build other than BUILD's is configured, built, installed and packed.
 
     vehicle    -DTETHER_VEHICLE_ONLY=ON, where the simulator's libraries are hidden; each program runs
     packaging  -DTETHER_TESTS=OFF; before it is built, cpack names what is missing
+    clone      after packaging: by the commands of deployment.md, a clone in another folder, with another umask and
+               time zone, gives the same packages. --compile: without ccache, which may have objects of the first build
 
 The build tree is beside BUILD and has its options, so that ccache knows all objects that both have. It is emptied
 first, because an old one would hide what a new one lacks."""
@@ -11,6 +13,7 @@ import argparse
 import os
 import pathlib
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -20,6 +23,7 @@ import time
 import urllib.request
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
+PAGE = (SOURCE / "docs/howto/deployment.md").read_text()
 VEHICLE = ["tether-vehicle", "tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-link", "tether-localiser"]
 NODES = ["tether-autonomy", "tether-can-bridge", "tether-can-drive", "tether-localiser"]
 PACKAGES = {
@@ -42,12 +46,17 @@ def run(*command, expect=(0,), **options):
     return done.stdout + done.stderr
 
 
+def options_of(tree, *keys):
+    """Its compiler, warnings, build type and these, for another tree."""
+    cache = dict(re.findall(r"(?m)^(\w+):\w+=(.*)$", (tree / "CMakeCache.txt").read_text()))
+    keys = ("CMAKE_CXX_COMPILER", "CMAKE_BUILD_TYPE", "TETHER_WERROR", *keys)
+    return [f"-D{key}={cache[key]}" for key in keys if key in cache]
+
+
 def configured(build, tree, *definitions, **options):
-    """Configures a new build tree with the compiler, warnings and build type of BUILD."""
+    """Configures a new build tree with BUILD's options."""
     shutil.rmtree(tree, ignore_errors=True)
-    cache = dict(re.findall(r"(?m)^(\w+):\w+=(.*)$", (build / "CMakeCache.txt").read_text()))
-    same = [f"-D{key}={cache[key]}" for key in ("CMAKE_CXX_COMPILER", "CMAKE_BUILD_TYPE", "TETHER_WERROR") if key in cache]
-    run("cmake", "-S", SOURCE, "-B", tree, "-G", "Ninja", *same, *definitions, **options)
+    run("cmake", "-S", SOURCE, "-B", tree, "-G", "Ninja", *options_of(build), *definitions, **options)
 
 
 def built(tree, *targets):
@@ -60,6 +69,10 @@ def packed(tree, names):
     made = tree / "packages"
     shutil.rmtree(made, ignore_errors=True)
     run("cpack", "-G", "DEB", "--config", tree / "CPackConfig.cmake", "-B", made)
+    return packages_in(made, names)
+
+
+def packages_in(made, names):
     packages = sorted(made.glob("*.deb"))
     check([package.name.split("_")[0] for package in packages] == names, packages)
     return {package.name.split("_")[0]: package for package in packages}
@@ -211,15 +224,63 @@ def packaging(build, tree, _):
         check(package.read_bytes() == bytes_of[name], f"{name}: packed again, other bytes")
 
 
+def copy_of_the_source(folder):
+    """A clone with this checkout's changes."""
+    run("git", "clone", "--quiet", SOURCE, folder)
+    names = run("git", "-C", SOURCE, "ls-files", "-z", "--cached", "--others", "--exclude-standard").split("\0")
+    for name in filter(None, names):
+        (folder / name).unlink(missing_ok=True)
+        if (SOURCE / name).is_symlink() or (SOURCE / name).exists():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(SOURCE / name, folder / name, follow_symlinks=False)
+
+
+def listing(package, folder):
+    """Modes, owners, sizes and times of its files, and their sums."""
+    shutil.rmtree(folder, ignore_errors=True)
+    run("dpkg-deb", "--raw-extract", package, folder)
+    sums = run("find", ".", "-type", "f", "-exec", "sha256sum", "{}", "+", cwd=folder)
+    return set(run("dpkg-deb", "--contents", package).splitlines() + sums.splitlines())
+
+
+def clone(build, compiles, work):
+    first = build.parent / f"{build.name}-packaging"
+    folder = work / "a_folder_that_is_named_otherwise" / "tether"
+    copy_of_the_source(folder)
+    env = os.environ | {"TZ": "Asia/Tokyo", "HOME": str(work)} | ({"CCACHE_DISABLE": "1"} if compiles else {})
+    if shutil.which("ccache"):
+        env.setdefault("CCACHE_DIR", run("ccache", "--get-config", "cache_dir").strip())  # HOME is another
+    block = re.search(r"(?m)^    cmake --preset release -DTETHER_TESTS=OFF\n(?:    .*\n)+", PAGE)
+    check(block, "deployment.md says how packages are built")
+    for command in block[0].splitlines():
+        if "--preset release -D" in command:
+            command = shlex.join([*command.split(), *options_of(first, "TETHER_MAINTAINER")])
+        begin = time.monotonic()
+        run("nice", "-n", "12", "bash", "-c", command, cwd=folder, env=env, umask=0o077)
+        print(f"{time.monotonic() - begin:.0f} s: {command.split('#')[0].strip()}", flush=True)
+    check(re.match(r"\d+\.\d+\.\d+", run(work / "tether/bin/tether", "--version").split()[-1]), "installed")
+    for name, package in packages_in(folder / "build/packages", PACKAGES["packaging"]).items():
+        (before,) = (first / "packages").glob(f"{name}_*.deb")
+        check(package.name == before.name, f"{package.name}, but {before.name}")
+        if package.read_bytes() != before.read_bytes():
+            differs = sorted(listing(before, work / "a") ^ listing(package, work / "b"))
+            check(False, f"{name}: other bytes\n" + "\n".join(differs))
+    print(f"{len(PACKAGES['packaging'])} packages have the same bytes")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("kind", choices=PACKAGES)
+    parser.add_argument("kind", choices=[*PACKAGES, "clone"])
     parser.add_argument("build", type=pathlib.Path)
+    parser.add_argument("--compile", action="store_true")
     given = parser.parse_args()
     build = given.build.resolve()
-    with tempfile.TemporaryDirectory() as work:
-        tree = build.parent / f"{build.name}-{given.kind}"
-        {"vehicle": vehicle, "packaging": packaging}[given.kind](build, tree, pathlib.Path(work))
+    with tempfile.TemporaryDirectory() as folder:
+        work, tree = pathlib.Path(folder), build.parent / f"{build.name}-{given.kind}"
+        if given.kind == "clone":
+            clone(build, given.compile, work)
+        else:
+            {"vehicle": vehicle, "packaging": packaging}[given.kind](build, tree, work)
 
 
 main()

@@ -9,7 +9,7 @@ import signal
 import socket
 import time
 
-from live_support import PAPER, POSE, PRESENCE, TWIST, Failure, alive, check, main, wait_for_loop, wait_until
+from live_support import PAPER, PORT, POSE, PRESENCE, TWIST, Failure, Network, alive, check, main, wait_for_loop, wait_until
 
 FAST = ("--set=sensor.rate_hz=20",)
 NOTICED_S = 1.5  # within a second; half a second for a busy machine
@@ -205,6 +205,43 @@ def a_run_that_refuses_all_commands_is_invalid(test):
     check("refused all" in run.out() and "sim.command.other_run" in run.out(), run.out())
 
 
+def one_command_beside_an_external_controller_makes_the_run_invalid(test):
+    """Before its own first one, or among them. An external controller alone does not."""
+    for when in ("before", "among", "never"):
+        run = live(test, "--duration=3", "--set=controller.external=true")
+        wait_until(5, lambda: "tether-netem" in run.children(), "its relay")
+        number, controller = run_of(run), Network(PORT + 1, to=PORT)
+        if when == "before":
+            test.network.send("CTRL/CMD_VEL", TWIST.encode(utime=0, run=number, v_mps=2))
+        wait_until(5, lambda: test.network.last("CTRL/POSE"), "a pose")
+        deadline, seq = time.monotonic() + 5, 0
+        while run.running() and time.monotonic() < deadline:
+            utime = test.network.last("CTRL/POSE").utime
+            controller.send("CTRL/CMD_VEL", TWIST.encode(utime=utime, seq=seq, run=number, v_mps=0.5))
+            seq += 1
+            if when == "among" and seq == 20:
+                test.network.send("CTRL/CMD_VEL", TWIST.encode(utime=utime, seq=seq, run=number, v_mps=2))
+            time.sleep(0.05)
+        controller.close()
+        check_verdict(run, 0 if when == "never" else 1, "valid " if when == "never" else "INVALID ")
+        named = " sent on CTRL/CMD_VEL, which belongs to one external controller" in run.out()
+        check(named == (when != "never"), f"{when}: {run.out()}")
+        test.network.forget()
+
+
+def a_run_that_was_not_heard_whole_is_invalid(test):
+    """`tether live` cannot judge a message that it has not heard: others may have sent it."""
+    run = live(test, "--duration=3")
+    wait_for_loop(test.network, since=time.time())
+    run.kill(signal.SIGSTOP)
+    for _ in range(200):
+        test.network.send("MY/NOTES", bytes(60_000))
+        time.sleep(0.001)
+    run.kill(signal.SIGCONT)
+    check_verdict(run, 1, "INVALID ")
+    check(re.search(r"this verdict lacks \d+ datagrams: the kernel's buffer was full", run.out()), run.out())
+
+
 def a_stopped_node_is_told_ended_and_started_again(test):
     run = live(test)
     wait_for_loop(test.network)
@@ -251,6 +288,8 @@ main(
     a_jump_of_numbers_makes_the_run_invalid,
     an_overloaded_run_is_invalid_and_a_short_pause_is_not,
     a_run_that_refuses_all_commands_is_invalid,
+    one_command_beside_an_external_controller_makes_the_run_invalid,
+    a_run_that_was_not_heard_whole_is_invalid,
     a_stopped_node_is_told_ended_and_started_again,
     ends_soon_though_a_node_hangs,
 )

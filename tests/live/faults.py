@@ -42,7 +42,7 @@ def main():
             print(done.stdout[-3000:], done.stderr[-3000:], file=sys.stderr)
         total += count
         right = f"0 wrong results: at most {3 / max(count, 1):.1e} of them lead to one, with 95 % confidence"
-        print(f"{name}: {count} faults, " + ("WRONG RESULTS" if name in failed else right), flush=True)
+        print(f"{name}: {count} faults, " + ("FAILED" if name in failed else right), flush=True)
     if failed:
         sys.exit(f"faults.py: {', '.join(failed)} failed")
     print(f"{total} faults in all, drawn as here")

@@ -3,9 +3,10 @@
 the route to the group leads. Changes the network that it runs in.
 Usage: interfaces_test.py BIN_DIR"""
 
+import os
 import subprocess
 
-from live_support import GROUP, PAPER, check, main
+from live_support import GROUP, PAPER, SOURCE, check, main
 
 SHORT = ("--set", "run.duration_s=3", "--set", "sensor.rate_hz=20")
 
@@ -80,9 +81,27 @@ def two_addresses_are_one_host(test):
     all_talk(test, "two addresses, route to loopback from the second")
 
 
+def no_route_is_needed_by_what_stays_on_this_host(test):
+    """With ttl=0 and an external controller in Python, too; with ttl=1 the error says which command is missing."""
+    give_interface()
+    lockstep_runs(test, "lockstep without a route")
+    live_runs(test, "live without a route")
+    law = test.work / "law.py"
+    law.write_text("import tether\ntether.main(lambda t, pose, path: (0.5, 0.1))\n")
+    command = f"python3 -B {law} --url {{url}} --scenario {{scenario}}"
+    run = test.run("tether", "run", PAPER, *SHORT, "--set", f'controller.command="{command}"', seconds=60,
+                   env=os.environ | {"PYTHONPATH": str(SOURCE / "python")})
+    check(run.process.returncode == 0 and "downlink" in run.out(), run.err())
+    wide = ("--lcm-url", f"udpm://{GROUP}:7667?ttl=1")
+    for options in (("--processes",), ("--set", "controller.external=true")):
+        run = test.run("tether", "run", PAPER, *SHORT, *options, *wide, seconds=60)
+        check(run.process.returncode == 1 and f"ip route add {GROUP}/32 dev lo" in run.err(), run.err())
+
+
 main(
     the_documented_route_keeps_traffic_on_loopback,
     a_default_route_beside_it_changes_nothing,
     a_default_route_alone_suffices,
     two_addresses_are_one_host,
+    no_route_is_needed_by_what_stays_on_this_host,
 )

@@ -172,11 +172,11 @@ TYPES = {
 
 
 class Network:
-    """Hears everything on one LCM port of this machine, and sends."""
+    """Hears everything on one LCM port of this machine, and sends to it, or to another, from that port."""
 
-    def __init__(self, port=PORT):
+    def __init__(self, port=PORT, to=None):
         self.url = f"udpm://{GROUP}:{port}?ttl=0"
-        self._address = (GROUP, port)
+        self._address = (GROUP, to or port)
         self._seq = 0
         self._heard = {}  # channel -> list of messages
         self._on_message = {}

@@ -70,11 +70,11 @@ def no_lost_datagram_changes_a_result_with_exit_code_0(test):
             failed.append((seed, reason.splitlines()[0]))
     for seed, reason in failed:
         test.say(f"seed {seed}: {reason}")
+    test.say(f"{sum(sums)} faults in {runs} runs: {sums[0]} datagrams lost, {sums[1]} doubled, {sums[2]} late; "
+             f"{len(failed)} runs failed by name, none had another result")
     light = [seed for seed, _ in failed if seed % len(RATES) < 3]
     check(not light, f"these seeds lose little and must come to their end: {light}")
     check(min(sums) > 2 * runs, f"only {sums} faults")
-    test.say(f"{sum(sums)} faults in {runs} runs: {sums[0]} datagrams lost, {sums[1]} doubled, {sums[2]} late; "
-             f"{len(failed)} runs failed by name, none had another result")
 
 
 main(no_lost_datagram_changes_a_result_with_exit_code_0)

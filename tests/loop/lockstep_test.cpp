@@ -217,6 +217,22 @@ TEST(LockstepFaults, AForgedAnswerHasNoEffectOrEndsTheRun) {
   expect_no_wrong_result(kTimeRequest, silent, "twice, and differently: another program");
 }
 
+TEST(LockstepFaults, AForgedAnswerOfAnotherInstanceHasNoEffectEither) {
+  const Scenario s = scenario({"channel.prr=1"});
+  LockstepRig rig(s);
+  Listener listener(rig);
+  rig.run_to(kStart + from_seconds(1));
+  listener.at_next_grant("controller", kTimeRequest, [](const time_grant_t& grant) {
+    time_request_t answer = request(grant.id);
+    answer.instance = 77;
+    return answer;
+  });
+  rig.run();
+  EXPECT_TRUE(rig.manager->done()) << rig.manager->error();
+  EXPECT_TRUE(rig.record == record_of(s));
+  EXPECT_EQ(rig.manager->counters().forged, 1);
+}
+
 TEST(LockstepFaults, AForgedGrantHasNoEffectOrEndsTheRun) {
   const auto early = [](time_grant_t grant) {  // the next, before the coordinator's
     ++grant.id;

@@ -32,6 +32,7 @@ SOURCES = [
 # The same of sources that need a kernel with CAN.
 CAN_SOURCES = [
     ("can_bridge/bus/socket_can_port.cpp", ["socket_can_test"]),
+    ("can_bridge/bus/link_service.cpp", ["socket_can_test"]),
 ]
 
 # In these files, with these operators, no mutant may live that survivors.toml does not name.

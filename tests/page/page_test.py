@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 
-from page_support import SOURCE, fail, install, write_fleet_log
+from page_support import SOURCE, fail, install, write_fleet_log, write_hostile_log
 
 HALL = """
 [lidar]
@@ -30,6 +30,11 @@ pause_s = 1000.0
 to = [[-17.0, 17.0]]
 """
 LCM_URL = "udpm://239.255.76.67:7667?ttl=0"
+# Each would leave a mark on the page if it were more than text.
+HOSTILE = (
+    "<!--<script>", "</script><script>globalThis.taken = 1</script>", "<img src=x onerror='globalThis.taken = 1'>",
+    "]]>\"'&<b class=taken>", "</title><h1 class=taken>",
+)
 BIN, NPM = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 
 
@@ -46,7 +51,9 @@ def main():
         write_fleet_log(work / "fleet.lcmlog", vehicles=100, rate_hz=50, seconds=30)
         hall = work / "hall.toml"
         hall.write_text(scenario.read_text() + HALL)
-        node = ["node", NPM / "states_test.mjs", BIN / "tether", scenario, LCM_URL, work / "run" / "run.lcmlog", hall]
+        hostile = work / "hostile.lcmlog"
+        write_hostile_log(hostile, HOSTILE)
+        node = ["node", NPM / "states_test.mjs", BIN / "tether", scenario, LCM_URL, work / "run" / "run.lcmlog", hall, hostile]
         states = subprocess.run([SOURCE / "tests" / "support" / "in_own_network.sh", *node]).returncode
         every = subprocess.run(["node", NPM / "browser_test.mjs", BIN / "tether", scenario, work]).returncode
         sys.exit(states or every)

@@ -1,12 +1,12 @@
-// node states_test.mjs TETHER SCENARIO LCM_URL LOG HALL: what the page says when there is nothing new, a run has
-// ended, or no relay runs. In a network of its own: on it there is what the tests start.
+// node states_test.mjs TETHER SCENARIO LCM_URL LOG HALL HOSTILE: what the page says when there is nothing new, a run has ended, or
+// no relay runs. In a network of its own: on it there is what the tests start.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import path from "node:path";
 import { after, before, test as testOf } from "node:test";
 import { launch, onPageOf, until } from "./browser.mjs";
 
-const [tether, scenario, url, log, hall] = process.argv.slice(2);
+const [tether, scenario, url, log, hall, hostile] = process.argv.slice(2);
 const test = (fact, check) => testOf(fact, { timeout: 60_000 }, check);
 let browser;
 
@@ -138,6 +138,40 @@ test("the end of a run is shown with its ε, and silence is then expected", () =
     },
     true,
   ));
+
+/** No text of the hostile log became an element or ran, and those that the page shows are there as they are. */
+async function showsHostileTextsAsTexts(page) {
+  await page.click("#table-panel summary");
+  for (const place of ["#peers", "#table tbody"]) {
+    await until(`texts in ${place}`, async () => {
+      const shown = await page.$eval(place, (element) => element.textContent);
+      return ["<!--<script>", "</script><script>", "<img src=x", "<b class=taken>", "<h1 class=taken>"].every((one) => shown.includes(one));
+    });
+  }
+  assert.match(await text(page, "driver"), /</, "who drives");
+  assert.deepEqual(
+    await page.evaluate(() => ["taken" in globalThis, document.querySelectorAll(".taken, img[src=x]").length]),
+    [false, 0],
+  );
+}
+
+test("names and texts in a log that try to be HTML and scripts are shown as text", () =>
+  onPage(["view", hostile], showsHostileTextsAsTexts));
+
+test("so they are on a page of the log in one file", async () => {
+  const file = path.join(path.dirname(hostile), "hostile.html");
+  execFileSync(tether, ["log", "page", hostile, "--out", file]);
+  const page = await browser.newPage();
+  const errors = [];
+  page.on("pageerror", (error) => errors.push(error.message));
+  try {
+    await page.goto(`file://${file}`);
+    await showsHostileTextsAsTexts(page);
+    assert.deepEqual(errors, []);
+  } finally {
+    await page.close();
+  }
+});
 
 test("a network without a relay has none to be set, and says so", () =>
   withVehicle(() =>

@@ -92,7 +92,9 @@ class Booted:
         wait_until(90, lambda: self.ctl("is-system-running", check_it=False) in ("running", "degraded"), "systemd is up")
 
     def _first_process(self):
-        found = subprocess.run(["pgrep", "--newest", "--exact", "systemd"], capture_output=True, text=True, check=False).stdout.split()
+        # By its parent: a system that was started before may still be there, dead and not waited for.
+        found = subprocess.run(["pgrep", "--parent", str(self.init.pid), "--exact", "systemd"],
+                               capture_output=True, text=True, check=False).stdout.split()
         return found[0] if found else None
 
     @property

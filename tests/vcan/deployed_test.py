@@ -90,6 +90,8 @@ def real_drives_from_the_first_start_on(test):
         agv.follow("sudo systemctl stop tether-can-bridge")
         check(any("did not exist" in m.reason for m in agv.network.messages("CAN/STATE")), "it began with the e-stop pressed")
         agv.wait_state("disarmed", 20)
+        links = agv.system.show("tether-can-links.service", "ActiveState")
+        check(links == "active", f"what restarts the bridge's interface is {links}")
         wait_until(20, lambda: 'tether_drivetrain_state{vehicle="AGV",state_name="disarmed"} 1\n' in served_metrics(), "metrics")
         driving = agv.begin_driving()
         test.say("commissioned, started, released, armed, driving")

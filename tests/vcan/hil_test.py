@@ -83,8 +83,17 @@ def plans_that_the_bridge_executes_outlive_loss_and_delay(test):
     check(live["epsilon_m"] < 1.0, "the vehicle did not follow the path")
 
 
+def a_run_whose_drives_are_never_armed_is_invalid(test):
+    test.network.close()
+    done = test.run("tether", "live", SCENARIO, "--set=can.arm=never", "--duration=4", "--json", seconds=60)
+    check(done.process.returncode == 1, f"exit code {done.process.returncode}")
+    why = json.loads(done.out())["invalid_because"]
+    check(any("never armed: disarmed: " in finding for finding in why), f"{why}")
+
+
 if __name__ == "__main__":
     live_support.main(
         the_error_is_that_of_the_direct_run_and_odometry_that_of_the_truth,
         plans_that_the_bridge_executes_outlive_loss_and_delay,
+        a_run_whose_drives_are_never_armed_is_invalid,
     )

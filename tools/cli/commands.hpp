@@ -12,6 +12,7 @@ namespace tether {
 void add_run_command(CLI::App& tether, Action& action);
 void add_sweep_command(CLI::App& tether, Action& action);
 void add_tune_command(CLI::App& tether, Action& action);
+void add_predict_command(CLI::App& tether, Action& action);
 void add_merge_command(CLI::App& tether, Action& action);
 void add_report_command(CLI::App& tether, Action& action);
 void add_reproduce_command(CLI::App& tether, Action& action);

@@ -35,6 +35,12 @@ std::vector<std::string> findings(const LiveSession& session) {
     if (!all.empty() || !name.ends_with(".senders.several") || value == 0) continue;
     all.push_back(fmt::format("several programs sent at the same time on one channel: {}", name));
   }
+  for (const auto& vehicle : session.observer().vehicles()) {
+    const auto& drives = vehicle->drivetrain();
+    if (!drives || drives->ever_armed()) continue;
+    all.push_back(fmt::format("the drives were never armed: {}: {}", drives->state().state_name,
+                              drives->state().reason));
+  }
   return all;
 }
 

@@ -67,6 +67,7 @@ int main(int argc, char** argv) {
   add_run_command(app, action);
   add_sweep_command(app, action);
   add_tune_command(app, action);
+  add_predict_command(app, action);
   add_merge_command(app, action);
   add_report_command(app, action);
   add_reproduce_command(app, action);
@@ -77,6 +78,7 @@ int main(int argc, char** argv) {
   add_record_command(app, action);
   add_metrics_command(app, action);
   add_lcm_route_command(app, action);
+  add_can_links_command(app, action);
   add_log_command(app, action);
   add_can_command(app, action);
   add_netem_command(app, action);

@@ -22,6 +22,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/tube/tube_settings.hpp"
+#include "margin/loop/loop_margins.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "netem/relay/netem_node.hpp"
@@ -141,27 +142,49 @@ class ViewedRun {
   std::optional<NetworkView> network_;
 };
 
-void run_processes(ProcessRun& processes) {
-  processes.run();
-  const TimeManager::Counters& c = processes.counters();
-  if (c.repeated + c.resends > 0) {
-    fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
-               c.resends, advice_on_lost_messages());
-  }
+/// Says what was lost on the run's network.
+void tell_of_losses(const TimeManager& manager) {
+  const TimeManager::Counters& c = manager.counters();
+  if (c.repeated + c.resends == 0) return;
+  fmt::print(stderr, "tether: {} grants were repeated, {} messages sent again; {}\n", c.repeated,
+             c.resends, advice_on_lost_messages());
+}
+
+/// Says what came on the run's network without effect.
+void tell_of_others(const TimeManager& manager) {
+  const TimeManager::Counters& c = manager.counters();
   if (c.forged > 0) {
     fmt::print(stderr, "tether: {} answers had not their node's key: they had no effect\n",
                c.forged);
   }
-  for (const auto& [channel, count] : processes.unaccounted()) {
+  for (const auto& [channel, count] : manager.unaccounted()) {
     fmt::print(stderr, "tether: {} messages on {} are in no node's answer: they had no effect\n",
                count, channel);
   }
+}
+
+/// Why a lost vehicle was bound to be lost, where the theory of `tether margin` applies; ""
+/// elsewhere.
+std::string theory_text(const Scenario& scenario) {
+  if (!margin_obstacles(scenario).empty()) return "";
+  const LoopMargins margins = loop_margins(scenario);
+  if (margins.radius < 1.0) return "";
+  if (margins.prr_each_way.kind == Critical::Kind::never) {
+    return fmt::format(
+        "{:<9} unstable even without loss, at a command period of {:g} s and a delay of {:.3g} ms: "
+        "tether margin\n",
+        "theory", margins.period_s, margins.delay_s * 1e3);
+  }
+  return fmt::format("{:<9} unstable with the losses of this channel: tether margin\n", "theory");
 }
 
 void report(const RunOptions& options, const Scenario& scenario, const FleetObserver& observer,
             const RunSummary& summary, std::optional<OutputFolder>& folder) {
   const std::string json = to_json(scenario, observer, summary);
   fmt::print("{}", options.json ? json + "\n" : to_text(scenario, observer, summary));
+  if (!options.json && observer.is_one() && observer.first().truth().lost) {
+    fmt::print("{}", theory_text(scenario));
+  }
   if (!folder) return;
   folder->write(scenario, observer, json);  // a full disk ends it here
   if (!options.json) {
@@ -224,8 +247,11 @@ struct Way {
       run_with_progress(*one, end);
     } else if (with_another) {
       with_another->run();
+      tell_of_others(with_another->manager());
     } else {
-      run_processes(*many);
+      many->run();
+      tell_of_losses(many->manager());
+      tell_of_others(many->manager());
     }
   }
 };

@@ -16,9 +16,11 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/version.hpp"
 #include "tools/base/text_output.hpp"
+#include "tools/cli/base/table.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/experiment/design/experiment.hpp"
 #include "tools/experiment/report/report.hpp"
+#include "tools/experiment/store/data.hpp"
 #include "tools/experiment/store/export.hpp"
 #include "tools/experiment/store/never_commanded.hpp"
 #include "tools/experiment/sweep/lock.hpp"
@@ -86,6 +88,26 @@ int say_plan(const Experiment& experiment, const Shard& shard, std::size_t jobs)
   return kExitOk;
 }
 
+/// One row for each arm, as far as a screen has room.
+void print_arms(const fs::path& database) {
+  constexpr std::size_t kMostRows = 30;
+  const RunStore store = RunStore::open(database);
+  const SweepData errors(store, "epsilon_m"), walls(store, "wall_contact_s");
+  std::vector<std::vector<std::string>> rows{
+      {"setting", "ε [m], mean and 95 % interval", "lost", "at the walls [s]"}};
+  const auto& arms = errors.arms();
+  for (std::size_t i = 0; i < std::min(arms.size(), kMostRows); ++i) {
+    rows.push_back({settings_text(arms[i].settings), mean_text(arms[i].summary),
+                    share_text(arms[i].survival.lost),
+                    fmt::format("{:.1f}", walls.arms()[i].summary.mean)});
+  }
+  print_table(rows);
+  if (arms.size() > kMostRows) {
+    fmt::print("{} more: tether sweep export {} --means\n", arms.size() - kMostRows,
+               database.parent_path().string());
+  }
+}
+
 int sweep(const SweepCommandOptions& options) {
   if (options.experiment_file.empty()) {
     throw UsageError("sweep: name an experiment file (see --help)");
@@ -108,6 +130,7 @@ int sweep(const SweepCommandOptions& options) {
                  ? ""
                  : fmt::format(", of which {} failed (see `tether sweep export`)", outcome.failed));
   if (outcome.failed > 0) fmt::print("failed    {}\n", outcome.first_failure);
+  if (outcome.is_complete && shard.count == 1) print_arms(outcome.database);
   if (outcome.is_complete && options.report) {
     write_report(folder, RiskDefinition::whole_run);
     fmt::print("report    {}\n", (folder / "report.html").string());

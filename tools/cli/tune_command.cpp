@@ -13,6 +13,7 @@
 #include "tools/base/write_file.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/experiment/design/gains.hpp"
+#include "tools/experiment/design/seeds.hpp"
 #include "tools/experiment/sweep/session.hpp"
 #include "tools/experiment/tune/tune.hpp"
 
@@ -52,22 +53,39 @@ void print_result(const Gains& gains) {
   }
 }
 
+void print_front(const Tuning& tuning, const TuneResult& result, const fs::path& folder,
+                 std::string& files) {
+  std::vector<std::string> conditions;
+  for (const TuningCondition& condition : tuning.conditions) conditions.push_back(condition.name);
+  const fs::path file = folder / "front.csv";
+  write_file(file, front_csv(result.front, conditions));
+  fmt::print("\nLost vehicles against error of the others, seeds {}\n\n{}\n",
+             seeds_text(tuning.front_seeds), front_table(result.front, conditions));
+  files += fmt::format("front     {}\n", file.string());
+}
+
 int run_tune(const TuneCommandOptions& options) {
   if (options.file.empty()) throw UsageError("tune: name a tuning file (see --help)");
   const Tuning tuning = load_tuning(options.file, options.overrides, options.quick);
   const TuneChoice choice = chosen(tuning, options.laws, options.keep);
   const std::string name = tuning.name + (options.quick ? "-quick" : "");
   const fs::path folder = options.out.empty() ? fs::path("out") / name : fs::path(options.out);
-  const auto gains =
+  const auto result =
       tune(tuning, choice, folder, options.jobs.value_or(default_jobs()), command_of(options));
-  if (!gains) {
+  if (!result) {
     fmt::print(stderr, "not complete; the same command goes on from here\n");
     return kExitFailed;
   }
-  const fs::path file = folder / "gains.toml";
-  write_file(file, to_toml(*gains));
-  print_result(*gains);
-  fmt::print("gains     {}\n", file.string());
+  std::string files;
+  for (std::size_t i = 0; i < result->gains.size(); ++i) {
+    const bool is_of_survival = tuning.aims[i] == Aim::survival;
+    const fs::path file = folder / (is_of_survival ? "gains_survival.toml" : "gains.toml");
+    write_file(file, to_toml(result->gains[i]));
+    print_result(result->gains[i]);
+    files += fmt::format("gains     {}\n", file.string());
+  }
+  if (!result->front.empty()) print_front(tuning, *result, folder, files);
+  fmt::print("{}", files);
   return kExitOk;
 }
 

@@ -9,7 +9,6 @@
 
 #include "common/base/errors.hpp"
 #include "common/fleet/fleet.hpp"
-#include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
@@ -47,7 +46,7 @@ void tell_of_controller(const std::string& line) { fmt::print(stderr, "controlle
 ExternalController::ExternalController(const std::string& lcm_url, ExternalProgram::OnLine tell)
     : url_(lcm_url), tell_(std::move(tell)) {
   if (url_.empty()) url_ = port_.emplace().lcm_url();
-  url_ = reachable_lcm_url(url_);
+  url_ = checked_lcm_url(url_);
   if (multicast_group(url_).empty()) {
     throw UsageError(fmt::format("--lcm-url: a run in lockstep needs udpm://, not {}", url_));
   }

@@ -75,6 +75,8 @@ class ExternalRun {
   /// Runs to the end. Throws std::runtime_error that names the node that kept it from there;
   /// NoResult, as there.
   void run();
+  /// After the run.
+  const TimeManager& manager() const { return *manager_; }
 
  private:
   void record(Instant when, const Message& message);

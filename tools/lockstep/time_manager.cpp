@@ -180,13 +180,13 @@ void TimeManager::on_request(const time_request_t& request) {
                             request.grant));
   }
   const auto node = static_cast<std::size_t>(found - config_.nodes.begin());
-  if (request.instance != joined_[node]->instance) {
-    return fail(fmt::format("{} answers as instance {}, but instance {} joined", request.node,
-                            request.instance, joined_[node]->instance));
-  }
   if (request.mac != mac_of(request, node_keys_[node])) {
     ++counters_.forged;
     return;
+  }
+  if (request.instance != joined_[node]->instance) {
+    return fail(fmt::format("{} answers as instance {}, but instance {} joined", request.node,
+                            request.instance, joined_[node]->instance));
   }
   const bool due = outstanding_ && outstanding_->grant.node == node;
   if (due && request.grant == outstanding_->message.id) return on_answer(request);

@@ -125,16 +125,14 @@ std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
   return {all.begin(), all.end()};
 }
 
-/// Channels on which an external controller, which has no presence, may not send.
-std::vector<std::string> channels_of_programs(const Scenario& scenario) {
-  std::vector<std::string> channels = channels_of_one_sender(scenario);
+/// Channels of external controllers, which have no presence.
+std::set<std::string> channels_of_external_controllers(const Scenario& scenario) {
+  std::set<std::string> channels;
   for (const Scenario& member : fleet_members(scenario)) {
     if (!member.get<ControllerSettings>().is_external()) continue;
     const ChannelNames c(member.get<VehicleSettings>().name);
-    for (const std::string& own : {c.control_command, c.control_plan, c.control_preload,
-                                   c.control_report, c.control_counters}) {
-      std::erase(channels, own);
-    }
+    channels.insert({c.control_command, c.control_plan, c.control_preload, c.control_report,
+                     c.control_counters});
   }
   return channels;
 }
@@ -173,9 +171,11 @@ LiveSession::LiveSession(const Options& options, const Scenario& scenario)
     if (found == m.name.end()) return;
     watch_.late(m.node, m.value[static_cast<std::size_t>(found - m.name.begin())]);
   });
-  for (const std::string& channel : channels_of_programs(scenario)) {
-    bus_.subscribe(channel, kDeepQueue, [this](const Message& message) {
-      watch_.sent(loop_.now(), std::string(message.channel), message.sender);
+  const std::set<std::string> external = channels_of_external_controllers(scenario);
+  for (const std::string& channel : channels_of_one_sender(scenario)) {
+    const auto sent = external.contains(channel) ? &RunWatch::sent_by_controller : &RunWatch::sent;
+    bus_.subscribe(channel, kDeepQueue, [this, sent](const Message& message) {
+      (watch_.*sent)(loop_.now(), std::string(message.channel), message.sender);
     });
   }
   for (const std::string& name : programs(scenario)) add_child(options, name);
@@ -327,16 +327,19 @@ std::vector<std::string> LiveSession::findings() const {
        {observer_.refused_commands(), observer_.jumps(), watch_.lateness(end_ - kStart)}) {
     if (!finding.empty()) all.push_back(std::move(finding));
   }
-  if (!folder_) return all;
-  CounterList network;
-  recorder_->list_counters(network);
-  for (const auto& [name, count] : network) {
-    if (name != "datagrams_dropped" || count == 0) continue;
-    all.push_back(
-        fmt::format("the recording lacks {} datagrams: the kernel's buffer was full (`tether "
-                    "doctor` says how to enlarge it)",
-                    count));
-  }
+  const auto add_lost = [&all](const Bus& bus, const std::string& who) {
+    CounterList network;
+    bus.list_counters(network);
+    for (const auto& [name, count] : network) {
+      if (name != "datagrams_dropped" || count == 0) continue;
+      all.push_back(
+          fmt::format("{} lacks {} datagrams: the kernel's buffer was full (`tether doctor` says "
+                      "how to enlarge it)",
+                      who, count));
+    }
+  };
+  add_lost(*network_, "this verdict");
+  if (folder_) add_lost(*recorder_, "the recording");
   return all;
 }
 

@@ -13,7 +13,6 @@
 #include "common/base/errors.hpp"
 #include "common/base/share.hpp"
 #include "common/fleet/fleet.hpp"
-#include "common/lcm/lcm_bus.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
@@ -42,9 +41,7 @@ bool is_stopped(pid_t pid) {
 }
 
 std::string url_of(const std::string& wanted, std::optional<ReservedPort>& port) {
-  std::string url = wanted;
-  if (url.empty()) url = port.emplace().lcm_url();
-  url = reachable_lcm_url(url);
+  std::string url = checked_lcm_url(wanted.empty() ? port.emplace().lcm_url() : wanted);
   if (multicast_group(url).empty()) {
     throw UsageError(fmt::format("--lcm-url: a run in lockstep needs udpm://, not {}", url));
   }

@@ -44,10 +44,8 @@ class ProcessRun {
 
   /// Where the run has come to.
   Instant now() const { return loop_.now(); }
-  const TimeManager::Counters& counters() const { return manager_->counters(); }
+  const TimeManager& manager() const { return *manager_; }
   LockstepCost cost() const;
-  /// Result of TimeManager.
-  std::map<std::string, std::size_t> unaccounted() const { return manager_->unaccounted(); }
 
  private:
   void start_node(const Options& options, const std::string& node, std::int64_t session);

@@ -45,6 +45,14 @@ void RunWatch::sent(Instant now, const std::string& channel, std::uint64_t sende
   unnamed_.try_emplace(sender, Unnamed{channel, now});
 }
 
+void RunWatch::sent_by_controller(Instant now, const std::string& channel, std::uint64_t sender) {
+  if (sender == 0) return;
+  const std::uint64_t first = controllers_.try_emplace(channel, sender).first->second;
+  if (first == sender) return;
+  find(now, fmt::format("{} and {} sent on {}, which belongs to one external controller",
+                        sender_name(first), sender_name(sender), channel));
+}
+
 void RunWatch::judge_senders(Instant now, Instant since) {
   for (auto it = unnamed_.begin(); it != unnamed_.end();) {
     const auto& [sender, unnamed] = *it;

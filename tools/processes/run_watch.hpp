@@ -28,6 +28,8 @@ namespace tether {
 /// - Two senders that both say that they are one process.
 /// - An unknown sender: one that sends on a channel of the run's programs, be it once, and is not
 ///   heard on RUN/PRESENCE within kSilence.
+/// - A second controller: two senders on a channel of an external controller, be it once and one
+///   after the other. So an external controller cannot be started again within a run.
 ///
 /// - Late loops: what all programs together have added to the mean age of a message, if it had come
 ///   by way of all of them, is more than kMostLateness.
@@ -57,6 +59,8 @@ class RunWatch {
              bool from_this_host = true);
   /// A message on a channel on which only programs with a presence send.
   void sent(Instant now, const std::string& channel, std::uint64_t sender);
+  /// A message on a channel of an external controller, which has no presence.
+  void sent_by_controller(Instant now, const std::string& channel, std::uint64_t sender);
   /// The run is over: who has not said by now what it is was no program of it.
   void end(Instant now);
   /// A program's lateness so far, integrated over the time (RealTimeLoop::lateness_s2()), in µs·s.
@@ -112,6 +116,7 @@ class RunWatch {
   std::map<std::string, Late> late_;
   std::map<std::uint64_t, Unnamed> unnamed_;  ///< senders that have no presence yet
   std::set<std::uint64_t> named_;
+  std::map<std::string, std::uint64_t> controllers_;  ///< who sent first on each of their channels
   bool has_unknown_senders_ = false;
   std::vector<std::string> known_;  ///< found, without their times
   std::vector<std::string> findings_;

@@ -54,12 +54,14 @@ void StandstillInquiry::add_questions(Asked asked, const ObjectRef AxisConfig::*
 void StandstillInquiry::begin(bool stop_first) {
   sdo_.cancel();
   stop_first_ = stop_first;
+  asks_watchdog_ = !stop_first;
   for (Reading& reading : readings_) reading = blank(reading.axis);
   question_ = 0;
   configured_ = repeated_ = false;
   told_.reset();
   told_after_ = Duration{0};
   verdict_ = Verdict::unknown;
+  silent_since_.reset();
   fastest_.reset();
   standing_since_.reset();
   news_.clear();
@@ -108,7 +110,7 @@ bool StandstillInquiry::is_due(const Question& question,
     case Asked::controlword:
       return has_to_write(reading, stop_words[reading.axis]);
     case Asked::watchdog:
-      return !stop_first_;
+      return asks_watchdog_;
     case Asked::statusword:
     case Asked::velocity:
     case Asked::position:
@@ -124,17 +126,25 @@ bool StandstillInquiry::has_to_write(const Reading& reading, std::uint16_t stop_
 }
 
 void StandstillInquiry::on_result(const SdoResult& result, Instant now) {
+  if (result.outcome == SdoResult::Outcome::no_answer &&
+      questions_[question_].asked == Asked::watchdog) {
+    asks_watchdog_ = configured_ = repeated_ = false;
+    question_ = 0;
+    return;
+  }
   if (result.outcome == SdoResult::Outcome::no_answer) {
     verdict_ = Verdict::silent;
+    silent_since_ = silent_since_.value_or(now);
     configured_ = false;
     standing_since_.reset();
     question_ = 0;
     return;
   }
+  silent_since_.reset();
   note(questions_[question_], result, now);
   ++question_;
   const bool is_last = question_ == questions_.size() ||
-                       (stop_first_ && questions_[question_].asked > Asked::position);
+                       (!asks_watchdog_ && questions_[question_].asked > Asked::position);
   if (!is_last) return;
   question_ = 0;
   judge(now);

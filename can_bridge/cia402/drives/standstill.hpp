@@ -60,6 +60,8 @@ class StandstillInquiry {
             std::vector<CanFrame>& out);
 
   Verdict verdict() const { return verdict_; }
+  /// Since when no request has been answered in all tries; nullopt: the newest one was.
+  const std::optional<Instant>& silent_since() const { return silent_since_; }
   /// By the newest answers, each axis brakes or has its power off.
   bool obeys() const;
   /// The present request was sent again, or the newest round ended for want of an answer.
@@ -109,7 +111,8 @@ class StandstillInquiry {
   SdoClient sdo_;
   Duration round_;  // the longest that all answers of a round may take
   bool stop_first_ = false;
-  std::vector<Reading> readings_;  // readings of this round, or of the last one where not yet asked
+  bool asks_watchdog_ = true;  // not once that has had no answer, which says nothing of the wheels
+  std::vector<Reading> readings_;    // this round's, or the last one's where not yet asked
   std::vector<Question> questions_;  // questions of a round
   std::size_t question_ = 0;         // number of the next
   std::int64_t watchdog_ = 0;        // value set by start-up
@@ -118,6 +121,7 @@ class StandstillInquiry {
   Duration told_after_{0};           // and how long after the one before
   bool configured_ = false;          // the drive still has it, as the newest answers say
   Verdict verdict_ = Verdict::unknown;
+  std::optional<Instant> silent_since_;
   std::optional<Wheel> fastest_;
   std::optional<Instant> standing_since_;
   News news_;

@@ -15,6 +15,10 @@ constexpr Duration kSecureTimeout = std::chrono::seconds(5);
 /// How long a drive that was lost at speed is left to its own watchdog before it is reset.
 constexpr Duration kBlindBraking = std::chrono::seconds(2);
 
+/// How long a drive that left its requests unanswered is asked once more before it counts as
+/// absent: the last of those requests was sent before, and it may have been heard again since.
+constexpr Duration kAskedOnceMore = std::chrono::milliseconds(100);
+
 /// The bridge itself stood still for this long, so that it asks again whether wheels stand.
 constexpr Duration kSuspended = std::chrono::milliseconds(200);
 
@@ -140,6 +144,7 @@ bool BringUp::may_be_reset(const Node& node, Instant now) const {
   }
   if (!node.heard) {
     return has_been_recalled(node, now) && can_have_stopped(node) &&
+           now - node.inquiry.silent_since().value_or(now) >= kAskedOnceMore &&
            (!node.lost || d_.stage.elapsed(now) >= kBlindBraking);
   }
   // It runs, so that its silence says nothing of its wheel: only its feedback does.

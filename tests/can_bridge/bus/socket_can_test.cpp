@@ -3,13 +3,22 @@
 #include <gmock/gmock.h>
 #include <linux/can/error.h>
 #include <linux/capability.h>
+#include <net/if.h>
+#include <sys/socket.h>
 #include <sys/syscall.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
+#include <functional>
+#include <future>
+#include <optional>
+#include <string_view>
 #include <thread>
 
+#include "can_bridge/bus/link_service.hpp"
 #include "can_bridge/bus/socket_can_port.hpp"
 #include "can_peers.hpp"
 #include "common/base/errors.hpp"
@@ -97,28 +106,163 @@ TEST_F(VirtualBus, PassesLongIdentifiersThatAFilterAsksFor) {
   EXPECT_THAT(node.frames, ElementsAre(extended, frame_with(0x201, 5)));
 }
 
-/// Without CAP_NET_ADMIN, in a thread of its own: what the port warns of.
-std::string warning_of_the_powerless(const std::string& interface) {
-  std::string warning;
+/// Runs `work` without CAP_NET_ADMIN, in a thread of its own.
+void without_capability(const std::function<void()>& work) {
   std::thread([&] {
     __user_cap_header_struct header{_LINUX_CAPABILITY_VERSION_3, 0};
     std::array<__user_cap_data_struct, 2> data{};
     syscall(SYS_capget, &header, data.data());
     data[0].effective &= ~(1U << CAP_NET_ADMIN);
     ASSERT_EQ(syscall(SYS_capset, &header, data.data()), 0);
-    RealTimeLoop loop(RealTimeLoop::wall_utime_us());
-    warning = SocketCanPort(interface, loop).warning();
+    work();
   }).join();
+}
+
+/// The warning of a port without CAP_NET_ADMIN.
+std::string warning_of_the_powerless(const std::string& interface, const std::string& service) {
+  std::string warning;
+  without_capability([&] {
+    RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+    warning = SocketCanPort(interface, loop, service).warning();
+  });
   return warning;
 }
 
-TEST_F(VirtualBus, WarnsThatAStalledAdapterCannotBeRestartedWithoutTheCapability) {
+/// A CanLinkService in a thread of its own, with this program's capabilities.
+class Service {
+ public:
+  Service() : path_(testing::TempDir() + "links") {
+    std::promise<void> listens;
+    thread_ = std::thread([this, &listens] {
+      RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+      const CanLinkService service(path_, loop);
+      listens.set_value();
+      while (!ends_) loop.run_until(loop.now() + 5ms);
+    });
+    listens.get_future().wait();
+  }
+  ~Service() { end(); }
+  void end() {
+    ends_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  const std::string& path() const { return path_; }
+
+  /// The answer to these bytes; nullopt if it is not one errno.
+  std::optional<std::int32_t> answer(std::string_view bytes) const {
+    const int fd = connection();
+    EXPECT_EQ(write(fd, bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
+    std::int32_t error = 0;
+    const ssize_t size = read(fd, &error, sizeof error);
+    close(fd);
+    return size == sizeof error ? std::optional(error) : std::nullopt;
+  }
+  int connection() const {
+    const int fd = socket(AF_UNIX, SOCK_SEQPACKET, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path_.copy(address.sun_path, sizeof address.sun_path - 1);
+    EXPECT_EQ(connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    return fd;
+  }
+
+ private:
+  std::string path_;
+  std::atomic<bool> ends_ = false;
+  std::thread thread_;
+};
+
+constexpr char kNoService[] = "/nonexistent/links";
+
+TEST_F(VirtualBus, WarnsThatAStalledAdapterCannotBeRestartedWithoutCapabilityAndService) {
   sh("ip link add dev bus7 type vcan && ip link set bus7 up");  // by its name an adapter
   EXPECT_EQ(Node("bus7").port.warning(), "");
-  EXPECT_THAT(warning_of_the_powerless("bus7"),
-              AllOf(HasSubstr("cannot restart bus7 after a stall"), HasSubstr("CAP_NET_ADMIN")));
-  EXPECT_EQ(warning_of_the_powerless("vcan7"), "") << "a virtual bus never stalls";
+  EXPECT_THAT(warning_of_the_powerless("bus7", kNoService),
+              AllOf(HasSubstr("cannot restart bus7 after a stall"), HasSubstr("CAP_NET_ADMIN"),
+                    HasSubstr("tether-can-links")));
+  EXPECT_EQ(warning_of_the_powerless("vcan7", kNoService), "") << "a virtual bus never stalls";
+  EXPECT_EQ(warning_of_the_powerless("bus7", Service().path()), "");
   sh("ip link del bus7");
+}
+
+TEST_F(VirtualBus, IsRestartedByTheServiceWithoutTheCapability) {
+  Service service;
+  without_capability([&] {
+    RealTimeLoop loop(RealTimeLoop::wall_utime_us());
+    SocketCanPort port("vcan7", loop, service.path());
+    std::vector<CanState> states;
+    port.on_state([&](CanState s) { states.push_back(s); });
+    Peer peer("vcan7");
+    peer.send(CAN_ERR_BUSOFF | CAN_ERR_FLAG, std::vector<std::uint8_t>(8));
+    const Instant end = loop.now() + 5s;
+    while (states.empty() && loop.now() < end) loop.run_until(loop.now() + 5ms);
+    std::string why;
+    EXPECT_TRUE(port.restart(why)) << why;
+    EXPECT_TRUE(port.send(frame_with(0x201, 2)));
+    EXPECT_THAT(states, ElementsAre(CanState::bus_off, CanState::up));
+    service.end();
+    EXPECT_FALSE(port.restart(why));
+    EXPECT_THAT(why, HasSubstr("Operation not permitted"));
+    EXPECT_TRUE(port.send(frame_with(0x201, 3))) << "a refused restart leaves it up";
+  });
+}
+
+TEST_F(VirtualBus, TheServiceChangesCanInterfacesAlone) {
+  const Service service;
+  const auto ask = [&](const char* interface, LinkChange change) {
+    return ask_can_link_service(service.path(), static_cast<int>(if_nametoindex(interface)),
+                                change);
+  };
+  const CanLinkControl control;
+  const auto is_up = [&](const char* interface) { return control.query(interface)->up; };
+  ASSERT_TRUE(is_up("lo") && is_up("vcan7"));
+  EXPECT_EQ(ask("lo", LinkChange::none), EACCES);
+  EXPECT_EQ(ask("lo", LinkChange::down), EACCES);
+  EXPECT_EQ(ask("absent", LinkChange::down), EACCES);
+  EXPECT_TRUE(is_up("lo"));
+  EXPECT_EQ(ask("vcan7", LinkChange::none), 0);
+  EXPECT_TRUE(is_up("vcan7"));
+  EXPECT_EQ(ask("vcan7", LinkChange::down), 0);
+  EXPECT_FALSE(is_up("vcan7"));
+  EXPECT_EQ(ask("vcan7", LinkChange::up), 0);
+  EXPECT_TRUE(is_up("vcan7"));
+}
+
+TEST_F(VirtualBus, TheServiceRefusesWhatIsNoRequestAndWaitsForNoOne) {
+  const Service service;
+  const int silent = service.connection();
+  const int gone = service.connection();
+  close(gone);
+  CanLinkRequest request{.index = static_cast<int>(if_nametoindex("vcan7")),
+                         .change = LinkChange::down};
+  const auto bytes = [&request] {
+    return std::string(reinterpret_cast<const char*>(&request), sizeof request);
+  };
+  EXPECT_EQ(service.answer(bytes() + "x"), EINVAL);
+  EXPECT_EQ(service.answer(bytes().substr(1)), EINVAL);
+  request.change = static_cast<LinkChange>(3);
+  EXPECT_EQ(service.answer(bytes()), EINVAL);
+  EXPECT_TRUE(CanLinkControl().query("vcan7")->up);
+  EXPECT_EQ(service.answer(std::string(100'000, 'x')), EINVAL);
+  EXPECT_EQ(ask_can_link_service(service.path(), request.index, LinkChange::down), 0);
+  EXPECT_FALSE(CanLinkControl().query("vcan7")->up);
+  close(silent);
+}
+
+TEST_F(VirtualBus, AServiceThatEndsMeanwhileIsAnError) {
+  const std::string path = testing::TempDir() + "ends";
+  const int listener = socket(AF_UNIX, SOCK_SEQPACKET, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  ASSERT_EQ(bind(listener, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  ASSERT_EQ(listen(listener, 1), 0);
+  std::thread ends([&] { close(accept(listener, nullptr, nullptr)); });
+  EXPECT_EQ(ask_can_link_service(path, 1, LinkChange::down), EIO);
+  ends.join();
+  EXPECT_EQ(ask_can_link_service(path + "not", 1, LinkChange::down), EPERM);
+  close(listener);
+  unlink(path.c_str());
 }
 
 TEST_F(VirtualBus, ReceivesNothingBeforeItsFiltersAreSet) {
@@ -279,14 +423,14 @@ TEST_F(VirtualBus, SaysWhatTheOperatorHasToDoWithoutTheRightToRestart) {
       {
         if (setgid(65534) != 0 || setuid(65534) != 0) _exit(9);
         RealTimeLoop loop(0);
-        SocketCanPort port("vcan7", loop);
+        SocketCanPort port("vcan7", loop, kNoService);
         std::string why;
         const bool done = port.restart(why);
         fmt::print(stderr, "{}", why);
         _exit(done ? 1 : 0);
       },
       testing::ExitedWithCode(0),
-      "as root: ip link set vcan7 down && ip link set vcan7 up, or give");
+      "as root: ip link set vcan7 down && ip link set vcan7 up, or start tether-can-links");
 }
 
 }  // namespace

@@ -99,7 +99,8 @@ class Bench {
       deliver(slow_.front().second);
     }
     for (const CanFrame& f : replies) {
-      const bool sdo = (f.id & ~0x7Fu) == canopen::kSdoResponse;
+      const bool sdo = (f.id & ~0x7Fu) == canopen::kSdoResponse &&
+                       (slow_node == 0 || (f.id & 0x7F) == slow_node);
       if (sdo && sdo_delay > milliseconds(0)) {
         slow_.emplace_back(now + sdo_delay, f);
       } else {
@@ -185,7 +186,8 @@ class Bench {
   std::vector<CanFrame> sent;  // in the newest cycle
   std::vector<CanFrame> log;   // all that the profile ever sent
   bool deaf = false;           // the profile hears nothing
-  milliseconds sdo_delay{0};   // delay of each SDO answer
+  milliseconds sdo_delay{0};   // delay of each SDO answer …
+  std::uint8_t slow_node = 0;  // … from this node; 0: from all
 
  private:
   int cycles_ = 0;

@@ -185,6 +185,44 @@ TEST(TwoWitnesses, ADriveThatIsHeardAgainIsNotResetByTheSilenceBefore) {
   EXPECT_EQ(bench.left().resets, 0);
 }
 
+TEST(TwoWitnesses, ADriveThatIsBackBeforeItsSilenceIsKnownIsNotResetWhileItTurns) {
+  // Without heartbeat, so that nothing but its answers shows that it is there.
+  for (const int slow_ms : {0, 40}) {
+    bool absent = false;
+    for (int silent_ms = 200; silent_ms <= 4000 && !absent; silent_ms += 20) {
+      Rolls bench;
+      bench.sdo_delay = milliseconds(slow_ms);
+      bench.slow_node = 1;
+      bench.left().beat = false;
+      bench.left().silent = true;
+      bench.right_axis().speed = 0;
+      bench.profile.start(bench.now);
+      bench.run(milliseconds(silent_ms));
+      absent = bench.left().resets > 0;
+      bench.left().silent = false;
+      bench.run(milliseconds(100));  // how old the last request may be
+      if (bench.left().resets > 0) continue;
+      bench.run(milliseconds(1000));
+      EXPECT_EQ(bench.left().resets, 0) << silent_ms;
+    }
+    EXPECT_TRUE(absent) << "a drive that stays silent counts as absent at last";
+  }
+}
+
+TEST(TwoWitnesses, AWatchdogThatIsNotAnsweredSaysNothingOfTheWheel) {
+  for (const int speed : {0, 100}) {
+    Rolls bench;
+    bench.left().beat = false;
+    bench.left().unanswered = {0x1016, 1};
+    bench.left_axis().speed = speed;
+    bench.right_axis().speed = 0;
+    bench.profile.start(bench.now);
+    ASSERT_TRUE(bench.reach(DrivePhase::refused, milliseconds(8000)));
+    EXPECT_EQ(bench.left().resets > 0, speed == 0) << bench.reason();
+    EXPECT_THAT(bench.reason(), HasSubstr(speed == 0 ? "no answer" : "still turns"));
+  }
+}
+
 TEST(TwoWitnesses, ABridgeThatWasSuspendedAsksAgainBeforeItResets) {
   for (int ms = 300;; ms += 20) {
     Rolls bench;

@@ -13,9 +13,10 @@
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
 
-// Conclusions of docs/explanation/benchmark.md from the benchmark and the robustness experiment, by
-// the shipped files' arms with their tuned gains, on the kinematic plant and the first 12 seeds;
-// and what docs/explanation/localisation.md does of where to localise, on the first 4.
+// Conclusions of docs/explanation/benchmark.md from the benchmark, the triggers and the robustness
+// experiment, by the shipped files' arms with their tuned gains, on the kinematic plant and the
+// first 12 seeds; and those of docs/explanation/localisation.md about where to localise, on the
+// first 4.
 //
 // Their numbers are not repeated here; a conclusion holds if chance does not explain it:
 //  - better, worse, a factor: the 95 % interval of the ratio of means over pairs of runs (BCa, the
@@ -109,10 +110,12 @@ class ControlConclusions : public ::testing::Test {
   static void SetUpTestSuite() {
     benchmark_ = std::make_unique<Cells>("control_benchmark");
     robustness_ = std::make_unique<Cells>("control_robustness");
+    trigger_ = std::make_unique<Cells>("control_trigger");
   }
   static void TearDownTestSuite() {
     benchmark_.reset();
     robustness_.reset();
+    trigger_.reset();
   }
 
   static const Runs& benchmark(const std::string& law, const std::string& prr,
@@ -123,6 +126,9 @@ class ControlConclusions : public ::testing::Test {
   static const Runs& robustness(const std::string& law, const std::string& error,
                                 const std::string& prr) {
     return robustness_->at({{"law", law}, {"error", error}, {"PRR", prr}});
+  }
+  static const Runs& trigger(const std::string& law, const std::string& channel) {
+    return trigger_->at({{"law", law}, {"channel", channel}});
   }
 
   static void expect_loses_none(const Runs& runs) { EXPECT_EQ(runs.lost.count, 0U); }
@@ -141,7 +147,7 @@ class ControlConclusions : public ::testing::Test {
         << found.first.mean << " m, " << found.second.mean << " m";
   }
 
-  static inline std::unique_ptr<Cells> benchmark_, robustness_;
+  static inline std::unique_ptr<Cells> benchmark_, robustness_, trigger_;
 };
 
 const std::string kPid = "PID, 20/20 Hz", kSlowPid = "PID, 1/1 Hz", kPlans = "consistent, 1/10 Hz",
@@ -215,6 +221,29 @@ TEST_F(ControlConclusions, WithoutLossNoLawWithPosesAsTheyAreIsBetterThanTrackin
     if (estimator != ControllerSettings::Estimator::none) continue;
     EXPECT_FALSE(ratio(benchmark_->of(number), on_board).interval.high < 1.0) << arm.text();
   }
+}
+
+const std::string kTimer = "compensated, 20/20 Hz, timer", kSoft = kTimer + ", event's gains",
+                  kManyPlans = "consistent, 20/20 Hz";
+
+TEST_F(ControlConclusions, WithATimerCompensatedTrackingIsMoreThanTwiceAsAccurateUnderLoss) {
+  expect_better(trigger(kTimer, "PRR 0.45"), trigger("compensated, 20/20 Hz, event", "PRR 0.45"),
+                2.0);
+}
+
+TEST_F(ControlConclusions, WithATimerCompensatedTrackingIsAsAccurateAsPlansOnlyWithoutLoss) {
+  expect_within(1.1, trigger(kTimer, "PRR 1"), trigger(kManyPlans, "PRR 1"));
+  for (const char* channel : {"PRR 0.45", "PRR 0.3", "500 ms"}) {
+    SCOPED_TRACE(channel);
+    expect_better(trigger(kManyPlans, channel), trigger(kTimer, channel));
+  }
+  expect_better(trigger(kManyPlans, "PRR 0.2"), trigger(kSoft, "PRR 0.2"), 2.0);
+}
+
+TEST_F(ControlConclusions, GainsTunedForAccuracyLoseWhatSoftOnesDoNot) {
+  expect_loses_most(trigger(kTimer, "PRR 0.1"));
+  expect_loses_none(trigger(kSoft, "PRR 0.1"));
+  expect_better(trigger(kTimer, "PRR 0.45"), trigger(kSoft, "PRR 0.45"));
 }
 
 TEST_F(ControlConclusions, NamingThePlanThatAPlanWasMadeFromIsWorthIt) {

@@ -55,6 +55,20 @@ TEST_F(Store, ExportsRowsThatDoNotDependOnTheOrderOfTheRuns) {
   EXPECT_THAT(text, HasSubstr("\n1,0.5,1,ode,,4,0.5,"));
 }
 
+TEST_F(Store, ExportsATimeOfLossOfVehiclesThatWereLostAlone) {
+  RunStore store = begin();
+  const std::size_t lost = *metric_number("lost"), from = *metric_number("lost_from_s");
+  for (const std::uint64_t seed : {1U, 2U}) {
+    RunResult r = result(1.0);
+    r.metrics[lost] = seed == 2 ? 1.0 : 0.0;
+    r.metrics[from] = 61.75;
+    store.add({{0, seed, r}});
+  }
+  const std::string text = exported(store);
+  EXPECT_NE(text.find(",1,61.75,"), std::string::npos) << text;
+  EXPECT_NE(text.find(",0,,"), std::string::npos) << text;
+}
+
 TEST_F(Store, IsOpenedAgainByTheSameExperiment) {
   begin().add({{0, 1, result(1.0)}});
   RunStore again = begin();

@@ -68,6 +68,13 @@ class Tune : public ::testing::Test {
   std::optional<Gains> tuned(const Tuning& tuning, const std::string& folder, std::size_t jobs = 1,
                              const std::vector<std::string>& laws = {},
                              const std::string& kept = {}) {
+    const auto result = all_of(tuning, folder, jobs, laws, kept);
+    if (!result) return std::nullopt;
+    return result->gains.front();
+  }
+  std::optional<TuneResult> all_of(const Tuning& tuning, const std::string& folder,
+                                   std::size_t jobs = 1, const std::vector<std::string>& laws = {},
+                                   const std::string& kept = {}) {
     return tune(tuning, chosen(tuning, laws, kept), folder_ / folder, jobs,
                 "tether tune tune.toml");
   }
@@ -172,7 +179,8 @@ TEST_F(Tune, WhatIsWrongIsRefusedWithItsPlace) {
 }
 
 TEST_F(Tune, ValuesHaveThreeDigitsAndStayWithinTheirBounds) {
-  const TunedKey log{"k", 0.0123, 45.678, true, {}, ""}, linear{"k", -1.0, 3.0, false, {}, ""};
+  const TunedKey log{"k", 0.0123, 45.678, true, {}, {}, ""};
+  const TunedKey linear{"k", -1.0, 3.0, false, {}, {}, ""};
   for (const TunedKey& key : {log, linear}) {
     EXPECT_EQ(key.at(0.0), key.from);
     EXPECT_EQ(key.coordinate_of(key.from), 0.0);
@@ -185,16 +193,130 @@ TEST_F(Tune, ValuesHaveThreeDigitsAndStayWithinTheirBounds) {
 }
 
 TEST_F(Tune, ALostVehicleCountsAsTheMostAndAConditionByItsFactor) {
-  Tuning tuning = load();
-  constexpr double kFailed = std::numeric_limits<double>::quiet_NaN();
-  tuning.most = 10.0;
-  const Worth worth = worth_of(tuning, {{0.1, 0.3}, {25.0, 10.0, kFailed}});
+  constexpr TunedRun kFailed{std::numeric_limits<double>::quiet_NaN(), true};
+  const std::vector<std::vector<TunedRun>> runs{{{0.1, false}, {0.3, false}},
+                                                {{25.0, true}, {10.0, false}, kFailed}};
+  const Worth worth = worth_of({10.0, true}, runs);
   EXPECT_THAT(worth.means, ElementsAre(DoubleEq(0.2), DoubleEq(10.0)));
-  EXPECT_NEAR(worth.objective, std::sqrt(0.2 * 10.0), 1e-12);
-  tuning.is_geometric = false;
-  EXPECT_NEAR(worth_of(tuning, {{0.1, 0.3}, {25.0, 10.0}}).objective, 5.1, 1e-12);
-  tuning.most = std::numeric_limits<double>::infinity();
-  EXPECT_TRUE(std::isinf(worth_of(tuning, {{kFailed, 1.0}}).objective));
+  EXPECT_NEAR(worth.error, std::sqrt(0.2 * 10.0), 1e-12);
+  EXPECT_EQ(worth.objective(Aim::error), worth.error);
+  EXPECT_NEAR(worth_of({10.0, false}, {runs[0], {{25.0, true}, {10.0, true}}}).error, 5.1, 1e-12);
+  const WorthRule no_limit{std::numeric_limits<double>::infinity(), false};
+  EXPECT_TRUE(std::isinf(worth_of(no_limit, {{kFailed, {1.0, false}}}).error));
+}
+
+TEST_F(Tune, OneLostVehicleMoreIsWorseForSurvivalThanAnyErrorOfTheOthers) {
+  const WorthRule rule{10.0, true};
+  const Worth far_off =
+      worth_of(rule, {{{9.9, false}, {9.9, false}}, {{9.9, false}, {9.9, false}}});
+  const Worth one_lost =
+      worth_of(rule, {{{0.01, false}, {30.0, true}}, {{0.04, false}, {0.04, false}}});
+  EXPECT_LT(far_off.objective(Aim::survival), one_lost.objective(Aim::survival));
+  EXPECT_GT(far_off.objective(Aim::error), one_lost.objective(Aim::error));
+  EXPECT_THAT(one_lost.lost_by_condition, ElementsAre(1, 0));
+  EXPECT_EQ(one_lost.n, 4U);
+  EXPECT_NEAR(one_lost.survivors_error, 0.02, 1e-12);
+  const Worth as_many =
+      worth_of(rule, {{{0.02, false}, {30.0, true}}, {{0.04, false}, {0.04, false}}});
+  EXPECT_LT(one_lost.objective(Aim::survival), as_many.objective(Aim::survival));
+  EXPECT_NEAR(worth_of(rule, {{{30.0, true}}, {{0.1, false}}}).survivors_error, 1.0, 1e-12)
+      << "a condition without survivors counts as the most: sqrt(10 * 0.1)";
+  const WorthRule no_limit{std::numeric_limits<double>::infinity(), false};
+  EXPECT_EQ(worth_of(no_limit, {{{30.0, true}}}).objective(Aim::survival), 2.0);
+}
+
+constexpr char kChoices[] = R"([bounds.pid]
+controller.tau_s = { from = 0.5, to = 5.0, scale = "log" }
+controller.trigger = { choices = ["event", "timer"] }
+actuator.policy = { choices = ["hold", "ramp"] }
+actuator.timeout_s = { from = 0.2, to = 2.0 }
+[law."PID"]
+bounds = "pid"
+controller.rate_hz = 7.0
+sensor.rate_hz = 20.0
+)";
+
+TEST_F(Tune, AKeyMayHaveChoicesAndWhatTheScenarioRefusesIsLeftOut) {
+  const Tuning tuning = load(std::string(kHead) + kChoices);
+  const TuningLaw& law = tuning.laws[0];
+  const TunedKey& trigger = law.keys[1];
+  EXPECT_EQ(trigger.text(trigger.at(0.49)), "'event'");
+  EXPECT_EQ(trigger.text(trigger.at(0.5)), "'timer'");
+  EXPECT_EQ(trigger.at(1.0), 1.0);
+  EXPECT_EQ(trigger.at(trigger.coordinate_of(1.0)), 1.0);
+  EXPECT_THAT(law.given, ElementsAre(ElementsAre(2.0, 0.0, 0.0, 0.5))) << "of the scenario";
+  const auto keys = [&](double of_trigger, double of_policy) {
+    std::vector<std::string> names;
+    const auto chosen = tuning.chosen(law, {2.0, of_trigger, of_policy, 0.7});
+    for (const auto& given : chosen.settings) names.push_back(given.setting.key);
+    for (const auto& given : chosen.gains) names.push_back(given.setting.key);
+    return names;
+  };
+  EXPECT_THAT(keys(1, 1),
+              ElementsAre("controller.rate_hz", "sensor.rate_hz", "controller.tau_s",
+                          "controller.trigger", "actuator.policy", "actuator.timeout_s"));
+  const auto untuned = tuning.chosen(law, {}).settings;
+  ASSERT_THAT(untuned, SizeIs(1)) << "the scenario answers poses: rate_hz would be refused";
+  EXPECT_EQ(untuned[0].setting.key, "sensor.rate_hz");
+  const auto settings = tuning.scenario_of(law, 0, {2.0, 1.0, 0.0, 0.7}).get<ControllerSettings>();
+  EXPECT_EQ(settings.trigger, ControllerSettings::Trigger::timer);
+  EXPECT_EQ(settings.rate_hz, 7.0);
+}
+
+TEST_F(Tune, ChoicesThatAreWrongAreRefused) {
+  const auto why = [this](const std::string& line, const std::string& law = "") {
+    return why_refused(std::string(kHead) + "[bounds.pid]\n" + line +
+                       "\n[law.PID]\nbounds = \"pid\"\n" + law);
+  };
+  EXPECT_THAT(why("controller.trigger = { choices = [\"event\"] }"),
+              HasSubstr("controller.trigger.choices must be a list of at least two different"));
+  EXPECT_THAT(why("controller.trigger = { choices = [\"event\", \"event\"] }"),
+              HasSubstr("a list of at least two different"));
+  EXPECT_THAT(why("controller.trigger = { choices = [\"event\", \"never\"] }"),
+              HasSubstr("controller.trigger = 'never' is not allowed"));
+  EXPECT_THAT(why("controller.trigger = { choices = [\"event\", \"timer\"], known = [\"x\"] }"),
+              HasSubstr("controller.trigger.known must be a list of choices"));
+  EXPECT_THAT(why("actuator.policy = { choices = [\"zero\", \"ramp\"] }"),
+              HasSubstr("actuator.policy.choices must have \"hold\", from which tuning starts"));
+  EXPECT_THAT(why("actuator.policy = { choices = [\"hold\", \"zero\"] }\n"
+                  "controller.rate_hz = { from = 5.0, to = 10.0 }",
+                  "sensor.rate_hz = 20.0\n"),
+              HasSubstr("controller.rate_hz has no effect on law \"PID\""));
+  EXPECT_THAT(why_refused("aims = [\"speed\"]\n" + std::string(kHead) + kChoices),
+              HasSubstr("aims must be a list of \"error\" and \"survival\""));
+  EXPECT_THAT(why_refused(std::string(kHead) + kChoices + "[front]\nseeds = [302, 400]\n"),
+              HasSubstr("front.seeds must be others than the tuning's, of which 302 is one"));
+}
+
+TEST_F(Tune, SurvivalHasSearchesAndGainsOfItsOwnAndAFrontWithFreshSeeds) {
+  const std::string lossy =
+      "seeds = [301, 302, 303]\nevaluations = 8\nrounds = 2\naims = [\"error\", "
+      "\"survival\"]\nmost = 10.0\n"
+      "[front]\nseeds = { first = 401, last = 406 }\n"
+      "[set]\nrun.duration_s = 30.0\nvehicle.plant = \"kinematic\"\n"
+      "[condition.\"PRR 0.7\"]\nchannel.prr = 0.7\n[condition.\"PRR 0.3\"]\nchannel.prr = 0.3\n";
+  const auto result = all_of(load(lossy + kChoices), "both", 2);
+  ASSERT_TRUE(result);
+  ASSERT_THAT(result->gains, SizeIs(2));
+  EXPECT_THAT(result->gains[1].objective, HasSubstr("lost vehicles + e/(1 + e)"));
+  // Nothing that was tried for the error has fewer lost runs than what survival found.
+  ASSERT_THAT(result->gains[1].laws, SizeIs(1));
+  ASSERT_FALSE(result->front.empty());
+  bool is_any_on_front = false;
+  for (const FrontPoint& point : result->front) {
+    EXPECT_EQ(point.lost.n, 12U);
+    EXPECT_EQ(point.law, "PID");
+    EXPECT_TRUE(contains(point.lost.interval, point.lost.value));
+    is_any_on_front |= point.is_on_front;
+  }
+  EXPECT_TRUE(is_any_on_front);
+  const std::string file = (folder_ / "survival.toml").string();
+  write_file(file, to_toml(result->gains[1]));
+  const TunedLaw law = read_gains(file).laws.at(0);
+  EXPECT_EQ(law.after, result->gains[1].laws[0].after);
+  EXPECT_EQ(law.means_after, result->gains[1].laws[0].means_after);
+  ASSERT_EQ(law.gains.size(), result->gains[1].laws[0].gains.size());
+  EXPECT_EQ(law.gains[1], result->gains[1].laws[0].gains[1]) << "the trigger, a text";
 }
 
 TEST_F(Tune, FindsBetterGainsOfARealLoop) {
@@ -255,7 +377,7 @@ TEST_F(Tune, LawsMayBeTunedOneByOne) {
 TEST_F(Tune, LawsThatAreKeptMustHaveHadTheSameEffort) {
   const std::string file = (folder_ / "gains.toml").string();
   Gains gains;
-  gains.objective = load().objective();
+  gains.objective = load().objective(Aim::error);
   const auto why = [&](const std::string& law) {
     try {
       chosen(load(), {law}, file);

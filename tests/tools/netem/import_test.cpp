@@ -233,6 +233,27 @@ TEST(ImportPing, RefusesNumbersAndTimesThatNoPingHas) {
               HasSubstr("p.txt:1: the time in s is 1e+300"));
 }
 
+TEST(ImportPing, RefusesNumbersThatGoOnInAWayThatIsNotRead) {
+  const std::pair<const char*, const char*> lines[] = {
+      {"64 bytes: icmp_seq=1 time=10,5 ms\n", R"(p.txt:1: "10,5" behind "time=" must be digits)"},
+      {"64 bytes: icmp_seq=1 time=1e3 ms\n", R"(p.txt:1: "1e3" behind "time=")"},
+      {"64 bytes: icmp_seq=1e2 time=1 ms\n", R"(p.txt:1: "1e2" behind "icmp_seq=")"},
+      {"[1e300] 64 bytes: icmp_seq=1 time=1 ms\n", R"(p.txt:1: "1e300" behind "[")"},
+  };
+  for (const auto& [line, error] : lines) {
+    EXPECT_THAT(refusal([&text = line] { ping(text); }), HasSubstr(error)) << line;
+  }
+}
+
+TEST(ImportPing, RefusesTimesThatDoNotGoOn) {
+  for (const char* second : {"100.0", "99.0"}) {
+    const std::string text = "[100.0] 64 bytes: icmp_seq=1 time=1 ms\n[" + std::string(second) +
+                             "] 64 bytes: icmp_seq=60000 time=1 ms\n";
+    EXPECT_THAT(refusal([&] { ping(text); }), HasSubstr("p.txt: the times in brackets are"))
+        << second;
+  }
+}
+
 TEST(ImportGaps, HoldLoseOrEndIt) {
   const std::string text = "time_s,prr\n0,1\n1,1\n2,0.5\n100,1\n101,1\n102,1\n";
   Imported held = csv(text);

@@ -254,6 +254,19 @@ TEST_F(RunWatchTest, AnUnknownSenderOfTheLastMomentIsFoundAtTheEnd) {
   EXPECT_EQ(watch.findings().size(), 1U);
 }
 
+TEST_F(RunWatchTest, ASecondSenderOnAnExternalControllersChannelIsFoundAtOnceAndOnce) {
+  for (int i = 0; i < 3; ++i) {
+    watch.sent_by_controller(now, "CTRL/CMD_VEL", kFirst);
+    watch.sent_by_controller(now, "CTRL/REPORT", kSecond);
+    watch.sent_by_controller(now, "CTRL/CMD_VEL", 0);  // where the network does not tell
+  }
+  EXPECT_THAT(watch.findings(), IsEmpty());
+  for (int i = 0; i < 3; ++i) watch.sent_by_controller(now, "CTRL/CMD_VEL", kSecond);
+  EXPECT_THAT(
+      watch.findings(),
+      ElementsAre(::testing::HasSubstr(" sent on CTRL/CMD_VEL, which belongs to one external")));
+}
+
 TEST_F(RunWatchTest, AFloodOfFindingsIsBounded) {
   watch.started(now, "tether-sim", 1);
   for (int pid = 2; pid < 1000; ++pid) hear("tether-sim", pid);

@@ -31,6 +31,9 @@ const std::vector<CommandExamples>& all_examples() {  // NOLINT(readability-func
        {"tether tune experiments/gains/tune.toml --quick",
         "tether tune experiments/gains/tune.toml --law \"PID, 1/1 Hz\" --keep "
         "experiments/gains/tuned.toml"}},
+      {"predict",
+       {"tether predict out/f2_prr --out f2.prediction.json",
+        "tether predict --check f2.prediction.json out/f2_measured"}},
       {"merge", {"tether merge shards --out merged"}},
       {"report", {"tether report out/f2_prr", "tether report out/f5_risk --risk now"}},
       {"reproduce", {"tether reproduce --quick", "tether reproduce --set vehicle.plant=kinematic"}},
@@ -49,6 +52,7 @@ const std::vector<CommandExamples>& all_examples() {  // NOLINT(readability-func
        {"tether metrics",
         "tether metrics --address 0.0.0.0 --token 0123456789abcdef0123456789abcdef"}},
       {"lcm-route", {"tether lcm-route", "tether lcm-route --remove"}},
+      {"can-links", {"tether can-links --socket can-links"}},
       {"log",
        {"tether log info out/paper/run.lcmlog", "tether log csv out/paper/run.lcmlog CTRL/POSE"}},
       {"log info", {"tether log info out/paper/run.lcmlog"}},

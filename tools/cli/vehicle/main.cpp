@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   add_record_command(app, action);
   add_metrics_command(app, action);
   add_lcm_route_command(app, action);
+  add_can_links_command(app, action);
   add_command_examples(app);
   add_examples(app, {"tether-vehicle doctor --can can0", "tether-vehicle can status",
                      "tether-vehicle echo --quiet --duration 10"});

@@ -157,7 +157,7 @@ bool is_selected(const Selection& selection, const std::vector<KeyValue>& settin
   });
 }
 
-std::string Arm::text() const {
+std::string settings_text(const std::vector<KeyValue>& settings) {
   std::string text;
   for (const KeyValue& setting : settings) {
     text += fmt::format("{}{} = {}", text.empty() ? "" : ", ", setting.key, setting.plain());

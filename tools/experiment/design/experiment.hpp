@@ -20,13 +20,15 @@ struct KeyValue {
   bool operator==(const KeyValue&) const = default;
 };
 
+/// "channel.prr = 0.45, controller.tau_s = 2"; "all runs" without settings.
+std::string settings_text(const std::vector<KeyValue>& settings);
+
 /// One point of the grid.
 struct Arm {
   std::vector<KeyValue> settings;  ///< settings of the grid's keys and names, in the file's order
   Scenario scenario;               ///< run.seed is each run's own
 
-  /// "channel.prr = 0.45, controller.tau_s = 2"; "all runs" without a grid.
-  std::string text() const;
+  std::string text() const { return settings_text(settings); }
 };
 
 /// Seeds are added, a batch at a time, until the 95 % interval of a metric's mean is narrow enough.

@@ -22,9 +22,10 @@ std::string place_of(const toml::node& node, const std::string& file) {
   return fmt::format("{}:{}", file, node.source().begin.line);
 }
 
+/// A table that says which values a key may have.
 bool is_range(const toml::node& node) {
   const auto* table = node.as_table();
-  return table != nullptr && table->contains("from");
+  return table != nullptr && (table->contains("from") || table->contains("choices"));
 }
 
 void flatten_into(const toml::table& table, const std::string& prefix, const std::string& file,

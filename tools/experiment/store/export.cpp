@@ -110,6 +110,7 @@ void export_runs(const RunStore& store, const std::function<void(const std::stri
   std::string head = "arm";
   for (const std::string& key : store.keys()) head += "," + csv_cell(key);
   write(fmt::format("{},seed,plant,failure,{}\n", head, fmt::join(metric_names(), ",")));
+  const std::size_t lost = *metric_number("lost"), lost_from = *metric_number("lost_from_s");
   std::vector<std::string> plants;
   for (const auto& arm : arms) plants.push_back(plant_of(arm.scenario));
   store.for_each([&](const StoredRun& run) {
@@ -119,8 +120,11 @@ void export_runs(const RunStore& store, const std::function<void(const std::stri
     }
     row += fmt::format(",{},{},{}", run.seed, csv_cell(plants.at(run.arm)),
                        csv_cell(run.result.failure));
-    for (const double metric : run.result.metrics) {
-      row += run.result.failure.empty() ? fmt::format(",{}", metric) : ",";
+    for (std::size_t i = 0; i < run.result.metrics.size(); ++i) {
+      // A vehicle that was not lost has no time from which it was.
+      const bool has_none = i == lost_from && run.result.metrics[lost] == 0.0;
+      const bool told = run.result.failure.empty() && !has_none;
+      row += told ? fmt::format(",{}", run.result.metrics[i]) : ",";
     }
     write(row + "\n");
   });

@@ -138,7 +138,7 @@ void check_same_arms(const RunStore& store, const Experiment& experiment) {
   for (std::size_t i = 0; i < stored.size(); ++i) {
     const Arm& arm = experiment.arms[i];
     if (stored[i].settings != arm.settings) {
-      refuse(store, fmt::format("combination {}", i), Arm{stored[i].settings, {}}.text(),
+      refuse(store, fmt::format("combination {}", i), settings_text(stored[i].settings),
              arm.text());
     }
     std::istringstream was(stored[i].scenario), is(to_toml(arm.scenario));

@@ -27,6 +27,7 @@ struct Candidate {
 
 /// One of a law's searches so far.
 struct Search {
+  Aim aim = Aim::error;
   SearchBudget budget;
   std::vector<SearchPoint> given;
   std::vector<SearchedPoint> searched;
@@ -35,20 +36,27 @@ struct Search {
 
 using Round = std::vector<std::vector<SearchPoint>>;  // each search's points
 
-/// The first search begins with what the law gives, the others where the sequence is after the
+/// Whether a search begins with what the law gives: the first of each aim.
+bool begins_with_given(const TuningLaw& law, std::size_t n) { return n % law.searches == 0; }
+
+/// The searches of each aim in turn. Searches after the first begin where the sequence is after the
 /// points of those before.
-std::vector<Search> searches_of(const TuningLaw& law) {
-  std::vector<Search> searches(law.searches, {law.budget, {}, {}, {}});
+std::vector<Search> searches_of(const Tuning& tuning, const TuningLaw& law) {
+  std::vector<SearchPoint> given;
   for (const std::vector<double>& values : law.given) {
-    SearchPoint point;
+    given.emplace_back();
     for (std::size_t i = 0; i < law.keys.size(); ++i) {
-      point.push_back(law.keys[i].coordinate_of(values[i]));
+      given.back().push_back(law.keys[i].coordinate_of(values[i]));
     }
-    searches.front().given.push_back(point);
   }
-  for (std::size_t n = 1; n < searches.size(); ++n) {
-    searches[n].budget.skipped = n * law.budget.evaluations;
-    searches[n].given = {sequence_point(law.keys.size(), searches[n].budget.skipped)};
+  std::vector<Search> searches;
+  for (std::size_t n = 0; n < tuning.aims.size() * law.searches; ++n) {
+    Search search{tuning.aims[n / law.searches], law.budget, given, {}, {}};
+    search.budget.skipped = n * law.budget.evaluations;
+    if (!begins_with_given(law, n)) {
+      search.given = {sequence_point(law.keys.size(), search.budget.skipped)};
+    }
+    searches.push_back(search);
   }
   return searches;
 }
@@ -56,7 +64,7 @@ std::vector<Search> searches_of(const TuningLaw& law) {
 /// The values of candidate `number` of search `n`.
 std::vector<double> values_at(const TuningLaw& law, std::size_t n, std::size_t number,
                               const SearchPoint& point) {
-  if (n == 0 && number < law.given.size()) return law.given[number];
+  if (begins_with_given(law, n) && number < law.given.size()) return law.given[number];
   std::vector<double> values(point.size());
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = law.keys[i].at(point[i]);
   return values;
@@ -87,21 +95,23 @@ Experiment experiment_of(const Tuning& tuning, const TuningLaw& law, std::size_t
   return experiment;
 }
 
-/// The metric of all runs, by arm.
-std::vector<std::vector<double>> metrics_in(const std::filesystem::path& database,
-                                            const std::string& metric, std::size_t arms) {
+/// All runs, by arm.
+std::vector<std::vector<TunedRun>> runs_in(const std::filesystem::path& database,
+                                           const std::string& metric, std::size_t arms) {
   const std::size_t number = metric_number(metric).value();
-  std::vector<std::vector<double>> values(arms);
+  const std::size_t lost = metric_number("lost").value();
+  std::vector<std::vector<TunedRun>> runs(arms);
   RunStore::open(database).for_each([&](const StoredRun& run) {
-    values[run.arm].push_back(run.result.failure.empty()
-                                  ? run.result.metrics[number]
-                                  : std::numeric_limits<double>::quiet_NaN());
+    const bool is_known = run.result.failure.empty();
+    runs[run.arm].push_back(
+        is_known ? TunedRun{run.result.metrics[number], run.result.metrics[lost] > 0.5}
+                 : TunedRun{std::numeric_limits<double>::quiet_NaN(), true});
   });
-  return values;
+  return runs;
 }
 
 void add_results(const Tuning& tuning, const TuningLaw& law,
-                 const std::vector<std::vector<double>>& by_arm, const Round& points,
+                 const std::vector<std::vector<TunedRun>>& by_arm, const Round& points,
                  std::vector<Search>& searches) {
   auto arm = by_arm.begin();
   for (std::size_t n = 0; n < searches.size(); ++n) {
@@ -109,8 +119,8 @@ void add_results(const Tuning& tuning, const TuningLaw& law,
     for (const SearchPoint& point : points[n]) {
       const auto end = arm + static_cast<std::ptrdiff_t>(law.conditions.size());
       const auto values = values_at(law, n, search.tried.size(), point);
-      search.tried.push_back({values, worth_of(tuning, {arm, end})});
-      search.searched.push_back({point, search.tried.back().worth.objective});
+      search.tried.push_back({values, worth_of(tuning.rule, {arm, end})});
+      search.searched.push_back({point, search.tried.back().worth.objective(search.aim)});
       arm = end;
     }
   }
@@ -140,6 +150,17 @@ bool is_of(const TunedLaw& tuned, const Tuning& tuning, const TuningLaw& law) {
          tuned.evaluations == expected.evaluations && tuned.found.size() == law.searches;
 }
 
+/// Settings and gains that have an effect.
+void put_values(const Tuning& tuning, const TuningLaw& law, const std::vector<double>& values,
+                TunedLaw& tuned) {
+  const TuningLaw::Chosen chosen = tuning.chosen(law, values);
+  tuned.settings.clear();
+  tuned.gains.clear();
+  for (const PlacedSetting& given : chosen.settings) tuned.settings.push_back(given.setting);
+  for (const PlacedSetting& given : chosen.gains) tuned.gains.push_back(given.setting);
+}
+
+/// Result of the searches for one aim.
 TunedLaw result_of(const Tuning& tuning, const TuningLaw& law,
                    const std::vector<Search>& searches) {
   TunedLaw tuned = untuned(tuning, law);
@@ -151,21 +172,62 @@ TunedLaw result_of(const Tuning& tuning, const TuningLaw& law,
   const Search& search = searches[best_of(best)];
   const Candidate& before = searches.front().tried.front();
   const Candidate& after = search.tried[best_of(search.searched)];
-  for (std::size_t i = 0; i < law.keys.size(); ++i) {
-    tuned.gains[i].value = number_text(after.values[i]);
-  }
+  put_values(tuning, law, after.values, tuned);
   tuned.version = kVersion;
-  tuned.before = before.worth.objective;
-  tuned.after = after.worth.objective;
+  tuned.before = before.worth.objective(search.aim);
+  tuned.after = after.worth.objective(search.aim);
   tuned.means_before = before.worth.means;
   tuned.means_after = after.worth.means;
   return tuned;
 }
 
 /// Nullopt: interrupted.
-std::optional<TunedLaw> tune_law(const Tuning& tuning, const TuningLaw& law,
-                                 const std::filesystem::path& folder, std::size_t jobs) {
-  std::vector<Search> searches = searches_of(law);
+std::optional<std::vector<FrontPoint>> measure_front(const Tuning& tuning, const TuningLaw& law,
+                                                     const std::vector<Search>& searches,
+                                                     const std::filesystem::path& folder,
+                                                     std::size_t jobs) {
+  std::vector<Candidate> tried;
+  std::vector<Worth> worths;
+  for (const Search& search : searches) {
+    for (const Candidate& candidate : search.tried) {
+      tried.push_back(candidate);
+      worths.push_back(candidate.worth);
+    }
+  }
+  const std::vector<std::size_t> front = front_of(worths, kFrontPoints);
+  Experiment experiment;
+  experiment.name = "front";
+  experiment.keys = {"point", "condition"};
+  experiment.seeds = tuning.front_seeds;
+  experiment.overrides = tuning.overrides;
+  for (std::size_t point = 0; point < front.size(); ++point) {
+    for (const std::size_t condition : law.conditions) {
+      experiment.arms.push_back(
+          {{{"point", std::to_string(point + 1)},
+            {"condition", fmt::format("\"{}\"", tuning.conditions[condition].name)}},
+           tuning.scenario_of(law, condition, tried[front[point]].values)});
+    }
+  }
+  fmt::print(stderr, "{}: front, {} candidates, {} runs\n", law.name, front.size(),
+             experiment.arms.size() * experiment.seeds.size());
+  const SweepOutcome outcome = sweep_into(folder / experiment.name, experiment, {}, jobs);
+  if (!outcome.is_complete) return std::nullopt;
+  const auto runs = runs_in(outcome.database, tuning.metric, experiment.arms.size());
+  std::vector<FrontPoint> points;
+  for (std::size_t point = 0; point < front.size(); ++point) {
+    TunedLaw tuned;
+    put_values(tuning, law, tried[front[point]].values, tuned);
+    const auto conditions = static_cast<std::ptrdiff_t>(law.conditions.size());
+    const auto first = runs.begin() + static_cast<std::ptrdiff_t>(point) * conditions;
+    points.push_back(front_point(law.name, tuned.gains, tuning.rule, {first, first + conditions}));
+  }
+  return points;
+}
+
+/// Nullopt: interrupted.
+std::optional<std::vector<Search>> searched(const Tuning& tuning, const TuningLaw& law,
+                                            const std::filesystem::path& folder, std::size_t jobs) {
+  std::vector<Search> searches = searches_of(tuning, law);
   const std::size_t rounds = round_sizes(law.budget).size();
   for (std::size_t round = 1; round <= rounds; ++round) {
     Round points;
@@ -178,32 +240,34 @@ std::optional<TunedLaw> tune_law(const Tuning& tuning, const TuningLaw& law,
                experiment.arms.size() * experiment.seeds.size());
     const SweepOutcome outcome = sweep_into(folder / experiment.name, experiment, {}, jobs);
     if (!outcome.is_complete) return std::nullopt;
-    const auto metrics = metrics_in(outcome.database, tuning.metric, experiment.arms.size());
-    add_results(tuning, law, metrics, points, searches);
+    const auto runs = runs_in(outcome.database, tuning.metric, experiment.arms.size());
+    add_results(tuning, law, runs, points, searches);
   }
-  return result_of(tuning, law, searches);
+  return searches;
+}
+
+/// Adds a law's gains for each aim and its front to `result`. False: interrupted.
+bool tune_law(const Tuning& tuning, const TuningLaw& law, const std::filesystem::path& folder,
+              std::size_t jobs, TuneResult& result) {
+  const auto searches = searched(tuning, law, folder, jobs);
+  if (!searches) return false;
+  auto first = searches->begin();
+  for (Gains& gains : result.gains) {
+    const auto end = first + static_cast<std::ptrdiff_t>(law.searches);
+    gains.laws.push_back(result_of(tuning, law, {first, end}));
+    first = end;
+  }
+  if (tuning.front_seeds.empty()) return true;
+  const auto front = measure_front(tuning, law, *searches, folder, jobs);
+  if (!front) return false;
+  result.front.insert(result.front.end(), front->begin(), front->end());
+  return true;
 }
 
 }  // namespace
 
 bool TuneChoice::is_to_be_tuned(const std::string& law) const {
   return laws.empty() || std::find(laws.begin(), laws.end(), law) != laws.end();
-}
-
-Worth worth_of(const Tuning& tuning, const std::vector<std::vector<double>>& metrics) {
-  Worth worth;
-  for (const std::vector<double>& runs : metrics) {
-    double sum = 0.0;
-    for (const double value : runs) {
-      sum += std::isfinite(value) ? std::min(value, tuning.most) : tuning.most;
-    }
-    worth.means.push_back(sum / static_cast<double>(runs.size()));
-  }
-  double sum = 0.0;
-  for (const double mean : worth.means) sum += tuning.is_geometric ? std::log(mean) : mean;
-  const double mean = sum / static_cast<double>(worth.means.size());
-  worth.objective = tuning.is_geometric ? std::exp(mean) : mean;
-  return worth;
 }
 
 std::string folder_of(const std::string& law) {
@@ -225,8 +289,12 @@ TuneChoice chosen(const Tuning& tuning, std::vector<std::string> laws, const std
                                  fmt::join(names, "\", \"")));
   }
   if (kept.empty()) return choice;
+  if (tuning.aims.size() > 1) {
+    throw UsageError(
+        fmt::format("--keep {}: has no effect with two aims in {}", kept, tuning.file));
+  }
   const Gains gains = read_gains(kept);
-  if (gains.objective != tuning.objective()) {
+  if (gains.objective != tuning.objective(tuning.aims.front())) {
     throw UsageError(
         fmt::format("--keep {}: was tuned for another objective: {}", kept, gains.objective));
   }
@@ -243,24 +311,23 @@ TuneChoice chosen(const Tuning& tuning, std::vector<std::string> laws, const std
   return choice;
 }
 
-std::optional<Gains> tune(const Tuning& tuning, const TuneChoice& choice,
-                          const std::filesystem::path& folder, std::size_t jobs,
-                          const std::string& command) {
-  Gains gains;
-  gains.command = command;
-  gains.objective = tuning.objective();
+std::optional<TuneResult> tune(const Tuning& tuning, const TuneChoice& choice,
+                               const std::filesystem::path& folder, std::size_t jobs,
+                               const std::string& command) {
+  TuneResult result;
+  for (const Aim aim : tuning.aims)
+    result.gains.push_back({"", command, tuning.objective(aim), {}});
   for (const TuningLaw& law : tuning.laws) {
     if (choice.is_to_be_tuned(law.name)) {
-      const auto tuned = tune_law(tuning, law, folder / folder_of(law.name), jobs);
-      if (!tuned) return std::nullopt;
-      gains.laws.push_back(*tuned);
+      if (!tune_law(tuning, law, folder / folder_of(law.name), jobs, result)) return std::nullopt;
       continue;
     }
     for (const TunedLaw& kept : choice.kept) {
-      if (kept.name == law.name) gains.laws.push_back(kept);
+      if (kept.name == law.name) result.gains.front().laws.push_back(kept);
     }
   }
-  return gains;
+  mark_front(result.front);
+  return result;
 }
 
 }  // namespace tether

@@ -57,14 +57,55 @@ std::vector<PlacedNode> named_tables(const Section& section, const std::string& 
   return entries(*table, file);
 }
 
+/// The number of a text or truth value among `choices`; nullopt if it is not one of them.
+std::optional<double> place_of(const std::string& text, const std::vector<std::string>& choices) {
+  const auto is_it = [&text](const std::string& choice) {
+    return KeyValue{"", choice}.plain() == KeyValue{"", text}.plain();  // in either quotes
+  };
+  const auto found = std::find_if(choices.begin(), choices.end(), is_it);
+  if (found == choices.end()) return std::nullopt;
+  return static_cast<double>(found - choices.begin());
+}
+
+/// controller.trigger = { choices = ["event", "timer"] }
+TunedKey read_choices(const PlacedNode& given, const Section& section) {
+  TunedKey key{given.key, 0.0, 0.0, false, {}, {}, given.place};
+  const auto read = [&section](const char* name, const auto& use) {
+    const toml::node* node = section.get(name);
+    const toml::array* list = node == nullptr ? nullptr : node->as_array();
+    return list != nullptr && !list->empty() &&
+           std::all_of(list->begin(), list->end(), [&use](const toml::node& entry) {
+             return (entry.is_string() || entry.is_boolean()) && use(value_text(entry));
+           });
+  };
+  const bool is_good = read("choices", [&key](const std::string& text) {
+    key.choices.push_back(text);
+    return std::count(key.choices.begin(), key.choices.end(), text) == 1;
+  });
+  if (!is_good || key.choices.size() < 2) {
+    section.refuse("choices", "a list of at least two different texts or truth values");
+  }
+  key.to = static_cast<double>(key.choices.size() - 1);
+  const bool is_known = read("known", [&key](const std::string& text) {
+    const std::optional<double> place = place_of(text, key.choices);
+    key.known.push_back(place.value_or(0.0));
+    return place.has_value();
+  });
+  if (section.get("known") != nullptr && !is_known) section.refuse("known", "a list of choices");
+  return key;
+}
+
 TunedKey read_key(const PlacedNode& given, const std::string& file) {
   const std::string what = fmt::format("{} = {{ from, to, scale, known }}", given.key);
-  const Section section(table_of(given, what), given.key + ".", file,
-                        {"from", "to", "scale", "known"});
+  const toml::table& table = table_of(given, what);
+  if (table.contains("choices")) {
+    return read_choices(given, Section(table, given.key + ".", file, {"choices", "known"}));
+  }
+  const Section section(table, given.key + ".", file, {"from", "to", "scale", "known"});
   for (const char* bound : {"from", "to"}) {
     if (section.get(bound) == nullptr) section.refuse(bound, "given");
   }
-  TunedKey key{given.key,  section.number("from", -kLargest, kLargest, 0.0), 0.0, false, {},
+  TunedKey key{given.key,  section.number("from", -kLargest, kLargest, 0.0), 0.0, false, {}, {},
                given.place};
   key.to = section.number("to", -kLargest, kLargest, 0.0);
   if (!(key.from < key.to)) {
@@ -186,35 +227,60 @@ std::optional<ScenarioKey> find_key(const Scenario& scenario, const TunedKey& ke
 double value_in(const Scenario& scenario, const TunedKey& key) {
   const auto found = find_key(scenario, key);
   const auto value = found ? found->get(scenario) : std::nullopt;
-  if (value && std::holds_alternative<double>(*value)) return std::get<double>(*value);
+  if (value && key.choices.empty() && std::holds_alternative<double>(*value)) {
+    return std::get<double>(*value);
+  }
+  if (value && !key.choices.empty()) {
+    if (const auto place = place_of(to_toml(*value), key.choices)) return *place;
+    throw UsageError(fmt::format("{}: {}.choices must have {}, from which tuning starts", key.place,
+                                 key.key, to_toml(*value)));
+  }
   throw UsageError(fmt::format(
       "{}: {} must be a scenario key whose value is a number, and set: tuning starts from it",
       key.place, key.key));
 }
 
+/// `start`, and the same with each other choice of each key that has choices.
+std::vector<std::vector<double>> with_each_choice(const TuningLaw& law,
+                                                  const std::vector<double>& start) {
+  std::vector<std::vector<double>> all{start};
+  for (std::size_t i = 0; i < law.keys.size(); ++i) {
+    for (std::size_t choice = 0; choice < law.keys[i].choices.size(); ++choice) {
+      all.push_back(start);
+      all.back()[i] = static_cast<double>(choice);
+    }
+  }
+  return all;
+}
+
+/// Refuses key `i` if it has no effect, whatever the others' choices, and bounds of it that the
+/// scenario refuses.
+void refuse_without_effect(const Tuning& tuning, const TuningLaw& law,
+                           const std::vector<double>& start, std::size_t i) {
+  const TunedKey& key = law.keys[i];
+  bool has_effect = false;
+  for (std::vector<double> values : with_each_choice(law, start)) {
+    for (const double bound : {key.from, key.to}) {
+      values[i] = bound;
+      const Scenario scenario = tuning.scenario_of(law, law.conditions.front(), values);
+      const ScenarioKey found = find_key(scenario, key).value();
+      has_effect |= scenario.schema().why_no_effect(scenario, found.name).empty() &&
+                    !scenario.schema().left_out(scenario, found);
+    }
+  }
+  if (has_effect) return;
+  throw UsageError(fmt::format("{}: {} has no effect on law \"{}\"", key.place, key.key, law.name));
+}
+
 /// Fills in what the law's first search begins with, and refuses bounds that the scenario refuses.
 void find_given(const Tuning& tuning, const Effort& effort, TuningLaw& law) {
-  TuningLaw untuned = law;
-  untuned.keys.clear();
   std::vector<double> start;
   for (const std::size_t condition : law.conditions) {
-    const Scenario scenario = tuning.scenario_of(untuned, condition, {});
+    const Scenario scenario = tuning.scenario_of(law, condition, {});
     if (!start.empty()) continue;  // the others are to be loaded only
     for (const TunedKey& key : law.keys) start.push_back(value_in(scenario, key));
   }
-  for (std::size_t i = 0; i < law.keys.size(); ++i) {
-    const TunedKey& key = law.keys[i];
-    bool has_effect = false;
-    for (const double bound : {key.from, key.to}) {
-      std::vector<double> values = start;
-      values[i] = bound;
-      const Scenario scenario = tuning.scenario_of(law, law.conditions.front(), values);
-      has_effect |= !scenario.schema().left_out(scenario, find_key(scenario, key).value());
-    }
-    if (has_effect) continue;
-    throw UsageError(
-        fmt::format("{}: {} has no effect on law \"{}\"", key.place, key.key, law.name));
-  }
+  for (std::size_t i = 0; i < law.keys.size(); ++i) refuse_without_effect(tuning, law, start, i);
   const SearchPoint centre = sequence_point(law.keys.size(), 0);
   for (std::size_t i = 0; effort.starts_at_centre && i < law.keys.size(); ++i) {
     start[i] = law.keys[i].at(centre[i]);
@@ -226,6 +292,40 @@ void find_given(const Tuning& tuning, const Effort& effort, TuningLaw& law) {
   }
   const std::size_t first = round_sizes(law.budget).front();
   if (law.given.size() > first) law.given.resize(first);  // with --quick, perhaps
+}
+
+std::vector<Aim> read_aims(const Section& section) {
+  const toml::node* node = section.get("aims");
+  if (node == nullptr) return {Aim::error};
+  std::vector<Aim> aims;
+  const toml::array* list = node->as_array();
+  for (std::size_t i = 0; list != nullptr && i < list->size(); ++i) {
+    const std::string name = (*list)[i].value<std::string>().value_or("");
+    const Aim aim = name == "survival" ? Aim::survival : Aim::error;
+    const bool is_new = std::find(aims.begin(), aims.end(), aim) == aims.end();
+    if ((name == "error" || name == "survival") && is_new) aims.push_back(aim);
+  }
+  if (list == nullptr || list->empty() || aims.size() != list->size()) {
+    section.refuse("aims", "a list of \"error\" and \"survival\", or one of them");
+  }
+  return aims;
+}
+
+std::vector<std::uint64_t> read_front_seeds(const Section& section, const std::string& file,
+                                            const Tuning& tuning) {
+  std::vector<std::uint64_t> seeds = read_seeds(section, file);
+  for (const std::uint64_t seed : seeds) {
+    if (std::count(tuning.seeds.begin(), tuning.seeds.end(), seed) == 0) continue;
+    section.refuse("seeds", fmt::format("others than the tuning's, of which {} is one", seed));
+  }
+  return seeds;
+}
+
+void apply(const PlacedSetting& given, ScenarioLoader& loader) {
+  if (given.setting.key == "run.seed") {
+    throw UsageError(fmt::format("{}: run.seed is every run's own: use seeds", given.place));
+  }
+  loader.apply_override(fmt::format("{}={}", given.setting.key, given.setting.value), given.place);
 }
 
 Effort read_effort(const Section& section, bool quick, Tuning& tuning) {
@@ -245,13 +345,21 @@ Effort read_effort(const Section& section, bool quick, Tuning& tuning) {
   effort.starts_at_centre = start == "centre";
   const auto seeds = static_cast<std::int64_t>(tuning.seeds.size());
   const std::int64_t few_seeds = std::min(section.whole("quick_seeds", 1, seeds), seeds);
-  if (quick) tuning.seeds.resize(static_cast<std::size_t>(few_seeds));
+  if (quick) {
+    tuning.seeds.resize(static_cast<std::size_t>(few_seeds));
+    const std::size_t few_of_front = static_cast<std::size_t>(few_seeds);
+    tuning.front_seeds.resize(std::min(tuning.front_seeds.size(), few_of_front));
+  }
   return effort;
 }
 
 }  // namespace
 
 double TunedKey::at(double coordinate) const {
+  if (!choices.empty()) {
+    const auto n = static_cast<double>(choices.size());
+    return std::clamp(std::floor(coordinate * n), 0.0, n - 1.0);
+  }
   const double value =
       is_log ? from * std::pow(to / from, coordinate) : from + coordinate * (to - from);
   const double rounded = to_number<double>(fmt::format("{:.3g}", value)).value();
@@ -259,35 +367,61 @@ double TunedKey::at(double coordinate) const {
 }
 
 double TunedKey::coordinate_of(double value) const {
+  if (!choices.empty()) return (value + 0.5) / static_cast<double>(choices.size());
   const double inside = std::clamp(value, from, to);
   return is_log ? std::log(inside / from) / std::log(to / from) : (inside - from) / (to - from);
 }
 
+std::string TunedKey::text(double value) const {
+  return choices.empty() ? number_text(value) : choices[static_cast<std::size_t>(value)];
+}
+
 std::string number_text(double value) { return to_toml(ScenarioValue(value)); }
 
-std::string Tuning::objective() const {
-  return fmt::format("{} mean over the conditions of the mean of {}{} over the seeds",
-                     is_geometric ? "geometric" : "arithmetic", metric,
-                     std::isfinite(most) ? fmt::format(", {} at most,", most) : "");
+std::string Tuning::objective(Aim aim) const {
+  const std::string mean =
+      fmt::format("{} mean over the conditions of the mean of {}{} over the seeds",
+                  rule.is_geometric ? "geometric" : "arithmetic", metric,
+                  std::isfinite(rule.most) ? fmt::format(", {} at most,", rule.most) : "");
+  return aim == Aim::error ? mean : "lost vehicles + e/(1 + e), e of the others: " + mean;
+}
+
+TuningLaw::Chosen TuningLaw::chosen(const ScenarioLoader& before,
+                                    const std::vector<double>& values) const {
+  Chosen all{settings, {}};
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    all.gains.push_back({{keys[i].key, keys[i].text(values[i])}, keys[i].place});
+  }
+  const bool has_choices = std::any_of(keys.begin(), keys.end(),
+                                       [](const TunedKey& key) { return !key.choices.empty(); });
+  if (!has_choices) return all;
+  ScenarioLoader loader = before;
+  for (const auto* given : {&all.settings, &all.gains}) {
+    for (const PlacedSetting& setting : *given) apply(setting, loader);
+  }
+  for (auto* given : {&all.settings, &all.gains}) {
+    std::erase_if(*given, [&loader](const PlacedSetting& setting) {
+      const auto meant = ScenarioSchema::all()->keys_meant_by(setting.setting.key);
+      return !loader.why_no_effect(meant.front()).empty();
+    });
+  }
+  return all;
+}
+
+TuningLaw::Chosen Tuning::chosen(const TuningLaw& law, const std::vector<double>& values) const {
+  ScenarioLoader loader = start_from_file(scenario_file);
+  for (const PlacedSetting& given : set) apply(given, loader);
+  return law.chosen(loader, values);
 }
 
 Scenario Tuning::scenario_of(const TuningLaw& law, std::size_t condition,
                              const std::vector<double>& values) const {
   ScenarioLoader loader = start_from_file(scenario_file);
-  const auto apply = [&loader](const PlacedSetting& given) {
-    if (given.setting.key == "run.seed") {
-      throw UsageError(fmt::format("{}: run.seed is every run's own: use seeds", given.place));
-    }
-    loader.apply_override(fmt::format("{}={}", given.setting.key, given.setting.value),
-                          given.place);
-  };
-  const auto& of_condition = conditions[condition].settings;
-  std::for_each(set.begin(), set.end(), apply);
-  std::for_each(law.settings.begin(), law.settings.end(), apply);
-  std::for_each(of_condition.begin(), of_condition.end(), apply);
-  for (std::size_t i = 0; i < law.keys.size(); ++i) {
-    apply({{law.keys[i].key, number_text(values[i])}, law.keys[i].place});
-  }
+  for (const PlacedSetting& given : set) apply(given, loader);
+  const TuningLaw::Chosen chosen = law.chosen(loader, values);
+  for (const PlacedSetting& given : chosen.settings) apply(given, loader);
+  for (const PlacedSetting& given : conditions[condition].settings) apply(given, loader);
+  for (const PlacedSetting& given : chosen.gains) apply(given, loader);
   loader.end_level(file, fs::path(file).parent_path());
   for (const std::string& text : overrides) loader.apply_override(text, "--set " + text);
   loader.end_level("--set", {});
@@ -297,10 +431,10 @@ Scenario Tuning::scenario_of(const TuningLaw& law, std::size_t condition,
 Tuning load_tuning(const std::string& name, const std::vector<std::string>& overrides, bool quick) {
   const std::string file = input_named(name);
   const toml::table table = read_toml(file, "the tuning file");
-  const Section section(
-      table, "", file,
-      {"name", "scenario", "seeds", "quick_seeds", "metric", "most", "mean", "evaluations",
-       "quick_evaluations", "rounds", "searches", "start", "set", "condition", "bounds", "law"});
+  const Section section(table, "", file,
+                        {"name", "scenario", "seeds", "quick_seeds", "metric", "most", "mean",
+                         "evaluations", "quick_evaluations", "rounds", "searches", "start", "set",
+                         "condition", "bounds", "law", "aims", "front"});
   Tuning tuning;
   tuning.file = file;
   tuning.overrides = overrides;
@@ -312,13 +446,18 @@ Tuning load_tuning(const std::string& name, const std::vector<std::string>& over
   if (scenario.empty()) section.refuse("scenario", "given: a scenario file");
   tuning.scenario_file = (fs::path(file).parent_path() / scenario).lexically_normal().string();
   tuning.metric = section.metric("metric");
-  tuning.most = section.number("most", 1e-12, kLargest, std::numeric_limits<double>::infinity());
+  tuning.rule.most =
+      section.number("most", 1e-12, kLargest, std::numeric_limits<double>::infinity());
   const std::string mean = section.text("mean", "geometric");
   if (mean != "geometric" && mean != "arithmetic") {
     section.refuse("mean", "\"geometric\" or \"arithmetic\"");
   }
-  tuning.is_geometric = mean == "geometric";
+  tuning.rule.is_geometric = mean == "geometric";
+  tuning.aims = read_aims(section);
   tuning.seeds = read_seeds(section, file);
+  if (const toml::table* front = section.table("front")) {
+    tuning.front_seeds = read_front_seeds(Section(*front, "front.", file, {"seeds"}), file, tuning);
+  }
   const Effort effort = read_effort(section, quick, tuning);
   if (const toml::table* set = section.table("set")) {
     tuning.set = settings_in(*set, file, as_they_are);
@@ -330,6 +469,11 @@ Tuning load_tuning(const std::string& name, const std::vector<std::string>& over
   const Bounds bounds = read_bounds(section, file);
   for (const PlacedNode& given : named_tables(section, "law", file)) {
     tuning.laws.push_back(read_law(given, bounds, effort, tuning));
+    if (!tuning.front_seeds.empty() &&
+        tuning.laws.back().conditions.size() != tuning.conditions.size()) {
+      throw UsageError(fmt::format("{}: law.\"{}\" must have all conditions, because of [front]",
+                                   given.place, given.key));
+    }
     find_given(tuning, effort, tuning.laws.back());
   }
   return tuning;

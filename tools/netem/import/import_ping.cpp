@@ -21,13 +21,27 @@ constexpr double kMostTime_ms = 1e9, kMostStamp_s = 1e11;
 constexpr double kBelow1_ms = 0.5;    // value for Windows' "time<1ms"
 constexpr double kShortest_s = 1e-6;  // from one packet to the next
 
-/// The number behind `label`.
+/// A line, and how errors name it.
+struct Line {
+  std::string_view text;
+  std::string place;
+};
+
+/// The number behind `label`; none without the label. Throws if it goes on in a way that is not
+/// read, such as "10,5" or "1e3".
 template <class Number>
-std::optional<Number> number_after(std::string_view line, std::string_view label) {
-  const std::size_t at = line.find(label);
+std::optional<Number> number_after(const Line& line, std::string_view label) {
+  const std::size_t at = line.text.find(label);
   if (at == std::string_view::npos) return std::nullopt;
-  const std::string_view rest = line.substr(at + label.size());
-  return to_number<Number>(rest.substr(0, rest.find_first_not_of("0123456789.")));
+  const std::string_view rest = line.text.substr(at + label.size());
+  const std::size_t end = std::min(rest.find_first_not_of("0123456789."), rest.size());
+  const auto number = to_number<Number>(rest.substr(0, end));
+  const bool ends =
+      end == rest.size() || std::string_view(" \t\r:]m").find(rest[end]) != std::string_view::npos;
+  if (number && ends) return number;
+  throw UsageError(fmt::format("{}: \"{}\" behind \"{}\" must be digits with at most a point",
+                               line.place, printable(rest.substr(0, rest.find_first_of(" \t\r:]"))),
+                               trimmed(label)));
 }
 
 struct Echo {
@@ -38,29 +52,29 @@ struct Echo {
 /// By their numbers, which go on where they begin again.
 class Echoes {
  public:
-  void add(const std::string& name, int line_number, std::string_view line) {
+  void add(const Line& line) {
     if (add_windows(line)) return;
     auto seq = number_after<std::int64_t>(line, "icmp_seq=");
     if (!seq) seq = number_after<std::int64_t>(line, " seq=");
     if (!seq) {
-      if (line.find(" packets transmitted") != std::string_view::npos) {
-        transmitted_ = to_number<std::int64_t>(line.substr(0, line.find(' ')));
+      if (line.text.find(" packets transmitted") != std::string_view::npos) {
+        transmitted_ = to_number<std::int64_t>(line.text.substr(0, line.text.find(' ')));
         if (transmitted_ && *transmitted_ > kMostPackets) transmitted_.reset();
       }
       return;
     }
-    check(name, line_number, "the number", static_cast<double>(*seq), kMostPackets);
+    check(line, "the number", static_cast<double>(*seq), kMostPackets);
     Echo& echo = all_[unwrapped(*seq)];
     const auto time_ms = number_after<double>(line, " time=");
-    check(name, line_number, "the round trip in ms", time_ms.value_or(0.0), kMostTime_ms);
-    if (!time_ms || line.find("(DUP!)") != std::string_view::npos) return;
-    if (line.find(" ms") == std::string_view::npos) {
-      throw UsageError(fmt::format("{}:{}: a time that is not in ms", name, line_number));
+    check(line, "the round trip in ms", time_ms.value_or(0.0), kMostTime_ms);
+    if (!time_ms || line.text.find("(DUP!)") != std::string_view::npos) return;
+    if (line.text.find(" ms") == std::string_view::npos) {
+      throw UsageError(fmt::format("{}: a time that is not in ms", line.place));
     }
     echo.round_trip_ms = *time_ms;
-    if (line.starts_with('[')) {
+    if (line.text.starts_with('[')) {
       if (const auto stamp = number_after<double>(line, "[")) {
-        check(name, line_number, "the time in s", *stamp, kMostStamp_s);
+        check(line, "the time in s", *stamp, kMostStamp_s);
         echo.sent_s = *stamp - *time_ms * 1e-3;
       }
     }
@@ -79,21 +93,20 @@ class Echoes {
   bool are_of_windows() const { return of_windows_ > 0; }
 
  private:
-  static void check(const std::string& name, int line_number, const char* what, double value,
-                    double most) {
+  static void check(const Line& line, const char* what, double value, double most) {
     if (value >= 0.0 && value <= most) return;
-    throw UsageError(fmt::format("{}:{}: {} is {:g}, which must be in [0, {:g}]", name, line_number,
-                                 what, value, most));
+    throw UsageError(
+        fmt::format("{}: {} is {:g}, which must be in [0, {:g}]", line.place, what, value, most));
   }
 
   /// Windows' ping numbers nothing, but writes a line for each: "Reply from 192.0.2.7: bytes=32
   /// time=12ms TTL=57" (or time<1ms), "Request timed out.", "Reply from 192.0.2.1: Destination host
   /// unreachable." False: not such a line.
-  bool add_windows(std::string_view line) {
-    const bool is_below = line.find(" time<1ms") != std::string_view::npos;
-    const bool is_reply = line.starts_with("Reply from ");
-    if (!is_reply && !line.starts_with("Request timed out") && !line.starts_with("Destination ") &&
-        !line.starts_with("General failure"))
+  bool add_windows(const Line& line) {
+    const bool is_below = line.text.find(" time<1ms") != std::string_view::npos;
+    const bool is_reply = line.text.starts_with("Reply from ");
+    if (!is_reply && !line.text.starts_with("Request timed out") &&
+        !line.text.starts_with("Destination ") && !line.text.starts_with("General failure"))
       return false;
     Echo& echo = all_[++of_windows_];
     if (is_reply) echo.round_trip_ms = number_after<double>(line, " time=");
@@ -155,7 +168,9 @@ class SendTimes {
 Imported import_ping(std::istream& in, const std::string& name, double interval_s) {
   Echoes echoes;
   int line_number = 0;
-  for (std::string line; std::getline(in, line);) echoes.add(name, ++line_number, line);
+  for (std::string line; std::getline(in, line);) {
+    echoes.add({line, fmt::format("{}:{}", name, ++line_number)});
+  }
   if (echoes.all().empty()) {
     throw UsageError(
         name +
@@ -172,6 +187,12 @@ Imported import_ping(std::istream& in, const std::string& name, double interval_
                     name, first, last, told, most));
   }
   const SendTimes times(echoes.all(), interval_s);
+  if (times.interval_s() < kShortest_s) {
+    throw UsageError(fmt::format(
+        "{}: the times in brackets are {:g} s apart on average, from the first to the last; at "
+        "least {:g} s are taken",
+        name, times.interval_s(), kShortest_s));
+  }
   Imported imported;
   imported.of_fates = imported.has_delays = true;
   for (std::int64_t number = first; number <= last; ++number) {
