@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <string_view>
 #include <utility>
@@ -307,6 +308,16 @@ void Cia402Config::check_deceleration(double mps2, double wheel_radius_m) const 
         "can.max_deceleration_mps2 = {:g}: set its ramp (0x6085 or 0x6084) to {:.0f} at least",
         name, kSides[side], ramp_mps2, mps2, std::ceil(needed)));
   }
+}
+
+std::optional<double> Cia402Config::stop_mps2(double wheel_radius_m) const {
+  double weakest_radps2 = std::numeric_limits<double>::infinity();
+  for (std::size_t side = 0; side < axes.size(); ++side) {
+    const double ramp_radps2 = cia402::stop_ramp_radps2(*this, side);
+    if (std::isinf(ramp_radps2)) return std::nullopt;
+    weakest_radps2 = std::min(weakest_radps2, ramp_radps2);
+  }
+  return weakest_radps2 * wheel_radius_m;
 }
 
 void Cia402Config::check_cycle(double cycle_ms) const {

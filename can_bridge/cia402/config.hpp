@@ -129,6 +129,8 @@ struct Cia402Config : DrivetrainCommon {
   /// Refuses quick stop ramps below `mps2` (can.max_deceleration_mps2) at the wheel's rim. Throws
   /// UsageError.
   void check_deceleration(double mps2, double wheel_radius_m) const;
+  /// The weaker axis' quick stop ramp at the wheel's rim; nullopt if the file sets none.
+  std::optional<double> stop_mps2(double wheel_radius_m) const;
   /// Value of `watchdog.object`.
   std::int64_t value_of(const WatchdogConfig& watchdog) const;
   /// Whether a TPDO carries the mode of operation that `axis` displays.

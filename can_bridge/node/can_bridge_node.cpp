@@ -46,7 +46,7 @@ Instant beginning(const BridgeSettings& settings) {
   return kStart - from_seconds(settings.get<RunSettings>().lead_s);
 }
 
-SafetyCore::Config safety_config(const BridgeSettings& settings) {
+SafetyCore::Config safety_config(const BridgeSettings& settings, const DrivetrainConfig& config) {
   const auto& can = settings.get<CanSettings>();
   return {from_seconds(can.stale_ms * 1e-3),
           from_seconds(can.disarm_ms * 1e-3),
@@ -58,7 +58,8 @@ SafetyCore::Config safety_config(const BridgeSettings& settings) {
           beginning(settings),
           settings.get<VehicleSettings>().wheel_radius_m,
           settings.get<ActuatorSettings>(),
-          settings.get<VehicleSettings>()};
+          settings.get<VehicleSettings>(),
+          stop_mps2(config, settings.get<VehicleSettings>().wheel_radius_m)};
 }
 
 std::vector<CanFilter> all_filters(const DriveProfile& profile, const SafetyInputs& inputs) {
@@ -110,7 +111,7 @@ CanBridgeNode::CanBridgeNode(const BridgeSettings& settings, const DrivetrainCon
                    ? std::vector<std::string>{channels_.vehicle_drive}
                    : std::vector<std::string>{channels_.vehicle_command, channels_.vehicle_plan}),
       profile_(std::move(profile)),
-      safety_(safety_config(settings)),
+      safety_(safety_config(settings, config)),
       inputs_(safety_inputs(config)),
       gpio_(safety_inputs(config), loop, inputs_, open_gpio),
       whitelist_(transmit_rules(config)),

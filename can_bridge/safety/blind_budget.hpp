@@ -19,6 +19,12 @@ namespace tether {
 /// - v ≤ a·(√(r² + 2·d/a) − r), with the distance d that is left: r·v + v²/(2a) = d,
 /// a and α being the decelerations, r = reaction the time until they act. Twists are scaled as a
 /// whole, so that the curve stays the curve. Distance does not bound turning on the spot.
+///
+/// A stop by the drives (quick stop, fault, watchdog) brakes each wheel by itself, at A. With the
+/// rims' speed of turning h = |ω|·track/2 it takes (v + h)/A and the distance
+/// - (v² + h²)/(2A) if h ≤ v,
+/// - v·h/A if h > v: while the wheels turn against each other, v does not fall.
+/// These bound the twist, too.
 class BlindBudget {
  public:
   struct Config {
@@ -27,6 +33,8 @@ class BlindBudget {
     double deceleration_mps2 = 1.5;
     double yaw_deceleration_radps2 = 3.0;
     Duration reaction{};
+    double wheel_deceleration_mps2 = 1.5;  ///< A, of a rim
+    double half_track_m = 0.6;
   };
   explicit BlindBudget(const Config& config) : config_(config) {}
 
@@ -41,8 +49,15 @@ class BlindBudget {
 
   /// The largest share of `twist` that can still be stopped in time, 0 to 1.
   double share(const Twist& twist) const;
+  /// The largest |v| at the yaw rate in force that the distance allows, m/s. A yaw rate may fall
+  /// more slowly than share() asks for.
+  double speed_beside(double omega_radps) const;
 
  private:
+  double left_m() const;
+  /// Largest v with r·v + v²/(2a) ≤ distance_m.
+  double stopping_from(double deceleration_mps2, double distance_m) const;
+
   struct Sample {
     Instant when;
     double driven_m;

@@ -13,9 +13,13 @@ namespace {
 double whole_ms(Duration d) { return std::floor(to_milliseconds(d)); }
 
 BlindBudget::Config budget(const SafetyCore::Config& config) {
-  return {config.max_blind, config.max_blind_m, config.limits.max_deceleration_mps2,
+  return {config.max_blind,
+          config.max_blind_m,
+          config.limits.max_deceleration_mps2,
           config.limits.max_yaw_deceleration_radps2,
-          TwistLimiter::kStopJerkDelay + 4 * config.limits.cycle};
+          TwistLimiter::kStopJerkDelay + 4 * config.limits.cycle,
+          config.drives_stop_mps2.value_or(config.limits.max_deceleration_mps2),
+          config.limits.track_m / 2.0};
 }
 
 /// A witness says so, or fresh feedback does not say that both stand.

@@ -132,6 +132,9 @@ class SafetyCore {
     double wheel_radius_m = 0.4;
     ActuatorSettings actuator;  ///< treatment of commands and plans
     VehicleConfig vehicle;      ///< for its stops
+    /// Deceleration of a wheel's rim in a stop by the drives; if unknown, what is required of them:
+    /// limits.max_deceleration_mps2.
+    std::optional<double> drives_stop_mps2{};
   };
 
   static constexpr Duration kStandstillWait = std::chrono::seconds{2};

@@ -60,7 +60,11 @@ void SafetyCore::follow_within_budget(const Twist& wanted, bool planned) {
   const double share = planned ? budget_.share(possible) : 1.0;
   const bool too_fast = planned && budget_.share(limiter_.twist()) < 1.0;
   slowed_by_budget_ = share < 1.0;
-  const Twist target{share * possible.v_mps, share * possible.omega_radps};
+  Twist target{share * possible.v_mps, share * possible.omega_radps};
+  if (planned) {
+    const double most_mps = budget_.speed_beside(limiter_.twist().omega_radps);
+    target.v_mps = std::clamp(target.v_mps, -most_mps, most_mps);
+  }
   if (too_fast) {
     limiter_.brake_to(target);
   } else {

@@ -88,6 +88,26 @@ TEST(StopObjects, TheRampIsTheOneThatTheOptionCodeNames) {
   EXPECT_NEAR(cia402::stop_ramp_radps2(config, 1) * 0.4, 2.01, 0.01);
 }
 
+TEST(StopObjects, TheWeakerAxisTellsHowTheDrivesStop) {
+  const DrivetrainConfig shipped_drives =
+      parse_drivetrain(shipped("two_node_cia402.toml"), "test.toml");
+  ASSERT_TRUE(stop_mps2(shipped_drives, 0.4));
+  EXPECT_NEAR(*stop_mps2(shipped_drives, 0.4), 4.02, 0.01);
+  EXPECT_NEAR(*stop_mps2(shipped_drives, 0.2), 2.01, 0.01);
+  for (const std::uint8_t weaker : {1, 2}) {
+    auto config = std::get<Cia402Config>(shipped_drives);
+    for (SetupWrite& setup : config.setup) {
+      if (setup.object.index == 0x6085 && setup.node == weaker) setup.value = 9600;
+    }
+    EXPECT_NEAR(config.stop_mps2(0.4).value_or(0.0), 2.01, 0.01) << int{weaker};
+    std::erase_if(config.setup, [&](const SetupWrite& setup) {
+      return setup.object.index == 0x6085 && setup.node == weaker;
+    });
+    EXPECT_FALSE(config.stop_mps2(0.4)) << int{weaker};
+  }
+  EXPECT_FALSE(stop_mps2(parse_drivetrain(shipped("agilex_v2.toml"), "test.toml"), 0.4));
+}
+
 TEST(StopObjects, AreKnownOfBothAxes) {
   using cia402::StopPart;
   for (const std::uint16_t index :

@@ -333,5 +333,108 @@ TEST_F(Blind, TheBudgetHoldsForAnyLimitsAndAnyMoment) {
   }
 }
 
+/// How far and for how long a vehicle goes on whose drives stop it: each wheel goes on for
+/// `reaction_s`, then brakes by itself.
+struct DrivesStop {
+  double way_m = 0.0;
+  double time_s = 0.0;
+
+  DrivesStop(const Twist& twist, double track_m, double reaction_s, double deceleration_mps2)
+      : way_m(std::abs(twist.v_mps) * reaction_s), time_s(reaction_s) {
+    constexpr double kStep_s = 1e-4;
+    const double turning_mps = twist.omega_radps * track_m / 2.0;
+    double left = twist.v_mps - turning_mps, right = twist.v_mps + turning_mps;
+    const auto brake = [&](double& rim) {
+      rim = std::copysign(std::max(0.0, std::abs(rim) - deceleration_mps2 * kStep_s), rim);
+    };
+    while (left != 0.0 || right != 0.0) {
+      brake(left);
+      brake(right);
+      way_m += std::abs(left + right) / 2.0 * kStep_s;
+      time_s += kStep_s;
+    }
+  }
+};
+
+/// Wheels that turn against each other do not slow the vehicle down while each brakes by itself.
+TEST_F(Blind, AStopByTheDrivesKeepsToTheBudgetInAnyBendAndAtAnyMoment) {
+  test::Random random(2027);
+  for (int run = 0; run < 300; ++run) {
+    SafetyCore::Config config = Blind::config();
+    config.limits = test::random_limits(random);
+    config.limits.cycle = kCycle;
+    config.max_blind = from_seconds(test::uniform(random, 0.4, 10.0));
+    config.max_blind_m = test::uniform(random, 0.1, 1.0);
+    const double required_mps2 = config.limits.max_deceleration_mps2;
+    if (run % 3 != 0) config.drives_stop_mps2 = required_mps2 * test::uniform(random, 1.0, 3.0);
+    drives.phase = DrivePhase::standby;
+    drives.standstill = true;
+    restart(config);
+    arm_with_plan();
+    const Twist twist{test::uniform(random, -2.0, 2.0), test::uniform(random, -3.0, 3.0)};
+    const int seen_cycles = 1 + static_cast<int>(test::uniform(random, 0.0, 150.0));
+    const int blind_cycles = static_cast<int>(test::uniform(random, 0.0, 100.0));
+    double before = driven_m;
+    for (int i = 0; i < seen_cycles; ++i) {
+      now += kCycle;
+      offer(long_plan(twist));
+      before = driven_m;
+      cycle();
+    }
+    const Instant seen = now;
+    for (int i = 0; i < blind_cycles; ++i) cycle_after(kCycle);
+    // The drives' deadline of setpoints, and two cycles of drives and feedback.
+    const DrivesStop stop(last.twist, config.limits.track_m, 0.1 + 2.0 * to_seconds(kCycle),
+                          config.drives_stop_mps2.value_or(required_mps2));
+    // driven_m goes one cycle ahead: `last.twist` is in force for that long.
+    const double ahead_m = std::abs(last.twist.v_mps) * to_seconds(kCycle);
+    EXPECT_LE(driven_m - ahead_m + stop.way_m - before, config.max_blind_m + 1e-9) << run;
+    constexpr double kStands_mps = 0.02;
+    const double turning_mps = std::abs(last.twist.omega_radps) * config.limits.track_m / 2.0;
+    if (std::abs(last.twist.v_mps) + turning_mps < kStands_mps) continue;
+    EXPECT_LE(to_seconds(now - seen) + stop.time_s, to_seconds(config.max_blind) + 1e-9) << run;
+  }
+}
+
+TEST(BlindBudget, KnowsTheWayOfWheelsThatBrakeByThemselves) {
+  BlindBudget budget({.max_time = seconds{10},
+                      .max_distance_m = 0.5,
+                      .deceleration_mps2 = 2.0,
+                      .yaw_deceleration_radps2 = 5.0,
+                      .reaction = milliseconds{200},
+                      .wheel_deceleration_mps2 = 4.0,
+                      .half_track_m = 0.5});
+  budget.update(kStart, 0.0, kStart);
+  // Straight on, where the vehicle's deceleration is the weaker one: 0.2 v + v²/4 = 0.5.
+  const double straight = 2.0 * (std::sqrt(0.04 + 0.5) - 0.2);
+  EXPECT_NEAR(budget.share({2.0, 0.0}) * 2.0, straight, 1e-12);
+  EXPECT_NEAR(budget.speed_beside(0.0), straight, 1e-12);
+  for (const Twist twist : {Twist{2.0, 0.8}, Twist{-2.0, 3.0}, Twist{2.0, 4.0}, Twist{2.0, -4.4},
+                            Twist{-1.0, 6.0}, Twist{0.5, 8.0}}) {
+    const double share = budget.share(twist);
+    const Twist most{share * twist.v_mps, share * twist.omega_radps};
+    ASSERT_LT(share, 1.0);
+    const double by_drives = DrivesStop(most, 1.0, 0.2, 4.0).way_m;
+    const double by_ramp = 0.2 * std::abs(most.v_mps) + most.v_mps * most.v_mps / 4.0;
+    EXPECT_NEAR(std::max(by_drives, by_ramp), 0.5, 1e-3) << twist.omega_radps;
+    EXPECT_NEAR(budget.speed_beside(most.omega_radps), std::abs(most.v_mps), 1e-9)
+        << twist.omega_radps;
+  }
+}
+
+TEST(BlindBudget, KnowsTheTimeOfWheelsThatBrakeByThemselves) {
+  BlindBudget budget({.max_time = seconds{1},
+                      .max_distance_m = 100.0,
+                      .deceleration_mps2 = 3.0,
+                      .yaw_deceleration_radps2 = 6.0,
+                      .reaction = milliseconds{200},
+                      .wheel_deceleration_mps2 = 4.0,
+                      .half_track_m = 0.5});
+  budget.update(kStart, 0.0, kStart);
+  // The faster rim, of |v| + 0.5·|ω|, has 0.8 s at 4 m/s².
+  EXPECT_NEAR(budget.share({-2.0, 4.0}), 3.2 / 4.0, 1e-12);
+  EXPECT_EQ(budget.share({1.2, 4.0}), 1.0);
+}
+
 }  // namespace
 }  // namespace tether
