@@ -28,7 +28,7 @@ def line_of(name, part):
 
 
 def rules(name, vehicle):
-    """As the file of the link has them."""
+    """The same, as the file of the link has them."""
     line = line_of(name, TWO)
     return "\n".join(line.groups()).replace("AGV1", vehicle).replace("CTRL1", f"CTRL{vehicle[3:]}").replace(
         "CAN1", f"CAN{vehicle[3:]}")

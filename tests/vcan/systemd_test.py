@@ -13,7 +13,7 @@ import time
 from booted import HARDENING, UNITS, Booted
 from can_drivetrain import NODES, SCENARIO, TWO_NODES, Drivetrain, changed_file, moves, patient_file, rpdo1
 from can_support import CanBus, SerialAdapter, bridged, create_vcan, ip
-from live_support import check, main, wait_until
+from live_support import SOURCE, check, main, wait_until
 
 BRIDGE = "tether-can-bridge.service"
 RPDOS = tuple(map(rpdo1, NODES))
@@ -212,9 +212,10 @@ def the_bridge_follows_its_adapter(test):
     scenario.write_text(text.replace("../drivetrains/two_node_cia402.toml", "drives.toml"))
     shutil.copy(TWO_NODES, scenario.with_name("drives.toml"))
     system.configure(TETHER_SCENARIO="/etc/tether/vehicle.toml", LCM_DEFAULT_URL=test.network.url)
-    drop_in = system.units / f"{BRIDGE}.d/bind-can0.conf"
-    drop_in.parent.mkdir()
-    shutil.copy(UNITS / "bind-can0.conf", drop_in)
+    page = (SOURCE / "docs/howto/deployment.md").read_text()
+    command = re.search(r"(?m)^    sudo (install .*)/usr/share/tether/systemd/(bind-can0.conf) (/etc/\S+)$", page)
+    check(command, "deployment.md does not install bind-can0.conf")
+    subprocess.run([*command[1].split(), UNITS / command[2], f"{system.root}{command[3]}"], check=True)
     system.start(test)
     system.ctl("start", "systemd-udevd")
     system.ctl("enable", BRIDGE)
