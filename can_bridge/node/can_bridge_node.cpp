@@ -19,12 +19,17 @@
 #include "common/base/errors.hpp"
 #include "common/base/say.hpp"
 #include "common/bus/message_io.hpp"
+#include "common/program/service_manager.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/odometry_message.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
 namespace {
+
+/// For an adapter that answers no command, slcan's driver waits 1 s each. tether-can-links'
+/// watchdog ends a change, down or up, after 10 s.
+constexpr Duration kLongestRestart = std::chrono::seconds{20};
 
 static_assert(static_cast<int>(BridgeState::starting) == drivetrain_state_t::STARTING);
 static_assert(static_cast<int>(BridgeState::refused) == drivetrain_state_t::REFUSED);
@@ -221,6 +226,7 @@ void CanBridgeNode::act(const Decision& decision, Instant now) {
       break;
     case Decision::Action::restart_bus: {
       std::string why;
+      const LongCall waits_for_the_adapter{kLongestRestart};
       const bool done = port_.restart(why);
       safety_.on_bus_restarted(done, why);
       break;

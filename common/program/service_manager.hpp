@@ -21,6 +21,15 @@ class ServiceManager {
   void stopping();
 };
 
+/// Lets the watchdog wait for `limit` while it exists: around a call that may block the loop.
+class LongCall {
+ public:
+  explicit LongCall(Duration limit);
+  ~LongCall();
+  LongCall(const LongCall&) = delete;
+  LongCall& operator=(const LongCall&) = delete;
+};
+
 /// Keeps all memory, also that to come, from being paged out, so that no setpoint waits for a disk.
 /// Throws UsageError that says which right is missing.
 void lock_memory();

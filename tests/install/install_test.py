@@ -5,10 +5,12 @@ take the packages."""
 
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 
 BUILD = pathlib.Path(sys.argv[1])
@@ -80,8 +82,20 @@ def another_project_builds_with_it(work, prefix):
     run("cmake", "--build", work / "foreign")
     # And without CMake.
     flags = run("pkg-config", "--cflags", "--libs", "tether", env=os.environ | {"PKG_CONFIG_PATH": f"{prefix}/share/pkgconfig"})
-    (work / "poses.cpp").write_text("#include <tether/law_client.hpp>\nint main() { return tether::pose_t{}.seq; }\n")
-    run("c++", "-std=c++17", work / "poses.cpp", *flags.split(), "-o", work / "poses")
+    page = (SOURCE / "docs/howto/deployment.md").read_text().partition("### A controller of your own")[2]
+    blocks = [textwrap.dedent(block) for block in re.findall(r"(?m)(?:^    .*\n)+", page)]
+    check([block.split("(")[0].split(" ")[0] for block in blocks] == ["find_package", "#include"], f"blocks of the page: {blocks}")
+    mine = work / "mine"
+    mine.mkdir()
+    (mine / "mine.cpp").write_text(blocks[1])
+    run("c++", "-std=c++17", mine / "mine.cpp", *flags.split(), "-o", work / "without_cmake")
+    find, link = blocks[0].splitlines()
+    (mine / "CMakeLists.txt").write_text(f"cmake_minimum_required(VERSION 3.25)\nproject(mine LANGUAGES CXX)\n{find}\n"
+                                         f"add_executable(mine mine.cpp)\n{link}\n")
+    run("cmake", "-S", mine, "-B", mine / "build", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}")
+    run("cmake", "--build", mine / "build")
+    for program in (work / "without_cmake", mine / "build/mine"):
+        check("--lcm-url" in run(program, "--help", expect=2), "the page's controller runs")
     includes = run("ninja", "-C", work / "foreign", "-t", "deps")
     check(f"{prefix}/include/tether/tether/pose_t.hpp" in includes and str(SOURCE) not in includes, includes)
 

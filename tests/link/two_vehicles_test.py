@@ -16,13 +16,20 @@ from live_support import PAPER, SOURCE, TWIST, TYPES, check, main, wait_until  #
 
 VEHICLES = {"AGV1": "192.0.2", "AGV2": "198.51.100"}
 TYPES |= {"AGV1/CMD_VEL": TWIST, "AGV2/CMD_VEL": TWIST, "CTRL1/CMD_VEL": TWIST, "CTRL2/CMD_VEL": TWIST}
-PAGE = (SOURCE / "docs/howto/deployment.md").read_text().partition("### Two vehicles, one control host")[2]
+PAGE = (SOURCE / "docs/howto/deployment.md").read_text()
+ONE, TWO = PAGE.partition("### Two vehicles, one control host")[::2]
+
+
+def line_of(name, part):
+    """The line of the page: send and receive of that host."""
+    line = re.search(rf"(?m)^ +{name}: +(send = .*?\]) +(receive = .*)$", part)
+    check(line, f"no rules of {name} in the page")
+    return line
 
 
 def rules(name, vehicle):
-    """The line of the page: send and receive of that host, as the file of the link has them."""
-    line = re.search(rf"(?m)^ +{name}: +(send = .*?\]) +(receive = .*)$", PAGE)
-    check(line, f"no rules of {name} in the page")
+    """The same, as the file of the link has them."""
+    line = line_of(name, TWO)
     return "\n".join(line.groups()).replace("AGV1", vehicle).replace("CTRL1", f"CTRL{vehicle[3:]}").replace(
         "CAN1", f"CAN{vehicle[3:]}")
 
@@ -90,4 +97,28 @@ def both_drive_and_neither_hears_the_other(test):
         side.network.close()
 
 
-main(both_drive_and_neither_hears_the_other)
+def one_vehicle_by_the_rules_of_the_first_metre(test):
+    control, vehicle = Side(test, "control"), Side(test, "vehicle7")
+    veth(control.host, "wlan0", vehicle.host, "wlan0", "192.0.2")
+    links = [near.start_link([(far.name, far.key, address, "\n".join(line_of(rule, ONE).groups()))])
+             for near, far, address, rule in ((control, vehicle, "192.0.2.2", "control"), (vehicle, control, "192.0.2.1", "vehicle"))]
+    for link in links:
+        wait_until(15, lambda link=link: link.err().count("up, by wifi") == 1, "links are up")
+    settings = (PAPER, "--set", "sensor.rate_hz=20", "--start-utime", int(time.time() * 1e6))
+    vehicle.start("tether-sim", *settings)
+    control.start("tether-controller", *settings)
+    wait_until(15, lambda: len(vehicle.network.messages("AGV/CMD_VEL")) > 60, "it is commanded")
+    check(max(abs(m.v_mps) for m in vehicle.network.messages("AGV/CMD_VEL")) > 0.1, "it drives")
+    echo = vehicle.start("tether-vehicle", "echo", "CAN/REQUEST")
+    control.start("tether-vehicle", "can", "estop")
+    wait_until(10, lambda: "CAN/REQUEST drive_request_t" in echo.out(), "the operator's request arrives")
+    check("SIM/TRUTH" in vehicle.network.channels() and "SIM/TRUTH" not in control.network.channels(), "only what is named")
+    test.say(f"one vehicle: {len(vehicle.network.messages('AGV/CMD_VEL'))} commands, and the e-stop")
+    for link in links:
+        link.kill(signal.SIGINT)
+        check(link.wait(5) == 0, link.err())
+    for side in (control, vehicle):
+        side.network.close()
+
+
+main(both_drive_and_neither_hears_the_other, one_vehicle_by_the_rules_of_the_first_metre)

@@ -8,6 +8,7 @@ Nothing here uses the project's own codecs.
 import bisect
 import errno
 import fcntl
+import math
 import os
 import pathlib
 import pty
@@ -19,6 +20,7 @@ import termios
 import threading
 import time
 import tty
+import types
 
 import can
 
@@ -265,6 +267,13 @@ class SerialAdapter:
     def stall(self, stalled=True):
         """From now on it takes nothing any more, or takes everything again."""
         self._stalled = stalled
+
+    def setpoints(self, identifiers, since, until=math.inf):
+        """Frames with these identifiers that reached the bus, as CanBus would have them."""
+        for arrival, text in list(self.frames):
+            if since < arrival < until and text[0] == "t" and int(text[1:4], 16) in identifiers:
+                data = bytes.fromhex(text[5:])
+                yield types.SimpleNamespace(arbitration_id=int(text[1:4], 16), data=data, timestamp=arrival)
 
     def _say(self, text):
         os.write(self._master, text.encode() + b"\r")

@@ -14,6 +14,7 @@ from independent_drivetrain import Independent
 from live_support import SOURCE, check, main, wait_until
 
 PAGE = (SOURCE / "docs/howto/deployment.md").read_text()
+SETTINGS = "sudo install -D -m 644 /usr/share/tether/systemd/tether.env"
 BRIDGE = "tether-can-bridge.service"
 SPEED_MPS = 0.3
 
@@ -45,11 +46,11 @@ class Deployed(Independent):
             file.write_text(text)
             file.chmod(0o644)
         (self.system.root / "etc/systemd/network").mkdir()  # Debian's systemd has it
-        self.follow("sudo install -D -m 644 /usr/share/tether/systemd/tether.env", 3)  # vcan0 is there, without udev
+        self.follow(SETTINGS, slice(3))  # vcan0 is there, without udev
 
-    def follow(self, first, lines=None):
+    def follow(self, first, lines=slice(None)):
         """Does what the page says there."""
-        for command in commands_of_the_page(first)[:lines]:
+        for command in commands_of_the_page(first)[lines]:
             self.test.say(f"$ {command}")
             said = self.system.run("sh", "-c", command)
             check("PROBLEM" not in said, said)
@@ -86,7 +87,10 @@ class Deployed(Independent):
 
 def real_drives_from_the_first_start_on(test):
     with Deployed(test) as agv:
-        agv.follow("$ sudo systemctl enable --now tether-metrics", 1)  # starting it makes a guest late
+        agv.follow("$ sudo systemctl enable --now tether-metrics", slice(1))  # starting it makes a guest late
+        agv.follow(SETTINGS, slice(4, 5))
+        for unit in ("systemd-networkd", "tether-logger", "tether-can-bridge"):
+            check(agv.system.show(f"{unit}.service", "ActiveState") == "active", f"{unit} runs")
         agv.follow("sudo systemctl stop tether-can-bridge")
         check(any("did not exist" in m.reason for m in agv.network.messages("CAN/STATE")), "it began with the e-stop pressed")
         agv.wait_state("disarmed", 20)

@@ -2,13 +2,15 @@
 """The vehicle's package on a booted system: installed, its link enabled, stopped and hung, then updated and
 taken back to the version before, with settings and keys as they were. Usage: packages_test.py BIN_DIR"""
 
+import re
 import subprocess
 import time
 import urllib.request
 
 from booted import Booted
-from live_support import check, main, wait_until
+from live_support import SOURCE, check, main, wait_until
 
+PAGE = (SOURCE / "docs/howto/deployment.md").read_text()
 LINK = "tether-link.service"
 HOST = "tether-host.service"
 LOGGER = "tether-logger.service"
@@ -19,6 +21,13 @@ UNITS = [f"tether-{name}.service" for name in ("link", "can-bridge", "localiser"
 class Vehicle(Booted):
     def __init__(self, test):
         super().__init__(test, test.bin, for_packages=True)
+
+    def give_apt(self):
+        """Folders that Debian's apt has, and the answer to its question."""
+        for folder in ("etc/apt/apt.conf.d", "etc/apt/preferences.d", "var/lib/apt/lists/partial", "var/cache/apt/archives/partial",
+                       "var/log/apt"):
+            (self.root / folder).mkdir(parents=True, exist_ok=True)
+        (self.root / "etc/apt/apt.conf.d/test").write_text('APT::Get::Assume-Yes "true";\nAPT::Sandbox::User "root";\n')
 
     def give_link(self):
         """Keys as the guide says; the peer is elsewhere."""
@@ -41,6 +50,20 @@ class Vehicle(Booted):
             addresses = ["127.0.0.1:7710", ""]
             """)
         file.chmod(0o644)
+
+    @staticmethod
+    def update_of_the_page(which):
+        """Its commands, for the vehicle's package alone: "later", or back to "now"."""
+        block = re.search(r"(?m)^    sudo cp -a /etc/tether .*\n    (sudo apt install .*)$", PAGE)
+        back = re.search(r"`(sudo apt install --allow-downgrades \S+ \S+)`", PAGE)
+        check(block and back, "deployment.md says how to update, and how to go back")
+        copy, update = block[0].splitlines()
+        if which == "now":
+            update = back[1] + update[update.index(" && "):]
+        for word in ("./tether_NEW.deb ", "./tether_OLD.deb "):
+            update = update.replace(word, "")
+        update = re.sub(r"\./tether-vehicle_(NEW|OLD)\.deb", f"/root/{which}.deb", update)
+        return [command.partition("#")[0].strip().replace("sudo ", "") for command in (copy, update)]
 
     def logs(self):
         return sorted(file.name for file in (self.root / "var/lib/tether").glob("floor-*.lcmlog"))
@@ -112,9 +135,15 @@ def installed_updated_and_taken_back(test):
     system.ctl("disable", HOST)
 
     key = system.run("tether-link", "show", "/etc/tether/link.key")
-    for which, options in (("later", ()), ("now", ("--force-downgrade",))):
-        system.install(which, *options)
-        system.ctl("restart", "tether-*")
+    system.give_apt()
+    for which in ("later", "now"):
+        system.run("sh", "-c", " && ".join(system.update_of_the_page(which)))
+        status = system.run("dpkg-query", "--show", "--showformat=${db:Status-Status} ${Version}", "tether-vehicle")
+        check(status == f"installed {system.packages[which][1]}", status)
+        system.wait_link()
+        check(system.run("sh", "-c", "stat --format %U /root/tether-*/link.key") == "tether", "the copy has its owners")
+        system.run("sh", "-c", "rm -r /etc/tether && mv /root/tether-* /etc/tether")  # the copy goes back
+        system.ctl("restart", LINK)
         system.wait_link()
         check(system.ctl("is-enabled", LINK) == "enabled", f"enabled, with {which}")
         check(system.ctl("is-enabled", HOST, check_it=False) == "disabled", "an update enables nothing again")

@@ -11,11 +11,12 @@ import tempfile
 import time
 
 from booted import HARDENING, UNITS, Booted
-from can_drivetrain import SCENARIO, TWO_NODES, Drivetrain, changed_file, patient_file
-from can_support import create_vcan, ip
-from live_support import check, main, wait_until
+from can_drivetrain import NODES, SCENARIO, TWO_NODES, Drivetrain, changed_file, moves, patient_file, rpdo1
+from can_support import CanBus, SerialAdapter, bridged, create_vcan, ip
+from live_support import SOURCE, check, main, wait_until
 
 BRIDGE = "tether-can-bridge.service"
+RPDOS = tuple(map(rpdo1, NODES))
 CAN_ERR_BUSOFF = 0x20000040
 SPEED_MPS = 0.5
 LINKS = "tether-can-links.service"
@@ -27,11 +28,12 @@ class Served(Drivetrain):
 
     settings = ("can.stale_ms=1000", "can.disarm_ms=2000")
 
-    def __init__(self, test):
+    def __init__(self, test, interface="vcan0"):
         super().__init__(test, patient_file(test))
         scenario = changed_file(test, "vehicle.toml", SCENARIO,
                                 ("../drivetrains/two_node_cia402.toml", str(self.drivetrain)),
                                 ("[can]\n", '[can]\nwheels = "model"\n'),
+                                ('interface = "vcan0"', f'interface = "{interface}"'),
                                 ("stale_ms = 200.0", "stale_ms = 1000.0"),
                                 ("disarm_ms = 500.0", "disarm_ms = 2000.0"))
         self.system = Booted(test, test.bin)
@@ -129,6 +131,51 @@ def the_interface_is_restarted_for_it(d, test):
     test.say("the interface is restarted by tether-can-links, also after it was killed")
 
 
+def a_serial_adapter_stalls(test):
+    """It takes no more frames, and neither commands to close and open, for each of which its driver waits a second."""
+    adapter = SerialAdapter("can0")
+    try:
+        with CanBus() as far, Served(test, "can0") as d:
+            bridged(adapter, far)
+            try:
+                the_queue_is_emptied_for_it(d, adapter, test)
+            finally:
+                adapter.on_frame = lambda text: None
+                adapter.stall(False)
+    finally:
+        adapter.close()
+
+
+def the_queue_is_emptied_for_it(d, adapter, test):
+    d.start_drives()
+    d.start_bridge()
+    d.arm()
+    d.drive(SPEED_MPS)
+    stall, adapter_stalls_s = time.time(), 5
+    adapter.stall()
+    d.wait_for("CAN/STATE", lambda m: "restarting can0 failed (Connection timed out)" in m.reason, 10, "it gives up", stall)
+    stand = d.wait_standstill(stall)
+    time.sleep(stall + adapter_stalls_s - time.time())
+    heard = [m.arrival for m in d.network.messages("CAN/STATE", stall)]
+    silent = max(b - a for a, b in zip(heard, heard[1:]))
+    ran_on = (d.restarts(), d.system.show(LINKS, "NRestarts"))
+    check(ran_on == (0, "0"), f"restarts of the bridge and of {LINKS}: {ran_on}")
+    go_on = time.time()
+    adapter.stall(False)
+    reset = d.request("reset")
+    d.wait_state("disarmed", 30, reset)
+    time.sleep(0.5)
+    # The adapter had one frame already: whatever the bridge does, that one goes out.
+    taken = next(arrival for arrival, _ in adapter.frames if arrival > go_on)
+    setpoints = list(adapter.setpoints(RPDOS, taken))
+    moving = [f for f in setpoints if moves(f)]
+    check(len(setpoints) > 10 and not moving, f"{len(moving)} of {len(setpoints)} setpoints are of before the stall")
+    d.arm()
+    check(d.restarts() == 0, "the bridge ran on")
+    test.say(f"serial adapter stalled at {SPEED_MPS} m/s for {adapter_stalls_s} s: wheels stand after {stand - stall:.2f} s, bridge "
+             f"silent for {silent:.1f} s and not restarted; after RESET {len(setpoints)} setpoints, none of before")
+
+
 def with_real_drives_it_remembers_the_estop(d):
     text = d.scenario.read_text().replace("[can]\n", '[can]\nemulate_drives = false\narm = "never"\n')
     d.scenario.write_text(text)
@@ -165,9 +212,10 @@ def the_bridge_follows_its_adapter(test):
     scenario.write_text(text.replace("../drivetrains/two_node_cia402.toml", "drives.toml"))
     shutil.copy(TWO_NODES, scenario.with_name("drives.toml"))
     system.configure(TETHER_SCENARIO="/etc/tether/vehicle.toml", LCM_DEFAULT_URL=test.network.url)
-    drop_in = system.units / f"{BRIDGE}.d/bind-can0.conf"
-    drop_in.parent.mkdir()
-    shutil.copy(UNITS / "bind-can0.conf", drop_in)
+    page = (SOURCE / "docs/howto/deployment.md").read_text()
+    command = re.search(r"(?m)^    sudo (install .*)/usr/share/tether/systemd/(bind-can0.conf) (/etc/\S+)$", page)
+    check(command, "deployment.md does not install bind-can0.conf")
+    subprocess.run([*command[1].split(), UNITS / command[2], f"{system.root}{command[3]}"], check=True)
     system.start(test)
     system.ctl("start", "systemd-udevd")
     system.ctl("enable", BRIDGE)
@@ -223,4 +271,4 @@ def units_are_hardened(test):
         check(exposure <= MOST_EXPOSED.get(name, 1.5), f"{name}: {exposure}")
 
 
-main(units_are_hardened, the_bridge_follows_its_adapter, bridge_as_a_service)
+main(units_are_hardened, the_bridge_follows_its_adapter, bridge_as_a_service, a_serial_adapter_stalls)

@@ -13,18 +13,20 @@ namespace tether {
 namespace {
 
 constexpr std::uint16_t kSecondAxis = 0x800;
+constexpr std::int64_t kBridgeNode = 0x7F;
 
 struct AxisObject {
   const char* name;
   ObjectRef standard;
   bool in_pdo;
+  bool is_written = false;
 };
 constexpr std::array<AxisObject, 8> kAxisObjects{{
-    {"controlword", {0x6040, 0, 2, false}, true},
+    {"controlword", {0x6040, 0, 2, false}, true, true},
     {"statusword", {0x6041, 0, 2, false}, true},
-    {"mode", {0x6060, 0, 1, true}, false},
+    {"mode", {0x6060, 0, 1, true}, false, true},
     {"mode_display", {0x6061, 0, 1, true}, true},
-    {"target_velocity", {0x60FF, 0, 4, true}, true},
+    {"target_velocity", {0x60FF, 0, 4, true}, true, true},
     {"actual_velocity", {0x606C, 0, 4, true}, true},
     {"actual_position", {0x6064, 0, 4, true}, true},
     {"error_code", {0x603F, 0, 2, false}, true},
@@ -57,6 +59,12 @@ class Writer {
     const std::int64_t first = eds.node.value_or(1);
     nodes_ = nodes.empty() ? std::vector{first, has_two_axes_ ? first : first + 1} : nodes;
     if (nodes_.size() == 1) nodes_.push_back(nodes_[0]);
+    if (std::ranges::max(nodes_) >= kBridgeNode) {
+      throw UsageError(
+          fmt::format("{} and {} as nodes: must be below {}, which is the bridge's. Set --node "
+                      "LEFT --node RIGHT",
+                      nodes_[0], nodes_[1], kBridgeNode));
+    }
     if (nodes_[0] == nodes_[1] && !has_two_axes_) {
       throw UsageError(fmt::format(
           "--node {}: the device has one axis (no object 0x6840), so left and right need a node "
@@ -74,6 +82,7 @@ class Writer {
         "[drives]\nheartbeat_ms = 100\nheartbeat_timeout_ms = 300\nfeedback_timeout_ms = 100\n",
         printable(file, kLongestNameShown),
         in_quotes(printable(eds_.vendor + " " + eds_.product, kLongestNameShown)));
+    check_heartbeat();
     check_mode();
     axis("left", nodes_[0], 0);
     axis("right", nodes_[1], two_axes_ ? kSecondAxis : 0);
@@ -111,6 +120,12 @@ class Writer {
     return found != nullptr && found->ref.bytes > 0 ? found : nullptr;
   }
 
+  void check_heartbeat() {
+    const EdsFile::Object* const producer = object(0x1017);
+    if (producer != nullptr && producer->writable) return;
+    miss("a heartbeat: the device has no 0x1017 that can be written; the bridge sets it");
+  }
+
   void check_mode() {
     const EdsFile::Object* const modes = eds_.find(0x6502);
     constexpr std::int64_t kProfileVelocity = 1 << 2;
@@ -138,6 +153,9 @@ class Writer {
       if (wanted.in_pdo && !found->mappable) {
         miss(fmt::format("{}.{}: {} cannot be mapped into a PDO", side, wanted.name, hex(index)));
       }
+      if (wanted.is_written && !found->writable) {
+        miss(fmt::format("{}.{}: {} is read-only", side, wanted.name, hex(index)));
+      }
     }
     scales(side, offset);
   }
@@ -147,7 +165,9 @@ class Writer {
          {0x608F, 0x6090, 0x6091, 0x6092, 0x6094, 0x6095, 0x6096, 0x60A9}) {
       for (const int sub : {0, 1, 2}) {
         const auto* const found = eds_.find(static_cast<std::uint16_t>(index + offset), sub);
-        if (found == nullptr) continue;
+        const bool is_count =
+            sub == 0 && eds_.find(static_cast<std::uint16_t>(index + offset), 1) != nullptr;
+        if (found == nullptr || is_count) continue;
         const auto value = found->value ? found->value : found->default_value;
         if (!value) continue;
         add("# {}:{:02X} {} is {}\n", hex(found->ref.index), sub,
@@ -172,6 +192,12 @@ class Writer {
         miss(fmt::format("the device has no {} ({}): {}", hex(ref.index), written.meaning,
                          written.without));
       }
+      return;
+    }
+    if (!found->writable) {
+      add("\n");
+      miss(fmt::format("{} ({}) is read-only: see the manual for what the device does",
+                       hex(ref.index), written.meaning));
       return;
     }
     std::string value = written.value;

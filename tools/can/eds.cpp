@@ -15,6 +15,7 @@ namespace tether {
 namespace {
 
 constexpr int kMostSubindex = 0xFE;
+constexpr std::int64_t kMostNode = 127;
 
 std::string lower(std::string_view text) {
   std::string all(text);
@@ -69,6 +70,10 @@ class Reader {
     for (const char* const name : {"devicecomissioning", "devicecommissioning"}) {
       if (const auto found = sections_.find(name); found != sections_.end()) {
         eds.node = number(found->second, "nodeid");
+        if (eds.node && (*eds.node < 1 || *eds.node > kMostNode)) {
+          refuse(found->second.values.at("nodeid").line,
+                 fmt::format("nodeid = {} is not allowed: must be 1 to {}", *eds.node, kMostNode));
+        }
       }
     }
     for (const auto& [name, section] : sections_) take(name, section, eds);
@@ -184,6 +189,8 @@ class Reader {
         break;
     }
     object.name = text_of(section, "parametername");
+    const std::string access = lower(text_of(section, "accesstype"));
+    object.writable = access != "ro" && access != "const";
     object.mappable = number(section, "pdomapping").value_or(0) != 0;
     object.value = value(section, "parametervalue");
     object.default_value = value(section, "defaultvalue");

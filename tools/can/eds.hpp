@@ -17,6 +17,7 @@ struct EdsFile {
     ObjectRef ref;  ///< `bytes` is 0 if the object is no integer of 1, 2 or 4 bytes
     std::string name;
     bool mappable = false;                ///< into a PDO
+    bool writable = true;                 ///< unless AccessType is `ro` or `const`
     std::optional<std::int64_t> value{};  ///< a DCF's; numbers that contain $NODEID are left out
     std::optional<std::int64_t> default_value{};
   };

@@ -78,9 +78,11 @@ DoctorFinding buffers(const Machine& m) {
 }
 
 DoctorFinding clock(const Machine& m) {
-  constexpr char kToDo[] = "sudo apt install chrony; only one host needs no clock of others";
   if (!m.clock_synchronised) {
-    return {Verdict::note, "clock", "not synchronised: between hosts, plans break at 0.2 s", kToDo};
+    return {Verdict::note, "clock", "not synchronised: between hosts, plans break at 0.2 s",
+            fmt::format("{}; only one host needs no clock of others",
+                        m.has_chrony ? "systemctl status chrony; chronyc sources"
+                                     : "sudo apt install chrony")};
   }
   const std::string what =
       fmt::format("synchronised, off by at most {:.3g} ms", m.clock_error_max_ms);
@@ -145,14 +147,20 @@ DoctorFinding can(const Machine& m) {
 }
 
 DoctorFinding rights(const Machine& m) {
-  std::vector<std::string> lacking;
-  if (!m.may_be_realtime) lacking.emplace_back("SCHED_FIFO");
-  if (!m.may_lock_memory) lacking.emplace_back("locked memory");
+  std::vector<std::string> lacking, limits;
+  if (!m.may_be_realtime) {
+    lacking.emplace_back("SCHED_FIFO");
+    limits.emplace_back("LimitRTPRIO=50");
+  }
+  if (!m.may_lock_memory) {
+    lacking.emplace_back("locked memory");
+    limits.emplace_back("LimitMEMLOCK=infinity");
+  }
   if (lacking.empty()) {
     return {Verdict::good, "real time", "SCHED_FIFO and locked memory are granted", ""};
   }
   return {Verdict::note, "real time", fmt::format("not granted: {}", fmt::join(lacking, ", ")),
-          "LimitRTPRIO=50 and LimitMEMLOCK=infinity in a unit, or in /etc/security/limits.d"};
+          fmt::format("{} in a unit, or in /etc/security/limits.d", fmt::join(limits, " and "))};
 }
 
 DoctorFinding processors(const Machine& m) {

@@ -209,11 +209,12 @@ Machine examine(const std::string& lcm_url, const std::string& can_interface, bo
   if (fs::exists(executable_folder() / "tether")) {  // not a vehicle's computer
     programs = {"ip", "gnuplot", "java", "lcm-logplayer"};
   }
+  const auto is_there = [](const char* program) {  // /usr/sbin is not on every user's PATH
+    return !find_program(program).empty() || fs::exists(fs::path("/usr/sbin") / program);
+  };
+  machine.has_chrony = is_there("chronyd");
   for (const char* program : programs) {
-    // Not on every user's PATH.
-    const bool is_there =
-        !find_program(program).empty() || fs::exists(fs::path("/usr/sbin") / program);
-    if (!is_there) machine.missing_programs.emplace_back(program);
+    if (!is_there(program)) machine.missing_programs.emplace_back(program);
   }
   return machine;
 }

@@ -27,6 +27,7 @@ struct Machine {
 
   std::optional<std::int64_t> rmem_max_bytes;  ///< none: not told
   bool clock_synchronised = false;
+  bool has_chrony = false;
   double clock_error_max_ms = 0.0;  ///< the kernel's estimate; it means nothing if not synchronised
 
   struct Can {

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include <regex>
+
+#include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
 
 namespace tether {
@@ -49,7 +52,7 @@ std::string device() {
   return "; made manually\r\n[FileInfo]\r\nEDSVersion=4.0\r\n\r\n[DeviceInfo]\r\nVendorName=Ex "
          "\"am\" ple\r\nProductName=Servo\r\n"
          "[Comments]\r\nLines=1\r\nLine1=anything [goes] = here\r\n" +
-         variable("1016sub1", 7) + variable("6007", 3);
+         variable("1016sub1", 7) + variable("1017", 6) + variable("6007", 3);
 }
 
 std::string single_axis() { return device() + axis("60") + pdos(2); }
@@ -101,6 +104,8 @@ TEST(Eds, ErrorsNameFileAndLine) {
   EXPECT_THAT(error_of("[a]\n"), HasSubstr("drive.eds: no section [DeviceInfo]"));
   EXPECT_THAT(error_of("[DeviceInfo]\n[6040]\nDataType=six\n"),
               HasSubstr("drive.eds:3: datatype = \"six\" is not allowed: must be a whole number"));
+  EXPECT_THAT(error_of("[DeviceInfo]\n[DeviceComissioning]\nNodeID=128\n"),
+              HasSubstr("drive.eds:3: nodeid = 128 is not allowed: must be 1 to 127"));
   EXPECT_THAT(error_of("[DeviceInfo]\n[1003]\nCompactSubObj=300\n"), HasSubstr("drive.eds:3: "));
 }
 
@@ -162,9 +167,10 @@ TEST(DriveSkeleton, NamesEachObjectThatTheDeviceLacks) {
       "[DeviceInfo]\nVendorName=X\n" + variable("6502", 7, "DefaultValue=1\n");
   const std::vector<std::string> missing = drive_skeleton(read(empty), "x.eds", {}).missing;
   for (const char* const what :
-       {"profile velocity mode", "left.controlword: the device has no 0x6040", "0x6041", "0x6060",
-        "0x6061", "0x60FF", "0x606C", "0x6064", "0x603F", "no 0x605A", "no 0x6085", "[[watchdog]]",
-        "rpdo 1: the device has no 0x1400", "tpdo 2: the device has no 0x1801"}) {
+       {"profile velocity mode", "a heartbeat: ", "left.controlword: the device has no 0x6040",
+        "0x6041", "0x6060", "0x6061", "0x60FF", "0x606C", "0x6064", "0x603F", "no 0x605A",
+        "no 0x6085", "[[watchdog]]", "rpdo 1: the device has no 0x1400",
+        "tpdo 2: the device has no 0x1801"}) {
     EXPECT_THAT(missing, Contains(HasSubstr(what)));
   }
 }
@@ -177,6 +183,49 @@ TEST(DriveSkeleton, NamesAnObjectThatNoPdoCanCarryAndAReactionThatIsNotThere) {
   EXPECT_THAT(drive_skeleton(read(text), "x.eds", {}).missing,
               AllOf(Contains(HasSubstr("left.actual_velocity: 0x606C cannot be mapped")),
                     Contains(HasSubstr("watchdog.reaction"))));
+}
+
+TEST(DriveSkeleton, IsADrivetrainFileOnceItsGapsAreFilled) {
+  const std::vector<std::pair<std::string, std::string>> values{
+      {"sign", "sign = -1"},
+      {"target_velocity_per_rps", "target_velocity_per_rps = 65536"},
+      {"actual_velocity_per_rps", "actual_velocity_per_rps = 65536"},
+      {"counts_per_revolution", "counts_per_revolution = 4096"},
+      {"value of", "value = 400000"}};
+  for (const std::string& sheet : {single_axis(), device() + axis("60") + axis("68") + pdos(4)}) {
+    std::string text = drive_skeleton(read(sheet), "drive.eds", {}).text;
+    EXPECT_THROW(parse_drivetrain(text, "skeleton.toml"), UsageError);
+    for (const auto& [what, value] : values) {
+      text = std::regex_replace(text, std::regex("# MISSING: [^\n]*" + what + "[^\n]*"), value);
+    }
+    EXPECT_THAT(text, Not(HasSubstr("MISSING:")));
+    EXPECT_NO_THROW(parse_drivetrain(text, "skeleton.toml"));
+  }
+}
+
+TEST(DriveSkeleton, NamesWhatTheBridgeHasToWriteAndCannot) {
+  std::string text = single_axis();
+  for (const char* const section : {"[1017]", "[60FF]", "[6085]"}) {
+    const std::string access = "AccessType=rw";
+    text.replace(text.find(access, text.find(section)), access.size(), "AccessType=RO");
+  }
+  EXPECT_THAT(drive_skeleton(read(text), "x.eds", {}).missing,
+              AllOf(Contains(HasSubstr("a heartbeat: ")),
+                    Contains("left.target_velocity: 0x60FF is read-only"),
+                    Contains(HasSubstr("0x6085 (quick stop deceleration) is read-only"))));
+}
+
+TEST(DriveSkeleton, ListsScalesWithoutTheNumberOfThem) {
+  const std::string text = single_axis() + variable("608Fsub0", 5, "DefaultValue=2\r\n") +
+                           variable("608Fsub1", 7, "DefaultValue=4096\r\n");
+  EXPECT_THAT(drive_skeleton(read(text), "x.eds", {}).text,
+              AllOf(HasSubstr("# 0x608F:01 Object 608Fsub1 is 4096\n"), Not(HasSubstr("608F:00"))));
+}
+
+TEST(DriveSkeleton, NodesAreBelowTheBridges) {
+  const std::string dcf = single_axis() + "[DeviceComissioning]\r\nNodeID=126\r\n";
+  EXPECT_THROW(drive_skeleton(read(dcf), "drive.dcf", {}), UsageError);
+  EXPECT_NO_THROW(drive_skeleton(read(dcf), "drive.dcf", {125, 126}));
 }
 
 TEST(DriveSkeleton, WritesTheDevicesOwnTypes) {

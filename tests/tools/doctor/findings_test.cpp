@@ -106,7 +106,10 @@ TEST(Doctor, WantsAClockThatIsSynchronisedToATenthOfWhatBreaksPlans) {
   m.clock_error_max_ms = 20.1;
   expect(m, "clock", Verdict::note, "time server");
   m.clock_synchronised = false;
-  expect(m, "clock", Verdict::note, "chrony");
+  expect(m, "clock", Verdict::note, "apt install chrony");
+  m.has_chrony = true;
+  expect(m, "clock", Verdict::note, "chronyc sources");
+  EXPECT_THAT(about(m, "clock").to_do, Not(HasSubstr("apt install")));
 }
 
 TEST(Doctor, LooksAtTheCanInterfaceThatWasAskedAbout) {
@@ -128,6 +131,10 @@ TEST(Doctor, NamesTheRightsAndTheGovernorsThatAreNotAsTheyShouldBe) {
   m.may_be_realtime = false;
   expect(m, "real time", Verdict::note, "LimitRTPRIO");
   EXPECT_THAT(about(m, "real time").what, HasSubstr("SCHED_FIFO"));
+  EXPECT_THAT(about(m, "real time").to_do, Not(HasSubstr("LimitMEMLOCK")));
+  std::swap(m.may_be_realtime, m.may_lock_memory);
+  EXPECT_EQ(about(m, "real time").to_do,
+            "LimitMEMLOCK=infinity in a unit, or in /etc/security/limits.d");
   m.governors["powersave"] = 2;
   expect(m, "processors", Verdict::note, "performance");
   m.missing_programs = {"java"};
