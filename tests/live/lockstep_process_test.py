@@ -114,6 +114,30 @@ def names_the_node_that_is_stopped_for_any_waiting_node(test):
             check("rmem" not in run.err(), f"blames a buffer: {run.err()}")
 
 
+def stopped_before_it_joins(test, *options):
+    """A run whose relay was stopped before it could join, and the relay's process."""
+    for _ in range(20):
+        run = test.start("tether", "run", PAPER, "--processes", *options, "--set", "run.duration_s=1")
+        wait_until(5, lambda: "tether-netem" in run.children(), "its relay")
+        relay = run.children()["tether-netem"]
+        os.kill(relay, signal.SIGSTOP)
+        time.sleep(4)
+        if "still waiting for netem on" in run.err():
+            return run, relay
+        run.kill()
+    check(False, "the relay always joined first")
+
+
+def waits_for_a_late_node_as_long_as_it_is_asked_to(test):
+    """A busy machine may need half a minute to start a program."""
+    late, relay = stopped_before_it_joins(test, "--patience=60", "--out", test.work / "late")
+    impatient, _ = stopped_before_it_joins(test, "--out", test.work / "impatient")
+    check(impatient.wait(20) == 1, "exit code")
+    check("netem did not join within 20 s: its process" in impatient.err(), impatient.err())
+    os.kill(relay, signal.SIGCONT)
+    check(late.wait(20) == 0, late.err())
+
+
 def names_the_node_that_joins_twice(test):
     url = "udpm://239.255.76.67:7674?ttl=0"
     run, nodes, out = started(test, "--lcm-url", url)
@@ -216,6 +240,7 @@ main(
     names_the_node_that_was_killed,
     names_the_node_that_is_silent,
     names_the_node_that_is_stopped_for_any_waiting_node,
+    waits_for_a_late_node_as_long_as_it_is_asked_to,
     names_the_node_that_joins_twice,
     ends_on_a_signal_and_keeps_what_there_is,
     leaves_nothing_behind_when_killed,

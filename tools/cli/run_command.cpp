@@ -320,7 +320,8 @@ void add_run_command(CLI::App& tether, Action& action) {
       "host's]");
   command
       ->add_option("--patience", options->patience_s,
-                   "maximum time of a node of --processes for one answer, s")
+                   "maximum time of a node of --processes for one answer, and for joining if above "
+                   "20 s, s")
       ->check(number_between(0.1, 86'400.0))
       ->capture_default_str()
       ->needs(processes);

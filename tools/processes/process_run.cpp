@@ -63,6 +63,7 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
   config.owners = channel_owners(fleet_members(scenario));
   config.end = end_;
   config.patience = from_seconds(options.patience_s);
+  config.join_patience = std::max(config.join_patience, config.patience);
   if (!scenario.get<ControllerSettings>().command.empty()) {
     guest_.emplace(url_, tell_of_controller);
     begin_guest_ = [this, scenario] {
@@ -71,7 +72,7 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
       });
     };
   } else if (scenario.get<ControllerSettings>().external) {
-    config.join_patience = kPatienceForPeople;
+    config.join_patience = std::max(kPatienceForPeople, config.patience);
     fmt::print(stderr, "tether: waiting for the node \"controller\" of session {} on {}\n",
                config.session, url_);
   }
@@ -153,9 +154,9 @@ std::string ProcessRun::stopped_node() const {
   for (const Child& child : children_) {
     if (!child.process->running() || !is_stopped(child.process->pid())) continue;
     const std::string& why = manager_->error();
-    const std::string silent = child.node + " did not answer";
+    const std::string silent = child.node + " did not ";  // answer, join
     return fmt::format("{}: its process {} is stopped (kill -CONT {} continues it)",
-                       why.starts_with(silent) ? why : silent, child.process->pid(),
+                       why.starts_with(silent) ? why : silent + "answer", child.process->pid(),
                        child.process->pid());
   }
   return "";
