@@ -7,9 +7,12 @@ import os
 import re
 import signal
 import socket
+import struct
 import time
 
-from live_support import PAPER, PORT, POSE, PRESENCE, TWIST, Failure, Network, alive, check, main, wait_for_loop, wait_until
+from live_support import (
+    GROUP, PAPER, PORT, POSE, PRESENCE, SHORT_MAGIC, TWIST, Failure, Network, alive, check, main, wait_for_loop, wait_until,
+)
 
 FAST = ("--set=sensor.rate_hz=20",)
 NOTICED_S = 1.5  # within a second; half a second for a busy machine
@@ -175,6 +178,49 @@ def a_jump_of_numbers_makes_the_run_invalid(test):
     check(any("jumped further" in why for why in summary["invalid_because"]), run.out())
 
 
+def sender_of(channel):
+    """Address and port from which the next message on this channel comes."""
+    heard = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    heard.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    heard.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(GROUP) + bytes(4))
+    heard.settimeout(5)
+    with heard:
+        heard.bind(("", PORT))
+        while True:
+            datagram, sender = heard.recvfrom(65536)
+            if datagram[8:].startswith(channel.encode() + b"\0"):
+                return sender
+
+
+def a_forged_source_address_makes_the_run_invalid(test):
+    """Poses with the relay's own address and port, which nodes cannot tell from the relay's."""
+    run = live(test, "--duration=4", "--json")
+    wait_for_loop(test.network, since=time.time())
+    address, port = sender_of("CTRL/POSE")
+    raw = socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_RAW)
+    raw.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+    for _ in range(20):
+        last = test.network.last("CTRL/POSE")
+        pose = POSE.encode(**vars_of(last) | {"utime": last.utime + 20_000, "seq": last.seq + 1, "x_m": 9.0})
+        lcm = struct.pack(">II", SHORT_MAGIC, 1) + b"CTRL/POSE\0" + pose
+        udp = struct.pack(">HHHH", port, PORT, 8 + len(lcm), 0) + lcm
+        addresses = socket.inet_aton(address) + socket.inet_aton(GROUP)
+        raw.sendto(struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, 0, 0, 17, 0) + addresses + udp, (GROUP, 0))
+        time.sleep(0.04)
+    raw.close()
+    check(run.wait(15) == 1, f"exit code: {run.out()}")
+    why = json.loads(run.out())["invalid_because"]
+    test.say(f"forged source addresses: {why}")
+    check(any("numbers of messages began again" in line and "controller.pose.restarts" in line for line in why), f"{why}")
+    came = next((re.search(r"(\d+) poses of AGV came, and the relay delivered (\d+)", line) for line in why if "came" in line), None)
+    check(came and int(came[1]) == int(came[2]) + 20, f"20 were forged: {why}")
+
+
+def vars_of(message):
+    """Fields of a decoded message."""
+    return {name: value for name, value in vars(message).items() if name != "arrival"}
+
+
 def an_overloaded_run_is_invalid_and_a_short_pause_is_not(test):
     """By stopping the relay, each time for less than a presence may be late."""
     for pauses, pause_s, code in ((1, 0.03, 0), (4, 0.3, 1)):
@@ -286,6 +332,7 @@ main(
     nodes_do_not_act_on_datagrams_of_an_unknown_program,
     a_forged_presence_makes_the_run_invalid,
     a_jump_of_numbers_makes_the_run_invalid,
+    a_forged_source_address_makes_the_run_invalid,
     an_overloaded_run_is_invalid_and_a_short_pause_is_not,
     a_run_that_refuses_all_commands_is_invalid,
     one_command_beside_an_external_controller_makes_the_run_invalid,

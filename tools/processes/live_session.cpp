@@ -323,8 +323,13 @@ std::vector<std::string> LiveSession::mute_controllers() const {
 std::vector<std::string> LiveSession::findings() const {
   std::vector<std::string> all = watch_.findings();
   for (std::string& mute : mute_controllers()) all.push_back(std::move(mute));
-  for (std::string finding :
-       {observer_.refused_commands(), observer_.jumps(), watch_.lateness(end_ - kStart)}) {
+  std::vector<std::string> more{observer_.refused_commands(), observer_.jumps(),
+                                watch_.lateness(end_ - kStart)};
+  if (restarts_ == 0) {  // a node that was started again counts from 0
+    more.push_back(observer_.restarts());
+    more.push_back(observer_.surplus());
+  }
+  for (std::string& finding : more) {
     if (!finding.empty()) all.push_back(std::move(finding));
   }
   const auto add_lost = [&all](const Bus& bus, const std::string& who) {

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/onboard/onboard_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tools/runs/run_summary.hpp"
 
@@ -25,6 +26,8 @@ FleetObserver::FleetObserver(const std::vector<Scenario>& members, EventLoop& lo
     observers_.push_back(std::make_unique<const RunObserver>(member, loop, bus));
     vehicles_.push_back(observers_.back().get());
     names_.push_back(member.get<VehicleSettings>().name);
+    poses_come_from_relay_.push_back(member.get<LocaliserSettings>().place !=
+                                     LocaliserSettings::Place::edge);
   }
 }
 
@@ -82,15 +85,47 @@ std::string FleetObserver::refused_commands() const {
   return "";
 }
 
-std::string FleetObserver::jumps() const {
+std::string FleetObserver::streams_with(const std::string& kind) const {
   std::string found;
   for (std::size_t i = 0; i < vehicles_.size(); ++i) {
-    for (const auto& [name, count] : vehicles_[i]->counters()) {
-      if (!name.ends_with(".jumped") || count == 0) continue;
+    const auto counters = vehicles_[i]->counters();
+    for (const auto& [name, count] : counters) {
+      if (!name.ends_with(kind) || count == 0) continue;
+      const std::string stream = name.substr(0, name.size() - kind.size());
+      if (!counters.contains(stream + ".accepted")) continue;  // counts something else
       found += fmt::format("{}{}: {} {}", found.empty() ? "" : ", ", names_[i], name, count);
     }
   }
+  return found;
+}
+
+std::string FleetObserver::jumps() const {
+  const std::string found = streams_with(".jumped");
   return found.empty() ? "" : "numbers of messages jumped further than losses explain: " + found;
+}
+
+std::string FleetObserver::restarts() const {
+  const std::string found = streams_with(".restarts");
+  return found.empty()
+             ? ""
+             : "numbers of messages began again, though no sender has restarted: " + found;
+}
+
+std::string FleetObserver::surplus() const {
+  std::string found;
+  const auto compare = [&found](const std::string& name, const char* what, std::int64_t came,
+                                std::int64_t delivered) {
+    if (came <= delivered) return;
+    found += fmt::format("{}{} {} of {} came, and the relay delivered {}",
+                         found.empty() ? "" : ", ", came, what, name, delivered);
+  };
+  for (std::size_t i = 0; i < vehicles_.size(); ++i) {
+    const RunObserver& vehicle = *vehicles_[i];
+    if (poses_come_from_relay_[i])
+      compare(names_[i], "poses", vehicle.poses_received(), vehicle.uplink().delivered);
+    compare(names_[i], "commands", vehicle.commands_received(), vehicle.downlink().delivered);
+  }
+  return found.empty() ? "" : "another program sent messages in the relay's name: " + found;
 }
 
 void FleetObserver::check_finite() const {

@@ -40,11 +40,22 @@ class FleetObserver {
   /// Names the streams whose numbers jumped further than losses explain (StreamGuard); "" if there
   /// is none.
   std::string jumps() const;
+  /// Names the streams whose numbers began again (StreamGuard), as they do when a sender restarts
+  /// or another one sends in its name; "" if there is none.
+  std::string restarts() const;
+  /// Names the vehicles for which more poses or commands came out of the network than the relay
+  /// has delivered by its last report: another program sent them, whatever their source address
+  /// says. "" if there is none. After the end of the run, for all that was sent has come then.
+  std::string surplus() const;
 
  private:
+  /// "AGV: sim.command.jumped 1, …" for the counters of this kind that are not 0.
+  std::string streams_with(const std::string& kind) const;
+
   std::vector<std::unique_ptr<const RunObserver>> observers_;
   std::vector<const RunObserver*> vehicles_;
   std::vector<std::string> names_;
+  std::vector<bool> poses_come_from_relay_;  ///< by vehicle
 };
 
 }  // namespace tether
