@@ -10,6 +10,7 @@
 #include "common/lcm/udpm_bus.hpp"
 #include "common/loop/real_time_loop.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/cli_range.hpp"
 #include "common/program/service_manager.hpp"
 #include "link/keys/key_file.hpp"
 #include "link/node/link_node.hpp"
@@ -113,7 +114,7 @@ int main(int argc, char** argv) {
   record_command->add_option("--out", recorded.settings.folder, "folder, which must exist [.]");
   record_command->add_option("--peer", recorded.settings.peer, "record only this peer [all]");
   record_command->add_option("--seconds", recorded.seconds, "recording time, s [until Ctrl-C]")
-      ->check(CLI::Range(0.1, 1e7));
+      ->check(number_between(0.1, 1e7));
   record_command->add_flag("--same-clock", recorded.settings.same_clock,
                            "the peer's clock is synchronised with this host's (PTP, or one host): "
                            "delays are differences of stamps, not intervals");

@@ -18,10 +18,16 @@ using testing::TwoHosts;
 #define TETHER_FORGERIES 10000000
 #endif
 
-/// TETHER_FORGERIES in the environment says how many, else what this program was built for.
-std::int64_t forgeries() {
-  const char* const said = std::getenv("TETHER_FORGERIES");
-  return said == nullptr ? TETHER_FORGERIES : std::stoll(said);
+std::int64_t from_environment(const char* name, std::int64_t otherwise) {
+  const char* const value = std::getenv(name);
+  return value == nullptr ? otherwise : std::stoll(value);
+}
+
+std::int64_t forgeries() { return from_environment("TETHER_FORGERIES", TETHER_FORGERIES); }
+
+/// The seed of each test; its offset from the environment draws other forgeries.
+std::uint64_t seed(std::uint64_t of_test) {
+  return of_test + 1000 * static_cast<std::uint64_t>(from_environment("TETHER_FORGERY_SEED", 0));
 }
 
 /// Who has recorded all that two hosts ever sent to each other, and sends what he likes.
@@ -103,7 +109,7 @@ TEST(Forgery, NothingForgedReplayedReflectedOrChangedIsTaken) {
   const std::int64_t before = authentic(net);
   const std::array heard{net.hosts[0].heard.size(), net.hosts[1].heard.size()};
   const std::int64_t sessions = net.link(0).sessions().count() + net.link(1).sessions().count();
-  Attacker attacker(net.seen, 7);
+  Attacker attacker(net.seen, seed(7));
   std::size_t answered = 0;
   net.loses = [&answered](const TwoHosts::Datagram&) { return ++answered > 0; };
   for (std::int64_t i = forgeries(); i-- > 0;) {
@@ -126,7 +132,7 @@ TEST(Forgery, AManInTheMiddleOfLiveTrafficAndOfRestartsChangesAndRepeatsNoMessag
   TwoHosts net(testing::two_paths());
   net.keep = true;
   net.connect();
-  Attacker attacker(net.seen, 11);
+  Attacker attacker(net.seen, seed(11));
   constexpr std::uint32_t kEachRound = 25, kRoundsToRestart = 800;
   const auto rounds = static_cast<std::uint32_t>(forgeries() / 10 / kEachRound);
   for (std::uint32_t round = 0; round < rounds; ++round) {

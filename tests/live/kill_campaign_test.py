@@ -1,7 +1,7 @@
 #!/usr/bin/env -S python3 -B
 """Nodes of `tether run --processes` that are killed or stopped, and a coordinator that is ended, at times that a seed
 chooses: the run fails, says so and leaves no summary, or its log is byte for byte that of an undisturbed run. Never another
-result with exit code 0. Usage: kill_campaign_test.py BIN_DIR [KILLS]"""
+result with exit code 0. Usage: kill_campaign_test.py BIN_DIR [KILLS [SEED]]"""
 
 import contextlib
 import os
@@ -41,14 +41,14 @@ def disturbed(test, out, choice, seconds):
 
 
 def no_kill_changes_a_result_with_exit_code_0(test):
-    kills = int(sys.argv[2]) if len(sys.argv) > 2 else 25
+    kills, seed = [*map(int, sys.argv[2:]), *(25, 1)[len(sys.argv) - 2 :]]
     began = time.monotonic()
     right = test.run("tether", "run", PAPER, "--processes", "--out", test.work / "right", *RANDOM, seconds=60)
     took = time.monotonic() - began
     check(right.process.returncode == 0, right.err())
     whole = log_of(test.work / "right")
     check(len(whole) > 100_000, f"a log of {len(whole)} bytes")
-    choice = random.Random(1)
+    choice = random.Random(seed)
     ended = 0
     for i in range(kills):
         out = test.work / f"kill {i}"

@@ -1,7 +1,7 @@
 #!/usr/bin/env -S python3 -B
 """An external controller that lies to the coordinator, in each way of a table, at grants that a seed chooses: the run
 fails and says so, or the lie has no effect and the log is byte for byte the honest one. Never another result with exit
-code 0. Usage: lying_controller_test.py BIN_DIR [RUNS_OF_EACH_LIE]"""
+code 0. Usage: lying_controller_test.py BIN_DIR [RUNS_OF_EACH_LIE [SEED]]"""
 
 import os
 import random
@@ -145,12 +145,12 @@ def run(test, name, at, lie):
 
 
 def no_lie_changes_a_result_with_exit_code_0(test):
-    times = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    times, seed = [*map(int, sys.argv[2:]), *(1, 1)[len(sys.argv) - 2 :]]
     lies = [line.split(": ", 1) for line in LIES.strip().splitlines()]
     check(len({name for name, _ in lies}) == len(lies) >= 40, f"{len(lies)} kinds of lies")
     code, honest, said, told = run(test, "honest", 1 << 30, "pass")
     check(code == 0 and len(honest) > 10_000 and not told, f"an honest controller: {code} {said}")
-    choice = random.Random(1)
+    choice = random.Random(seed)
     failed = harmless = 0
     for i, (name, lie) in enumerate(lies * times):
         at = choice.randrange(2, LAST_GRANT)

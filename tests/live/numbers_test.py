@@ -1,5 +1,8 @@
 #!/usr/bin/env -S python3 -B
-"""Every number of every file that is read is tried with 0, -1, huge, tiny and undefined values, and every line
+"""Every numeric option of every command has its bounds in its help and refuses what is outside of them, what is not a number,
+and a second value, with exit code 2 and one line that names it.
+
+Every number of every file that is read is tried with 0, -1, huge, tiny and undefined values, and every line
 that names a key with a second one: refused with exit code 2 and one line that names the file, or right, which is an
 exit code that the command may have and no inf or nan in what it says.
 Usage: numbers_test.py BIN_DIR"""
@@ -112,4 +115,46 @@ def every_number_is_refused_or_right(test):
         test.say(f"{name}: {refused} of {tried} values and lines refused, the others right")
 
 
-main(every_number_is_refused_or_right)
+UNBOUNDED = ("--count", "--start-boot")  # any positive number, any time
+OPTION = re.compile(r"^  (?:-\w,)?(--[\w-]+) (?:UINT|INT|FLOAT)(?::\w+)?(?: in \[(\S+) - (\S+)\])?", re.MULTILINE)
+
+
+REQUIRED = re.compile(r"^  (--\S+ |)(?:[a-z]+ )?(TEXT|UINT)(?::\{(\w+)|)\S*(?: \.\.\.)? REQUIRED", re.MULTILINE)
+
+
+def numeric_options():
+    """(command's words with what it requires, option, lower bound, upper bound), bounds None if the help says none."""
+    text = (SOURCE / "docs" / "reference" / "commands.md").read_text()
+    for block in text.split("```text\n")[1:]:
+        usage = re.search(r"^Usage: (\S+(?: [a-z-]+)*)", block, re.MULTILINE)
+        block = block.split("```")[0]
+        required = [option.strip() + "=" * bool(option) + (choice or {"TEXT": "x", "UINT": "1"}[kind])
+                    for option, kind, choice in REQUIRED.findall(block)]
+        for option, low, high in OPTION.findall(block) if usage else []:
+            yield [*usage[1].split(), *required], option, float(low) if low else None, float(high) if high else None
+
+
+def every_numeric_option_refuses_what_is_out_of_bounds(test):
+    bounded = tried = 0
+    for words, option, low, high in numeric_options():
+        said = " ".join(words)
+        check(low is not None or option in UNBOUNDED, f"{said} {option}: its help says no bounds")
+        within = "1" if low is None or low <= 1 <= high else f"{low:g}"
+        bad = [[f"{option}={value}"] for value in ("nan", "1e400", "x", "1x", "")]
+        if option != "--node":  # CAN commands take several
+            bad.append([f"{option}={within}"] * 2)
+        if low is not None:
+            bounded += 1
+            bad += [[f"{option}={value}"] for value in ("inf", "-inf", "-1e308", "1e308", f"{low - 1:.17g}", f"{2 * high + 1:.17g}")]
+        for arguments in bad:
+            done = subprocess.run([test.bin / words[0], *words[1:], *arguments], capture_output=True, text=True, cwd=test.work,
+                                  timeout=SECONDS)
+            lines = done.stderr.strip().splitlines()
+            tried += 1
+            check(done.returncode == 2, f"{said} {arguments}: exit code {done.returncode}: {done.stdout[-300:]}{done.stderr[-300:]}")
+            check(len(lines) == 1 and option in lines[0], f"{said} {arguments}: {lines}")
+    check(bounded > 50, f"only {bounded} options with bounds")
+    test.say(f"{tried} values of {bounded} options with bounds and others, all refused")
+
+
+main(every_numeric_option_refuses_what_is_out_of_bounds, every_number_is_refused_or_right)

@@ -84,7 +84,8 @@ void add_live_command(CLI::App& tether, Action& action) {
   command->add_option("--lcm-url", options->session.lcm_url, "LCM network")
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
-  command->add_option("--duration", options->duration_s, "override run.duration_s, seconds");
+  command->add_option("--duration", options->duration_s, "override run.duration_s, seconds")
+      ->check(number_between(0.001, 1e6));
   command
       ->add_option("--speed", options->session.speed,
                    "run seconds per wall second; below 1 is slow motion, for slow machines")

@@ -8,6 +8,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/cli_range.hpp"
 #include "tools/base/replacing_output.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/log_out.hpp"
@@ -73,8 +74,10 @@ void add_log_page_command(CLI::App& log, Action& action) {
       "Export the page of tether view with the log in it: one HTML file, for any browser, offline");
   page->add_option("file", options->file, "LCM event log")->required();
   page->add_option("--out", options->out, "file to write [the log's name with .html]");
-  page->add_option("--from", options->span.from_s, "first second to include [all]");
-  page->add_option("--to", options->span.to_s, "last second to include [all]");
+  page->add_option("--from", options->span.from_s, "first second to include [all]")
+      ->check(number_between(-1e12, 1e12));
+  page->add_option("--to", options->span.to_s, "last second to include [all]")
+      ->check(number_between(-1e12, 1e12));
   page->add_option("--page", options->page,
                    "folder with the page's files [share/tether/view beside bin]");
   page->callback([options, &action] { action = [options] { return log_page(*options); }; });

@@ -12,6 +12,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/cli_range.hpp"
 #include "controller/tube/tube_settings.hpp"
 #include "margin/loop/loop_margins.hpp"
 #include "margin/loop/survival.hpp"
@@ -340,7 +341,7 @@ void add_margin_command(CLI::App& tether, Action& action) {
   command
       ->add_option("--target", options->target_m,
                    "error, m: for --find [0.1]; runs of --figure below it count as stable [0.5]")
-      ->check(CLI::Range(1e-6, 1e6));
+      ->check(number_between(1e-6, 1e6));
   auto* const budget =
       command->add_option("--budget", options->budget,
                           "compute the longest silence after which a vehicle that follows plans is "

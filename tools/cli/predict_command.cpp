@@ -8,6 +8,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
+#include "common/program/cli_range.hpp"
 #include "tools/base/write_file.hpp"
 #include "tools/cli/base/table.hpp"
 #include "tools/cli/commands.hpp"
@@ -110,7 +111,7 @@ void add_predict_command(CLI::App& tether, Action& action) {
           ->add_option(
               "--tolerance", options->tolerance,
               "difference that does not matter, in the metric's unit: widens all intervals")
-          ->check(CLI::Range(0.0, 1e9))
+          ->check(number_between(0.0, 1e9))
           ->capture_default_str();
   CLI::Option* out =
       command->add_option("--out", options->out, "file of the prediction [NAME.prediction.json]");

@@ -55,6 +55,7 @@ class FleetObserver {
   std::vector<std::unique_ptr<const RunObserver>> observers_;
   std::vector<const RunObserver*> vehicles_;
   std::vector<std::string> names_;
+  std::vector<bool> poses_come_from_relay_;  ///< by vehicle
 };
 
 }  // namespace tether

@@ -75,8 +75,9 @@ void add_fit(CLI::App& netem, Action& action) {
   command->add_flag("--strict", options->strict,
                     "exit with 1 also if losses or delays may change (p < 0.05, all tests "
                     "together)");
-  command->add_option("--seed", options->seed,
-                      "seed of the simulations for the goodness of fit [1]");
+  command
+      ->add_option("--seed", options->seed, "seed of the simulations for the goodness of fit [1]")
+      ->check(CLI::Range(std::int64_t{0}, INT64_MAX));
   command->add_option("--out", options->out, "file to write [standard output]");
   command->callback([options, &action] { action = [options] { return fit(*options); }; });
 }

@@ -92,6 +92,7 @@ void add_inject(CLI::App& can, const SharedOptions& options, Action& action) {
                    "for all; wheel_slip: share, above 0, up to 1; safety_input: 0 demands, 1 is "
                    "silent, 2 is malformed; push: acceleration of wheels without power, rad/s^2; "
                    "weak_brake: share of the brake ramps that acts, 0 to 1")
+      ->check(number_between(-1e9, 1e9))
       ->capture_default_str();
   command->callback([options, &action] {
     action = [options] {
