@@ -7,7 +7,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
 #include "sim/plant/ode_world.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 namespace tether::bench {
 

@@ -12,7 +12,7 @@
 #include <cstring>
 #include <ctime>
 
-#include "common/base/system_error.hpp"
+#include "common/base/errors.hpp"
 
 namespace tether::bench {
 namespace {

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "netem/channel/settings.hpp"
-#include "netem/check/link_monitor.hpp"
+#include "netem/fit/channel_watch.hpp"
 #include "netem/relay/make_links.hpp"
 #include "netem/stages/delay_law.hpp"
-#include "tools/runs/channel_traffic.hpp"
+#include "tools/runs/channel_report.hpp"
 
 // Cost of a packet in a link: offered, carried, delivered, in virtual time. Each model and each
 // stage alone, then all together; a packet of 80 bytes every millisecond.

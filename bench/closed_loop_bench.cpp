@@ -11,8 +11,8 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
-#include "tools/runs/fleet_observer.hpp"
+#include "tools/nodes/closed_loop.hpp"
+#include "tools/runs/run_observer.hpp"
 
 // A whole closed-loop run without file output, against its floor: bare ODE stepping of the
 // identical world with the identical servo targets. Both are timed in turn, A B A B …, so that the

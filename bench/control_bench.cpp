@@ -13,7 +13,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/law.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Cost of a decision of each law, and its traffic.
 

@@ -12,11 +12,11 @@
 #include <tether/twist_t.hpp>
 #include <utility>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/base/share.hpp"
-#include "common/bus/message_io.hpp"
 #include "common/lcm/lcm_url.hpp"
+#include "common/node/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tools/base/process.hpp"

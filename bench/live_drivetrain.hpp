@@ -15,9 +15,9 @@
 #include "bench/can_tap.hpp"
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "common/lcm/udpm_bus.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/real_time_loop.hpp"
 #include "common/scenario/scenario.hpp"
-#include "tools/processes/node_process.hpp"
+#include "tools/nodes/node_process.hpp"
 
 namespace tether::bench {
 

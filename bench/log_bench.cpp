@@ -11,10 +11,10 @@
 #include "tests/support/source_dir.hpp"
 #include "tools/log/log_survey.hpp"
 #include "tools/log/mcap_export.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/log/scene_setting.hpp"
 #include "tools/messages/event_log.hpp"
 #include "tools/messages/message_printer.hpp"
-#include "tools/scene/scene_setting.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Export of a run's log, in memory, against two floors: copying the log's bytes, and decoding its
 // messages without writing anything. In turn; medians of CPU time, for all is one thread.

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "netem/medium/cell/scheduled_cell.hpp"
 #include "netem/medium/contention.hpp"
+#include "netem/medium/scheduled_cell.hpp"
 #include "netem/medium/wifi_airtime.hpp"
 
 // Cost of a transmission on a shared medium, in virtual time.

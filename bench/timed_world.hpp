@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/event_loop.hpp"
 
 namespace tether::bench {
 

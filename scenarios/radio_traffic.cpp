@@ -9,17 +9,17 @@
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
 
-#include "autonomy/supervisor/autonomy_section.hpp"
 #include "common/base/errors.hpp"
-#include "common/bus/channel_names.hpp"
 #include "common/fleet/fleet.hpp"
-#include "common/onboard/onboard_settings.hpp"
-#include "common/onboard/scan.hpp"
+#include "common/node/channel_names.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/onboard_settings.hpp"
+#include "common/world/scan.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 #include "netem/medium/medium_settings.hpp"
-#include "sim/lidar/lidar_settings.hpp"
+#include "onboard/autonomy/autonomy_section.hpp"
+#include "sim/sensor/lidar_settings.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {

@@ -25,13 +25,13 @@
 #include "common/base/share.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udpm_bus.hpp"
-#include "common/loop/real_time_loop.hpp"
-#include "link/keys/key_file.hpp"
-#include "link/session/session.hpp"
+#include "common/node/real_time_loop.hpp"
+#include "doors/link/key_file.hpp"
+#include "doors/link/sessions.hpp"
 #include "tests/link/two_hosts.hpp"
 #include "tests/support/folder.hpp"
 #include "tools/base/process.hpp"
-#include "tools/processes/node_process.hpp"
+#include "tools/nodes/node_process.hpp"
 
 // Cost of tether-link: sealing and opening; and two processes between two LCM networks over
 // loopback, beside two bare UDP forwarders in the same run.

@@ -10,8 +10,8 @@
 #include "bench/cpu_time.hpp"
 #include "bench/network/bare_forwarder.hpp"
 #include "common/lcm/udpm_bus.hpp"
-#include "common/loop/real_time_loop.hpp"
-#include "tools/processes/node_process.hpp"
+#include "common/node/real_time_loop.hpp"
+#include "tools/nodes/node_process.hpp"
 
 namespace tether::bench {
 

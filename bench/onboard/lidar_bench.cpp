@@ -10,10 +10,10 @@
 #include "common/base/random.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/world/surroundings.hpp"
-#include "sim/lidar/lidar_settings.hpp"
-#include "sim/lidar/ray_caster.hpp"
+#include "sim/sensor/lidar_settings.hpp"
+#include "sim/sensor/ray_caster.hpp"
 #include "tests/support/ode_rays.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Rays in a hall of 60 m by 40 m, against ODE's ray geoms among the same shapes in its quadtree;
 // and a run with a scanner of 541 beams at 15 Hz, against the same run without. CPU time, A B A B

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/vehicle/frames.hpp"
-#include "localiser/core/localiser.hpp"
+#include "onboard/localiser/localiser.hpp"
 #include "tests/localiser/hall.hpp"
 
 // Cost of a scan of 541 beams for the localiser: tracking, against the floor of only reading the

@@ -1,5 +1,6 @@
 #include "can_bridge/agilex/config.hpp"
 
+#include "can_bridge/agilex/v2.hpp"
 #include "can_bridge/drivetrain/file.hpp"
 
 namespace tether {
@@ -21,6 +22,13 @@ AgilexV2Config AgilexV2Config::read(const DrivetrainFile& file) {
     read_step_and_standstill(*drives, config);
   }
   return config;
+}
+
+TransmitRules AgilexV2Config::transmit_rules() const {
+  return {
+      .frames = {{agilex::kMotionCommand, 0xFF}, {agilex::kModeCommand}, {agilex::kClearCommand}},
+      .setpoints = {},
+      .sdo_ids = {}};
 }
 
 }  // namespace tether

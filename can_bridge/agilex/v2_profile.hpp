@@ -9,7 +9,7 @@
 #include "can_bridge/agilex/config.hpp"
 #include "can_bridge/agilex/v2.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
-#include "can_bridge/motion/wheel_motion.hpp"
+#include "can_bridge/safety/wheel_motion.hpp"
 
 namespace tether {
 

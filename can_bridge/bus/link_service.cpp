@@ -9,7 +9,7 @@
 #include <cstring>
 #include <utility>
 
-#include "common/base/system_error.hpp"
+#include "common/base/errors.hpp"
 
 namespace tether {
 namespace {

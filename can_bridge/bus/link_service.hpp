@@ -4,7 +4,7 @@
 #include <string>
 
 #include "can_bridge/bus/link_control.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/event_loop.hpp"
 
 namespace tether {
 

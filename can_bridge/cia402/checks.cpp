@@ -9,9 +9,9 @@
 #include <string_view>
 #include <utility>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/stop_objects.hpp"
-#include "can_bridge/cia402/texts.hpp"
 #include "common/base/errors.hpp"
 
 namespace tether {

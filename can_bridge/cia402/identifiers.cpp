@@ -1,6 +1,6 @@
 #include "can_bridge/cia402/identifiers.hpp"
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 #include "can_bridge/cia402/startup.hpp"
 
 namespace tether::cia402 {

@@ -2,9 +2,9 @@
 
 #include <fmt/format.h>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/read_back.hpp"
-#include "can_bridge/cia402/texts.hpp"
 
 namespace tether::cia402 {
 namespace {

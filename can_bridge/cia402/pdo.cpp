@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <optional>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/startup.hpp"
-#include "can_bridge/cia402/texts.hpp"
 #include "common/base/errors.hpp"
 
 namespace tether::cia402 {

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/cia402/texts.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 namespace tether::cia402 {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/canopen/sdo_client.hpp"
+#include "can_bridge/bus/sdo_client.hpp"
 #include "can_bridge/cia402/startup.hpp"
 
 namespace tether::cia402 {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cassert>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/pdo_objects.hpp"
 #include "can_bridge/cia402/stop_objects.hpp"
-#include "can_bridge/cia402/texts.hpp"
 
 namespace tether::cia402 {
 namespace {

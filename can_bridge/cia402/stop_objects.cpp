@@ -5,7 +5,7 @@
 #include <limits>
 #include <numbers>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 
 namespace tether::cia402 {
 namespace {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/cia402/profile/profile.hpp"
-#include "can_bridge/cia402/texts.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
+#include "can_bridge/cia402/profile.hpp"
 
 namespace tether {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "can_bridge/cia402/texts.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/commission/trials.hpp"
 
 namespace tether {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "can_bridge/cia402/texts.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/commission/commission.hpp"
 
 // Results of the trials of a Commission, and their verdict.

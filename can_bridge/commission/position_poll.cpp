@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 
 namespace tether {
 namespace {

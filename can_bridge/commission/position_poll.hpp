@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "can_bridge/bus/can_frame.hpp"
-#include "can_bridge/canopen/sdo_upload.hpp"
+#include "can_bridge/bus/sdo_upload.hpp"
 #include "can_bridge/cia402/config.hpp"
 #include "common/base/time.hpp"
 

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/cia402/texts.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
 
 namespace tether {
 namespace {

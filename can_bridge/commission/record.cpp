@@ -6,7 +6,7 @@
 #include <functional>
 #include <set>
 
-#include "can_bridge/cia402/texts.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "common/base/toml_reader.hpp"
 
 namespace tether {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "can_bridge/canopen/object_ref.hpp"
+#include "can_bridge/bus/object_ref.hpp"
 
 namespace tether {
 

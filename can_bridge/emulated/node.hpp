@@ -2,22 +2,68 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "can_bridge/bus/can_frame.hpp"
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/canopen/sdo_server.hpp"
-#include "can_bridge/emulated/drive_axis.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/bus/object_dictionary.hpp"
+#include "can_bridge/bus/sdo_server.hpp"
+#include "can_bridge/cia402/config.hpp"
+#include "can_bridge/emulated/axis.hpp"
 #include "can_bridge/emulated/drivetrain.hpp"
-#include "can_bridge/emulated/master_watch.hpp"
 #include "can_bridge/emulated/objects.hpp"
 #include "can_bridge/emulated/pdos.hpp"
 #include "common/base/counters.hpp"
 #include "common/base/time.hpp"
 
 namespace tether {
+
+/// An emulated drive's watch over its master: heartbeat consumers (0x1016, CiA 301, 7.5.2.19) and
+/// vendors' watchdogs in milliseconds. How the drive reacts to a miss is decided elsewhere.
+class EmulatedMasterWatch {
+ public:
+  using Handle = ObjectDictionary::Handle;
+
+  /// `dictionary` must outlive this.
+  EmulatedMasterWatch(const ObjectDictionary& dictionary, const std::vector<Handle>& consumers,
+                      std::vector<Handle> watchdogs);
+
+  /// Power-on: waits for the first heartbeat and the first contact.
+  void reset();
+
+  /// Whether a consumer may get this value now: (node << 16) | milliseconds; either zero: off. One
+  /// producer has one consumer (else 0x06040043). nullopt for "yes" and for other objects.
+  std::optional<canopen::Abort> refuses(Handle h, std::int64_t value) const;
+  /// A consumer that was written waits for its first heartbeat again.
+  void written(Handle h);
+
+  /// True if this is the heartbeat of a watched producer. Its boot-up message is none.
+  bool on_heartbeat(const CanFrame& frame, Instant now);
+  /// True once for each producer that fell silent, until it beats again.
+  bool heartbeat_missed(Instant now);
+
+  /// For the vendor's watchdogs: an SDO request or RPDO came; and: the NMT state changed, so that
+  /// they wait for the first contact again.
+  void contact(Instant now);
+  void wait_for_contact() { contact_ = false; }
+  /// True once each time that contact was lost.
+  bool watchdog_missed(Instant now);
+
+ private:
+  struct Consumer {
+    Handle object{};
+    bool active = false;
+    Instant last{};
+  };
+  const ObjectDictionary& dictionary_;
+  std::vector<Consumer> consumers_;
+  std::vector<Handle> watchdogs_;
+  bool contact_ = false;
+  Instant last_contact_{};
+};
 
 /// One emulated CANopen drive with one or two axes (CiA 301, CiA 402).
 ///
@@ -133,5 +179,36 @@ class EmulatedNode final : private RpdoReceiver {
   std::vector<CanFrame> outbox_;
   Counters counters_;
 };
+
+/// The CiA 402 drives that a drivetrain file describes: one CANopen device for each node id, with
+/// one or two axes (node.hpp says what each does). Objects, sizes, scales, signs and
+/// watchdogs are the file's; ramps are in units of target velocity per second.
+///
+/// Before the first set_wheels() the wheels stand. Where a wheel is at that call is where its
+/// encoder counts from.
+class EmulatedCia402 final : public EmulatedDrivetrain {
+ public:
+  /// Powered on at `now`; the boot-up messages come EmulatedNode::kBootTime later.
+  EmulatedCia402(const Cia402Config& config, Instant now);
+
+  /// All 11-bit data frames: SDO may give a PDO any identifier.
+  std::vector<CanFilter> filters() const override { return {{.id = 0, .mask = 0}}; }
+  void on_frame(const CanFrame& frame, Instant now, std::vector<CanFrame>& out) override;
+  void tick(Instant now, std::vector<CanFrame>& out) override;
+  void set_wheels(const WheelStates& wheels) override;
+  std::array<double, 2> wheel_targets_radps() const override;
+  /// A fault of an unknown node does nothing.
+  void inject(const DriveFault& fault, Instant now) override;
+  void list(CounterList& out) const override;
+
+  /// In the order in which the axes name them, left first.
+  const std::vector<std::unique_ptr<EmulatedNode>>& nodes() const { return nodes_; }
+
+ private:
+  std::vector<std::unique_ptr<EmulatedNode>> nodes_;
+};
+
+/// The drives, powered on at `now`.
+std::unique_ptr<EmulatedDrivetrain> emulate(const Cia402Config& config, Instant now);
 
 }  // namespace tether

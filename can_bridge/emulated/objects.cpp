@@ -7,7 +7,7 @@
 #include <numbers>
 #include <utility>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 
 namespace tether {
 namespace {

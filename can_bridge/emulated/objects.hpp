@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "can_bridge/canopen/object_dictionary.hpp"
+#include "can_bridge/bus/object_dictionary.hpp"
 #include "can_bridge/cia402/config.hpp"
 
 namespace tether {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "can_bridge/bus/can_frame.hpp"
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/canopen/object_dictionary.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/bus/object_dictionary.hpp"
 #include "common/base/time.hpp"
 
 namespace tether {

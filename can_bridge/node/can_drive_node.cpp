@@ -13,7 +13,7 @@
 #include "can_bridge/profiles/emulation.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 

@@ -9,7 +9,7 @@
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/base/errors.hpp"
-#include "common/loop/node.hpp"
+#include "common/node/node.hpp"
 #include "common/program/node_main.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 

@@ -6,9 +6,9 @@
 #include <array>
 #include <utility>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/cia402/pdo_objects.hpp"
-#include "can_bridge/cia402/texts.hpp"
 
 namespace tether {
 namespace {

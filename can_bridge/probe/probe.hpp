@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "can_bridge/bus/can_frame.hpp"
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/canopen/sdo_upload.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/bus/sdo_upload.hpp"
 #include "can_bridge/probe/items.hpp"
 #include "common/base/time.hpp"
 

@@ -1,5 +1,5 @@
 #include "can_bridge/agilex/config.hpp"
-#include "can_bridge/cia402/profile/profile.hpp"
+#include "can_bridge/cia402/profile.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 
 namespace tether {

@@ -1,6 +1,6 @@
 #include "can_bridge/profiles/emulation.hpp"
 
-#include "can_bridge/emulated/cia402.hpp"
+#include "can_bridge/emulated/node.hpp"
 
 namespace tether {
 

@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "common/base/time.hpp"
-#include "common/bus/stream_guard.hpp"
+#include "common/node/stream_guard.hpp"
 
 namespace tether {
 

@@ -8,15 +8,14 @@
 
 #include "can_bridge/bus/can_port.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
-#include "can_bridge/motion/follow_monitor.hpp"
-#include "can_bridge/motion/ramp_watch.hpp"
-#include "can_bridge/motion/witness_monitor.hpp"
-#include "can_bridge/safety/blind_budget.hpp"
 #include "can_bridge/safety/command_watch.hpp"
+#include "can_bridge/safety/follow_monitor.hpp"
+#include "can_bridge/safety/ramp_watch.hpp"
 #include "can_bridge/safety/request_guard.hpp"
 #include "can_bridge/safety/safety_inputs.hpp"
 #include "can_bridge/safety/twist_limiter.hpp"
-#include "common/actuator/actuator_settings.hpp"
+#include "can_bridge/safety/witness_monitor.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 
 namespace tether {
 

@@ -4,7 +4,7 @@
 
 #include <cerrno>
 
-#include "common/base/system_error.hpp"
+#include "common/base/errors.hpp"
 
 namespace tether {
 

@@ -1,8 +1,8 @@
 #include "common/fleet/channel_owners.hpp"
 
-#include "common/bus/channel_names.hpp"
-#include "common/onboard/onboard_settings.hpp"
+#include "common/node/channel_names.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/onboard_settings.hpp"
 
 namespace tether {
 namespace {

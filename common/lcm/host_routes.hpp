@@ -3,8 +3,33 @@
 #include <netinet/in.h>
 
 #include <string>
+#include <vector>
 
 namespace tether {
+
+/// This host's IPv4 addresses, as the kernel announces their changes.
+class OwnAddresses {
+ public:
+  /// Throws std::system_error if the kernel announces none here.
+  OwnAddresses();
+  ~OwnAddresses();
+  OwnAddresses(const OwnAddresses&) = delete;
+  OwnAddresses& operator=(const OwnAddresses&) = delete;
+
+  /// Readable after an address, an interface or a route of this host has changed: refresh() then.
+  int fd() const { return fd_; }
+  /// Reads what has changed; false if nothing has.
+  bool refresh();
+  /// Includes 0.0.0.0, the sender over a loopback interface on a host without another address. The
+  /// kernel takes no datagram from outside with an address of this host, or 0.0.0.0, as its sender.
+  bool contains(in_addr address) const;
+
+ private:
+  void read();
+
+  int fd_ = -1;
+  std::vector<in_addr_t> addresses_;
+};
 
 /// Name of the interface by which this host would send to an address; empty if there is none.
 std::string outgoing_interface(in_addr destination);

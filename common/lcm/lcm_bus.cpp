@@ -14,7 +14,6 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/pattern.hpp"
-#include "common/base/system_error.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/lcm/udp_sockets.hpp"
 

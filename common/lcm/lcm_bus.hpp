@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "common/bus/bus.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/event_loop.hpp"
 
 namespace lcm {
 class LCM;

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/bus/bus.hpp"
+#include "common/node/bus.hpp"
 
 namespace tether {
 

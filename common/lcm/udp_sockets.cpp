@@ -13,7 +13,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "common/base/system_error.hpp"
+#include "common/base/errors.hpp"
 #include "common/lcm/lcm_url.hpp"
 
 namespace tether {

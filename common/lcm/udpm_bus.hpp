@@ -1,22 +1,57 @@
 #pragma once
 
 #include <netinet/in.h>
+#include <sys/socket.h>
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "common/base/pattern.hpp"
-#include "common/bus/bus.hpp"
-#include "common/lcm/datagram_batch.hpp"
+#include "common/lcm/host_routes.hpp"
 #include "common/lcm/lcm_datagrams.hpp"
-#include "common/lcm/own_addresses.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/event_loop.hpp"
 
 namespace tether {
+
+/// Room for the UDP datagrams of one system call, each of any length, with their senders and the
+/// kernel's times of arrival (which the socket must ask for: SO_TIMESTAMPNS).
+class DatagramBatch {
+ public:
+  static constexpr std::size_t kDatagrams = 32;  ///< at once
+
+  DatagramBatch();
+  DatagramBatch(const DatagramBatch&) = delete;
+  DatagramBatch& operator=(const DatagramBatch&) = delete;
+
+  /// Takes what waits, at most kDatagrams, without waiting itself: how many; negative, with errno,
+  /// as recvmmsg(2). What the others tell is valid until the next call.
+  int receive(int fd);
+
+  const sockaddr_in& sender(std::size_t i) const { return senders_[i]; }
+  /// Nanoseconds since 1970; nullopt if the kernel did not tell.
+  std::optional<std::int64_t> arrival_ns(std::size_t i) const;
+  bool truncated(std::size_t i) const { return (messages_[i].msg_hdr.msg_flags & MSG_TRUNC) != 0; }
+  std::span<const std::uint8_t> datagram(std::size_t i) const;
+
+ private:
+  union Arrival {
+    cmsghdr note;
+    std::array<char, CMSG_SPACE(sizeof(timespec))> room;
+  };
+
+  std::vector<std::uint8_t> bytes_;
+  std::array<Arrival, kDatagrams> arrivals_{};
+  std::array<iovec, kDatagrams> parts_{};
+  std::array<sockaddr_in, kDatagrams> senders_{};
+  std::array<mmsghdr, kDatagrams> messages_{};
+};
 
 /// A real LCM network over UDP multicast by sockets of our own: it is several times cheaper per
 /// message than LCM's receiving thread, and indifferent to fragments that crash LCM. It never
@@ -79,5 +114,10 @@ class UdpmBus final : public Bus {
   std::int64_t refused_ = 0;
   std::int64_t publish_failures_ = 0;
 };
+
+/// The LCM network of this URL: a UdpmBus for udpm://, a LcmBus for tcpq://. Throws as they do.
+/// `loop` must outlive the bus. Messages that `filter` refuses are counted and not delivered. It
+/// has no effect over tcpq, because LCM does not tell who sent a message.
+std::unique_ptr<Bus> open_bus(const std::string& url, EventLoop& loop, Bus::Filter filter = {});
 
 }  // namespace tether

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "common/base/errors.hpp"
-#include "common/path/curves/waypoint_curve.hpp"
-#include "common/path/curves/waypoints.hpp"
 #include "common/path/kinds.hpp"
+#include "common/path/waypoint_curve.hpp"
+#include "common/path/waypoints.hpp"
 
 namespace tether {
 namespace {

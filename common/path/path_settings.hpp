@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "common/path/check.hpp"
-#include "common/path/figure_eight.hpp"
 #include "common/path/limits.hpp"
+#include "common/path/simple_curves.hpp"
 #include "common/scenario/own_settings.hpp"
 #include "common/scenario/section.hpp"
 #include "common/vehicle/pose.hpp"

@@ -3,7 +3,7 @@
 #include <tether/counters_t.hpp>
 #include <utility>
 
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "common/program/presence.hpp"
 
 namespace tether {

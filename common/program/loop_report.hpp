@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "common/bus/bus.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/real_time_loop.hpp"
 
 namespace tether {
 

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "common/bus/bus.hpp"
-#include "common/loop/event_loop.hpp"
-#include "common/loop/node.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/event_loop.hpp"
+#include "common/node/node.hpp"
 #include "common/scenario/scenario.hpp"
 
 namespace CLI {  // NOLINT(readability-identifier-naming)

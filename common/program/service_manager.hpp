@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "common/loop/event_loop.hpp"
+#include "common/node/event_loop.hpp"
 
 namespace tether {
 

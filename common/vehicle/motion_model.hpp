@@ -7,8 +7,8 @@
 
 namespace tether {
 
-/// Known errors of a drive in following its commands (controller/estimation). The default is a
-/// drive without errors.
+/// Known errors of a drive in following its commands (estimated by
+/// controller/laws/pose_filter.hpp). The default is a drive without errors.
 struct DriveModel {
   double rim_scale = 1.0;   ///< rims are faster than commanded by this factor: larger wheels
   double turn_scale = 1.0;  ///< and differ from each other by this factor more: a narrower track

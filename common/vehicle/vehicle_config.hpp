@@ -43,7 +43,7 @@ struct VehicleConfig {
   /// wheel whose motor gives all it can, and a load leaves the acceleration of motor_torque.hpp.
   bool anti_windup = false;
   /// How tyres hold: as ball joints up to the limit of friction, or as brushes that yield
-  /// (sim/plant/tyre.hpp).
+  /// (sim/plant/ode_world.cpp).
   enum class Tyre { rigid, brush };
   Tyre tyre = Tyre::rigid;
   /// Force over load by slip, of a brush that does not slide. Assumed: solid tyres' data sheets do

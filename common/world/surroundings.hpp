@@ -101,4 +101,7 @@ class MovingObstacles {
   std::vector<Shape> shapes_;
 };
 
+/// The outline that an obstacle has at t = 0; of a rack, its shelf.
+Shape shape_of(const Obstacle& obstacle);
+
 }  // namespace tether

@@ -1,24 +1,117 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "common/base/counters.hpp"
 #include "common/base/time.hpp"
-#include "common/onboard/onboard_settings.hpp"
 #include "common/path/limits.hpp"
 #include "common/path/reference_path.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_config.hpp"
+#include "common/world/onboard_settings.hpp"
 #include "common/world/shape.hpp"
 #include "controller/detour/detour_planner.hpp"
-#include "controller/detour/obstacle_memory.hpp"
-#include "controller/detour/path_places.hpp"
-#include "controller/detour/way_follower.hpp"
+#include "controller/detour/smooth_way.hpp"
 
 namespace tether {
+
+/// Obstacles that a vehicle reported since it asked for help: what it does not see any more,
+/// while it goes around, still stands there. Cells of 0.1 m. Pure.
+class ObstacleMemory {
+ public:
+  void clear() { seen_.clear(); }
+  void add(Instant now, const std::vector<Position>& points);
+  /// Forgets what was not reported since: it may have gone, and there is no way otherwise.
+  void forget_before(Instant when);
+
+  std::vector<Position> points() const;
+
+ private:
+  std::map<std::pair<std::int64_t, std::int64_t>, Instant> seen_;  ///< by cell: when last
+};
+
+/// A timed path by its arc length: how a vehicle says where it is on it
+/// (autonomy_state_t::path_s_m). It learns the path's timing as far as it is asked. Not for several
+/// threads.
+class PathPlaces {
+ public:
+  static constexpr double kApart_m = 0.1;
+
+  explicit PathPlaces(std::shared_ptr<const ReferencePath> path) : path_(std::move(path)) {}
+
+  /// Poses from `from_m` on, kApart_m or less apart, for `length_m` or to the path's end.
+  std::vector<Pose2> poses(double from_m, double length_m);
+  /// Whether the path has its end by there.
+  bool ends_by(double s_m);
+
+ private:
+  struct Place {
+    double s_m;
+    Pose2 pose;
+  };
+  void learn(double until_m);
+
+  std::shared_ptr<const ReferencePath> path_;
+  std::vector<Place> places_;
+  double t_s_ = 0.0;
+  bool ended_ = false;
+};
+
+/// Drives along a smooth way: turns on the spot follow the heading, curves are followed by pure
+/// pursuit (Coulter: Implementation of the pure pursuit path tracking algorithm. CMU-RI-TR-92-01),
+/// kAhead_m ahead, as fast as the profile says for where the vehicle is. Pure.
+class WayFollower {
+ public:
+  static constexpr double kAhead_m = 0.75;
+  static constexpr double kTurnGain = 1.0;  ///< 1/s
+  static constexpr double kTurned_rad = 0.06;
+  static constexpr double kReached_m = 0.1;  ///< distance to a curve's end
+  static constexpr double kCreep_mps = 0.1;  ///< where the profile rests, and the vehicle must not
+  static constexpr double kApart_m = 0.3;    ///< distance between poses of the way
+  static constexpr double kTurnApart_rad = 0.25;
+
+  WayFollower() = default;  ///< no way
+  WayFollower(std::vector<WayLeg> legs, const PathLimits& limits);
+
+  bool empty() const { return legs_.empty(); }
+
+  /// The twist for a vehicle at `pose`, which goes on from where the last one was; zero at the end.
+  Twist drive(const Pose2& pose);
+  /// Whether it came to another leg, kApart_m or kTurnApart_rad farther since this was true last.
+  bool made_headway();
+
+  double off_m(const Pose2& pose) const;  ///< from the nearest place of the way
+  std::vector<Pose2> ahead() const;       ///< rest of the way, kApart_m apart
+  const std::vector<WayLeg>& legs() const { return legs_; }
+
+ private:
+  struct Place {
+    double s_m, v_mps;
+    Pose2 pose;
+  };
+  void pass_by(const Pose2& pose);
+  bool has_turned(const Pose2& pose);
+  bool has_arrived(const Pose2& pose);
+  Twist turn() const;
+  Twist pursue(const Pose2& pose) const;
+  Position aim() const;
+  double profile_mps() const;
+
+  std::vector<WayLeg> legs_;
+  std::vector<std::vector<Place>> places_;  ///< places of each leg; none for a turn; none of a turn
+  double fastest_turn_radps_ = 0.0, creep_mps_ = 0.0;
+  std::size_t leg_ = 0;
+  std::size_t place_ = 0;    ///< place on the leg that is nearest to the vehicle
+  double turned_rad_ = 0.0;  ///< progress of the leg
+  std::size_t leg_then_ = 0;
+  double way_then_ = 0.0;
+};
 
 /// A remote driver without a human: plans a way around what blocks the path, back onto it, and
 /// drives the vehicle along it, slowly and within the path's limits (smooth_way, WayFollower).

@@ -7,7 +7,7 @@
 #include <span>
 #include <utility>
 
-#include "common/path/curves/waypoint_curve.hpp"
+#include "common/path/waypoint_curve.hpp"
 #include "common/vehicle/frames.hpp"
 
 namespace tether {

@@ -4,7 +4,6 @@
 
 #include "controller/laws/network_estimate.hpp"
 #include "controller/laws/pid_law.hpp"
-#include "controller/pid/tau_table.hpp"
 
 namespace tether {
 

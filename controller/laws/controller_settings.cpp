@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/actuator/actuator_policy.hpp"
-#include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
-#include "common/onboard/onboard_settings.hpp"
 #include "common/scenario/key_table.hpp"
+#include "common/vehicle/actuator_policy.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/world/onboard_settings.hpp"
 #include "controller/laws/external_command.hpp"
 #include "controller/laws/law.hpp"
 

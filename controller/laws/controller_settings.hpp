@@ -12,7 +12,7 @@
 #include "common/path/check.hpp"
 #include "common/scenario/own_settings.hpp"
 #include "common/scenario/section.hpp"
-#include "controller/estimation/pose_filter.hpp"
+#include "controller/laws/pose_filter.hpp"
 
 namespace tether {
 
@@ -25,7 +25,7 @@ struct PidGains {
 };
 
 /// [controller.tracking]: the feedback of the tracking laws
-/// (controller/laws/tracking_feedback.hpp).
+/// (controller/laws/tracking_law.hpp).
 struct TrackingGains {
   double k_x = 2.5;               ///< 1/s
   double k_y = 0.8;               ///< 1/m²

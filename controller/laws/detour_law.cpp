@@ -2,7 +2,7 @@
 
 #include "controller/detour/detour_driver.hpp"
 #include "controller/laws/law.hpp"
-#include "controller/laws/tracking_feedback.hpp"
+#include "controller/laws/tracking_law.hpp"
 
 namespace tether {
 namespace {

@@ -4,10 +4,10 @@
 #include <memory>
 #include <optional>
 
-#include "controller/estimation/pose_filter.hpp"
-#include "controller/estimation/wheel_readings.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/laws/network_estimate.hpp"
+#include "controller/laws/pose_filter.hpp"
+#include "controller/laws/wheel_readings.hpp"
 
 namespace tether {
 

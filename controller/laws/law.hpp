@@ -7,16 +7,16 @@
 #include <variant>
 #include <vector>
 
-#include "common/actuator/actuator_settings.hpp"
-#include "common/actuator/plan.hpp"
 #include "common/base/counters.hpp"
 #include "common/base/time.hpp"
-#include "common/onboard/onboard_settings.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/dead_reckoning.hpp"
+#include "common/vehicle/plan.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/onboard_settings.hpp"
 #include "common/world/surroundings.hpp"
 #include "controller/laws/controller_settings.hpp"
 

@@ -2,14 +2,126 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <span>
 #include <tuple>
 #include <utility>
 
-#include "controller/estimation/significant_drive.hpp"
-#include "controller/laws/roll_out.hpp"
+#include "common/path/reference_path.hpp"
+#include "common/scenario/key_table.hpp"
+#include "common/vehicle/motion_model.hpp"
+#include "controller/laws/law.hpp"
+#include "controller/laws/pose_filter.hpp"
 #include "controller/laws/tracking_law.hpp"
 
 namespace tether {
+namespace {
+
+/// A vehicle that is moved along its path on a model, step by step, by the feedback. What it is
+/// made of must outlive it.
+class RollOut {
+ public:
+  /// From `state`. `path`: where it is then and after each step, one point more than steps.
+  RollOut(const MotionModel& model, const TrackingFeedback& feedback,
+          std::span<const PathPoint> path, const MotionModel::State& state, double step_s)
+      : model_(model),
+        feedback_(feedback),
+        path_(path),
+        state_(state),
+        heading_(Heading::of(state.pose.yaw_rad)),
+        step_s_(step_s) {}
+
+  /// Moves on by a step with what the wheels can do of `wish`, or without one of the feedback's: of
+  /// the errors at the step's beginning, with the path's own twist at its middle. Returns the
+  /// command that makes the model's vehicle do so.
+  Twist step(const Twist* wish = nullptr);
+
+  std::size_t steps() const { return steps_; }  ///< so far
+  const MotionModel::State& state() const { return state_; }
+  const PathPoint& reference() const { return path_[steps_]; }
+
+ private:
+  Twist feedback_wish() const;
+
+  const MotionModel& model_;
+  const TrackingFeedback& feedback_;
+  std::span<const PathPoint> path_;
+  MotionModel::State state_;
+  Heading heading_;
+  double step_s_;
+  std::size_t steps_ = 0;
+};
+
+Twist RollOut::step(const Twist* wish) {
+  const Twist wanted = wish != nullptr ? *wish : feedback_wish();
+  const Twist command = model_.pursue(state_, heading_, wanted, step_s_);
+  ++steps_;
+  return command;
+}
+
+Twist RollOut::feedback_wish() const {
+  const PathPoint& next = path_[steps_ + 1];
+  PathPoint middle = reference();
+  middle.v_mps = 0.5 * (middle.v_mps + next.v_mps);
+  middle.omega_radps = 0.5 * (middle.omega_radps + next.omega_radps);
+  return feedback_.command(state_.pose, heading_, middle);
+}
+
+/// The drive as a law should take it: of what the filter found, what is significant.
+///
+/// An estimate with nothing to find is noise, and a law that acts on it is worse than one that does
+/// not. So of the difference d from what was given, with standard deviation σ, a law uses
+///   d · max(0, 1 − (2σ/d)⁴):
+/// nothing below 2 σ, 80 % at 3 σ, 97 % at 5 σ. (A threshold as in wavelet shrinkage; the power is
+/// ours.) Of a lag that is
+/// adapted it uses what is almost sure, the estimate less σ: a lead that is too small costs little,
+/// one for a lag that is not there makes wheels slip.
+inline DriveModel significant_drive(const PoseFilter& filter, const DriveModel& given) {
+  const DriveModel& found = filter.model().drive();
+  const auto use = [&](double value, double from, std::size_t state) {
+    const double d = value - from;
+    const double limit = 2.0 * filter.standard_deviation(state);
+    if (d * d <= limit * limit) return from;
+    const double share = limit * limit / (d * d);
+    return from + d * (1.0 - share * share);
+  };
+  DriveModel drive;
+  drive.rim_scale = use(found.rim_scale, given.rim_scale, 7);
+  drive.turn_scale = use(found.turn_scale, given.turn_scale, 8);
+  const bool adapts = filter.adaptation().lag;
+  drive.lag_s = adapts ? std::max(0.0, found.lag_s - filter.standard_deviation(9)) : given.lag_s;
+  drive.v_bias_mps = use(found.v_bias_mps, given.v_bias_mps, 10);
+  drive.omega_bias_radps = use(found.omega_bias_radps, given.omega_bias_radps, 11);
+  return drive;
+}
+
+}  // namespace
+
+void ClockEstimate::add_up(Duration up) { up_ = std::min(up_, up); }
+
+void ClockEstimate::add_down(Duration earliest, Duration latest) {
+  down_most_ = std::min(down_most_, latest);
+  down_least_ = std::max(down_least_, earliest);
+}
+
+Duration ClockEstimate::offset() const {
+  if (up_ == Duration::max() || down_most_ == Duration::max()) return Duration{0};
+  // If delays vary, the shortest may be below what another one was at least.
+  const Duration least = std::min(down_least_, down_most_);
+  const double half_s = 0.25 * to_seconds(down_most_ - least);
+  const double middle_s = 0.5 * to_seconds(down_most_) - half_s - 0.5 * to_seconds(up_);
+  if (half_s > kWidest_s) return Duration{0};
+  const double share = kPrior_s * kPrior_s / (kPrior_s * kPrior_s + half_s * half_s / 3.0);
+  const Duration low = std::max(-up_, -kMost);
+  const Duration high = std::max(std::min(down_most_, kMost), low);
+  return std::clamp(from_seconds(share * middle_s), low, high);
+}
+
+Duration ClockEstimate::near(Duration used) const {
+  const Duration estimate = offset();
+  return std::chrono::abs(estimate - used) > kSame ? estimate : used;
+}
+
 namespace {
 
 constexpr std::size_t kMostSent = 4000;  // plans remembered
@@ -375,6 +487,44 @@ LawKind predictive_law() { return kind<PredictiveLaw::Form::plain>("predictive")
 
 LawKind predictive_consistent_law() {
   return kind<PredictiveLaw::Form::consistent>("predictive_consistent");
+}
+
+namespace {
+
+std::vector<ScenarioKey> mpc_keys() {
+  using Mpc = MpcSettings;
+  KeyTable<Mpc> t(
+      "controller.mpc.",
+      {[](const Scenario& s) -> const Mpc& { return s.get<ControllerSettings>().own.get<Mpc>(); },
+       [](Scenario& s) -> Mpc& { return s.get<ControllerSettings>().own.get<Mpc>(); }});
+  t.number("steps", &Mpc::steps, {1.0, 200.0, false}, "number of optimised steps per plan");
+  t.number("heading_m2", &Mpc::heading_m2, kNotNegative,
+           "weight of a heading error's square against a distance's");
+  t.number("rim_s2", &Mpc::rim_s2, {1e-6, 1e3, false},
+           "weight of the square of a rim's change in a step, beyond the path's own");
+  t.number("terminal", &Mpc::terminal, {1.0, 1e3, false}, "weight of the last step");
+  t.number("within_m", &Mpc::within_m, kNotNegative,
+           "farther off the path, plans are the tracking law's");
+  t.number("iterations", &Mpc::iterations, {1.0, 10.0, false}, "number of linearisations per plan");
+  return t.take();
+}
+
+}  // namespace
+
+LawKind predictive_consistent_law();
+
+/// The consistent predictive law, with the first steps of its plans optimised.
+LawKind mpc_law() {
+  LawKind kind = predictive_consistent_law();
+  kind.name = "mpc";
+  kind.keys.emplace_back("mpc.");
+  kind.own_keys = mpc_keys();
+  kind.make = [](const LawContext& context) -> std::unique_ptr<Law> {
+    const auto& settings = context.settings.get<ControllerSettings>().own.get<MpcSettings>();
+    return std::make_unique<PredictiveLaw>(context, PredictiveLaw::Form::consistent,
+                                           MpcPlanner(settings, context.path));
+  };
+  return kind;
 }
 
 }  // namespace tether

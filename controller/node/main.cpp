@@ -2,7 +2,7 @@
 #include <optional>
 
 #include "common/fleet/fleet.hpp"
-#include "common/loop/node_group.hpp"
+#include "common/node/node.hpp"
 #include "common/program/node_main.hpp"
 #include "controller/node/controller_node.hpp"
 

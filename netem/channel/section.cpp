@@ -1,17 +1,131 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "common/base/errors.hpp"
+#include "common/scenario/key_table.hpp"
 #include "netem/channel/change.hpp"
-#include "netem/channel/link_checks.hpp"
-#include "netem/channel/link_keys.hpp"
 #include "netem/channel/settings.hpp"
+#include "netem/link/link_config.hpp"
+#include "netem/models/kinds.hpp"
 #include "netem/stages/kinds.hpp"
 
 namespace tether {
 namespace {
+
+void check_shared_state(const ChannelSettings& channel, const std::string& source) {
+  const LinkConfig &uplink = channel.uplink, &downlink = channel.downlink;
+  if (!channel.shared_state) return;
+  const auto need = [&source](const std::string& what) {
+    throw UsageError(fmt::format("{}: channel.shared_state = true needs {}", source, what));
+  };
+  if (uplink.model != downlink.model) need("the same model for uplink and downlink");
+  const ChannelModelKind& kind = kind_of(uplink);
+  const std::string missing =
+      kind.not_shared != nullptr ? kind.not_shared(uplink, downlink) : std::string();
+  if (!missing.empty()) need(missing);
+  if (kind.moves(uplink) == ChannelModelKind::Moves::per_packet) {
+    need(fmt::format("a model that moves in time: \"{}\" moves with each link's own packets",
+                     kind.name));
+  }
+}
+
+/// Reason why a key of a link has no effect, such as `channel.uplink.model is "fixed"`; empty if
+/// the key has an effect. `prefix` is "channel.uplink." and so on, `part` what follows it.
+std::string why_no_effect(const std::string& prefix, const LinkConfig& link,
+                          const std::string& part) {
+  const ChannelModelKind& kind = kind_of(link);
+  std::string model_is = fmt::format("{}model is \"{}\"", prefix, kind.name);
+  if (part == "prr" && !kind.uses_prr) return model_is;
+  if (part == "delay_ms" && !kind.uses_delay_ms) return model_is;
+  for (const ChannelModelKind& other : channel_model_kinds()) {
+    if (!part.starts_with(other.name + ".")) continue;
+    if (other.name != kind.name) return model_is;
+    return kind.why_no_effect != nullptr ? kind.why_no_effect(prefix, link, part) : "";
+  }
+  return why_no_effect_on_stages(prefix, link, part);
+}
+
+/// Turns the pairs that may be given instead of a model's own parameters into these, so that the
+/// next level beats them in either form: markov.p_bad and mean_cycle_s, gilbert_elliott.prr and
+/// mean_burst. Completes names of files. Throws UsageError for what contradicts itself or cannot
+/// be.
+void resolve_link(const std::string& prefix, LinkConfig& link, const ScenarioLevel& level) {
+  for (const ChannelModelKind& kind : channel_model_kinds()) {
+    if (kind.resolve != nullptr) kind.resolve(prefix, link, level);
+  }
+}
+
+/// Why a link of [channel.links] cannot have this name; empty if it can. Its reports are on
+/// NET/NAME.
+std::string why_no_link_name(const std::string& name, const ChannelSettings& channel) {
+  if (!is_identifier(name)) return "must be letters, digits, '-' and '_', at most 32";
+  const auto upper = [](std::string text) {
+    std::transform(text.begin(), text.end(), text.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    return text;
+  };
+  const std::string report = upper(name);
+  for (const char* taken : {"UPLINK", "DOWNLINK", "COUNTERS", "SET", "SETTINGS"}) {
+    if (report == taken) return fmt::format("channel NET/{} has another meaning", taken);
+  }
+  for (const auto& [other, unused] : channel.links) {
+    if (other == name || upper(other) != report) continue;
+    return fmt::format("differs from \"{}\" only in case: both would report on NET/{}", other,
+                       report);
+  }
+  return "";
+}
+
+/// Checks what several keys together must fulfil. Throws UsageError.
+void check_channel(const ChannelSettings& channel, const std::string& source) {
+  channel.for_each_link([&source](const std::string& name, const LinkConfig& link) {
+    const LoadedLink loaded{link, "channel." + name + ".", source};
+    if (kind_of(link).check != nullptr) kind_of(link).check(loaded);
+    for (const LinkStageKind& stage : link_stage_kinds()) {
+      if (stage.check != nullptr) stage.check(loaded);
+    }
+  });
+  check_shared_state(channel, source);
+}
+
+/// Names of the models that use one of the link's own keys.
+std::string names_of_models(bool ChannelModelKind::*uses) {
+  std::string names;
+  for (const ChannelModelKind& kind : channel_model_kinds()) {
+    if (kind.*uses) names += (names.empty() ? "" : ", ") + kind.name;
+  }
+  return "model = " + names;
+}
+
+/// The keys of one link; they begin with `prefix`.
+std::vector<ScenarioKey> link_keys(const std::string& prefix,
+                                   const ScenarioField<LinkConfig>& link) {
+  KeyTable<LinkConfig> t(prefix, link);
+  std::vector<std::string> models;
+  for (const ChannelModelKind& kind : channel_model_kinds()) models.push_back(kind.name);
+  t.one_of("model", &LinkConfig::model, models, "model that sets loss and delay of the link");
+  t.number("prr", TETHER_MEMBER(fixed.prr), kRatio,
+           names_of_models(&ChannelModelKind::uses_prr) + ": packet reception ratio");
+  t.number("delay_ms", TETHER_MEMBER(fixed.delay_ms), kDelayRange_ms,
+           names_of_models(&ChannelModelKind::uses_delay_ms) + ": delay");
+  for (const ChannelModelKind& kind : channel_model_kinds()) {
+    if (kind.keys != nullptr) t.append(kind.keys({prefix, link}));
+  }
+  for (const LinkStageKind& stage : link_stage_kinds()) {
+    if (stage.keys != nullptr) t.append(stage.keys({prefix, link}));
+  }
+  // Keys of the link itself come before those of its parts: that is the order of TOML's sections.
+  std::vector<ScenarioKey> keys = t.take();
+  std::stable_partition(keys.begin(), keys.end(), [&prefix](const ScenarioKey& key) {
+    return key.name.find('.', prefix.size()) == std::string::npos;
+  });
+  return keys;
+}
 
 using Channel = ChannelSettings;
 

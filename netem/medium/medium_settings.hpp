@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/scenario/section.hpp"
-#include "netem/medium/cell/scheduled_cell.hpp"
 #include "netem/medium/radio_settings.hpp"
+#include "netem/medium/scheduled_cell.hpp"
 
 namespace tether {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "netem/playback/indoor_factory.hpp"
+#include "netem/models/indoor_factory.hpp"
 
 namespace tether {
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <set>
 #include <utility>
@@ -12,6 +13,132 @@
 #include "netem/medium/shared_medium.hpp"
 
 namespace tether {
+namespace {
+
+constexpr double kThermal_dBm_Hz = -174.0, kBandwidth_Hz = 20e6;
+constexpr double kStep_m = 0.1;
+
+}  // namespace
+
+IndoorFactory RadioSettings::hall() const {
+  IndoorFactory hall = IndoorFactory::of(clutter, carrier_GHz);
+  hall.clutter_density = clutter_density.value_or(hall.clutter_density);
+  hall.clutter_size_m = clutter_size_m.value_or(hall.clutter_size_m);
+  hall.clutter_height_m = clutter_height_m.value_or(hall.clutter_height_m);
+  hall.station_height_m = station_height_m.value_or(hall.station_height_m);
+  hall.vehicle_height_m = vehicle_height_m.value_or(hall.vehicle_height_m);
+  return hall;
+}
+
+RadioLinks::RadioLinks(const RadioSettings& settings, std::uint64_t seed) : settings_(settings) {
+  if (!wants_position()) return;
+  for (const auto& place : settings.access_points) {
+    RandomEngine random = random_stream(
+        seed, fmt::format("medium/access point/{},{}/radio", place.at(0), place.at(1)));
+    maps_.emplace_back(settings.hall(), place.at(0), place.at(1), random);
+  }
+}
+
+std::size_t RadioLinks::add() {
+  if (!wants_position()) return add(settings_.snr_db);
+  Station& station = stations_.emplace_back();
+  listen(station);
+  station.access_point = best(station);
+  return stations_.size() - 1;
+}
+
+std::size_t RadioLinks::add(double snr_db) {
+  stations_.push_back({.fixed_db = snr_db});
+  return stations_.size() - 1;
+}
+
+void RadioLinks::move(std::size_t station, double x_m, double y_m) {
+  Station& s = stations_[station];
+  if (s.fixed_db || std::hypot(x_m - s.x_m, y_m - s.y_m) < kStep_m) return;
+  s.x_m = x_m;
+  s.y_m = y_m;
+  listen(s);
+}
+
+bool RadioLinks::choose(std::size_t station) {
+  Station& s = stations_[station];
+  if (s.fixed_db) return false;
+  const bool is_first = !std::exchange(s.has_chosen, true);
+  const std::size_t other = best(s);
+  const double better_db = s.snr_db[other] - s.snr_db[s.access_point];
+  if (!is_first && better_db <= settings_.roaming_hysteresis_db) return false;
+  return std::exchange(s.access_point, other) != other && !is_first;
+}
+
+double RadioLinks::snr_db(std::size_t station, std::size_t access_point) const {
+  const Station& s = stations_[station];
+  return s.fixed_db ? *s.fixed_db : s.snr_db[access_point];
+}
+
+void RadioLinks::listen(Station& s) const {
+  const double noise_dBm =
+      kThermal_dBm_Hz + 10.0 * std::log10(kBandwidth_Hz) + settings_.noise_figure_db;
+  s.snr_db.clear();
+  for (const IndoorFactoryMap& map : maps_) {
+    s.snr_db.push_back(settings_.power_dBm - map.path_loss_db(s.x_m, s.y_m) - noise_dBm);
+  }
+}
+
+std::size_t RadioLinks::best(const Station& s) {
+  return static_cast<std::size_t>(std::max_element(s.snr_db.begin(), s.snr_db.end()) -
+                                  s.snr_db.begin());
+}
+
+Roaming::Frames Roaming::leave(Instant now, std::size_t vehicle, const Frames& queued) {
+  Vehicle& v = vehicles_[vehicle];
+  ++counters_.changes;
+  assert(!v.until);
+  ++away_;
+  v.until = now + rules_.away;
+  Frames lost;
+  for (const FrameQueue::Waiting& waiting : queued) {
+    if (!hold(waiting.since, vehicle, waiting.frame)) lost.push_back(waiting);
+  }
+  return lost;
+}
+
+bool Roaming::hold(Instant since, std::size_t vehicle, const Frame& frame) {
+  Frames& held = vehicles_[vehicle].held;
+  const auto same_way = std::count_if(held.begin(), held.end(), [&frame](const auto& other) {
+    return other.frame.down == frame.down;
+  });
+  if (!rules_.waits || static_cast<std::size_t>(same_way) >= rules_.limits.frames) {
+    ++counters_.lost;
+    return false;
+  }
+  ++counters_.held;
+  held.push_back({frame, since});
+  return true;
+}
+
+Instant Roaming::next_return() const {
+  Instant next = Instant::max();
+  if (away_ == 0) return next;
+  for (const Vehicle& v : vehicles_) next = std::min(next, v.until.value_or(next));
+  return next;
+}
+
+std::optional<Roaming::Return> Roaming::come_back(Instant now) {
+  const Instant at = next_return();
+  if (away_ == 0 || at > now) return std::nullopt;
+  const auto first = std::find_if(vehicles_.begin(), vehicles_.end(),
+                                  [at](const Vehicle& v) { return v.until == at; });
+  Return back{at, static_cast<std::size_t>(first - vehicles_.begin()), {}, {}};
+  for (const FrameQueue::Waiting& waiting : std::exchange(first->held, {})) {
+    const bool expired = at - waiting.since > rules_.limits.lifetime;
+    if (expired) ++counters_.lost;
+    (expired ? back.expired : back.frames).push_back(waiting);
+  }
+  first->until.reset();
+  --away_;
+  return back;
+}
+
 namespace {
 
 constexpr Duration kSlot = std::chrono::microseconds{9};  ///< 802.11-2016, table 17-21, OFDM

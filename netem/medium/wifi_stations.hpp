@@ -4,18 +4,114 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "netem/medium/background_traffic.hpp"
 #include "netem/medium/contention.hpp"
+#include "netem/medium/frame_queue.hpp"
 #include "netem/medium/medium_settings.hpp"
-#include "netem/medium/radio_links.hpp"
-#include "netem/medium/roaming.hpp"
+#include "netem/medium/radio_settings.hpp"
+#include "netem/medium/shared_medium.hpp"
 #include "netem/medium/wifi_airtime.hpp"
 
 namespace tether {
+
+/// How well stations and access points hear each other: the ratio of signal to noise at 20 MHz, the
+/// same in both directions.
+///
+/// In a hall it is power − path loss − noise, and noise −174 dBm/Hz + noise figure. What stands in
+/// the way of an access point does so for every vehicle and at any time: its random stream is
+/// "medium/access point/<x_m>,<y_m>/radio".
+class RadioLinks {
+ public:
+  RadioLinks(const RadioSettings& settings, std::uint64_t seed);
+
+  /// A vehicle; in a hall it is at (0, 0) until it moves. Returns its number, from 0 on, which it
+  /// shares with other stations.
+  std::size_t add();
+  /// One that is heard like this by whatever access point.
+  std::size_t add(double snr_db);
+
+  bool wants_position() const { return settings_.model == RadioSettings::Model::hall; }
+  /// Ways of less than 0.1 m change nothing.
+  void move(std::size_t station, double x_m, double y_m);
+  /// Lets a station that has moved choose its access point. True if it leaves one for another,
+  /// which it does not when it chooses its first.
+  bool choose(std::size_t station);
+
+  double snr_db(std::size_t station) const { return snr_db(station, access_point(station)); }
+  double snr_db(std::size_t station, std::size_t access_point) const;
+  /// The one that a station talks to: that which it heard best in its first place, until it hears
+  /// another better by more than the hysteresis, which then is the one that it hears best.
+  std::size_t access_point(std::size_t station) const { return stations_[station].access_point; }
+
+ private:
+  struct Station {
+    std::optional<double> fixed_db;
+    double x_m = 0.0, y_m = 0.0;
+    std::vector<double> snr_db = {};  ///< by access point
+    std::size_t access_point = 0;
+    bool has_chosen = false;
+  };
+  void listen(Station& station) const;
+  static std::size_t best(const Station& station);
+
+  RadioSettings settings_;
+  std::vector<IndoorFactoryMap> maps_;  ///< by access point
+  std::vector<Station> stations_;
+};
+
+/// Handling of the frames of a vehicle that changes its access point: for some time none passes in
+/// either direction. Pure: time goes forward only.
+class Roaming {
+ public:
+  struct Rules {
+    Duration away{};
+    bool waits = true;   ///< frames wait for the end; else they are lost
+    QueueLimits limits;  ///< limits of waiting packets, per vehicle and direction
+  };
+  using Frames = std::vector<FrameQueue::Waiting>;
+
+  explicit Roaming(const Rules& rules) : rules_(rules) {}
+
+  void add_vehicle() { vehicles_.emplace_back(); }
+
+  /// From `now` on it is away, which it was not. `queued`: its frames that were on neither side
+  /// yet. Returns those that are lost.
+  Frames leave(Instant now, std::size_t vehicle, const Frames& queued);
+  bool is_away(std::size_t vehicle) const { return vehicles_[vehicle].until.has_value(); }
+  /// False if a frame of a vehicle that is away is lost.
+  bool hold(Instant since, std::size_t vehicle, const Frame& frame);
+
+  /// Time when the next roaming vehicle is back; Instant::max() if no vehicle is away.
+  Instant next_return() const;
+  struct Return {
+    Instant at;
+    std::size_t vehicle;
+    Frames frames, expired;
+  };
+  /// First vehicle to be back by `now`, which is then not away any more; nullopt: none.
+  std::optional<Return> come_back(Instant now);
+
+  struct Counters {
+    std::int64_t changes = 0;
+    std::int64_t held = 0;  ///< frames that waited
+    std::int64_t lost = 0;  ///< frames that did not, or not until the end
+  };
+  const Counters& counters() const { return counters_; }
+
+ private:
+  struct Vehicle {
+    std::optional<Instant> until;
+    Frames held;
+  };
+  Rules rules_;
+  std::vector<Vehicle> vehicles_;
+  std::size_t away_ = 0;
+  Counters counters_;
+};
 
 WifiPhy phy_of(const MediumSettings& settings);
 

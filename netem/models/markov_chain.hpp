@@ -8,7 +8,7 @@
 #include "common/base/random.hpp"
 #include "common/base/time.hpp"
 #include "netem/link/channel_process.hpp"
-#include "netem/statistics/stationary.hpp"
+#include "netem/statistics/channel_expectation.hpp"
 
 namespace tether {
 

@@ -5,11 +5,11 @@
 #include <string>
 
 #include "netem/link/channel_process.hpp"
-#include "netem/playback/trace.hpp"
+#include "netem/models/trace.hpp"
 
 namespace tether {
 
-/// Recorded conditions: netem/playback/trace.hpp has the file's format.
+/// Recorded conditions: netem/models/trace.hpp has the file's format.
 struct TraceConfig {
   enum class Interpolation { step, linear };
   enum class AtEnd { hold, loop };

@@ -9,7 +9,7 @@
 #include "common/program/node_main.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "netem/relay/netem_node.hpp"
-#include "netem/relay/relay_node.hpp"
+#include "netem/relay/relay_rule.hpp"
 
 // AGV/POSE ──▶ uplink ──▶ CTRL/POSE,  CTRL/CMD_VEL, PLAN ──▶ downlink ──▶ AGV/…,  reports: NET/…
 // With --rule: whatever the rules say instead.

@@ -6,7 +6,7 @@
 #include <tether/pose_t.hpp>
 #include <utility>
 
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 

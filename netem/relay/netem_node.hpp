@@ -6,22 +6,19 @@
 #include <string>
 #include <vector>
 
-#include "common/bus/bus.hpp"
-#include "common/bus/channel_names.hpp"
-#include "common/bus/counter_reporter.hpp"
-#include "common/bus/sole_sender.hpp"
 #include "common/fleet/fleet.hpp"
-#include "common/loop/event_loop.hpp"
-#include "common/loop/node.hpp"
-#include "common/loop/node_group.hpp"
-#include "common/onboard/onboard_settings.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/counter_reporter.hpp"
+#include "common/node/event_loop.hpp"
+#include "common/node/node.hpp"
+#include "common/node/sole_sender.hpp"
 #include "common/scenario/scenario.hpp"
+#include "common/world/onboard_settings.hpp"
 #include "netem/medium/medium_settings.hpp"
-#include "netem/relay/companion_link.hpp"
 #include "netem/relay/live_settings.hpp"
 #include "netem/relay/make_links.hpp"
 #include "netem/relay/running_link.hpp"
-#include "netem/relay/running_medium.hpp"
 
 namespace tether {
 

@@ -11,6 +11,10 @@
 #include "common/base/text.hpp"
 #include "common/lcm/lcm_datagrams.hpp"
 #include "common/lcm/lcm_url.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/message_io.hpp"
+#include "common/scenario/run_settings.hpp"
+#include "common/vehicle/vehicle_settings.hpp"
 #include "netem/channel/settings.hpp"
 
 namespace tether {
@@ -177,6 +181,136 @@ ChannelMap::ChannelMap(const RelayRule& rule) : pattern_(rule.pattern), rename_(
 
 std::optional<std::string> ChannelMap::map(std::string_view channel) const {
   return pattern_.replaced(channel, rename_);
+}
+
+namespace {
+
+/// A flood of names must not fill the memory.
+constexpr std::size_t kKnownChannels = 10'000;
+
+bool can_be_a_channel(const std::string& name) {
+  return !name.empty() && name.size() <= kMaxChannelBytes && name.find('\0') == std::string::npos;
+}
+
+}  // namespace
+
+void RelayNetwork::add_rule(const RelayRule& rule, std::size_t link, std::size_t destination) {
+  rules_.push_back({ChannelMap(rule), link, destination});
+}
+
+void RelayNetwork::listen(Take take) {
+  if (rules_.empty()) return;
+  bus_->subscribe(".*", kDeepQueue, [this, take = std::move(take)](const Message& m) {
+    const Routes& to = routes(m.channel);
+    if (!to.empty()) take(m, to);
+  });
+}
+
+const RelayNetwork::Routes& RelayNetwork::routes(std::string_view channel) {
+  const auto found = known_.find(channel);
+  if (found != known_.end()) return found->second;
+  if (known_.size() >= kKnownChannels) known_.clear();
+  return known_.emplace(std::string(channel), make_routes(channel)).first->second;
+}
+
+RelayNetwork::Routes RelayNetwork::make_routes(std::string_view channel) const {
+  Routes made;
+  for (const Rule& rule : rules_) {
+    std::optional<std::string> name = rule.names.map(channel);
+    if (!name) continue;
+    const bool unchanged = rule.destination == number_ && *name == channel;
+    if (unchanged || !can_be_a_channel(*name)) name->clear();
+    made.push_back({rule.link, rule.destination, *std::move(name)});
+  }
+  return made;
+}
+
+namespace {
+
+std::string report_channel(std::string link) {
+  std::transform(link.begin(), link.end(), link.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+  return "NET/" + link;
+}
+
+}  // namespace
+
+RelayNode::RelayNode(const NetemSettings& settings, const std::vector<RelayRule>& rules,
+                     EventLoop& loop, const std::string& own_url, const NetworkAt& network_at)
+    : loop_(loop),
+      counters_(loop, networks_[add_network(own_url, network_at)].bus(), "netem",
+                ChannelNames(settings.get<VehicleSettings>().name).net_counters,
+                from_seconds(settings.get<RunSettings>().report_period_s),
+                [this](CounterList& out) { list_counters(out); }) {
+  add_links(settings, rules);
+  for (const RelayRule& rule : rules) {
+    const std::size_t from = add_network(rule.source_url, network_at);
+    const std::size_t to = add_network(rule.destination_url, network_at);
+    networks_[from].add_rule(rule, link_numbers_.at(rule.link), to);
+  }
+  for (RelayNetwork& network : networks_) {
+    network.listen([this](const Message& message, const std::vector<Route>& routes) {
+      take(message, routes);
+    });
+  }
+}
+
+std::size_t RelayNode::add_network(const std::string& url, const NetworkAt& network_at) {
+  const auto [found, added] = network_numbers_.try_emplace(url, networks_.size());
+  if (added) networks_.emplace_back(found->second, network_at(url));
+  return found->second;
+}
+
+void RelayNode::add_links(const NetemSettings& settings, const std::vector<RelayRule>& rules) {
+  const ChannelUse use = use_of(rules);
+  ChannelModels models = make_models(settings, use.links);
+  std::vector<Link> links = make_links(settings, models, use.links);
+  std::vector<RunningLink*> running;
+  for (std::size_t i = 0; i < use.links.size(); ++i) {
+    const std::string& name = use.links[i];
+    link_numbers_[name] = i;
+    running.push_back(&links_.emplace_back(
+        name, std::move(links[i]), loop_, from_seconds(settings.get<RunSettings>().report_period_s),
+        [this](const Packet& packet) {
+          networks_[packet.destination].bus().publish(packet.channel, packet.bytes);
+        },
+        [this, channel = report_channel(name)](const link_report_t& report) {
+          publish(networks_.front().bus(), channel, report);
+        }));
+  }
+  settings_.emplace(settings, std::move(models), use, std::move(running), loop_,
+                    std::vector<Bus*>{&networks_.front().bus()});
+}
+
+void RelayNode::take(const Message& message, const std::vector<Route>& routes) {
+  for (const Route& route : routes) {
+    ++heard_;
+    if (route.channel.empty()) {
+      ++refused_names_;
+      continue;
+    }
+    links_[route.link].take(
+        {route.channel, {message.bytes.begin(), message.bytes.end()}, route.destination});
+  }
+}
+
+void RelayNode::finish() {
+  for (RunningLink& link : links_) link.report();
+  counters_.publish_now();
+}
+
+void RelayNode::list_counters(CounterList& out) const {
+  for (const RunningLink& link : links_) link.list_counters(out);
+  out.emplace_back("heard", heard_);
+  out.emplace_back("names.refused", refused_names_);
+  settings_->list_counters(out);
+  for (const auto& [url, number] : network_numbers_) {
+    CounterList of_network;
+    networks_[number].bus().list_counters(of_network);
+    for (auto& [name, value] : of_network) {
+      out.emplace_back(network_address(url) + "." + name, value);
+    }
+  }
 }
 
 }  // namespace tether

@@ -1,13 +1,22 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "netem/statistics/loss_record.hpp"
-#include "netem/statistics/stationary.hpp"
 
 namespace tether {
+
+using Matrix = std::vector<std::vector<double>>;
+
+/// Long-run share of time (or steps) in each state, from rates or probabilities of going from row
+/// to column; the diagonal is not looked at. nullopt if it depends on where the chain begins: there
+/// is more than one set of states that is never left. Subtraction-free elimination, so that small
+/// probabilities keep their relative accuracy (Grassmann, Taksar, Heyman, Operations Research
+/// 33(5), 1985).
+std::optional<std::vector<double>> stationary_distribution(const Matrix& moves);
 
 /// P[delay <= delay_s] of a received packet.
 using DelayCdf = std::function<double(double delay_s)>;

@@ -1,6 +1,6 @@
 #include "common/fleet/fleet.hpp"
 #include "common/program/node_main.hpp"
-#include "sim/node/sim_fleet.hpp"
+#include "sim/node/sim_node.hpp"
 
 // AGV/CMD_VEL ──▶ actuator ──▶ vehicle ──▶ sensor ──▶ AGV/POSE    (truth: SIM/TRUTH, SIM/CLOCK)
 int main(int argc, char** argv) {

@@ -2,27 +2,110 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <tether/clock_t.hpp>
 #include <tether/ground_truth_t.hpp>
 #include <tether/pose_t.hpp>
 #include <tether/twist_t.hpp>
+#include <tether/wheel_states_t.hpp>
+#include <tether/wheel_targets_t.hpp>
 #include <utility>
 
-#include "common/actuator/actuator_settings.hpp"
-#include "common/actuator/plan_message.hpp"
-#include "common/bus/message_io.hpp"
-#include "common/loop/timer_queue.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/timer_queue.hpp"
 #include "common/path/controlled_point.hpp"
 #include "common/path/kinds.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/odometry_message.hpp"
+#include "common/vehicle/plan.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/scan.hpp"
 #include "sim/plant/true_start.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 
 namespace tether {
+
+Scanning::Scanning(const ScanSettings& settings, EventLoop& loop, Bus& bus)
+    : loop_(loop),
+      bus_(bus),
+      channels_(settings.get<VehicleSettings>().name),
+      lidar_(settings.get<LidarSettings>()),
+      clock_offset_(from_seconds(settings.get<VehicleSettings>().clock_offset_ms * 1e-3)),
+      moving_(settings, settings.get<RunSettings>().seed),
+      model_(lidar_, settings.get<VehicleSettings>(), standing_shapes(settings),
+             settings.get<RunSettings>().seed, settings.get<VehicleSettings>().name),
+      in_parts_(settings.get<LocaliserSettings>().place == LocaliserSettings::Place::edge),
+      part_bytes_(static_cast<std::size_t>(settings.get<LocaliserSettings>().part_bytes)) {}
+
+void Scanning::publish_turn(Instant end, PlanName plan, std::vector<Shape> others) {
+  const Instant begin = end - sweep();
+  for (Shape& shape : others) {  // to where it was at the begin
+    shape.pose.x_m -= shape.vx_mps * to_seconds(sweep());
+    shape.pose.y_m -= shape.vy_mps * to_seconds(sweep());
+  }
+  const std::vector<Shape>& moving = moving_.at(to_seconds(begin));
+  others.insert(others.end(), moving.begin(), moving.end());
+  Scan scan = model_.turn(begin, track_, others);
+  track_.forget_before(end);
+  scan.plan = plan;
+  scan.stamp += clock_offset_;
+  publish(bus_, channels_.vehicle_scan, scan_message(scan, loop_.run_id()));
+  if (!in_parts_) return;
+  const double step_m = std::max({lidar_.range_step_m, lidar_.range_max_m / kMostRangeSteps, 1e-3});
+  for (const scan_part_t& part : scan_parts(scan, loop_.run_id(), part_seq_, part_bytes_, step_m)) {
+    publish(bus_, channels_.vehicle_scan_part, part);
+    ++part_seq_;
+  }
+}
+
+WheelCoupling::WheelCoupling(const Sections<RunSettings, VehicleSettings>& settings,
+                             EventLoop& loop, Bus& bus, const Plant& vehicle)
+    : loop_(loop),
+      bus_(bus),
+      vehicle_(vehicle),
+      wheel_radius_m_(settings.get<VehicleSettings>().wheel_radius_m),
+      guard_({.earliest = kStart - from_seconds(settings.get<RunSettings>().lead_s)}) {
+  const ChannelNames channels(settings.get<VehicleSettings>().name);
+  states_channel_ = channels.wheel_states;
+  subscribe<wheel_targets_t>(
+      bus, channels.wheel_targets, kDeepQueue, undecodable_, [this](const wheel_targets_t& m) {
+        if (!is_usable(m.left_speed_radps) || !is_usable(m.right_speed_radps)) {
+          ++non_finite_;
+          return;
+        }
+        if (!guard_.accept(loop_.now(), from_utime(m.utime), m.seq)) return;
+        targets_ = {m.left_speed_radps * wheel_radius_m_, m.right_speed_radps * wheel_radius_m_};
+        arrival_ = loop_.now();
+        any_ = true;
+      });
+}
+
+WheelSpeeds WheelCoupling::in_force(Instant now) const {
+  return any_ && now - arrival_ < kTimeout ? targets_ : WheelSpeeds{};
+}
+
+void WheelCoupling::publish_wheels(Instant now) {
+  const VehicleState s = vehicle_.state();
+  wheel_states_t message{};
+  message.utime = to_utime(now);
+  message.seq = seq_++;
+  message.left_angle_rad = s.left_wheel_angle_rad;
+  message.right_angle_rad = s.right_wheel_angle_rad;
+  message.left_speed_radps = s.rim_speeds.left_mps / wheel_radius_m_;
+  message.right_speed_radps = s.rim_speeds.right_mps / wheel_radius_m_;
+  publish(bus_, states_channel_, message);
+}
+
+void WheelCoupling::list(CounterList& out) const {
+  guard_.list("wheel_targets", out);
+  out.emplace_back("wheel_targets.undecodable", undecodable_);
+  out.emplace_back("wheel_targets.non_finite", non_finite_);
+}
+
 namespace {
 
 constexpr Duration kClockPeriod = std::chrono::milliseconds{50};
@@ -393,6 +476,15 @@ void SimNode::list_counters(CounterList& out) const {
   }
   out.emplace_back("physics.solver_complaints",
                    static_cast<std::int64_t>(vehicle_->solver_complaints()));
+}
+
+SimFleet::SimFleet(const std::vector<Scenario>& members, EventLoop& loop, Bus& bus) {
+  if (members.size() > 1) {
+    traffic_.emplace(step_of(members.front().get<WorldSettings>()), std::max(kStart, loop.now()));
+  }
+  for (const Scenario& member : members) {
+    nodes_.add(std::make_unique<SimNode>(member, loop, bus, traffic_ ? &*traffic_ : nullptr));
+  }
 }
 
 }  // namespace tether

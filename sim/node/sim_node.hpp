@@ -3,40 +3,148 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
+#include <tether/plan_in_force_t.hpp>
 #include <variant>
 #include <vector>
 
-#include "common/actuator/actuator.hpp"
-#include "common/actuator/actuator_settings.hpp"
-#include "common/bus/bus.hpp"
-#include "common/bus/channel_names.hpp"
-#include "common/bus/counter_reporter.hpp"
-#include "common/bus/message_io.hpp"
-#include "common/bus/sole_sender.hpp"
-#include "common/bus/stream_guard.hpp"
+#include "common/base/counters.hpp"
 #include "common/fleet/fleet.hpp"
-#include "common/loop/event_loop.hpp"
-#include "common/loop/node.hpp"
-#include "common/onboard/onboard_settings.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/counter_reporter.hpp"
+#include "common/node/event_loop.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/node.hpp"
+#include "common/node/sole_sender.hpp"
+#include "common/node/stream_guard.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/path/reference_path.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator.hpp"
+#include "common/vehicle/actuator_settings.hpp"
+#include "common/vehicle/diff_drive.hpp"
+#include "common/vehicle/plan.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
+#include "common/world/onboard_settings.hpp"
 #include "common/world/surroundings.hpp"
-#include "sim/lidar/lidar_settings.hpp"
 #include "sim/node/metrics.hpp"
-#include "sim/node/plan_watch.hpp"
-#include "sim/node/scanning.hpp"
 #include "sim/node/traffic.hpp"
-#include "sim/node/wheel_coupling.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/plant.hpp"
-#include "sim/sensor/pose_sending.hpp"
+#include "sim/sensor/lidar_model.hpp"
+#include "sim/sensor/lidar_settings.hpp"
 #include "sim/sensor/pose_sensor.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 #include "sim/sensor/wheel_odometry.hpp"
 
 namespace tether {
+
+/// With drives on CAN only the bridge knows which plan the vehicle follows: it says so on CAN/PLAN,
+/// and the sensor stamps its poses with the newest that it has heard. Before the first they name
+/// none. Undecodable, duplicated and late messages are counted and change nothing.
+class PlanWatch {
+ public:
+  /// `loop` and `bus` must outlive the watch.
+  PlanWatch(const Sections<RunSettings, VehicleSettings>& settings, EventLoop& loop, Bus& bus)
+      : guard_({.earliest = kStart - from_seconds(settings.get<RunSettings>().lead_s)}) {
+    subscribe<plan_in_force_t>(bus, ChannelNames(settings.get<VehicleSettings>().name).can_plan,
+                               kDeepQueue, undecodable_, [this, &loop](const plan_in_force_t& m) {
+                                 if (!guard_.accept(loop.now(), from_utime(m.utime), m.seq)) return;
+                                 plan_ = {m.session, m.id};
+                               });
+  }
+  PlanWatch(const PlanWatch&) = delete;
+  PlanWatch& operator=(const PlanWatch&) = delete;
+
+  PlanName plan() const { return plan_; }
+
+  /// Appends plan_in_force.….
+  void list(CounterList& out) const {
+    guard_.list("plan_in_force", out);
+    out.emplace_back("plan_in_force.undecodable", undecodable_);
+  }
+
+ private:
+  StreamGuard guard_;
+  PlanName plan_;
+  std::int64_t undecodable_ = 0;
+};
+
+using ScanSettings = Sections<RunSettings, WorldSettings, VehicleSettings, Surroundings,
+                              LidarSettings, LocaliserSettings>;
+
+/// The scanner's part of SimNode: AGV/SCAN, and with localiser.place = edge AGV/SCAN_PART, whenever
+/// the last beam of a turn is measured. Turns begin at multiples of their period from t = 0 on, and
+/// before.
+class Scanning {
+ public:
+  /// The scanner must be on. `loop` and `bus` must outlive this.
+  Scanning(const ScanSettings& settings, EventLoop& loop, Bus& bus);
+
+  Duration period() const { return lidar_.period(); }
+  /// From a turn's first beam to its last.
+  Duration sweep() const { return lidar_.sweep(); }
+
+  /// Where the vehicle was; times must ascend.
+  void record(Instant when, const Pose2& pose) { track_.add(when, pose); }
+  double range_max_m() const { return lidar_.range_max_m; }
+  /// Publishes the turn whose last beam is measured at `end`. `others`: vehicles, as they are then.
+  void publish_turn(Instant end, PlanName plan, std::vector<Shape> others = {});
+
+ private:
+  EventLoop& loop_;
+  Bus& bus_;
+  ChannelNames channels_;
+  LidarSettings lidar_;
+  Duration clock_offset_;
+  MovingObstacles moving_;
+  LidarModel model_;
+  PoseTrack track_;
+  bool in_parts_;
+  std::size_t part_bytes_;
+  std::int64_t part_seq_ = 0;
+};
+
+/// Lets emulated drives turn the simulated wheels: SIM/WHEEL_TARGETS in, SIM/WHEELS out
+/// every can.coupling_ms, when the owner says so.
+///
+/// The newest target holds. Before the first, and without a new one for kTimeout, the target is
+/// zero: the drives' process has died, so that spring-applied brakes would close. Undecodable,
+/// non-finite and late targets are counted and refresh nothing.
+class WheelCoupling {
+ public:
+  static constexpr Duration kTimeout = std::chrono::milliseconds{100};
+
+  /// `vehicle`, `loop` and `bus` must outlive the coupling.
+  WheelCoupling(const Sections<RunSettings, VehicleSettings>& settings, EventLoop& loop, Bus& bus,
+                const Plant& vehicle);
+  WheelCoupling(const WheelCoupling&) = delete;
+  WheelCoupling& operator=(const WheelCoupling&) = delete;
+
+  /// The rim speeds to hold at `now`.
+  WheelSpeeds in_force(Instant now) const;
+
+  /// SIM/WHEELS, as the vehicle is at `now`.
+  void publish_wheels(Instant now);
+
+  void list(CounterList& out) const;
+
+ private:
+  EventLoop& loop_;
+  Bus& bus_;
+  const Plant& vehicle_;
+  std::string states_channel_;
+  double wheel_radius_m_;
+  StreamGuard guard_;
+  WheelSpeeds targets_;
+  Instant arrival_ = kStart;
+  bool any_ = false;
+  std::int64_t seq_ = 0;
+  std::int64_t undecodable_ = 0;
+  std::int64_t non_finite_ = 0;
+};
 
 /// The scenario sections that the vehicle side uses.
 using SimSettings = Sections<RunSettings, WorldSettings, VehicleSettings, SensorSettings,
@@ -165,6 +273,23 @@ class SimNode final : public Node {
   std::int64_t non_finite_ = 0;
   Rejected rejected_plans_;
   CounterReporter counters_;
+};
+
+/// The vehicle sides of all vehicles of a fleet, in one hall; of one vehicle, just its SimNode.
+class SimFleet final : public Node {
+ public:
+  /// `members`: of fleet_members().
+  SimFleet(const std::vector<Scenario>& members, EventLoop& loop, Bus& bus);
+
+  void finish() override { nodes_.finish(); }
+
+  std::size_t size() const { return nodes_.size(); }
+  SimNode& operator[](std::size_t i) { return nodes_[i]; }
+  const SimNode& operator[](std::size_t i) const { return nodes_[i]; }
+
+ private:
+  std::optional<Traffic> traffic_;
+  NodeGroup<SimNode> nodes_;
 };
 
 }  // namespace tether

@@ -10,8 +10,8 @@
 #include "common/vehicle/vehicle_config.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
-#include "sim/obstacles/near_obstacles.hpp"
 #include "sim/plant/disturbances.hpp"
+#include "sim/plant/near_obstacles.hpp"
 #include "sim/plant/plant.hpp"
 
 namespace tether {

@@ -1,11 +1,151 @@
 #include "sim/plant/ode_world.hpp"
 
+#include <ode/ode.h>
+
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
+#include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 
 namespace tether {
+namespace {
+
+constexpr int kMostPoints = 4;  ///< contact points of two geoms
+/// A contact that is steeper has no horizontal direction to speak of.
+constexpr double kLevel = 0.1;
+
+/// Moving shapes push at their own speed, and drag along by friction.
+void add_motion(dContact& contact, const Shape& shape) {
+  const dReal* n = contact.geom.normal;
+  const double level = std::hypot(n[0], n[1]);
+  if ((shape.vx_mps == 0.0 && shape.vy_mps == 0.0) || level < kLevel) return;
+  const double tangent[2] = {-n[1] / level, n[0] / level};
+  contact.surface.mode |= dContactFDir1 | dContactMotion1 | dContactMotionN;
+  std::copy_n(tangent, 2, contact.fdir1);
+  contact.surface.motion1 = shape.vx_mps * tangent[0] + shape.vy_mps * tangent[1];
+  contact.surface.motionN = shape.vx_mps * n[0] + shape.vy_mps * n[1];
+}
+
+}  // namespace
+
+OdeObstacles::OdeObstacles(const VehicleConfig& vehicle, dBodyID chassis,
+                           const std::array<double, 3>& box_centre_m,
+                           const std::array<dBodyID, 2>& wheels, double friction)
+    : friction_(friction),
+      box_(dCreateBox(nullptr, 1.0, 1.0, 1.0)),
+      cylinder_(dCreateCylinder(nullptr, 1.0, 1.0)) {
+  vehicle_[0] = dCreateBox(nullptr, vehicle.chassis_length_m, vehicle.chassis_width_m,
+                           vehicle.chassis_height_m);
+  dGeomSetBody(vehicle_[0], chassis);
+  dGeomSetOffsetPosition(vehicle_[0], box_centre_m[0], box_centre_m[1], box_centre_m[2]);
+  dMatrix3 on_its_rim;  // ODE's cylinders stand upright
+  dRFromAxisAndAngle(on_its_rim, 1, 0, 0, std::numbers::pi / 2.0);
+  for (std::size_t i = 0; i < wheels.size(); ++i) {
+    vehicle_[i + 1] = dCreateCylinder(nullptr, vehicle.wheel_radius_m, vehicle.wheel_width_m);
+    dGeomSetBody(vehicle_[i + 1], wheels[i]);
+    dGeomSetOffsetRotation(vehicle_[i + 1], on_its_rim);
+  }
+}
+
+OdeObstacles::~OdeObstacles() {
+  for (const dGeomID geom : vehicle_) dGeomDestroy(geom);
+  dGeomDestroy(box_);
+  dGeomDestroy(cylinder_);
+}
+
+dGeomID OdeObstacles::place(const Shape& shape) {
+  const bool round = shape.outline == Shape::Outline::circle;
+  const dGeomID geom = round ? cylinder_ : box_;
+  if (round) {
+    dGeomCylinderSetParams(geom, shape.radius_m, shape.height_m);
+  } else {
+    dGeomBoxSetLengths(geom, shape.length_m, shape.width_m, shape.height_m);
+  }
+  dGeomSetPosition(geom, shape.pose.x_m, shape.pose.y_m, 0.5 * shape.height_m);
+  dMatrix3 turned;
+  dRFromAxisAndAngle(turned, 0, 0, 1, shape.pose.yaw_rad);
+  dGeomSetRotation(geom, turned);
+  return geom;
+}
+
+bool OdeObstacles::add_contacts(dWorldID world, dJointGroupID contacts,
+                                std::span<const Shape> near) {
+  bool touches = false;
+  for (const Shape& shape : near) {
+    const dGeomID obstacle = place(shape);
+    for (const dGeomID part : vehicle_) {
+      std::array<dContactGeom, kMostPoints> points;
+      const int count = dCollide(part, obstacle, kMostPoints, points.data(), sizeof(dContactGeom));
+      for (int i = 0; i < count; ++i) {
+        dContact contact{};
+        contact.surface.mode = dContactApprox1;
+        contact.surface.mu = friction_;
+        contact.geom = points[static_cast<std::size_t>(i)];
+        add_motion(contact, shape);
+        dJointAttach(dJointCreateContact(world, contacts, &contact), dGeomGetBody(part), nullptr);
+        touches = true;
+      }
+    }
+  }
+  return touches;
+}
+
+namespace {
+
+// Time constant of the rubber's loss: at the 14 Hz of vehicle against tyres at rest, a loss factor
+// of 0.4. Assumed; while the wheel rolls it changes next to nothing.
+constexpr double kLoss_s = 5e-3;
+
+double norm(const BrushTyre::Vector& v) { return std::hypot(v[0], v[1]); }
+
+}  // namespace
+
+double BrushTyre::steady_force(const Config& config, double slip, double pressing_N) {
+  if (config.friction <= 0.0 || pressing_N <= 0.0) return 0.0;
+  const double x = std::min(1.0, std::abs(slip) / sliding_slip(config));
+  return config.friction * pressing_N * x * (3.0 - x * (3.0 - x));
+}
+
+BrushTyre::Row BrushTyre::prepare(const Vector& slip_mps, double rolling_mps, double pressing_N,
+                                  double step_s) {
+  step_s_ = step_s;
+  const double release = 1.0 + std::abs(rolling_mps) * step_s / config_.relaxation_m;
+  const double loss = kLoss_s / step_s;
+  const Vector& u = deflection_m_;
+  Vector stretch{};
+  for (const int i : {0, 1}) {
+    const double next_m = (u[i] + step_s * slip_mps[i]) / release;
+    stretch[i] = next_m + loss * (next_m - u[i]);
+  }
+  // At no stretch the secant is the tangent; a tenth of a per mille of sliding is close enough.
+  const double slip = std::max(norm(stretch) / config_.relaxation_m, 1e-4 * sliding_slip(config_));
+  const double force = steady_force(config_, slip, pressing_N);
+  stiffness_Npm_ = force > 0.0 ? force / (slip * config_.relaxation_m) : 0.0;
+  Row row;
+  if (stiffness_Npm_ == 0.0) return row;
+  // F = −K (u' (1 + loss) − loss u) with u' = (u + h V')/release, solved for V'.
+  const double give = release / (step_s * (1.0 + loss));
+  row.softness_mps_N = give / stiffness_Npm_;
+  for (const int i : {0, 1}) row.bias_mps[i] = u[i] * (loss * give - 1.0 / step_s);
+  return row;
+}
+
+void BrushTyre::finish(const Vector& force_N) {
+  if (stiffness_Npm_ == 0.0) {
+    deflection_m_ = {};
+    return;
+  }
+  const double loss = kLoss_s / step_s_;
+  Vector& u = deflection_m_;
+  for (const int i : {0, 1}) u[i] = (loss * u[i] - force_N[i] / stiffness_Npm_) / (1.0 + loss);
+  // Bristles that slide are stretched no further.
+  const double most_m = sliding_slip(config_) * config_.relaxation_m;
+  const double size_m = norm(u);
+  if (size_m > most_m) u = {u[0] * most_m / size_m, u[1] * most_m / size_m};
+}
+
 namespace {
 
 // Constraint softness. The error reduction is ODE's usual 0.2 per step; the tiny constraint force
@@ -283,6 +423,181 @@ void OdeWorld::restore_bodies() {
     dBodySetLinearVel(bodies_[i], s.velocity[0], s.velocity[1], s.velocity[2]);
     dBodySetAngularVel(bodies_[i], s.spin[0], s.spin[1], s.spin[2]);
   }
+}
+
+namespace {
+
+std::array<double, 3> operator-(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+
+double norm(const std::array<double, 3>& a) { return std::hypot(a[0], a[1], a[2]); }
+
+}  // namespace
+
+void OdeWorld::build_chassis(const VehicleConfig& vehicle) {
+  // In the frame of the box's centre first; ODE wants the body's origin at its centre of mass.
+  dMass mass;
+  dMassSetBoxTotal(&mass, vehicle.chassis_mass_kg, vehicle.chassis_length_m,
+                   vehicle.chassis_width_m, vehicle.chassis_height_m);
+  const std::array<double, 3> caster{
+      vehicle.caster_x_m, 0.0,
+      vehicle.caster_radius_m - vehicle.wheel_radius_m - vehicle.chassis_z_m};
+  if (vehicle.caster_mass_kg > 0.0) {
+    dMass ball;
+    dMassSetSphereTotal(&ball, vehicle.caster_mass_kg, vehicle.caster_radius_m);
+    dMassTranslate(&ball, caster[0], caster[1], caster[2]);
+    dMassAdd(&mass, &ball);
+  }
+  if (vehicle.payload_kg > 0.0) {
+    dMass payload;
+    dMassSetSphereTotal(&payload, vehicle.payload_kg, kPayloadRadius_m);
+    dMassTranslate(&payload, vehicle.payload_x_m, vehicle.payload_y_m, vehicle.payload_z_m);
+    dMassAdd(&mass, &payload);
+  }
+  const std::array<double, 3> centre{mass.c[0], mass.c[1], mass.c[2]};
+  dMassTranslate(&mass, -mass.c[0], -mass.c[1], -mass.c[2]);
+
+  axle_in_chassis_m_ =
+      std::array<double, 3>{vehicle.axle_x_m, 0.0, 0.0 - vehicle.chassis_z_m} - centre;
+  caster_in_chassis_m_ = caster - centre;
+  box_in_chassis_m_ = std::array<double, 3>{} - centre;
+  for (std::size_t i = 0; i < corners_m_.size(); ++i) {
+    const std::array<double, 3> corner{(i & 1 ? 0.5 : -0.5) * vehicle.chassis_length_m,
+                                       (i & 2 ? 0.5 : -0.5) * vehicle.chassis_width_m,
+                                       (i & 4 ? 0.5 : -0.5) * vehicle.chassis_height_m};
+    corners_m_[i] = corner - centre;
+    reach_m_ = std::max(reach_m_, norm(corners_m_[i]));
+  }
+
+  dBodyID chassis = bodies_[kChassis] = dBodyCreate(world_);
+  dBodySetMass(chassis, &mass);
+  dMatrix3 rotation;
+  dRFromAxisAndAngle(rotation, 0, 0, 1, vehicle.start_yaw_rad);
+  dBodySetRotation(chassis, rotation);
+  dVector3 offset;
+  dBodyVectorToWorld(chassis, axle_in_chassis_m_[0], axle_in_chassis_m_[1], axle_in_chassis_m_[2],
+                     offset);
+  dBodySetPosition(chassis, vehicle.start_x_m - offset[0], vehicle.start_y_m - offset[1],
+                   vehicle.wheel_radius_m - offset[2]);
+}
+
+void OdeWorld::build_wheel(const VehicleConfig& vehicle, Body side) {
+  constexpr int kAlongY = 2;
+  dMass mass;
+  dMassSetCylinderTotal(&mass, vehicle.wheel_mass_kg, kAlongY, vehicle.wheel_radius_m,
+                        vehicle.wheel_width_m);
+  const double lateral_m = (side == kLeft ? 0.5 : -0.5) * vehicle.track_m;
+  const std::array<double, 3> centre{axle_in_chassis_m_[0], axle_in_chassis_m_[1] + lateral_m,
+                                     axle_in_chassis_m_[2]};
+  reach_m_ =
+      std::max(reach_m_, norm(centre) + std::hypot(vehicle.wheel_radius_m, half_wheel_width_m_));
+
+  dBodyID chassis = bodies_[kChassis];
+  dVector3 position;
+  dBodyGetRelPointPos(chassis, centre[0], centre[1], centre[2], position);
+  dBodyID wheel = dBodyCreate(world_);
+  dBodySetMass(wheel, &mass);
+  dBodySetQuaternion(wheel, dBodyGetQuaternion(chassis));
+  dBodySetPosition(wheel, position[0], position[1], position[2]);
+  bodies_[side] = wheel;
+
+  // Wheel first, chassis second, axis to the left: forward rolling counts positive.
+  dVector3 axis;
+  dBodyVectorToWorld(chassis, 0, 1, 0, axis);
+  dJointID hinge = dJointCreateHinge(world_, nullptr);
+  dJointAttach(hinge, wheel, chassis);
+  dJointSetHingeAnchor(hinge, position[0], position[1], position[2]);
+  dJointSetHingeAxis(hinge, axis[0], axis[1], axis[2]);
+  dJointSetHingeParam(hinge, dParamFMax, vehicle.max_wheel_torque_Nm);
+  dJointSetHingeParam(hinge, dParamVel, 0);
+  dJointSetFeedback(hinge, &hinge_feedback_[side]);
+  hinges_[side] = hinge;
+
+  dJointID tyre_joint = dJointCreateBall(world_, nullptr);
+  dJointSetFeedback(tyre_joint, &tyre_feedback_[side]);
+  tyre_joints_[side] = tyre_joint;
+}
+
+void OdeWorld::set_gravity(const WorldSettings& world) {
+  const auto [x, y, z] = gravity_on_slope_mps2(world);
+  dWorldSetGravity(world_, x, y, z);
+}
+
+void OdeWorld::set_wheel_loads(const WheelLoads& loads) {
+  loads_ = loads;
+  loaded_ = true;
+}
+
+/// ODE forgets forces with each step, also with one that is taken back.
+void OdeWorld::solve() {
+  if (loaded_) {
+    for (const Body side : {kLeft, kRight}) {
+      const WheelLoad& load = loads_[side];
+      const dReal* rolling = tyres_[side].rolling;
+      dBodyAddForce(bodies_[side], load.forward_N * rolling[0], load.forward_N * rolling[1],
+                    load.up_N);
+      dJointAddHingeTorque(hinges_[side], load.torque_Nm);
+    }
+  }
+  dWorldStep(world_, step_s_);
+}
+
+void OdeWorld::make_brushes(const VehicleConfig& vehicle, const WorldSettings& world) {
+  const BrushTyre::Config config{.stiffness = vehicle.tyre_stiffness,
+                                 .relaxation_m = vehicle.tyre_relaxation_m,
+                                 .friction = world.friction};
+  brushes_.assign(2, BrushTyre(config));
+  const TyreLoads at_rest = tyre_loads(vehicle, world.gravity_mps2, {});
+  for (const Body side : {kLeft, kRight}) pressing_N_[side] = at_rest.pressing_N[side];
+}
+
+void OdeWorld::step_on_brushes() {
+  set_limited(true);
+  for (const Body side : {kLeft, kRight}) {
+    if (tyres_[side].touches) {
+      add_brush_contact(side);
+    } else {
+      brushes_[side].lift();
+    }
+  }
+  solve();
+  ++limited_steps_;
+  for (const Body side : {kLeft, kRight}) {
+    if (!tyres_[side].touches) continue;
+    const dReal* force = tyre_feedback_[side].f1;
+    const dReal* rolling = tyres_[side].rolling;
+    brushes_[side].finish({force[0] * rolling[0] + force[1] * rolling[1],
+                           force[1] * rolling[0] - force[0] * rolling[1]});
+    pressing_N_[side] = std::max(0.0, force[2]);
+  }
+}
+
+void OdeWorld::add_brush_contact(Body side) {
+  const TyrePoint& tyre = tyres_[side];
+  const dReal* rolling = tyre.rolling;
+  dVector3 velocity;
+  dBodyGetPointVel(bodies_[side], tyre.position[0], tyre.position[1], tyre.position[2], velocity);
+  const BrushTyre::Row row = brushes_[side].prepare(
+      {velocity[0] * rolling[0] + velocity[1] * rolling[1],
+       velocity[1] * rolling[0] - velocity[0] * rolling[1]},
+      dJointGetHingeAngleRate(hinges_[side]) * wheel_radius_m_, pressing_N_[side], step_s_);
+  dContact contact{};
+  contact.surface.mode = dContactFDir1;
+  if (row.softness_mps_N > 0.0) {
+    contact.surface.mode |= dContactSlip1 | dContactSlip2 | dContactMotion1 | dContactMotion2;
+    contact.surface.mu = dInfinity;  // the softness is the limit
+    contact.surface.slip1 = contact.surface.slip2 = row.softness_mps_N;
+    contact.surface.motion1 = row.bias_mps[0];
+    contact.surface.motion2 = row.bias_mps[1];
+  }
+  std::copy_n(tyre.position, 3, contact.geom.pos);
+  std::copy_n(floor_.normal, 3, contact.geom.normal);
+  contact.geom.depth = std::max(0.0, floor_.depth_m(tyre.position));
+  std::copy_n(rolling, 2, contact.fdir1);  // ODE's second direction is then the wheel's left
+  const dJointID joint = dJointCreateContact(world_, contacts_, &contact);
+  dJointAttach(joint, bodies_[side], nullptr);
+  dJointSetFeedback(joint, &tyre_feedback_[side]);
 }
 
 }  // namespace tether

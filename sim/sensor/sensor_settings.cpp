@@ -11,7 +11,7 @@ namespace {
 
 using Sensor = SensorSettings;
 
-void check(const Scenario& scenario, const std::string& file) {
+void check_sensor(const Scenario& scenario, const std::string& file) {
   const auto& sensor = scenario.get<SensorSettings>();
   const double rate_hz = sensor.rate_hz;
   if (sensor.send == Sensor::Send::changed && sensor.send_max_age_s * rate_hz < 1.0) {
@@ -102,7 +102,7 @@ ScenarioSection sensor_section() {
   section.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
     return key.name == "sensor.send" && scenario.get<Sensor>().send == Sensor::Send::always;
   };
-  section.check = check;
+  section.check = check_sensor;
   return section;
 }
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
-#include "common/bus/bus.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/event_loop.hpp"
 
 namespace tether::campaign {
 

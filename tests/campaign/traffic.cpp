@@ -8,7 +8,7 @@
 #include <tether/twist_t.hpp>
 #include <utility>
 
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 
 namespace tether::campaign {
 namespace {

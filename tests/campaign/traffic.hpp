@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "common/actuator/plan.hpp"
 #include "common/base/random.hpp"
-#include "common/bus/bus.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/event_loop.hpp"
+#include "common/vehicle/plan.hpp"
 #include "tests/campaign/trial.hpp"
 
 namespace tether::campaign {

@@ -1,6 +1,6 @@
 #include "tests/campaign/unknown_sender.hpp"
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 
 namespace tether::campaign {
 

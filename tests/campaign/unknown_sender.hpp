@@ -4,7 +4,7 @@
 
 #include "can_bridge/bus/can_port.hpp"
 #include "common/base/random.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/event_loop.hpp"
 #include "tests/campaign/trial.hpp"
 
 namespace tether::campaign {

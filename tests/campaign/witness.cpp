@@ -6,8 +6,8 @@
 #include <tether/plan_t.hpp>
 #include <tether/twist_t.hpp>
 
-#include "common/actuator/plan_message.hpp"
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
+#include "common/vehicle/plan.hpp"
 
 namespace tether::campaign {
 namespace {

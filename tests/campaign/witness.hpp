@@ -3,7 +3,7 @@
 #include <set>
 #include <utility>
 
-#include "common/bus/bus.hpp"
+#include "common/node/bus.hpp"
 #include "tests/campaign/record.hpp"
 
 namespace tether::campaign {

@@ -11,13 +11,13 @@
 #include <tether/wheel_states_t.hpp>
 #include <utility>
 
+#include "can_bridge/bus/canopen.hpp"
 #include "can_bridge/bus/in_process_can.hpp"
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/emulated/cia402.hpp"
+#include "can_bridge/emulated/node.hpp"
 #include "can_bridge/node/can_drive_node.hpp"
-#include "common/bus/in_process_bus.hpp"
-#include "common/bus/message_io.hpp"
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/in_process_bus.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/virtual_loop.hpp"
 #include "tests/campaign/process.hpp"
 #include "tests/campaign/traffic.hpp"
 #include "tests/campaign/unknown_sender.hpp"

@@ -1,8 +1,8 @@
 #include <sstream>
 
 #include "common/scenario/run_settings.hpp"
+#include "netem/relay/live_settings.hpp"
 #include "netem/relay/netem_node.hpp"
-#include "netem/relay/setting_requests.hpp"
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/support/virtual_world.hpp"
 

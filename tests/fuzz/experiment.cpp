@@ -1,4 +1,4 @@
-#include "tools/experiment/design/experiment.hpp"
+#include "tools/experiment/sweep/experiment.hpp"
 
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/support/folder.hpp"

@@ -1,6 +1,6 @@
 #include <chrono>
 
-#include "link/node/config.hpp"
+#include "doors/link/node/config.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
 namespace tether::fuzzing {

@@ -5,13 +5,13 @@
 #include <tether/twist_t.hpp>
 #include <vector>
 
-#include "common/lockstep/channels.hpp"
-#include "common/lockstep/member.hpp"
-#include "common/lockstep/message_digest.hpp"
+#include "common/lcm/lockstep_bus.hpp"
+#include "common/lcm/lockstep_member.hpp"
+#include "common/lcm/message_digest.hpp"
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/fuzz/script.hpp"
 #include "tests/support/virtual_world.hpp"
-#include "tools/lockstep/time_manager.hpp"
+#include "tools/nodes/time_manager.hpp"
 
 namespace tether::fuzzing {
 namespace {

@@ -1,7 +1,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "netem/playback/position_map.hpp"
+#include "netem/models/map_process.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
 namespace tether::fuzzing {

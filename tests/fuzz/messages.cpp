@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "common/base/text.hpp"
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/fuzz/script.hpp"
 #include "tools/messages/message_printer.hpp"

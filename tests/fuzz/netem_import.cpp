@@ -1,9 +1,9 @@
 #include <cmath>
 #include <sstream>
 
-#include "netem/playback/trace.hpp"
+#include "netem/models/trace.hpp"
 #include "tests/fuzz/fuzz.hpp"
-#include "tools/netem/import/import.hpp"
+#include "tools/netem/import.hpp"
 
 namespace tether::fuzzing {
 namespace {

@@ -1,7 +1,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "controller/pid/tau_table.hpp"
+#include "controller/laws/pid_law.hpp"
 #include "netem/stages/delay_law.hpp"
 #include "netem/stages/kinds.hpp"
 #include "tests/fuzz/fuzz.hpp"

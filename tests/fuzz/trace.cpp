@@ -1,4 +1,4 @@
-#include "netem/playback/trace.hpp"
+#include "netem/models/trace.hpp"
 
 #include <sstream>
 

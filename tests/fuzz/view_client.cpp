@@ -4,12 +4,12 @@
 #include <tether/pose_t.hpp>
 #include <vector>
 
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "tests/fuzz/fuzz.hpp"
-#include "tools/view/session/hub.hpp"
+#include "tools/view/server/access.hpp"
+#include "tools/view/server/hub.hpp"
 #include "tools/view/sources/network_parameters.hpp"
-#include "tools/view/sources/operator_request.hpp"
-#include "tools/view/web/access.hpp"
+#include "tools/view/sources/network_view.hpp"
 
 namespace tether::fuzzing {
 namespace {

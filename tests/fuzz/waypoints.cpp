@@ -1,10 +1,10 @@
-#include "common/path/curves/waypoints.hpp"
+#include "common/path/waypoints.hpp"
 
 #include <cmath>
 #include <sstream>
 
-#include "common/path/curves/waypoint_curve.hpp"
 #include "common/path/planned_path.hpp"
+#include "common/path/waypoint_curve.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
 namespace tether::fuzzing {

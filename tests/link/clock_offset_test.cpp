@@ -1,4 +1,4 @@
-#include "link/paths/clock_offset.hpp"
+#include "doors/link/clock_offset.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "link/node/config.hpp"
+#include "doors/link/node/config.hpp"
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>

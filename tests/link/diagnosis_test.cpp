@@ -1,6 +1,6 @@
-#include "link/node/diagnosis.hpp"
-
 #include <gmock/gmock.h>
+
+#include "doors/link/node/link_node.hpp"
 
 namespace tether::link {
 namespace {

@@ -5,12 +5,12 @@
 #include <array>
 #include <string>
 
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/scenario/scenario.hpp"
-#include "link/node/path_socket.hpp"
+#include "doors/link/node/link_node.hpp"
 #include "netem/relay/make_links.hpp"
-#include "netem/relay/scheduled_link.hpp"
+#include "netem/relay/running_link.hpp"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "link/keys/key_file.hpp"
+#include "doors/link/key_file.hpp"
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>

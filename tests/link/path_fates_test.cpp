@@ -1,4 +1,4 @@
-#include "link/paths/path_fates.hpp"
+#include "doors/link/path_fates.hpp"
 
 #include <gtest/gtest.h>
 

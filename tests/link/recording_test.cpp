@@ -1,4 +1,4 @@
-#include "link/record/recording.hpp"
+#include "doors/link/node/recording.hpp"
 
 #include <gmock/gmock.h>
 

@@ -1,5 +1,3 @@
-#include "link/session/session.hpp"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
+#include "doors/link/sessions.hpp"
 #include "tests/link/two_hosts.hpp"
 
 namespace tether::link {

@@ -1,4 +1,4 @@
-#include "link/session/sessions.hpp"
+#include "doors/link/sessions.hpp"
 
 #include <gtest/gtest.h>
 

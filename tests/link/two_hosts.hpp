@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "common/base/random.hpp"
-#include "link/peer/endpoint.hpp"
+#include "doors/link/peer_link.hpp"
 
 namespace tether::link::testing {
 

@@ -16,13 +16,11 @@ MAY_USE = {
     "common": set(),
     "sim": {"common"},
     "controller": {"common"},
-    "autonomy": {"common", "controller"},
     "netem": {"common"},
     "can_bridge": {"common"},
-    "localiser": {"common"},
-    "link": {"common"},
-    "margin": {"common", "sim", "controller", "netem"},
-    "tools": {"common", "sim", "controller", "autonomy", "netem", "can_bridge", "localiser", "link", "margin"},
+    "onboard": {"common", "controller"},
+    "doors": {"common"},
+    "tools": {"common", "sim", "controller", "netem", "can_bridge", "onboard", "doors"},
 }
 
 USES = re.compile(r"\bUSES\b([^()]*?)(?=\b(?:LIBS|PRIVATE_LIBS|SOURCES)\b|\))|\btether_rooms\(uses\s([^()]*)\)")

@@ -25,7 +25,7 @@ from tidy_cache import Cache, Sources
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGURATION = ROOT / ".clang-tidy"
-FOLDERS = "common sim localiser controller autonomy netem can_bridge link margin tools bench".split()
+FOLDERS = "common sim controller netem can_bridge onboard doors tools bench".split()
 AT_ONCE = 96
 # Nothing else that GCC is called with changes what a source means; some of it clang does not know.
 MEANING = re.compile(r"-[DUI].|-std=|-pthread$")

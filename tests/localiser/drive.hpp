@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/vehicle/dead_reckoning.hpp"
-#include "localiser/core/localiser.hpp"
+#include "onboard/localiser/localiser.hpp"
 #include "tests/localiser/hall.hpp"
 
 namespace tether::test {

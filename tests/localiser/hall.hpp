@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "common/base/random.hpp"
-#include "common/onboard/scan.hpp"
 #include "common/vehicle/frames.hpp"
+#include "common/world/scan.hpp"
 #include "common/world/shape.hpp"
-#include "localiser/matching/censi.hpp"
-#include "localiser/odometry/odometry_track.hpp"
+#include "onboard/localiser/censi.hpp"
+#include "onboard/localiser/odometry_track.hpp"
 #include "tests/support/shapes.hpp"
 
 namespace tether::test {

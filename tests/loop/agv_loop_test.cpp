@@ -11,14 +11,14 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/grip.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 namespace tether {
 namespace {

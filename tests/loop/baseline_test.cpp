@@ -6,7 +6,7 @@
 
 #include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Results of the paper, on scenarios/paper.toml as it is shipped.
 

@@ -8,12 +8,12 @@
 #include <utility>
 #include <vector>
 
-#include "common/actuator/actuator_policy.hpp"
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
+#include "common/vehicle/actuator_policy.hpp"
 #include "controller/laws/law.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Loops in which no pose ever reaches the controller.
 

@@ -13,7 +13,7 @@
 #include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Safety inputs on CAN in the whole loop, in virtual time. They need neither LCM nor the network.
 

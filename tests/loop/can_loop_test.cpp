@@ -1,4 +1,4 @@
-#include "tools/loop/can_loop.hpp"
+#include "tools/nodes/can_loop.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@
 #include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 
 // The whole loop through the CAN drivetrain in virtual time: the shipping controller, relay, bridge

@@ -14,16 +14,16 @@
 #include <utility>
 #include <vector>
 
-#include "common/bus/in_process_bus.hpp"
-#include "common/bus/message_io.hpp"
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/in_process_bus.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/virtual_loop.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
-#include "tools/loop/can_loop.hpp"
+#include "tools/nodes/can_loop.hpp"
 
 // Plans through the relay to the shipping bridge, emulated drives and simulated wheels: the horizon
 // is executed on the vehicle's side of the network, and poses name the plan in force.

@@ -11,8 +11,8 @@
 
 #include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
-#include "tools/loop/can_loop.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/can_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Trust of the bridge in CAN frames, in the whole loop: counters after a gap in the
 // feedback, and feedback of two sources.

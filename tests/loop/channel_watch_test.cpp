@@ -1,4 +1,4 @@
-#include "netem/check/channel_watch.hpp"
+#include "netem/fit/channel_watch.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,9 +12,8 @@
 #include "common/scenario/run_settings.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 #include "tools/runs/channel_report.hpp"
-#include "tools/runs/channel_traffic.hpp"
 #include "tools/runs/run_observer.hpp"
 #include "tools/runs/run_summary.hpp"
 

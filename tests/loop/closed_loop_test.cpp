@@ -1,4 +1,4 @@
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 
 #include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Targets of the project for control over a bad network: experiments/control_targets.toml has the
 // whole table. Vehicle in ODE, the paper's path, 4 m/s² of the wheels.

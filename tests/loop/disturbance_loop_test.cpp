@@ -7,12 +7,12 @@
 #include <variant>
 #include <vector>
 
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "controller/laws/law.hpp"
 #include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 namespace tether {
 namespace {

@@ -5,9 +5,9 @@
 #include <tether/scan_t.hpp>
 
 #include "common/base/errors.hpp"
-#include "common/bus/message_io.hpp"
 #include "common/fleet/fleet.hpp"
 #include "common/fleet/own_keys.hpp"
+#include "common/node/message_io.hpp"
 #include "common/path/path_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "sim/sensor/sensor_settings.hpp"

@@ -5,13 +5,13 @@
 #include <thread>
 
 #include "common/base/errors.hpp"
-#include "common/bus/message_io.hpp"
 #include "common/fleet/fleet.hpp"
+#include "common/node/message_io.hpp"
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/runs/fleet_observer.hpp"
+#include "tools/runs/run_observer.hpp"
 
 namespace tether {
 namespace {

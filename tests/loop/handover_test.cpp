@@ -12,7 +12,7 @@
 #include "common/base/random.hpp"
 #include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 namespace tether {
 namespace {

@@ -13,7 +13,7 @@
 #include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 
 // The whole loop with the kinematic plant.

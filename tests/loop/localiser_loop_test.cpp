@@ -18,7 +18,7 @@
 #include "tests/loop/lockstep_rig.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 namespace tether {
 namespace {

@@ -9,22 +9,22 @@
 #include <utility>
 #include <vector>
 
-#include "autonomy/node/autonomy_node.hpp"
-#include "common/bus/message_io.hpp"
 #include "common/fleet/fleet.hpp"
-#include "common/lockstep/channels.hpp"
-#include "common/lockstep/member.hpp"
-#include "common/loop/node_group.hpp"
-#include "common/onboard/onboard_settings.hpp"
+#include "common/lcm/lockstep_bus.hpp"
+#include "common/lcm/lockstep_member.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/node.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/world/onboard_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/node/controller_node.hpp"
-#include "localiser/node/localiser_node.hpp"
 #include "netem/relay/netem_node.hpp"
-#include "sim/node/sim_fleet.hpp"
+#include "onboard/autonomy/autonomy_node.hpp"
+#include "onboard/localiser/localiser_node.hpp"
+#include "sim/node/sim_node.hpp"
 #include "tests/support/peer_bus.hpp"
-#include "tools/lockstep/time_manager.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
+#include "tools/nodes/time_manager.hpp"
 
 namespace tether::test {
 

@@ -12,12 +12,12 @@
 #include <type_traits>
 #include <vector>
 
-#include "common/bus/message_io.hpp"
 #include "common/fleet/fleet.hpp"
+#include "common/node/message_io.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
-#include "tools/runs/fleet_observer.hpp"
+#include "tools/nodes/closed_loop.hpp"
+#include "tools/runs/run_observer.hpp"
 
 // Every number of every message that a closed loop sends is repeated with 0, −1, huge, tiny and
 // undefined values, as by a peer that is broken: no node ends, and what the run says is numbers.

@@ -7,12 +7,12 @@
 #include <utility>
 #include <vector>
 
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "sim/node/sim_node.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/support/virtual_world.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // The channel's models in the whole loop, in virtual time.
 

@@ -9,8 +9,8 @@
 #include "common/fleet/fleet.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
-#include "tools/runs/fleet_observer.hpp"
+#include "tools/nodes/closed_loop.hpp"
+#include "tools/runs/run_observer.hpp"
 
 // Every key that takes a number gets 0, −1, huge, tiny and undefined ones: each is refused under
 // the key's name, or makes a run whose results are numbers.

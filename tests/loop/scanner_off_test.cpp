@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 
 // Who has no scanner has the runs of before there were scanners, to the last bit.
 

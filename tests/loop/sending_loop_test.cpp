@@ -2,8 +2,7 @@
 
 #include "common/scenario/scenario.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
-#include "tools/runs/fleet_observer.hpp"
+#include "tools/nodes/closed_loop.hpp"
 #include "tools/runs/metric.hpp"
 #include "tools/runs/run_observer.hpp"
 

@@ -5,9 +5,9 @@
 #include <tuple>
 #include <vector>
 
-#include "margin/loop/loop_margins.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/margin/loop_margins.hpp"
+#include "tools/nodes/closed_loop.hpp"
 #include "tools/runs/run_observer.hpp"
 
 // The theory of the linear loop, against the loop that ships: controller, relay,

@@ -10,11 +10,11 @@
 #include "common/path/path_settings.hpp"
 #include "common/scenario/scenario.hpp"
 #include "controller/laws/pid_law.hpp"
-#include "controller/laws/tracking_feedback.hpp"
-#include "margin/loop/loop_margins.hpp"
-#include "margin/loop/survival.hpp"
-#include "margin/theory/sampled_loop.hpp"
+#include "controller/laws/tracking_law.hpp"
 #include "tests/support/source_dir.hpp"
+#include "tools/margin/loop_margins.hpp"
+#include "tools/margin/sampled_loop.hpp"
+#include "tools/margin/survival.hpp"
 
 namespace tether {
 namespace {

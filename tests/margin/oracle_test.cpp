@@ -5,8 +5,8 @@
 #include <cmath>
 #include <optional>
 
-#include "margin/theory/intersample.hpp"
-#include "margin/theory/mean_square.hpp"
+#include "tools/margin/intersample.hpp"
+#include "tools/margin/mean_square.hpp"
 
 // Values of other people's programs for sampled loops: the tests of JitterTime.jl (commit 20d58bf;
 // Cervin and others, MIT), the example "multirate" of Jitterbug's manual, and jitter that

@@ -5,12 +5,9 @@
 #include <cmath>
 #include <unsupported/Eigen/KroneckerProduct>
 
-#include "margin/theory/almost_sure.hpp"
-#include "margin/theory/critical.hpp"
-#include "margin/theory/delay_margin.hpp"
-#include "margin/theory/linear_trial.hpp"
-#include "margin/theory/mean_square.hpp"
-#include "margin/theory/sampled_loop.hpp"
+#include "tools/margin/mean_square.hpp"
+#include "tools/margin/sampled_loop.hpp"
+#include "tools/margin/verification.hpp"
 
 namespace tether {
 namespace {

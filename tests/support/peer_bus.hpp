@@ -6,7 +6,7 @@
 #include <string_view>
 #include <utility>
 
-#include "common/bus/in_process_bus.hpp"
+#include "common/node/in_process_bus.hpp"
 
 namespace tether::test {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "common/bus/bus.hpp"
+#include "common/node/bus.hpp"
 
 namespace tether::test {
 

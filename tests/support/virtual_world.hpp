@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/bus/in_process_bus.hpp"
-#include "common/bus/message_io.hpp"
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/in_process_bus.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/virtual_loop.hpp"
 
 namespace tether::test {
 

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "tools/base/process.hpp"
-#include "tools/base/write_file.hpp"
+#include "tools/base/replacing_output.hpp"
 
 namespace tether {
 

@@ -7,7 +7,7 @@
 #include <csignal>
 #include <cstdlib>
 
-#include "common/base/system_error.hpp"
+#include "common/base/errors.hpp"
 
 namespace tether {
 

@@ -5,7 +5,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "common/base/system_error.hpp"
+#include "common/base/errors.hpp"
 
 namespace tether {
 

@@ -4,8 +4,8 @@
 #include <tether/drivetrain_state_t.hpp>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "common/bus/channel_names.hpp"
-#include "common/bus/message_io.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 

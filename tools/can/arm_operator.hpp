@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <string>
 
-#include "common/bus/bus.hpp"
-#include "common/bus/stream_guard.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/event_loop.hpp"
+#include "common/node/stream_guard.hpp"
 #include "common/scenario/scenario.hpp"
 
 namespace tether {

@@ -17,7 +17,7 @@
 #include "can_bridge/safety/transmit_whitelist.hpp"
 #include "common/base/errors.hpp"
 #include "common/base/share.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"

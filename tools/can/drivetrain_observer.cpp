@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "common/base/text.hpp"
-#include "common/bus/channel_names.hpp"
-#include "common/bus/message_io.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/pose.hpp"
 #include "common/vehicle/vehicle_settings.hpp"

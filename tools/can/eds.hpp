@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "can_bridge/canopen/object_ref.hpp"
+#include "can_bridge/bus/object_ref.hpp"
 
 namespace tether {
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -17,16 +18,45 @@
 #include <tether/odometry_t.hpp>
 #include <tether/wheel_feedback_t.hpp>
 
-#include "common/bus/channel_names.hpp"
-#include "common/bus/message_io.hpp"
 #include "common/lcm/lcm_url.hpp"
-#include "common/lcm/open_bus.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/lcm/udpm_bus.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/real_time_loop.hpp"
 #include "common/program/cli.hpp"
-#include "tools/can/request_outcome.hpp"
 #include "tools/can/twist_drive.hpp"
 
 namespace tether {
+
+RequestOutcome judge_request(std::int32_t request, const drivetrain_state_t& state,
+                             Duration since_request) {
+  using State = drivetrain_state_t;
+  using enum RequestOutcome;
+  const std::int32_t s = state.state;
+  // A state from before the bridge had time to react says nothing.
+  const RequestOutcome otherwise = since_request < kReactionTime ? pending : refused;
+  switch (request) {
+    case drive_request_t::ARM:
+      if (s == State::ARMED) return reached;
+      return s == State::ARMING ? pending : otherwise;
+    case drive_request_t::DISARM:
+      if (s == State::STOPPING) return pending;
+      return s == State::ARMED || s == State::ARMING ? otherwise : reached;
+    case drive_request_t::ESTOP:
+      if (s == State::ESTOP) return reached;
+      return s == State::STOPPING ? pending : otherwise;
+    case drive_request_t::ESTOP_RELEASE:
+      if (s != State::ESTOP || !state.reason.starts_with("e-stop pressed")) return reached;
+      return otherwise;
+    case drive_request_t::RESET:
+      if (s == State::DISARMED) return reached;
+      return s == State::STARTING ? pending : otherwise;
+    default:
+      assert(!"a constant of drive_request_t");
+      return refused;
+  }
+}
+
 namespace {
 
 constexpr Duration kBridgeHello = std::chrono::seconds{2};       // a bridge reports at 50 Hz

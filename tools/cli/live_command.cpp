@@ -8,12 +8,10 @@
 
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
-#include "common/program/cli_range.hpp"
-#include "tools/cli/base/scenario_options.hpp"
+#include "tools/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
-#include "tools/cli/view_options.hpp"
-#include "tools/processes/live_session.hpp"
-#include "tools/runs/fleet_summary.hpp"
+#include "tools/cli/view_command.hpp"
+#include "tools/nodes/live_session.hpp"
 #include "tools/runs/run_summary.hpp"
 
 namespace tether {

@@ -9,8 +9,8 @@
 #include "common/base/share.hpp"
 #include "common/base/text.hpp"
 #include "common/program/cli.hpp"
+#include "tools/base/examples.hpp"
 #include "tools/base/process.hpp"
-#include "tools/cli/base/examples.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/netem/netem_commands.hpp"
 

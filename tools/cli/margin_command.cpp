@@ -12,19 +12,18 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
-#include "common/program/cli_range.hpp"
-#include "controller/tube/tube_settings.hpp"
-#include "margin/loop/loop_margins.hpp"
-#include "margin/loop/survival.hpp"
+#include "controller/tube/reach_tube.hpp"
 #include "tools/base/json.hpp"
+#include "tools/base/scenario_options.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
-#include "tools/experiment/design/experiment.hpp"
+#include "tools/experiment/sweep/experiment.hpp"
 #include "tools/experiment/sweep/session.hpp"
 #include "tools/margin/design_search.hpp"
+#include "tools/margin/loop_margins.hpp"
 #include "tools/margin/stability_map.hpp"
-#include "tools/margin/verification_text.hpp"
+#include "tools/margin/survival.hpp"
+#include "tools/margin/verification.hpp"
 
 namespace tether {
 namespace {

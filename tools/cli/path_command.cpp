@@ -12,10 +12,9 @@
 #include "common/path/kinds.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/program/cli.hpp"
-#include "common/program/cli_range.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "tools/base/scenario_options.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
 
 namespace tether {

@@ -8,14 +8,13 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
-#include "common/program/cli_range.hpp"
-#include "tools/base/write_file.hpp"
-#include "tools/cli/base/table.hpp"
+#include "tools/base/replacing_output.hpp"
+#include "tools/base/table.hpp"
 #include "tools/cli/commands.hpp"
-#include "tools/experiment/predict/prediction.hpp"
 #include "tools/experiment/statistics/survival.hpp"
-#include "tools/experiment/store/data.hpp"
-#include "tools/experiment/store/export.hpp"
+#include "tools/experiment/sweep/data.hpp"
+#include "tools/experiment/sweep/export.hpp"
+#include "tools/experiment/sweep/prediction.hpp"
 
 namespace tether {
 namespace {

@@ -10,12 +10,12 @@
 
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
-#include "tools/base/write_file.hpp"
+#include "tools/base/replacing_output.hpp"
 #include "tools/cli/commands.hpp"
-#include "tools/experiment/design/gains.hpp"
-#include "tools/experiment/design/seeds.hpp"
+#include "tools/experiment/sweep/gains.hpp"
+#include "tools/experiment/sweep/seeds.hpp"
 #include "tools/experiment/sweep/session.hpp"
-#include "tools/experiment/tune/tune.hpp"
+#include "tools/experiment/sweep/tune.hpp"
 
 namespace tether {
 namespace {

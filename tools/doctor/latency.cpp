@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/real_time_loop.hpp"
 
 namespace tether {
 namespace {

@@ -15,12 +15,75 @@
 #include "controller/node/controller_node.hpp"
 #include "sim/node/metrics.hpp"
 #include "sim/node/sim_node.hpp"
-#include "tools/gym/action.hpp"
-#include "tools/gym/given_law.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 #include "tools/runs/output_folder.hpp"
 
 namespace tether {
+
+/// Kind of an episode's action.
+enum class ActionKind : std::uint8_t {
+  twist,  ///< [v_mps, omega_radps]: in the place of a law that sends twists
+  plan,   ///< controller.horizon_s / controller.plan_step_ms twists: in the place of one that plans
+  tau,    ///< [tau_s, send]: the scenario's law decides with this look-ahead
+  send,   ///< [send]: the scenario's law decides; from 0.5 on its decision goes out
+};
+
+/// Throws UsageError with the allowed names.
+ActionKind action_kind(const std::string& name);
+
+/// One number of an action or an observation, and what it may be.
+struct NumberSpace {
+  std::string name;
+  double low;
+  double high;
+  bool operator==(const NumberSpace&) const = default;
+};
+
+/// The numbers of an action, a plan's twists one after another. Twists are within
+/// controller.v.limit and controller.omega.limit, look-aheads in [0, 60] s.
+std::vector<NumberSpace> action_space(const Scenario& scenario, ActionKind kind);
+
+/// Throws UsageError for a scenario with which there are no such actions: of several vehicles, with
+/// a law that does something else, or with keys that then do nothing.
+void check_actions(const Scenario& scenario, ActionKind kind);
+
+/// Throws UsageError that names the number that is not finite or not within its space.
+void check_action(std::span<const double> action, std::span<const NumberSpace> space);
+
+/// A law whose decisions are given to it, one before each. Its errors are those of the newest pose
+/// to the path at the decision, as the tracking law's.
+///
+/// Plans begin where the plain predictive law's do: the longest delay of the last poses from now,
+/// not before t = 0. They are based on any plan and never settle. After a pose time-out it is a
+/// plan to stand still.
+class GivenLaw final : public Law {
+ public:
+  GivenLaw(LawContext context, bool plans);
+
+  /// The next decision: v and ω of one twist, or of each of a plan.
+  void give(std::span<const double> twists);
+  /// When the newest plan was decided that a pose has named; nullopt before.
+  std::optional<Instant> acknowledged() const { return acknowledged_; }
+
+  void on_pose(const SeenPose& seen) override;
+  LawOutput decide(Instant now, const SeenPose* newest) override;
+  LawOutput stop(Instant now) override;
+  bool plans_ahead() const override { return plans_; }
+  LawErrors errors() const override { return errors_; }
+  void list_counters(CounterList& out) const override;
+
+ private:
+  LawOutput plan(Instant now, std::vector<Twist> twists);
+
+  LawContext context_;
+  bool plans_;
+  Duration sensor_latency_;
+  DelayEstimate delay_;
+  std::vector<Twist> given_;
+  std::vector<Instant> decided_;  ///< by the plan's id
+  std::optional<Instant> acknowledged_;
+  LawErrors errors_;
+};
 
 /// Settings of an episode, in addition to its scenario.
 struct EpisodeSettings {

@@ -9,12 +9,12 @@
 #include <utility>
 
 #include "common/base/text.hpp"
+#include "tools/log/foxglove_schemas.hpp"
+#include "tools/log/ros2_conversion.hpp"
+#include "tools/log/ros2_messages.hpp"
+#include "tools/log/scene_view.hpp"
 #include "tools/messages/message_json.hpp"
 #include "tools/messages/message_schema.hpp"
-#include "tools/ros2/ros2_conversion.hpp"
-#include "tools/ros2/ros2_schemas.hpp"
-#include "tools/scene/foxglove_schemas.hpp"
-#include "tools/scene/scene_view.hpp"
 
 namespace tether {
 namespace {

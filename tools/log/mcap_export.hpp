@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "tools/log/log_survey.hpp"
-#include "tools/mcap/mcap_writer.hpp"
-#include "tools/scene/scene_setting.hpp"
+#include "tools/log/mcap_writer.hpp"
+#include "tools/log/scene_setting.hpp"
 
 namespace tether {
 

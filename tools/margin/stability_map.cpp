@@ -6,11 +6,11 @@
 
 #include "common/base/errors.hpp"
 #include "controller/laws/controller_settings.hpp"
-#include "margin/loop/loop_margins.hpp"
 #include "netem/channel/settings.hpp"
 #include "tools/base/gnuplot.hpp"
-#include "tools/base/write_file.hpp"
-#include "tools/margin/settled_error.hpp"
+#include "tools/base/replacing_output.hpp"
+#include "tools/margin/design_search.hpp"
+#include "tools/margin/loop_margins.hpp"
 
 namespace tether {
 namespace {

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "common/base/text.hpp"
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 
 namespace tether {
 namespace {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/base/text.hpp"
-#include "common/bus/channel_names.hpp"
+#include "common/node/channel_names.hpp"
 #include "common/version.hpp"
 
 namespace tether {

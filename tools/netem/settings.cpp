@@ -10,14 +10,14 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
-#include "common/bus/channel_names.hpp"
-#include "common/bus/message_io.hpp"
 #include "common/lcm/lcm_url.hpp"
-#include "common/lcm/open_bus.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/lcm/udpm_bus.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "netem/channel/change.hpp"
-#include "netem/relay/setting_requests.hpp"
+#include "netem/relay/live_settings.hpp"
 
 namespace tether {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "tools/base/gnuplot.hpp"
-#include "tools/base/write_file.hpp"
+#include "tools/base/replacing_output.hpp"
 
 namespace tether {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "netem/check/link_expectation.hpp"
+#include "netem/fit/link_expectation.hpp"
 #include "netem/link/link.hpp"
 
 namespace tether {

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "common/bus/bus.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/event_loop.hpp"
 #include "common/scenario/scenario.hpp"
-#include "tools/runs/fleet_observer.hpp"
+#include "tools/runs/run_observer.hpp"
 
 namespace lcm {
 class LogFile;

@@ -9,7 +9,7 @@
 
 #include "common/base/time.hpp"
 #include "common/scenario/scenario.hpp"
-#include "netem/check/channel_watch.hpp"
+#include "netem/fit/channel_watch.hpp"
 #include "tools/runs/run_observer.hpp"
 
 namespace tether {
@@ -56,5 +56,16 @@ std::string trouble_text(const std::map<std::string, std::int64_t>& counters);
 
 /// A few lines for people.
 std::string to_text(const Scenario& scenario, const RunObserver& run, const RunSummary& summary);
+
+/// Result of a run; of a fleet, what it did as a whole, and each vehicle by its name; in words,
+/// the worst few.
+std::string to_json(const Scenario& scenario, const FleetObserver& fleet,
+                    const RunSummary& summary);
+std::string to_text(const Scenario& scenario, const FleetObserver& fleet,
+                    const RunSummary& summary);
+
+/// How a fleet stands at `now`, in two lines: ε in the mean and of the worst vehicle, up to now;
+/// how many are lost, and collisions. Empty for a vehicle that is alone.
+std::vector<std::string> fleet_now(const FleetObserver& fleet, Instant now);
 
 }  // namespace tether

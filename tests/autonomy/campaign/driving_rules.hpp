@@ -2,9 +2,9 @@
 
 #include <string>
 
-#include "autonomy/node/onboard_driver.hpp"
 #include "common/base/time.hpp"
-#include "common/onboard/stopping_field.hpp"
+#include "common/world/stopping_field.hpp"
+#include "onboard/autonomy/onboard_driver.hpp"
 
 namespace tether::test {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "autonomy/node/onboard_driver.hpp"
+#include "onboard/autonomy/onboard_driver.hpp"
 
 namespace tether::test {
 

@@ -1,8 +1,7 @@
-#include "autonomy/field/motion_track.hpp"
-
 #include <gtest/gtest.h>
 
-#include "autonomy/field/swept_way.hpp"
+#include "onboard/autonomy/obstacle_field.hpp"
+#include "onboard/autonomy/swept_way.hpp"
 
 namespace tether {
 namespace {

@@ -1,4 +1,4 @@
-#include "autonomy/field/obstacle_field.hpp"
+#include "onboard/autonomy/obstacle_field.hpp"
 
 #include <gtest/gtest.h>
 

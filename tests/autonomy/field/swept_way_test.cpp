@@ -1,4 +1,4 @@
-#include "autonomy/field/swept_way.hpp"
+#include "onboard/autonomy/swept_way.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,10 @@
-#include "autonomy/follow/path_follower.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "autonomy/field/swept_way.hpp"
 #include "common/scenario/scenario.hpp"
+#include "onboard/autonomy/onboard_driver.hpp"
+#include "onboard/autonomy/swept_way.hpp"
 
 namespace tether {
 namespace {

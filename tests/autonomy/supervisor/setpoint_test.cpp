@@ -1,10 +1,9 @@
-#include "autonomy/supervisor/setpoint.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "common/base/random.hpp"
+#include "onboard/autonomy/supervisor.hpp"
 
 namespace tether {
 namespace {

@@ -1,4 +1,4 @@
-#include "autonomy/supervisor/supervisor.hpp"
+#include "onboard/autonomy/supervisor.hpp"
 
 #include <gtest/gtest.h>
 

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "autonomy/node/onboard_driver.hpp"
 #include "common/base/counters.hpp"
 #include "common/scenario/scenario.hpp"
+#include "onboard/autonomy/onboard_driver.hpp"
 #include "tests/autonomy/support/scanner.hpp"
 
 namespace tether::test {

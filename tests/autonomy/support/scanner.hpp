@@ -5,7 +5,7 @@
 #include <numbers>
 #include <vector>
 
-#include "common/onboard/scan.hpp"
+#include "common/world/scan.hpp"
 #include "common/world/shape.hpp"
 #include "tests/support/shapes.hpp"
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "can_bridge/agilex/v2_profile.hpp"
-#include "can_bridge/cia402/profile/profile.hpp"
-#include "can_bridge/emulated/cia402.hpp"
+#include "can_bridge/cia402/profile.hpp"
+#include "can_bridge/emulated/node.hpp"
 #include "can_bridge/profiles/emulation.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "tests/can_bridge/agilex/v2_rig.hpp"

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/virtual_loop.hpp"
 
 namespace tether {
 namespace {

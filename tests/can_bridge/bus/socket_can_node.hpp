@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "can_bridge/bus/socket_can_port.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/real_time_loop.hpp"
 
 namespace tether::test {
 

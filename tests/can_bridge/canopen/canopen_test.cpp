@@ -1,4 +1,4 @@
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
-#include "can_bridge/canopen/sdo_client.hpp"
+#include "can_bridge/bus/sdo_client.hpp"
 
 #include <gtest/gtest.h>
 
 #include <chrono>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 
 namespace tether {
 namespace {

@@ -1,4 +1,4 @@
-#include "can_bridge/canopen/sdo_upload.hpp"
+#include "can_bridge/bus/sdo_upload.hpp"
 
 #include <gmock/gmock.h>
 

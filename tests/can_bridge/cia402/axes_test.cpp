@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/drives/axes.hpp"
+#include "can_bridge/cia402/axes.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/drives/axis.hpp"
+#include "can_bridge/cia402/axis.hpp"
 
 #include <gtest/gtest.h>
 

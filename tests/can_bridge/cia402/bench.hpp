@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "can_bridge/cia402/profile/profile.hpp"
+#include "can_bridge/cia402/profile.hpp"
 #include "tests/can_bridge/cia402/fake_cia402_drive.hpp"
 
 namespace tether::test {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 #include "can_bridge/cia402/config.hpp"
 
 namespace tether::test {

@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/profile/fault_latch.hpp"
+#include "can_bridge/cia402/fault_latch.hpp"
 
 #include <gtest/gtest.h>
 

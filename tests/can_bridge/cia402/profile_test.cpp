@@ -1,4 +1,4 @@
-#include "can_bridge/cia402/profile/profile.hpp"
+#include "can_bridge/cia402/profile.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

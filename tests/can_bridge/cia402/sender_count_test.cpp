@@ -1,8 +1,8 @@
-#include "can_bridge/cia402/drives/sender_count.hpp"
-
 #include <gtest/gtest.h>
 
 #include <vector>
+
+#include "can_bridge/cia402/axes.hpp"
 
 namespace tether::cia402 {
 namespace {

@@ -1,9 +1,8 @@
-#include "can_bridge/cia402/drives/stage.hpp"
+#include "can_bridge/cia402/stage.hpp"
 
 #include <gtest/gtest.h>
 
-#include "can_bridge/cia402/drives/heartbeat.hpp"
-#include "can_bridge/cia402/drives/nodes.hpp"
+#include "can_bridge/cia402/drives.hpp"
 #include "tests/can_bridge/cia402/bench.hpp"
 
 namespace tether::cia402 {

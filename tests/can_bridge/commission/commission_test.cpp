@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/emulated/cia402.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/emulated/node.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "tests/support/source_dir.hpp"
 

@@ -5,8 +5,8 @@
 
 #include <map>
 
-#include "can_bridge/canopen/canopen.hpp"
-#include "can_bridge/cia402/texts.hpp"
+#include "can_bridge/bus/canopen.hpp"
+#include "can_bridge/cia402/config.hpp"
 #include "can_bridge/commission/trials.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "tests/support/source_dir.hpp"

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "can_bridge/emulated/cia402.hpp"
+#include "can_bridge/emulated/node.hpp"
 #include "common/base/time.hpp"
 
 namespace tether::test {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "can_bridge/canopen/object_dictionary.hpp"
+#include "can_bridge/bus/object_dictionary.hpp"
 #include "tests/can_bridge/emulated/drive_rig.hpp"
 
 namespace tether {

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 #include "can_bridge/cia402/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
-#include "can_bridge/emulated/cia402.hpp"
+#include "can_bridge/emulated/node.hpp"
 #include "can_bridge/profiles/profiles.hpp"
 #include "common/vehicle/vehicle_config.hpp"
 #include "tests/support/source_dir.hpp"

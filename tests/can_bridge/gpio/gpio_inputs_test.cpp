@@ -1,4 +1,4 @@
-#include "can_bridge/gpio/gpio_inputs.hpp"
+#include "can_bridge/safety/gpio_inputs.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "can_bridge/motion/follow_monitor.hpp"
+#include "can_bridge/safety/follow_monitor.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "can_bridge/motion/ramp_watch.hpp"
+#include "can_bridge/safety/ramp_watch.hpp"
 
 #include <gtest/gtest.h>
 

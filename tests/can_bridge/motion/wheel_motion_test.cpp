@@ -1,4 +1,4 @@
-#include "can_bridge/motion/wheel_motion.hpp"
+#include "can_bridge/safety/wheel_motion.hpp"
 
 #include <gtest/gtest.h>
 

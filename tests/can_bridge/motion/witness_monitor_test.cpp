@@ -1,4 +1,4 @@
-#include "can_bridge/motion/witness_monitor.hpp"
+#include "can_bridge/safety/witness_monitor.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,9 +1,8 @@
-#include "can_bridge/node/autonomy_watch.hpp"
-
 #include <gtest/gtest.h>
 
 #include <limits>
 
+#include "can_bridge/node/can_bridge_node.hpp"
 #include "common/scenario/scenario.hpp"
 #include "tests/support/virtual_world.hpp"
 

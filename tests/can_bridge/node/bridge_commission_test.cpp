@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "can_bridge/canopen/canopen.hpp"
+#include "can_bridge/bus/canopen.hpp"
 #include "can_bridge/commission/trials.hpp"
 #include "tests/can_bridge/node/bridge_rig.hpp"
 #include "tests/support/source_dir.hpp"

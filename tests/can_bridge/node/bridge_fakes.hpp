@@ -10,7 +10,7 @@
 #include "can_bridge/bus/can_port.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 #include "can_bridge/profiles/profiles.hpp"
-#include "common/loop/event_loop.hpp"
+#include "common/node/event_loop.hpp"
 
 namespace tether::test {
 

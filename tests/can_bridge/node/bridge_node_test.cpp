@@ -12,7 +12,7 @@
 
 #include "can_bridge/drivetrain/can_settings.hpp"
 #include "can_bridge/node/can_bridge_node.hpp"
-#include "common/actuator/actuator_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tests/can_bridge/node/bridge_rig.hpp"
 #include "tests/common/actuator/plan_rig.hpp"

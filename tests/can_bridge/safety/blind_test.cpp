@@ -1,4 +1,4 @@
-#include "can_bridge/safety/blind_budget.hpp"
+#include "can_bridge/safety/command_watch.hpp"
 #include "tests/can_bridge/safety/random_limits.hpp"
 #include "tests/can_bridge/safety/rig.hpp"
 #include "tests/common/actuator/plan_rig.hpp"

@@ -1,4 +1,4 @@
-#include "common/actuator/actuator_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "tests/can_bridge/safety/rig.hpp"
 #include "tests/common/actuator/plan_rig.hpp"
 

@@ -1,4 +1,4 @@
-#include "common/actuator/actuator.hpp"
+#include "common/vehicle/actuator.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <map>
 #include <string>
 
-#include "common/actuator/actuator_policy.hpp"
 #include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator_policy.hpp"
 #include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/table_rows.hpp"
 #include "tests/support/virtual_world.hpp"
@@ -118,7 +118,7 @@ INSTANTIATE_TEST_SUITE_P(Actuator, EachPolicy,
                          [](const auto& info) { return info.param; });
 
 TEST(ActuatorPolicyTable, HasARowForEachPolicyThatOurSourcesDefineOnce) {
-  test::expect_has_all_rows(actuator_policies(), "common/actuator", "ActuatorPolicy", "_policy");
+  test::expect_has_all_rows(actuator_policies(), "common/vehicle", "ActuatorPolicy", "_policy");
 }
 
 TEST(ActuatorPolicyTable, EachPolicyIsInForceByItsNameInAScenario) {

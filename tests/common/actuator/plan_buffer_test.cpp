@@ -1,5 +1,3 @@
-#include "common/actuator/plan_buffer.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -8,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "common/vehicle/actuator.hpp"
 #include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/actuator/plan_buffer.hpp"
+#include "common/vehicle/actuator.hpp"
 #include "tests/common/actuator/plan_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 

@@ -5,8 +5,8 @@
 #include <tether/plan_t.hpp>
 #include <vector>
 
-#include "common/actuator/plan.hpp"
 #include "common/base/time.hpp"
+#include "common/vehicle/plan.hpp"
 
 namespace tether::test {
 

@@ -8,7 +8,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
-#include "common/path/curves/waypoints.hpp"
+#include "common/path/waypoints.hpp"
 #include "common/scenario/scenario.hpp"
 
 namespace tether {

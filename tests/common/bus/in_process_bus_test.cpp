@@ -1,12 +1,12 @@
-#include "common/bus/in_process_bus.hpp"
+#include "common/node/in_process_bus.hpp"
 
 #include <gmock/gmock.h>
 
 #include <string>
 #include <vector>
 
-#include "common/bus/channel_names.hpp"
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/channel_names.hpp"
+#include "common/node/virtual_loop.hpp"
 
 namespace tether {
 namespace {

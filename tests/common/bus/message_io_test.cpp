@@ -1,4 +1,4 @@
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -15,9 +15,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "common/bus/counter_reporter.hpp"
-#include "common/bus/in_process_bus.hpp"
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/counter_reporter.hpp"
+#include "common/node/in_process_bus.hpp"
+#include "common/node/virtual_loop.hpp"
 
 namespace tether {
 namespace {

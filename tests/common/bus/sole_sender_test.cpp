@@ -1,8 +1,8 @@
-#include "common/bus/sole_sender.hpp"
+#include "common/node/sole_sender.hpp"
 
 #include <gmock/gmock.h>
 
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/virtual_loop.hpp"
 
 namespace tether {
 namespace {

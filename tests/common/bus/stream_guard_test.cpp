@@ -1,4 +1,4 @@
-#include "common/bus/stream_guard.hpp"
+#include "common/node/stream_guard.hpp"
 
 #include <gmock/gmock.h>
 

@@ -22,8 +22,8 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/bus/message_io.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/real_time_loop.hpp"
 
 namespace tether {
 namespace {

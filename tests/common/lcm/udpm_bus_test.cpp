@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/lcm/lcm_bus.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/real_time_loop.hpp"
 
 namespace tether {
 namespace {

@@ -1,6 +1,6 @@
 // The only tests of common/ that wait for the wall clock. They assert what must hold on a busy
 // machine too: order, instants, counts and "never early", not "soon".
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/real_time_loop.hpp"
 
 #include <gmock/gmock.h>
 #include <unistd.h>

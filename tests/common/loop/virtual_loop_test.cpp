@@ -1,4 +1,4 @@
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/virtual_loop.hpp"
 
 #include <gmock/gmock.h>
 

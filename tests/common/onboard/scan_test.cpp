@@ -1,10 +1,10 @@
-#include "common/onboard/scan.hpp"
+#include "common/world/scan.hpp"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {

@@ -1,11 +1,10 @@
-#include "common/path/figure_eight.hpp"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "common/path/simple_curves.hpp"
 #include "common/vehicle/pose.hpp"
 
 namespace tether {

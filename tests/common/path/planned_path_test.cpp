@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/path/curves/waypoint_curve.hpp"
 #include "common/path/kinds.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/path/simple_curves.hpp"
+#include "common/path/waypoint_curve.hpp"
 #include "common/vehicle/pose.hpp"
 #include "tests/support/source_dir.hpp"
 

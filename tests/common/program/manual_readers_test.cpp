@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "common/program/manual.hpp"
+#include "common/program/cli.hpp"
 #include "tests/common/program/steering_program.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/support/source_dir.hpp"

@@ -1,11 +1,10 @@
-#include "common/program/manual.hpp"
-
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <string>
 
 #include "common/base/errors.hpp"
+#include "common/program/cli.hpp"
 #include "tests/common/program/steering_program.hpp"
 #include "tests/support/folder.hpp"
 

@@ -1,10 +1,10 @@
-#include "common/program/run_senders.hpp"
-
 #include <gmock/gmock.h>
 
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "common/program/presence.hpp"
 
 namespace tether {
 namespace {

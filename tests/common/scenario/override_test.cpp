@@ -3,10 +3,10 @@
 #include <string>
 #include <vector>
 
-#include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/scenario/scenario.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"

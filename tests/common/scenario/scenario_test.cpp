@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "can_bridge/drivetrain/can_settings.hpp"
-#include "common/actuator/actuator_settings.hpp"
 #include "common/base/errors.hpp"
 #include "common/path/path_settings.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"

@@ -8,8 +8,8 @@
 #include "common/base/random.hpp"
 #include "common/vehicle/frames.hpp"
 #include "common/vehicle/motion_model.hpp"
+#include "controller/detour/detour_driver.hpp"
 #include "controller/detour/detour_planner.hpp"
-#include "controller/detour/way_follower.hpp"
 
 namespace tether {
 namespace {

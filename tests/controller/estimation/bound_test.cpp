@@ -20,7 +20,7 @@
 #include <numbers>
 
 #include "common/base/random.hpp"
-#include "controller/estimation/pose_filter.hpp"
+#include "controller/laws/pose_filter.hpp"
 
 namespace tether {
 namespace {

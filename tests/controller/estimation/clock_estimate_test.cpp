@@ -1,6 +1,6 @@
-#include "controller/estimation/clock_estimate.hpp"
-
 #include <gtest/gtest.h>
+
+#include "controller/laws/predictive_law.hpp"
 
 namespace tether {
 namespace {

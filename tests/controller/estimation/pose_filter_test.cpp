@@ -1,4 +1,4 @@
-#include "controller/estimation/pose_filter.hpp"
+#include "controller/laws/pose_filter.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "controller/estimation/wheel_readings.hpp"
+#include "controller/laws/wheel_readings.hpp"
 
 #include <gtest/gtest.h>
 

@@ -12,8 +12,8 @@
 #include <string>
 #include <utility>
 
-#include "common/actuator/plan_buffer.hpp"
 #include "common/base/random.hpp"
+#include "common/vehicle/actuator.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "tests/controller/laws/laws_rig.hpp"
 #include "tests/support/virtual_world.hpp"

@@ -9,7 +9,7 @@
 #include <random>
 #include <utility>
 
-#include "common/actuator/plan_buffer.hpp"
+#include "common/vehicle/actuator.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "tests/controller/laws/laws_rig.hpp"
 #include "tests/support/virtual_world.hpp"

@@ -4,8 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "controller/mpc/box_qp.hpp"
-#include "controller/mpc/mpc_planner.hpp"
+#include "controller/laws/mpc_planner.hpp"
 #include "tests/controller/laws/laws_rig.hpp"
 #include "tests/support/virtual_world.hpp"
 

@@ -1,8 +1,8 @@
-#include "controller/node/command_sending.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
+
+#include "controller/node/controller_node.hpp"
 
 namespace tether {
 namespace {

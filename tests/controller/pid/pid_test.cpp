@@ -1,11 +1,9 @@
-#include "controller/pid/pid.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "common/path/figure_eight.hpp"
+#include "common/path/simple_curves.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/pid_law.hpp"
 #include "tests/support/virtual_world.hpp"

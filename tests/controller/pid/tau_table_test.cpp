@@ -1,11 +1,10 @@
-#include "controller/pid/tau_table.hpp"
-
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <sstream>
 
 #include "common/base/errors.hpp"
+#include "controller/laws/pid_law.hpp"
 #include "tests/support/source_dir.hpp"
 
 namespace tether {

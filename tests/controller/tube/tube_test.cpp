@@ -17,7 +17,7 @@
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
-#include "controller/tube/tube_settings.hpp"
+#include "controller/tube/reach_tube.hpp"
 #include "sim/plant/drive_errors.hpp"
 #include "sim/plant/kinematic_vehicle.hpp"
 #include "tests/support/source_dir.hpp"

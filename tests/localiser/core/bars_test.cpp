@@ -9,7 +9,7 @@
 #include <iostream>
 #include <thread>
 
-#include "localiser/matching/symmetric.hpp"
+#include "onboard/localiser/scan_match.hpp"
 #include "tests/localiser/drive.hpp"
 #include "tests/support/number_from.hpp"
 

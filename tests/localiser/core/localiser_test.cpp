@@ -1,4 +1,4 @@
-#include "localiser/core/localiser.hpp"
+#include "onboard/localiser/localiser.hpp"
 
 #include <gtest/gtest.h>
 

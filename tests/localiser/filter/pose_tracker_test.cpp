@@ -1,4 +1,4 @@
-#include "localiser/filter/pose_tracker.hpp"
+#include "onboard/localiser/pose_tracker.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "localiser/map/distance_field.hpp"
+#include "onboard/localiser/distance_field.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,6 @@
 #include <cmath>
 
 #include "common/base/errors.hpp"
-#include "localiser/map/distance_transform.hpp"
 #include "tests/localiser/hall.hpp"
 
 namespace tether {

@@ -1,7 +1,6 @@
-#include "localiser/matching/beams.hpp"
-
 #include <gtest/gtest.h>
 
+#include "onboard/localiser/scan_match.hpp"
 #include "tests/localiser/hall.hpp"
 
 namespace tether {

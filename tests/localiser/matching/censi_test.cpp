@@ -1,5 +1,5 @@
 // The bound, against derivatives of ranges that are cast, and against closed forms.
-#include "localiser/matching/censi.hpp"
+#include "onboard/localiser/censi.hpp"
 
 #include <gtest/gtest.h>
 

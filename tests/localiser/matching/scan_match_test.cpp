@@ -1,5 +1,5 @@
 // The scan-to-map match against Censi's bound, which no unbiased estimate can beat.
-#include "localiser/matching/scan_match.hpp"
+#include "onboard/localiser/scan_match.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "localiser/node/localiser_node.hpp"
+#include "onboard/localiser/localiser_node.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

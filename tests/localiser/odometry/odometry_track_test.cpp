@@ -1,4 +1,4 @@
-#include "localiser/odometry/odometry_track.hpp"
+#include "onboard/localiser/odometry_track.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "localiser/search/pose_search.hpp"
+#include "onboard/localiser/pose_search.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "netem/check/tc_export.hpp"
+#include "netem/fit/tc_export.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -12,7 +12,7 @@
 #include <ctime>
 #include <stdexcept>
 
-#include "common/base/system_error.hpp"
+#include "common/base/errors.hpp"
 
 namespace tether::test {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "netem/relay/channel_control.hpp"
+#include "netem/relay/live_settings.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/virtual_world.hpp"

@@ -1,9 +1,10 @@
+#include "netem/link/link.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "netem/channel/settings.hpp"
-#include "netem/link/delay_histogram.hpp"
 #include "netem/models/state_process.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tests/netem/stages/stage_rig.hpp"

@@ -6,7 +6,6 @@
 #include <map>
 
 #include "netem/medium/ofdm_errors.hpp"
-#include "netem/medium/radio_links.hpp"
 #include "netem/medium/shared_medium.hpp"
 #include "netem/medium/wifi_stations.hpp"
 #include "tests/support/refusal.hpp"

@@ -5,8 +5,8 @@
 #include <map>
 #include <set>
 
-#include "netem/medium/radio_links.hpp"
 #include "netem/medium/shared_medium.hpp"
+#include "netem/medium/wifi_stations.hpp"
 #include "tests/support/refusal.hpp"
 
 namespace tether {

@@ -1,10 +1,9 @@
-#include "netem/medium/traffic_presets.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
+#include "netem/medium/medium_section.hpp"
 #include "tests/support/refusal.hpp"
 
 namespace tether {

@@ -1,4 +1,4 @@
-#include "netem/playback/indoor_factory.hpp"
+#include "netem/models/indoor_factory.hpp"
 
 #include <gtest/gtest.h>
 

@@ -8,8 +8,7 @@
 
 #include "common/base/errors.hpp"
 #include "netem/models/map_process.hpp"
-#include "netem/playback/position_map.hpp"
-#include "netem/playback/shadowing.hpp"
+#include "netem/models/shadowing.hpp"
 #include "tests/support/refusal.hpp"
 
 namespace tether {

@@ -1,5 +1,3 @@
-#include "netem/relay/relay_node.hpp"
-
 #include <gmock/gmock.h>
 
 #include <map>
@@ -13,7 +11,8 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/loop/virtual_loop.hpp"
+#include "common/node/virtual_loop.hpp"
+#include "netem/relay/relay_rule.hpp"
 #include "tests/support/peer_bus.hpp"
 #include "tests/support/virtual_world.hpp"
 

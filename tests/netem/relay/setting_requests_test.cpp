@@ -1,7 +1,6 @@
-#include "netem/relay/setting_requests.hpp"
-
 #include <gmock/gmock.h>
 
+#include "netem/relay/live_settings.hpp"
 #include "tests/support/virtual_world.hpp"
 
 namespace tether {

@@ -10,10 +10,9 @@
 #include "netem/models/four_state.hpp"
 #include "netem/models/gilbert_elliott.hpp"
 #include "netem/models/markov.hpp"
+#include "netem/statistics/channel_check.hpp"
 #include "netem/statistics/channel_expectation.hpp"
-#include "netem/statistics/delay_statistics.hpp"
 #include "netem/statistics/loss_record.hpp"
-#include "netem/statistics/sojourn_statistics.hpp"
 #include "tests/netem/link/loss_rig.hpp"
 
 namespace tether {

@@ -1,4 +1,4 @@
-#include "sim/lidar/lidar_model.hpp"
+#include "sim/sensor/lidar_model.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
-#include "sim/lidar/lidar_settings.hpp"
+#include "sim/sensor/lidar_settings.hpp"
 
 namespace tether {
 namespace {

@@ -1,4 +1,4 @@
-#include "sim/lidar/ray_caster.hpp"
+#include "sim/sensor/ray_caster.hpp"
 
 #include <gtest/gtest.h>
 

@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "common/actuator/actuator.hpp"
-#include "common/actuator/actuator_settings.hpp"
+#include "common/vehicle/actuator.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/diff_drive.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/plant/plant.hpp"

@@ -3,7 +3,7 @@
 #include <tether/scan_part_t.hpp>
 #include <tether/scan_t.hpp>
 
-#include "common/onboard/scan.hpp"
+#include "common/world/scan.hpp"
 #include "sim/node/sim_node.hpp"
 #include "tests/support/virtual_world.hpp"
 

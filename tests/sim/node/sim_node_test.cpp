@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/actuator/actuator_settings.hpp"
 #include "common/scenario/run_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/sensor/sensor_settings.hpp"
 #include "tests/support/virtual_world.hpp"

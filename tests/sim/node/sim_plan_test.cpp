@@ -11,7 +11,7 @@
 #include <tether/pose_t.hpp>
 #include <vector>
 
-#include "common/actuator/actuator_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
 #include "sim/sensor/sensor_settings.hpp"

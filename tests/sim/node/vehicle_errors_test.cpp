@@ -4,7 +4,7 @@
 #include <cmath>
 #include <memory>
 
-#include "common/actuator/actuator_settings.hpp"
+#include "common/vehicle/actuator_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "sim/node/sim_node.hpp"
 #include "sim/plant/drive_errors.hpp"

@@ -1,5 +1,3 @@
-#include "sim/node/wheel_coupling.hpp"
-
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -8,6 +6,7 @@
 #include <vector>
 
 #include "common/vehicle/vehicle_settings.hpp"
+#include "sim/node/sim_node.hpp"
 #include "sim/plant/ode_vehicle.hpp"
 #include "tests/support/virtual_world.hpp"
 

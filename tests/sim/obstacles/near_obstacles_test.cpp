@@ -1,4 +1,4 @@
-#include "sim/obstacles/near_obstacles.hpp"
+#include "sim/plant/near_obstacles.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,3 @@
-#include "sim/obstacles/touch.hpp"
-
 #include <gtest/gtest.h>
 #include <ode/ode.h>
 
@@ -7,6 +5,7 @@
 #include <numbers>
 
 #include "common/base/random.hpp"
+#include "sim/plant/near_obstacles.hpp"
 
 namespace tether {
 namespace {

@@ -8,7 +8,6 @@
 #include "common/vehicle/grip.hpp"
 #include "sim/plant/ode_vehicle.hpp"
 #include "sim/plant/ode_world.hpp"
-#include "sim/plant/tyre.hpp"
 #include "tests/sim/plant/plant_rig.hpp"
 
 namespace tether {

@@ -1,10 +1,10 @@
 // The brush tyre alone, against its closed form.
 
-#include "sim/plant/tyre.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
+
+#include "sim/plant/ode_world.hpp"
 
 namespace tether {
 namespace {

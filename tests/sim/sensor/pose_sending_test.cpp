@@ -1,11 +1,11 @@
-#include "sim/sensor/pose_sending.hpp"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <vector>
+
+#include "sim/sensor/pose_sensor.hpp"
 
 namespace tether {
 namespace {

@@ -3,7 +3,7 @@
 #include <tether/drive_request_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
 
-#include "tools/can/request_outcome.hpp"
+#include "tools/can/operator.hpp"
 
 namespace tether {
 namespace {

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/experiment/store/run_store.hpp"
+#include "tools/experiment/sweep/run_store.hpp"
 
 namespace tether {
 namespace {

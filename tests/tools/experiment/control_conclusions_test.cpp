@@ -7,9 +7,9 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/experiment/design/experiment.hpp"
 #include "tools/experiment/statistics/comparison.hpp"
 #include "tools/experiment/statistics/survival.hpp"
+#include "tools/experiment/sweep/experiment.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "common/path/figure_eight.hpp"
+#include "common/path/simple_curves.hpp"
 #include "tests/support/folder.hpp"
 #include "tests/support/tex.hpp"
 #include "tests/tools/experiment/laws.hpp"

@@ -10,8 +10,8 @@
 #include "common/base/errors.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/base/write_file.hpp"
-#include "tools/experiment/design/experiment.hpp"
+#include "tools/base/replacing_output.hpp"
+#include "tools/experiment/sweep/experiment.hpp"
 
 namespace tether::test {
 

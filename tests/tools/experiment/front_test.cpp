@@ -1,4 +1,4 @@
-#include "tools/experiment/tune/front.hpp"
+#include "tools/experiment/sweep/front.hpp"
 
 #include <gmock/gmock.h>
 

@@ -1,4 +1,4 @@
-#include "tools/experiment/design/gains.hpp"
+#include "tools/experiment/sweep/gains.hpp"
 
 #include <gmock/gmock.h>
 

@@ -2,7 +2,7 @@
 
 #include "common/scenario/run_settings.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/experiment/design/experiment.hpp"
+#include "tools/experiment/sweep/experiment.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
 #include "tools/runs/metric.hpp"
 

@@ -1,4 +1,4 @@
-#include "tools/experiment/store/never_commanded.hpp"
+#include "tools/experiment/sweep/never_commanded.hpp"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "tools/experiment/predict/prediction.hpp"
+#include "tools/experiment/sweep/prediction.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -8,7 +8,7 @@
 
 #include "common/base/errors.hpp"
 #include "tests/tools/experiment/store.hpp"
-#include "tools/base/write_file.hpp"
+#include "tools/base/replacing_output.hpp"
 
 // Predictions from a sweep, and their comparison with measurements.
 

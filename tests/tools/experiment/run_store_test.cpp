@@ -1,4 +1,4 @@
-#include "tools/experiment/store/run_store.hpp"
+#include "tools/experiment/sweep/run_store.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -15,7 +15,7 @@
 #include "netem/channel/settings.hpp"
 #include "netem/models/trace_process.hpp"
 #include "tests/tools/experiment/store.hpp"
-#include "tools/experiment/store/export.hpp"
+#include "tools/experiment/sweep/export.hpp"
 
 namespace tether {
 namespace {

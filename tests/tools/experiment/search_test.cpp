@@ -1,4 +1,4 @@
-#include "tools/experiment/tune/search.hpp"
+#include "tools/experiment/sweep/search.hpp"
 
 #include <gmock/gmock.h>
 

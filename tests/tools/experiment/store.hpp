@@ -8,8 +8,8 @@
 
 #include "netem/channel/settings.hpp"
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/experiment/store/export.hpp"
-#include "tools/experiment/store/run_store.hpp"
+#include "tools/experiment/sweep/export.hpp"
+#include "tools/experiment/sweep/run_store.hpp"
 
 namespace tether {
 

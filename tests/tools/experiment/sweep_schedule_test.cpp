@@ -5,7 +5,7 @@
 #include <set>
 
 #include "common/base/errors.hpp"
-#include "tools/experiment/sweep/schedule.hpp"
+#include "tools/experiment/sweep/sweep.hpp"
 
 namespace tether {
 namespace {

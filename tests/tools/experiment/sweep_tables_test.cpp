@@ -9,7 +9,7 @@
 #include "tools/experiment/report/figure.hpp"
 #include "tools/experiment/report/report.hpp"
 #include "tools/experiment/report/tables.hpp"
-#include "tools/experiment/store/export.hpp"
+#include "tools/experiment/sweep/export.hpp"
 
 // Tables and means of sweeps whose results are written by the test.
 

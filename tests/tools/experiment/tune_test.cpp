@@ -1,4 +1,4 @@
-#include "tools/experiment/tune/tune.hpp"
+#include "tools/experiment/sweep/tune.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -13,7 +13,7 @@
 #include "netem/channel/settings.hpp"
 #include "tests/support/source_dir.hpp"
 #include "tests/tools/runs/run_files.hpp"
-#include "tools/base/write_file.hpp"
+#include "tools/base/replacing_output.hpp"
 
 namespace tether {
 namespace {

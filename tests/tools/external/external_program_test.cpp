@@ -1,5 +1,3 @@
-#include "tools/external/external_program.hpp"
-
 #include <gtest/gtest.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -8,6 +6,8 @@
 #include <chrono>
 #include <csignal>
 #include <thread>
+
+#include "tools/nodes/external_run.hpp"
 
 namespace tether {
 namespace {

@@ -7,7 +7,7 @@
 #include <tether/controller_report_t.hpp>
 #include <tether/plan_t.hpp>
 
-#include "common/bus/message_io.hpp"
+#include "common/node/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
@@ -15,7 +15,7 @@
 #include "tests/support/folder.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
+#include "tools/nodes/closed_loop.hpp"
 #include "tools/runs/output_folder.hpp"
 
 // Loops whose decisions are asked for outside are the loops of `tether run`.

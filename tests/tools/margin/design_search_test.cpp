@@ -7,9 +7,8 @@
 
 #include "common/base/errors.hpp"
 #include "common/scenario/scenario.hpp"
-#include "margin/loop/straight_loop.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/margin/settled_error.hpp"
+#include "tools/margin/straight_loop.hpp"
 
 // tether margin --find: the answer is what was asked for, and runs with other luck agree with it.
 

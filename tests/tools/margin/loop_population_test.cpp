@@ -1,13 +1,12 @@
-#include "tools/margin/loop_population.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <string>
 #include <vector>
 
-#include "margin/loop/straight_loop.hpp"
 #include "tests/support/source_dir.hpp"
+#include "tools/margin/straight_loop.hpp"
+#include "tools/margin/verification.hpp"
 
 namespace tether {
 namespace {

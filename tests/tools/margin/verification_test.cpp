@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "tests/support/source_dir.hpp"
-#include "tools/experiment/design/experiment.hpp"
+#include "tools/experiment/sweep/experiment.hpp"
 
 // A small part of experiments/margins.toml: what is computed against what simulations have.
 // `tether margin --verify` has the rest, 16 minutes on two cores.

@@ -1,4 +1,4 @@
-#include "tools/mcap/mcap_writer.hpp"
+#include "tools/log/mcap_writer.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

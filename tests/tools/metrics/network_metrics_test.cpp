@@ -8,7 +8,7 @@
 #include <tether/drivetrain_state_t.hpp>
 #include <tether/peer_report_t.hpp>
 
-#include "common/bus/channel_names.hpp"
+#include "common/node/channel_names.hpp"
 
 namespace tether {
 namespace {

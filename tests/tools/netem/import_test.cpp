@@ -1,6 +1,6 @@
 // Measurements of other tools become a trace that the channel takes, or are refused with their
 // line.
-#include "tools/netem/import/import.hpp"
+#include "tools/netem/import.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

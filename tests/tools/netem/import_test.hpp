@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "netem/playback/trace.hpp"
-#include "tools/netem/import/import.hpp"
+#include "netem/models/trace.hpp"
+#include "tools/netem/import.hpp"
 
 namespace tether {
 

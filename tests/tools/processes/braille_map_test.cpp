@@ -1,9 +1,9 @@
-#include "tools/processes/braille_map.hpp"
-
 #include <gmock/gmock.h>
 
 #include <limits>
 #include <numbers>
+
+#include "tools/nodes/dashboard.hpp"
 
 namespace tether {
 namespace {

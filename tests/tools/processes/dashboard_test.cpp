@@ -1,11 +1,11 @@
-#include "tools/processes/dashboard.hpp"
+#include "tools/nodes/dashboard.hpp"
 
 #include <fmt/ranges.h>
 #include <gmock/gmock.h>
 
 #include "tests/support/source_dir.hpp"
-#include "tools/loop/closed_loop.hpp"
-#include "tools/runs/fleet_summary.hpp"
+#include "tools/nodes/closed_loop.hpp"
+#include "tools/runs/run_summary.hpp"
 
 namespace tether {
 namespace {

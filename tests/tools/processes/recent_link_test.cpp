@@ -1,10 +1,8 @@
-#include "tools/processes/recent_link.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "tools/processes/terminal_status.hpp"
+#include "tools/nodes/dashboard.hpp"
 
 namespace tether {
 namespace {

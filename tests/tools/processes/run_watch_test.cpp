@@ -1,6 +1,6 @@
-#include "tools/processes/run_watch.hpp"
-
 #include <gmock/gmock.h>
+
+#include "tools/nodes/live_session.hpp"
 
 namespace tether {
 namespace {

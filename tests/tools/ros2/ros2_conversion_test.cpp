@@ -1,4 +1,4 @@
-#include "tools/ros2/ros2_conversion.hpp"
+#include "tools/log/ros2_conversion.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,9 +10,7 @@
 #include <tether/all_messages.hpp>
 #include <vector>
 
-#include "tools/ros2/cdr_writer.hpp"
-#include "tools/ros2/ros2_messages.hpp"
-#include "tools/ros2/ros2_schemas.hpp"
+#include "tools/log/ros2_messages.hpp"
 
 namespace tether {
 namespace {

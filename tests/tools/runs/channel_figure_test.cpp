@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "netem/channel/settings.hpp"
-#include "netem/check/channel_sample.hpp"
+#include "netem/fit/channel_watch.hpp"
 #include "netem/relay/make_links.hpp"
 #include "tests/support/folder.hpp"
 

@@ -8,9 +8,8 @@
 
 #include "controller/laws/controller_settings.hpp"
 #include "netem/channel/settings.hpp"
-#include "netem/check/channel_watch.hpp"
-#include "netem/check/link_monitor.hpp"
-#include "tools/runs/channel_traffic.hpp"
+#include "netem/fit/channel_watch.hpp"
+#include "tools/runs/channel_report.hpp"
 
 // Links of every kind against what their configuration says of them.
 

@@ -1,5 +1,3 @@
-#include "tools/runs/metric_expression.hpp"
-
 #include <gmock/gmock.h>
 
 #include <cmath>

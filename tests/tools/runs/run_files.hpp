@@ -5,8 +5,7 @@
 #include <string>
 
 #include "tests/support/folder.hpp"
-#include "tools/loop/closed_loop.hpp"
-#include "tools/runs/fleet_summary.hpp"
+#include "tools/nodes/closed_loop.hpp"
 #include "tools/runs/output_folder.hpp"
 #include "tools/runs/run_summary.hpp"
 

@@ -1,4 +1,4 @@
-#include "tools/scene/scene_view.hpp"
+#include "tools/log/scene_view.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/surroundings.hpp"
 #include "tests/support/source_dir.hpp"
-#include "tools/scene/foxglove_schemas.hpp"
+#include "tools/log/foxglove_schemas.hpp"
 
 namespace tether {
 namespace {

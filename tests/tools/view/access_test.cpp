@@ -1,4 +1,4 @@
-#include "tools/view/web/access.hpp"
+#include "tools/view/server/access.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <string>
 
 #include "common/base/errors.hpp"
-#include "tools/view/web/page_folder.hpp"
+#include "tools/view/server/page_folder.hpp"
 
 namespace tether {
 namespace {

@@ -1,8 +1,7 @@
-#include "tools/view/sources/hand_drive.hpp"
-
 #include <gtest/gtest.h>
 
 #include "common/base/errors.hpp"
+#include "tools/view/sources/network_view.hpp"
 
 namespace tether {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/view/session/hub.hpp"
+#include "tools/view/server/hub.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -10,7 +10,7 @@
 
 #include "common/base/errors.hpp"
 #include "netem/channel/settings.hpp"
-#include "tools/view/sources/operator_request.hpp"
+#include "tools/view/sources/network_view.hpp"
 
 namespace tether {
 namespace {

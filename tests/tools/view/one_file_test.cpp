@@ -13,9 +13,9 @@
 
 #include "common/base/errors.hpp"
 #include "tests/support/folder.hpp"
-#include "tools/view/one_file/gzip.hpp"
-#include "tools/view/one_file/one_file_page.hpp"
-#include "tools/view/one_file/recording.hpp"
+#include "tools/view/sources/gzip.hpp"
+#include "tools/view/sources/one_file_page.hpp"
+#include "tools/view/sources/recording.hpp"
 
 namespace tether {
 namespace {

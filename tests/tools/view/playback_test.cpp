@@ -1,4 +1,4 @@
-#include "tools/view/playback/playback.hpp"
+#include "tools/view/server/playback.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,7 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "tools/view/playback/log_index.hpp"
-#include "tools/view/playback/log_player.hpp"
+#include "tools/view/server/log_player.hpp"
 
 namespace tether {
 namespace {

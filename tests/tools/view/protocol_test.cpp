@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/view/protocol/client_message.hpp"
-#include "tools/view/protocol/server_message.hpp"
+#include "tools/view/server/client_message.hpp"
+#include "tools/view/server/server_message.hpp"
 
 namespace tether {
 namespace {

@@ -15,12 +15,10 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/version.hpp"
 #include "tests/tools/experiment/store.hpp"
-#include "tools/experiment/store/sweeps_below.hpp"
 #include "tools/experiment/sweep/run_once.hpp"
+#include "tools/experiment/sweep/sweeps_below.hpp"
 #include "tools/view/sources/log_view.hpp"
-#include "tools/view/swept/made_pages.hpp"
-#include "tools/view/swept/report_site.hpp"
-#include "tools/view/swept/sweep_runs.hpp"
+#include "tools/view/sources/report_site.hpp"
 
 namespace tether {
 namespace {

@@ -13,22 +13,21 @@
 #include <vector>
 
 #include "common/base/errors.hpp"
-#include "common/bus/channel_names.hpp"
+#include "common/node/channel_names.hpp"
 #include "common/program/cli.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 #include "netem/channel/settings.hpp"
-#include "netem/check/channel_watch.hpp"
-#include "netem/check/link_expectation.hpp"
-#include "netem/check/tc_export.hpp"
+#include "netem/fit/channel_watch.hpp"
+#include "netem/fit/link_expectation.hpp"
+#include "netem/fit/tc_export.hpp"
 #include "tools/base/json.hpp"
+#include "tools/base/scenario_options.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/netem/netem_commands.hpp"
 #include "tools/runs/channel_report.hpp"
-#include "tools/runs/channel_traffic.hpp"
 
 namespace tether {
 namespace {

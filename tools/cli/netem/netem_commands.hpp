@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "tools/cli/base/action.hpp"
+#include "tools/base/action.hpp"
 
 namespace tether {
 

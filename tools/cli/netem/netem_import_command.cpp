@@ -9,10 +9,9 @@
 #include "common/base/input_file.hpp"
 #include "common/base/text.hpp"
 #include "common/program/cli.hpp"
-#include "common/program/cli_range.hpp"
 #include "tools/base/text_output.hpp"
 #include "tools/cli/netem/netem_commands.hpp"
-#include "tools/netem/import/import.hpp"
+#include "tools/netem/import.hpp"
 
 namespace tether {
 namespace {

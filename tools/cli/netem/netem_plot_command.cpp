@@ -10,14 +10,14 @@
 #include "common/base/errors.hpp"
 #include "common/program/cli.hpp"
 #include "netem/channel/settings.hpp"
-#include "netem/check/channel_sample.hpp"
+#include "netem/fit/channel_watch.hpp"
 #include "netem/relay/make_links.hpp"
 #include "netem/stages/jitter_laws.hpp"
+#include "tools/base/scenario_options.hpp"
 #include "tools/base/text_output.hpp"
-#include "tools/cli/base/scenario_options.hpp"
 #include "tools/cli/netem/netem_commands.hpp"
 #include "tools/runs/channel_figure.hpp"
-#include "tools/runs/channel_traffic.hpp"
+#include "tools/runs/channel_report.hpp"
 
 namespace tether {
 namespace {

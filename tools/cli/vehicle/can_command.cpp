@@ -14,7 +14,6 @@
 #include "common/base/input_file.hpp"
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
-#include "common/program/cli_range.hpp"
 #include "tools/can/commission.hpp"
 #include "tools/can/drive.hpp"
 #include "tools/can/drive_import.hpp"

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "can_bridge/bus/link_service.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/node/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/service_manager.hpp"
 #include "tools/cli/vehicle/vehicle_commands.hpp"

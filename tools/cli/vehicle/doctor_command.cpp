@@ -7,7 +7,6 @@
 
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
-#include "common/program/cli_range.hpp"
 #include "tools/cli/vehicle/vehicle_commands.hpp"
 #include "tools/doctor/findings.hpp"
 

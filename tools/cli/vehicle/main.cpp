@@ -1,7 +1,7 @@
 #include <CLI/CLI.hpp>
 
 #include "common/program/cli.hpp"
-#include "tools/cli/base/examples.hpp"
+#include "tools/base/examples.hpp"
 #include "tools/cli/vehicle/vehicle_commands.hpp"
 
 // On a vehicle's computer, where there is no `tether`.

@@ -8,16 +8,16 @@
 #include <mutex>
 #include <string>
 
-#include "common/bus/bus.hpp"
 #include "common/lcm/lcm_url.hpp"
-#include "common/lcm/open_bus.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/lcm/udpm_bus.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/real_time_loop.hpp"
 #include "common/program/cli.hpp"
 #include "common/program/service_manager.hpp"
 #include "tools/cli/vehicle/vehicle_commands.hpp"
 #include "tools/metrics/network_metrics.hpp"
-#include "tools/view/web/access.hpp"
-#include "tools/view/web/view_server.hpp"
+#include "tools/view/server/access.hpp"
+#include "tools/view/server/view_server.hpp"
 
 namespace tether {
 namespace {

@@ -6,12 +6,11 @@
 #include <string>
 
 #include "common/base/say.hpp"
-#include "common/bus/bus.hpp"
 #include "common/lcm/lcm_url.hpp"
-#include "common/lcm/open_bus.hpp"
-#include "common/loop/real_time_loop.hpp"
+#include "common/lcm/udpm_bus.hpp"
+#include "common/node/bus.hpp"
+#include "common/node/real_time_loop.hpp"
 #include "common/program/cli.hpp"
-#include "common/program/cli_range.hpp"
 #include "common/program/service_manager.hpp"
 #include "tools/cli/vehicle/vehicle_commands.hpp"
 #include "tools/messages/rotating_log.hpp"

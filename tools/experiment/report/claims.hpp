@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "tools/experiment/report/risk.hpp"
-#include "tools/experiment/store/data.hpp"
-#include "tools/experiment/store/never_commanded.hpp"
+#include "tools/experiment/sweep/data.hpp"
+#include "tools/experiment/sweep/never_commanded.hpp"
 
 namespace tether {
 

@@ -11,8 +11,8 @@
 #include "common/scenario/scenario.hpp"
 #include "common/vehicle/vehicle_settings.hpp"
 #include "tools/experiment/figures/figures.hpp"
-#include "tools/experiment/store/data.hpp"
-#include "tools/runs/metric_expression.hpp"
+#include "tools/experiment/sweep/data.hpp"
+#include "tools/runs/metric.hpp"
 
 namespace tether {
 namespace {

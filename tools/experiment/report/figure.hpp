@@ -4,8 +4,8 @@
 #include <string>
 
 #include "tools/experiment/report/risk.hpp"
-#include "tools/experiment/store/data.hpp"
-#include "tools/experiment/store/run_store.hpp"
+#include "tools/experiment/sweep/data.hpp"
+#include "tools/experiment/sweep/run_store.hpp"
 
 namespace tether {
 

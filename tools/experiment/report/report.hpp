@@ -7,7 +7,7 @@
 #include "tools/experiment/report/claims.hpp"
 #include "tools/experiment/report/risk.hpp"
 #include "tools/experiment/report/tables.hpp"
-#include "tools/experiment/store/run_store.hpp"
+#include "tools/experiment/sweep/run_store.hpp"
 
 namespace tether {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "tools/experiment/figures/figures.hpp"
-#include "tools/experiment/store/run_store.hpp"
+#include "tools/experiment/sweep/run_store.hpp"
 
 namespace tether {
 

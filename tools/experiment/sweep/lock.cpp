@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include "common/base/errors.hpp"
-#include "common/base/system_error.hpp"
 
 namespace tether {
 

@@ -11,10 +11,10 @@
 #include "common/fleet/fleet.hpp"
 #include "common/scenario/run_settings.hpp"
 #include "controller/laws/controller_settings.hpp"
-#include "tools/external/external_run.hpp"
-#include "tools/loop/closed_loop.hpp"
-#include "tools/runs/fleet_observer.hpp"
+#include "tools/nodes/closed_loop.hpp"
+#include "tools/nodes/external_run.hpp"
 #include "tools/runs/metric.hpp"
+#include "tools/runs/run_observer.hpp"
 
 namespace tether {
 namespace {

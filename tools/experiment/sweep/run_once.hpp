@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "common/scenario/scenario.hpp"
-#include "tools/experiment/design/run_result.hpp"
+#include "tools/experiment/sweep/run_result.hpp"
 
 namespace tether {
 

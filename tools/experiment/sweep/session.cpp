@@ -11,7 +11,7 @@
 
 #include "common/base/errors.hpp"
 #include "tools/experiment/statistics/statistics.hpp"
-#include "tools/experiment/store/export.hpp"
+#include "tools/experiment/sweep/export.hpp"
 #include "tools/experiment/sweep/lock.hpp"
 #include "tools/experiment/sweep/progress.hpp"
 #include "tools/experiment/sweep/run_once.hpp"

@@ -3,8 +3,8 @@
 #include <cstddef>
 #include <filesystem>
 
-#include "tools/experiment/design/experiment.hpp"
-#include "tools/experiment/store/identity.hpp"
+#include "tools/experiment/sweep/experiment.hpp"
+#include "tools/experiment/sweep/identity.hpp"
 
 namespace tether {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/scenario/scenario.hpp"
-#include "tools/view/playback/log_player.hpp"
-#include "tools/view/web/view_server.hpp"
+#include "tools/view/server/log_player.hpp"
+#include "tools/view/server/view_server.hpp"
 
 namespace tether {
 

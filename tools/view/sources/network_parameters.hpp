@@ -8,7 +8,7 @@
 
 #include "common/scenario/scenario.hpp"
 #include "netem/channel/change.hpp"
-#include "tools/view/protocol/parameter.hpp"
+#include "tools/view/server/parameter.hpp"
 
 namespace tether {
 

@@ -4,18 +4,103 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
 #include <tether/channel_setting_t.hpp>
 #include <tether/drive_request_t.hpp>
 #include <tether/drivetrain_state_t.hpp>
+#include <utility>
 
 #include "common/base/errors.hpp"
 #include "common/base/text.hpp"
-#include "common/bus/message_io.hpp"
-#include "common/loop/real_time_loop.hpp"
-#include "netem/relay/setting_requests.hpp"
-#include "tools/view/sources/operator_request.hpp"
+#include "common/node/message_io.hpp"
+#include "common/node/real_time_loop.hpp"
+#include "netem/relay/live_settings.hpp"
+#include "tools/base/json.hpp"
 
 namespace tether {
+
+std::int32_t parse_operator_request(std::string_view json) {
+  using Request = drive_request_t;
+  static constexpr std::array<std::pair<const char*, std::int32_t>, 6> kNames{{
+      {"ARM", Request::ARM},
+      {"DISARM", Request::DISARM},
+      {"ESTOP", Request::ESTOP},
+      {"ESTOP_RELEASE", Request::ESTOP_RELEASE},
+      {"RESET", Request::RESET},
+      {"ALIVE", Request::ALIVE},
+  }};
+  const auto message = try_parse_json(json);
+  if (message.is_object() && message.contains("request")) {
+    const auto& wanted = message["request"];
+    for (const auto& [name, number] : kNames) {
+      if (wanted == name || wanted == number) return number;
+    }
+  }
+  throw UsageError(
+      "a request of the drivetrain has to be {\"request\": R} with R one of \"ARM\", \"DISARM\", "
+      "\"ESTOP\", \"ESTOP_RELEASE\", \"RESET\", \"ALIVE\"");
+}
+
+namespace {
+
+/// Simulators send twenty a second.
+constexpr Duration kClockPatience = std::chrono::seconds{1};
+
+double number(const nlohmann::json& twist, const char* name, double limit) {
+  if (twist.is_object() && twist.contains(name) && twist[name].is_number()) {
+    const auto x = twist[name].get<double>();
+    if (std::isfinite(x) && std::abs(x) <= limit) return x;
+  }
+  throw UsageError(
+      "a twist has to be {\"v_mps\": V, \"omega_radps\": W} with V in [-10, 10], W in [-5, 5]");
+}
+
+}  // namespace
+
+void HandDrive::hear(const clock_t& clock, Instant now) {
+  if (clock_ && clock_->run != clock.run) pose_utime_ = -1;
+  clock_ = clock;
+  clock_at_ = now;
+}
+
+void HandDrive::hear(const pose_t& pose) {
+  if (clock_ && pose.run == clock_->run) pose_utime_ = std::max(pose_utime_, pose.utime);
+}
+
+twist_t HandDrive::stamped(double v_mps, double omega_radps, Instant now) {
+  twist_t twist{};
+  const double gone_us = 1e6 * to_seconds(now - clock_at_) * clock_->rate;
+  twist.utime = clock_->utime + std::llround(gone_us);
+  twist.seq = seq_++;
+  twist.run = clock_->run;
+  twist.pose_utime = pose_utime_;
+  twist.v_mps = v_mps;
+  twist.omega_radps = omega_radps;
+  return twist;
+}
+
+twist_t HandDrive::take(ClientId client, std::string_view json, Instant now) {
+  const auto twist = try_parse_json(json);
+  const double v_mps = number(twist, "v_mps", kFastest_mps);
+  const double omega_radps = number(twist, "omega_radps", kFastest_radps);
+  if (!clock_ || now - clock_at_ > kClockPatience) {
+    throw UsageError("there is nothing to drive: no SIM/CLOCK was heard for a second");
+  }
+  if (is_held(now) && *driver_ != client) throw UsageError("another client is driving");
+  driver_ = client;
+  driven_at_ = now;
+  zeros_ = kZeros;
+  return stamped(v_mps, omega_radps, now);
+}
+
+std::optional<twist_t> HandDrive::tick(Instant now) {
+  if (is_held(now) || zeros_ == 0 || !clock_) return std::nullopt;
+  --zeros_;
+  return stamped(0.0, 0.0, now);
+}
+
 namespace {
 
 constexpr Duration kAskAgain = std::chrono::seconds{1};

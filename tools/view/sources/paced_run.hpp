@@ -3,9 +3,9 @@
 #include <functional>
 
 #include "common/base/time.hpp"
-#include "tools/view/playback/playback.hpp"
+#include "tools/view/server/playback.hpp"
+#include "tools/view/server/view_server.hpp"
 #include "tools/view/sources/network_view.hpp"
-#include "tools/view/web/view_server.hpp"
 
 namespace tether {
 

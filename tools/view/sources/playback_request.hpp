@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/view/session/hub.hpp"
+#include "tools/view/server/hub.hpp"
 
 namespace tether {
 

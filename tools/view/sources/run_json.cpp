@@ -16,7 +16,7 @@
 #include "common/vehicle/vehicle_settings.hpp"
 #include "common/world/shape.hpp"
 #include "tools/base/json.hpp"
-#include "tools/view/playback/playback.hpp"
+#include "tools/view/server/playback.hpp"
 
 namespace tether {
 namespace {

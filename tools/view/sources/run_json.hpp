@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/scenario/scenario.hpp"
-#include "tools/scene/scene_setting.hpp"
+#include "tools/log/scene_setting.hpp"
 #include "tools/view/sources/network_parameters.hpp"
 
 namespace tether {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "tools/scene/foxglove_schemas.hpp"
-#include "tools/scene/scene_view.hpp"
+#include "tools/log/foxglove_schemas.hpp"
+#include "tools/log/scene_view.hpp"
 
 namespace tether {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "tools/scene/scene_setting.hpp"
-#include "tools/view/session/derived.hpp"
+#include "tools/log/scene_setting.hpp"
+#include "tools/view/server/derived.hpp"
 
 namespace tether {
 

@@ -1,4 +1,4 @@
-#include "common/path/curves/waypoints.hpp"
+#include "common/path/waypoints.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "netem/medium/cell/scheduled_cell.hpp"
+#include "netem/medium/scheduled_cell.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -6,7 +6,7 @@
 #include <map>
 #include <vector>
 
-#include "netem/medium/cell/scheduled_cell.hpp"
+#include "netem/medium/scheduled_cell.hpp"
 
 // Who is served first, and what of that which waits is kept.
 

@@ -1,4 +1,4 @@
-#include "netem/medium/value/divergence.hpp"
+#include "netem/medium/divergence.hpp"
 
 #include <gtest/gtest.h>
 
