@@ -191,7 +191,7 @@ def vehicle(build, tree, work):
                env=os.environ | {"PKG_CONFIG_PATH": str(hidden)})
     built(tree)
     simulator = [str(path.relative_to(tree)) for path in tree.rglob("*.a") if re.search(
-        r"sim_(plant|node)|tools_(view_(?!web|session|protocol)|experiment|runs|loop)|margin", path.name)]
+        r"sim_(plant|node)|tools_(view_(?!server)|experiment|runs|nodes|margin)", path.name)]
     check(not simulator, f"built for a vehicle: {simulator}")
     prefix, away = work / "prefix", work / "away"
     away.mkdir()
