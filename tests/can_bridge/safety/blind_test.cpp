@@ -396,29 +396,33 @@ TEST_F(Blind, AStopByTheDrivesKeepsToTheBudgetInAnyBendAndAtAnyMoment) {
   }
 }
 
+/// With 2 m/s² the wheels bound gentle bends, too; with 4 m/s² there the ramp does.
 TEST(BlindBudget, KnowsTheWayOfWheelsThatBrakeByThemselves) {
-  BlindBudget budget({.max_time = seconds{10},
-                      .max_distance_m = 0.5,
-                      .deceleration_mps2 = 2.0,
-                      .yaw_deceleration_radps2 = 5.0,
-                      .reaction = milliseconds{200},
-                      .wheel_deceleration_mps2 = 4.0,
-                      .half_track_m = 0.5});
-  budget.update(kStart, 0.0, kStart);
-  // Straight on, where the vehicle's deceleration is the weaker one: 0.2 v + v²/4 = 0.5.
-  const double straight = 2.0 * (std::sqrt(0.04 + 0.5) - 0.2);
-  EXPECT_NEAR(budget.share({2.0, 0.0}) * 2.0, straight, 1e-12);
-  EXPECT_NEAR(budget.speed_beside(0.0), straight, 1e-12);
-  for (const Twist twist : {Twist{2.0, 0.8}, Twist{-2.0, 3.0}, Twist{2.0, 4.0}, Twist{2.0, -4.4},
-                            Twist{-1.0, 6.0}, Twist{0.5, 8.0}}) {
-    const double share = budget.share(twist);
-    const Twist most{share * twist.v_mps, share * twist.omega_radps};
-    ASSERT_LT(share, 1.0);
-    const double by_drives = DrivesStop(most, 1.0, 0.2, 4.0).way_m;
-    const double by_ramp = 0.2 * std::abs(most.v_mps) + most.v_mps * most.v_mps / 4.0;
-    EXPECT_NEAR(std::max(by_drives, by_ramp), 0.5, 1e-3) << twist.omega_radps;
-    EXPECT_NEAR(budget.speed_beside(most.omega_radps), std::abs(most.v_mps), 1e-9)
-        << twist.omega_radps;
+  for (const double wheels_mps2 : {2.0, 4.0}) {
+    BlindBudget budget({.max_time = seconds{10},
+                        .max_distance_m = 0.5,
+                        .deceleration_mps2 = 2.0,
+                        .yaw_deceleration_radps2 = 5.0,
+                        .reaction = milliseconds{200},
+                        .wheel_deceleration_mps2 = wheels_mps2,
+                        .half_track_m = 0.5});
+    budget.update(kStart, 0.0, kStart);
+    // Straight on: 0.2 v + v²/4 = 0.5.
+    const double straight = 2.0 * (std::sqrt(0.04 + 0.5) - 0.2);
+    EXPECT_NEAR(budget.share({2.0, 0.0}) * 2.0, straight, 1e-12);
+    EXPECT_NEAR(budget.speed_beside(0.0), straight, 1e-12);
+    for (const Twist twist : {Twist{2.0, 0.8}, Twist{-2.0, 3.0}, Twist{2.0, 4.0}, Twist{2.0, -4.4},
+                              Twist{-1.0, 6.0}, Twist{0.5, 8.0}}) {
+      const double share = budget.share(twist);
+      const Twist most{share * twist.v_mps, share * twist.omega_radps};
+      ASSERT_LT(share, 1.0);
+      const double by_drives = DrivesStop(most, 1.0, 0.2, wheels_mps2).way_m;
+      const double by_ramp = 0.2 * std::abs(most.v_mps) + most.v_mps * most.v_mps / 4.0;
+      EXPECT_NEAR(std::max(by_drives, by_ramp), 0.5, 1e-3)
+          << wheels_mps2 << " " << twist.omega_radps;
+      EXPECT_NEAR(budget.speed_beside(most.omega_radps), std::abs(most.v_mps), 1e-9)
+          << wheels_mps2 << " " << twist.omega_radps;
+    }
   }
 }
 
@@ -434,6 +438,8 @@ TEST(BlindBudget, KnowsTheTimeOfWheelsThatBrakeByThemselves) {
   // The faster rim, of |v| + 0.5·|ω|, has 0.8 s at 4 m/s².
   EXPECT_NEAR(budget.share({-2.0, 4.0}), 3.2 / 4.0, 1e-12);
   EXPECT_EQ(budget.share({1.2, 4.0}), 1.0);
+  EXPECT_NEAR(budget.share({3.0, 0.0}), 2.4 / 3.0, 1e-12) << "the ramp is weaker straight on";
+  EXPECT_NEAR(budget.share({0.0, 8.0}), 4.8 / 8.0, 1e-12) << "and on the spot";
 }
 
 }  // namespace
