@@ -36,6 +36,53 @@ public_key = "KEY"
 addresses = ["127.0.0.1:7702", ""]
 """
 SHORT = ("--set", "vehicle.plant=kinematic", "--set", "run.duration_s=0.2")
+TUNING = f"""scenario = "{PAPER}"
+seeds = {{ first = 1, last = 2 }}
+quick_seeds = 1
+metric = "epsilon_m"
+most = 10.0
+mean = "geometric"
+start = "centre"
+searches = 1
+evaluations = 4
+quick_evaluations = 4
+rounds = 1
+[set]
+vehicle.plant = "kinematic"
+run.duration_s = 0.2
+[condition."all"]
+channel.prr = 0.5
+[bounds.pid]
+controller.v.p = {{ from = 0.1, to = 3.0, known = [0.5] }}
+[law."PID"]
+bounds = "pid"
+evaluations = 5
+controller.law = "pid"
+"""
+SWEEP = f"""scenario = "{PAPER}"
+seeds = 2
+[set]
+vehicle.plant = "kinematic"
+run.duration_s = 0.2
+[grid]
+channel.prr = [0.5, 1.0]
+"""
+GAINS = """command = "tether tune"
+objective = "epsilon_m"
+[law."one"]
+version = "1"
+conditions = ["all"]
+seeds = [1001, 1002]
+evaluations = 64
+found = [1.5, 1.75]
+before = 2.5
+after = 1.5
+means_before = [2.5]
+means_after = [1.5]
+[law."one".settings]
+[law."one".gains]
+controller.v.p = 0.46
+"""
 PING = "[1700000000.5] 64 bytes from h: icmp_seq=1 ttl=64 time=12.5 ms\n[1700000001.5] 64 bytes from h: icmp_seq=3 ttl=64 time=13 ms\n5 packets transmitted\n"
 
 
@@ -45,9 +92,17 @@ def rows(head, *lines, times=30):
     return "\n".join([head, *(line.format(i) for i, line in enumerate(lines)), *more]) + "\n"
 
 
-def files(bin_dir, public_key):
+def files(bin_dir, public_key, work):
     """name: (content, lines in which numbers are tried, command with FILE, exit codes but for 2)."""
     run = ("tether", "run", PAPER, *SHORT, "--out", "out")
+    hil = ("tether", "run", SOURCE / "scenarios" / "hil_vcan.toml", "--set", "run.duration_s=0.2", "--out", "out", "--set", "can.drivetrain=FILE")
+    room = (SOURCE / "scenarios" / "maps" / "room.yaml").read_text().replace("room.pgm", "hall.pgm")
+    (work / "hall.yaml").write_text(room)
+    (work / "tuned.toml").write_text(f'scenario = "{PAPER}"\nseeds = 3\ngains = "gains.toml"\n[axis.law."one"]\n')
+    (work / "sweep.toml").write_text(SWEEP)
+    (work / "measured.csv").write_text("channel.prr,epsilon_m\n0.5,0.27\n0.5,0.28\n")
+    for words in (("sweep", "sweep.toml", "--out", "swept"), ("predict", "swept", "--out", "made.json")):
+        subprocess.run([bin_dir / "tether", *words], cwd=work, check=True, capture_output=True)
     return {
         "trace.csv": (rows("time_s,delay_ms,prr", "{}.0,5.0,1.0", "{}.5,6.0,0.5", times=4), (1, 2),
                       (*run, "--set", "channel.model=trace", "--set", "channel.trace.file=FILE"), (0,)),
@@ -66,9 +121,21 @@ def files(bin_dir, public_key):
         "experiment.toml": (f'scenario = "{PAPER}"\nseeds = 3\n[set]\nvehicle.plant = "kinematic"\nrun.duration_s = 0.2\n[grid]\n'
                             'channel.prr = [0.5, 1.0]\n', range(10),
                             ("tether", "sweep", "FILE", "--dry-run"), (0,)),
-        "drivetrain.toml": ((SOURCE / "drivetrains" / "zlac8015d.toml").read_text(), range(1000),
-                            ("tether", "run", SOURCE / "scenarios" / "hil_vcan.toml", "--set", "run.duration_s=0.2", "--out", "out",
-                             "--set", "can.drivetrain=FILE"), (0,)),
+        "drivetrain.toml": ((SOURCE / "drivetrains" / "zlac8015d.toml").read_text(), range(1000), hil, (0,)),
+        "agilex.toml": ((SOURCE / "drivetrains" / "agilex_v2.toml").read_text(), range(1000), hil, (0,)),
+        "device.eds": ((SOURCE / "tests" / "fuzz" / "seeds" / "eds" / "two_axes.eds").read_text(), range(1000), ("tether", "can", "import", "FILE"), (0,)),
+        "tuning.toml": (TUNING, range(30), ("/bin/sh", "-c", f"rm -rf tuned; exec {bin_dir}/tether tune FILE --quick --jobs=1 --out tuned"), (0,)),
+        "gains.toml": (GAINS, range(30), ("tether", "sweep", "tuned.toml", "--dry-run"), (0,)),
+        "prediction.json": ((work / "made.json").read_text(), range(60), ("tether", "predict", "--check", "FILE", "measured.csv"), (0, 1)),
+        "floor.csv": ("channel.prr,epsilon_m,lost\n0.5,0.27,0\n0.5,0.28,0\n1,0.26,0\n", (1, 2, 3),
+                      ("tether", "predict", "--check", "made.json", "FILE"), (0, 1)),
+        "tau.csv": ("channel.prr,channel.delay_ms,controller.tau_s,plant,epsilon_m\n0.5,0,1,kinematic,2\n0.5,0,2,kinematic,3\n1,0,1,kinematic,1\n1,0,2,kinematic,2\n", (1, 2, 3, 4),
+                    (*run, "--set", "controller.law=pid_adaptive", "--set", "controller.tau_table=FILE"), (0,)),
+        "delays.txt": ("1.5\n2.5\n4.0\n", (0, 1), (*run, "--set", "channel.jitter.law=table", "--set", "channel.jitter.file=FILE"), (0,)),
+        "snr.asc": ("ncols 2\nnrows 2\nxllcorner -9.0\nyllcorner -9.0\ncellsize 9.0\nNODATA_value -9999\n20.0 25.0\n30.0 35.0\n", range(8),
+                    (*run, "--set", "channel.model=map", "--set", "channel.map.file=FILE"), (0,)),
+        "hall.pgm": ("P2\n40 30\n255\n" + ("254 " * 40 + "\n") * 30, (1, 2),
+                     (*run, "--set", "map.file=hall.yaml", "--set", "path.kind=line", "--set", "path.length_m=1"), (0,)),
     }
 
 
@@ -92,7 +159,7 @@ def every_number_is_refused_or_right(test):
     for key in ("own.key", "peer.key"):
         made = test.run("tether-link", "keygen", test.work / key)
         public_keys.append(made.out().strip())
-    for name, (text, lines, command, codes) in files(test.bin, public_keys[1]).items():
+    for name, (text, lines, command, codes) in files(test.bin, public_keys[1], test.work).items():
         file = test.work / name
         shutil.copy(SOURCE / "scenarios" / "maps" / "room.pgm", test.work)
         words = [str(word).replace("FILE", str(file)) for word in (test.bin / command[0], *command[1:])]

@@ -105,8 +105,13 @@ class Reader {
                                    "comment that begins with ;",
                                    printable(line, kLongestValueShown)));
       }
-      section->values[lower(trimmed(line.substr(0, equals)))] = {
-          std::string(trimmed(line.substr(equals + 1))), number};
+      const std::string_view key = trimmed(line.substr(0, equals));
+      const auto [entry, is_new] = section->values.try_emplace(
+          lower(key), Value{std::string(trimmed(line.substr(equals + 1))), number});
+      if (!is_new) {
+        refuse(number, fmt::format("{} stands in line {} of the same section already",
+                                   printable(key, kLongestValueShown), entry->second.line));
+      }
     }
   }
 
