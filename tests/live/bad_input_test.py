@@ -112,7 +112,7 @@ def live_starts_nothing_for_a_bad_scenario(test):
     put_nodes("exec sleep 100")
     for option, culprit in (
         ("--set=run.duration_s=-1", "run.duration_s"),
-        ("--duration=-1", "run.duration_s"),
+        ("--duration=-1", "--duration"),
         ("--set=sensor.rate_hertz=20", "sensor.rate_hertz"),
         ("--lcm-url=udpm://1.2.3.4", "udpm://1.2.3.4"),
     ):

@@ -107,7 +107,7 @@ class Reader {
       }
       const std::string_view key = trimmed(line.substr(0, equals));
       const auto [entry, is_new] = section->values.try_emplace(
-          lower(key), Value{std::string(trimmed(line.substr(equals + 1))), number});
+          lower(key), Section::Value{std::string(trimmed(line.substr(equals + 1))), number});
       if (!is_new) {
         refuse(number, fmt::format("{} stands in line {} of the same section already",
                                    printable(key, kLongestValueShown), entry->second.line));
