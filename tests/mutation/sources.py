@@ -17,6 +17,7 @@ SOURCES = [
     ("onboard/autonomy/onboard_driver.cpp", ["autonomy_test"]),
     ("onboard/localiser/localiser.cpp", ["localiser_test"]),
     ("onboard/localiser/localiser_node.cpp", ["localiser_test"]),
+    ("doors/link/handshake.cpp", ["link_test", "link_paths_test"]),
     ("doors/link/sessions.cpp", ["link_test", "link_paths_test"]),
     ("doors/link/peer_link.cpp", ["link_test", "link_paths_test"]),
     ("doors/link/path_fates.cpp", ["link_paths_test"]),
