@@ -14,6 +14,7 @@ SOURCES = [
     ("common/world/stopping_field.cpp", ["autonomy_test"]),
     ("onboard/autonomy/supervisor.cpp", ["autonomy_test"]),
     ("onboard/autonomy/obstacle_field.cpp", ["autonomy_test"]),
+    ("onboard/autonomy/swept_way.cpp", ["autonomy_test"]),
     ("onboard/autonomy/onboard_driver.cpp", ["autonomy_test"]),
     ("onboard/localiser/localiser.cpp", ["localiser_test"]),
     ("onboard/localiser/localiser_node.cpp", ["localiser_test"]),
