@@ -4,7 +4,6 @@
 #include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
-#include <linux/if.h>
 #include <net/if.h>
 #include <poll.h>
 #include <sys/socket.h>
