@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <regex>
 
 #include "can_bridge/profiles/profiles.hpp"
@@ -21,6 +22,13 @@ std::string variable(const std::string& section, int data_type, const std::strin
   return "[" + section + "]\r\nParameterName=Object " + section +
          "\r\nObjectType=0x7\r\nDataType=0x000" + std::to_string(data_type) +
          "\r\nAccessType=rw\r\nPDOMapping=1\r\n" + more + "\r\n";
+}
+
+/// The text with this section in the place of the one of its name.
+std::string with(std::string text, const std::string& section) {
+  const std::size_t begin = text.find(section.substr(0, section.find(']') + 1));
+  const std::size_t end = std::min(text.find("\n[", begin), text.size() - 1) + 1;
+  return text.replace(begin, end - begin, section);
 }
 
 /// The objects of one axis, "60" or "68".
@@ -138,13 +146,18 @@ TEST(DriveSkeleton, NamesWhatADataSheetCannotSayAndNothingElse) {
 }
 
 TEST(DriveSkeleton, TakesAConfiguredDevicesNodeAndRamps) {
-  const std::string dcf = single_axis() + "[DeviceComissioning]\r\nNodeID=0x10\r\n" +
-                          variable("6083", 7, "ParameterValue=14400\r\n");
+  const std::string dcf = with(single_axis(), variable("6083", 7, "ParameterValue=14400\r\n")) +
+                          "[DeviceComissioning]\r\nNodeID=0x10\r\n";
   const DriveSkeleton skeleton = drive_skeleton(read(dcf), "drive.dcf", {});
   EXPECT_THAT(skeleton.text,
               AllOf(HasSubstr("[left]\nnode = 16\n"), HasSubstr("[right]\nnode = 17\n"),
                     HasSubstr("value = 14400\n")));
   EXPECT_THAT(skeleton.missing, Not(Contains(HasSubstr("0x6083"))));
+}
+
+TEST(DriveSkeleton, AnObjectThatIsDescribedTwiceIsRefused) {
+  EXPECT_THROW(drive_skeleton(read(single_axis() + variable("6083", 7)), "drive.eds", {}),
+               UsageError);
 }
 
 TEST(DriveSkeleton, ASecondAxisAt0x800IsTheRightWheelOfTheSameNode) {
@@ -230,7 +243,7 @@ TEST(DriveSkeleton, NodesAreBelowTheBridges) {
 
 TEST(DriveSkeleton, WritesTheDevicesOwnTypes) {
   const std::string text =
-      single_axis() + variable("60FF", 3) + variable("6085", 6, "ParameterValue=300\r\n");
+      with(with(single_axis(), variable("60FF", 3)), variable("6085", 6, "ParameterValue=300\r\n"));
   const DriveSkeleton skeleton = drive_skeleton(read(text), "x.eds", {});
   EXPECT_THAT(skeleton.text, AllOf(HasSubstr("target_velocity = \"0x60FF:00 i16\"\n"),
                                    HasSubstr("object = \"0x6085:00 u16\"\n")));
