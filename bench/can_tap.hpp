@@ -30,7 +30,8 @@ class CanTap {
   int fd() const { return fd_; }
   void send(const CanFrame& frame) const;
 
-  /// The next frame of another sender; nullopt if there is none within `timeout_ms` (0: at once).
+  /// The next frame of another sender; nullopt if no frame comes within `timeout_ms` (0: does not
+  /// wait).
   std::optional<StampedFrame> receive(int timeout_ms) const;
 
  private:

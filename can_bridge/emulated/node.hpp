@@ -40,7 +40,8 @@ class EmulatedMasterWatch {
   /// A consumer that was written waits for its first heartbeat again.
   void written(Handle h);
 
-  /// True if this is the heartbeat of a watched producer. Its boot-up message is none.
+  /// True if this is the heartbeat of a watched producer. Its boot-up message does not count as
+  /// one.
   bool on_heartbeat(const CanFrame& frame, Instant now);
   /// True once for each producer that fell silent, until it beats again.
   bool heartbeat_missed(Instant now);

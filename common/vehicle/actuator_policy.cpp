@@ -5,34 +5,6 @@
 #include <cmath>
 
 namespace tether {
-
-#define TETHER_ACTUATOR_POLICIES(POLICY) \
-  POLICY(hold)                           \
-  POLICY(zero)                           \
-  POLICY(ramp)                           \
-  POLICY(decay)                          \
-  POLICY(horizon)
-
-#define TETHER_DECLARE(name) ActuatorPolicy name##_policy();
-TETHER_ACTUATOR_POLICIES(TETHER_DECLARE)
-#undef TETHER_DECLARE
-
-const std::vector<ActuatorPolicy>& actuator_policies() {
-#define TETHER_ROW(name) name##_policy(),
-  static const std::vector<ActuatorPolicy> policies{TETHER_ACTUATOR_POLICIES(TETHER_ROW)};
-#undef TETHER_ROW
-  return policies;
-}
-
-const ActuatorPolicy& kind_of(const ActuatorSettings& settings) {
-  const auto& policies = actuator_policies();
-  const auto found =
-      std::find_if(policies.begin(), policies.end(),
-                   [&](const ActuatorPolicy& policy) { return policy.name == settings.policy; });
-  assert(found != policies.end());
-  return *found;
-}
-
 namespace {
 
 Twist decayed(const Twist& from, double since_s, double time_constant_s) {
@@ -42,8 +14,6 @@ Twist decayed(const Twist& from, double since_s, double time_constant_s) {
   const bool tiny = std::abs(twist.v_mps) < kTiny_mps && std::abs(twist.omega_radps) < kTiny_radps;
   return tiny ? Twist{} : twist;
 }
-
-}  // namespace
 
 ActuatorPolicy decay_policy() {
   return {.name = "decay",
@@ -57,8 +27,6 @@ ActuatorPolicy decay_policy() {
 
 ActuatorPolicy hold_policy() { return {.name = "hold"}; }
 
-namespace {
-
 /// Comes to a stop by ramp_to_stop().
 ActuatorPolicy ramping(const std::string& name) {
   return {.name = name,
@@ -68,8 +36,6 @@ ActuatorPolicy ramping(const std::string& name) {
             return ramp_to_stop(command, since, limits);
           }};
 }
-
-}  // namespace
 
 ActuatorPolicy ramp_policy() { return ramping("ramp"); }
 
@@ -85,6 +51,23 @@ ActuatorPolicy zero_policy() {
           .after_timeout = [](const Twist&, Duration, const ActuatorSettings&, const StopLimits&) {
             return Twist{};
           }};
+}
+
+}  // namespace
+
+const std::vector<ActuatorPolicy>& actuator_policies() {
+  static const std::vector<ActuatorPolicy> policies{hold_policy(), zero_policy(), ramp_policy(),
+                                                    decay_policy(), horizon_policy()};
+  return policies;
+}
+
+const ActuatorPolicy& kind_of(const ActuatorSettings& settings) {
+  const auto& policies = actuator_policies();
+  const auto found =
+      std::find_if(policies.begin(), policies.end(),
+                   [&](const ActuatorPolicy& policy) { return policy.name == settings.policy; });
+  assert(found != policies.end());
+  return *found;
 }
 
 }  // namespace tether

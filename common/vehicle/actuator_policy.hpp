@@ -10,8 +10,8 @@
 
 namespace tether {
 
-/// One of the values of actuator.policy. A new one is a file with a function <name>_policy() that
-/// returns its row, and a line in actuator_policy.cpp.
+/// One of the values of actuator.policy. A new one is a function <name>_policy() in
+/// actuator_policy.cpp that returns its row, and its place in actuator_policies().
 struct ActuatorPolicy {
   std::string name;
   bool takes_plans = false;  ///< and follows them by time; others count and ignore them

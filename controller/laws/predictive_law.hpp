@@ -23,8 +23,8 @@ namespace tether {
 ///
 /// Nothing in poses and plans shows it by itself: stamps of poses and starts of plans are by the
 /// same clock, so the vehicle is where it should be, but by its own clock: v · offset away. Only
-/// delays bound it, for none is negative: a pose that took `up` by stamp and arrival, and a plan
-/// that took `down` by when it was sent and when it was on board, give
+/// delays bound it, because they are not negative. Let `up` be a pose's arrival minus its stamp,
+/// and `down` the time from sending a plan to having it on board. Then
 ///   up = δ_up − offset,   down = δ_down + offset,   so −up ≤ offset ≤ down.
 /// Where the two directions take equally long, offset = (down − up)/2, as in NTP (RFC 5905, section
 /// 8); where they do not, it is wrong by half the difference. When a plan was on board is known to

@@ -6,8 +6,8 @@
 namespace tether {
 namespace {
 
-/// The share of the acceleration that catching up may use. The rest is for the path's own changes
-/// of speed, and for turning.
+/// Share of the acceleration for catching up. Turning and the path's own changes of speed have the
+/// rest.
 constexpr double kCatchUpShare = 0.9;
 /// Where the path rests and the vehicle does not, the vehicle turns as if the path had this speed.
 constexpr double kSlowest_mps = 1.0;

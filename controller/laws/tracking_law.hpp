@@ -21,8 +21,8 @@ namespace tether {
 /// which is stable for all gains > 0 while v_r > 0; across the path, small errors decay like
 /// s² + K_θ v_r s + K_y v_r², so K_θ = 2 √K_y is critically damped.
 ///
-/// That law knows no limits: a vehicle that starts at rest, 13 m behind, would overshoot or spin.
-/// Hence two changes, which for small errors leave the law as it is, to first order:
+/// That law ignores the vehicle's limits: from rest, 13 m behind the path, it would overshoot or
+/// spin. Hence two changes, which for small errors leave the law as it is, to first order:
 /// - along the path, the speed of catching up is at most √(2 a (|x_e| − a/(2 K_x²))), from which
 ///   the acceleration limit a can brake in time ([2], section 3.9: the switching curve of the
 ///   double integrator), and K_x x_e below |x_e| = a/K_x²;

@@ -284,7 +284,7 @@ class Endpoint {
   void learn(Peer& peer, std::size_t path, const Address& from, const Whereabouts& where, Moment m);
 
   PeerOutput output_of(std::size_t number);
-  /// nullptr, and counted: there is none, or it is not there.
+  /// nullptr, which is counted, if no peer has this number or it is at another address.
   Peer* sender(std::size_t number, std::size_t path, const Address& from, std::int64_t& unknown);
   Peer* named_by(std::uint64_t key_id, std::size_t path, const Address& from);
 

@@ -156,8 +156,8 @@ struct RekeySettings {
 /// larger public key begins after kDisagreement of hearing only the one before, the other after
 /// three times that.
 ///
-/// HELLOs are taken only if their time is within kMostClockDifference of ours, and later than that
-/// of the newest one taken: recorded ones do not displace it. A peer whose clock is set back has to
+/// A HELLO is accepted only if its time is within kMostClockDifference of ours and later than the
+/// last accepted HELLO's. So recorded ones are refused. A peer whose clock is set back has to
 /// wait for that long at most before it can begin a session. Each is answered by one datagram,
 /// which is shorter; one that came by another path, by the same.
 class Sessions {
@@ -185,7 +185,7 @@ class Sessions {
   /// An authentic datagram of `session` came. Whether it took over by that.
   bool confirm(Session& session, Instant now);
 
-  /// To seal with; nullptr: there is none.
+  /// The session that seals what is sent; nullptr if there is none.
   Session* current() { return current_.get(); }
   /// Ends what is too old. `wanted`: begins a session even if one is valid. The HELLO to send by
   /// all paths, if it is time for one.

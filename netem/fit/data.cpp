@@ -170,7 +170,7 @@ class RunDivider {
     for (const Reception& r : arrivals) accept(r);
   }
 
-  /// A run of fewer arrivals than `least` is none.
+  /// Ends the run; drops it if it has fewer arrivals than `least`.
   void end_run(std::size_t least) {
     if (run_.size() >= least) {
       result_.runs.push_back(std::move(run_));

@@ -18,7 +18,7 @@ namespace tether {
 ///
 /// The interval of the quantile q is a pair of order statistics whose ranks are the binomial
 /// distribution's (David & Nagaraja, Order Statistics, section 7.1) for the number of *effective*
-/// samples; where even the largest delay is no upper bound at that level, there is none. The
+/// samples; where even the largest delay does not bound it at that level, it has no interval. The
 /// effective number of samples is count/VIF, with the VIF of the indicator "delay <= quantile":
 /// given by a model, or estimated by batch means (see BatchMeans) at the quantiles of the first
 /// kPilot delays.

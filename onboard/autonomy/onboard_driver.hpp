@@ -58,8 +58,8 @@ class PathFollower {
   /// How far ahead the path is searched for where the vehicle could return to it.
   static constexpr double kSearch_s = 90.0;
 
-  /// `settings` with any law: its gains and limits are used for "tracking". Throws UsageError for
-  /// what is wrong with the path's files.
+  /// `settings` with any law: its gains and limits are used for "tracking". Throws UsageError
+  /// if a file of the path is wrong.
   explicit PathFollower(const LawSettings& settings);
 
   /// The twist for a vehicle at `pose` whose reference is at a time of the path. It never reverses:

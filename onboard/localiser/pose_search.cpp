@@ -38,9 +38,9 @@ constexpr double kMemory_scans = 30.0;
 constexpr std::size_t kSweeps = 2;
 constexpr int kLeastScans = 5;
 constexpr double kLeastFit = 0.55;
-/// Than any other place, after kLeastScans; less after more of them, down to kJustBetter. A mean of
-/// 30 scans of 100 beams' weights, each of which has about 0.13, is a tenth of that; but objects
-/// that the map lacks appear in every scan.
+/// Lead in fit over every other place after kLeastScans; after more scans less, down to
+/// kJustBetter. A mean of 30 scans of 100 beams' weights, each of which has about 0.13, is a tenth
+/// of that; but objects that the map lacks appear in every scan.
 constexpr double kClearlyBetter = 0.08;
 constexpr double kJustBetter = 0.05;
 constexpr int kLeastBeams = 30;
