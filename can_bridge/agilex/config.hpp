@@ -33,7 +33,9 @@ struct AgilexV2Config : DrivetrainCommon {
   /// Its only watchdog is the chassis' own, of 500 ms: any control cycle will do.
   void check_cycle(double /*cycle_ms*/) const {}
   void check_deceleration(double /*mps2*/, double /*wheel_radius_m*/) const {}
-  std::optional<double> stop_mps2(double /*wheel_radius_m*/) const { return std::nullopt; }
+  OwnStop own_stop(double /*wheel_radius_m*/) const {
+    return {std::nullopt, std::chrono::milliseconds{500}};
+  }
   /// It has no node ids.
   std::vector<std::uint8_t> nodes() const { return {}; }
 };

@@ -310,14 +310,29 @@ void Cia402Config::check_deceleration(double mps2, double wheel_radius_m) const 
   }
 }
 
-std::optional<double> Cia402Config::stop_mps2(double wheel_radius_m) const {
+OwnStop Cia402Config::own_stop(double wheel_radius_m) const {
   double weakest_radps2 = std::numeric_limits<double>::infinity();
+  bool known = true;
+  int latest_ms = 0;
   for (std::size_t side = 0; side < axes.size(); ++side) {
     const double ramp_radps2 = cia402::stop_ramp_radps2(*this, side);
-    if (std::isinf(ramp_radps2)) return std::nullopt;
+    known = known && std::isfinite(ramp_radps2);
     weakest_radps2 = std::min(weakest_radps2, ramp_radps2);
+    int deadline_ms = std::numeric_limits<int>::max();
+    for (const WatchdogConfig& watchdog : watchdogs) {
+      if (watchdog.node != axes[side].node) continue;
+      deadline_ms = std::min<int>(deadline_ms, watchdog.timeout_ms);
+    }
+    for (const PdoConfig& pdo : pdos) {
+      if (pdo.transmit || pdo.node != axes[side].node || !pdo.event_timer_required) continue;
+      if (std::ranges::count(pdo.objects, axes[side].target_velocity) == 0) continue;
+      deadline_ms = std::min<int>(deadline_ms, pdo.event_timer_ms);
+    }
+    latest_ms = std::max(latest_ms, deadline_ms);
   }
-  return weakest_radps2 * wheel_radius_m;
+  OwnStop stop{std::nullopt, std::chrono::milliseconds{latest_ms}};
+  if (known) stop.mps2 = weakest_radps2 * wheel_radius_m;
+  return stop;
 }
 
 void Cia402Config::check_cycle(double cycle_ms) const {

@@ -129,8 +129,9 @@ struct Cia402Config : DrivetrainCommon {
   /// Refuses quick stop ramps below `mps2` (can.max_deceleration_mps2) at the wheel's rim. Throws
   /// UsageError.
   void check_deceleration(double mps2, double wheel_radius_m) const;
-  /// The weaker axis' quick stop ramp at the wheel's rim; nullopt if the file sets none.
-  std::optional<double> stop_mps2(double wheel_radius_m) const;
+  /// The weaker axis' quick stop ramp, and the later axis' deadline: that of its setpoints
+  /// (0x1400:5) if it is required, else its node's watchdog.
+  OwnStop own_stop(double wheel_radius_m) const;
   /// Value of `watchdog.object`.
   std::int64_t value_of(const WatchdogConfig& watchdog) const;
   /// Whether a TPDO carries the mode of operation that `axis` displays.

@@ -1,12 +1,22 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "can_bridge/drivetrain/safety_input.hpp"
+#include "common/base/time.hpp"
 
 namespace tether {
+
+/// How drives stop a vehicle whose bridge or bus is dead.
+struct OwnStop {
+  /// Deceleration of the weaker wheel's rim; nullopt if the drivetrain file sets no ramp.
+  std::optional<double> mps2{};
+  /// Time from the last setpoint until the later wheel brakes.
+  Duration deadline = std::chrono::milliseconds{100};
+};
 
 /// Common part of every drivetrain's description, whatever its profile. Each profile's own
 /// description derives from it (cia402/config.hpp, agilex/config.hpp).

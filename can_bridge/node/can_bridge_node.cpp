@@ -108,7 +108,7 @@ SafetyCore::Config safety_config(const BridgeSettings& settings, const Drivetrai
           settings.get<VehicleSettings>().wheel_radius_m,
           settings.get<ActuatorSettings>(),
           settings.get<VehicleSettings>(),
-          stop_mps2(config, settings.get<VehicleSettings>().wheel_radius_m)};
+          own_stop(config, settings.get<VehicleSettings>().wheel_radius_m)};
 }
 
 std::vector<CanFilter> all_filters(const DriveProfile& profile, const SafetyInputs& inputs) {

@@ -43,8 +43,8 @@ concept ProfileConfig = std::derived_from<Config, DrivetrainCommon> &&
   { config.check_cycle(20.0) } -> std::same_as<void>;
   // Throws UsageError if the drives' own stop is weaker than the bridge's limit.
   { config.check_deceleration(1.5, 0.4) } -> std::same_as<void>;
-  // Deceleration of a wheel's rim in a stop by the drives; nullopt if the file does not set it.
-  { config.stop_mps2(0.4) } -> std::same_as<std::optional<double>>;
+  // How the drives stop by themselves, at the rim of wheels of this radius.
+  { config.own_stop(0.4) } -> std::same_as<OwnStop>;
   // The node ids that a fault can be injected into; empty: it has none.
   { config.nodes() } -> std::same_as<std::vector<std::uint8_t>>;
 };
@@ -68,8 +68,8 @@ inline void check_cycle(const DrivetrainConfig& config, double cycle_ms) {
 inline void check_deceleration(const DrivetrainConfig& config, double mps2, double wheel_radius_m) {
   std::visit([=](const auto& row) { row.check_deceleration(mps2, wheel_radius_m); }, config);
 }
-inline std::optional<double> stop_mps2(const DrivetrainConfig& config, double wheel_radius_m) {
-  return std::visit([=](const auto& row) { return row.stop_mps2(wheel_radius_m); }, config);
+inline OwnStop own_stop(const DrivetrainConfig& config, double wheel_radius_m) {
+  return std::visit([=](const auto& row) { return row.own_stop(wheel_radius_m); }, config);
 }
 inline const std::vector<SafetyInputConfig>& safety_inputs(const DrivetrainConfig& config) {
   return std::visit(

@@ -7,6 +7,16 @@
 #include <utility>
 
 namespace tether {
+namespace {
+
+/// Largest v with r·v + v²/(2a) ≤ distance_m, r = reaction, a = deceleration_mps2.
+double stopping_from(Duration reaction, double deceleration_mps2, double distance_m) {
+  const double r = to_seconds(reaction);
+  const double a = deceleration_mps2;
+  return a * (std::sqrt(r * r + 2.0 * distance_m / a) - r);
+}
+
+}  // namespace
 
 void BlindBudget::update(Instant now, double driven_m, std::optional<Instant> seen) {
   while (driven_.size() > 1 && driven_[1].when + config_.max_time <= now) driven_.pop_front();
@@ -25,12 +35,6 @@ void BlindBudget::update(Instant now, double driven_m, std::optional<Instant> se
 
 double BlindBudget::left_m() const { return std::max(0.0, config_.max_distance_m - blind_m_); }
 
-double BlindBudget::stopping_from(double deceleration_mps2, double distance_m) const {
-  const double r = to_seconds(config_.reaction);
-  const double a = deceleration_mps2;
-  return a * (std::sqrt(r * r + 2.0 * distance_m / a) - r);
-}
-
 double BlindBudget::share(const Twist& twist) const {
   const double a = config_.deceleration_mps2;
   const double wheel_a = config_.wheel_deceleration_mps2;
@@ -47,7 +51,8 @@ double BlindBudget::share(const Twist& twist) const {
   if (v > 0.0) {
     // On this curve a stop by the drives takes as far as a deceleration of the vehicle by this.
     const double by_wheels = wheel_a * (h > v ? v / (2.0 * h) : v * v / (v * v + h * h));
-    share = std::min(share, part(stopping_from(std::min(a, by_wheels), left_m()), v));
+    share = std::min({share, part(stopping_from(config_.reaction, a, left_m()), v),
+                      part(stopping_from(config_.drives_reaction, by_wheels, left_m()), v)});
   }
   return share;
 }
@@ -55,9 +60,11 @@ double BlindBudget::share(const Twist& twist) const {
 double BlindBudget::speed_beside(double omega_radps) const {
   const double a = config_.wheel_deceleration_mps2;
   const double h = std::abs(omega_radps) * config_.half_track_m;
-  double by_wheels = left_m() / (to_seconds(config_.reaction) + h / a);
-  if (by_wheels > h) by_wheels = stopping_from(a, left_m() - h * h / (2.0 * a));
-  return std::min(by_wheels, stopping_from(config_.deceleration_mps2, left_m()));
+  double by_wheels = left_m() / (to_seconds(config_.drives_reaction) + h / a);
+  if (by_wheels > h) {
+    by_wheels = stopping_from(config_.drives_reaction, a, left_m() - h * h / (2.0 * a));
+  }
+  return std::min(by_wheels, stopping_from(config_.reaction, config_.deceleration_mps2, left_m()));
 }
 
 CommandWatch::CommandWatch(const StreamGuard::Config& config, const ActuatorSettings& actuator,

@@ -29,7 +29,9 @@ namespace tether {
 /// rims' speed of turning h = |ω|·track/2 it takes (v + h)/A and the distance
 /// - (v² + h²)/(2A) if h ≤ v,
 /// - v·h/A if h > v: while the wheels turn against each other, v does not fall.
-/// These bound the twist, too.
+/// These bound the twist, too; the distance with R = drives_reaction in place of r: the bridge may
+/// have to brake first, and then the drives notice only at their deadline that its setpoints end.
+/// That stop may end later than the time by this deadline.
 class BlindBudget {
  public:
   struct Config {
@@ -38,6 +40,7 @@ class BlindBudget {
     double deceleration_mps2 = 1.5;
     double yaw_deceleration_radps2 = 3.0;
     Duration reaction{};
+    Duration drives_reaction{};            ///< R
     double wheel_deceleration_mps2 = 1.5;  ///< A, of a rim
     double half_track_m = 0.6;
   };
@@ -60,8 +63,6 @@ class BlindBudget {
 
  private:
   double left_m() const;
-  /// Largest v with r·v + v²/(2a) ≤ distance_m.
-  double stopping_from(double deceleration_mps2, double distance_m) const;
 
   struct Sample {
     Instant when;

@@ -20,7 +20,8 @@ BlindBudget::Config budget(const SafetyCore::Config& config) {
           config.limits.max_deceleration_mps2,
           config.limits.max_yaw_deceleration_radps2,
           TwistLimiter::kStopJerkDelay + 4 * config.limits.cycle,
-          config.drives_stop_mps2.value_or(config.limits.max_deceleration_mps2),
+          TwistLimiter::kStopJerkDelay + config.drives_stop.deadline + 4 * config.limits.cycle,
+          config.drives_stop.mps2.value_or(config.limits.max_deceleration_mps2),
           config.limits.track_m / 2.0};
 }
 

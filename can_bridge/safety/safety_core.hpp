@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "can_bridge/bus/can_port.hpp"
+#include "can_bridge/drivetrain/config.hpp"
 #include "can_bridge/drivetrain/drive_profile.hpp"
 #include "can_bridge/safety/command_watch.hpp"
 #include "can_bridge/safety/follow_monitor.hpp"
@@ -131,9 +132,9 @@ class SafetyCore {
     double wheel_radius_m = 0.4;
     ActuatorSettings actuator;  ///< treatment of commands and plans
     VehicleConfig vehicle;      ///< for its stops
-    /// Deceleration of a wheel's rim in a stop by the drives; if unknown, what is required of them:
+    /// How the drives stop by themselves. Without a deceleration it is what is required of them:
     /// limits.max_deceleration_mps2.
-    std::optional<double> drives_stop_mps2{};
+    OwnStop drives_stop{};
   };
 
   static constexpr Duration kStandstillWait = std::chrono::seconds{2};

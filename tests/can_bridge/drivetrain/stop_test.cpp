@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <string>
 
@@ -15,6 +16,7 @@
 namespace tether {
 namespace {
 
+using std::chrono::milliseconds;
 using ::testing::HasSubstr;
 
 std::string shipped(const char* name) {
@@ -91,21 +93,39 @@ TEST(StopObjects, TheRampIsTheOneThatTheOptionCodeNames) {
 TEST(StopObjects, TheWeakerAxisTellsHowTheDrivesStop) {
   const DrivetrainConfig shipped_drives =
       parse_drivetrain(shipped("two_node_cia402.toml"), "test.toml");
-  ASSERT_TRUE(stop_mps2(shipped_drives, 0.4));
-  EXPECT_NEAR(*stop_mps2(shipped_drives, 0.4), 4.02, 0.01);
-  EXPECT_NEAR(*stop_mps2(shipped_drives, 0.2), 2.01, 0.01);
+  ASSERT_TRUE(own_stop(shipped_drives, 0.4).mps2);
+  EXPECT_NEAR(*own_stop(shipped_drives, 0.4).mps2, 4.02, 0.01);
+  EXPECT_NEAR(*own_stop(shipped_drives, 0.2).mps2, 2.01, 0.01);
   for (const std::uint8_t weaker : {1, 2}) {
     auto config = std::get<Cia402Config>(shipped_drives);
     for (SetupWrite& setup : config.setup) {
       if (setup.object.index == 0x6085 && setup.node == weaker) setup.value = 9600;
     }
-    EXPECT_NEAR(config.stop_mps2(0.4).value_or(0.0), 2.01, 0.01) << int{weaker};
+    EXPECT_NEAR(config.own_stop(0.4).mps2.value_or(0.0), 2.01, 0.01) << int{weaker};
     std::erase_if(config.setup, [&](const SetupWrite& setup) {
       return setup.object.index == 0x6085 && setup.node == weaker;
     });
-    EXPECT_FALSE(config.stop_mps2(0.4)) << int{weaker};
+    EXPECT_FALSE(config.own_stop(0.4).mps2) << int{weaker};
   }
-  EXPECT_FALSE(stop_mps2(parse_drivetrain(shipped("agilex_v2.toml"), "test.toml"), 0.4));
+  EXPECT_FALSE(own_stop(parse_drivetrain(shipped("agilex_v2.toml"), "test.toml"), 0.4).mps2);
+}
+
+TEST(StopObjects, TheDeadlineIsThatOfSetpointsIfRequiredElseTheWatchdogsAndOfTheLaterWheel) {
+  const auto deadline = [](const char* file) {
+    return own_stop(parse_drivetrain(shipped(file), "test.toml"), 0.4).deadline;
+  };
+  EXPECT_EQ(deadline("two_node_cia402.toml"), milliseconds{250});
+  EXPECT_EQ(deadline("agilex_v2.toml"), milliseconds{500});
+  auto config = std::get<Cia402Config>(parse_drivetrain(shipped("two_node_cia402.toml"), "t.toml"));
+  const auto require = [&](std::uint8_t node) {
+    for (PdoConfig& pdo : config.pdos) {
+      if (!pdo.transmit && pdo.node == node) pdo.event_timer_required = true;
+    }
+  };
+  require(1);
+  EXPECT_EQ(config.own_stop(0.4).deadline, milliseconds{250}) << "node 2 has its watchdog only";
+  require(2);
+  EXPECT_EQ(config.own_stop(0.4).deadline, milliseconds{100});
 }
 
 TEST(StopObjects, AreKnownOfBothAxes) {

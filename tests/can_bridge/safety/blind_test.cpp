@@ -128,7 +128,8 @@ TEST_F(Blind, DistanceBoundsTheSpeedWhereTimeDoesNot) {
   config.max_blind = seconds{10};
   restart(config);
   drive_plan({3.0, 0.0});
-  EXPECT_NEAR(last.twist.v_mps, 1.5 * (std::sqrt(0.18 * 0.18 + 2.0 / 1.5) - 0.18), 0.03);
+  // R = 0.28 s: the drives' deadline of 0.1 s comes on top.
+  EXPECT_NEAR(last.twist.v_mps, 1.5 * (std::sqrt(0.28 * 0.28 + 2.0 / 1.5) - 0.28), 0.03);
   EXPECT_LE(way_until_rest([] {}), 1.0);
 }
 
@@ -359,14 +360,16 @@ struct DrivesStop {
 /// Wheels that turn against each other do not slow the vehicle down while each brakes by itself.
 TEST_F(Blind, AStopByTheDrivesKeepsToTheBudgetInAnyBendAndAtAnyMoment) {
   test::Random random(2027);
-  for (int run = 0; run < 300; ++run) {
+  for (int run = 0; run < 1000; ++run) {
     SafetyCore::Config config = Blind::config();
     config.limits = test::random_limits(random);
     config.limits.cycle = kCycle;
     config.max_blind = from_seconds(test::uniform(random, 0.4, 10.0));
     config.max_blind_m = test::uniform(random, 0.1, 1.0);
     const double required_mps2 = config.limits.max_deceleration_mps2;
-    if (run % 3 != 0) config.drives_stop_mps2 = required_mps2 * test::uniform(random, 1.0, 3.0);
+    if (run % 3 != 0) config.drives_stop.mps2 = required_mps2 * test::uniform(random, 1.0, 3.0);
+    const double deadline_s = test::uniform(random, 0.02, 0.3);
+    config.drives_stop.deadline = from_seconds(deadline_s);
     drives.phase = DrivePhase::standby;
     drives.standstill = true;
     restart(config);
@@ -383,16 +386,18 @@ TEST_F(Blind, AStopByTheDrivesKeepsToTheBudgetInAnyBendAndAtAnyMoment) {
     }
     const Instant seen = now;
     for (int i = 0; i < blind_cycles; ++i) cycle_after(kCycle);
-    // The drives' deadline of setpoints, and two cycles of drives and feedback.
-    const DrivesStop stop(last.twist, config.limits.track_m, 0.1 + 2.0 * to_seconds(kCycle),
-                          config.drives_stop_mps2.value_or(required_mps2));
+    // Two cycles of drives and feedback.
+    const DrivesStop stop(last.twist, config.limits.track_m, deadline_s + 2.0 * to_seconds(kCycle),
+                          config.drives_stop.mps2.value_or(required_mps2));
     // driven_m goes one cycle ahead: `last.twist` is in force for that long.
     const double ahead_m = std::abs(last.twist.v_mps) * to_seconds(kCycle);
     EXPECT_LE(driven_m - ahead_m + stop.way_m - before, config.max_blind_m + 1e-9) << run;
     constexpr double kStands_mps = 0.02;
     const double turning_mps = std::abs(last.twist.omega_radps) * config.limits.track_m / 2.0;
     if (std::abs(last.twist.v_mps) + turning_mps < kStands_mps) continue;
-    EXPECT_LE(to_seconds(now - seen) + stop.time_s, to_seconds(config.max_blind) + 1e-9) << run;
+    EXPECT_LE(to_seconds(now - seen) + stop.time_s,
+              to_seconds(config.max_blind) + deadline_s + 1e-9)
+        << run;
   }
 }
 
@@ -404,11 +409,13 @@ TEST(BlindBudget, KnowsTheWayOfWheelsThatBrakeByThemselves) {
                         .deceleration_mps2 = 2.0,
                         .yaw_deceleration_radps2 = 5.0,
                         .reaction = milliseconds{200},
+                        .drives_reaction = milliseconds{300},
                         .wheel_deceleration_mps2 = wheels_mps2,
                         .half_track_m = 0.5});
     budget.update(kStart, 0.0, kStart);
-    // Straight on: 0.2 v + v²/4 = 0.5.
-    const double straight = 2.0 * (std::sqrt(0.04 + 0.5) - 0.2);
+    // Straight on: 0.3 v + v²/4 = 0.5 by the wheels, 0.2 v + v²/4 = 0.5 by the ramp.
+    const double straight = wheels_mps2 < 3.0 ? 2.0 * (std::sqrt(0.09 + 0.5) - 0.3)
+                                              : 2.0 * (std::sqrt(0.04 + 0.5) - 0.2);
     EXPECT_NEAR(budget.share({2.0, 0.0}) * 2.0, straight, 1e-12);
     EXPECT_NEAR(budget.speed_beside(0.0), straight, 1e-12);
     for (const Twist twist : {Twist{2.0, 0.8}, Twist{-2.0, 3.0}, Twist{2.0, 4.0}, Twist{2.0, -4.4},
@@ -416,7 +423,7 @@ TEST(BlindBudget, KnowsTheWayOfWheelsThatBrakeByThemselves) {
       const double share = budget.share(twist);
       const Twist most{share * twist.v_mps, share * twist.omega_radps};
       ASSERT_LT(share, 1.0);
-      const double by_drives = DrivesStop(most, 1.0, 0.2, wheels_mps2).way_m;
+      const double by_drives = DrivesStop(most, 1.0, 0.3, wheels_mps2).way_m;
       const double by_ramp = 0.2 * std::abs(most.v_mps) + most.v_mps * most.v_mps / 4.0;
       EXPECT_NEAR(std::max(by_drives, by_ramp), 0.5, 1e-3)
           << wheels_mps2 << " " << twist.omega_radps;
@@ -432,6 +439,7 @@ TEST(BlindBudget, KnowsTheTimeOfWheelsThatBrakeByThemselves) {
                       .deceleration_mps2 = 3.0,
                       .yaw_deceleration_radps2 = 6.0,
                       .reaction = milliseconds{200},
+                      .drives_reaction = milliseconds{400},
                       .wheel_deceleration_mps2 = 4.0,
                       .half_track_m = 0.5});
   budget.update(kStart, 0.0, kStart);
