@@ -18,6 +18,8 @@ constexpr double kQuickStop_mps2 = 4.0;
 /// A drive without setpoints brakes by itself (0x1400:5 = 100 ms); with a tick of its own and one
 /// of the wheels' reports.
 constexpr Duration kDriveDeadline = std::chrono::milliseconds{120};
+/// And without heartbeats by its watchdog (0x1016 = 250 ms).
+constexpr Duration kHeartbeat = std::chrono::milliseconds{250};
 /// How long the wheels lag behind the drives' ramps: servo, ticks, reports.
 constexpr Duration kServoLag = std::chrono::milliseconds{50};
 /// Effect that an unknown sender's frame may have before the bridge's next frames are in force.
@@ -59,14 +61,32 @@ void permit_unknown_senders(const Record& record, Permission& permission) {
   for (const Instant t : record.foreign) permission.add(t, t + kForeignReach);
 }
 
-/// While the bridge is suspended or cut off the drives hold their last setpoint, until they notice.
+/// The bridge is suspended, killed or cut off.
+bool silences(const Fault& fault) {
+  return fault.kind == FaultKind::bridge_stalls || fault.kind == FaultKind::bridge_restarted ||
+         fault.kind == FaultKind::bus_off || fault.kind == FaultKind::bus_down ||
+         fault.kind == FaultKind::bus_stalled;
+}
+
+/// Without the bridge the drives hold their last setpoint, until they notice.
 void permit_silence(const Record& record, Permission& permission) {
   for (const Fault& fault : record.faults) {
-    const bool silences = fault.kind == FaultKind::bridge_stalls ||
-                          fault.kind == FaultKind::bridge_restarted ||
-                          fault.kind == FaultKind::bus_off || fault.kind == FaultKind::bus_down ||
-                          fault.kind == FaultKind::bus_stalled;
-    if (silences) permission.add(fault.when, fault.when + kDriveDeadline);
+    if (silences(fault)) permission.add(fault.when, fault.when + kDriveDeadline);
+  }
+}
+
+/// A drive that an unknown sender took out of "operational" has no deadline of setpoints. One that
+/// an unknown sender switches on again while the bridge is suspended turns until that is back.
+void permit_intruder_alone(const Record& record, Permission& permission) {
+  for (const Fault& silence : record.faults) {
+    if (!silences(silence)) continue;
+    for (const Fault& nmt : record.faults) {
+      if (nmt.kind != FaultKind::nmt || nmt.when > silence.until) continue;
+      for (const Instant t : record.foreign) {
+        if (t < nmt.when || t < silence.when || t > silence.until) continue;
+        permission.add(t, silence.until + 2 * record.limits.cycle);
+      }
+    }
   }
 }
 
@@ -77,15 +97,19 @@ void permit_silence(const Record& record, Permission& permission) {
 /// asks as long.
 Interval nmt_reach(const Record& record, const Fault& nmt, std::size_t wheel) {
   constexpr Duration kConfirms = std::chrono::milliseconds{200};
-  constexpr Duration kHeartbeat = std::chrono::milliseconds{250};
   Interval reach{nmt.when, nmt.when + kDriveDeadline};
+  for (const Fault& f : record.faults) {
+    // Without a bridge only the drive's watchdog of heartbeats is left.
+    if (!silences(f) || f.when > reach.until || f.until < nmt.when) continue;
+    reach.until = std::max(reach.until, f.when + kHeartbeat + record.limits.cycle);
+  }
   const bool refuses = std::any_of(record.faults.begin(), record.faults.end(), [&](const Fault& f) {
     return f.kind == FaultKind::sdo_abort && f.node == static_cast<int>(wheel) + 1 &&
            f.when <= nmt.when + kConfirms && f.until >= nmt.when;
   });
   if (!refuses) return reach;
   // One cycle until the bridge notices, one until it withholds, one of the drive.
-  reach.until = nmt.when + kConfirms + kHeartbeat + 3 * record.limits.cycle;
+  reach.until = std::max(reach.until, nmt.when + kConfirms + kHeartbeat + 3 * record.limits.cycle);
   constexpr Duration kListens = std::chrono::milliseconds{180};
   for (const Fault& f : record.faults) {
     const bool begins = f.kind == FaultKind::bridge_restarted && f.until >= nmt.when;
@@ -202,6 +226,7 @@ std::optional<Violation> wheels_turn_unarmed(const Record& record) {
     permission.add(record.states[i].when, record.states[i + 1].when);
   }
   permit_unknown_senders(record, permission);
+  permit_intruder_alone(record, permission);
   permit_silence(record, permission);
   permit_physics(record, permission);
   for (const std::size_t wheel : {0, 1}) permit_nmt(record, wheel, permission);
@@ -216,6 +241,7 @@ std::optional<Violation> wheels_turn_on_old_commands(const Record& record) {
     permission.add(c.when, fresh.as_of(record.limits.max_blind) + record.limits.stale);
   }
   permit_unknown_senders(record, permission);
+  permit_intruder_alone(record, permission);
   permit_silence(record, permission);
   permit_physics(record, permission);
   return turns_outside(record, permission, reaction(record.limits));
@@ -226,6 +252,7 @@ std::optional<Violation> wheel_turns_without_setpoints(const Record& record) {
     Permission permission;
     for (const Instant t : record.heard[i]) permission.add(t, t + kDriveDeadline);
     permit_unknown_senders(record, permission);
+    permit_intruder_alone(record, permission);
     permit_nmt(record, i, permission);
     permit_physics(record, permission);
     // Record of this wheel alone: the other one may have setpoints.
