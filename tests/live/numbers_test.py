@@ -83,6 +83,7 @@ means_after = [1.5]
 [law."one".gains]
 controller.v.p = 0.46
 """
+EXPERIMENTS = ("f3_delay.toml", "handover_share.toml")
 PING = "[1700000000.5] 64 bytes from h: icmp_seq=1 ttl=64 time=12.5 ms\n[1700000001.5] 64 bytes from h: icmp_seq=3 ttl=64 time=13 ms\n5 packets transmitted\n"
 
 
@@ -121,7 +122,11 @@ def files(bin_dir, public_key, work):
         "experiment.toml": (f'scenario = "{PAPER}"\nseeds = 3\n[set]\nvehicle.plant = "kinematic"\nrun.duration_s = 0.2\n[grid]\n'
                             'channel.prr = [0.5, 1.0]\n', range(10),
                             ("tether", "sweep", "FILE", "--dry-run"), (0,)),
+        **{name: ((SOURCE / "experiments" / name).read_text().replace("../scenarios", str(SOURCE / "scenarios")).replace(
+            '"gains/', f'"{SOURCE}/experiments/gains/'), range(1000), ("tether", "sweep", "FILE", "--dry-run"), (0,))
+           for name in EXPERIMENTS},
         "drivetrain.toml": ((SOURCE / "drivetrains" / "zlac8015d.toml").read_text(), range(1000), hil, (0,)),
+        "cia402.toml": ((SOURCE / "drivetrains" / "two_node_cia402.toml").read_text(), range(1000), hil, (0,)),
         "agilex.toml": ((SOURCE / "drivetrains" / "agilex_v2.toml").read_text(), range(1000), hil, (0,)),
         "device.eds": ((SOURCE / "tests" / "fuzz" / "seeds" / "eds" / "two_axes.eds").read_text(), range(1000), ("tether", "can", "import", "FILE"), (0,)),
         "tuning.toml": (TUNING, range(30), ("/bin/sh", "-c", f"rm -rf tuned; exec {bin_dir}/tether tune FILE --quick --jobs=1 --out tuned"), (0,)),
