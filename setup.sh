@@ -39,6 +39,7 @@ if [ "${1:-}" = tests ]; then
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot, the page of tether view
+        libns3-dev                                  # another simulator of Wi-Fi as a judge
     )
     # Readers of MCAP, by npm. Only what is missing: Node.js of its makers brings npm, and conflicts with
     # Debian's.

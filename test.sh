@@ -38,5 +38,5 @@ cmake --build --preset release
 if [ "$tier" = all ]; then
     exec ctest --preset release --parallel "$((3 * jobs))"
 fi
-exec ctest --preset release --build-config Sample --label-exclude '^(slow|asan|mutation|tidy|kernel|bench)$' \
+exec ctest --preset release --build-config Sample --label-exclude '^(slow|asan|mutation|tidy|kernel|bench|ns3)$' \
     --parallel "$((3 * jobs))"
