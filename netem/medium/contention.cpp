@@ -10,6 +10,9 @@ namespace {
 
 constexpr std::int32_t kNever = std::numeric_limits<std::int32_t>::max();
 
+/// [0, 1), from the upper 53 bits.
+double uniform_of(std::uint64_t bits) { return static_cast<double>(bits >> 11) * 0x1p-53; }
+
 }  // namespace
 
 Contention::Contention(const ContentionRules& rules, std::uint64_t seed, Ended ended)
@@ -24,7 +27,8 @@ std::size_t Contention::add(int station, const AccessParameters& access, const Q
                          .cw = access.cw_min,
                          .queue = FrameQueue(limits),
                          .endless = {},
-                         .random = random_stream(seed_, name)});
+                         .backoff = random_stream(seed_, name),
+                         .noise = random_stream(seed_, name + "/noise")});
   zero_at_.push_back(access.aifsn);
   goes_at_.push_back(kNever);
   aifsn_.push_back(access.aifsn);
@@ -79,7 +83,7 @@ void Contention::advance(Instant now) {
 /// A new counter, from the present contention window.
 void Contention::draw(std::size_t i) {
   Contender& c = contenders_[i];
-  zero_at_[i] = aifsn_[i] + boost::random::uniform_int_distribution<int>(0, c.cw)(c.random);
+  zero_at_[i] = aifsn_[i] + boost::random::uniform_int_distribution<int>(0, c.cw)(c.backoff);
   untouched_[i] = 0;
 }
 
@@ -121,9 +125,9 @@ void Contention::transmit(std::int32_t slot) {
     const Frame& frame = front(contenders_[i]);
     const double error_ratio = collides ? errors_among(next) : frame.error_ratio;
     ++next;
-    RandomEngine& noise = frame.noise != nullptr ? *frame.noise : contenders_[i].random;
     const bool is_certain = collides && error_ratio >= 1.0;
-    const bool lost = is_certain || (error_ratio > 0.0 && uniform_01(noise) < error_ratio);
+    const bool lost =
+        is_certain || (error_ratio > 0.0 && noise_of(contenders_[i], frame) < error_ratio);
     ++counters_.attempts;
     if (collides) ++counters_.collided;
     if (lost && !collides) ++counters_.corrupted;
@@ -156,6 +160,12 @@ void Contention::put_on_air() {
   }
   if (!capture_ || in_air_.size() == 1) return;
   for (const std::size_t i : in_air_) frames_.push_back(front(contenders_[i]));
+}
+
+/// Uniform on [0, 1): the attempt fails if it is below the error ratio.
+double Contention::noise_of(Contender& c, const Frame& frame) {
+  if (!frame.luck) return uniform_01(c.noise);
+  return uniform_of(split_mix(*frame.luck + static_cast<std::uint64_t>(c.attempts)));
 }
 
 /// Error probability of a frame that collides.

@@ -53,8 +53,8 @@ struct FrameEnd {
 /// waits (post-backoff); a frame that finds the medium idle and the counter at zero goes at the
 /// next slot boundary.
 ///
-/// Pure: time goes forward only, from call to call. Each contender has a random stream of its own,
-/// so that adding one changes no other's draws.
+/// Pure: time goes forward only, from call to call. Each contender has random streams of its own
+/// for backoff and noise, so that adding one changes no other's draws.
 class Contention {
  public:
   using Ended = std::function<void(const FrameEnd&)>;
@@ -67,7 +67,7 @@ class Contention {
   Contention(const ContentionRules& rules, std::uint64_t seed, Ended ended);
 
   /// Returns its number, from 0 on. Contenders of one station: most urgent first. `name`: of its
-  /// random stream.
+  /// random stream of backoff; that of noise is "<name>/noise".
   std::size_t add(int station, const AccessParameters& access, const QueueLimits& limits,
                   const std::string& name);
 
@@ -124,7 +124,8 @@ class Contention {
     std::int64_t delivered = 0;
     FrameQueue queue;
     std::optional<Frame> endless;
-    RandomEngine random;
+    RandomEngine backoff;
+    RandomEngine noise;
   };
 
   static Frame& front(Contender& c) { return c.endless ? *c.endless : c.queue.front(); }
@@ -137,6 +138,7 @@ class Contention {
   void join(Instant now, std::size_t i);
   void transmit(std::int32_t slot);
   void put_on_air();
+  static double noise_of(Contender& c, const Frame& frame);
   double errors_among(std::size_t which) const;
   void freeze(std::int32_t slot);
   void succeed(std::size_t i, Instant start);

@@ -3,9 +3,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <vector>
 
-#include "common/base/random.hpp"
 #include "common/base/time.hpp"
 
 namespace tether {
@@ -25,7 +25,9 @@ struct Frame {
   bool down = false;       ///< from the access point to the station
   int bytes = 0;           ///< with all headers
   double rate_Mbps = 0.0;
-  RandomEngine* noise = nullptr;  ///< decides; nullptr: the contender's own random stream
+  /// Decides about noise, attempt by attempt, whatever other stations do; none: the contender's
+  /// stream of noise does.
+  std::optional<std::uint64_t> luck{};
 };
 
 struct QueueLimits {

@@ -263,9 +263,11 @@ void WifiStations::add_access_point(std::size_t number) {
 
 std::size_t WifiStations::add_vehicle(const std::string& name) {
   const auto number = static_cast<int>(vehicles_.size()) + 1;
+  RandomEngine noise = random_stream(seed_, name + "/medium/noise");
   vehicles_.push_back(
       {contention_.add(number, access_of(settings_.category), limits(), name + "/medium/backoff"),
-       static_cast<int>(links_.add()), random_stream(seed_, name + "/medium/noise")});
+       static_cast<int>(links_.add()),
+       {noise(), noise()}});
   roaming_.add_vehicle();
   return vehicles_.size() - 1;
 }
@@ -347,7 +349,7 @@ bool WifiStations::push(Instant now, std::size_t vehicle, bool down, std::uint64
   settle(now);
   Frame pushed = frame(bytes, vehicles_[vehicle].station, down);
   pushed.id = id;
-  if (settings_.radio.model != RadioSettings::Model::none) pushed.noise = &vehicles_[vehicle].noise;
+  pushed.luck = split_mix(vehicles_[vehicle].luck[down ? 1 : 0]++);
   if (roaming_.is_away(vehicle)) return roaming_.hold(now, vehicle, pushed);
   return contention_.push(now, contender_of(vehicle, down), pushed);
 }

@@ -1,8 +1,8 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <optional>
 #include <span>
@@ -122,8 +122,9 @@ class WifiStations {
  public:
   WifiStations(const MediumSettings& settings, std::uint64_t seed, Contention::Ended ended);
 
-  /// Returns its number, from 0 on; its random streams are "<name>/medium/backoff" and, with a
-  /// radio, "<name>/medium/noise".
+  /// Returns its number, from 0 on. Its backoff is drawn from the stream "<name>/medium/backoff".
+  /// Noise is a function of seed, name, direction, number of the frame and attempt: of no other
+  /// station, but for the attempts that collide.
   std::size_t add_vehicle(const std::string& name);
 
   /// A frame of `bytes` with all headers, up or down. False if there is no room for it.
@@ -157,9 +158,9 @@ class WifiStations {
   void arrive(Instant now);
 
   struct Vehicle {
-    std::size_t contender;  ///< contender of the uplink
-    int station;            ///< index in links_
-    RandomEngine noise;     ///< noise of its frames both ways; queued frames refer to it
+    std::size_t contender;              ///< contender of the uplink
+    int station;                        ///< index in links_
+    std::array<std::uint64_t, 2> luck;  ///< of its next frame, up and down
   };
   MediumSettings settings_;
   std::uint64_t seed_;
@@ -172,7 +173,7 @@ class WifiStations {
   std::vector<std::size_t> background_contenders_;
   std::vector<int> background_stations_;  ///< indices in links_
   RadioLinks links_;
-  std::deque<Vehicle> vehicles_;
+  std::vector<Vehicle> vehicles_;
   Roaming roaming_;
 };
 

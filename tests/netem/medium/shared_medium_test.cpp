@@ -34,6 +34,48 @@ TEST(SharedMedium, CutsPacketsIntoFramesOfEthernet) {
   EXPECT_THAT(fragment_bytes(3288), ElementsAre(1500, 1500, 336 + 20));
 }
 
+/// Of six vehicles among `vehicles`, which of 400 packets both ways arrive; each packet has one
+/// attempt.
+std::map<std::uint64_t, bool> fates_of_six(std::size_t vehicles, Duration apart) {
+  MediumSettings settings{.model = MediumSettings::Model::dcf, .attempts = 1, .error_ratio = 0.3};
+  RadioRig rig(settings);
+  for (std::size_t i = 0; i < vehicles; ++i) rig.medium->add_vehicle(fmt::format("AGV{}", i + 1));
+  for (std::uint64_t round = 0; round < 400; ++round) {
+    for (std::uint64_t i = 0; i < vehicles; ++i) {
+      const Instant now = kStart + round * milliseconds{50} + static_cast<std::int64_t>(i) * apart;
+      rig.run_until(now);
+      rig.medium->send(now, i, round % 2 == 0 ? Way::up : Way::down, round * 100 + i, 80);
+    }
+  }
+  rig.run_until(kStart + std::chrono::seconds{100});
+  std::map<std::uint64_t, bool> six;
+  for (const auto& [id, fate] : rig.fates) {
+    if (id % 100 < 6) six[id] = fate.delivered;
+  }
+  return six;
+}
+
+std::int64_t differences(const std::map<std::uint64_t, bool>& a,
+                         const std::map<std::uint64_t, bool>& b) {
+  std::int64_t all = 0;
+  for (const auto& [id, delivered] : a) all += delivered != b.at(id) ? 1 : 0;
+  return all;
+}
+
+TEST(SharedMedium, SixMoreVehiclesChangeNoFateOfTheFirstSixWhereTheyDoNotMeet) {
+  const auto alone = fates_of_six(6, milliseconds{4});
+  EXPECT_EQ(alone.size(), 2400U);
+  EXPECT_EQ(differences(alone, fates_of_six(12, milliseconds{4})), 0);
+}
+
+// A collision takes the air from those in it, and the luck with noise from none.
+TEST(SharedMedium, SixMoreVehiclesChangeOnlyFatesOfFramesThatCollide) {
+  const std::int64_t changed =
+      differences(fates_of_six(6, Duration{0}), fates_of_six(12, Duration{0}));
+  EXPECT_GT(changed, 0);
+  EXPECT_LE(changed, 240) << "a tenth; if they drew in turn, 2 * 0.3 * 0.7 = 42 % would change";
+}
+
 class EachMedium : public testing::TestWithParam<MediumSettings::Model> {
  protected:
   MediumSettings settings() const { return {.model = GetParam()}; }
