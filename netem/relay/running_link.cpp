@@ -158,8 +158,11 @@ void RunningMedium::know(const Packet& delivered) {
   }
 }
 
-void RunningMedium::list_counters(CounterList& out) const {
-  if (medium_) medium_->list(out);
+void RunningMedium::list_counters(CounterList& out) {
+  if (!medium_) return;
+  // Others send while none of our packets is under way; what is sent now may still collide with one.
+  medium_->advance(loop_.now() - Duration{1});
+  medium_->list(out);
 }
 
 RunningLink::RunningLink(std::string name, Link link, EventLoop& loop, Duration report_period,

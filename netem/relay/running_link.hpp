@@ -96,7 +96,8 @@ class RunningMedium {
   bool wants_position() const { return medium_ && medium_->wants_position(); }
   void on_position(std::size_t vehicle, double x_m, double y_m);
 
-  void list_counters(CounterList& out) const;
+  /// As they are now.
+  void list_counters(CounterList& out);
 
  private:
   struct UnderWay {

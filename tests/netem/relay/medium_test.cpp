@@ -55,6 +55,19 @@ TEST(RelayOnAMedium, DelaysAPoseByItsFrameIfNoOtherStationSends) {
   EXPECT_LT(longest_delay(alone), std::chrono::microseconds{200});
 }
 
+// Poses are sent for 60 s, and the run has 70.
+TEST(RelayOnAMedium, CountsWhatOthersSendToTheEndOfTheRun) {
+  const RelayedPoses among = relayed_poses(
+      "medium.model = \"dcf\"\n[[medium.background]]\nkind = \"saturated\"\nstations = 1\n");
+  for (std::size_t i = 0; i < among.counters.name.size(); ++i) {
+    if (among.counters.name[i] != "medium.transmissions") continue;
+    // A frame of 1400 bytes with acknowledgement and backoff: 0.36 ms.
+    EXPECT_GT(among.counters.value[i], 69'000 / 0.4);
+    return;
+  }
+  FAIL() << "no transmissions are counted";
+}
+
 TEST(RelayOnAMedium, LetsPosesWaitForGrants) {
   const RelayedPoses cell = relayed_poses("medium.model = \"scheduled\"");
   EXPECT_EQ(cell.poses.size(), 600U);
