@@ -75,6 +75,8 @@ void add_scan_parts(const Scenario& scenario, const ChannelNames& channels,
 
 void take_traffic(Scenario& scenario) {
   auto& medium = scenario.get<MediumSettings>();
+  const auto& fleet = scenario.get<FleetSettings>();
+  medium.together = fleet.count > 1 && fleet.ticks == FleetSettings::Ticks::together;
   const ChannelNames channels(scenario.get<VehicleSettings>().name);
   const Place place = scenario.get<LocaliserSettings>().place;
   const bool scans = place != Place::none && scenario.get<LidarSettings>().on();

@@ -72,6 +72,7 @@ struct MediumSettings {
     double highest_hz() const { return rate_hz > most_hz ? rate_hz : most_hz; }
   };
   // No keys: they follow from the scenario's other sections.
+  bool together = false;       ///< fleet.ticks = "together": vehicles send in the same instant
   Stream up = {}, down = {};  ///< poses; commands or plans
   bool poses_go_up = true;    ///< the fleet's vehicles send poses; false: they are made at the edge
   std::vector<Stream> more_up = {};  ///< further streams: odometry, parts of scans, localisation
@@ -100,7 +101,8 @@ struct OfferedLoad {
   std::optional<double> most_down_hz = {};
 };
 OfferedLoad offered_load(const MediumSettings& settings);
-/// One line if `most` is 1 or more, or a station is saturated; else "".
-std::string overload_warning(const MediumSettings& settings);
+/// One line if `most` is 1 or more, a station is saturated, or vehicles on Wi-Fi send in the same
+/// instant; else "".
+std::string medium_warning(const MediumSettings& settings);
 
 }  // namespace tether

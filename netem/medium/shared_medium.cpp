@@ -342,10 +342,16 @@ OfferedLoad offered_load(const MediumSettings& settings) {
   return load;
 }
 
-std::string overload_warning(const MediumSettings& settings) {
+std::string medium_warning(const MediumSettings& settings) {
   const OfferedLoad load = offered_load(settings);
   if (load.saturated > 0) return of_saturated(load);
-  if (load.most < 1.0) return "";
+  if (load.most < 1.0) {
+    if (!settings.together || !settings.is_wifi()) return "";
+    return fmt::format(
+        "fleet.ticks = \"together\": {} vehicles send in the same instant, and most of their first "
+        "attempts collide; timers of real vehicles drift apart (\"spread\")",
+        settings.vehicles);
+  }
   if (load.least >= 1.0) {
     return fmt::format(
         "[medium] is asked for {:.0f} % of its time, collisions not counted: it cannot carry all",

@@ -31,7 +31,7 @@ int main(int argc, char** argv) {
       [&](const Scenario& scenario, const std::string& lcm_url,
           const std::vector<std::string>& overrides) {
         if (texts.empty()) {
-          const std::string warning = overload_warning(scenario.get<MediumSettings>());
+          const std::string warning = medium_warning(scenario.get<MediumSettings>());
           if (!warning.empty()) say(Severity::warning, "tether-netem: " + warning);
           return;
         }

@@ -208,7 +208,7 @@ Scenario checked_scenario(const RunOptions& options) {
         "run: --view cannot show a run with an external controller; use --out, then tether view "
         "RUN.lcmlog");
   }
-  if (const std::string warning = overload_warning(scenario.get<MediumSettings>());
+  if (const std::string warning = medium_warning(scenario.get<MediumSettings>());
       !warning.empty()) {
     fmt::print(stderr, "tether: {}: {}\n", options.scenario.file, warning);
   }

@@ -37,12 +37,12 @@ TEST(OfferedLoad, IsReportedWhereOnlyTheSumOfTheTrafficIsTooMuch) {
   const std::vector<std::string> few{
       "sensor.send=changed", "fleet.count=40",           "fleet.columns=32",  "fleet.offset_x_m=45",
       "fleet.offset_y_m=45", "world.half_extent_m=9999", "medium.rate_Mbps=1"};
-  EXPECT_THAT(overload_warning(medium_with(few)), StartsWith("[medium] is asked for up to "));
-  EXPECT_THAT(overload_warning(medium_with(few)),
+  EXPECT_THAT(medium_warning(medium_with(few)), StartsWith("[medium] is asked for up to "));
+  EXPECT_THAT(medium_warning(medium_with(few)),
               HasSubstr("if all poses and commands were sent; with send = \"changed\" it is"));
   std::vector<std::string> many = few;
   many.emplace_back("sensor.send_max_age_s=0.05");
-  EXPECT_THAT(overload_warning(medium_with(many)), HasSubstr("it cannot carry all"));
+  EXPECT_THAT(medium_warning(medium_with(many)), HasSubstr("it cannot carry all"));
 }
 
 // 541 beams of two bytes: one part of 1400 bytes at most, or two of 700.
@@ -69,14 +69,27 @@ TEST(OfferedLoad, HasTheScansThatGoToTheEdgeInsteadOfPoses) {
 }
 
 TEST(OfferedLoad, OfSaturatedStationsIsAllAndTheAccessPointsShareIsReported) {
-  EXPECT_THAT(overload_warning(medium_with({}, kSaturated)),
+  EXPECT_THAT(medium_warning(medium_with({}, kSaturated)),
               HasSubstr("has 3 saturated stations, and no time left"));
-  EXPECT_THAT(overload_warning(medium_with({}, kSaturated)), HasSubstr("and is asked for 20"));
+  EXPECT_THAT(medium_warning(medium_with({}, kSaturated)), HasSubstr("and is asked for 20"));
   const std::vector<std::string> voice{"medium.model=edca", "medium.category=VO"};
   EXPECT_FALSE(offered_load(medium_with(voice, kSaturated)).most_down_hz)
       << "other windows than theirs";
   EXPECT_THAT(refusal_of([] { medium_with({"medium.model=scheduled"}, kSaturated); }),
               HasSubstr("kind = \"saturated\" needs medium.model = \"dcf\" or \"edca\""));
+}
+
+TEST(MediumWarning, NamesAFleetThatSendsInTheSameInstantOnWifi) {
+  const std::vector<std::string> six{"fleet.count=6", "fleet.offset_x_m=45",
+                                     "world.half_extent_m=9999", "fleet.ticks=together"};
+  EXPECT_THAT(medium_warning(medium_with(six)),
+              StartsWith("fleet.ticks = \"together\": 6 vehicles send in the same instant"));
+  std::vector<std::string> spread = six;
+  spread.back() = "fleet.ticks=spread";
+  EXPECT_EQ(medium_warning(medium_with(spread)), "");
+  std::vector<std::string> cell = six;
+  cell.emplace_back("medium.model=scheduled");
+  EXPECT_EQ(medium_warning(medium_with(cell)), "") << "a base station grants";
 }
 
 // Offered more than it can send, among three that are saturated: it sends as many frames as said,

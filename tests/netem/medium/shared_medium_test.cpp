@@ -237,9 +237,9 @@ TEST(SharedMedium, KnowsTheLoadThatPacketsAre) {
   EXPECT_NEAR(one, 40 * 125e-6, 40 * 30e-6);
   wifi.others = 9;
   EXPECT_DOUBLE_EQ(offered_load(wifi).least, 10 * one);
-  EXPECT_EQ(overload_warning(wifi), "");
+  EXPECT_EQ(medium_warning(wifi), "");
   wifi.others = 499;
-  EXPECT_EQ(overload_warning(wifi),
+  EXPECT_EQ(medium_warning(wifi),
             fmt::format("[medium] is asked for {:.0f} % of its time, collisions not counted: it "
                         "cannot carry all",
                         50'000 * one));
