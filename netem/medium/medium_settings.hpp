@@ -72,7 +72,7 @@ struct MediumSettings {
     double highest_hz() const { return rate_hz > most_hz ? rate_hz : most_hz; }
   };
   // No keys: they follow from the scenario's other sections.
-  bool together = false;       ///< fleet.ticks = "together": vehicles send in the same instant
+  bool together = false;      ///< fleet.ticks = "together": vehicles send in the same instant
   Stream up = {}, down = {};  ///< poses; commands or plans
   bool poses_go_up = true;    ///< the fleet's vehicles send poses; false: they are made at the edge
   std::vector<Stream> more_up = {};  ///< further streams: odometry, parts of scans, localisation

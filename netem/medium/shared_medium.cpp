@@ -62,7 +62,7 @@ class WifiMedium final : public SharedMedium {
  public:
   WifiMedium(const MediumSettings& settings, std::uint64_t seed, Ended ended)
       : SharedMedium(std::move(ended)), stations_(settings, seed, [this](const FrameEnd& end) {
-          fragment_ended(end.id, end.delivered, end.at);
+          fragment_ended(end.id, end_of(end.delivered, end.attempts), end.at);
         }) {}
 
   std::size_t add_vehicle(const std::string& name) override { return stations_.add_vehicle(name); }
@@ -175,7 +175,8 @@ class CellMedium final : public SharedMedium {
  private:
   ScheduledCell::Ended told() {
     return [this](const PacketEnd& end) {
-      if (end.id != BackgroundTraffic::kId) fragment_ended(end.id, end.delivered, end.at);
+      if (end.id == BackgroundTraffic::kId) return;
+      fragment_ended(end.id, end_of(end.delivered, end.attempts), end.at);
     };
   }
   void arrive(Instant now) {
@@ -220,21 +221,22 @@ void SharedMedium::send(Instant now, std::size_t vehicle, Way way, std::uint64_t
   pending_[id].fragments = static_cast<int>(sizes.size());
   for (std::size_t i = 0; i < sizes.size(); ++i) {
     const std::uint64_t fragment = id * kFragments + i;
-    if (!push(now, vehicle, way, fragment, sizes[i])) fragment_ended(fragment, false, now);
+    if (!push(now, vehicle, way, fragment, sizes[i])) fragment_ended(fragment, End::no_room, now);
   }
 }
 
-void SharedMedium::fragment_ended(std::uint64_t fragment, bool delivered, Instant at) {
+void SharedMedium::fragment_ended(std::uint64_t fragment, End end, Instant at) {
   const std::uint64_t id = fragment / kFragments;
   const auto found = pending_.find(id);
   assert(found != pending_.end());
   Pending& packet = found->second;
-  packet.lost |= !delivered;
+  if (packet.end == End::delivered) packet.end = end;
   packet.at = std::max(packet.at, at);
   if (--packet.fragments > 0) return;
-  const PacketFateOnAir fate{id, !packet.lost, packet.at};
+  const PacketFateOnAir fate{id, packet.end == End::delivered, packet.at};
+  ++ends_[static_cast<std::size_t>(packet.end)];
   pending_.erase(found);
-  ++(fate.delivered ? delivered_ : lost_);
+  if (!fate.delivered) ++lost_;
   ended_(fate);
 }
 
@@ -244,8 +246,14 @@ Instant SharedMedium::next_event() const {
 
 void SharedMedium::list(CounterList& out) const {
   out.emplace_back("medium.sent", sent_);
-  out.emplace_back("medium.delivered", delivered_);
+  const auto of = [this](End end) { return ends_[static_cast<std::size_t>(end)]; };
+  out.emplace_back("medium.delivered", of(End::delivered));
   out.emplace_back("medium.lost", lost_);
+  if (lost_ > 0) {
+    out.emplace_back("medium.lost.attempts", of(End::all_attempts_failed));
+    out.emplace_back("medium.lost.late", of(End::not_sent_in_time));
+    out.emplace_back("medium.lost.no_room", of(End::no_room));
+  }
   if (too_long_ > 0) out.emplace_back("medium.too_long", too_long_);
   list_own(out);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -123,17 +124,25 @@ class SharedMedium {
                     int bytes) = 0;
   virtual Instant next_transmission() const = 0;
   virtual void list_own(CounterList& out) const = 0;
-  void fragment_ended(std::uint64_t fragment, bool delivered, Instant at);
+  /// What became of a fragment; a packet is lost for the reason of its first that is.
+  enum class End { delivered, all_attempts_failed, not_sent_in_time, no_room };
+  void fragment_ended(std::uint64_t fragment, End end, Instant at);
+  /// Of Contention and of ScheduledCell, which has dropped what it did not attempt.
+  static End end_of(bool delivered, int attempts) {
+    if (delivered) return End::delivered;
+    return attempts > 0 ? End::all_attempts_failed : End::not_sent_in_time;
+  }
 
  private:
   struct Pending {
     int fragments = 0;
-    bool lost = false;
+    End end = End::delivered;
     Instant at{};
   };
   Ended ended_;
   std::map<std::uint64_t, Pending> pending_;
-  std::int64_t sent_ = 0, delivered_ = 0, lost_ = 0, too_long_ = 0;
+  std::int64_t sent_ = 0, lost_ = 0, too_long_ = 0;
+  std::array<std::int64_t, 4> ends_{};  ///< packets, by End
 };
 
 /// Sizes of one packet's fragments on Ethernet and Wi-Fi, with UDP and IP headers: the sizes of its

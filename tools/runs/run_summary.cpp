@@ -139,6 +139,15 @@ std::string medium_text(const std::map<std::string, std::int64_t>& counters, dou
   if (count("sent") == 0) return "";
   std::string text = fmt::format("{:<9} {} sent, {} delivered, {} lost", "medium", count("sent"),
                                  count("delivered"), count("lost"));
+  std::string reasons;
+  for (const auto& [name, meaning] : {std::pair{"lost.attempts", "after all attempts"},
+                                      {"lost.no_room", "by a full queue"},
+                                      {"lost.late", "as too late to be sent"},
+                                      {"too_long", "as too long"}}) {
+    if (count(name) == 0) continue;
+    reasons += fmt::format("{}{} {}", reasons.empty() ? " (" : ", ", count(name), meaning);
+  }
+  if (!reasons.empty()) text += reasons + ")";
   if (const std::int64_t all = count("transmissions"); all > 0) {
     text += fmt::format("; {} of all {} transmissions collided, busy {:.1f} % of the time",
                         count("collisions"), all,

@@ -85,6 +85,8 @@ TEST(RelayOnAMedium, OffersLinksWhatTheMediumDelivers) {
   EXPECT_EQ(count("medium.sent"), 600);
   EXPECT_EQ(count("medium.sent"), count("medium.delivered") + count("medium.lost"));
   EXPECT_GT(count("medium.lost"), 100);
+  EXPECT_EQ(count("medium.lost"), count("medium.lost.attempts") + count("medium.lost.late") +
+                                      count("medium.lost.no_room"));
   EXPECT_EQ(count("uplink.offered"), count("medium.delivered"));
   EXPECT_EQ(static_cast<std::int64_t>(crowded.poses.size()), count("uplink.delivered"));
   EXPECT_GT(count("medium.collisions"), 0);
