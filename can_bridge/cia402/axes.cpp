@@ -100,7 +100,7 @@ void Axes::restart_sender_count() {
 
 void Axes::begin(Instant now) {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    was_in_doubt_[i] = in_doubt(i, now);
+    in_doubt_unheard_[i] = in_doubt(i, now);
     axes_[i].begin();
   }
   possible_radps_ = targets_radps_ = {};
@@ -121,7 +121,7 @@ void Axes::on_news(const StandstillInquiry::News& news, Instant now) {
 
 bool Axes::in_doubt(std::size_t i, Instant now) const {
   const Axis& axis = axes_[i];
-  if (!axis.known()) return was_in_doubt_[i];
+  if (!axis.known()) return in_doubt_unheard_[i];
   return !is_power_off(axis.confirmed_state()) || !axis.stood() || !has_rolled_out(i) ||
          !believes_standstill(now);
 }
@@ -233,6 +233,7 @@ void Axes::doubt(std::uint8_t node) {
     if (axes_[i].node() != node) continue;
     axes_[i].doubt();
     released_[i] = false;
+    in_doubt_unheard_[i] = true;
   }
 }
 

@@ -180,7 +180,7 @@ class Axes {
   std::map<std::uint32_t, int> misfits_;      // by identifier: a wrong length of its newest TPDO
   std::array<bool, 2> tells_mode_;            // by a TPDO
   std::array<bool, 2> released_{};            // braked; the power stage may go off
-  std::array<bool, 2> was_in_doubt_{};        // when begin() forgot the axis
+  std::array<bool, 2> in_doubt_unheard_{};    // where nothing was received since begin()
   Instant standstill_from_ = Instant::min();  // until then, standstill is not believed
 };
 

@@ -25,7 +25,8 @@ bool StopAssurance::stop_is_commanded(Instant now) const {
     case Stage::stopping:
       return true;
     case Stage::faulted:
-      return d_.commanding;
+      if (d_.commanding) return true;
+      [[fallthrough]];  // another sender may have switched it on before start-up was done
     case Stage::refused:
       return d_.axes.in_doubt(0, now) || d_.axes.in_doubt(1, now);
     default:
@@ -104,7 +105,7 @@ void StopAssurance::look_at(Node& node, Instant now) {
     in_doubt = in_doubt || d_.axes.in_doubt(i, now);
   }
   const Duration elapsed = now - *since_;
-  node.unconfirmed = !confirmed && elapsed >= confirmation_time();
+  node.unconfirmed = !confirmed && (in_doubt || d_.commanding) && elapsed >= confirmation_time();
   const bool by_sdo = in_doubt && (node.by_sdo || !in_reach_of_pdos(node, now) ||
                                    (!confirmed && elapsed >= kPatience));
   if (by_sdo && !node.by_sdo) node.stopper.begin(true);

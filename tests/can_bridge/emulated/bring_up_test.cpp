@@ -74,6 +74,39 @@ TEST_P(BringUp, EndsInEnabledWithoutMovingAWheel) {
   EXPECT_EQ(wheels_.angle_rad[1], 0.0);
 }
 
+/// A drive in pre-operational has no deadline of setpoints, and the bridge's heartbeat keeps its
+/// watchdog content: the bridge alone can stop it. Another sender switches it on at any time of a
+/// restart.
+TEST_P(BringUp, StopsADriveThatAnotherSenderSwitchesOnMeanwhile) {
+  enable();
+  const AxisConfig& axis = config_.axes[0];
+  const auto from_another = [&](const CanFrame& frame) {
+    std::vector<CanFrame> answers;
+    drives_.on_frame(frame, now_, answers);
+    profile_->on_frame(frame, now_);
+    run(5);
+  };
+  int turned = 0;
+  for (int offset_ms = 0; offset_ms < 300; offset_ms += 5) {
+    from_another(canopen::nmt_frame(canopen::NmtCommand::pre_operational, 0));
+    run(700);
+    ASSERT_EQ(wheels_.speed_radps[0], 0.0) << offset_ms;
+    profile_->reset_fault();
+    run(offset_ms);
+    from_another(canopen::sdo_download(axis.node, axis.target_velocity, 1000));
+    for (int i = 0; i < 12; ++i) {
+      constexpr std::array kWords{canopen::kControlShutdown, canopen::kControlSwitchOn,
+                                  canopen::kControlEnableOperation};
+      from_another(canopen::sdo_download(axis.node, axis.controlword, kWords.at(i % 3)));
+    }
+    turned += wheels_.speed_radps[0] != 0.0 ? 1 : 0;
+    run(500);
+    EXPECT_EQ(wheels_.speed_radps[0], 0.0) << offset_ms << ": " << reason();
+    run(3000);
+  }
+  EXPECT_GT(turned, 0);
+}
+
 TEST_P(BringUp, TurnsBothWheelsForwardAsCommandedAndSeesThem) {
   enable();
   profile_->set_command({.v_mps = 0.5, .omega_radps = 0.3});
