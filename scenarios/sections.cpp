@@ -276,7 +276,37 @@ void take_from_scanner(Scenario& scenario, const std::set<std::string>& given,
   }
 }
 
+/// Poses that are always too old, or get too old before the next one comes.
+std::string warning_of_timeout(const Scenario& scenario) {
+  const double timeout_s = scenario.get<ControllerSettings>().pose_timeout_s;
+  const bool localises = scenario.get<LocaliserSettings>().place != LocaliserSettings::Place::none;
+  if (timeout_s <= 0.0 || localises) return "";
+  const double delay_s = pose_delay_s(scenario);
+  const double period_s = 1.0 / scenario.get<SensorSettings>().rate_hz;
+  if (timeout_s <= delay_s) {
+    return fmt::format(
+        "controller.pose_timeout_s = {:g} is not above the {:g} s that a pose takes "
+        "(sensor.latency_ms and the uplink's delay): every pose is too old, the vehicle never "
+        "drives",
+        timeout_s, delay_s);
+  }
+  if (timeout_s >= delay_s + period_s) return "";
+  return fmt::format(
+      "controller.pose_timeout_s = {:g} is below the {:g} s that a pose takes (sensor.latency_ms "
+      "and "
+      "the uplink's delay) and the {:g} s between two (sensor.rate_hz): the vehicle stops before "
+      "each of them",
+      timeout_s, delay_s, period_s);
+}
+
 }  // namespace
+
+std::vector<std::string> scenario_warnings(const Scenario& scenario) {
+  std::vector<std::string> all{medium_warning(scenario.get<MediumSettings>()),
+                               warning_of_timeout(scenario)};
+  std::erase(all, "");
+  return all;
+}
 
 // In the order of the resolved scenario. It stands above the rooms that have the sections; all
 // programs are linked with it.

@@ -140,5 +140,24 @@ TEST(BlindStart, APreloadedPlanFromAnUnknownStartIsRefused) {
       << refusal;
 }
 
+TEST(PoseTimeout, ThatNoPoseCanMeetIsSaidAtLoad) {
+  const auto warnings = [](const char* timeout, const char* delay) {
+    return scenario_warnings(load_scenario(in_source("/scenarios/paper.toml"),
+                                           {std::string("controller.pose_timeout_s=") + timeout,
+                                            std::string("channel.uplink.delay_ms=") + delay,
+                                            "sensor.latency_ms=20", "sensor.rate_hz=20"}));
+  };
+  ASSERT_EQ(warnings("0.04", "30").size(), 1U);
+  EXPECT_EQ(warnings("0.04", "30")[0],
+            "controller.pose_timeout_s = 0.04 is not above the 0.05 s that a pose takes "
+            "(sensor.latency_ms and the uplink's delay): every pose is too old, the vehicle never "
+            "drives");
+  ASSERT_EQ(warnings("0.08", "30").size(), 1U);
+  EXPECT_NE(warnings("0.08", "30")[0].find("the vehicle stops before each of them"),
+            std::string::npos);
+  EXPECT_EQ(warnings("0.12", "30").size(), 0U);
+  EXPECT_EQ(warnings("0", "30").size(), 0U) << "never";
+}
+
 }  // namespace
 }  // namespace tether

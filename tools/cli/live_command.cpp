@@ -8,6 +8,7 @@
 
 #include "common/lcm/lcm_url.hpp"
 #include "common/program/cli.hpp"
+#include "common/scenario/scenario.hpp"
 #include "tools/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/view_command.hpp"
@@ -50,6 +51,9 @@ int live(LiveOptions options) {
   }
   if (options.view) options.session.view = options.viewing.arguments();
   const Scenario scenario = load_scenario(options.session.scenario_file, options.session.overrides);
+  for (const std::string& warning : scenario_warnings(scenario)) {
+    fmt::print(stderr, "tether: {}: {}\n", options.scenario.file, warning);
+  }
   LiveSession session(options.session, scenario);
   session.run();
 

@@ -22,7 +22,7 @@
 #include "controller/laws/controller_settings.hpp"
 #include "controller/tube/reach_tube.hpp"
 #include "netem/channel/settings.hpp"
-#include "netem/medium/medium_settings.hpp"
+#include "common/scenario/scenario.hpp"
 #include "netem/relay/netem_node.hpp"
 #include "tools/base/scenario_options.hpp"
 #include "tools/cli/commands.hpp"
@@ -208,8 +208,7 @@ Scenario checked_scenario(const RunOptions& options) {
         "run: --view cannot show a run with an external controller; use --out, then tether view "
         "RUN.lcmlog");
   }
-  if (const std::string warning = medium_warning(scenario.get<MediumSettings>());
-      !warning.empty()) {
+  for (const std::string& warning : scenario_warnings(scenario)) {
     fmt::print(stderr, "tether: {}: {}\n", options.scenario.file, warning);
   }
   return scenario;
