@@ -16,7 +16,7 @@ class FloorPlan {
   static constexpr std::size_t kControl = 0;
   static constexpr const char* kControlName = "control";
 
-  /// What a packet does next.
+  /// Next step of a packet.
   enum class Next { one, all, nowhere };
   struct Route {
     Next next = Next::nowhere;

@@ -138,7 +138,7 @@ int receive_result(int socket) {
   try {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     prctl(PR_SET_NAME, "tether-host");
-    std::signal(SIGCHLD, SIG_IGN);  // NOLINT(cert-err33-c): nobody waits for orphans
+    std::signal(SIGCHLD, SIG_IGN);  // NOLINT(cert-err33-c): orphans have no parent that waits
     if (maps_user) {
       write_file("/proc/self/setgroups", "deny");
       write_file("/proc/self/uid_map", fmt::format("0 {} 1", user));

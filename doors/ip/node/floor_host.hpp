@@ -22,7 +22,7 @@ class FloorHost {
     std::string name;
     Address address = 0;
     int mtu = 1500;
-    std::filesystem::path hosts_file;  ///< what the host has as /etc/hosts
+    std::filesystem::path hosts_file;  ///< the host's /etc/hosts
   };
 
   /// Call it while this process has one thread. Throws std::runtime_error, which says what to do,

@@ -27,7 +27,7 @@ namespace tether::ip {
 ///
 /// The links have the scenario's models, stages and random streams, but their own queues. They
 /// report on NET/IP_UPLINK and NET/IP_DOWNLINK of each vehicle, take settings from its NET/SET, and
-/// know the vehicle's position from SIM/TRUTH, if someone publishes it.
+/// know the vehicle's position from SIM/TRUTH, if a simulator publishes it.
 ///
 /// read = malformed + unroutable + offered, always; a multicast packet counts as offered once.
 class TunNode final : public Node {
