@@ -3,7 +3,7 @@
 
 namespace tether::fuzzing {
 
-/// What a TUN device hands over.
+/// A packet from a TUN device.
 void try_input(std::span<const std::uint8_t> input) {
   static const ip::FloorPlan plan({"AGV1", "AGV2"});
   const auto header = ip::read_ip_header(input);

@@ -129,7 +129,7 @@ def foreign_stacks_work(test):
     sent = json.loads(client.out())
     check("error" not in sent, f"iperf3: {sent.get('error')}")
     rate = sent["end"]["sum_received"]["bits_per_second"] / 1e6
-    # Of 1500 bytes 1448 are data; the rate is the bottleneck's from the slow start on.
+    # 1448 of 1500 bytes are data; the rate is the bottleneck's from the slow start on.
     check(5.0 < rate < 8.0 * 1448 / 1500 * 1.02, f"goodput {rate:.2f} Mbit/s through 8 Mbit/s")
     test.say(f"iperf3: {rate:.2f} Mbit/s through 8 Mbit/s")
 
