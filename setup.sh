@@ -37,6 +37,7 @@ if [ "${1:-}" = tests ]; then
         zsh groff-base                              # completion, manual pages
         dpkg-dev lintian systemd udev               # packages and services
         user-mode-linux can-utils python3-can tshark # tests on a CAN bus and against tc's netem
+        iperf3 mosquitto mosquitto-clients curl     # foreign programs on a floor's hosts
         slurm-wlm munge                             # sweeps on a cluster
         chromium                                    # a report's screenshot, the page of tether view
         libns3-dev                                  # another simulator of Wi-Fi as a judge

@@ -105,8 +105,13 @@ std::size_t RunningMedium::add_vehicle(const std::string& name) {
 }
 
 void RunningMedium::send(std::size_t vehicle, Way way, Packet packet, const Deliver& deliver) {
-  if (!medium_) return deliver(std::move(packet));
   const auto bytes = static_cast<int>(datagram_bytes(packet.channel, std::ssize(packet.bytes)));
+  send(vehicle, way, std::move(packet), bytes, deliver);
+}
+
+void RunningMedium::send(std::size_t vehicle, Way way, Packet packet, int bytes,
+                         const Deliver& deliver) {
+  if (!medium_) return deliver(std::move(packet));
   const std::uint64_t id = next_id_++;
   const double value = has_values_ ? value_of(packet) : 0.0;
   under_way_.emplace(id, UnderWay{std::move(packet), &deliver, value});

@@ -91,6 +91,8 @@ class RunningMedium {
   std::size_t add_vehicle(const std::string& name);
   /// `deliver` must outlive the packet's way.
   void send(std::size_t vehicle, Way way, Packet packet, const Deliver& deliver);
+  /// The same for a packet that is not a message of LCM: `bytes` of UDP payload.
+  void send(std::size_t vehicle, Way way, Packet packet, int bytes, const Deliver& deliver);
 
   /// Whether the medium needs the vehicle's position, which it receives before the network.
   bool wants_position() const { return medium_ && medium_->wants_position(); }

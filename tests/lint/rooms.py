@@ -19,7 +19,7 @@ MAY_USE = {
     "netem": {"common"},
     "can_bridge": {"common"},
     "onboard": {"common", "controller"},
-    "doors": {"common"},
+    "doors": {"common", "netem"},
     "tools": {"common", "sim", "controller", "netem", "can_bridge", "onboard", "doors"},
 }
 

@@ -43,8 +43,8 @@ int refuse(const CLI::App& command, const std::string& word) {
   for (const CLI::App* sub : command.get_subcommands({})) names.push_back(sub->get_name());
   std::string whole = "tether";
   if (command.get_parent() == nullptr) {
-    names.insert(names.end(),
-                 {"sim", "controller", "localiser", "link", "can-bridge", "can-drive"});
+    names.insert(names.end(), {"sim", "controller", "localiser", "link", "can-bridge", "can-drive",
+                               "tun", "floor"});
   } else {
     whole += " " + command.get_name();
   }
@@ -87,7 +87,9 @@ int main(int argc, char** argv) {
   add_path_command(app, action);
   app.footer(
       "Also: tether sim, netem, controller, localiser, can-bridge and can-drive, the nodes of a "
-      "live run; tether link carries channels between hosts.");
+      "live run; tether link carries channels between hosts; tether floor runs any IP program on "
+      "the "
+      "emulated network.");
   add_command_examples(app);
   add_examples(app,
                {"tether run scenarios/paper.toml --out out/paper     # one run, and its picture",
