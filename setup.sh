@@ -13,6 +13,8 @@ packages=(
     # libraries
     liblcm-dev liblcm-bin libboost-dev libeigen3-dev libnlopt-dev libnlopt-cxx-dev libcli11-dev libfmt-dev
     libtomlplusplus-dev libyaml-cpp-dev libre2-dev libgpiod-dev libsodium-dev libsystemd-dev nlohmann-json3-dev
+    # the door to ROS 2; without it tether-ros2 is left out
+    cyclonedds-dev cyclonedds-tools
     # network set-up
     iproute2 nftables
 )
@@ -33,6 +35,7 @@ if [ "${1:-}" = tests ]; then
         python3-pandas                              # for readers of runs
         python3-prometheus-client                   # for readers of metrics
         procps util-linux                           # process tests
+        libfastrtps-dev                             # a second DDS, against tether-ros2
         rsync                                       # the upload of logs
         zsh groff-base                              # completion, manual pages
         dpkg-dev lintian systemd udev               # packages and services

@@ -20,6 +20,7 @@
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/tube/reach_tube.hpp"
+#include "doors/ros2/ros2_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "netem/models/kinds.hpp"
@@ -276,6 +277,11 @@ void take_from_scanner(Scenario& scenario, const std::set<std::string>& given,
   }
 }
 
+std::string why_ros2_has_no_effect(const Scenario& scenario, const std::string& key) {
+  const bool is_off = key.starts_with("ros2.") && !scenario.get<ControllerSettings>().ros2;
+  return is_off ? "controller.ros2 is false" : "";
+}
+
 }  // namespace
 
 // In the order of the resolved scenario. It stands above the rooms that have the sections; all
@@ -308,6 +314,11 @@ std::vector<ScenarioSection> scenario_sections() {
     if (own) own(scenario, given, file);
     take_traffic(scenario);
   };
+  ScenarioSection ros2 = ros2_section();
+  ros2.why_no_effect = why_ros2_has_no_effect;
+  ros2.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
+    return !why_ros2_has_no_effect(scenario, key.name).empty();
+  };
   return {run_section(),
           world_section(),
           vehicle_section(),
@@ -323,7 +334,8 @@ std::vector<ScenarioSection> scenario_sections() {
           lidar_section(),
           localiser,
           autonomy,
-          tube_section()};
+          tube_section(),
+          ros2};
 }
 
 }  // namespace tether

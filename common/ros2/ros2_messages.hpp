@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/vehicle/pose.hpp"
 #include "common/ros2/laser_scan.hpp"
+#include "common/vehicle/pose.hpp"
 
 namespace tether {
 
