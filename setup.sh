@@ -21,6 +21,8 @@ if [ "${1:-}" != vehicle ]; then
         libode-dev libsqlite3-dev libmuparser-dev libzstd-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
         # the Python module tether_env
         pybind11-dev python3-dev python3-numpy python3-setuptools
+        # the door to ROS 2; without it tether-ros2 is left out
+        cyclonedds-dev cyclonedds-tools
         # figures, charts, and lcm-spy with plots
         gnuplot-nox libjs-chart.js liblcm-java libjchart2d-java openjdk-17-jdk openjdk-17-jre
     )
@@ -33,6 +35,7 @@ if [ "${1:-}" = tests ]; then
         python3-pandas                              # for readers of runs
         python3-prometheus-client                   # for readers of metrics
         procps util-linux                           # process tests
+        libfastrtps-dev                             # a second DDS, against tether-ros2
         rsync                                       # the upload of logs
         zsh groff-base                              # completion, manual pages
         dpkg-dev lintian systemd udev               # packages and services

@@ -20,6 +20,7 @@
 #include "controller/laws/controller_settings.hpp"
 #include "controller/laws/law.hpp"
 #include "controller/tube/reach_tube.hpp"
+#include "doors/ros2/ros2_settings.hpp"
 #include "netem/channel/settings.hpp"
 #include "netem/medium/medium_settings.hpp"
 #include "netem/models/kinds.hpp"
@@ -293,10 +294,15 @@ std::string warning_of_timeout(const Scenario& scenario) {
   if (timeout_s >= delay_s + period_s) return "";
   return fmt::format(
       "controller.pose_timeout_s = {:g} is below the {:g} s that a pose takes (sensor.latency_ms "
-      "and "
-      "the uplink's delay) and the {:g} s between two (sensor.rate_hz): the vehicle stops before "
+      "and the uplink's delay) and the {:g} s between two (sensor.rate_hz): the vehicle stops "
+      "before "
       "each of them",
       timeout_s, delay_s, period_s);
+}
+
+std::string why_ros2_has_no_effect(const Scenario& scenario, const std::string& key) {
+  const bool is_off = key.starts_with("ros2.") && !scenario.get<ControllerSettings>().ros2;
+  return is_off ? "controller.ros2 is false" : "";
 }
 
 }  // namespace
@@ -338,6 +344,11 @@ std::vector<ScenarioSection> scenario_sections() {
     if (own) own(scenario, given, file);
     take_traffic(scenario);
   };
+  ScenarioSection ros2 = ros2_section();
+  ros2.why_no_effect = why_ros2_has_no_effect;
+  ros2.left_out = [](const Scenario& scenario, const ScenarioKey& key) {
+    return !why_ros2_has_no_effect(scenario, key.name).empty();
+  };
   return {run_section(),
           world_section(),
           vehicle_section(),
@@ -353,7 +364,8 @@ std::vector<ScenarioSection> scenario_sections() {
           lidar_section(),
           localiser,
           autonomy,
-          tube_section()};
+          tube_section(),
+          ros2};
 }
 
 }  // namespace tether

@@ -33,6 +33,9 @@ void add_law_and_timing(KeyTable<Controller>& t) {
          "{scenario}, {folder}, {seed} and {arm} are filled in (docs/howto/python.md)");
   t.boolean("warm", &Controller::warm,
             "the command serves one run after another and is restarted only after a failure");
+  t.boolean("ros2", &Controller::ros2,
+            "tether-ros2 is the controller: poses go to ROS 2 nodes, /cmd_vel comes from them "
+            "(docs/howto/ros2.md)");
   t.number("patience_s", &Controller::patience_s, {0.1, 86'400.0},
            "maximum time that an external controller may take for one answer, wall clock");
   t.number("tau_s", &Controller::tau_s, kNotNegative, "look-ahead");
@@ -171,6 +174,7 @@ bool left_out(const Scenario& scenario, const ScenarioKey& key) {
     return true;
   }
   if (!why_no_effect(scenario, key.name).empty()) return true;
+  if (key.name == prefix + "ros2") return !scenario.get<Controller>().ros2;
   if (key.name == prefix + "send") {
     return scenario.get<Controller>().send == Controller::Send::always;
   }
@@ -247,6 +251,12 @@ void fill_in_folder(Scenario& scenario, const ScenarioLevel& level) {
 void check(const Scenario& scenario, const std::string& file) {
   const auto& controller = scenario.get<Controller>();
   check_command(controller, file);
+  if (controller.ros2 && (controller.external || !controller.command.empty())) {
+    throw UsageError(fmt::format(
+        "{}: controller.ros2 = true does not go with controller.external or controller.command: a "
+        "run has one controller",
+        file));
+  }
   const LawKind& law = kind_of(controller);
   if (law.check != nullptr) law.check(controller, file);
   if (!law.sends_plans) return check_driver(scenario, file);

@@ -73,8 +73,9 @@ struct ControllerSettings {
   /// … started by this; with {url}, {scenario}, {seed} and {arm} (external_command.hpp)
   std::string command;
   bool warm = false;         ///< it serves one run after another
+  bool ros2 = false;         ///< tether-ros2 is the controller: a door to ROS 2 nodes
   double patience_s = 10.0;  ///< maximum time for one answer
-  bool is_external() const { return external || !command.empty(); }
+  bool is_external() const { return external || !command.empty() || ros2; }
   ModelSettings model;
   /// Source of the law's pose estimate: the newest one as it came, or the filter's.
   enum class Estimator { none, ekf };

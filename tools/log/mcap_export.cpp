@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "common/base/text.hpp"
+#include "common/ros2/ros2_messages.hpp"
 #include "tools/log/foxglove_schemas.hpp"
 #include "tools/log/ros2_conversion.hpp"
-#include "tools/log/ros2_messages.hpp"
 #include "tools/log/scene_view.hpp"
 #include "tools/messages/message_json.hpp"
 #include "tools/messages/message_schema.hpp"

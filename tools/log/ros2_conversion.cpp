@@ -7,7 +7,6 @@
 #include <initializer_list>
 
 #include "common/vehicle/pose.hpp"
-#include "tools/log/ros2_messages.hpp"
 #include "tools/log/scene_view.hpp"
 
 namespace tether {

@@ -230,7 +230,12 @@ constexpr int kMaxRestarts = 20;
 std::vector<std::string> programs(const Scenario& scenario) {
   const std::vector<Scenario> members = fleet_members(scenario);
   std::vector<std::string> names;
-  if (!scenario.get<ControllerSettings>().is_external()) names.emplace_back("tether-controller");
+  const auto& controller = scenario.get<ControllerSettings>();
+  if (controller.ros2) {
+    names.emplace_back("tether-ros2");
+  } else if (!controller.is_external()) {
+    names.emplace_back("tether-controller");
+  }
   names.emplace_back("tether-netem");
   if (!members_with(has_autonomy, members).empty()) names.emplace_back("tether-autonomy");
   if (scenario.get<VehicleSettings>().drivetrain == VehicleSettings::Drivetrain::can) {
@@ -304,7 +309,8 @@ std::vector<std::string> channels_of_one_sender(const Scenario& scenario) {
 std::set<std::string> channels_of_external_controllers(const Scenario& scenario) {
   std::set<std::string> channels;
   for (const Scenario& member : fleet_members(scenario)) {
-    if (!member.get<ControllerSettings>().is_external()) continue;
+    const auto& controller = member.get<ControllerSettings>();
+    if (!controller.is_external() || controller.ros2) continue;
     const ChannelNames c(member.get<VehicleSettings>().name);
     channels.insert({c.control_command, c.control_plan, c.control_preload, c.control_report,
                      c.control_counters});

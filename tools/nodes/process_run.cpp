@@ -183,13 +183,17 @@ ProcessRun::ProcessRun(const Options& options, const Scenario& scenario)
     console_.emplace(io_, *manager_, STDIN_FILENO);
   }
   for (const std::string& node : config.nodes) {
-    const bool elsewhere = node == "controller" && scenario.get<ControllerSettings>().is_external();
-    if (!elsewhere) start_node(options, node, config.session);
+    const auto& controller = scenario.get<ControllerSettings>();
+    const bool elsewhere = node == "controller" && controller.is_external() && !controller.ros2;
+    if (elsewhere) continue;
+    const bool is_door = node == "controller" && controller.ros2;
+    start_node(options, node, is_door ? "tether-ros2" : "tether-" + node, config.session);
   }
 }
 
-void ProcessRun::start_node(const Options& options, const std::string& node, std::int64_t session) {
-  const std::string program = (executable_folder() / ("tether-" + node)).string();
+void ProcessRun::start_node(const Options& options, const std::string& node,
+                            const std::string& program_name, std::int64_t session) {
+  const std::string program = (executable_folder() / program_name).string();
   if (access(program.c_str(), X_OK) != 0) {
     throw std::runtime_error(fmt::format("cannot start {}: {}; tether expects its nodes beside it",
                                          program, std::generic_category().message(errno)));

@@ -82,7 +82,8 @@ class ProcessRun {
   LockstepCost cost() const;
 
  private:
-  void start_node(const Options& options, const std::string& node, std::int64_t session);
+  void start_node(const Options& options, const std::string& node, const std::string& program_name,
+                  std::int64_t session);
   void record(Instant when, const Message& message);
   void end_nodes();
   void say_who_is_missing();

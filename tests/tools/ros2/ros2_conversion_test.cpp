@@ -10,7 +10,8 @@
 #include <tether/all_messages.hpp>
 #include <vector>
 
-#include "tools/log/ros2_messages.hpp"
+#include "common/ros2/cdr.hpp"
+#include "common/ros2/ros2_messages.hpp"
 
 namespace tether {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/log/ros2_messages.hpp"
+#include "common/ros2/ros2_messages.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <sstream>
 #include <vector>
 
-#include "tools/log/ros2_conversion.hpp"
+#include "common/ros2/cdr.hpp"
 
 namespace tether {
 namespace {

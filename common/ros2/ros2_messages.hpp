@@ -6,18 +6,26 @@
 #include <string_view>
 #include <vector>
 
+#include "common/ros2/laser_scan.hpp"
 #include "common/vehicle/pose.hpp"
-#include "tools/log/laser_scan.hpp"
 
 namespace tether {
 
 inline constexpr std::string_view kRosClock = "rosgraph_msgs/msg/Clock";
 inline constexpr std::string_view kRosTwist = "geometry_msgs/msg/Twist";
+inline constexpr std::string_view kRosTwistStamped = "geometry_msgs/msg/TwistStamped";
 inline constexpr std::string_view kRosPoseStamped = "geometry_msgs/msg/PoseStamped";
 inline constexpr std::string_view kRosOdometry = "nav_msgs/msg/Odometry";
 inline constexpr std::string_view kRosPath = "nav_msgs/msg/Path";
 inline constexpr std::string_view kRosLaserScan = "sensor_msgs/msg/LaserScan";
 inline constexpr std::string_view kRosTf = "tf2_msgs/msg/TFMessage";
+
+/// One message of ROS 2.
+struct RosMessage {
+  std::string topic;
+  std::string_view type;  ///< "geometry_msgs/msg/Twist"
+  std::string cdr;
+};
 
 /// The definition of one of the types above for MCAP's schema encoding "ros2msg": its fields, then
 /// those of each type that it needs, behind a line of 80 '=' and "MSG: package/Type"
