@@ -99,7 +99,7 @@ class RunningMedium {
   void on_position(std::size_t vehicle, double x_m, double y_m);
 
   /// As they are now.
-  void list_counters(CounterList& out);
+  void list_counters(CounterList& out) const;
 
  private:
   struct UnderWay {

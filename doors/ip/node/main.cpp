@@ -65,7 +65,7 @@ int main(int argc, char** argv) {
       },
       [] { return true; },
       [&](const Scenario& scenario, const std::string&, const std::vector<std::string>&) {
-        const std::string warning = overload_warning(scenario.get<MediumSettings>());
+        const std::string warning = medium_warning(scenario.get<MediumSettings>());
         if (!warning.empty()) say(Severity::warning, "tether-tun: " + warning);
         make_hosts(scenario, folder, mtu, floor);
       }};
