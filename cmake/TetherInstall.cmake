@@ -12,6 +12,9 @@ include(GNUInstallDirs)
 
 set(TETHER_VEHICLE_PROGRAMS tether-vehicle tether-link tether-can-bridge tether-can-drive tether-localiser tether-autonomy)
 set(TETHER_LAB_PROGRAMS tether tether-sim tether-netem tether-controller tether-can tether-tun tether-floor)
+if(TARGET tether-ros2)
+  list(APPEND TETHER_LAB_PROGRAMS tether-ros2)
+endif()
 set(shared ${CMAKE_INSTALL_DATADIR}/tether)
 
 install(TARGETS ${TETHER_VEHICLE_PROGRAMS} COMPONENT vehicle)

@@ -89,8 +89,8 @@ Scenario load_scenario(const std::string& file, const std::vector<std::string>& 
 Scenario parse_scenario(const std::string& toml, const std::string& name,
                         const std::vector<std::string>& overrides = {});
 
-/// What is allowed and hardly meant, such as keys that contradict each other: a line each, in
-/// scenarios/sections.cpp.
+/// Returns a line for each setting that is allowed and hardly meant, such as keys that contradict
+/// each other; in scenarios/sections.cpp.
 std::vector<std::string> scenario_warnings(const Scenario& scenario);
 
 /// The resolved scenario as TOML: every key that has an effect, and reading it gives the same run

@@ -124,10 +124,10 @@ class SharedMedium {
                     int bytes) = 0;
   virtual Instant next_transmission() const = 0;
   virtual void list_own(CounterList& out) const = 0;
-  /// What became of a fragment; a packet is lost for the reason of its first that is.
+  /// Fate of a fragment. A packet is lost for the reason of its first fragment that is.
   enum class End { delivered, all_attempts_failed, not_sent_in_time, no_room };
   void fragment_ended(std::uint64_t fragment, End end, Instant at);
-  /// Of Contention and of ScheduledCell, which has dropped what it did not attempt.
+  /// Contention and ScheduledCell have dropped what they did not attempt.
   static End end_of(bool delivered, int attempts) {
     if (delivered) return End::delivered;
     return attempts > 0 ? End::all_attempts_failed : End::not_sent_in_time;

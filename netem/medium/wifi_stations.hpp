@@ -160,7 +160,7 @@ class WifiStations {
   struct Vehicle {
     std::size_t contender;              ///< contender of the uplink
     int station;                        ///< index in links_
-    std::array<std::uint64_t, 2> luck;  ///< of its next frame, up and down
+    std::array<std::uint64_t, 2> luck;  ///< luck of its next frame, up and down
   };
   MediumSettings settings_;
   std::uint64_t seed_;

@@ -165,7 +165,8 @@ void RunningMedium::know(const Packet& delivered) {
 
 void RunningMedium::list_counters(CounterList& out) const {
   if (!medium_) return;
-  // Others send while none of our packets is under way; what is sent now may still collide with one.
+  // Others send while none of our packets is under way; what is sent now may still collide with
+  // one.
   medium_->advance(loop_.now() - Duration{1});
   medium_->list(out);
 }

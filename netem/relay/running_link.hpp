@@ -98,7 +98,7 @@ class RunningMedium {
   bool wants_position() const { return medium_ && medium_->wants_position(); }
   void on_position(std::size_t vehicle, double x_m, double y_m);
 
-  /// As they are now.
+  /// Appends the counters as they are now.
   void list_counters(CounterList& out) const;
 
  private:

@@ -23,7 +23,7 @@ namespace {
 constexpr std::uint32_t kOverheadBytes = 24 + 8 + 4;
 constexpr std::uint16_t kProtocol = 0x88b5;  ///< for experiments
 
-/// What was sent within the time that counts, and when what of it came.
+/// Packets that are sent within the time that counts, and their delays.
 struct Way {
   std::map<std::uint64_t, Time> sent;
   std::vector<double> delays_us;
@@ -150,7 +150,7 @@ class Cell {
   bool at_access_point(Ptr<NetDevice>, Ptr<const Packet> packet, std::uint16_t,
                        const Address& from) {
     if (is_saturated()) {
-      // What comes within the time counts, whenever it was sent.
+      // Each that comes within the time counts, whenever it was sent.
       if (counts()) up_.delays_us.push_back(0.0);
       return true;
     }

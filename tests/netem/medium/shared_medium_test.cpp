@@ -34,8 +34,7 @@ TEST(SharedMedium, CutsPacketsIntoFramesOfEthernet) {
   EXPECT_THAT(fragment_bytes(3288), ElementsAre(1500, 1500, 336 + 20));
 }
 
-/// Of six vehicles among `vehicles`, which of 400 packets both ways arrive; each packet has one
-/// attempt.
+/// Fates of 400 packets both ways of the first six of `vehicles`; each packet has one attempt.
 std::map<std::uint64_t, bool> fates_of_six(std::size_t vehicles, Duration apart) {
   MediumSettings settings{.model = MediumSettings::Model::dcf, .attempts = 1, .error_ratio = 0.3};
   RadioRig rig(settings);
