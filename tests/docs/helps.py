@@ -38,7 +38,7 @@ def all_commands(program, words=()):
 
 @functools.cache
 def keys(bin_dir):
-    return set(re.findall(r"(?m)^\s*([a-z_]+(?:\.\w+)+)(?= |$)", said_by(bin_dir / "tether", "run", "--keys")))
+    return set(re.findall(r"(?m)^\s*([a-z_0-9]+(?:\.\w+)+)(?= |$)", said_by(bin_dir / "tether", "run", "--keys")))
 
 
 def is_key(bin_dir, key):
@@ -96,6 +96,8 @@ def wrong_with_words(bin_dir, root, words):
         if subcommands(program, path):
             return f"{said} has no command {rest[0]}"
     for before, word in zip([name, *rest], rest):
+        if word == "--":  # another program's words follow
+            break
         word = word.strip("[],")
         option = word.split("=")[0]
         if option.startswith("--") and option not in options(program, path):

@@ -339,6 +339,7 @@ class Sweeps(unittest.TestCase):
             ('controller.command = "a {seed}"\ncontroller.warm = true', "{seed} must be {url}, {scenario}, {folder} with controller.warm"),
             ('controller.command = "a {scenario}"', 'bad.toml: controller.command = "a {scenario}" must have {url} in it'),
             ("controller.external = true", "controller.external = true without controller.command"),
+            ("controller.ros2 = true", "controller.ros2 = true needs ROS 2 nodes that run"),
             ("controller.warm = true", "there is no controller.command"),
             ("controller.patience_s = 3.0", "neither a controller.command nor controller.external"),
         ):

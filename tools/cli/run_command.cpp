@@ -197,6 +197,9 @@ Scenario checked_scenario(const RunOptions& options) {
   if (options.scenario.file.empty()) throw UsageError("run: name a scenario file (see --help)");
   Scenario scenario = options.scenario.load();
   const bool external = scenario.get<ControllerSettings>().is_external();
+  if (scenario.get<ControllerSettings>().ros2 && !options.processes) {
+    throw UsageError("run: controller.ros2 = true needs --processes, which starts tether-ros2");
+  }
   if (!options.lcm_url.empty() && !options.processes && !external) {
     throw UsageError("run: --lcm-url needs --processes or an external controller");
   }

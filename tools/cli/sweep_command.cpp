@@ -97,9 +97,10 @@ void print_arms(const fs::path& database) {
       {"setting", "ε [m], mean and 95 % interval", "lost", "at the walls [s]"}};
   const auto& arms = errors.arms();
   for (std::size_t i = 0; i < std::min(arms.size(), kMostRows); ++i) {
+    const Summary& walls_s = walls.arms()[i].summary;
     rows.push_back({settings_text(arms[i].settings), mean_text(arms[i].summary),
                     share_text(arms[i].survival.lost),
-                    fmt::format("{:.1f}", walls.arms()[i].summary.mean)});
+                    walls_s.n == 0 ? "-" : fmt::format("{:.1f}", walls_s.mean)});
   }
   print_table(rows);
   if (arms.size() > kMostRows) {

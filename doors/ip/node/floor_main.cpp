@@ -153,12 +153,12 @@ int main(int argc, char** argv) {
   exec_command->add_option("command", command, "program and its arguments, after --")->required();
   CLI::App* const down_command =
       app.add_subcommand("down", "End the floor, and all that runs on its hosts");
-  add_examples(*up_command, {"tether floor up scenarios/paper.toml --set channel.prr=0.9"});
+  add_examples(*up_command, {"tether floor up scenarios/paper.toml"});
   add_examples(*exec_command, {"tether floor exec AGV -- ping -c 3 control"});
   add_examples(*down_command, {"tether floor down"});
   add_examples(
       app, {"tether floor up scenarios/paper.toml", "tether floor exec control -- iperf3 -s -1 &",
-            "tether floor exec AGV -- iperf3 -c control", "tether floor down"});
+            "tether floor exec AGV -- iperf3 -c control"});
   return run_cli(app, argc, argv, [&] {
     if (app.got_subcommand(up_command)) return up(folder, up_command->remaining());
     if (app.got_subcommand(down_command)) return down(folder);

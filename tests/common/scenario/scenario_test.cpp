@@ -163,7 +163,7 @@ TEST(Scenario, OneOfEverythingIsReadFromAFile) {
     if (ScenarioSchema::all()->left_out(wanted, key) &&
         (key.name.starts_with("actuator.") || key.name.starts_with("controller.") ||
          key.name.starts_with("localiser.") || key.name.starts_with("lidar.") ||
-         key.name.starts_with("autonomy.")))
+         key.name.starts_with("autonomy.") || key.name.starts_with("ros2.")))
       continue;
     if ((key.name.starts_with("vehicle.") || key.name.starts_with("medium.")) &&
         !useless(wanted, key).empty())

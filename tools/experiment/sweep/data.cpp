@@ -111,6 +111,7 @@ std::string interval_text(const Interval& interval) {
 }
 
 std::string share_text(const Share& share) {
+  if (share.n == 0) return "-";
   return fmt::format("{}/{} [{:.3g}, {:.3g}] %", share.count, share.n, 100.0 * share.interval.low,
                      100.0 * share.interval.high);
 }

@@ -37,6 +37,12 @@ void check_controllers(const std::vector<Arm>& arms, const std::string& file) {
   for (const Arm& arm : arms) {
     const auto& controller = arm.scenario.get<ControllerSettings>();
     check_command_has_url(controller, file);
+    if (controller.ros2) {
+      throw UsageError(
+          file +
+          ": controller.ros2 = true needs ROS 2 nodes that run: tether live, or tether "
+          "run --processes, starts tether-ros2 for them");
+    }
     if (!controller.external || !controller.command.empty()) continue;
     throw UsageError(fmt::format(
         "{}: controller.external = true without controller.command, which starts a controller of "
