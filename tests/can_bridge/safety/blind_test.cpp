@@ -401,6 +401,25 @@ TEST_F(Blind, AStopByTheDrivesKeepsToTheBudgetInAnyBendAndAtAnyMoment) {
   }
 }
 
+/// The yaw rate falls more slowly than the budget, and wheels that turn against each other do not
+/// slow the vehicle down when the bus dies, too.
+TEST_F(Blind, UnseenInATurnItsWheelsCanAlwaysStopWithinTheBudget) {
+  SafetyCore::Config config = Blind::config();
+  config.max_blind = seconds{10};
+  config.max_blind_m = 0.3;
+  config.limits.max_yaw_acceleration_radps2 = config.limits.max_yaw_deceleration_radps2 = 0.4;
+  restart(config);
+  drive_plan({0.3, 2.0});
+  ASSERT_GT(last.twist.omega_radps, 1.2);
+  const double before = driven_m;
+  for (int i = 0; i < 200; ++i) {
+    cycle_after(kCycle);
+    const DrivesStop stop(last.twist, config.limits.track_m, 0.1 + 2.0 * to_seconds(kCycle),
+                          config.limits.max_deceleration_mps2);
+    ASSERT_LE(driven_m - before + stop.way_m, config.max_blind_m) << i;
+  }
+}
+
 /// With 2 m/s² the wheels bound gentle bends, too; with 4 m/s² there the ramp does.
 TEST(BlindBudget, KnowsTheWayOfWheelsThatBrakeByThemselves) {
   for (const double wheels_mps2 : {2.0, 4.0}) {
