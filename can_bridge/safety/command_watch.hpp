@@ -31,7 +31,7 @@ namespace tether {
 /// - v·h/A if h > v: while the wheels turn against each other, v does not fall.
 /// These bound the twist, too; the distance with R = drives_reaction in place of r: the bridge may
 /// have to brake first, and then the drives notice only at their deadline that its setpoints end.
-/// That stop may end later than the time by this deadline.
+/// max_time may be exceeded in such a stop, by at most that deadline.
 class BlindBudget {
  public:
   struct Config {

@@ -2,20 +2,14 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
+
+#include "common/vehicle/frames.hpp"
 
 namespace tether {
 namespace {
 
 constexpr std::string_view kMap = "map";
 constexpr std::size_t kOdometryKept = 512;
-
-/// a ∘ b⁻¹: where b's frame is, if a and b are one place in two frames.
-Pose2 frame_of(const Pose2& a, const Pose2& b) {
-  const double yaw_rad = wrap_angle(a.yaw_rad - b.yaw_rad);
-  const double c = std::cos(yaw_rad), s = std::sin(yaw_rad);
-  return {a.x_m - c * b.x_m + s * b.y_m, a.y_m - s * b.x_m - c * b.y_m, yaw_rad};
-}
 
 }  // namespace
 
@@ -52,7 +46,7 @@ std::vector<RosMessage> VehicleTopics::on_pose(Instant stamp, const Pose2& pose)
         std::min_element(odometry_.begin(), odometry_.end(), [&](const auto& a, const auto& b) {
           return std::chrono::abs(a.first - stamp) < std::chrono::abs(b.first - stamp);
         });
-    map_to_odom_ = frame_of(pose, nearest->second);
+    map_to_odom_ = compose(pose, relative_to(nearest->second, {}));
     transforms = {{in_map, odom_, map_to_odom_}};
   }
   return {{topic("pose"), kRosPoseStamped, pose_cdr({in_map, pose})}, tf(transforms)};

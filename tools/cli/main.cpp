@@ -88,8 +88,7 @@ int main(int argc, char** argv) {
   app.footer(
       "Also: tether sim, netem, controller, localiser, can-bridge and can-drive, the nodes of a "
       "live run; tether link carries channels between hosts; tether floor runs any IP program on "
-      "the "
-      "emulated network.");
+      "the emulated network.");
   add_command_examples(app);
   add_examples(app,
                {"tether run scenarios/paper.toml --out out/paper     # one run, and its picture",

@@ -40,10 +40,7 @@ int exit_code_of(int status) {
 }
 
 int up(const std::filesystem::path& folder, const std::vector<std::string>& arguments) {
-  if (ip::floor_process(folder)) {
-    throw UsageError(
-        fmt::format("a floor is up already in {}: run `tether floor down` first", folder.string()));
-  }
+  if (ip::floor_process(folder)) throw ip::already_up(folder);
   const auto log = std::filesystem::path(folder.string() + ".log");
   const pid_t tun = check_system_call("starting tether-tun", fork());
   if (tun == 0) {

@@ -11,12 +11,10 @@
 #include <sstream>
 #include <utility>
 
-#include "common/base/errors.hpp"
-
 namespace tether::ip {
 namespace {
 
-constexpr const char* kFiles[] = {"state", "hosts", "log", "lock"};
+constexpr const char* kFiles[] = {"state", "state.part", "hosts", "lock"};
 
 }  // namespace
 
@@ -40,8 +38,7 @@ FloorState::FloorState(std::filesystem::path folder) : folder_(std::move(folder)
                             open((folder_ / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (flock(lock_, LOCK_EX | LOCK_NB) != 0) {
     close(lock_);
-    throw UsageError(fmt::format("a floor is up already in {}: run `tether floor down` first",
-                                 folder_.string()));
+    throw already_up(folder_);
   }
   std::filesystem::remove(folder_ / "state");
   const std::string pid = fmt::format("{}\n", getpid());
@@ -64,6 +61,11 @@ void FloorState::write(const std::vector<HostEntry>& hosts) const {
   out.close();
   if (!out) throw std::runtime_error("cannot write " + part.string());
   std::filesystem::rename(part, folder_ / "state");
+}
+
+UsageError already_up(const std::filesystem::path& folder) {
+  return UsageError(
+      fmt::format("a floor is up already in {}: run `tether floor down` first", folder.string()));
 }
 
 std::optional<pid_t> floor_process(const std::filesystem::path& folder) {
@@ -89,7 +91,6 @@ std::vector<HostEntry> read_hosts(const std::filesystem::path& folder) {
 void remove_floor_folder(const std::filesystem::path& folder) {
   std::error_code ignored;
   for (const char* const file : kFiles) std::filesystem::remove(folder / file, ignored);
-  std::filesystem::remove(folder / "state.part", ignored);
   std::filesystem::remove(folder, ignored);
 }
 

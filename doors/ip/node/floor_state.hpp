@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "common/base/errors.hpp"
+
 namespace tether::ip {
 
 /// A running host of a floor: its first process, whose namespaces are the host's.
@@ -38,6 +40,9 @@ class FloorState {
   std::filesystem::path folder_;
   int lock_ = -1;
 };
+
+/// The error of a second floor in the folder.
+UsageError already_up(const std::filesystem::path& folder);
 
 /// The process that holds the folder's lock; nullopt if none does.
 std::optional<pid_t> floor_process(const std::filesystem::path& folder);

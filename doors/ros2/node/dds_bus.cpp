@@ -144,8 +144,8 @@ struct DdsBus::Impl {
         "no topic " + name);
   }
 
-  /// Cyclone has no way to ask for the internal type that a message of bytes needs. A sample
-  /// of a private topic has it.
+  /// A message of bytes needs Cyclone's internal type, which only a sample of this type tells: one
+  /// of a private topic is written and taken.
   const ddsi_sertype* internal_type(std::string_view type) {
     const auto known = types.find(type);
     if (known != types.end()) return known->second;

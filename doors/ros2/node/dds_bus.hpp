@@ -19,9 +19,8 @@ namespace tether {
 /// subscriber's request except for durability; topics that end in "tf_static" are transient local,
 /// with a depth of 1. Subscriptions are best effort, which matches every publisher.
 ///
-/// A reliable write may block while a subscriber is slow. So publish() puts messages into a queue
-/// of at most kQueue, which a thread writes; if it is full, the oldest message is dropped and
-/// counted.
+/// A reliable write may block while a subscriber is slow. So publish() only queues messages, and a
+/// thread writes them. Of more than kQueue messages the oldest is dropped and counted.
 class DdsBus {
  public:
   struct Settings {
