@@ -78,14 +78,16 @@ void permit_silence(const Record& record, Permission& permission) {
 /// A drive that an unknown sender took out of "operational" has no deadline of setpoints. One that
 /// an unknown sender switches on again while the bridge is suspended turns until that is back.
 void permit_intruder_alone(const Record& record, Permission& permission) {
+  const auto taken_out_by = [&record](Instant t) {
+    return std::any_of(record.faults.begin(), record.faults.end(), [t](const Fault& fault) {
+      return fault.kind == FaultKind::nmt && fault.when <= t;
+    });
+  };
   for (const Fault& silence : record.faults) {
     if (!silences(silence)) continue;
-    for (const Fault& nmt : record.faults) {
-      if (nmt.kind != FaultKind::nmt || nmt.when > silence.until) continue;
-      for (const Instant t : record.foreign) {
-        if (t < nmt.when || t < silence.when || t > silence.until) continue;
-        permission.add(t, silence.until + 2 * record.limits.cycle);
-      }
+    for (const Instant t : record.foreign) {
+      if (t < silence.when || t > silence.until || !taken_out_by(t)) continue;
+      permission.add(t, silence.until + 2 * record.limits.cycle);
     }
   }
 }

@@ -1,6 +1,6 @@
-// One access point and its stations, 802.11a, in ns-3: a judge of Tether's shared medium. A program
-// of its own, because ns-3 is under the GPL: nothing of Tether is linked into it, and it is not
-// installed. Prints one JSON line.
+// One access point and its stations, 802.11a, in ns-3: a judge of Tether's shared medium. ns-3 is
+// under the GPL, so this is a separate program without any code of Tether, and is not installed.
+// Prints one JSON line.
 
 #include <ns3/core-module.h>
 #include <ns3/mobility-module.h>
