@@ -4,7 +4,8 @@ and a second value, with exit code 2 and one line that names it.
 
 Every number of every file that is read is tried with 0, -1, huge, tiny and undefined values, and every line
 that names a key with a second one: refused with exit code 2 and one line that names the file, or right, which is an
-exit code that the command may have and no inf or nan in what it says.
+exit code that the command may have and no inf or nan in what it says. Every key for a number that the readers
+of such files know is in one of them. (Records of commissioning: tests/can_bridge/commission/guard_test.cpp.)
 Usage: numbers_test.py BIN_DIR"""
 
 import re
@@ -15,7 +16,7 @@ from live_support import PAPER, SOURCE, check, main
 
 VALUES = ("0", "-1", "1e308", "-1e308", "1e-308", "nan", "inf", "9223372036854775807", "1e400", "")
 SECONDS = 60
-NUMBER = re.compile(r"(?<![\w.\"'-])-?\d+\.?\d*(?:e-?\d+)?(?![\w.\"'])")
+NUMBER = re.compile(r"(?<![\w.\"'-])0x[0-9A-Fa-f]+|(?<![\w.\"'-])-?\d+\.?\d*(?:e-?\d+)?(?![\w.\"'])")
 LINK = """key = "own.key"
 mtu = 1400
 second_path = "deferred"
@@ -83,8 +84,66 @@ means_after = [1.5]
 [law."one".gains]
 controller.v.p = 0.46
 """
+PRECISE = f"""scenario = "{PAPER}"
+trajectory_period_s = 0.1
+[precision]
+metric = "epsilon_m"
+half_width = 0.01
+most_seeds = 20
+batch = 10
+[set]
+vehicle.plant = "kinematic"
+run.duration_s = 0.2
+[grid]
+channel.prr = [0.5, 1.0]
+[[table]]
+kind = "limit"
+title = "how far"
+metric = "epsilon_m"
+key = "channel.prr"
+limit = 0.5
+"""
+SAFETY = """
+[[safety_input]]
+name = "field"
+function = "protective_stop"
+kind = "can"
+id = 0x3A0
+length = 2
+byte = 1
+mask = 3
+clear = 1
+stop = 2
+timeout_ms = 100
+restart_after_s = 3.0
+[[safety_input]]
+name = "slow"
+function = "speed_limit"
+speed_limit_mps = 0.3
+kind = "can"
+id = 0x3A1
+length = 2
+byte = 0
+mask = 1
+clear = 1
+timeout_ms = 100
+"""
+GPIO = """
+[[safety_input]]
+name = "chain"
+function = "estop_status"
+kind = "gpio"
+chip = "gpiochip0"
+line = 5
+"""
 EXPERIMENTS = ("f3_delay.toml", "handover_share.toml")
 PING = "[1700000000.5] 64 bytes from h: icmp_seq=1 ttl=64 time=12.5 ms\n[1700000001.5] 64 bytes from h: icmp_seq=3 ttl=64 time=13 ms\n5 packets transmitted\n"
+
+
+def drivetrain(name):
+    """A drivetrain file with the keys that it shows as comments."""
+    text = (SOURCE / "drivetrains" / f"{name}.toml").read_text()
+    return re.sub(r"^# (?=\w+ = (?:[\d.]+|\[[\w, ]+\]) +#)", "", text, flags=re.MULTILINE)
 
 
 def rows(head, *lines, times=30):
@@ -97,6 +156,9 @@ def files(bin_dir, public_key, work):
     """name: (content, lines in which numbers are tried, command with FILE, exit codes but for 2)."""
     run = ("tether", "run", PAPER, *SHORT, "--out", "out")
     hil = ("tether", "run", SOURCE / "scenarios" / "hil_vcan.toml", "--set", "run.duration_s=0.2", "--out", "out", "--set", "can.drivetrain=FILE")
+    bridge = ("tether-can-bridge", SOURCE / "scenarios" / "hil_vcan.toml", "--start-utime", "1", "--set", "can.interface=none0", "--set", "can.drivetrain=FILE")
+    plain = drivetrain("two_node_cia402")
+    inputs = range(plain.count("\n"), 1000)
     room = (SOURCE / "scenarios" / "maps" / "room.yaml").read_text().replace("room.pgm", "hall.pgm")
     (work / "hall.yaml").write_text(room)
     (work / "tuned.toml").write_text(f'scenario = "{PAPER}"\nseeds = 3\ngains = "gains.toml"\n[axis.law."one"]\n')
@@ -122,12 +184,16 @@ def files(bin_dir, public_key, work):
         "experiment.toml": (f'scenario = "{PAPER}"\nseeds = 3\n[set]\nvehicle.plant = "kinematic"\nrun.duration_s = 0.2\n[grid]\n'
                             'channel.prr = [0.5, 1.0]\n', range(10),
                             ("tether", "sweep", "FILE", "--dry-run"), (0,)),
+        "precise.toml": (PRECISE, range(30), ("tether", "sweep", "FILE", "--dry-run"), (0,)),
         **{name: ((SOURCE / "experiments" / name).read_text().replace("../scenarios", str(SOURCE / "scenarios")).replace(
             '"gains/', f'"{SOURCE}/experiments/gains/'), range(1000), ("tether", "sweep", "FILE", "--dry-run"), (0,))
            for name in EXPERIMENTS},
-        "drivetrain.toml": ((SOURCE / "drivetrains" / "zlac8015d.toml").read_text(), range(1000), hil, (0,)),
-        "cia402.toml": ((SOURCE / "drivetrains" / "two_node_cia402.toml").read_text(), range(1000), hil, (0,)),
-        "agilex.toml": ((SOURCE / "drivetrains" / "agilex_v2.toml").read_text(), range(1000), hil, (0,)),
+        "drivetrain.toml": (drivetrain("zlac8015d"), range(1000), hil, (0,)),
+        "cia402.toml": (drivetrain("two_node_cia402"), range(1000), hil, (0,)),
+        "dual_axis.toml": (drivetrain("dual_axis_cia402"), range(1000), hil, (0,)),
+        "safety.toml": (plain + SAFETY, inputs, hil, (0,)),
+        "gpio.toml": (plain + GPIO, inputs, bridge, (1,)),  # there is no such CAN interface
+        "agilex.toml": (drivetrain("agilex_v2"), range(1000), hil, (0,)),
         "device.eds": ((SOURCE / "tests" / "fuzz" / "seeds" / "eds" / "two_axes.eds").read_text(), range(1000), ("tether", "can", "import", "FILE"), (0,)),
         "tuning.toml": (TUNING, range(30), ("/bin/sh", "-c", f"rm -rf tuned; exec {bin_dir}/tether tune FILE --quick --jobs=1 --out tuned"), (0,)),
         "gains.toml": (GAINS, range(30), ("tether", "sweep", "tuned.toml", "--dry-run"), (0,)),
@@ -157,6 +223,26 @@ def variants(text, lines):
                 yield f"line {number + 1}: {found[0]} -> {value}", "\n".join([*all_lines[:number], changed, *all_lines[number + 1 :]]) + "\n"
         if re.match(r"[\w.]+\s*[=:]", code):
             yield f"line {number + 1} twice", "\n".join([*all_lines[: number + 1], *all_lines[number:]]) + "\n"
+
+
+def keys_for_numbers():
+    """key: the source that reads it, of all files in TOML but for scenarios and records of commissioning."""
+    reads = re.compile(r"\b(?:number|whole|integers?|required)\(\s*\"(\w+)\",[^,\"]+,[^\"]*?\d")
+    sources = [f for room in ("can_bridge", "doors/link", "tools/experiment/sweep") for f in (SOURCE / room).rglob("*.cpp")]
+    left_out = ("_settings.cpp", "_section.cpp", "record.cpp")
+    return {key: f.name for f in sources if not f.name.endswith(left_out) for key in reads.findall(f.read_text())}
+
+
+def every_key_for_a_number_is_tried(test):
+    tried = set()
+    for name, (text, lines, *_) in files(test.bin, "KEY", test.work).items():
+        for number in lines:
+            line = (text.splitlines()[number:] or [""])[0].split("#")[0]
+            tried.update(re.findall(r"(\w+)\s*=\s*[^=\"]*\d", line))
+    keys = keys_for_numbers()
+    check(len(keys) > 40, f"only {len(keys)} keys found in the readers' sources: {keys}")
+    check(not keys.keys() - tried, f"in no file of the table: { {key: keys[key] for key in sorted(keys.keys() - tried)} }")
+    test.say(f"{len(keys)} keys for numbers, all in the table")
 
 
 def every_number_is_refused_or_right(test):
@@ -229,4 +315,4 @@ def every_numeric_option_refuses_what_is_out_of_bounds(test):
     test.say(f"{tried} values of {bounded} options with bounds and others, all refused")
 
 
-main(every_numeric_option_refuses_what_is_out_of_bounds, every_number_is_refused_or_right)
+main(every_key_for_a_number_is_tried, every_numeric_option_refuses_what_is_out_of_bounds, every_number_is_refused_or_right)

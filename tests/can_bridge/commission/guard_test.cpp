@@ -4,11 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <optional>
+#include <regex>
+#include <sstream>
 
 #include "can_bridge/bus/canopen.hpp"
 #include "can_bridge/cia402/config.hpp"
 #include "can_bridge/commission/trials.hpp"
 #include "can_bridge/profiles/profiles.hpp"
+#include "tests/support/refusal.hpp"
 #include "tests/support/source_dir.hpp"
 
 namespace tether {
@@ -29,6 +33,12 @@ struct Guarded : ::testing::Test {
 
   CommissionRecord record() const {
     CommissionRecord record;
+    record.vehicle = "AGV";
+    record.interface = "can0";
+    record.operator_name = "A. Smith";
+    record.wheels = "free";
+    record.date = "2026-11-27T06:54:19Z";
+    record.speed_mps = 0.5;
     record.settings = commissioned_settings(config, 0.4);
     for (std::size_t i = 0; i < 2; ++i) {
       for (const Trial trial : kTrials) {
@@ -145,6 +155,63 @@ TEST_F(Guarded, ARecordWithProblemsOrWithoutATrialOrOfAnotherFileRefuses) {
   run(g, DrivePhase::standby);
   EXPECT_EQ(requests, 0U);
   EXPECT_THAT(g.refusal(), StartsWith("commissioned with another drivetrain file: "));
+}
+
+/// `text` with each of its numbers replaced by each extreme value.
+std::vector<std::string> changed_numbers(const std::string& text) {
+  static const std::regex kNumber("0x[0-9A-F]+|[0-9]+(\\.[0-9]+)?(e-?[0-9]+)?");
+  std::vector<std::string> all;
+  for (std::sregex_iterator at(text.begin(), text.end(), kNumber), end; at != end; ++at) {
+    for (const char* value : {"0", "-1", "1e308", "-1e308", "1e-308", "nan", "inf", "1e400", ""}) {
+      const auto begin = static_cast<std::size_t>(at->position());
+      const auto length = static_cast<std::size_t>(at->length());
+      all.push_back(std::string(text).replace(begin, length, value));
+    }
+  }
+  return all;
+}
+
+TEST_F(Guarded, ARecordWithAnotherNumberAnywhereIsRefusedOrDoesNotArm) {
+  const std::string text = to_toml(record());
+  std::size_t tried = 0, unread = 0, not_armed = 0;
+  for (const std::string& changed : changed_numbers(text)) {
+    if (changed == text) continue;
+    ++tried;
+    std::optional<CommissionRecord> read;
+    const std::string refusal = refusal_of([&] { read = parse_record(changed, "record.toml"); });
+    if (!read) {
+      ++unread;
+      EXPECT_THAT(refusal, StartsWith("record.toml:"));
+      continue;
+    }
+    CommissionGuard g = guard(read);
+    run(g, DrivePhase::standby);
+    if (!g.refusal().empty()) {
+      ++not_armed;
+      continue;
+    }
+    // What the drives are compared with is as it was; the date and the speed are for people.
+    EXPECT_EQ(read->settings, record().settings) << changed;
+    EXPECT_EQ(read->objects, record().objects) << changed;
+    EXPECT_TRUE(read->passed());
+    EXPECT_EQ(read->speed_mps, 0.5);
+  }
+  EXPECT_GT(unread, 0U);
+  EXPECT_GT(not_armed, 1000U);
+  EXPECT_GT(tried, unread + not_armed);
+}
+
+TEST_F(Guarded, ARecordWithAKeyTwiceIsRefused) {
+  const std::string text = to_toml(record());
+  EXPECT_EQ(refusal_of([&] { parse_record(text, "record.toml"); }), "accepted");
+  std::istringstream lines(text);
+  std::string before;
+  for (std::string line; std::getline(lines, line); before += line + "\n") {
+    if (line.find(" = ") == std::string::npos) continue;
+    const std::string doubled = before + line + "\n" + text.substr(before.size());
+    EXPECT_THAT(refusal_of([&] { parse_record(doubled, "record.toml"); }), HasSubstr("record.toml"))
+        << line;
+  }
 }
 
 }  // namespace
