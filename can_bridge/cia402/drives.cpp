@@ -24,8 +24,8 @@ Node::Node(const Cia402Config& config, std::uint8_t number)
       stopper(config, number,
               std::min<Duration>(kImpatience, std::chrono::milliseconds(config.sdo_timeout_ms))) {}
 
-void Node::begin_inquiry() {
-  inquiry.begin();
+void Node::begin_inquiry(bool stop_first) {
+  inquiry.begin(stop_first);
   recalled.reset();
 }
 

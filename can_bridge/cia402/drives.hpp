@@ -57,7 +57,8 @@ struct Node {
   /// Another's NMT command to this node: it is not known to be operational any more.
   void on_foreign_nmt(const CanFrame& frame);
   /// Asks from the beginning whether its wheels stand, before it is reset.
-  void begin_inquiry();
+  /// `stop_first`: it may have been switched on just now.
+  void begin_inquiry(bool stop_first = false);
   /// Nothing is heard of it, and it has left a request unanswered: it may be in NMT "stopped",
   /// where SDO is dead, and without a heartbeat it does not tell so.
   bool may_be_stopped() const;

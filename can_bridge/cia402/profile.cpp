@@ -177,6 +177,12 @@ void BringUp::listen(Instant now) {
   d_.commanding = d_.nodes.any_running();
 }
 
+void BringUp::secure_again(std::uint8_t node) {
+  d_.axes.doubt(node);
+  d_.nodes.of(node).begin_inquiry(true);
+  if (d_.stage.stage() == Stage::listening) d_.stage.enter(Stage::securing);
+}
+
 void BringUp::recall(Node& node, Instant now, std::vector<CanFrame>& nmt) {
   if (!node.may_be_stopped()) return;
   if (node.newest_recalled && now - *node.newest_recalled < Drives::kRecall) return;
@@ -655,11 +661,10 @@ void Cia402Profile::on_intruder(const CanFrame& frame, const Sender& sender) {
 }
 
 void Cia402Profile::on_foreign_sdo(const CanFrame& frame, std::uint8_t node) {
-  // Before that, start-up will write it.
-  if (drives_.stage.stage() < Stage::configuring) return;
   const std::optional<ObjectRef> object = written_object(frame);
   if (!object || !cia402::is_vital(drives_.config, node, object->index)) return;
   ++counters_.intruder_writes;
+  if (drives_.stage.stage() < Stage::configuring) return bring_up_.secure_again(node);
   distrust_part(cia402::stop_part(object->index), node);
   drives_.axes.doubt(node);
   fault(Fault{fmt::format("{}: another sender writes {} by SDO: only one master may configure; "

@@ -29,6 +29,9 @@ class BringUp {
   /// In the stages from `listening` to `settling`. NMT commands go to `nmt`, SDO requests to
   /// `service`.
   void tick(Instant now, std::vector<CanFrame>& nmt, std::vector<CanFrame>& service);
+  /// Before the reset: another sender may have switched this drive on. It is stopped, and what was
+  /// known of its wheel does not count.
+  void secure_again(std::uint8_t node);
   /// Next event that the present stage waits for.
   std::string waiting_for(Instant now) const;
 

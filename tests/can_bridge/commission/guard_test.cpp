@@ -190,7 +190,7 @@ TEST_F(Guarded, ARecordWithAnotherNumberAnywhereIsRefusedOrDoesNotArm) {
       ++not_armed;
       continue;
     }
-    // What the drives are compared with is as it was; the date and the speed are for people.
+    // All that drives are compared with is as it was; the date and the speed are for people.
     EXPECT_EQ(read->settings, record().settings) << changed;
     EXPECT_EQ(read->objects, record().objects) << changed;
     EXPECT_TRUE(read->passed());

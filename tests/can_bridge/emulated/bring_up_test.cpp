@@ -3,6 +3,7 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "can_bridge/cia402/config.hpp"
@@ -37,9 +38,19 @@ class BringUp : public ::testing::TestWithParam<const char*> {
       if (bridge_lives_ && now_.time_since_epoch() % std::chrono::milliseconds{20} == Duration{0}) {
         std::vector<CanFrame> to_drives;
         profile_->tick(now_, to_drives);
-        for (const CanFrame& frame : to_drives) drives_.on_frame(frame, now_, to_bridge);
+        for (const CanFrame& frame : to_drives) {
+          note_reset(frame);
+          drives_.on_frame(frame, now_, to_bridge);
+        }
       }
       for (const CanFrame& frame : to_bridge) profile_->on_frame(frame, now_);
+    }
+  }
+  void note_reset(const CanFrame& frame) {
+    if (frame.id != canopen::kNmt || frame.data[0] < 0x81) return;
+    for (std::size_t i = 0; i < 2; ++i) {
+      const bool is_meant = frame.data[1] == 0 || frame.data[1] == config_.axes[i].node;
+      if (is_meant && wheels_.speed_radps[i] != 0.0) ++resets_while_turning_;
     }
   }
   void turn_wheels() {
@@ -66,6 +77,7 @@ class BringUp : public ::testing::TestWithParam<const char*> {
   EmulatedCia402 drives_;
   WheelStates wheels_;
   bool bridge_lives_ = true;
+  int resets_while_turning_ = 0;
 };
 
 TEST_P(BringUp, EndsInEnabledWithoutMovingAWheel) {
@@ -103,6 +115,7 @@ TEST_P(BringUp, StopsADriveThatAnotherSenderSwitchesOnMeanwhile) {
     run(500);
     EXPECT_EQ(wheels_.speed_radps[0], 0.0) << offset_ms << ": " << reason();
     run(3000);
+    EXPECT_EQ(std::exchange(resets_while_turning_, 0), 0) << offset_ms;
   }
   EXPECT_GT(turned, 0);
 }
