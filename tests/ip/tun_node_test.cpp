@@ -29,8 +29,10 @@ class FloorOf {
     node = std::make_unique<TunNode>(
         members, FloorPlan(names), record, loop, bus,
         [this](std::size_t host, const std::vector<std::uint8_t>& packet) {
+          if (host == full) return false;
           got[host].push_back(packet[4] * 256 + packet[5]);
           when.push_back(loop.now());
+          return true;
         });
   }
 
@@ -60,6 +62,7 @@ class FloorOf {
   std::vector<Scenario> members;
   InProcessBus bus;
   std::unique_ptr<TunNode> node;
+  std::size_t full = 99;  // the host whose device takes nothing
   std::map<std::size_t, std::vector<int>> got;
   std::vector<Instant> when;
 };
@@ -112,6 +115,16 @@ TEST(TunNode, CountsEachPacketThatItReads) {
   // 5 standard deviations of a binomial: 5 √(1000/4) = 79.
   EXPECT_NEAR(delivered, 500.0, 79.0);
   EXPECT_EQ(floor.got[0].size(), static_cast<std::size_t>(delivered));
+}
+
+TEST(TunNode, CountsPacketsThatAHostsDeviceDoesNotTake) {
+  FloorOf floor({"fleet.count=2", "fleet.offset_x_m=50", "world.half_extent_m=200"});
+  floor.full = 2;
+  floor.send(at_ms(100), 0, FloorPlan::address(2), 1);
+  floor.send(at_ms(200), 1, 0xe0000001U, 2);
+  floor.run();
+  EXPECT_THAT(floor.got[0], ElementsAre(2));
+  EXPECT_EQ(floor.counter("not_taken"), 2);
 }
 
 TEST(TunNode, IsAStationOfTheSharedMediumWithFramesOfThePacketsSize) {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/base/errors.hpp"
+#include "common/base/say.hpp"
 #include "common/node/channel_names.hpp"
 #include "common/node/message_io.hpp"
 #include "common/scenario/run_settings.hpp"
@@ -63,7 +64,7 @@ TunNode::Vehicle::Vehicle(TunNode& node, std::size_t host, const VehicleNetemSet
           }),
       downlink(
           "ip_downlink", std::move(links.downlink), node.loop_, node.report_period_,
-          [&node, host](const Packet& packet) { node.write_(host, packet.bytes); },
+          [&node, host](const Packet& packet) { node.hand_to(host, packet); },
           [&node, channel = net_prefix(ChannelNames(settings.get<VehicleSettings>().name)) +
                             "IP_DOWNLINK"](const link_report_t& report) {
             publish(node.bus_, channel, report);
@@ -122,9 +123,13 @@ void TunNode::down(std::size_t vehicle, Packet packet) {
   medium_.send(to.on_medium, Way::down, std::move(packet), bytes, to.behind_air_down);
 }
 
+void TunNode::hand_to(std::size_t host, const Packet& packet) {
+  if (!write_(host, packet.bytes)) ++not_taken_;
+}
+
 void TunNode::arrived_at_control(std::size_t from_vehicle, const Packet& packet) {
   if (packet.destination == FloorPlan::kControl || packet.destination == kAll) {
-    write_(FloorPlan::kControl, packet.bytes);
+    hand_to(FloorPlan::kControl, packet);
   }
   for (std::size_t vehicle = 0; vehicle < vehicles_.size(); ++vehicle) {
     const bool is_for = packet.destination == vehicle + 1 ||
@@ -180,13 +185,19 @@ void TunNode::finish() {
     vehicle->downlink.report();
   }
   counters_.publish_now();
-  for (Record& record : records_) record.out.flush();
+  for (Record& record : records_) {
+    record.out.flush();
+    if (!record.out) {
+      say(Severity::error, "tether-tun: --record: not all fates were written: is the disk full?");
+    }
+  }
 }
 
 void TunNode::list_counters(CounterList& out) const {
   out.emplace_back("read", read_);
   out.emplace_back("malformed", malformed_);
   out.emplace_back("unroutable", unroutable_);
+  out.emplace_back("not_taken", not_taken_);
   for (std::size_t i = 0; i < vehicles_.size(); ++i) {
     CounterList of_vehicle;
     vehicles_[i]->uplink.list_counters(of_vehicle);

@@ -32,8 +32,9 @@ namespace tether::ip {
 /// read = malformed + unroutable + offered, always; a multicast packet counts as offered once.
 class TunNode final : public Node {
  public:
-  /// Hands a packet to a host.
-  using Write = std::function<void(std::size_t host, const std::vector<std::uint8_t>& bytes)>;
+  /// Hands a packet to a host; false if its device does not take it (the host is gone, or its queue
+  /// is full), which is counted.
+  using Write = std::function<bool(std::size_t host, const std::vector<std::uint8_t>& bytes)>;
 
   /// `members`: of fleet_members(); `plan`: of their names. `record`: a folder for the fate of each
   /// packet of each link, NAME-uplink.csv and NAME-downlink.csv; "": none. Throws UsageError for
@@ -77,6 +78,7 @@ class TunNode final : public Node {
 
   void up(std::size_t vehicle, Packet packet);
   void down(std::size_t vehicle, Packet packet);
+  void hand_to(std::size_t host, const Packet& packet);
   void arrived_at_control(std::size_t from_vehicle, const Packet& packet);
   void watch_position(std::size_t vehicle, const std::string& channel);
   void keep_fates(const std::string& folder);
@@ -92,6 +94,7 @@ class TunNode final : public Node {
   std::int64_t read_ = 0;
   std::int64_t malformed_ = 0;
   std::int64_t unroutable_ = 0;
+  std::int64_t not_taken_ = 0;  // by a host's device
   std::int64_t undecodable_positions_ = 0;
   CounterReporter counters_;
 };
