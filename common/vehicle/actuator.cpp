@@ -200,15 +200,6 @@ void PlanBuffer::list(CounterList& out) const {
   if (order.jumped > 0) out.emplace_back("plan.jumped", order.jumped);
 }
 
-namespace {
-
-StopLimits stop_limits(const ActuatorSettings& config, const VehicleConfig& vehicle) {
-  return {config.deceleration_mps2, config.yaw_deceleration_radps2,
-          vehicle.max_wheel_acceleration_mps2, vehicle.max_wheel_speed_mps, vehicle.track_m};
-}
-
-}  // namespace
-
 Actuator::Actuator(const ActuatorSettings& config, const VehicleConfig& vehicle,
                    const StreamGuard::Config& guard)
     : timeout_(from_seconds(config.timeout_s)),

@@ -61,6 +61,11 @@ const std::vector<ActuatorPolicy>& actuator_policies() {
   return policies;
 }
 
+StopLimits stop_limits(const ActuatorSettings& config, const VehicleConfig& vehicle) {
+  return {config.deceleration_mps2, config.yaw_deceleration_radps2,
+          vehicle.max_wheel_acceleration_mps2, vehicle.max_wheel_speed_mps, vehicle.track_m};
+}
+
 const ActuatorPolicy& kind_of(const ActuatorSettings& settings) {
   const auto& policies = actuator_policies();
   const auto found =

@@ -27,5 +27,7 @@ struct ActuatorPolicy {
 /// All policies, in the order in which messages name them.
 const std::vector<ActuatorPolicy>& actuator_policies();
 const ActuatorPolicy& kind_of(const ActuatorSettings& settings);
+/// Limits of a stop that a policy makes.
+StopLimits stop_limits(const ActuatorSettings& settings, const VehicleConfig& vehicle);
 
 }  // namespace tether

@@ -248,18 +248,54 @@ PoseFilter::Covariance PoseFilter::jacobian(const MotionModel& model,
   return out;
 }
 
-PoseFilter::Verdict PoseFilter::update(const Pose2& measured) {
-  const Eigen::Vector3d innovation{measured.x_m - state_.pose.x_m, measured.y_m - state_.pose.y_m,
-                                   wrap_angle(measured.yaw_rad - state_.pose.yaw_rad)};
+namespace {
+
+Eigen::Vector3d noise_of(const PoseFilterSettings& settings) {
+  return {squared(settings.position_noise_m), squared(settings.position_noise_m),
+          squared(settings.yaw_noise_rad)};
+}
+
+/// A pose against what was expected.
+struct Innovation {
+  Eigen::Vector3d value;
+  Eigen::Vector3d noise;
+  Eigen::LDLT<Eigen::Matrix3d> spread;
+
+  Innovation(const Pose2& measured, const Pose2& expected, const Eigen::Matrix3d& covariance,
+             const PoseFilterSettings& settings)
+      : value{measured.x_m - expected.x_m, measured.y_m - expected.y_m,
+              wrap_angle(measured.yaw_rad - expected.yaw_rad)},
+        noise(noise_of(settings)),
+        spread(covariance + Eigen::Matrix3d(noise.asDiagonal())) {}
+  double nis() const { return value.dot(spread.solve(value)); }
+};
+
+}  // namespace
+
+PoseFilter::Fit PoseFilter::fit(const Pose2& measured) const {
+  const Innovation innovation(measured, state_.pose, square(covariance_).topLeftCorner<3, 3>(),
+                              settings_);
+  const double nis = innovation.nis();
+  return {nis, -0.5 * (nis + std::log(innovation.spread.vectorD().prod()))};
+}
+
+void PoseFilter::correct(const Pose2& measured) {
   auto p = square(covariance_);
-  const Eigen::Vector3d noise{squared(settings_.position_noise_m),
-                              squared(settings_.position_noise_m),
-                              squared(settings_.yaw_noise_rad)};
-  const Eigen::Matrix3d spread = p.topLeftCorner<3, 3>() + Eigen::Matrix3d(noise.asDiagonal());
-  const Eigen::LDLT<Eigen::Matrix3d> solver(spread);
-  last_nis_ = innovation.dot(solver.solve(innovation));
-  if (!(last_nis_ <= kGate)) {
-    const Pose2 gone{innovation(0), innovation(1), innovation(2)};
+  const Innovation innovation(measured, state_.pose, p.topLeftCorner<3, 3>(), settings_);
+  Eigen::Matrix<double, kN, 3> gain =
+      innovation.spread.solve(Eigen::Matrix<double, 3, kN>(p.topRows<3>())).transpose();
+  keep_considered(gain);
+  const Column correction = gain * innovation.value;
+  shrink<3>(p, gain, Eigen::Matrix<double, 3, kN>::Identity(), innovation.noise);
+  add(correction.data());
+}
+
+PoseFilter::Verdict PoseFilter::update(const Pose2& measured, bool gates) {
+  const Innovation innovation(measured, state_.pose, square(covariance_).topLeftCorner<3, 3>(),
+                              settings_);
+  last_nis_ = innovation.nis();
+  if (gates && !(last_nis_ <= kGate)) {
+    const Pose2 gone{innovation.value(0), innovation.value(1), innovation.value(2)};
     agreeing_ = agreeing_ > 0 && agrees(gone) ? agreeing_ + 1 : 1;
     last_gated_ = gone;
     ++gated_;
@@ -271,13 +307,29 @@ PoseFilter::Verdict PoseFilter::update(const Pose2& measured) {
   agreeing_ = in_a_row_ = 0;
   ++accepted_;
   sum_nis_ += last_nis_;
-  Eigen::Matrix<double, kN, 3> gain =
-      solver.solve(Eigen::Matrix<double, 3, kN>(p.topRows<3>())).transpose();
-  keep_considered(gain);
-  const Column correction = gain * innovation;
-  shrink<3>(p, gain, Eigen::Matrix<double, 3, kN>::Identity(), noise);
-  add(correction.data());
+  correct(measured);
   return Verdict::accepted;
+}
+
+void PoseFilter::take(const PoseFilter& other) {
+  state_ = other.state_;
+  covariance_ = other.covariance_;
+  model_ = other.model_;
+}
+
+void PoseFilter::mix(const PoseFilter& other, double share) {
+  Vector mean = values();
+  const Vector others = other.values();
+  Column apart;
+  for (int i = 0; i < kN; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    apart(i) = i == kYaw ? wrap_angle(others[at] - mean[at]) : others[at] - mean[at];
+    mean[at] += share * apart(i);
+  }
+  auto p = square(covariance_);
+  p = (1.0 - share) * p + share * square(other.covariance_) +
+      share * (1.0 - share) * apart * apart.transpose();
+  set_values(mean);
 }
 
 /// Zeroes the gain of parameters that are not adapted.

@@ -101,8 +101,16 @@ class PoseFilter {
 
   /// The vehicle moves on by `dt_s` ≥ 0 with `command` in force.
   void advance(const Twist& command, double dt_s);
-  /// A pose measured now. It must be finite.
-  Verdict update(const Pose2& measured);
+  /// A pose measured now. It must be finite. `gates`: whether a pose of NIS > kGate is gated.
+  Verdict update(const Pose2& measured, bool gates = true);
+  /// How well a pose measured now would fit.
+  struct Fit {
+    double nis = 0.0;
+    double log_likelihood = 0.0;  ///< up to a constant
+  };
+  Fit fit(const Pose2& measured) const;
+  /// Uses a pose as update() does if it is accepted; counts nothing.
+  void correct(const Pose2& measured);
   /// The vehicle moved on by what its wheels rolled in `dt_s`, whatever was commanded: scaled by
   /// what is known of wheels and track, with a variance of DeadReckoning::kVariancePerMetre for
   /// each wheel, errors of radius and track, and the drift, for slip.
@@ -114,6 +122,12 @@ class PoseFilter {
   void widen(double position_m);
   /// Forgets the pose: it is the measured one. The wheels turn as `rim` says.
   void restart(const Pose2& measured, const WheelSpeeds& rim);
+
+  /// Takes state and covariance of the mixture of this filter and another one that has the share
+  /// `share` in [0, 1] of it: mean and covariance of both together.
+  void mix(const PoseFilter& other, double share);
+  /// Takes state and covariance of another filter.
+  void take(const PoseFilter& other);
 
   const MotionModel::State& state() const { return state_; }
   const MotionModel& model() const { return model_; }

@@ -42,30 +42,24 @@ class WheelReadings {
   template <class Move>
   bool use(Instant from, Instant until, PoseFilter& filter, Move move) const {
     bool any = false;
-    if (!heard_) {
-      move(from, until, filter);
-      return any;
-    }
-    for (std::size_t i = index_at(from); from < until;) {
-      const bool last = i + 1 == readings_.size();
-      if (readings_[i].stamp > from || last) {
-        const std::size_t next = readings_[i].stamp > from ? i : i + 1;
-        const Instant end =
-            next < readings_.size() ? std::min(until, readings_[next].stamp) : until;
-        move(from, end, filter);
-        from = end;
-        i = std::min(next, readings_.size() - 1);
-        continue;
-      }
-      const Instant end = std::min(until, readings_[i + 1].stamp);
-      roll(i, from, end, filter, move);
-      if (from > readings_[i].stamp) filter.widen(between_m(i));
-      if (end < readings_[i + 1].stamp) filter.widen(between_m(i));
-      from = end;
-      any = true;
-      ++i;
-    }
+    for_each_part(
+        from, until, [&](Instant begin, Instant end) { move(begin, end, filter); },
+        [&](std::size_t i, Instant begin, Instant end) {
+          roll(i, begin, end, filter, move);
+          widen_between(i, begin, end, filter);
+          any = true;
+        });
     return any;
+  }
+  /// The same with a filter that knows itself what may have been in force.
+  template <class Filter>
+  void use(Instant from, Instant until, Filter& filter) const {
+    for_each_part(
+        from, until, [&](Instant, Instant end) { filter.advance(end); },
+        [&](std::size_t i, Instant begin, Instant end) {
+          filter.roll(between(i, begin, end), end);
+          widen_between(i, begin, end, filter);
+        });
   }
 
  private:
@@ -89,6 +83,36 @@ class WheelReadings {
     LagReading compare(const WheelSpeeds& read) const;
   };
 
+  /// Divides a time at the readings: unseen(begin, end), or rolled(i, begin, end) between reading
+  /// `i` and the next.
+  template <class Unseen, class RolledPart>
+  void for_each_part(Instant from, Instant until, Unseen unseen, RolledPart rolled) const {
+    if (!heard_) {
+      unseen(from, until);
+      return;
+    }
+    for (std::size_t i = index_at(from); from < until;) {
+      const bool last = i + 1 == readings_.size();
+      if (readings_[i].stamp > from || last) {
+        const std::size_t next = readings_[i].stamp > from ? i : i + 1;
+        const Instant end =
+            next < readings_.size() ? std::min(until, readings_[next].stamp) : until;
+        unseen(from, end);
+        from = end;
+        i = std::min(next, readings_.size() - 1);
+        continue;
+      }
+      const Instant end = std::min(until, readings_[i + 1].stamp);
+      rolled(i, from, end);
+      from = end;
+      ++i;
+    }
+  }
+  template <class Filter>
+  void widen_between(std::size_t i, Instant begin, Instant end, Filter& filter) const {
+    if (begin > readings_[i].stamp) filter.widen(between_m(i));
+    if (end < readings_[i + 1].stamp) filter.widen(between_m(i));
+  }
   template <class Move>
   void roll(std::size_t i, Instant from, Instant end, PoseFilter& filter, Move& move) const {
     const double dt_s = to_seconds(end - from);
