@@ -5,7 +5,6 @@
 #include <limits>
 #include <numeric>
 #include <optional>
-#include <utility>
 
 namespace tether {
 namespace {
@@ -189,13 +188,13 @@ void SentTwistFilter::arrive(std::size_t i, Instant when) {
     if (taken) {
       join(*taken, received);
     } else {
-      taken = std::move(received);
+      taken = received;
     }
   }
   if (taken && later < filters_.size() && filters_[later].number == number) {
     join(filters_[later], *taken);
   } else if (taken) {
-    filters_.insert(filters_.begin() + static_cast<std::ptrdiff_t>(later), std::move(*taken));
+    filters_.insert(filters_.begin() + static_cast<std::ptrdiff_t>(later), *taken);
   }
   thin_out();
 }
@@ -279,7 +278,7 @@ void SentTwistFilter::roll(const Rolled& rolled, Instant until) {
   }
   for (Filter& f : filters_) f.weight /= sum;
   thin_out();
-  mean_ = std::move(moved);
+  mean_ = moved;
   take_mean();
 }
 
