@@ -116,7 +116,8 @@ CommissionRecord parse_record(const std::string& toml, const std::string& file) 
   record.date = required_text(top, "date", "a date");
   record.wheels = required_text(top, "wheels", "\"free\" or \"on the floor\"");
   top.require("speed_mps", "the speed of the trials");
-  top.number("speed_mps", record.speed_mps, 0.01, 10.0, "speed of the trials, m/s");
+  top.number("speed_mps", record.speed_mps, CommissionRecord::kSlowest_mps, 10.0,
+             "speed of the trials, m/s");
   each(top, "result", {"drive", "trial", "found", "problem"}, [&](const TomlReader& reader) {
     Result result{required_text(reader, "drive", "a drive"),
                   required_text(reader, "trial", "a trial"),

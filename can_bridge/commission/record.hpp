@@ -25,12 +25,14 @@ struct CommissionRecord {
     std::string problem;  ///< fault and remedy; "" if the result is as required
   };
 
+  static constexpr double kSlowest_mps = 0.01;
+
   std::string vehicle;
   std::string interface;
   std::string operator_name;
   std::string date;             ///< UTC, ISO 8601
   std::string wheels;           ///< "free" or "on the floor"
-  double speed_mps = 0.0;       ///< speed of the trials
+  double speed_mps = 0.0;       ///< speed of the trials, from kSlowest_mps on
   std::vector<Item> settings;   ///< commissioned_settings()
   std::vector<Item> objects;    ///< ObjectReader::values()
   std::vector<Result> results;  ///< in the order of the trials

@@ -248,40 +248,32 @@ PoseFilter::Covariance PoseFilter::jacobian(const MotionModel& model,
   return out;
 }
 
-namespace {
-
-Eigen::Vector3d noise_of(const PoseFilterSettings& settings) {
-  return {squared(settings.position_noise_m), squared(settings.position_noise_m),
-          squared(settings.yaw_noise_rad)};
-}
-
-/// A pose against what was expected.
-struct Innovation {
+/// A pose against what is expected.
+struct PoseFilter::Innovation {
   Eigen::Vector3d value;
   Eigen::Vector3d noise;
   Eigen::LDLT<Eigen::Matrix3d> spread;
 
-  Innovation(const Pose2& measured, const Pose2& expected, const Eigen::Matrix3d& covariance,
-             const PoseFilterSettings& settings)
-      : value{measured.x_m - expected.x_m, measured.y_m - expected.y_m,
-              wrap_angle(measured.yaw_rad - expected.yaw_rad)},
-        noise(noise_of(settings)),
-        spread(covariance + Eigen::Matrix3d(noise.asDiagonal())) {}
+  Innovation(const PoseFilter& filter, const Pose2& measured)
+      : value{measured.x_m - filter.state_.pose.x_m, measured.y_m - filter.state_.pose.y_m,
+              wrap_angle(measured.yaw_rad - filter.state_.pose.yaw_rad)},
+        noise{squared(filter.settings_.position_noise_m),
+              squared(filter.settings_.position_noise_m), squared(filter.settings_.yaw_noise_rad)},
+        spread(square(filter.covariance_).topLeftCorner<3, 3>() +
+               Eigen::Matrix3d(noise.asDiagonal())) {}
   double nis() const { return value.dot(spread.solve(value)); }
 };
 
-}  // namespace
-
 PoseFilter::Fit PoseFilter::fit(const Pose2& measured) const {
-  const Innovation innovation(measured, state_.pose, square(covariance_).topLeftCorner<3, 3>(),
-                              settings_);
+  const Innovation innovation(*this, measured);
   const double nis = innovation.nis();
   return {nis, -0.5 * (nis + std::log(innovation.spread.vectorD().prod()))};
 }
 
-void PoseFilter::correct(const Pose2& measured) {
+void PoseFilter::correct(const Pose2& measured) { correct(Innovation(*this, measured)); }
+
+void PoseFilter::correct(const Innovation& innovation) {
   auto p = square(covariance_);
-  const Innovation innovation(measured, state_.pose, p.topLeftCorner<3, 3>(), settings_);
   Eigen::Matrix<double, kN, 3> gain =
       innovation.spread.solve(Eigen::Matrix<double, 3, kN>(p.topRows<3>())).transpose();
   keep_considered(gain);
@@ -291,8 +283,7 @@ void PoseFilter::correct(const Pose2& measured) {
 }
 
 PoseFilter::Verdict PoseFilter::update(const Pose2& measured, bool gates) {
-  const Innovation innovation(measured, state_.pose, square(covariance_).topLeftCorner<3, 3>(),
-                              settings_);
+  const Innovation innovation(*this, measured);
   last_nis_ = innovation.nis();
   if (gates && !(last_nis_ <= kGate)) {
     const Pose2 gone{innovation.value(0), innovation.value(1), innovation.value(2)};
@@ -307,7 +298,7 @@ PoseFilter::Verdict PoseFilter::update(const Pose2& measured, bool gates) {
   agreeing_ = in_a_row_ = 0;
   ++accepted_;
   sum_nis_ += last_nis_;
-  correct(measured);
+  correct(innovation);
   return Verdict::accepted;
 }
 

@@ -162,6 +162,9 @@ class PoseFilter {
                              const MotionModel::State& after, const Twist& command, double dt_s);
 
  private:
+  struct Innovation;
+
+  void correct(const Innovation& innovation);
   void step(const Twist& command, double dt_s);
   void set_values(const Vector& values);
   void add(const double* correction);  ///< one for each state

@@ -233,12 +233,11 @@ def keys_for_numbers():
     return {key: f.name for f in sources if not f.name.endswith(left_out) for key in reads.findall(f.read_text())}
 
 
-def every_key_for_a_number_is_tried(test):
+def check_every_key_is_tried(test, table):
     tried = set()
-    for name, (text, lines, *_) in files(test.bin, "KEY", test.work).items():
-        for number in lines:
-            line = (text.splitlines()[number:] or [""])[0].split("#")[0]
-            tried.update(re.findall(r"(\w+)\s*=\s*[^=\"]*\d", line))
+    for text, lines, *_ in table.values():
+        for line in text.splitlines()[lines[0] : lines[-1] + 1]:
+            tried.update(re.findall(r"(\w+)\s*=\s*[^=\"]*\d", line.split("#")[0]))
     keys = keys_for_numbers()
     check(len(keys) > 40, f"only {len(keys)} keys found in the readers' sources: {keys}")
     check(not keys.keys() - tried, f"in no file of the table: { {key: keys[key] for key in sorted(keys.keys() - tried)} }")
@@ -250,7 +249,9 @@ def every_number_is_refused_or_right(test):
     for key in ("own.key", "peer.key"):
         made = test.run("tether-link", "keygen", test.work / key)
         public_keys.append(made.out().strip())
-    for name, (text, lines, command, codes) in files(test.bin, public_keys[1], test.work).items():
+    table = files(test.bin, public_keys[1], test.work)
+    check_every_key_is_tried(test, table)
+    for name, (text, lines, command, codes) in table.items():
         file = test.work / name
         shutil.copy(SOURCE / "scenarios" / "maps" / "room.pgm", test.work)
         words = [str(word).replace("FILE", str(file)) for word in (test.bin / command[0], *command[1:])]
@@ -315,4 +316,4 @@ def every_numeric_option_refuses_what_is_out_of_bounds(test):
     test.say(f"{tried} values of {bounded} options with bounds and others, all refused")
 
 
-main(every_key_for_a_number_is_tried, every_numeric_option_refuses_what_is_out_of_bounds, every_number_is_refused_or_right)
+main(every_numeric_option_refuses_what_is_out_of_bounds, every_number_is_refused_or_right)

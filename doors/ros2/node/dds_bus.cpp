@@ -144,8 +144,8 @@ struct DdsBus::Impl {
         "no topic " + name);
   }
 
-  /// A message of bytes needs Cyclone's internal type, which only a sample of this type tells: one
-  /// of a private topic is written and taken.
+  /// Cyclone's internal type, which a message of bytes needs. Only a received sample tells it, so
+  /// the bus writes one to a private topic and takes it from there.
   const ddsi_sertype* internal_type(std::string_view type) {
     const auto known = types.find(type);
     if (known != types.end()) return known->second;

@@ -47,7 +47,9 @@ class BringUp : public ::testing::TestWithParam<const char*> {
     }
   }
   void note_reset(const CanFrame& frame) {
-    if (frame.id != canopen::kNmt || frame.data[0] < 0x81) return;
+    if (frame.id != canopen::kNmt ||
+        frame.data[0] < static_cast<std::uint8_t>(canopen::NmtCommand::reset_node))
+      return;
     for (std::size_t i = 0; i < 2; ++i) {
       const bool is_meant = frame.data[1] == 0 || frame.data[1] == config_.axes[i].node;
       if (is_meant && wheels_.speed_radps[i] != 0.0) ++resets_while_turning_;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/base/random.hpp"
+#include "tests/controller/estimation/pose_nees.hpp"
 
 namespace tether {
 namespace {
@@ -69,25 +70,7 @@ struct FilterRig {
             truth.pose.y_m + settings.position_noise_m * draw(),
             wrap_angle(truth.pose.yaw_rad + settings.yaw_noise_rad * draw())};
   }
-  /// The normalised squared error of the estimated pose: χ² of 3 degrees of freedom. By Cramer's
-  /// rule, so that the test does not share the filter's algebra.
-  double nees() const {
-    const auto& p = filter.covariance();
-    const auto at = [&](std::size_t i, std::size_t j) { return p[i * PoseFilter::kStates + j]; };
-    const double e[3] = {truth.pose.x_m - filter.state().pose.x_m,
-                         truth.pose.y_m - filter.state().pose.y_m,
-                         wrap_angle(truth.pose.yaw_rad - filter.state().pose.yaw_rad)};
-    double adjugate[3][3], det = 0.0, sum = 0.0;
-    for (std::size_t i = 0; i < 3; ++i) {
-      for (std::size_t j = 0; j < 3; ++j) {
-        const std::size_t a = (j + 1) % 3, b = (j + 2) % 3, c = (i + 1) % 3, d = (i + 2) % 3;
-        adjugate[i][j] = at(a, c) * at(b, d) - at(a, d) * at(b, c);
-        sum += e[i] * adjugate[i][j] * e[j];
-      }
-    }
-    for (std::size_t j = 0; j < 3; ++j) det += at(0, j) * adjugate[j][0];
-    return sum / det;
-  }
+  double nees() const { return pose_nees(filter, truth.pose); }
   double error_m() const {
     return std::hypot(truth.pose.x_m - filter.state().pose.x_m,
                       truth.pose.y_m - filter.state().pose.y_m);

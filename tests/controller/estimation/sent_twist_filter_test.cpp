@@ -16,6 +16,7 @@
 #include "common/base/random.hpp"
 #include "common/vehicle/actuator.hpp"
 #include "controller/laws/controller_settings.hpp"
+#include "tests/controller/estimation/pose_nees.hpp"
 #include "tests/controller/laws/laws_rig.hpp"
 
 namespace tether {
@@ -213,27 +214,6 @@ TEST(SentTwistFilter, ItsNisIsAsExpectedWithDelaysThatVaryAndPoliciesThatStop) {
   }
 }
 
-/// The normalised squared error of the estimated pose, by Cramer's rule.
-double nees(const SentTwistFilter& filter, const Pose2& truth) {
-  const PoseFilter& mean = filter.mean();
-  const auto at = [&](std::size_t i, std::size_t j) {
-    return mean.covariance()[i * PoseFilter::kStates + j];
-  };
-  const Pose2& pose = mean.state().pose;
-  const double e[3] = {truth.x_m - pose.x_m, truth.y_m - pose.y_m,
-                       wrap_angle(truth.yaw_rad - pose.yaw_rad)};
-  double adjugate[3][3], det = 0.0, sum = 0.0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t j = 0; j < 3; ++j) {
-      const std::size_t a = (j + 1) % 3, b = (j + 2) % 3, c = (i + 1) % 3, d = (i + 2) % 3;
-      adjugate[i][j] = at(a, c) * at(b, d) - at(a, d) * at(b, c);
-      sum += e[i] * adjugate[i][j] * e[j];
-    }
-  }
-  for (std::size_t j = 0; j < 3; ++j) det += at(0, j) * adjugate[j][0];
-  return sum / det;
-}
-
 /// The same with the filter before the law, where its estimate can be seen.
 TEST(SentTwistFilter, ItsErrorsAreAsLargeAsItSays) {
   for (const double prr : {1.0, 0.55, 0.33, 0.21}) {
@@ -258,7 +238,7 @@ TEST(SentTwistFilter, ItsErrorsAreAsLargeAsItSays) {
               estimate = seen;
               estimate->pose = filter.mean().state().pose;
               rig.law->on_pose(*estimate);
-              sum += nees(filter, truth[seen.stamp]);
+              sum += pose_nees(filter.mean(), truth[seen.stamp]);
               ++n;
             },
             [&](Instant now) {

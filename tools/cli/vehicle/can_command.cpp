@@ -10,6 +10,7 @@
 #include <tether/drive_request_t.hpp>
 #include <vector>
 
+#include "can_bridge/commission/record.hpp"
 #include "common/base/errors.hpp"
 #include "common/base/input_file.hpp"
 #include "common/lcm/lcm_url.hpp"
@@ -170,7 +171,7 @@ void add_commission(CLI::App& can, const SharedOptions& options, Action& action)
       "--on-the-floor", o.on_floor, "the vehicle drives up to 0.3 m to and fro: up to 0.05 m/s");
   free->excludes(floor);
   command->add_option("--speed-mps", o.speed_mps, "speed of the trials, m/s [the maximum]")
-      ->check(number_between(0.01, 0.5));
+      ->check(number_between(CommissionRecord::kSlowest_mps, 0.5));
   command->add_option("--record", o.record_file,
                       "file to write [can.commission_record, else one in the state folder]");
   command->callback([options, &action] {
